@@ -1,0 +1,88 @@
+"""What every flow model offers: the interface that the servosystem is written against."""
+
+from typing import Any, ClassVar, Literal, Protocol
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pneumo_casadi.flow.table import FlowMap
+from pneumo_casadi.parameters import Parameters
+
+FloatArray = NDArray[np.float64]
+Symbol = Literal["SX", "MX"]
+
+
+class FlowModel(Protocol):
+    """Mass flow q_m(u, p) [kg/s] of a valve as a function of parameters theta.
+
+    Attributes
+    ----------
+    symbol : {"SX", "MX"}
+        CasADi type that `expression` can be written in; "SX" serves both.
+    parameters : Parameters
+        The fitted theta, in the order in which `expression` takes it.
+    covariance : (n, n) array
+        Covariance of theta.
+    sigma : float
+        Standard deviation of the residuals of the fit [kg/s].
+    p_range : tuple of float
+        Outlet pressures that were metered [Pa]; outside, the map is continued.
+    """
+
+    symbol: ClassVar[Symbol]
+
+    @property
+    def parameters(self) -> Parameters: ...  # noqa: D102
+
+    @property
+    def covariance(self) -> FloatArray: ...  # noqa: D102
+
+    @property
+    def sigma(self) -> float: ...  # noqa: D102
+
+    @property
+    def p_range(self) -> tuple[float, float]: ...  # noqa: D102
+
+    def expression(self, u: Any, p: Any, theta: Any) -> Any:
+        """Return q_m [kg/s] for CasADi scalars u [V], p [Pa] and a vector theta."""
+        ...
+
+    def __call__(self, u: ArrayLike, p: ArrayLike) -> FloatArray:
+        """Return q_m [kg/s] at the fitted parameters; u and p broadcast."""
+        ...
+
+    def residuals(self, table: FlowMap) -> FloatArray:
+        """Return measured minus modelled flow [kg/s], shape (n,)."""
+        ...
+
+
+def flow_function(model: FlowModel) -> ca.Function:
+    """Return the CasADi function (u, p, theta) -> q_m of a flow model.
+
+    Parameters
+    ----------
+    model : FlowModel
+        Any flow model.
+
+    Returns
+    -------
+    casadi.Function
+        Takes scalars u [V] and p [Pa] (rows of numbers are mapped) and theta (n,).
+    """
+    symbols: Any = ca.SX if model.symbol == "SX" else ca.MX
+    u, p = symbols.sym("u"), symbols.sym("p")
+    theta = symbols.sym("theta", len(model.parameters))
+    return ca.Function(
+        "q_m", [u, p, theta], [model.expression(u, p, theta)], ["u", "p", "theta"], ["q_m"]
+    )
+
+
+def evaluate(function: ca.Function, u: ArrayLike, p: ArrayLike, theta: FloatArray) -> FloatArray:
+    """Evaluate a function of `flow_function` on arrays u [V] and p [Pa] that broadcast."""
+    u_all, p_all = np.broadcast_arrays(np.asarray(u, dtype=float), np.asarray(p, dtype=float))
+    if not u_all.size:
+        return np.zeros(u_all.shape)
+    columns = np.repeat(theta.reshape(-1, 1), u_all.size, axis=1)
+    flows = function(u_all.reshape(1, -1), p_all.reshape(1, -1), columns)
+    return np.asarray(flows, dtype=float).reshape(u_all.shape)

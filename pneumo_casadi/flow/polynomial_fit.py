@@ -1,0 +1,165 @@
+"""Least-squares fit of the flow polynomials (eq. 12) to a measured map."""
+
+import logging
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pneumo_casadi.errors import CaseError
+from pneumo_casadi.flow.polynomials import (
+    BRANCHES,
+    Degrees,
+    FlowPolynomials,
+    check_degrees,
+    design_matrix_at,
+)
+from pneumo_casadi.flow.table import FlowMap
+from pneumo_casadi.parameters import Parameter, Parameters
+
+FloatArray = NDArray[np.float64]
+
+logger = logging.getLogger(__name__)
+
+
+def fit_polynomials(
+    table: FlowMap, degrees: Degrees = (7, 7, 4), weights: ArrayLike | None = None
+) -> FlowPolynomials:
+    """Fit the flow polynomials of eq. 12 to a measured map by linear least squares.
+
+    Parameters
+    ----------
+    table : FlowMap
+        Measured points, on a grid or scattered, all at one supply pressure.
+    degrees : tuple of int, optional
+        Degrees of φ, ψ(u > 0) and ψ(u < 0).
+    weights : (n,) array, optional
+        Weights of the *squared* residuals, 1/σ² of each point up to a common factor; they
+        are divided by their mean, so that `sigma` belongs to a point of average weight.
+
+    Returns
+    -------
+    FlowPolynomials
+        With covariance σ² (DᵀWD)⁻¹, σ² from the residuals.
+
+    Raises
+    ------
+    CaseError
+        If the points do not determine the coefficients, or supply pressures are mixed.
+    """
+    check_degrees(degrees)
+    if isinstance(table.p_supply, np.ndarray) and np.ptp(table.p_supply) > 0.01 * np.mean(
+        table.p_supply
+    ):
+        raise CaseError(
+            f"{table.source}: supply pressures from {table.p_supply.min():g} to "
+            f"{table.p_supply.max():g} Pa; the polynomials hold at one supply pressure: select "
+            "the points of one, or fit an ISO 6358 valve"
+        )
+    w = _normalised_weights(weights, table)
+    _check_determined(table, degrees)
+    D = design_matrix_at(table.u, table.p, degrees, table.p_range)
+    q_rms = float(np.sqrt(np.mean(table.q_m**2)))
+    u_rms = float(np.sqrt(np.mean(table.u**2)))
+    size = np.array(
+        [
+            q_rms if branch == "phi" else q_rms / u_rms
+            for branch, degree in zip(BRANCHES, degrees, strict=True)
+            for _ in range(degree + 1)
+        ]
+    )
+    root = np.sqrt(w)
+    scaled = root[:, None] * D * (size / q_rms)
+    Q, R = np.linalg.qr(scaled)
+    if np.linalg.cond(R) > 1e10:
+        raise CaseError(
+            f"{table.source}: the points do not determine all {D.shape[1]} coefficients of degrees "
+            f"{degrees}; spread the pressures or lower the degrees"
+        )
+    theta = np.linalg.solve(R, Q.T @ (root * table.q_m / q_rms)) * size
+    residuals = root * (table.q_m - D @ theta)
+    dof = table.n - len(theta)
+    sigma = float(np.sqrt(residuals @ residuals / dof))
+    inverse = np.linalg.inv(R) * (size / q_rms)[:, None]
+    flow = FlowPolynomials(
+        degrees=(degrees[0], degrees[1], degrees[2]),
+        p_range=table.p_range,
+        u_range=table.u_range,
+        parameters=_parameters(theta, size, degrees),
+        covariance=sigma**2 * inverse @ inverse.T,
+        sigma=sigma,
+        dof=dof,
+    )
+    _warn_of_rising_edges(flow, table.source)
+    return flow
+
+
+def _parameters(theta: FloatArray, size: FloatArray, degrees: Degrees) -> Parameters:
+    names = [(branch, k) for branch, d in zip(BRANCHES, degrees, strict=True) for k in range(d + 1)]
+    return Parameters(
+        Parameter(
+            f"{branch}_{k}",
+            value,
+            "kg/s" if branch == "phi" else "kg/(s V)",
+            scale=scale,
+            description=f"Chebyshev coefficient {k} of the {_MEANING[branch]}",
+            source="eq. 12",
+        )
+        for (branch, k), value, scale in zip(names, theta, size, strict=True)
+    )
+
+
+_MEANING = {
+    "phi": "leakage flow",
+    "psi_plus": "flow gain for u > 0",
+    "psi_minus": "flow gain for u < 0",
+}
+
+
+def _check_determined(table: FlowMap, degrees: Degrees) -> None:
+    sides = {"phi": table.u == table.u, "psi_plus": table.u > 0, "psi_minus": table.u < 0}
+    for (branch, points), degree in zip(sides.items(), degrees, strict=True):
+        distinct = np.unique(table.p[points]).size
+        if distinct <= degree:
+            raise CaseError(
+                f"{table.source}: {branch} of degree {degree} needs {degree + 1} distinct "
+                f"pressures{_SIDE[branch]}, the map has {distinct}; meter more or lower the degree"
+            )
+    n = sum(degrees) + 3
+    if table.n <= n:
+        raise CaseError(
+            f"{table.source}: {table.n} points for {n} coefficients leave no residual to judge "
+            "the fit by; meter more points or lower the degrees"
+        )
+
+
+_SIDE = {"phi": "", "psi_plus": " at u > 0", "psi_minus": " at u < 0"}
+
+
+def _normalised_weights(weights: ArrayLike | None, table: FlowMap) -> FloatArray:
+    if weights is None:
+        return np.ones(table.n)
+    w = np.array(weights, dtype=float)
+    if w.shape != (table.n,) or not np.all(np.isfinite(w)) or np.any(w <= 0):
+        raise CaseError(
+            f"{table.source}: weights must be {table.n} positive numbers, one per point; "
+            "leave a point out with `table.select`"
+        )
+    return np.asarray(w / w.mean())
+
+
+def _warn_of_rising_edges(flow: FlowPolynomials, source: str) -> None:
+    commands = np.linspace(*flow.u_range, 21)
+    # A tenth of the mean slope of the map: below it the sign is a matter of noise.
+    tolerance = 0.1 * np.abs(flow(commands, flow.p_range[0])).max() / np.ptp(flow.p_range)
+    rising = flow.edge_slopes(commands) > tolerance
+    for edge, p, found in zip(("lower", "upper"), flow.p_range, rising.T, strict=True):
+        if found.any():
+            logger.warning(
+                "%s: at the %s edge (p = %.4g Pa) the fitted flow rises with pressure for u from "
+                "%.2g to %.2g V; keep chamber pressures inside the map or change the degrees",
+                source,
+                edge,
+                p,
+                commands[found].min(),
+                commands[found].max(),
+            )

@@ -1,0 +1,260 @@
+"""The measured static flow map of a servodistributor: q_m(u, p) at constant supply pressure."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike, NDArray
+
+from pneumo_casadi.errors import CaseError
+
+FloatArray = NDArray[np.float64]
+
+COLUMNS = {"u_V": "u", "p_Pa": "p", "q_m_kg_per_s": "q_m"}
+"""Columns of ``flow_map.csv`` and the fields of `FlowMap` that they fill."""
+
+# Outside these bounds a value is a unit error rather than a pneumatic valve: 10 kPa is a
+# technical vacuum, 100 MPa a hydraulic pressure, and 1 kg/s is about 50 000 NL/min.
+P_PLAUSIBLE = (1e4, 1e8)
+Q_PLAUSIBLE = 1.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FlowMap:
+    """Measured points of the mass flow out of a servodistributor into a chamber.
+
+    Parameters
+    ----------
+    u : (n,) array
+        Command (spool position) [V].
+    p : (n,) array
+        Absolute pressure at the outlet [Pa].
+    q_m : (n,) array
+        Mass flow, positive into the chamber [kg/s].
+    p_supply : float or (n,) array, optional
+        Absolute supply pressure [Pa]; an array where it differs from point to point.
+    p_ext : float, optional
+        Absolute pressure at the exhaust [Pa].
+    source : str, optional
+        Where the points come from; it opens every error message.
+    rows : (n,) array of int, optional
+        Line of each point in `source`, for error messages; counted from 1 by default.
+
+    Raises
+    ------
+    CaseError
+        If lengths differ, a value is not finite, or a pressure or flow is out of all
+        proportion, which means bar, gauge pressure, NL/min or g/s.
+
+    Notes
+    -----
+    The points are stored read-only, in the order given, as copies. They may be scattered;
+    `is_grid` tells whether every command was metered at every pressure exactly once.
+
+    Examples
+    --------
+    >>> table = FlowMap([-1, -1, 1, 1], [1e5, 7e5, 1e5, 7e5], [0, -4e-3, 3e-3, 0], p_supply=7e5)
+    >>> table.n, table.is_grid, table.q_max
+    (4, True, 0.004)
+    """
+
+    u: FloatArray
+    p: FloatArray
+    q_m: FloatArray
+    p_supply: float | FloatArray | None = None
+    p_ext: float | None = None
+    source: str = "flow map"
+    rows: NDArray[np.int64] | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("u", "p", "q_m"):
+            object.__setattr__(self, name, _frozen_vector(getattr(self, name), name, self.source))
+        if not self.n:
+            raise CaseError(
+                f"{self.source}: no points; meter q_m at several commands and pressures"
+            )
+        for name in ("p", "q_m"):
+            if len(getattr(self, name)) != self.n:
+                raise CaseError(
+                    f"{self.source}: `u` has {self.n} points but `{name}` has "
+                    f"{len(getattr(self, name))}; give one value per point"
+                )
+        rows = np.arange(1, self.n + 1) if self.rows is None else np.array(self.rows, dtype=int)
+        rows.setflags(write=False)
+        object.__setattr__(self, "rows", rows)
+        for name, unit in (("u", "V"), ("p", "Pa"), ("q_m", "kg/s")):
+            self._refuse(~np.isfinite(getattr(self, name)), name, unit, "remove the point")
+        self._check_pressures()
+        self._refuse(
+            np.abs(self.q_m) > Q_PLAUSIBLE, "q_m", "kg/s", "is it in NL/min or g/s? convert to kg/s"
+        )
+        if not np.any(self.q_m):
+            raise CaseError(f"{self.source}: `q_m` is zero at all {self.n} points; nothing to fit")
+
+    def _refuse(self, bad: NDArray[np.bool_], name: str, unit: str, remedy: str) -> None:
+        if bad.any():
+            first = int(np.argmax(bad))
+            value = np.broadcast_to(getattr(self, name), (self.n,))[first]
+            row = np.asarray(self.rows)[first]
+            more = f" ({int(bad.sum())} such points)" if bad.sum() > 1 else ""
+            raise CaseError(
+                f"{self.source}, row {row}: `{name}` is {value:g} {unit}{more}; {remedy}"
+            )
+
+    def _check_pressures(self) -> None:
+        low, high = P_PLAUSIBLE
+        remedy = "expected absolute Pa; is it in bar, psi or a gauge pressure?"
+        self._refuse(~((self.p >= low) & (self.p <= high)), "p", "Pa", remedy)
+        if self.p_supply is not None:
+            supply = np.array(self.p_supply, dtype=float)
+            if supply.shape not in ((), (self.n,)):
+                raise CaseError(
+                    f"{self.source}: `p_supply` has shape {supply.shape}; "
+                    f"give one value or one for each of the {self.n} points"
+                )
+            supply.setflags(write=False)
+            object.__setattr__(self, "p_supply", float(supply) if supply.ndim == 0 else supply)
+            bad = np.broadcast_to(~((supply >= low) & (supply <= high)), (self.n,))
+            self._refuse(bad, "p_supply", "Pa", remedy)
+            self._refuse(
+                self.p > 1.05 * supply,
+                "p",
+                "Pa",
+                f"it exceeds the supply pressure ({np.max(supply):g} Pa at most) by more than 5 %: "
+                "is one of them a gauge pressure?",
+            )
+        if self.p_ext is not None and not low <= self.p_ext <= high:
+            raise CaseError(f"{self.source}: `p_ext` is {self.p_ext:g} Pa; {remedy}")
+
+    @property
+    def n(self) -> int:
+        """Number of points."""
+        return len(self.u)
+
+    @property
+    def u_range(self) -> tuple[float, float]:
+        """Least and greatest command [V]."""
+        return float(self.u.min()), float(self.u.max())
+
+    @property
+    def p_range(self) -> tuple[float, float]:
+        """Least and greatest outlet pressure [Pa]."""
+        return float(self.p.min()), float(self.p.max())
+
+    @property
+    def q_max(self) -> float:
+        """Greatest magnitude of the flow [kg/s]; errors are stated in per cent of it."""
+        return float(np.abs(self.q_m).max())
+
+    @property
+    def is_grid(self) -> bool:
+        """True if each distinct command occurs once with each distinct pressure."""
+        u, p = np.unique(self.u), np.unique(self.p)
+        if u.size * p.size != self.n:
+            return False
+        cell = np.searchsorted(u, self.u) * p.size + np.searchsorted(p, self.p)
+        return np.unique(cell).size == self.n
+
+    def grid(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return commands (n_u,) [V], pressures (n_p,) [Pa] and flows (n_u, n_p) [kg/s].
+
+        Raises
+        ------
+        CaseError
+            If the points are not a grid.
+        """
+        if not self.is_grid:
+            raise CaseError(
+                f"{self.source}: the {self.n} points are not a grid of "
+                f"{np.unique(self.u).size} commands by {np.unique(self.p).size} pressures; "
+                "meter every command at every pressure once, or use a model that takes "
+                "scattered points"
+            )
+        u, p = np.unique(self.u), np.unique(self.p)
+        return u, p, self.q_m[np.lexsort((self.p, self.u))].reshape(u.size, p.size)
+
+    def select(self, mask: ArrayLike) -> "FlowMap":
+        """Return the points where `mask`, a boolean (n,) array or an index, holds."""
+        keep = np.asarray(mask)
+        supply = self.p_supply
+        return FlowMap(
+            self.u[keep],
+            self.p[keep],
+            self.q_m[keep],
+            supply[keep] if isinstance(supply, np.ndarray) else supply,
+            self.p_ext,
+            self.source,
+            np.asarray(self.rows)[keep],
+        )
+
+
+def _frozen_vector(values: ArrayLike, name: str, source: str) -> FloatArray:
+    vector = np.array(values, dtype=float)
+    if vector.ndim != 1:
+        raise CaseError(
+            f"{source}: `{name}` has shape {vector.shape}; give a flat array, one value per point"
+        )
+    vector.setflags(write=False)
+    return vector
+
+
+def read_flow_map(
+    path: str | Path,
+    *,
+    p_supply: float | None = None,
+    p_ext: float | None = None,
+) -> FlowMap:
+    """Read a flow map from a CSV file with columns ``u_V, p_Pa, q_m_kg_per_s``.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file, plain or compressed (``.gz``); other columns are ignored.
+    p_supply, p_ext : float, optional
+        Absolute supply and exhaust pressure of the metering [Pa].
+
+    Returns
+    -------
+    FlowMap
+
+    Raises
+    ------
+    CaseError
+        Naming file, row (line of the file; the header is line 1), value, unit and remedy.
+    """
+    path = Path(path)
+    try:
+        raw = pd.read_csv(path, dtype=str, skip_blank_lines=False, skipinitialspace=True)
+    except FileNotFoundError as error:
+        raise CaseError(f"{path}: no such file; a case folder holds its flow_map.csv") from error
+    except (pd.errors.EmptyDataError, pd.errors.ParserError, UnicodeError, EOFError, OSError) as e:
+        raise CaseError(f"{path}: not a readable CSV file ({e}); export it again") from e
+    raw.columns = raw.columns.str.strip()
+    missing = [name for name in COLUMNS if name not in raw.columns]
+    if missing:
+        raise CaseError(
+            f"{path}, row 1: column {', '.join(missing)} missing; found "
+            f"{', '.join(map(str, raw.columns))}; the header must read {','.join(COLUMNS)}"
+        )
+    raw = raw[list(COLUMNS)].dropna(how="all")
+    columns: dict[str, FloatArray] = {}
+    for name, symbol in COLUMNS.items():
+        numbers = pd.to_numeric(raw[name], errors="coerce").to_numpy(dtype=float)
+        bad = ~np.isfinite(numbers)
+        if bad.any():
+            first = int(np.argmax(bad))
+            cell = raw[name].iloc[first]
+            shown = "empty" if pd.isna(cell) else repr(cell)
+            raise CaseError(
+                f"{path}, row {int(raw.index[first]) + 2}: {name} is {shown}, not a number; "
+                "complete or remove the row"
+            )
+        columns[symbol] = numbers
+    return FlowMap(
+        **columns,
+        p_supply=p_supply,
+        p_ext=p_ext,
+        source=str(path),
+        rows=raw.index.to_numpy(dtype=np.int64) + 2,
+    )
