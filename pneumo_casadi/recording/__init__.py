@@ -1,0 +1,32 @@
+"""Recordings of an axis: bench, channels, case folders, and the checks at the door."""
+
+from pneumo_casadi.recording.bench import AnyBench, Bench, ForceBench, SensorNoise
+from pneumo_casadi.recording.bench_file import read_bench
+from pneumo_casadi.recording.case import Case, load_case
+from pneumo_casadi.recording.checks import check_recording
+from pneumo_casadi.recording.controllers import (
+    Controller,
+    NestedController,
+    ProportionalController,
+)
+from pneumo_casadi.recording.reading import Column, read_recording
+from pneumo_casadi.recording.recording import UNITS, InputHold, Recording
+
+__all__ = [
+    "UNITS",
+    "AnyBench",
+    "Bench",
+    "Case",
+    "Column",
+    "Controller",
+    "ForceBench",
+    "InputHold",
+    "NestedController",
+    "ProportionalController",
+    "Recording",
+    "SensorNoise",
+    "check_recording",
+    "load_case",
+    "read_bench",
+    "read_recording",
+]

@@ -1,0 +1,122 @@
+"""The clock of a recording: one time step, or an error that names the row where it breaks."""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneumo_casadi.errors import CaseError
+
+FloatArray = NDArray[np.float64]
+
+JITTER = 0.05  # a step may differ from the sample time by this share, besides rounding
+WANDER = 0.25  # a time stamp may stray from the straight line by this share of the sample time
+LARGEST_DECIMALS = 9
+
+
+def sample_time(t: FloatArray, where: Callable[[int], str]) -> float:
+    """Return the sample time of a uniform clock.
+
+    Rounding of the time stamps to few decimals is tolerated, lost or repeated samples,
+    jitter and drift are not.
+
+    Parameters
+    ----------
+    t : (N,) array
+        Finite time stamps [s], N ≥ 2.
+    where : callable
+        Turns an index into the words by which a message names the row.
+
+    Returns
+    -------
+    float
+        Slope of the least-squares line through the time stamps [s].
+
+    Raises
+    ------
+    CaseError
+        If time repeats, runs backward, jumps, jitters or drifts.
+
+    Examples
+    --------
+    >>> round(sample_time(np.array([0.0, 0.1, 0.2, 0.3]), str), 12)
+    0.1
+    >>> sample_time(np.array([0.0, 0.1, 0.2, 0.5, 0.6]), lambda k: f"row {k + 1}")
+    Traceback (most recent call last):
+    ...
+    pneumo_casadi.errors.CaseError: row 4: `t` jumps from 0.2 s to 0.5 s: 2 samples of 0.1 s are
+    lost; cut the record there and give the parts as separate files
+    """
+    steps = np.diff(t)
+    _check_forward(t, steps, where)
+    dt = _typical(steps)
+    rounding = _rounding(t, dt)
+    _check_steps(t, steps, dt, rounding, where)
+    _check_wander(t, rounding, where)
+    return _slope(t)
+
+
+def _check_forward(t: FloatArray, steps: FloatArray, where: Callable[[int], str]) -> None:
+    wrong = np.flatnonzero(steps <= 0)
+    if wrong.size:
+        k = int(wrong[0]) + 1
+        verb = "repeats" if steps[k - 1] == 0 else "runs backward from"
+        raise CaseError(
+            f"{where(k)}: `t` {verb} {t[k - 1]:.9g} s"
+            + ("" if steps[k - 1] == 0 else f" to {t[k]:.9g} s")
+            + "; remove the repeated rows, or write t with more decimals"
+        )
+
+
+def _typical(steps: FloatArray) -> float:
+    """Return the mean of the steps near the median: jumps do not move it, rounding averages out."""
+    median = np.median(steps)
+    return float(steps[np.abs(steps - median) < 0.6 * median].mean())
+
+
+def _rounding(t: FloatArray, dt: float) -> float:
+    """Return the rounding of the time stamps where it is visible beside the sample time."""
+    for decimals in range(LARGEST_DECIMALS + 1):
+        unit = 10.0**-decimals
+        scaled = t / unit
+        if np.abs(scaled - np.round(scaled)).max() < 1e-6 * max(1.0, np.abs(scaled).max() * 1e-8):
+            # Coarser rounding than a third of dt cannot be told from lost samples.
+            return unit if unit <= dt / 3 else 0.0
+    return 0.0
+
+
+def _check_steps(
+    t: FloatArray, steps: FloatArray, dt: float, rounding: float, where: Callable[[int], str]
+) -> None:
+    wrong = np.flatnonzero(np.abs(steps - dt) > JITTER * dt + rounding)
+    if not wrong.size:
+        return
+    k = int(wrong[0]) + 1
+    lost = round(float(steps[k - 1]) / dt) - 1
+    if lost >= 1 and steps[k - 1] > 1.5 * dt:
+        raise CaseError(
+            f"{where(k)}: `t` jumps from {t[k - 1]:.9g} s to {t[k]:.9g} s: {lost} "
+            f"sample{'s' if lost > 1 else ''} of {dt:.6g} s {'are' if lost > 1 else 'is'} lost; "
+            "cut the record there and give the parts as separate files"
+        )
+    raise CaseError(
+        f"{where(k)}: `t` steps by {steps[k - 1]:.6g} s where {dt:.6g} s is usual: the clock is "
+        "irregular; resample to a uniform clock, or write t with more decimals"
+    )
+
+
+def _check_wander(t: FloatArray, rounding: float, where: Callable[[int], str]) -> None:
+    slope = _slope(t)
+    line = t.mean() + slope * (np.arange(t.size) - (t.size - 1) / 2)
+    stray = np.abs(t - line)
+    k = int(stray.argmax())
+    if stray[k] > WANDER * slope + 0.6 * rounding:
+        raise CaseError(
+            f"{where(k)}: `t` = {t[k]:.9g} s is {stray[k]:.3g} s off a uniform clock of "
+            f"{slope:.6g} s: the clock drifts; resample to a uniform clock"
+        )
+
+
+def _slope(t: FloatArray) -> float:
+    k = np.arange(t.size) - (t.size - 1) / 2
+    return float(k @ (t - t.mean()) / (k @ k))

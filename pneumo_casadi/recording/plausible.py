@@ -1,0 +1,92 @@
+"""Numbers with units at the door: what a quantity may be, and what its unit was mistaken for.
+
+A value outside its range is tried in the units people write by habit; where one of them
+brings it into the range, the message asks whether that was meant.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pneumo_casadi.errors import CaseError
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """A physical quantity: its SI unit, plausible range and the units mistaken for it.
+
+    Parameters
+    ----------
+    unit : str
+        How messages name the unit expected.
+    lower, upper : float
+        Plausible range, bounds included, in `unit`.
+    mistaken : mapping of str to (float, float), optional
+        Name of another unit -> (scale, offset) with SI value = scale · value + offset.
+    """
+
+    unit: str
+    lower: float
+    upper: float
+    mistaken: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    def guess(self, value: float) -> str:
+        """Return the units in which `value` would be plausible, as a question; else a remedy."""
+        units = [
+            unit
+            for unit, (scale, offset) in self.mistaken.items()
+            if self.lower <= scale * value + offset <= self.upper
+        ]
+        return f"is it in {' or '.join(units)}?" if units else "check the value and its unit"
+
+    def check(self, name: str, value: object) -> float:
+        """Return `value` as a float.
+
+        Raises
+        ------
+        CaseError
+            If it is no finite number or lies outside the plausible range.
+        """
+        number = as_number(name, value, self.unit)
+        if not self.lower <= number <= self.upper:
+            raise CaseError(
+                f"`{name}`: expected {self.unit} between {self.lower:g} and {self.upper:g}, "
+                f"got {number:g}; {self.guess(number)}"
+            )
+        return number
+
+
+def as_number(name: str, value: object, unit: str) -> float:
+    """Return `value` as a finite float.
+
+    Raises
+    ------
+    CaseError
+        If it is no number (text, truth values and None are none) or not finite.
+    """
+    if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
+        raise CaseError(f"`{name}`: expected a number in {unit}, got {value!r}; write it in {unit}")
+    number = float(value)
+    if not np.isfinite(number):
+        raise CaseError(f"`{name}`: expected a finite number in {unit}, got {number}; measure it")
+    return number
+
+
+PRESSURES = {
+    "bar": (1e5, 0.0),
+    "kPa": (1e3, 0.0),
+    "MPa": (1e6, 0.0),
+    "psi": (6894.757, 0.0),
+}
+LENGTHS = {"mm": (1e-3, 0.0), "cm": (1e-2, 0.0)}
+
+FREQUENCY = Quantity("Hz", 10.0, 1e6, {"kHz": (1e3, 0.0), "rad/s": (1 / (2 * np.pi), 0.0)})
+AREA = Quantity("m²", 1e-6, 0.5, {"cm²": (1e-4, 0.0), "mm²": (1e-6, 0.0)})
+STROKE = Quantity("m", 1e-3, 10.0, LENGTHS)
+AMBIENT_PRESSURE = Quantity("absolute Pa", 4e4, 1.2e5, PRESSURES | {"gauge Pa": (1.0, 101325.0)})
+SUPPLY_PRESSURE = Quantity("absolute Pa", 1.2e5, 5e6, PRESSURES)
+TEMPERATURE = Quantity("K", 200.0, 500.0, {"°C": (1.0, 273.15)})
+GAS_CONSTANT = Quantity("J/(kg K)", 50.0, 5000.0, {"kJ/(kg K)": (1e3, 0.0)})
+PRESSURE_NOISE = Quantity("Pa", 0.0, 2e4, PRESSURES)
+POSITION_NOISE = Quantity("m", 0.0, 5e-3, LENGTHS)

@@ -1,0 +1,201 @@
+"""Files of columns: CSV, CSV.gz, MAT and Parquet read into arrays, or an error with its row."""
+
+import gzip
+import io
+import logging
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pyarrow
+import pyarrow.parquet
+import scipy.io
+from numpy.typing import NDArray
+
+from pneumo_casadi.errors import CaseError
+
+log = logging.getLogger(__name__)
+FloatArray = NDArray[np.float64]
+
+SUFFIXES = (".csv", ".csv.gz", ".mat", ".parquet")
+CSV_FIRST_LINE = 2  # the header stands in line 1
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """Columns of equal length as they stand in a file.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    columns : mapping of str to (N,) array
+        Numbers, by the file's own names; an empty cell is NaN.
+    first_line : int
+        Line in which the first row stands; 0 where the format has no lines.
+    """
+
+    path: Path
+    columns: Mapping[str, FloatArray]
+    first_line: int
+
+
+def suffix_of(path: Path) -> str:
+    """Return the suffix that names the format, ``.csv.gz`` included."""
+    return next((suffix for suffix in SUFFIXES if path.name.lower().endswith(suffix)), "")
+
+
+def read_table(path: Path) -> Table:
+    """Read a file of columns in the format that its suffix names.
+
+    Raises
+    ------
+    CaseError
+        If the file is missing, empty, cut short, of another format, or holds what is no number.
+    """
+    suffix = suffix_of(path)
+    if not suffix:
+        raise CaseError(f"{path}: unknown suffix {path.suffix!r}; use one of {', '.join(SUFFIXES)}")
+    if not path.is_file():
+        raise CaseError(f"{path}: no such file; check the name and the folder")
+    if path.stat().st_size == 0:
+        raise CaseError(f"{path}: the file is empty (0 bytes); copy or export it again")
+    if suffix == ".mat":
+        table = Table(path, _read_mat(path), 0)
+    elif suffix == ".parquet":
+        table = Table(path, _read_parquet(path), 0)
+    else:
+        table = Table(path, _read_csv(path), CSV_FIRST_LINE)
+    if not table.columns or not len(next(iter(table.columns.values()))):
+        raise CaseError(f"{path}: the file has no rows of data; copy or export it again")
+    return table
+
+
+def _read_csv(path: Path) -> dict[str, FloatArray]:
+    text = _text(path)
+    header = _header(path, text)
+    options: dict[str, Any] = {
+        "names": header,
+        "header": 0,
+        "index_col": False,
+        "skip_blank_lines": False,
+        "encoding": "utf-8",
+    }
+    try:
+        frame = pd.read_csv(io.BytesIO(text), dtype=np.float64, **options)
+    except pd.errors.ParserError as error:
+        raise CaseError(f"{path}: {_one_line(error)}; give every row {len(header)} cells") from None
+    except (ValueError, OverflowError) as error:
+        raise _bad_cell(path, text, options) or CaseError(f"{path}: {_one_line(error)}") from None
+    columns = {name: frame[name].to_numpy() for name in header}
+    _check_last_row(path, columns)
+    return columns
+
+
+def _text(path: Path) -> bytes:
+    if not path.name.lower().endswith(".gz"):
+        return path.read_bytes()
+    try:
+        with gzip.open(path) as stream:
+            return stream.read()
+    except (EOFError, gzip.BadGzipFile, zlib.error) as error:
+        raise CaseError(
+            f"{path}: the compressed file is cut short or damaged ({_one_line(error)}); "
+            "copy or export it again"
+        ) from None
+
+
+def _header(path: Path, text: bytes) -> list[str]:
+    try:
+        line = text.split(b"\n", 1)[0].decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise CaseError(f"{path}: line 1 is no UTF-8 text; export as UTF-8 CSV") from None
+    if "\0" in line:
+        raise CaseError(f"{path}: line 1 holds binary data; export as UTF-8 CSV")
+    names = [name.strip().strip('"') for name in line.strip().split(",")]
+    if len(names) == 1 and (";" in line or "\t" in line):
+        raise CaseError(
+            f"{path}: line 1 separates columns by semicolon or tab; use commas between columns "
+            "and a point in numbers"
+        )
+    if not any(names):
+        raise CaseError(f"{path}: line 1 is empty; it must name the columns")
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise CaseError(f"{path}: line 1 names column {', '.join(twice)} twice; remove one")
+    return names
+
+
+def _bad_cell(path: Path, text: bytes, options: dict[str, Any]) -> CaseError | None:
+    """Find the first cell that is no number; slow, so only once reading has failed."""
+    frame = pd.read_csv(io.BytesIO(text), dtype=str, keep_default_na=False, **options)
+    numbers = frame.apply(pd.to_numeric, errors="coerce")
+    wrong = numbers.isna() & ~frame.isin(["", "nan", "NaN", "NA"])
+    rows = np.flatnonzero(wrong.any(axis=1).to_numpy())
+    if not rows.size:
+        return None
+    row = int(rows[0])
+    column = str(frame.columns[int(wrong.iloc[row].to_numpy().argmax())])
+    cell = frame[column].iloc[row]
+    return CaseError(
+        f"{path}: row {row + 1} (line {row + CSV_FIRST_LINE}), column `{column}`: {cell!r} is no "
+        "number; write plain numbers with a decimal point"
+    )
+
+
+def _check_last_row(path: Path, columns: Mapping[str, FloatArray]) -> None:
+    *_, last = columns.values()
+    if last.size and np.isnan(last[-1]) and not np.isnan(last[:-1]).any():
+        raise CaseError(
+            f"{path}: row {last.size} (line {last.size + CSV_FIRST_LINE - 1}), the last one, ends "
+            f"before column `{list(columns)[-1]}`: the file is cut short; copy or export it again"
+        )
+
+
+def _read_mat(path: Path) -> dict[str, FloatArray]:
+    try:
+        content = scipy.io.loadmat(path)
+    except NotImplementedError:
+        raise CaseError(
+            f"{path}: a MAT file of version 7.3 (HDF5); save it with save(file, ..., '-v7'), or "
+            "export CSV or Parquet"
+        ) from None
+    except Exception as error:  # a damaged file may raise anything from the parser
+        raise CaseError(
+            f"{path}: not a readable MAT file ({_one_line(error)}); save it again with '-v7'"
+        ) from None
+    arrays = {
+        name: np.asarray(values)
+        for name, values in content.items()
+        if not name.startswith("__") and isinstance(values, np.ndarray)
+    }
+    return {
+        name: np.array(values.ravel(), dtype=float)
+        for name, values in arrays.items()
+        if values.dtype.kind in "fiub" and values.size == max(values.shape, default=0)
+    }
+
+
+def _read_parquet(path: Path) -> dict[str, FloatArray]:
+    try:
+        table = pyarrow.parquet.read_table(path)
+    except (pyarrow.ArrowException, OSError) as error:
+        raise CaseError(
+            f"{path}: not a readable Parquet file ({_one_line(error)}); export it again"
+        ) from None
+    columns = {}
+    for name in table.column_names:
+        kind = table.schema.field(name).type
+        if pyarrow.types.is_floating(kind) or pyarrow.types.is_integer(kind):
+            columns[name] = np.array(table.column(name).to_numpy(), dtype=float)
+        else:
+            log.info("%s: column %s of type %s is no number: left out", path, name, kind)
+    return columns
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())
