@@ -31,7 +31,8 @@ def fit_polynomials(
     table : FlowMap
         Measured points, on a grid or scattered, all at one supply pressure.
     degrees : tuple of int, optional
-        Degrees of φ, ψ(u > 0) and ψ(u < 0).
+        Degrees of φ, ψ(u > 0) and ψ(u < 0); -1 leaves a polynomial out, as for a curve
+        metered at one opening: (7, -1, -1).
     weights : (n,) array, optional
         Weights of the *squared* residuals, 1/σ² of each point up to a common factor; they
         are divided by their mean, so that `sigma` belongs to a point of average weight.
@@ -47,19 +48,12 @@ def fit_polynomials(
         If the points do not determine the coefficients, or supply pressures are mixed.
     """
     check_degrees(degrees)
-    if isinstance(table.p_supply, np.ndarray) and np.ptp(table.p_supply) > 0.01 * np.mean(
-        table.p_supply
-    ):
-        raise CaseError(
-            f"{table.source}: supply pressures from {table.p_supply.min():g} to "
-            f"{table.p_supply.max():g} Pa; the polynomials hold at one supply pressure: select "
-            "the points of one, or fit an ISO 6358 valve"
-        )
+    table.require_one_supply()
     w = _normalised_weights(weights, table)
     _check_determined(table, degrees)
     D = design_matrix_at(table.u, table.p, degrees, table.p_range)
     q_rms = float(np.sqrt(np.mean(table.q_m**2)))
-    u_rms = float(np.sqrt(np.mean(table.u**2)))
+    u_rms = float(np.sqrt(np.mean(table.u**2))) or 1.0
     size = np.array(
         [
             q_rms if branch == "phi" else q_rms / u_rms
@@ -68,18 +62,17 @@ def fit_polynomials(
         ]
     )
     root = np.sqrt(w)
-    scaled = root[:, None] * D * (size / q_rms)
-    Q, R = np.linalg.qr(scaled)
-    if np.linalg.cond(R) > 1e10:
+    solution, inverse = _solve(root[:, None] * D * (size / q_rms), root * table.q_m / q_rms)
+    if solution is None:
         raise CaseError(
             f"{table.source}: the points do not determine all {D.shape[1]} coefficients of degrees "
             f"{degrees}; spread the pressures or lower the degrees"
         )
-    theta = np.linalg.solve(R, Q.T @ (root * table.q_m / q_rms)) * size
+    theta = solution * size
+    inverse = inverse * (size / q_rms)[:, None]
     residuals = root * (table.q_m - D @ theta)
     dof = table.n - len(theta)
     sigma = float(np.sqrt(residuals @ residuals / dof))
-    inverse = np.linalg.inv(R) * (size / q_rms)[:, None]
     flow = FlowPolynomials(
         degrees=(degrees[0], degrees[1], degrees[2]),
         p_range=table.p_range,
@@ -91,6 +84,14 @@ def fit_polynomials(
     )
     _warn_of_rising_edges(flow, table.source)
     return flow
+
+
+def _solve(A: FloatArray, y: FloatArray) -> tuple[FloatArray | None, FloatArray]:
+    """Least-squares solution and a root of (AᵀA)⁻¹; None where A is rank deficient."""
+    Q, R = np.linalg.qr(A)
+    if np.linalg.cond(R) > 1e10:
+        return None, R
+    return np.linalg.solve(R, Q.T @ y), np.linalg.inv(R)
 
 
 def _parameters(theta: FloatArray, size: FloatArray, degrees: Degrees) -> Parameters:

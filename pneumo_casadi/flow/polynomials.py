@@ -32,7 +32,7 @@ class FlowPolynomials:
     Parameters
     ----------
     degrees : tuple of int
-        Degrees of φ, ψ⁺ and ψ⁻ in p; (7, 7, 4) in the paper.
+        Degrees of φ, ψ⁺ and ψ⁻ in p; (7, 7, 4) in the paper; -1 leaves a polynomial out.
     p_range : tuple of float
         Outlet pressures that were metered [Pa].
     u_range : tuple of float
@@ -94,6 +94,7 @@ class FlowPolynomials:
 
     def __post_init__(self) -> None:
         check_degrees(self.degrees)
+        _check_range(self.p_range)
         n = sum(self.degrees) + len(self.degrees)
         if len(self.parameters) != n:
             raise ModelError(
@@ -191,6 +192,7 @@ class FlowPolynomials:
 
 def _basis(p: Any, p_range: tuple[float, float], degree: int, fmax: Any, fmin: Any) -> list[Any]:
     """T_0 .. T_degree of the scaled pressure, each continued along its tangent at the edges."""
+    _check_range(p_range)
     low, high = p_range
     z = (p - (low + high) / 2) * (2 / (high - low))
     inner = fmin(fmax(z, -1.0), 1.0)
@@ -204,6 +206,8 @@ def _basis(p: Any, p_range: tuple[float, float], degree: int, fmax: Any, fmin: A
 
 
 def _combine(basis: list[Any], coefficients: Any) -> Any:
+    if coefficients.shape[0] == 0:  # degree -1: this polynomial is left out
+        return 0.0
     total = coefficients[0]
     for k in range(1, coefficients.shape[0]):
         total = total + coefficients[k] * basis[k]
@@ -239,10 +243,15 @@ def design_matrix_at(
     )
 
 
+def _check_range(p_range: tuple[float, float]) -> None:
+    if not p_range[1] > p_range[0]:
+        raise ModelError(f"p_range {p_range} Pa is empty; meter at two outlet pressures or more")
+
+
 def check_degrees(degrees: Degrees) -> None:
-    """Raise a `ModelError` unless `degrees` are three whole numbers from 0 to 20."""
-    if len(degrees) != 3 or any(d != int(d) or not 0 <= d <= 20 for d in degrees):
+    """Raise a `ModelError` unless `degrees` are three whole numbers from -1 to 20."""
+    if len(degrees) != 3 or any(d != int(d) or not -1 <= d <= 20 for d in degrees):
         raise ModelError(
-            f"degrees {degrees}: expected three whole numbers from 0 to 20, of φ, ψ(u > 0) "
-            "and ψ(u < 0)"
+            f"degrees {degrees}: expected three whole numbers from 0 to 20 (-1 leaves one out), "
+            "of φ, ψ(u > 0) and ψ(u < 0)"
         )

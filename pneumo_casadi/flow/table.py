@@ -174,6 +174,16 @@ class FlowMap:
         u, p = np.unique(self.u), np.unique(self.p)
         return u, p, self.q_m[np.lexsort((self.p, self.u))].reshape(u.size, p.size)
 
+    def require_one_supply(self) -> None:
+        """Raise a `CaseError` if the supply pressures differ by more than 1 %."""
+        supply = self.p_supply
+        if isinstance(supply, np.ndarray) and np.ptp(supply) > 0.01 * supply.mean():
+            raise CaseError(
+                f"{self.source}: supply pressures from {supply.min():g} to {supply.max():g} Pa; "
+                "this model holds at one supply pressure: select the points of one, or fit an "
+                "ISO 6358 valve"
+            )
+
     def select(self, mask: ArrayLike) -> "FlowMap":
         """Return the points where `mask`, a boolean (n,) array or an index, holds."""
         keep = np.asarray(mask)
