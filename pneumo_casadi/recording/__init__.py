@@ -9,8 +9,10 @@ from pneumo_casadi.recording.controllers import (
     NestedController,
     ProportionalController,
 )
+from pneumo_casadi.recording.emps import load_emps
 from pneumo_casadi.recording.reading import Column, read_recording
 from pneumo_casadi.recording.recording import UNITS, InputHold, Recording
+from pneumo_casadi.recording.writing import write_case
 
 __all__ = [
     "UNITS",
@@ -27,6 +29,8 @@ __all__ = [
     "SensorNoise",
     "check_recording",
     "load_case",
+    "load_emps",
     "read_bench",
     "read_recording",
+    "write_case",
 ]

@@ -13,6 +13,11 @@ from pneumo_casadi.recording.controllers import (
     ProportionalController,
 )
 
+DATASHEET_UNITS = (
+    *("kg_per_s", "N_s_per_m", "N_per_m", "m3_per_s", "m_per_s", "per_s"),
+    *("kg", "m3", "m2", "m", "Pa", "N", "K", "s", "Hz", "V", "1"),
+)
+
 
 @dataclass(frozen=True, slots=True)
 class SensorNoise:
@@ -66,7 +71,7 @@ class Bench:
     controller : ProportionalController or NestedController
         The law that closed the loop during the recordings.
     datasheet : mapping of str to float, optional
-        What the manufacturer states, by symbol and in SI units, for example ``{"M": 17.0}``.
+        What the manufacturer states, by symbol and SI unit, for example ``{"M_kg": 17.0}``.
     noise : SensorNoise, optional
         Noise of the sensors; None where it is unknown.
 
@@ -78,7 +83,7 @@ class Bench:
     Examples
     --------
     >>> bench = Bench(5000.0, 8.75e-4, 6.03e-4, 0.5, 1e5, 7e5, 293.15, 287.0,
-    ...               ProportionalController(2.4, 5.0), {"M": 17.0})
+    ...               ProportionalController(2.4, 5.0), {"M_kg": 17.0})
     >>> bench.stroke_limits
     (-0.25, 0.25)
     >>> from dataclasses import replace
@@ -149,7 +154,7 @@ class ForceBench:
     controller : NestedController
         The law that closed the loop during the recordings.
     datasheet : mapping of str to float, optional
-        What the manufacturer states, by symbol and in SI units.
+        What the manufacturer states, by symbol and SI unit.
     noise : SensorNoise, optional
         Noise of the sensors; None where it is unknown.
 
@@ -200,11 +205,18 @@ def _check_parts(bench: Any, kind: type) -> None:
         )
     if not (bench.noise is None or isinstance(bench.noise, SensorNoise)):
         raise CaseError(f"`noise`: expected SensorNoise or None, got {bench.noise!r}")
-    datasheet = {
-        name: plausible.as_number(f"datasheet.{name}", value, "SI units")
-        for name, value in bench.datasheet.items()
-    }
+    datasheet = {name: _entry(name, value) for name, value in bench.datasheet.items()}
     object.__setattr__(bench, "datasheet", MappingProxyType(datasheet))
+
+
+def _entry(name: str, value: object) -> float:
+    unit = next((unit for unit in DATASHEET_UNITS if name.endswith(f"_{unit}")), None)
+    if unit is None:
+        raise CaseError(
+            f"`datasheet.{name}`: the name must end in its SI unit, as M_kg does; known are "
+            f"{', '.join(DATASHEET_UNITS)}"
+        )
+    return plausible.as_number(f"datasheet.{name}", value, unit)
 
 
 def _rebuilt(bench: Any) -> tuple[Any, ...]:

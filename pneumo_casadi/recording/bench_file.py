@@ -37,17 +37,12 @@ CONTROLLERS: dict[str, tuple[type[Any], dict[str, str]]] = {
     ),
 }
 NOISE_KEYS = {"p_Pa": "p", "x_m": "x"}
-DATASHEET_UNITS = (
-    *("kg_per_s", "N_s_per_m", "N_per_m", "m3_per_s", "m_per_s", "per_s"),
-    *("kg", "m3", "m2", "m", "Pa", "N", "K", "s", "Hz", "V", "1"),
-)
 
 
 def read_bench(path: str | Path) -> AnyBench:
     """Read `bench.json`: a `Bench`, or a `ForceBench` where ``"axis": "force"`` says so.
 
-    Each key ends in its SI unit (``p_supply_Pa``); entries of the data sheet are stored by
-    symbol alone (``M_kg`` -> ``datasheet["M"]``).
+    Each key ends in its SI unit (``p_supply_Pa``), those of the data sheet too (``M_kg``).
 
     Raises
     ------
@@ -61,6 +56,23 @@ def read_bench(path: str | Path) -> AnyBench:
         return _bench(content)
     except CaseError as error:
         raise CaseError(f"{path}: {error}") from None
+
+
+def bench_content(bench: AnyBench) -> dict[str, Any]:
+    """Return what `bench.json` holds for a bench; `read_bench` gives the same bench back."""
+    keys = BENCH_KEYS if isinstance(bench, Bench) else FORCE_BENCH_KEYS
+    content: dict[str, Any] = {"axis": "pneumatic" if isinstance(bench, Bench) else "force"}
+    content |= {key: getattr(bench, name) for key, name in keys.items()}
+    for kind, (make, names) in CONTROLLERS.items():
+        if isinstance(bench.controller, make):
+            values = {key: getattr(bench.controller, name) for key, name in names.items()}
+            content["controller"] = {"type": kind, **values}
+    content["datasheet"] = dict(bench.datasheet)
+    if bench.noise is not None:
+        content["sensor_noise"] = {
+            key: getattr(bench.noise, name) for key, name in NOISE_KEYS.items()
+        }
+    return content
 
 
 def _read_json(path: Path) -> dict[str, Any]:
@@ -98,7 +110,7 @@ def _bench(content: dict[str, Any]) -> AnyBench:
     noise = content.get("sensor_noise")
     parts: dict[str, Any] = {
         "controller": _controller(_section("controller", content["controller"])),
-        "datasheet": _datasheet(_section("datasheet", content.get("datasheet", {}))),
+        "datasheet": _section("datasheet", content.get("datasheet", {})),
         "noise": None if noise is None else _noise(_section("sensor_noise", noise)),
     }
     return Bench(**values, **parts) if axis == "pneumatic" else ForceBench(**values, **parts)
@@ -123,19 +135,6 @@ def _controller(content: dict[str, Any]) -> Controller:
 def _noise(content: dict[str, Any]) -> SensorNoise:
     _check_keys("sensor_noise.", content, {"x_m"}, {"p_Pa"})
     return SensorNoise(p=content.get("p_Pa", 0.0), x=content["x_m"])
-
-
-def _datasheet(content: dict[str, Any]) -> dict[str, float]:
-    datasheet = {}
-    for key, value in content.items():
-        unit = next((unit for unit in DATASHEET_UNITS if key.endswith(f"_{unit}")), None)
-        if unit is None:
-            raise CaseError(
-                f"`datasheet.{key}`: the key must end in its SI unit, as M_kg does; "
-                f"known are {', '.join(DATASHEET_UNITS)}"
-            )
-        datasheet[key.removesuffix(f"_{unit}")] = value
-    return datasheet
 
 
 def _check_keys(

@@ -31,14 +31,14 @@ class Quantity:
     upper: float
     mistaken: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
-    def guess(self, value: float) -> str:
-        """Return the units in which `value` would be plausible, as a question; else a remedy."""
+    def guess(self, *values: float) -> str:
+        """Return the units in which all `values` would be plausible, as a question, or ``""``."""
         units = [
             unit
             for unit, (scale, offset) in self.mistaken.items()
-            if self.lower <= scale * value + offset <= self.upper
+            if all(self.lower <= scale * value + offset <= self.upper for value in values)
         ]
-        return f"is it in {' or '.join(units)}?" if units else "check the value and its unit"
+        return f"is it in {' or '.join(units)}?" if units else ""
 
     def check(self, name: str, value: object) -> float:
         """Return `value` as a float.
@@ -52,7 +52,7 @@ class Quantity:
         if not self.lower <= number <= self.upper:
             raise CaseError(
                 f"`{name}`: expected {self.unit} between {self.lower:g} and {self.upper:g}, "
-                f"got {number:g}; {self.guess(number)}"
+                f"got {number:g}; {self.guess(number) or 'check the value and its unit'}"
             )
         return number
 

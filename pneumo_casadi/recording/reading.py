@@ -107,7 +107,8 @@ def _meaning(table: Table, columns: Mapping[str, str | Column]) -> dict[str, Col
             meaning[name] = COLUMNS[name]
             continue
         _refuse_foreign_unit(table, name)
-        log.warning("%s: column `%s` is not used", table.path, name)
+        if table.columns[name].size > 1:  # a MAT file also holds constants
+            log.warning("%s: column `%s` is not used", table.path, name)
     found = [column.channel for column in meaning.values()]
     twice = sorted({channel for channel in found if found.count(channel) > 1})
     if twice:

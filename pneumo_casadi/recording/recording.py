@@ -225,8 +225,8 @@ class Recording:
         Examples
         --------
         >>> rec = Recording(range(5), {"x": range(5)}, "ramp", "memory", InputHold.ZERO)
-        >>> [list(part["x"]) for part in rec.split(2)]
-        [[0.0, 1.0], [2.0, 3.0, 4.0]]
+        >>> [part["x"] for part in rec.split(2)]
+        [array([0., 1.]), array([2., 3., 4.])]
         """
         if (parts is None) == (duration is None):
             raise CaseError(f"{self.name}: split into a number of parts or by a duration [s]")

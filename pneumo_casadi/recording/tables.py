@@ -3,6 +3,7 @@
 import gzip
 import io
 import logging
+import re
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -78,6 +79,7 @@ def read_table(path: Path) -> Table:
 def _read_csv(path: Path) -> dict[str, FloatArray]:
     text = _text(path)
     header = _header(path, text)
+    _check_ending(path, text)
     options: dict[str, Any] = {
         "names": header,
         "header": 0,
@@ -88,7 +90,7 @@ def _read_csv(path: Path) -> dict[str, FloatArray]:
     try:
         frame = pd.read_csv(io.BytesIO(text), dtype=np.float64, **options)
     except pd.errors.ParserError as error:
-        raise CaseError(f"{path}: {_one_line(error)}; give every row {len(header)} cells") from None
+        raise _bad_row(path, header, error) from None
     except (ValueError, OverflowError) as error:
         raise _bad_cell(path, text, options) or CaseError(f"{path}: {_one_line(error)}") from None
     columns = {name: frame[name].to_numpy() for name in header}
@@ -116,6 +118,12 @@ def _header(path: Path, text: bytes) -> list[str]:
         raise CaseError(f"{path}: line 1 is no UTF-8 text; export as UTF-8 CSV") from None
     if "\0" in line:
         raise CaseError(f"{path}: line 1 holds binary data; export as UTF-8 CSV")
+    first_row = text.split(b"\n", 2)[1:2]
+    if first_row and first_row[0].count(b",") > line.count(","):
+        raise CaseError(
+            f"{path}: row 1 (line 2) has more cells than line 1 names columns; use commas between "
+            "columns only, and a point in numbers"
+        )
     names = [name.strip().strip('"') for name in line.strip().split(",")]
     if len(names) == 1 and (";" in line or "\t" in line):
         raise CaseError(
@@ -128,6 +136,30 @@ def _header(path: Path, text: bytes) -> list[str]:
     if twice:
         raise CaseError(f"{path}: line 1 names column {', '.join(twice)} twice; remove one")
     return names
+
+
+def _bad_row(path: Path, header: list[str], error: Exception) -> CaseError:
+    found = re.search(r"in line (\d+), saw (\d+)", str(error))
+    if not found:
+        return CaseError(f"{path}: {_one_line(error)}; export it again")
+    line, cells = (int(group) for group in found.groups())
+    return CaseError(
+        f"{path}: row {line - CSV_FIRST_LINE + 1} (line {line}) has {cells} cells, line 1 names "
+        f"{len(header)} columns; mend the row"
+    )
+
+
+def _check_ending(path: Path, text: bytes) -> None:
+    """Refuse a last number that was cut short: it would pass for another number."""
+    if text.endswith(b"\n"):
+        return
+    *before, last = (line.rpartition(b".")[2] for line in text[-4096:].split(b"\n")[1:])
+    decimals = {len(cell.rstrip(b"\r")) for cell in before}
+    if len(before) > 2 and len(decimals) == 1 and len(last) < decimals.pop():
+        raise CaseError(
+            f"{path}: line {text.count(bytes([10])) + 1}, the last one, ends in {last.decode()!r} "
+            "with fewer decimals than all before: the file is cut short; copy or export it again"
+        )
 
 
 def _bad_cell(path: Path, text: bytes, options: dict[str, Any]) -> CaseError | None:
