@@ -38,7 +38,7 @@ def white_noise_std(values: ArrayLike) -> float:
     third = np.diff(np.asarray(values, dtype=float), n=3)
     robust = float(np.median(np.abs(third))) / 0.6745
     # A finely quantised slow signal has zero as its median: fall back on the plain deviation.
-    return (robust or float(np.std(third))) / np.sqrt(20.0)
+    return float((robust or float(np.std(third))) / np.sqrt(20.0))
 
 
 def power_bandwidth(x: ArrayLike, sampling_frequency: float, share: float = 0.99) -> float:

@@ -10,6 +10,9 @@ from scipy import signal
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.parameters import FloatArray
 
+#: Ripple of one pass of the Chebyshev low-pass [dB].
+RIPPLE_DB = 0.05
+
 
 class Decimation(Enum):
     """Low-pass ahead of the resampling, each without phase shift."""
@@ -90,9 +93,12 @@ def passband_edge(factor: int, sampling_frequency: float) -> float:
 
 
 def _chebyshev(values: FloatArray, factor: int) -> FloatArray:
-    # 0.05 dB each way; second-order sections stay accurate where (b, a) forms lose all digits.
-    sections = signal.cheby1(8, 0.05, 0.8 / factor, output="sos")
-    return np.asarray(signal.sosfiltfilt(sections, values, axis=0, padlen=24))
+    # Second-order sections stay accurate where (b, a) forms lose all digits. A Chebyshev filter
+    # of even order passes a constant at the bottom of its ripple; dividing by that gain, which
+    # MATLAB does not, leaves every estimate as it is and gives flows and efforts in true size.
+    sections = signal.cheby1(8, RIPPLE_DB, 0.8 / factor, output="sos")
+    constant = 10 ** (-2 * RIPPLE_DB / 20)
+    return np.asarray(signal.sosfiltfilt(sections, values, axis=0, padlen=24)) / constant
 
 
 def _butterworth(values: FloatArray, factor: int) -> FloatArray:

@@ -23,6 +23,13 @@ PASSBAND_RATIO = 5.0
 LEAST_PASSBAND_RATIO = 2.0
 
 
+#: Butterworth cut-off over the edge of the parallel low-pass, unless the bound asks for more.
+#: x ṗ and sign(ẋ) of filtered signals are the filtered x ṗ and sign(ẋ) only where the filter is
+#: transparent, and its transients at the end of a stick phase last about 1/f_H. Going from a
+#: ratio of 1.8 to 5 lowers the error of f_v on a record with stick phases from 4 % to 1 %.
+SEPARATION = 5.0
+
+
 class SamplingWarning(UserWarning):
     """The record is sampled too slowly for its dynamics (eq. 14)."""
 
@@ -61,7 +68,7 @@ class FilterPlan:
     --------
     >>> plan = FilterPlan(sampling_frequency=1e3, cutoff=100.0, factor=10, f_dyn=20.0)
     >>> plan.passband, plan.drop
-    (40.0, (32, 32))
+    (40.0, (33, 33))
     """
 
     sampling_frequency: float
@@ -145,9 +152,10 @@ def plan_filters(
 
     .. math:: f = f_s \sqrt{1.5\,\mathrm{bound}}/(2\pi) \approx f_s/51 \text{ for 1 %},
 
-    which is above 2 f_dyn exactly when f_s ≥ 100 f_dyn: eq. 14 (with a bound of 1 %). The
-    Butterworth cut-off is then the lowest that keeps the amplitude of an acceleration within
-    the bound up to the edge of the parallel low-pass, above which nothing enters the estimate.
+    which is above 2 f_dyn when f_s ≥ 103 f_dyn: eq. 14 (with a bound of 1 %). The Butterworth
+    cut-off is `SEPARATION` times the edge of the parallel low-pass, above which nothing enters
+    the estimate, or the lowest that keeps the amplitude of an acceleration within the bound up
+    to that edge, if this is higher.
 
     Parameters
     ----------
@@ -181,10 +189,10 @@ def plan_filters(
     Examples
     --------
     >>> plan = plan_filters(5e3, f_dyn=2.5)
-    >>> plan.factor, plan.passband, round(plan.cutoff, 2)
-    (160, 12.5, 22.21)
-    >>> round(plan.distortion(12.5).acceleration, 9)
-    -0.01
+    >>> plan.factor, plan.passband, plan.cutoff
+    (160, 12.5, 62.5)
+    >>> abs(plan.distortion(12.5).acceleration) < 0.01
+    True
     """
     if not 0 < f_dyn < sampling_frequency / 2:
         raise ModelError(
@@ -203,5 +211,8 @@ def plan_filters(
     if factor is None:
         factor = max(1, round(0.8 * sampling_frequency / 2 / wanted))
     edge = passband_edge(factor, sampling_frequency) if factor > 1 else wanted
-    cutoff = least_cutoff(edge, bound, sampling_frequency, order)
+    cutoff = max(
+        least_cutoff(edge, bound, sampling_frequency, order),
+        min(SEPARATION * edge, 0.4 * sampling_frequency),
+    )
     return FilterPlan(sampling_frequency, cutoff, order, factor, decimation, f_dyn, edge)

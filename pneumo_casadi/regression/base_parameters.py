@@ -130,13 +130,14 @@ def base_parameters(
     size = np.linalg.norm(matrix, axis=0)
     scaled = matrix / np.where(size > 0, size, 1.0)
     # Only R is needed; its columns relate to each other as those of W do, with n rows each.
-    R = np.asarray(linalg.qr(scaled, mode="r")[0])[: len(names)]
+    R = np.asarray(linalg.qr(scaled, mode="r")[0], dtype=np.float64)[: len(names)]
     _, pivoted, _ = linalg.qr(R, mode="economic", pivoting=True)
     diagonal = np.abs(np.diag(pivoted))
     columns, dependent = _first_independent(R, tolerance * max(float(diagonal[0]), 1e-300))
     combination = np.zeros((len(columns), len(dependent)))
     if columns and dependent:
-        combination = np.linalg.lstsq(R[:, columns], R[:, dependent], rcond=None)[0]
+        solved = np.linalg.lstsq(R[:, columns], R[:, dependent], rcond=None)[0]
+        combination = np.asarray(solved, dtype=np.float64)
         combination[np.abs(combination) < 1e3 * tolerance] = 0.0
         combination *= size[dependent] / size[columns][:, None]
     return BaseParameters(tuple(names), tuple(columns), tuple(dependent), combination, diagonal)

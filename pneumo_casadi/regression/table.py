@@ -41,11 +41,9 @@ def format_table(result: WLSResult, *, robust: bool = False) -> str:
     """
     table = results_table(result, robust=robust)
     head = [PARAMETERS, *table.columns]
-    rows = [
-        [name, *(_cell(column, value) for column, value in row.items())]
-        for name, row in table.iterrows()
-    ]
-    widths = [max(len(str(row[i])) for row in [head, *rows]) for i in range(len(head))]
+    columns = [[_cell(name, value) for value in table[name]] for name in table.columns]
+    rows = [list(row) for row in zip(result.names, *columns, strict=True)]
+    widths = [max(len(row[i]) for row in [head, *rows]) for i in range(len(head))]
     lines = [_line(row, widths) for row in [head, *rows]]
     lines.insert(1, "  ".join("-" * width for width in widths))
     return "\n".join([*lines, "", *_notes(result)])
