@@ -1,7 +1,7 @@
 """Static flow of the servodistributor: the measured map and the models fitted to it."""
 
 from pneumo_casadi.flow.iso6358 import FlowISO6358, fit_iso6358
-from pneumo_casadi.flow.model import FlowModel, flow_function
+from pneumo_casadi.flow.model import FlowModel, edge_slopes, flow_function
 from pneumo_casadi.flow.orifice import Orifice, fit_orifice, orifice_expression, orifice_flow
 from pneumo_casadi.flow.polynomial_fit import fit_polynomials
 from pneumo_casadi.flow.polynomials import FlowPolynomials
@@ -20,6 +20,7 @@ __all__ = [
     "Orifice",
     "Projections",
     "ResidualMap",
+    "edge_slopes",
     "fit_iso6358",
     "fit_orifice",
     "fit_polynomials",

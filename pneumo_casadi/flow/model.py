@@ -1,5 +1,6 @@
 """What every flow model offers: the interface that the servosystem is written against."""
 
+import logging
 from typing import Any, ClassVar, Literal, Protocol
 
 import casadi as ca
@@ -11,6 +12,8 @@ from pneumo_casadi.parameters import Parameters
 
 FloatArray = NDArray[np.float64]
 Symbol = Literal["SX", "MX"]
+
+logger = logging.getLogger(__name__)
 
 
 class FlowModel(Protocol):
@@ -86,3 +89,49 @@ def evaluate(function: ca.Function, u: ArrayLike, p: ArrayLike, theta: FloatArra
     columns = np.repeat(theta.reshape(-1, 1), u_all.size, axis=1)
     flows = function(u_all.reshape(1, -1), p_all.reshape(1, -1), columns)
     return np.asarray(flows, dtype=float).reshape(u_all.shape)
+
+
+def edge_slopes(model: FlowModel, u: ArrayLike) -> FloatArray:
+    """Return the slopes with which a map is continued beyond its pressures.
+
+    Parameters
+    ----------
+    model : FlowModel
+        A model continued along its tangents: polynomials or spline.
+    u : (n,) array
+        Commands [V].
+
+    Returns
+    -------
+    (n, 2) array
+        ∂q_m/∂p [kg/(s Pa)] below the lower and above the upper edge of `p_range`. In a real
+        valve the flow falls with the outlet pressure: both are at most zero.
+    """
+    commands = np.atleast_1d(np.asarray(u, dtype=float))
+    low, high = model.p_range
+    width = high - low  # the continuation is straight: any step gives its slope
+    return np.column_stack(
+        [
+            (model(commands, low) - model(commands, low - width)) / width,
+            (model(commands, high + width) - model(commands, high)) / width,
+        ]
+    )
+
+
+def warn_of_rising_edges(model: FlowModel, table: FlowMap) -> None:
+    """Log a warning where the continued flow would rise with pressure."""
+    commands = np.linspace(*table.u_range, 21)
+    # A tenth of the mean slope of the map: below it the sign is a matter of noise.
+    tolerance = 0.1 * table.q_max / (model.p_range[1] - model.p_range[0])
+    rising = edge_slopes(model, commands) > tolerance
+    for edge, p, found in zip(("lower", "upper"), model.p_range, rising.T, strict=True):
+        if found.any():
+            logger.warning(
+                "%s: at the %s edge (p = %.4g Pa) the fitted flow rises with pressure for u from "
+                "%.2g to %.2g V; keep chamber pressures inside the map or change the fit",
+                table.source,
+                edge,
+                p,
+                commands[found].min(),
+                commands[found].max(),
+            )

@@ -1,11 +1,10 @@
 """Least-squares fit of the flow polynomials (eq. 12) to a measured map."""
 
-import logging
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pneumo_casadi.errors import CaseError
+from pneumo_casadi.flow.model import warn_of_rising_edges
 from pneumo_casadi.flow.polynomials import (
     BRANCHES,
     Degrees,
@@ -17,8 +16,6 @@ from pneumo_casadi.flow.table import FlowMap
 from pneumo_casadi.parameters import Parameter, Parameters
 
 FloatArray = NDArray[np.float64]
-
-logger = logging.getLogger(__name__)
 
 
 def fit_polynomials(
@@ -82,7 +79,7 @@ def fit_polynomials(
         sigma=sigma,
         dof=dof,
     )
-    _warn_of_rising_edges(flow, table.source)
+    warn_of_rising_edges(flow, table)
     return flow
 
 
@@ -146,21 +143,3 @@ def _normalised_weights(weights: ArrayLike | None, table: FlowMap) -> FloatArray
             "leave a point out with `table.select`"
         )
     return np.asarray(w / w.mean())
-
-
-def _warn_of_rising_edges(flow: FlowPolynomials, source: str) -> None:
-    commands = np.linspace(*flow.u_range, 21)
-    # A tenth of the mean slope of the map: below it the sign is a matter of noise.
-    tolerance = 0.1 * np.abs(flow(commands, flow.p_range[0])).max() / np.ptp(flow.p_range)
-    rising = flow.edge_slopes(commands) > tolerance
-    for edge, p, found in zip(("lower", "upper"), flow.p_range, rising.T, strict=True):
-        if found.any():
-            logger.warning(
-                "%s: at the %s edge (p = %.4g Pa) the fitted flow rises with pressure for u from "
-                "%.2g to %.2g V; keep chamber pressures inside the map or change the degrees",
-                source,
-                edge,
-                p,
-                commands[found].min(),
-                commands[found].max(),
-            )

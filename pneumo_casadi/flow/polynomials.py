@@ -60,7 +60,8 @@ class FlowPolynomials:
     T_k'(±1) = (±1)^(k+1) k². At the upper edge, near the supply pressure, the inlet flow falls
     steeply and its tangent carries the back-flow; at the lower edge, near the exhaust
     pressure, the same holds for u < 0; where the flow is choked the tangent is flat.
-    `edge_slopes` returns the slopes: a positive one would make the chamber unstable out there.
+    `edge_slopes` gives the slopes; the fit warns of positive ones, which would make the
+    chamber unstable out there.
     In u the flow is affine, within and beyond the metered commands. It has a kink at u = 0.
 
     References
@@ -172,22 +173,6 @@ class FlowPolynomials:
             )
             for branch, part in parts(self.degrees).items()
         }
-
-    def edge_slopes(self, u: ArrayLike) -> FloatArray:
-        """Return ∂q_m/∂p [kg/(s Pa)] at the lower and upper edge of `p_range`, shape (n, 2).
-
-        These are the slopes with which the map is continued. Flow falls with pressure
-        (slopes ≤ 0) in every real valve.
-        """
-        commands = np.atleast_1d(np.asarray(u, dtype=float))
-        low, high = self.p_range
-        width = high - low  # the continuation is linear: any step gives its slope
-        return np.column_stack(
-            [
-                (self(commands, low) - self(commands, low - width)) / width,
-                (self(commands, high + width) - self(commands, high)) / width,
-            ]
-        )
 
 
 def _basis(p: Any, p_range: tuple[float, float], degree: int, fmax: Any, fmin: Any) -> list[Any]:

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import BSpline
 
 from pneumo_casadi.errors import CaseError
-from pneumo_casadi.flow.model import Symbol, evaluate, flow_function
+from pneumo_casadi.flow.model import Symbol, evaluate, flow_function, warn_of_rising_edges
 from pneumo_casadi.flow.table import FlowMap
 from pneumo_casadi.parameters import Parameter, Parameters
 
@@ -143,7 +143,7 @@ def fit_spline(
     gain = Parameter(
         "flow_gain", 1.0, "1", lower=0.0, scale=0.1, description="gain of the whole flow map"
     )
-    return FlowSpline(
+    flow = FlowSpline(
         knots_u,
         knots_p,
         degree_u,
@@ -156,6 +156,8 @@ def fit_spline(
         sigma,
         dof,
     )
+    warn_of_rising_edges(flow, table)
+    return flow
 
 
 def _clamped(sites: FloatArray, segments: int, degree: int) -> FloatArray:
