@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pneumo_casadi.errors import CaseError, ModelError
-from pneumo_casadi.flow.model import Symbol
+from pneumo_casadi.flow.model import Symbol, scale_sigma
 from pneumo_casadi.flow.orifice import (
     LAMINAR_RATIO,
     RHO_ANR,
@@ -79,6 +79,9 @@ class FlowISO6358:
     _function: ca.Function = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        covariance = np.array(self.covariance, dtype=float)
+        covariance.setflags(write=False)
+        object.__setattr__(self, "covariance", covariance)
         u, p, p_supply = (ca.SX.sym(name) for name in ("u", "p", "p_supply"))
         theta = ca.SX.sym("theta", len(self.parameters))
         q = self.expression(u, p, theta, p_supply)
@@ -114,6 +117,8 @@ class FlowISO6358:
         """Return q_m [kg/s] at the fitted parameters; u [V], p [Pa], p_supply [Pa] broadcast."""
         supply = self.p_supply if p_supply is None else p_supply
         arrays = np.broadcast_arrays(*(np.asarray(a, dtype=float) for a in (u, p, supply)))
+        if not arrays[0].size:
+            return np.zeros(arrays[0].shape)
         q = _evaluate(self._function, self.parameters.values, arrays)[0]
         return q.reshape(arrays[0].shape)
 
@@ -124,6 +129,13 @@ class FlowISO6358:
     def with_theta(self, theta: ArrayLike) -> "FlowISO6358":
         """Return a copy with other parameters, shape (n,)."""
         return replace(self, parameters=self.parameters.with_values(theta))
+
+    @property
+    def scale_sigma(self) -> float:
+        """Relative standard deviation of the flow scale: of all conductances together."""
+        conductance = [name.startswith(("k_", "C_leak_")) for name in self.parameters.names]
+        direction = np.where(conductance, self.parameters.values, 0.0)
+        return scale_sigma(direction, self.covariance, self.parameters.scales)
 
     @property
     def at_bound(self) -> tuple[str, ...]:

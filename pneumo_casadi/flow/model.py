@@ -47,6 +47,11 @@ class FlowModel(Protocol):
     @property
     def p_range(self) -> tuple[float, float]: ...  # noqa: D102
 
+    @property
+    def scale_sigma(self) -> float:
+        """Relative standard deviation of the overall flow scale (the gauge), from the scatter."""
+        ...
+
     def expression(self, u: Any, p: Any, theta: Any) -> Any:
         """Return q_m [kg/s] for CasADi scalars u [V], p [Pa] and a vector theta."""
         ...
@@ -58,6 +63,28 @@ class FlowModel(Protocol):
     def residuals(self, table: FlowMap) -> FloatArray:
         """Return measured minus modelled flow [kg/s], shape (n,)."""
         ...
+
+
+def scale_sigma(direction: FloatArray, covariance: FloatArray, scales: FloatArray) -> float:
+    """Return the relative standard deviation of the flow scale, (gᵀ C⁻¹ g)^(-1/2).
+
+    Parameters
+    ----------
+    direction : (n,) array
+        g = dθ/d ln(scale): the parameters that a common factor of all flows multiplies, zero
+        for the others.
+    covariance : (n, n) array
+        C; parameters of infinite variance (at a bound) are left out.
+    scales : (n,) array
+        Sizes of the parameters, for conditioning.
+    """
+    known = np.isfinite(np.diag(covariance))
+    size = scales[known]
+    C = covariance[np.ix_(known, known)] / np.outer(size, size)
+    if not np.any(C):  # a map met exactly
+        return 0.0
+    g = direction[known] / size
+    return float(1.0 / np.sqrt(g @ np.linalg.solve(C, g)))
 
 
 def flow_function(model: FlowModel) -> ca.Function:

@@ -113,6 +113,8 @@ def orifice_flow(
     0.01659
     """
     one, two = np.broadcast_arrays(np.asarray(p_1, dtype=float), np.asarray(p_2, dtype=float))
+    if not one.size:
+        return np.zeros(one.shape)
     theta = np.tile([[C], [b], [m]], (1, one.size))
     q = _orifice_functions()[0](theta, one.reshape(1, -1), two.reshape(1, -1), T, laminar_ratio)
     return np.asarray(q, dtype=float).reshape(one.shape)

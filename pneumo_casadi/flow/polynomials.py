@@ -9,7 +9,7 @@ from numpy.polynomial import Chebyshev, Polynomial
 from numpy.typing import ArrayLike, NDArray
 
 from pneumo_casadi.errors import ModelError
-from pneumo_casadi.flow.model import Symbol
+from pneumo_casadi.flow.model import Symbol, scale_sigma
 from pneumo_casadi.flow.table import FlowMap
 from pneumo_casadi.parameters import Parameters
 
@@ -150,12 +150,7 @@ class FlowPolynomials:
         σ_scale = (θᵀ C⁻¹ θ)^(-1/2). It averages over all points and holds no calibration
         error: that of the flow meter, usually 1 to 2 %, is common to all points and adds to it.
         """
-        if self.sigma == 0.0:
-            return 0.0
-        scale = self.parameters.scales
-        theta = self.parameters.values / scale
-        information = np.linalg.solve(self.covariance / np.outer(scale, scale), theta)
-        return float(1.0 / np.sqrt(theta @ information))
+        return scale_sigma(self.parameters.values, self.covariance, self.parameters.scales)
 
     def monomials(self) -> dict[str, FloatArray]:
         """Return the coefficients of p⁰, p¹, … as the paper would write them.

@@ -67,6 +67,10 @@ class FlowSpline:
     _function: ca.Function = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        for name in ("knots_u", "knots_p", "coefficients", "covariance"):
+            values = np.array(getattr(self, name), dtype=float)
+            values.setflags(write=False)
+            object.__setattr__(self, name, values)
         object.__setattr__(self, "_function", flow_function(self))
 
     def expression(self, u: Any, p: Any, theta: Any) -> Any:
