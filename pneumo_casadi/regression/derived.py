@@ -58,7 +58,10 @@ class Derived:
 
 
 def linear_combinations(
-    estimates: Estimates, combinations: Mapping[str, Mapping[str, float]]
+    estimates: Estimates,
+    combinations: Mapping[str, Mapping[str, float]],
+    *,
+    covariance: FloatArray | None = None,
 ) -> Derived:
     """Derive linear combinations of estimates with their exact covariance A C Aᵀ.
 
@@ -69,6 +72,8 @@ def linear_combinations(
     combinations : mapping
         For each new name the coefficients by parameter, for example
         ``{"F_c": {"F_c_plus": 0.5, "F_c_minus": 0.5}}``.
+    covariance : (n, n) array, optional
+        By default that of eq. 16; give ``covariance_hac`` where residuals are correlated.
 
     Returns
     -------
@@ -83,12 +88,16 @@ def linear_combinations(
     for row, (name, coefficients) in zip(A, combinations.items(), strict=True):
         for parameter, coefficient in coefficients.items():
             row[_position(estimates, parameter, name)] += coefficient
-    return Derived(
-        tuple(combinations), A @ estimates.estimate, A @ np.asarray(estimates.covariance) @ A.T
-    )
+    C = estimates.covariance if covariance is None else covariance
+    return Derived(tuple(combinations), A @ estimates.estimate, A @ C @ A.T)
 
 
-def ratios(estimates: Estimates, pairs: Mapping[str, tuple[str, str]]) -> Derived:
+def ratios(
+    estimates: Estimates,
+    pairs: Mapping[str, tuple[str, str]],
+    *,
+    covariance: FloatArray | None = None,
+) -> Derived:
     """Derive ratios of estimates, with the covariance of the delta method.
 
     Parameters
@@ -98,6 +107,8 @@ def ratios(estimates: Estimates, pairs: Mapping[str, tuple[str, str]]) -> Derive
     pairs : mapping of str to (str, str)
         For each new name numerator and denominator, for example
         ``{"k_P": ("X_s3", "X_s2")}``.
+    covariance : (n, n) array, optional
+        By default that of eq. 16.
 
     Returns
     -------
@@ -116,7 +127,8 @@ def ratios(estimates: Estimates, pairs: Mapping[str, tuple[str, str]]) -> Derive
         values[i] = X[a] / X[b]
         G[i, a] += 1 / X[b]
         G[i, b] -= X[a] / X[b] ** 2
-    return Derived(tuple(pairs), values, G @ np.asarray(estimates.covariance) @ G.T)
+    C = estimates.covariance if covariance is None else covariance
+    return Derived(tuple(pairs), values, G @ C @ G.T)
 
 
 def _position(estimates: Estimates, parameter: str, name: str) -> int:
