@@ -3,6 +3,7 @@
 from pneumo_casadi.recording.bench import AnyBench, Bench, ForceBench, SensorNoise
 from pneumo_casadi.recording.bench_file import read_bench
 from pneumo_casadi.recording.case import Case, load_case
+from pneumo_casadi.recording.channels import UNITS, InputHold
 from pneumo_casadi.recording.checks import check_recording
 from pneumo_casadi.recording.controllers import (
     Controller,
@@ -11,7 +12,7 @@ from pneumo_casadi.recording.controllers import (
 )
 from pneumo_casadi.recording.emps import load_emps
 from pneumo_casadi.recording.reading import Column, read_recording
-from pneumo_casadi.recording.recording import UNITS, InputHold, Recording
+from pneumo_casadi.recording.recording import Recording
 from pneumo_casadi.recording.writing import write_case
 
 __all__ = [

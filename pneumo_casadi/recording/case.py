@@ -7,9 +7,10 @@ from pathlib import Path
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.recording.bench import AnyBench
 from pneumo_casadi.recording.bench_file import read_bench
+from pneumo_casadi.recording.channels import InputHold
 from pneumo_casadi.recording.checks import check_recording
 from pneumo_casadi.recording.reading import Column, read_recording
-from pneumo_casadi.recording.recording import InputHold, Recording
+from pneumo_casadi.recording.recording import Recording
 from pneumo_casadi.recording.tables import suffix_of
 
 

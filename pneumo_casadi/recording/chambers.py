@@ -7,14 +7,12 @@ position those with p ẋ. On a single-rod cylinder the mean effort tells swappe
 """
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
 from pneumo_casadi.errors import CaseError
+from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.recording.bench import Bench
 from pneumo_casadi.recording.recording import Recording
-
-FloatArray = NDArray[np.float64]
 
 BLOCK = 0.005  # means over 5 ms: fast enough for the axis, slow enough for the noise
 CUT_OFF = 20.0

@@ -5,8 +5,9 @@ import logging
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.recording.bench import AnyBench, Bench
 from pneumo_casadi.recording.chambers import check_chambers
+from pneumo_casadi.recording.channels import UNITS
 from pneumo_casadi.recording.ranges import check_ranges
-from pneumo_casadi.recording.recording import UNITS, Recording
+from pneumo_casadi.recording.recording import Recording
 from pneumo_casadi.recording.sensors import check_sensors
 
 log = logging.getLogger(__name__)

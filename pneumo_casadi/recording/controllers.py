@@ -4,12 +4,11 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pneumo_casadi.errors import CaseError
+from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.recording.plausible import as_number
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

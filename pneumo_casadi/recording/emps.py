@@ -12,10 +12,11 @@ import numpy as np
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.recording.bench import ForceBench
 from pneumo_casadi.recording.case import Case
+from pneumo_casadi.recording.channels import InputHold
 from pneumo_casadi.recording.checks import check_recording
 from pneumo_casadi.recording.controllers import NestedController
 from pneumo_casadi.recording.reading import Column, read_recording
-from pneumo_casadi.recording.recording import InputHold, Recording
+from pneumo_casadi.recording.recording import Recording
 from pneumo_casadi.recording.tables import read_table
 
 IDENTIFY = "DATA_EMPS.mat"

@@ -7,8 +7,9 @@ from pathlib import Path
 from types import MappingProxyType
 
 from pneumo_casadi.errors import CaseError
+from pneumo_casadi.recording.channels import UNITS, InputHold
 from pneumo_casadi.recording.plausible import LENGTHS, PRESSURES
-from pneumo_casadi.recording.recording import UNITS, InputHold, Recording
+from pneumo_casadi.recording.recording import Recording
 from pneumo_casadi.recording.tables import Table, read_table, suffix_of
 
 log = logging.getLogger(__name__)

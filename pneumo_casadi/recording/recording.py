@@ -2,41 +2,17 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from enum import Enum
 from itertools import pairwise
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pneumo_casadi.errors import CaseError
-from pneumo_casadi.recording.clock import sample_time
-
-FloatArray = NDArray[np.float64]
-
-UNITS: Mapping[str, str] = MappingProxyType(
-    {
-        "t": "s",
-        "u_P": "V",
-        "u_N": "V",
-        "p_P": "Pa",
-        "p_N": "Pa",
-        "x": "m",
-        "x_ref": "m",
-        "F": "N",
-        "F_pulse": "N",
-    }
-)
-
-
-class InputHold(Enum):
-    """How the inputs run between their samples."""
-
-    ZERO = "zero order"
-    """u(t) = u[k] for t[k] ≤ t < t[k+1], as a sampled controller holds it."""
-    LINEAR = "linear"
-    """u(t) runs straight from u[k] to u[k+1], as a measured, continuous signal does."""
+from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.recording.channels import InputHold, checked, read_only
+from pneumo_casadi.recording.clock import sample_time, uniform
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -105,34 +81,21 @@ class Recording:
             ("first_line", first_line),
         ):
             object.__setattr__(self, attribute, value)
-        stamps = self._checked("t", t, None)
+        stamps = checked("t", t, None, source, self.where)
         if stamps.size < 2:
             raise CaseError(f"{source}: {stamps.size} rows; a recording needs at least 2")
-        arrays = {key: self._checked(key, values, stamps.size) for key, values in channels.items()}
-        if dt and np.abs(stamps - _uniform(stamps, dt)).max() > 1e-3 * dt:
+        arrays = {
+            key: checked(key, values, stamps.size, source, self.where)
+            for key, values in channels.items()
+        }
+        if dt and np.abs(stamps - uniform(stamps, dt)).max() > 1e-3 * dt:
             raise CaseError(f"{source}: `t` does not step by dt = {dt:g} s; leave dt out")
         if not dt:
             dt = sample_time(stamps, self.where)
-            stamps = _uniform(stamps, dt)
-        object.__setattr__(self, "t", _read_only(stamps))
+            stamps = uniform(stamps, dt)
+        object.__setattr__(self, "t", read_only(stamps))
         object.__setattr__(self, "channels", MappingProxyType(arrays))
         object.__setattr__(self, "dt", dt)
-
-    def _checked(self, channel: str, values: object, rows: int | None) -> FloatArray:
-        array = np.array(values, dtype=float)
-        if array.ndim != 1 or (rows is not None and array.size != rows):
-            raise CaseError(
-                f"{self.source}: `{channel}` has shape {array.shape}, expected "
-                f"({'N' if rows is None else rows},); give one value a time stamp"
-            )
-        wrong = np.flatnonzero(~np.isfinite(array))
-        if wrong.size:
-            raise CaseError(
-                f"{self.where(int(wrong[0]))}: `{channel}` [{UNITS.get(channel, 'SI')}] is "
-                f"{array[wrong[0]]} ({wrong.size} of {array.size} rows); cut these rows out or "
-                "repair the sensor"
-            )
-        return _read_only(array)
 
     def where(self, index: int) -> str:
         """Return source, row (from 1) and, where there is one, line of the sample `index`."""
@@ -330,14 +293,3 @@ class Recording:
             line,
             self.dt * step,
         )
-
-
-def _uniform(stamps: FloatArray, dt: float) -> FloatArray:
-    middle = (stamps.size - 1) / 2
-    uniform: FloatArray = stamps.mean() + dt * (np.arange(stamps.size) - middle)
-    return uniform
-
-
-def _read_only(array: FloatArray) -> FloatArray:
-    array.flags.writeable = False
-    return array

@@ -1,14 +1,13 @@
 """Sensors and commands that do not behave: dead, frozen, coarse, or against the control law."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pneumo_casadi.errors import CaseError
+from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.recording.bench import AnyBench, SensorNoise
+from pneumo_casadi.recording.channels import UNITS
 from pneumo_casadi.recording.controllers import ProportionalController
-from pneumo_casadi.recording.recording import UNITS, Recording
-
-FloatArray = NDArray[np.float64]
+from pneumo_casadi.recording.recording import Recording
 
 FROZEN_ROWS = 50  # noise of a quantum or more repeats a value this often with p < 1e-19
 FROZEN_SHARE = 0.1

@@ -15,12 +15,12 @@ import pandas as pd
 import pyarrow
 import pyarrow.parquet
 import scipy.io
-from numpy.typing import NDArray
 
 from pneumo_casadi.errors import CaseError
+from pneumo_casadi.parameters import FloatArray
 
 log = logging.getLogger(__name__)
-FloatArray = NDArray[np.float64]
+
 
 SUFFIXES = (".csv", ".csv.gz", ".mat", ".parquet")
 CSV_FIRST_LINE = 2  # the header stands in line 1
@@ -118,6 +118,8 @@ def _header(path: Path, text: bytes) -> list[str]:
         raise CaseError(f"{path}: line 1 is no UTF-8 text; export as UTF-8 CSV") from None
     if "\0" in line:
         raise CaseError(f"{path}: line 1 holds binary data; export as UTF-8 CSV")
+    if not line.strip(" ,\r"):
+        raise CaseError(f"{path}: line 1 is empty; it must name the columns")
     first_row = text.split(b"\n", 2)[1:2]
     if first_row and first_row[0].count(b",") > line.count(","):
         raise CaseError(
@@ -130,8 +132,6 @@ def _header(path: Path, text: bytes) -> list[str]:
             f"{path}: line 1 separates columns by semicolon or tab; use commas between columns "
             "and a point in numbers"
         )
-    if not any(names):
-        raise CaseError(f"{path}: line 1 is empty; it must name the columns")
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
         raise CaseError(f"{path}: line 1 names column {', '.join(twice)} twice; remove one")

@@ -17,7 +17,8 @@ from pneumo_casadi.errors import CaseError
 from pneumo_casadi.recording.bench import AnyBench
 from pneumo_casadi.recording.bench_file import bench_content
 from pneumo_casadi.recording.case import Case
-from pneumo_casadi.recording.recording import UNITS, InputHold, Recording
+from pneumo_casadi.recording.channels import UNITS, InputHold
+from pneumo_casadi.recording.recording import Recording
 
 TIME_DECIMALS = 10
 

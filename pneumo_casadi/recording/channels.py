@@ -1,0 +1,65 @@
+"""Channels: their names and units, how inputs are held, and arrays that are whole and read-only."""
+
+from collections.abc import Callable, Mapping
+from enum import Enum
+from types import MappingProxyType
+
+import numpy as np
+
+from pneumo_casadi.errors import CaseError
+from pneumo_casadi.parameters import FloatArray
+
+UNITS: Mapping[str, str] = MappingProxyType(
+    {
+        "t": "s",
+        "u_P": "V",
+        "u_N": "V",
+        "p_P": "Pa",
+        "p_N": "Pa",
+        "x": "m",
+        "x_ref": "m",
+        "F": "N",
+        "F_pulse": "N",
+    }
+)
+
+
+class InputHold(Enum):
+    """How the inputs run between their samples."""
+
+    ZERO = "zero order"
+    """u(t) = u[k] for t[k] ≤ t < t[k+1], as a sampled controller holds it."""
+    LINEAR = "linear"
+    """u(t) runs straight from u[k] to u[k+1], as a measured, continuous signal does."""
+
+
+def checked(
+    channel: str, values: object, rows: int | None, source: str, where: Callable[[int], str]
+) -> FloatArray:
+    """Return a read-only copy of a channel.
+
+    Raises
+    ------
+    CaseError
+        If it is no vector of `rows` values, or a value is not finite.
+    """
+    array = np.array(values, dtype=float)
+    if array.ndim != 1 or (rows is not None and array.size != rows):
+        raise CaseError(
+            f"{source}: `{channel}` has shape {array.shape}, expected "
+            f"({'N' if rows is None else rows},); give one value a time stamp"
+        )
+    wrong = np.flatnonzero(~np.isfinite(array))
+    if wrong.size:
+        raise CaseError(
+            f"{where(int(wrong[0]))}: `{channel}` [{UNITS.get(channel, 'SI')}] is "
+            f"{array[wrong[0]]} ({wrong.size} of {array.size} rows); cut these rows out or "
+            "repair the sensor"
+        )
+    return read_only(array)
+
+
+def read_only(array: FloatArray) -> FloatArray:
+    """Return the array itself, closed to writing."""
+    array.flags.writeable = False
+    return array
