@@ -92,9 +92,8 @@ def _check_steps(
         return
     k = int(wrong[0]) + 1
     lost = round(float(steps[k - 1]) / dt) - 1
-    rare = wrong.size <= max(
-        1, RARE * steps.size
-    )  # else it is the way the clock goes, or is rounded
+    # Long steps all over are the way the clock goes or is rounded, not lost samples.
+    rare = wrong.size <= max(1, RARE * steps.size)
     if rare and steps[k - 1] > 1.5 * dt:
         raise CaseError(
             f"{where(k)}: `t` jumps from {t[k - 1]:.9g} s to {t[k]:.9g} s: {lost} "

@@ -74,7 +74,7 @@ def _read(path: Path, columns: dict[str, Column]) -> Recording:
 
 
 def _constants(path: Path) -> dict[str, float]:
-    table = read_table(path).columns
+    table = read_table(path, CONSTANTS).columns
     missing = [name for name in CONSTANTS if name not in table or np.size(table[name]) != 1]
     if missing:
         raise CaseError(

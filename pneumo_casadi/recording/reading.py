@@ -77,7 +77,7 @@ def read_recording(
         If the file cannot be read, has no time, or its clock or a value is wrong.
     """
     path = Path(path)
-    table = read_table(path)
+    table = read_table(path, {*COLUMNS, *(columns or {})})
     meaning = _meaning(table, columns or {})
     channels = {
         column.channel: column.scale * table.columns[file_name] + column.offset
@@ -94,22 +94,21 @@ def _meaning(table: Table, columns: Mapping[str, str | Column]) -> dict[str, Col
     for name in columns:
         if name not in table.columns:
             raise CaseError(
-                f"{table.path}: no column `{name}`; the file has {', '.join(table.columns)}"
+                f"{table.path}: no column `{name}`; the file has {', '.join(table.names)}"
             )
     given = {
         name: Column(entry) if isinstance(entry, str) else entry for name, entry in columns.items()
     }
     taken = {column.channel for column in given.values()}
     meaning = dict(given)
-    for name in table.columns:
+    for name in table.names:
         if name in given:
             continue
         if name in COLUMNS and COLUMNS[name].channel not in taken:
             meaning[name] = COLUMNS[name]
             continue
         _refuse_foreign_unit(table, name)
-        if table.columns[name].size > 1:  # a MAT file also holds constants
-            log.warning("%s: column `%s` is not used", table.path, name)
+        log.info("%s: column `%s` is not used", table.path, name)
     found = [column.channel for column in meaning.values()]
     twice = sorted({channel for channel in found if found.count(channel) > 1})
     if twice:
@@ -132,5 +131,5 @@ def _refuse_foreign_unit(table: Table, name: str) -> None:
 def _no_column(table: Table, channel: str) -> str:
     return (
         f"{table.path}: no column `{channel}_{UNITS[channel]}`; the file has "
-        f"{', '.join(table.columns)}; name the column, or pass columns={{...: '{channel}'}}"
+        f"{', '.join(table.names)}; name the column, or pass columns={{...: '{channel}'}}"
     )

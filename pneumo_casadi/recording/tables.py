@@ -2,10 +2,9 @@
 
 import gzip
 import io
-import logging
 import re
 import zlib
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,9 +17,6 @@ import scipy.io
 
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.parameters import FloatArray
-
-log = logging.getLogger(__name__)
-
 
 SUFFIXES = (".csv", ".csv.gz", ".mat", ".parquet")
 CSV_FIRST_LINE = 2  # the header stands in line 1
@@ -35,13 +31,16 @@ class Table:
     path : Path
         The file.
     columns : mapping of str to (N,) array
-        Numbers, by the file's own names; an empty cell is NaN.
+        Those asked for, by the file's own names; an empty cell is NaN.
+    names : tuple of str
+        All columns of numbers that the file has; of a CSV file, all columns.
     first_line : int
         Line in which the first row stands; 0 where the format has no lines.
     """
 
     path: Path
     columns: Mapping[str, FloatArray]
+    names: tuple[str, ...]
     first_line: int
 
 
@@ -50,8 +49,15 @@ def suffix_of(path: Path) -> str:
     return next((suffix for suffix in SUFFIXES if path.name.lower().endswith(suffix)), "")
 
 
-def read_table(path: Path) -> Table:
-    """Read a file of columns in the format that its suffix names.
+def read_table(path: Path, wanted: Container[str]) -> Table:
+    """Read some columns of a file, in the format that its suffix names.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    wanted : container of str
+        Names of the columns to read; what else the file holds need not be numbers.
 
     Raises
     ------
@@ -66,20 +72,21 @@ def read_table(path: Path) -> Table:
     if path.stat().st_size == 0:
         raise CaseError(f"{path}: the file is empty (0 bytes); copy or export it again")
     if suffix == ".mat":
-        table = Table(path, _read_mat(path), 0)
+        table = _read_mat(path, wanted)
     elif suffix == ".parquet":
-        table = Table(path, _read_parquet(path), 0)
+        table = _read_parquet(path, wanted)
     else:
-        table = Table(path, _read_csv(path), CSV_FIRST_LINE)
-    if not table.columns or not len(next(iter(table.columns.values()))):
+        table = _read_csv(path, wanted)
+    if any(not values.size for values in table.columns.values()):
         raise CaseError(f"{path}: the file has no rows of data; copy or export it again")
     return table
 
 
-def _read_csv(path: Path) -> dict[str, FloatArray]:
+def _read_csv(path: Path, wanted: Container[str]) -> Table:
     text = _text(path)
     header = _header(path, text)
     _check_ending(path, text)
+    text = text.rstrip(b"\r\n") + b"\n"  # empty lines at the end are no rows
     options: dict[str, Any] = {
         "names": header,
         "header": 0,
@@ -88,14 +95,18 @@ def _read_csv(path: Path) -> dict[str, FloatArray]:
         "encoding": "utf-8",
     }
     try:
-        frame = pd.read_csv(io.BytesIO(text), dtype=np.float64, **options)
+        # All columns are read, as with usecols pandas passes over rows that are too long.
+        types = {name: np.float64 if name in wanted else str for name in header}
+        frame = pd.read_csv(io.BytesIO(text), dtype=types, **options)
     except pd.errors.ParserError as error:
         raise _bad_row(path, header, error) from None
     except (ValueError, OverflowError) as error:
-        raise _bad_cell(path, text, options) or CaseError(f"{path}: {_one_line(error)}") from None
-    columns = {name: frame[name].to_numpy() for name in header}
+        raise _bad_cell(path, text, options, wanted) or CaseError(
+            f"{path}: {_one_line(error)}"
+        ) from None
+    columns = {name: frame[name].to_numpy() for name in header if name in wanted}
     _check_last_row(path, columns)
-    return columns
+    return Table(path, columns, tuple(header), CSV_FIRST_LINE)
 
 
 def _text(path: Path) -> bytes:
@@ -121,7 +132,7 @@ def _header(path: Path, text: bytes) -> list[str]:
     if not line.strip(" ,\r"):
         raise CaseError(f"{path}: line 1 is empty; it must name the columns")
     first_row = text.split(b"\n", 2)[1:2]
-    if first_row and first_row[0].count(b",") > line.count(","):
+    if first_row and b'"' not in first_row[0] and first_row[0].count(b",") > line.count(","):
         raise CaseError(
             f"{path}: row 1 (line 2) has more cells than line 1 names columns; use commas between "
             "columns only, and a point in numbers"
@@ -162,9 +173,12 @@ def _check_ending(path: Path, text: bytes) -> None:
         )
 
 
-def _bad_cell(path: Path, text: bytes, options: dict[str, Any]) -> CaseError | None:
+def _bad_cell(
+    path: Path, text: bytes, options: dict[str, Any], wanted: Container[str]
+) -> CaseError | None:
     """Find the first cell that is no number; slow, so only once reading has failed."""
     frame = pd.read_csv(io.BytesIO(text), dtype=str, keep_default_na=False, **options)
+    frame = frame[[name for name in frame if name in wanted]]
     numbers = frame.apply(pd.to_numeric, errors="coerce")
     wrong = numbers.isna() & ~frame.isin(["", "nan", "NaN", "NA"])
     rows = np.flatnonzero(wrong.any(axis=1).to_numpy())
@@ -180,15 +194,15 @@ def _bad_cell(path: Path, text: bytes, options: dict[str, Any]) -> CaseError | N
 
 
 def _check_last_row(path: Path, columns: Mapping[str, FloatArray]) -> None:
-    *_, last = columns.values()
-    if last.size and np.isnan(last[-1]) and not np.isnan(last[:-1]).any():
-        raise CaseError(
-            f"{path}: row {last.size} (line {last.size + CSV_FIRST_LINE - 1}), the last one, ends "
-            f"before column `{list(columns)[-1]}`: the file is cut short; copy or export it again"
-        )
+    for name, values in list(columns.items())[-1:]:
+        if values.size and np.isnan(values[-1]) and not np.isnan(values[:-1]).any():
+            raise CaseError(
+                f"{path}: row {values.size} (line {values.size + CSV_FIRST_LINE - 1}), the last "
+                f"one, ends before column `{name}`: the file is cut short; copy or export it again"
+            )
 
 
-def _read_mat(path: Path) -> dict[str, FloatArray]:
+def _read_mat(path: Path, wanted: Container[str]) -> Table:
     try:
         content = scipy.io.loadmat(path)
     except NotImplementedError:
@@ -200,33 +214,35 @@ def _read_mat(path: Path) -> dict[str, FloatArray]:
         raise CaseError(
             f"{path}: not a readable MAT file ({_one_line(error)}); save it again with '-v7'"
         ) from None
-    arrays = {
-        name: np.asarray(values)
+    vectors = {
+        name: values.ravel()
         for name, values in content.items()
-        if not name.startswith("__") and isinstance(values, np.ndarray)
+        if isinstance(values, np.ndarray)
+        and values.dtype.kind in "fiub"
+        and values.size == max(values.shape, default=0)
     }
-    return {
-        name: np.array(values.ravel(), dtype=float)
-        for name, values in arrays.items()
-        if values.dtype.kind in "fiub" and values.size == max(values.shape, default=0)
-    }
+    columns = {name: values.astype(float) for name, values in vectors.items() if name in wanted}
+    return Table(path, columns, tuple(vectors), 0)
 
 
-def _read_parquet(path: Path) -> dict[str, FloatArray]:
+def _read_parquet(path: Path, wanted: Container[str]) -> Table:
     try:
         table = pyarrow.parquet.read_table(path)
     except (pyarrow.ArrowException, OSError) as error:
         raise CaseError(
             f"{path}: not a readable Parquet file ({_one_line(error)}); export it again"
         ) from None
-    columns = {}
-    for name in table.column_names:
-        kind = table.schema.field(name).type
-        if pyarrow.types.is_floating(kind) or pyarrow.types.is_integer(kind):
-            columns[name] = np.array(table.column(name).to_numpy(), dtype=float)
-        else:
-            log.info("%s: column %s of type %s is no number: left out", path, name, kind)
-    return columns
+    numbers = [
+        field.name
+        for field in table.schema
+        if pyarrow.types.is_floating(field.type) or pyarrow.types.is_integer(field.type)
+    ]
+    columns = {
+        name: np.array(table.column(name).to_numpy(), dtype=float)
+        for name in numbers
+        if name in wanted
+    }
+    return Table(path, columns, tuple(numbers), 0)
 
 
 def _one_line(error: Exception) -> str:

@@ -122,9 +122,17 @@ def test_two_columns_for_one_channel_are_refused(tmp_path, columns):
         read_recording(path, ZERO, {"b": "x", "c": "x"})
 
 
-def test_a_column_that_is_not_used_is_said_so(tmp_path, columns, caplog):
-    read_recording(write(tmp_path / "a.csv", columns | {"humidity": columns["x_m"]}), ZERO)
-    assert "column `humidity` is not used" in caplog.text
+def test_a_column_that_is_not_used_need_not_be_numbers_and_is_said_so(tmp_path, columns, caplog):
+    caplog.set_level("INFO")
+    recording = read_recording(write(tmp_path / "a.csv", columns | {"weather": "fair"}), ZERO)
+    assert recording.names == ("p_P", "x")
+    assert "column `weather` is not used" in caplog.text
+
+
+def test_empty_lines_at_the_end_are_no_rows(tmp_path, columns):
+    path = write(tmp_path / "a.csv", columns)
+    path.write_text(path.read_text() + "\n\n")
+    assert read_recording(path, ZERO).N == 80
 
 
 @pytest.mark.parametrize(
