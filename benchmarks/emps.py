@@ -271,7 +271,8 @@ def advance(
 
 def breakaway(values: Mapping[str, float], F: float) -> float:
     """Return the direction in which a force moves the axis from standstill, 0 if it holds."""
-    return float(values["F_c_plus"] < F) - float(F < -values["F_c_minus"])
+    forward, backward = values["F_c_plus"], values["F_c_minus"]
+    return float(forward < F) - float(backward < -F)
 
 
 def _arguments() -> argparse.Namespace:

@@ -10,6 +10,8 @@ from pneumo_casadi.errors import ModelError
 SEGMENT = 4.0
 #: A spectral line counts when it stands this far above the noise of the position sensor.
 ABOVE_NOISE = 3.0
+#: An axis whose positions span less than this many standard deviations of noise is at rest.
+REST = 20.0
 
 
 def white_noise_std(values: ArrayLike) -> float:
@@ -78,9 +80,10 @@ def power_bandwidth(x: ArrayLike, sampling_frequency: float, share: float = 0.99
     segment = min(velocity.size, round(SEGMENT * sampling_frequency))
     f, power = signal.welch(velocity, sampling_frequency, nperseg=segment, detrend="constant")
     difference = 2 * sampling_frequency * np.sin(np.pi * f / sampling_frequency)
-    noise = white_noise_std(position) ** 2 * difference**2 * 2 / sampling_frequency
+    sigma = white_noise_std(position)
+    noise = sigma**2 * difference**2 * 2 / sampling_frequency
     motion = np.where(power > ABOVE_NOISE * noise, power - noise, 0.0)
-    if not np.any(motion > 0):
+    if np.ptp(position) < REST * sigma or not np.any(motion > 0):
         raise ModelError(
             "no motion above the noise of the position sensor: give the bandwidth f_dyn yourself"
         )
