@@ -243,8 +243,8 @@ def _statistics(system: LinearSystem, solution: _Solution, sigma: FloatArray) ->
     # The weights are relative: the residuals set the scale, as in eq. 15 and 16.
     free = np.count_nonzero(system.row_weight) - len(system.names)
     scale = float(weighted @ weighted) / free
-    scores = W * weighted[:, None]
-    meat = score_covariance(scores, system.instant)
+    used = system.row_weight > 0
+    meat = score_covariance((W * weighted[:, None])[used], system.instant[used])
     errors, rows = _by_equation(system, residual)
     return LinearFit(
         names=system.names,
