@@ -5,6 +5,7 @@ from pneumo_casadi.regression.base_parameters import (
     base_parameters,
     structural_base,
 )
+from pneumo_casadi.regression.cross_validation import Prediction, cross_validate
 from pneumo_casadi.regression.derived import Derived, linear_combinations, ratios
 from pneumo_casadi.regression.linear import LinearFit, LinearSystem, solve_wls, stack_systems
 from pneumo_casadi.regression.observation import (
@@ -14,14 +15,9 @@ from pneumo_casadi.regression.observation import (
     evaluate_regressor,
     observe,
 )
+from pneumo_casadi.regression.result import Removal, WLSResult
 from pneumo_casadi.regression.table import format_table, results_table
-from pneumo_casadi.regression.wls import (
-    Prediction,
-    Removal,
-    WLSResult,
-    cross_validate,
-    fit_wls,
-)
+from pneumo_casadi.regression.wls import fit_wls
 
 __all__ = [
     "BaseParameters",

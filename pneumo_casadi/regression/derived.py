@@ -8,6 +8,7 @@ import numpy as np
 
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.regression.arrays import read_only
 
 
 class Estimates(Protocol):
@@ -89,7 +90,8 @@ def linear_combinations(
         for parameter, coefficient in coefficients.items():
             row[_position(estimates, parameter, name)] += coefficient
     C = estimates.covariance if covariance is None else covariance
-    return Derived(tuple(combinations), A @ estimates.estimate, A @ C @ A.T)
+    values = A @ estimates.estimate
+    return Derived(tuple(combinations), read_only(values), read_only(A @ C @ A.T))
 
 
 def ratios(
@@ -128,7 +130,7 @@ def ratios(
         G[i, a] += 1 / X[b]
         G[i, b] -= X[a] / X[b] ** 2
     C = estimates.covariance if covariance is None else covariance
-    return Derived(tuple(pairs), values, G @ C @ G.T)
+    return Derived(tuple(pairs), read_only(values), read_only(G @ C @ G.T))
 
 
 def _position(estimates: Estimates, parameter: str, name: str) -> int:

@@ -9,6 +9,7 @@ from scipy import linalg
 
 from pneumo_casadi.errors import FitError, ModelError
 from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.regression.arrays import read_only
 from pneumo_casadi.regression.base_parameters import TOLERANCE, BaseParameters, base_parameters
 from pneumo_casadi.regression.newey_west import default_lags, score_covariance
 
@@ -248,14 +249,14 @@ def _statistics(system: LinearSystem, solution: _Solution, sigma: FloatArray) ->
     errors, rows = _by_equation(system, residual)
     return LinearFit(
         names=system.names,
-        estimate=solution.estimate,
-        covariance=scale * solution.inverse,
-        covariance_hac=solution.inverse @ meat @ solution.inverse,
+        estimate=read_only(solution.estimate),
+        covariance=read_only(scale * solution.inverse),
+        covariance_hac=read_only(solution.inverse @ meat @ solution.inverse),
         condition_number=solution.condition,
         residual_std=dict(zip(system.equations, map(float, sigma), strict=True)),
         relative_error_percent=errors,
         rows=rows,
-        residual=residual,
+        residual=read_only(residual),
         base=solution.base,
     )
 

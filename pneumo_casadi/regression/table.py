@@ -2,7 +2,7 @@
 
 import pandas as pd
 
-from pneumo_casadi.regression.wls import WLSResult
+from pneumo_casadi.regression.result import WLSResult
 
 PARAMETERS = "Parameters (ISO units)"
 

@@ -1,3 +1,5 @@
+import json
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -145,6 +147,20 @@ def test_the_table_is_the_papers(clean):
     text = format_table(clean, robust=True)
     assert "3.49e-009" in text and "1.69e+001" in text and "2σ (HAC)" in text
     assert "force: relative error" in text and "k_P = " in text
+
+
+def test_records_of_the_same_name_are_told_apart(made):
+    rec = made.smooth_record(2)
+    fit = fit_wls(made.Eq7(), [rec, rec], plan=PLAN)
+    assert set(fit.samples_dropped) == {"smooth2 (1)", "smooth2 (2)"}
+
+
+def test_the_result_goes_to_json_and_cannot_be_changed(clean):
+    found = json.loads(json.dumps(clean.as_dict()))
+    assert found["parameters"]["M"]["value"] == pytest.approx(16.9, rel=2e-3)
+    assert set(found["derived"]) == {"k_P", "k_N"}
+    with pytest.raises(ValueError, match="read-only"):
+        clean.estimate[0] = 0.0
 
 
 def test_no_record_is_refused(made):
