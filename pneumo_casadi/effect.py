@@ -1,0 +1,215 @@
+"""Effects: physics that the nominal axis leaves out, and the junctions where it can act.
+
+The model passes its running values along the physics::
+
+    command -> spool -> supply, outlet -> valve_flow -> line -> chamber_flow
+            -> chamber_energy -> force -> output
+
+(the force-driven axis: ``drive -> force -> output``). At each junction the value is folded
+through all effects in order. An effect overrides only the junctions it changes, declares its
+parameters and extra states, and never knows the model; the model never knows an effect by name.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, NamedTuple
+
+from pneumo_casadi.errors import ModelError
+from pneumo_casadi.parameters import Parameter
+
+#: A CasADi scalar expression (``casadi.SX`` or ``casadi.MX``), or a number.
+Expression = Any
+
+
+class Pair(NamedTuple):
+    """One value for each chamber."""
+
+    P: Expression
+    N: Expression
+
+
+class Supply(NamedTuple):
+    """Absolute pressures at the valves' ports [Pa]."""
+
+    p_supply: Expression
+    p_ext: Expression
+
+
+#: The junctions in the order of the physics, with what passes through each of them.
+JUNCTIONS: Mapping[str, str] = {
+    "command": "voltage sent to each valve [V] (Pair)",
+    "spool": "opening of each valve, as the voltage that holds it there [V] (Pair)",
+    "supply": "supply and exhaust pressure at the valves [Pa] (Supply)",
+    "outlet": "pressure that each valve works against [Pa] (Pair)",
+    "valve_flow": "mass flow through each valve, into the axis [kg/s] (Pair)",
+    "line": "mass flow that arrives at each chamber [kg/s] (Pair)",
+    "chamber_flow": "net mass flow into each chamber, leaks included [kg/s] (Pair)",
+    "chamber_energy": "mass flow that would raise the pressure alike, heat included [kg/s] (Pair)",
+    "drive": "force of the drive on the force-driven axis [N]",
+    "force": "sum of the forces on the moving mass, inertia excepted [N]",
+    "output": "what the sensors show: {'p_P': Pa, 'p_N': Pa, 'x': m}",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """An extra state of an effect.
+
+    Parameters
+    ----------
+    name : str
+        Unique within the effect.
+    unit : str
+        SI unit.
+    scale : float
+        Size by which an optimiser divides it.
+    """
+
+    name: str
+    unit: str
+    scale: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Scope:
+    """What an effect sees of the axis while the model is written down.
+
+    Parameters
+    ----------
+    x, v : Expression
+        Position from mid-stroke [m] and velocity [m/s].
+    p : Pair
+        Chamber pressures, absolute [Pa]; zeros on the force-driven axis.
+    direction : Expression
+        The smoothed sign of the velocity, between -1 and 1.
+    friction : Expression
+        Nominal friction force of eq. 4 [N], positive against motion in +x.
+    axis : mapping of str to Expression
+        The nominal parameters (``"X_s1"``, ``"M"``, ...) and, where the axis has chambers,
+        ``"S_P"``, ``"S_N"``, ``"p_ext"``, ``"p_supply"``, ``"T"``, ``"r"``, ``"stroke"``.
+    own : mapping of str to Expression
+        The effect's parameters and states, by their short names.
+
+    Examples
+    --------
+    Inside an effect, ``at["tau"]`` is its own parameter or state `tau`.
+    """
+
+    x: Expression
+    v: Expression
+    p: Pair
+    direction: Expression
+    friction: Expression
+    axis: Mapping[str, Expression]
+    own: Mapping[str, Expression] = field(default_factory=dict)
+
+    def __getitem__(self, name: str) -> Expression:
+        return self.own[name]
+
+
+class Effect:
+    """Base of all effects: it changes nothing.
+
+    Subclass it, give `name`, `parameters` and, where needed, `states`, and override the
+    junctions at which the effect acts. Each hook takes the value that arrives and returns the
+    one that goes on. At the parameters' null values the axis must be the nominal one.
+
+    Attributes
+    ----------
+    name : str
+        Name in the catalogue, in results and in parameter names (``"stribeck.delta_F"``).
+    parameters : tuple of Parameter
+        With unit, bounds, null value, description and source; short names.
+    states : tuple of State
+        Extra states; their rates come from `rates`, their start from `rest`.
+
+    Examples
+    --------
+    >>> class Drag(Effect):
+    ...     '''Quadratic drag, F = c v |v|.'''
+    ...
+    ...     name = "drag"
+    ...     parameters = (Parameter("c", 0.0, "N s2/m2", lower=0.0, scale=50.0, null=0.0),)
+    ...
+    ...     def force(self, F, at):
+    ...         return F - at["c"] * at.v * abs(at.v)
+    >>> Drag().junctions
+    ('force',)
+    """
+
+    name: ClassVar[str] = ""
+    parameters: ClassVar[tuple[Parameter, ...]] = ()
+    states: ClassVar[tuple[State, ...]] = ()
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        if not cls.name.isidentifier():
+            raise ModelError(f"effect {cls.__name__}: name {cls.name!r} must be an identifier")
+        names = [item.name for item in cls.parameters] + [item.name for item in cls.states]
+        if len(set(names)) < len(names):
+            raise ModelError(f"effect {cls.name}: parameters and states need different names")
+        without = [item.name for item in cls.parameters if item.null is None]
+        if without:
+            raise ModelError(f"effect {cls.name}: no null value for {', '.join(without)}")
+
+    @property
+    def junctions(self) -> tuple[str, ...]:
+        """Junctions that this effect overrides, in the order of the physics."""
+        own = type(self)
+        return tuple(j for j in JUNCTIONS if getattr(own, j) is not getattr(Effect, j))
+
+    def rest(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
+        """Return the states at which the effect is at rest, by short name; zeros by default."""
+        del entering, at
+        return {state.name: 0.0 for state in self.states}
+
+    def rates(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
+        """Return the time derivative of each state, by short name.
+
+        `entering` holds, per overridden junction, the value that arrived at this effect.
+        """
+        raise ModelError(f"effect {self.name} has states but no rates: override `rates`")
+
+    def command(self, u: Pair, at: Scope) -> Pair:
+        """Return the voltage sent to each valve [V]."""
+        return u
+
+    def spool(self, u: Pair, at: Scope) -> Pair:
+        """Return the opening of each valve, as the voltage that holds it there [V]."""
+        return u
+
+    def supply(self, ports: Supply, at: Scope) -> Supply:
+        """Return supply and exhaust pressure at the valves [Pa]."""
+        return ports
+
+    def outlet(self, p: Pair, at: Scope) -> Pair:
+        """Return the pressure that each valve works against [Pa]."""
+        return p
+
+    def valve_flow(self, q_m: Pair, at: Scope) -> Pair:
+        """Return the mass flow through each valve, into the axis [kg/s]."""
+        return q_m
+
+    def line(self, q_m: Pair, at: Scope) -> Pair:
+        """Return the mass flow that arrives at each chamber [kg/s]."""
+        return q_m
+
+    def chamber_flow(self, q_m: Pair, at: Scope) -> Pair:
+        """Return the net mass flow into each chamber, leaks included [kg/s]."""
+        return q_m
+
+    def chamber_energy(self, q_m: Pair, at: Scope) -> Pair:
+        """Return the mass flow that would raise the pressure alike, heat included [kg/s]."""
+        return q_m
+
+    def drive(self, F: Expression, at: Scope) -> Expression:
+        """Return the force of the drive on the force-driven axis [N]."""
+        return F
+
+    def force(self, F: Expression, at: Scope) -> Expression:
+        """Return the sum of the forces on the moving mass, inertia excepted [N]."""
+        return F
+
+    def output(self, y: Mapping[str, Expression], at: Scope) -> Mapping[str, Expression]:
+        """Return what the sensors show, by channel [Pa, m]."""
+        return y

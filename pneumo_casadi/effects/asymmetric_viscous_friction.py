@@ -1,0 +1,28 @@
+"""Asymmetric viscous friction: another slope in each direction of motion."""
+
+from pneumo_casadi.effect import Effect, Expression, Scope
+from pneumo_casadi.parameters import Parameter
+
+
+class AsymmetricViscousFriction(Effect):
+    """Viscous friction f_v + delta_f_v forward and f_v - delta_f_v backward.
+
+    F = delta_f_v v sign(v) (Janot, Gautier and Brunot 2019, eq. 12, as a difference).
+    """
+
+    name = "asymmetric_viscous_friction"
+    parameters = (
+        Parameter(
+            "delta_f_v",
+            0.0,
+            "N s/m",
+            scale=10.0,
+            null=0.0,
+            description="half the difference of the viscous coefficients, forward - backward",
+            source="Janot, Gautier, Brunot (2019), Workshop on Nonlinear System Identification",
+        ),
+    )
+
+    def force(self, F: Expression, at: Scope) -> Expression:
+        """Subtract the odd part of the viscous friction."""
+        return F - at["delta_f_v"] * at.v * at.direction

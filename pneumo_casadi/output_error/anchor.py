@@ -1,0 +1,66 @@
+"""The measured flow map as part of the estimation: it fixes the scale of all flows.
+
+Multiplying both flow polynomials and X_s1 ... X_s6 by one constant leaves every trajectory
+unchanged. Freed together they need an anchor, and the only honest one is the measured map.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from pneumo_casadi.flow import FlowMap
+from pneumo_casadi.parameters import FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Anchor:
+    """Residuals of the measured map, divided by its noise.
+
+    Parameters
+    ----------
+    residual : casadi.Function
+        ``c (n_c,) -> ((q_m(u, p; c) - q_m) / σ, its Jacobian)`` with one row a measured point.
+    names : tuple of str
+        The coefficients, in order.
+    """
+
+    residual: ca.Function
+    names: tuple[str, ...]
+
+    @property
+    def n(self) -> int:
+        """Number of measured points."""
+        return int(self.residual.size1_out(0))
+
+    def __call__(self, c: FloatArray) -> FloatArray:
+        """Return the residuals, shape (n,)."""
+        return np.asarray(self.residual(c)[0], dtype=float).ravel()
+
+    def jacobian(self, c: FloatArray) -> FloatArray:
+        """Return the derivatives of the residuals, shape (n, n_c)."""
+        return np.asarray(self.residual(c)[1], dtype=float)
+
+
+def anchor(table: FlowMap, flow: Any, sigma: float | None = None) -> Anchor:
+    """Anchor the coefficients of `flow` to the measured `table`.
+
+    Parameters
+    ----------
+    sigma : float, optional
+        Standard deviation of one measured flow [kg/s]; by default the residual of the map's
+        own fit, in which the map's noise and the form's misfit both count.
+    """
+    names: Sequence[str] = flow.parameters.names
+    symbol: Any = ca.MX if flow.symbol == "MX" else ca.SX
+    u, p, q, c = (symbol.sym(s, k) for s, k in (("u", 1), ("p", 1), ("q", 1), ("c", len(names))))
+    e = (flow.expression(u, p, c) - q) / (flow.sigma if sigma is None else sigma)
+    point = ca.Function("point", [u, p, q, c], [e, ca.densify(ca.jacobian(e, c))])
+    n = table.u.size
+    coefficients = ca.MX.sym("c", len(names))
+    rows = [ca.DM(np.asarray(a)).T for a in (table.u, table.p, table.q_m)]
+    e_all, J_all = point.map(n)(*rows, ca.repmat(coefficients, 1, n))
+    J = ca.reshape(J_all, len(names), n).T
+    return Anchor(ca.Function("map_residual", [coefficients], [e_all.T, J]), tuple(names))

@@ -1,0 +1,310 @@
+"""The output-error fit: from a start to parameters with intervals, stage by stage."""
+
+import logging
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from enum import Enum
+
+import numpy as np
+
+from pneumo_casadi.errors import FitError, ModelError
+from pneumo_casadi.flow import FlowMap
+from pneumo_casadi.integration import Stepping, block_functions, substeps_for
+from pneumo_casadi.output_error.anchor import anchor
+from pneumo_casadi.output_error.gauss_newton import (
+    SETTLED,
+    Solution,
+    residual_sigma,
+    solve_gauss_newton,
+)
+from pneumo_casadi.output_error.information import estimate
+from pneumo_casadi.output_error.ipopt import IpoptSolver
+from pneumo_casadi.output_error.problem import Problem, Unknowns
+from pneumo_casadi.output_error.result import (
+    MapPull,
+    OutputErrorResult,
+    Stage,
+    derived_quantities,
+)
+from pneumo_casadi.output_error.segments import cut
+from pneumo_casadi.parameters import FloatArray, Parameters
+from pneumo_casadi.recording import Recording
+from pneumo_casadi.servosystem import Axis
+from pneumo_casadi.statistics import noise_level
+
+logger = logging.getLogger(__name__)
+
+#: Called with what is being solved and the share of the work done so far.
+Progress = Callable[[str, float], None]
+
+#: Windows through which a fit is recovered are at most this long [s].
+RECOVERY_WINDOW = 0.5
+#: How often IPOPT solves again with a new estimate of the noise.
+REWEIGHTINGS = 5
+
+
+class Method(Enum):
+    """Who solves the output-error problem; both find the same optimum."""
+
+    GAUSS_NEWTON = "condensed Gauss-Newton"
+    IPOPT = "IPOPT with a Gauss-Newton Hessian"
+
+
+@dataclass(frozen=True, slots=True)
+class OutputErrorOptions:
+    """How an output-error problem is set up and solved.
+
+    Parameters
+    ----------
+    method : Method
+        Solver.
+    block : float
+        Length of a block [s]. Measurements and model are compared as means over a block, the
+        same samples on both sides, so that no sample is lost and none is shifted; a block
+        should be short against the fastest motion of interest.
+    window : float, optional
+        Longest stretch with one initial state [s]; None for the whole record.
+    widths : tuple of float
+        Widths of the smoothed sign of the velocity, from first to last [m/s]. The last one
+        decides the bias: sticking that creeps looks like viscous friction.
+    reweight : bool
+        Estimate the noise of each output from its residuals in the last stage. Under misfit
+        this keeps the trajectories from overruling the flow map.
+    max_iterations : int
+        In each stage.
+    """
+
+    method: Method = Method.GAUSS_NEWTON
+    block: float = 2e-3
+    window: float | None = None
+    widths: tuple[float, ...] = (1e-4,)
+    reweight: bool = True
+    max_iterations: int = 60
+
+
+def fit_output_error(
+    axis: Axis,
+    records: Sequence[Recording],
+    flow_map: FlowMap | None = None,
+    options: OutputErrorOptions | None = None,
+    progress: Progress | None = None,
+) -> OutputErrorResult:
+    """Fit all free parameters of an axis by multiple shooting.
+
+    Minimises ½ Σ ((y - ȳ)/σ)² over parameters and initial states, subject to the axis'
+    equations, together with the residuals of the measured flow map where its coefficients are
+    free.
+
+    Parameters
+    ----------
+    axis : Axis
+        Its parameters are the start (from WLS, say) and tell what is free.
+    records : sequence of Recording
+        Fitted together; each has its own initial state.
+    flow_map : FlowMap, optional
+        Measured map; needed where flow coefficients are free.
+    options : OutputErrorOptions, optional
+        Solver, blocks, windows, widths.
+    progress : callable, optional
+        Called as ``progress(text, share)``.
+
+    Returns
+    -------
+    OutputErrorResult
+
+    Raises
+    ------
+    ModelError
+        If flow coefficients and X_s are free without a measured map (their common scale
+        changes no trajectory), or nothing is free.
+    FitError
+        If a stage does not converge; ``.partial`` holds the result as far as it got.
+    """
+    options = options or OutputErrorOptions()
+    report = progress or (lambda text, share: None)
+    stages: list[Stage] = []
+    parameters = axis.parameters
+    ladder = _ladder(options)
+    for i, rung in enumerate(ladder):
+        share = i / len(ladder)
+        report(f"{rung.name}: writing and compiling", share)
+        problem = write_problem(axis.with_parameters(parameters), records, flow_map, rung.options)
+        report(rung.name, share + 0.5 / len(ladder))
+        began = time.perf_counter()
+        solution = _solve(problem, rung.options, _first_sigma(axis, records), rung.refine)
+        result = _result(problem, solution, stages, rung, time.perf_counter() - began)
+        stages = list(result.stages)
+        logger.info(
+            "%s: %s, %d iterations, cost %.6g",
+            rung.name,
+            solution.status,
+            solution.iterations,
+            result.cost,
+        )
+        if solution.status == "converged":
+            parameters = result.parameters
+            if rung.last:
+                report("done", 1.0)
+                return result
+    raise FitError(
+        f"output error: {solution.status} in stage {rung.name!r} after {solution.iterations} "
+        "iterations, also from windows and wider friction; start nearer to the data, fix weakly "
+        "informed parameters, or look at the windowed fit in `.partial`",
+        result,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Rung:
+    """One stage: its options and whether its solution is the answer."""
+
+    name: str
+    options: OutputErrorOptions
+    refine: bool
+    last: bool
+
+
+def _ladder(options: OutputErrorOptions) -> tuple[_Rung, ...]:
+    """Return the stages in order: as asked for first, and a gentler way for when that fails.
+
+    The gentler way goes through short windows, in which no trajectory can drift away, from wide
+    friction to narrow, and from there to the horizon asked for.
+    """
+    horizon = "whole record" if options.window is None else f"windows of {options.window:g} s"
+
+    def rungs(window: float | None, widths: Sequence[float], where: str) -> list[_Rung]:
+        return [
+            _Rung(
+                f"{where}, friction width {width * 1e3:g} mm/s",
+                replace(options, window=window, widths=(width,)),
+                refine=options.reweight and window == options.window,
+                last=window == options.window and width == options.widths[-1],
+            )
+            for width in widths
+        ]
+
+    direct = rungs(options.window, options.widths, horizon)
+    short = min(RECOVERY_WINDOW, options.window or np.inf) / 2
+    gentle = rungs(short, (10 * options.widths[-1], options.widths[-1]), f"windows of {short:g} s")
+    return (*direct, *gentle, *rungs(options.window, options.widths[-1:], f"{horizon}, again"))
+
+
+def write_problem(
+    axis: Axis,
+    records: Sequence[Recording],
+    flow_map: FlowMap | None,
+    options: OutputErrorOptions,
+) -> Problem:
+    """Check that the problem is well posed and write it down."""
+    if not records:
+        raise ModelError("no record to fit")
+    parameters = axis.parameters
+    if not parameters.free_names:
+        raise ModelError("no parameter is free: release some with `Parameters.release`")
+    _refuse_free_gauge(axis, parameters, flow_map)
+    clocks = {(round(1 / record.dt, 6), record.hold) for record in records}
+    if len(clocks) > 1:
+        raise ModelError(f"records differ in sampling frequency or input hold: {sorted(clocks)}")
+    dt, hold = records[0].dt, records[0].hold
+    narrow = axis.with_parameters({"v_s": min(options.widths)})
+    n = max(1, round(options.block / dt))
+    blocks = block_functions(
+        axis, Stepping(dt, hold, substeps_for(narrow, dt)), n, parameters.free_names
+    )
+    coefficients = axis.flow.parameters.names if axis.flow is not None else ()
+    anchored = flow_map is not None and set(coefficients) & set(parameters.free_names)
+    return Problem(
+        axis,
+        parameters,
+        cut(axis, records, parameters, n, options.window),
+        blocks,
+        anchor(flow_map, axis.flow) if anchored and flow_map is not None else None,
+    )
+
+
+def _refuse_free_gauge(axis: Axis, parameters: Parameters, flow_map: FlowMap | None) -> None:
+    if axis.flow is None or flow_map is not None:
+        return
+    coefficients = set(axis.flow.parameters.names)
+    chambers = {f"X_s{i}" for i in range(1, 7)}
+    free = set(parameters.free_names)
+    if free >= coefficients and free & chambers:
+        raise ModelError(
+            "flow coefficients and X_s1 ... X_s6 are free together without a measured flow map: "
+            "multiplying them all by one constant changes no trajectory. Give `flow_map`, or fix "
+            "the coefficients with `parameters.fix(*axis.flow.parameters.names)`"
+        )
+
+
+def _first_sigma(axis: Axis, records: Sequence[Recording]) -> FloatArray:
+    """Noise of each output: as the bench states it, otherwise from the records."""
+    noise = axis.bench.noise
+    found = []
+    for channel in axis.outputs:
+        stated = getattr(noise, channel[0], None) if noise is not None else None
+        estimated = max(noise_level(record[channel]) for record in records)
+        found.append(stated or estimated or float(np.ptp(records[0][channel])) * 1e-6)
+    return np.array(found)
+
+
+def _solve(
+    problem: Problem, options: OutputErrorOptions, sigma: FloatArray, reweight: bool
+) -> Solution:
+    """Solve one problem at the width of the stage."""
+    point = problem.start()
+    point.theta[problem.parameters.index("v_s")] = options.widths[-1]
+    if options.method is Method.GAUSS_NEWTON:
+        return solve_gauss_newton(problem, point, sigma, reweight, options.max_iterations)
+    ipopt = IpoptSolver(problem, options.max_iterations)
+    solution = ipopt.solve(point, sigma)
+    iterations = solution.iterations
+    for _ in range(REWEIGHTINGS if reweight else 0):
+        new = residual_sigma(problem, solution.point.m)
+        settled = bool(np.all(np.abs(new / sigma - 1) < SETTLED))
+        if settled or solution.status != "converged":
+            break
+        sigma = new
+        solution = ipopt.solve(solution.point, sigma)
+        iterations += solution.iterations
+    return Solution(solution.point, sigma, solution.status, iterations)
+
+
+def _result(
+    problem: Problem, solution: Solution, before: Sequence[Stage], rung: _Rung, seconds: float
+) -> OutputErrorResult:
+    point, sigma = solution.point, solution.sigma
+    cost = problem.cost(point, sigma)
+    width = rung.options.widths[-1]
+    stage = Stage(rung.name, width, cost, solution.iterations, solution.status, seconds)
+    axis = problem.axis.with_parameters(problem.parameters.with_values(point.theta))
+    found = estimate(problem, point, sigma)
+    K = [segment.K for segment in problem.segments]
+    first = np.cumsum([0, *(k + 1 for k in K[:-1])])
+    return OutputErrorResult(
+        axis,
+        solution.status,
+        cost,
+        sigma,
+        np.sqrt(np.mean(problem.residuals(point) ** 2, axis=1)),
+        found,
+        derived_quantities(axis, found),
+        (*before, stage),
+        problem.segments,
+        tuple(np.split(point.m, np.cumsum(K)[:-1], axis=1)),
+        tuple(point.x[:, i] for i in first),
+        _map_pull(problem, point),
+    )
+
+
+def _map_pull(problem: Problem, point: Unknowns) -> MapPull | None:
+    if problem.anchor is None:
+        return None
+    residual = problem.anchor_residuals(point.theta)
+    own = problem.anchor_residuals(problem.parameters.values)
+    zero = point.theta.copy()
+    zero[[problem.parameters.index(name) for name in problem.anchor.names]] = 0.0
+    measured = -problem.anchor_residuals(zero)
+    fitted = residual + measured
+    scale = float(fitted @ measured / (measured @ measured))
+    return MapPull(float(np.sqrt(np.sum(residual**2) / np.sum(own**2))), scale)

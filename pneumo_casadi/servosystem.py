@@ -1,0 +1,378 @@
+"""The axis as CasADi functions: parameters, right-hand side, outputs, regressor."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from pneumo_casadi.balances import Balances, write_balances
+from pneumo_casadi.effect import JUNCTIONS, Effect, Expression
+from pneumo_casadi.errors import ModelError
+from pneumo_casadi.parameters import FloatArray, Parameter, Parameters
+from pneumo_casadi.recording import Bench, ForceBench
+
+#: Junctions of an axis with chambers, and of one driven by a force.
+PNEUMATIC = frozenset(JUNCTIONS) - {"drive"}
+FORCE_DRIVEN = frozenset({"drive", "force", "output"})
+
+#: Width of the smoothed sign of the velocity at which a model starts [m/s].
+V_S = 1e-3
+#: Width that makes tanh the sign function for every velocity that a sensor can tell from zero.
+V_S_SHARP = 1e-12
+
+_SCALES = {"p_P": 1e5, "p_N": 1e5, "x": 0.1, "v": 0.5}
+_UNITS = {"p_P": "Pa", "p_N": "Pa", "x": "m", "v": "m/s", "u_P": "V", "u_N": "V", "F": "N"}
+
+
+@dataclass(frozen=True, eq=False)
+class Axis:
+    """An axis with its effects, ready to be simulated and fitted.
+
+    Use `Servosystem` or `ForceAxis` to make one.
+
+    Parameters
+    ----------
+    bench : Bench or ForceBench
+        Geometry and constants.
+    flow : flow model or None
+        Static map of the two identical valves; None leaves the chambers out.
+    effects : tuple of Effect
+        Folded in this order at each junction.
+    parameters : Parameters
+        Nominal parameters (eq. 9), the friction width ``v_s``, the coefficients of the flow map
+        and those of the effects as ``"effect.name"``.
+    """
+
+    bench: Bench | ForceBench
+    flow: Any
+    effects: tuple[Effect, ...]
+    parameters: Parameters
+
+    def __post_init__(self) -> None:
+        names = [effect.name for effect in self.effects]
+        if len(set(names)) < len(names):
+            raise ModelError(f"an effect is named twice: {', '.join(names)}")
+        allowed = PNEUMATIC if self.flow is not None else FORCE_DRIVEN
+        for effect in self.effects:
+            missing = [j for j in effect.junctions if j not in allowed]
+            if missing:
+                kind = "a servo axis" if self.flow is not None else "a force-driven axis"
+                raise ModelError(
+                    f"effect {effect.name} acts at {', '.join(missing)}, which {kind} has not"
+                )
+
+    def __getstate__(self) -> dict[str, Any]:
+        kept = ("bench", "flow", "effects", "parameters")
+        return {name: self.__dict__[name] for name in kept}
+
+    def with_effects(self, *effects: Effect) -> "Axis":
+        """Return the axis with further effects, at their null values."""
+        added = Parameters(item for effect in effects for item in _effect_parameters(effect))
+        return replace(self, effects=(*self.effects, *effects), parameters=self.parameters + added)
+
+    def with_parameters(self, parameters: Parameters | Mapping[str, float]) -> "Axis":
+        """Return the axis with other parameter values, bounds or freedom (matched by name)."""
+        if not isinstance(parameters, Parameters):
+            return replace(self, parameters=self.parameters.with_values(parameters))
+        new = {item.name: item for item in parameters}
+        return replace(
+            self, parameters=Parameters(new.get(item.name, item) for item in self.parameters)
+        )
+
+    @property
+    def motion_states(self) -> tuple[str, ...]:
+        """States of the nominal axis."""
+        return ("p_P", "p_N", "x", "v") if self.flow is not None else ("x", "v")
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """All states, those of the effects last as ``"effect.state"``."""
+        extra = (f"{e.name}.{state.name}" for e in self.effects for state in e.states)
+        return (*self.motion_states, *extra)
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Input channels."""
+        return ("u_P", "u_N") if self.flow is not None else ("F",)
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Measured channels."""
+        return ("p_P", "p_N", "x") if self.flow is not None else ("x",)
+
+    @property
+    def equations(self) -> tuple[str, ...]:
+        """Balances in residual form, in order."""
+        chambers = ("mass_flow_P", "mass_flow_N") if self.flow is not None else ()
+        return (*chambers, "force")
+
+    @property
+    def state_scales(self) -> FloatArray:
+        """Sizes by which an optimiser divides the states, shape (nx,)."""
+        extra = [state.scale for effect in self.effects for state in effect.states]
+        return np.array([*(_SCALES[name] for name in self.motion_states), *extra])
+
+    def unit(self, channel: str) -> str:
+        """Return the unit of a state, input or output of the nominal axis."""
+        return _UNITS[channel]
+
+    @property
+    def symbol(self) -> Any:
+        """CasADi type in which the model can be written: SX unless the flow map needs MX."""
+        return ca.MX if getattr(self.flow, "symbol", "SX") == "MX" else ca.SX
+
+    def balances(
+        self,
+        x: Expression,
+        dx: Expression,
+        u: Expression,
+        theta: Mapping[str, Expression],
+        at_rest: bool = False,
+    ) -> Balances:
+        """Write the balances for vectors of states (nx,), derivatives (nx,) and inputs (nu,).
+
+        With `at_rest`, `x` and `dx` hold the nominal states only and the effects' own states
+        take the values at which they are at rest.
+        """
+        names = self.motion_states if at_rest else self.states
+        states = {name: x[i] for i, name in enumerate(names)}
+        rates = {name: dx[i] for i, name in enumerate(names)}
+        u_by_name = {name: u[i] for i, name in enumerate(self.inputs)}
+
+        def write(known: Mapping[str, Expression]) -> Balances:
+            return write_balances(
+                known, rates, u_by_name, theta, self.constants, self.effects, self.flow
+            )
+
+        if not at_rest or self.states == self.motion_states:
+            return write(states)
+        # A state at rest may hang on one further up the chain (a lag behind a delay), so the
+        # rest values are settled by as many passes as there are effects.
+        settled = {name: 0.0 for name in self.states if name not in states}
+        for _ in self.effects:
+            settled = dict(write(states | settled).rest)
+        return write(states | settled)
+
+    @property
+    def constants(self) -> dict[str, float]:
+        """Geometry, pressures and gas of the bench, as far as the axis has them [SI]."""
+        if isinstance(self.bench, ForceBench):
+            return {} if self.bench.stroke is None else {"stroke": self.bench.stroke}
+        names = ("S_P", "S_N", "p_ext", "p_supply", "T", "r", "stroke")
+        return {name: getattr(self.bench, name) for name in names}
+
+    def _symbols(self) -> tuple[Expression, Expression, Expression]:
+        sym = self.symbol.sym
+        return (
+            sym("x", len(self.states)),
+            sym("u", len(self.inputs)),
+            sym("theta", len(self.parameters)),
+        )
+
+    def _named(self, theta: Expression) -> dict[str, Expression]:
+        return {name: theta[i] for i, name in enumerate(self.parameters.names)}
+
+    @cached_property
+    def rhs(self) -> ca.Function:
+        """ẋ = f(x, u, θ): the balances solved for the derivatives, (nx,), (nu,), (n,) → (nx,)."""
+        x, u, theta = self._symbols()
+        dx = self.symbol.sym("dx", len(self.states))
+        written = self.balances(x, dx, u, self._named(theta))
+        position = self.states.index("v")
+        rates = {"x": x[position], **written.rates}
+        solved_for = dict(zip(self.equations, [*self.outputs[:-1], "v"], strict=True))
+        for equation, state in solved_for.items():
+            r = written.residual[equation]
+            derivative = dx[self.states.index(state)]
+            # Each balance holds one derivative, linearly: r = r|₀ - inertia · derivative.
+            inertia = -ca.jacobian(r, derivative)
+            rates[state] = ca.substitute(r, dx, ca.DM.zeros(dx.shape)) / inertia
+        f = ca.vertcat(*(rates[name] for name in self.states))
+        if ca.depends_on(f, dx):
+            raise ModelError("an effect couples the derivatives of several states; solve it there")
+        return ca.Function("rhs", [x, u, theta], [f], ["x", "u", "theta"], ["dx"])
+
+    @cached_property
+    def output(self) -> ca.Function:
+        """Y = h(x, u, θ): what the sensors show, (nx,), (nu,), (n,) → (ny,)."""
+        x, u, theta = self._symbols()
+        written = self.balances(x, self.symbol(x.shape[0], 1), u, self._named(theta))
+        y = ca.vertcat(*(written.output[name] for name in self.outputs))
+        return ca.Function("output", [x, u, theta], [y], ["x", "u", "theta"], ["y"])
+
+    @cached_property
+    def valve_flow(self) -> ca.Function:
+        """q_m = (q_mP, q_mN) through the valves [kg/s], (nx,), (nu,), (n,) → (2,)."""
+        x, u, theta = self._symbols()
+        written = self.balances(x, self.symbol(x.shape[0], 1), u, self._named(theta))
+        q_m = ca.vertcat(*written.q_m)
+        return ca.Function("valve_flow", [x, u, theta], [q_m], ["x", "u", "theta"], ["q_m"])
+
+    @cached_property
+    def rest(self) -> ca.Function:
+        """States with those of the effects at rest: (n motion states,), (nu,), (n,) → (nx,)."""
+        _, u, theta = self._symbols()
+        x = self.symbol.sym("x", len(self.motion_states))
+        written = self.balances(x, self.symbol(x.shape[0], 1), u, self._named(theta), at_rest=True)
+        full = ca.vertcat(x, *(written.rest[name] for name in self.states[x.shape[0] :]))
+        return ca.Function("rest", [x, u, theta], [full], ["x", "u", "theta"], ["x_full"])
+
+    def regressor(
+        self, names: Sequence[str] | None = None, parameters: Parameters | None = None
+    ) -> ca.Function:
+        """Derive the regressor of eq. 7 from the balances.
+
+        Parameters
+        ----------
+        names : sequence of str, optional
+            Parameters to be estimated; by default `regressor_names`.
+        parameters : Parameters, optional
+            Values of all others; by default the axis' own.
+
+        Returns
+        -------
+        casadi.Function
+            ``(x, dx, u) -> (Y, W)`` with the nominal states (``motion_states``), Y of shape
+            (ne,) and W of shape (ne, len(names)), such that the balances read Y = W θ.
+            The effects' own states are at rest: a regressor knows no lag.
+
+        Raises
+        ------
+        ModelError
+            If the balances are not linear in one of the names.
+
+        Examples
+        --------
+        >>> from pneumo_casadi.recording import ForceBench
+        >>> axis = ForceAxis(ForceBench(sampling_frequency=1e3, stroke=0.5))
+        >>> Y, W = axis.regressor()([0.0, 0.2], [0.2, 3.0], [50.0])
+        >>> float(Y), W.full().tolist()
+        (50.0, [[3.0, 0.2, 1.0, 0.0]])
+        """
+        chosen = tuple(names) if names is not None else self.regressor_names
+        sym = self.symbol.sym
+        x, dx = (sym(name, len(self.motion_states)) for name in ("x", "dx"))
+        u = sym("u", len(self.inputs))
+        theta = sym("theta", len(chosen))
+        values = (parameters or self.parameters).as_dict() | {"v_s": V_S_SHARP}
+        named: dict[str, Expression] = {**values, **{n: theta[i] for i, n in enumerate(chosen)}}
+        written = self.balances(x, dx, u, named, at_rest=True)
+        r = ca.vertcat(*(written.residual[name] for name in self.equations))
+        W = -ca.jacobian(r, theta)
+        nonlinear = [n for i, n in enumerate(chosen) if ca.depends_on(W, theta[i])]
+        if nonlinear:
+            raise ModelError(
+                f"the balances are not linear in {', '.join(nonlinear)}: "
+                "leave them out of the regression, or fix them"
+            )
+        Y = ca.substitute(r, theta, ca.DM.zeros(len(chosen)))
+        return ca.Function(
+            "regressor", [x, dx, u], [Y, ca.densify(W)], ["x", "dx", "u"], ["Y", "W"]
+        )
+
+    @property
+    def regressor_names(self) -> tuple[str, ...]:
+        """Free parameters that enter the balances linearly, those of the flow map excepted."""
+        flow = set(self.flow.parameters.names) if self.flow is not None else set()
+        candidates = [n for n in self.parameters.free_names if n not in flow and n != "v_s"]
+        return tuple(n for n in candidates if self._enters_linearly(n, candidates))
+
+    def _enters_linearly(self, name: str, candidates: Sequence[str]) -> bool:
+        if "." not in name:
+            return True
+        effect = next(e for e in self.effects if e.name == name.split(".")[0])
+        if effect.states:
+            return False
+        x, u, theta = self._symbols()
+        dx = self.symbol.sym("dx", len(self.states))
+        written = self.balances(x, dx, u, self._named(theta))
+        r = ca.vertcat(*written.residual.values())
+        column = ca.jacobian(r, theta[self.parameters.index(name)])
+        others = [theta[self.parameters.index(n)] for n in candidates]
+        seen = [
+            n for n, symbol in zip(candidates, others, strict=True) if ca.depends_on(column, symbol)
+        ]
+        # A shape parameter inside the column (v_stribeck) is held fixed at its value instead.
+        return all(n != name and n.split(".")[0] == name.split(".")[0] for n in seen)
+
+
+def Servosystem(bench: Bench, flow: Any, effects: Iterable[Effect] = ()) -> Axis:
+    """Make the two-valve pneumatic axis of eq. 1-4.
+
+    Parameters
+    ----------
+    bench : Bench
+        Geometry, pressures and gas.
+    flow : flow model
+        Static map of the valves, for example from ``fit_polynomials``.
+    effects : iterable of Effect, optional
+        Physics to add to the nominal axis, at null values.
+
+    Returns
+    -------
+    Axis
+        With starting values from the geometry (k = 1.2, a tenth of the stroke as dead length)
+        and bounds a factor of twenty to each side of them.
+    """
+    nominal = Parameters([*_chamber_parameters(bench), *_motion_parameters(bench)])
+    axis = Axis(bench, flow, (), nominal + flow.parameters)
+    return axis.with_effects(*effects)
+
+
+def ForceAxis(bench: ForceBench, effects: Iterable[Effect] = ()) -> Axis:
+    """Make the axis driven by a known force: the motion balance alone.
+
+    A symmetric Coulomb friction F_c with an offset F_0 is F_c_plus = F_c + F_0 and
+    F_c_minus = F_c - F_0.
+    """
+    return Axis(bench, None, (), Parameters(_motion_parameters(bench))).with_effects(*effects)
+
+
+def _chamber_parameters(bench: Bench) -> list[Parameter]:
+    rT = bench.r * bench.T
+    length = 1.1 * bench.stroke / 2
+    found = []
+    for chamber, S, first in (("P", bench.S_P, 1), ("N", bench.S_N, 4)):
+        guesses = (S * length / (1.2 * rT), S / (1.2 * rT), S / rT)
+        rT_k = f"(k_{chamber} r T)"
+        texts = (f"V_{chamber}(0)/{rT_k}", f"S_{chamber}/{rT_k}", f"S_{chamber}/(r T)")
+        units = ("kg/Pa", "kg/(Pa m)", "kg/(Pa m)")
+        for offset, (guess, text, unit) in enumerate(zip(guesses, texts, units, strict=True)):
+            found.append(
+                Parameter(
+                    f"X_s{first + offset}",
+                    guess,
+                    unit,
+                    lower=guess / 20,
+                    upper=guess * 20,
+                    description=text,
+                    source="eq. 10" if chamber == "P" else "eq. 11",
+                )
+            )
+    return found
+
+
+def _motion_parameters(bench: Bench | ForceBench) -> list[Parameter]:
+    M = bench.datasheet.get("M_kg", 10.0)
+    return [
+        Parameter("M", M, "kg", lower=M / 100, upper=M * 100, description="moving mass"),
+        Parameter("f_v", 20.0, "N s/m", lower=0.0, description="viscous friction", source="eq. 4"),
+        Parameter("F_c_plus", 15.0, "N", description="Coulomb friction forward", source="eq. 4"),
+        Parameter("F_c_minus", 15.0, "N", description="Coulomb friction backward", source="eq. 4"),
+        Parameter(
+            "v_s",
+            V_S,
+            "m/s",
+            lower=V_S_SHARP,
+            upper=1.0,
+            free=False,
+            description="width of the smoothed sign of the velocity, tanh(ẋ/v_s)",
+        ),
+    ]
+
+
+def _effect_parameters(effect: Effect) -> list[Parameter]:
+    return [replace(item, name=f"{effect.name}.{item.name}") for item in effect.parameters]

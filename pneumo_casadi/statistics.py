@@ -1,0 +1,180 @@
+"""Covariance, intervals and what can be said of a parameter at all."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from pneumo_casadi.parameters import FloatArray
+
+#: Smallest eigenvalue of the scaled information, relative to the largest, that counts.
+RANK_TOLERANCE = 1e-13
+#: Share of a parameter in the uninformed directions from which it is called unidentifiable.
+LOADING = 1e-3
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """Covariance of estimated parameters, infinite where the data hold nothing.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Parameters, in order.
+    covariance : (n, n) array
+        In SI units; zero rows for parameters at a bound, infinite variance for parameters
+        without information.
+    at_bound : tuple of str
+        Parameters held by a bound; their interval is one-sided and not given here.
+    uninformed : tuple of str
+        Parameters in a direction about which the data say nothing.
+    combinations : tuple of str
+        Those directions, written out.
+    """
+
+    names: tuple[str, ...]
+    covariance: FloatArray
+    at_bound: tuple[str, ...] = ()
+    uninformed: tuple[str, ...] = ()
+    combinations: tuple[str, ...] = ()
+
+    @property
+    def std(self) -> FloatArray:
+        """Standard deviations, shape (n,)."""
+        found: FloatArray = np.sqrt(np.diag(self.covariance))
+        return found
+
+    @property
+    def correlation(self) -> FloatArray:
+        """Correlation matrix, shape (n, n); zero where a variance is zero or infinite."""
+        std = self.std
+        usable = np.isfinite(std) & (std > 0)
+        found = np.eye(std.size)
+        inside = np.ix_(usable, usable)
+        found[inside] = self.covariance[inside] / np.outer(std[usable], std[usable])
+        return found
+
+
+def invert_information(
+    information: FloatArray,
+    scales: FloatArray,
+    names: Sequence[str],
+    at_bound: Sequence[str] = (),
+) -> Estimate:
+    """Turn information on scaled parameters into a covariance in SI units.
+
+    Parameters
+    ----------
+    information : (n, n) array
+        JᵀJ in parameters divided by their scales.
+    scales : (n,) array
+        SI value of one scaled unit.
+    names : sequence of str
+        Parameters, in order.
+    at_bound : sequence of str
+        Parameters held by a bound; left out of the inversion.
+
+    Returns
+    -------
+    Estimate
+
+    Examples
+    --------
+    >>> invert_information(np.diag([4.0, 0.0]), np.ones(2), ["M", "f_v"]).std
+    array([0.5, inf])
+    """
+    n = len(names)
+    inside = [i for i in range(n) if names[i] not in at_bound]
+    H = information[np.ix_(inside, inside)]
+    # Columns are equilibrated first, so that rank does not hang on units or scales.
+    size = np.sqrt(np.diag(H))
+    known = size > 0
+    size = np.where(known, size, 1.0)
+    values, vectors = np.linalg.eigh(H / np.outer(size, size))
+    weak = values <= RANK_TOLERANCE * max(float(values.max(initial=0.0)), 1e-300)
+    inverse = (vectors[:, ~weak] / values[~weak]) @ vectors[:, ~weak].T
+    unit = scales[inside] / size
+    covariance = inverse * np.outer(unit, unit)
+    lost = (np.abs(vectors[:, weak]).max(axis=1, initial=0.0) > LOADING) | ~known
+    covariance[lost, :] = covariance[:, lost] = 0.0
+    covariance[lost, lost] = np.inf
+    full = np.zeros((n, n))
+    full[np.ix_(inside, inside)] = covariance
+    chosen = [names[i] for i in inside]
+    return Estimate(
+        tuple(names),
+        full,
+        tuple(at_bound),
+        tuple(name for name, gone in zip(chosen, lost, strict=True) if gone),
+        tuple(_direction(vectors[:, j] * unit, chosen) for j in np.flatnonzero(weak)),
+    )
+
+
+def _direction(vector: FloatArray, names: Sequence[str]) -> str:
+    """Write a direction in parameter space with its three largest relative parts."""
+    order = np.argsort(-np.abs(vector / np.abs(vector).max()))
+    parts = [f"{vector[i]:+.3g} {names[i]}" for i in order[:3] if vector[i] != 0]
+    more = " ..." if np.count_nonzero(np.abs(vector) > LOADING * np.abs(vector).max()) > 3 else ""
+    return " ".join(parts) + more
+
+
+def interval_factor(level: float = 0.95, dof: float = np.inf) -> float:
+    """Return the factor between a standard deviation and half an interval at `level`."""
+    quantile = 0.5 + level / 2
+    half: float = stats.norm.ppf(quantile) if np.isinf(dof) else stats.t.ppf(quantile, dof)
+    return float(half)
+
+
+def ratio(
+    values: Mapping[str, float], estimate: Estimate, numerator: str, denominator: str
+) -> tuple[float, float]:
+    """Return a ratio of two parameters and its standard deviation by the delta method.
+
+    Parameters
+    ----------
+    values : mapping of str to float
+        Parameter values.
+    estimate : Estimate
+        Their covariance; a parameter that it does not know counts as exactly known.
+
+    Returns
+    -------
+    tuple of float
+        Value and standard deviation; the latter infinite where a part is uninformed.
+    """
+    a, b = values[numerator], values[denominator]
+    gradient = np.zeros(len(estimate.names))
+    for name, slope in ((numerator, 1 / b), (denominator, -a / b**2)):
+        if name in estimate.names:
+            gradient[estimate.names.index(name)] += slope
+    return a / b, delta_std(gradient, estimate.covariance)
+
+
+def delta_std(gradient: FloatArray, covariance: FloatArray) -> float:
+    """Return the standard deviation of a scalar with this gradient (delta method)."""
+    used = gradient != 0
+    if not np.isfinite(np.diag(covariance)[used]).all():
+        return float("inf")
+    part = covariance[np.ix_(used, used)]
+    return float(np.sqrt(max(0.0, gradient[used] @ part @ gradient[used])))
+
+
+def noise_level(signal: FloatArray) -> float:
+    """Return the standard deviation of white noise on a smooth signal.
+
+    The second difference of a smooth signal sampled fast is small, that of white noise is √6
+    times the noise; the median makes steps and strokes of the signal harmless.
+    """
+    second = np.diff(signal, 2)
+    robust = 1.4826 * float(np.median(np.abs(second - np.median(second))))
+    return robust / np.sqrt(6.0)
+
+
+def autocorrelation(residual: FloatArray, lags: int) -> FloatArray:
+    """Return the autocorrelation at lags 0 ... `lags`, shape (lags + 1,), biased estimate."""
+    e = residual - residual.mean()
+    spectrum = np.fft.rfft(e, 2 * e.size)
+    found = np.fft.irfft(np.abs(spectrum) ** 2)[: lags + 1]
+    scaled: FloatArray = found / found[0]
+    return scaled
