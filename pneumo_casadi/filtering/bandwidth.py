@@ -10,6 +10,8 @@ from pneumo_casadi.errors import ModelError
 SEGMENT = 4.0
 #: A spectral line counts when it stands this far above the noise of the position sensor.
 ABOVE_NOISE = 3.0
+#: So many lines of noise in a row end the spectrum of the motion.
+QUIET = 8
 #: An axis whose positions span less than this many standard deviations of noise is at rest.
 REST = 20.0
 
@@ -83,6 +85,11 @@ def power_bandwidth(x: ArrayLike, sampling_frequency: float, share: float = 0.99
     sigma = white_noise_std(position)
     noise = sigma**2 * difference**2 * 2 / sampling_frequency
     motion = np.where(power > ABOVE_NOISE * noise, power - noise, 0.0)
+    # Of thousands of lines some stand above the noise by chance, and the difference makes them
+    # large: the motion ends where several lines in a row are nothing but noise.
+    quiet = np.convolve(motion == 0.0, np.ones(QUIET), mode="valid") == QUIET
+    quiet[: np.argmax(motion) + 1] = False
+    motion[np.argmax(quiet) if quiet.any() else motion.size :] = 0.0
     if np.ptp(position) < REST * sigma or not np.any(motion > 0):
         raise ModelError(
             "no motion above the noise of the position sensor: give the bandwidth f_dyn yourself"
