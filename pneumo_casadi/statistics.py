@@ -2,11 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy import stats
 
 from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.recording import Recording
 
 #: Smallest eigenvalue of the scaled information, relative to the largest, that counts.
 RANK_TOLERANCE = 1e-13
@@ -122,8 +124,9 @@ def _direction(vector: FloatArray, names: Sequence[str]) -> str:
 def interval_factor(level: float = 0.95, dof: float = np.inf) -> float:
     """Return the factor between a standard deviation and half an interval at `level`."""
     quantile = 0.5 + level / 2
-    half: float = stats.norm.ppf(quantile) if np.isinf(dof) else stats.t.ppf(quantile, dof)
-    return float(half)
+    if np.isinf(dof):
+        return float(stats.norm.ppf(quantile))
+    return float(stats.t(dof).ppf(quantile))
 
 
 def ratio(
@@ -169,6 +172,31 @@ def noise_level(signal: FloatArray) -> float:
     second = np.diff(signal, 2)
     robust = 1.4826 * float(np.median(np.abs(second - np.median(second))))
     return robust / np.sqrt(6.0)
+
+
+def stated_or_estimated_noise(bench: Any, records: Sequence[Recording], channel: str) -> float:
+    """Return the noise of a channel: as the bench states it, otherwise from the records.
+
+    Parameters
+    ----------
+    bench : Bench or ForceBench
+        Its ``noise`` may be None.
+    records : sequence of Recording
+        The noisiest one counts.
+    channel : str
+        ``"p_P"``, ``"p_N"`` or ``"x"``.
+
+    Returns
+    -------
+    float
+        Standard deviation of one sample; never zero, because a channel without any noise still
+        has the rounding of its file.
+    """
+    stated = getattr(bench.noise, channel[0], None) if bench.noise is not None else None
+    if stated:
+        return float(stated)
+    estimated = max(noise_level(record[channel]) for record in records)
+    return estimated or 1e-6 * float(np.ptp(records[0][channel])) or 1e-12
 
 
 def autocorrelation(residual: FloatArray, lags: int) -> FloatArray:

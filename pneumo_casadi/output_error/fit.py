@@ -31,7 +31,7 @@ from pneumo_casadi.output_error.segments import cut
 from pneumo_casadi.parameters import FloatArray, Parameters
 from pneumo_casadi.recording import Recording
 from pneumo_casadi.servosystem import Axis
-from pneumo_casadi.statistics import noise_level
+from pneumo_casadi.statistics import stated_or_estimated_noise
 
 logger = logging.getLogger(__name__)
 
@@ -123,6 +123,7 @@ def fit_output_error(
     """
     options = options or OutputErrorOptions()
     report = progress or (lambda text, share: None)
+    sigma = np.array([stated_or_estimated_noise(axis.bench, records, c) for c in axis.outputs])
     stages: list[Stage] = []
     parameters = axis.parameters
     ladder = _ladder(options)
@@ -132,7 +133,7 @@ def fit_output_error(
         problem = write_problem(axis.with_parameters(parameters), records, flow_map, rung.options)
         report(rung.name, share + 0.5 / len(ladder))
         began = time.perf_counter()
-        solution = _solve(problem, rung.options, _first_sigma(axis, records), rung.refine)
+        solution = _solve(problem, rung.options, sigma, rung.refine)
         result = _result(problem, solution, stages, rung, time.perf_counter() - began)
         stages = list(result.stages)
         logger.info(
@@ -235,17 +236,6 @@ def _refuse_free_gauge(axis: Axis, parameters: Parameters, flow_map: FlowMap | N
             "multiplying them all by one constant changes no trajectory. Give `flow_map`, or fix "
             "the coefficients with `parameters.fix(*axis.flow.parameters.names)`"
         )
-
-
-def _first_sigma(axis: Axis, records: Sequence[Recording]) -> FloatArray:
-    """Noise of each output: as the bench states it, otherwise from the records."""
-    noise = axis.bench.noise
-    found = []
-    for channel in axis.outputs:
-        stated = getattr(noise, channel[0], None) if noise is not None else None
-        estimated = max(noise_level(record[channel]) for record in records)
-        found.append(stated or estimated or float(np.ptp(records[0][channel])) * 1e-6)
-    return np.array(found)
 
 
 def _solve(

@@ -203,7 +203,7 @@ def solve_gauss_newton(
             if np.any(np.abs(new / sigma - 1) > SETTLED):
                 sigma, sizes, penalty, damped = new, [], 0.0, False
                 continue
-        if step.size < tolerance * np.sqrt(step.theta.size) and closed < CLOSED:
+        if step.size <= tolerance * np.sqrt(step.theta.size) and closed < CLOSED:
             return Solution(_with_outputs(point, at.m), sigma, "converged", iteration)
     return Solution(_with_outputs(point, at.m), sigma, "iterations exhausted", max_iterations)
 
@@ -334,6 +334,8 @@ def _moved(problem: Problem, point: Unknowns, step: Step, share: float) -> Unkno
 
 def _bounded_step(problem: Problem, H: FloatArray, g: FloatArray, point: Unknowns) -> FloatArray:
     """Minimise ½ δᵀHδ - gᵀδ within the parameters' bounds and the trust box."""
+    if g.size == 0:
+        return g
     mask, scale = problem.parameters.free_mask, problem.free_scales
     here = point.theta[mask]
     lower = np.maximum((problem.parameters.lower[mask] - here) / scale, -TRUST)

@@ -1,0 +1,187 @@
+"""Validation: how far simulation and measurement part on data that no fit has seen."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneumo_casadi.errors import ModelError
+from pneumo_casadi.integration import held_inputs
+from pneumo_casadi.output_error.initial_states import estimate_initial_states
+from pneumo_casadi.recording import Recording
+from pneumo_casadi.servosystem import Axis
+from pneumo_casadi.simulation import (
+    Trajectory,
+    outputs_of,
+    roll_out,
+    simulate,
+    simulate_closed_loop,
+    stepping_for,
+)
+from pneumo_casadi.statistics import stated_or_estimated_noise
+
+#: Called with what is being done and the share of the work done so far.
+Progress = Callable[[str, float], None]
+
+#: Samples of a record that a trajectory is compared with.
+Rows = slice | NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True)
+class Error:
+    """Size of a difference between simulation and measurement.
+
+    Parameters
+    ----------
+    unit : str
+        Unit of `rms`.
+    rms : float
+        Root mean square of measured minus simulated samples, measurement noise included.
+    percent : float
+        The same in per cent of the signal's standard deviation.
+    noise_percent : float
+        What a perfect model would leave: the sensor's noise, in per cent of the same.
+    """
+
+    unit: str
+    rms: float
+    percent: float
+    noise_percent: float
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """One validation record beside its simulations."""
+
+    record: Recording
+    open_loop: Trajectory
+    closed_loop: Trajectory | None
+
+
+@dataclass(frozen=True, eq=False)
+class Validation:
+    """Errors of an axis on held-out records.
+
+    Parameters
+    ----------
+    open_loop : dict of str to Error
+        Inputs as measured over the whole record, initial state estimated; by output.
+    closed_loop : dict of str to Error, or None
+        Under the recorded controller, from the same initial state, inputs included; None where
+        the bench names no controller or the records no reference.
+    windows : dict of float to dict of str to Error
+        Open loop over windows of so many seconds, each with an estimated initial state.
+    runs : tuple of Run
+        The trajectories.
+    """
+
+    open_loop: Mapping[str, Error]
+    closed_loop: Mapping[str, Error] | None
+    windows: Mapping[float, Mapping[str, Error]]
+    runs: tuple[Run, ...]
+
+
+def validate(
+    axis: Axis,
+    records: Sequence[Recording],
+    windows: Sequence[float] = (0.1, 0.5, 2.0),
+    progress: Progress | None = None,
+) -> Validation:
+    """Compare simulations of an axis with records.
+
+    Parameters
+    ----------
+    axis : Axis
+        With estimated parameters; none of them is changed here.
+    records : sequence of Recording
+        Records that were not used in the fit, for an honest figure.
+    windows : sequence of float
+        Lengths of the windows [s]; those longer than a record are left out.
+    progress : callable, optional
+        Called as ``progress(text, share)``.
+
+    Returns
+    -------
+    Validation
+        Errors are measured at every sample; samples after the last whole window are left out.
+
+    Raises
+    ------
+    ModelError
+        If there is no record, or a simulation leaves the finite numbers.
+    FitError
+        If the initial states cannot be estimated.
+    """
+    if not records:
+        raise ModelError("validation: no record; a fit is not validated on its own data")
+    report = progress or (lambda text, share: None)
+    runs = []
+    for i, record in enumerate(records):
+        report(f"free run of {record.name}", i / (len(records) + 1))
+        runs.append(_run(axis, record))
+    lengths = [w for w in windows if w <= min(record.duration for record in records)]
+    errors = {}
+    for i, window in enumerate(lengths):
+        report(f"windows of {window:g} s", (len(records) + i / len(lengths)) / (len(records) + 1))
+        errors[window] = _window_errors(axis, records, window)
+    report("done", 1.0)
+    whole = slice(None)
+    open_loop = [(run.record, whole, run.open_loop) for run in runs]
+    closed = [(run.record, whole, run.closed_loop) for run in runs if run.closed_loop is not None]
+    return Validation(
+        _errors(axis, axis.outputs, open_loop),
+        _errors(axis, (*axis.outputs, *axis.inputs), closed) if closed else None,
+        errors,
+        tuple(runs),
+    )
+
+
+def _run(axis: Axis, record: Recording) -> Run:
+    ((_, x_0),) = estimate_initial_states(axis, record)
+    open_loop = simulate(axis, record.stack(axis.inputs), record.dt, x_0, record.hold)
+    closed_loop = None
+    if axis.bench.controller is not None and "x_ref" in record:
+        closed_loop = simulate_closed_loop(axis, record["x_ref"], record.dt, x_0)
+    return Run(record, open_loop, closed_loop)
+
+
+def _window_errors(axis: Axis, records: Sequence[Recording], window: float) -> dict[str, Error]:
+    """Roll out whole windows of all records from their estimated states."""
+    pairs: list[tuple[Recording, Rows, Trajectory]] = []
+    for record in records:
+        L = round(window / record.dt)
+        found = estimate_initial_states(axis, record, window)
+        starts = [(first, x_0) for first, x_0 in found if first + L < record.N]
+        w = held_inputs(record.stack(axis.inputs), record.hold)
+        stretches = np.stack([w[:, first : first + L] for first, _ in starts])
+        x_0 = np.stack([x for _, x in starts], axis=1)
+        stepping = stepping_for(axis, record.dt, record.hold)
+        x = roll_out(axis, stepping, stretches, x_0)[:, :, :L]
+        joined = np.hstack(list(x))
+        u = np.hstack(list(stretches))[: len(axis.inputs)]
+        rows = np.concatenate([np.arange(first, first + L) for first, _ in starts])
+        y = outputs_of(axis, joined, u)
+        names = (axis.states, joined, axis.outputs, y, axis.inputs, u)
+        pairs.append((record, rows, Trajectory(record["t"][rows], *names)))
+    return _errors(axis, axis.outputs, pairs)
+
+
+def _errors(
+    axis: Axis,
+    channels: Sequence[str],
+    pairs: Sequence[tuple[Recording, Rows, Trajectory]],
+) -> dict[str, Error]:
+    found = {}
+    records = [record for record, _, _ in pairs]
+    for channel in channels:
+        e = np.concatenate([record[channel][rows] - run[channel] for record, rows, run in pairs])
+        signal = np.concatenate([r[channel] - r[channel].mean() for r in records])
+        size = float(np.std(signal))
+        rms = float(np.sqrt(np.mean(e**2)))
+        noise = 0.0
+        if channel in axis.outputs:
+            noise = stated_or_estimated_noise(axis.bench, records, channel)
+        share = 100 / size if size > 0 else np.inf
+        found[channel] = Error(axis.unit(channel), rms, rms * share, noise * share)
+    return found
