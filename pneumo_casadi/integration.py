@@ -12,6 +12,11 @@ from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.recording import InputHold
 from pneumo_casadi.servosystem import Axis
 
+#: Threads among which blocks and stretches are shared.
+THREADS = 2
+#: Steps that run inside CasADi at a time.
+CHUNK = 250
+
 
 @dataclass(frozen=True, slots=True)
 class Stepping:
@@ -157,3 +162,58 @@ def _sample_functions(
         "sample_sensitivity", [*common, S, dS], [x_next, total + y, along(x_next), dS + along(y)]
     )
     return plain, full
+
+
+def accumulate(
+    f: ca.Function, x_0: FloatArray, streams: Sequence[FloatArray], theta: FloatArray
+) -> tuple[FloatArray, ...]:
+    """Apply a step over and over, many stretches side by side.
+
+    Parameters
+    ----------
+    f : casadi.Function
+        ``(x, stream_1, ..., θ) -> (x_next, output_1, ...)`` of one step.
+    x_0 : (nx, B) array
+        Initial states of B stretches.
+    streams : sequence of (B, r, N) array
+        What each step is given, r rows a step.
+    theta : (n,) array
+        Parameters, the same in every step.
+
+    Returns
+    -------
+    tuple of (B, rows, N) array
+        All outputs of all steps.
+
+    Notes
+    -----
+    Steps run in chunks of `CHUNK` inside CasADi. One chain over a whole record would take longer
+    to build than to run.
+    """
+    B, _, N = streams[0].shape
+    parts: list[list[FloatArray]] = [[] for _ in range(f.n_out())]
+    x = x_0
+    chunks: dict[int, ca.Function] = {}
+    for first in range(0, N, CHUNK):
+        n = min(CHUNK, N - first)
+        if n not in chunks:
+            chunks[n] = _chunk(f, n, len(streams), theta, B)
+        given = [np.hstack(list(stream[:, :, first : first + n])) for stream in streams]
+        found = chunks[n].call([x, *given])
+        for part, value in zip(parts, found, strict=True):
+            array = np.asarray(value.full(), dtype=float)
+            part.append(array.reshape(len(array), B, n).transpose(1, 0, 2))
+        x = parts[0][-1][:, :, -1].T
+    return tuple(np.concatenate(part, axis=2) for part in parts)
+
+
+def _chunk(f: ca.Function, n: int, streams: int, theta: FloatArray, B: int) -> ca.Function:
+    x = ca.MX.sym("x", f.size1_in(0))
+    given = [ca.MX.sym(f"s{i}", f.size1_in(1 + i), n) for i in range(streams)]
+    chain = f.mapaccum("chain", n)
+    found = chain.call([x, *given, ca.repmat(ca.DM(theta), 1, n)])
+    chunk = ca.Function("chunk", [x, *given], found)
+    if B == 1:
+        return chunk
+    side_by_side: ca.Function = chunk.map(B, "thread", THREADS)
+    return side_by_side

@@ -9,7 +9,13 @@ from numpy.typing import ArrayLike
 
 from pneumo_casadi.compilation import compiled
 from pneumo_casadi.errors import ModelError
-from pneumo_casadi.integration import Stepping, held_inputs, step_function, substeps_for
+from pneumo_casadi.integration import (
+    Stepping,
+    accumulate,
+    held_inputs,
+    step_function,
+    substeps_for,
+)
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.recording import InputHold, NestedController, ProportionalController
 from pneumo_casadi.servosystem import Axis
@@ -73,17 +79,8 @@ def roll_out(axis: Axis, stepping: Stepping, w: FloatArray, x_0: FloatArray) -> 
     (B, nx, L + 1) array
         States at all sampling instants, the initial ones included.
     """
-    B, nw, L = w.shape
     (step,) = compiled([step_function(axis, stepping)])
-    theta = axis.parameters.values
-    x = ca.MX.sym("x", x_0.shape[0])
-    inputs = ca.MX.sym("w", nw, L)
-    # One call a stretch: the loop over samples runs inside CasADi, the stretches in two threads.
-    chain = step.mapaccum("chain", L)(x, inputs, ca.repmat(ca.DM(theta), 1, L))
-    stretch = ca.Function("stretch", [x, inputs], [chain])
-    f = stretch.map(B, "thread", 2) if B > 1 else stretch
-    found = np.asarray(f(x_0, np.hstack(list(w))), dtype=float)
-    after = found.reshape(x_0.shape[0], B, L).transpose(1, 0, 2)
+    (after,) = accumulate(step, x_0, [w], axis.parameters.values)
     return np.concatenate([x_0.T[:, :, None], after], axis=2)
 
 
@@ -182,10 +179,9 @@ def simulate_closed_loop(
     start = full_state(axis, x_0, np.zeros(nu))
     x_position = start[axis.states.index("x")]
     state = np.concatenate([start, np.full(law.size1_in(0), x_position)])
-    chain = step.mapaccum("loop", N)
-    theta = np.tile(axis.parameters.values[:, None], (1, N))
-    _, x, u = (np.asarray(a) for a in chain(state, reference[None], added.T, theta))
-    return _trajectory(axis, dt, x, u)
+    streams = [reference[None, None], added.T[None]]
+    _, x, u = accumulate(step, state[:, None], streams, axis.parameters.values)
+    return _trajectory(axis, dt, x[0], u[0])
 
 
 def control_law(controller: Controller, dt: float) -> ca.Function:

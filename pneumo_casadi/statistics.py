@@ -124,9 +124,8 @@ def _direction(vector: FloatArray, names: Sequence[str]) -> str:
 def interval_factor(level: float = 0.95, dof: float = np.inf) -> float:
     """Return the factor between a standard deviation and half an interval at `level`."""
     quantile = 0.5 + level / 2
-    if np.isinf(dof):
-        return float(stats.norm.ppf(quantile))
-    return float(stats.t(dof).ppf(quantile))
+    distribution: Any = stats.norm() if np.isinf(dof) else stats.t(dof)
+    return float(distribution.ppf(quantile))
 
 
 def ratio(

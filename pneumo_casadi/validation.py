@@ -24,6 +24,8 @@ from pneumo_casadi.statistics import stated_or_estimated_noise
 #: Called with what is being done and the share of the work done so far.
 Progress = Callable[[str, float], None]
 
+#: The initial state of a free run is estimated from so much of its beginning [s].
+START = 2.0
 #: Samples of a record that a trajectory is compared with.
 Rows = slice | NDArray[np.int64]
 
@@ -66,7 +68,8 @@ class Validation:
     Parameters
     ----------
     open_loop : dict of str to Error
-        Inputs as measured over the whole record, initial state estimated; by output.
+        Inputs as measured over the whole record, initial state estimated from the first 2 s; by
+        output.
     closed_loop : dict of str to Error, or None
         Under the recorded controller, from the same initial state, inputs included; None where
         the bench names no controller or the records no reference.
@@ -138,7 +141,9 @@ def validate(
 
 
 def _run(axis: Axis, record: Recording) -> Run:
-    ((_, x_0),) = estimate_initial_states(axis, record)
+    # Estimated from the beginning only, so that everything after it is a prediction.
+    start = record.window(0.0, min(START, record.duration))
+    ((_, x_0),) = estimate_initial_states(axis, start)
     open_loop = simulate(axis, record.stack(axis.inputs), record.dt, x_0, record.hold)
     closed_loop = None
     if axis.bench.controller is not None and "x_ref" in record:

@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 
 from pneumo_casadi.errors import FitError
-from pneumo_casadi.integration import Stepping, block_functions, substeps_for
+from pneumo_casadi.integration import Stepping, accumulate, block_functions, substeps_for
 from pneumo_casadi.output_error.gauss_newton import linearise, scaled_normal_equations
 from pneumo_casadi.output_error.problem import Problem, Unknowns
 from pneumo_casadi.output_error.segments import cut
@@ -16,9 +16,9 @@ from pneumo_casadi.statistics import stated_or_estimated_noise
 #: Length of the blocks whose mean outputs are compared [s].
 BLOCK = 2e-3
 #: Damped Gauss-Newton iterations; a window that sticks needs a dozen.
-ITERATIONS = 25
+ITERATIONS = 15
 #: Relative decrease of a window's cost below which it has settled.
-SETTLED = 1e-6
+SETTLED = 1e-4
 #: Damping to begin with, and the factors by which it falls and grows.
 DAMPING, FALL, GROW = 1e-3, 0.2, 10.0
 
@@ -52,9 +52,8 @@ def estimate_initial_states(
     """
     problem = _problem(axis, record, window)
     sigma = np.array([stated_or_estimated_noise(axis.bench, [record], c) for c in axis.outputs])
-    roll = _roller(problem)
     x_0 = np.stack([segment.x[:, 0] for segment in problem.segments], axis=1)
-    nodes, cost = _costs(problem, roll, x_0, sigma)
+    nodes, cost = _costs(problem, x_0, sigma)
     if not np.isfinite(cost).all():
         start = problem.segments[int(np.argmin(np.isfinite(cost)))].first * record.dt
         raise FitError(f"{record.name}: no simulation from the measured state at t = {start:g} s")
@@ -62,7 +61,7 @@ def estimate_initial_states(
     active = np.ones(cost.size, dtype=bool)
     for _ in range(ITERATIONS):
         step = _damped_steps(problem, nodes, sigma, damping)
-        trial, new = _costs(problem, roll, x_0 + np.where(active, step, 0.0), sigma)
+        trial, new = _costs(problem, x_0 + np.where(active, step, 0.0), sigma)
         better = new < cost
         small = better & (cost - new < SETTLED * cost)
         x_0 = np.where(better, x_0 + step, x_0)
@@ -84,28 +83,26 @@ def _problem(axis: Axis, record: Recording, window: float | None) -> Problem:
     return Problem(axis, axis.parameters.fix(), whole, blocks, None)
 
 
-def _roller(problem: Problem) -> ca.Function:
-    """Return all windows side by side: (x_0, w) → (states at the ends of blocks, outputs)."""
-    K, B = problem.segments[0].K, len(problem.segments)
-    value, theta = problem.blocks.value, problem.parameters.values
-    x = ca.MX.sym("x", value.size1_in(0))
-    w = ca.MX.sym("w", value.size1_in(1), problem.blocks.n * K)
-    chain = value.mapaccum("chain", K)(x, w, ca.repmat(ca.DM(theta), 1, K))
-    window = ca.Function("window", [x, w], chain)
-    return window.map(B, "thread", 2) if B > 1 else window
-
-
-def _costs(
-    problem: Problem, roll: ca.Function, x_0: FloatArray, sigma: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def _costs(problem: Problem, x_0: FloatArray, sigma: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return nodes (B, nx, K + 1) and the cost of each window (B,); infinite where not finite."""
-    B, ny = x_0.shape[1], len(problem.axis.outputs)
-    ends, m = (np.asarray(a, dtype=float) for a in roll(x_0, problem.w))
-    ends = ends.reshape(len(x_0), B, -1).transpose(1, 0, 2)
-    e = ((problem.y - m) / sigma[:, None]).reshape(ny, B, -1)
-    cost = 0.5 * problem.blocks.n * np.sum(e**2, axis=(0, 2))
-    nodes = np.concatenate([x_0.T[:, :, None], ends], axis=2)
+    B, n = x_0.shape[1], problem.blocks.n
+    # One block's inputs are one step of the chain: (nw, n) flattened column by column.
+    w = np.stack([s.w.T.reshape(s.K, -1).T for s in problem.segments])
+    ends, m = accumulate(_flat(problem), x_0, [w], problem.parameters.values)
+    y = np.stack([segment.y for segment in problem.segments])
+    cost = 0.5 * n * np.sum(((y - m) / sigma[:, None]) ** 2, axis=(1, 2))
+    nodes = np.concatenate([x_0.T[:, :, None], ends], axis=2).reshape(B, len(x_0), -1)
     return nodes, np.where(np.isfinite(cost), cost, np.inf)
+
+
+def _flat(problem: Problem) -> ca.Function:
+    """Return a block whose inputs are one column, as a chain of steps wants them."""
+    value = problem.blocks.value
+    nx, (nw, n) = value.size1_in(0), value.size_in(1)
+    x, w = ca.MX.sym("x", nx), ca.MX.sym("w", nw * n)
+    theta = ca.MX.sym("theta", value.size1_in(2))
+    ends, m = value(x, ca.reshape(w, nw, n), theta)
+    return ca.Function("flat", [x, w, theta], [ends, m])
 
 
 def _damped_steps(

@@ -148,7 +148,7 @@ def program(problem: Problem) -> Program:
     starts = problem.starts
     w = ca.DM(problem.w)
 
-    value = blocks.value.map(K, "thread", 2)
+    value, _ = problem.mapped
     ends, y = value(x[:, starts.tolist()], w, theta)
     row_scale = np.concatenate([axis.state_scales, problem.output_scales])
     defect = ca.vertcat(ends - x[:, (starts + 1).tolist()], y - m) / ca.DM(row_scale)
@@ -196,7 +196,8 @@ def _constraint_jacobian(
     nx, ny, n_free = len(problem.axis.states), len(problem.axis.outputs), len(problem.free)
     K, rows = problem.n_blocks, nx + ny
     size = scales(problem)
-    _, _, dx, dy = problem.blocks.sensitivity.map(K, "thread", 2)(starts_x, w, theta)
+    _, sensitivity = problem.mapped
+    _, _, dx, dy = sensitivity(starts_x, w, theta)
     source = ca.vertcat(ca.vec(dx), ca.vec(dy), -1)
 
     block, i, j = (a.ravel() for a in np.mgrid[:K, :rows, : nx + n_free])

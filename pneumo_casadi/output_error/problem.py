@@ -5,10 +5,12 @@ x_{k+1} = F(x_k, w_k, θ). The model's mean outputs over a block are m_k = H(x_k
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
+import casadi as ca
 import numpy as np
 
-from pneumo_casadi.integration import BlockFunctions
+from pneumo_casadi.integration import THREADS, BlockFunctions
 from pneumo_casadi.output_error.anchor import Anchor
 from pneumo_casadi.output_error.segments import Segment
 from pneumo_casadi.parameters import FloatArray, Parameters
@@ -73,7 +75,14 @@ class Problem:
         """Nodes over all segments."""
         return self.n_blocks + len(self.segments)
 
-    @property
+    @cached_property
+    def mapped(self) -> tuple[ca.Function, ca.Function]:
+        """Value and sensitivity of all blocks side by side, in two threads."""
+        K, both = self.n_blocks, (self.blocks.value, self.blocks.sensitivity)
+        value, sensitivity = (f.map(K, "thread", THREADS) if K > 1 else f for f in both)
+        return value, sensitivity
+
+    @cached_property
     def starts(self) -> FloatArray:
         """Node index at which each block starts, shape (n_blocks,)."""
         found, node = [], 0
@@ -82,12 +91,12 @@ class Problem:
             node += segment.K + 1
         return np.concatenate(found)
 
-    @property
+    @cached_property
     def y(self) -> FloatArray:
         """Measured mean outputs, shape (ny, n_blocks)."""
         return np.hstack([segment.y for segment in self.segments])
 
-    @property
+    @cached_property
     def w(self) -> FloatArray:
         """Inputs of all samples, shape (nw, n_blocks n)."""
         return np.hstack([segment.w for segment in self.segments])
@@ -128,8 +137,7 @@ class Problem:
 
 def values(problem: Problem, point: Unknowns) -> tuple[FloatArray, FloatArray]:
     """Return ends (nx, K) and mean outputs (ny, K) of all blocks."""
-    K = problem.n_blocks
-    f = problem.blocks.value.map(K, "thread", 2) if K > 1 else problem.blocks.value
+    f, _ = problem.mapped
     starts = np.asarray(point.x[:, problem.starts])
     ends, y = (np.asarray(a) for a in f(starts, problem.w, point.theta[:, None]))
     return ends, y
@@ -144,7 +152,7 @@ def sensitivities(
     """
     K, nx, ny = problem.n_blocks, len(problem.axis.states), len(problem.axis.outputs)
     n = nx + len(problem.free)
-    f = problem.blocks.sensitivity.map(K, "thread", 2) if K > 1 else problem.blocks.sensitivity
+    _, f = problem.mapped
     starts = np.asarray(point.x[:, problem.starts])
     ends, y, dx, dy = (np.asarray(a) for a in f(starts, problem.w, point.theta[:, None]))
     return (
