@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
+from pneumo_casadi.filtering import white_noise_std
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.recording import Recording
 
@@ -162,17 +163,6 @@ def delta_std(gradient: FloatArray, covariance: FloatArray) -> float:
     return float(np.sqrt(max(0.0, gradient[used] @ part @ gradient[used])))
 
 
-def noise_level(signal: FloatArray) -> float:
-    """Return the standard deviation of white noise on a smooth signal.
-
-    The second difference of a smooth signal sampled fast is small, that of white noise is √6
-    times the noise; the median makes steps and strokes of the signal harmless.
-    """
-    second = np.diff(signal, 2)
-    robust = 1.4826 * float(np.median(np.abs(second - np.median(second))))
-    return robust / np.sqrt(6.0)
-
-
 def stated_or_estimated_noise(bench: Any, records: Sequence[Recording], channel: str) -> float:
     """Return the noise of a channel: as the bench states it, otherwise from the records.
 
@@ -194,7 +184,7 @@ def stated_or_estimated_noise(bench: Any, records: Sequence[Recording], channel:
     stated = getattr(bench.noise, channel[0], None) if bench.noise is not None else None
     if stated:
         return float(stated)
-    estimated = max(noise_level(record[channel]) for record in records)
+    estimated = max(white_noise_std(record[channel]) for record in records)
     return estimated or 1e-6 * float(np.ptp(records[0][channel])) or 1e-12
 
 
