@@ -234,7 +234,7 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=1000, help="number of replicates")
     parser.add_argument("--quick", action="store_true", help="four replicates, to see it run")
     arguments = parser.parse_args()
-    one_seed(-1)  # compiles what all processes then load
+    one_seed(0)  # compiles what all processes then load
     with ProcessPoolExecutor(max_workers=os.cpu_count()) as executor:
         result = run(range(4 if arguments.quick else arguments.seeds), executor)
     versions = {"pneumo_casadi": __version__, "casadi": casadi.__version__}

@@ -17,7 +17,7 @@ from pneumo_casadi.integration import (
     substeps_for,
 )
 from pneumo_casadi.parameters import FloatArray
-from pneumo_casadi.recording import InputHold, NestedController, ProportionalController
+from pneumo_casadi.recording import InputHold, NestedController, ProportionalController, Recording
 from pneumo_casadi.servosystem import Axis
 
 Controller = ProportionalController | NestedController
@@ -182,6 +182,11 @@ def simulate_closed_loop(
     streams = [reference[None, None], added.T[None]]
     _, x, u = accumulate(step, state[:, None], streams, axis.parameters.values)
     return _trajectory(axis, dt, x[0], u[0])
+
+
+def disturbance_of(record: Recording) -> FloatArray | None:
+    """Return what a record says was added to the controller's output [N], or None."""
+    return record["F_pulse"] if "F_pulse" in record else None  # noqa: SIM401 - not a mapping
 
 
 def control_law(controller: Controller, dt: float) -> ca.Function:

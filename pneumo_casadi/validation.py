@@ -9,10 +9,12 @@ from numpy.typing import NDArray
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.integration import held_inputs
 from pneumo_casadi.output_error.initial_states import estimate_initial_states
+from pneumo_casadi.output_error.segments import measured_states
 from pneumo_casadi.recording import Recording
 from pneumo_casadi.servosystem import Axis
 from pneumo_casadi.simulation import (
     Trajectory,
+    disturbance_of,
     outputs_of,
     roll_out,
     simulate,
@@ -71,7 +73,8 @@ class Validation:
         Inputs as measured over the whole record, initial state estimated from the first 2 s; by
         output.
     closed_loop : dict of str to Error, or None
-        Under the recorded controller, from the same initial state, inputs included; None where
+        Under the recorded controller, from the measured initial state, inputs included, with a
+        recorded disturbance ``F_pulse`` added to what the controller sets; None where
         the bench names no controller or the records no reference.
     windows : dict of float to dict of str to Error
         Open loop over windows of so many seconds, each with an estimated initial state.
@@ -142,12 +145,15 @@ def validate(
 
 def _run(axis: Axis, record: Recording) -> Run:
     # Estimated from the beginning only, so that everything after it is a prediction.
-    start = record.window(0.0, min(START, record.duration))
+    start = record.window(record.t[0], record.t[0] + min(START, record.duration))
     ((_, x_0),) = estimate_initial_states(axis, start)
     open_loop = simulate(axis, record.stack(axis.inputs), record.dt, x_0, record.hold)
     closed_loop = None
     if axis.bench.controller is not None and "x_ref" in record:
-        closed_loop = simulate_closed_loop(axis, record["x_ref"], record.dt, x_0)
+        measured = measured_states(axis, record, axis.parameters)[:, 0]
+        closed_loop = simulate_closed_loop(
+            axis, record["x_ref"], record.dt, measured, disturbance=disturbance_of(record)
+        )
     return Run(record, open_loop, closed_loop)
 
 

@@ -198,14 +198,23 @@ def solve_gauss_newton(
         point = trial
         at = linearise(problem, point)
         closed = float(np.max(np.abs(at.defects) / problem.axis.state_scales))
-        if reweight and step.size < ROUGHLY * np.sqrt(step.theta.size):
+        # In standard deviations that count the misfit: with σ far below the residuals, a step
+        # of many nominal deviations may still change nothing that the data could tell.
+        size = step.size / _misfit(problem, at, sigma) / np.sqrt(max(1, step.theta.size))
+        if reweight and size < ROUGHLY:
             new = residual_sigma(problem, at.m)
             if np.any(np.abs(new / sigma - 1) > SETTLED):
                 sigma, sizes, penalty, damped = new, [], 0.0, False
                 continue
-        if step.size <= tolerance * np.sqrt(step.theta.size) and closed < CLOSED:
+        if size <= tolerance and closed < CLOSED:
             return Solution(_with_outputs(point, at.m), sigma, "converged", iteration)
     return Solution(_with_outputs(point, at.m), sigma, "iterations exhausted", max_iterations)
+
+
+def _misfit(problem: Problem, at: Linearised, sigma: FloatArray) -> float:
+    """Return the root mean square of the residuals over σ, at least one."""
+    e = (problem.y - at.m) / sigma[:, None]
+    return float(np.sqrt(max(1.0, problem.blocks.n * float(np.mean(e**2)))))
 
 
 def _stopped_shrinking(sizes: list[float]) -> bool:

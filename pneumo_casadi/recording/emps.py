@@ -30,8 +30,10 @@ def load_emps(folder: str | Path) -> Case:
     """Load the EMPS benchmark as a case of a force-driven axis.
 
     Channels: ``x`` (qm) and ``x_ref`` (qg) [m], ``F`` = gtau · vir [N]; the pulse record also
-    has ``F_pulse`` (pulses_N) [N]. ``F_pulse`` is there to look at and must not be added to
-    ``F``: the controller output already answers the pulses.
+    has ``F_pulse`` = gtau · pulses_N [N]. ``F`` is the sum of controller and pulses already: a
+    closed-loop simulation adds ``F_pulse`` to what its controller sets, an open-loop one does
+    not. (The authors' description gives newtons for vir and pulses_N; both are volts: with
+    gtau · pulses_N added the simulated position is forty times nearer to the measured one.)
 
     Parameters
     ----------
@@ -64,7 +66,8 @@ def load_emps(folder: str | Path) -> Case:
         "vir": Column("F", scale=constants["gain"]),
     }
     identify = _read(folder / IDENTIFY, columns)
-    validate = _read(folder / VALIDATE, columns | {"pulses_N": Column("F_pulse")})
+    pulses = {"pulses_N": Column("F_pulse", scale=constants["gain"])}
+    validate = _read(folder / VALIDATE, columns | pulses)
     notes = (*check_recording(identify, bench), *check_recording(validate, bench))
     return Case(folder, bench, (identify,), (validate,), None, notes)
 
