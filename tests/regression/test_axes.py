@@ -106,15 +106,16 @@ def test_emps_is_reproduced_with_the_authors_recipe(emps, benchmark):
 
 @pytest.mark.data
 def test_the_simulated_loop_errs_no_more_than_the_authors(emps, benchmark):
+    axis = ForceAxis(emps.bench)
     fit = fit_wls(
-        ForceAxis(emps.bench),
+        axis,
         emps.identify,
         plan=benchmark.PLAN,
         stick=Stick.KEEP,
         pairing=InputPairing.SAMPLE,
     )
     for name, record in (("identification", emps.identify[0]), ("pulses", emps.validate[0])):
-        ours = benchmark.closed_loop_errors(fit, record, emps.bench.controller, delay=0)
+        ours = benchmark.closed_loop_errors(axis, fit, record)
         for signal, percent in benchmark.AUTHORS["closed_loop"][name].items():
             assert ours[signal] < percent
 
