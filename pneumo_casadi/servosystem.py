@@ -82,6 +82,16 @@ class Axis:
             self, parameters=Parameters(new.get(item.name, item) for item in self.parameters)
         )
 
+    def started_at(self, parameters: Parameters) -> "Axis":
+        """Return the axis with values from another estimate, moved into this axis' bounds.
+
+        Weighted least squares knows no bounds; output error must start within them.
+        """
+        known = [item.name for item in parameters if item.name in self.parameters]
+        mine = self.parameters.select(known)
+        inside = np.clip(parameters.select(known).values, mine.lower, mine.upper)
+        return self.with_parameters(dict(zip(known, inside.tolist(), strict=True)))
+
     @property
     def motion_states(self) -> tuple[str, ...]:
         """States of the nominal axis."""
@@ -183,13 +193,12 @@ class Axis:
         written = self.balances(x, dx, u, self._named(theta))
         position = self.states.index("v")
         rates = {"x": x[position], **written.rates}
-        solved_for = dict(zip(self.equations, [*self.outputs[:-1], "v"], strict=True))
-        for equation, state in solved_for.items():
-            r = written.residual[equation]
-            derivative = dx[self.states.index(state)]
+        r = ca.vertcat(*(written.residual[name] for name in self.equations))
+        inertia = -ca.jacobian(r, dx)
+        rest = ca.substitute(r, dx, ca.DM.zeros(dx.shape))
+        for i, state in enumerate([*self.outputs[:-1], "v"]):
             # Each balance holds one derivative, linearly: r = r|₀ - inertia · derivative.
-            inertia = -ca.jacobian(r, derivative)
-            rates[state] = ca.substitute(r, dx, ca.DM.zeros(dx.shape)) / inertia
+            rates[state] = rest[i] / inertia[i, self.states.index(state)]
         f = ca.vertcat(*(rates[name] for name in self.states))
         if ca.depends_on(f, dx):
             raise ModelError("an effect couples the derivatives of several states; solve it there")
@@ -246,10 +255,10 @@ class Axis:
 
         Examples
         --------
-        >>> from pneumo_casadi.recording import ForceBench
-        >>> axis = ForceAxis(ForceBench(sampling_frequency=1e3, stroke=0.5))
+        >>> from pneumo_casadi.recording import ForceBench, NestedController
+        >>> axis = ForceAxis(ForceBench(1e3, 0.5, NestedController(30.0, 60.0, 1.0, 60.0)))
         >>> Y, W = axis.regressor()([0.0, 0.2], [0.2, 3.0], [50.0])
-        >>> float(Y), W.full().tolist()
+        >>> float(Y), (W.full() + 0.0).tolist()
         (50.0, [[3.0, 0.2, 1.0, 0.0]])
         """
         chosen = tuple(names) if names is not None else self.regressor_names
@@ -262,7 +271,7 @@ class Axis:
         written = self.balances(x, dx, u, named, at_rest=True)
         r = ca.vertcat(*(written.residual[name] for name in self.equations))
         W = -ca.jacobian(r, theta)
-        nonlinear = [n for i, n in enumerate(chosen) if ca.depends_on(W, theta[i])]
+        nonlinear = [chosen[i] for i in _dependence(W, theta)]
         if nonlinear:
             raise ModelError(
                 f"the balances are not linear in {', '.join(nonlinear)}: "
@@ -275,28 +284,33 @@ class Axis:
 
     @property
     def regressor_names(self) -> tuple[str, ...]:
-        """Free parameters that enter the balances linearly, those of the flow map excepted."""
-        flow = set(self.flow.parameters.names) if self.flow is not None else set()
-        candidates = [n for n in self.parameters.free_names if n not in flow and n != "v_s"]
-        return tuple(n for n in candidates if self._enters_linearly(n, candidates))
+        """Free parameters that enter the balances linearly, those of the flow map excepted.
 
-    def _enters_linearly(self, name: str, candidates: Sequence[str]) -> bool:
-        if "." not in name:
-            return True
-        effect = next(e for e in self.effects if e.name == name.split(".")[0])
-        if effect.states:
-            return False
+        All nominal ones, and of each effect without states those that are linear beside the
+        ones before them: a shape parameter inside a column is held at its value instead.
+        """
+        flow = set(self.flow.parameters.names) if self.flow is not None else set()
+        lagging = {effect.name for effect in self.effects if effect.states}
         x, u, theta = self._symbols()
         dx = self.symbol.sym("dx", len(self.states))
         written = self.balances(x, dx, u, self._named(theta))
-        r = ca.vertcat(*written.residual.values())
-        column = ca.jacobian(r, theta[self.parameters.index(name)])
-        others = [theta[self.parameters.index(n)] for n in candidates]
-        seen = [
-            n for n, symbol in zip(candidates, others, strict=True) if ca.depends_on(column, symbol)
-        ]
-        # A shape parameter inside the column (v_stribeck) is held fixed at its value instead.
-        return all(n != name and n.split(".")[0] == name.split(".")[0] for n in seen)
+        J = ca.jacobian(ca.vertcat(*written.residual.values()), theta)
+        names = self.parameters.names
+        chosen = [n for n in self.parameters.free_names if n not in flow and n != "v_s"]
+        found = [n for n in chosen if "." not in n]
+        for name in chosen:
+            if "." not in name or name.split(".")[0] in lagging:
+                continue
+            seen = {names[i] for i in _dependence(J[:, self.parameters.index(name)], theta)}
+            if not seen & {*found, name}:
+                found.append(name)
+        return tuple(found)
+
+
+def _dependence(expression: Expression, vector: Expression) -> list[int]:
+    """Return the elements of a symbolic vector on which an expression depends."""
+    pattern = ca.jacobian_sparsity(ca.vec(expression), vector)
+    return sorted(set(pattern.get_col()))
 
 
 def Servosystem(bench: Bench, flow: Any, effects: Iterable[Effect] = ()) -> Axis:
