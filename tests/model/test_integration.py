@@ -1,0 +1,162 @@
+"""From rates to samples: against SciPy, against the order of the method, and by the hold."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+from pneumo_casadi.effects import ValveLag
+from pneumo_casadi.integration import (
+    Stepping,
+    block_functions,
+    held_inputs,
+    step_function,
+    substeps_for,
+)
+from pneumo_casadi.recording import InputHold
+
+
+def typed_out(axis):
+    """Equations 1 to 4 in NumPy, independent of the package's balances."""
+    p, bench, flow = axis.parameters.as_dict(), axis.bench, axis.flow
+
+    def rates(x, u):
+        p_P, p_N, q, v = x
+        direction = np.tanh(v / p["v_s"])
+        friction = p["f_v"] * v
+        friction += p["F_c_plus"] * (1 + direction) / 2 - p["F_c_minus"] * (1 - direction) / 2
+        effort = bench.S_P * p_P - bench.S_N * p_N - (bench.S_P - bench.S_N) * bench.p_ext
+        return np.array(
+            [
+                (float(flow(u[0], p_P)) - p["X_s3"] * p_P * v) / (p["X_s1"] + p["X_s2"] * q),
+                (float(flow(u[1], p_N)) + p["X_s6"] * p_N * v) / (p["X_s4"] - p["X_s5"] * q),
+                v,
+                (effort - friction) / p["M"],
+            ]
+        )
+
+    return rates
+
+
+@pytest.fixture(scope="module")
+def smooth(made):
+    """An axis of wide friction, and commands that never cross zero."""
+    axis = made.true_axis().with_parameters({"v_s": 0.3})
+    t = np.arange(101) * 2e-3
+    u = 0.8 + 0.3 * np.sin(9 * t)
+    return axis, np.column_stack([u, -u]), np.array([3.8e5, 4.4e5, -0.05, 0.1])
+
+
+def exact(axis, u, x, dt, hold):
+    rates, found = typed_out(axis), [x]
+    for k in range(len(u) - 1):
+        slope = (u[k + 1] - u[k]) / dt if hold is InputHold.LINEAR else 0.0 * u[k]
+        done = solve_ivp(
+            lambda t, y, k=k, slope=slope: rates(y, u[k] + slope * t),
+            (0, dt),
+            found[-1],
+            method="DOP853",
+            rtol=1e-12,
+            atol=1e-12 * axis.state_scales,
+        )
+        found.append(done.y[:, -1])
+    return np.array(found).T
+
+
+def distance(axis, one, other):
+    return float(np.max(np.abs(one - other) / axis.state_scales[:, None]))
+
+
+def test_rates_are_those_of_eq_1_to_4_typed_out(made):
+    axis, rng = made.true_axis(), np.random.default_rng(0)
+    for _ in range(50):
+        x, u = made.states(axis, rng)
+        found = axis.rhs(x, u, axis.parameters.values).full().ravel()
+        np.testing.assert_allclose(found, typed_out(axis)(x, u), rtol=1e-9)
+
+
+@pytest.mark.parametrize("hold", list(InputHold))
+def test_samples_agree_with_dop853_to_1e_8_of_the_states_sizes(smooth, made, hold):
+    axis, u, x_0 = smooth
+    found = made.steps(axis, u, x_0, hold, 2e-3, substeps=2)
+    wanted = exact(axis, u, x_0, 2e-3, hold)
+    assert np.ptp(wanted[2]) > 0.01
+    assert distance(axis, found, wanted) < 1e-8
+
+
+@pytest.mark.parametrize("hold", list(InputHold))
+def test_the_error_falls_with_the_fourth_power_of_the_step(smooth, made, hold):
+    axis, u, x_0 = smooth
+    coarse = u[::10]
+    wanted = exact(axis, coarse, x_0, 2e-2, hold)
+    errors = [
+        distance(axis, made.steps(axis, coarse, x_0, hold, 2e-2, n), wanted) for n in (1, 2, 4)
+    ]
+    ratios = np.array(errors[:-1]) / errors[1:]
+    assert np.all((ratios > 12) & (ratios < 22)), (errors, ratios)
+
+
+def test_both_holds_differ_where_the_input_moves(smooth, made):
+    axis, u, x_0 = smooth
+    zero, linear = (made.steps(axis, u, x_0, hold, 2e-3, 2) for hold in InputHold)
+    assert distance(axis, zero, linear) > 1e-3
+
+
+def test_under_zero_hold_an_input_acts_from_its_own_sample_on(made):
+    axis = made.true_force_axis().with_parameters(
+        {"M": 2.0, "f_v": 0.0, "F_c_plus": 0.0, "F_c_minus": 0.0}
+    )
+    F = np.zeros((6, 1))
+    F[2] = 4.0  # a = 2 m/s² from t_2 to t_3
+    x = made.steps(axis, F, [0.0, 0.0], InputHold.ZERO, 0.1, 1)
+    np.testing.assert_allclose(x[1], [0, 0, 0, 0.2, 0.2, 0.2], atol=1e-14)
+    np.testing.assert_allclose(x[0], [0, 0, 0, 0.01, 0.03, 0.05], atol=1e-14)
+
+
+def test_under_linear_hold_an_input_is_a_ramp_between_samples(made):
+    axis = made.true_force_axis().with_parameters(
+        {"M": 2.0, "f_v": 0.0, "F_c_plus": 0.0, "F_c_minus": 0.0}
+    )
+    F = np.array([[0.0], [4.0], [0.0], [0.0]])
+    x = made.steps(axis, F, [0.0, 0.0], InputHold.LINEAR, 0.1, 1)
+    np.testing.assert_allclose(x[1], [0, 0.1, 0.2, 0.2], atol=1e-14)
+
+
+def test_the_last_input_is_used_by_linear_hold_only():
+    u = np.arange(8.0).reshape(4, 2)
+    np.testing.assert_array_equal(held_inputs(u, InputHold.ZERO), u[:-1].T)
+    np.testing.assert_array_equal(held_inputs(u, InputHold.LINEAR), np.vstack([u[:-1].T, u[1:].T]))
+
+
+@pytest.mark.parametrize("hold", list(InputHold))
+def test_a_block_is_as_many_steps(smooth, made, hold):
+    axis, u, x_0 = smooth
+    stepping = Stepping(2e-3, hold, 3)
+    block = block_functions(axis, stepping, 100, ["M"])
+    end, _ = block.value(x_0, held_inputs(u, hold), axis.parameters.values)
+    path = made.steps(axis, u, x_0, hold, 2e-3, 3)
+    np.testing.assert_allclose(end.full().ravel(), path[:, -1], rtol=1e-12)
+
+
+def test_outputs_of_one_sample_do_not_hang_on_the_next_input(made):
+    axis = made.true_axis(ValveLag())
+    block = block_functions(axis, Stepping(1e-3, InputHold.LINEAR, 1), 1, ["M"])
+    x, _ = made.states(axis, np.random.default_rng(0))
+    one, two = (block.value(x, [1, -1, a, -a], axis.parameters.values) for a in (0.5, 2))
+    assert np.array_equal(one[1].full(), two[1].full())
+    assert not np.array_equal(one[0].full(), two[0].full())
+
+
+@pytest.mark.parametrize("v_s", [1e-2, 1e-3, 1e-4, 1e-5])
+def test_sticking_under_narrow_friction_is_stable_at_the_substeps_chosen(made, v_s):
+    axis = made.true_force_axis().with_parameters({"v_s": v_s})
+    n = substeps_for(axis, 1e-3)
+    x = made.steps(axis, np.full((200, 1), 4.0), [0.0, 2.5e-3], substeps=n)
+    # Held by friction: it creeps at the speed where the smoothed friction balances 4 N.
+    creep = brentq(lambda v: 25.0 * v - 2.5 + 14.5 * np.tanh(v / v_s) - 4.0, 0.0, v_s)
+    assert x[1, -1] == pytest.approx(creep, rel=1e-4)
+
+
+def test_step_names_do_not_clash_with_the_axis(made):
+    step = step_function(made.true_axis(), Stepping(1e-3))
+    assert (step.name_in(0), step.name_in(1), step.name_in(2)) == ("x", "w", "theta")
