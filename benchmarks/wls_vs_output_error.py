@@ -126,6 +126,9 @@ def one_seed(seed: int) -> dict[str, Any]:
     found = {
         "wls": {name: (wls.parameters[name].value, wls_std[name]) for name in TABLE_1},
         "output_error": {n: (oe.parameters[n].value, oe.std(n)) for n in oe.estimate.names},
+        "output_error_robust": {
+            n: (oe.parameters[n].value, oe.std(n, robust=True)) for n in oe.estimate.names
+        },
         "iterations": oe.iterations,
         "stages": len(oe.stages),
     }
@@ -145,8 +148,9 @@ def run(seeds: Iterable[int], executor: Executor) -> dict[str, Any]:
     return {
         "replicates": len(found),
         "wls": {name: figures(found, "wls", name, values) for name in found[0]["wls"]},
-        "output_error": {
-            name: figures(found, "output_error", name, values) for name in found[0]["output_error"]
+        **{
+            key: {name: figures(found, key, name, values) for name in found[0][key]}
+            for key in ("output_error", "output_error_robust")
         },
         "iterations": {
             "median": float(np.median([one["iterations"] for one in found])),

@@ -34,6 +34,9 @@ class Estimate:
         Parameters in a direction about which the data say nothing.
     combinations : tuple of str
         Those directions, written out.
+    covariance_robust : (n, n) array or None
+        The same without the belief that residuals are white and as large as σ says: the
+        sandwich H⁻¹ Σ H⁻¹. It knows correlated residuals, not the bias of a wrong model.
     """
 
     names: tuple[str, ...]
@@ -41,6 +44,15 @@ class Estimate:
     at_bound: tuple[str, ...] = ()
     uninformed: tuple[str, ...] = ()
     combinations: tuple[str, ...] = ()
+    covariance_robust: FloatArray | None = None
+
+    @property
+    def std_robust(self) -> FloatArray:
+        """Standard deviations that allow for correlated residuals, shape (n,)."""
+        if self.covariance_robust is None:
+            return self.std
+        found: FloatArray = np.sqrt(np.diag(self.covariance_robust))
+        return found
 
     @property
     def std(self) -> FloatArray:
@@ -64,6 +76,7 @@ def invert_information(
     scales: FloatArray,
     names: Sequence[str],
     at_bound: Sequence[str] = (),
+    scatter: FloatArray | None = None,
 ) -> Estimate:
     """Turn information on scaled parameters into a covariance in SI units.
 
@@ -77,6 +90,8 @@ def invert_information(
         Parameters, in order.
     at_bound : sequence of str
         Parameters held by a bound; left out of the inversion.
+    scatter : (n, n) array, optional
+        Scatter of the gradient, in the same scaling, for the robust covariance.
 
     Returns
     -------
@@ -98,12 +113,21 @@ def invert_information(
     weak = values <= RANK_TOLERANCE * max(float(values.max(initial=0.0)), 1e-300)
     inverse = (vectors[:, ~weak] / values[~weak]) @ vectors[:, ~weak].T
     unit = scales[inside] / size
-    covariance = inverse * np.outer(unit, unit)
     lost = (np.abs(vectors[:, weak]).max(axis=1, initial=0.0) > LOADING) | ~known
-    covariance[lost, :] = covariance[:, lost] = 0.0
-    covariance[lost, lost] = np.inf
-    full = np.zeros((n, n))
-    full[np.ix_(inside, inside)] = covariance
+
+    def in_units(matrix: FloatArray) -> FloatArray:
+        covariance = matrix * np.outer(unit, unit)
+        covariance[lost, :] = covariance[:, lost] = 0.0
+        covariance[lost, lost] = np.inf
+        full = np.zeros((n, n))
+        full[np.ix_(inside, inside)] = covariance
+        return full
+
+    full = in_units(inverse)
+    robust = None
+    if scatter is not None:
+        middle = scatter[np.ix_(inside, inside)] / np.outer(size, size)
+        robust = in_units(inverse @ middle @ inverse)
     chosen = [names[i] for i in inside]
     return Estimate(
         tuple(names),
@@ -111,6 +135,7 @@ def invert_information(
         tuple(at_bound),
         tuple(name for name, gone in zip(chosen, lost, strict=True) if gone),
         tuple(_direction(vectors[:, j] * unit, chosen) for j in np.flatnonzero(weak)),
+        robust,
     )
 
 

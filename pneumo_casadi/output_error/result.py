@@ -119,11 +119,15 @@ class OutputErrorResult:
         """Iterations over all stages."""
         return sum(stage.iterations for stage in self.stages)
 
-    def std(self, name: str) -> float:
-        """Return a parameter's standard deviation; 0 if it was held, infinite if uninformed."""
+    def std(self, name: str, robust: bool = False) -> float:
+        """Return a parameter's standard deviation; 0 if it was held, infinite if uninformed.
+
+        With `robust`, correlated residuals count (see `Estimate`).
+        """
         if name not in self.estimate.names:
             return 0.0
-        return float(self.estimate.std[self.estimate.names.index(name)])
+        std = self.estimate.std_robust if robust else self.estimate.std
+        return float(std[self.estimate.names.index(name)])
 
     def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:
         """Return the interval of a parameter at `level`."""
