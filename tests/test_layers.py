@@ -22,6 +22,7 @@ LAYERS = [
     ["regression"],
     ["output_error"],
     ["validation"],
+    ["caveats", "pipeline", "result_file", "trajectory_file"],
     ["report"],
     ["cli", "__main__"],
 ]

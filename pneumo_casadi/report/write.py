@@ -1,0 +1,124 @@
+"""Report folders: written beside their place, then renamed, so that none is ever half there."""
+
+import os
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from pneumo_casadi.errors import CaseError
+from pneumo_casadi.pipeline import Identification
+from pneumo_casadi.report.tables import validation_table
+from pneumo_casadi.report.text import render, text_report
+from pneumo_casadi.result_file import result_dict, validation_dict, write_json
+from pneumo_casadi.trajectory_file import Simulated, trajectory_frame, write_frames
+from pneumo_casadi.validation import Validation
+
+#: What a report folder may hold; a folder with anything else is not ours to replace.
+CONTENT = frozenset({"result.json", "report.html", "table.txt", "figures", "simulation"})
+
+#: Called with what is being done and the share of the work done so far.
+Progress = Callable[[str, float], None]
+
+
+def write_report(
+    found: Identification,
+    folder: str | Path,
+    paper: bool = False,
+    progress: Progress | None = None,
+) -> Path:
+    """Write the report of an identification.
+
+    Parameters
+    ----------
+    found : Identification
+        What was identified.
+    folder : path
+        Folder to make. One that holds an earlier report is replaced as a whole.
+    paper : bool, optional
+        Whether to set the paper's Table 1 beside the results.
+    progress : callable, optional
+        Called as ``progress(text, share)``.
+
+    Returns
+    -------
+    Path
+        The folder: ``result.json``, ``report.html``, ``table.txt``, ``figures/*.png``.
+
+    Raises
+    ------
+    CaseError
+        If the folder holds files that no report has.
+    """
+    report = progress or (lambda text, share: None)
+    with folder_in_one_step(folder) as draft:
+        write_json(result_dict(found), draft / "result.json")
+        (draft / "table.txt").write_text(text_report(found, paper), "utf-8")
+    report("done", 1.0)
+    return Path(folder)
+
+
+def write_validation(validation: Validation, folder: str | Path) -> Path:
+    """Write errors and figures of a validation on its own into a folder."""
+    with folder_in_one_step(folder) as draft:
+        write_json({"validation": validation_dict(validation)}, draft / "result.json")
+        (draft / "table.txt").write_text(render(validation_table(validation)) + "\n", "utf-8")
+    return Path(folder)
+
+
+def write_simulations(runs: Sequence[Simulated], folder: str | Path) -> tuple[Path, ...]:
+    """Write simulations as CSV into ``folder/simulation``, one file a record."""
+    with folder_in_one_step(folder) as draft:
+        (draft / "simulation").mkdir()
+        frames = [(run.record.name, trajectory_frame(run)) for run in runs]
+        written = write_frames(frames, draft / "simulation")
+    return tuple(Path(folder) / "simulation" / path.name for path in written)
+
+
+def check_replaceable(folder: str | Path) -> None:
+    """Raise a `CaseError` if a folder is there and holds what no report has."""
+    folder = Path(folder)
+    if not folder.exists():
+        return
+    if not folder.is_dir():
+        raise CaseError(f"{folder}: is a file; name a folder for the report")
+    foreign = sorted(path.name for path in folder.iterdir() if path.name not in CONTENT)
+    if foreign:
+        raise CaseError(
+            f"{folder}: holds {', '.join(foreign[:3])}, which is no part of a report and would be "
+            "lost; choose another folder"
+        )
+
+
+@contextmanager
+def folder_in_one_step(folder: str | Path) -> Iterator[Path]:
+    """Yield a draft folder that takes the place of `folder` when all is well.
+
+    After an error the draft is gone and `folder` is as it was.
+    """
+    folder = Path(folder)
+    check_replaceable(folder)
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    draft = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
+    try:
+        yield draft
+        draft.chmod(0o755)  # mkdtemp makes folders that only the owner may enter
+        _replace(draft, folder)
+    except BaseException:
+        shutil.rmtree(draft, ignore_errors=True)
+        raise
+
+
+def _replace(draft: Path, folder: Path) -> None:
+    if not folder.exists():
+        os.replace(draft, folder)  # noqa: PTH105
+        return
+    old = Path(tempfile.mkdtemp(prefix=f".{folder.name}.old.", dir=folder.parent))
+    os.replace(folder, old)  # noqa: PTH105
+    try:
+        os.replace(draft, folder)  # noqa: PTH105
+    except BaseException:
+        os.replace(old, folder)  # noqa: PTH105
+        raise
+    shutil.rmtree(old, ignore_errors=True)
