@@ -18,8 +18,8 @@ import casadi as ca
 
 logger = logging.getLogger(__name__)
 
-#: Optimisation flags; part of the cache key.
-FLAGS = ("-O2", "-shared", "-fPIC")
+#: Optimisation flags, part of the cache key. Higher levels compile longer and run no faster.
+FLAGS = ("-O1", "-shared", "-fPIC")
 #: Environment variable that switches compilation off ("0") or names the cache folder.
 SWITCH, FOLDER = "PNEUMO_CASADI_COMPILE", "PNEUMO_CASADI_CACHE"
 
