@@ -1,0 +1,301 @@
+"""The contract of every effect in the catalogue, and how effects compose."""
+
+import pickle
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from pneumo_casadi.effect import JUNCTIONS, Effect, Pair, State
+from pneumo_casadi.effects import CATALOGUE, AsymmetricViscousFriction, Stribeck, ValveLag
+from pneumo_casadi.errors import ModelError
+from pneumo_casadi.integration import Stepping, step_function
+from pneumo_casadi.parameters import Parameter
+from pneumo_casadi.recording import InputHold
+from pneumo_casadi.servosystem import FORCE_DRIVEN, PNEUMATIC
+
+CASES = [
+    (name, kind)
+    for name, effect in CATALOGUE.items()
+    for kind, junctions in (("true_axis", PNEUMATIC), ("true_force_axis", FORCE_DRIVEN))
+    if set(effect().junctions) <= junctions
+]
+
+
+@pytest.fixture(params=CASES, ids=[" on ".join(case) for case in CASES])
+def pair(request, made):
+    """The axis with one effect at its null values, and the nominal axis."""
+    name, kind = request.param
+    return getattr(made, kind)(CATALOGUE[name]()), getattr(made, kind)()
+
+
+def at_rest(axis, x, u):
+    return axis.rest(x, u, axis.parameters.values).full().ravel()
+
+
+def test_the_catalogue_knows_effects_by_their_own_names():
+    assert CATALOGUE
+    for name, effect in CATALOGUE.items():
+        assert effect.name == name and issubclass(effect, Effect)
+        assert name in {case[0] for case in CASES}, f"{name} fits no axis"
+
+
+@pytest.mark.parametrize("effect", CATALOGUE.values(), ids=CATALOGUE)
+def test_an_effect_declares_what_it_is(effect):
+    one = effect()
+    assert one.junctions and set(one.junctions) <= set(JUNCTIONS)
+    assert one.parameters and one.__doc__
+    for item in one.parameters:
+        assert item.unit and item.description and item.source, item.name
+        assert item.null is not None and item.lower <= item.null <= item.upper, item.name
+        assert item.value == item.null, f"{item.name} does not start at its null value"
+        assert item.lower < item.upper and item.scale > 0, item.name
+    assert all(state.unit and state.scale > 0 for state in one.states)
+
+
+def test_at_null_values_the_axis_is_the_nominal_one(pair, made):
+    axis, nominal = pair
+    theta, plain = axis.parameters.values, nominal.parameters.values
+    n, rng = len(nominal.states), np.random.default_rng(0)
+    for _ in range(30):
+        x, u = made.states(nominal, rng)
+        full = at_rest(axis, x, u)
+        np.testing.assert_array_equal(full[:n], x)
+        np.testing.assert_allclose(
+            axis.rhs(full, u, theta).full()[:n], nominal.rhs(x, u, plain).full(), rtol=1e-10
+        )
+        np.testing.assert_allclose(
+            axis.output(full, u, theta).full(), nominal.output(x, u, plain).full(), rtol=1e-12
+        )
+
+
+def test_at_null_values_trajectories_are_the_nominal_ones_from_rest_on(pair, made):
+    axis, nominal = pair
+    rng = np.random.default_rng(1)
+    n = len(nominal.states)
+    x, u = made.states(nominal, rng)
+    full = at_rest(axis, x, u)
+    one, other = (step_function(a, Stepping(1e-3, InputHold.ZERO, 4)) for a in (axis, nominal))
+    for _ in range(30):
+        u = u + 0.05 * rng.standard_normal(u.size)
+        full = one(full, u, axis.parameters.values).full().ravel()
+        x = other(x, u, nominal.parameters.values).full().ravel()
+        y, plain = (
+            a.output(z, u, a.parameters.values).full() for a, z in ((axis, full), (nominal, x))
+        )
+        np.testing.assert_allclose(y, plain, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(full[:n], x, rtol=1e-9, atol=1e-12)
+
+
+def test_values_and_derivatives_are_finite_at_standstill(pair):
+    axis, nominal = pair
+    u = np.zeros(len(axis.inputs))
+    for p in ((4e5, 5e5), (1e5, 7e5)):
+        x = np.array([*p, 0.0, 0.0] if len(nominal.states) == 4 else [0.0, 0.0])
+        full, theta = at_rest(axis, x, u), axis.parameters.values
+        for f in (axis.rhs, axis.output):
+            assert np.isfinite(f(full, u, theta).full()).all()
+            for block in f.jacobian()(full, u, theta, 0):
+                assert np.isfinite(block.full()).all()
+
+
+def test_an_effect_changes_the_axis_where_it_is_not_null(pair, made):
+    axis, nominal = pair
+    added = axis.parameters.names[len(nominal.parameters) :]
+    moved = {}
+    for name in added:
+        item = axis.parameters[name]
+        room = item.upper - item.value
+        moved[name] = item.value + (min(item.scale, room / 2) if room > 0 else -item.scale)
+    other = axis.with_parameters(moved)
+    rng, differences = np.random.default_rng(2), []
+    for _ in range(30):
+        x, u = made.states(nominal, rng)
+        x[-1] *= 0.05  # slow enough for effects near standstill
+        full = at_rest(axis, x, u)
+        full[len(x) :] += 0.1 * axis.state_scales[len(x) :]
+        for f in ("rhs", "output"):
+            one, two = (getattr(a, f)(full, u, a.parameters.values).full() for a in (axis, other))
+            differences.append(np.abs(one - two).max())
+    assert max(differences) > 1e-9
+
+
+def test_only_declared_states_and_parameters_are_added(pair):
+    axis, nominal = pair
+    effect = axis.effects[0]
+    states = tuple(f"{effect.name}.{state.name}" for state in effect.states)
+    names = tuple(f"{effect.name}.{item.name}" for item in effect.parameters)
+    assert axis.states == (*nominal.states, *states)
+    assert axis.parameters.names == (*nominal.parameters.names, *names)
+    u = np.zeros(len(axis.inputs))
+    full = at_rest(axis, np.array([4e5, 5e5, 0.0, 0.1][-len(nominal.states) :]), u)
+    assert axis.rhs(full, u, axis.parameters.values).shape == (len(axis.states), 1)
+
+
+def test_an_axis_with_effects_survives_pickling(pair, made):
+    axis, nominal = pair
+    axis.rhs(
+        at_rest(axis, *made.states(nominal, np.random.default_rng(3))), 0, axis.parameters.values
+    )
+    again = pickle.loads(pickle.dumps(axis))
+    assert again.states == axis.states and again.parameters == axis.parameters
+    x, u = made.states(nominal, np.random.default_rng(4))
+    full = at_rest(axis, x, u)
+    one, two = (a.rhs(full, u, a.parameters.values).full() for a in (axis, again))
+    np.testing.assert_array_equal(one, two)
+
+
+class Spring(Effect):
+    """A spring that nobody registered."""
+
+    name = "spring"
+    parameters = (Parameter("c", 0.0, "N/m", lower=0.0, scale=100.0, null=0.0),)
+
+    def force(self, F, at):
+        return F - at["c"] * at.x
+
+
+class Doubling(Effect):
+    """Twice whatever force arrives, so that the order shows."""
+
+    name = "doubling"
+    parameters = (Parameter("share", 1.0, "1", null=0.0),)
+
+    def force(self, F, at):
+        return F * (1 + at["share"])
+
+
+class Drive(Effect):
+    """Acts on the drive of a force-driven axis alone."""
+
+    name = "drive_gain"
+    parameters = (Parameter("gain", 1.0, "1", null=1.0),)
+
+    def drive(self, F, at):
+        return F * at["gain"]
+
+
+class Leak(Effect):
+    """Acts on a chamber."""
+
+    name = "leak"
+    parameters = (Parameter("g", 0.0, "kg/(s Pa)", null=0.0),)
+
+    def chamber_flow(self, q_m, at):
+        return Pair(q_m.P - at["g"] * (at.p.P - at.axis["p_ext"]), q_m.N)
+
+
+def test_an_effect_defined_here_works_without_registration_on_either_axis(made):
+    for axis, x in (
+        (made.true_axis(Spring()), [4e5, 5e5, 0.1, 0.2]),
+        (made.true_force_axis(Spring()), [0.1, 0.2]),
+    ):
+        u = np.zeros(len(axis.inputs))
+        stiff = axis.with_parameters({"spring.c": 300.0})
+        one, two = (a.rhs(x, u, a.parameters.values).full().ravel() for a in (axis, stiff))
+        assert (two - one)[-1] == pytest.approx(-300.0 * 0.1 / axis.parameters["M"].value)
+        np.testing.assert_array_equal(one[:-1], two[:-1])
+
+
+def test_two_effects_at_one_junction_act_in_the_order_given(made):
+    x, u = [0.1, 0.2], [50.0]
+    nominal = made.true_force_axis()
+    M = nominal.parameters["M"].value
+    F = M * float(nominal.rhs(x, u, nominal.parameters.values)[1])
+    for effects, wanted in (
+        ((Spring(), Doubling()), 2 * (F - 30.0)),
+        ((Doubling(), Spring()), 2 * F - 30.0),
+    ):
+        axis = made.true_force_axis(*effects).with_parameters({"spring.c": 300.0})
+        found = M * float(axis.rhs(x, u, axis.parameters.values)[1])
+        assert found == pytest.approx(wanted, rel=1e-12)
+
+
+def test_added_one_by_one_or_together_effects_make_the_same_axis(made):
+    together = made.true_axis(Stribeck(), ValveLag())
+    apart = made.true_axis(Stribeck()).with_effects(ValveLag())
+    assert together.states == apart.states and together.parameters == apart.parameters
+
+
+def test_an_effect_at_a_junction_the_axis_lacks_is_refused_by_name(made):
+    with pytest.raises(ModelError, match="effect leak acts at chamber_flow, which a force-driven"):
+        made.true_force_axis(Leak())
+    with pytest.raises(ModelError, match="effect drive_gain acts at drive, which a servo axis"):
+        made.true_axis(Drive())
+    with pytest.raises(ModelError, match="effect valve_lag acts at spool"):
+        made.true_force_axis(ValveLag())
+
+
+def test_the_same_effect_twice_is_refused(made):
+    with pytest.raises(ModelError, match="named twice: stribeck"):
+        made.true_axis(Stribeck(), Stribeck())
+
+
+def test_effects_that_break_the_rules_are_refused_when_they_are_written():
+    with pytest.raises(ModelError, match="must be an identifier"):
+
+        class Nameless(Effect):
+            pass
+
+    with pytest.raises(ModelError, match="no null value for c"):
+
+        class NoNull(Effect):
+            name = "no_null"
+            parameters = (Parameter("c", 0.0, "N"),)
+
+    with pytest.raises(ModelError, match="different names"):
+
+        class Clash(Effect):
+            name = "clash"
+            parameters = (Parameter("z", 0.0, "N", null=0.0),)
+            states = (State("z", "N"),)
+
+
+def test_states_without_rates_are_refused(made):
+    class Still(Effect):
+        name = "still"
+        states = (State("z", "N"),)
+
+        def force(self, F, at):
+            return F - at["z"]
+
+    with pytest.raises(ModelError, match="effect still has states but no rates"):
+        _ = made.true_force_axis(Still()).rhs
+
+
+def test_asymmetric_viscous_friction_has_another_slope_each_way(made):
+    axis = made.true_force_axis(AsymmetricViscousFriction())
+    odd = axis.with_parameters({"asymmetric_viscous_friction.delta_f_v": 4.0})
+    for v, slope in ((0.4, 25.0 + 4.0), (-0.4, 25.0 - 4.0)):
+        f = odd.rhs.jacobian()
+        damping = -float(f([0, v], [0], odd.parameters.values, 0)[0][1, 1]) * 18.0
+        assert damping == pytest.approx(slope, rel=1e-9)
+
+
+def test_the_valve_lag_is_a_first_order_lag_of_its_time_constant(made):
+    tau = 0.02
+    axis = made.true_axis(ValveLag()).with_parameters({"valve_lag.tau": tau})
+    f, theta = axis.rhs, axis.parameters.values
+    x = np.array([4e5, 5e5, 0.0, 0.0, 0.0, 0.0])
+    A = f.jacobian()(x, [1.0, -1.0], theta, 0)[0].full()[4:, 4:]
+    # Pole of a lag of tau with the regularising millisecond on top.
+    np.testing.assert_allclose(A, -np.eye(2) / (tau + 1e-3), rtol=1e-12)
+    q = axis.valve_flow(x, [1.0, -1.0], theta).full().ravel()
+    share = 1e-3 / (tau + 1e-3)
+    flow = axis.flow
+    np.testing.assert_allclose(q, [flow(share, 4e5), flow(-share, 5e5)], rtol=1e-10)
+
+
+def test_an_effect_may_be_written_with_casadi_functions_on_a_spline_axis(made):
+    class Bump(Effect):
+        name = "bump"
+        parameters = (Parameter("h", 0.0, "N", null=0.0),)
+
+        def force(self, F, at):
+            return F - at["h"] * ca.sin(50 * at.x)
+
+    axis = made.spline_axis(Bump()).with_parameters({"bump.h": 5.0})
+    plain = made.spline_axis()
+    x, u = [4e5, 5e5, 0.01, 0.2], [0.5, -0.5]
+    one, two = (float(a.rhs(x, u, a.parameters.values)[3]) for a in (axis, plain))
+    assert (one - two) * made.TRUE["M"] == pytest.approx(-5.0 * np.sin(0.5), rel=1e-9)
