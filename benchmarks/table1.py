@@ -1,0 +1,108 @@
+"""Question: how near do both estimators come to known parameters on independent data.
+
+Data: `table1/`, 20 s at 5 kHz recorded from a bench program that shares no equation with this
+package (set-valued friction, spool-edge ISO 6358 valve, quantised and noisy sensors); its true
+parameters are the estimates of the paper's Table 1. Nothing is random here.
+"""
+
+import argparse
+import json
+import os
+import platform
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import casadi
+import numpy as np
+import scipy
+
+from pneumo_casadi import __version__
+from pneumo_casadi.pipeline import IdentifyOptions, identify
+
+SEED = 0
+TRUTH = {
+    "X_s1": 3.49e-9,
+    "X_s2": 9.95e-9,
+    "X_s3": 1.04e-8,
+    "X_s4": 1.78e-9,
+    "X_s5": 7.00e-9,
+    "X_s6": 7.17e-9,
+    "M": 16.9,
+    "f_v": 11.0,
+    "F_c_plus": 10.3,
+    "F_c_minus": 23.8,
+}
+
+
+def run(folder: Path, seconds: float | None) -> dict[str, Any]:
+    """Identify the case and compare with the truth."""
+    found = identify(folder, replace(IdentifyOptions(), end=seconds))
+    oe, wls = found.output_error, found.wls
+    parameters = {
+        name: {
+            "truth": truth,
+            "wls": wls.parameters[name].value,
+            "wls_error_percent": 100 * (wls.parameters[name].value / truth - 1),
+            "output_error": oe.parameters[name].value,
+            "output_error_std": oe.std(name),
+            "output_error_std_robust": oe.std(name, robust=True),
+            "output_error_error_percent": 100 * (oe.parameters[name].value / truth - 1),
+        }
+        for name, truth in TRUTH.items()
+    }
+    ratios = {"k_P": TRUTH["X_s3"] / TRUTH["X_s2"], "k_N": TRUTH["X_s6"] / TRUTH["X_s5"]}
+    validation = found.validation
+    errors = (
+        {}
+        if validation is None
+        else {
+            "open_loop": {n: e.percent for n, e in validation.open_loop.items()},
+            "closed_loop": {n: e.percent for n, e in (validation.closed_loop or {}).items()},
+        }
+    )
+    return {
+        "parameters": parameters,
+        "derived": {
+            k: {"truth": truth, "value": oe.derived[k].value, "error": oe.derived[k].value - truth}
+            for k, truth in ratios.items()
+        },
+        "validation_percent": errors,
+        "iterations": oe.iterations,
+        "samples": sum(record.N for record in found.records),
+        "seconds": found.seconds,
+    }
+
+
+def main() -> None:
+    """Run the benchmark from the command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--data", type=Path, required=True, help="the folder table1/")
+    parser.add_argument("--json", type=Path, help="write the figures to this file")
+    parser.add_argument("--quick", action="store_true", help="the first four seconds only")
+    arguments = parser.parse_args()
+    result = run(arguments.data, 4.0 if arguments.quick else None)
+    result |= {
+        "machine": f"{platform.machine()} {platform.system()}, {os.cpu_count()} CPUs",
+        "versions": {
+            "pneumo_casadi": __version__,
+            "casadi": casadi.CasadiMeta.version(),
+            "numpy": np.__version__,
+            "scipy": scipy.__version__,
+        },
+        "seed": SEED,
+        "quick": arguments.quick,
+    }
+    for name, one in result["parameters"].items():
+        wls, oe = one["wls_error_percent"], one["output_error_error_percent"]
+        print(f"{name:10s} WLS {wls:+7.2f} %   OE {oe:+7.2f} %")
+    for name, one in result["derived"].items():
+        print(f"{name:10s} OE {one['value']:.4f} (truth {one['truth']:.4f})")
+    if arguments.json is not None:
+        partial = arguments.json.with_suffix(".part")
+        partial.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+        partial.replace(arguments.json)
+
+
+if __name__ == "__main__":
+    main()
