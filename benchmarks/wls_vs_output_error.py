@@ -17,6 +17,7 @@ import warnings
 from collections.abc import Iterable, Mapping
 from concurrent.futures import Executor, ProcessPoolExecutor
 from dataclasses import dataclass
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -28,11 +29,10 @@ from rich.progress import track
 from scipy.signal import chirp, square
 
 from pneumo_casadi import __version__
-from pneumo_casadi.flow import FlowMap, fit_polynomials
+from pneumo_casadi.flow import FlowMap, fit_polynomials, read_flow_map
 from pneumo_casadi.output_error import OutputErrorOptions, fit_output_error
 from pneumo_casadi.parameters import FloatArray
-from pneumo_casadi.pipeline import embedded_case
-from pneumo_casadi.recording import InputHold, Recording
+from pneumo_casadi.recording import InputHold, Recording, load_case
 from pneumo_casadi.regression import fit_wls
 from pneumo_casadi.servosystem import Axis, Servosystem
 from pneumo_casadi.simulation import simulate_closed_loop
@@ -73,7 +73,8 @@ class Truth:
 
 def truth() -> Truth:
     """Return the axis of Table 1 with the polynomials of the embedded flow map."""
-    case, table = embedded_case()
+    case = load_case(Path(str(resources.files("pneumo_casadi"))) / "data" / "table1")
+    table = read_flow_map(case.flow_map_path)
     axis = Servosystem(case.bench, fit_polynomials(table)).with_parameters({**TABLE_1, "v_s": V_S})
     record = case.identify[0]
     x_0 = np.array([record["p_P"][:50].mean(), record["p_N"][:50].mean(), 0.0, 0.0])
@@ -241,9 +242,9 @@ def main() -> None:
     one_seed(0)  # compiles what all processes then load
     with ProcessPoolExecutor(max_workers=os.cpu_count()) as executor:
         result = run(range(4 if arguments.quick else arguments.seeds), executor)
-    versions = {"pneumo_casadi": __version__, "casadi": casadi.__version__}
+    versions = {"pneumo_casadi": __version__, "casadi": casadi.CasadiMeta.version()}
     result |= {
-        "machine": {"system": platform.system(), "cores": os.cpu_count()},
+        "machine": f"{platform.machine()} {platform.system()}, {os.cpu_count()} CPUs",
         "versions": versions | {"numpy": np.__version__, "scipy": scipy.__version__},
         "seed": SEED,
         "quick": arguments.quick,
