@@ -210,7 +210,7 @@ def draw(result: Mapping[str, Any]) -> Figure:
     return figure
 
 
-def table(result: Mapping[str, Any]) -> str:
+def markdown(result: Mapping[str, Any]) -> str:
     """Return the figures as a Markdown table."""
     lines = [
         "| parameter | WLS bias % | WLS spread % | WLS coverage % "
@@ -249,7 +249,7 @@ def main() -> None:
         "seed": SEED,
         "quick": arguments.quick,
     }
-    print(table(result))
+    print(markdown(result))
     if arguments.json is not None:
         partial = arguments.json.with_suffix(".part")
         partial.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
