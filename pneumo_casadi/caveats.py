@@ -7,10 +7,8 @@ import numpy as np
 
 from pneumo_casadi.flow import FlowMap
 from pneumo_casadi.output_error import OutputErrorResult
-from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.recording import Bench, Case, Recording
 from pneumo_casadi.regression import WLSResult
-from pneumo_casadi.statistics import autocorrelation
 from pneumo_casadi.validation import Validation
 
 #: Intervals that are this much too narrow are worth a word.
@@ -70,32 +68,14 @@ def caveats_of(
     )
 
 
-def correlation_inflation(residual: FloatArray) -> float:
-    """Return by how much correlated residuals widen the interval of a slow parameter.
+def inflation(result: OutputErrorResult) -> float:
+    """Return by how much correlated residuals widen the worst output-error interval.
 
-    √(1 + 2 Σ ρ_k), summed up to the first lag at which the autocorrelation ρ_k is not positive;
-    1 for white residuals.
-
-    Examples
-    --------
-    >>> white = np.random.default_rng(0).normal(size=5000)
-    >>> bool(correlation_inflation(white) < 1.1), bool(correlation_inflation(np.cumsum(white)) > 5)
-    (True, True)
+    The largest ratio of a robust to an ideal standard deviation; 1 where residuals are white.
     """
-    rho = autocorrelation(residual, min(residual.size - 1, 5000))[1:]
-    ends = np.flatnonzero(rho <= 0)
-    positive = rho[: ends[0]] if ends.size else rho
-    return float(np.sqrt(1 + 2 * positive.sum()))
-
-
-def inflations(result: OutputErrorResult) -> dict[str, float]:
-    """Return `correlation_inflation` of each output: the worst of its segments."""
-    residuals = [s.y - fitted for s, fitted in zip(result.segments, result.fitted, strict=True)]
-    long_enough = [e for e in residuals if e.shape[1] > 10]
-    return {
-        name: max((correlation_inflation(e[i]) for e in long_enough), default=1.0)
-        for i, name in enumerate(result.axis.outputs)
-    }
+    ideal, robust = result.estimate.std, result.estimate.std_robust
+    known = np.isfinite(ideal) & (ideal > 0) & np.isfinite(robust)
+    return float(np.max(robust[known] / ideal[known], initial=1.0))
 
 
 def _of_solution(result: OutputErrorResult) -> Iterator[Caveat]:
@@ -123,14 +103,14 @@ def _of_solution(result: OutputErrorResult) -> Iterator[Caveat]:
 
 
 def _of_intervals(case: Case, result: OutputErrorResult) -> Iterator[Caveat]:
-    factors = {n: f for n, f in inflations(result).items() if f > INFLATION}
-    if factors:
-        worst = max(factors.values())
+    factor = inflation(result)
+    if factor > INFLATION:
         yield Caveat(
             "intervals",
-            f"The output-error residuals of {', '.join(factors)} are correlated in time: "
-            "something the model lacks is left in them. Its intervals count noise alone and are "
-            f"too narrow, by a factor of up to about {worst:.2g}, bias not included.",
+            "The output-error residuals are correlated in time: something the model lacks is left "
+            f"in them. Intervals from `std`, which trusts them to be noise, are up to {factor:.1f} "
+            "times too narrow; `std_robust` allows for the correlation. Neither knows the bias "
+            "of a wrong model.",
         )
     noise = case.bench.noise
     for name, sigma in zip(result.axis.outputs, result.sigma, strict=True):
@@ -139,9 +119,9 @@ def _of_intervals(case: Case, result: OutputErrorResult) -> Iterator[Caveat]:
             unit = result.axis.unit(name)
             yield Caveat(
                 "intervals",
-                f"The residual of {name} is {sigma:.3g} {unit} a sample, {sigma / stated:.1f} "
-                f"times the sensor noise that the bench states ({stated:.3g} {unit}): misfit is "
-                "counted as noise.",
+                f"The residual of {name} weighs as much as noise of {sigma:.3g} {unit} a sample, "
+                f"{sigma / stated:.1f} times what the bench states ({stated:.3g} {unit}): misfit "
+                "is counted as noise.",
             )
 
 

@@ -163,7 +163,7 @@ def validate(
             validation = validate_axis(axis, found.validate, progress=report)
         _show(validation_table(validation))
         if output is not None:
-            write_validation(validation, output)
+            write_validation(validation, axis, output)
             out.print(f"\nreport: {output}")
         if json_file is not None:
             write_json({"validation": validation_dict(validation)}, json_file)

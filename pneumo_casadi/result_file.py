@@ -7,6 +7,7 @@ import os
 import platform
 import tempfile
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +17,10 @@ import pandas as pd
 import scipy
 
 from pneumo_casadi import __version__
+from pneumo_casadi.axis import Axis
 from pneumo_casadi.errors import CaseError
-from pneumo_casadi.output_error import OutputErrorResult
+from pneumo_casadi.output_error import Derived, OutputErrorResult
+from pneumo_casadi.output_error.result import derived_quantities
 from pneumo_casadi.pipeline import (
     FlowForm,
     Identification,
@@ -27,7 +30,6 @@ from pneumo_casadi.pipeline import (
     read_flow,
 )
 from pneumo_casadi.recording import Case
-from pneumo_casadi.servosystem import Axis
 from pneumo_casadi.validation import Error, Validation
 
 #: Of the format; raised when a reader of the old one would misread the new.
@@ -74,6 +76,7 @@ def output_error_dict(result: OutputErrorResult, found: Identification) -> dict[
     flow = set() if found.flow is None else set(found.flow.parameters.names)
     own = [name for name in result.parameters.names if name not in flow and name != "v_s"]
     correlation = result.estimate.correlation
+    robust = robust_derived(result)
     names = [name for name in own if name in result.estimate.names]
     at = [result.estimate.names.index(name) for name in names]
     pull = result.map_pull
@@ -83,7 +86,12 @@ def output_error_dict(result: OutputErrorResult, found: Identification) -> dict[
         "cost": result.cost,
         "parameters": _estimates(result, own),
         "derived": {
-            name: {"value": item.value, "std": item.std, "unit": item.unit}
+            name: {
+                "value": item.value,
+                "std": item.std,
+                "std_robust": robust[name].std,
+                "unit": item.unit,
+            }
             for name, item in result.derived.items()
         },
         "fixed": {"v_s": {"value": result.parameters["v_s"].value, "unit": "m/s"}},
@@ -108,6 +116,14 @@ def output_error_dict(result: OutputErrorResult, found: Identification) -> dict[
         "uninformed": list(result.estimate.uninformed),
         "uninformed_directions": list(result.estimate.combinations),
     }
+
+
+def robust_derived(result: OutputErrorResult) -> Mapping[str, Derived]:
+    """Return the derived quantities with standard deviations that allow for correlation."""
+    covariance = result.estimate.covariance_robust
+    if covariance is None:
+        return result.derived
+    return derived_quantities(result.axis, replace(result.estimate, covariance=covariance))
 
 
 def validation_dict(validation: Validation) -> dict[str, Any]:
@@ -243,7 +259,12 @@ def _estimates(result: OutputErrorResult, names: Any) -> dict[str, dict[str, Any
     found = {}
     for name in names:
         item = result.parameters[name]
-        entry: dict[str, Any] = {"value": item.value, "std": result.std(name), "unit": item.unit}
+        entry: dict[str, Any] = {
+            "value": item.value,
+            "std": result.std(name),
+            "std_robust": result.std(name, robust=True),
+            "unit": item.unit,
+        }
         note = None
         if name not in result.estimate.names:
             note = "held fixed"
@@ -252,7 +273,7 @@ def _estimates(result: OutputErrorResult, names: Any) -> dict[str, dict[str, Any
         elif not math.isfinite(entry["std"]):
             note = "the data say nothing about it"
         if note is not None:
-            entry |= {"std": None, "note": note}
+            entry |= {"std": None, "std_robust": None, "note": note}
         found[name] = entry
     return found
 

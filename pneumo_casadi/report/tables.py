@@ -5,7 +5,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from pneumo_casadi.pipeline import Identification
+from pneumo_casadi.regression import ratios
 from pneumo_casadi.report.paper import TABLE_1
+from pneumo_casadi.result_file import robust_derived
 from pneumo_casadi.validation import Error, Validation
 
 #: Units in which people read, with the factor from SI.
@@ -119,8 +121,8 @@ def parameter_table(found: Identification, paper: bool = False) -> Table:
         item = found.output_error.parameters[name]
         at = found.wls.names.index(name)
         pairs = {
-            "wls": (float(found.wls.estimate[at]), 2 * float(found.wls.std_hac[at])),
-            "oe": (item.value, _half_width(found, name)),
+            "wls": (float(found.wls.estimate[at]), wls_half_width(found, name)),
+            "oe": (item.value, output_error_half_width(found, name)),
         }
         rows.append(_row(name, item.unit, pairs, truth, TABLE_1, paper))
     for name in ("k_P", "k_N"):
@@ -132,8 +134,7 @@ def parameter_table(found: Identification, paper: bool = False) -> Table:
         tuple(columns),
         tuple(rows),
         (
-            "WLS: 2σ allows for correlated residuals (HAC), not for bias.",
-            "Output error: 2σ counts sensor noise alone, as estimated from the residuals.",
+            "2σ allows for correlated residuals, not for the bias of a wrong model.",
             *(("Table 1: the paper's estimates ± 2σ on its own bench.",) if paper else ()),
         ),
     )
@@ -141,12 +142,18 @@ def parameter_table(found: Identification, paper: bool = False) -> Table:
     return table.without(*absent, *([] if paper else ["Table 1"]))
 
 
-def _half_width(found: Identification, name: str) -> float | None:
-    """Return 2σ of an output-error parameter, None where it has no interval."""
+def wls_half_width(found: Identification, name: str) -> float:
+    """Return 2σ of a WLS estimate: the wider of eq. 16 and HAC."""
+    at = found.wls.names.index(name)
+    return 2 * max(float(found.wls.std[at]), float(found.wls.std_hac[at]))
+
+
+def output_error_half_width(found: Identification, name: str) -> float | None:
+    """Return 2σ of an output-error estimate, the wider of ideal and robust; None without one."""
     result = found.output_error
     if name not in result.estimate.names or name in result.estimate.at_bound:
         return None
-    return 2 * result.std(name)
+    return 2 * max(result.std(name), result.std(name, robust=True))
 
 
 def _row(
@@ -175,20 +182,21 @@ def _row(
 def _derived_row(
     found: Identification, name: str, truth: Mapping[str, float], paper: bool
 ) -> tuple[str, ...]:
-    item = found.output_error.derived[name]
+    item, robust = found.output_error.derived[name], robust_derived(found.output_error)[name]
     top, bottom = ("X_s3", "X_s2") if name == "k_P" else ("X_s6", "X_s5")
     true = truth[top] / truth[bottom] if {top, bottom} <= truth.keys() else None
     wls = ""
-    if found.wls.derived is not None and name in found.wls.derived.names:
-        at = found.wls.derived.names.index(name)
-        wls = interval_text(
-            float(found.wls.derived.values[at]), 2 * float(found.wls.derived.std[at])
-        )
+    if {top, bottom} <= set(found.wls.names):
+        pair = {name: (top, bottom)}
+        ideal = ratios(found.wls, pair)
+        hac = ratios(found.wls, pair, covariance=found.wls.covariance_hac)
+        half = 2 * max(float(ideal.std[0]), float(hac.std[0]))
+        wls = interval_text(float(ideal.values[0]), half)
     return (
         name,
         "",
         wls,
-        interval_text(item.value, 2 * item.std),
+        interval_text(item.value, 2 * max(item.std, robust.std)),
         "" if true is None else f"{true:.4g}",
         "" if true is None else f"{item.value - true:+.4f}",
         f"{TABLE_1[top][0] / TABLE_1[bottom][0]:.3g}" if paper else "",

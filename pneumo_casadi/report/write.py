@@ -3,12 +3,16 @@
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+from pneumo_casadi.axis import Axis
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.pipeline import Identification
+from pneumo_casadi.report.figures import Drawn, figures_of, validation_figures
+from pneumo_casadi.report.figures.style import png
+from pneumo_casadi.report.html import Picture, html_report
 from pneumo_casadi.report.tables import validation_table
 from pneumo_casadi.report.text import render, text_report
 from pneumo_casadi.result_file import result_dict, validation_dict, write_json
@@ -55,15 +59,19 @@ def write_report(
     with folder_in_one_step(folder) as draft:
         write_json(result_dict(found), draft / "result.json")
         (draft / "table.txt").write_text(text_report(found, paper), "utf-8")
+        report("figures", 0.1)
+        pictures = _save(figures_of(found), draft / "figures")
+        (draft / "report.html").write_text(html_report(found, pictures, paper), "utf-8")
     report("done", 1.0)
     return Path(folder)
 
 
-def write_validation(validation: Validation, folder: str | Path) -> Path:
+def write_validation(validation: Validation, axis: Axis, folder: str | Path) -> Path:
     """Write errors and figures of a validation on its own into a folder."""
     with folder_in_one_step(folder) as draft:
         write_json({"validation": validation_dict(validation)}, draft / "result.json")
         (draft / "table.txt").write_text(render(validation_table(validation)) + "\n", "utf-8")
+        _save(validation_figures(validation, axis), draft / "figures")
     return Path(folder)
 
 
@@ -89,6 +97,16 @@ def check_replaceable(folder: str | Path) -> None:
             f"{folder}: holds {', '.join(foreign[:3])}, which is no part of a report and would be "
             "lost; choose another folder"
         )
+
+
+def _save(figures: Iterable[Drawn], folder: Path) -> list[Picture]:
+    folder.mkdir()
+    pictures = []
+    for drawn in figures:
+        picture = Picture(drawn.name, png(drawn.figure), drawn.caption)
+        (folder / f"{picture.name}.png").write_bytes(picture.content)
+        pictures.append(picture)
+    return pictures
 
 
 @contextmanager

@@ -1,0 +1,107 @@
+"""All figures of a report: one file a family, one style."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from matplotlib.figure import Figure
+
+from pneumo_casadi.axis import Axis
+from pneumo_casadi.pipeline import Identification
+from pneumo_casadi.report.figures.cross_validation import cross_validation_figure
+from pneumo_casadi.report.figures.flow_map import flow_map_figure, residual_map_figure
+from pneumo_casadi.report.figures.overview import overview_figure
+from pneumo_casadi.report.figures.parameters import correlation_figure, forest_figure
+from pneumo_casadi.report.figures.residuals import fit_figure, residual_figure
+from pneumo_casadi.report.figures.validation import validation_figure
+from pneumo_casadi.validation import Validation
+
+__all__ = ["Drawn", "figures_of", "validation_figures"]
+
+
+@dataclass(frozen=True, slots=True)
+class Drawn:
+    """A figure with what goes with it.
+
+    Parameters
+    ----------
+    name : str
+        Of its file, without suffix.
+    figure : matplotlib.figure.Figure
+        The drawing.
+    caption : str
+        What it shows and what to look for.
+    """
+
+    name: str
+    figure: Figure
+    caption: str
+
+
+def figures_of(found: Identification) -> Iterator[Drawn]:
+    """Draw all figures of an identification, in the order of the report."""
+    if found.validation is not None and found.flow_map is not None:
+        yield Drawn(
+            "overview",
+            overview_figure(found),
+            "Flow map, held-out prediction and parameters at a glance.",
+        )
+    yield Drawn(
+        "parameters",
+        forest_figure(found),
+        "Estimates with intervals of ±2σ that allow for correlated residuals, "
+        + ("relative to the true parameters." if found.truth else "relative to output error."),
+    )
+    if found.validation is not None:
+        yield from validation_figures(found.validation, found.axis)
+    if found.flow_map is not None and found.flow is not None:
+        yield Drawn(
+            "flow_map",
+            flow_map_figure(found.flow_map, found.flow),
+            "Static flow map of the valve: surface and its three projections (as Fig. 2 of the "
+            "paper); dots are metered, lines fitted.",
+        )
+        yield Drawn(
+            "residual_map",
+            residual_map_figure(found.flow_map, found.flow),
+            "What the fitted form leaves of the metered map (as Fig. 3).",
+        )
+    for prediction in found.predictions:
+        yield Drawn(
+            f"cross_validation_{prediction.name}",
+            cross_validation_figure(prediction),
+            "Flows and effort predicted by weighted least squares on a held-out record (as "
+            "Figs. 4 and 5).",
+        )
+    yield Drawn(
+        "output_error",
+        fit_figure(found.output_error, found.records),
+        "Outputs measured and as fitted by output error.",
+    )
+    yield Drawn(
+        "residuals",
+        residual_figure(found.output_error, found.records),
+        "Residuals of the output-error fit and their autocorrelation. A complete model leaves "
+        "white residuals, inside the band.",
+    )
+    yield Drawn(
+        "correlations",
+        correlation_figure(found),
+        "Correlations of the output-error estimates.",
+    )
+
+
+def validation_figures(validation: Validation, axis: Axis) -> Iterator[Drawn]:
+    """Draw each held-out record beside its simulations."""
+    noise = {
+        name: error.rms * error.noise_percent / error.percent
+        for name, error in validation.open_loop.items()
+        if error.percent and error.noise_percent
+    }
+    for run in validation.runs:
+        yield Drawn(
+            f"validation_{run.record.name}",
+            validation_figure(run, axis, noise),
+            f"Held-out record {run.record.name}: simulations over the whole record with the "
+            "recorded inputs (open loop) and under the recorded controller (closed loop); below, "
+            "measured minus simulated, averaged over 20 ms; the band is ±2σ of one sensor sample.",
+        )
