@@ -5,6 +5,7 @@ from matplotlib.figure import Figure
 
 from pneumo_casadi.regression import Prediction
 from pneumo_casadi.report.figures.style import (
+    HEAD,
     LINE,
     MEASURED,
     TEXT,
@@ -22,7 +23,7 @@ from pneumo_casadi.report.figures.style import (
 def cross_validation_figure(prediction: Prediction) -> Figure:
     """Draw measured and predicted sides of each balance over time; no prediction at rest."""
     names = list(prediction.measured)
-    figure = new_figure(20.0 + 30.0 * len(names))
+    figure = new_figure(20.0 + 30.0 * len(names), head=HEAD)
     axes_of = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
     for axes, name in zip(axes_of, names, strict=True):
         label, factor = axis_label(name, UNITS[name])

@@ -10,6 +10,7 @@ from pneumo_casadi.report.figures.parameters import draw_forest
 from pneumo_casadi.report.figures.style import (
     BLUE,
     CLOSED,
+    HEAD,
     LINE,
     MEASURED,
     PAGE,
@@ -32,7 +33,7 @@ CURVES = 7
 def overview_figure(found: Identification) -> Figure:
     """Draw flow map, held-out position and parameters of a servo axis side by side."""
     assert found.flow_map is not None and found.flow is not None and found.validation is not None
-    figure = new_figure(66.0, PAGE)
+    figure = new_figure(66.0, PAGE, HEAD)
     grid = figure.add_gridspec(2, 3, width_ratios=(0.85, 1.25, 1.05), height_ratios=(2, 1))
     _flow(figure.add_subplot(grid[:, 0]), found.flow_map, found.flow)
     above = figure.add_subplot(grid[0, 1])

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from pneumo_casadi.pipeline import Identification
 from pneumo_casadi.report.figures.style import (
     BLACK,
+    HEAD,
     SIMULATED,
     SMALL,
     SYMBOLS,
@@ -26,7 +27,7 @@ WRITTEN = 0.5
 
 def forest_figure(found: Identification) -> Figure:
     """Draw WLS and output-error estimates ± 2σ, in per cent of the truth (or of output error)."""
-    figure = new_figure(78.0)
+    figure = new_figure(78.0, head=HEAD)
     draw_forest(figure.add_subplot(), found)
     return figure
 

@@ -9,6 +9,7 @@ from pneumo_casadi.recording import Recording
 from pneumo_casadi.report.figures.style import (
     BLACK,
     BLUE,
+    HEAD,
     LINE,
     MEASURED,
     SIMULATED,
@@ -31,7 +32,7 @@ def fit_figure(result: OutputErrorResult, records: tuple[Recording, ...]) -> Fig
     """Draw measured and fitted outputs of the first record identified on."""
     outputs = result.axis.outputs
     t, measured, fitted = _first_record(result, records)
-    figure = new_figure(18.0 + 28.0 * len(outputs))
+    figure = new_figure(18.0 + 28.0 * len(outputs), head=HEAD)
     axes_of = figure.subplots(len(outputs), 1, sharex=True, squeeze=False)[:, 0]
     for i, (axes, name) in enumerate(zip(axes_of, outputs, strict=True)):
         label, factor = axis_label(name, result.axis.unit(name))

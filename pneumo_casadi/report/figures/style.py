@@ -28,6 +28,9 @@ MEASURED, SIMULATED, CLOSED, WLS, TRUTH = GREY, BLUE, VERMILION, ORANGE, BLACK
 TEXT, SMALL = 8.0, 7.0
 LINE = 0.9
 
+#: Room for a legend above the axes [mm].
+HEAD = 4.0
+
 #: Display units: SI unit -> (text, factor).
 DISPLAY = {
     "m": ("mm", 1e3),
@@ -67,12 +70,13 @@ UNITS = {"mass_flow_P": "kg/s", "mass_flow_N": "kg/s", "force": "N"}
 POINTS = 4000
 
 
-def new_figure(height: float, width: float = COLUMN) -> Figure:
-    """Return an empty figure of that size [mm] that lays itself out."""
+def new_figure(height: float, width: float = COLUMN, head: float = 0.0) -> Figure:
+    """Return an empty figure of that size [mm] that lays itself out below a free head [mm]."""
     figure = Figure(figsize=(width * MM, height * MM), dpi=DPI, layout="constrained")
     FigureCanvasAgg(figure)
     layout: Any = figure.get_layout_engine()
-    layout.set(w_pad=0.035, h_pad=0.03, hspace=0.03, wspace=0.03)
+    rect = (0, 0, 1, 1 - head / height)
+    layout.set(w_pad=0.035, h_pad=0.03, hspace=0.03, wspace=0.03, rect=rect)
     return figure
 
 
@@ -101,9 +105,8 @@ def legend_above(axes: Axes, columns: int = 3) -> None:
         handlelength=1.4,
         columnspacing=1.0,
     )
-    # Only its height counts: a legend wider than its axes must not push others aside.
+    # Room for it is kept by `new_figure`: a legend wider than its axes must not push others aside.
     legend.set_in_layout(False)
-    axes.set_title(" ", fontsize=SMALL + 1, pad=4)
 
 
 def axis_label(name: str, unit: str, error: bool = False) -> tuple[str, float]:

@@ -5,6 +5,7 @@ from matplotlib.figure import Figure
 from pneumo_casadi.axis import Axis
 from pneumo_casadi.report.figures.style import (
     CLOSED,
+    HEAD,
     LINE,
     MEASURED,
     SIMULATED,
@@ -31,7 +32,7 @@ def validation_figure(run: Run, axis: Axis, noise: dict[str, float]) -> Figure:
         Standard deviation of each output's sensor [SI]; the band of ±2σ is drawn with the error.
     """
     outputs = axis.outputs
-    figure = new_figure(18.0 + 42.0 * len(outputs))
+    figure = new_figure(18.0 + 42.0 * len(outputs), head=HEAD)
     ratios = [2, 1.2] * len(outputs)
     axes_of = figure.subplots(
         2 * len(outputs), 1, sharex=True, squeeze=False, height_ratios=ratios
