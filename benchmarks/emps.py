@@ -26,6 +26,7 @@ import numpy as np
 import scipy
 
 from pneumo_casadi import __version__
+from pneumo_casadi.axis import Axis
 from pneumo_casadi.effects import AsymmetricViscousFriction
 from pneumo_casadi.filtering import (
     FilterPlan,
@@ -41,7 +42,7 @@ from pneumo_casadi.regression import (
     fit_wls,
     linear_combinations,
 )
-from pneumo_casadi.servosystem import Axis, ForceAxis
+from pneumo_casadi.servosystem import ForceAxis
 from pneumo_casadi.simulation import disturbance_of, simulate_closed_loop
 
 SEED = 0

@@ -29,12 +29,13 @@ from rich.progress import track
 from scipy.signal import chirp, square
 
 from pneumo_casadi import __version__
+from pneumo_casadi.axis import Axis
 from pneumo_casadi.flow import FlowMap, fit_polynomials, read_flow_map
 from pneumo_casadi.output_error import OutputErrorOptions, fit_output_error
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.recording import InputHold, Recording, load_case
 from pneumo_casadi.regression import fit_wls
-from pneumo_casadi.servosystem import Axis, Servosystem
+from pneumo_casadi.servosystem import Servosystem
 from pneumo_casadi.simulation import simulate_closed_loop
 from pneumo_casadi.statistics import interval_factor
 

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from pneumo_casadi.axis import Axis
 from pneumo_casadi.compilation import compiled
 from pneumo_casadi.effect import Expression
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.recording import InputHold
-from pneumo_casadi.servosystem import Axis
 
 #: Threads among which blocks and stretches are shared.
 THREADS = 2

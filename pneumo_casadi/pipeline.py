@@ -10,8 +10,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from pneumo_casadi.axis import Axis
 from pneumo_casadi.caveats import Caveat, caveats_of
-from pneumo_casadi.errors import CaseError
+from pneumo_casadi.errors import CaseError, ModelError
 from pneumo_casadi.flow import (
     FlowMap,
     FlowModel,
@@ -24,7 +25,7 @@ from pneumo_casadi.output_error import OutputErrorOptions, OutputErrorResult, fi
 from pneumo_casadi.recording import Bench, Case, Recording, load_case, load_emps
 from pneumo_casadi.recording.emps import IDENTIFY as EMPS_FILE
 from pneumo_casadi.regression import Prediction, WLSResult, cross_validate, fit_wls
-from pneumo_casadi.servosystem import Axis, ForceAxis, Servosystem
+from pneumo_casadi.servosystem import ForceAxis, Servosystem
 from pneumo_casadi.validation import Validation, validate
 
 logger = logging.getLogger(__name__)
@@ -243,9 +244,11 @@ def read_flow(case: Case, options: IdentifyOptions) -> tuple[FlowMap | None, Flo
 
 def make_axis(case: Case, flow: FlowModel | None) -> Axis:
     """Make the nominal axis of a case, servo or force-driven."""
-    if isinstance(case.bench, Bench):
-        return Servosystem(case.bench, flow)
-    return ForceAxis(case.bench)
+    if not isinstance(case.bench, Bench):
+        return ForceAxis(case.bench)
+    if flow is None:
+        raise ModelError(f"{case.folder}: a servo axis needs the static flow of its valve")
+    return Servosystem(case.bench, flow)
 
 
 def starting_values(axis: Axis, wls: WLSResult) -> dict[str, float]:

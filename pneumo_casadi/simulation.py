@@ -7,6 +7,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from pneumo_casadi.axis import Axis
 from pneumo_casadi.compilation import compiled
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.integration import (
@@ -18,7 +19,6 @@ from pneumo_casadi.integration import (
 )
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.recording import InputHold, NestedController, ProportionalController, Recording
-from pneumo_casadi.servosystem import Axis
 
 Controller = ProportionalController | NestedController
 

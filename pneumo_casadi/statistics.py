@@ -106,7 +106,7 @@ def invert_information(
     inside = [i for i in range(n) if names[i] not in at_bound]
     H = information[np.ix_(inside, inside)]
     # Columns are equilibrated first, so that rank does not hang on units or scales.
-    size = np.sqrt(np.diag(H))
+    size = np.sqrt(np.maximum(np.diag(H), 0.0))
     known = size > 0
     size = np.where(known, size, 1.0)
     values, vectors = np.linalg.eigh(H / np.outer(size, size))

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from pneumo_casadi.axis import Axis
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.output_error.initial_states import estimate_initial_states
 from pneumo_casadi.recording import UNITS, Case, Recording
-from pneumo_casadi.servosystem import Axis
 from pneumo_casadi.simulation import Trajectory, simulate, simulate_closed_loop
 
 #: The initial state is estimated from this much of the record's beginning [s].

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pneumo_casadi.axis import Axis
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.integration import held_inputs
 from pneumo_casadi.output_error.initial_states import estimate_initial_states
 from pneumo_casadi.output_error.segments import measured_states
 from pneumo_casadi.recording import Recording
-from pneumo_casadi.servosystem import Axis
 from pneumo_casadi.simulation import (
     Trajectory,
     disturbance_of,

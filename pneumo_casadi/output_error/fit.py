@@ -8,6 +8,7 @@ from enum import Enum
 
 import numpy as np
 
+from pneumo_casadi.axis import Axis
 from pneumo_casadi.errors import FitError, ModelError
 from pneumo_casadi.flow import FlowMap
 from pneumo_casadi.integration import Stepping, block_functions, substeps_for
@@ -30,7 +31,6 @@ from pneumo_casadi.output_error.result import (
 from pneumo_casadi.output_error.segments import cut
 from pneumo_casadi.parameters import FloatArray, Parameters
 from pneumo_casadi.recording import Recording
-from pneumo_casadi.servosystem import Axis
 from pneumo_casadi.statistics import stated_or_estimated_noise
 
 logger = logging.getLogger(__name__)
@@ -42,6 +42,8 @@ Progress = Callable[[str, float], None]
 RECOVERY_WINDOW = 0.5
 #: How often IPOPT solves again with a new estimate of the noise.
 REWEIGHTINGS = 5
+#: How often a stage is solved again with steps as fine as the friction found needs.
+STEPPINGS = 3
 
 
 class Method(Enum):
@@ -127,27 +129,35 @@ def fit_output_error(
     stages: list[Stage] = []
     parameters = axis.parameters
     ladder = _ladder(options)
+    dt = records[0].dt if records else 0.0
     for i, rung in enumerate(ladder):
         share = i / len(ladder)
-        report(f"{rung.name}: writing and compiling", share)
-        problem = write_problem(axis.with_parameters(parameters), records, flow_map, rung.options)
-        report(rung.name, share + 0.5 / len(ladder))
-        began = time.perf_counter()
-        solution = _solve(problem, rung.options, sigma, rung.refine)
-        result = _result(problem, solution, stages, rung, time.perf_counter() - began)
-        stages = list(result.stages)
-        logger.info(
-            "%s: %s, %d iterations, cost %.6g",
-            rung.name,
-            solution.status,
-            solution.iterations,
-            result.cost,
-        )
-        if solution.status == "converged":
+        for _ in range(STEPPINGS):
+            axis = axis.with_parameters(parameters)
+            report(f"{rung.name}: writing and compiling", share)
+            problem = write_problem(axis, records, flow_map, rung.options)
+            report(rung.name, share + 0.5 / len(ladder))
+            began = time.perf_counter()
+            solution = _solve(problem, rung.options, sigma, rung.refine)
+            result = _result(problem, solution, stages, rung, time.perf_counter() - began)
+            stages = list(result.stages)
+            logger.info(
+                "%s: %s, %d iterations, cost %.6g",
+                rung.name,
+                solution.status,
+                solution.iterations,
+                result.cost,
+            )
+            if solution.status != "converged":
+                break
             parameters = result.parameters
-            if rung.last:
-                report("done", 1.0)
-                return result
+            # Friction found stronger than at the start needs finer steps, or it is not its own.
+            needed = _substeps(result.axis, rung.options, dt)
+            if needed <= 1.25 * _substeps(axis, rung.options, dt):
+                break
+        if solution.status == "converged" and rung.last:
+            report("done", 1.0)
+            return result
     raise FitError(
         f"output error: {solution.status} in stage {rung.name!r} after {solution.iterations} "
         "iterations, also from windows and wider friction; start nearer to the data, fix weakly "
@@ -208,10 +218,9 @@ def write_problem(
     if len(clocks) > 1:
         raise ModelError(f"records differ in sampling frequency or input hold: {sorted(clocks)}")
     dt, hold = records[0].dt, records[0].hold
-    narrow = axis.with_parameters({"v_s": min(options.widths)})
     n = max(1, round(options.block / dt))
     blocks = block_functions(
-        axis, Stepping(dt, hold, substeps_for(narrow, dt)), n, parameters.free_names
+        axis, Stepping(dt, hold, _substeps(axis, options, dt)), n, parameters.free_names
     )
     coefficients = axis.flow.parameters.names if axis.flow is not None else ()
     anchored = flow_map is not None and set(coefficients) & set(parameters.free_names)
@@ -222,6 +231,11 @@ def write_problem(
         blocks,
         anchor(flow_map, axis.flow) if anchored and flow_map is not None else None,
     )
+
+
+def _substeps(axis: Axis, options: OutputErrorOptions, dt: float) -> int:
+    """Return the Runge-Kutta steps per sample for the narrowest friction of a stage."""
+    return substeps_for(axis.with_parameters({"v_s": min(options.widths)}), dt)
 
 
 def _refuse_free_gauge(axis: Axis, parameters: Parameters, flow_map: FlowMap | None) -> None:
@@ -291,7 +305,7 @@ def _map_pull(problem: Problem, point: Unknowns) -> MapPull | None:
     if problem.anchor is None:
         return None
     residual = problem.anchor_residuals(point.theta)
-    own = problem.anchor_residuals(problem.parameters.values)
+    own = problem.anchor(problem.axis.flow.parameters.values)
     zero = point.theta.copy()
     zero[[problem.parameters.index(name) for name in problem.anchor.names]] = 0.0
     measured = -problem.anchor_residuals(zero)

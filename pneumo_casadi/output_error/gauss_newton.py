@@ -31,6 +31,8 @@ CLOSED = 1e-6
 ROUGHLY = 0.3
 #: Relative change of a noise estimate below which it has settled.
 SETTLED = 0.01
+#: Sensitivities and residuals beyond this come from a trajectory that ran away.
+HUGE = 1e100
 #: Relative rounding of the cost; less than this is no increase.
 ROUNDING = 1e-12
 
@@ -67,8 +69,9 @@ class Linearised:
 
     @property
     def finite(self) -> bool:
-        """Whether the model stayed within the finite numbers."""
-        return all(bool(np.isfinite(s.J).all() and np.isfinite(s.r).all()) for s in self.segments)
+        """Whether the model stayed within numbers whose squares are finite."""
+        parts = [part for segment in self.segments for part in (segment.J, segment.r, segment.c)]
+        return all(bool((np.abs(part) < HUGE).all()) for part in parts)
 
 
 def linearise(problem: Problem, point: Unknowns) -> Linearised:
@@ -195,8 +198,12 @@ def solve_gauss_newton(
             trial = _finite(problem, point, step)
         if trial is None:
             return Solution(_with_outputs(point, at.m), sigma, "no step helps", iteration)
-        point = trial
-        at = linearise(problem, point)
+        found = linearise(problem, trial)
+        if not found.finite:
+            return Solution(
+                _with_outputs(point, at.m), sigma, "the model ran away from the data", iteration
+            )
+        point, at = trial, found
         closed = float(np.max(np.abs(at.defects) / problem.axis.state_scales))
         # In standard deviations that count the misfit: with σ far below the residuals, a step
         # of many nominal deviations may still change nothing that the data could tell.
@@ -349,8 +356,11 @@ def _bounded_step(problem: Problem, H: FloatArray, g: FloatArray, point: Unknown
     here = point.theta[mask]
     lower = np.maximum((problem.parameters.lower[mask] - here) / scale, -TRUST)
     upper = np.minimum((problem.parameters.upper[mask] - here) / scale, TRUST)
-    size = np.sqrt(np.maximum(np.diag(H), 1e-300))
-    values, vectors = np.linalg.eigh(H / np.outer(size, size))
+    diagonal = np.diag(H)
+    # What is left of a parameter without information is rounding: it takes no step.
+    known = diagonal > RANK**2 * diagonal.max()
+    size = np.sqrt(np.where(known, diagonal, 1.0))
+    values, vectors = np.linalg.eigh(H * np.outer(known, known) / np.outer(size, size))
     good = values > RANK * values[-1]
     root = np.sqrt(values[good])
     basis = vectors[:, good]

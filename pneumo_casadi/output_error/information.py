@@ -16,6 +16,8 @@ from pneumo_casadi.statistics import Estimate, autocorrelation, invert_informati
 
 #: How near to a bound, in scaled units, a parameter counts as held by it.
 AT_BOUND = 1e-6
+#: Information left beside that before the elimination of the states, below which it is rounding.
+CANCELLED = 1e-12
 #: Residuals further apart than the lag at which their autocorrelation has fallen to this are
 #: taken for independent.
 UNCORRELATED = 0.1
@@ -55,15 +57,21 @@ def information(problem: Problem, point: Unknowns, sigma: FloatArray) -> Informa
     """
     nx = len(problem.axis.states)
     total, _ = anchor_normal_equations(problem, point.theta)
-    scatter = total.copy()
+    scatter, before = total.copy(), np.diag(total).copy()
     length = _correlation_length(problem, point)
-    for segment in linearise(problem, point).segments:
+    linear = linearise(problem, point)
+    if not linear.finite:  # a trajectory that ran away says nothing
+        return Information(np.zeros_like(total), np.zeros_like(total))
+    for segment in linear.segments:
         full, _ = scaled_normal_equations(problem, segment, sigma)
         inverse = np.linalg.pinv(full[:nx, :nx], rcond=1e-14, hermitian=True)
         eliminated = inverse @ full[:nx, nx:]
+        before = before + np.diag(full)[nx:]
         total = total + full[nx:, nx:] - full[nx:, :nx] @ eliminated
         scatter = scatter + _scatter(problem, segment, sigma, eliminated, length)
-    return Information(total, scatter)
+    # What the initial states have taken away but for rounding is no information.
+    left = np.diag(total) > CANCELLED * before
+    return Information(total * np.outer(left, left), scatter * np.outer(left, left))
 
 
 def estimate(problem: Problem, point: Unknowns, sigma: FloatArray) -> Estimate:

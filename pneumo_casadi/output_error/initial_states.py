@@ -3,6 +3,7 @@
 import casadi as ca
 import numpy as np
 
+from pneumo_casadi.axis import Axis
 from pneumo_casadi.errors import FitError
 from pneumo_casadi.integration import Stepping, accumulate, block_functions, substeps_for
 from pneumo_casadi.output_error.gauss_newton import linearise, scaled_normal_equations
@@ -10,7 +11,6 @@ from pneumo_casadi.output_error.problem import Problem, Unknowns
 from pneumo_casadi.output_error.segments import cut
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.recording import Recording
-from pneumo_casadi.servosystem import Axis
 from pneumo_casadi.statistics import stated_or_estimated_noise
 
 #: Length of the blocks whose mean outputs are compared [s].

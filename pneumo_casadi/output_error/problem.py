@@ -10,11 +10,11 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
+from pneumo_casadi.axis import Axis
 from pneumo_casadi.integration import THREADS, BlockFunctions
 from pneumo_casadi.output_error.anchor import Anchor
 from pneumo_casadi.output_error.segments import Segment
 from pneumo_casadi.parameters import FloatArray, Parameters
-from pneumo_casadi.servosystem import Axis
 
 
 @dataclass(frozen=True, slots=True)

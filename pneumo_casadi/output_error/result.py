@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pneumo_casadi.axis import Axis
 from pneumo_casadi.output_error.segments import Segment
 from pneumo_casadi.parameters import FloatArray, Parameters
-from pneumo_casadi.servosystem import Axis
 from pneumo_casadi.statistics import Estimate, delta_std, interval_factor
 
 

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import savgol_filter
 
+from pneumo_casadi.axis import Axis
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.integration import held_inputs
 from pneumo_casadi.parameters import FloatArray, Parameters
 from pneumo_casadi.recording import Recording
-from pneumo_casadi.servosystem import Axis
 
 #: Length of the polynomial smoother that starts the states [s].
 SMOOTHING = 0.02

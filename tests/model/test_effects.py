@@ -6,13 +6,13 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from pneumo_casadi.axis import FORCE_DRIVEN, PNEUMATIC
 from pneumo_casadi.effect import JUNCTIONS, Effect, Pair, State
 from pneumo_casadi.effects import CATALOGUE, AsymmetricViscousFriction, Stribeck, ValveLag
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.integration import Stepping, step_function
 from pneumo_casadi.parameters import Parameter
 from pneumo_casadi.recording import InputHold
-from pneumo_casadi.servosystem import FORCE_DRIVEN, PNEUMATIC
 
 CASES = [
     (name, kind)
