@@ -1,9 +1,13 @@
 """Fixtures shared by all tests."""
 
 import os
+from dataclasses import replace
+from importlib import resources
 from pathlib import Path
 
 import pytest
+
+from pneumo_casadi.pipeline import Identification, IdentifyOptions, identify, open_case
 
 
 @pytest.fixture(scope="session")
@@ -13,3 +17,17 @@ def data_folder() -> Path:
     if not folder:
         pytest.skip("PNEUMO_CASADI_DATA is not set: no development data")
     return Path(folder)
+
+
+@pytest.fixture(scope="session")
+def embedded() -> Path:
+    """Folder of the embedded record whose true parameters are known."""
+    return Path(str(resources.files("pneumo_casadi") / "data" / "table1"))
+
+
+@pytest.fixture(scope="session")
+def quick(embedded: Path) -> Identification:
+    """An identification of a few seconds of record: quick to make, not to be trusted."""
+    case = open_case(embedded)
+    case = replace(case, validate=(case.validate[0].window(8.0, 10.0),))
+    return identify(case, IdentifyOptions(start=10.0, end=13.0, windows=(0.5,)))

@@ -1,0 +1,95 @@
+"""Tables and the HTML report: what is printed is what was found."""
+
+import math
+import re
+from dataclasses import replace
+
+import pytest
+
+from pneumo_casadi.caveats import Caveat
+from pneumo_casadi.report.html import Picture, html_report
+from pneumo_casadi.report.paper import TABLE_1
+from pneumo_casadi.report.tables import interval_text, parameter_table
+from pneumo_casadi.report.text import render, render_caveats, text_report
+
+PIXEL = b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR\x00\x00\x03\x20\x00\x00\x02\x58"
+
+
+@pytest.mark.parametrize(
+    ("value", "half", "exponent", "text"),
+    [
+        (16.8975, 0.0044, 0, "16.8975 ± 0.0044"),
+        (3.4879e-9, 7.4e-12, -9, "3.4879 ± 0.0074"),
+        (195.0, 16.2, 0, "195 ± 16"),
+        (1.0, math.inf, 0, "1.000 ± ∞"),
+        (1.0, None, 0, "1.000"),
+    ],
+)
+def test_an_estimate_has_as_many_digits_as_its_interval_allows(value, half, exponent, text):
+    assert interval_text(value, half, exponent) == text
+
+
+def test_wls_output_error_truth_and_the_paper_stand_side_by_side(quick):
+    table = parameter_table(quick, paper=True)
+    assert table.columns == (
+        "",
+        "unit",
+        "WLS",
+        "output error",
+        "truth",
+        "OE - truth",
+        "Table 1",
+    )
+    assert [row[0] for row in table.rows] == [*TABLE_1, "k_P", "k_N"]
+    mass = dict(zip(table.columns, table.rows[6], strict=True))
+    assert mass["truth"] == "16.9"
+    assert mass["Table 1"] == "16.900 ± 0.074"
+
+
+def test_without_truth_there_is_no_column_for_it(quick):
+    table = parameter_table(replace(quick, truth=None))
+    assert table.columns == ("", "unit", "WLS", "output error")
+
+
+def test_a_parameter_at_a_bound_has_no_interval(quick):
+    estimate = replace(quick.output_error.estimate, at_bound=("f_v",))
+    found = replace(quick, output_error=replace(quick.output_error, estimate=estimate))
+    row = next(row for row in parameter_table(found).rows if row[0] == "f_v")
+    assert "±" not in row[3]
+
+
+def test_the_intervals_printed_are_the_wider_ones(quick):
+    result = quick.output_error
+    row = next(row for row in parameter_table(quick).rows if row[0] == "M")
+    half = float(row[3].split("±")[1])
+    assert half == pytest.approx(2 * max(result.std("M"), result.std("M", robust=True)), rel=0.06)
+
+
+def test_columns_of_a_printed_table_line_up(quick):
+    lines = render(parameter_table(quick)).splitlines()[2:14]
+    rule = lines[1]
+    edges = [m.end() for m in re.finditer("-+", rule)]
+    assert len(edges) == len(parameter_table(quick).columns)
+    assert all(len(line) <= len(rule) for line in lines)
+
+
+def test_the_report_begins_with_the_caveats(quick):
+    text = text_report(quick)
+    assert text.index("Before you use these numbers") < text.index("Identified parameters")
+
+
+def test_no_caveat_is_said_too():
+    assert "Nothing speaks against" in render_caveats(())
+
+
+def test_the_page_stands_alone_and_escapes_what_it_shows(quick):
+    found = replace(quick, caveats=(Caveat("wls", "a < b & <script>"),))
+    picture = Picture("overview", PIXEL, "Flow map & parameters.")
+    page = html_report(found, [picture], paper=True)
+    assert '<html lang="en">' in page
+    assert "<script>" not in page
+    assert "a &lt; b &amp; &lt;script&gt;" in page
+    assert not re.search(r"(src|href)=\"(?!data:)", page)
+    assert 'alt="Flow map &amp; parameters."' in page
+    assert 'width="800" height="600"' in page
+    assert page.index("Before you use these numbers") < page.index("<h2>Results</h2>")
