@@ -65,7 +65,8 @@ def compiled(functions: Sequence[ca.Function]) -> tuple[ca.Function, ...]:
     -------
     tuple of casadi.Function
         With the same names and signatures; the very functions given where compiling is not
-        possible (no compiler, or code that the compiler refuses), after a logged warning.
+        possible (no compiler, code that the compiler refuses, a cache that cannot be written),
+        after a logged warning.
 
     Notes
     -----
@@ -88,9 +89,18 @@ def compiled(functions: Sequence[ca.Function]) -> tuple[ca.Function, ...]:
     key = hashlib.sha256(
         "\0".join((code, cc, *FLAGS, ca.CasadiMeta.version(), sys.platform)).encode()
     )
-    path = cache_folder() / f"{key.hexdigest()[:32]}.so"
     for attempt in range(2):
-        if not path.exists() and not _build(cc, code, path):
+        try:
+            path = cache_folder() / f"{key.hexdigest()[:32]}.so"
+            if not path.exists() and not _build(cc, code, path):
+                return tuple(functions)
+        except OSError as error:
+            logger.warning(
+                "cannot write to the cache (%s): functions run interpreted; set %s to a folder "
+                "that can be written",
+                error,
+                FOLDER,
+            )
             return tuple(functions)
         try:
             return tuple(ca.external(f.name(), str(path)) for f in functions)

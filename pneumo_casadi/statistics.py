@@ -134,17 +134,21 @@ def invert_information(
         full,
         tuple(at_bound),
         tuple(name for name, gone in zip(chosen, lost, strict=True) if gone),
-        tuple(_direction(vectors[:, j] * unit, chosen) for j in np.flatnonzero(weak)),
+        tuple(_direction(vectors[:, j], unit, chosen) for j in np.flatnonzero(weak)),
         robust,
     )
 
 
-def _direction(vector: FloatArray, names: Sequence[str]) -> str:
-    """Write a direction in parameter space with its three largest relative parts."""
-    order = np.argsort(-np.abs(vector / np.abs(vector).max()))
-    parts = [f"{vector[i]:+.3g} {names[i]}" for i in order[:3] if vector[i] != 0]
-    more = " ..." if np.count_nonzero(np.abs(vector) > LOADING * np.abs(vector).max()) > 3 else ""
-    return " ".join(parts) + more
+def _direction(vector: FloatArray, unit: FloatArray, names: Sequence[str]) -> str:
+    """Write a direction with its three largest parts, in SI units.
+
+    Size is judged by influence on the data: in SI units 1 N would hide any X_s.
+    """
+    order = np.argsort(-np.abs(vector))
+    sign = np.sign(vector[order[0]])
+    large = [i for i in order if abs(vector[i]) > LOADING * abs(vector[order[0]])]
+    parts = [f"{sign * vector[i] * unit[i]:+.3g} {names[i]}" for i in large[:3]]
+    return " ".join(parts) + (" ..." if len(large) > 3 else "")
 
 
 def interval_factor(level: float = 0.95, dof: float = np.inf) -> float:
