@@ -1,0 +1,195 @@
+"""Covariance where there is information, infinity where there is none."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from pneumo_casadi.recording import InputHold, Recording, SensorNoise
+from pneumo_casadi.statistics import (
+    Estimate,
+    autocorrelation,
+    delta_std,
+    interval_factor,
+    invert_information,
+    ratio,
+    stated_or_estimated_noise,
+)
+
+NAMES = ("a", "b", "c", "d")
+
+
+def information(seed=0, n=4, rows=30):
+    J = np.random.default_rng(seed).standard_normal((rows, n))
+    return J, J.T @ J
+
+
+def test_regular_information_is_inverted_in_si_units():
+    _, H = information()
+    scales = np.array([1e-9, 17.0, 1e5, 1.0])
+    found = invert_information(H, scales, NAMES)
+    np.testing.assert_allclose(found.covariance, np.linalg.inv(H) * np.outer(scales, scales))
+    np.testing.assert_allclose(found.std, np.sqrt(np.diag(found.covariance)))
+    assert found.uninformed == found.at_bound == found.combinations == ()
+
+
+@pytest.mark.parametrize("factor", [1e-9, 1.0, 1e9])
+def test_the_choice_of_scales_changes_no_covariance(factor):
+    J, H = information()
+    size = np.array([1.0, factor, 1.0, 1 / factor])
+    plain = invert_information(H, np.ones(4), NAMES)
+    other = invert_information((J * size).T @ (J * size), size, NAMES)
+    np.testing.assert_allclose(other.covariance, plain.covariance, rtol=1e-6)
+
+
+def test_a_parameter_without_influence_is_infinite_and_the_others_are_as_without_it():
+    J, _ = information()
+    J[:, 2] = 0.0
+    found = invert_information(J.T @ J, np.ones(4), NAMES)
+    assert found.uninformed == ("c",) and found.std[2] == np.inf
+    rest = [0, 1, 3]
+    np.testing.assert_allclose(
+        found.covariance[np.ix_(rest, rest)], np.linalg.inv(J[:, rest].T @ J[:, rest])
+    )
+    assert not found.covariance[2, rest].any()
+    assert found.combinations == ("+1 c",)
+
+
+def test_a_combination_without_influence_is_written_out_and_its_members_are_infinite():
+    J, _ = information()
+    J[:, 3] = 2.0 * J[:, 1]
+    found = invert_information(J.T @ J, np.ones(4), NAMES)
+    assert set(found.uninformed) == {"b", "d"}
+    (text,) = found.combinations
+    signs = {part.split()[0][0] for part in (text.split(" ", 2)[0], text.split(" ", 2)[2])}
+    assert "b" in text and "d" in text and "a" not in text and len(signs) == 2
+    kept = J[:, [0, 1, 2]]
+    wanted = np.linalg.inv(kept.T @ kept)
+    np.testing.assert_allclose(found.covariance[0, 0], wanted[0, 0], rtol=1e-8)
+    np.testing.assert_allclose(found.covariance[2, 2], wanted[2, 2], rtol=1e-8)
+
+
+def test_a_combination_names_small_parameters_beside_large_ones():
+    """X_s is of order 1e-9: sizes in SI units must not decide who is named."""
+    J, _ = information()
+    J[:, 1] = -J[:, 0]
+    found = invert_information(J.T @ J, np.array([1e-9, 17.0, 1.0, 1e5]), NAMES)
+    (text,) = found.combinations
+    assert "a" in text and "b" in text and "c" not in text and "d" not in text
+    assert text.startswith("+")
+
+
+def test_an_almost_singular_direction_is_huge_or_infinite_but_never_small():
+    J, _ = information()
+    direction = np.random.default_rng(1).standard_normal(30)
+    for size in 10.0 ** -np.arange(1, 12):
+        J[:, 3] = J[:, 1] + size * direction
+        found = invert_information(J.T @ J, np.ones(4), NAMES)
+        assert found.std[3] > 0.05 / size or np.isinf(found.std[3])
+        assert found.std[0] < 1.0
+
+
+def test_parameters_at_a_bound_are_left_out_and_named():
+    J, _ = information()
+    found = invert_information(J.T @ J, np.ones(4), NAMES, at_bound=["b"])
+    rest = [0, 2, 3]
+    np.testing.assert_allclose(
+        found.covariance[np.ix_(rest, rest)], np.linalg.inv(J[:, rest].T @ J[:, rest])
+    )
+    assert found.at_bound == ("b",) and "b" not in found.uninformed
+
+
+def test_no_information_at_all_is_infinite_everywhere():
+    found = invert_information(np.zeros((4, 4)), np.ones(4), NAMES)
+    assert np.isinf(found.std).all() and found.uninformed == NAMES
+    np.testing.assert_array_equal(found.correlation, np.eye(4))
+
+
+def test_rounding_below_zero_counts_as_no_information():
+    H = np.diag([4.0, -1e-20])
+    found = invert_information(H, np.ones(2), ("a", "b"))
+    np.testing.assert_array_equal(found.std, [0.5, np.inf])
+
+
+def test_correlations_lie_between_minus_one_and_one_and_are_zero_where_unknown():
+    J, _ = information()
+    J[:, 3] = 0.0
+    J[:, 1] = J[:, 0] + 0.1 * J[:, 1]
+    found = invert_information(J.T @ J, np.ones(4), NAMES).correlation
+    np.testing.assert_allclose(np.diag(found), 1.0)
+    assert found[0, 1] < -0.9 and not found[3, :3].any()
+    assert np.all(np.abs(found) <= 1 + 1e-12)
+
+
+def test_the_robust_covariance_is_the_sandwich():
+    J, H = information()
+    B = J.T @ np.diag(np.linspace(0.5, 4.0, len(J))) @ J
+    found = invert_information(H, np.full(4, 3.0), NAMES, scatter=B)
+    wanted = 9 * np.linalg.inv(H) @ B @ np.linalg.inv(H)
+    np.testing.assert_allclose(found.covariance_robust, wanted)
+    same = invert_information(H, np.full(4, 3.0), NAMES, scatter=H)
+    np.testing.assert_allclose(same.std_robust, same.std)
+
+
+def test_the_ratio_of_two_estimates_scatters_as_the_delta_method_says():
+    C = np.array([[0.04, 0.03], [0.03, 0.09]])
+    value, std = ratio({"a": 10.0, "b": 20.0}, Estimate(("a", "b"), C), "a", "b")
+    draws = np.random.default_rng(0).multivariate_normal([10.0, 20.0], C, 200_000)
+    assert value == 0.5
+    assert std == pytest.approx(np.std(draws[:, 0] / draws[:, 1]), rel=0.02)
+
+
+def test_a_ratio_with_an_unknown_part_is_unknown_and_with_a_given_part_is_not():
+    unknown = Estimate(("a", "b"), np.diag([0.04, np.inf]))
+    assert ratio({"a": 10.0, "b": 20.0}, unknown, "a", "b")[1] == np.inf
+    known = Estimate(("a",), np.array([[0.04]]))
+    assert ratio({"a": 10.0, "b": 20.0}, known, "a", "b")[1] == pytest.approx(0.01)
+    assert delta_std(np.array([0.0, 0.0]), unknown.covariance) == 0.0
+
+
+@pytest.mark.parametrize("level", [0.5, 0.95, 0.99])
+def test_intervals_cover_as_often_as_they_say(level):
+    half = interval_factor(level)
+    assert stats.norm.cdf(half) - stats.norm.cdf(-half) == pytest.approx(level)
+    assert interval_factor(level, 5) > half
+    assert interval_factor(level, 1e7) == pytest.approx(half, rel=1e-4)
+
+
+class Stated:
+    """A bench that states its noise, or does not."""
+
+    def __init__(self, noise):
+        self.noise = noise
+
+
+def record(x):
+    return Recording(np.arange(len(x)) / 1e3, {"x": x}, "made", "made", InputHold.ZERO)
+
+
+@pytest.mark.parametrize("sigma", [1e-6, 1e-4])
+def test_noise_that_nobody_stated_is_found_in_the_noisiest_record(sigma):
+    rng, t = np.random.default_rng(0), np.arange(20_000) / 1e3
+    slow = sigma * (500 * np.sin(2 * t) + 2000 * np.sign(np.sin(0.7 * t)))
+    records = [record(slow + k * sigma * rng.standard_normal(t.size)) for k in (0.2, 1.0, 0.5)]
+    found = stated_or_estimated_noise(Stated(None), records, "x")
+    assert found == pytest.approx(sigma, rel=0.05)
+
+
+def test_noise_that_the_bench_states_is_taken_at_its_word():
+    bench = Stated(SensorNoise(p=150.0, x=1.5e-5))
+    assert stated_or_estimated_noise(bench, [record(np.zeros(50))], "x") == 1.5e-5
+
+
+def test_a_channel_without_any_noise_still_has_some():
+    for x in (np.zeros(50), np.linspace(0, 1, 50)):
+        assert stated_or_estimated_noise(Stated(None), [record(x)], "x") > 0
+
+
+def test_autocorrelation_is_that_of_the_textbook():
+    e = np.random.default_rng(0).standard_normal(4000)
+    filtered = np.convolve(e, [1.0, 0.5], "valid")
+    found = autocorrelation(filtered, 5)
+    d = filtered - filtered.mean()
+    typed = [np.sum(d[: d.size - k] * d[k:]) / np.sum(d**2) for k in range(6)]
+    np.testing.assert_allclose(found, typed, atol=1e-12)
+    assert found[1] == pytest.approx(0.4, abs=0.05)
+    assert np.all(np.abs(found[2:]) < 4 / np.sqrt(4000))
