@@ -107,3 +107,32 @@ def test_robust_intervals_equal_the_plain_ones_on_white_noise_and_widen_on_colou
         [coloured.parameters[n].value - made.FORCE_TRUE[n] for n in coloured.estimate.names]
     )
     assert np.all(np.abs(d) < 5 * coloured.estimate.std_robust)
+
+
+def test_derived_quantities_carry_the_covariance_through_their_own_gradients(made, fitted):
+    """Values by eq. 9-11, standard deviations by finite differences of the same formulas."""
+    names, bench = fitted.estimate.names, made.BENCH
+    rT = bench.r * bench.T
+    formulas = {
+        "k_P": lambda p: p["X_s3"] / p["X_s2"],
+        "k_N": lambda p: p["X_s6"] / p["X_s5"],
+        "V_P(0)": lambda p: p["X_s1"] * p["X_s3"] / p["X_s2"] * rT,
+        "V_N(0)": lambda p: p["X_s4"] * p["X_s6"] / p["X_s5"] * rT,
+        "S_P": lambda p: p["X_s3"] * rT,
+        "S_N": lambda p: p["X_s6"] * rT,
+        "F_c": lambda p: (p["F_c_plus"] + p["F_c_minus"]) / 2,
+        "F_offset": lambda p: (p["F_c_plus"] - p["F_c_minus"]) / 2,
+    }
+    assert set(formulas) == set(fitted.derived)
+    values = fitted.parameters.as_dict()
+    for name, formula in formulas.items():
+        assert fitted.derived[name].value == pytest.approx(formula(values), rel=1e-12)
+        gradient = []
+        for n in names:
+            h = 1e-5 * abs(values[n])
+            gradient.append(
+                (formula(values | {n: values[n] + h}) - formula(values | {n: values[n] - h}))
+                / (2 * h)
+            )
+        std = np.sqrt(np.array(gradient) @ fitted.estimate.covariance @ np.array(gradient))
+        assert fitted.derived[name].std == pytest.approx(std, rel=1e-6), name
