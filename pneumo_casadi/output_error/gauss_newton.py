@@ -32,7 +32,7 @@ ROUGHLY = 0.3
 #: Relative change of a noise estimate below which it has settled.
 SETTLED = 0.01
 #: Sensitivities and residuals beyond this come from a trajectory that ran away.
-HUGE = 1e100
+HUGE = 1e60
 #: Relative rounding of the cost; less than this is no increase.
 ROUNDING = 1e-12
 
@@ -70,7 +70,7 @@ class Linearised:
     @property
     def finite(self) -> bool:
         """Whether the model stayed within numbers whose squares are finite."""
-        parts = [part for segment in self.segments for part in (segment.J, segment.r, segment.c)]
+        parts = [part for s in self.segments for part in (s.J, s.r, s.S, s.c)]
         return all(bool((np.abs(part) < HUGE).all()) for part in parts)
 
 
