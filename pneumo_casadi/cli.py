@@ -255,6 +255,7 @@ def _guarded(debug: bool) -> Iterator[None]:
     """Turn errors into one line on standard error and an exit code."""
     handler = RichHandler(console=err, show_path=False, show_time=False)
     logger = logging.getLogger("pneumo_casadi")
+    level = logger.level
     logger.addHandler(handler)
     logger.setLevel(logging.DEBUG if debug else logging.ERROR)
     try:
@@ -267,6 +268,7 @@ def _guarded(debug: bool) -> Iterator[None]:
         raise typer.Exit(_explain(error)) from None
     finally:
         logger.removeHandler(handler)
+        logger.setLevel(level)
 
 
 def _explain(error: BaseException) -> int:

@@ -1,6 +1,7 @@
 """The command line: exit codes, one-line errors, nothing half-written."""
 
 import json
+import logging
 import shutil
 from itertools import islice
 from pathlib import Path
@@ -110,6 +111,13 @@ def test_an_interruption_is_exit_code_130_and_leaves_nothing(
     assert cli.run(["identify", str(embedded), "-o", str(tmp_path / "out")]) == 130
     assert "interrupted" in error_line(capsys)
     assert not list(tmp_path.iterdir())
+
+
+def test_a_command_leaves_the_log_as_it_was(tmp_path):
+    logger = logging.getLogger("pneumo_casadi")
+    before = (logger.level, list(logger.handlers))
+    cli.run(["identify", str(tmp_path / "gone")])
+    assert (logger.level, list(logger.handlers)) == before
 
 
 def test_debug_shows_the_traceback(tmp_path, capsys):
