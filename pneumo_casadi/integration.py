@@ -9,8 +9,9 @@ import numpy as np
 from pneumo_casadi.axis import Axis
 from pneumo_casadi.compilation import compiled
 from pneumo_casadi.effect import Expression
+from pneumo_casadi.errors import ModelError
 from pneumo_casadi.parameters import FloatArray
-from pneumo_casadi.recording import InputHold
+from pneumo_casadi.recording import ForceBench, InputHold
 
 #: Threads among which blocks and stretches are shared.
 THREADS = 2
@@ -38,14 +39,28 @@ class Stepping:
 
 
 def substeps_for(axis: Axis, dt: float) -> int:
-    """Return the Runge-Kutta steps per sample that smoothed friction needs to stay stable.
+    """Return the Runge-Kutta steps per sample that the axis needs at standstill to stay stable.
 
-    The steepest rate of the nominal axis is that of the smoothed Coulomb friction at rest,
-    (F_c⁺ + F_c⁻) / (2 M v_s); RK4 is stable up to 2.78 and accurate below about 1 per step.
+    There smoothed friction is steepest, (F_c⁺ + F_c⁻) / (2 M v_s) on the nominal axis, and
+    effects add their own (a lag, Stribeck's force). RK4 is stable up to 2.78 times the fastest
+    rate and accurate below about 1 per step.
     """
-    p = axis.parameters.as_dict()
-    F_c = (abs(p["F_c_plus"]) + abs(p["F_c_minus"])) / 2
-    return max(1, int(np.ceil(dt * F_c / (p["M"] * p["v_s"]))))
+    return max(1, int(np.ceil(dt * _fastest_rate(axis))))
+
+
+def _fastest_rate(axis: Axis) -> float:
+    """Return the largest magnitude of the axis' poles at mid-stroke and standstill [1/s]."""
+    bench, theta = axis.bench, axis.parameters.values
+    pressures = [] if isinstance(bench, ForceBench) else [(bench.p_supply + bench.p_ext) / 2] * 2
+    u = np.zeros(len(axis.inputs))
+    at_rest = axis.rest([*pressures, 0.0, 0.0], u, theta)
+    x = axis.symbol.sym("x", len(axis.states))
+    # In θ as a symbol: the same expression for all parameter values, and MX maps need it.
+    p = axis.symbol.sym("p", theta.size)
+    A = ca.Function("A", [x, p], [ca.jacobian(axis.rhs(x, u, p), x)])(at_rest, theta).full()
+    if not np.isfinite(A).all():
+        raise ModelError("the axis' equations are not finite at standstill; check its parameters")
+    return float(np.abs(np.linalg.eigvals(A)).max())
 
 
 def step_function(axis: Axis, stepping: Stepping) -> ca.Function:

@@ -13,12 +13,7 @@ from pneumo_casadi.errors import FitError, ModelError
 from pneumo_casadi.flow import FlowMap
 from pneumo_casadi.integration import Stepping, block_functions, substeps_for
 from pneumo_casadi.output_error.anchor import anchor
-from pneumo_casadi.output_error.gauss_newton import (
-    SETTLED,
-    Solution,
-    residual_sigma,
-    solve_gauss_newton,
-)
+from pneumo_casadi.output_error.gauss_newton import solve_gauss_newton
 from pneumo_casadi.output_error.information import estimate
 from pneumo_casadi.output_error.ipopt import IpoptSolver
 from pneumo_casadi.output_error.problem import Problem, Unknowns
@@ -29,6 +24,7 @@ from pneumo_casadi.output_error.result import (
     derived_quantities,
 )
 from pneumo_casadi.output_error.segments import cut
+from pneumo_casadi.output_error.solution import SETTLED, Solution, residual_sigma
 from pneumo_casadi.parameters import FloatArray, Parameters
 from pneumo_casadi.recording import Recording
 from pneumo_casadi.statistics import stated_or_estimated_noise

@@ -1,12 +1,7 @@
 """Multiple shooting by condensed Gauss-Newton steps (Bock 1987).
 
-The linearised dynamics tie every state to the segment's initial state and the parameters,
-
-    δx_{k+1} = A_k δx_k + B_k δθ + d_k    with the defects d_k = F(x_k, w_k, θ) - x_{k+1},
-
-so one sweep through the blocks leaves a dense least-squares problem in (δx_0, δθ), of the size of
-the parameters and not of the record. Nodes need not satisfy the dynamics on the way: a start from
-measured states survives where single shooting from the same parameters would drift away.
+Nodes need not satisfy the dynamics on the way: a start from measured states survives where single
+shooting from the same parameters would drift away.
 """
 
 from dataclasses import dataclass
@@ -14,7 +9,14 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from pneumo_casadi.output_error.problem import Problem, Unknowns, sensitivities, values
+from pneumo_casadi.output_error.condensing import (
+    Linearised,
+    anchor_normal_equations,
+    linearise,
+    scaled_normal_equations,
+)
+from pneumo_casadi.output_error.problem import Problem, Unknowns, values
+from pneumo_casadi.output_error.solution import SETTLED, Solution, residual_sigma
 from pneumo_casadi.parameters import FloatArray
 
 #: Largest step of a parameter, in its scales, that the linearisation is trusted for.
@@ -29,126 +31,8 @@ SHRINK = 0.5
 CLOSED = 1e-6
 #: Step, in standard deviations of a parameter, below which the noise may be estimated again.
 ROUGHLY = 0.3
-#: Relative change of a noise estimate below which it has settled.
-SETTLED = 0.01
-#: Sensitivities and residuals beyond this come from a trajectory that ran away.
-HUGE = 1e60
 #: Relative rounding of the cost; less than this is no increase.
 ROUNDING = 1e-12
-
-
-@dataclass(frozen=True, slots=True)
-class Condensed:
-    """One segment, linearised and condensed to its initial state and the parameters.
-
-    Parameters
-    ----------
-    J : (K, ny, nx + n_free) array
-        ∂m_k/∂(x_0, θ_free) along the linearised trajectory, in SI units.
-    r : (K, ny) array
-        Measured minus linearised mean outputs at (δx_0, δθ) = 0, defects taken into account.
-    S : (K + 1, nx, nx + n_free) array
-        ∂x_k/∂(x_0, θ_free).
-    c : (K + 1, nx) array
-        Part of δx_k that closes the defects.
-    """
-
-    J: FloatArray
-    r: FloatArray
-    S: FloatArray
-    c: FloatArray
-
-
-@dataclass(frozen=True, slots=True)
-class Linearised:
-    """All segments condensed, with the model's outputs and defects at the point itself."""
-
-    segments: tuple[Condensed, ...]
-    m: FloatArray
-    defects: FloatArray
-
-    @property
-    def finite(self) -> bool:
-        """Whether the model stayed within numbers whose squares are finite."""
-        parts = [part for s in self.segments for part in (s.J, s.r, s.S, s.c)]
-        return all(bool((np.abs(part) < HUGE).all()) for part in parts)
-
-
-def linearise(problem: Problem, point: Unknowns) -> Linearised:
-    """Linearise the problem at a point and condense every segment."""
-    ends, m, dx, dy = sensitivities(problem, point)
-    d = (ends - point.x[:, problem.starts + 1]).T
-    e = (problem.y - m).T
-    found, block = [], 0
-    with np.errstate(all="ignore"):  # a diverging trial step is found and halved
-        for segment in problem.segments:
-            span = slice(block, block + segment.K)
-            found.append(_condense(dx[span], dy[span], d[span], e[span]))
-            block += segment.K
-    return Linearised(tuple(found), m, d)
-
-
-def _condense(dx: FloatArray, dy: FloatArray, d: FloatArray, e: FloatArray) -> Condensed:
-    K, nx, n = dx.shape
-    S, c = np.zeros((K + 1, nx, n)), np.zeros((K + 1, nx))
-    S[0, :, :nx] = np.eye(nx)
-    for k in range(K):
-        A = dx[k, :, :nx]
-        S[k + 1] = A @ S[k]
-        S[k + 1, :, nx:] += dx[k, :, nx:]
-        c[k + 1] = A @ c[k] + d[k]
-    C = dy[:, :, :nx]
-    J = C @ S[:-1]
-    J[:, :, nx:] += dy[:, :, nx:]
-    return Condensed(J, e - (C @ c[:-1, :, None])[:, :, 0], S, c)
-
-
-def scaled_normal_equations(
-    problem: Problem, segment: Condensed, sigma: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return JᵀJ and Jᵀr of one segment in scaled (x_0, θ_free)."""
-    scale = np.concatenate([problem.axis.state_scales, problem.free_scales])
-    weight = np.sqrt(problem.blocks.n) / sigma
-    J = (segment.J * weight[None, :, None] * scale).reshape(-1, scale.size)
-    r = (segment.r * weight).ravel()
-    return J.T @ J, J.T @ r
-
-
-def anchor_normal_equations(problem: Problem, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return JᵀJ and Jᵀr of the flow map in scaled free parameters; zeros without an anchor."""
-    free = problem.free
-    H, g = np.zeros((len(free), len(free))), np.zeros(len(free))
-    if problem.anchor is None:
-        return H, g
-    c = theta[[problem.parameters.index(name) for name in problem.anchor.names]]
-    inside = [i for i, name in enumerate(problem.anchor.names) if name in free]
-    at = [free.index(problem.anchor.names[i]) for i in inside]
-    J = problem.anchor.jacobian(c)[:, inside] * problem.free_scales[at]
-    H[np.ix_(at, at)] = J.T @ J
-    g[at] = -J.T @ problem.anchor(c)
-    return H, g
-
-
-@dataclass(frozen=True, slots=True)
-class Solution:
-    """Where a solver stopped, and why.
-
-    Parameters
-    ----------
-    point : Unknowns
-        The last point.
-    sigma : (ny,) array
-        Noise of one sample of each output at the end.
-    status : str
-        ``"converged"`` or what went wrong.
-    iterations : int
-        Iterations taken.
-    """
-
-    point: Unknowns
-    sigma: FloatArray
-    status: str
-    iterations: int
 
 
 def solve_gauss_newton(
@@ -227,15 +111,6 @@ def _misfit(problem: Problem, at: Linearised, sigma: FloatArray) -> float:
 def _stopped_shrinking(sizes: list[float]) -> bool:
     """Tell whether full steps no longer contract: the last two against those before."""
     return len(sizes) > 4 and min(sizes[-2:]) > SHRINK * min(sizes[-4:-2])
-
-
-def residual_sigma(problem: Problem, m: FloatArray) -> FloatArray:
-    """Return the noise of one sample from residuals of block means, degrees of freedom counted."""
-    e = problem.y - m
-    fitted = len(problem.free) + e.shape[0] * len(problem.segments)
-    dof = max(1.0, e.shape[1] - fitted / e.shape[0])
-    found: FloatArray = np.sqrt(problem.blocks.n * np.sum(e**2, axis=1) / dof)
-    return found
 
 
 def _with_outputs(point: Unknowns, m: FloatArray) -> Unknowns:

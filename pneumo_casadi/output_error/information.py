@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pneumo_casadi.output_error.gauss_newton import (
+from pneumo_casadi.output_error.condensing import (
     Condensed,
     anchor_normal_equations,
     linearise,

@@ -6,7 +6,7 @@ import numpy as np
 from pneumo_casadi.axis import Axis
 from pneumo_casadi.errors import FitError
 from pneumo_casadi.integration import Stepping, accumulate, block_functions, substeps_for
-from pneumo_casadi.output_error.gauss_newton import linearise, scaled_normal_equations
+from pneumo_casadi.output_error.condensing import linearise, scaled_normal_equations
 from pneumo_casadi.output_error.problem import Problem, Unknowns
 from pneumo_casadi.output_error.segments import cut
 from pneumo_casadi.parameters import FloatArray

@@ -14,8 +14,8 @@ import casadi as ca
 import numpy as np
 from scipy import sparse
 
-from pneumo_casadi.output_error.gauss_newton import Solution
 from pneumo_casadi.output_error.problem import Problem, Unknowns
+from pneumo_casadi.output_error.solution import Solution
 from pneumo_casadi.parameters import FloatArray
 
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from pneumo_casadi.effects import ValveLag
+from pneumo_casadi.effects import Stribeck, ValveLag
 from pneumo_casadi.integration import (
     Stepping,
     block_functions,
@@ -155,6 +155,27 @@ def test_sticking_under_narrow_friction_is_stable_at_the_substeps_chosen(made, v
     # Held by friction: it creeps at the speed where the smoothed friction balances 4 N.
     creep = brentq(lambda v: 25.0 * v - 2.5 + 14.5 * np.tanh(v / v_s) - 4.0, 0.0, v_s)
     assert x[1, -1] == pytest.approx(creep, rel=1e-4)
+
+
+def test_effects_that_stiffen_the_axis_get_their_own_substeps(made):
+    """Stribeck's 60 N on 14.5 N of Coulomb friction make standstill five times as stiff."""
+    axis = made.true_force_axis(Stribeck()).with_parameters({"stribeck.delta_F": 60.0, "v_s": 1e-4})
+    plain = made.true_force_axis().with_parameters({"v_s": 1e-4})
+    assert substeps_for(axis, 1e-3) > 4.5 * substeps_for(plain, 1e-3)
+    F = np.full((300, 1), 4.0)
+    n = substeps_for(axis, 1e-3)
+    chosen, fine = (made.steps(axis, F, [0.0, 2e-3], substeps=k)[1, -1] for k in (n, 10 * n))
+    assert chosen == pytest.approx(fine, rel=1e-3)
+
+
+def test_a_lag_sampled_slowly_stays_stable(made):
+    axis = made.true_axis(ValveLag())
+    nominal = made.true_axis().with_parameters({"v_s": 1.0})
+    axis = axis.with_parameters({"v_s": 1.0})
+    assert substeps_for(nominal, 8e-3) == 1 and substeps_for(axis, 8e-3) == 8
+    u = np.tile([0.5, -0.5], (40, 1))
+    x = made.steps(axis, u, [4e5, 5e5, 0, 0, 0, 0], dt=8e-3, substeps=substeps_for(axis, 8e-3))
+    np.testing.assert_allclose(x[4:, -1], [0.5, -0.5], rtol=1e-6)
 
 
 def test_step_names_do_not_clash_with_the_axis(made):

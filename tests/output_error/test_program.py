@@ -6,8 +6,8 @@ import pytest
 
 from pneumo_casadi.effects import ValveLag
 from pneumo_casadi.output_error import OutputErrorOptions
+from pneumo_casadi.output_error.condensing import anchor_normal_equations, linearise
 from pneumo_casadi.output_error.fit import write_problem
-from pneumo_casadi.output_error.gauss_newton import anchor_normal_equations, linearise
 from pneumo_casadi.output_error.ipopt import program, scales
 from pneumo_casadi.output_error.problem import Unknowns, values
 

@@ -1,0 +1,42 @@
+"""What every solver of the output-error problem returns."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pneumo_casadi.output_error.problem import Problem, Unknowns
+from pneumo_casadi.parameters import FloatArray
+
+#: Relative change of a noise estimate below which it has settled.
+SETTLED = 0.01
+
+
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """Where a solver stopped, and why.
+
+    Parameters
+    ----------
+    point : Unknowns
+        The last point.
+    sigma : (ny,) array
+        Noise of one sample of each output at the end.
+    status : str
+        ``"converged"`` or what went wrong.
+    iterations : int
+        Iterations taken.
+    """
+
+    point: Unknowns
+    sigma: FloatArray
+    status: str
+    iterations: int
+
+
+def residual_sigma(problem: Problem, m: FloatArray) -> FloatArray:
+    """Return the noise of one sample from residuals of block means, degrees of freedom counted."""
+    e = problem.y - m
+    fitted = len(problem.free) + e.shape[0] * len(problem.segments)
+    dof = max(1.0, e.shape[1] - fitted / e.shape[0])
+    found: FloatArray = np.sqrt(problem.blocks.n * np.sum(e**2, axis=1) / dof)
+    return found
