@@ -120,7 +120,8 @@ def simulate(
     >>> from pneumo_casadi.recording import ForceBench, NestedController
     >>> from pneumo_casadi.servosystem import ForceAxis
     >>> bench = ForceBench(1e3, None, NestedController(160.0, 243.0, 35.0, 10.0))
-    >>> axis = ForceAxis(bench).with_parameters({"M": 2.0, "f_v": 0.0, "F_c_plus": 0.0})
+    >>> free = {"M": 2.0, "f_v": 0.0, "F_c_plus": 0.0, "F_c_minus": 0.0}
+    >>> axis = ForceAxis(bench).with_parameters(free)
     >>> run = simulate(axis, np.full((1001, 1), 4.0), 1e-3, [0.0, 0.0])
     >>> round(float(run["x"][-1]), 6)
     1.0
