@@ -39,10 +39,13 @@ def run(folder: Path, seconds: float | None) -> dict[str, Any]:
     """Identify the case and compare with the truth."""
     found = identify(folder, replace(IdentifyOptions(), end=seconds))
     oe, wls = found.output_error, found.wls
+    std_hac = dict(zip(wls.parameters.names, wls.std_hac.tolist(), strict=True))
     parameters = {
         name: {
             "truth": truth,
             "wls": wls.parameters[name].value,
+            "unit": oe.parameters[name].unit,
+            "wls_std_hac": std_hac[name],
             "wls_error_percent": 100 * (wls.parameters[name].value / truth - 1),
             "output_error": oe.parameters[name].value,
             "output_error_std": oe.std(name),
@@ -64,7 +67,12 @@ def run(folder: Path, seconds: float | None) -> dict[str, Any]:
     return {
         "parameters": parameters,
         "derived": {
-            k: {"truth": truth, "value": oe.derived[k].value, "error": oe.derived[k].value - truth}
+            k: {
+                "truth": truth,
+                "value": oe.derived[k].value,
+                "std_robust": oe.derived[k].std_robust,
+                "error": oe.derived[k].value - truth,
+            }
             for k, truth in ratios.items()
         },
         "validation_percent": errors,

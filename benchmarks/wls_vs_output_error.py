@@ -23,6 +23,7 @@ from typing import Any
 
 import casadi
 import numpy as np
+import readme
 import scipy
 from matplotlib.figure import Figure
 from rich.progress import track
@@ -207,29 +208,9 @@ def draw(result: Mapping[str, Any]) -> Figure:
     left.invert_yaxis()
     right.axvspan(92, 98, color="0.9")
     right.set_xlabel("coverage of 95 % intervals (%)")
-    right.legend(loc="lower left", fontsize=8)
+    handles, labels = right.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=2, fontsize=8)
     return figure
-
-
-def markdown(result: Mapping[str, Any]) -> str:
-    """Return the figures as a Markdown table."""
-    lines = [
-        "| parameter | WLS bias % | WLS spread % | WLS coverage % "
-        "| OE bias % | OE spread % | OE coverage % |",
-        "|---|---:|---:|---:|---:|---:|---:|",
-    ]
-    for name in (*TABLE_1, *RATIOS):
-        cells = []
-        for key in ("wls", "output_error"):
-            one = result[key][name]
-            spread = 100 * one["spread"] / abs(one["truth"])
-            cells += [
-                f"{one['bias_percent']:+.3f}",
-                f"{spread:.3f}",
-                f"{one['coverage_percent']:.1f}",
-            ]
-        lines.append(f"| {name} | " + " | ".join(cells) + " |")
-    return "\n".join(lines)
 
 
 def main() -> None:
@@ -250,7 +231,7 @@ def main() -> None:
         "seed": SEED,
         "quick": arguments.quick,
     }
-    print(markdown(result))
+    print(readme.coverage(result))
     if arguments.json is not None:
         partial = arguments.json.with_suffix(".part")
         partial.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")

@@ -15,6 +15,8 @@ from pneumo_casadi.recording import ForceBench, InputHold
 
 #: Threads among which blocks and stretches are shared.
 THREADS = 2
+#: Fastest rate times sampling period up to which a sample is one step.
+ONE_STEP = 0.5
 #: Steps that run inside CasADi at a time.
 CHUNK = 250
 
@@ -43,9 +45,11 @@ def substeps_for(axis: Axis, dt: float) -> int:
 
     There smoothed friction is steepest, (F_c⁺ + F_c⁻) / (2 M v_s) on the nominal axis, and
     effects add their own (a lag, Stribeck's force). RK4 is stable up to 2.78 times the fastest
-    rate and accurate below about 1 per step.
+    rate and accurate below about 1 per step; where one step would do for a whole sample, half
+    of that is asked for, because the steps are then long against everything else as well.
     """
-    return max(1, int(np.ceil(dt * _fastest_rate(axis))))
+    rate = dt * _fastest_rate(axis)
+    return max(1 if rate <= ONE_STEP else 2, int(np.ceil(rate)))
 
 
 def _fastest_rate(axis: Axis) -> float:

@@ -174,7 +174,7 @@ def identify(
     report("weighted least squares", _SHARES["wls"])
     wls = fit_wls(axis, records)
     result = fit_output_error(
-        axis.with_parameters(starting_values(axis, wls)),
+        axis.started_at(wls.parameters),
         records,
         flow_map,
         output_error_options(case, options),
@@ -249,17 +249,6 @@ def make_axis(case: Case, flow: FlowModel | None) -> Axis:
     if flow is None:
         raise ModelError(f"{case.folder}: a servo axis needs the static flow of its valve")
     return Servosystem(case.bench, flow)
-
-
-def starting_values(axis: Axis, wls: WLSResult) -> dict[str, float]:
-    """Return the estimates of WLS, clipped to the model's bounds."""
-    found = {}
-    for item in wls.parameters:
-        bounds = axis.parameters[item.name]
-        found[item.name] = min(max(item.value, bounds.lower), bounds.upper)
-        if found[item.name] != item.value:
-            logger.info("%s starts at its bound %g %s", item.name, found[item.name], item.unit)
-    return found
 
 
 def output_error_options(case: Case, options: IdentifyOptions) -> OutputErrorOptions:

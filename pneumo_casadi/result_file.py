@@ -7,7 +7,6 @@ import os
 import platform
 import tempfile
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +18,7 @@ import scipy
 from pneumo_casadi import __version__
 from pneumo_casadi.axis import Axis
 from pneumo_casadi.errors import CaseError
-from pneumo_casadi.output_error import Derived, OutputErrorResult
-from pneumo_casadi.output_error.result import derived_quantities
+from pneumo_casadi.output_error import OutputErrorResult
 from pneumo_casadi.pipeline import (
     FlowForm,
     Identification,
@@ -76,7 +74,6 @@ def output_error_dict(result: OutputErrorResult, found: Identification) -> dict[
     flow = set() if found.flow is None else set(found.flow.parameters.names)
     own = [name for name in result.parameters.names if name not in flow and name != "v_s"]
     correlation = result.estimate.correlation
-    robust = robust_derived(result)
     names = [name for name in own if name in result.estimate.names]
     at = [result.estimate.names.index(name) for name in names]
     pull = result.map_pull
@@ -89,7 +86,7 @@ def output_error_dict(result: OutputErrorResult, found: Identification) -> dict[
             name: {
                 "value": item.value,
                 "std": item.std,
-                "std_robust": robust[name].std,
+                "std_robust": item.std_robust,
                 "unit": item.unit,
             }
             for name, item in result.derived.items()
@@ -116,14 +113,6 @@ def output_error_dict(result: OutputErrorResult, found: Identification) -> dict[
         "uninformed": list(result.estimate.uninformed),
         "uninformed_directions": list(result.estimate.combinations),
     }
-
-
-def robust_derived(result: OutputErrorResult) -> Mapping[str, Derived]:
-    """Return the derived quantities with standard deviations that allow for correlation."""
-    covariance = result.estimate.covariance_robust
-    if covariance is None:
-        return result.derived
-    return derived_quantities(result.axis, replace(result.estimate, covariance=covariance))
 
 
 def validation_dict(validation: Validation) -> dict[str, Any]:

@@ -26,8 +26,8 @@ class Estimate:
     names : tuple of str
         Parameters, in order.
     covariance : (n, n) array
-        In SI units; zero rows for parameters at a bound, infinite variance for parameters
-        without information.
+        In SI units; infinite variance for parameters without information and for those at a
+        bound, whose interval is one-sided and not given.
     at_bound : tuple of str
         Parameters held by a bound; their interval is one-sided and not given here.
     uninformed : tuple of str
@@ -121,6 +121,8 @@ def invert_information(
         covariance[lost, lost] = np.inf
         full = np.zeros((n, n))
         full[np.ix_(inside, inside)] = covariance
+        held = [i for i in range(n) if names[i] in at_bound]
+        full[held, held] = np.inf
         return full
 
     full = in_units(inverse)

@@ -20,7 +20,8 @@ def test_the_python_example_runs_on_files_with_other_columns(
     readme, embedded, tmp_path, monkeypatch
 ):
     monkeypatch.chdir(tmp_path)
-    shutil.copy(embedded / "flow_map.csv", "flow_map.csv")
+    for name in ("flow_map.csv", "bench.json"):
+        shutil.copy(embedded / name, name)
     for target, source, rows in (
         ("one.csv", "identify.csv.gz", slice(25000, 37500)),
         ("two.csv", "validate.csv.gz", slice(0, 11000)),

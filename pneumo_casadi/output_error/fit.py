@@ -135,14 +135,22 @@ def fit_output_error(
             report(rung.name, share + 0.5 / len(ladder))
             began = time.perf_counter()
             solution = _solve(problem, rung.options, sigma, rung.refine)
-            result = _result(problem, solution, stages, rung, time.perf_counter() - began)
+            stage = Stage(
+                rung.name,
+                rung.options.widths[-1],
+                problem.cost(solution.point, sigma),
+                solution.iterations,
+                solution.status,
+                time.perf_counter() - began,
+            )
+            result = _result(problem, solution, (*stages, stage))
             stages = list(result.stages)
             logger.info(
                 "%s: %s, %d iterations, cost %.6g",
                 rung.name,
                 solution.status,
                 solution.iterations,
-                result.cost,
+                stage.cost,
             )
             if solution.status != "converged":
                 break
@@ -270,13 +278,8 @@ def _solve(
     return Solution(solution.point, sigma, solution.status, iterations)
 
 
-def _result(
-    problem: Problem, solution: Solution, before: Sequence[Stage], rung: _Rung, seconds: float
-) -> OutputErrorResult:
+def _result(problem: Problem, solution: Solution, stages: tuple[Stage, ...]) -> OutputErrorResult:
     point, sigma = solution.point, solution.sigma
-    cost = problem.cost(point, sigma)
-    width = rung.options.widths[-1]
-    stage = Stage(rung.name, width, cost, solution.iterations, solution.status, seconds)
     axis = problem.axis.with_parameters(problem.parameters.with_values(point.theta))
     found = estimate(problem, point, sigma)
     K = [segment.K for segment in problem.segments]
@@ -284,12 +287,12 @@ def _result(
     return OutputErrorResult(
         axis,
         solution.status,
-        cost,
+        problem.cost(point, sigma),
         sigma,
         np.sqrt(np.mean(problem.residuals(point) ** 2, axis=1)),
         found,
         derived_quantities(axis, found),
-        (*before, stage),
+        stages,
         problem.segments,
         tuple(np.split(point.m, np.cumsum(K)[:-1], axis=1)),
         tuple(point.x[:, i] for i in first),

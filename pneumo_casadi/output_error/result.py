@@ -22,7 +22,8 @@ class Stage:
     v_s : float
         Width of the smoothed sign of the velocity [m/s].
     cost : float
-        ½ Σ (residual/σ)² where it ended.
+        ½ Σ (residual/σ)² where it ended, with the σ that the bench states or the records show:
+        the same for all stages, so that their costs can be compared.
     iterations : int
         Of the nonlinear solver.
     status : str
@@ -41,10 +42,21 @@ class Stage:
 
 @dataclass(frozen=True, slots=True)
 class Derived:
-    """A quantity computed from parameters, with its standard deviation."""
+    """A quantity computed from parameters, with its standard deviations.
+
+    Parameters
+    ----------
+    value, std : float
+        In `unit`; `std` takes residuals for white noise.
+    std_robust : float
+        The same where residuals may be correlated, see `Estimate`.
+    unit : str
+        SI unit.
+    """
 
     value: float
     std: float
+    std_robust: float
     unit: str
 
 
@@ -75,7 +87,7 @@ class OutputErrorResult:
     status : str
         ``"converged"``, or why not (only in the partial result of a `FitError`).
     cost : float
-        ½ Σ (residual/σ)² with the final σ.
+        ½ Σ (residual/σ)² with the final σ; near n/2 by itself where σ comes from the residuals.
     sigma : (ny,) array
         Standard deviation of one sample of each output, as estimated [Pa, Pa, m].
     rms : (ny,) array
@@ -147,7 +159,10 @@ def derived_quantities(axis: Axis, estimate: Estimate) -> dict[str, Derived]:
 
     def add(name: str, value: float, slopes: Mapping[str, float], unit: str) -> None:
         gradient = np.array([slopes.get(n, 0.0) for n in estimate.names])
-        found[name] = Derived(value, delta_std(gradient, estimate.covariance), unit)
+        std = delta_std(gradient, estimate.covariance)
+        robust = estimate.covariance_robust
+        wider = std if robust is None else delta_std(gradient, robust)
+        found[name] = Derived(value, std, wider, unit)
 
     if axis.flow is not None:
         constants = axis.constants

@@ -36,7 +36,7 @@ class Solution:
 def residual_sigma(problem: Problem, m: FloatArray) -> FloatArray:
     """Return the noise of one sample from residuals of block means, degrees of freedom counted."""
     e = problem.y - m
-    fitted = len(problem.free) + e.shape[0] * len(problem.segments)
+    fitted = len(problem.free) + len(problem.axis.states) * len(problem.segments)
     dof = max(1.0, e.shape[1] - fitted / e.shape[0])
     found: FloatArray = np.sqrt(problem.blocks.n * np.sum(e**2, axis=1) / dof)
     return found

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pneumo_casadi.pipeline import Identification
 from pneumo_casadi.regression import ratios
 from pneumo_casadi.report.paper import TABLE_1
-from pneumo_casadi.result_file import robust_derived
 from pneumo_casadi.validation import Error, Validation
 
 #: Units in which people read, with the factor from SI.
@@ -182,7 +181,7 @@ def _row(
 def _derived_row(
     found: Identification, name: str, truth: Mapping[str, float], paper: bool
 ) -> tuple[str, ...]:
-    item, robust = found.output_error.derived[name], robust_derived(found.output_error)[name]
+    item = found.output_error.derived[name]
     top, bottom = ("X_s3", "X_s2") if name == "k_P" else ("X_s6", "X_s5")
     true = truth[top] / truth[bottom] if {top, bottom} <= truth.keys() else None
     wls = ""
@@ -196,7 +195,7 @@ def _derived_row(
         name,
         "",
         wls,
-        interval_text(item.value, 2 * max(item.std, robust.std)),
+        interval_text(item.value, 2 * max(item.std, item.std_robust)),
         "" if true is None else f"{true:.4g}",
         "" if true is None else f"{item.value - true:+.4f}",
         f"{TABLE_1[top][0] / TABLE_1[bottom][0]:.3g}" if paper else "",

@@ -1,0 +1,124 @@
+"""Write the README's tables from the committed results, so that they cannot differ.
+
+``python benchmarks/readme.py`` rewrites what stands between the markers ``<!-- table: NAME -->``
+and ``<!-- end -->``; with ``--check`` it only tells whether anything would change.
+"""
+
+import argparse
+import json
+import re
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parent.parent
+RESULTS = ROOT / "benchmarks" / "results"
+SYMBOLS = {"F_c_plus": "F_c⁺", "F_c_minus": "F_c⁻"}
+
+
+def main() -> None:
+    """Rewrite or check the README."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--check", action="store_true", help="change nothing, exit 1 if stale")
+    path = ROOT / "README.md"
+    old = path.read_text("utf-8")
+    new = written(old)
+    if parser.parse_args().check:
+        sys.exit(int(new != old))
+    path.write_text(new, encoding="utf-8")
+
+
+def written(text: str) -> str:
+    """Return a text with all its tables made anew."""
+
+    def table(match: re.Match[str]) -> str:
+        make, name = TABLES[match["name"]]
+        result = json.loads((RESULTS / f"{name}.json").read_text("utf-8"))
+        return f"<!-- table: {match['name']} -->\n{make(result)}\n<!-- end -->"
+
+    return re.sub(r"<!-- table: (?P<name>\S+) -->.*?<!-- end -->", table, text, flags=re.DOTALL)
+
+
+def rows(head: list[str], body: list[list[str]]) -> str:
+    """Return a Markdown table, numbers to the right."""
+    rule = ["---"] + ["---:"] * (len(head) - 1)
+    return "\n".join("| " + " | ".join(row) + " |" for row in (head, rule, *body))
+
+
+def coverage(result: Mapping[str, Any]) -> str:
+    """Bias, spread and coverage of both estimators."""
+    head = ["parameter"]
+    for label in ("WLS", "OE"):
+        head += [f"{label} bias %", f"{label} spread %", f"{label} coverage %"]
+    body = []
+    for name in result["wls"]:
+        row = [SYMBOLS.get(name, name)]
+        for key in ("wls", "output_error"):
+            one = result[key][name]
+            spread = 100 * one["spread"] / abs(one["truth"])
+            row += [
+                f"{one['bias_percent']:+.3f}",
+                f"{spread:.3f}",
+                f"{one['coverage_percent']:.1f}",
+            ]
+        body.append(row)
+    return rows(head, body)
+
+
+def truth(result: Mapping[str, Any]) -> str:
+    """Both estimators beside the truth, on independent data."""
+    head = ["parameter", "unit", "WLS ± 2σ", "OE ± 2σ", "truth", "WLS − truth", "OE − truth"]
+    body = []
+    for name, one in result["parameters"].items():
+        estimates = [
+            f"{one[key]:.4g} ± {2 * one[std]:.2g}"
+            for key, std in (("wls", "wls_std_hac"), ("output_error", "output_error_std_robust"))
+        ]
+        errors = [f"{one[f'{key}_error_percent']:+.2f} %" for key in ("wls", "output_error")]
+        symbol = SYMBOLS.get(name, name)
+        body.append([symbol, one["unit"], *estimates, f"{one['truth']:.4g}", *errors])
+    for name, one in result["derived"].items():
+        value = f"{one['value']:.4f} ± {2 * one['std_robust']:.2g}"
+        body.append([name, "1", "", value, f"{one['truth']:.4f}", "", f"{one['error']:+.4f}"])
+    return rows(head, body)
+
+
+def emps(result: Mapping[str, Any]) -> str:
+    """Put ours beside the published figures of a real axis."""
+    head = ["EMPS", "ours", "authors"]
+    body = []
+    for variant in ("symmetric", "asymmetric"):
+        ours, theirs = result[variant], result["authors"][variant]
+        for name, value in theirs["parameters"].items():
+            errors = ours["standard_errors"][name], theirs["standard_errors"][name]
+            body.append(
+                [
+                    f"{variant} {name}",
+                    f"{ours['parameters'][name]:.4f} ± {errors[0]:.4f}",
+                    f"{value:.4f} ± {errors[1]:.4f}",
+                ]
+            )
+        for key, label in (
+            ("relative_error_percent", "force error, %"),
+            ("cross_validation_percent", "force error on pulses, %"),
+        ):
+            published = f"{theirs[key]:.4f}" if key in theirs else ""
+            body.append([f"{variant} {label}", f"{ours[key]:.4f}", published])
+    for record, signals in result["authors"]["closed_loop"].items():
+        for signal, value in signals.items():
+            ours = result["closed_loop"][record][signal]
+            body.append([f"closed loop, {record}, {signal}, %", f"{ours:.4g}", f"{value:.4g}"])
+    return rows(head, body)
+
+
+#: Tables by name: how it is made, and from which result.
+TABLES: dict[str, tuple[Callable[[Mapping[str, Any]], str], str]] = {
+    "coverage": (coverage, "wls_vs_output_error"),
+    "truth": (truth, "table1"),
+    "emps": (emps, "emps"),
+}
+
+
+if __name__ == "__main__":
+    main()
