@@ -72,8 +72,8 @@ def truth(result: Mapping[str, Any]) -> str:
     body = []
     for name, one in result["parameters"].items():
         estimates = [
-            f"{one[key]:.4g} ± {2 * one[std]:.2g}"
-            for key, std in (("wls", "wls_std_hac"), ("output_error", "output_error_std_robust"))
+            f"{one[key]:.4g} ± {2 * max(one[f'{key}_std'], one[f'{key}_std_{wide}']):.2g}"
+            for key, wide in (("wls", "hac"), ("output_error", "robust"))
         ]
         errors = [f"{one[f'{key}_error_percent']:+.2f} %" for key in ("wls", "output_error")]
         symbol = SYMBOLS.get(name, name)

@@ -45,6 +45,7 @@ def run(folder: Path, seconds: float | None) -> dict[str, Any]:
             "truth": truth,
             "wls": wls.parameters[name].value,
             "unit": oe.parameters[name].unit,
+            "wls_std": float(wls.std[wls.names.index(name)]),
             "wls_std_hac": std_hac[name],
             "wls_error_percent": 100 * (wls.parameters[name].value / truth - 1),
             "output_error": oe.parameters[name].value,
