@@ -225,7 +225,9 @@ def test_progress_is_told_and_every_stage_is_on_record(made, start, short):
     assert {stage.v_s for stage in result.stages} == {2e-2, 5e-3}
     assert result.iterations == sum(stage.iterations for stage in result.stages)
     assert all(stage.seconds >= 0 and stage.cost > 0 for stage in result.stages)
-    assert result.stages[-1].cost == result.cost
+    # Stages are costed with the stated noise, the result with the estimated one.
+    assert result.stages[-1].cost != result.cost
+    assert result.stages[-1].cost == pytest.approx(result.cost, rel=0.05)
 
 
 def test_samples_beyond_the_last_whole_block_are_left_out_and_no_others(made, start, short):
