@@ -1,26 +1,20 @@
 """The command line: demo, identify, validate, simulate."""
 
-import logging
 import sys
-import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
-from rich.logging import RichHandler
-from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from pneumo_casadi import __version__
-from pneumo_casadi.errors import CaseError, FitError, PneumoError
-from pneumo_casadi.filtering.plan import SamplingWarning
+from pneumo_casadi.errors import CaseError
 from pneumo_casadi.output_error import Method, OutputErrorOptions
 from pneumo_casadi.pipeline import FlowForm, IdentifyOptions, identify, open_case
-from pneumo_casadi.report.tables import Table, parameter_table, validation_table
-from pneumo_casadi.report.text import render, render_caveats
+from pneumo_casadi.report.tables import parameter_table, validation_table
+from pneumo_casadi.report.text import render_caveats
 from pneumo_casadi.report.write import (
     check_replaceable,
     write_report,
@@ -28,10 +22,9 @@ from pneumo_casadi.report.write import (
     write_validation,
 )
 from pneumo_casadi.result_file import read_axis, result_dict, validation_dict, write_json
+from pneumo_casadi.terminal import BAD_INPUT, OK, complain, guarded, out, progress_bar, show
 from pneumo_casadi.trajectory_file import RecordSet, simulate_case
 from pneumo_casadi.validation import validate as validate_axis
-
-OK, FIT_FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
 app = typer.Typer(
     help="Identify pneumatic servo axes: from recordings to physical parameters with intervals.",
@@ -40,9 +33,6 @@ app = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode=None,
 )
-out = Console(highlight=False)
-err = Console(stderr=True, highlight=False)
-
 CasePath = Annotated[
     Path, typer.Argument(metavar="CASE", help="Folder with bench.json and records.")
 ]
@@ -89,7 +79,7 @@ def demo(
     The axis has the parameters of the paper's Table 1; the table shows weighted least squares
     (WLS), output error (OE), the truth and Table 1 side by side.
     """
-    with _guarded(debug), _embedded_case() as folder:
+    with guarded(debug), _embedded_case() as folder:
         _identify(folder, IdentifyOptions(), output or Path("report/demo"), json_file, paper=True)
 
 
@@ -125,7 +115,7 @@ def identify_command(
     CASE holds bench.json, identify*.csv[.gz], validate*.csv[.gz] and flow_map.csv (or is the
     folder of the EMPS benchmark). The report goes to report/CASE unless --output says otherwise.
     """
-    with _guarded(debug):
+    with guarded(debug):
         options = IdentifyOptions(
             flow_form=flow,
             degrees=degrees,
@@ -152,16 +142,16 @@ def validate(
 
     Open loop and closed loop over whole records, and windows of 0.1, 0.5 and 2 s.
     """
-    with _guarded(debug):
+    with guarded(debug):
         if output is not None:
             check_replaceable(output)
         found = open_case(case)
         axis = read_axis(parameters, found)
         if not found.validate:
             raise CaseError(f"{case}: no held-out record; add validate.csv or validate.csv.gz")
-        with _progress() as report:
+        with progress_bar() as report:
             validation = validate_axis(axis, found.validate, progress=report)
-        _show(validation_table(validation))
+        show(validation_table(validation))
         if output is not None:
             write_validation(validation, axis, output)
             out.print(f"\nreport: {output}")
@@ -190,12 +180,12 @@ def simulate(
 
     One file a record goes to FOLDER/simulation (default: report/CASE-simulation).
     """
-    with _guarded(debug):
+    with guarded(debug):
         folder = output or Path("report") / f"{case.resolve().name}-simulation"
         check_replaceable(folder)
         found = open_case(case)
         axis = read_axis(parameters, found)
-        with _progress() as report:
+        with progress_bar() as report:
             runs = simulate_case(axis, found, records, not open_loop, report)
         paths = write_simulations(runs, folder)
         for path in paths:
@@ -208,25 +198,18 @@ def _identify(
     case: Path, options: IdentifyOptions, folder: Path, json_file: Path | None, paper: bool
 ) -> None:
     check_replaceable(folder)
-    with _progress() as report:
+    with progress_bar() as report:
         found = identify(case, options, lambda text, share: report(text, 0.8 * share))
         write_report(found, folder, paper, lambda text, share: report(text, 0.8 + 0.2 * share))
     if json_file is not None:
         write_json(result_dict(found), json_file)
-    _show(parameter_table(found, paper))
+    show(parameter_table(found, paper))
     if found.validation is not None:
         out.print()
-        _show(validation_table(found.validation))
+        show(validation_table(found.validation))
     out.print()
     out.print(render_caveats(found.caveats, min(out.width, 100)), markup=False, soft_wrap=True)
     out.print(f"\nreport: {folder}/report.html", soft_wrap=True)
-
-
-def _show(table: Table) -> None:
-    """Print a table; where the terminal is narrow, without the columns that can be worked out."""
-    if sum(table.widths) + 2 * len(table.widths) > out.width:
-        table = table.without("OE - truth")
-    out.print(render(table), markup=False, soft_wrap=True)
 
 
 @contextmanager
@@ -234,53 +217,6 @@ def _embedded_case() -> Iterator[Path]:
     source = resources.files("pneumo_casadi") / "data" / "table1"
     with resources.as_file(source) as folder:
         yield folder
-
-
-@contextmanager
-def _progress() -> Iterator[Callable[[str, float], None]]:
-    """Yield a callback that moves a progress bar on standard error."""
-    columns = (
-        SpinnerColumn(),
-        BarColumn(bar_width=30),
-        TimeElapsedColumn(),
-        TextColumn("{task.description}"),
-    )
-    with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as bar:
-        task = bar.add_task("reading", total=1.0)
-        yield lambda text, share: bar.update(task, description=text, completed=share)
-
-
-@contextmanager
-def _guarded(debug: bool) -> Iterator[None]:
-    """Turn errors into one line on standard error and an exit code."""
-    handler = RichHandler(console=err, show_path=False, show_time=False)
-    logger = logging.getLogger("pneumo_casadi")
-    level = logger.level
-    logger.addHandler(handler)
-    logger.setLevel(logging.DEBUG if debug else logging.ERROR)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", SamplingWarning)  # among the caveats
-            yield
-    except (KeyboardInterrupt, PneumoError, OSError) as error:
-        if debug:
-            err.print_exception()
-        raise typer.Exit(_explain(error)) from None
-    finally:
-        logger.removeHandler(handler)
-        logger.setLevel(level)
-
-
-def _explain(error: BaseException) -> int:
-    if isinstance(error, KeyboardInterrupt):
-        _complain("interrupted; nothing was written")
-        return INTERRUPTED
-    _complain(str(error))
-    return FIT_FAILED if isinstance(error, FitError) else BAD_INPUT
-
-
-def _complain(message: str) -> None:
-    err.print(f"error: {' '.join(message.split())}", markup=False, soft_wrap=True)
 
 
 def run(arguments: Sequence[str] | None = None) -> int:
@@ -297,7 +233,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
         message = getattr(error, "format_message", None)
         if message is None:
             raise
-        _complain(f"{message()} Try pneumo-casadi --help.")
+        complain(f"{message()} Try pneumo-casadi --help.")
         return BAD_INPUT
     return int(code or OK)
 

@@ -3,6 +3,7 @@
 import json
 import logging
 import shutil
+import signal
 from itertools import islice
 from pathlib import Path
 
@@ -110,6 +111,31 @@ def test_an_interruption_is_exit_code_130_and_leaves_nothing(
     monkeypatch.setattr("pneumo_casadi.pipeline.fit_wls", interrupt)
     assert cli.run(["identify", str(embedded), "-o", str(tmp_path / "out")]) == 130
     assert "interrupted" in error_line(capsys)
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_interruption_inside_a_compiled_function_is_told_from_a_defect(
+    embedded, tmp_path, capsys, monkeypatch
+):
+    def garble(*arguments, **options):
+        try:
+            signal.raise_signal(signal.SIGINT)
+        except KeyboardInterrupt:
+            raise NotImplementedError("wrong type of arguments") from None
+
+    monkeypatch.setattr("pneumo_casadi.pipeline.fit_wls", garble)
+    assert cli.run(["identify", str(embedded), "-o", str(tmp_path / "out")]) == 130
+    assert "interrupted" in error_line(capsys)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_defect_is_not_hidden(embedded, tmp_path, monkeypatch):
+    def break_down(*arguments, **options):
+        raise ZeroDivisionError
+
+    monkeypatch.setattr("pneumo_casadi.pipeline.fit_wls", break_down)
+    with pytest.raises(ZeroDivisionError):
+        cli.run(["identify", str(embedded), "-o", str(tmp_path / "out")])
     assert not list(tmp_path.iterdir())
 
 

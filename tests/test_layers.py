@@ -26,6 +26,7 @@ LAYERS = [
     ["validation"],
     ["caveats", "pipeline", "result_file", "trajectory_file"],
     ["report"],
+    ["terminal"],
     ["cli", "__main__"],
 ]
 RANK = {name: rank for rank, names in enumerate(LAYERS) for name in names}

@@ -1,0 +1,105 @@
+"""The terminal: tables, a progress bar, errors in one line, Ctrl-C."""
+
+import logging
+import signal
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from threading import Event, current_thread, main_thread
+from types import FrameType
+
+import typer
+from rich.console import Console
+from rich.logging import RichHandler
+from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+from pneumo_casadi.errors import FitError, PneumoError
+from pneumo_casadi.filtering.plan import SamplingWarning
+from pneumo_casadi.report.tables import Table
+from pneumo_casadi.report.text import render
+
+OK, FIT_FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+
+out = Console(highlight=False)
+err = Console(stderr=True, highlight=False)
+
+
+def show(table: Table) -> None:
+    """Print a table; where the terminal is narrow, without the columns that can be worked out."""
+    if sum(table.widths) + 2 * len(table.widths) > out.width:
+        table = table.without("OE - truth")
+    out.print(render(table), markup=False, soft_wrap=True)
+
+
+@contextmanager
+def progress_bar() -> Iterator[Callable[[str, float], None]]:
+    """Yield a callback that moves a progress bar on standard error."""
+    columns = (
+        SpinnerColumn(),
+        BarColumn(bar_width=30),
+        TimeElapsedColumn(),
+        TextColumn("{task.description}"),
+    )
+    with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as bar:
+        task = bar.add_task("reading", total=1.0)
+        yield lambda text, share: bar.update(task, description=text, completed=share)
+
+
+@contextmanager
+def guarded(debug: bool) -> Iterator[None]:
+    """Turn errors into one line on standard error and an exit code."""
+    handler = RichHandler(console=err, show_path=False, show_time=False)
+    logger = logging.getLogger("pneumo_casadi")
+    level = logger.level
+    logger.addHandler(handler)
+    logger.setLevel(logging.DEBUG if debug else logging.ERROR)
+    try:
+        with warnings.catch_warnings(), _interruption() as interrupted:
+            warnings.simplefilter("ignore", SamplingWarning)  # among the caveats
+            yield
+    except (KeyboardInterrupt, Exception) as error:
+        found = KeyboardInterrupt() if interrupted.is_set() else error
+        if not isinstance(found, KeyboardInterrupt | PneumoError | OSError):
+            raise  # a defect
+        if debug:
+            err.print_exception()
+        raise typer.Exit(explain(found)) from None
+    finally:
+        logger.removeHandler(handler)
+        logger.setLevel(level)
+
+
+@contextmanager
+def _interruption() -> Iterator[Event]:
+    """Yield an event that is set by Ctrl-C.
+
+    Inside a compiled function KeyboardInterrupt comes out as another error, or not at all.
+    """
+    event = Event()
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        event.set()
+        raise KeyboardInterrupt
+
+    if current_thread() is not main_thread():  # only there may a handler be set
+        yield event
+        return
+    before = signal.signal(signal.SIGINT, interrupt)
+    try:
+        yield event
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def explain(error: BaseException) -> int:
+    """Say in one line what went wrong and return the exit code."""
+    if isinstance(error, KeyboardInterrupt):
+        complain("interrupted; nothing was written")
+        return INTERRUPTED
+    complain(str(error))
+    return FIT_FAILED if isinstance(error, FitError) else BAD_INPUT
+
+
+def complain(message: str) -> None:
+    """Print an error as one line on standard error."""
+    err.print(f"error: {' '.join(message.split())}", markup=False, soft_wrap=True)
