@@ -1,6 +1,6 @@
 """Covariance, intervals and what can be said of a parameter at all."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,6 +13,8 @@ from pneumo_casadi.recording import Recording
 
 #: Smallest eigenvalue of the scaled information, relative to the largest, that counts.
 RANK_TOLERANCE = 1e-13
+#: At least so many batches tell how a sum scatters.
+BATCHES = 20
 #: Share of a parameter in the uninformed directions from which it is called unidentifiable.
 LOADING = 1e-3
 
@@ -76,7 +78,7 @@ def invert_information(
     scales: FloatArray,
     names: Sequence[str],
     at_bound: Sequence[str] = (),
-    scatter: FloatArray | None = None,
+    scores: Sequence[FloatArray] | None = None,
 ) -> Estimate:
     """Turn information on scaled parameters into a covariance in SI units.
 
@@ -90,8 +92,9 @@ def invert_information(
         Parameters, in order.
     at_bound : sequence of str
         Parameters held by a bound; left out of the inversion.
-    scatter : (n, n) array, optional
-        Scatter of the gradient, in the same scaling, for the robust covariance.
+    scores : sequence of (K, n) array, optional
+        Jᵀr of successive stretches of each record, in the same scaling, for the robust
+        covariance.
 
     Returns
     -------
@@ -127,9 +130,9 @@ def invert_information(
 
     full = in_units(inverse)
     robust = None
-    if scatter is not None:
-        middle = scatter[np.ix_(inside, inside)] / np.outer(size, size)
-        robust = in_units(inverse @ middle @ inverse)
+    if scores is not None:
+        influence = [(part[:, inside] / size) @ inverse for part in scores]
+        robust = in_units(long_run_covariance(influence))
     chosen = [names[i] for i in inside]
     return Estimate(
         tuple(names),
@@ -139,6 +142,51 @@ def invert_information(
         tuple(_direction(vectors[:, j], unit, chosen) for j in np.flatnonzero(weak)),
         robust,
     )
+
+
+def long_run_covariance(parts: Sequence[FloatArray]) -> FloatArray:
+    """Return the covariance of a sum of correlated vectors, by means over batches.
+
+    Parameters
+    ----------
+    parts : sequence of (K, p) array
+        One array a record, in the order of time; records are independent of each other.
+
+    Returns
+    -------
+    (p, p) array
+        White vectors give the sum of their outer products. How long correlation lasts is not
+        known beforehand, and a weak slow part hides behind noise at every single lag; so batches
+        of 1, 2, 4, ... rows are tried as long as at least `BATCHES` and 2 p of them are left,
+        and each component keeps its largest variance: rather too wide than too narrow. The p
+        fitted degrees of freedom are counted.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(0)
+    >>> white = rng.normal(size=4000)
+    >>> slow = np.repeat(rng.normal(size=80), 50)
+    >>> [round(float(np.sqrt(long_run_covariance([e[:, None]])[0, 0] / 4000)), 1) for e in
+    ...  (white, slow)]
+    [1.2, 6.9]
+    """
+    p = parts[0].shape[1]
+    rows, length = sum(len(part) for part in parts), 1
+    found: list[FloatArray] = []
+    while not found or rows // length >= max(BATCHES, 2 * p):
+        sums = np.concatenate(
+            [np.add.reduceat(part, np.arange(0, len(part), length), axis=0) for part in parts]
+        )
+        found.append(sums.T @ sums * (len(sums) / max(1, len(sums) - p)))
+        length *= 2
+    variances = np.array([np.diag(covariance) for covariance in found])
+    largest = variances.max(axis=0)
+    # Correlations come from the batch length whose variances are the largest on the whole.
+    shape = found[int(np.argmax(np.sum(variances / np.maximum(largest, 1e-300), axis=1)))]
+    own = np.diag(shape)
+    stretch = np.sqrt(np.divide(largest, own, out=np.ones(p), where=own > 0))
+    widened: FloatArray = shape * np.outer(stretch, stretch)
+    return widened
 
 
 def _direction(vector: FloatArray, unit: FloatArray, names: Sequence[str]) -> str:
@@ -158,31 +206,6 @@ def interval_factor(level: float = 0.95, dof: float = np.inf) -> float:
     quantile = 0.5 + level / 2
     distribution: Any = stats.norm() if np.isinf(dof) else stats.t(dof)
     return float(distribution.ppf(quantile))
-
-
-def ratio(
-    values: Mapping[str, float], estimate: Estimate, numerator: str, denominator: str
-) -> tuple[float, float]:
-    """Return a ratio of two parameters and its standard deviation by the delta method.
-
-    Parameters
-    ----------
-    values : mapping of str to float
-        Parameter values.
-    estimate : Estimate
-        Their covariance; a parameter that it does not know counts as exactly known.
-
-    Returns
-    -------
-    tuple of float
-        Value and standard deviation; the latter infinite where a part is uninformed.
-    """
-    a, b = values[numerator], values[denominator]
-    gradient = np.zeros(len(estimate.names))
-    for name, slope in ((numerator, 1 / b), (denominator, -a / b**2)):
-        if name in estimate.names:
-            gradient[estimate.names.index(name)] += slope
-    return a / b, delta_std(gradient, estimate.covariance)
 
 
 def delta_std(gradient: FloatArray, covariance: FloatArray) -> float:

@@ -126,7 +126,8 @@ def validate(
     for i, record in enumerate(records):
         report(f"free run of {record.name}", i / (len(records) + 1))
         runs.append(_run(axis, record))
-    lengths = [w for w in windows if w <= min(record.duration for record in records)]
+    # A window ends on a sample that must still be in the record.
+    lengths = [w for w in windows if all(round(w / record.dt) < record.N for record in records)]
     errors = {}
     for i, window in enumerate(lengths):
         report(f"windows of {window:g} s", (len(records) + i / len(lengths)) / (len(records) + 1))

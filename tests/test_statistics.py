@@ -2,16 +2,14 @@
 
 import numpy as np
 import pytest
-from scipy import stats
+from scipy import signal, stats
 
 from pneumo_casadi.recording import InputHold, Recording, SensorNoise
 from pneumo_casadi.statistics import (
-    Estimate,
     autocorrelation,
-    delta_std,
     interval_factor,
     invert_information,
-    ratio,
+    long_run_covariance,
     stated_or_estimated_noise,
 )
 
@@ -120,33 +118,46 @@ def test_correlations_lie_between_minus_one_and_one_and_are_zero_where_unknown()
     assert np.all(np.abs(found) <= 1 + 1e-12)
 
 
-def test_the_robust_covariance_is_the_sandwich():
+def test_the_robust_covariance_is_the_sandwich_of_all_scores():
     J, H = information()
-    B = J.T @ np.diag(np.linspace(0.5, 4.0, len(J))) @ J
-    found = invert_information(H, np.full(4, 3.0), NAMES, scatter=B)
-    wanted = 9 * np.linalg.inv(H) @ B @ np.linalg.inv(H)
-    np.testing.assert_allclose(found.covariance_robust, wanted)
-    same = invert_information(H, np.full(4, 3.0), NAMES, scatter=H)
-    np.testing.assert_allclose(same.std_robust, same.std)
+    rows = np.linspace(0.5, 2.0, len(J))[:, None] * J
+    found = invert_information(H, np.full(4, 3.0), NAMES, scores=[rows, 0.5 * rows])
+    inverse = np.linalg.inv(H)
+    wanted = long_run_covariance([rows @ inverse, 0.5 * rows @ inverse])
+    np.testing.assert_allclose(found.covariance_robust, 9 * wanted, rtol=1e-9)
 
 
-def test_the_ratio_of_two_estimates_scatters_as_the_delta_method_says():
-    C = np.array([[0.04, 0.03], [0.03, 0.09]])
-    value, std = ratio({"a": 10.0, "b": 20.0}, Estimate(("a", "b"), C), "a", "b")
-    draws = np.random.default_rng(0).multivariate_normal([10.0, 20.0], C, 200_000)
-    assert value == 0.5
-    assert std == pytest.approx(np.std(draws[:, 0] / draws[:, 1]), rel=0.02)
+@pytest.mark.parametrize(("share", "ideal", "robust"), [(0.0, 0.92, 0.92), (0.3, 0.0, 0.75)])
+def test_robust_intervals_cover_where_weak_slow_misfit_hides_in_noise(share, ideal, robust):
+    rng = np.random.default_rng(7)
+    K, tau, runs = 4000, 100.0, 200
+    x = np.stack([np.sin(2 * np.pi * np.arange(K) / 700), np.ones(K)], axis=1)
+    inverse, a = np.linalg.inv(x.T @ x), np.exp(-1 / tau)
+    covered = np.zeros((2, 2))
+    for _ in range(runs):
+        slow = signal.lfilter([np.sqrt(1 - a**2)], [1, -a], rng.normal(size=K + 1000))[1000:]
+        e = rng.normal(size=K) + share * slow
+        theta = inverse @ x.T @ e
+        e = e - x @ theta
+        stds = [
+            np.sqrt(np.diag(inverse) * e.var()),
+            np.sqrt(np.diag(long_run_covariance([(x * e[:, None]) @ inverse]))),
+        ]
+        covered += [np.abs(theta) < 1.96 * std for std in stds]
+    assert np.all(covered[0] / runs >= ideal) and np.all(covered[1] / runs >= robust)
+    if share:
+        assert np.all(covered[0] / runs < 0.6)  # which is why the robust one exists
 
 
-def test_a_ratio_with_an_unknown_part_is_unknown_and_with_a_given_part_is_not():
-    unknown = Estimate(("a", "b"), np.diag([0.04, np.inf]))
-    assert ratio({"a": 10.0, "b": 20.0}, unknown, "a", "b")[1] == np.inf
-    known = Estimate(("a",), np.array([[0.04]]))
-    assert ratio({"a": 10.0, "b": 20.0}, known, "a", "b")[1] == pytest.approx(0.01)
-    assert delta_std(np.array([0.0, 0.0]), unknown.covariance) == 0.0
+def test_records_are_independent_of_each_other_and_of_their_order():
+    rng = np.random.default_rng(3)
+    parts = [np.cumsum(rng.normal(size=(n, 2)), axis=0) for n in (300, 500, 400)]
+    first, second = long_run_covariance(parts), long_run_covariance(parts[::-1])
+    np.testing.assert_allclose(first, second, rtol=1e-9)
+    assert np.all(np.linalg.eigvalsh(first) > 0)
 
 
-@pytest.mark.parametrize("level", [0.5, 0.95, 0.99])
+@pytest.mark.parametrize("level", [0.5, 0.683, 0.95, 0.99])
 def test_intervals_cover_as_often_as_they_say(level):
     half = interval_factor(level)
     assert stats.norm.cdf(half) - stats.norm.cdf(-half) == pytest.approx(level)

@@ -80,6 +80,14 @@ class OutputErrorOptions:
     reweight: bool = True
     max_iterations: int = 60
 
+    def __post_init__(self) -> None:
+        window = np.inf if self.window is None else self.window
+        if not (self.block > 0 and window > 0 and self.widths and min(self.widths) > 0):
+            raise ModelError(
+                f"block {self.block:g} s, window {window:g} s and friction widths {self.widths} "
+                "m/s must be positive"
+            )
+
 
 def fit_output_error(
     axis: Axis,
@@ -121,11 +129,13 @@ def fit_output_error(
     """
     options = options or OutputErrorOptions()
     report = progress or (lambda text, share: None)
+    if not records:
+        raise ModelError("no record to fit")
     sigma = np.array([stated_or_estimated_noise(axis.bench, records, c) for c in axis.outputs])
     stages: list[Stage] = []
     parameters = axis.parameters
     ladder = _ladder(options)
-    dt = records[0].dt if records else 0.0
+    dt = records[0].dt
     for i, rung in enumerate(ladder):
         share = i / len(ladder)
         for _ in range(STEPPINGS):
@@ -164,8 +174,9 @@ def fit_output_error(
             return result
     raise FitError(
         f"output error: {solution.status} in stage {rung.name!r} after {solution.iterations} "
-        "iterations, also from windows and wider friction; start nearer to the data, fix weakly "
-        "informed parameters, or look at the windowed fit in `.partial`",
+        "iterations, also by way of short windows and wider friction. The model may lack what the "
+        "axis does, or map and bench may not belong to it; fit shorter windows (window=0.25, "
+        "--window 0.25), which bear more misfit, and look where they part",
         result,
     )
 
@@ -212,8 +223,6 @@ def write_problem(
     options: OutputErrorOptions,
 ) -> Problem:
     """Check that the problem is well posed and write it down."""
-    if not records:
-        raise ModelError("no record to fit")
     parameters = axis.parameters
     if not parameters.free_names:
         raise ModelError("no parameter is free: release some with `Parameters.release`")

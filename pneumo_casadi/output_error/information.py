@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pneumo_casadi.output_error.anchor import Anchor
 from pneumo_casadi.output_error.condensing import (
     Condensed,
     anchor_normal_equations,
@@ -12,17 +13,12 @@ from pneumo_casadi.output_error.condensing import (
 )
 from pneumo_casadi.output_error.problem import Problem, Unknowns
 from pneumo_casadi.parameters import FloatArray
-from pneumo_casadi.statistics import Estimate, autocorrelation, invert_information
+from pneumo_casadi.statistics import Estimate, invert_information
 
 #: How near to a bound, in scaled units, a parameter counts as held by it.
 AT_BOUND = 1e-6
 #: Information left beside that before the elimination of the states, below which it is rounding.
 CANCELLED = 1e-12
-#: Residuals further apart than the lag at which their autocorrelation has fallen to this are
-#: taken for independent.
-UNCORRELATED = 0.1
-#: At least so many batches of residuals are compared.
-BATCHES = 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,13 +29,13 @@ class Information:
     ----------
     matrix : (n_free, n_free) array
         JᵀJ of all weighted residuals.
-    scatter : (n_free, n_free) array
-        Sum of outer products of the gradient over batches of residuals long enough to be
-        independent; equal to `matrix` on average where residuals are white with σ as stated.
+    scores : tuple of (K, n_free) array
+        Jᵀr block by block, one array a record, and point by point of the flow map: what its
+        form cannot follow is correlated from point to point as well.
     """
 
     matrix: FloatArray
-    scatter: FloatArray
+    scores: tuple[FloatArray, ...]
 
 
 def information(problem: Problem, point: Unknowns, sigma: FloatArray) -> Information:
@@ -57,21 +53,26 @@ def information(problem: Problem, point: Unknowns, sigma: FloatArray) -> Informa
     """
     nx = len(problem.axis.states)
     total, _ = anchor_normal_equations(problem, point.theta)
-    scatter, before = total.copy(), np.diag(total).copy()
-    length = _correlation_length(problem, point)
+    before = np.diag(total).copy()
     linear = linearise(problem, point)
     if not linear.finite:  # a trajectory that ran away says nothing
-        return Information(np.zeros_like(total), np.zeros_like(total))
-    for segment in linear.segments:
-        full, _ = scaled_normal_equations(problem, segment, sigma)
+        return Information(0 * total, (np.zeros((1, len(total))),))
+    scores: dict[int, list[FloatArray]] = {}
+    if problem.anchor is not None:
+        scores[-1] = [_map_scores(problem, problem.anchor, point.theta)]
+    for segment, condensed in zip(problem.segments, linear.segments, strict=True):
+        full, _ = scaled_normal_equations(problem, condensed, sigma)
         inverse = np.linalg.pinv(full[:nx, :nx], rcond=1e-14, hermitian=True)
         eliminated = inverse @ full[:nx, nx:]
         before = before + np.diag(full)[nx:]
         total = total + full[nx:, nx:] - full[nx:, :nx] @ eliminated
-        scatter = scatter + _scatter(problem, segment, sigma, eliminated, length)
+        # Windows of one record follow each other: misfit may last longer than one of them.
+        own = scores.setdefault(segment.record, [])
+        own.append(_scores(problem, condensed, sigma, eliminated))
     # What the initial states have taken away but for rounding is no information.
-    left = np.diag(total) > CANCELLED * before
-    return Information(total * np.outer(left, left), scatter * np.outer(left, left))
+    left = (np.diag(total) > CANCELLED * before).astype(float)
+    rows = tuple(np.concatenate(parts) * left for parts in scores.values())
+    return Information(total * np.outer(left, left), rows)
 
 
 def estimate(problem: Problem, point: Unknowns, sigma: FloatArray) -> Estimate:
@@ -84,28 +85,28 @@ def estimate(problem: Problem, point: Unknowns, sigma: FloatArray) -> Estimate:
     at_bound = [name for name, near in zip(free.names, gap < AT_BOUND, strict=True) if near]
     found = information(problem, point, sigma)
     scales = problem.free_scales
-    return invert_information(found.matrix, scales, free.names, at_bound, found.scatter)
+    return invert_information(found.matrix, scales, free.names, at_bound, found.scores, found.prior)
 
 
-def _correlation_length(problem: Problem, point: Unknowns) -> int:
-    """Return the number of blocks over which residuals are correlated, at least one."""
-    e = problem.residuals(point)
-    longest = int(max(2, min(e.shape[1] // BATCHES, max(s.K for s in problem.segments))))
-    rows = [autocorrelation(row, longest) for row in e if np.ptp(row) > 0]
-    below = [int(np.argmax(np.append(np.abs(rho), 0.0) < UNCORRELATED)) for rho in rows]
-    # Batch means need batches several times as long as the correlation.
-    return max(1, min(longest, 5 * max(below, default=1) - 4))
+def _map_scores(problem: Problem, anchor: Anchor, theta: FloatArray) -> FloatArray:
+    """Return Jᵀr of each metered point in scaled free parameters, shape (n, n_free)."""
+    c = theta[[problem.parameters.index(name) for name in anchor.names]]
+    weighted = -anchor.jacobian(c) * anchor(c)[:, None]
+    found = np.zeros((anchor.n, len(problem.free)))
+    for column, name in enumerate(anchor.names):
+        if name in problem.free:
+            at = problem.free.index(name)
+            found[:, at] = weighted[:, column] * problem.free_scales[at]
+    return found
 
 
-def _scatter(
-    problem: Problem, segment: Condensed, sigma: FloatArray, eliminated: FloatArray, length: int
+def _scores(
+    problem: Problem, segment: Condensed, sigma: FloatArray, eliminated: FloatArray
 ) -> FloatArray:
-    """Sum outer products of the gradient over batches of one segment."""
+    """Return Jᵀr of each block of a segment, initial state eliminated, shape (K, n_free)."""
     nx = len(problem.axis.states)
     weight = problem.blocks.n / sigma**2
     J_x = segment.J[:, :, :nx] * problem.axis.state_scales
     J = segment.J[:, :, nx:] * problem.free_scales - J_x @ eliminated
-    scores = np.einsum("kyn,ky->kn", J, segment.r * weight)
-    batches = np.add.reduceat(scores, np.arange(0, len(scores), length), axis=0)
-    found: FloatArray = batches.T @ batches
+    found: FloatArray = np.einsum("kyn,ky->kn", J, segment.r * weight)
     return found
