@@ -85,7 +85,7 @@ def estimate(problem: Problem, point: Unknowns, sigma: FloatArray) -> Estimate:
     at_bound = [name for name, near in zip(free.names, gap < AT_BOUND, strict=True) if near]
     found = information(problem, point, sigma)
     scales = problem.free_scales
-    return invert_information(found.matrix, scales, free.names, at_bound, found.scores, found.prior)
+    return invert_information(found.matrix, scales, free.names, at_bound, found.scores)
 
 
 def _map_scores(problem: Problem, anchor: Anchor, theta: FloatArray) -> FloatArray:
