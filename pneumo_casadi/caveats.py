@@ -146,13 +146,19 @@ def _of_flow_map(
                 f"metered {low:.4g} to {high:.4g} {unit} in {100 * outside:.2g} % of the samples: "
                 "there the flow is extrapolated.",
             )
+    yield Caveat(
+        "flow_map",
+        "No interval contains the accuracy of the flow meter: a map metered 1 % too high makes "
+        "X_s1 ... X_s6 1 % too large, and no trajectory tells. What the form of the map cannot "
+        "follow shifts k_P, k_N, X_s2 and X_s5 first; compare another form.",
+    )
     pull = result.map_pull
     if pull is not None and (pull.rms > MAP_PULL or abs(pull.scale - 1) > MAP_SCALE):
         yield Caveat(
             "flow_map",
             f"The trajectories have pulled the flow map: its residuals are {pull.rms:.2f} times "
             f"those of its own fit and its overall scale is {pull.scale:.4f}. Map and trajectories "
-            "disagree a little beyond the noise.",
+            "disagree beyond the map's own misfit.",
         )
 
 

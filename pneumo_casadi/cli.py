@@ -16,6 +16,7 @@ from pneumo_casadi.pipeline import FlowForm, IdentifyOptions, identify, open_cas
 from pneumo_casadi.report.tables import parameter_table, validation_table
 from pneumo_casadi.report.text import render_caveats
 from pneumo_casadi.report.write import (
+    Kind,
     check_replaceable,
     write_report,
     write_simulations,
@@ -144,7 +145,7 @@ def validate(
     """
     with guarded(debug):
         if output is not None:
-            check_replaceable(output)
+            check_replaceable(output, Kind.VALIDATION)
         found = open_case(case)
         axis = read_axis(parameters, found)
         if not found.validate:
@@ -182,7 +183,7 @@ def simulate(
     """
     with guarded(debug):
         folder = output or Path("report") / f"{case.resolve().name}-simulation"
-        check_replaceable(folder)
+        check_replaceable(folder, Kind.SIMULATION)
         found = open_case(case)
         axis = read_axis(parameters, found)
         with progress_bar() as report:
@@ -197,7 +198,7 @@ def simulate(
 def _identify(
     case: Path, options: IdentifyOptions, folder: Path, json_file: Path | None, paper: bool
 ) -> None:
-    check_replaceable(folder)
+    check_replaceable(folder, Kind.IDENTIFICATION)
     with progress_bar() as report:
         found = identify(case, options, lambda text, share: report(text, 0.8 * share))
         write_report(found, folder, paper, lambda text, share: report(text, 0.8 + 0.2 * share))

@@ -6,9 +6,9 @@ Where no C compiler is found the functions are used as they are, with one notice
 import hashlib
 import logging
 import os
+import platform
 import shutil
 import subprocess
-import sys
 import tempfile
 from collections.abc import Sequence
 from functools import cache
@@ -33,6 +33,14 @@ def cache_folder() -> Path:
         home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
         folder = Path(home) / "pneumo_casadi"
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    if hasattr(os, "getuid"):
+        # Libraries in it are loaded and run: nobody else may be able to put one there.
+        state = folder.stat()
+        if state.st_uid != os.getuid() or state.st_mode & 0o022:
+            raise PermissionError(
+                f"{folder}: others may write to it; make it yours alone (chmod 700), or name "
+                f"another folder in {FOLDER}"
+            )
     return folder
 
 
@@ -87,7 +95,7 @@ def compiled(functions: Sequence[ca.Function]) -> tuple[ca.Function, ...]:
         return tuple(functions)
     code = _generate(functions)
     key = hashlib.sha256(
-        "\0".join((code, cc, *FLAGS, ca.CasadiMeta.version(), sys.platform)).encode()
+        "\0".join((code, cc, *FLAGS, ca.CasadiMeta.version(), platform.platform())).encode()
     )
     for attempt in range(2):
         try:

@@ -52,7 +52,7 @@ def guarded(debug: bool) -> Iterator[None]:
     logger = logging.getLogger("pneumo_casadi")
     level = logger.level
     logger.addHandler(handler)
-    logger.setLevel(logging.DEBUG if debug else logging.ERROR)
+    logger.setLevel(logging.DEBUG if debug else logging.WARNING)
     try:
         with warnings.catch_warnings(), _interruption() as interrupted:
             warnings.simplefilter("ignore", SamplingWarning)  # among the caveats

@@ -184,3 +184,14 @@ def test_processes_that_build_at_once_both_get_a_library(cache):
     assert all(ok for ok, _ in found)
     np.testing.assert_allclose([value for _, value in found], np.sin(1.0))
     assert len(list(cache.iterdir())) == 1
+
+
+def test_a_cache_that_others_may_write_to_is_not_trusted(tmp_path, monkeypatch, caplog):
+    folder = tmp_path / "shared"
+    folder.mkdir()
+    folder.chmod(0o777)
+    monkeypatch.setenv("PNEUMO_CASADI_CACHE", str(folder))
+    x = ca.SX.sym("x")
+    (f,) = compiled([ca.Function("cube", [x], [x**3])])
+    assert float(f(2)) == 8.0 and not list(folder.iterdir())
+    assert "others may write" in caplog.text

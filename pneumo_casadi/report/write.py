@@ -5,6 +5,7 @@ import shutil
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from enum import Enum
 from pathlib import Path
 
 from pneumo_casadi.axis import Axis
@@ -19,8 +20,18 @@ from pneumo_casadi.result_file import result_dict, validation_dict, write_json
 from pneumo_casadi.trajectory_file import Simulated, trajectory_frame, write_frames
 from pneumo_casadi.validation import Validation
 
-#: What a report folder may hold; a folder with anything else is not ours to replace.
-CONTENT = frozenset({"result.json", "report.html", "table.txt", "figures", "simulation"})
+
+class Kind(Enum):
+    """Kinds of result folders: what each of them holds, its own mark first.
+
+    A folder is replaced only by one of its own kind: a simulation must not cost the
+    identification that it simulates.
+    """
+
+    IDENTIFICATION = ("report.html", "result.json", "table.txt", "figures")
+    VALIDATION = ("table.txt", "result.json", "figures")
+    SIMULATION = ("simulation",)
+
 
 #: Called with what is being done and the share of the work done so far.
 Progress = Callable[[str, float], None]
@@ -53,10 +64,10 @@ def write_report(
     Raises
     ------
     CaseError
-        If the folder holds files that no report has.
+        If the folder holds anything but an earlier report.
     """
     report = progress or (lambda text, share: None)
-    with folder_in_one_step(folder) as draft:
+    with folder_in_one_step(folder, Kind.IDENTIFICATION) as draft:
         write_json(result_dict(found), draft / "result.json")
         (draft / "table.txt").write_text(text_report(found, paper), "utf-8")
         report("figures", 0.1)
@@ -68,7 +79,7 @@ def write_report(
 
 def write_validation(validation: Validation, axis: Axis, folder: str | Path) -> Path:
     """Write errors and figures of a validation on its own into a folder."""
-    with folder_in_one_step(folder) as draft:
+    with folder_in_one_step(folder, Kind.VALIDATION) as draft:
         write_json({"validation": validation_dict(validation)}, draft / "result.json")
         (draft / "table.txt").write_text(render(validation_table(validation)) + "\n", "utf-8")
         _save(validation_figures(validation, axis), draft / "figures")
@@ -77,25 +88,28 @@ def write_validation(validation: Validation, axis: Axis, folder: str | Path) -> 
 
 def write_simulations(runs: Sequence[Simulated], folder: str | Path) -> tuple[Path, ...]:
     """Write simulations as CSV into ``folder/simulation``, one file a record."""
-    with folder_in_one_step(folder) as draft:
+    with folder_in_one_step(folder, Kind.SIMULATION) as draft:
         (draft / "simulation").mkdir()
         frames = [(run.record.name, trajectory_frame(run)) for run in runs]
         written = write_frames(frames, draft / "simulation")
     return tuple(Path(folder) / "simulation" / path.name for path in written)
 
 
-def check_replaceable(folder: str | Path) -> None:
-    """Raise a `CaseError` if a folder is there and holds what no report has."""
+def check_replaceable(folder: str | Path, kind: Kind) -> None:
+    """Raise a `CaseError` if a folder is there that is not empty and not of this kind."""
     folder = Path(folder)
     if not folder.exists():
         return
     if not folder.is_dir():
         raise CaseError(f"{folder}: is a file; name a folder for the report")
-    foreign = sorted(path.name for path in folder.iterdir() if path.name not in CONTENT)
+    names = {path.name for path in folder.iterdir()}
+    foreign = sorted(names - set(kind.value))
+    if names and kind.value[0] not in names:
+        foreign = sorted(names)
     if foreign:
         raise CaseError(
-            f"{folder}: holds {', '.join(foreign[:3])}, which is no part of a report and would be "
-            "lost; choose another folder"
+            f"{folder}: holds {', '.join(foreign[:3])}, which is no earlier {kind.name.lower()} "
+            "and would be lost; choose another folder"
         )
 
 
@@ -110,13 +124,13 @@ def _save(figures: Iterable[Drawn], folder: Path) -> list[Picture]:
 
 
 @contextmanager
-def folder_in_one_step(folder: str | Path) -> Iterator[Path]:
+def folder_in_one_step(folder: str | Path, kind: Kind) -> Iterator[Path]:
     """Yield a draft folder that takes the place of `folder` when all is well.
 
     After an error the draft is gone and `folder` is as it was.
     """
     folder = Path(folder)
-    check_replaceable(folder)
+    check_replaceable(folder, kind)
     folder.parent.mkdir(parents=True, exist_ok=True)
     draft = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
     try:

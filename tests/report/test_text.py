@@ -7,10 +7,12 @@ from dataclasses import replace
 import pytest
 
 from pneumo_casadi.caveats import Caveat
+from pneumo_casadi.errors import CaseError
 from pneumo_casadi.report.html import Picture, html_report
 from pneumo_casadi.report.paper import TABLE_1
 from pneumo_casadi.report.tables import interval_text, parameter_table
 from pneumo_casadi.report.text import render, render_caveats, text_report
+from pneumo_casadi.report.write import Kind, folder_in_one_step
 
 PIXEL = b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR\x00\x00\x03\x20\x00\x00\x02\x58"
 
@@ -93,3 +95,19 @@ def test_the_page_stands_alone_and_escapes_what_it_shows(quick):
     assert 'alt="Flow map &amp; parameters."' in page
     assert 'width="800" height="600"' in page
     assert page.index("Before you use these numbers") < page.index("<h2>Results</h2>")
+
+
+def test_a_result_folder_is_replaced_only_by_its_own_kind(tmp_path):
+    def make(folder, kind):
+        with folder_in_one_step(folder, kind) as draft:
+            for name in kind.value:
+                (draft / name).write_text(kind.name)
+
+    for kind in Kind:
+        folder = tmp_path / kind.name
+        make(folder, kind)
+        make(folder, kind)  # again: an earlier one of the same kind may go
+        for other in set(Kind) - {kind}:
+            with pytest.raises(CaseError, match="would be lost"):
+                make(folder, other)
+        assert sorted(path.name for path in folder.iterdir()) == sorted(kind.value)

@@ -129,7 +129,8 @@ def _pressure_gain(axes: Axes, measured: Projections | None, fine: Projections) 
         )  # fmt: skip
     dress(axes, "$u$ [V]", "$p$ [bar]")
     axes.set_title("closed outlet, $q_m$ = 0", fontsize=SMALL, pad=2)
-    axes.legend(fontsize=SMALL, frameon=False, handlelength=1.2)
+    # Away from the steep curve at null, on a ground that hides what lies beneath.
+    axes.legend(fontsize=SMALL, loc="lower right", handlelength=1.2, framealpha=1.0)
 
 
 def _chosen(n: int, curves: int = CURVES) -> list[int]:

@@ -1,0 +1,74 @@
+"""Validation of the true axis leaves the sensor noise; any disagreement leaves more."""
+
+import numpy as np
+import pytest
+
+from pneumo_casadi.errors import ModelError
+from pneumo_casadi.simulation import simulate, simulate_closed_loop
+from pneumo_casadi.validation import validate
+
+SCALE = {"p_P": 150.0, "p_N": 150.0, "x": 1.5e-5}
+
+
+@pytest.fixture(scope="module")
+def record(made, simulated):
+    axis, u, x = simulated
+    return made.recorded(axis, u, x, seed=1)
+
+
+@pytest.fixture(scope="module")
+def honest(simulated, record):
+    return validate(simulated[0], [record], windows=(0.1, 0.5, 2.0))
+
+
+def test_the_true_axis_leaves_the_noise_in_open_loop(honest, record):
+    for channel, sigma in SCALE.items():
+        error = honest.open_loop[channel]
+        assert error.rms == pytest.approx(sigma, rel=0.12)
+        assert error.percent == pytest.approx(100 * error.rms / np.std(record[channel]))
+        assert error.noise_percent == pytest.approx(100 * sigma / np.std(record[channel]))
+
+
+def test_every_window_leaves_the_noise_less_what_its_initial_state_takes(honest):
+    assert tuple(honest.windows) == (0.1, 0.5, 2.0)
+    for window, errors in honest.windows.items():
+        samples = window * 1e3
+        for channel, sigma in SCALE.items():
+            assert sigma * np.sqrt(1 - 4 / samples) * 0.95 < errors[channel].rms < 1.1 * sigma
+
+
+def test_one_sample_of_misalignment_shows(simulated, record, honest):
+    late = validate(simulated[0], [record.shifted("x", 1)], windows=(0.1, 0.5))
+    # A shift of constant velocity hides in the initial state; the rest of it does not.
+    assert late.windows[0.1]["x"].rms > 1.2 * honest.windows[0.1]["x"].rms
+    assert late.open_loop["x"].rms > 1.5 * honest.open_loop["x"].rms
+
+
+def test_a_wrong_mass_shows_in_both_loops(made, simulated, record, honest):
+    heavier = simulated[0].with_parameters({"M": 1.1 * made.TRUE["M"]})
+    wrong = validate(heavier, [record], windows=(0.5,))
+    assert wrong.open_loop["x"].rms > 5 * honest.open_loop["x"].rms
+    assert wrong.windows[0.5]["x"].rms > 2 * honest.windows[0.5]["x"].rms
+
+
+def test_a_window_as_long_as_the_record_is_left_out(simulated, record):
+    short = record.window(record.t[0], record.t[0] + 2.0)
+    assert short.N == 2000
+    assert tuple(validate(simulated[0], [short], windows=(0.5, 2.0)).windows) == (0.5,)
+
+
+def test_no_record_is_refused(simulated):
+    with pytest.raises(ModelError, match="no record"):
+        validate(simulated[0], [])
+
+
+def test_the_loop_closed_by_hand_is_the_simulated_loop(made, simulated):
+    axis = simulated[0]
+    t = np.arange(400) / made.FS
+    x_ref = 0.05 * np.sin(2 * np.pi * t)
+    x_0 = np.array([4e5, 5e5, 0.0, 0.0])
+    loop = simulate_closed_loop(axis, x_ref, 1 / made.FS, x_0)
+    u = axis.bench.controller.command(x_ref, loop["x"])
+    np.testing.assert_allclose(loop.u.T, u, atol=1e-12)  # u_k answers the position of instant k
+    again = simulate(axis, u, 1 / made.FS, x_0)
+    np.testing.assert_allclose(again.x, loop.x, rtol=1e-9, atol=1e-12)
