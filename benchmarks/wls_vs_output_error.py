@@ -218,7 +218,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--json", type=Path, help="write the figures to this file")
     parser.add_argument("--figure", type=Path, help="write the figure to this PNG file")
-    parser.add_argument("--seeds", type=int, default=1000, help="number of replicates")
+    parser.add_argument("--seeds", type=int, default=400, help="number of replicates")
     parser.add_argument("--quick", action="store_true", help="four replicates, to see it run")
     arguments = parser.parse_args()
     one_seed(0)  # compiles what all processes then load
