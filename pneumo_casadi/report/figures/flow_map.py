@@ -83,9 +83,10 @@ def _surface(axes: Any, fine: Projections) -> None:
         edgecolor="#ffffff60",
     )  # fmt: skip
     axes.tick_params(labelsize=SMALL - 1, pad=-2)
-    axes.set_xlabel("$u$ [V]", fontsize=SMALL, labelpad=-9)
-    axes.set_ylabel("$p$ [bar]", fontsize=SMALL, labelpad=-9)
-    axes.set_zlabel("$q_m$ [g/s]", fontsize=SMALL, labelpad=-9)
+    axes.set_xlabel("$u$ [V]", fontsize=SMALL, labelpad=-5)
+    axes.set_ylabel("$p$ [bar]", fontsize=SMALL, labelpad=-5)
+    axes.zaxis.set_rotate_label(False)  # by itself it stands on its head
+    axes.set_zlabel("$q_m$ [g/s]", fontsize=SMALL, labelpad=-9, rotation=90)
     axes.view_init(elev=24, azim=-132)
     for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
         axis.set_major_locator(MaxNLocator(4))
@@ -129,8 +130,11 @@ def _pressure_gain(axes: Axes, measured: Projections | None, fine: Projections) 
         )  # fmt: skip
     dress(axes, "$u$ [V]", "$p$ [bar]")
     axes.set_title("closed outlet, $q_m$ = 0", fontsize=SMALL, pad=2)
-    # Away from the steep curve at null, on a ground that hides what lies beneath.
-    axes.legend(fontsize=SMALL, loc="lower right", handlelength=1.2, framealpha=1.0)
+    # Left of the steep curve at null, where nothing is drawn.
+    axes.legend(
+        fontsize=SMALL, loc="center left", frameon=False, handlelength=0.8, handletextpad=0.4,
+        borderaxespad=0.1,
+    )  # fmt: skip
 
 
 def _chosen(n: int, curves: int = CURVES) -> list[int]:
