@@ -19,20 +19,10 @@ import scipy
 
 from pneumo_casadi import __version__
 from pneumo_casadi.pipeline import IdentifyOptions, identify
+from pneumo_casadi.report import paper
 
 SEED = 0
-TRUTH = {
-    "X_s1": 3.49e-9,
-    "X_s2": 9.95e-9,
-    "X_s3": 1.04e-8,
-    "X_s4": 1.78e-9,
-    "X_s5": 7.00e-9,
-    "X_s6": 7.17e-9,
-    "M": 16.9,
-    "f_v": 11.0,
-    "F_c_plus": 10.3,
-    "F_c_minus": 23.8,
-}
+TRUTH = {name: value for name, (value, _) in paper.TABLE_1.items()}
 
 
 def run(folder: Path, seconds: float | None) -> dict[str, Any]:

@@ -36,6 +36,7 @@ from pneumo_casadi.output_error import OutputErrorOptions, fit_output_error
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.recording import InputHold, Recording, load_case
 from pneumo_casadi.regression import fit_wls
+from pneumo_casadi.report import paper
 from pneumo_casadi.servosystem import Servosystem
 from pneumo_casadi.simulation import simulate_closed_loop
 from pneumo_casadi.statistics import interval_factor
@@ -48,18 +49,7 @@ NOISE_P, NOISE_X = 150.0, 1.5e-5
 NOISE_MAP = 0.002
 #: Width of the smoothed friction, in data and fit alike [m/s].
 V_S = 1e-3
-TABLE_1 = {
-    "X_s1": 3.49e-9,
-    "X_s2": 9.95e-9,
-    "X_s3": 1.04e-8,
-    "X_s4": 1.78e-9,
-    "X_s5": 7.00e-9,
-    "X_s6": 7.17e-9,
-    "M": 16.9,
-    "f_v": 11.0,
-    "F_c_plus": 10.3,
-    "F_c_minus": 23.8,
-}
+TABLE_1 = {name: value for name, (value, _) in paper.TABLE_1.items()}
 RATIOS = {"k_P": ("X_s3", "X_s2"), "k_N": ("X_s6", "X_s5")}
 
 

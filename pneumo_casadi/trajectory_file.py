@@ -10,16 +10,11 @@ import pandas as pd
 
 from pneumo_casadi.axis import Axis
 from pneumo_casadi.errors import CaseError
-from pneumo_casadi.output_error.initial_states import estimate_initial_states
-from pneumo_casadi.output_error.segments import measured_states
 from pneumo_casadi.recording import UNITS, Case, Recording
 from pneumo_casadi.simulation import (
     Trajectory,
-    disturbance_of,
-    simulate,
-    simulate_closed_loop,
 )
-from pneumo_casadi.validation import START
+from pneumo_casadi.validation import free_run, loop_run
 
 #: Called with what is being done and the share of the work done so far.
 Progress = Callable[[str, float], None]
@@ -75,18 +70,9 @@ def simulate_case(
     found = []
     for i, record in enumerate(chosen):
         report(f"simulating {record.name}", i / len(chosen))
-        found.append(Simulated(record, _simulate(axis, record, closed_loop)))
+        run = loop_run(axis, record) if closed_loop else free_run(axis, record)
+        found.append(Simulated(record, run))
     return tuple(found)
-
-
-def _simulate(axis: Axis, record: Recording, closed_loop: bool) -> Trajectory:
-    if closed_loop:
-        x_0 = measured_states(axis, record, axis.parameters)[:, 0]
-        added = disturbance_of(record)
-        return simulate_closed_loop(axis, record["x_ref"], record.dt, x_0, disturbance=added)
-    start = record.window(record.t[0], record.t[0] + min(START, record.duration))
-    ((_, x_0),) = estimate_initial_states(axis, start)
-    return simulate(axis, record.stack(axis.inputs), record.dt, x_0, record.hold)
 
 
 def trajectory_frame(simulated: Simulated) -> pd.DataFrame:

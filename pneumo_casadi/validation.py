@@ -144,18 +144,24 @@ def validate(
     )
 
 
-def _run(axis: Axis, record: Recording) -> Run:
+def free_run(axis: Axis, record: Recording) -> Trajectory:
+    """Simulate a record's inputs in open loop, initial state estimated from its first 2 s."""
     # Estimated from the beginning only, so that everything after it is a prediction.
     start = record.window(record.t[0], record.t[0] + min(START, record.duration))
     ((_, x_0),) = estimate_initial_states(axis, start)
-    open_loop = simulate(axis, record.stack(axis.inputs), record.dt, x_0, record.hold)
-    closed_loop = None
-    if axis.bench.controller is not None and "x_ref" in record:
-        measured = measured_states(axis, record, axis.parameters)[:, 0]
-        closed_loop = simulate_closed_loop(
-            axis, record["x_ref"], record.dt, measured, disturbance=disturbance_of(record)
-        )
-    return Run(record, open_loop, closed_loop)
+    return simulate(axis, record.stack(axis.inputs), record.dt, x_0, record.hold)
+
+
+def loop_run(axis: Axis, record: Recording) -> Trajectory:
+    """Simulate a record's reference under the bench's controller, from the measured state."""
+    x_0 = measured_states(axis, record, axis.parameters)[:, 0]
+    added = disturbance_of(record)
+    return simulate_closed_loop(axis, record["x_ref"], record.dt, x_0, disturbance=added)
+
+
+def _run(axis: Axis, record: Recording) -> Run:
+    closes = axis.bench.controller is not None and "x_ref" in record
+    return Run(record, free_run(axis, record), loop_run(axis, record) if closes else None)
 
 
 def _window_errors(axis: Axis, records: Sequence[Recording], window: float) -> dict[str, Error]:

@@ -1,5 +1,6 @@
 """Fixtures shared by all tests."""
 
+import importlib.util
 import os
 from dataclasses import replace
 from importlib import resources
@@ -17,6 +18,17 @@ def data_folder() -> Path:
     if not folder:
         pytest.skip("PNEUMO_CASADI_DATA is not set: no development data")
     return Path(folder)
+
+
+@pytest.fixture(scope="session")
+def made():
+    """Module with small axes of known truth: tests need no import from each other."""
+    spec = importlib.util.spec_from_file_location(
+        "made_axes", Path(__file__).parent / "model" / "made.py"
+    )
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 @pytest.fixture(scope="session")

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pneumo_casadi.errors import CaseError, ModelError
 from pneumo_casadi.flow.model import Symbol, scale_sigma
@@ -18,9 +18,7 @@ from pneumo_casadi.flow.orifice import (
     orifice_expression,
 )
 from pneumo_casadi.flow.table import FlowMap
-from pneumo_casadi.parameters import Parameter, Parameters
-
-FloatArray = NDArray[np.float64]
+from pneumo_casadi.parameters import FloatArray, Parameter, Parameters
 
 logger = logging.getLogger(__name__)
 

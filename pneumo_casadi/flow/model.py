@@ -5,12 +5,11 @@ from typing import Any, ClassVar, Literal, Protocol
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pneumo_casadi.flow.table import FlowMap
-from pneumo_casadi.parameters import Parameters
+from pneumo_casadi.parameters import FloatArray, Parameters
 
-FloatArray = NDArray[np.float64]
 Symbol = Literal["SX", "MX"]
 
 logger = logging.getLogger(__name__)

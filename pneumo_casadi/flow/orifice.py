@@ -7,14 +7,13 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.optimize import least_squares
 
 from pneumo_casadi.errors import CaseError, FitError
 from pneumo_casadi.flow.table import P_PLAUSIBLE
-from pneumo_casadi.parameters import Parameter, Parameters
+from pneumo_casadi.parameters import FloatArray, Parameter, Parameters
 
-FloatArray = NDArray[np.float64]
 VectorFunction = Callable[[FloatArray], FloatArray]
 
 RHO_ANR = 1.185

@@ -1,7 +1,7 @@
 """Least-squares fit of the flow polynomials (eq. 12) to a measured map."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.flow.model import warn_of_rising_edges
@@ -13,9 +13,7 @@ from pneumo_casadi.flow.polynomials import (
     design_matrix_at,
 )
 from pneumo_casadi.flow.table import FlowMap
-from pneumo_casadi.parameters import Parameter, Parameters
-
-FloatArray = NDArray[np.float64]
+from pneumo_casadi.parameters import FloatArray, Parameter, Parameters
 
 
 def fit_polynomials(

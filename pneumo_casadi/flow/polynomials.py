@@ -6,14 +6,13 @@ from typing import Any, ClassVar
 import casadi as ca
 import numpy as np
 from numpy.polynomial import Chebyshev, Polynomial
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.flow.model import Symbol, scale_sigma
 from pneumo_casadi.flow.table import FlowMap
-from pneumo_casadi.parameters import Parameters
+from pneumo_casadi.parameters import FloatArray, Parameters
 
-FloatArray = NDArray[np.float64]
 Degrees = tuple[int, int, int]
 
 BRANCHES = ("phi", "psi_plus", "psi_minus")

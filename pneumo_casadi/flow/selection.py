@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.flow.polynomials import BRANCHES, Degrees, design_matrix_at
 from pneumo_casadi.flow.table import FlowMap
+from pneumo_casadi.parameters import FloatArray
 
-FloatArray = NDArray[np.float64]
 Folds = list[tuple[NDArray[np.bool_], NDArray[np.bool_]]]
 """Points to fit and points withheld, of each fold."""
 

@@ -5,15 +5,13 @@ from typing import Any, ClassVar
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import BSpline
 
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.flow.model import Symbol, evaluate, flow_function, warn_of_rising_edges
 from pneumo_casadi.flow.table import FlowMap
-from pneumo_casadi.parameters import Parameter, Parameters
-
-FloatArray = NDArray[np.float64]
+from pneumo_casadi.parameters import FloatArray, Parameter, Parameters
 
 REACH = 100.0
 """Width of the linear continuation on either side, in ranges of the map."""

@@ -8,8 +8,7 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
 from pneumo_casadi.errors import CaseError
-
-FloatArray = NDArray[np.float64]
+from pneumo_casadi.parameters import FloatArray
 
 COLUMNS = {"u_V": "u", "p_Pa": "p", "q_m_kg_per_s": "q_m"}
 """Columns of ``flow_map.csv`` and the fields of `FlowMap` that they fill."""

@@ -3,12 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pneumo_casadi.flow.model import FlowModel
 from pneumo_casadi.flow.table import FlowMap
-
-FloatArray = NDArray[np.float64]
+from pneumo_casadi.parameters import FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,22 +1,8 @@
-"""Axes of known truth, as a fixture, so that tests need no import from each other."""
-
-import importlib.util
-from pathlib import Path
+"""Records of axes of known truth, made once for all tests here."""
 
 import pytest
 
 from pneumo_casadi.output_error import OutputErrorOptions, fit_output_error
-
-
-@pytest.fixture(scope="session")
-def made():
-    """Module with small axes of known truth and records made from them."""
-    spec = importlib.util.spec_from_file_location(
-        "made_axes", Path(__file__).parents[1] / "model" / "made.py"
-    )
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 @pytest.fixture(scope="session")
