@@ -80,6 +80,19 @@ class Axis:
             self, parameters=Parameters(new.get(item.name, item) for item in self.parameters)
         )
 
+    def at_starting_values(self, *names: str) -> "Axis":
+        """Return the axis with the named effects (all, if none is named) where a fit starts."""
+        chosen = names or tuple(effect.name for effect in self.effects)
+        unknown = set(chosen) - {effect.name for effect in self.effects}
+        if unknown:
+            raise ModelError(f"the axis has no effect {', '.join(sorted(unknown))}")
+        starts = {
+            item.name: item.start
+            for item in self.parameters
+            if item.start is not None and item.name.split(".")[0] in chosen
+        }
+        return self.with_parameters(starts)
+
     def started_at(self, parameters: Parameters) -> "Axis":
         """Return the axis with values from another estimate, moved into this axis' bounds.
 

@@ -51,6 +51,18 @@ JUNCTIONS: Mapping[str, str] = {
 }
 
 
+#: What an effect can be confused with on the nominal axis: parameters, and the flow map.
+NOMINAL: tuple[str, ...] = (
+    *(f"X_s{i}" for i in range(1, 7)),
+    "M",
+    "f_v",
+    "F_c_plus",
+    "F_c_minus",
+    "v_s",
+    "flow coefficients",
+)
+
+
 @dataclass(frozen=True, slots=True)
 class State:
     """An extra state of an effect.
@@ -119,9 +131,23 @@ class Effect:
     name : str
         Name in the catalogue, in results and in parameter names (``"stribeck.delta_F"``).
     parameters : tuple of Parameter
-        With unit, bounds, null value, description and source; short names.
+        With unit, bounds, null value, starting value, description and source; short names.
     states : tuple of State
         Extra states; their rates come from `rates`, their start from `rest`.
+    equation : str
+        What is added to the nominal axis, as plain text.
+    source : str
+        Where the form comes from.
+    shows : str
+        Where the effect shows: which balance or sensor, in which regime.
+    confused_with : tuple of str
+        Effects of the catalogue and nominal parameters (`NOMINAL`) that can pass for it.
+    separated_by : str
+        The experiment that tells it from those.
+    passive : bool
+        Whether it only takes energy from the motion, or gives back what it has stored.
+
+    The last six are what reports and docs say of an effect; one of your own needs none of them.
 
     Examples
     --------
@@ -140,6 +166,12 @@ class Effect:
     name: ClassVar[str] = ""
     parameters: ClassVar[tuple[Parameter, ...]] = ()
     states: ClassVar[tuple[State, ...]] = ()
+    equation: ClassVar[str] = ""
+    source: ClassVar[str] = ""
+    shows: ClassVar[str] = ""
+    confused_with: ClassVar[tuple[str, ...]] = ()
+    separated_by: ClassVar[str] = ""
+    passive: ClassVar[bool] = False
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)

@@ -33,13 +33,16 @@ class Parameter:
         Whether an estimator may change it.
     null : float, optional
         The value at which an effect vanishes; None for a parameter of the nominal axis.
+    start : float, optional
+        Where a fit that frees an effect starts, in `unit`; None means `value`.
     description, source : str, optional
         What it is, and where its form or range comes from.
 
     Raises
     ------
     ModelError
-        If the value is not finite, lies outside its bounds, or the scale is not positive.
+        If the value is not finite, value or start lie outside the bounds, or the scale is not
+        positive.
 
     Examples
     --------
@@ -56,6 +59,7 @@ class Parameter:
     scale: float = 0.0
     free: bool = True
     null: float | None = None
+    start: float | None = None
     description: str = ""
     source: str = ""
 
@@ -67,6 +71,11 @@ class Parameter:
             raise ModelError(
                 f"parameter {self.name}: {value:g} {self.unit} lies outside its bounds "
                 f"[{self.lower:g}, {self.upper:g}] {self.unit}; change the value or the bounds"
+            )
+        if self.start is not None and not self.lower <= self.start <= self.upper:
+            raise ModelError(
+                f"parameter {self.name}: a fit would start at {self.start:g} {self.unit}, outside "
+                f"the bounds [{self.lower:g}, {self.upper:g}] {self.unit}; change start or bounds"
             )
         scale = float(self.scale) or abs(value) or 1.0
         if not (np.isfinite(scale) and scale > 0):
@@ -207,10 +216,12 @@ class Parameters:
         return self._with_free(names, True)
 
     def bounded(self, name: str, lower: float, upper: float) -> "Parameters":
-        """Return a copy with other bounds on one parameter."""
+        """Return a copy with other bounds on one parameter; its start is moved inside them."""
         position = self.index(name)
         items = list(self.items)
-        items[position] = replace(items[position], lower=lower, upper=upper)
+        start = items[position].start
+        inside = None if start is None else min(max(start, lower), upper)
+        items[position] = replace(items[position], lower=lower, upper=upper, start=inside)
         return Parameters(items)
 
     def _with_free(self, names: tuple[str, ...], free: bool) -> "Parameters":

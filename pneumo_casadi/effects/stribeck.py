@@ -13,6 +13,12 @@ class Stribeck(Effect):
     """
 
     name = "stribeck"
+    equation = "F = ΔF exp(−(v/v_st)²) sign(v)"
+    source = "Armstrong-Hélouvry, Dupont, Canudas de Wit (1994), Automatica 30(7), 1083-1138"
+    shows = "force balance, below a few centimetres a second and at reversals"
+    confused_with = ("F_c_plus", "F_c_minus", "f_v", "v_s", "quadratic_drag", "presliding")
+    separated_by = "creep at three or more speeds below and above the Stribeck velocity"
+    passive = True
     parameters = (
         Parameter(
             "delta_F",
@@ -22,8 +28,9 @@ class Stribeck(Effect):
             upper=200.0,
             scale=10.0,
             null=0.0,
+            start=8.0,
             description="breakaway force above the Coulomb friction, F_s - F_c",
-            source="Armstrong-Hélouvry, Dupont, Canudas de Wit (1994), Automatica 30(7)",
+            source="5-30 N for pneumatic cylinders of this size, Tran and Yanada (2013)",
         ),
         Parameter(
             "v_stribeck",

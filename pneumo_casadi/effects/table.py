@@ -1,0 +1,59 @@
+"""The catalogue as data: what reports and docs print of an effect."""
+
+from dataclasses import dataclass
+
+from pneumo_casadi.effect import Effect, State
+from pneumo_casadi.parameters import Parameter
+
+
+@dataclass(frozen=True, slots=True)
+class EffectRow:
+    """One effect as data.
+
+    Parameters
+    ----------
+    name : str
+        Name in the catalogue.
+    equation : str
+        What it adds to the nominal axis.
+    junctions : tuple of str
+        Where it acts, in the order of the physics.
+    states : tuple of State
+        Extra states.
+    parameters : tuple of Parameter
+        With unit, bounds, null value and starting value.
+    shows : str
+        Balance or sensor, and regime.
+    confused_with : tuple of str
+        Effects of the catalogue and nominal parameters.
+    separated_by : str
+        The experiment that tells them apart.
+    source : str
+        Where the form comes from.
+    """
+
+    name: str
+    equation: str
+    junctions: tuple[str, ...]
+    states: tuple[State, ...]
+    parameters: tuple[Parameter, ...]
+    shows: str
+    confused_with: tuple[str, ...]
+    separated_by: str
+    source: str
+
+
+def row_of(effect: type[Effect] | Effect) -> EffectRow:
+    """Return an effect, of the catalogue or not, as a row."""
+    one = effect() if isinstance(effect, type) else effect
+    return EffectRow(
+        one.name,
+        one.equation,
+        one.junctions,
+        one.states,
+        one.parameters,
+        one.shows,
+        one.confused_with,
+        one.separated_by,
+        one.source,
+    )
