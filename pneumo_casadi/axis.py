@@ -61,6 +61,10 @@ class Axis:
                 raise ModelError(
                     f"effect {effect.name} acts at {', '.join(missing)}, which {kind} has not"
                 )
+            if effect.needs_chambers and self.flow is None:
+                raise ModelError(
+                    f"effect {effect.name} needs pressures, which a force-driven axis has not"
+                )
 
     def __getstate__(self) -> dict[str, Any]:
         kept = ("bench", "flow", "effects", "parameters")
@@ -299,7 +303,8 @@ class Axis:
         """Free parameters that enter the balances linearly, those of the flow map excepted.
 
         All nominal ones, and of each effect without states those that are linear beside the
-        ones before them: a shape parameter inside a column is held at its value instead.
+        ones before them: a shape parameter inside a column is held at its value instead, and
+        one that only a sensor knows is no business of the balances.
         """
         flow = set(self.flow.parameters.names) if self.flow is not None else set()
         lagging = {effect.name for effect in self.effects if effect.states}
@@ -311,9 +316,10 @@ class Axis:
         chosen = [n for n in self.parameters.free_names if n not in flow and n != "v_s"]
         found = [n for n in chosen if "." not in n]
         for name in chosen:
-            if "." not in name or name.split(".")[0] in lagging:
+            column = J[:, self.parameters.index(name)]
+            if "." not in name or name.split(".")[0] in lagging or column.nnz() == 0:
                 continue
-            seen = {names[i] for i in _dependence(J[:, self.parameters.index(name)], theta)}
+            seen = {names[i] for i in _dependence(column, theta)}
             if not seen & {*found, name}:
                 found.append(name)
         return tuple(found)

@@ -147,7 +147,12 @@ class Effect:
     passive : bool
         Whether it only takes energy from the motion, or gives back what it has stored.
 
-    The last six are what reports and docs say of an effect; one of your own needs none of them.
+    needs_chambers : bool
+        Whether it reads pressures, which its junctions need not tell: the force-driven axis
+        refuses it.
+
+    All from `equation` to `passive` are what reports and docs say of an effect; one of your own
+    needs none of them.
 
     Examples
     --------
@@ -172,6 +177,7 @@ class Effect:
     confused_with: ClassVar[tuple[str, ...]] = ()
     separated_by: ClassVar[str] = ""
     passive: ClassVar[bool] = False
+    needs_chambers: ClassVar[bool] = False
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)

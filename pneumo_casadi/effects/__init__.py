@@ -7,6 +7,19 @@ from pneumo_casadi.effect import Effect
 from pneumo_casadi.effects.asymmetric_viscous_friction import (
     AsymmetricViscousFriction as AsymmetricViscousFriction,
 )
+from pneumo_casadi.effects.backlash import Backlash as Backlash
+from pneumo_casadi.effects.constant_force import ConstantForce as ConstantForce
+from pneumo_casadi.effects.drive import DriveLag as DriveLag
+from pneumo_casadi.effects.drive import GainError as GainError
+from pneumo_casadi.effects.elastic_load import ElasticLoad as ElasticLoad
+from pneumo_casadi.effects.position_delay import PositionDelay as PositionDelay
+from pneumo_casadi.effects.position_friction import PositionFriction as PositionFriction
+from pneumo_casadi.effects.presliding import Presliding as Presliding
+from pneumo_casadi.effects.pressure_friction import PressureFriction as PressureFriction
+from pneumo_casadi.effects.pressure_sensors import PressureSensorBias as PressureSensorBias
+from pneumo_casadi.effects.pressure_sensors import PressureSensorLag as PressureSensorLag
+from pneumo_casadi.effects.quadratic_drag import QuadraticDrag as QuadraticDrag
+from pneumo_casadi.effects.spring_load import SpringLoad as SpringLoad
 from pneumo_casadi.effects.stribeck import Stribeck as Stribeck
 from pneumo_casadi.effects.table import EffectRow as EffectRow
 from pneumo_casadi.effects.table import row_of as row_of

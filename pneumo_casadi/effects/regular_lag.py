@@ -1,0 +1,25 @@
+"""A first-order lag that is regular where it vanishes, for all effects that hold one."""
+
+from pneumo_casadi.effect import Expression
+
+#: Time constant of the numerator [s]. It keeps the null value regular: at tau = 0 pole and
+#: zero cancel, the axis is the nominal one, and the derivative to tau is that of a true lag.
+TAU_REGULAR = 1e-3
+
+
+def lagged(value: Expression, state: Expression, tau: Expression) -> Expression:
+    """Return the output of (1 + τ₀ s) / (1 + (τ₀ + τ) s), a lag of τ below 1/τ₀.
+
+    Parameters
+    ----------
+    value, state : Expression
+        What goes in, and the state whose rate is `lag_rate`.
+    tau : Expression
+        Time constant τ [s].
+    """
+    return value - tau / (TAU_REGULAR + tau) * (value - state)
+
+
+def lag_rate(value: Expression, state: Expression, tau: Expression) -> Expression:
+    """Return the rate of the state of `lagged`: it follows with time constant τ₀ + τ."""
+    return (value - state) / (TAU_REGULAR + tau)
