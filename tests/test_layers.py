@@ -23,6 +23,7 @@ LAYERS = [
     ["statistics"],
     ["regression"],
     ["output_error"],
+    ["uncertainty"],
     ["validation"],
     ["caveats", "pipeline", "result_file", "trajectory_file"],
     ["report"],

@@ -3,9 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
-
 from pneumo_casadi.axis import Axis
+from pneumo_casadi.output_error.derived import derived_of
 from pneumo_casadi.output_error.segments import Segment
 from pneumo_casadi.parameters import FloatArray, Parameters
 from pneumo_casadi.statistics import Estimate, delta_std, interval_factor
@@ -95,7 +94,7 @@ class OutputErrorResult:
     estimate : Estimate
         Covariance of the free parameters and what the data say nothing about.
     derived : dict of str to Derived
-        k_P, k_N and, with the bench's geometry, V_P(0), V_N(0), areas and F_c.
+        k, V(0), areas, dead volumes and dead lengths of both chambers, F_c; see `derived_of`.
     stages : tuple of Stage
         Every solve on the way.
     segments : tuple of Segment
@@ -141,43 +140,22 @@ class OutputErrorResult:
         std = self.estimate.std_robust if robust else self.estimate.std
         return float(std[self.estimate.names.index(name)])
 
-    def interval(self, name: str, level: float = 0.95) -> tuple[float, float]:
-        """Return the interval of a parameter at `level`."""
-        half = interval_factor(level) * self.std(name)
+    def interval(self, name: str, level: float = 0.95, robust: bool = False) -> tuple[float, float]:
+        """Return the interval of a parameter at `level`, on request the robust one."""
+        half = interval_factor(level) * self.std(name, robust)
         value = self.parameters[name].value
         return value - half, value + half
 
 
 def derived_quantities(axis: Axis, estimate: Estimate) -> dict[str, Derived]:
-    """Return k, V(0) and areas of both chambers, or F_c and offset, with standard deviations.
-
-    k_P = X_s3/X_s2 and k_N = X_s6/X_s5 need nothing but the fit; areas S = X_s3 r T and volumes
-    V(0) = X_s1 k r T need the gas temperature of the bench and share its error.
-    """
-    values = axis.parameters.as_dict()
-    found: dict[str, Derived] = {}
-
-    def add(name: str, value: float, slopes: Mapping[str, float], unit: str) -> None:
-        gradient = np.array([slopes.get(n, 0.0) for n in estimate.names])
+    """Return `derived_of` an axis with standard deviations by the delta method."""
+    theta = axis.parameters.values
+    columns = [axis.parameters.index(name) for name in estimate.names]
+    found = {}
+    for name, item in derived_of(axis).items():
+        gradient = item.gradient(theta)[columns]
         std = delta_std(gradient, estimate.covariance)
         robust = estimate.covariance_robust
         wider = std if robust is None else delta_std(gradient, robust)
-        found[name] = Derived(value, std, wider, unit)
-
-    if axis.flow is not None:
-        constants = axis.constants
-        rT = constants["r"] * constants["T"]
-        for chamber, (first, second, third) in {
-            "P": ("X_s1", "X_s2", "X_s3"),
-            "N": ("X_s4", "X_s5", "X_s6"),
-        }.items():
-            a, b, c = values[first], values[second], values[third]
-            add(f"k_{chamber}", c / b, {third: 1 / b, second: -c / b**2}, "1")
-            volume = rT * a * c / b
-            slopes = {first: volume / a, third: volume / c, second: -volume / b}
-            add(f"V_{chamber}(0)", volume, slopes, "m3")
-            add(f"S_{chamber}", rT * c, {third: rT}, "m2")
-    plus, minus = values["F_c_plus"], values["F_c_minus"]
-    add("F_c", (plus + minus) / 2, {"F_c_plus": 0.5, "F_c_minus": 0.5}, "N")
-    add("F_offset", (plus - minus) / 2, {"F_c_plus": 0.5, "F_c_minus": -0.5}, "N")
+        found[name] = Derived(item(theta), std, wider, item.unit)
     return found
