@@ -1,0 +1,317 @@
+"""The contract of every effect in the catalogue: a new one is tested without writing a test."""
+
+import pickle
+from itertools import combinations
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from pneumo_casadi.axis import FORCE_DRIVEN, PNEUMATIC
+from pneumo_casadi.effect import JUNCTIONS, NOMINAL, Effect
+from pneumo_casadi.effects import CATALOGUE, catalogue_table
+from pneumo_casadi.integration import Stepping, step_function, substeps_for
+from pneumo_casadi.recording import InputHold
+
+KINDS = {"servo": "true_axis", "force-driven": "true_force_axis"}
+JUNCTIONS_OF = {"servo": PNEUMATIC, "force-driven": FORCE_DRIVEN}
+#: Most Runge-Kutta steps per millisecond that an effect may ask for where a fit starts.
+MOST_SUBSTEPS = 8
+
+
+def fits(effect, kind):
+    """Whether an effect belongs on an axis of a kind."""
+    there = set(effect().junctions) <= JUNCTIONS_OF[kind]
+    return there and (kind == "servo" or not effect.needs_chambers)
+
+
+CASES = [(name, kind) for name, effect in CATALOGUE.items() for kind in KINDS if fits(effect, kind)]
+
+
+@pytest.fixture(scope="module")
+def nominals(made):
+    return {kind: getattr(made, make)() for kind, make in KINDS.items()}
+
+
+@pytest.fixture(scope="module", params=CASES, ids=" on ".join)
+def pair(request, nominals):
+    """The axis with one effect at its null values, and the nominal axis."""
+    name, kind = request.param
+    return nominals[kind].with_effects(CATALOGUE[name]()), nominals[kind]
+
+
+@pytest.fixture(scope="module")
+def started(pair):
+    """The axis with its effect where a fit starts."""
+    return pair[0].at_starting_values()
+
+
+def at_rest(axis, x, u):
+    return axis.rest(x, u, axis.parameters.values).full().ravel()
+
+
+def drawn(axis, nominal, made, rng, slow=1.0):
+    """A random state with the effect's own states somewhat off their rest, and inputs."""
+    x, u = made.states(nominal, rng)
+    x[-1] *= slow
+    full = at_rest(axis, x, u)
+    full[len(x) :] += 0.1 * axis.state_scales[len(x) :] * rng.standard_normal(full.size - len(x))
+    return full, u
+
+
+@pytest.mark.parametrize("effect", CATALOGUE.values(), ids=CATALOGUE)
+def test_an_effect_declares_what_it_is(effect):
+    one = effect()
+    assert isinstance(one, Effect) and CATALOGUE[one.name] is effect
+    assert one.junctions and set(one.junctions) <= set(JUNCTIONS)
+    assert one.parameters and one.__doc__
+    for text in (one.equation, one.source, one.shows, one.separated_by):
+        assert text and text == text.strip()
+    assert one.confused_with and one.name not in one.confused_with
+    unknown = set(one.confused_with) - {*CATALOGUE, *NOMINAL}
+    assert not unknown, f"{one.name} is confused with what is not in the catalogue: {unknown}"
+    assert one.name in {name for name, _ in CASES}, f"{one.name} fits no axis"
+    assert all(state.unit and state.scale > 0 for state in one.states)
+
+
+@pytest.mark.parametrize("effect", CATALOGUE.values(), ids=CATALOGUE)
+def test_parameters_are_documented_and_their_bounds_bracket_null_and_start(effect):
+    for item in effect.parameters:
+        assert item.unit and item.description and item.source, item.name
+        assert item.value == item.null, f"{item.name} does not begin at its null value"
+        assert item.lower < item.upper and item.lower <= item.null <= item.upper, item.name
+        assert np.isfinite([item.lower, item.upper]).all(), f"{item.name} is not bounded"
+        start = item.null if item.start is None else item.start
+        assert item.lower <= start <= item.upper, item.name
+        inside = item.lower < start < item.upper
+        assert inside or not item.free, f"a fit of {item.name} starts at a bound"
+        assert 0 < item.scale <= item.upper - item.lower, item.name
+    moved = [item for item in effect.parameters if item.start not in (None, item.null)]
+    assert moved, f"{effect.name} starts at its null values: no fit would find a shape"
+
+
+def test_the_table_of_the_catalogue_holds_every_effect_as_it_declares_itself():
+    rows = catalogue_table()
+    assert [row.name for row in rows] == list(CATALOGUE)
+    for row in rows:
+        effect = CATALOGUE[row.name]
+        assert row.junctions == effect().junctions and row.parameters == effect.parameters
+        assert (row.equation, row.source) == (effect.equation, effect.source)
+        assert (row.shows, row.confused_with) == (effect.shows, effect.confused_with)
+        assert (row.separated_by, row.states) == (effect.separated_by, effect.states)
+
+
+def test_at_null_values_the_axis_is_the_nominal_one(pair, made):
+    axis, nominal = pair
+    theta, plain = axis.parameters.values, nominal.parameters.values
+    n, rng = len(nominal.states), np.random.default_rng(0)
+    for _ in range(30):
+        x, u = made.states(nominal, rng)
+        full = at_rest(axis, x, u)
+        np.testing.assert_array_equal(full[:n], x)
+        np.testing.assert_allclose(
+            axis.rhs(full, u, theta).full()[:n], nominal.rhs(x, u, plain).full(), rtol=1e-10
+        )
+        np.testing.assert_allclose(
+            axis.output(full, u, theta).full(), nominal.output(x, u, plain).full(), rtol=1e-12
+        )
+
+
+def test_at_null_values_trajectories_are_the_nominal_ones_from_rest_on(pair, made):
+    axis, nominal = pair
+    rng = np.random.default_rng(1)
+    n = len(nominal.states)
+    x, u = made.states(nominal, rng)
+    full = at_rest(axis, x, u)
+    one, other = (step_function(a, Stepping(1e-3, InputHold.ZERO, 4)) for a in (axis, nominal))
+    for _ in range(30):
+        u = u + 0.05 * rng.standard_normal(u.size)
+        full = one(full, u, axis.parameters.values).full().ravel()
+        x = other(x, u, nominal.parameters.values).full().ravel()
+        y, plain = (
+            a.output(z, u, a.parameters.values).full() for a, z in ((axis, full), (nominal, x))
+        )
+        np.testing.assert_allclose(y, plain, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(full[:n], x, rtol=1e-9, atol=1e-12)
+
+
+def test_values_and_derivatives_are_finite_at_standstill_and_in_motion(pair, made):
+    axis, nominal = pair
+    start, rng = axis.at_starting_values(), np.random.default_rng(5)
+    u = np.zeros(len(axis.inputs))
+    still = [np.array([*p, 0.0, 0.0])[-len(nominal.states) :] for p in ((4e5, 5e5), (1e5, 7e5))]
+    f, h = axis.rhs.jacobian(), axis.output.jacobian()
+    for one in (axis, start):
+        theta = one.parameters.values
+        points = [(at_rest(one, x, u), u) for x in still]
+        points += [drawn(one, nominal, made, rng) for _ in range(5)]
+        for full, inputs in points:
+            assert np.isfinite(axis.rhs(full, inputs, theta).full()).all()
+            assert np.isfinite(axis.output(full, inputs, theta).full()).all()
+            for derivative in (f, h):
+                for block in derivative(full, inputs, theta, 0):
+                    assert np.isfinite(block.full()).all()
+
+
+def test_equations_stay_finite_at_every_corner_of_the_bounds(pair, made):
+    axis, nominal = pair
+    added = axis.parameters.names[len(nominal.parameters) :]
+    rng = np.random.default_rng(6)
+    for corner in range(2 ** len(added)):
+        ends = {
+            name: getattr(axis.parameters[name], ("lower", "upper")[corner >> i & 1])
+            for i, name in enumerate(added)
+        }
+        one = axis.with_parameters(ends)
+        full, u = drawn(one, nominal, made, rng)
+        for f in (axis.rhs, axis.output):
+            assert np.isfinite(f(full, u, one.parameters.values).full()).all(), ends
+
+
+def test_every_free_parameter_changes_the_axis_where_a_fit_starts(pair, started, made):
+    axis, nominal = pair
+    rng = np.random.default_rng(2)
+    theta = started.parameters.values
+    seen = np.zeros(len(axis.parameters))
+    for i in range(60):
+        full, u = drawn(started, nominal, made, rng, slow=0.05 if i % 2 else 1.0)
+        for f in (axis.rhs, axis.output):
+            value = np.abs(f(full, u, theta).full()).ravel() + axis.state_scales[: f.size1_out(0)]
+            slope = np.abs(f.jacobian()(full, u, theta, 0)[2].full()) / value[:, None]
+            seen = np.maximum(seen, slope.max(axis=0) * axis.parameters.scales)
+    for item in axis.parameters.items[len(nominal.parameters) :]:
+        if item.free:
+            assert seen[axis.parameters.index(item.name)] > 1e-6, f"{item.name} changes nothing"
+
+
+def test_only_declared_states_and_parameters_are_added(pair):
+    axis, nominal = pair
+    effect = axis.effects[0]
+    states = tuple(f"{effect.name}.{state.name}" for state in effect.states)
+    names = tuple(f"{effect.name}.{item.name}" for item in effect.parameters)
+    assert axis.states == (*nominal.states, *states)
+    assert axis.parameters.names == (*nominal.parameters.names, *names)
+    assert axis.rhs.size1_out(0) == len(axis.states)
+
+
+def test_an_axis_with_effects_survives_pickling(pair, made):
+    axis, nominal = pair
+    again = pickle.loads(pickle.dumps(axis))
+    assert again.states == axis.states and again.parameters == axis.parameters
+    full, u = drawn(axis, nominal, made, np.random.default_rng(4))
+    one, two = (a.rhs(full, u, a.parameters.values).full() for a in (axis, again))
+    np.testing.assert_array_equal(one, two)
+
+
+def test_the_steps_that_standstill_asks_for_are_fine_enough_in_motion(pair, started, made):
+    """No rate may grow with the speed beyond what `substeps_for` sees at standstill."""
+    axis, nominal = pair
+    few = substeps_for(started, 1e-3)
+    assert few <= MOST_SUBSTEPS
+    theta, rng = started.parameters.values, np.random.default_rng(7)
+    coarse, fine = (step_function(axis, Stepping(1e-3, InputHold.ZERO, n)) for n in (few, 8 * few))
+    x, u = made.states(nominal, rng)
+    x[-1] = 1.0
+    one = two = at_rest(started, x, u)
+    for _ in range(30):
+        one = coarse(one, u, theta).full().ravel()
+        two = fine(two, u, theta).full().ravel()
+    np.testing.assert_allclose(one / axis.state_scales, two / axis.state_scales, atol=2e-3)
+
+
+def test_regression_takes_what_is_linear_in_the_balances_and_nothing_else(pair):
+    axis, nominal = pair
+    free = set(axis.regressor_names) - set(nominal.regressor_names)
+    effect = axis.effects[0]
+    if effect.states or effect.junctions == ("output",):
+        assert not free
+    x, dx, u = (np.ones(n) for n in (len(nominal.states), len(nominal.states), len(axis.inputs)))
+    Y, W = axis.regressor()(x, dx, u)
+    assert W.shape == (len(axis.equations), len(axis.regressor_names))
+    assert np.isfinite(Y.full()).all() and np.isfinite(W.full()).all()
+
+
+def numbers(axis, x, dx, u):
+    """All that the balances say at a point, as numbers by name."""
+    theta = axis.parameters.as_dict()
+    written = axis.balances(
+        [x[name] for name in axis.states], [dx[name] for name in axis.states], u, theta
+    )
+    parts = (written.residual, written.rates, written.output, written.rest)
+    return {name: float(value) for part in parts for name, value in part.items()}
+
+
+def test_any_two_effects_compose_and_their_order_matters_only_at_a_shared_junction(made, nominals):
+    rng, ordered = np.random.default_rng(8), 0
+    for kind, nominal in nominals.items():
+        effects = [cls() for cls in CATALOGUE.values() if fits(cls, kind)]
+        x, u = made.states(nominal, rng)
+        for one, two in combinations(effects, 2):
+            both = (nominal.with_effects(*e).at_starting_values() for e in ((one, two), (two, one)))
+            first, second = both
+            state = dict(zip(nominal.states, x, strict=True))
+            for name, scale in zip(first.states, first.state_scales, strict=True):
+                state.setdefault(name, 0.3 * scale)
+            rate = dict.fromkeys(first.states, 0.1)
+            a, b = (numbers(axis, state, rate, u) for axis in (first, second))
+            assert a.keys() == b.keys() and np.isfinite([*a.values(), *b.values()]).all()
+            if not set(one.junctions) & set(two.junctions):
+                assert a == pytest.approx(b, rel=1e-12), f"{one.name}, {two.name}"
+                ordered += 1
+    assert ordered > 20
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_whole_catalogue_at_once_is_nominal_at_null_and_finite_at_its_start(
+    made, nominals, kind
+):
+    nominal = nominals[kind]
+    axis = nominal.with_effects(*(cls() for cls in CATALOGUE.values() if fits(cls, kind)))
+    x, u = made.states(nominal, np.random.default_rng(9))
+    still = np.array([4e5, 5e5, 0.0, 0.0])[-len(x) :]
+    full, n = at_rest(axis, x, u), len(x)
+    plain = nominal.rhs(x, u, nominal.parameters.values).full()
+    found = axis.rhs(full, u, axis.parameters.values).full()
+    np.testing.assert_allclose(found[:n], plain, rtol=1e-9)
+    start = axis.at_starting_values()
+    derivative = axis.rhs.jacobian()
+    for point in (x, still):
+        for block in derivative(at_rest(start, point, u), u, start.parameters.values, 0):
+            assert np.isfinite(block.full()).all()
+
+
+PASSIVE = [name for name, effect in CATALOGUE.items() if effect.passive]
+
+
+@pytest.mark.parametrize("level", [0.0, 12.0], ids=["without friction", "with friction"])
+@pytest.mark.parametrize("name", PASSIVE)
+def test_passive_effects_give_back_no_more_energy_than_they_have_taken(name, level, made):
+    """Move the axis from rest by hand and keep count of the work on it."""
+    axis = made.true_axis(CATALOGUE[name]()).at_starting_values()
+    friction = {"f_v": 0.0, "F_c_plus": level, "F_c_minus": level}
+    axis = axis.with_parameters(friction)
+    own, M = len(axis.motion_states), axis.parameters["M"].value
+    S_P, S_N, p_ext = (axis.constants[key] for key in ("S_P", "S_N", "p_ext"))
+    p = np.array([4e5, 5e5])
+    effort = S_P * p[0] - S_N * p[1] - (S_P - S_N) * p_ext
+
+    z, at = ca.SX.sym("z", len(axis.states) - own), ca.SX.sym("at", 2)
+    dx = axis.rhs(ca.vertcat(p, at, z), np.zeros(2), axis.parameters.values)
+    power = (effort - M * dx[3]) * at[1]
+    f = ca.Function("f", [z, at], [dx[own:], power])
+    h = 1e-4
+    t = np.arange(0.0, 1.5, h)
+    x = 0.06 * np.sin(7.0 * t) * np.sin(2.3 * t) + 0.002 * (1 - np.cos(90.0 * t))
+    v = np.gradient(x, h, edge_order=2)
+    v[0] = 0.0
+    path = np.stack([x, v])
+    # The midpoint rule: half steps from the sampled path, two samples apart.
+    begin, middle = path[:, :-2:2], path[:, 1:-1:2]
+    now, half = (ca.SX.sym(s, 2) for s in ("now", "half"))
+    k = f(z + h * f(z, now)[0], half)
+    step = ca.Function("step", [z, now, half], [z + 2 * h * k[0], 2 * h * k[1]])
+    rest = axis.rest([*p, 0.0, 0.0], np.zeros(2), axis.parameters.values).full().ravel()[own:]
+    _, work = step.mapaccum(begin.shape[1])(rest, begin, middle)
+    taken = np.cumsum(work.full())
+    assert taken.min() >= -1e-5 * taken.max()
+    assert taken.max() > 1e-3 or level == 0
