@@ -11,8 +11,8 @@ import casadi as ca
 
 from pneumo_casadi.effect import Effect, Expression, Pair, Scope, Supply
 
-#: Extrapolation of the flow map to other port pressures never divides by less than this [Pa].
-P_LEAST = 1.0
+#: Least pressure at a port of the valve, whatever an effect makes of it [Pa].
+P_LEAST = 1e3
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +92,8 @@ def write_balances(
     effects : sequence of Effect
         In the order in which they are folded.
     flow : flow model, optional
-        Static map of the valves with ``parameters`` and ``expression(u, p, theta)``.
+        Static map of the valves with ``parameters``, ``expression(u, p, theta)`` and, where an
+        effect changes the port pressures, ``expression_at``.
 
     Returns
     -------
@@ -163,18 +164,9 @@ def _valve_flow(
     def q_m(voltage: Expression, pressure: Expression) -> Expression:
         if ports is metered:
             return flow.expression(voltage, pressure, coefficients)
-        # The map was metered at one supply and one exhaust pressure. Orifice flow is
-        # homogeneous of degree one in its pressures, so the map serves others by similarity:
-        # inlet flow scales with the supply, exhaust flow with the back pressure.
-        filling = ports.p_supply / metered.p_supply
-        emptying = ports.p_ext / metered.p_ext
-        inlet = filling * flow.expression(
-            voltage, pressure / ca.fmax(filling, P_LEAST / metered.p_supply), coefficients
-        )
-        exhaust = emptying * flow.expression(
-            voltage, pressure / ca.fmax(emptying, P_LEAST / metered.p_ext), coefficients
-        )
-        return ca.if_else(voltage > 0, inlet, exhaust)
+        filling = ca.fmax(ports.p_supply, P_LEAST) / metered.p_supply
+        emptying = ca.fmax(ports.p_ext, P_LEAST) / metered.p_ext
+        return flow.expression_at(voltage, pressure, coefficients, filling, emptying)
 
     q = Pair(q_m(opening.P, outlet.P), q_m(opening.N, outlet.N))
     return Pair(*fold.through("valve_flow", q))

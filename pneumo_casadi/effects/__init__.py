@@ -12,6 +12,13 @@ from pneumo_casadi.effects.constant_force import ConstantForce as ConstantForce
 from pneumo_casadi.effects.drive import DriveLag as DriveLag
 from pneumo_casadi.effects.drive import GainError as GainError
 from pneumo_casadi.effects.elastic_load import ElasticLoad as ElasticLoad
+from pneumo_casadi.effects.exhaust_restriction import ExhaustRestriction as ExhaustRestriction
+from pneumo_casadi.effects.flow_map_shape import FlowMapShape as FlowMapShape
+from pneumo_casadi.effects.heat_transfer import HeatTransfer as HeatTransfer
+from pneumo_casadi.effects.hose import Hose as Hose
+from pneumo_casadi.effects.leakage import LeakageN as LeakageN
+from pneumo_casadi.effects.leakage import LeakageP as LeakageP
+from pneumo_casadi.effects.leakage import PistonSealLeakage as PistonSealLeakage
 from pneumo_casadi.effects.position_delay import PositionDelay as PositionDelay
 from pneumo_casadi.effects.position_friction import PositionFriction as PositionFriction
 from pneumo_casadi.effects.presliding import Presliding as Presliding
@@ -21,9 +28,15 @@ from pneumo_casadi.effects.pressure_sensors import PressureSensorLag as Pressure
 from pneumo_casadi.effects.quadratic_drag import QuadraticDrag as QuadraticDrag
 from pneumo_casadi.effects.spring_load import SpringLoad as SpringLoad
 from pneumo_casadi.effects.stribeck import Stribeck as Stribeck
+from pneumo_casadi.effects.supply_droop import SupplyDroop as SupplyDroop
 from pneumo_casadi.effects.table import EffectRow as EffectRow
 from pneumo_casadi.effects.table import row_of as row_of
+from pneumo_casadi.effects.valve_dead_zone import ValveDeadZone as ValveDeadZone
+from pneumo_casadi.effects.valve_dynamics import ValveDynamics as ValveDynamics
+from pneumo_casadi.effects.valve_hysteresis import ValveHysteresis as ValveHysteresis
 from pneumo_casadi.effects.valve_lag import ValveLag as ValveLag
+from pneumo_casadi.effects.valve_mismatch import ValveMismatch as ValveMismatch
+from pneumo_casadi.effects.valve_null_shift import ValveNullShift as ValveNullShift
 
 #: All effects, by name.
 CATALOGUE: dict[str, type[Effect]] = {

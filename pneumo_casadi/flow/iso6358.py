@@ -111,6 +111,10 @@ class FlowISO6358:
         outlet = orifice_expression(opening("exhaust", -u), b_e, m, p, p_ext, **law)
         return inlet - outlet
 
+    def expression_at(self, u: Any, p: Any, theta: Any, filling: Any, emptying: Any) -> Any:
+        """Return q_m [kg/s] with supply and exhaust at these ratios to the map's pressures."""
+        return self.expression(u, p, theta, self.p_supply * filling, self.p_ext * emptying)
+
     def __call__(self, u: ArrayLike, p: ArrayLike, p_supply: ArrayLike | None = None) -> FloatArray:
         """Return q_m [kg/s] at the fitted parameters; u [V], p [Pa], p_supply [Pa] broadcast."""
         supply = self.p_supply if p_supply is None else p_supply

@@ -7,10 +7,14 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from pneumo_casadi.flow.orifice import RHO_ANR, orifice_expression
 from pneumo_casadi.flow.table import FlowMap
 from pneumo_casadi.parameters import FloatArray, Parameters
 
 Symbol = Literal["SX", "MX"]
+
+#: Critical pressure ratio of the edges of a closed valve.
+B_LEAKAGE = 0.3
 
 logger = logging.getLogger(__name__)
 
@@ -55,6 +59,14 @@ class FlowModel(Protocol):
         """Return q_m [kg/s] for CasADi scalars u [V], p [Pa] and a vector theta."""
         ...
 
+    def expression_at(self, u: Any, p: Any, theta: Any, filling: Any, emptying: Any) -> Any:
+        """Return q_m [kg/s] where the ports are not at the pressures that the map was metered at.
+
+        `filling` and `emptying` are supply and exhaust pressure over those of the map [1]. At
+        (1, 1) it is `expression`, and it is continuous in u, as every valve is.
+        """
+        ...
+
     def __call__(self, u: ArrayLike, p: ArrayLike) -> FloatArray:
         """Return q_m [kg/s] at the fitted parameters; u and p broadcast."""
         ...
@@ -62,6 +74,38 @@ class FlowModel(Protocol):
     def residuals(self, table: FlowMap) -> FloatArray:
         """Return measured minus modelled flow [kg/s], shape (n,)."""
         ...
+
+
+def leakage_change(
+    leakage: tuple[Any, Any], p: Any, p_range: tuple[float, float], filling: Any, emptying: Any
+) -> Any:
+    """Return what other port pressures add to the flow of a closed valve [kg/s].
+
+    It comes in past the supply edge and goes out past the exhaust edge, but a map shows only the
+    sum. Where the outlet is at the exhaust pressure nothing goes out, where it is at the supply
+    pressure nothing comes in: these two flows give the two edges, which are taken to follow
+    ISO 6358 from there.
+
+    Parameters
+    ----------
+    leakage : tuple of expression
+        Metered flow at u = 0 at either end of `p_range` [kg/s].
+    p : expression
+        Outlet pressure [Pa].
+    p_range : tuple of float
+        Metered outlet pressures, from exhaust to supply [Pa].
+    filling, emptying : expression
+        Supply and exhaust pressure over those of the map [1].
+    """
+    p_ext, p_supply = p_range
+    supply_edge, exhaust_edge = leakage[0] / p_supply, -leakage[1] / p_supply
+
+    def through(p_1: Any, p_2: Any) -> Any:
+        return orifice_expression(1 / RHO_ANR, B_LEAKAGE, 0.5, p_1, p_2)
+
+    inlet = through(filling * p_supply, p) - through(p_supply, p)
+    exhaust = through(p, emptying * p_ext) - through(p, p_ext)
+    return supply_edge * inlet - exhaust_edge * exhaust
 
 
 def scale_sigma(direction: FloatArray, covariance: FloatArray, scales: FloatArray) -> float:

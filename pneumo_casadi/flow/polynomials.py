@@ -9,7 +9,7 @@ from numpy.polynomial import Chebyshev, Polynomial
 from numpy.typing import ArrayLike
 
 from pneumo_casadi.errors import ModelError
-from pneumo_casadi.flow.model import Symbol, scale_sigma
+from pneumo_casadi.flow.model import Symbol, leakage_change, scale_sigma
 from pneumo_casadi.flow.table import FlowMap
 from pneumo_casadi.parameters import FloatArray, Parameters
 
@@ -118,6 +118,29 @@ class FlowPolynomials:
             _combine(T, theta[part]) for part in parts(self.degrees).values()
         )
         return phi + psi_plus * ca.fmax(u, 0.0) + psi_minus * ca.fmin(u, 0.0)
+
+    def expression_at(self, u: Any, p: Any, theta: Any, filling: Any, emptying: Any) -> Any:
+        """Return q_m [kg/s] with supply and exhaust at these ratios to the metered pressures.
+
+        Orifice flow is homogeneous of degree one in the pressures on its two sides. ψ⁺ meters
+        supply against outlet and goes with the supply, ψ⁻ outlet against exhaust and goes with
+        the exhaust; Δφ is `leakage_change`::
+
+            q_m = φ(p) + Δφ(p, s, e) + s ψ⁺(p/s) max(u, 0) + e ψ⁻(p/e) min(u, 0)
+        """
+        phi, plus, minus = (theta[part] for part in parts(self.degrees).values())
+
+        def along(coefficients: Any, pressure: Any) -> Any:
+            basis = _basis(pressure, self.p_range, max(self.degrees), ca.fmax, ca.fmin)
+            return _combine(basis, coefficients)
+
+        ends = (along(phi, self.p_range[0]), along(phi, self.p_range[1]))
+        return (
+            along(phi, p)
+            + leakage_change(ends, p, self.p_range, filling, emptying)
+            + filling * along(plus, p / filling) * ca.fmax(u, 0.0)
+            + emptying * along(minus, p / emptying) * ca.fmin(u, 0.0)
+        )
 
     def design_matrix(self, u: ArrayLike, p: ArrayLike) -> FloatArray:
         """Return D (n, n_coef) with q_m = D θ at points u [V] and p [Pa], both (n,)."""

@@ -9,7 +9,13 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import BSpline
 
 from pneumo_casadi.errors import CaseError
-from pneumo_casadi.flow.model import Symbol, evaluate, flow_function, warn_of_rising_edges
+from pneumo_casadi.flow.model import (
+    Symbol,
+    evaluate,
+    flow_function,
+    leakage_change,
+    warn_of_rising_edges,
+)
 from pneumo_casadi.flow.table import FlowMap
 from pneumo_casadi.parameters import FloatArray, Parameter, Parameters
 
@@ -73,7 +79,23 @@ class FlowSpline:
 
     def expression(self, u: Any, p: Any, theta: Any) -> Any:
         """Return q_m [kg/s] for MX scalars u [V], p [Pa] and theta (1,), the gain."""
-        shape = ca.bspline(
+        return theta[0] * self._shape(u, p)
+
+    def expression_at(self, u: Any, p: Any, theta: Any, filling: Any, emptying: Any) -> Any:
+        """Return q_m [kg/s] with supply and exhaust at these ratios to the metered pressures.
+
+        As for the polynomials: what an opening adds to the closed valve's flow is similar in
+        the pressure of its port; the closed valve's flow has both (`leakage_change`).
+        """
+        p_s, p_e = p / filling, p / emptying
+        inlet = self._shape(ca.fmax(u, 0.0), p_s) - self._shape(0.0, p_s)
+        exhaust = self._shape(ca.fmin(u, 0.0), p_e) - self._shape(0.0, p_e)
+        ends = (self._shape(0.0, self.p_range[0]), self._shape(0.0, self.p_range[1]))
+        closed = self._shape(0.0, p) + leakage_change(ends, p, self.p_range, filling, emptying)
+        return theta[0] * (closed + filling * inlet + emptying * exhaust)
+
+    def _shape(self, u: Any, p: Any) -> Any:
+        return ca.bspline(
             ca.vertcat(u, p),
             ca.DM(self.coefficients.ravel(order="F")),
             [self.knots_u.tolist(), self.knots_p.tolist()],
@@ -81,7 +103,6 @@ class FlowSpline:
             1,
             {},
         )
-        return theta[0] * shape
 
     def __call__(self, u: ArrayLike, p: ArrayLike) -> FloatArray:
         """Return q_m [kg/s] at the fitted gain; u [V] and p [Pa] broadcast."""

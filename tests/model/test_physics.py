@@ -114,9 +114,14 @@ class Ports(Effect):
 def test_inlet_flow_scales_with_the_supply_and_exhaust_flow_with_the_back_pressure(made):
     axis, flow = made.true_axis(Ports()), made.true_flow()
     axis = axis.with_parameters({"ports.filling": 0.8, "ports.emptying": 1.3})
-    q = axis.valve_flow([3.2e5, 5.2e5, 0, 0], [1.0, -1.0], axis.parameters.values).full().ravel()
-    wanted = [0.8 * float(flow(1.0, 3.2e5 / 0.8)), 1.3 * float(flow(-1.0, 5.2e5 / 1.3))]
-    np.testing.assert_allclose(q, wanted, rtol=1e-12)
+    x, theta = [3.2e5, 5.2e5, 0, 0], axis.parameters.values
+    open_, closed = (axis.valve_flow(x, u, theta).full().ravel() for u in ([1.0, -1.0], [0.0, 0.0]))
+
+    def gain(u, p, ratio):
+        return ratio * float(flow(u, p / ratio) - flow(0.0, p / ratio))
+
+    wanted = [gain(1.0, 3.2e5, 0.8), gain(-1.0, 5.2e5, 1.3)]
+    np.testing.assert_allclose(open_ - closed, wanted, rtol=1e-12)
     # A port without pressure gives finite numbers.
     none = axis.with_parameters({"ports.filling": 0.0, "ports.emptying": 0.0})
     assert np.isfinite(none.rhs([3e5, 5e5, 0, 0], [1, -1], none.parameters.values).full()).all()

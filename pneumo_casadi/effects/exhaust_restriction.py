@@ -1,0 +1,61 @@
+"""Exhaust restriction: a silencer on the common exhaust raises the back pressure."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import casadi as ca
+
+from pneumo_casadi.effect import Effect, Expression, Pair, Scope, State, Supply
+from pneumo_casadi.parameters import Parameter
+
+#: Time in which the space before the silencer fills [s].
+TAU_FILLING = 2e-3
+
+
+class ExhaustRestriction(Effect):
+    """Turbulent back pressure of what both valves let out through one silencer.
+
+    p_e² = p_ext² + 2 r T R q_e² (Δp = R q²/ρ at the mean density), where q_e follows the
+    outflow of the valves within 2 ms. A valve that is choked does not feel it.
+    """
+
+    name = "exhaust_restriction"
+    equation = "p_e² = p_ext² + 2 r T R q_e², τ q̇_e = Σ max(−q_m, 0) − q_e"
+    source = "compressible Darcy flow; sonic conductance of silencers, ISO 6358-1:2013"
+    shows = "mass flow balance of a chamber that empties at low pressure; none while choked"
+    confused_with = ("flow coefficients", "flow_map_shape", "hose")
+    separated_by = "empty a chamber from high pressure to the end: only the end changes"
+    parameters = (
+        Parameter(
+            "R",
+            0.0,
+            "1/m⁴",
+            lower=0.0,
+            upper=1e11,
+            scale=1e8,
+            null=0.0,
+            start=5e8,
+            description="turbulent resistance of the silencer, Δp = R q²/ρ",
+            source="0.05-1 bar at 10 g/s: 5e7 to 2e9 1/m⁴",
+        ),
+    )
+    states = (State("q_e", "kg/s", 5e-3),)
+
+    def rest(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
+        """Start without outflow."""
+        return {"q_e": 0.0}
+
+    def rates(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
+        """Follow the outflow."""
+        q = entering["valve_flow"]
+        out = -ca.fmin(q.P, 0.0) - ca.fmin(q.N, 0.0)
+        return {"q_e": (out - at["q_e"]) / TAU_FILLING}
+
+    def supply(self, ports: Supply, at: Scope) -> Supply:
+        """Raise the pressure at the exhaust ports."""
+        raised = 2 * at.axis["r"] * at.axis["T"] * at["R"] * at["q_e"] ** 2
+        return Supply(ports.p_supply, ca.sqrt(ports.p_ext**2 + raised))
+
+    def valve_flow(self, q_m: Pair, at: Scope) -> Pair:
+        """Leave the flow alone: what goes out is what the silencer gets."""
+        return q_m
