@@ -11,7 +11,7 @@ from pneumo_casadi.parameters import Parameter
 #: Time in which the offset comes back to the edge of the play [s]: a stiff, damped contact.
 TAU_CONTACT = 1e-3
 #: Distance over which the contact sets in [m].
-EDGE = 1e-5
+EDGE = 3e-6
 
 
 class Backlash(Effect):

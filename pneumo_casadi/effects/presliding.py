@@ -3,11 +3,13 @@
 from collections.abc import Mapping
 from typing import Any
 
+import casadi as ca
+
 from pneumo_casadi.effect import Effect, Expression, Scope, State
 from pneumo_casadi.parameters import Parameter
 
 #: Way over which friction builds up in the numerator [m]: at distance = 0 pole and zero cancel.
-S_REGULAR = 2e-5
+S_REGULAR = 5e-6
 #: The bristle never answers faster than this [s]. Its rate grows with the speed, which would make
 #: the equations stiff where presliding is over long since.
 TAU_LEAST = 1e-3
@@ -19,7 +21,7 @@ class Presliding(Effect):
     Bristle of stiffness σ₀ under the mean level F_c = (F_c⁺ + F_c⁻)/2, h = σ₀ z/F_c between -1
     and 1, presliding distance s₀ = F_c/σ₀::
 
-        ḣ = (v - |v| h) / L,   L = s₀ + s_r + |v| τ_r
+        ḣ = (v - |v| h) / L,   L² = (s₀ + s_r)² + (v τ_r)²
         F = F_c sign(v) + (s₀ / L) F_c (h - sign(v))
 
     For s_r = τ_r = 0 the friction is F_c h. With them, pole and zero cancel at s₀ = 0 (Coulomb
@@ -68,4 +70,4 @@ class Presliding(Effect):
 
     @staticmethod
     def _length(at: Scope) -> Expression:
-        return at["distance"] + S_REGULAR + TAU_LEAST * at.v * at.direction
+        return ca.sqrt((at["distance"] + S_REGULAR) ** 2 + (TAU_LEAST * at.v) ** 2)

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -12,6 +13,63 @@ from pneumo_casadi.recording import InputHold
 
 #: Steps per sample with which records are integrated, four times what a fit takes or more.
 FINE = 8
+
+
+@dataclass(frozen=True)
+class Dragged:
+    """An axis moved by hand: what it shows and how it resists, at N instants."""
+
+    t: np.ndarray
+    x: np.ndarray
+    v: np.ndarray
+    y: np.ndarray  # what the sensors show, (ny, N)
+    F: np.ndarray  # resistance against the motion, inertia excepted, (N,)
+
+    @property
+    def taken(self):
+        """Energy taken from the hand so far, (N - 1,)."""
+        power = self.F * self.v
+        return np.cumsum((power[1:] + power[:-1]) / 2 * np.diff(self.t))
+
+
+@pytest.fixture(scope="session")
+def drag():
+    """Move an axis along x(t), at constant pressures, its effects starting at rest."""
+
+    def run(axis, motion, seconds, h=1e-4, p=(4e5, 5e5)):
+        t = np.arange(0.0, seconds, h / 2)
+        x = motion(t)
+        v = np.gradient(x, t, edge_order=2)
+        n, theta, u = len(axis.motion_states), axis.parameters.values, np.zeros(len(axis.inputs))
+        p = np.array(p)[: n - 2]
+        z, at = ca.SX.sym("z", len(axis.states) - n), ca.SX.sym("at", 2)
+        full = ca.vertcat(p, at, z)
+        dx, y = axis.rhs(full, u, theta), axis.output(full, u, theta)
+        f = ca.Function("f", [z, at], [dx[n:]])
+        now, half, then = (ca.SX.sym(name, 2) for name in ("now", "half", "then"))
+        k1 = f(z, now)
+        k2 = f(z + h / 2 * k1, half)
+        k3 = f(z + h / 2 * k2, half)
+        after = z + h / 6 * (k1 + 2 * k2 + 2 * k3 + f(z + h * k3, then))
+        step = ca.Function("step", [z, now, half, then], [after])
+        path = np.stack([x, v])[:, : 2 * ((t.size - 1) // 2) + 1]
+        begin, middle, end = path[:, :-2:2], path[:, 1:-1:2], path[:, 2::2]
+        start = axis.rest([*p, *path[:, 0]], u, theta).full()[n:]
+        states = start
+        if n < len(axis.states):
+            states = np.hstack(
+                [start, step.mapaccum(begin.shape[1])(start, begin, middle, end).full()]
+            )
+        show = ca.Function("show", [z, at], [y, dx[n - 1]]).map(states.shape[1])
+        shown, a = (part.full() for part in show(states, path[:, ::2]))
+        effort = 0.0
+        if p.size:
+            S_P, S_N, p_ext = (axis.constants[name] for name in ("S_P", "S_N", "p_ext"))
+            effort = S_P * p[0] - S_N * p[1] - (S_P - S_N) * p_ext
+        F = effort - axis.parameters["M"].value * a[0]
+        return Dragged(t[: path.shape[1]][::2], *path[:, ::2], shown, F)
+
+    return run
 
 
 @dataclass(frozen=True)

@@ -3,11 +3,10 @@
 import pickle
 from itertools import combinations
 
-import casadi as ca
 import numpy as np
 import pytest
 
-from pneumo_casadi.axis import FORCE_DRIVEN, PNEUMATIC
+from pneumo_casadi.axis import FORCE_DRIVEN, PNEUMATIC, V_S_SHARP
 from pneumo_casadi.effect import JUNCTIONS, NOMINAL, Effect
 from pneumo_casadi.effects import CATALOGUE, catalogue_table
 from pneumo_casadi.integration import Stepping, step_function, substeps_for
@@ -173,11 +172,12 @@ def test_every_free_parameter_changes_the_axis_where_a_fit_starts(pair, started,
     rng = np.random.default_rng(2)
     theta = started.parameters.values
     seen = np.zeros(len(axis.parameters))
-    for i in range(60):
+    derivatives = [(f, f.jacobian()) for f in (axis.rhs, axis.output)]
+    for i in range(40):
         full, u = drawn(started, nominal, made, rng, slow=0.05 if i % 2 else 1.0)
-        for f in (axis.rhs, axis.output):
+        for f, derivative in derivatives:
             value = np.abs(f(full, u, theta).full()).ravel() + axis.state_scales[: f.size1_out(0)]
-            slope = np.abs(f.jacobian()(full, u, theta, 0)[2].full()) / value[:, None]
+            slope = np.abs(derivative(full, u, theta, 0)[2].full()) / value[:, None]
             seen = np.maximum(seen, slope.max(axis=0) * axis.parameters.scales)
     for item in axis.parameters.items[len(nominal.parameters) :]:
         if item.free:
@@ -219,16 +219,26 @@ def test_the_steps_that_standstill_asks_for_are_fine_enough_in_motion(pair, star
     np.testing.assert_allclose(one / axis.state_scales, two / axis.state_scales, atol=2e-3)
 
 
-def test_regression_takes_what_is_linear_in_the_balances_and_nothing_else(pair):
+def test_the_regressor_of_an_effect_reproduces_its_equations_where_its_states_rest(
+    pair, started, made
+):
+    """What is linear in the balances is a column; sensors and effects with states give none."""
     axis, nominal = pair
-    free = set(axis.regressor_names) - set(nominal.regressor_names)
+    names = axis.regressor_names
+    own = set(names) - set(nominal.regressor_names)
     effect = axis.effects[0]
-    if effect.states or effect.junctions == ("output",):
-        assert not free
-    x, dx, u = (np.ones(n) for n in (len(nominal.states), len(nominal.states), len(axis.inputs)))
-    Y, W = axis.regressor()(x, dx, u)
-    assert W.shape == (len(axis.equations), len(axis.regressor_names))
-    assert np.isfinite(Y.full()).all() and np.isfinite(W.full()).all()
+    assert not own or not (effect.states or effect.junctions == ("output",))
+    sharp = started.with_parameters({"v_s": V_S_SHARP})
+    theta = sharp.parameters
+    regressor, rng = axis.regressor(names, theta), np.random.default_rng(10)
+    for _ in range(10):
+        x, u = made.states(nominal, rng)
+        dx = axis.rhs(at_rest(sharp, x, u), u, theta.values).full().ravel()[: len(x)]
+        Y, W = (part.full() for part in regressor(x, dx, u))
+        balances = Y.ravel() - W @ theta.select(names).values
+        # Rest values that hang on themselves (pressure behind a hose) are settled in passes.
+        near = 0.03 if effect.states else 1e-9
+        np.testing.assert_allclose(balances / (np.abs(Y.ravel()) + 1e-6), 0.0, atol=near)
 
 
 def numbers(axis, x, dx, u):
@@ -285,33 +295,13 @@ PASSIVE = [name for name, effect in CATALOGUE.items() if effect.passive]
 
 @pytest.mark.parametrize("level", [0.0, 12.0], ids=["without friction", "with friction"])
 @pytest.mark.parametrize("name", PASSIVE)
-def test_passive_effects_give_back_no_more_energy_than_they_have_taken(name, level, made):
-    """Move the axis from rest by hand and keep count of the work on it."""
+def test_passive_effects_give_back_no_more_energy_than_they_have_taken(name, level, made, drag):
     axis = made.true_axis(CATALOGUE[name]()).at_starting_values()
-    friction = {"f_v": 0.0, "F_c_plus": level, "F_c_minus": level}
-    axis = axis.with_parameters(friction)
-    own, M = len(axis.motion_states), axis.parameters["M"].value
-    S_P, S_N, p_ext = (axis.constants[key] for key in ("S_P", "S_N", "p_ext"))
-    p = np.array([4e5, 5e5])
-    effort = S_P * p[0] - S_N * p[1] - (S_P - S_N) * p_ext
+    axis = axis.with_parameters({"f_v": 0.0, "F_c_plus": level, "F_c_minus": level})
 
-    z, at = ca.SX.sym("z", len(axis.states) - own), ca.SX.sym("at", 2)
-    dx = axis.rhs(ca.vertcat(p, at, z), np.zeros(2), axis.parameters.values)
-    power = (effort - M * dx[3]) * at[1]
-    f = ca.Function("f", [z, at], [dx[own:], power])
-    h = 1e-4
-    t = np.arange(0.0, 1.5, h)
-    x = 0.06 * np.sin(7.0 * t) * np.sin(2.3 * t) + 0.002 * (1 - np.cos(90.0 * t))
-    v = np.gradient(x, h, edge_order=2)
-    v[0] = 0.0
-    path = np.stack([x, v])
-    # The midpoint rule: half steps from the sampled path, two samples apart.
-    begin, middle = path[:, :-2:2], path[:, 1:-1:2]
-    now, half = (ca.SX.sym(s, 2) for s in ("now", "half"))
-    k = f(z + h * f(z, now)[0], half)
-    step = ca.Function("step", [z, now, half], [z + 2 * h * k[0], 2 * h * k[1]])
-    rest = axis.rest([*p, 0.0, 0.0], np.zeros(2), axis.parameters.values).full().ravel()[own:]
-    _, work = step.mapaccum(begin.shape[1])(rest, begin, middle)
-    taken = np.cumsum(work.full())
+    def wobble(t):
+        return 0.06 * np.sin(7.0 * t) * np.sin(2.3 * t) + 0.002 * (1 - np.cos(90.0 * t))
+
+    taken = drag(axis, wobble, 1.5).taken
     assert taken.min() >= -1e-5 * taken.max()
     assert taken.max() > 1e-3 or level == 0

@@ -1,0 +1,104 @@
+"""Friction effects against their laws, and against solvers of their own."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from pneumo_casadi.effects import (
+    PositionFriction,
+    Presliding,
+    PressureFriction,
+    QuadraticDrag,
+    Stribeck,
+)
+
+
+def resistance(axis, x=0.0, v=0.3, p=(4e5, 5e5)):
+    """Force against motion at one state, effects' states at rest."""
+    theta, u = axis.parameters.values, np.zeros(len(axis.inputs))
+    full = axis.rest([*p, x, v], u, theta)
+    S_P, S_N, p_ext = (axis.constants[name] for name in ("S_P", "S_N", "p_ext"))
+    effort = S_P * p[0] - S_N * p[1] - (S_P - S_N) * p_ext
+    return effort - axis.parameters["M"].value * float(axis.rhs(full, u, theta)[3])
+
+
+def added(axis, made, **state):
+    return resistance(axis, **state) - resistance(made.true_axis(), **state)
+
+
+def test_stribeck_friction_falls_to_1_over_e_at_its_velocity(made):
+    axis = made.true_axis(Stribeck()).with_parameters({"stribeck.delta_F": 9.0})
+    v = axis.parameters["stribeck.v_stribeck"].value
+    for sign in (1, -1):
+        expected = sign * 9.0 * np.exp(-1) * np.tanh(v / made.TRUE["v_s"])
+        assert added(axis, made, v=sign * v) == pytest.approx(expected, rel=1e-9)
+    assert added(axis, made, v=10 * v) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_pressure_friction_follows_the_gauge_pressure_of_both_chambers(made):
+    axis = made.true_axis(PressureFriction()).with_parameters({"pressure_friction.k_p": 2e-5})
+    assert added(axis, made, p=(1e5, 1e5)) == pytest.approx(0.0, abs=1e-9)
+    for p in ((6e5, 1e5), (1e5, 6e5), (3.5e5, 3.5e5)):
+        assert added(axis, made, p=p) == pytest.approx(10.0)
+        assert added(axis, made, p=p, v=-0.3) == pytest.approx(-10.0)
+
+
+def test_position_friction_has_a_slope_and_a_tight_spot_and_reverses_with_the_motion(made):
+    axis = made.true_axis(PositionFriction()).at_starting_values()
+    value = {item.name: item.start for item in PositionFriction.parameters}
+    for x in (-0.1, value["centre"], value["centre"] + value["width"]):
+        spot = np.exp(-(((x - value["centre"]) / value["width"]) ** 2))
+        expected = value["slope"] * x + value["height"] * spot
+        assert added(axis, made, x=x) == pytest.approx(expected, abs=1e-9)
+        assert added(axis, made, x=x, v=-0.3) == pytest.approx(-expected, abs=1e-9)
+
+
+def test_quadratic_drag_takes_power_with_the_cube_of_the_speed(made):
+    axis = made.true_axis(QuadraticDrag()).with_parameters({"quadratic_drag.c": 50.0})
+    power = [v * added(axis, made, v=v) for v in (0.2, 0.4, -0.4)]
+    np.testing.assert_allclose(power, [50 * 0.2**3, 50 * 0.4**3, 50 * 0.4**3], rtol=1e-9)
+
+
+def sliding(made, distance):
+    """A force-driven axis of Coulomb friction 15 N alone, sharp, with presliding."""
+    bare = {"f_v": 0.0, "F_c_plus": 15.0, "F_c_minus": 15.0, "v_s": 1e-4}
+    axis = made.true_force_axis(Presliding()).with_parameters(bare)
+    return axis.with_parameters({"presliding.distance": distance})
+
+
+@pytest.mark.parametrize("distance", [1e-4, 3e-4, 1e-3])
+def test_presliding_is_the_lugre_bristle_solved_by_itself(made, drag, distance):
+    """Reversals of several sizes; the difference is the regularisation's 5 µm and 1 ms."""
+
+    def motion(t):
+        return 2e-3 * np.sin(12 * t) + 0.6e-3 * np.sin(61 * t)
+
+    def velocity(t):
+        return 24e-3 * np.cos(12 * t) + 36.6e-3 * np.cos(61 * t)
+
+    run = drag(sliding(made, distance), motion, 0.8)
+    sigma_0 = 15.0 / distance
+
+    def lugre(t, z):
+        v = velocity(t)
+        return v - np.abs(v) * sigma_0 / 15.0 * z
+
+    start = [distance * np.sign(velocity(0.0))]
+    solved = solve_ivp(lugre, (0, 0.8), start, "LSODA", run.t, max_step=1e-3)
+    error = run.F - sigma_0 * solved.y[0]
+    assert np.sqrt(np.mean(error**2)) < 0.04 * 15.0
+    without = drag(sliding(made, 0.0), motion, 0.8).F - sigma_0 * solved.y[0]
+    assert np.sqrt(np.mean(error**2)) < 0.1 * np.sqrt(np.mean(without**2))
+
+
+def test_far_below_its_distance_presliding_is_a_spring(made, drag):
+    """Stiffness F_c s₀/(s₀ + s_r)², which is σ₀ = F_c/s₀ where s_r is small against s₀."""
+    run = drag(sliding(made, 1e-3), lambda t: 1e-5 * (1 - np.cos(20 * t)), 0.6)
+    forward = slice(np.argmax(run.v) - 5, np.argmax(run.v) + 5)
+    slope = np.polyfit(run.x[forward], run.F[forward], 1)[0]
+    assert slope == pytest.approx(15.0 / 1e-3, rel=0.08)
+
+
+def test_after_the_presliding_distance_friction_is_coulombs(made, drag):
+    run = drag(sliding(made, 2e-4), lambda t: 0.1 * (1 - np.cos(4 * t)), 0.7)
+    assert run.F[run.x > 2e-3] == pytest.approx(15.0, rel=1e-3)

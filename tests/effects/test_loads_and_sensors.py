@@ -1,0 +1,155 @@
+"""Loads and sensors against their laws: energy, resonance, delay, play."""
+
+import numpy as np
+import pytest
+
+from pneumo_casadi.effects import (
+    Backlash,
+    ConstantForce,
+    DriveLag,
+    ElasticLoad,
+    GainError,
+    PositionDelay,
+    PressureSensorBias,
+    PressureSensorLag,
+    SpringLoad,
+)
+from pneumo_casadi.simulation import simulate
+
+SMOOTH = {"f_v": 0.0, "F_c_plus": 0.0, "F_c_minus": 0.0}
+
+
+def free(axis, x_0, seconds=1.0, F=0.0, dt=1e-3):
+    """Let a force-driven axis run under a constant force."""
+    return simulate(axis, np.full((round(seconds / dt), 1), F), dt, x_0)
+
+
+def poles(axis):
+    n = len(axis.states)
+    x = axis.rest([0.0, 0.0], [0.0], axis.parameters.values)
+    return np.linalg.eigvals(
+        axis.rhs.jacobian()(x, [0.0], axis.parameters.values, 0)[0].full()[:, :n]
+    )
+
+
+def test_a_spring_conserves_energy_and_swings_at_its_frequency(made):
+    axis = made.true_force_axis(SpringLoad()).with_parameters(SMOOTH | {"spring_load.k": 400.0})
+    M = axis.parameters["M"].value
+    run = free(axis, [0.05, 0.0])
+    energy = 0.5 * M * run["v"] ** 2 + 0.5 * 400.0 * run["x"] ** 2
+    np.testing.assert_allclose(energy, energy[0], rtol=1e-9)
+    np.testing.assert_allclose(run["x"], 0.05 * np.cos(np.sqrt(400.0 / M) * run.t), atol=1e-9)
+
+
+def test_an_undamped_elastic_load_conserves_energy_and_momentum(made):
+    values = {"elastic_load.m_2": 6.0, "elastic_load.f": 8.0, "elastic_load.zeta": 0.0}
+    axis = made.true_force_axis(ElasticLoad()).with_parameters(SMOOTH | values)
+    M, k = axis.parameters["M"].value, 6.0 * (2 * np.pi * 8.0) ** 2
+    run = free(axis, [0.0, 0.3, 0.01, -0.2])
+    v, x_2, v_2 = run["v"], run["elastic_load.x_2"], run["elastic_load.v_2"]
+    energy = 0.5 * (M * v**2 + 6.0 * v_2**2 + k * (x_2 - run["x"]) ** 2)
+    np.testing.assert_allclose(energy, energy[0], rtol=1e-5)
+    np.testing.assert_allclose(M * v + 6.0 * v_2, M * 0.3 - 6.0 * 0.2, rtol=1e-9)
+
+
+def test_an_elastic_load_resonates_above_its_own_frequency_and_counts_as_mass_below(made):
+    values = {"elastic_load.m_2": 6.0, "elastic_load.f": 8.0, "elastic_load.zeta": 0.02}
+    axis = made.true_force_axis(ElasticLoad()).with_parameters(SMOOTH | values)
+    M = axis.parameters["M"].value
+    found = np.abs(poles(axis)).max() / (2 * np.pi)
+    assert found == pytest.approx(8.0 * np.sqrt(1 + 6.0 / M), rel=1e-9)
+    run = free(axis, [0.0, 0.0], 3.0, F=50.0)
+    assert run["v"][-1] == pytest.approx(50.0 * run.t[-1] / (M + 6.0), rel=0.01)
+
+
+def test_coulomb_friction_absorbs_a_constant_force_exactly(made):
+    axis = made.true_force_axis(ConstantForce()).with_parameters({"constant_force.F_0": 4.0})
+    level = axis.parameters.as_dict()
+    shifted = made.true_force_axis().with_parameters(
+        {"F_c_plus": level["F_c_plus"] - 4.0, "F_c_minus": level["F_c_minus"] + 4.0}
+    )
+    u = 60 * np.sin(np.arange(800) / 90)[:, None]
+    one, two = (simulate(a, u, 1e-3, [0.0, 0.0])["x"] for a in (axis, shifted))
+    np.testing.assert_allclose(one, two, rtol=1e-9, atol=1e-12)
+
+
+def test_mass_and_friction_absorb_a_gain_error_exactly(made):
+    axis = made.true_force_axis(GainError()).with_parameters({"gain_error.gamma": np.log(1.1)})
+    nominal = made.true_force_axis()
+    names = ("M", "f_v", "F_c_plus", "F_c_minus")
+    lighter = nominal.with_parameters({n: nominal.parameters[n].value / 1.1 for n in names})
+    u = 60 * np.sin(np.arange(800) / 90)[:, None]
+    one, two = (simulate(a, u, 1e-3, [0.0, 0.0])["x"] for a in (axis, lighter))
+    np.testing.assert_allclose(one, two, rtol=1e-9, atol=1e-12)
+
+
+def test_the_drive_lag_answers_a_step_of_force_like_a_lag(made):
+    """In velocity a lag is late by τ, whatever its regular zero."""
+    axis = made.true_force_axis(DriveLag()).with_parameters(SMOOTH | {"drive_lag.tau": 0.01})
+    x_0 = [0.0, 0.0, 0.0]  # no force so far
+    run = free(axis, x_0, 0.2, F=36.0)
+    M = axis.parameters["M"].value
+    assert run["v"][-1] == pytest.approx(36.0 / M * (run.t[-1] - 0.01), rel=1e-6)
+    assert poles(axis).real.min() == pytest.approx(-1 / 0.011, rel=1e-9)
+
+
+def play(x, gap):
+    """Rate-independent play, sample by sample: the textbook operator."""
+    y, at = np.empty_like(x), x[0] - gap / 2
+    for i, value in enumerate(x):
+        at = min(max(at, value - gap / 2), value + gap / 2)
+        y[i] = at
+    return y
+
+
+@pytest.mark.parametrize("gap", [1e-4, 1e-3, 3e-3])
+def test_backlash_is_the_play_operator_but_for_its_millisecond_of_contact(made, drag, gap):
+    axis = made.true_force_axis(Backlash()).with_parameters({"backlash.gap": gap})
+    run = drag(axis, lambda t: 0.03 * np.sin(9 * t) + 2e-3 * np.sin(41 * t), 1.5)
+    error = run.y[0] - play(run.x, gap)
+    assert np.sqrt(np.mean(error**2)) < 0.04 * gap + 2e-6
+    assert np.abs(run.y[0] - run.x).max() == pytest.approx(gap / 2, rel=0.02)
+
+
+def test_the_sensor_stands_still_within_the_play(made, drag):
+    axis = made.true_force_axis(Backlash()).with_parameters({"backlash.gap": 1e-3})
+    run = drag(axis, lambda t: 4e-4 * np.sin(20 * t), 1.0)
+    shown, moved = (np.ptp(part[run.t > 0.5]) for part in (run.y[0], run.x))
+    assert shown < 0.01 * moved
+
+
+@pytest.mark.parametrize("T", [5e-4, 2e-3, 1e-2])
+def test_the_position_delay_shows_where_the_axis_was(made, drag, T):
+    def motion(t):
+        return 0.05 * np.sin(2 * np.pi * 1.5 * t) + 2e-3 * np.sin(2 * np.pi * 9.0 * t)
+
+    axis = made.true_force_axis(PositionDelay()).with_parameters({"position_delay.T": T})
+    run = drag(axis, motion, 1.0)
+    late = run.t > 0.1
+    error = run.y[0] - motion(run.t - T)
+    assert np.abs(error[late]).max() < 5e-4 * np.abs(motion(run.t - T) - run.x)[late].max()
+
+
+def test_the_pressure_sensors_lag_by_their_time_constant(made):
+    axis = made.true_axis(PressureSensorLag()).with_parameters({"pressure_sensor_lag.tau": 0.02})
+    f, theta = axis.rhs.jacobian(), axis.parameters.values
+    x, u = [4e5, 5e5, 0.0, 0.0, 4e5, 5e5], [0.5, -0.5]
+    A = f(x, u, theta, 0)[0].full()
+    np.testing.assert_allclose(A[4:, 4:], -np.eye(2) / 0.021, rtol=1e-12)
+    C = axis.output.jacobian()(x, u, theta, 0)[0].full()[:2]
+    # Transfer from the pressures, C (s - A)⁻¹ B + D: 1 at s = 0, and -τ s above it.
+    B = A[4:, :2]
+    late = np.linalg.solve(A[4:, 4:], B)
+    np.testing.assert_allclose(C[:, :2] - C[:, 4:] @ late, np.eye(2), atol=1e-12)
+    slope = -C[:, 4:] @ np.linalg.solve(A[4:, 4:], late)
+    np.testing.assert_allclose(slope, -0.02 * np.eye(2), atol=1e-12)
+
+
+def test_pressure_sensors_show_their_offsets_and_nothing_else_changes(made):
+    axis = made.true_axis(PressureSensorBias()).at_starting_values()
+    b_P, b_N = (item.start for item in PressureSensorBias.parameters)
+    nominal, x, u = made.true_axis(), [4e5, 5e5, 0.02, 0.1], [0.5, -0.5]
+    shown, plain = (a.output(x, u, a.parameters.values).full() for a in (axis, nominal))
+    np.testing.assert_allclose((shown - plain).ravel(), [b_P, b_N, 0.0], atol=1e-9)
+    one, two = (a.rhs(x, u, a.parameters.values).full() for a in (axis, nominal))
+    np.testing.assert_array_equal(one, two)
