@@ -42,8 +42,9 @@ from pneumo_casadi.regression import (
     fit_wls,
     linear_combinations,
 )
+from pneumo_casadi.sampled import disturbance_of
 from pneumo_casadi.servosystem import ForceAxis
-from pneumo_casadi.simulation import disturbance_of, simulate_closed_loop
+from pneumo_casadi.simulation import simulate_closed_loop
 
 SEED = 0
 FRONT = 49

@@ -13,13 +13,20 @@ import tempfile
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import casadi as ca
+import numpy as np
+
+from pneumo_casadi.parameters import FloatArray
 
 logger = logging.getLogger(__name__)
 
-#: Optimisation flags, part of the cache key. Higher levels compile longer and run no faster.
-FLAGS = ("-O1", "-shared", "-fPIC")
+#: Compiler flags, part of the cache key. Made for this processor and without traps and error
+#: numbers, sensitivities run in less than half the time; NaN and infinity stay what they are.
+FAST = ("-O3", "-march=native", "-fno-math-errno", "-fno-trapping-math")
+#: What every compiler understands, for those that refuse `FAST`.
+PLAIN = ("-O2",)
 #: Environment variable that switches compilation off ("0") or names the cache folder.
 SWITCH, FOLDER = "PNEUMO_CASADI_COMPILE", "PNEUMO_CASADI_CACHE"
 
@@ -78,9 +85,10 @@ def compiled(functions: Sequence[ca.Function]) -> tuple[ca.Function, ...]:
 
     Notes
     -----
-    The library's file name is the hash of its C code, the flags and the compiler, so a changed
-    model never meets an old library. It is written beside its final place and renamed, so that
-    two processes may build at once; a library that does not load is built again.
+    The library's file name is the hash of its C code, the compiler, its flags and the
+    processor: a changed model never meets an old library, nor a machine the code of another. It
+    is written beside its final place and renamed, so that two processes may build at once; a
+    library that does not load is built again.
 
     Examples
     --------
@@ -95,7 +103,7 @@ def compiled(functions: Sequence[ca.Function]) -> tuple[ca.Function, ...]:
         return tuple(functions)
     code = _generate(functions)
     key = hashlib.sha256(
-        "\0".join((code, cc, *FLAGS, ca.CasadiMeta.version(), platform.platform())).encode()
+        "\0".join((code, cc, *FAST, ca.CasadiMeta.version(), platform.platform(), _cpu())).encode()
     )
     for attempt in range(2):
         try:
@@ -120,6 +128,62 @@ def compiled(functions: Sequence[ca.Function]) -> tuple[ca.Function, ...]:
     return tuple(functions)
 
 
+def called(f: ca.Function, *given: FloatArray) -> tuple[FloatArray, ...]:
+    """Call a function with arrays and return arrays, without CasADi's matrices in between.
+
+    Their conversion would cost more than a long record's simulation.
+
+    Parameters
+    ----------
+    f : casadi.Function
+        With dense inputs and outputs.
+    given : array
+        One an input, of its shape.
+
+    Returns
+    -------
+    tuple of array
+        One an output, of its shape, in Fortran's order.
+
+    Raises
+    ------
+    ValueError
+        If an array has not the size of its input.
+
+    Examples
+    --------
+    >>> x = ca.SX.sym("x", 2)
+    >>> called(ca.Function("double", [x], [2 * x]), np.array([1.0, 2.0]))[0].ravel()
+    array([2., 4.])
+    """
+    buffer: Any
+    run: Any
+    buffer, run = f.buffer()
+    kept: list[Any] = [np.asarray(a, dtype=float).ravel("F") for a in given]
+    found: list[Any] = [np.empty(f.nnz_out(i)) for i in range(f.n_out())]
+    for i, array in enumerate(kept):
+        if array.size != f.nnz_in(i):
+            raise ValueError(
+                f"{f.name()}: input {i} has {array.size} values, expected {f.nnz_in(i)}"
+            )
+        buffer.set_arg(i, memoryview(array))
+    for i, array in enumerate(found):
+        buffer.set_res(i, memoryview(array))
+    run()
+    return tuple(a.reshape(f.size_out(i), order="F") for i, a in enumerate(found))
+
+
+@cache
+def _cpu() -> str:
+    """Return what this processor can do: a cache in a shared home serves machines of any kind."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text("utf-8").splitlines()
+    except OSError:
+        return platform.processor()
+    wanted = ("model name", "flags", "Features", "CPU part")
+    return "\n".join(sorted({line for line in lines if line.startswith(wanted)}))
+
+
 def _generate(functions: Sequence[ca.Function]) -> str:
     generator = ca.CodeGenerator("pneumo", {"with_header": False, "indent": 1})
     for function in functions:
@@ -132,9 +196,12 @@ def _build(cc: str, code: str, path: Path) -> bool:
     with tempfile.TemporaryDirectory(dir=path.parent) as scratch:
         source, library = Path(scratch) / "code.c", Path(scratch) / "code.so"
         source.write_text(code)
-        command = [cc, *FLAGS, str(source), "-o", str(library), "-lm"]
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-        if done.returncode != 0:
+        for flags in (FAST, PLAIN):
+            command = [cc, *flags, "-shared", "-fPIC", str(source), "-o", str(library), "-lm"]
+            done = subprocess.run(command, capture_output=True, text=True, check=False)
+            if done.returncode == 0:
+                break
+        else:
             tail = done.stderr.strip().splitlines()[-1:] or ["no message"]
             logger.warning("%s failed (%s); functions run interpreted", cc, tail[0])
             return False

@@ -1,13 +1,12 @@
-"""From the right-hand side to samples: Runge-Kutta steps, blocks of samples, sensitivities."""
+"""From the right-hand side to samples: Runge-Kutta steps and long chains of them."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
 from pneumo_casadi.axis import Axis
-from pneumo_casadi.compilation import compiled
 from pneumo_casadi.effect import Expression
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.parameters import FloatArray
@@ -67,6 +66,53 @@ def _fastest_rate(axis: Axis) -> float:
     return float(np.abs(np.linalg.eigvals(A)).max())
 
 
+def runge_kutta(
+    f: Callable[[float, Sequence[Expression]], Sequence[Expression]],
+    x: Sequence[Expression],
+    h: Expression,
+) -> list[Expression]:
+    """Take one classical Runge-Kutta step of several quantities that move together.
+
+    Parameters
+    ----------
+    f : callable
+        ``f(share, x)`` returns the rates at a share of the step (0, ½ or 1).
+    x : sequence of Expression
+        Where the step starts.
+    h : Expression
+        Length of the step [s].
+
+    Examples
+    --------
+    >>> end, = runge_kutta(lambda share, x: [-x[0]], [1.0], 0.1)
+    >>> round(end, 7)
+    0.9048375
+    """
+
+    def ahead(k: Sequence[Expression], part: float) -> list[Expression]:
+        return [value + part * h * rate for value, rate in zip(x, k, strict=True)]
+
+    k1 = f(0.0, x)
+    k2 = f(0.5, ahead(k1, 0.5))
+    k3 = f(0.5, ahead(k2, 0.5))
+    k4 = f(1.0, ahead(k3, 1.0))
+    return [
+        value + h / 6 * (a + 2 * b + 2 * c + d)
+        for value, a, b, c, d in zip(x, k1, k2, k3, k4, strict=True)
+    ]
+
+
+def inputs_between(w: Expression, nu: int, stepping: Stepping) -> Callable[[float], Expression]:
+    """Return the input as a function of the share of a sample that has passed.
+
+    `w` is what `held_inputs` gives for the sample: the input, under linear hold with the next
+    one below it.
+    """
+    if stepping.hold is not InputHold.LINEAR:
+        return lambda share: w
+    return lambda share: (1 - share) * w[:nu] + share * w[nu:]
+
+
 def step_function(axis: Axis, stepping: Stepping) -> ca.Function:
     """Return one sample of integration, (x, w, θ) → x at the next sample.
 
@@ -74,26 +120,17 @@ def step_function(axis: Axis, stepping: Stepping) -> ca.Function:
     """
     sym = axis.symbol.sym
     nu = len(axis.inputs)
-    linear = stepping.hold is InputHold.LINEAR
     x = sym("x", len(axis.states))
-    w = sym("w", nu * (2 if linear else 1))
+    w = sym("w", nu * (2 if stepping.hold is InputHold.LINEAR else 1))
     theta = sym("theta", len(axis.parameters))
-    h = stepping.dt / stepping.substeps
-
-    def u(step: int, part: float) -> Expression:
-        if not linear:
-            return w
-        share = (step + part) / stepping.substeps
-        return (1 - share) * w[:nu] + share * w[nu:]
-
-    f = axis.rhs
+    u = inputs_between(w, nu, stepping)
     end: Expression = x
     for step in range(stepping.substeps):
-        k1 = f(end, u(step, 0.0), theta)
-        k2 = f(end + h / 2 * k1, u(step, 0.5), theta)
-        k3 = f(end + h / 2 * k2, u(step, 0.5), theta)
-        k4 = f(end + h * k3, u(step, 1.0), theta)
-        end = end + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+
+        def rates(share: float, at: Sequence[Expression], step: int = step) -> list[Expression]:
+            return [axis.rhs(at[0], u((step + share) / stepping.substeps), theta)]
+
+        (end,) = runge_kutta(rates, [end], stepping.dt / stepping.substeps)
     return ca.Function("step", [x, w, theta], [end], ["x", "w", "theta"], ["x_next"])
 
 
@@ -101,86 +138,6 @@ def held_inputs(u: FloatArray, hold: InputHold) -> FloatArray:
     """Return `w` of every step, shape (nw, N - 1), from inputs of shape (N, nu)."""
     now = u[:-1].T
     return np.vstack([now, u[1:].T]) if hold is InputHold.LINEAR else now
-
-
-@dataclass(frozen=True, slots=True)
-class BlockFunctions:
-    """A block of n samples, and the same with its sensitivities.
-
-    Parameters
-    ----------
-    n : int
-        Samples per block.
-    value : casadi.Function
-        ``(x_0 (nx,), w (nw, n), θ) -> (x_n (nx,), ȳ (ny,))``: the state one block later and the
-        mean of the outputs at samples 0 ... n-1.
-    sensitivity : casadi.Function
-        The same inputs to ``(x_n, ȳ, ∂x_n, ∂ȳ)``, differentiated to ``(x_0, θ_free)``.
-    """
-
-    n: int
-    value: ca.Function
-    sensitivity: ca.Function
-
-
-def block_functions(axis: Axis, stepping: Stepping, n: int, free: Sequence[str]) -> BlockFunctions:
-    """Write, differentiate and compile a block of samples.
-
-    The sensitivities run along with the states, one small dense product a sample, instead of
-    leaving a derivative of the whole block to the optimiser.
-    """
-    nx, ny, n_free = len(axis.states), len(axis.outputs), len(free)
-    sample, sample_sensitivity = _sample_functions(axis, stepping, free)
-    x = ca.MX.sym("x", nx)
-    w = ca.MX.sym("w", sample.size1_in(1), n)
-    theta = ca.MX.sym("theta", len(axis.parameters))
-
-    end, total = x, ca.MX.zeros(ny)
-    for i in range(n):
-        end, total = sample(end, w[:, i], theta, total)
-    names = ["x", "w", "theta"]
-    value = ca.Function("block", [x, w, theta], [end, total / n], names, ["x_n", "y"])
-
-    end, total = x, ca.MX.zeros(ny)
-    S = ca.MX(ca.DM.eye(nx + n_free)[:nx, :])
-    S, dy = ca.densify(S), ca.MX.zeros(ny, nx + n_free)
-    for i in range(n):
-        end, total, S, dy = sample_sensitivity(end, w[:, i], theta, total, S, dy)
-    sensitivity = ca.Function(
-        "block_sensitivity",
-        [x, w, theta],
-        [end, total / n, S, dy / n],
-        names,
-        ["x_n", "y", "dx_n", "dy"],
-    )
-    return BlockFunctions(n, *compiled([value, sensitivity]))
-
-
-def _sample_functions(
-    axis: Axis, stepping: Stepping, free: Sequence[str]
-) -> tuple[ca.Function, ca.Function]:
-    """Return one sample that adds up its outputs, without and with sensitivities."""
-    sym = axis.symbol.sym
-    nx, ny, n_free = len(axis.states), len(axis.outputs), len(free)
-    step = step_function(axis, stepping)
-    x, w = sym("x", nx), sym("w", step.size1_in(1))
-    theta, total = sym("theta", len(axis.parameters)), sym("total", ny)
-    S, dS = sym("S", nx, nx + n_free), sym("dy", ny, nx + n_free)
-    at = [axis.parameters.index(name) for name in free]
-    x_next = step(x, w, theta)
-    y = axis.output(x, w[: len(axis.inputs)], theta)
-
-    def along(value: Expression) -> Expression:
-        to_theta = ca.jacobian(value, theta)[:, at]
-        pad = ca.DM(value.shape[0], nx)
-        return ca.densify(ca.jacobian(value, x) @ S + ca.horzcat(pad, to_theta))
-
-    common = [x, w, theta, total]
-    plain = ca.Function("sample", common, [x_next, total + y])
-    full = ca.Function(
-        "sample_sensitivity", [*common, S, dS], [x_next, total + y, along(x_next), dS + along(y)]
-    )
-    return plain, full
 
 
 def accumulate(

@@ -18,9 +18,8 @@ from pneumo_casadi.integration import (
     substeps_for,
 )
 from pneumo_casadi.parameters import FloatArray
-from pneumo_casadi.recording import InputHold, NestedController, ProportionalController, Recording
-
-Controller = ProportionalController | NestedController
+from pneumo_casadi.recording import InputHold
+from pneumo_casadi.sampled import Controller, SampledAxis
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,60 +174,26 @@ def simulate_closed_loop(
     N, nu = reference.size, len(axis.inputs)
     added = np.zeros((N, nu)) if disturbance is None else np.asarray(disturbance, dtype=float)
     added = added.reshape(N, -1) * np.ones((1, nu))
-    law = control_law(controller, dt)
-    step = _closed_step(axis, stepping_for(axis, dt), law)
-    start = full_state(axis, x_0, np.zeros(nu))
-    x_position = start[axis.states.index("x")]
-    state = np.concatenate([start, np.full(law.size1_in(0), x_position)])
+    model = SampledAxis(axis, stepping_for(axis, dt), controller)
+    step = _closed_step(model)
+    state = model.remembering(full_state(axis, x_0, np.zeros(nu))[:, None])[:, 0]
     streams = [reference[None, None], added.T[None]]
     _, x, u = accumulate(step, state[:, None], streams, axis.parameters.values)
     return _trajectory(axis, dt, x[0], u[0])
 
 
-def disturbance_of(record: Recording) -> FloatArray | None:
-    """Return what a record says was added to the controller's output [N], or None."""
-    return record["F_pulse"] if "F_pulse" in record else None  # noqa: SIM401 - not a mapping
-
-
-def control_law(controller: Controller, dt: float) -> ca.Function:
-    """Return a controller as ``(memory, x_ref, x) -> (u, memory)``.
-
-    The nested controller takes its velocity from the positions of this and the last two
-    instants: the difference of means of two, (x_k - x_{k-2}) / (2 dt) (Janot et al. 2019).
-    """
-    x_ref, x = ca.SX.sym("x_ref"), ca.SX.sym("x")
-
-    def clip(value: ca.SX) -> ca.SX:
-        return ca.fmin(ca.fmax(value, -controller.u_max), controller.u_max)
-
-    if isinstance(controller, ProportionalController):
-        memory = ca.SX.sym("memory", 0)
-        voltage = clip(controller.gain * (x_ref - x))
-        u, kept = ca.vertcat(voltage, -voltage), memory
-    else:
-        memory = ca.SX.sym("memory", 2)
-        v = (x - memory[1]) / (2 * dt)
-        u = controller.gain * clip(controller.k_v * (controller.k_p * (x_ref - x) - v))
-        kept = ca.vertcat(x, memory[0])
-    return ca.Function("law", [memory, x_ref, x], [u, kept])
-
-
-def _closed_step(axis: Axis, stepping: Stepping, law: ca.Function) -> ca.Function:
+def _closed_step(model: SampledAxis) -> ca.Function:
     """Return one sample of the loop, ([x; memory], x_ref, added, θ) → (next, x, u)."""
+    axis = model.axis
     sym = axis.symbol.sym
     nx, nu = len(axis.states), len(axis.inputs)
-    state = sym("state", nx + law.size1_in(0))
-    reference, added = sym("x_ref"), sym("added", nu)
+    state, reference, added = sym("state", model.nx), sym("x_ref"), sym("added", nu)
     theta = sym("theta", len(axis.parameters))
-    x, memory = state[:nx], state[nx:]
-    # What the sensor shows does not hang on the input of the same instant.
-    y = axis.output(x, axis.symbol(ca.DM.zeros(nu)), theta)
-    u, kept = law(memory, reference, y[axis.outputs.index("x")])
-    u = u + added
-    ahead = step_function(axis, stepping)(x, u, theta)
-    step = ca.Function(
-        "closed_step", [state, reference, added, theta], [ca.vertcat(ahead, kept), x, u]
-    )
+    found = model.feedback(state, ca.vertcat(reference, added), theta)
+    x, u = state[:nx], found[:nu]
+    ahead = step_function(axis, model.stepping)(x, u, theta)
+    following = ca.vertcat(ahead, found[nu:])
+    step = ca.Function("closed_step", [state, reference, added, theta], [following, x, u])
     return compiled([step])[0]
 
 

@@ -12,9 +12,9 @@ from pneumo_casadi.integration import held_inputs
 from pneumo_casadi.output_error.initial_states import estimate_initial_states
 from pneumo_casadi.output_error.segments import measured_states
 from pneumo_casadi.recording import Recording
+from pneumo_casadi.sampled import disturbance_of
 from pneumo_casadi.simulation import (
     Trajectory,
-    disturbance_of,
     outputs_of,
     roll_out,
     simulate,

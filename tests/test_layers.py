@@ -19,7 +19,7 @@ LAYERS = [
     ["axis"],
     ["servosystem"],
     ["compilation"],
-    ["integration", "simulation"],
+    ["integration", "sampled", "simulation"],
     ["statistics"],
     ["regression"],
     ["output_error"],

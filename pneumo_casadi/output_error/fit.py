@@ -11,10 +11,11 @@ import numpy as np
 from pneumo_casadi.axis import Axis
 from pneumo_casadi.errors import FitError, ModelError
 from pneumo_casadi.flow import FlowMap
-from pneumo_casadi.integration import Stepping, block_functions, substeps_for
+from pneumo_casadi.integration import Stepping, substeps_for
 from pneumo_casadi.output_error.anchor import anchor
 from pneumo_casadi.output_error.gauss_newton import solve_gauss_newton
 from pneumo_casadi.output_error.information import estimate
+from pneumo_casadi.output_error.interval import interval_functions
 from pneumo_casadi.output_error.ipopt import IpoptSolver
 from pneumo_casadi.output_error.problem import Problem, Unknowns
 from pneumo_casadi.output_error.result import (
@@ -27,6 +28,7 @@ from pneumo_casadi.output_error.segments import cut
 from pneumo_casadi.output_error.solution import SETTLED, Solution, residual_sigma
 from pneumo_casadi.parameters import FloatArray, Parameters
 from pneumo_casadi.recording import Recording
+from pneumo_casadi.sampled import Controller, SampledAxis
 from pneumo_casadi.statistics import stated_or_estimated_noise
 
 logger = logging.getLogger(__name__)
@@ -63,6 +65,13 @@ class OutputErrorOptions:
         should be short against the fastest motion of interest.
     window : float, optional
         Longest stretch with one initial state [s]; None for the whole record.
+    interval : float
+        Longest distance of two shooting nodes [s]. Short ones survive a worse start, long ones
+        need less memory; the optimum is the same.
+    closed_loop : bool
+        Simulate the bench's controller on the recorded reference instead of feeding the
+        inputs as measured. Nothing drifts then, and noise that the controller feeds back does
+        no harm; but what the recorded inputs say beyond the reference is not used.
     widths : tuple of float
         Widths of the smoothed sign of the velocity, from first to last [m/s]. The last one
         decides the bias: sticking that creeps looks like viscous friction.
@@ -76,17 +85,18 @@ class OutputErrorOptions:
     method: Method = Method.GAUSS_NEWTON
     block: float = 2e-3
     window: float | None = None
+    interval: float = 0.1
+    closed_loop: bool = False
     widths: tuple[float, ...] = (1e-4,)
     reweight: bool = True
     max_iterations: int = 60
 
     def __post_init__(self) -> None:
         window = np.inf if self.window is None else self.window
-        if not (self.block > 0 and window > 0 and self.widths and min(self.widths) > 0):
-            raise ModelError(
-                f"block {self.block:g} s, window {window:g} s and friction widths {self.widths} "
-                "m/s must be positive"
-            )
+        lengths = {"block": self.block, "window": window, "interval": self.interval}
+        if min(lengths.values()) <= 0 or not self.widths or min(self.widths) <= 0:
+            told = ", ".join(f"{name} {value:g} s" for name, value in lengths.items())
+            raise ModelError(f"{told} and friction widths {self.widths} m/s must be positive")
 
 
 def fit_output_error(
@@ -148,7 +158,7 @@ def fit_output_error(
             stage = Stage(
                 rung.name,
                 rung.options.widths[-1],
-                problem.cost(solution.point, sigma),
+                problem.cost(solution.point.theta, solution.m, sigma),
                 solution.iterations,
                 solution.status,
                 time.perf_counter() - began,
@@ -232,18 +242,25 @@ def write_problem(
         raise ModelError(f"records differ in sampling frequency or input hold: {sorted(clocks)}")
     dt, hold = records[0].dt, records[0].hold
     n = max(1, round(options.block / dt))
-    blocks = block_functions(
-        axis, Stepping(dt, hold, _substeps(axis, options, dt)), n, parameters.free_names
-    )
+    stepping = Stepping(dt, hold, _substeps(axis, options, dt))
+    model = SampledAxis(axis, stepping, _controller(axis) if options.closed_loop else None)
+    segments = cut(model, records, n, options.window, options.interval)
+    functions = interval_functions(model, n, segments[0].per, parameters.free_names)
     coefficients = axis.flow.parameters.names if axis.flow is not None else ()
     anchored = flow_map is not None and set(coefficients) & set(parameters.free_names)
     return Problem(
-        axis,
+        model,
         parameters,
-        cut(axis, records, parameters, n, options.window),
-        blocks,
+        segments,
+        functions,
         anchor(flow_map, axis.flow) if anchored and flow_map is not None else None,
     )
+
+
+def _controller(axis: Axis) -> Controller:
+    if axis.bench.controller is None:
+        raise ModelError("closed loop: the bench names no controller; fit in open loop")
+    return axis.bench.controller
 
 
 def _substeps(axis: Axis, options: OutputErrorOptions, dt: float) -> int:
@@ -277,34 +294,33 @@ def _solve(
     solution = ipopt.solve(point, sigma)
     iterations = solution.iterations
     for _ in range(REWEIGHTINGS if reweight else 0):
-        new = residual_sigma(problem, solution.point.m)
+        new = residual_sigma(problem, solution.m)
         settled = bool(np.all(np.abs(new / sigma - 1) < SETTLED))
         if settled or solution.status != "converged":
             break
         sigma = new
         solution = ipopt.solve(solution.point, sigma)
         iterations += solution.iterations
-    return Solution(solution.point, sigma, solution.status, iterations)
+    return replace(solution, sigma=sigma, iterations=iterations)
 
 
 def _result(problem: Problem, solution: Solution, stages: tuple[Stage, ...]) -> OutputErrorResult:
     point, sigma = solution.point, solution.sigma
     axis = problem.axis.with_parameters(problem.parameters.with_values(point.theta))
     found = estimate(problem, point, sigma)
-    K = [segment.K for segment in problem.segments]
-    first = np.cumsum([0, *(k + 1 for k in K[:-1])])
+    own_states = len(problem.axis.states)
     return OutputErrorResult(
         axis,
         solution.status,
-        problem.cost(point, sigma),
+        problem.cost(point.theta, solution.m, sigma),
         sigma,
-        np.sqrt(np.mean(problem.residuals(point) ** 2, axis=1)),
+        np.sqrt(np.mean((problem.y - solution.m) ** 2, axis=1)),
         found,
         derived_quantities(axis, found),
         stages,
         problem.segments,
-        tuple(np.split(point.m, np.cumsum(K)[:-1], axis=1)),
-        tuple(point.x[:, i] for i in first),
+        tuple(np.split(solution.m, np.cumsum([s.K for s in problem.segments])[:-1], axis=1)),
+        tuple(point.x[:own_states, i] for i in problem.firsts),
         _map_pull(problem, point),
     )
 

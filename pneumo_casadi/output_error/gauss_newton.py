@@ -12,8 +12,9 @@ from scipy.optimize import lsq_linear
 from pneumo_casadi.output_error.condensing import (
     Linearised,
     anchor_normal_equations,
+    condense,
+    eliminate,
     linearise,
-    scaled_normal_equations,
 )
 from pneumo_casadi.output_error.problem import Problem, Unknowns, values
 from pneumo_casadi.output_error.solution import SETTLED, Solution, residual_sigma
@@ -66,29 +67,29 @@ def solve_gauss_newton(
     -------
     Solution
     """
-    at = linearise(problem, point)
+    at = linearise(problem, point, sigma)
     if not at.finite:
-        return Solution(point, sigma, "the start leads to numbers that are not finite", 0)
+        reason = "the start leads to numbers that are not finite"
+        return Solution(point, at.m, sigma, reason, 0)
     sizes: list[float] = []
-    penalty, damped = 0.0, False
-    for iteration in range(1, max_iterations + 1):
+    penalty, damped, iteration = 0.0, False, 0
+    while iteration < max_iterations:
+        iteration += 1
         step = _gauss_newton_step(problem, at, point, sigma)
         sizes.append(step.size)
         damped = damped or _stopped_shrinking(sizes)
         if damped:
-            penalty = max(penalty, step.penalty(at.defects / problem.axis.state_scales))
+            penalty = max(penalty, step.penalty(_scaled_defects(problem, at)))
             trial = _searched(problem, at, point, step, sigma, penalty)
+            if trial is None:
+                return Solution(point, at.m, sigma, "no step helps", iteration)
+            found = linearise(problem, trial, sigma)
         else:
-            trial = _finite(problem, point, step)
-        if trial is None:
-            return Solution(_with_outputs(point, at.m), sigma, "no step helps", iteration)
-        found = linearise(problem, trial)
+            trial, found = _finite(problem, point, step, sigma)
         if not found.finite:
-            return Solution(
-                _with_outputs(point, at.m), sigma, "the model ran away from the data", iteration
-            )
+            return Solution(point, at.m, sigma, "the model ran away from the data", iteration)
         point, at = trial, found
-        closed = float(np.max(np.abs(at.defects) / problem.axis.state_scales))
+        closed = float(np.max(np.abs(_scaled_defects(problem, at)), initial=0.0))
         # In standard deviations that count the misfit: with σ far below the residuals, a step
         # of many nominal deviations may still change nothing that the data could tell.
         size = step.size / _misfit(problem, at, sigma) / np.sqrt(max(1, step.theta.size))
@@ -98,23 +99,24 @@ def solve_gauss_newton(
                 sigma, sizes, penalty, damped = new, [], 0.0, False
                 continue
         if size <= tolerance and closed < CLOSED:
-            return Solution(_with_outputs(point, at.m), sigma, "converged", iteration)
-    return Solution(_with_outputs(point, at.m), sigma, "iterations exhausted", max_iterations)
+            return Solution(point, at.m, sigma, "converged", iteration)
+    return Solution(point, at.m, sigma, "iterations exhausted", iteration)
+
+
+def _scaled_defects(problem: Problem, at: Linearised) -> FloatArray:
+    defects: FloatArray = at.defects / problem.model.state_scales[:, None]
+    return defects
 
 
 def _misfit(problem: Problem, at: Linearised, sigma: FloatArray) -> float:
     """Return the root mean square of the residuals over σ, at least one."""
     e = (problem.y - at.m) / sigma[:, None]
-    return float(np.sqrt(max(1.0, problem.blocks.n * float(np.mean(e**2)))))
+    return float(np.sqrt(max(1.0, problem.n * float(np.mean(e**2)))))
 
 
 def _stopped_shrinking(sizes: list[float]) -> bool:
     """Tell whether full steps no longer contract: the last two against those before."""
     return len(sizes) > 4 and min(sizes[-2:]) > SHRINK * min(sizes[-4:-2])
-
-
-def _with_outputs(point: Unknowns, m: FloatArray) -> Unknowns:
-    return Unknowns(point.theta, point.x, m)
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,8 +127,8 @@ class Step:
     ----------
     theta : (n_free,) array
         Step of the scaled free parameters.
-    x : (nx, n_nodes) array
-        Step of the states.
+    x : (nx, I) array
+        Step of the states, SI.
     size : float
         Length of the parameter step in standard deviations, √(δᵀHδ).
     slope : float
@@ -149,28 +151,28 @@ def _gauss_newton_step(
     problem: Problem, at: Linearised, point: Unknowns, sigma: FloatArray
 ) -> Step:
     """Eliminate the initial states, solve for the parameters, and go back to all nodes."""
-    nx = len(problem.axis.states)
+    free_states = len(problem.axis.states)
     H, g = anchor_normal_equations(problem, point.theta)
     slope_map = g
+    condensed = condense(problem, at, sigma)
     eliminated = []
-    for segment in at.segments:
-        full, gradient = scaled_normal_equations(problem, segment, sigma)
-        inverse = np.linalg.pinv(full[:nx, :nx], rcond=1e-14, hermitian=True)
-        G, h = inverse @ full[:nx, nx:], inverse @ gradient[:nx]
-        H = H + full[nx:, nx:] - full[nx:, :nx] @ G
-        g = g + gradient[nx:] - full[nx:, :nx] @ h
-        eliminated.append((G, h))
+    for segment in condensed:
+        to_theta, from_gradient = eliminate(segment.H, segment.g, free_states)
+        H = (
+            H
+            + segment.H[free_states:, free_states:]
+            - segment.H[free_states:, :free_states] @ (to_theta)
+        )
+        g = g + segment.g[free_states:] - segment.H[free_states:, :free_states] @ from_gradient
+        eliminated.append((to_theta, from_gradient))
     theta = _bounded_step(problem, H, g, point)
-    scale = np.concatenate([problem.axis.state_scales, problem.free_scales])
-    weight = problem.blocks.n / sigma**2
-    moves, slope, block = [], -float(slope_map @ theta), 0
-    for segment, (G, h) in zip(at.segments, eliminated, strict=True):
-        full_step = np.concatenate([h - G @ theta, theta]) * scale
-        moves.append((segment.S @ full_step + segment.c).T)
-        e = problem.y[:, block : block + len(segment.r)] - at.m[:, block : block + len(segment.r)]
-        ahead = (segment.r - segment.J @ full_step).T
-        slope += float(np.sum(weight[:, None] * e * (ahead - e)))
-        block += len(segment.r)
+    size = problem.model.state_scales
+    moves, slope = [], -float(slope_map @ theta)
+    for segment, (to_theta, from_gradient) in zip(condensed, eliminated, strict=True):
+        nodes = segment.T @ np.concatenate([from_gradient - to_theta @ theta, theta]) + segment.c
+        moves.append(nodes.T * size[:, None])
+        slope -= float(np.sum(segment.g_k[:, : size.size] * nodes))
+        slope -= float(np.sum(segment.g_k[:, size.size :] @ theta))
     return Step(theta, np.hstack(moves), float(np.sqrt(max(0.0, float(theta @ H @ theta)))), slope)
 
 
@@ -183,36 +185,31 @@ def _searched(
     penalty: float,
 ) -> Unknowns | None:
     """Shorten the step until cost and weighted defects together fall (Armijo's rule)."""
-    scale = problem.axis.state_scales
-
-    def merit(candidate: Unknowns, defects: FloatArray) -> float:
-        squares = float(np.sum((defects / scale) ** 2))
-        return problem.cost(candidate, sigma) + 0.5 * penalty * squares
-
-    before = merit(_with_outputs(point, at.m), at.defects)
-    slope = step.slope - penalty * float(np.sum((at.defects / scale) ** 2))
+    squares = float(np.sum(_scaled_defects(problem, at) ** 2))
+    before = problem.cost(point.theta, at.m, sigma) + 0.5 * penalty * squares
+    slope = step.slope - penalty * squares
     for halving in range(HALVINGS + 1):
         share = 0.5**halving
-        trial, defects = evaluate(problem, _moved(problem, point, step, share))
-        promised = 1e-4 * share * min(slope, 0.0)
-        if merit(trial, defects) <= before + promised + ROUNDING * abs(before):
+        trial = _moved(problem, point, step, share)
+        ends, m = values(problem, trial)
+        joins = problem.joined
+        defects = (ends[:, joins] - trial.x[:, joins + 1]) / problem.model.state_scales[:, None]
+        merit = problem.cost(trial.theta, m, sigma) + 0.5 * penalty * float(np.sum(defects**2))
+        if merit <= before + 1e-4 * share * min(slope, 0.0) + ROUNDING * abs(before):
             return trial
     return None
 
 
-def _finite(problem: Problem, point: Unknowns, step: Step) -> Unknowns | None:
+def _finite(
+    problem: Problem, point: Unknowns, step: Step, sigma: FloatArray
+) -> tuple[Unknowns, Linearised]:
     """Take the full step, halved only where the model leaves the finite numbers."""
     for halving in range(HALVINGS + 1):
-        trial, defects = evaluate(problem, _moved(problem, point, step, 0.5**halving))
-        if np.isfinite(defects).all() and np.isfinite(trial.m).all():
-            return trial
-    return None
-
-
-def evaluate(problem: Problem, point: Unknowns) -> tuple[Unknowns, FloatArray]:
-    """Return the point with the model's outputs, and the defects, shape (n_blocks, nx)."""
-    ends, m = values(problem, point)
-    return _with_outputs(point, m), (ends - point.x[:, problem.starts + 1]).T
+        trial = _moved(problem, point, step, 0.5**halving)
+        found = linearise(problem, trial, sigma)
+        if found.finite:
+            break
+    return trial, found
 
 
 def _moved(problem: Problem, point: Unknowns, step: Step, share: float) -> Unknowns:
@@ -220,7 +217,7 @@ def _moved(problem: Problem, point: Unknowns, step: Step, share: float) -> Unkno
     theta = point.theta.copy()
     moved = theta[mask] + share * step.theta * problem.free_scales
     theta[mask] = np.clip(moved, parameters.lower[mask], parameters.upper[mask])
-    return Unknowns(theta, point.x + share * step.x, point.m)
+    return Unknowns(theta, point.x + share * step.x)
 
 
 def _bounded_step(problem: Problem, H: FloatArray, g: FloatArray, point: Unknowns) -> FloatArray:

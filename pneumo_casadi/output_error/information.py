@@ -6,10 +6,11 @@ import numpy as np
 
 from pneumo_casadi.output_error.anchor import Anchor
 from pneumo_casadi.output_error.condensing import (
-    Condensed,
     anchor_normal_equations,
+    condense,
+    eliminate,
     linearise,
-    scaled_normal_equations,
+    scores,
 )
 from pneumo_casadi.output_error.problem import Problem, Unknowns
 from pneumo_casadi.parameters import FloatArray
@@ -51,28 +52,28 @@ def information(problem: Problem, point: Unknowns, sigma: FloatArray) -> Informa
     Each segment's initial state is eliminated by a Schur complement, so that its uncertainty
     counts; the flow map enters with the coefficients that are free.
     """
-    nx = len(problem.axis.states)
+    free_states = len(problem.axis.states)
     total, _ = anchor_normal_equations(problem, point.theta)
     before = np.diag(total).copy()
-    linear = linearise(problem, point)
+    linear = linearise(problem, point, sigma)
     if not linear.finite:  # a trajectory that ran away says nothing
         return Information(0 * total, (np.zeros((1, len(total))),))
-    scores: dict[int, list[FloatArray]] = {}
+    rows: dict[int, list[FloatArray]] = {}
     if problem.anchor is not None:
-        scores[-1] = [_map_scores(problem, problem.anchor, point.theta)]
-    for segment, condensed in zip(problem.segments, linear.segments, strict=True):
-        full, _ = scaled_normal_equations(problem, condensed, sigma)
-        inverse = np.linalg.pinv(full[:nx, :nx], rcond=1e-14, hermitian=True)
-        eliminated = inverse @ full[:nx, nx:]
-        before = before + np.diag(full)[nx:]
-        total = total + full[nx:, nx:] - full[nx:, :nx] @ eliminated
+        rows[-1] = [_map_scores(problem, problem.anchor, point.theta)]
+    for i, condensed in enumerate(condense(problem, linear, sigma)):
+        to_theta, _ = eliminate(condensed.H, condensed.g, free_states)
+        coupled = condensed.H[free_states:, :free_states]
+        before = before + np.diag(condensed.H)[free_states:]
+        total = total + condensed.H[free_states:, free_states:] - coupled @ to_theta
         # Windows of one record follow each other: misfit may last longer than one of them.
-        own = scores.setdefault(segment.record, [])
-        own.append(_scores(problem, condensed, sigma, eliminated))
+        found = scores(problem, linear, i, condensed)
+        own = rows.setdefault(problem.segments[i].record, [])
+        own.append(found[:, free_states:] - found[:, :free_states] @ to_theta)
     # What the initial states have taken away but for rounding is no information.
     left = (np.diag(total) > CANCELLED * before).astype(float)
-    rows = tuple(np.concatenate(parts) * left for parts in scores.values())
-    return Information(total * np.outer(left, left), rows)
+    parts = tuple(np.concatenate(found) * left for found in rows.values())
+    return Information(total * np.outer(left, left), parts)
 
 
 def estimate(problem: Problem, point: Unknowns, sigma: FloatArray) -> Estimate:
@@ -97,16 +98,4 @@ def _map_scores(problem: Problem, anchor: Anchor, theta: FloatArray) -> FloatArr
         if name in problem.free:
             at = problem.free.index(name)
             found[:, at] = weighted[:, column] * problem.free_scales[at]
-    return found
-
-
-def _scores(
-    problem: Problem, segment: Condensed, sigma: FloatArray, eliminated: FloatArray
-) -> FloatArray:
-    """Return Jᵀr of each block of a segment, initial state eliminated, shape (K, n_free)."""
-    nx = len(problem.axis.states)
-    weight = problem.blocks.n / sigma**2
-    J_x = segment.J[:, :, :nx] * problem.axis.state_scales
-    J = segment.J[:, :, nx:] * problem.free_scales - J_x @ eliminated
-    found: FloatArray = np.einsum("kyn,ky->kn", J, segment.r * weight)
     return found

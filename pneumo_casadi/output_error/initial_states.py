@@ -1,20 +1,23 @@
 """Initial states of a record or of its windows, all parameters known."""
 
-import casadi as ca
 import numpy as np
 
 from pneumo_casadi.axis import Axis
 from pneumo_casadi.errors import FitError
-from pneumo_casadi.integration import Stepping, accumulate, block_functions, substeps_for
-from pneumo_casadi.output_error.condensing import linearise, scaled_normal_equations
-from pneumo_casadi.output_error.problem import Problem, Unknowns
+from pneumo_casadi.integration import Stepping, substeps_for
+from pneumo_casadi.output_error.condensing import condense, linearise
+from pneumo_casadi.output_error.interval import interval_functions
+from pneumo_casadi.output_error.problem import Problem, Unknowns, shoot
 from pneumo_casadi.output_error.segments import cut
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.recording import Recording
+from pneumo_casadi.sampled import SampledAxis
 from pneumo_casadi.statistics import stated_or_estimated_noise
 
 #: Length of the blocks whose mean outputs are compared [s].
 BLOCK = 2e-3
+#: Length of the intervals that are simulated side by side [s].
+INTERVAL = 0.1
 #: Damped Gauss-Newton iterations; a window that sticks needs a dozen.
 ITERATIONS = 15
 #: Relative decrease of a window's cost below which it has settled.
@@ -65,7 +68,7 @@ def estimate_initial_states(
         better = new < cost
         small = better & (cost - new < SETTLED * cost)
         x_0 = np.where(better, x_0 + step, x_0)
-        nodes = np.where(better[:, None, None], trial, nodes)
+        nodes = np.where(np.repeat(better, nodes.shape[1] // cost.size), trial, nodes)
         cost = np.where(better, new, cost)
         damping = np.where(better, damping * FALL, damping * GROW)
         active &= ~small & (damping < 1e8)
@@ -75,45 +78,30 @@ def estimate_initial_states(
 
 
 def _problem(axis: Axis, record: Recording, window: float | None) -> Problem:
-    stepping = Stepping(record.dt, record.hold, substeps_for(axis, record.dt))
+    model = SampledAxis(axis, Stepping(record.dt, record.hold, substeps_for(axis, record.dt)))
     n = max(1, round(BLOCK / record.dt))
-    segments = cut(axis, [record], axis.parameters, n, window)
+    segments = cut(model, [record], n, window, INTERVAL)
     whole = tuple(segment for segment in segments if segment.K == segments[0].K)
-    blocks = block_functions(axis, stepping, n, ())
-    return Problem(axis, axis.parameters.fix(), whole, blocks, None)
+    functions = interval_functions(model, n, whole[0].per, ())
+    return Problem(model, axis.parameters.fix(), whole, functions, None)
 
 
 def _costs(problem: Problem, x_0: FloatArray, sigma: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return nodes (B, nx, K + 1) and the cost of each window (B,); infinite where not finite."""
-    B, n = x_0.shape[1], problem.blocks.n
-    # One block's inputs are one step of the chain: (nw, n) flattened column by column.
-    w = np.stack([s.w.T.reshape(s.K, -1).T for s in problem.segments])
-    ends, m = accumulate(_flat(problem), x_0, [w], problem.parameters.values)
-    y = np.stack([segment.y for segment in problem.segments])
-    cost = 0.5 * n * np.sum(((y - m) / sigma[:, None]) ** 2, axis=(1, 2))
-    nodes = np.concatenate([x_0.T[:, :, None], ends], axis=2).reshape(B, len(x_0), -1)
+    """Return nodes (nx, I) and the cost of each window (B,); infinite where not finite."""
+    nodes, m = shoot(problem, x_0)
+    squares = ((problem.y - m) / sigma[:, None]) ** 2
+    cost = 0.5 * problem.n * squares.reshape(len(m), x_0.shape[1], -1).sum(axis=(0, 2))
     return nodes, np.where(np.isfinite(cost), cost, np.inf)
-
-
-def _flat(problem: Problem) -> ca.Function:
-    """Return a block whose inputs are one column, as a chain of steps wants them."""
-    value = problem.blocks.value
-    nx, (nw, n) = value.size1_in(0), value.size_in(1)
-    x, w = ca.MX.sym("x", nx), ca.MX.sym("w", nw * n)
-    theta = ca.MX.sym("theta", value.size1_in(2))
-    ends, m = value(x, ca.reshape(w, nw, n), theta)
-    return ca.Function("flat", [x, w, theta], [ends, m])
 
 
 def _damped_steps(
     problem: Problem, nodes: FloatArray, sigma: FloatArray, damping: FloatArray
 ) -> FloatArray:
     """Return the step of every window's initial state, shape (nx, B)."""
-    point = Unknowns(problem.parameters.values, np.hstack(list(nodes)), problem.y)
+    at = linearise(problem, Unknowns(problem.parameters.values, nodes), sigma)
     scale = problem.axis.state_scales
     steps = []
-    for segment, weight in zip(linearise(problem, point).segments, damping, strict=True):
-        H, g = scaled_normal_equations(problem, segment, sigma)
-        ridge = weight * np.diag(H) + 1e-9 * np.trace(H)
-        steps.append(np.linalg.solve(H + np.diag(ridge), g) * scale)
+    for segment, weight in zip(condense(problem, at, sigma), damping, strict=True):
+        ridge = weight * np.diag(segment.H) + 1e-9 * np.trace(segment.H)
+        steps.append(np.linalg.solve(segment.H + np.diag(ridge), segment.g) * scale)
     return np.stack(steps, axis=1)

@@ -1,7 +1,8 @@
 """The output-error problem: data, model and unknowns, before any solver is chosen.
 
-Unknowns are the free parameters θ and the states x_k at the ends of all blocks, tied by
-x_{k+1} = F(x_k, w_k, θ). The model's mean outputs over a block are m_k = H(x_k, w_k, θ).
+Unknowns are the free parameters θ and the states x_k where the intervals begin, tied within a
+segment by x_{k+1} = F(x_k, w_k, θ). The model's mean outputs over the blocks of an interval are
+m_k = H(x_k, w_k, θ).
 """
 
 from dataclasses import dataclass
@@ -9,12 +10,16 @@ from functools import cached_property
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from pneumo_casadi.axis import Axis
-from pneumo_casadi.integration import THREADS, BlockFunctions
+from pneumo_casadi.compilation import called
+from pneumo_casadi.integration import THREADS
 from pneumo_casadi.output_error.anchor import Anchor
+from pneumo_casadi.output_error.interval import IntervalFunctions
 from pneumo_casadi.output_error.segments import Segment
 from pneumo_casadi.parameters import FloatArray, Parameters
+from pneumo_casadi.sampled import SampledAxis
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,15 +30,34 @@ class Unknowns:
     ----------
     theta : (n,) array
         All parameters of the axis, fixed ones included.
-    x : (nx, n_nodes) array
-        States at the ends of the blocks, segment after segment (K + 1 each).
-    m : (ny, n_blocks) array
-        Mean outputs of the model over the blocks.
+    x : (nx, I) array
+        States where the intervals begin, segment after segment.
     """
 
     theta: FloatArray
     x: FloatArray
-    m: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class IntervalData:
+    """What all I intervals are given, padded to one length; see `IntervalFunctions`.
+
+    Parameters
+    ----------
+    w : (nw, I B n) array
+        Inputs.
+    h : (1, I B) array
+        Sampling period of each block [s], zero in the padding.
+    y : (ny, I B) array
+        Measured mean outputs.
+    real : (I B,) array of bool
+        Which blocks are no padding.
+    """
+
+    w: FloatArray
+    h: FloatArray
+    y: FloatArray
+    real: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,23 +66,28 @@ class Problem:
 
     Parameters
     ----------
-    axis : Axis
-        Model.
+    model : SampledAxis
+        The axis from one sample to the next.
     parameters : Parameters
         Values, bounds, scales and freedom.
     segments : tuple of Segment
         Data.
-    blocks : BlockFunctions
-        Compiled block with sensitivities to the free parameters.
+    functions : IntervalFunctions
+        Compiled interval with sensitivities to the free parameters.
     anchor : Anchor or None
         Residuals of the flow map.
     """
 
-    axis: Axis
+    model: SampledAxis
     parameters: Parameters
     segments: tuple[Segment, ...]
-    blocks: BlockFunctions
+    functions: IntervalFunctions
     anchor: Anchor | None
+
+    @property
+    def axis(self) -> Axis:
+        """The model's axis."""
+        return self.model.axis
 
     @property
     def free(self) -> tuple[str, ...]:
@@ -66,60 +95,77 @@ class Problem:
         return self.parameters.free_names
 
     @property
+    def n(self) -> int:
+        """Samples a block."""
+        return self.functions.n
+
+    @property
     def n_blocks(self) -> int:
         """Blocks over all segments."""
         return sum(segment.K for segment in self.segments)
 
-    @property
-    def n_nodes(self) -> int:
-        """Nodes over all segments."""
-        return self.n_blocks + len(self.segments)
+    @cached_property
+    def I(self) -> int:  # noqa: E743 - the number of intervals, as in the equations
+        """Intervals, and nodes, over all segments."""
+        return sum(segment.intervals for segment in self.segments)
 
     @cached_property
-    def mapped(self) -> tuple[ca.Function, ca.Function]:
-        """Value and sensitivity of all blocks side by side, in two threads."""
-        K, both = self.n_blocks, (self.blocks.value, self.blocks.sensitivity)
-        value, sensitivity = (f.map(K, "thread", THREADS) if K > 1 else f for f in both)
-        return value, sensitivity
+    def firsts(self) -> tuple[int, ...]:
+        """First interval of each segment."""
+        counts = np.cumsum([0, *(segment.intervals for segment in self.segments)])
+        return tuple(int(i) for i in counts[:-1])
 
     @cached_property
-    def starts(self) -> FloatArray:
-        """Node index at which each block starts, shape (n_blocks,)."""
-        found, node = [], 0
+    def joined(self) -> NDArray[np.intp]:
+        """Intervals whose end is the beginning of the next one."""
+        lasts = {a + s.intervals - 1 for a, s in zip(self.firsts, self.segments, strict=True)}
+        return np.array([i for i in range(self.I) if i not in lasts], dtype=np.intp)
+
+    @cached_property
+    def data(self) -> IntervalData:
+        """Inputs, measured outputs and block lengths of all intervals, padded."""
+        B, n = self.functions.blocks, self.n
+        w, h, y = [], [], []
         for segment in self.segments:
-            found.append(np.arange(node, node + segment.K))
-            node += segment.K + 1
-        return np.concatenate(found)
+            pad = segment.intervals * B - segment.K
+            w.append(np.pad(segment.w, ((0, 0), (0, pad * n)), mode="edge"))
+            y.append(np.pad(segment.y, ((0, 0), (0, pad)), mode="edge"))
+            h.append(np.repeat([self.model.stepping.dt, 0.0], [segment.K, pad]))
+        lengths = np.concatenate(h)
+        return IntervalData(np.hstack(w), lengths[None], np.hstack(y), lengths > 0)
 
     @cached_property
     def y(self) -> FloatArray:
         """Measured mean outputs, shape (ny, n_blocks)."""
         return np.hstack([segment.y for segment in self.segments])
 
-    @cached_property
-    def w(self) -> FloatArray:
-        """Inputs of all samples, shape (nw, n_blocks n)."""
-        return np.hstack([segment.w for segment in self.segments])
-
-    @property
-    def output_scales(self) -> FloatArray:
-        """Sizes of the outputs, shape (ny,)."""
-        scale = dict(zip(self.axis.states, self.axis.state_scales, strict=True))
-        return np.array([scale[name] for name in self.axis.outputs])
-
     @property
     def free_scales(self) -> FloatArray:
         """Scales of the free parameters, shape (n_free,)."""
         return self.parameters.scales[self.parameters.free_mask]
 
-    def start(self) -> Unknowns:
-        """Return the measured start: states from smoothed data, outputs as measured."""
-        x = np.hstack([segment.x for segment in self.segments])
-        return Unknowns(self.parameters.values, x, self.y)
+    def value_of(self, count: int) -> ca.Function:
+        """Return the simulation of `count` intervals side by side, shared among threads."""
+        return self._mapped(self.functions.value, count)
 
-    def residuals(self, point: Unknowns) -> FloatArray:
-        """Return measured minus modelled mean outputs, shape (ny, n_blocks)."""
-        return self.y - point.m
+    @property
+    def sensitivity(self) -> ca.Function:
+        """All intervals side by side with their sensitivities, shared among threads."""
+        return self._mapped(self.functions.sensitivity, self.I)
+
+    def _mapped(self, f: ca.Function, count: int) -> ca.Function:
+        key = (f.name(), count)
+        if key not in self._maps:
+            self._maps[key] = f.map(count, "thread", THREADS) if count > 1 else f
+        return self._maps[key]
+
+    @cached_property
+    def _maps(self) -> dict[tuple[str, int], ca.Function]:
+        return {}
+
+    def start(self) -> Unknowns:
+        """Return the measured start: states from smoothed data."""
+        return Unknowns(self.parameters.values, np.hstack([s.x for s in self.segments]))
 
     def anchor_residuals(self, theta: FloatArray) -> FloatArray:
         """Return the map's residuals over its noise; empty without an anchor."""
@@ -128,36 +174,45 @@ class Problem:
         at = [self.parameters.index(name) for name in self.anchor.names]
         return self.anchor(theta[at])
 
-    def cost(self, point: Unknowns, sigma: FloatArray) -> float:
-        """Return ½ Σ (residual/σ)² over all samples and the flow map."""
-        e = self.residuals(point) / sigma[:, None]
-        g = self.anchor_residuals(point.theta)
-        return 0.5 * float(self.blocks.n * np.sum(e**2) + np.sum(g**2))
+    def cost(self, theta: FloatArray, m: FloatArray, sigma: FloatArray) -> float:
+        """Return ½ Σ (residual/σ)² over all samples and the flow map, m being mean outputs."""
+        e = (self.y - m) / sigma[:, None]
+        g = self.anchor_residuals(theta)
+        return 0.5 * float(self.n * np.sum(e**2) + np.sum(g**2))
 
 
 def values(problem: Problem, point: Unknowns) -> tuple[FloatArray, FloatArray]:
-    """Return ends (nx, K) and mean outputs (ny, K) of all blocks."""
-    f, _ = problem.mapped
-    starts = np.asarray(point.x[:, problem.starts])
-    ends, y = (np.asarray(a) for a in f(starts, problem.w, point.theta[:, None]))
-    return ends, y
+    """Return ends (nx, I) of all intervals and mean outputs (ny, n_blocks)."""
+    data = problem.data
+    theta = np.tile(point.theta[:, None], problem.I)
+    ends, m = called(problem.value_of(problem.I), point.x, data.w, theta, data.h)
+    return ends, m[:, data.real]
 
 
-def sensitivities(
-    problem: Problem, point: Unknowns
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return ends (nx, K), outputs (ny, K) and their derivatives to (x_0, θ_free) of all blocks.
+def shoot(problem: Problem, x_0: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Simulate every segment from its initial state, all parameters at their values.
 
-    The derivatives have shapes (K, nx, nx + n_free) and (K, ny, nx + n_free).
+    Parameters
+    ----------
+    x_0 : (nx, segments) array
+        Initial states; all segments are equally long.
+
+    Returns
+    -------
+    tuple
+        States (nx, I) where the intervals begin, and mean outputs (ny, n_blocks).
     """
-    K, nx, ny = problem.n_blocks, len(problem.axis.states), len(problem.axis.outputs)
-    n = nx + len(problem.free)
-    _, f = problem.mapped
-    starts = np.asarray(point.x[:, problem.starts])
-    ends, y, dx, dy = (np.asarray(a) for a in f(starts, problem.w, point.theta[:, None]))
-    return (
-        ends,
-        y,
-        dx.reshape(nx, n, K, order="F").transpose(2, 0, 1),
-        dy.reshape(ny, n, K, order="F").transpose(2, 0, 1),
-    )
+    data, S, B = problem.data, len(problem.segments), problem.functions.blocks
+    each, width = problem.segments[0].intervals, B * problem.n
+    f = problem.value_of(S)
+    theta = np.tile(problem.parameters.values[:, None], S)
+    w = data.w.reshape(len(data.w), S, each, width)
+    h = data.h.reshape(1, S, each, B)
+    x, nodes, means = x_0, [], []
+    for i in range(each):
+        nodes.append(x)
+        streams = [part[:, :, i].reshape(len(part), -1) for part in (w, h)]
+        x, m = called(f, x, streams[0], theta, streams[1])
+        means.append(m.reshape(-1, S, B))
+    m = np.stack(means, axis=2).reshape(len(problem.y), -1)[:, data.real]
+    return np.stack(nodes, axis=2).reshape(len(x_0), -1), m

@@ -8,9 +8,9 @@ from scipy.signal import savgol_filter
 
 from pneumo_casadi.axis import Axis
 from pneumo_casadi.errors import ModelError
-from pneumo_casadi.integration import held_inputs
 from pneumo_casadi.parameters import FloatArray, Parameters
 from pneumo_casadi.recording import Recording
+from pneumo_casadi.sampled import SampledAxis
 
 #: Length of the polynomial smoother that starts the states [s].
 SMOOTHING = 0.02
@@ -18,25 +18,26 @@ SMOOTHING = 0.02
 
 @dataclass(frozen=True, slots=True)
 class Segment:
-    """A stretch of one record with a free initial state.
+    """A stretch of one record with a free initial state, cut into intervals of whole blocks.
 
     Parameters
     ----------
     record, first : int
         Index of the record and of the first sample used.
-    n : int
-        Samples per block.
+    n, per : int
+        Samples a block, blocks an interval (the last interval may hold fewer).
     w : (nw, K n) array
-        Inputs of every sample, as `held_inputs` pairs them.
+        What every sample is given, as `SampledAxis.streams` pairs it.
     y : (ny, K) array
         Measured outputs, mean over each block of n samples.
-    x : (nx, K + 1) array
-        States at the ends of the blocks, from smoothed measurements: a start.
+    x : (nx, ceil(K / per)) array
+        States where the intervals begin, from smoothed measurements: a start.
     """
 
     record: int
     first: int
     n: int
+    per: int
     w: FloatArray
     y: FloatArray
     x: FloatArray
@@ -45,6 +46,11 @@ class Segment:
     def K(self) -> int:
         """Number of blocks."""
         return int(self.y.shape[1])
+
+    @property
+    def intervals(self) -> int:
+        """Number of intervals, each with a node at its beginning."""
+        return int(self.x.shape[1])
 
 
 def measured_states(axis: Axis, record: Recording, parameters: Parameters) -> FloatArray:
@@ -77,13 +83,13 @@ def measured_states(axis: Axis, record: Recording, parameters: Parameters) -> Fl
 
 
 def cut(
-    axis: Axis,
+    model: SampledAxis,
     records: Sequence[Recording],
-    parameters: Parameters,
     n: int,
     window: float | None = None,
+    interval: float = np.inf,
 ) -> tuple[Segment, ...]:
-    """Cut records into segments of whole blocks.
+    """Cut records into segments of whole blocks, and these into intervals.
 
     Parameters
     ----------
@@ -92,27 +98,38 @@ def cut(
     window : float, optional
         Longest segment [s]; by default each record is one segment. Free initial states in
         every window make a badly misfitting model converge, at the price of slow effects.
+    interval : float
+        Longest distance of two shooting nodes [s].
 
     Returns
     -------
     tuple of Segment
         Samples beyond the last whole block of a record are left out (fewer than n + 1).
     """
+    block = n * model.stepping.dt
+    spans = [(i, *span) for i, r in enumerate(records) for span in _spans(r, n, block, window)]
+    longest = max(K for _, _, K in spans)
+    most = max(1, round(min(interval, longest * block) / block))
+    per = -(-longest // -(-longest // most))  # intervals of equal length rather than a short rest
+    streams = [model.streams(record) for record in records]
+    outputs = [record.stack(model.axis.outputs).T for record in records]
+    states = [
+        model.remembering(measured_states(model.axis, record, model.axis.parameters))
+        for record in records
+    ]
     segments = []
-    for index, record in enumerate(records):
-        states = measured_states(axis, record, parameters)
-        y = record.stack(axis.outputs).T
-        w = held_inputs(record.stack(axis.inputs), record.hold)
-        blocks = w.shape[1] // n
-        if blocks < 1:
-            raise ModelError(
-                f"record {record.name}: {record.N} samples do not fill one block of {n}"
-            )
-        longest = blocks if window is None else max(1, round(window / (n * record.dt)))
-        for start in range(0, blocks, longest):
-            K = min(longest, blocks - start)
-            span = slice(start * n, (start + K) * n)
-            mean = y[:, span].reshape(y.shape[0], K, n).mean(axis=2)
-            nodes = states[:, start * n : (start + K) * n + 1 : n]
-            segments.append(Segment(index, start * n, n, w[:, span], mean, nodes))
+    for i, first, K in spans:
+        samples = slice(first, first + K * n)
+        mean = outputs[i][:, samples].reshape(-1, K, n).mean(axis=2)
+        nodes = states[i][:, samples][:, :: per * n]
+        segments.append(Segment(i, first, n, per, streams[i][:, samples], mean, nodes))
     return tuple(segments)
+
+
+def _spans(record: Recording, n: int, block: float, window: float | None) -> list[tuple[int, int]]:
+    """Return first sample and number of blocks of each segment of a record."""
+    blocks = (record.N - 1) // n
+    if blocks < 1:
+        raise ModelError(f"record {record.name}: {record.N} samples do not fill one block of {n}")
+    longest = blocks if window is None else max(1, round(window / block))
+    return [(k * n, min(longest, blocks - k)) for k in range(0, blocks, longest)]

@@ -19,6 +19,8 @@ class Solution:
     ----------
     point : Unknowns
         The last point.
+    m : (ny, n_blocks) array
+        Mean outputs of the model there.
     sigma : (ny,) array
         Noise of one sample of each output at the end.
     status : str
@@ -28,6 +30,7 @@ class Solution:
     """
 
     point: Unknowns
+    m: FloatArray
     sigma: FloatArray
     status: str
     iterations: int
@@ -38,5 +41,5 @@ def residual_sigma(problem: Problem, m: FloatArray) -> FloatArray:
     e = problem.y - m
     fitted = len(problem.free) + len(problem.axis.states) * len(problem.segments)
     dof = max(1.0, e.shape[1] - fitted / e.shape[0])
-    found: FloatArray = np.sqrt(problem.blocks.n * np.sum(e**2, axis=1) / dof)
+    found: FloatArray = np.sqrt(problem.n * np.sum(e**2, axis=1) / dof)
     return found

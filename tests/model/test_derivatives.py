@@ -1,10 +1,10 @@
-"""Derivatives agree with finite differences, and a block is the product of its steps."""
+"""Derivatives of right-hand side, outputs and steps agree with finite differences."""
 
 import numpy as np
 import pytest
 
 from pneumo_casadi.effects import Stribeck, ValveLag
-from pneumo_casadi.integration import Stepping, block_functions, held_inputs, step_function
+from pneumo_casadi.integration import Stepping, held_inputs, step_function
 from pneumo_casadi.recording import InputHold
 
 AXES = {
@@ -26,18 +26,6 @@ ROUNDING = 1e-10
 @pytest.fixture(scope="module", params=AXES)
 def axis(request, made):
     return AXES[request.param](made)
-
-
-def free_names(axis):
-    """Some of each kind, so that a block stays small."""
-    wanted = {"X_s1", "X_s6", "M", "F_c_minus", "f_v", "psi_plus_1", "flow_gain"}
-    return [n for n in axis.parameters.names if n in wanted or "." in n]
-
-
-@pytest.fixture(scope="module", params=list(InputHold))
-def block(request, axis):
-    stepping = Stepping(1e-3, request.param, 2)
-    return stepping, block_functions(axis, stepping, N, free_names(axis))
 
 
 def differences(function, at, scales, relative=1e-5):
@@ -102,70 +90,3 @@ def test_a_step_has_the_derivatives_of_finite_differences(made, axis, hold):
 
         wanted = differences(moved, values[i], sizes[i])
         assert_same(found.full(), wanted, axis.state_scales, sizes[i])
-
-
-def output_scales(axis):
-    sizes = dict(zip(axis.states, axis.state_scales, strict=True))
-    return np.array([sizes[name] for name in axis.outputs])
-
-
-def test_a_block_and_its_sensitivities_agree_with_finite_differences(made, axis, block):
-    stepping, functions = block
-    free = free_names(axis)
-    at = [axis.parameters.index(n) for n in free]
-    theta = axis.parameters.values
-    x, w = draw(made, axis, 11, stepping.hold)
-
-    def value(z):
-        full = theta.copy()
-        full[at] = z[x.size :]
-        return np.concatenate([flat(part) for part in functions.value(z[: x.size], w, full)])
-
-    x_n, y, dx, dy = functions.sensitivity(x, w, theta)
-    start = np.concatenate([x, theta[at]])
-    np.testing.assert_allclose(np.concatenate([flat(x_n), flat(y)]), value(start), rtol=1e-13)
-    columns = np.concatenate([axis.state_scales, axis.parameters.scales[at]])
-    rows = np.concatenate([axis.state_scales, output_scales(axis)])
-    wanted = differences(value, start, columns)
-    assert_same(np.vstack([dx.full(), dy.full()]), wanted, rows, columns)
-
-
-def test_the_sensitivity_of_a_block_is_the_product_of_its_steps(made, axis, block):
-    stepping, functions = block
-    free = free_names(axis)
-    at = [axis.parameters.index(n) for n in free]
-    theta, nx, nu = axis.parameters.values, len(axis.states), len(axis.inputs)
-    step, output = step_function(axis, stepping), axis.output
-    step_jacobian, output_jacobian = step.jacobian(), output.jacobian()
-    x, w = draw(made, axis, 5, stepping.hold)
-    S = np.eye(nx, nx + len(free))
-    dy, y, here = 0.0, 0.0, x
-    for k in range(N):
-        C, _, D = (a.full() for a in output_jacobian(here, w[:nu, k], theta, 0))
-        dy = dy + (C @ S + np.hstack([np.zeros((len(C), nx)), D[:, at]])) / N
-        y = y + flat(output(here, w[:nu, k], theta)) / N
-        A, _, B = (a.full() for a in step_jacobian(here, w[:, k], theta, 0))
-        S = A @ S + np.hstack([np.zeros((nx, nx)), B[:, at]])
-        here = flat(step(here, w[:, k], theta))
-    x_n, y_n, dx_n, dy_n = functions.sensitivity(x, w, theta)
-    np.testing.assert_allclose(flat(x_n), here, rtol=1e-12)
-    np.testing.assert_allclose(flat(y_n), y, rtol=1e-12)
-    columns = np.concatenate([axis.state_scales, axis.parameters.scales[at]])
-    for found, wanted, rows in (
-        (dx_n.full(), S, axis.state_scales),
-        (dy_n.full(), dy, output_scales(axis)),
-    ):
-        found, wanted = (a * columns / rows[:, None] for a in (found, wanted))
-        np.testing.assert_allclose(found, wanted, rtol=1e-9, atol=1e-11 * np.abs(wanted).max())
-
-
-def test_outputs_of_a_block_are_the_mean_of_its_own_samples_and_not_of_the_next(made):
-    axis = made.true_axis()
-    stepping = Stepping(1e-3, InputHold.ZERO, 2)
-    functions = block_functions(axis, stepping, N, ["M"])
-    x, w = draw(made, axis, 2)
-    path = made.steps(axis, np.vstack([w.T, w.T[-1:]]), x, substeps=2)
-    end, mean = functions.value(x, w, axis.parameters.values)
-    np.testing.assert_allclose(flat(end), path[:, N], rtol=1e-13)
-    np.testing.assert_allclose(flat(mean), path[:3, :N].mean(axis=1), rtol=1e-13)
-    assert abs(flat(mean)[2] - path[2, 1 : N + 1].mean()) > 1e-6

@@ -8,7 +8,6 @@ from scipy.optimize import brentq
 from pneumo_casadi.effects import Stribeck, ValveLag
 from pneumo_casadi.integration import (
     Stepping,
-    block_functions,
     held_inputs,
     step_function,
     substeps_for,
@@ -126,25 +125,6 @@ def test_the_last_input_is_used_by_linear_hold_only():
     u = np.arange(8.0).reshape(4, 2)
     np.testing.assert_array_equal(held_inputs(u, InputHold.ZERO), u[:-1].T)
     np.testing.assert_array_equal(held_inputs(u, InputHold.LINEAR), np.vstack([u[:-1].T, u[1:].T]))
-
-
-@pytest.mark.parametrize("hold", list(InputHold))
-def test_a_block_is_as_many_steps(smooth, made, hold):
-    axis, u, x_0 = smooth
-    stepping = Stepping(2e-3, hold, 3)
-    block = block_functions(axis, stepping, 100, ["M"])
-    end, _ = block.value(x_0, held_inputs(u, hold), axis.parameters.values)
-    path = made.steps(axis, u, x_0, hold, 2e-3, 3)
-    np.testing.assert_allclose(end.full().ravel(), path[:, -1], rtol=1e-12)
-
-
-def test_outputs_of_one_sample_do_not_hang_on_the_next_input(made):
-    axis = made.true_axis(ValveLag())
-    block = block_functions(axis, Stepping(1e-3, InputHold.LINEAR, 1), 1, ["M"])
-    x, _ = made.states(axis, np.random.default_rng(0))
-    one, two = (block.value(x, [1, -1, a, -a], axis.parameters.values) for a in (0.5, 2))
-    assert np.array_equal(one[1].full(), two[1].full())
-    assert not np.array_equal(one[0].full(), two[0].full())
 
 
 @pytest.mark.parametrize("v_s", [1e-2, 1e-3, 1e-4, 1e-5])

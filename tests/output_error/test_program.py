@@ -6,10 +6,15 @@ import pytest
 
 from pneumo_casadi.effects import ValveLag
 from pneumo_casadi.output_error import OutputErrorOptions
-from pneumo_casadi.output_error.condensing import anchor_normal_equations, linearise
+from pneumo_casadi.output_error.condensing import (
+    anchor_normal_equations,
+    condense,
+    linearise,
+    scores,
+)
 from pneumo_casadi.output_error.fit import write_problem
-from pneumo_casadi.output_error.ipopt import program, scales
-from pneumo_casadi.output_error.problem import Unknowns, values
+from pneumo_casadi.output_error.ipopt import pack, program, unpack
+from pneumo_casadi.output_error.problem import Unknowns, shoot, values
 
 KINDS = ("servo", "lag", "windows", "force", "one block")
 
@@ -20,12 +25,12 @@ def case(request, made, servo, force, start):
     table, axis = start(0)
     _, u, x = servo
     record = made.recorded(servo[0], u[:200], x[:, :200], 0)
-    options = OutputErrorOptions(widths=(5e-3,), block=10e-3)
+    options = OutputErrorOptions(widths=(5e-3,), block=10e-3, interval=0.03)
     if request.param == "lag":
         axis = axis.with_effects(ValveLag()).with_parameters({"valve_lag.tau": 4e-3})
         axis = axis.with_parameters(axis.parameters.fix("X_s2", "f_v", "psi_plus_1"))
     if request.param == "windows":
-        options = OutputErrorOptions(widths=(5e-3,), block=10e-3, window=0.05)
+        options = OutputErrorOptions(widths=(5e-3,), block=10e-3, interval=0.03, window=0.05)
     if request.param == "one block":
         options = OutputErrorOptions(widths=(5e-3,), block=0.19)
     if request.param == "force":
@@ -34,10 +39,8 @@ def case(request, made, servo, force, start):
     problem = write_problem(axis, [record], table, options)
     first = problem.start()
     rng = np.random.default_rng(0)
-    z = np.concatenate(
-        [first.theta[problem.parameters.free_mask], first.x.ravel("F"), first.m.ravel("F")]
-    )
-    z = z / scales(problem) + 1e-3 * rng.standard_normal(z.size)
+    z = pack(problem, first)
+    z = z + 1e-3 * rng.standard_normal(z.size)
     sigma = np.array([150.0, 150.0, 1.5e-5])[-len(axis.outputs) :]
     p = np.concatenate([first.theta, 1 / sigma**2])
     return problem, program(problem), z, p, sigma
@@ -68,7 +71,7 @@ def test_constraints_have_the_jacobian_of_finite_differences(case):
     np.testing.assert_allclose(flat(g), flat(f_g(z, p)[1]), rtol=1e-12, atol=1e-14)
     wanted = central(lambda a: flat(f_g(a, p)[1]), z, 1e-6)
     size = np.abs(wanted).max(axis=1, keepdims=True)
-    assert np.max(np.abs(J.full() - wanted) / size) < 1e-5
+    assert np.max(np.abs(J.full() - wanted) / size, initial=0.0) < 1e-5
 
 
 def test_the_cost_has_the_gradient_of_finite_differences(case):
@@ -80,97 +83,138 @@ def test_the_cost_has_the_gradient_of_finite_differences(case):
     np.testing.assert_allclose(flat(gradient), wanted, atol=1e-6 * np.abs(wanted).max())
 
 
-def test_the_hessian_is_that_of_the_quadratic_cost(case):
-    """Residuals are linear in all unknowns, the map's too, so Gauss-Newton is exact."""
-    _, written, z, p, _ = case
+def test_the_hessian_is_that_of_the_linearised_residuals(case):
+    """JᵀJ with J from finite differences of all residuals, the map's too."""
+    problem, written, z, p, sigma = case
     upper = written.hess_lag(z, p, 1.0, np.zeros(written.nlp["g"].shape[0])).full()
     assert not np.tril(upper, -1).any()
     H = upper + np.triu(upper, 1).T
-    wanted = central(lambda a: flat(written.grad_f(a, p)[1]), z, 1e-3)
-    np.testing.assert_allclose(H, wanted, atol=1e-6 * np.abs(wanted).max())
+
+    def residuals(a):
+        point = unpack(problem, a, problem.parameters.values)
+        e = np.sqrt(problem.n) * values(problem, point)[1] / sigma[:, None]
+        return np.concatenate([e.ravel(), problem.anchor_residuals(point.theta)])
+
+    J = central(residuals, z, 1e-6)
+    count = problem.n_blocks * problem.n * len(sigma) + len(problem.anchor_residuals(p))
+    wanted = J.T @ J / count
+    np.testing.assert_allclose(H, wanted, atol=2e-6 * np.abs(wanted).max())
     assert np.linalg.eigvalsh(H).min() > -1e-9 * np.abs(H).max()
 
 
 def test_the_cost_of_the_program_is_the_cost_of_the_problem_per_residual(case):
     problem, written, z, p, sigma = case
-    parts = z * scales(problem)
-    n, nodes = len(problem.free), problem.n_nodes * len(problem.axis.states)
-    theta = problem.parameters.values
-    theta[problem.parameters.free_mask] = parts[:n]
-    point = Unknowns(
-        theta,
-        parts[n : n + nodes].reshape(-1, problem.n_nodes, order="F"),
-        parts[n + nodes :].reshape(-1, problem.n_blocks, order="F"),
-    )
-    count = problem.n_blocks * problem.blocks.n * len(problem.axis.outputs)
+    point = unpack(problem, z, problem.parameters.values)
+    count = problem.n_blocks * problem.n * len(problem.axis.outputs)
     count += problem.anchor.n if problem.anchor else 0
     f = float(symbolic(written)(z, p)[0])
-    assert f * count == pytest.approx(problem.cost(point, sigma), rel=1e-10)
-    by_hand = 0.5 * np.sum(problem.blocks.n * ((problem.y - point.m) / sigma[:, None]) ** 2)
+    m = values(problem, point)[1]
+    assert f * count == pytest.approx(problem.cost(point.theta, m, sigma), rel=1e-10)
+    by_hand = 0.5 * np.sum(problem.n * ((problem.y - m) / sigma[:, None]) ** 2)
     if problem.anchor:
         c = point.theta[[problem.parameters.index(i) for i in problem.anchor.names]]
         by_hand += 0.5 * np.sum(problem.anchor(c) ** 2)
-    assert problem.cost(point, sigma) == pytest.approx(by_hand, rel=1e-12)
+    assert problem.cost(point.theta, m, sigma) == pytest.approx(by_hand, rel=1e-12)
+
+
+def simulated(problem, x_0, theta):
+    """Nodes and outputs, interval after interval, from one initial state for each segment."""
+    data, functions = problem.data, problem.functions
+    nodes, outputs = np.zeros((problem.model.nx, problem.I)), []
+    for first, segment, state in zip(problem.firsts, problem.segments, x_0, strict=True):
+        x = state
+        for k in range(first, first + segment.intervals):
+            B, n = functions.blocks, problem.n
+            blocks = slice(k * B, (k + 1) * B)
+            nodes[:, k] = x
+            w = data.w[:, k * B * n : (k + 1) * B * n]
+            end, m = functions.value(x, w, theta, data.h[:, blocks])
+            outputs.append(m.full()[:, data.real[blocks]])
+            x = flat(end)
+    return nodes, np.hstack(outputs)
 
 
 def test_condensed_derivatives_are_those_of_the_whole_simulation(case):
-    """∂m/∂(x_0, θ) along a true trajectory, against finite differences of simulating it."""
-    problem, *_ = case
+    """Normal equations in (x_0, θ) along a true trajectory, by differences of simulating it."""
+    problem, *_, sigma = case
     axis, nx = problem.axis, len(problem.axis.states)
     mask, first = problem.parameters.free_mask, problem.start()
-    starts = [0, *np.cumsum([s.K + 1 for s in problem.segments])[:-1]]
-
-    def simulated(x_0, theta):
-        """Nodes and outputs, block after block, from one initial state for each segment."""
-        nodes, outputs, block = first.x.copy(), [], 0
-        for segment, node, state in zip(problem.segments, starts, x_0, strict=True):
-            nodes[:, node] = state
-            for k in range(segment.K):
-                w = problem.w[:, block * problem.blocks.n : (block + 1) * problem.blocks.n]
-                end, y = problem.blocks.value(nodes[:, node + k], w, theta)
-                nodes[:, node + k + 1] = flat(end)
-                outputs.append(flat(y))
-                block += 1
-        return nodes, np.array(outputs)
-
-    x_0 = [first.x[:, node] for node in starts]
-    nodes, m = simulated(x_0, first.theta)
-    at = linearise(problem, Unknowns(first.theta, nodes, first.m))
-    assert np.abs(at.defects / axis.state_scales).max() < 1e-12
-    np.testing.assert_allclose(at.m.T, m, rtol=1e-12)
+    x_0 = [first.x[:, k] for k in problem.firsts]
+    nodes, m = simulated(problem, x_0, first.theta)
+    point = Unknowns(first.theta, nodes)
+    at = linearise(problem, point, sigma)
+    assert np.abs(at.defects / problem.model.state_scales[:, None]).max(initial=0.0) < 1e-11
+    np.testing.assert_allclose(at.m, m, rtol=1e-12)
     size = np.concatenate([axis.state_scales, problem.free_scales])
+    K = problem.segments[0].K
 
     def outputs(z):
         theta = first.theta.copy()
         theta[mask] = z[nx:] * problem.free_scales
-        return simulated([z[:nx] * axis.state_scales, *x_0[1:]], theta)[1][: problem.segments[0].K]
+        starts = [z[:nx] * axis.state_scales, *x_0[1:]]
+        return (simulated(problem, starts, theta)[1][:, :K] / sigma[:, None]).ravel()
 
     z = np.concatenate([x_0[0], first.theta[mask]]) / size
-    wanted = central(lambda a: outputs(a).ravel(), z, 1e-6)
-    found = (at.segments[0].J * size).reshape(wanted.shape)
-    rows = np.abs(wanted).max(axis=1, keepdims=True)
-    assert np.max(np.abs(found - wanted) / rows) < 2e-4
-    moved = first.theta.copy()
-    if problem.anchor is not None:
-        H, g = anchor_normal_equations(problem, moved)
-        c_at = [problem.parameters.index(n) for n in problem.anchor.names]
-
-        def half_square(z_map):
-            theta = moved.copy()
-            theta[mask] = theta[mask] + z_map * problem.free_scales
-            return np.array([0.5 * np.sum(problem.anchor(theta[c_at]) ** 2)])
-
-        slope = central(half_square, np.zeros(g.size), 1e-3).ravel()
-        np.testing.assert_allclose(-g, slope, atol=1e-6 * np.abs(H).max())
+    J = np.sqrt(problem.n) * central(outputs, z, 1e-6)
+    e = np.sqrt(problem.n) * ((problem.y - m)[:, :K] / sigma[:, None]).ravel()
+    condensed = condense(problem, at, sigma)[0]
+    np.testing.assert_allclose(condensed.H, J.T @ J, atol=2e-4 * np.abs(condensed.H).max())
+    np.testing.assert_allclose(condensed.g, J.T @ e, atol=2e-4 * np.abs(J.T @ e).max())
+    by_block = scores(problem, at, 0, condensed)
+    assert by_block.shape == (K, z.size)
+    np.testing.assert_allclose(by_block.sum(axis=0), condensed.g, rtol=1e-6, atol=1e-8)
 
 
-def test_blocks_evaluate_alike_one_by_one_and_all_together(case):
+def test_closing_defects_is_part_of_the_step(case):
+    """The condensed gradient at open nodes is that of the linearised, closed trajectory."""
+    problem, _, z, _, sigma = case
+    point = unpack(problem, z, problem.parameters.values)
+    at = linearise(problem, point, sigma)
+    for condensed, first in zip(condense(problem, at, sigma), problem.firsts, strict=True):
+        for k in range(len(condensed.c) - 1):
+            A = at.S[first + k][:, : problem.model.nx]
+            size = problem.model.state_scales
+            ahead = A @ (condensed.c[k] * size)
+            d = at.ends[:, first + k] - point.x[:, first + k + 1]
+            np.testing.assert_allclose(condensed.c[k + 1] * size, ahead + d, rtol=1e-9)
+
+
+def test_the_map_pulls_with_the_slope_of_its_squares(case):
     problem, *_ = case
-    first = problem.start()
+    if problem.anchor is None:
+        pytest.skip("no map")
+    theta, mask = problem.parameters.values, problem.parameters.free_mask
+    H, g = anchor_normal_equations(problem, theta)
+
+    def half_square(z):
+        moved = theta.copy()
+        moved[mask] = moved[mask] + z * problem.free_scales
+        return np.array([0.5 * np.sum(problem.anchor_residuals(moved) ** 2)])
+
+    slope = central(half_square, np.zeros(g.size), 1e-3).ravel()
+    np.testing.assert_allclose(-g, slope, atol=1e-6 * np.abs(H).max())
+
+
+def test_intervals_evaluate_alike_one_by_one_and_all_together(case):
+    problem, *_ = case
+    first, data, B, n = problem.start(), problem.data, problem.functions.blocks, problem.n
     ends, m = values(problem, first)
-    n = problem.blocks.n
-    for k in (0, problem.n_blocks - 1):
-        w = problem.w[:, k * n : (k + 1) * n]
-        end, y = problem.blocks.value(first.x[:, problem.starts[k]], w, first.theta)
+    for k in (0, problem.I - 1):
+        w, h = data.w[:, k * B * n : (k + 1) * B * n], data.h[:, k * B : (k + 1) * B]
+        end, y = problem.functions.value(first.x[:, k], w, first.theta, h)
         np.testing.assert_allclose(ends[:, k], flat(end), rtol=1e-14)
-        np.testing.assert_allclose(m[:, k], flat(y), rtol=1e-14)
+        before = int(data.real[: k * B].sum())
+        y = y.full()[:, data.real[k * B : (k + 1) * B]]
+        np.testing.assert_allclose(m[:, before : before + y.shape[1]], y, rtol=1e-14)
+
+
+def test_shooting_goes_through_the_nodes_of_a_simulation(case):
+    problem, *_ = case
+    if len({segment.K for segment in problem.segments}) > 1:
+        pytest.skip("segments of different lengths")
+    first = problem.start()
+    x_0 = first.x[:, list(problem.firsts)]
+    nodes, m = shoot(problem, x_0)
+    wanted, outputs = simulated(problem, list(x_0.T), first.theta)
+    np.testing.assert_allclose(nodes, wanted, rtol=1e-12)
+    np.testing.assert_allclose(m, outputs, rtol=1e-12)
