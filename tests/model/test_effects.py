@@ -1,13 +1,18 @@
-"""The contract of every effect in the catalogue, and how effects compose."""
+"""How effects are written, refused and composed."""
 
 import casadi as ca
 import numpy as np
 import pytest
 
 from pneumo_casadi.effect import Effect, Pair, State
-from pneumo_casadi.effects import AsymmetricViscousFriction, Stribeck, ValveLag
+from pneumo_casadi.effects import (
+    AsymmetricViscousFriction,
+    PressureFriction,
+    Stribeck,
+    ValveDynamics,
+)
 from pneumo_casadi.errors import ModelError
-from pneumo_casadi.parameters import Parameter
+from pneumo_casadi.parameters import Parameter, Parameters
 
 
 class Spring(Effect):
@@ -77,8 +82,8 @@ def test_two_effects_at_one_junction_act_in_the_order_given(made):
 
 
 def test_added_one_by_one_or_together_effects_make_the_same_axis(made):
-    together = made.true_axis(Stribeck(), ValveLag())
-    apart = made.true_axis(Stribeck()).with_effects(ValveLag())
+    together = made.true_axis(Stribeck(), ValveDynamics())
+    apart = made.true_axis(Stribeck()).with_effects(ValveDynamics())
     assert together.states == apart.states and together.parameters == apart.parameters
 
 
@@ -87,8 +92,40 @@ def test_an_effect_at_a_junction_the_axis_lacks_is_refused_by_name(made):
         made.true_force_axis(Leak())
     with pytest.raises(ModelError, match="effect drive_gain acts at drive, which a servo axis"):
         made.true_axis(Drive())
-    with pytest.raises(ModelError, match="effect valve_lag acts at spool"):
-        made.true_force_axis(ValveLag())
+    with pytest.raises(ModelError, match="effect valve_dynamics acts at spool"):
+        made.true_force_axis(ValveDynamics())
+
+
+def test_an_effect_that_reads_pressures_is_refused_where_there_are_none(made):
+    with pytest.raises(ModelError, match="effect pressure_friction needs pressures"):
+        made.true_force_axis(PressureFriction())
+
+
+def test_effects_are_put_where_a_fit_starts_all_or_by_name(made):
+    axis = made.true_axis(Stribeck(), PressureFriction())
+    starts = {
+        f"{effect.name}.{item.name}": item.start
+        for effect in (Stribeck, PressureFriction)
+        for item in effect.parameters
+        if item.start is not None
+    }
+    at_start = axis.at_starting_values()
+    assert {name: at_start.parameters[name].value for name in starts} == starts
+    one = axis.at_starting_values("stribeck")
+    assert one.parameters["stribeck.delta_F"].value == starts["stribeck.delta_F"]
+    assert one.parameters["pressure_friction.k_p"].value == 0.0
+    assert axis.parameters["stribeck.delta_F"].value == 0.0
+    with pytest.raises(ModelError, match="the axis has no effect stribek"):
+        axis.at_starting_values("stribek")
+
+
+def test_a_start_outside_the_bounds_is_refused_and_follows_bounds_that_move():
+    with pytest.raises(
+        ModelError, match=r"c: a fit would start at 5 N, outside the bounds \[0, 2\]"
+    ):
+        Parameter("c", 0.0, "N", lower=0.0, upper=2.0, null=0.0, start=5.0)
+    wide = Parameters([Parameter("c", 0.0, "N", lower=0.0, upper=9.0, null=0.0, start=5.0)])
+    assert wide.bounded("c", 0.0, 2.0)["c"].start == 2.0
 
 
 def test_the_same_effect_twice_is_refused(made):
@@ -135,20 +172,6 @@ def test_asymmetric_viscous_friction_has_another_slope_each_way(made):
         f = odd.rhs.jacobian()
         damping = -float(f([0, v], [0], odd.parameters.values, 0)[0][1, 1]) * 18.0
         assert damping == pytest.approx(slope, rel=1e-9)
-
-
-def test_the_valve_lag_is_a_first_order_lag_of_its_time_constant(made):
-    tau = 0.02
-    axis = made.true_axis(ValveLag()).with_parameters({"valve_lag.tau": tau})
-    f, theta = axis.rhs, axis.parameters.values
-    x = np.array([4e5, 5e5, 0.0, 0.0, 0.0, 0.0])
-    A = f.jacobian()(x, [1.0, -1.0], theta, 0)[0].full()[4:, 4:]
-    # Pole of a lag of tau with the regularising millisecond on top.
-    np.testing.assert_allclose(A, -np.eye(2) / (tau + 1e-3), rtol=1e-12)
-    q = axis.valve_flow(x, [1.0, -1.0], theta).full().ravel()
-    share = 1e-3 / (tau + 1e-3)
-    flow = axis.flow
-    np.testing.assert_allclose(q, [flow(share, 4e5), flow(-share, 5e5)], rtol=1e-10)
 
 
 def test_an_effect_may_be_written_with_casadi_functions_on_a_spline_axis(made):
