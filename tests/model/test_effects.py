@@ -120,9 +120,7 @@ def test_effects_are_put_where_a_fit_starts_all_or_by_name(made):
 
 
 def test_a_start_outside_the_bounds_is_refused_and_follows_bounds_that_move():
-    with pytest.raises(
-        ModelError, match=r"c: a fit would start at 5 N, outside the bounds \[0, 2\]"
-    ):
+    with pytest.raises(ModelError, match="c: a fit would start at 5 N, outside"):
         Parameter("c", 0.0, "N", lower=0.0, upper=2.0, null=0.0, start=5.0)
     wide = Parameters([Parameter("c", 0.0, "N", lower=0.0, upper=9.0, null=0.0, start=5.0)])
     assert wide.bounded("c", 0.0, 2.0)["c"].start == 2.0
