@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.pipeline import Identification
 from pneumo_casadi.report.figures.style import (
     BLACK,
@@ -23,6 +24,8 @@ from pneumo_casadi.report.tables import output_error_half_width, wls_half_width
 
 #: Correlations of at least this size are written into their cell.
 WRITTEN = 0.5
+#: More parameters leave no room for numbers in the cells.
+FEW = 16
 
 
 def forest_figure(found: Identification) -> Figure:
@@ -60,12 +63,16 @@ def correlation_figure(found: Identification) -> Figure:
     estimate = found.output_error.estimate
     names = [n for n in found.wls.names if n in estimate.names]
     at = [estimate.names.index(n) for n in names]
-    matrix = estimate.correlation[np.ix_(at, at)]
+    return matrix_figure(estimate.correlation[np.ix_(at, at)], names)
+
+
+def matrix_figure(matrix: FloatArray, names: Sequence[str]) -> Figure:
+    """Draw a correlation matrix, large entries written out."""
     figure = new_figure(80.0)
     axes = figure.add_subplot()
     image = axes.imshow(matrix, vmin=-1, vmax=1, cmap="PuOr")
     for i, j in np.argwhere(np.abs(matrix) >= WRITTEN):
-        if i != j:
+        if i != j and len(names) <= FEW:
             dark = abs(matrix[i, j]) > 0.75
             axes.text(
                 j, i, f"{matrix[i, j]:.2f}".replace("0.", "."), ha="center", va="center",
@@ -74,8 +81,9 @@ def correlation_figure(found: Identification) -> Figure:
     labels = [SYMBOLS.get(n, n) for n in names]
     dress(axes)
     axes.grid(False)
-    axes.set_xticks(range(len(names)), labels)
-    axes.set_yticks(range(len(names)), labels)
+    turn, size = (0, SMALL) if len(names) <= FEW else (90, SMALL - 2)
+    axes.set_xticks(range(len(names)), labels, rotation=turn, fontsize=size)
+    axes.set_yticks(range(len(names)), labels, fontsize=size)
     bar = figure.colorbar(image, ax=axes, shrink=0.85, pad=0.02)
     bar.set_label("correlation [1]", fontsize=TEXT)
     bar.ax.tick_params(labelsize=SMALL, width=0.6, length=2.5)
