@@ -167,6 +167,31 @@ def test_equations_stay_finite_at_every_corner_of_the_bounds(pair, made):
             assert np.isfinite(f(full, u, one.parameters.values).full()).all(), ends
 
 
+def test_the_derivative_at_the_null_is_the_slope_on_its_way_in_and_not_all_zero(pair, made):
+    """A screen of effects at the nominal fit stands on these derivatives."""
+    axis, nominal = pair
+    theta, rng = axis.parameters.values, np.random.default_rng(11)
+    derivatives = [(f, f.jacobian()) for f in (axis.rhs, axis.output)]
+    largest = 0.0
+    for i in range(20):
+        full, u = drawn(axis, nominal, made, rng, slow=0.05 if i % 2 else 1.0)
+        for f, derivative in derivatives:
+            J = derivative(full, u, theta, 0)[2].full() * axis.parameters.scales
+            size = np.abs(f(full, u, theta).full()).ravel() + axis.state_scales[: f.size1_out(0)]
+            for k in range(len(nominal.parameters), len(axis.parameters)):
+                item = axis.parameters.items[k]
+                if not item.free:
+                    continue
+                h = 1e-5 if item.null < item.upper else -1e-5
+                moved = theta.copy()
+                moved[k] += h * item.scale
+                slope = (f(full, u, moved) - f(full, u, theta)).full().ravel() / h
+                error = np.abs(slope - J[:, k]) / size
+                assert error.max() < 0.02 * np.abs(J[:, k] / size).max() + 1e-6, item.name
+                largest = max(largest, np.abs(J[:, k] / size).max())
+    assert largest > 1e-6
+
+
 def test_every_free_parameter_changes_the_axis_where_a_fit_starts(pair, started, made):
     axis, nominal = pair
     rng = np.random.default_rng(2)
