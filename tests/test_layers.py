@@ -25,6 +25,7 @@ LAYERS = [
     ["output_error"],
     ["uncertainty"],
     ["validation"],
+    ["flow_sensitivity"],
     ["caveats", "pipeline", "result_file", "trajectory_file"],
     ["report"],
     ["terminal"],
