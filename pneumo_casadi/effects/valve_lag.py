@@ -4,11 +4,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from pneumo_casadi.effect import Effect, Expression, Pair, Scope, State
+from pneumo_casadi.effects.regular_lag import lag_rate, lagged
 from pneumo_casadi.parameters import Parameter
-
-#: Time constant of the numerator [s]. It keeps the null value regular: at tau = 0 pole and
-#: zero cancel, the axis is the nominal one, and the derivative to tau is that of a true lag.
-TAU_REGULAR = 1e-3
 
 
 class ValveLag(Effect):
@@ -19,6 +16,11 @@ class ValveLag(Effect):
     """
 
     name = "valve_lag"
+    equation = "τ u̇_s + u_s = u, for both spools"
+    source = "first-order part of `valve_dynamics`"
+    shows = "mass flow balances, when the command changes fast"
+    confused_with = ("valve_dynamics", "hose", "position_delay", "pressure_sensor_lag")
+    separated_by = "a multisine of the command up to the bandwidth of the spool"
     parameters = (
         Parameter(
             "tau",
@@ -28,6 +30,7 @@ class ValveLag(Effect):
             upper=0.2,
             scale=5e-3,
             null=0.0,
+            start=3e-3,
             description="time constant of the spool beyond the command",
             source="bandwidth of 5-250 Hz for proportional spool valves",
         ),
@@ -39,12 +42,13 @@ class ValveLag(Effect):
         return {"u_P": entering["spool"].P, "u_N": entering["spool"].N}
 
     def rates(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
-        """Let the state follow the command with time constant τ₀ + τ."""
+        """Let the state follow the command."""
         u = entering["spool"]
-        total = TAU_REGULAR + at["tau"]
-        return {"u_P": (u.P - at["u_P"]) / total, "u_N": (u.N - at["u_N"]) / total}
+        return {
+            "u_P": lag_rate(u.P, at["u_P"], at["tau"]),
+            "u_N": lag_rate(u.N, at["u_N"], at["tau"]),
+        }
 
     def spool(self, u: Pair, at: Scope) -> Pair:
-        """Blend command and state so that numerator and denominator cancel at τ = 0."""
-        share = at["tau"] / (TAU_REGULAR + at["tau"])
-        return Pair(u.P - share * (u.P - at["u_P"]), u.N - share * (u.N - at["u_N"]))
+        """Let the spool come late."""
+        return Pair(lagged(u.P, at["u_P"], at["tau"]), lagged(u.N, at["u_N"], at["tau"]))
