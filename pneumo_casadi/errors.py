@@ -32,3 +32,7 @@ class FitError(PneumoError, RuntimeError):
     def __init__(self, message: str, partial: Any = None) -> None:
         super().__init__(message)
         self.partial = partial
+
+
+class MissingExtraError(PneumoError, ImportError):
+    """A part that needs an optional dependency: install the extra that the message names."""

@@ -1,0 +1,169 @@
+"""Question: is the virtual bench sound, and is it the model's axis when every effect is off.
+
+Part one stays within the bench: balances of mass and energy, convergence with the step, rest,
+end stops. Part two sets it beside the CasADi model on the same inputs: a valve that both can
+describe (no clearance, one subsonic index) with its known parameters, sensors that show the state,
+without Coulomb friction and with it, for friction ever closer to set-valued (v_s → 0). Axes are
+random; seeds are counted from 0.
+"""
+
+import argparse
+import json
+import os
+import platform
+import time
+from collections.abc import Mapping
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import casadi
+import numba
+import numpy as np
+
+from pneumo_casadi import __version__
+from pneumo_casadi.flow import FlowISO6358
+from pneumo_casadi.parameters import Parameter, Parameters
+from pneumo_casadi.servosystem import Servosystem
+from pneumo_casadi.simulation import simulate
+from pneumo_casadi.testbed import BenchAxis, Experiment, random_axis, run_bench, sanity
+from pneumo_casadi.testbed.kernels import layout
+from pneumo_casadi.testbed.sanity import STEPS
+
+FS = 1000.0
+WIDTHS = (1e-2, 1e-3, 1e-4)
+
+
+def common_axis(axis: BenchAxis) -> BenchAxis:
+    """Return the axis with a valve that the model can describe too, and ideal sensors."""
+    valve = replace(
+        axis.valve, lap_supply=0.0, lap_exhaust=0.0, clearance=0.0, m_supply=0.5, m_exhaust=0.5
+    )
+    return replace(axis, valve=valve).with_ideal_sensors()
+
+
+def known_flow(axis: BenchAxis) -> FlowISO6358:
+    """Return the model's valve with the parameters of the bench's."""
+    valve = axis.valve
+    values: dict[str, float] = {}
+    for side in ("supply", "exhaust"):
+        values |= {
+            f"k_{side}": getattr(valve, f"k_{side}"),
+            f"u_0_{side}": 0.0,
+            f"w_{side}": 1e-9,
+            f"h_{side}": 0.0,
+            f"C_leak_{side}": getattr(valve, f"leak_{side}"),
+            f"b_{side}": getattr(valve, f"b_{side}"),
+        }
+    values["m"] = valve.m_supply
+    known = Parameters([Parameter(name, value, "1") for name, value in values.items()])
+    return FlowISO6358(
+        known,
+        np.zeros((len(known), len(known))),
+        0.0,
+        (axis.p_ext, axis.p_supply),
+        (-3.0, 3.0),
+        axis.p_supply,
+        axis.p_ext,
+        T=axis.T,
+    )
+
+
+def differences(axis: BenchAxis, v_s: float, duration: float, seed: int) -> dict[str, float]:
+    """Return how far model and bench part on the same inputs, in per cent of the signal's range."""
+    drive = Experiment.of("chirp_and_squares").excitation(axis, FS, duration, seed)
+    found = run_bench(axis, drive, (), FS)
+    order = [layout.GAS_P, layout.GAS_N, layout.X, layout.V]
+    states = found.states[:, order]
+    truth: Mapping[str, float] = {**axis.truth, "v_s": v_s}
+    bench = replace(axis.described(FS, axis.M), S_P=axis.S_P, S_N=axis.S_N, p_supply=axis.p_supply)
+    model = Servosystem(bench, known_flow(axis)).with_parameters(truth)
+    simulated = simulate(model, found.rows[:, :2], 1 / FS, states[0])
+    # The simulation goes on for one sample more, over which the last input is held.
+    apart = np.abs(simulated.x[:, : len(states)].T - states).max(axis=0)
+    percent = 100 * apart / np.ptp(states, axis=0)
+    return dict(zip(("p_P", "p_N", "x", "v"), percent.tolist(), strict=True))
+
+
+def agreement(seed: int, duration: float) -> dict[str, Any]:
+    """Compare model and bench without and with Coulomb friction."""
+    axis = common_axis(random_axis(seed))
+    smooth = replace(axis, F_c_plus=0.0, F_c_minus=0.0)
+    return {
+        "without_coulomb_friction": differences(smooth, 1e-3, duration, seed),
+        "with_coulomb_friction": {
+            f"v_s = {v_s:g} m/s": differences(axis, v_s, duration, seed) for v_s in WIDTHS
+        },
+    }
+
+
+def speed() -> dict[str, float]:
+    """Return the times of a run of 20 s at 5 kHz, sensors and all [s]: first and best of three."""
+    axis = random_axis(0)
+    drive = Experiment.of("chirp_and_squares").excitation(axis, 5000.0, 20.0, 0)
+    times = []
+    for _ in range(4):
+        began = time.perf_counter()
+        run_bench(axis, drive, (), 5000.0, keep_states=False)
+        times.append(time.perf_counter() - began)
+    return {"first_seconds": times[0], "seconds": min(times[1:])}
+
+
+def run(axes: int, duration: float) -> dict[str, Any]:
+    """Examine random axes."""
+    return {
+        "speed_20_s_at_5_kHz": speed(),
+        "axes": {
+            str(seed): {
+                **asdict(sanity(seed=seed, duration=duration)),
+                "agreement_percent": agreement(seed, duration),
+            }
+            for seed in range(axes)
+        },
+    }
+
+
+def report(result: dict[str, Any]) -> None:
+    """Print the figures, one line an axis."""
+    print(f"20 s at 5 kHz: {result['speed_20_s_at_5_kHz']['seconds']:.2f} s")
+    for seed, one in result["axes"].items():
+        found = one["agreement_percent"]
+        sharp = list(found["with_coulomb_friction"].values())[-1]["x"]
+        print(
+            f"axis {seed}: balances of mass {one['mass_error']:.1e}, energy "
+            f"{one['energy_error']:.1e}; step {STEPS[-1]:g} s: {one['step_errors'][-1]:.1e} of the "
+            f"motion, order {one['order']:.1f}; model x: "
+            f"{found['without_coulomb_friction']['x']:.1e} % without friction, {sharp:.3f} % with "
+            f"v_s = {WIDTHS[-1]:g} m/s"
+        )
+
+
+def main() -> None:
+    """Run the benchmark from the command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--json", type=Path, help="write the figures to this file")
+    parser.add_argument("--quick", action="store_true", help="one axis and two seconds")
+    arguments = parser.parse_args()
+    axes, duration = (1, 2.0) if arguments.quick else (5, 20.0)
+    result = run(axes, duration)
+    result |= {
+        "machine": f"{platform.machine()} {platform.system()}, {os.cpu_count()} CPUs",
+        "versions": {
+            "pneumo_casadi": __version__,
+            "casadi": casadi.CasadiMeta.version(),
+            "numba": numba.__version__,
+            "numpy": np.__version__,
+        },
+        "seed": list(range(axes)),
+        "duration_seconds": duration,
+        "quick": arguments.quick,
+    }
+    report(result)
+    if arguments.json is not None:
+        partial = arguments.json.with_suffix(".part")
+        partial.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+        partial.replace(arguments.json)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,72 @@
+"""Compilation of the bench's kernels by numba, cached by content.
+
+Numba's own cache looks only at the file of the compiled function, so that a change in a kernel
+that is called from another file would go unnoticed; here the folder carries a hash of all of
+them. It lies in the user's cache, so the package may be read-only.
+"""
+
+import hashlib
+import logging
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+from pneumo_casadi.errors import MissingExtraError
+
+try:
+    import numba
+except ImportError as error:
+    raise MissingExtraError(
+        "the virtual bench runs compiled and needs numba, which is not installed: "
+        "pip install 'pneumo-casadi[bench]'"
+    ) from error
+
+logger = logging.getLogger(__name__)
+
+Kernel = TypeVar("Kernel", bound=Callable[..., Any])
+
+#: Environment variable that names the cache folder of the package.
+FOLDER = "PNEUMO_CASADI_CACHE"
+
+
+def kernel(function: Kernel) -> Kernel:
+    """Compile a function that other kernels call; it is compiled into them."""
+    return cast(Kernel, numba.njit(error_model="numpy")(function))
+
+
+def entry(function: Kernel) -> Kernel:
+    """Compile a function that Python calls, and keep the machine code for the next process."""
+    folder = _folder()
+    if folder is None:
+        return kernel(function)
+    config: Any = numba.config
+    before = config.CACHE_DIR
+    try:
+        config.CACHE_DIR = str(folder)  # read when the function is declared
+        return cast(Kernel, numba.njit(error_model="numpy", cache=True)(function))
+    except RuntimeError as error:  # numba found no place that can be written
+        logger.warning("kernels are not cached: %s", error)
+        return kernel(function)
+    finally:
+        config.CACHE_DIR = before
+
+
+def _folder() -> Path | None:
+    """Return the folder of the compiled kernels, None where none is this user's alone."""
+    home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    base = Path(os.environ.get(FOLDER) or Path(home) / "pneumo_casadi")
+    sources = sorted(Path(__file__).parent.rglob("*.py"))
+    key = hashlib.sha256(b"\0".join(path.read_bytes() for path in sources)).hexdigest()
+    folder = base / f"bench-{key[:16]}"
+    try:
+        base.mkdir(mode=0o700, parents=True, exist_ok=True)
+        folder.mkdir(mode=0o700, exist_ok=True)
+        state = folder.stat()
+    except OSError as error:
+        logger.warning("kernels are not cached (%s); set %s to a folder of yours", error, FOLDER)
+        return None
+    if hasattr(os, "getuid") and (state.st_uid != os.getuid() or state.st_mode & 0o022):
+        logger.warning("kernels are not cached: others may write to %s", folder)
+        return None
+    return folder

@@ -1,0 +1,1 @@
+"""Kernels of the virtual bench: the physics, compiled."""
