@@ -34,7 +34,6 @@ from pneumo_casadi.effects.table import row_of as row_of
 from pneumo_casadi.effects.valve_dead_zone import ValveDeadZone as ValveDeadZone
 from pneumo_casadi.effects.valve_dynamics import ValveDynamics as ValveDynamics
 from pneumo_casadi.effects.valve_hysteresis import ValveHysteresis as ValveHysteresis
-from pneumo_casadi.effects.valve_lag import ValveLag as ValveLag
 from pneumo_casadi.effects.valve_mismatch import ValveMismatch as ValveMismatch
 from pneumo_casadi.effects.valve_null_shift import ValveNullShift as ValveNullShift
 

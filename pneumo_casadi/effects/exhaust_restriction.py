@@ -32,11 +32,11 @@ class ExhaustRestriction(Effect):
             "1/m⁴",
             lower=0.0,
             upper=1e11,
-            scale=1e8,
+            scale=5e8,
             null=0.0,
-            start=5e8,
+            start=1e9,
             description="turbulent resistance of the silencer, Δp = R q²/ρ",
-            source="0.05-1 bar at 10 g/s: 5e7 to 2e9 1/m⁴",
+            source="0.1-1 bar at 5 g/s: 5e8 to 7e9 1/m⁴",
         ),
     )
     states = (State("q_e", "kg/s", 5e-3),)

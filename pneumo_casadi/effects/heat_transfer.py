@@ -23,7 +23,8 @@ class HeatTransfer(Effect):
         V ṗ / (γ r T₀) + p V̇ / (r T₀) = (T_f / T₀) q + (γ − 1) Q / (γ r T₀)
         Ṫ = (γ − 1) T / (p V) (c_p T_f q − c_v T q − p V̇ + Q),   Q = h A(x) (T₀ − T)
 
-    with T_f = T₀ for air that comes in and T for air that goes out. The left-hand side is
+    with T_f = T₀ for air that comes in and T for air that goes out, and what a valve lets out
+    goes with √(T₀/T), as every orifice does in its upstream temperature (ISO 6358). The left-hand side is
     that of eq. 1 with k = γ, so the right-hand side is the flow that would raise the pressure
     alike. The chamber's volume is read off X_s (V = r T₀ X_s3 (X_s1/X_s2 + x)) and its wall
     area off the bench (two piston areas and the barrel, A = 2 S + 2 √(π S) V/S).
@@ -62,7 +63,7 @@ class HeatTransfer(Effect):
             "h",
             50.0,
             "W/(m² K)",
-            lower=1.0,
+            lower=0.0,
             upper=1000.0,
             scale=30.0,
             null=50.0,
@@ -81,6 +82,10 @@ class HeatTransfer(Effect):
             "dT_N": _warming(at, "N", q.N, at.p.N, -at.v),
         }
 
+    def valve_flow(self, q_m: Pair, at: Scope) -> Pair:
+        """Let the air out at its own temperature: warm air is thinner."""
+        return Pair(_thinned(at, "P", q_m.P), _thinned(at, "N", q_m.N))
+
     def chamber_energy(self, q_m: Pair, at: Scope) -> Pair:
         """Add the heat, and what the outgoing air's temperature makes of its flow."""
         return Pair(_equivalent(at, "P", q_m.P), _equivalent(at, "N", q_m.N))
@@ -95,11 +100,21 @@ def _geometry(at: Scope, chamber: str) -> tuple[Expression, Expression, Expressi
     return swept * length, swept, 2 * S + 2 * ca.sqrt(ca.pi * S) * length
 
 
+def _temperature(at: Scope, chamber: str) -> Expression:
+    T_0 = at.axis["T"]
+    return ca.fmax(T_0 + at[f"dT_{chamber}"], T_LEAST * T_0)
+
+
+def _thinned(at: Scope, chamber: str, q: Expression) -> Expression:
+    factor = ca.sqrt(at.axis["T"] / _temperature(at, chamber))
+    return ca.fmax(q, 0.0) + (1 + at["share"] * (factor - 1)) * ca.fmin(q, 0.0)
+
+
 def _warming(
     at: Scope, chamber: str, q: Expression, p: Expression, outward: Expression
 ) -> Expression:
     T_0, dT, r = at.axis["T"], at[f"dT_{chamber}"], at.axis["r"]
-    T = ca.fmax(T_0 + dT, T_LEAST * T_0)
+    T = _temperature(at, chamber)
     V, S, wall = _geometry(at, chamber)
     heat = -at["h"] * wall * dT
     # r/(γ − 1) is c_v; the flow brings c_p T_f and must be brought to c_v T.

@@ -42,9 +42,9 @@ class Hose(Effect):
             upper=2e11,
             scale=1e9,
             null=0.0,
-            start=2e9,
+            start=5e9,
             description="turbulent resistance, Δp = R q²/ρ",
-            source="λ L/(2 d A²): 1e8 (1 m of 8 mm) to 1e10 1/m⁴ (2 m of 4 mm), λ = 0.025",
+            source="λ L/(2 d A²): 6e8 (1 m of 8 mm) to 4e10 1/m⁴ (2 m of 4 mm), λ = 0.025",
         ),
         Parameter(
             "delay",

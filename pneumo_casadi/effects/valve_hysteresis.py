@@ -61,4 +61,6 @@ class ValveHysteresis(Effect):
 
 
 def _within(u: Expression, z: Expression, h: Expression) -> Expression:
-    return u + ca.fmin(ca.fmax(z - u, -h), h)
+    # As a sum, the clip has a derivative to h where h is zero; nested, it would be a tie.
+    e = z - u
+    return u + (e - ca.fmax(e - h, 0.0) + ca.fmax(-e - h, 0.0))

@@ -9,8 +9,10 @@ from dataclasses import replace
 import numpy as np
 
 from pneumo_casadi.compilation import compiled
+from pneumo_casadi.effect import Effect, Pair, State
 from pneumo_casadi.flow import FlowMap, fit_polynomials, fit_spline, orifice_flow
 from pneumo_casadi.integration import Stepping, held_inputs, step_function
+from pneumo_casadi.parameters import Parameter
 from pneumo_casadi.recording import (
     Bench,
     ForceBench,
@@ -56,6 +58,29 @@ TRUE = {
 }
 FORCE_TRUE = {"M": 18.0, "f_v": 25.0, "F_c_plus": 12.0, "F_c_minus": 17.0, "v_s": 5e-3}
 MAP_NOISE = 8e-6
+
+
+class ValveLag(Effect):
+    """A spool of first order on both valves: an effect with as few states as can be.
+
+    Spool over command is (1 + τ₀ s) / (1 + (τ₀ + τ) s) with τ₀ = 1 ms.
+    """
+
+    name = "valve_lag"
+    parameters = (Parameter("tau", 0.0, "s", lower=0.0, upper=0.2, scale=5e-3, null=0.0),)
+    states = (State("u_P", "V"), State("u_N", "V"))
+    tau_0 = 1e-3
+
+    def rest(self, entering, at):
+        return {"u_P": entering["spool"].P, "u_N": entering["spool"].N}
+
+    def rates(self, entering, at):
+        u, total = entering["spool"], self.tau_0 + at["tau"]
+        return {"u_P": (u.P - at["u_P"]) / total, "u_N": (u.N - at["u_N"]) / total}
+
+    def spool(self, u, at):
+        share = at["tau"] / (self.tau_0 + at["tau"])
+        return Pair(u.P - share * (u.P - at["u_P"]), u.N - share * (u.N - at["u_N"]))
 
 
 def _orifices():

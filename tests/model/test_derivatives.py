@@ -3,17 +3,17 @@
 import numpy as np
 import pytest
 
-from pneumo_casadi.effects import Stribeck, ValveLag
+from pneumo_casadi.effects import Stribeck
 from pneumo_casadi.integration import Stepping, held_inputs, step_function
 from pneumo_casadi.recording import InputHold
 
 AXES = {
     "polynomials": lambda made: made.true_axis(),
     "spline": lambda made: made.spline_axis(),
-    "states of an effect": lambda made: made.true_axis(ValveLag(), Stribeck()).with_parameters(
+    "states of an effect": lambda made: made.true_axis(made.ValveLag(), Stribeck()).with_parameters(
         {"valve_lag.tau": 8e-3, "stribeck.delta_F": 6.0}
     ),
-    "spline and states": lambda made: made.spline_axis(ValveLag()).with_parameters(
+    "spline and states": lambda made: made.spline_axis(made.ValveLag()).with_parameters(
         {"valve_lag.tau": 8e-3}
     ),
     "force": lambda made: made.true_force_axis(Stribeck()),

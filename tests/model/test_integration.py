@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from pneumo_casadi.effects import Stribeck, ValveLag
+from pneumo_casadi.effects import Stribeck
 from pneumo_casadi.integration import (
     Stepping,
     held_inputs,
@@ -149,7 +149,7 @@ def test_effects_that_stiffen_the_axis_get_their_own_substeps(made):
 
 
 def test_a_lag_sampled_slowly_stays_stable(made):
-    axis = made.true_axis(ValveLag())
+    axis = made.true_axis(made.ValveLag())
     nominal = made.true_axis().with_parameters({"v_s": 1.0})
     axis = axis.with_parameters({"v_s": 1.0})
     assert substeps_for(nominal, 8e-3) == 1 and substeps_for(axis, 8e-3) == 8

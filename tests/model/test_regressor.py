@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pneumo_casadi.effect import Effect, State
-from pneumo_casadi.effects import AsymmetricViscousFriction, Stribeck, ValveLag
+from pneumo_casadi.effects import AsymmetricViscousFriction, Stribeck
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.parameters import Parameter
 
@@ -73,7 +73,7 @@ def test_true_parameters_close_the_balances_of_the_model_itself(made):
 
 
 def test_linear_effects_join_the_regressor_with_their_own_column(made):
-    axis = made.true_axis(AsymmetricViscousFriction(), Stribeck(), ValveLag())
+    axis = made.true_axis(AsymmetricViscousFriction(), Stribeck(), made.ValveLag())
     extra = ("asymmetric_viscous_friction.delta_f_v", "stribeck.delta_F")
     assert axis.regressor_names == (*NOMINAL, *extra)
     v = 0.03
@@ -163,7 +163,7 @@ class Slow(Effect):
 
 def test_states_of_effects_rest_in_the_regressor_even_behind_each_other(made):
     nominal, rng = made.true_axis(), np.random.default_rng(3)
-    for effects in ((ValveLag(), Slow()), (Slow(), ValveLag())):
+    for effects in ((made.ValveLag(), Slow()), (Slow(), made.ValveLag())):
         axis = made.true_axis(*effects).with_parameters({"valve_lag.tau": 0.02})
         assert axis.regressor_names == NOMINAL
         for _ in range(5):

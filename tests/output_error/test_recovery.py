@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from pneumo_casadi.effects import Stribeck, ValveLag
+from pneumo_casadi.effects import Stribeck
 from pneumo_casadi.output_error import Method, OutputErrorOptions, fit_output_error
 from pneumo_casadi.recording import InputHold, SensorNoise
 
@@ -193,7 +193,7 @@ def test_linear_and_zero_hold_are_not_confused(made, start, servo):
 
 
 def test_effects_with_and_without_states_are_recovered_with_the_axis(made, start):
-    effects = (ValveLag(), Stribeck())
+    effects = (made.ValveLag(), Stribeck())
     values = {"valve_lag.tau": 8e-3, "stribeck.delta_F": 12.0, "stribeck.v_stribeck": 0.03}
     axis = made.true_axis(*effects).with_parameters(values)
     u, x = made.controlled(axis, 1500)

@@ -1,0 +1,245 @@
+"""The air obeys its laws: mass, energy, choking, against equations typed out here."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from pneumo_casadi.effects import (
+    ExhaustRestriction,
+    HeatTransfer,
+    Hose,
+    LeakageN,
+    LeakageP,
+    PistonSealLeakage,
+    SupplyDroop,
+)
+from pneumo_casadi.flow import fit_iso6358, orifice_flow
+
+P_SUPPLY, P_EXT, T_0, R_AIR = 7e5, 1e5, 293.15, 287.0
+GAMMA = 1.4
+U, CLOSED = [1.5, -1.0], [0.0, 0.0]
+
+
+def rates(axis, x, u=CLOSED):
+    return axis.rhs(x, u, axis.parameters.values).full().ravel()
+
+
+def stored_rate(axis, x, u=CLOSED):
+    """Mass flow into each chamber that the rates of the pressures imply [kg/s]."""
+    p, dp = axis.parameters, rates(axis, x, u)
+    X = [p[f"X_s{i}"].value for i in range(1, 7)]
+    return np.array(
+        [
+            (X[0] + X[1] * x[2]) * dp[0] + X[2] * x[0] * x[3],
+            (X[3] - X[4] * x[2]) * dp[1] - X[5] * x[1] * x[3],
+        ]
+    )
+
+
+def started(made, effect, **values):
+    axis = made.true_axis(effect).at_starting_values()
+    return axis.with_parameters({f"{effect.name}.{name}": v for name, v in values.items()})
+
+
+@pytest.mark.parametrize("p", [(6e5, 2e5), (3e5, 5e5), (4e5, 4e5), (4.01e5, 4e5)])
+def test_what_leaves_one_chamber_past_the_piston_arrives_in_the_other(made, p):
+    axis, x = started(made, PistonSealLeakage()), [*p, 0.05, 0.3]
+    leak = stored_rate(axis, x) - stored_rate(made.true_axis(), x)
+    assert leak.sum() == pytest.approx(0.0, abs=1e-15)
+    assert np.sign(leak[1]) == np.sign(p[0] - p[1])
+
+
+@pytest.mark.parametrize(("effect", "chamber"), [(LeakageP(), 0), (LeakageN(), 1)])
+def test_a_leak_empties_its_chamber_alone_and_is_choked_far_above_the_outside(
+    made, effect, chamber
+):
+    axis, nominal, C = started(made, effect), made.true_axis(), 3e-10
+    for p in (2e5, 4e5, 6e5):
+        x = [p, p, 0.0, 0.0]
+        leak = stored_rate(axis, x) - stored_rate(nominal, x)
+        assert leak[1 - chamber] == 0.0
+        assert leak[chamber] == pytest.approx(-float(orifice_flow(C, 0.4, 0.5, p, P_EXT, T_0)))
+        if p > P_EXT / 0.4:  # choked: C ρ₀ p, whatever is outside
+            assert leak[chamber] == pytest.approx(-C * 1.185 * p, rel=1e-9)
+    x = [P_EXT, P_EXT, 0.0, 0.0]
+    np.testing.assert_allclose(stored_rate(axis, x), stored_rate(nominal, x), atol=1e-18)
+
+
+@pytest.fixture
+def thermal(made):
+    """Make an axis whose X_s are those of given volumes and the adiabatic exponent."""
+
+    def build(h, sealed=False):
+        V_P, V_N, S_P, S_N = 2.9e-4, 2.0e-4, made.BENCH.S_P, made.BENCH.S_N
+        axis = made.true_axis(HeatTransfer())
+        rT = R_AIR * T_0
+        X = [V_P / GAMMA, S_P / GAMMA, S_P, V_N / GAMMA, S_N / GAMMA, S_N]
+        values = {f"X_s{i + 1}": value / rT for i, value in enumerate(X)}
+        values |= {"heat_transfer.share": 1.0, "heat_transfer.h": h, "M": 5.0}
+        if sealed:
+            values |= dict.fromkeys(axis.flow.parameters.names, 0.0)
+        axis = axis.with_parameters(axis.parameters.bounded("heat_transfer.h", 0.0, 1e7))
+        axis = axis.with_parameters(values)
+        return axis, SimpleNamespace(V_P=V_P, V_N=V_N, S_P=S_P, S_N=S_N)
+
+    return build
+
+
+def run(f, x_0, seconds):
+    t = np.linspace(0.0, seconds, 41)
+    found = solve_ivp(f, (0.0, seconds), x_0, "LSODA", t, rtol=1e-9, atol=1e-10)
+    assert found.success
+    return found.y
+
+
+def simulated(axis, x_0, u, seconds):
+    theta = axis.parameters.values
+    full = axis.rest(x_0, u, theta).full().ravel()
+    return run(lambda t, x: axis.rhs(x, u, theta).full().ravel(), full, seconds)
+
+
+def test_heat_transfer_is_the_mass_and_energy_balance_of_both_chambers(made, thermal):
+    """Against states of its own: mass and internal energy, integrated by SciPy."""
+    h = 80.0
+    axis, g = thermal(h)
+    p, flow = axis.parameters.as_dict(), axis.flow
+    c_v = R_AIR / (GAMMA - 1)
+    c_p = GAMMA * c_v
+
+    def gas(m, E, V, S, command):
+        T, pressure = E / (m * c_v), (GAMMA - 1) * E / V
+        q = float(flow(command, pressure))
+        q_out = max(-q, 0.0) * np.sqrt(T_0 / T)
+        q_in = max(q, 0.0)
+        wall = 2 * S + 2 * np.sqrt(np.pi * S) * V / S
+        power = c_p * (T_0 * q_in - T * q_out) + h * wall * (T_0 - T)
+        return pressure, T, q_in - q_out, power
+
+    def derivative(t, z):
+        m_P, E_P, m_N, E_N, x, v = z
+        p_P, _, dm_P, power_P = gas(m_P, E_P, g.V_P + g.S_P * x, g.S_P, U[0])
+        p_N, _, dm_N, power_N = gas(m_N, E_N, g.V_N - g.S_N * x, g.S_N, U[1])
+        s = np.tanh(v / p["v_s"])
+        friction = p["f_v"] * v + p["F_c_plus"] * (1 + s) / 2 - p["F_c_minus"] * (1 - s) / 2
+        F = g.S_P * p_P - g.S_N * p_N - (g.S_P - g.S_N) * P_EXT - friction
+        return [dm_P, power_P - p_P * g.S_P * v, dm_N, power_N + p_N * g.S_N * v, v, F / p["M"]]
+
+    p_0 = (3e5, 4e5)
+    mass = [p_0[0] * g.V_P / (R_AIR * T_0), p_0[1] * g.V_N / (R_AIR * T_0)]
+    start = [mass[0], mass[0] * c_v * T_0, mass[1], mass[1] * c_v * T_0, 0.0, 0.0]
+    m_P, E_P, m_N, E_N, x, v = run(derivative, start, 0.3)
+    found = simulated(axis, [*p_0, 0.0, 0.0], U, 0.3)
+    own = [(GAMMA - 1) * E_P / (g.V_P + g.S_P * x), (GAMMA - 1) * E_N / (g.V_N - g.S_N * x), x, v]
+    own += [E_P / (m_P * c_v) - T_0, E_N / (m_N * c_v) - T_0]
+    assert np.ptp(own[4]) > 10, "the air hardly warms: nothing is tested"
+    for one, other in zip(found, own, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-5, atol=1e-5 * np.abs(other).max())
+
+
+@pytest.mark.parametrize(("h", "k"), [(0.0, GAMMA), (1e6, 1.0)])
+def test_a_sealed_chamber_is_adiabatic_without_exchange_and_isothermal_with_much(thermal, h, k):
+    axis, g = thermal(h, sealed=True)
+    p_P, p_N, x, _, dT_P, _ = simulated(axis, [4e5, 4e5, 0.0, 1.5], CLOSED, 0.2)
+    for p, V in ((p_P, g.V_P + g.S_P * x), (p_N, g.V_N - g.S_N * x)):
+        assert np.ptp(V) / V[0] > 0.1
+        np.testing.assert_allclose(p * V**k, p[0] * V[0] ** k, rtol=2e-3 if h else 1e-6)
+        if not h:
+            np.testing.assert_allclose((p * V)[-1] / (p * V)[0], 1 + _warmth(p, V), rtol=1e-6)
+    assert np.abs(dT_P).max() < 0.2 if h else np.abs(dT_P).max() > 5.0
+
+
+def _warmth(p, V):
+    """Relative rise of temperature that the adiabatic law gives."""
+    return (V[0] / V[-1]) ** (GAMMA - 1) - 1
+
+
+def iso_axis(made, effect, **values):
+    axis = made.true_axis(effect, flow=fit_iso6358(made.smooth_map(), T=T_0))
+    return axis.with_parameters({f"{effect.name}.{name}": v for name, v in values.items()})
+
+
+def through_valves(axis, x, u):
+    return axis.valve_flow(x, u, axis.parameters.values).full().ravel()
+
+
+def test_an_exhaust_restriction_is_not_felt_while_the_valve_is_choked(made):
+    axis = iso_axis(made, ExhaustRestriction(), R=5e8)
+    for p, felt in ((6e5, False), (1.6e5, True)):
+        free, held = (through_valves(axis, [p, p, 0, 0, q_e], [-2, 0]) for q_e in (0.0, 6e-3))
+        if felt:
+            assert 0.3 < held[0] / free[0] < 0.97
+        else:
+            assert held[0] == pytest.approx(free[0], rel=1e-6)
+
+
+def test_the_silencer_passes_what_the_valves_let_out_at_darcys_pressure(made):
+    axis = iso_axis(made, ExhaustRestriction(), R=5e8)
+    x, u = [5e5, 5e5, 0.0, 0.0, 0.0], [-2.0, 0.5]
+    q = through_valves(axis, x, u)
+    assert q[0] < 0 < q[1]
+    assert rates(axis, x, u)[-1] == pytest.approx(-q[0] / 2e-3)
+    q_e = 8e-3
+    back = np.sqrt(P_EXT**2 + 2 * R_AIR * T_0 * 5e8 * q_e**2)
+    low = [0.5 * (back + P_EXT), 5e5, 0.0, 0.0]  # below the back pressure: the flow turns round
+    assert through_valves(axis, [*low, 0.0], u)[0] < 0 < through_valves(axis, [*low, q_e], u)[0]
+
+
+def test_the_reservoir_gains_what_the_regulator_gives_and_loses_what_the_valves_draw(made):
+    V, C = 1e-3, 5e-9
+    axis = started(made, SupplyDroop(), per_volume=1 / V, C=C)
+    for d in (0.0, 2e4, 1.5e5):
+        x = [3e5, 3e5, 0.0, 0.0, d]
+        for u in ([2.0, 1.0], [2.0, -1.0]):
+            drawn = np.maximum(through_valves(axis, x, u), 0.0).sum()
+            given = float(orifice_flow(C, 0.3, 0.5, P_SUPPLY, P_SUPPLY - d, T_0))
+            lost = V / (R_AIR * T_0) * rates(axis, x, u)[-1]
+            assert lost == pytest.approx(drawn - given, rel=1e-9, abs=1e-15)
+    still = rates(axis, [P_SUPPLY, P_SUPPLY, 0.0, 0.0, 0.0])
+    assert still[-1] == pytest.approx(0.0, abs=1.0)
+
+
+def response(axis, x, u, output=0):
+    """Static gain and delay from u_P to the rate of a pressure, over the effect's states."""
+    n = 4
+    J = axis.rhs.jacobian()(x, u, axis.parameters.values, 0)
+    by_x, by_u = J[0].full(), J[1].full()
+    A, b = by_x[n:, n:], by_u[n:, 0]
+    c, d = by_x[output, n:], by_u[output, 0]
+    inner = np.linalg.solve(A, b)
+    static = d - c @ inner
+    return static, c @ np.linalg.solve(A, inner) / static
+
+
+def test_a_hose_delays_the_flow_and_loses_none_of_it(made):
+    x = [3e5, 4e5, 0.0, 0.0]
+    nominal = made.true_axis()
+    static, _ = response(nominal.with_effects(Hose()), at_rest(nominal.with_effects(Hose()), x), U)
+    for delay in (1e-4, 2e-3, 2e-2):
+        axis = started(made, Hose(), R=0.0, delay=delay)
+        full = at_rest(axis, x)
+        np.testing.assert_allclose(rates(axis, full, U)[:4], rates(nominal, x, U), rtol=1e-12)
+        np.testing.assert_allclose(rates(axis, full, U)[4:], 0.0, atol=1e-12)
+        gain, lag = response(axis, full, U)
+        # What is under way is the delay times the flow: the delay of a slow flow is exact.
+        assert lag == pytest.approx(delay, rel=1e-9) and gain == pytest.approx(static, rel=1e-9)
+
+
+def at_rest(axis, x, u=U):
+    return axis.rest(x, u, axis.parameters.values).full().ravel()
+
+
+def test_the_valve_sees_the_pressure_that_the_hose_takes(made):
+    R, p = 2e9, 3e5
+    axis, flow = started(made, Hose(), R=R), made.true_flow()
+    q = 5e-3
+    x = [p, p, 0.0, 0.0, q, q, -q, -q]
+    before = np.sqrt(p**2 + 2 * R_AIR * T_0 * R * q * np.array([q, -q]))
+    wanted = [float(flow(1.5, before[0])), float(flow(-1.0, before[1]))]
+    np.testing.assert_allclose(through_valves(axis, x, U), wanted, rtol=1e-9)
+    # Without flow a hose takes nothing.
+    np.testing.assert_array_equal(
+        through_valves(axis, [p, p, 0, 0, 0, 0, 0, 0], U),
+        through_valves(made.true_axis(), x[:4], U),
+    )

@@ -1,0 +1,161 @@
+"""Spools: their dynamics, their edges, their play, and the shape that a map shows of them."""
+
+import numpy as np
+import pytest
+
+from pneumo_casadi.effects import (
+    FlowMapShape,
+    ValveDeadZone,
+    ValveDynamics,
+    ValveHysteresis,
+    ValveMismatch,
+    ValveNullShift,
+)
+from pneumo_casadi.effects.flow_map_shape import measured_flow_map_shape
+from pneumo_casadi.errors import ModelError
+from pneumo_casadi.flow import FlowMap, fit_polynomials
+from pneumo_casadi.integration import Stepping, step_function
+from pneumo_casadi.recording import InputHold
+
+P = (4e5, 5e5)
+
+
+def made_with(made, effect, **values):
+    axis = made.true_axis(effect)
+    return axis.with_parameters({f"{effect.name}.{name}": v for name, v in values.items()})
+
+
+def opening(axis, u, extra=()):
+    """Opening of each valve as the command that would give its flow, both signs alike."""
+    theta = axis.parameters.values
+    q = axis.valve_flow([*P, 0.0, 0.0, *extra], u, theta).full().ravel()
+    found = []
+    for one, p in zip(q, P, strict=True):
+        closed = axis.flow(0.0, p)
+        side = 1.0 if one > closed else -1.0
+        found.append(side * float((one - closed) / (axis.flow(side, p) - closed)))
+    return np.array(found)
+
+
+def test_the_spool_is_a_second_order_system_of_its_natural_frequency_and_damping(made):
+    for tau, zeta in ((0.02, 0.7), (0.05, 0.4), (0.02, 1.2)):
+        axis = made_with(made, ValveDynamics(), tau=tau, zeta=zeta)
+        x = [*P, 0.0, 0.0, 1.0, 0.0, -1.0, 0.0]
+        A = axis.rhs.jacobian()(x, [1.0, -1.0], axis.parameters.values, 0)[0].full()[4:6, 4:6]
+        omega, damping = np.sqrt(np.linalg.det(A)), -np.trace(A) / 2
+        # The regularising zeros, 1/20 and 1/50 of τ² away, are all that differs.
+        assert omega == pytest.approx(2 * zeta / tau, rel=0.01)
+        assert damping / omega == pytest.approx(zeta, rel=0.01)
+        np.testing.assert_allclose(opening(axis, [1.0, -1.0], x[4:]), [1.0, -1.0], rtol=1e-9)
+
+
+def test_a_slow_command_is_delayed_by_tau_at_any_size_of_it(made):
+    for tau in (0.0, 1e-4, 1e-3, 3e-2):
+        axis = made_with(made, ValveDynamics(), tau=tau)
+        J = axis.rhs.jacobian()([*P, 0, 0, 1, 0, -1, 0], [1, -1], axis.parameters.values, 0)
+        by_x, by_u = J[0].full(), J[1].full()
+        A, b, c, d = by_x[4:, 4:], by_u[4:, 0], by_x[0, 4:], by_u[0, 0]
+        inner = np.linalg.solve(A, b)
+        lag = c @ np.linalg.solve(A, inner) / (d - c @ inner)
+        assert lag == pytest.approx(tau, abs=1e-12)
+
+
+def steps(axis, x, commands, dt=1e-3):
+    step = step_function(axis, Stepping(dt, InputHold.ZERO, 10))
+    chain = step.mapaccum(len(commands))
+    theta = np.tile(axis.parameters.values[:, None], (1, len(commands)))
+    return np.hstack([np.reshape(x, (-1, 1)), chain(x, np.array(commands).T, theta).full()])
+
+
+def test_the_spool_moves_no_faster_than_its_slew_allows(made):
+    held = [*P, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+    commands = [[3.0, -3.0]] * 60
+    limit = 100.0
+    for slew, limited in ((0.0, False), (1 / limit, True)):
+        axis = made_with(made, ValveDynamics(), tau=5e-3, slew=slew)
+        w = steps(axis, held, commands)[4]
+        fastest = np.diff(w).max() / 1e-3
+        assert fastest < limit if limited else fastest > 3 * limit
+        assert w[-1] == pytest.approx(3.0, rel=0.05)
+
+
+def test_the_dead_zone_closes_its_width_and_shortens_the_rest(made):
+    delta = 0.1
+    axis = made_with(made, ValveDeadZone(), delta=delta)
+    for u in (0.5, 2.0):
+        np.testing.assert_allclose(opening(axis, [u, -u]), [u - delta, delta - u], atol=2e-4)
+    for u in (0.0, 0.05):
+        assert np.abs(opening(axis, [u, -u])).max() < 1e-3
+    grid = np.linspace(-0.3, 0.3, 61)
+    found = np.array([opening(axis, [u, u])[0] for u in grid])
+    assert np.all(np.diff(found) >= 0)
+    np.testing.assert_allclose(found, -found[::-1], atol=1e-12)
+
+
+def test_null_shift_and_mismatch_act_on_the_valve_they_name(made):
+    shifted = made_with(made, ValveNullShift(), u_0P=0.1, u_0N=-0.2)
+    np.testing.assert_allclose(opening(shifted, [1.0, -1.0]), [1.1, -1.2], rtol=1e-9)
+    unequal = made_with(made, ValveMismatch(), epsilon=0.1)
+    np.testing.assert_allclose(opening(unequal, [1.0, -1.0]), [1.0, -1.1], rtol=1e-9)
+
+
+def test_the_play_holds_the_spool_until_the_command_has_crossed_it(made):
+    h = 0.1
+    axis = made_with(made, ValveHysteresis(), h=h)
+    sweep = np.concatenate([np.linspace(0.5, 1.5, 200), np.linspace(1.5, 0.5, 200), [0.5] * 200])
+    x = steps(axis, [*P, 0.0, 0.0, 0.5, -0.5], np.column_stack([sweep, -sweep]))
+    z = x[4, 1:]
+    up, turn, down, hold = z[150], z[215], z[380], z[-1]
+    assert up == pytest.approx(sweep[150] - h, abs=6e-3)
+    assert turn == pytest.approx(1.4, abs=6e-3)  # within the play nothing moves
+    assert down == pytest.approx(sweep[380] + h, abs=6e-3)
+    assert hold == pytest.approx(0.6, abs=1e-6)  # and nothing creeps
+    assert opening(axis, [0.5, -0.5], [hold, -hold])[0] == pytest.approx(0.6, abs=1e-6)
+
+
+def test_the_derivative_to_the_play_at_none_is_that_of_true_play(made):
+    axis = made_with(made, ValveHysteresis(), h=0.0)
+    at = axis.parameters.index("valve_hysteresis.h")
+    gain = float(axis.flow(1.0, P[0]) - axis.flow(0.5, P[0])) / 0.5
+    for lag, sign in ((-1e-4, -1.0), (1e-4, 1.0)):
+        J = axis.valve_flow.jacobian()(
+            [*P, 0, 0, 1.0 + lag, -1.0], [1.0, -1.0], axis.parameters.values, 0
+        )
+        assert float(J[2][0, at]) == pytest.approx(sign * gain, rel=1e-9)
+
+
+def bent_map(made):
+    """A metered valve with edges that open more than in proportion, and differently."""
+    table = made.smooth_map()
+    bent = np.where(table.u > 0, table.u + 0.06 * table.u**2, table.u - 0.03 * table.u**2)
+    straight = fit_polynomials(table, (5, 5, 5))
+    return FlowMap(table.u, table.p, straight(bent, table.p), table.p_supply, table.p_ext, "bent")
+
+
+def test_a_bent_map_is_met_by_its_shape_and_not_by_polynomials(made):
+    table = bent_map(made)
+    flow = fit_polynomials(table, (5, 5, 5))
+    shape = measured_flow_map_shape(table, flow)
+    axis = made.true_axis(shape, flow=flow).at_starting_values()
+    theta = axis.parameters.values
+    points = np.column_stack([table.p, table.p, 0 * table.p, 0 * table.p]).T
+    commands = np.column_stack([table.u, table.u]).T
+    q = axis.valve_flow.map(table.n)(points, commands, theta[:, None]).full()[0]
+    # What is left lies at u = 0, where the polynomials' φ was bent too and a valve is closed.
+    open_ = table.u != 0
+    assert np.std((table.q_m - q)[open_]) < 0.2 * np.std(flow.residuals(table)[open_])
+    made_of = measured_flow_map_shape(table, flow, n_u=1, n_p=1)
+    assert made_of.coefficients.shape == (2, 1, 1)
+
+
+def test_the_shape_of_a_map_needs_both_sides(made):
+    table = made.smooth_map()
+    flow, keep = fit_polynomials(table, (3, 3, 3)), table.u >= 0
+    half = FlowMap(table.u[keep], table.p[keep], table.q_m[keep], table.p_supply, table.p_ext)
+    with pytest.raises(ModelError, match="meter both sides"):
+        measured_flow_map_shape(half, flow)
+
+
+def test_the_generic_bend_opens_by_its_square(made):
+    axis = made_with(made, FlowMapShape(), c_plus=0.05, c_minus=0.02)
+    np.testing.assert_allclose(opening(axis, [2.0, -2.0]), [2.2, -2.08], rtol=1e-9)
