@@ -1,4 +1,4 @@
-"""Records made with an effect at its starting values, and the fit that must find it again."""
+"""Axes with each effect of the catalogue; an axis moved by hand; records and the fit of them."""
 
 from dataclasses import dataclass
 
@@ -6,13 +6,46 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from pneumo_casadi.axis import FORCE_DRIVEN, PNEUMATIC
 from pneumo_casadi.compilation import compiled
+from pneumo_casadi.effects import CATALOGUE
 from pneumo_casadi.integration import Stepping, step_function
 from pneumo_casadi.output_error import OutputErrorOptions, fit_output_error
 from pneumo_casadi.recording import InputHold
 
 #: Steps per sample with which records are integrated, four times what a fit takes or more.
 FINE = 8
+
+
+KINDS = {"servo": "true_axis", "force-driven": "true_force_axis"}
+JUNCTIONS_OF = {"servo": PNEUMATIC, "force-driven": FORCE_DRIVEN}
+
+
+def fits(effect, kind):
+    """Whether an effect belongs on an axis of a kind."""
+    there = set(effect().junctions) <= JUNCTIONS_OF[kind]
+    return there and (kind == "servo" or not effect.needs_chambers)
+
+
+CASES = [(name, kind) for name, effect in CATALOGUE.items() for kind in KINDS if fits(effect, kind)]
+
+
+@pytest.fixture(scope="session")
+def nominals(made):
+    return {kind: getattr(made, make)() for kind, make in KINDS.items()}
+
+
+@pytest.fixture(scope="session")
+def members():
+    """Effects of the catalogue by the kind of axis on which they belong."""
+    return {kind: [CATALOGUE[name] for name, on in CASES if on == kind] for kind in KINDS}
+
+
+@pytest.fixture(scope="module", params=CASES, ids=" on ".join)
+def pair(request, nominals):
+    """The axis with one effect at its null values, and the nominal axis."""
+    name, kind = request.param
+    return nominals[kind].with_effects(CATALOGUE[name]()), nominals[kind]
 
 
 @dataclass(frozen=True)

@@ -1,42 +1,17 @@
 """The contract of every effect in the catalogue: a new one is tested without writing a test."""
 
 import pickle
-from itertools import combinations
 
 import numpy as np
 import pytest
 
-from pneumo_casadi.axis import FORCE_DRIVEN, PNEUMATIC, V_S_SHARP
-from pneumo_casadi.effect import JUNCTIONS, NOMINAL, Effect
-from pneumo_casadi.effects import CATALOGUE, catalogue_table
+from pneumo_casadi.axis import V_S_SHARP
+from pneumo_casadi.effects import CATALOGUE
 from pneumo_casadi.integration import Stepping, step_function, substeps_for
 from pneumo_casadi.recording import InputHold
 
-KINDS = {"servo": "true_axis", "force-driven": "true_force_axis"}
-JUNCTIONS_OF = {"servo": PNEUMATIC, "force-driven": FORCE_DRIVEN}
 #: Most Runge-Kutta steps per millisecond that an effect may ask for where a fit starts.
 MOST_SUBSTEPS = 8
-
-
-def fits(effect, kind):
-    """Whether an effect belongs on an axis of a kind."""
-    there = set(effect().junctions) <= JUNCTIONS_OF[kind]
-    return there and (kind == "servo" or not effect.needs_chambers)
-
-
-CASES = [(name, kind) for name, effect in CATALOGUE.items() for kind in KINDS if fits(effect, kind)]
-
-
-@pytest.fixture(scope="module")
-def nominals(made):
-    return {kind: getattr(made, make)() for kind, make in KINDS.items()}
-
-
-@pytest.fixture(scope="module", params=CASES, ids=" on ".join)
-def pair(request, nominals):
-    """The axis with one effect at its null values, and the nominal axis."""
-    name, kind = request.param
-    return nominals[kind].with_effects(CATALOGUE[name]()), nominals[kind]
 
 
 @pytest.fixture(scope="module")
@@ -56,48 +31,6 @@ def drawn(axis, nominal, made, rng, slow=1.0):
     full = at_rest(axis, x, u)
     full[len(x) :] += 0.1 * axis.state_scales[len(x) :] * rng.standard_normal(full.size - len(x))
     return full, u
-
-
-@pytest.mark.parametrize("effect", CATALOGUE.values(), ids=CATALOGUE)
-def test_an_effect_declares_what_it_is(effect):
-    one = effect()
-    assert isinstance(one, Effect) and CATALOGUE[one.name] is effect
-    assert one.junctions and set(one.junctions) <= set(JUNCTIONS)
-    assert one.parameters and one.__doc__
-    for text in (one.equation, one.source, one.shows, one.separated_by):
-        assert text and text == text.strip()
-    assert one.confused_with and one.name not in one.confused_with
-    unknown = set(one.confused_with) - {*CATALOGUE, *NOMINAL}
-    assert not unknown, f"{one.name} is confused with what is not in the catalogue: {unknown}"
-    assert one.name in {name for name, _ in CASES}, f"{one.name} fits no axis"
-    assert all(state.unit and state.scale > 0 for state in one.states)
-
-
-@pytest.mark.parametrize("effect", CATALOGUE.values(), ids=CATALOGUE)
-def test_parameters_are_documented_and_their_bounds_bracket_null_and_start(effect):
-    for item in effect.parameters:
-        assert item.unit and item.description and item.source, item.name
-        assert item.value == item.null, f"{item.name} does not begin at its null value"
-        assert item.lower < item.upper and item.lower <= item.null <= item.upper, item.name
-        assert np.isfinite([item.lower, item.upper]).all(), f"{item.name} is not bounded"
-        start = item.null if item.start is None else item.start
-        assert item.lower <= start <= item.upper, item.name
-        inside = item.lower < start < item.upper
-        assert inside or not item.free, f"a fit of {item.name} starts at a bound"
-        assert 0 < item.scale <= item.upper - item.lower, item.name
-    moved = [item for item in effect.parameters if item.start not in (None, item.null)]
-    assert moved, f"{effect.name} starts at its null values: no fit would find a shape"
-
-
-def test_the_table_of_the_catalogue_holds_every_effect_as_it_declares_itself():
-    rows = catalogue_table()
-    assert [row.name for row in rows] == list(CATALOGUE)
-    for row in rows:
-        effect = CATALOGUE[row.name]
-        assert row.junctions == effect().junctions and row.parameters == effect.parameters
-        assert (row.equation, row.source) == (effect.equation, effect.source)
-        assert (row.shows, row.confused_with) == (effect.shows, effect.confused_with)
-        assert (row.separated_by, row.states) == (effect.separated_by, effect.states)
 
 
 def test_at_null_values_the_axis_is_the_nominal_one(pair, made):
@@ -266,53 +199,43 @@ def test_the_regressor_of_an_effect_reproduces_its_equations_where_its_states_re
         np.testing.assert_allclose(balances / (np.abs(Y.ravel()) + 1e-6), 0.0, atol=near)
 
 
-def numbers(axis, x, dx, u):
-    """All that the balances say at a point, as numbers by name."""
-    theta = axis.parameters.as_dict()
-    written = axis.balances(
-        [x[name] for name in axis.states], [dx[name] for name in axis.states], u, theta
-    )
-    parts = (written.residual, written.rates, written.output, written.rest)
-    return {name: float(value) for part in parts for name, value in part.items()}
+@pytest.fixture(scope="module")
+def commanded(made, nominals):
+    """Commands and first state of each nominal axis under control for 0.8 s."""
+    runs = {kind: made.controlled(axis, 800, substeps=4) for kind, axis in nominals.items()}
+    return {kind: (u, x[:, 0]) for kind, (u, x) in runs.items()}
 
 
-def test_any_two_effects_compose_and_their_order_matters_only_at_a_shared_junction(made, nominals):
-    rng, ordered = np.random.default_rng(8), 0
-    for kind, nominal in nominals.items():
-        effects = [cls() for cls in CATALOGUE.values() if fits(cls, kind)]
-        x, u = made.states(nominal, rng)
-        for one, two in combinations(effects, 2):
-            both = (nominal.with_effects(*e).at_starting_values() for e in ((one, two), (two, one)))
-            first, second = both
-            state = dict(zip(nominal.states, x, strict=True))
-            for name, scale in zip(first.states, first.state_scales, strict=True):
-                state.setdefault(name, 0.3 * scale)
-            rate = dict.fromkeys(first.states, 0.1)
-            a, b = (numbers(axis, state, rate, u) for axis in (first, second))
-            assert a.keys() == b.keys() and np.isfinite([*a.values(), *b.values()]).all()
-            if not set(one.junctions) & set(two.junctions):
-                assert a == pytest.approx(b, rel=1e-12), f"{one.name}, {two.name}"
-                ordered += 1
-    assert ordered > 20
+def shown(axis, u, x_0, values):
+    """Outputs over sensor noise along a free run, one column."""
+    theta = axis.parameters.with_values(values).values
+    step = step_function(axis, Stepping(1e-3, InputHold.ZERO, substeps_for(axis, 1e-3)))
+    start = axis.rest(x_0, u[0], theta).full()
+    N = len(u)
+    x = step.mapaccum(N)(start, u.T, np.tile(theta[:, None], (1, N)))
+    y = axis.output.map(N)(x, u.T, np.tile(theta[:, None], (1, N))).full()
+    sigma = np.array([getattr(axis.bench.noise, name[0]) for name in axis.outputs])
+    return (y / sigma[:, None]).ravel()
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_the_whole_catalogue_at_once_is_nominal_at_null_and_finite_at_its_start(
-    made, nominals, kind
+def test_a_record_holds_information_on_each_free_parameter_beside_the_others(
+    pair, started, commanded
 ):
-    nominal = nominals[kind]
-    axis = nominal.with_effects(*(cls() for cls in CATALOGUE.values() if fits(cls, kind)))
-    x, u = made.states(nominal, np.random.default_rng(9))
-    still = np.array([4e5, 5e5, 0.0, 0.0])[-len(x) :]
-    full, n = at_rest(axis, x, u), len(x)
-    plain = nominal.rhs(x, u, nominal.parameters.values).full()
-    found = axis.rhs(full, u, axis.parameters.values).full()
-    np.testing.assert_allclose(found[:n], plain, rtol=1e-9)
-    start = axis.at_starting_values()
-    derivative = axis.rhs.jacobian()
-    for point in (x, still):
-        for block in derivative(at_rest(start, point, u), u, start.parameters.values, 0):
-            assert np.isfinite(block.full()).all()
+    """Freed in an output-error fit at its start, an effect has a finite covariance."""
+    axis, nominal = pair
+    kind = "servo" if axis.flow is not None else "force-driven"
+    u, x_0 = commanded[kind]
+    added = [item for item in started.parameters.items[len(nominal.parameters) :] if item.free]
+    columns = []
+    for item in added:
+        h = 1e-3 * item.scale
+        ends = (shown(started, u, x_0, {item.name: item.value + side * h}) for side in (1, -1))
+        columns.append(np.subtract(*ends) / 2e-3)
+    J = np.array(columns).T
+    assert np.isfinite(J).all() and np.linalg.matrix_rank(J) == len(added)
+    std = np.sqrt(np.diag(np.linalg.inv(J.T @ J)))
+    known = {item.name: value for item, value in zip(added, std, strict=True)}
+    assert max(known.values()) < 1, f"standard deviations in units of the scales: {known}"
 
 
 PASSIVE = [name for name, effect in CATALOGUE.items() if effect.passive]

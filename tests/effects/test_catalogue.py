@@ -1,0 +1,128 @@
+"""The catalogue: what effects declare, the index, the table, and how all of them compose."""
+
+import ast
+import inspect
+from collections import Counter
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pneumo_casadi
+from pneumo_casadi.effect import JUNCTIONS, NOMINAL, Effect
+from pneumo_casadi.effects import CATALOGUE, catalogue_table
+
+PACKAGE = Path(pneumo_casadi.__file__).parent
+
+
+@pytest.mark.parametrize("effect", CATALOGUE.values(), ids=CATALOGUE)
+def test_an_effect_declares_what_it_is(effect, members):
+    one = effect()
+    assert isinstance(one, Effect) and CATALOGUE[one.name] is effect
+    assert one.junctions and set(one.junctions) <= set(JUNCTIONS)
+    assert one.parameters and one.__doc__
+    for text in (one.equation, one.source, one.shows, one.separated_by):
+        assert text and text == text.strip()
+    assert one.confused_with and one.name not in one.confused_with
+    unknown = set(one.confused_with) - {*CATALOGUE, *NOMINAL}
+    assert not unknown, f"{one.name} is confused with what is not in the catalogue: {unknown}"
+    assert any(effect in some for some in members.values()), f"{one.name} fits no axis"
+    assert all(state.unit and state.scale > 0 for state in one.states)
+
+
+@pytest.mark.parametrize("effect", CATALOGUE.values(), ids=CATALOGUE)
+def test_parameters_are_documented_and_their_bounds_bracket_null_and_start(effect):
+    for item in effect.parameters:
+        assert item.unit and item.description and item.source, item.name
+        assert item.value == item.null, f"{item.name} does not begin at its null value"
+        assert item.lower < item.upper and item.lower <= item.null <= item.upper, item.name
+        assert np.isfinite([item.lower, item.upper]).all(), f"{item.name} is not bounded"
+        start = item.null if item.start is None else item.start
+        assert item.lower <= start <= item.upper, item.name
+        inside = item.lower < start < item.upper
+        assert inside or not item.free, f"a fit of {item.name} starts at a bound"
+        assert 0 < item.scale <= item.upper - item.lower, item.name
+    moved = [item for item in effect.parameters if item.start not in (None, item.null)]
+    assert moved, f"{effect.name} starts at its null values: no fit would find a shape"
+
+
+def test_the_index_names_an_effect_once_and_no_other_file_but_its_own_does():
+    """So a new one is a new file and a line."""
+    index = PACKAGE / "effects" / "__init__.py"
+    used = {path: names_in(path) for path in PACKAGE.rglob("*.py")}
+    for effect in CATALOGUE.values():
+        own = Path(inspect.getfile(effect))
+        naming = {path for path, names in used.items() if names[effect.__name__]}
+        assert naming - {own} == {index}, effect.name
+        assert used[index][effect.__name__] == 1
+
+
+def names_in(path):
+    """How often a module imports or uses each name."""
+    nodes = ast.walk(ast.parse(path.read_text("utf-8")))
+    kinds = {ast.Name: "id", ast.Attribute: "attr", ast.alias: "name"}
+    return Counter(getattr(node, kinds[type(node)]) for node in nodes if type(node) in kinds)
+
+
+def test_the_table_of_the_catalogue_holds_every_effect_as_it_declares_itself():
+    rows = catalogue_table()
+    assert [row.name for row in rows] == list(CATALOGUE)
+    for row in rows:
+        effect = CATALOGUE[row.name]
+        assert row.junctions == effect().junctions and row.parameters == effect.parameters
+        assert (row.equation, row.source) == (effect.equation, effect.source)
+        assert (row.shows, row.confused_with) == (effect.shows, effect.confused_with)
+        assert (row.separated_by, row.states) == (effect.separated_by, effect.states)
+
+
+def numbers(axis, x, dx, u):
+    """All that the balances say at a point, as numbers by name."""
+    theta = axis.parameters.as_dict()
+    written = axis.balances(
+        [x[name] for name in axis.states], [dx[name] for name in axis.states], u, theta
+    )
+    parts = (written.residual, written.rates, written.output, written.rest)
+    return {name: float(value) for part in parts for name, value in part.items()}
+
+
+def test_any_two_effects_compose_and_their_order_matters_only_at_a_shared_junction(
+    made, nominals, members
+):
+    rng, ordered = np.random.default_rng(8), 0
+    for kind, nominal in nominals.items():
+        effects = [cls() for cls in members[kind]]
+        x, u = made.states(nominal, rng)
+        for one, two in combinations(effects, 2):
+            both = (nominal.with_effects(*e).at_starting_values() for e in ((one, two), (two, one)))
+            first, second = both
+            state = dict(zip(nominal.states, x, strict=True))
+            for name, scale in zip(first.states, first.state_scales, strict=True):
+                state.setdefault(name, 0.3 * scale)
+            rate = dict.fromkeys(first.states, 0.1)
+            a, b = (numbers(axis, state, rate, u) for axis in (first, second))
+            assert a.keys() == b.keys() and np.isfinite([*a.values(), *b.values()]).all()
+            if not set(one.junctions) & set(two.junctions):
+                assert a == pytest.approx(b, rel=1e-12), f"{one.name}, {two.name}"
+                ordered += 1
+    assert ordered > 20
+
+
+@pytest.mark.parametrize("kind", ["servo", "force-driven"])
+def test_the_whole_catalogue_at_once_is_nominal_at_null_and_finite_at_its_start(
+    made, nominals, members, kind
+):
+    nominal = nominals[kind]
+    axis = nominal.with_effects(*(cls() for cls in members[kind]))
+    x, u = made.states(nominal, np.random.default_rng(9))
+    still = np.array([4e5, 5e5, 0.0, 0.0])[-len(x) :]
+    full, n = axis.rest(x, u, axis.parameters.values), len(x)
+    plain = nominal.rhs(x, u, nominal.parameters.values).full()
+    found = axis.rhs(full, u, axis.parameters.values).full()
+    np.testing.assert_allclose(found[:n], plain, rtol=1e-9)
+    start = axis.at_starting_values()
+    derivative = axis.rhs.jacobian()
+    for point in (x, still):
+        at = start.rest(point, u, start.parameters.values)
+        for block in derivative(at, u, start.parameters.values, 0):
+            assert np.isfinite(block.full()).all()
