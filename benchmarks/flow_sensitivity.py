@@ -1,0 +1,349 @@
+"""Question: how do X_s, k_P and k_N move with the approximation of the flow map.
+
+Data: ``table1/`` and ``practice/p01_none/`` (20 s each), recorded from a bench program that shares
+no equation with this package; true parameters are known. The map is written in several forms,
+metered with errors in gain and pressure and with noise (drawn from given seeds), and held fixed,
+anchored or left out in output error (OE). Windows of 0.5 s, in which a map held fixed leads no
+trajectory astray, serve all fits; whole records are set beside them.
+
+Figures: errors of X_s, k_P and k_N against the truth; shifts of the estimates by refitting and to
+first order.
+"""
+
+import argparse
+import json
+import os
+import platform
+import time
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor, ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import casadi
+import numpy as np
+import readme
+import scipy
+
+from pneumo_casadi import __version__
+from pneumo_casadi.flow import (
+    FlowMap,
+    fit_iso6358,
+    fit_polynomials,
+    fit_spline,
+    read_flow_map,
+)
+from pneumo_casadi.flow_sensitivity import (
+    Estimated,
+    FlowSensitivity,
+    MapSensitivity,
+    Metering,
+    Row,
+    Treatment,
+    flow_sensitivity,
+    map_sensitivity,
+)
+from pneumo_casadi.output_error import OutputErrorOptions, fit_output_error
+from pneumo_casadi.pipeline import open_case
+from pneumo_casadi.recording import Bench, Case
+from pneumo_casadi.regression import fit_wls
+from pneumo_casadi.report import paper
+from pneumo_casadi.report.figures.flow_sensitivity import flow_sensitivity_figure
+from pneumo_casadi.servosystem import Servosystem
+
+DEGREES = ((3, 3, 3), (5, 5, 4), (7, 7, 4), (7, 7, 7), (9, 9, 9), (12, 12, 12))
+#: The form whose map is metered wrongly.
+METERED = (9, 9, 9)
+NOISES = (0.001, 0.003, 0.01)
+ERRORS = (
+    Metering(gain=0.01),
+    Metering(gain_filling=0.01),
+    Metering(gain_exhaust=0.01),
+    Metering(pressure_offset=1000.0),
+)
+WINDOW = 0.5
+CHAMBERS = tuple(f"X_s{i}" for i in range(1, 7))
+RATIOS = ("k_P", "k_N")
+
+
+@dataclass(frozen=True)
+class Known:
+    """A case with its flow map and its true parameters."""
+
+    case: Case
+    bench: Bench
+    table: FlowMap
+    truth: Mapping[str, float]
+
+
+def load(folder: Path, name: str) -> Known:
+    """Load a case by its name below the data folder."""
+    case = open_case(folder / name)
+    bench = case.bench
+    assert isinstance(bench, Bench) and case.flow_map_path is not None
+    table = read_flow_map(case.flow_map_path, p_ext=bench.p_ext)
+    # The practice benches were metered at supply pressures of their own.
+    table = replace(table, p_supply=bench.p_supply)
+    if name == "table1":
+        truth = {n: value for n, (value, _) in paper.TABLE_1.items()}
+    else:
+        labels = json.loads((folder / "practice" / "labels.json").read_text("utf-8"))
+        truth = chamber_parameters(labels[case.name]["truth"], bench.r * bench.T)
+    truth |= {"k_P": truth["X_s3"] / truth["X_s2"], "k_N": truth["X_s6"] / truth["X_s5"]}
+    return Known(case, bench, table, truth)
+
+
+def chamber_parameters(true: Mapping[str, float], rT: float) -> dict[str, float]:
+    """Return X_s1 ... X_s6 and the mechanical parameters of a labelled case (eq. 10 and 11)."""
+    found = {}
+    for chamber, first in (("P", 1), ("N", 4)):
+        V, S, k = (true[f"{name}"] for name in (f"V{chamber}0", f"S{chamber}", f"k{chamber}"))
+        found |= {f"X_s{first}": V / (k * rT), f"X_s{first + 1}": S / (k * rT)}
+        found |= {f"X_s{first + 2}": S / rT}
+    names = {"M": "M", "f_v": "fv", "F_c_plus": "Fcp", "F_c_minus": "Fcm"}
+    return found | {name: true[label] for name, label in names.items()}
+
+
+def label(degrees: Sequence[int]) -> str:
+    """Return degrees as the README writes them."""
+    return "-".join(map(str, degrees))
+
+
+def study(
+    known: Known,
+    forms: Mapping[str, Any],
+    executor: Executor,
+    *,
+    window: float | None = WINDOW,
+    held_out: bool = False,
+    seconds: float | None = None,
+    **more: Any,
+) -> FlowSensitivity:
+    """Run a study on a case, on the first seconds of its records."""
+    records = known.case.identify
+    if seconds is not None:
+        records = tuple(r.window(r.t[0], r.t[0] + min(seconds, r.duration)) for r in records)
+    options = OutputErrorOptions(window=window)
+    return flow_sensitivity(
+        known.bench,
+        records,
+        known.table,
+        forms,
+        held_out=known.case.validate if held_out else (),
+        options=options,
+        executor=executor,
+        progress=lambda text, share: print(f"  {share:4.0%} {text}", flush=True),
+        **more,
+    )
+
+
+def errors(estimates: Mapping[str, Estimated], truth: Mapping[str, float]) -> dict[str, Any] | None:
+    """Return errors and deviations in per cent of the truth; None where there is no estimate."""
+    if not estimates:
+        return None
+    return {
+        name: {
+            "error_percent": 100 * (estimates[name].value / true - 1),
+            "std_percent": finite(100 * estimates[name].std / abs(true)),
+        }
+        for name, true in truth.items()
+        if name in estimates
+    }
+
+
+def finite(value: float) -> float | None:
+    """Return a number that JSON can hold."""
+    return value if np.isfinite(value) else None
+
+
+def described(row: Row, truth: Mapping[str, float]) -> dict[str, Any]:
+    """Return a row as plain values."""
+    return {
+        "form": row.variant.form,
+        "treatment": row.variant.treatment.value,
+        "status": row.status,
+        "map_error_percent": None if row.map_error is None else 100 * row.map_error,
+        "map_error_used_percent": (
+            None if row.map_error_used is None else 100 * row.map_error_used
+        ),
+        "wls": errors(row.wls, truth),
+        "output_error": errors(row.output_error, truth),
+        "held_out_percent": row.held_out,
+        "iterations": row.iterations,
+        "seconds": row.seconds,
+    }
+
+
+def moved(
+    found: Mapping[str, Estimated], reference: Mapping[str, Estimated]
+) -> dict[str, float] | None:
+    """Return the shift of each estimate in per cent."""
+    if not found or not reference:
+        return None
+    return {n: 100 * (found[n].value / reference[n].value - 1) for n in (*CHAMBERS, *RATIOS)}
+
+
+def linear(
+    sensitivity: MapSensitivity,
+    metering: Metering,
+    known: Known,
+    treatment: Treatment,
+    reference: Mapping[str, Estimated],
+) -> dict[str, float]:
+    """Return the shift to first order, in per cent of the estimate."""
+    shift = sensitivity.shift(flow_error(metering, known), treatment)
+    return {n: 100 * shift[n] / reference[n].value for n in (*CHAMBERS, *RATIOS)}
+
+
+def flow_error(metering: Metering, known: Known) -> Any:
+    """Return errors of the metered flows; a wrong pressure is a wrong flow at the right one."""
+    error = metering.flow_error(known.table)
+    if metering.pressure_offset:
+        flow = fit_polynomials(known.table, METERED)
+        u, p = known.table.u, known.table.p
+        error = error + flow(u, p - metering.pressure_offset) - flow(u, p)
+    return error
+
+
+def metering_errors(
+    known: Known, executor: Executor, seeds: int, seconds: float | None
+) -> dict[str, Any]:
+    """Return shifts of the estimates by errors of the map, by refitting and to first order."""
+    form = {label(METERED): partial(fit_polynomials, degrees=METERED)}
+    noises = [Metering(noise=noise, seed=seed) for noise in NOISES for seed in range(seeds)]
+    treatments = (Treatment.ANCHORED, Treatment.FIXED)
+    found = study(
+        known,
+        form,
+        executor,
+        seconds=seconds,
+        meterings=(Metering(), *ERRORS, *noises),
+        treatments=treatments,
+    )
+    sensitivity = first_order(known, seconds)
+    name = label(METERED)
+    shifts = []
+    for metering in ERRORS:
+        one: dict[str, Any] = {"metering": str(metering)}
+        for treatment in treatments:
+            row, plain = found.row(name, treatment, metering), found.row(name, treatment)
+            one["wls"] = moved(row.wls, plain.wls)
+            key = treatment.value
+            one[key] = moved(row.output_error, plain.output_error)
+            one[f"{key}_first_order"] = linear(
+                sensitivity, metering, known, treatment, plain.output_error
+            )
+        shifts.append(one)
+    spreads = [spread(known, found, sensitivity, noise, seeds) for noise in NOISES]
+    return {"form": name, "seconds": seconds, "shifts": shifts, "noise": spreads}
+
+
+def first_order(known: Known, seconds: float | None) -> MapSensitivity:
+    """Return the sensitivities of an anchored fit of the map as metered."""
+    records = known.case.identify
+    if seconds is not None:
+        records = tuple(r.window(r.t[0], r.t[0] + min(seconds, r.duration)) for r in records)
+    axis = Servosystem(known.bench, fit_polynomials(known.table, METERED))
+    start = axis.started_at(fit_wls(axis, records).parameters)
+    result = fit_output_error(start, records, known.table, OutputErrorOptions(window=WINDOW))
+    return map_sensitivity(result, known.table)
+
+
+def spread(
+    known: Known, found: FlowSensitivity, sensitivity: MapSensitivity, noise: float, seeds: int
+) -> dict[str, Any]:
+    """Return spreads of the estimates over seeds of the map's noise, and those to first order."""
+    names, form = (*CHAMBERS, *RATIOS), label(METERED)
+    drawn = [Metering(noise=noise, seed=seed) for seed in range(seeds)]
+    one: dict[str, Any] = {"noise_percent": 100 * noise, "seeds": seeds}
+    for treatment in (Treatment.ANCHORED, Treatment.FIXED):
+        plain = found.row(form, treatment).output_error
+        rows = [found.row(form, treatment, metering) for metering in drawn]
+        converged = [row.output_error for row in rows if row.converged]
+        one["wls"] = spread_percent([row.wls for row in rows], names)
+        one[treatment.value] = spread_percent(converged, names)
+        one[f"{treatment.value}_failed"] = seeds - len(converged)
+        std = sensitivity.std(noise * known.table.q_max, treatment)
+        one[f"{treatment.value}_first_order"] = {n: 100 * std[n] / plain[n].value for n in names}
+    return one
+
+
+def spread_percent(
+    found: Sequence[Mapping[str, Estimated]], names: Sequence[str]
+) -> dict[str, float] | None:
+    """Return the standard deviation of each estimate over replicates, in per cent."""
+    if len(found) < 2:
+        return None
+    values = {n: np.array([one[n].value for one in found]) for n in names}
+    return {n: float(100 * v.std(ddof=1) / abs(v.mean())) for n, v in values.items()}
+
+
+def forms_of(bench: Bench, quick: bool) -> dict[str, Any]:
+    """Return the forms that are compared."""
+    degrees = DEGREES[2:4] if quick else DEGREES
+    found: dict[str, Any] = {label(d): partial(fit_polynomials, degrees=d) for d in degrees}
+    return found if quick else found | {"ISO 6358": partial(fit_iso6358, T=bench.T)}
+
+
+def run(data: Path, executor: Executor, seeds: int, quick: bool) -> dict[str, Any]:
+    """Return the figures of the benchmark."""
+    began = time.perf_counter()
+    seconds = 4.0 if quick else None
+    table1 = load(data, "table1")
+    cases = {"table1": table1}
+    if not quick:
+        cases["p01_none"] = load(data, "practice/p01_none")
+    result: dict[str, Any] = {"forms": {}, "whole_records": {}}
+    for name, known in cases.items():
+        print(f"{name}: forms over windows of {WINDOW:g} s")
+        forms = forms_of(known.bench, quick)
+        found = study(known, forms, executor, held_out=not quick, seconds=seconds).rows
+        if not quick:
+            # A gain is all that output error may refine of a spline: held fixed, it is the same.
+            spline = {"spline": fit_spline}
+            found += study(known, spline, executor, treatments=(Treatment.FIXED,)).rows
+        result["forms"][name] = [described(row, known.truth) for row in found]
+        print(f"{name}: forms over whole records")
+        chosen = {n: f for n, f in forms.items() if n in ("7-7-4", "9-9-9", "ISO 6358")}
+        rows = study(known, chosen, executor, window=None, seconds=seconds).rows
+        result["whole_records"][name] = [described(row, known.truth) for row in rows]
+    print("table1: errors of the metered map")
+    result["metering"] = metering_errors(table1, executor, seeds, 4.0 if quick else 10.0)
+    commands = np.abs(np.concatenate([r["u_P"] for r in table1.case.identify]))
+    result["largest_command_V"] = float(commands.max())
+    result["metered_command_V"] = float(table1.table.u.max())
+    return result | {"seconds": time.perf_counter() - began}
+
+
+def main() -> None:
+    """Run the benchmark from the command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--data", type=Path, required=True, help="holds table1/ and practice/")
+    parser.add_argument("--json", type=Path, help="write the figures to this file")
+    parser.add_argument("--figure", type=Path, help="write the figure to this PNG file")
+    parser.add_argument("--seeds", type=int, default=10, help="replicates of the map's noise")
+    parser.add_argument("--quick", action="store_true", help="few forms, four seconds, two seeds")
+    arguments = parser.parse_args()
+    with ProcessPoolExecutor(max_workers=os.cpu_count()) as executor:
+        seeds = 2 if arguments.quick else arguments.seeds
+        result = run(arguments.data, executor, seeds, arguments.quick)
+    versions = {"pneumo_casadi": __version__, "casadi": casadi.CasadiMeta.version()}
+    result |= {
+        "machine": f"{platform.machine()} {platform.system()}, {os.cpu_count()} CPUs",
+        "versions": versions | {"numpy": np.__version__, "scipy": scipy.__version__},
+        "quick": arguments.quick,
+    }
+    if arguments.json is not None:
+        partial_file = arguments.json.with_suffix(".part")
+        partial_file.write_text(json.dumps(result, indent=1, allow_nan=False) + "\n", "utf-8")
+        partial_file.replace(arguments.json)
+    print(readme.flow_forms(result))
+    print(readme.flow_metering(result))
+    if arguments.figure is not None:
+        flow_sensitivity_figure(result).savefig(arguments.figure)
+
+
+if __name__ == "__main__":
+    main()
