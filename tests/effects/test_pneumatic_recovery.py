@@ -1,0 +1,53 @@
+"""Recovery of the pneumatic and valve effects from data made with them."""
+
+import numpy as np
+import pytest
+
+from pneumo_casadi.effects import (
+    ExhaustRestriction,
+    FlowMapShape,
+    HeatTransfer,
+    Hose,
+    LeakageN,
+    LeakageP,
+    PistonSealLeakage,
+    SupplyDroop,
+    ValveDeadZone,
+    ValveDynamics,
+    ValveHysteresis,
+    ValveMismatch,
+    ValveNullShift,
+)
+
+#: Effects that share a record and a fit, which is harder for each of them and quicker for all.
+TOGETHER = [
+    (PistonSealLeakage, SupplyDroop),
+    (LeakageP, LeakageN, Hose),
+    (ExhaustRestriction,),
+    (HeatTransfer,),
+    (ValveDynamics, ValveDeadZone),
+    (ValveHysteresis, FlowMapShape),
+    (ValveMismatch, ValveNullShift),
+]
+#: Held because an effect cannot be told from it, or because it is off.
+HELD = {ValveMismatch: "X_s6", ValveDynamics: "valve_dynamics.slew"}
+#: A clean silencer is hardly felt at these pressures, where exhausts are choked: a clogged one.
+VALUES = {ExhaustRestriction: {"exhaust_restriction.R": 3e9}}
+LEVEL = 4.0
+
+
+@pytest.mark.parametrize("effects", TOGETHER, ids=lambda some: " ".join(e.name for e in some))
+def test_effects_are_recovered_within_their_intervals_beside_the_nominal_parameters(
+    recover, effects
+):
+    found = recover(
+        *(effect() for effect in effects),
+        hold=[HELD[effect] for effect in effects if effect in HELD],
+        values={k: v for effect in effects for k, v in VALUES.get(effect, {}).items()},
+    )
+    assert np.isfinite(found.std).all() and (found.std > 0).all()
+    far = dict(zip(found.names, found.deviations, strict=True))
+    assert np.abs(found.deviations).max() < LEVEL, far
+    sizes = np.abs(found.truth - found.null)
+    seen = sizes > 2 * LEVEL * found.std
+    assert seen[sizes > 0].all(), "the record does not show the effect: the test could not fail"
