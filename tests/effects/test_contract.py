@@ -170,7 +170,10 @@ def test_the_steps_that_standstill_asks_for_are_fine_enough_in_motion(pair, star
     coarse, fine = (step_function(axis, Stepping(1e-3, InputHold.ZERO, n)) for n in (few, 8 * few))
     x, u = made.states(nominal, rng)
     x[-1] = 1.0
-    one = two = at_rest(started, x, u)
+    full = at_rest(started, x, u)
+    # Off its rest: an instability needs something to grow from.
+    full[len(x) :] += 0.1 * axis.state_scales[len(x) :] * rng.standard_normal(full.size - len(x))
+    one = two = full
     for _ in range(30):
         one = coarse(one, u, theta).full().ravel()
         two = fine(two, u, theta).full().ravel()
