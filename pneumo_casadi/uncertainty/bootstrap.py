@@ -24,6 +24,8 @@ logger = logging.getLogger(__name__)
 
 #: Replicates that one task makes: it writes the problem once.
 TASK = 10
+#: Share of the residuals' variance that the fit may have taken out and is given back.
+MOST_LOST = 0.5
 
 
 class IntervalKind(Enum):
@@ -161,7 +163,9 @@ def block_bootstrap(
     -----
     The fit sees means over its blocks of samples only, so that residuals of those means are
     drawn: the same as drawing samples in stretches of whole blocks. Residuals are centred, and
-    scaled by √(n/(n - p)) for what the fit has taken out of them.
+    scaled by 1/√(1 - p/b) for what p fitted values have taken out of them, b being the number of
+    blocks drawn: correlated noise holds no more independent values than that, and the fit takes
+    out of it what is as slow as the motion.
     """
     if replicates < 2:
         raise ModelError(f"{replicates} replicates have no scatter; at least 2")
@@ -199,18 +203,20 @@ class _Plan:
 
     @classmethod
     def make(cls, optimum: Optimum, length: float | None, seed: int) -> "_Plan":
-        residuals = [_centred(e, optimum) for e in _by_record(optimum)]
+        raw = _by_record(optimum)
         n, dt = optimum.result.segments[0].n, optimum.records[0].dt
         lengths = [
             block_length(e) if length is None else min(e.shape[1], max(1, round(length / (n * dt))))
-            for e in residuals
+            for e in raw
         ]
-        problem = optimum.problem
-        if problem.anchor is not None:
-            g = problem.anchor_residuals(optimum.point.theta)
-            dof = max(1, g.size - len(problem.anchor.names))
-            residuals.append(((g - g.mean()) * np.sqrt(g.size / dof))[None])
-            lengths.append(block_length(residuals[-1]))
+        drawn = sum(e.shape[1] / own for e, own in zip(raw, lengths, strict=True))
+        fitted = len(optimum.names) + sum(x_0.size for x_0 in optimum.result.initial_states)
+        residuals = [_scaled(e, fitted / len(e) / drawn) for e in raw]
+        anchor = optimum.problem.anchor
+        if anchor is not None:
+            g = optimum.problem.anchor_residuals(optimum.point.theta)[None]
+            lengths.append(block_length(g))
+            residuals.append(_scaled(g, len(anchor.names) * lengths[-1] / g.size))
         return cls(tuple(residuals), tuple(lengths), seed)
 
     def fingerprint(self, optimum: Optimum) -> str:
@@ -236,12 +242,9 @@ def _by_record(optimum: Optimum) -> list[FloatArray]:
     return [np.hstack(parts[record]) for record in sorted(parts)]
 
 
-def _centred(e: FloatArray, optimum: Optimum) -> FloatArray:
-    result = optimum.result
-    count = sum(segment.K for segment in result.segments)
-    fitted = len(optimum.names) + sum(x_0.size for x_0 in result.initial_states)
-    dof = max(1.0, count - fitted / e.shape[0])
-    scaled: FloatArray = (e - e.mean(axis=1, keepdims=True)) * np.sqrt(count / dof)
+def _scaled(e: FloatArray, lost: float) -> FloatArray:
+    """Centre residuals and give back what the fit has taken out of them."""
+    scaled: FloatArray = (e - e.mean(axis=1, keepdims=True)) / np.sqrt(1 - min(lost, MOST_LOST))
     return scaled
 
 

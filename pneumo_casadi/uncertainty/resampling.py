@@ -6,7 +6,7 @@ from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.statistics import autocorrelation
 
 #: A record is cut into at least so many blocks.
-FEWEST_BLOCKS = 5
+FEWEST_BLOCKS = 10
 
 
 def block_length(residuals: FloatArray) -> int:
@@ -21,7 +21,7 @@ def block_length(residuals: FloatArray) -> int:
     -------
     int
         Steps, for the circular block bootstrap: that of Politis and White (2004), with the
-        correction of Patton, Politis and White (2009), at most a fifth of the record.
+        correction of Patton, Politis and White (2009), at most a tenth of the record.
 
     Examples
     --------
