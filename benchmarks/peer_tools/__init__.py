@@ -1,0 +1,1 @@
+"""One estimation problem, written for each of the tools that `benchmarks/peers.py` compares."""

@@ -1,0 +1,60 @@
+"""GEKKO: moving-horizon mode on the sample grid with the local solvers."""
+
+from importlib.metadata import version as installed
+
+import numpy as np
+from gekko import GEKKO
+
+from peer_tools.estimation import N_OUTPUTS, STATE_SCALES, Answer, Estimation
+
+#: Nodes of each collocation polynomial, the ends of the period included.
+NODES = 4
+
+
+def version() -> str:
+    """Return the tool's version."""
+    return str(installed("gekko"))
+
+
+def build(problem: Estimation) -> tuple:
+    """Write the model in scaled unknowns; a value in time holds up to its instant."""
+    m = GEKKO(remote=False)
+    m.time = problem.dt * np.arange(problem.N)
+    before = np.vstack([problem.u[:1], problem.u[:-1]])  # u_k acts on the way to k + 1
+    plus = [m.Param(np.maximum(before[:, i], 0.0)) for i in range(2)]
+    minus = [m.Param(np.minimum(before[:, i], 0.0)) for i in range(2)]
+    theta = []
+    for _ in problem.names:
+        one = m.FV(1.0)
+        one.STATUS = 1
+        theta.append(one)
+    x = [m.Var(start, fixed_initial=False) for start in problem.scaled_states.T]
+
+    def q(valve: int, p: object) -> object:
+        # Named: the flow is long, and GEKKO writes equations as text.
+        return m.Intermediate(problem.flow(plus[valve], minus[valve], p))
+
+    rates = problem.scaled_rates(x, q, theta, m.tanh)
+    for state, rate in zip(x, rates, strict=True):
+        m.Equation(state.dt() == rate)
+    y = [m.Param(values) for values in problem.scaled_y.T]
+    for i in range(N_OUTPUTS):
+        m.Minimize(0.5 * (float(problem.weights[i]) * (x[i] - y[i])) ** 2)
+    m.options.IMODE = 5
+    m.options.NODES = NODES
+    m.options.SOLVER = 3
+    m.options.MAX_ITER = 200
+    return m, theta, x
+
+
+def solve(problem: Estimation, built: tuple) -> Answer:
+    """Solve by IPOPT and read back the parameters and the first state."""
+    m, theta, x = built
+    try:
+        m.solve(disp=False)
+    finally:
+        m.cleanup()
+    values = np.array([one.NEWVAL for one in theta]) * problem.start
+    x_0 = np.array([state.value[0] for state in x]) * STATE_SCALES
+    told = "success" if m.options.APPSTATUS == 1 else "no success"
+    return Answer(values, x_0, float(m.options.OBJFCNVAL), told, int(m.options.ITERATIONS))
