@@ -67,6 +67,19 @@ def test_a_leak_empties_its_chamber_alone_and_is_choked_far_above_the_outside(
     np.testing.assert_allclose(stored_rate(axis, x), stored_rate(nominal, x), atol=1e-18)
 
 
+def test_leaks_join_the_regression_because_they_are_linear(made):
+    axis = started(made, LeakageP()).with_effects(LeakageN(), PistonSealLeakage())
+    names = [f"{name}.C" for name in ("leakage_P", "leakage_N", "piston_seal_leakage")]
+    assert axis.regressor_names[-3:] == tuple(names)
+    x = [6e5, 3e5, 0.1, 0.2]
+    _, W = axis.regressor()(x, [0.0] * 4, U)
+    leaks = {"P": orifice_flow(1.0, 0.4, 0.5, x[0], P_EXT, T_0)}
+    leaks["N"] = orifice_flow(1.0, 0.4, 0.5, x[1], P_EXT, T_0)
+    leaks["PN"] = orifice_flow(1.0, 0.4, 0.5, x[0], x[1], T_0)
+    wanted = [[leaks["P"], 0.0, leaks["PN"]], [0.0, leaks["N"], -leaks["PN"]], [0.0] * 3]
+    np.testing.assert_allclose(W.full()[:, -3:], wanted, rtol=1e-9)
+
+
 @pytest.fixture
 def thermal(made):
     """Make an axis whose X_s are those of given volumes and the adiabatic exponent."""
@@ -187,6 +200,7 @@ def test_the_silencer_passes_what_the_valves_let_out_at_darcys_pressure(made):
 
 
 def test_the_reservoir_gains_what_the_regulator_gives_and_loses_what_the_valves_draw(made):
+    """First law without heat: V ṗ/(γ r T) is the net flow at one temperature."""
     V, C = 1e-3, 5e-9
     axis = started(made, SupplyDroop(), per_volume=1 / V, C=C)
     for d in (0.0, 2e4, 1.5e5):
@@ -194,7 +208,7 @@ def test_the_reservoir_gains_what_the_regulator_gives_and_loses_what_the_valves_
         for u in ([2.0, 1.0], [2.0, -1.0]):
             drawn = np.maximum(through_valves(axis, x, u), 0.0).sum()
             given = float(orifice_flow(C, 0.3, 0.5, P_SUPPLY, P_SUPPLY - d, T_0))
-            lost = V / (R_AIR * T_0) * rates(axis, x, u)[-1]
+            lost = V / (GAMMA * R_AIR * T_0) * rates(axis, x, u)[-1]
             assert lost == pytest.approx(drawn - given, rel=1e-9, abs=1e-15)
     still = rates(axis, [P_SUPPLY, P_SUPPLY, 0.0, 0.0, 0.0])
     assert still[-1] == pytest.approx(0.0, abs=1.0)
