@@ -1,14 +1,18 @@
 """Output error by multiple shooting: the parameters whose trajectories lie nearest to the data."""
 
 from pneumo_casadi.output_error.fit import Method, OutputErrorOptions, fit_output_error
+from pneumo_casadi.output_error.multistart import MultiStart, Outcome, fit_from_many_starts
 from pneumo_casadi.output_error.result import Derived, MapPull, OutputErrorResult, Stage
 
 __all__ = [
     "Derived",
     "MapPull",
     "Method",
+    "MultiStart",
+    "Outcome",
     "OutputErrorOptions",
     "OutputErrorResult",
     "Stage",
+    "fit_from_many_starts",
     "fit_output_error",
 ]

@@ -264,8 +264,13 @@ def _controller(axis: Axis) -> Controller:
 
 
 def _substeps(axis: Axis, options: OutputErrorOptions, dt: float) -> int:
-    """Return the Runge-Kutta steps per sample for the narrowest friction of a stage."""
-    return substeps_for(axis.with_parameters({"v_s": min(options.widths)}), dt)
+    """Return the Runge-Kutta steps per sample for the narrowest friction of a stage.
+
+    With the effects as they are and without: one that softens the axis where the fit starts
+    (presliding) may vanish on the way.
+    """
+    narrow = axis.with_parameters({"v_s": min(options.widths)})
+    return max(substeps_for(each, dt) for each in (narrow, narrow.at_null_values()))
 
 
 def _refuse_free_gauge(axis: Axis, parameters: Parameters, flow_map: FlowMap | None) -> None:

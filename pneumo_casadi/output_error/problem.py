@@ -189,30 +189,36 @@ def values(problem: Problem, point: Unknowns) -> tuple[FloatArray, FloatArray]:
     return ends, m[:, data.real]
 
 
-def shoot(problem: Problem, x_0: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Simulate every segment from its initial state, all parameters at their values.
+def shoot(problem: Problem, theta: FloatArray, x_0: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Simulate every segment from its initial state, all segments side by side.
 
     Parameters
     ----------
+    theta : (n,) array
+        All parameters.
     x_0 : (nx, segments) array
-        Initial states; all segments are equally long.
+        Initial states.
 
     Returns
     -------
     tuple
         States (nx, I) where the intervals begin, and mean outputs (ny, n_blocks).
     """
-    data, S, B = problem.data, len(problem.segments), problem.functions.blocks
-    each, width = problem.segments[0].intervals, B * problem.n
-    f = problem.value_of(S)
-    theta = np.tile(problem.parameters.values[:, None], S)
-    w = data.w.reshape(len(data.w), S, each, width)
-    h = data.h.reshape(1, S, each, B)
-    x, nodes, means = x_0, [], []
-    for i in range(each):
-        nodes.append(x)
-        streams = [part[:, :, i].reshape(len(part), -1) for part in (w, h)]
-        x, m = called(f, x, streams[0], theta, streams[1])
-        means.append(m.reshape(-1, S, B))
-    m = np.stack(means, axis=2).reshape(len(problem.y), -1)[:, data.real]
-    return np.stack(nodes, axis=2).reshape(len(x_0), -1), m
+    data, B = problem.data, problem.functions.blocks
+    w = data.w.reshape(len(data.w), problem.I, B * problem.n)
+    h = data.h.reshape(1, problem.I, B)
+    x = np.zeros((problem.model.nx, problem.I))
+    m = np.zeros((len(problem.y), problem.I, B))
+    counts = np.array([segment.intervals for segment in problem.segments])
+    firsts = np.array(problem.firsts)
+    x[:, firsts] = x_0
+    for i in range(int(counts.max())):
+        at = firsts[counts > i] + i
+        f = problem.value_of(at.size)
+        streams = [part[:, at].reshape(len(part), -1) for part in (w, h)]
+        tiled = np.tile(theta[:, None], at.size)
+        ends, means = called(f, x[:, at], streams[0], tiled, streams[1])
+        m[:, at] = means.reshape(len(m), at.size, B)
+        going_on = counts[counts > i] > i + 1
+        x[:, at[going_on] + 1] = ends[:, going_on]
+    return x, m.reshape(len(m), -1)[:, data.real]
