@@ -8,8 +8,8 @@ from pneumo_casadi.report.tables import Table, exponent_of, value_text
 from pneumo_casadi.statistics import interval_factor
 from pneumo_casadi.uncertainty import Bootstrap, Direction, Identifiability, Profile
 
-#: Parts of a direction that are printed.
-PARTS = 6
+#: Parts of a direction, and collinear groups, that are printed.
+PARTS, GROUPS = 6, 10
 
 
 def identifiability_tables(found: Identifiability) -> tuple[Table, ...]:
@@ -71,8 +71,12 @@ def _direction_table(found: Identifiability) -> Table:
 
 def _group_table(found: Identifiability) -> Table:
     rows = [
-        (", ".join(group.names), "collinear", f"γ = {group.index:.3g}") for group in found.collinear
+        (", ".join(group.names), "collinear", f"γ = {group.index:.3g}")
+        for group in found.collinear[:GROUPS]
     ]
+    left = len(found.collinear) - GROUPS
+    if left > 0:
+        rows.append((f"and {left} groups more", "collinear", ""))
     rows += [(", ".join(cluster), "correlated", "|ρ| > 0.95") for cluster in found.clusters]
     return Table(
         "Parameters that make up for each other",

@@ -9,12 +9,12 @@ from pneumo_casadi.uncertainty.collinearity import (
 from pneumo_casadi.uncertainty.identifiability import Direction, Identifiability, identifiability
 from pneumo_casadi.uncertainty.optimum import Optimum
 from pneumo_casadi.uncertainty.profile import (
-    End,
     Profile,
     profile_likelihood,
     profile_likelihoods,
 )
 from pneumo_casadi.uncertainty.replicates import Replicate
+from pneumo_casadi.uncertainty.walk import End
 
 __all__ = [
     "Bootstrap",

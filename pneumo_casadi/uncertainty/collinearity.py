@@ -8,6 +8,9 @@ import numpy as np
 
 from pneumo_casadi.parameters import FloatArray
 
+#: A third parameter belongs to a group if the index grows at least by this with it.
+ADDS = 2.0
+
 
 @dataclass(frozen=True, slots=True)
 class CollinearGroup:
@@ -45,7 +48,7 @@ def collinear_groups(
     Returns
     -------
     tuple of CollinearGroup
-        A triple only where none of its pairs is collinear by itself.
+        A triple only where none of its pairs explains it: its index is `ADDS` times theirs.
 
     Examples
     --------
@@ -55,23 +58,26 @@ def collinear_groups(
     """
     size = np.sqrt(np.maximum(np.diag(information), 0.0))
     known = [int(i) for i in np.flatnonzero(size > 0)]
-    found: list[tuple[tuple[int, ...], float]] = []
-    for count in (2, 3):
-        sets = [
-            members
-            for members in combinations(known, count)
-            if not any(set(pair) <= set(members) for pair, _ in found)
-        ]
-        if not sets:
-            continue
-        at = np.array(sets)
-        scale = size[at]
-        N = information[at[:, :, None], at[:, None, :]] / (scale[:, :, None] * scale[:, None, :])
-        smallest = np.maximum(np.linalg.eigvalsh(N)[:, 0], np.finfo(float).eps)
-        index = 1 / np.sqrt(smallest)
-        found += [(sets[i], float(index[i])) for i in np.flatnonzero(index > limit)]
+    pairs = _indices(information, size, list(combinations(known, 2)))
+    found = [(pair, index) for pair, index in pairs.items() if index > limit]
+    for members, index in _indices(information, size, list(combinations(known, 3))).items():
+        if index > max(limit, ADDS * max(pairs[pair] for pair in combinations(members, 2))):
+            found.append((members, index))
     found.sort(key=lambda item: -item[1])
     return tuple(CollinearGroup(tuple(names[i] for i in at), value) for at, value in found)
+
+
+def _indices(
+    information: FloatArray, size: FloatArray, sets: list[tuple[int, ...]]
+) -> dict[tuple[int, ...], float]:
+    """Return the collinearity index of each set of equally many parameters."""
+    if not sets:
+        return {}
+    at = np.array(sets)
+    scale = size[at]
+    N = information[at[:, :, None], at[:, None, :]] / (scale[:, :, None] * scale[:, None, :])
+    smallest = np.maximum(np.linalg.eigvalsh(N)[:, 0], np.finfo(float).eps)
+    return dict(zip(sets, (1 / np.sqrt(smallest)).tolist(), strict=True))
 
 
 def correlated_clusters(

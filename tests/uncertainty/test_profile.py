@@ -134,16 +134,16 @@ def test_a_lower_cost_than_that_of_the_fit_is_an_error(white, monkeypatch):
 
 
 def test_a_refit_that_fails_is_on_record_and_leaves_its_side_open(white, monkeypatch):
-    from pneumo_casadi.uncertainty import profile
+    from pneumo_casadi.uncertainty import walk
 
-    solve = profile.solve
+    solve = walk.solve
 
     def failing(optimum, problem, point):
         solution = solve(optimum, problem, point)
         heavy = point.theta[0] > white.result.parameters["M"].value + 0.8 * white.result.std("M")
         return replace(solution, status="no step helps") if heavy else solution
 
-    monkeypatch.setattr(profile, "solve", failing)
+    monkeypatch.setattr(walk, "solve", failing)
     found = profile_likelihood(white, "M")
     assert found.ends == (End.THRESHOLD, End.FAILED)
     assert found.interval()[0] > 0 and found.interval()[1] == np.inf
