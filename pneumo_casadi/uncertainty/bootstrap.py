@@ -165,7 +165,8 @@ def block_bootstrap(
     drawn: the same as drawing samples in stretches of whole blocks. Residuals are centred, and
     scaled by 1/√(1 - p/b) for what p fitted values have taken out of them, b being the number of
     blocks drawn: correlated noise holds no more independent values than that, and the fit takes
-    out of it what is as slow as the motion.
+    out of it what is as slow as the motion. Inputs stay as they were recorded: what a controller
+    makes of other noise is not drawn.
     """
     if replicates < 2:
         raise ModelError(f"{replicates} replicates have no scatter; at least 2")
