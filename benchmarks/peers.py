@@ -67,7 +67,7 @@ TOOLS = {
 SOLVERS = {
     "condensed Gauss-Newton": ("ours", "block sweep to a dense problem in the parameters"),
     "IPOPT": ("ours_ipopt", "sparse program, Gauss-Newton Hessian, MUMPS"),
-    "sqpmethod": ("solver_sqp", "Gauss-Newton Hessian, quadratic programs stage by stage"),
+    "sqpmethod": ("solver_sqp", "Gauss-Newton Hessian, quadratic programs by HPIPM stage by stage"),
     "fatrop": ("solver_fatrop", "exact Hessian, interpreted, stage by stage"),
 }
 OURS = "pneumo_casadi"

@@ -48,8 +48,11 @@ def stage(problem: Estimation) -> ca.Function:
     return ca.Function("stage", [s, data], [ca.vertcat(x, s[4:]), ca.vcat(residuals)])
 
 
-def program(problem: Estimation) -> tuple[dict[str, ca.MX], ca.Function, np.ndarray]:
-    """Return the program, its Gauss-Newton Hessian and the start."""
+def program(problem: Estimation, sign: float) -> tuple[dict[str, ca.MX], ca.Function, np.ndarray]:
+    """Return the program, its Gauss-Newton Hessian and the start.
+
+    `sign` is that of F(s_k) in the constraints between stages, on which solvers disagree.
+    """
     F = stage(problem)
     K, size = problem.N // BLOCK, F.size1_in(0)
     u = problem.u[: K * BLOCK].T
@@ -66,7 +69,7 @@ def program(problem: Estimation) -> tuple[dict[str, ca.MX], ca.Function, np.ndar
     pattern = ca.diagcat(*[ca.Sparsity.dense(size, size)] * (K + 1))
     lam_f, lam_g, p = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", size * K), ca.MX.sym("p", 0)
     hessian = ca.Function("hess_lag", [z, p, lam_f, lam_g], [lam_f * ca.MX(pattern, blocks)])
-    nlp = {"x": z, "f": 0.5 * ca.sumsqr(residuals), "g": ca.vec(ahead - s[:, 1:])}
+    nlp = {"x": z, "f": 0.5 * ca.sumsqr(residuals), "g": sign * ca.vec(ahead - s[:, 1:])}
     states = np.vstack([problem.scaled_states, problem.scaled_states[-1:]])[: K * BLOCK + 1 : BLOCK]
     return nlp, hessian, np.hstack([states, np.ones((K + 1, size - 4))]).ravel()
 
@@ -84,10 +87,4 @@ def answer(problem: Estimation, solver: ca.Function, start: np.ndarray) -> Answe
 def options(problem: Estimation) -> dict[str, Any]:
     """Return the sizes of all stages, as solvers with structure want them."""
     K, size = problem.N // BLOCK, 4 + len(problem.names)
-    return {
-        "structure_detection": "manual",
-        "N": K,
-        "nx": [size] * (K + 1),
-        "nu": [0] * (K + 1),
-        "ng": [0] * (K + 1),
-    }
+    return {"N": K, "nx": [size] * (K + 1), "nu": [0] * (K + 1), "ng": [0] * (K + 1)}

@@ -11,8 +11,9 @@ from peer_tools.estimation import Answer, Estimation
 def build(problem: Estimation) -> tuple[ca.Function, np.ndarray]:
     """Write the program with its stages."""
     # This plugin takes no Hessian from outside: it has the exact one differentiated.
-    nlp, _, start = casadi_solvers.program(problem)
+    nlp, _, start = casadi_solvers.program(problem, -1.0)
     settings = casadi_solvers.options(problem)
+    settings["structure_detection"] = "manual"
     more = {"print_time": False, "fatrop": {"print_level": 0}}
     return ca.nlpsol("solver", "fatrop", nlp, settings | more), start
 

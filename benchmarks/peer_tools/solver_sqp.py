@@ -1,4 +1,4 @@
-"""CasADi's `sqpmethod`, its quadratic programs solved stage by stage by FATROP."""
+"""CasADi's `sqpmethod`, its quadratic programs solved stage by stage by HPIPM."""
 
 import casadi as ca
 import numpy as np
@@ -10,14 +10,14 @@ from peer_tools.estimation import Answer, Estimation
 
 def build(problem: Estimation) -> tuple[ca.Function, np.ndarray]:
     """Write the program with its stages."""
-    nlp, hessian, start = casadi_solvers.program(problem)
+    nlp, hessian, start = casadi_solvers.program(problem, 1.0)
     solver = ca.nlpsol(
         "solver",
         "sqpmethod",
         nlp,
         {
             "hess_lag": hessian,
-            "qpsol": "fatrop",
+            "qpsol": "hpipm",
             "qpsol_options": casadi_solvers.options(problem) | {"print_time": False},
             "print_header": False,
             "print_iteration": False,
