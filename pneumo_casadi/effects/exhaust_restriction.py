@@ -15,12 +15,13 @@ TAU_FILLING = 2e-3
 class ExhaustRestriction(Effect):
     """Turbulent back pressure of what both valves let out through one silencer.
 
-    p_e² = p_ext² + 2 r T R q_e² (Δp = R q²/ρ at the mean density), where q_e follows the
-    outflow of the valves within 2 ms. A valve that is choked does not feel it.
+    p_e² = p_ext² + 2 r T R q² (Δp = R q²/ρ at the mean density) with q what the valves let out,
+    reached within 2 ms. A valve that is choked does not feel it. The state is the back pressure
+    p_e − p_ext and not the flow, whose square would leave its initial value without influence.
     """
 
     name = "exhaust_restriction"
-    equation = "p_e² = p_ext² + 2 r T R q_e², τ q̇_e = Σ max(−q_m, 0) − q_e"
+    equation = "p_e = p_ext + b, τ ḃ = √(p_ext² + 2 r T R (Σ max(−q_m, 0))²) − p_ext − b"
     source = "compressible Darcy flow; sonic conductance of silencers, ISO 6358-1:2013"
     shows = "mass flow balance of a chamber that empties at low pressure; none while choked"
     confused_with = ("flow coefficients", "flow_map_shape", "hose")
@@ -39,22 +40,19 @@ class ExhaustRestriction(Effect):
             source="0.1-1 bar at 5 g/s: 5e8 to 7e9 1/m⁴",
         ),
     )
-    states = (State("q_e", "kg/s", 5e-3),)
-
-    def rest(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
-        """Start without outflow."""
-        return {"q_e": 0.0}
+    states = (State("b", "Pa", 1e4),)
 
     def rates(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
-        """Follow the outflow."""
+        """Fill the space before the silencer."""
         q = entering["valve_flow"]
         out = -ca.fmin(q.P, 0.0) - ca.fmin(q.N, 0.0)
-        return {"q_e": (out - at["q_e"]) / TAU_FILLING}
+        p_ext = at.axis["p_ext"]
+        raised = 2 * at.axis["r"] * at.axis["T"] * at["R"] * out**2
+        return {"b": (ca.sqrt(p_ext**2 + raised) - p_ext - at["b"]) / TAU_FILLING}
 
     def supply(self, ports: Supply, at: Scope) -> Supply:
         """Raise the pressure at the exhaust ports."""
-        raised = 2 * at.axis["r"] * at.axis["T"] * at["R"] * at["q_e"] ** 2
-        return Supply(ports.p_supply, ca.sqrt(ports.p_ext**2 + raised))
+        return Supply(ports.p_supply, ports.p_ext + at["b"])
 
     def valve_flow(self, q_m: Pair, at: Scope) -> Pair:
         """Leave the flow alone: what goes out is what the silencer gets."""

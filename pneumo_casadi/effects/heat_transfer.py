@@ -31,7 +31,7 @@ class HeatTransfer(Effect):
 
     `share` blends: 0 is the polytropic axis with its own k, exactly; 1 is the first law, where
     k_P = X_s3/X_s2 and k_N = X_s6/X_s5 become the adiabatic γ. So a fit has a check of its own:
-    *share near 1 and k near 1.4* confirm heat transfer, and the polytropic fit's k between 1
+    *share at its bound 1 and k near 1.4* confirm heat transfer, and the polytropic fit's k between 1
     and 1.4 was what the exchange made of it. h → 0 is the adiabatic chamber, h → ∞ the
     isothermal one. The air temperatures run along at share = 0 too, without acting, so that the
     derivative to `share` is that of the true heat flow and not of a small one.
@@ -52,12 +52,12 @@ class HeatTransfer(Effect):
             0.0,
             "1",
             lower=0.0,
-            upper=1.5,
+            upper=1.0,
             scale=0.5,
             null=0.0,
-            start=1.0,
+            start=0.8,
             description="polytropic law (0) to first law (1)",
-            source="1 by physics; free, it tests the form",
+            source="1 by physics, its upper bound; less says that something else is at work",
         ),
         Parameter(
             "h",
