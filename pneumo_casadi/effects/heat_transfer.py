@@ -30,11 +30,11 @@ class HeatTransfer(Effect):
     x)) and its wall area off the bench (two piston areas and the barrel, A = 2 S + 2 √(π S) V/S).
 
     `share` blends: 0 is the polytropic axis with its own k, exactly; 1 is the first law, where
-    k_P = X_s3/X_s2 and k_N = X_s6/X_s5 become the adiabatic γ. So a fit has a check of its own:
-    *share at its bound 1 and k near 1.4* confirm heat transfer, and the polytropic fit's k between 1
-    and 1.4 was what the exchange made of it. h → 0 is the adiabatic chamber, h → ∞ the
-    isothermal one. The air temperatures run along at share = 0 too, without acting, so that the
-    derivative to `share` is that of the true heat flow and not of a small one.
+    k_P = X_s3/X_s2 and k_N = X_s6/X_s5 become the adiabatic γ. So a fit has a check of its
+    own: *share at its bound 1 and k near 1.4* confirm heat transfer, and the polytropic fit's k
+    between 1 and 1.4 was what the exchange made of it. h → 0 is the adiabatic chamber, h → ∞
+    the isothermal one. The air temperatures run along at share = 0 too, without acting, so that
+    the derivative to `share` is that of the true heat flow and not of a small one.
     """
 
     name = "heat_transfer"

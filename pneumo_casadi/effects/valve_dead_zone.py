@@ -6,7 +6,7 @@ from pneumo_casadi.effect import Effect, Expression, Pair, Scope
 from pneumo_casadi.parameters import Parameter
 
 #: Width over which an edge opens [V]; keeps derivatives smooth and cancels at a zone of zero.
-ROUNDING = 0.01
+ROUNDING = 0.002
 
 
 class ValveDeadZone(Effect):
@@ -18,7 +18,7 @@ class ValveDeadZone(Effect):
     """
 
     name = "valve_dead_zone"
-    equation = "u −→ u + (√((u − δ)² + w²) − √((u + δ)² + w²))/2, w = 10 mV"
+    equation = "u −→ u + (√((u − δ)² + w²) − √((u + δ)² + w²))/2, w = 2 mV"
     source = "overlap of spool and port, data sheets of proportional valves"
     shows = "both mass flow balances around u = 0; limit cycles and offsets in closed loop"
     confused_with = (
