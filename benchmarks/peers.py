@@ -14,11 +14,9 @@ Run it with the interpreter of an environment that holds the extra ``peers`` (se
 """
 
 import argparse
-import importlib.metadata
 import json
 import os
 import pickle
-import platform
 import signal
 import statistics
 import subprocess
@@ -30,24 +28,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import casadi
 import numpy as np
+import provenance
 import readme
-import scipy
 from numpy.polynomial import Chebyshev, Polynomial
+from own_model import DURATION, NOISE_P, NOISE_X, TABLE_1, V_S, record_with_noise, truth
 from peer_tools.estimation import Estimation
-from wls_vs_output_error import (
-    DURATION,
-    NOISE_P,
-    NOISE_X,
-    SEED,
-    TABLE_1,
-    V_S,
-    record_with_noise,
-    truth,
-)
 
-from pneumo_casadi import __version__
 from pneumo_casadi.flow.polynomials import parts
 from pneumo_casadi.output_error.segments import measured_states
 from pneumo_casadi.regression import fit_wls
@@ -71,6 +58,7 @@ SOLVERS = {
     "fatrop": ("solver_fatrop", "exact Hessian, interpreted, stage by stage"),
 }
 OURS = "pneumo_casadi"
+SEED = 20050704
 #: Share of the best cost within which the optimum counts as reached.
 REACHED = 1e-3
 #: Tools that took longer are not repeated [s].
@@ -80,8 +68,7 @@ PATIENCE = 60.0
 def problem(duration: float) -> Estimation:
     """Return the problem: one record, cut to `duration` [s], and the start from WLS."""
     true = truth()
-    whole = record_with_noise(true, np.random.default_rng([SEED, 0]))
-    record = whole.window(0.0, duration)
+    record = record_with_noise(true, np.random.default_rng([SEED, 0]), duration)
     flow = true.axis.flow
     free = true.axis.with_parameters(true.axis.parameters.fix(*flow.parameters.names))
     with warnings.catch_warnings():
@@ -222,21 +209,6 @@ def speed_up(tools: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
     }
 
 
-def environment() -> dict[str, Any]:
-    """Return machine and versions."""
-    versions = {"pneumo_casadi": __version__, "casadi": casadi.CasadiMeta.version()}
-    versions |= {"numpy": np.__version__, "scipy": scipy.__version__}
-    for name in ("pounce-solver", "cyipopt-wheels", "sympy"):
-        try:
-            versions[name] = importlib.metadata.version(name)
-        except importlib.metadata.PackageNotFoundError:
-            versions[name] = "not installed"
-    return {
-        "machine": f"{platform.machine()} {platform.system()}, {os.cpu_count()} CPUs",
-        "versions": versions,
-    }
-
-
 def main() -> None:
     """Run the benchmark from the command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -262,16 +234,11 @@ def main() -> None:
         "samples": given.N,
         "tools": tools,
         "solvers": solvers,
-        **environment(),
-        "seed": SEED,
-        "quick": arguments.quick,
+        **provenance.made(SEED, arguments.quick),
     }
     print(table(tools), table(solvers), sep="\n\n")
     print(f"speed-up over {result['fastest_peer']}: {result['speed_up_over_fastest_peer']}")
-    if arguments.json is not None:
-        partial = arguments.json.with_suffix(".part")
-        partial.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
-        partial.replace(arguments.json)
+    provenance.write(arguments.json, result)
 
 
 def table(tools: Mapping[str, Mapping[str, Any]]) -> str:

@@ -17,10 +17,17 @@ def version() -> str:
 
 
 def build(problem: Estimation) -> tuple:
-    """Write the model in scaled unknowns; a value in time holds up to its instant."""
+    """Write the model in scaled unknowns; a value in time holds up to its instant.
+
+    The tool neither counts nor returns the first instant as it does the others: one period is put
+    before the record, and the record begins with the second instant.
+    """
     m = GEKKO(remote=False)
-    m.time = problem.dt * np.arange(problem.N)
-    before = np.vstack([problem.u[:1], problem.u[:-1]])  # u_k acts on the way to k + 1
+    m.time = problem.dt * np.arange(problem.N + 1)
+    # u_k acts on the way from sample k to k + 1; what acted before the record is free to choose.
+    before = np.vstack([problem.u[:1], problem.u[:1], problem.u[:-1]])
+    y = np.vstack([problem.scaled_y[:1], problem.scaled_y])
+    v = np.append(problem.scaled_states[:1, 3], problem.scaled_states[:, 3])
     plus = [m.Param(np.maximum(before[:, i], 0.0)) for i in range(2)]
     minus = [m.Param(np.minimum(before[:, i], 0.0)) for i in range(2)]
     theta = []
@@ -31,12 +38,12 @@ def build(problem: Estimation) -> tuple:
     x = []
     for i in range(N_OUTPUTS):
         # A measured variable counts at the samples alone; an objective would count at all nodes.
-        one = m.CV(problem.scaled_y[:, i], fixed_initial=False)
+        one = m.CV(y[:, i], fixed_initial=False)
         one.FSTATUS = 1
         one.WMEAS = 0.5 * float(problem.weights[i]) ** 2
         one.MEAS_GAP = 0.0
         x.append(one)
-    x.append(m.Var(problem.scaled_states[:, 3], fixed_initial=False))
+    x.append(m.Var(v, fixed_initial=False))
 
     def q(valve: int, p: object) -> object:
         # Named: the flow is long, and GEKKO writes equations as text.
@@ -61,6 +68,6 @@ def solve(problem: Estimation, built: tuple) -> Answer:
     finally:
         m.cleanup()
     values = np.array([one.NEWVAL for one in theta]) * problem.start
-    x_0 = np.array([state.value[0] for state in x]) * STATE_SCALES
+    x_0 = np.array([state.value[1] for state in x]) * STATE_SCALES
     told = "success" if m.options.APPSTATUS == 1 else "no success"
     return Answer(values, x_0, float(m.options.OBJFCNVAL), told, int(m.options.ITERATIONS))
