@@ -84,6 +84,13 @@ class Axis:
             self, parameters=Parameters(new.get(item.name, item) for item in self.parameters)
         )
 
+    def at_null_values(self) -> "Axis":
+        """Return the axis with all its effects where they vanish, as far as bounds allow."""
+        nulls = {item.name: item.null for item in self.parameters if item.null is not None}
+        items = self.parameters.select(nulls)
+        inside = np.clip(list(nulls.values()), items.lower, items.upper)
+        return self.with_parameters(dict(zip(nulls, inside.tolist(), strict=True)))
+
     def at_starting_values(self, *names: str) -> "Axis":
         """Return the axis with the named effects (all, if none is named) where a fit starts."""
         chosen = names or tuple(effect.name for effect in self.effects)

@@ -61,7 +61,7 @@ class Presliding(Effect):
 
     def rates(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
         """Let the bristle bend with the way and slip at the Coulomb level."""
-        return {"share": (at.v - at.v * at.direction * at["share"]) / self._length(at)}
+        return {"share": (at.v - _speed(at) * at["share"]) / self._length(at)}
 
     def force(self, F: Expression, at: Scope) -> Expression:
         """Replace Coulomb friction by the bristle's."""
@@ -71,3 +71,10 @@ class Presliding(Effect):
     @staticmethod
     def _length(at: Scope) -> Expression:
         return ca.sqrt((at["distance"] + S_REGULAR) ** 2 + (TAU_LEAST * at.v) ** 2)
+
+
+def _speed(at: Scope) -> Expression:
+    """Return |v|, smoothed as v / tanh(v / v_s): the steady share is the nominal direction."""
+    v_s = at.axis["v_s"]
+    z = ca.sqrt((at.v / v_s) ** 2 + 1e-12)
+    return v_s * z / ca.tanh(z)

@@ -175,9 +175,9 @@ def fit_output_error(
             if solution.status != "converged":
                 break
             parameters = result.parameters
-            # Friction found stronger than at the start needs finer steps, or it is not its own.
-            needed = _substeps(result.axis, rung.options, dt)
-            if needed <= 1.25 * _substeps(axis, rung.options, dt):
+            # Friction found stronger than at the start needs finer steps, or it is not its own;
+            # and the answer must not hang on where the fit began.
+            if _substeps(result.axis, rung.options, dt) == _substeps(axis, rung.options, dt):
                 break
         if solution.status == "converged" and rung.last:
             report("done", 1.0)
