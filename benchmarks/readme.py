@@ -47,10 +47,11 @@ def rows(head: list[str], body: list[list[str]]) -> str:
 
 
 def coverage(result: Mapping[str, Any]) -> str:
-    """Bias, spread and coverage of both estimators."""
+    """Bias, spread and coverage of both estimators, and of OE under coloured noise."""
     head = ["parameter"]
     for label in ("WLS", "OE"):
         head += [f"{label} bias %", f"{label} spread %", f"{label} coverage %"]
+    head += ["OE error / bound", "OE coverage %, coloured noise"]
     body = []
     for name in result["wls"]:
         row = [SYMBOLS.get(name, name)]
@@ -62,6 +63,11 @@ def coverage(result: Mapping[str, Any]) -> str:
                 f"{spread:.3f}",
                 f"{one['coverage_percent']:.1f}",
             ]
+        coloured = result["coloured"]["output_error_robust"][name]
+        row += [
+            f"{result['output_error'][name]['rms_error_over_bound']:.2f}",
+            f"{coloured['coverage_percent']:.1f}",
+        ]
         body.append(row)
     return rows(head, body)
 
@@ -112,11 +118,93 @@ def emps(result: Mapping[str, Any]) -> str:
     return rows(head, body)
 
 
+def scaling(result: Mapping[str, Any]) -> str:
+    """Time and memory over the length of the record."""
+    head = ["record", "samples", "WLS s", "OE s", "iterations", "iteration / sweep", "peak GB"]
+    body = []
+    for one in [*result["records"], result["six_records"]]:
+        parts = "" if one["records"] == 1 else f" in {one['records']} files"
+        body.append(
+            [
+                f"{one['length_s']:g} s{parts}",
+                f"{one['samples']:,}",
+                f"{one['wls_s']:.1f}",
+                f"{one['seconds']:.1f}",
+                f"{one['iterations']}",
+                f"{one['iteration_over_sweep']:.2f}",
+                f"{one['peak_GB']:.2f}",
+            ]
+        )
+    return rows(head, body)
+
+
+def flow_forms(result: Mapping[str, Any]) -> str:
+    """Errors of X_s, k_P and k_N by form and treatment of the flow map."""
+    uses = ("fixed", "anchored", "left out")
+    head = ["record, form", "misfit %", "where used %", "WLS", *(f"OE, {use}" for use in uses)]
+    body = []
+    for case, found in result["forms"].items():
+        for form in dict.fromkeys(row["form"] for row in found):
+            own = {row["treatment"]: row for row in found if row["form"] == form}
+            first = next(iter(own.values()))
+            cells = [_errors(first["wls"])]
+            cells += [_errors(own[use]["output_error"]) if use in own else "" for use in uses]
+            misfits = [first[f"map_error{part}_percent"] for part in ("", "_used")]
+            body.append([f"{case}, {form}", *(f"{m:.2f}" for m in misfits), *cells])
+    return rows(head, body)
+
+
+def flow_metering(result: Mapping[str, Any]) -> str:
+    """Shifts of X_s, k_P and k_N by errors of the metered map."""
+    keys = ("wls", "fixed", "fixed_first_order", "anchored", "anchored_first_order")
+    head = ["error of the map", "WLS", "OE, fixed", "to 1st order", "OE, anchored", "to 1st order"]
+    body = [
+        [one["metering"], *(_shifts(one[key]) for key in keys)]
+        for one in result["metering"]["shifts"]
+    ]
+    for one in result["metering"]["noise"]:
+        name = f"noise {one['noise_percent']:g} %, spread over {one['seeds']} maps"
+        body.append([name, *(_spreads(one[key]) for key in keys)])
+    return rows(head, body)
+
+
+def _errors(one: Mapping[str, Any] | None) -> str:
+    """Largest error of X_s1 ... X_s6, then those of k_P and k_N."""
+    if one is None:
+        return "failed"
+    worst = max(abs(v["error_percent"]) for n, v in one.items() if n.startswith("X_s"))
+    return f"{worst:.1f} / {_signed(one['k_P'])} / {_signed(one['k_N'])}"
+
+
+def _signed(one: Mapping[str, Any]) -> str:
+    return f"{one['error_percent']:+.1f}"
+
+
+def _shifts(one: Mapping[str, float] | None) -> str:
+    """Smallest and largest shift of X_s1 ... X_s6, then those of k_P and k_N."""
+    if one is None:
+        return "failed"
+    moved = [value for name, value in one.items() if name.startswith("X_s")]
+    span = f"{min(moved):+.2f} … {max(moved):+.2f}"
+    return f"{span} / {one['k_P']:+.2f} / {one['k_N']:+.2f}"
+
+
+def _spreads(one: Mapping[str, float] | None) -> str:
+    if one is None:
+        return "failed"
+    spread = [value for name, value in one.items() if name.startswith("X_s")]
+    span = f"{min(spread):.2f} … {max(spread):.2f}"
+    return f"{span} / {one['k_P']:.2f} / {one['k_N']:.2f}"
+
+
 #: Tables by name: how it is made, and from which result.
 TABLES: dict[str, tuple[Callable[[Mapping[str, Any]], str], str]] = {
     "coverage": (coverage, "wls_vs_output_error"),
     "truth": (truth, "table1"),
     "emps": (emps, "emps"),
+    "flow_forms": (flow_forms, "flow_sensitivity"),
+    "flow_metering": (flow_metering, "flow_sensitivity"),
+    "scaling": (scaling, "scaling"),
 }
 
 

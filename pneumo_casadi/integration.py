@@ -48,7 +48,13 @@ def substeps_for(axis: Axis, dt: float) -> int:
     of that is asked for, because the steps are then long against everything else as well.
     """
     rate = dt * _fastest_rate(axis)
-    return max(1 if rate <= ONE_STEP else 2, int(np.ceil(rate)))
+    if rate <= ONE_STEP:
+        return 1
+    # Few different counts, so that a little more friction seldom asks for other steps.
+    steps = 2
+    while steps < rate:
+        steps = steps * 3 // 2 if steps & (steps - 1) == 0 else steps * 4 // 3
+    return steps
 
 
 def _fastest_rate(axis: Axis) -> float:

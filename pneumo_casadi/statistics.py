@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import stats
 
 from pneumo_casadi.filtering import white_noise_std
@@ -15,6 +16,8 @@ from pneumo_casadi.recording import Recording
 RANK_TOLERANCE = 1e-13
 #: At least so many batches tell how a sum scatters.
 BATCHES = 20
+#: Standard deviations by which longer batches must exceed shorter ones to count.
+DOUBT = 1.64
 #: Share of a parameter in the uninformed directions from which it is called unidentifiable.
 LOADING = 1e-3
 
@@ -156,10 +159,11 @@ def long_run_covariance(parts: Sequence[FloatArray]) -> FloatArray:
     -------
     (p, p) array
         White vectors give the sum of their outer products. How long correlation lasts is not
-        known beforehand, and a weak slow part hides behind noise at every single lag; so batches
-        of 1, 2, 4, ... rows are tried as long as at least `BATCHES` and 2 p of them are left,
-        and each component keeps its largest variance: rather too wide than too narrow. The p
-        fitted degrees of freedom are counted.
+        known beforehand, so batches of 1, 2, 4, ... rows are tried as long as at least `BATCHES`
+        and 2 p of them are left. Each component takes the shortest batches whose variance no
+        longer ones exceed by more than `DOUBT` of its own scatter (Lepski's rule): white
+        residuals keep their sharp variance, slow misfit its large one. The p fitted degrees of
+        freedom are counted.
 
     Examples
     --------
@@ -168,25 +172,40 @@ def long_run_covariance(parts: Sequence[FloatArray]) -> FloatArray:
     >>> slow = np.repeat(rng.normal(size=80), 50)
     >>> [round(float(np.sqrt(long_run_covariance([e[:, None]])[0, 0] / 4000)), 1) for e in
     ...  (white, slow)]
-    [1.2, 6.9]
+    [1.0, 6.9]
     """
     p = parts[0].shape[1]
     rows, length = sum(len(part) for part in parts), 1
     found: list[FloatArray] = []
+    counts: list[int] = []
     while not found or rows // length >= max(BATCHES, 2 * p):
         sums = np.concatenate(
             [np.add.reduceat(part, np.arange(0, len(part), length), axis=0) for part in parts]
         )
         found.append(sums.T @ sums * (len(sums) / max(1, len(sums) - p)))
+        counts.append(len(sums))
         length *= 2
     variances = np.array([np.diag(covariance) for covariance in found])
-    largest = variances.max(axis=0)
-    # Correlations come from the batch length whose variances are the largest on the whole.
-    shape = found[int(np.argmax(np.sum(variances / np.maximum(largest, 1e-300), axis=1)))]
+    chosen = _shortest_batches(variances, np.array(counts))
+    variance = variances[chosen, np.arange(p)]
+    # Correlations come from the longest batches that a component asks for.
+    shape = found[int(chosen.max(initial=0))]
     own = np.diag(shape)
-    stretch = np.sqrt(np.divide(largest, own, out=np.ones(p), where=own > 0))
-    widened: FloatArray = shape * np.outer(stretch, stretch)
-    return widened
+    stretch = np.sqrt(np.divide(variance, own, out=np.ones(p), where=own > 0))
+    scaled: FloatArray = shape * np.outer(stretch, stretch)
+    return scaled
+
+
+def _shortest_batches(variances: FloatArray, counts: FloatArray) -> NDArray[np.intp]:
+    """Return, per component, the first row that no later one clearly exceeds."""
+    rows = len(variances)
+    chosen = np.full(variances.shape[1], rows - 1, dtype=np.intp)
+    for i in range(rows - 2, -1, -1):
+        # Batches are nested: their variances differ by the scatter of the longer ones alone.
+        scatter = np.sqrt(2 * np.maximum(1 / counts[i + 1 :] - 1 / counts[i], 0.0))[:, None]
+        exceeds = variances[i + 1 :] > variances[i] * (1 + DOUBT * scatter)
+        chosen[~exceeds.any(axis=0)] = i
+    return chosen
 
 
 def _direction(vector: FloatArray, unit: FloatArray, names: Sequence[str]) -> str:
