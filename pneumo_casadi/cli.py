@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from pneumo_casadi import __version__
+from pneumo_casadi.bench_command import record_case
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.output_error import Method, OutputErrorOptions
 from pneumo_casadi.pipeline import FlowForm, IdentifyOptions, identify, open_case
@@ -162,8 +163,16 @@ def validate(
 
 @app.command()
 def simulate(
-    case: CasePath,
-    parameters: Parameters,
+    case: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="CASE", help="Folder with bench.json and records."
+        ),
+    ] = None,
+    parameters: Annotated[
+        Path | None,
+        typer.Option("--parameters", "-p", help="result.json written by identify."),
+    ] = None,
     output: Output = None,
     json_file: Json = None,
     open_loop: Annotated[
@@ -175,24 +184,57 @@ def simulate(
     records: Annotated[
         RecordSet, typer.Option(help="Whose reference, inputs and initial state are taken.")
     ] = RecordSet.VALIDATE,
+    bench: Annotated[
+        bool, typer.Option("--bench", help="Record a random axis on the virtual bench instead.")
+    ] = False,
+    seed: Annotated[int, typer.Option(min=0, help="Bench: of axis, sizes, noise.")] = 0,
+    effect: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME[:SEVERITY]", help="Bench: hidden effect; may be repeated."),
+    ] = None,
+    severity: Annotated[str, typer.Option(help="Bench: small, medium or large.")] = "medium",
+    fs: Annotated[float, typer.Option(help="Bench: sampling frequency [Hz].")] = 1000.0,
+    duration: Annotated[float, typer.Option(help="Bench: length of each record [s].")] = 20.0,
     debug: Debug = False,
 ) -> None:
     """Simulate the axis on the records of CASE and write CSV files in case-folder columns.
 
-    One file a record goes to FOLDER/simulation (default: report/CASE-simulation).
+    One file a record goes to FOLDER/simulation (default: report/CASE-simulation). With --bench,
+    FOLDER becomes a case folder instead (default: report/bench-SEED), recorded on a random axis
+    by the virtual bench, which shares no equation with the model; the labels go to --json.
     """
     with guarded(debug):
-        folder = output or Path("report") / f"{case.resolve().name}-simulation"
-        check_replaceable(folder, Kind.SIMULATION)
-        found = open_case(case)
-        axis = read_axis(parameters, found)
-        with progress_bar() as report:
-            runs = simulate_case(axis, found, records, not open_loop, report)
-        paths = write_simulations(runs, folder)
-        for path in paths:
-            out.print(path, soft_wrap=True)
+        if bench:
+            if case is not None or parameters is not None:
+                raise CaseError("--bench makes an axis of its own: leave out CASE and --parameters")
+            folder = output or Path("report") / f"bench-{seed}"
+            found = record_case(folder, seed, effect or [], severity, fs, duration, json_file)
+            out.print(folder, soft_wrap=True)
+        else:
+            found = {"files": _simulate(case, parameters, output, records, open_loop)}
         if json_file is not None:
-            write_json({"files": [str(path) for path in paths]}, json_file)
+            write_json(found, json_file)
+
+
+def _simulate(
+    case: Path | None,
+    parameters: Path | None,
+    output: Path | None,
+    records: RecordSet,
+    open_loop: bool,
+) -> list[str]:
+    if case is None or parameters is None:
+        raise CaseError("simulate needs CASE and --parameters, or --bench to make a case")
+    folder = output or Path("report") / f"{case.resolve().name}-simulation"
+    check_replaceable(folder, Kind.SIMULATION)
+    found = open_case(case)
+    axis = read_axis(parameters, found)
+    with progress_bar() as report:
+        runs = simulate_case(axis, found, records, not open_loop, report)
+    paths = write_simulations(runs, folder)
+    for path in paths:
+        out.print(path, soft_wrap=True)
+    return [str(path) for path in paths]
 
 
 def _identify(

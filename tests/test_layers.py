@@ -11,6 +11,7 @@ LAYERS = [
     ["errors"],
     ["parameters"],
     ["recording"],
+    ["testbed"],
     ["filtering"],
     ["flow"],
     ["effect"],
@@ -28,7 +29,7 @@ LAYERS = [
     ["flow_sensitivity"],
     ["caveats", "pipeline", "result_file", "trajectory_file"],
     ["report"],
-    ["terminal"],
+    ["terminal", "bench_command"],
     ["cli", "__main__"],
 ]
 RANK = {name: rank for rank, names in enumerate(LAYERS) for name in names}
@@ -96,6 +97,15 @@ def test_effects_know_nothing_of_the_model():
 def test_the_model_names_no_effect():
     model = [path for path in SOURCES if layer_of(path) in {"balances", "servosystem"}]
     assert not [path.name for path in model if "effects" in own_layers(path)]
+
+
+def test_the_bench_knows_nothing_of_the_model():
+    allowed = {"testbed", "recording", "parameters", "errors"}
+    bench = [path for path in SOURCES if layer_of(path) == "testbed"]
+    assert bench
+    wrong = {path.name: own_layers(path) - allowed for path in bench}
+    assert not any(wrong.values()), wrong
+    assert not [path.name for path in bench if any(n.startswith("casadi") for n in imports(path))]
 
 
 def test_the_library_never_prints():

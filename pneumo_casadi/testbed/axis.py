@@ -61,7 +61,7 @@ class BenchSensors:
     p_quantum: float = 15.0
     x_quantum: float = 5e-6
     u_quantum: float = 6e-4
-    bandwidth: float = 4000.0
+    bandwidth: float = 8000.0
 
 
 #: Sensors that show the state itself: for balances and convergence.
@@ -192,7 +192,7 @@ def random_axis(seed: int) -> BenchAxis:
     S_P = draw(7e-4, 1.25e-3)
     S_N = S_P * draw(0.7, 0.87)
     stroke = draw(0.4, 0.53)
-    k_supply = draw(2.4e-9, 3.8e-9)
+    k_supply = draw(2.8e-9, 3.8e-9)
     clearance = draw(0.007, 0.014)
     valve = BenchValve(
         k_supply=k_supply,
@@ -221,6 +221,6 @@ def random_axis(seed: int) -> BenchAxis:
         F_c_plus=draw(8.0, 23.0),
         F_c_minus=draw(12.0, 29.0),
         valve=valve,
-        gain=draw(2.5, 5.0),
+        gain=draw(8.5e-6, 1.4e-5) * S_P / k_supply,  # of the loop: conductance by area and way
         p_supply=draw(6.2e5, 7.6e5),
     )

@@ -14,7 +14,7 @@ STRIBECK = EffectForm(
 )
 PRESLIDING = EffectForm(
     "presliding",
-    "four elasto-plastic bristles in parallel (Iwan) of mean slip distance s_0",
+    "four elasto-plastic bristles in parallel (Iwan), mean slip distance s_0, damped at creep",
     (Size("distance", "m", (4e-5, 2e-4, 6e-4), description="mean slip distance s_0"),),
     note="shows within s_0 of a reversal; small ones drown in the position noise",
     step=5e-5,

@@ -37,7 +37,7 @@ def kernel(function: Kernel) -> Kernel:
 
 def entry(function: Kernel) -> Kernel:
     """Compile a function that Python calls, and keep the machine code for the next process."""
-    folder = _folder()
+    folder = cache_folder()
     if folder is None:
         return kernel(function)
     config: Any = numba.config
@@ -52,7 +52,7 @@ def entry(function: Kernel) -> Kernel:
         config.CACHE_DIR = before
 
 
-def _folder() -> Path | None:
+def cache_folder() -> Path | None:
     """Return the folder of the compiled kernels, None where none is this user's alone."""
     home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     base = Path(os.environ.get(FOLDER) or Path(home) / "pneumo_casadi")

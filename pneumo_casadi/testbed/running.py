@@ -112,7 +112,10 @@ def run_bench(
     rows = np.full((N, layout.ROW), np.nan)
     kept = N if keep_states else 0
     states, modes = np.full((kept, layout.SIZE), np.nan), np.zeros(kept)
-    begin = np.array(start or (float(drive.x_ref[0]), *rest_pressures(axis)))
+    half = axis.stroke / 2
+    begin = np.array(start or (np.clip(drive.x_ref[0], -half, half), *rest_pressures(axis)))
+    if not abs(begin[0]) <= half:
+        raise ModelError(f"start at x = {begin[0]:g} m: beyond the end stop at {half:g} m")
     run(
         par, begin, drive.x_ref, drive.common, noise, dt, steps, round(settling * fs),
         rows, states, modes,

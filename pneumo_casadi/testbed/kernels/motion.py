@@ -1,6 +1,6 @@
 """Forces on the piston, set-valued Coulomb friction and bristles."""
 
-from math import cos, exp, inf, pi, sin
+from math import cos, exp, inf, pi, sin, sqrt
 from typing import Any
 
 from pneumo_casadi.parameters import FloatArray
@@ -9,6 +9,9 @@ from pneumo_casadi.testbed.kernels.layout import BRISTLES, FREE, V_2, X_2, V, X
 
 #: Slip distances of the bristles, in their mean.
 SPREAD = (0.4, 0.8, 1.2, 1.6)
+#: Damping ratio of the piston on unyielding bristles, and velocity at which it fades [m/s]; their
+#: joint stiffness in levels per mean slip distance.
+DAMPING, FADING, STIFFNESS = 0.3, 2e-3, 1.302
 
 
 @kernel
@@ -94,11 +97,17 @@ def write_bristles(x: float, bristles: FloatArray, par: Any) -> None:
 
 
 @kernel
-def friction(mode: int, up: float, down: float, x: float, bristles: FloatArray, par: Any) -> Any:
+def friction(
+    mode: int, up: float, down: float, y: FloatArray, bristles: FloatArray, par: Any
+) -> Any:
     """Return the friction force on the moving piston [N], positive against motion up."""
-    if mode == FREE:
-        return bristle_share(x, bristles, par) * (up + down) / 2.0 + (up - down) / 2.0
-    return up if mode > 0 else -down
+    if mode != FREE:
+        return up if mode > 0 else -down
+    level, v = (up + down) / 2.0, y[V]
+    bent = bristle_share(y[X], bristles, par) * level + (up - down) / 2.0
+    stiffness = STIFFNESS * level / par.presliding_distance
+    damping = 2.0 * DAMPING * sqrt(stiffness * piston_mass(par))
+    return bent + damping * v * exp(-((v / FADING) ** 2))
 
 
 @kernel
@@ -106,7 +115,7 @@ def holding_limits(y: FloatArray, p_P: float, p_N: float, bristles: FloatArray, 
     """Return the forces up and down that the piston at rest withstands [N]; end stops all."""
     up, down = friction_levels(y, p_P, p_N, par)
     if par.presliding_distance > 0.0:  # only the stops hold: bristles give way at once
-        drag = friction(FREE, up, down, y[X], bristles, par)
+        drag = friction(FREE, up, down, y, bristles, par)
         up, down = drag, -drag
     if y[X] >= par.half:
         up = inf

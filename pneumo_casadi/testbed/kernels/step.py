@@ -81,7 +81,7 @@ def rates(
     dy[X], dy[V] = y[V], 0.0
     if mode != HELD:
         up, down = friction_levels(y, p_P, p_N, par)
-        F -= friction(mode, up, down, y[X], bristles, par)
+        F -= friction(mode, up, down, y, bristles, par)
         dy[V] = F / piston_mass(par)
     load_rates(y, dy, par)
     q_P, q_N, H_P, H_N, entering = gas_flows(t, y, dy, par, target, p_P, T_P, p_N, T_N)
