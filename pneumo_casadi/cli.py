@@ -165,9 +165,7 @@ def validate(
 def simulate(
     case: Annotated[
         Path | None,
-        typer.Argument(
-            metavar="CASE", help="Folder with bench.json and records."
-        ),
+        typer.Argument(metavar="CASE", help="Folder with bench.json and records."),
     ] = None,
     parameters: Annotated[
         Path | None,
