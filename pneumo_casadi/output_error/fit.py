@@ -15,7 +15,7 @@ from pneumo_casadi.integration import Stepping, substeps_for
 from pneumo_casadi.output_error.anchor import anchor
 from pneumo_casadi.output_error.gauss_newton import solve_gauss_newton
 from pneumo_casadi.output_error.information import estimate
-from pneumo_casadi.output_error.interval import interval_functions
+from pneumo_casadi.output_error.interval import IntervalFunctions
 from pneumo_casadi.output_error.ipopt import IpoptSolver
 from pneumo_casadi.output_error.problem import Problem, Unknowns
 from pneumo_casadi.output_error.result import (
@@ -152,6 +152,7 @@ def fit_output_error(
             axis = axis.with_parameters(parameters)
             report(f"{rung.name}: writing and compiling", share)
             problem = write_problem(axis, records, flow_map, rung.options)
+            _ = problem.sensitivity  # compiled here: the time of a stage is that of solving
             report(rung.name, share + 0.5 / len(ladder))
             began = time.perf_counter()
             solution = _solve(problem, rung.options, sigma, rung.refine)
@@ -245,7 +246,7 @@ def write_problem(
     stepping = Stepping(dt, hold, _substeps(axis, options, dt))
     model = SampledAxis(axis, stepping, _controller(axis) if options.closed_loop else None)
     segments = cut(model, records, n, options.window, options.interval)
-    functions = interval_functions(model, n, segments[0].per, parameters.free_names)
+    functions = IntervalFunctions(model, n, segments[0].per, parameters.free_names)
     coefficients = axis.flow.parameters.names if axis.flow is not None else ()
     anchored = flow_map is not None and set(coefficients) & set(parameters.free_names)
     return Problem(

@@ -6,7 +6,7 @@ from pneumo_casadi.axis import Axis
 from pneumo_casadi.errors import FitError
 from pneumo_casadi.integration import Stepping, substeps_for
 from pneumo_casadi.output_error.condensing import condense, linearise
-from pneumo_casadi.output_error.interval import interval_functions
+from pneumo_casadi.output_error.interval import IntervalFunctions
 from pneumo_casadi.output_error.problem import Problem, Unknowns, shoot
 from pneumo_casadi.output_error.segments import cut
 from pneumo_casadi.parameters import FloatArray
@@ -82,7 +82,7 @@ def _problem(axis: Axis, record: Recording, window: float | None) -> Problem:
     n = max(1, round(BLOCK / record.dt))
     segments = cut(model, [record], n, window, INTERVAL)
     whole = tuple(segment for segment in segments if segment.K == segments[0].K)
-    functions = interval_functions(model, n, whole[0].per, ())
+    functions = IntervalFunctions(model, n, whole[0].per, ())
     return Problem(model, axis.parameters.fix(), whole, functions, None)
 
 

@@ -7,6 +7,7 @@ outputs leave only their sums JᵀJ and Jᵀe: a long record needs few nodes and
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
@@ -17,9 +18,9 @@ from pneumo_casadi.integration import inputs_between, runge_kutta
 from pneumo_casadi.sampled import SampledAxis
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False)
 class IntervalFunctions:
-    """One interval as machine code.
+    """One interval as machine code, written and compiled when it is first asked for.
 
     Shapes are those of one interval with nx states, nw values a sample, ny outputs, n samples a
     block, B blocks and m = nx + n_free columns. ``h`` is the sampling period in each block
@@ -28,39 +29,35 @@ class IntervalFunctions:
 
     Parameters
     ----------
-    n, blocks : int
-        Samples a block, blocks an interval.
-    value : casadi.Function
-        ``(x (nx,), w (nw, n B), θ, h (1, B)) -> (x_end (nx,), ȳ (ny, B))``: the state at the end
-        and the mean outputs over the n samples of each block.
-    sensitivity : casadi.Function
-        ``(x, w, θ, h, ȳ_measured (ny, B), weight (ny,)) -> (x_end, ȳ, S (nx, m), H (m, ny m),
-        g (m, ny), s (m, B))`` with ∂x_end/∂(x_0, θ_free), per output JᵀJ and Jᵀe of the means,
-        and per block the weighted scores Σ_y weight Jᵀe.
-    """
-
-    n: int
-    blocks: int
-    value: ca.Function
-    sensitivity: ca.Function
-
-
-def interval_functions(
-    model: SampledAxis, n: int, blocks: int, free: Sequence[str]
-) -> IntervalFunctions:
-    """Write, differentiate and compile an interval.
-
-    Parameters
-    ----------
     model : SampledAxis
         The axis from one sample to the next.
     n, blocks : int
         Samples a block, blocks an interval.
-    free : sequence of str
+    free : tuple of str
         Parameters to differentiate to.
     """
-    value, sensitivity = _value(model, n, blocks), _sensitivity(model, n, blocks, free)
-    return IntervalFunctions(n, blocks, *compiled([value, sensitivity]))
+
+    model: SampledAxis
+    n: int
+    blocks: int
+    free: tuple[str, ...]
+
+    @cached_property
+    def value(self) -> ca.Function:
+        """``(x (nx,), w (nw, n B), θ, h (1, B)) -> (x_end (nx,), ȳ (ny, B))``.
+
+        The state at the end and the mean outputs over the n samples of each block.
+        """
+        return compiled([_value(self.model, self.n, self.blocks)])[0]
+
+    @cached_property
+    def sensitivity(self) -> ca.Function:
+        """``(x, w, θ, h, ȳ_measured (ny, B), weight (ny,)) -> (x_end, ȳ, S, H, g, s)``.
+
+        ∂x_end/∂(x_0, θ_free) of shape (nx, m), per output JᵀJ and Jᵀe of the means, (m, ny m)
+        and (m, ny), and per block the weighted scores Σ_y weight Jᵀe, (m, B).
+        """
+        return compiled([_sensitivity(self.model, self.n, self.blocks, self.free)])[0]
 
 
 def _value(model: SampledAxis, n: int, blocks: int) -> ca.Function:

@@ -5,7 +5,7 @@ import pytest
 
 from pneumo_casadi.effects import Stribeck, ValveDynamics
 from pneumo_casadi.integration import Stepping, step_function
-from pneumo_casadi.output_error.interval import interval_functions
+from pneumo_casadi.output_error.interval import IntervalFunctions
 from pneumo_casadi.recording import InputHold
 from pneumo_casadi.sampled import SampledAxis
 
@@ -49,7 +49,7 @@ def interval(request, made):
     """A model, its functions and what one interval is given."""
     model = KINDS[request.param](made)
     axis = model.axis
-    functions = interval_functions(model, N, BLOCKS, free_names(axis))
+    functions = IntervalFunctions(model, N, BLOCKS, tuple(free_names(axis)))
     rng = np.random.default_rng(3)
     x, u = made.states(axis, rng)
     motion = len(axis.motion_states)
@@ -162,7 +162,7 @@ def test_blocks_without_time_change_nothing(interval):
 
 def test_outputs_of_one_sample_do_not_hang_on_the_next_input(made):
     model = SampledAxis(lagging(made), Stepping(DT, InputHold.LINEAR, substeps=4))
-    functions = interval_functions(model, 1, 1, ["M"])
+    functions = IntervalFunctions(model, 1, 1, ("M",))
     axis = model.axis
     x = flat(axis.rest([3e5, 4e5, 0.0, 0.1], [1.0, -1.0], axis.parameters.values))
     one, two = (functions.value(x, [1, -1, a, -a], axis.parameters.values, DT) for a in (0.5, 2))
