@@ -197,6 +197,24 @@ def _spreads(one: Mapping[str, float] | None) -> str:
     return f"{span} / {one['k_P']:.2f} / {one['k_N']:.2f}"
 
 
+def emps_output_error(result: Mapping[str, Any]) -> str:
+    """Put closed- and open-loop errors side by side for every estimator of a real axis."""
+    head = ["EMPS", "closed loop x, v %", "on pulses x, v %", "open loop on pulses, mm"]
+
+    def loop(errors: Mapping[str, float]) -> str:
+        return f"{errors['position']:.5f}, {errors['velocity']:.3f}"
+
+    theirs = result["authors"]["closed_loop"]
+    body = [["authors", loop(theirs["identification"]), loop(theirs["pulses"]), ""]]
+    for name, one in result["estimators"].items():
+        errors = one["closed_loop_percent"]
+        open_loop = f"{one['open_loop_mm']['pulses']:.2f}"
+        body.append([name, loop(errors["identification"]), loop(errors["pulses"]), open_loop])
+    for name, value in result["black_boxes_mm"].items():
+        body.append([f"{name} (published)", "", "", f"{value:g}"])
+    return rows(head, body)
+
+
 #: Tables by name: how it is made, and from which result.
 TABLES: dict[str, tuple[Callable[[Mapping[str, Any]], str], str]] = {
     "coverage": (coverage, "wls_vs_output_error"),
@@ -205,6 +223,7 @@ TABLES: dict[str, tuple[Callable[[Mapping[str, Any]], str], str]] = {
     "flow_forms": (flow_forms, "flow_sensitivity"),
     "flow_metering": (flow_metering, "flow_sensitivity"),
     "scaling": (scaling, "scaling"),
+    "emps_output_error": (emps_output_error, "emps_output_error"),
 }
 
 
