@@ -215,6 +215,27 @@ def emps_output_error(result: Mapping[str, Any]) -> str:
     return rows(head, body)
 
 
+def loops(result: Mapping[str, Any]) -> str:
+    """Largest significant bias of output error, loop open and closed, by situation."""
+    head = ["situation", "loop", "largest bias", "in", "its spread %", "failed"]
+    body = []
+    for situation, by_loop in result["situations"].items():
+        for loop, one in by_loop.items():
+            bias, error = one["bias_percent"], one["bias_standard_error"]
+            worst = max(bias, key=lambda n: abs(bias[n]) / error[n])
+            body.append(
+                [
+                    situation,
+                    loop,
+                    f"{bias[worst]:+.2f} ± {2 * error[worst]:.2f} %",
+                    SYMBOLS.get(worst, worst),
+                    f"{one['spread_percent'][worst]:.2f}",
+                    f"{one['failed']}",
+                ]
+            )
+    return rows(head, body)
+
+
 #: Tables by name: how it is made, and from which result.
 TABLES: dict[str, tuple[Callable[[Mapping[str, Any]], str], str]] = {
     "coverage": (coverage, "wls_vs_output_error"),
@@ -222,6 +243,7 @@ TABLES: dict[str, tuple[Callable[[Mapping[str, Any]], str], str]] = {
     "emps": (emps, "emps"),
     "flow_forms": (flow_forms, "flow_sensitivity"),
     "flow_metering": (flow_metering, "flow_sensitivity"),
+    "loops": (loops, "loops"),
     "scaling": (scaling, "scaling"),
     "emps_output_error": (emps_output_error, "emps_output_error"),
 }
