@@ -24,6 +24,7 @@ import numba
 import numpy as np
 
 from pneumo_casadi import __version__
+from pneumo_casadi.errors import FitError
 from pneumo_casadi.flow import FlowISO6358
 from pneumo_casadi.parameters import Parameter, Parameters
 from pneumo_casadi.pipeline import identify
@@ -43,7 +44,7 @@ from pneumo_casadi.testbed.sanity import STEPS
 FS = 1000.0
 WIDTHS = (1e-2, 1e-3, 1e-4)
 #: Length of the comparison with the model [s]: a narrow tanh costs it many small steps.
-AGREEMENT_SECONDS = 4.0
+AGREEMENT_SECONDS = 2.0
 
 
 def common_axis(axis: BenchAxis) -> BenchAxis:
@@ -119,7 +120,10 @@ def nominal_fit(seed: int, duration: float) -> dict[str, Any]:
     """Identify an effect-free case and return what is left on the held-out record."""
     with tempfile.TemporaryDirectory() as scratch:
         made = make_case(Path(scratch) / "case", seed, duration=duration)
-        found = identify(made.case)
+        try:
+            found = identify(made.case)
+        except FitError as error:
+            return {"failed": str(error)}
     validation = found.validation
     if validation is None or validation.closed_loop is None:
         raise RuntimeError("the case has no held-out record or no controller")
@@ -152,48 +156,44 @@ def speed() -> dict[str, float]:
 
 
 def run(axes: int, duration: float, fits: int) -> dict[str, Any]:
-    """Examine random axes, and identify the first of them."""
-    return {
-        "speed_20_s_at_5_kHz": speed(),
-        "axes": {
-            str(seed): {
-                **asdict(sanity(seed=seed, duration=duration)),
-                "agreement_percent": agreement(seed, min(duration, AGREEMENT_SECONDS)),
-            }
-            for seed in range(axes)
-        },
-        "nominal_fit": {str(seed): nominal_fit(seed, duration) for seed in range(fits)},
-    }
-
-
-def report(result: dict[str, Any]) -> None:
-    """Print the figures, one line an axis."""
-    print(f"20 s at 5 kHz: {result['speed_20_s_at_5_kHz']['seconds']:.2f} s")
-    for seed, one in result["axes"].items():
-        found = one["agreement_percent"]
-        sharp = list(found["with_coulomb_friction"].values())[-1]["x"]
+    """Examine random axes, and identify the first of them; print each as it is done."""
+    result: dict[str, Any] = {"speed_20_s_at_5_kHz": speed(), "axes": {}, "nominal_fit": {}}
+    print(f"20 s at 5 kHz: {result['speed_20_s_at_5_kHz']['seconds']:.2f} s", flush=True)
+    for seed in range(axes):
+        apart = agreement(seed, min(duration, AGREEMENT_SECONDS))
+        one = {**asdict(sanity(seed=seed, duration=duration)), "agreement_percent": apart}
+        result["axes"][str(seed)] = one
         print(
             f"axis {seed}: balances of mass {one['mass_error']:.1e}, energy "
             f"{one['energy_error']:.1e}; step {STEPS[-1]:g} s: {one['step_errors'][-1]:.1e} of the "
             f"motion, order {one['order']:.1f}; model x: "
-            f"{found['without_coulomb_friction']['x']:.1e} % without friction, {sharp:.3f} % with "
-            f"v_s = {WIDTHS[-1]:g} m/s"
+            f"{apart['without_coulomb_friction']['x']:.1e} % without friction, "
+            f"{list(apart['with_coulomb_friction'].values())[-1]['x']:.3f} % with "
+            f"v_s = {WIDTHS[-1]:g} m/s",
+            flush=True,
         )
-    for seed, one in result["nominal_fit"].items():
+    for seed in range(fits):
+        one = result["nominal_fit"][str(seed)] = nominal_fit(seed, duration)
+        if "failed" in one:
+            print(f"nominal fit {seed} failed: {one['failed']}", flush=True)
+            continue
         print(
             f"nominal fit {seed}: closed-loop x {one['closed_loop_x_percent_of_motion']:.3f} % of "
             f"the motion, {one['closed_loop_x_percent_of_standard_deviation']:.3f} % of its "
-            f"standard deviation; {one['seconds']:.0f} s"
+            f"standard deviation; {one['seconds']:.0f} s",
+            flush=True,
         )
+    return result
 
 
 def main() -> None:
     """Run the benchmark from the command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--json", type=Path, help="write the figures to this file")
+    parser.add_argument("--fits", type=int, default=3, help="how many axes to identify")
     parser.add_argument("--quick", action="store_true", help="one axis, four seconds, no fit")
     arguments = parser.parse_args()
-    axes, duration, fits = (1, 4.0, 0) if arguments.quick else (5, 20.0, 5)
+    axes, duration, fits = (1, 4.0, 0) if arguments.quick else (5, 20.0, arguments.fits)
     result = run(axes, duration, fits)
     result |= {
         "machine": f"{platform.machine()} {platform.system()}, {os.cpu_count()} CPUs",
@@ -207,7 +207,6 @@ def main() -> None:
         "duration_seconds": duration,
         "quick": arguments.quick,
     }
-    report(result)
     if arguments.json is not None:
         partial = arguments.json.with_suffix(".part")
         partial.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")

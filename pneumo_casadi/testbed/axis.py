@@ -197,8 +197,8 @@ def random_axis(seed: int) -> BenchAxis:
     valve = BenchValve(
         k_supply=k_supply,
         k_exhaust=k_supply * draw(1.15, 1.75),
-        lap_supply=draw(-0.003, 0.003),
-        lap_exhaust=draw(-0.003, 0.003),
+        lap_supply=draw(-0.001, 0.001),
+        lap_exhaust=draw(-0.001, 0.001),
         clearance=clearance,
         closing=draw(1.0, 3.0),
         leak_supply=k_supply * draw(0.03, 0.055),

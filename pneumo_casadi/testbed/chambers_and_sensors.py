@@ -4,8 +4,8 @@ from pneumo_casadi.testbed.effect import EffectForm, Size
 
 PISTON_SEAL_LEAKAGE = EffectForm(
     "piston_seal_leakage",
-    "turbulent restriction between the chambers, ISO 6358 with b = 0.25, m = 0.55",
-    (Size("C", "m3/(s Pa)", (0.03, 0.1, 0.3), "C", description="conductance"),),
+    "½ q (√(1 + 8 z) − 1), z = (p_P² − p_N²)/(p_supply² − p_ext²): viscous and inertial gap",
+    (Size("q", "kg/s", (0.03, 0.1, 0.3), "q", description="flow, supply against ambient"),),
     note="shows with Δp across the piston",
 )
 LEAKAGE_P, LEAKAGE_N = (

@@ -46,8 +46,8 @@ QUADRATIC_DRAG = EffectForm(
 )
 CONSTANT_FORCE = EffectForm(
     "constant_force",
-    "−F_0",
-    (Size("F_0", "N", (0.1, 0.4, 0.9), "F_c", signed=True, description="load against x"),),
+    "F_0, in +x",
+    (Size("F_0", "N", (0.1, 0.4, 0.9), "F_c", signed=True, description="load"),),
     absorbed_by=("F_c_plus", "F_c_minus"),
     note="wholly absorbed by F_c⁺ − F_c⁻ while the axis moves",
 )

@@ -93,7 +93,7 @@ def test_bristles_give_way_before_the_piston_slides(axis):
         asked = {"presliding": {"distance": 4e-4}, "constant_force": {"F_0": F_0}}
         return run_bench(axis, still, effects_for(axis, asked)).states[-1, layout.X]
 
-    given = rest(0.0) - rest(4.0)
+    given = rest(4.0) - rest(0.0)
     # Initial stiffness: the mean of level / slip distance over the four bristles.
     assert given == pytest.approx(4.0 / 40.0 * 4e-4 / 1.302, rel=0.1)
 

@@ -99,11 +99,15 @@ def chamber_rates(
 
 
 @kernel
-def seal_leakage(p_P: float, T_P: float, p_N: float, T_N: float, par: Any) -> Any:
-    """Return the turbulent flow past the piston seal, P to N [kg/s]."""
-    if par.piston_seal_leakage_C <= 0.0:
-        return 0.0
-    return restriction(par.piston_seal_leakage_C, 0.25, 0.55, p_P, T_P, p_N, T_N)
+def seal_leakage(p_P: float, p_N: float, par: Any) -> Any:
+    """Return the flow past the piston seal, P to N [kg/s]: viscous and inertial (Forchheimer).
+
+    a q + b q|q| = p_P² − p_N², both terms equal where supply stands against ambient.
+    """
+    full = par.p_supply**2 - par.p_ext**2
+    z = (p_P * p_P - p_N * p_N) / full
+    q = par.piston_seal_leakage_q * (sqrt(1.0 + 8.0 * abs(z)) - 1.0) / 2.0
+    return q if z > 0.0 else -q
 
 
 @kernel

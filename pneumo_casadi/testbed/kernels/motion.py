@@ -19,7 +19,7 @@ def applied_force(t: float, y: FloatArray, p_P: float, p_N: float, par: Any) -> 
     """Return all force on the piston but Coulomb friction [N], and its part from gas pressure."""
     x, v = y[X], y[V]
     gas = par.S_P * p_P - par.S_N * p_N - (par.S_P - par.S_N) * par.p_ext
-    F = gas - par.f_v * v - par.constant_force_F_0
+    F = gas - par.f_v * v + par.constant_force_F_0
     if par.quadratic_drag_c > 0.0:
         F -= par.quadratic_drag_c * abs(v) ** 0.8 * v
     if par.spring_load_k != 0.0:  # stiffens towards the ends

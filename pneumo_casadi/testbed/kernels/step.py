@@ -85,7 +85,7 @@ def rates(
         dy[V] = F / piston_mass(par)
     load_rates(y, dy, par)
     q_P, q_N, H_P, H_N, entering = gas_flows(t, y, dy, par, target, p_P, T_P, p_N, T_N)
-    seal = seal_leakage(p_P, T_P, p_N, T_N, par)
+    seal = seal_leakage(p_P, p_N, par)
     away_P = gland_leakage(par.leakage_P_q, p_P, par)
     away_N = gland_leakage(par.leakage_N_q, p_N, par)
     lost_P, lost_N = enthalpy(-away_P, par.T, T_P, par), enthalpy(-away_N, par.T, T_N, par)
