@@ -6,7 +6,7 @@ import numpy as np
 
 from pneumo_casadi.output_error.condensing import linearise
 from pneumo_casadi.output_error.problem import Problem, Unknowns, shoot
-from pneumo_casadi.output_error.solution import Solution, misfit, new_sigma
+from pneumo_casadi.output_error.solution import Solution, misfit, residual_sigma
 from pneumo_casadi.output_error.steps import moved, next_step
 from pneumo_casadi.parameters import FloatArray
 
@@ -14,8 +14,9 @@ from pneumo_casadi.parameters import FloatArray
 DAMPING, LEAST, MOST, FALL, GROW = 1e-3, 1e-9, 1e9, 0.2, 5.0
 #: Share of the promised decrease from which a step is taken, and from which it is trusted.
 ACCEPT, TRUSTED = 1e-3, 0.5
-#: Promised decrease of the likelihood, per parameter, at which the noise is estimated again.
-ROUGHLY = 0.05
+#: So many steps that together gain less than this log-likelihood end where sticking makes the
+#: cost rough: parameters a tenth of a standard deviation apart cannot be told.
+PATIENCE, LITTLE = 10, 0.05
 
 
 def damped_steps(
@@ -37,34 +38,34 @@ def damped_steps(
     -------
     Solution
     """
-    point, m, cost = _best(problem, starts, sigma)
+    point, m, cost = min(
+        (_closed(problem, start, sigma, reweight) for start in starts), key=lambda one: one[2]
+    )
     if not np.isfinite(cost):
         reason = "no simulation of the record stays finite"
         return Solution(point, m, sigma, reason, 0)
-    damping, iteration = DAMPING, 0
-    at = linearise(problem, point, sigma)
-    while iteration < max_iterations:
-        iteration += 1
+    damping, at, costs = DAMPING, None, [cost]
+    for iteration in range(1, max_iterations + 1):
+        if at is None:
+            sigma = residual_sigma(problem, m) if reweight else sigma
+            at = linearise(problem, point, sigma)
         step = next_step(problem, at, point, sigma, damping)
         if step is None:
             return Solution(point, m, sigma, "the model ran away from the data", iteration)
-        scale = misfit(problem, m, sigma) ** 2 * max(1, step.theta.size)
         # What is promised counts against the misfit: with σ far below the residuals, a
         # decrease of many nominal units may still be nothing that the data could tell.
-        promised = step.gain / scale
-        if reweight and promised < ROUGHLY:
-            new = new_sigma(problem, m, sigma)
-            if new is not None:
-                sigma, damping = new, DAMPING
-                cost = problem.cost(point.theta, m, sigma)
-                continue
-        if promised <= 0.1 * tolerance and damping <= 100 * DAMPING:
+        unit = misfit(problem, m, sigma) ** 2
+        promised = step.gain / unit / max(1, step.theta.size)
+        settled = promised <= 0.1 * tolerance and damping <= 100 * DAMPING
+        stalled = len(costs) > PATIENCE and costs[-1 - PATIENCE] - cost < LITTLE * unit
+        if settled or stalled:
             return Solution(point, m, sigma, "converged", iteration)
-        trial, trial_m, new_cost = _closed(problem, moved(problem, point, step), sigma)
-        share = (cost - new_cost) / max(step.gain, 1e-300)
+        trial = _closed(problem, moved(problem, point, step), sigma, reweight)
+        share = (cost - trial[2]) / max(step.gain, 1e-300)
         if share > ACCEPT:
-            point, m, cost = trial, trial_m, new_cost
-            at = linearise(problem, point, sigma)
+            point, m, cost = trial
+            at = None
+        costs.append(cost)
         if share > TRUSTED:
             damping = max(LEAST, damping * FALL)
         elif share <= ACCEPT:
@@ -74,20 +75,24 @@ def damped_steps(
     return Solution(point, m, sigma, "iterations exhausted", max_iterations)
 
 
-def _best(
-    problem: Problem, starts: Sequence[Unknowns], sigma: FloatArray
-) -> tuple[Unknowns, FloatArray, float]:
-    found = [_closed(problem, start, sigma) for start in starts]
-    return min(found, key=lambda one: one[2])
-
-
 def _closed(
-    problem: Problem, point: Unknowns, sigma: FloatArray
+    problem: Problem, point: Unknowns, sigma: FloatArray, reweight: bool
 ) -> tuple[Unknowns, FloatArray, float]:
-    """Simulate from the initial states; return the point, its outputs and its cost."""
+    """Simulate from the initial states; return the point, its outputs and what is minimised.
+
+    Where the noise is estimated, that is the likelihood with the best σ at every point,
+    ½ Σ_y N log(mean square of e_y) with the flow map's squares: alternating between σ and
+    parameters would creep under gross misfit.
+    """
     nodes, m = shoot(problem, point.theta, point.x[:, list(problem.firsts)])
     closed = Unknowns(point.theta, nodes)
     with np.errstate(over="ignore", invalid="ignore"):
-        cost = problem.cost(point.theta, m, sigma)
+        if reweight:
+            squares = np.mean((problem.y - m) ** 2, axis=1)
+            N = m.shape[1]  # what cost and σ count: means of n samples, not samples
+            pull = float(np.sum(problem.anchor_residuals(point.theta) ** 2))
+            cost = 0.5 * (N * float(np.sum(np.log(squares))) + pull)
+        else:
+            cost = problem.cost(point.theta, m, sigma)
     finite = np.isfinite(cost) and np.isfinite(nodes).all()
     return closed, m, cost if finite else float("inf")

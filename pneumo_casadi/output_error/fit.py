@@ -28,7 +28,7 @@ from pneumo_casadi.output_error.segments import cut
 from pneumo_casadi.output_error.solution import SETTLED, Solution, residual_sigma
 from pneumo_casadi.parameters import FloatArray, Parameters
 from pneumo_casadi.recording import Recording
-from pneumo_casadi.sampled import Controller, SampledAxis
+from pneumo_casadi.sampled import SampledAxis
 from pneumo_casadi.statistics import stated_or_estimated_noise
 
 logger = logging.getLogger(__name__)
@@ -89,7 +89,7 @@ class OutputErrorOptions:
     closed_loop: bool = False
     widths: tuple[float, ...] = (1e-4,)
     reweight: bool = True
-    max_iterations: int = 60
+    max_iterations: int = 150
 
     def __post_init__(self) -> None:
         window = np.inf if self.window is None else self.window
@@ -244,7 +244,7 @@ def write_problem(
     dt, hold = records[0].dt, records[0].hold
     n = max(1, round(options.block / dt))
     stepping = Stepping(dt, hold, _substeps(axis, options, dt))
-    model = SampledAxis(axis, stepping, _controller(axis) if options.closed_loop else None)
+    model = SampledAxis(axis, stepping, axis.bench.controller if options.closed_loop else None)
     segments = cut(model, records, n, options.window, options.interval)
     functions = IntervalFunctions(model, n, segments[0].per, parameters.free_names)
     coefficients = axis.flow.parameters.names if axis.flow is not None else ()
@@ -256,12 +256,6 @@ def write_problem(
         functions,
         anchor(flow_map, axis.flow) if anchored and flow_map is not None else None,
     )
-
-
-def _controller(axis: Axis) -> Controller:
-    if axis.bench.controller is None:
-        raise ModelError("closed loop: the bench names no controller; fit in open loop")
-    return axis.bench.controller
 
 
 def _substeps(axis: Axis, options: OutputErrorOptions, dt: float) -> int:

@@ -29,7 +29,7 @@ def solve_gauss_newton(
     point: Unknowns,
     sigma: FloatArray,
     reweight: bool,
-    max_iterations: int = 60,
+    max_iterations: int = 150,
     tolerance: float = 1e-3,
 ) -> Solution:
     """Solve an output-error problem by Gauss-Newton steps within bounds and a trust box.
