@@ -107,6 +107,10 @@ def identify_command(
     ipopt: Annotated[
         bool, typer.Option("--ipopt", help="Solve with IPOPT (slower, same optimum).")
     ] = False,
+    closed_loop: Annotated[
+        bool,
+        typer.Option("--closed-loop", help="Simulate the controller instead of taking u as is."),
+    ] = False,
     paper: Annotated[
         bool, typer.Option("--paper", help="Set the paper's Table 1 beside the result.")
     ] = False,
@@ -125,7 +129,9 @@ def identify_command(
             start=start,
             end=end,
             output_error=OutputErrorOptions(
-                method=Method.IPOPT if ipopt else Method.GAUSS_NEWTON, window=window
+                method=Method.IPOPT if ipopt else Method.GAUSS_NEWTON,
+                window=window,
+                closed_loop=closed_loop,
             ),
         )
         folder = output or Path("report") / case.resolve().name

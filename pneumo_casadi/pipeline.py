@@ -69,7 +69,7 @@ class IdentifyOptions:
         Part of each record to identify on [s, on its own clock]; by default all of it.
     output_error : OutputErrorOptions, optional
         Set-up of the output-error fit; by default whole records, or windows of 0.5 s for a
-        force-driven axis.
+        force-driven axis in open loop.
     windows : tuple of float
         Lengths of the validation windows [s].
     """
@@ -254,7 +254,8 @@ def make_axis(case: Case, flow: FlowModel | None) -> Axis:
 def output_error_options(case: Case, options: IdentifyOptions) -> OutputErrorOptions:
     """Return the set-up of the output-error fit for a case."""
     chosen = options.output_error or OutputErrorOptions()
-    if chosen.window is None and not isinstance(case.bench, Bench):
+    drifts = not (isinstance(case.bench, Bench) or chosen.closed_loop)
+    if chosen.window is None and drifts:
         return replace(chosen, window=FORCE_WINDOW)
     return chosen
 

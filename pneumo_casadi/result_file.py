@@ -148,6 +148,8 @@ def provenance(case: Case, options: IdentifyOptions) -> dict[str, Any]:
             "method": chosen.method.value,
             "block": chosen.block,
             "window": chosen.window,
+            "interval": chosen.interval,
+            "closed_loop": chosen.closed_loop,
             "friction_widths": list(chosen.widths),
             "validation_windows": list(options.windows),
         },
