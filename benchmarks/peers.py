@@ -236,24 +236,9 @@ def main() -> None:
         "solvers": solvers,
         **provenance.made(SEED, arguments.quick),
     }
-    print(table(tools), table(solvers), sep="\n\n")
+    print(readme.tools(tools), readme.tools(solvers), sep="\n\n")
     print(f"speed-up over {result['fastest_peer']}: {result['speed_up_over_fastest_peer']}")
     provenance.write(arguments.json, result)
-
-
-def table(tools: Mapping[str, Mapping[str, Any]]) -> str:
-    """Return the table of tools in Markdown."""
-    head = ["tool", "build s", "solve s", "peak GB", "cost", "largest error %", "reached"]
-    body = []
-    for name, row in tools.items():
-        label = f"{name} {row['version']}" if "version" in row else name
-        if "failure" in row:
-            body.append([label, "", "", "", "", "", row["failure"]])
-            continue
-        numbers = [f"{row['build_s']:.2f}", f"{row['solve_s']:.2f}", f"{row['peak_GB']:.2f}"]
-        numbers += [f"{row['cost']:.1f}", f"{row['parameter_error_percent']:.2f}"]
-        body.append([label, *numbers, "yes" if row["reached"] else "no"])
-    return readme.rows(head, body)
 
 
 if __name__ == "__main__":

@@ -111,6 +111,10 @@ def identify_command(
         bool,
         typer.Option("--closed-loop", help="Simulate the controller instead of taking u as is."),
     ] = False,
+    identifiability: Annotated[
+        bool,
+        typer.Option("--identifiability", help="Report what informs each parameter."),
+    ] = False,
     paper: Annotated[
         bool, typer.Option("--paper", help="Set the paper's Table 1 beside the result.")
     ] = False,
@@ -128,6 +132,7 @@ def identify_command(
             refine_flow=not fixed_map,
             start=start,
             end=end,
+            identifiability=identifiability,
             output_error=OutputErrorOptions(
                 method=Method.IPOPT if ipopt else Method.GAUSS_NEWTON,
                 window=window,

@@ -26,6 +26,7 @@ from pneumo_casadi.recording import Bench, Case, Recording, load_case, load_emps
 from pneumo_casadi.recording.emps import IDENTIFY as EMPS_FILE
 from pneumo_casadi.regression import Prediction, WLSResult, cross_validate, fit_wls
 from pneumo_casadi.servosystem import ForceAxis, Servosystem
+from pneumo_casadi.uncertainty import Identifiability, Optimum, identifiability
 from pneumo_casadi.validation import Validation, validate
 
 logger = logging.getLogger(__name__)
@@ -72,6 +73,8 @@ class IdentifyOptions:
         force-driven axis in open loop.
     windows : tuple of float
         Lengths of the validation windows [s].
+    identifiability : bool
+        Whether it is worked out what informs each parameter, and what stands for what.
     """
 
     flow_form: FlowForm = FlowForm.POLYNOMIALS
@@ -81,6 +84,7 @@ class IdentifyOptions:
     end: float | None = None
     output_error: OutputErrorOptions | None = None
     windows: tuple[float, ...] = (0.1, 0.5, 2.0)
+    identifiability: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,6 +115,8 @@ class Identification:
         True parameters where they are known: ``truth.json`` in the case folder.
     caveats : tuple of Caveat
         What the reader must know before using the numbers.
+    identifiability : Identifiability or None
+        Where it was asked for.
     seconds : float
         Time that it took.
     """
@@ -126,6 +132,7 @@ class Identification:
     validation: Validation | None
     truth: Mapping[str, float] | None
     caveats: tuple[Caveat, ...]
+    identifiability: Identifiability | None
     seconds: float
 
     @property
@@ -173,11 +180,12 @@ def identify(
         axis = axis.with_parameters(axis.parameters.fix(*flow.parameters.names))
     report("weighted least squares", _SHARES["wls"])
     wls = fit_wls(axis, records)
+    chosen = output_error_options(case, options)
     result = fit_output_error(
         axis.started_at(wls.parameters),
         records,
         flow_map,
-        output_error_options(case, options),
+        chosen,
         _stage(report, "output error: ", "output_error", "validation"),
     )
     predictions: tuple[Prediction, ...] = ()
@@ -198,6 +206,11 @@ def identify(
         validation=validation,
         truth=read_truth(case.folder),
         caveats=caveats_of(case, records, flow_map, wls, result, validation),
+        identifiability=(
+            identifiability(Optimum(result, records, flow_map, chosen))
+            if options.identifiability
+            else None
+        ),
         seconds=time.perf_counter() - began,
     )
     report("done", _SHARES["done"])

@@ -8,7 +8,7 @@ from jinja2 import Environment, StrictUndefined
 
 from pneumo_casadi.pipeline import Identification
 from pneumo_casadi.regression import format_table
-from pneumo_casadi.report.tables import tables_of
+from pneumo_casadi.report.content import all_tables
 from pneumo_casadi.result_file import provenance
 
 
@@ -63,7 +63,7 @@ def html_report(found: Identification, pictures: list[Picture], paper: bool = Fa
     return environment.from_string(template.read_text("utf-8")).render(
         found=found,
         result=found.output_error,
-        tables=tables_of(found, paper),
+        tables=all_tables(found, paper),
         pictures=pictures,
         wls=format_table(found.wls, robust=True),
         plan=found.wls.plan.describe(),

@@ -5,7 +5,8 @@ import textwrap
 from pneumo_casadi.caveats import Caveat
 from pneumo_casadi.pipeline import Identification
 from pneumo_casadi.regression import format_table
-from pneumo_casadi.report.tables import Table, tables_of
+from pneumo_casadi.report.content import all_tables
+from pneumo_casadi.report.tables import Table
 
 WIDTH = 100
 
@@ -51,7 +52,7 @@ def text_report(found: Identification, paper: bool = False) -> str:
     parts = [
         f"Identification of {found.case.name}",
         render_caveats(found.caveats),
-        *(render(table) for table in tables_of(found, paper)),
+        *(render(table) for table in all_tables(found, paper)),
         "Weighted least squares, as the paper prints Table 1\n\n" + wls,
         "Filters\n\n" + found.wls.plan.describe(),
     ]
