@@ -1,7 +1,8 @@
 """Output error by multiple shooting: the parameters whose trajectories lie nearest to the data."""
 
-from pneumo_casadi.output_error.fit import Method, OutputErrorOptions, fit_output_error
+from pneumo_casadi.output_error.fit import fit_output_error
 from pneumo_casadi.output_error.multistart import MultiStart, Outcome, fit_from_many_starts
+from pneumo_casadi.output_error.options import Method, OutputErrorOptions
 from pneumo_casadi.output_error.result import Derived, MapPull, OutputErrorResult, Stage
 
 __all__ = [

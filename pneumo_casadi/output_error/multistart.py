@@ -11,7 +11,8 @@ import numpy as np
 from pneumo_casadi.axis import Axis
 from pneumo_casadi.errors import FitError, ModelError
 from pneumo_casadi.flow import FlowMap
-from pneumo_casadi.output_error.fit import OutputErrorOptions, fit_output_error
+from pneumo_casadi.output_error.fit import fit_output_error
+from pneumo_casadi.output_error.options import OutputErrorOptions
 from pneumo_casadi.output_error.result import OutputErrorResult
 from pneumo_casadi.parameters import Parameters
 from pneumo_casadi.recording import Recording

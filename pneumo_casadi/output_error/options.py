@@ -1,0 +1,102 @@
+"""How an output-error problem is set up and solved, and by which stages."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from enum import Enum
+
+import numpy as np
+
+from pneumo_casadi.errors import ModelError
+
+#: Windows through which a fit is recovered are at most this long [s].
+RECOVERY_WINDOW = 0.5
+
+
+class Method(Enum):
+    """Who solves the output-error problem; both find the same optimum."""
+
+    GAUSS_NEWTON = "condensed Gauss-Newton"
+    IPOPT = "IPOPT with a Gauss-Newton Hessian"
+
+
+@dataclass(frozen=True, slots=True)
+class OutputErrorOptions:
+    """How an output-error problem is set up and solved.
+
+    Parameters
+    ----------
+    method : Method
+        Solver.
+    block : float
+        Length of a block [s]. Measurements and model are compared as means over a block, the
+        same samples on both sides, so that no sample is lost and none is shifted; a block
+        should be short against the fastest motion of interest.
+    window : float, optional
+        Longest stretch with one initial state [s]; None for the whole record.
+    interval : float
+        Longest distance of two shooting nodes [s]. Short ones survive a worse start, long ones
+        need less memory; the optimum is the same.
+    closed_loop : bool
+        Simulate the bench's controller on the recorded reference instead of feeding the
+        inputs as measured. Nothing drifts then, and noise that the controller feeds back does
+        no harm; but what the recorded inputs say beyond the reference is not used.
+    widths : tuple of float
+        Widths of the smoothed sign of the velocity, from first to last [m/s]. The last one
+        decides the bias: sticking that creeps looks like viscous friction.
+    reweight : bool
+        Estimate the noise of each output from its residuals in the last stage. Under misfit
+        this keeps the trajectories from overruling the flow map.
+    max_iterations : int
+        In each stage.
+    """
+
+    method: Method = Method.GAUSS_NEWTON
+    block: float = 2e-3
+    window: float | None = None
+    interval: float = 0.1
+    closed_loop: bool = False
+    widths: tuple[float, ...] = (1e-4,)
+    reweight: bool = True
+    max_iterations: int = 150
+
+    def __post_init__(self) -> None:
+        window = np.inf if self.window is None else self.window
+        lengths = {"block": self.block, "window": window, "interval": self.interval}
+        if min(lengths.values()) <= 0 or not self.widths or min(self.widths) <= 0:
+            told = ", ".join(f"{name} {value:g} s" for name, value in lengths.items())
+            raise ModelError(f"{told} and friction widths {self.widths} m/s must be positive")
+
+
+@dataclass(frozen=True, slots=True)
+class Rung:
+    """One stage: its options and whether its solution is the answer."""
+
+    name: str
+    options: OutputErrorOptions
+    refine: bool
+    last: bool
+
+
+def ladder(options: OutputErrorOptions) -> tuple[Rung, ...]:
+    """Return the stages in order: as asked for first, and a gentler way for when that fails.
+
+    The gentler way goes through short windows, in which no trajectory can drift away, from wide
+    friction to narrow, and from there to the horizon asked for.
+    """
+    horizon = "whole record" if options.window is None else f"windows of {options.window:g} s"
+
+    def rungs(window: float | None, widths: Sequence[float], where: str) -> list[Rung]:
+        return [
+            Rung(
+                f"{where}, friction width {width * 1e3:g} mm/s",
+                replace(options, window=window, widths=(width,)),
+                refine=options.reweight and window == options.window,
+                last=window == options.window and width == options.widths[-1],
+            )
+            for width in widths
+        ]
+
+    direct = rungs(options.window, options.widths, horizon)
+    short = min(RECOVERY_WINDOW, options.window or np.inf) / 2
+    gentle = rungs(short, (10 * options.widths[-1], options.widths[-1]), f"windows of {short:g} s")
+    return (*direct, *gentle, *rungs(options.window, options.widths[-1:], f"{horizon}, again"))
