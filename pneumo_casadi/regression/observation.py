@@ -8,6 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from pneumo_casadi.compilation import called
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.filtering import (
     FilteredRecording,
@@ -25,6 +26,8 @@ from pneumo_casadi.regression.linear import LinearSystem
 NOISE_MULTIPLE = 5.0
 #: ... and at least this share of the largest velocity, for sensors that show no noise.
 LEAST_SHARE = 2e-3
+#: Samples at which the regressor is evaluated at a time.
+STRETCH = 20_000
 
 
 class LinearModel(Protocol):
@@ -170,9 +173,12 @@ def observe(
     Y, W = evaluate_regressor(model, filtered, names)
     ne, N, n = W.shape
     rows = decimated_rows(N, plan.factor)
-    columns = np.concatenate([Y[:, :, None], W], axis=2).transpose(1, 0, 2).reshape(N, -1)
-    low = parallel_decimate(columns, plan.factor, plan.decimation)
-    low = low.reshape(rows.size, ne, n + 1).transpose(1, 0, 2)
+    low = np.zeros((ne, rows.size, n + 1))
+    for e in range(ne):
+        # Most columns belong to another equation and are zero throughout.
+        used = np.flatnonzero(W[e].any(axis=0))
+        columns = np.column_stack([Y[e], W[e][:, used]])
+        low[e][:, [0, *(used + 1)]] = parallel_decimate(columns, plan.factor, plan.decimation)
     v = np.abs(filtered.states["v"])
     if velocity_threshold is None:
         velocity_threshold = max(
@@ -211,15 +217,18 @@ def evaluate_regressor(
     x = filtered.stack_states(model.motion_states)
     dx = filtered.stack_derivatives(model.motion_states)
     ne, N, n = len(model.equations), filtered.N, len(names)
-    mapped = regressor.map(N)
     sets = filtered.stack_inputs(model.inputs)
     Y = np.zeros((ne, N))
     W = np.zeros((ne, N, n))
-    for u in sets:
-        y, w = (np.array(part) for part in mapped(x, dx, u))
-        Y += y / len(sets)
-        # CasADi lays the maps side by side: columns k n to (k + 1) n belong to sample k.
-        W += w.reshape(ne, N, n) / len(sets)
+    # In stretches: the memory of a long record is that of its regressor, not a multiple of it.
+    for first in range(0, N, STRETCH):
+        at = slice(first, min(first + STRETCH, N))
+        mapped = regressor.map(at.stop - first)
+        for u in sets:
+            y, w = called(mapped, x[:, at], dx[:, at], u[:, at])
+            Y[:, at] += y / len(sets)
+            # CasADi lays the maps side by side: columns k n to (k + 1) n belong to sample k.
+            W[:, at] += w.reshape(ne, -1, n) / len(sets)
     for label, values in (("Y", Y[:, :, None]), ("W", W)):
         wrong = np.argwhere(~np.isfinite(values))
         if wrong.size:
