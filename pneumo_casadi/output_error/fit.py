@@ -183,7 +183,7 @@ def _refuse_free_gauge(axis: Axis, parameters: Parameters, flow_map: FlowMap | N
     coefficients = set(axis.flow.parameters.names)
     chambers = {f"X_s{i}" for i in range(1, 7)}
     free = set(parameters.free_names)
-    if free >= coefficients and free & chambers:
+    if free >= coefficients | chambers:
         raise ModelError(
             "flow coefficients and X_s1 ... X_s6 are free together without a measured flow map: "
             "multiplying them all by one constant changes no trajectory. Give `flow_map`, or fix "

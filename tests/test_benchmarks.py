@@ -1,0 +1,62 @@
+"""Benchmarks keep running: each as its own quick script, and committed results hold the bars."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+RESULTS = Path(__file__).resolve().parent.parent / "benchmarks" / "results"
+
+
+def result(name):
+    return json.loads((RESULTS / f"{name}.json").read_text("utf-8"))
+
+
+@pytest.mark.parametrize("path", sorted(RESULTS.glob("*.json")), ids=lambda path: path.stem)
+def test_a_committed_result_says_how_it_was_made_and_is_no_quick_run(path):
+    content = json.loads(path.read_text("utf-8"))
+    assert content["machine"] and content["versions"]["casadi"] and "seed" in content
+    assert content.get("quick") is not True
+
+
+def test_a_minute_of_recording_is_fitted_in_less_than_a_minute():
+    found = result("scaling")
+    longest = max(found["records"], key=lambda one: one["length_s"])
+    assert longest["length_s"] == 60 and longest["samples"] == 300_000
+    assert longest["wall_s"] < 60 and longest["peak_GB"] < 3
+    assert found["exponent"] <= 1.1 and found["iteration_over_sweep"] <= 2.5
+    assert all(one["iterations"] <= 15 for one in found["records"])
+    six = found["six_records"]
+    assert six["memory_ratio"] < 1.1 and 0.8 < six["time_ratio"] < 1.25
+    assert six["largest_difference_in_std"] < 0.1
+
+
+def test_starts_half_off_reach_the_optimum():
+    found = result("starts")
+    assert found["starts"] == 100 and found["spread"] == 0.5 and found["reached"] >= 95
+
+
+def test_intervals_cover_and_errors_stay_at_the_bound():
+    found = result("wls_vs_output_error")
+    assert found["replicates"] >= 400 and found["coloured"]["replicates"] >= 400
+    for name in found["wls"]:
+        one = found["output_error"][name]
+        assert 93 <= one["coverage_percent"] <= 97, name
+        assert one["rms_error_over_bound"] <= 1.1, name
+        coloured = found["coloured"]["output_error_robust"][name]
+        assert 93 <= coloured["coverage_percent"] <= 97, name
+
+
+def test_no_peer_that_reaches_the_optimum_is_near():
+    found = result("peers")
+    assert found["tools"]["pneumo_casadi"]["reached"]
+    assert found["speed_up_over_fastest_peer"] >= 10
+
+
+def test_real_closed_loops_err_less_than_published():
+    found = result("emps_output_error")
+    for name in ("symmetric", "asymmetric"):
+        ours = found["estimators"][f"closed-loop OE, {name} friction"]["closed_loop_percent"]
+        for record, theirs in found["authors"]["closed_loop"].items():
+            for signal in ("position", "velocity"):
+                assert ours[record][signal] < theirs[signal]
