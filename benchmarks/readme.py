@@ -268,23 +268,18 @@ def emps_output_error(result: Mapping[str, Any]) -> str:
 
 
 def loops(result: Mapping[str, Any]) -> str:
-    """Largest significant bias of output error, loop open and closed, by situation."""
-    head = ["situation", "loop", "largest bias", "in", "its spread %", "failed"]
+    """Bias of output error, loop open and closed, by situation: mean ± 2 of its errors, spread."""
+    names = ("X_s2", "X_s3", "M", "f_v", "F_c_plus")
+    head = ["error in % (spread)", "loop", *(SYMBOLS.get(name, name) for name in names)]
     body = []
     for situation, by_loop in result["situations"].items():
         for loop, one in by_loop.items():
-            bias, error = one["bias_percent"], one["bias_standard_error"]
-            worst = max(bias, key=lambda n: abs(bias[n]) / error[n])
-            body.append(
-                [
-                    situation,
-                    loop,
-                    f"{bias[worst]:+.2f} ± {2 * error[worst]:.2f} %",
-                    SYMBOLS.get(worst, worst),
-                    f"{one['spread_percent'][worst]:.2f}",
-                    f"{one['failed']}",
-                ]
-            )
+            row = [situation, loop]
+            for name in names:
+                bias, error = one["bias_percent"][name], one["bias_standard_error"][name]
+                spread = one["spread_percent"][name]
+                row.append(f"{bias:+.2f} ± {2 * error:.2f} ({spread:.2f})")
+            body.append(row)
     return rows(head, body)
 
 
