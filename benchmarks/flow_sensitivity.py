@@ -13,7 +13,6 @@ first order.
 import argparse
 import json
 import os
-import platform
 import time
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
@@ -22,12 +21,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import casadi
 import numpy as np
+import provenance
 import readme
-import scipy
 
-from pneumo_casadi import __version__
 from pneumo_casadi.flow import (
     FlowMap,
     fit_iso6358,
@@ -333,16 +330,8 @@ def main() -> None:
     with ProcessPoolExecutor(max_workers=os.cpu_count()) as executor:
         seeds = 2 if arguments.quick else arguments.seeds
         result = run(arguments.data, executor, seeds, arguments.quick)
-    versions = {"pneumo_casadi": __version__, "casadi": casadi.CasadiMeta.version()}
-    result |= {
-        "machine": f"{platform.machine()} {platform.system()}, {os.cpu_count()} CPUs",
-        "versions": versions | {"numpy": np.__version__, "scipy": scipy.__version__},
-        "quick": arguments.quick,
-    }
-    if arguments.json is not None:
-        partial_file = arguments.json.with_suffix(".part")
-        partial_file.write_text(json.dumps(result, indent=1, allow_nan=False) + "\n", "utf-8")
-        partial_file.replace(arguments.json)
+    result |= provenance.made(0, arguments.quick)  # seeds of the map's noise count from 0
+    provenance.write(arguments.json, result)
     print(readme.flow_forms(result))
     print(readme.flow_metering(result))
     if arguments.figure is not None:
