@@ -1,0 +1,267 @@
+"""Question: which unmodelled effect shows on held-out data, and which do parameters hide.
+
+Data: cases of the virtual bench, which shares no equation with the model: one random axis a seed,
+without an effect and with each of the bench's effects at medium severity; 20 s at 1 kHz of chirp
+and squares to identify on, 20 s of multisine and steps held out. Sizes are scattered by the seed.
+
+Each case: the nominal axis by output error (see `gap`: whole record, ISO 6358 map refined), its gap
+on the held-out record in closed loop and in windows of 0.5 s, beside the gap of the same axis
+without an effect, the background. A gap counts in an output of a view where it exceeds twice the
+background, a quarter of the sensor's noise and 0.1 % of the signal's standard deviation. Verdicts:
+
+- visible: a gap counts somewhere, or the fitted axis cannot be simulated on the held-out record;
+- absorbed: none does, but the fit has moved: an X_s, M or a friction coefficient by over 2 % and
+  three standard deviations from the fit without the effect, or the refined map's residuals at the
+  metered points by over half;
+- unobservable: neither; undecided where that is said of a fit that has not converged.
+
+Then the catalogue's effect of that name is fitted, where there is one, and the share of the gap
+that it closes is told. Effects that the catalogue lacks have verdicts only.
+"""
+
+import argparse
+import logging
+import tempfile
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import provenance
+import readme
+from gap import VIEWS, VISIBLE, Fitted, closed, finite, fit_figures, held_out, kept, nominal, refit
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from pneumo_casadi.effects import CATALOGUE
+from pneumo_casadi.report.figures.style import (
+    BLUE,
+    GREY,
+    HEAD,
+    ORANGE,
+    SMALL,
+    VERMILION,
+    dress,
+    new_figure,
+    png,
+)
+from pneumo_casadi.testbed import FORMS, make_case
+
+#: A gap counts above this share of the sensor's noise, and of the signal [%].
+OF_NOISE, OF_SIGNAL = 0.25, 0.1
+#: A parameter has moved by so much [%] and so many standard deviations; the map by such a ratio.
+MOVED, SIGMAS, MAP_MOVED = 2.0, 3.0, 1.5
+MOVABLE = (*(f"X_s{i}" for i in range(1, 7)), "M", "f_v", "F_c_plus", "F_c_minus")
+NONE = "none"
+QUICK = ("constant_force", "valve_dead_zone")
+
+
+def one_case(seed: int, duration: float, effect: str) -> dict[str, Any]:
+    """Return the figures of one effect on one axis, `NONE` for the axis without."""
+    logging.disable(logging.WARNING)
+    with tempfile.TemporaryDirectory() as scratch:
+        asked = {} if effect == NONE else {effect: "medium"}
+        made = make_case(Path(scratch) / "case", seed, asked, duration=duration)
+        before, start, table = nominal(made.case)
+        found: dict[str, Any] = {
+            "sizes": {k: v for one in made.effects for k, v in one.parameters.items()},
+            "absorbed_by": [name for one in made.effects for name in one.form.absorbed_by],
+            "listed": effect in CATALOGUE,
+            "nominal": fit_figures(before) | told(before, made.axis.truth),
+            "gap": held_out(before, made.case),
+            "motion_m": float(np.ptp(made.case.validate[0]["x"])),
+        }
+        if effect in CATALOGUE:
+            after = refit(effect, before, start, made.case, table)
+            found["refit"] = fit_figures(after) | told(after, made.axis.truth)
+            found["refit_gap"] = held_out(after, made.case)
+            found["closed_percent"] = closed(found["gap"], found["refit_gap"])
+    return found
+
+
+def told(fit: Fitted, truth: Mapping[str, float]) -> dict[str, Any]:
+    """Return the nominal parameters of a fit, their deviations and errors, and the map's pull."""
+    if fit.result is None:
+        return {}
+    pull = fit.result.map_pull
+    values = fit.result.parameters.as_dict()
+    return {
+        "parameters": {name: values[name] for name in MOVABLE},
+        "std": {name: finite(fit.result.std(name, robust=True)) for name in MOVABLE},
+        "errors_percent": {name: 100 * (values[name] / truth[name] - 1) for name in MOVABLE},
+        "map_pull": None if pull is None else pull.rms,
+    }
+
+
+def judged(one: Mapping[str, Any], plain: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the verdict on an effect beside the same axis without one."""
+    moves = moved(one["nominal"], plain["nominal"])
+    if one["gap"] is None:
+        return {"verdict": "visible", "where": ["cannot be simulated"], "moved": moves}
+    where = [
+        f"{view} {name}"
+        for view in VIEWS
+        for name, found in one["gap"][view].items()
+        if name != "gap_percent" and counts(found, plain["gap"][view][name])
+    ]
+    verdict = "visible" if where else "absorbed" if moves else "unobservable"
+    if one["nominal"]["failure"] and not where:
+        verdict = "undecided"
+    return {"verdict": verdict, "where": where, "moved": moves}
+
+
+def counts(found: Mapping[str, float], plain: Mapping[str, float]) -> bool:
+    """Return whether the gap of an output is too large for the background, noise and doubt."""
+    least = (VISIBLE * plain["gap_percent"], OF_NOISE * found["noise_percent"], OF_SIGNAL)
+    return found["gap_percent"] > max(least)
+
+
+def moved(fit: Mapping[str, Any], plain: Mapping[str, Any]) -> dict[str, float]:
+    """Return what an effect has moved: parameters with their shift [%], the map with its ratio."""
+    if "parameters" not in fit:
+        return {}
+    found = {}
+    for name, value in fit["parameters"].items():
+        old = plain["parameters"][name]
+        stds = fit["std"][name], plain["std"][name]
+        shift = value - old
+        informed = None not in stds and abs(shift) > SIGMAS * np.hypot(*stds)
+        if informed and abs(shift) > MOVED / 100 * abs(old):
+            found[name] = 100 * shift / abs(old)
+    if fit["map_pull"] > MAP_MOVED * plain["map_pull"]:
+        found["flow map (ratio of residuals)"] = fit["map_pull"] / plain["map_pull"]
+    return found
+
+
+def run(
+    seeds: Sequence[int], names: Sequence[str], duration: float, workers: int, keep: Path | None
+) -> dict[str, Any]:
+    """Return the figures of all effects on all axes; print each as it is done."""
+    axes: dict[str, Any] = {}
+    tasks = [(seed, name) for seed in seeds for name in (NONE, *names)]
+    with ProcessPoolExecutor(workers) as executor:
+        mapped = executor.map(partial(_kept_case, keep, duration), *zip(*tasks, strict=True))
+        for (seed, name), one in zip(tasks, mapped, strict=True):
+            axis = axes.setdefault(str(seed), {})
+            axis[name] = one
+            if name != NONE:
+                one |= judged(one, axis[NONE])
+            elif one["gap"] is None or one["nominal"]["failure"]:
+                raise RuntimeError(f"axis {seed}: the fit without an effect fails")
+            print(_line(seed, name, one), flush=True)
+    return {"duration_seconds": duration, "axes": axes}
+
+
+def _kept_case(keep: Path | None, duration: float, seed: int, effect: str) -> dict[str, Any]:
+    return kept(keep, f"{seed}_{effect}", partial(one_case, seed, duration, effect))
+
+
+def _line(seed: int, name: str, one: Mapping[str, Any]) -> str:
+    gaps = ", ".join(f"{view} {_percent(one['gap'], view)} %" for view in VIEWS)
+    shares = one.get("closed_percent", {})
+    told = ", ".join(f"{shares[view]['all']:.0f} %" for view in shares)
+    return f"axis {seed}, {name}: {gaps}; {one.get('verdict', 'background')}; closed {told or '-'}"
+
+
+def _percent(gap: Mapping[str, Any] | None, view: str) -> str:
+    return "failed" if gap is None else f"{gap[view]['gap_percent']:.2f}"
+
+
+def table(result: Mapping[str, Any]) -> str:
+    """Return a Markdown table: an effect a row, a verdict an axis, and the gaps of the first."""
+    axes = result["axes"]
+    first = next(iter(axes.values()))
+    plain = first[NONE]["gap"]
+    head = ["effect", *(f"axis {seed}" for seed in axes)]
+    head += ["gap, closed loop %", "after refit", "gap, windows %", "after refit", "moved"]
+    body = [["(none)", *("" for _ in axes)]]
+    body[0] += [_percent(plain, "closed_loop"), "", _percent(plain, "windows"), "", ""]
+    for name, one in first.items():
+        if name == NONE:
+            continue
+        gaps = []
+        for view in VIEWS:
+            after = one.get("refit_gap")
+            gaps += [_percent(one["gap"], view), _percent(after, view) if "refit" in one else ""]
+        failed = " (refit failed)" if one.get("refit", {}).get("failure") else ""
+        verdicts = [axis[name]["verdict"] if name in axis else "" for axis in axes.values()]
+        moves = ", ".join(f"{k} {v:+.1f} %" for k, v in one["moved"].items() if "map" not in k)
+        mapped = "flow map" if any("map" in k for k in one["moved"]) else ""
+        hidden = ", ".join(filter(None, (moves, mapped))) if one["verdict"] == "absorbed" else ""
+        label = name + ("" if one["listed"] else " (not in the catalogue)") + failed
+        body.append([label, *verdicts, *gaps, hidden])
+    return readme.rows(head, body)
+
+
+def draw(result: Mapping[str, Any]) -> Figure:
+    """Draw the gap of every effect before and after its refit, over the background."""
+    (seed, axis), *_ = result["axes"].items()
+    names = [name for name in axis if name != NONE and axis[name]["gap"] is not None]
+    names.sort(key=lambda name: axis[name]["gap"]["closed_loop"]["gap_percent"])
+    rows = np.arange(len(names))
+    figure = new_figure(28 + 3.9 * len(names), head=HEAD)
+    panels = figure.subplots(1, 2, sharey=True)
+    shown = {"visible": (VERMILION, "s"), "absorbed": (ORANGE, "D")}
+    for axes, view, text in zip(panels, VIEWS, ("closed loop", "windows of 0.5 s"), strict=True):
+        axes.axvline(axis[NONE]["gap"][view]["gap_percent"], color=GREY, linewidth=0.8, zorder=1)
+        for row, name in zip(rows, names, strict=True):
+            one = axis[name]
+            before = one["gap"][view]["gap_percent"]
+            after = (one.get("refit_gap") or {}).get(view, {}).get("gap_percent")
+            if after is not None:
+                axes.plot([before, after], [row, row], color=GREY, linewidth=0.6, zorder=2)
+                axes.plot(after, row, "o", color=BLUE, markersize=2.6, zorder=3)
+            colour, marker = shown.get(one["verdict"], (GREY, "v"))
+            axes.plot(before, row, marker, color=colour, markersize=2.8, zorder=4)
+        axes.set_xscale("log")
+        dress(axes, f"gap, {text} [%]")
+    panels[0].set_yticks(rows, [name.replace("_", " ") for name in names], fontsize=SMALL - 0.5)
+    panels[0].set_ylim(-0.7, len(names) - 0.3)
+    styles = [("visible", VERMILION, "s"), ("absorbed", ORANGE, "D"), ("neither", GREY, "v")]
+    styles += [("after refit", BLUE, "o"), (f"no effect (axis {seed})", GREY, "")]
+    handles = [
+        Line2D([], [], color=c, marker=m, linestyle="" if m else "-", markersize=3, label=text)
+        for text, c, m in styles
+    ]
+    figure.legend(
+        handles=handles,
+        loc="upper center",
+        ncols=5,
+        frameon=False,
+        fontsize=SMALL - 0.5,
+        columnspacing=0.6,
+        handletextpad=0.1,
+        handlelength=0.9,
+        borderaxespad=0.1,
+    )
+    return figure
+
+
+def main() -> None:
+    """Run the benchmark from the command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--json", type=Path, help="write the figures to this file")
+    parser.add_argument("--figure", type=Path, help="write the figure to this PNG file")
+    parser.add_argument(
+        "--keep", type=Path, help="keep finished cases here, and take them up again"
+    )
+    parser.add_argument("--seeds", type=int, default=1, help="number of axes, counted from 0")
+    parser.add_argument("--workers", type=int, default=1, help="cases at a time")
+    parser.add_argument("--quick", action="store_true", help="one axis, two effects, four seconds")
+    arguments = parser.parse_args()
+    if arguments.keep is not None:
+        arguments.keep.mkdir(parents=True, exist_ok=True)
+    seeds = list(range(1 if arguments.quick else arguments.seeds))
+    names, duration = (QUICK, 4.0) if arguments.quick else (tuple(FORMS), 20.0)
+    result = run(seeds, names, duration, arguments.workers, arguments.keep)
+    result |= provenance.made(None, arguments.quick) | {"seed": seeds}
+    print(table(result))
+    provenance.write(arguments.json, result)
+    if arguments.figure is not None:
+        arguments.figure.write_bytes(png(draw(result)))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,166 @@
+"""The gap to measurement on a held-out record, before and after a refit with a named effect.
+
+The gap of an output is what of its error lies above the noise floor, √(rms² − noise²), in per cent
+of the signal's standard deviation. The gap of a view (closed loop, or windows of 0.5 s in open
+loop) is the root mean square over p_P, p_N and x. The share closed is 1 − gap after / gap before.
+"""
+
+import json
+import math
+import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import provenance
+
+from pneumo_casadi.axis import Axis
+from pneumo_casadi.effects import CATALOGUE
+from pneumo_casadi.errors import FitError, ModelError
+from pneumo_casadi.flow import FlowMap
+from pneumo_casadi.output_error import OutputErrorOptions, OutputErrorResult, fit_output_error
+from pneumo_casadi.pipeline import FlowForm, IdentifyOptions, make_axis, read_flow
+from pneumo_casadi.recording import Case
+from pneumo_casadi.regression import fit_wls
+from pneumo_casadi.validation import validate
+
+#: Length of the open-loop windows on the held-out record [s].
+WINDOW = 0.5
+#: A gap is visible where it exceeds that without the effect so many times.
+VISIBLE = 2.0
+VIEWS = ("closed_loop", "windows")
+#: Whole records, friction width 0.1 mm/s, ISO 6358 map refined with its metered points as anchor.
+IDENTIFY = IdentifyOptions(flow_form=FlowForm.ISO6358)
+OUTPUT_ERROR = OutputErrorOptions()
+
+
+@dataclass(frozen=True, slots=True)
+class Fitted:
+    """One output-error fit as far as it got.
+
+    Parameters
+    ----------
+    result : OutputErrorResult or None
+        None where not even a partial result exists.
+    failure : str
+        Message of the failure; empty where the fit converged.
+    """
+
+    result: OutputErrorResult | None
+    failure: str
+
+
+def output_error(axis: Axis, case: Case, table: FlowMap | None) -> Fitted:
+    """Fit an axis to a case; a fit that fails is a result too."""
+    result: Any
+    try:
+        result, failure = fit_output_error(axis, case.identify, table, OUTPUT_ERROR), ""
+    except FitError as error:
+        partial_result = error.partial
+        result = partial_result if isinstance(partial_result, OutputErrorResult) else None
+        failure = str(error)
+    return Fitted(result, failure)
+
+
+def nominal(case: Case) -> tuple[Fitted, Axis, FlowMap | None]:
+    """Fit the nominal axis; return the fit, the axis at the WLS estimate, and the metered map."""
+    table, flow = read_flow(case, IDENTIFY)
+    axis = make_axis(case, flow)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # a clipped start is no news here
+        start = axis.started_at(fit_wls(axis, case.identify).parameters)
+    return output_error(start, case, table), start, table
+
+
+def refit(effect: str, before: Fitted, start: Axis, case: Case, table: FlowMap | None) -> Fitted:
+    """Fit the axis with an effect: begun at the nominal fit, or at WLS where that fails."""
+    bases = [start] if before.result is None else [before.result.axis, start]
+    for base in bases:
+        axis = base.with_effects(CATALOGUE[effect]()).at_starting_values()
+        found = output_error(axis, case, table)
+        if not found.failure:
+            break
+    return found
+
+
+def held_out(fit: Fitted, case: Case) -> dict[str, Any] | None:
+    """Return the gap of every output and view on the held-out record; None where none is finite."""
+    if fit.result is None:
+        return None
+    try:
+        found = validate(fit.result.axis, case.validate, (WINDOW,))
+    except (FitError, ModelError):
+        return None
+    if found.closed_loop is None:
+        raise RuntimeError(f"{case.folder}: no controller or no reference to close the loop")
+    shown = {"closed_loop": found.closed_loop, "windows": found.windows[WINDOW]}
+    views: dict[str, Any] = {}
+    for view, errors in shown.items():
+        outputs = {
+            name: {
+                "gap_percent": math.sqrt(max(one.percent**2 - one.noise_percent**2, 0.0)),
+                "noise_percent": one.noise_percent,
+                "rms": one.rms,
+            }
+            for name, one in errors.items()
+            if name in fit.result.axis.outputs
+        }
+        gaps = [one["gap_percent"] for one in outputs.values()]
+        views[view] = {"gap_percent": float(np.sqrt(np.mean(np.square(gaps)))), **outputs}
+    return views
+
+
+def closed(before: Mapping[str, Any] | None, after: Mapping[str, Any] | None) -> dict[str, Any]:
+    """Return the shares of the gaps that a refit closes [%], by view, over all outputs and each."""
+    if before is None or after is None:
+        return {}
+    shares: dict[str, Any] = {}
+    for view in VIEWS:
+        one, other = before[view], after[view]
+        shares[view] = {"all": share_closed(one["gap_percent"], other["gap_percent"])}
+        for name in one:
+            if name != "gap_percent":
+                gaps = one[name]["gap_percent"], other[name]["gap_percent"]
+                shares[view][name] = share_closed(*gaps)
+    return shares
+
+
+def share_closed(before: float, after: float) -> float | None:
+    """Return the share of one gap that is closed [%]; None where there was none."""
+    return None if before == 0 else 100 * (1 - after / before)
+
+
+def fit_figures(fit: Fitted) -> dict[str, Any]:
+    """Return what is told of a fit besides its gap."""
+    if fit.result is None:
+        return {"failure": fit.failure}
+    result = fit.result
+    own = {
+        name: {"value": result.parameters[name].value, "std": finite(result.std(name, True))}
+        for name in result.parameters.names
+        if "." in name
+    }
+    return {
+        "failure": fit.failure or None,
+        "iterations": result.iterations,
+        "stages": len(result.stages),
+        "effect_parameters": own,
+    }
+
+
+def finite(value: float) -> float | None:
+    """Return a number that JSON can hold; None for infinite ones."""
+    return value if math.isfinite(value) else None
+
+
+def kept(folder: Path | None, name: str, make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
+    """Return a result from the folder that keeps finished ones, or make and keep it."""
+    path = None if folder is None else folder / f"{name}.json"
+    if path is not None and path.is_file():
+        found: dict[str, Any] = json.loads(path.read_text("utf-8"))
+        return found
+    made = make()
+    provenance.write(path, made)
+    return made
