@@ -232,6 +232,7 @@ def main() -> None:
         **speed_up(tools),
         "best_cost": best,
         "samples": given.N,
+        "limit_s": arguments.limit,
         "tools": tools,
         "solvers": solvers,
         **provenance.made(SEED, arguments.quick),

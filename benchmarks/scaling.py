@@ -5,13 +5,14 @@ squares over and over) with white sensor noise in the loop, and a flow map meter
 first 5 to 60 s. All 31 parameters and the initial state are free; the start is weighted least
 squares. Each fit runs in a process of its own, whose peak memory is measured, and three times.
 
-The sweep is one call of the compiled function that simulates the whole record with the states'
-sensitivities; it is timed in the process of the fit, and so is the iteration.
+The sweep is a compiled simulation of the whole record with the sensitivities of its states and
+outputs, and nothing else; an iteration is a step of all unknowns and the linearisation at the point
+where it leads, normal equations and scores included. Both are timed in turn in the process of the
+fit, in two threads alike. Memory is the peak of that process alone.
 """
 
 import argparse
 import json
-import resource
 import statistics
 import subprocess
 import sys
@@ -22,16 +23,20 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import own_model
 import provenance
 import readme
 
+from pneumo_casadi.compilation import called, compiled
 from pneumo_casadi.flow import FlowMap
-from pneumo_casadi.output_error import OutputErrorOptions, fit_output_error
+from pneumo_casadi.integration import THREADS
+from pneumo_casadi.output_error import OutputErrorOptions, fit_output_error, interval
 from pneumo_casadi.output_error.condensing import linearise
 from pneumo_casadi.output_error.fit import write_problem
-from pneumo_casadi.output_error.problem import Unknowns
+from pneumo_casadi.output_error.problem import Problem
+from pneumo_casadi.output_error.steps import moved, next_step
 from pneumo_casadi.recording import InputHold, Recording
 from pneumo_casadi.regression import fit_wls
 
@@ -39,6 +44,8 @@ SEED = 20050705
 RATE = 5000.0
 LENGTHS = (5.0, 10.0, 20.0, 40.0, 60.0)
 REPEATS = 3
+#: Iterations and sweeps timed in turn.
+TURNS = 9
 GIGA = 1e9
 
 
@@ -88,8 +95,11 @@ def fit_once(folder: Path, length: float, pieces: int) -> dict[str, Any]:
     began = time.perf_counter()
     result = fit_output_error(start, records, table, options)
     seconds = time.perf_counter() - began
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+    # Of this process alone: `ru_maxrss` begins with the memory of the one that started it.
+    status = Path("/proc/self/status").read_text("utf-8")
+    peak = 1024 * float(status.split("VmHWM:")[1].split()[0])
     names = own_model.TABLE_1
+    iteration_s, sweep_s = iteration_and_sweep(result.axis, records, table, options)
     return {
         "seconds": seconds,
         "wls_s": wls_seconds,
@@ -97,25 +107,54 @@ def fit_once(folder: Path, length: float, pieces: int) -> dict[str, Any]:
         "peak_GB": peak / GIGA,
         "iterations": result.iterations,
         "solve_s": sum(stage.seconds for stage in result.stages),
-        "sweep_s": sweep(result.axis, records, table, options),
+        "iteration_s": iteration_s,
+        "sweep_s": sweep_s,
         "status": result.status,
         "estimates": {name: result.parameters[name].value for name in names},
         "std": {name: result.std(name) for name in names},
     }
 
 
-def sweep(axis: Any, records: list[Recording], table: FlowMap, options: Any) -> float:
-    """Time one simulation of the record with its sensitivities [s], median of five."""
+def iteration_and_sweep(
+    axis: Any, records: list[Recording], table: FlowMap, options: Any
+) -> tuple[float, float]:
+    """Time a Gauss-Newton iteration and a sweep of the record in turn [s], medians."""
     problem = write_problem(axis, records, table, options)
-    start = problem.start()
-    point = Unknowns(start.theta, start.x)
+    start, data = problem.start(), problem.data
     sigma = np.array([own_model.NOISE_P, own_model.NOISE_P, own_model.NOISE_X])
-    times = []
-    for _ in range(5):
+    plain = compiled([sweep_function(problem)])[0].map(problem.I, "thread", THREADS)
+    theta = np.tile(start.theta[:, None], problem.I)
+    at = linearise(problem, start, sigma)
+    called(plain, start.x, data.w, theta, data.h)
+    times: tuple[list[float], list[float]] = ([], [])
+    for _ in range(TURNS):
         began = time.perf_counter()
-        linearise(problem, point, sigma)
-        times.append(time.perf_counter() - began)
-    return statistics.median(times)
+        step = next_step(problem, at, start, sigma)
+        assert step is not None
+        linearise(problem, moved(problem, start, step), sigma)
+        times[0].append(time.perf_counter() - began)
+        began = time.perf_counter()
+        called(plain, start.x, data.w, theta, data.h)
+        times[1].append(time.perf_counter() - began)
+    return statistics.median(times[0]), statistics.median(times[1])
+
+
+def sweep_function(problem: Problem) -> ca.Function:
+    """Return an interval's states, outputs and sensitivities alone, (x, w, θ, h) → (x, ȳ, S)."""
+    model, n, B = problem.model, problem.n, problem.functions.blocks
+    ny, m = len(model.axis.outputs), model.nx + len(problem.free)
+    sample = interval._sample(model, problem.free)
+    x, S = ca.MX.sym("x", model.nx), ca.MX.sym("S", model.nx, m)
+    w, h = ca.MX.sym("w", model.nw, n), ca.MX.sym("h")
+    theta = ca.MX.sym("theta", len(model.axis.parameters))
+    end, S_end, total, J = x, S, ca.MX.zeros(ny), ca.MX.zeros(ny, m)
+    for i in range(n):
+        end, S_end, total, J = sample(end, S_end, total, J, w[:, i], theta, h)
+    block = ca.Function("sweep_block", [x, S, w, h, theta], [end, S_end, total / n, J / n])
+    chain = interval._chain("sweep_chain", block, B, carried=2, streams=2)
+    W, H = ca.MX.sym("w", model.nw, n * B), ca.MX.sym("h", 1, B)
+    end, S_end, means, _ = chain.call([x, ca.MX(interval._identity(model.nx, m)), W, H, theta])
+    return ca.Function("sweep", [x, W, theta, H], [end, means, S_end])
 
 
 def measured(folder: Path, length: float, pieces: int = 1) -> dict[str, Any]:
@@ -128,9 +167,9 @@ def measured(folder: Path, length: float, pieces: int = 1) -> dict[str, Any]:
             raise SystemExit(f"fit of {length:g} s failed:\n{done.stderr}")
         runs.append(json.loads(done.stdout.splitlines()[-1]))
         print(f"{length:g} s in {pieces}: {runs[-1]['seconds']:.1f} s", flush=True)
-    keys = ("seconds", "wall_s", "wls_s", "solve_s", "sweep_s", "peak_GB")
+    keys = ("seconds", "wall_s", "wls_s", "solve_s", "iteration_s", "sweep_s", "peak_GB")
     found = {key: statistics.median(run[key] for run in runs) for key in keys}
-    ratios = [run["solve_s"] / run["iterations"] / run["sweep_s"] for run in runs]
+    ratios = [run["iteration_s"] / run["sweep_s"] for run in runs]
     return {
         "length_s": length,
         "samples": round(length * RATE),

@@ -88,7 +88,7 @@ def compiled(functions: Sequence[ca.Function]) -> tuple[ca.Function, ...]:
     The library's file name is the hash of its C code, the compiler, its flags and the
     processor: a changed model never meets an old library, nor a machine the code of another. It
     is written beside its final place and renamed, so that two processes may build at once; a
-    library that does not load is built again.
+    library that is damaged or does not load is built again.
 
     Examples
     --------
@@ -108,7 +108,7 @@ def compiled(functions: Sequence[ca.Function]) -> tuple[ca.Function, ...]:
     for attempt in range(2):
         try:
             path = cache_folder() / f"{key.hexdigest()[:32]}.so"
-            if not path.exists() and not _build(cc, code, path):
+            if not _whole(path) and not _build(cc, code, path):
                 return tuple(functions)
         except OSError as error:
             logger.warning(
@@ -205,5 +205,25 @@ def _build(cc: str, code: str, path: Path) -> bool:
             tail = done.stderr.strip().splitlines()[-1:] or ["no message"]
             logger.warning("%s failed (%s); functions run interpreted", cc, tail[0])
             return False
+        content = library.read_bytes()
+        with library.open("ab") as file:
+            file.write(hashlib.sha256(content).digest())
+            file.flush()
+            os.fsync(file.fileno())
         library.replace(path)
     return True
+
+
+def _whole(path: Path) -> bool:
+    """Tell whether a library is there as it was built: its last bytes are the hash of the rest.
+
+    Loading one that a full disk or a crash has cut short would end the process.
+    """
+    if not path.exists():
+        return False
+    content = path.read_bytes()
+    size = hashlib.sha256().digest_size
+    if hashlib.sha256(content[:-size]).digest() == content[-size:]:
+        return True
+    logger.warning("compiled library %s is damaged; building again", path)
+    return False

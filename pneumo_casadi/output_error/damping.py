@@ -14,8 +14,8 @@ from pneumo_casadi.parameters import FloatArray
 DAMPING, LEAST, MOST, FALL, GROW = 1e-3, 1e-9, 1e9, 0.2, 5.0
 #: Share of the promised decrease from which a step is taken, and from which it is trusted.
 ACCEPT, TRUSTED = 1e-3, 0.5
-#: So many steps that together gain less than this log-likelihood end where sticking makes the
-#: cost rough: parameters a tenth of a standard deviation apart cannot be told.
+#: So many steps taken that together gain less than this log-likelihood, the next one promising no
+#: more, end where sticking makes the cost rough: what is left cannot be told from noise.
 PATIENCE, LITTLE = 10, 0.05
 
 
@@ -57,7 +57,8 @@ def damped_steps(
         unit = misfit(problem, m, sigma) ** 2
         promised = step.gain / unit / max(1, step.theta.size)
         settled = promised <= 0.1 * tolerance and damping <= 100 * DAMPING
-        stalled = len(costs) > PATIENCE and costs[-1 - PATIENCE] - cost < LITTLE * unit
+        slow = len(costs) > PATIENCE and costs[-1 - PATIENCE] - cost < LITTLE * unit
+        stalled = slow and step.gain < LITTLE * unit
         if settled or stalled:
             return Solution(point, m, sigma, "converged", iteration)
         trial = _closed(problem, moved(problem, point, step), sigma, reweight)
@@ -65,7 +66,7 @@ def damped_steps(
         if share > ACCEPT:
             point, m, cost = trial
             at = None
-        costs.append(cost)
+            costs.append(cost)
         if share > TRUSTED:
             damping = max(LEAST, damping * FALL)
         elif share <= ACCEPT:

@@ -25,7 +25,7 @@ from pneumo_casadi.output_error.result import (
     derived_quantities,
 )
 from pneumo_casadi.output_error.segments import cut
-from pneumo_casadi.output_error.solution import SETTLED, Solution, residual_sigma
+from pneumo_casadi.output_error.solution import Solution, new_sigma
 from pneumo_casadi.parameters import FloatArray, Parameters
 from pneumo_casadi.recording import Recording
 from pneumo_casadi.sampled import SampledAxis
@@ -37,7 +37,7 @@ logger = logging.getLogger(__name__)
 Progress = Callable[[str, float], None]
 
 #: How often IPOPT solves again with a new estimate of the noise.
-REWEIGHTINGS = 5
+REWEIGHTINGS = 40
 #: How often a stage is solved again with steps as fine as the friction found needs.
 STEPPINGS = 3
 
@@ -149,7 +149,9 @@ def write_problem(
     _refuse_free_gauge(axis, parameters, flow_map)
     clocks = {(round(1 / record.dt, 6), record.hold) for record in records}
     if len(clocks) > 1:
-        raise ModelError(f"records differ in sampling frequency or input hold: {sorted(clocks)}")
+        raise ModelError(
+            f"records differ in sampling frequency or input hold: {sorted(clocks, key=str)}"
+        )
     dt, hold = records[0].dt, records[0].hold
     n = max(1, round(options.block / dt))
     stepping = Stepping(dt, hold, _substeps(axis, options, dt))
@@ -158,13 +160,26 @@ def write_problem(
     functions = IntervalFunctions(model, n, segments[0].per, parameters.free_names)
     coefficients = axis.flow.parameters.names if axis.flow is not None else ()
     anchored = flow_map is not None and set(coefficients) & set(parameters.free_names)
-    return Problem(
+    problem = Problem(
         model,
         parameters,
         segments,
         functions,
         anchor(flow_map, axis.flow) if anchored and flow_map is not None else None,
     )
+    _refuse_too_few(problem)
+    return problem
+
+
+def _refuse_too_few(problem: Problem) -> None:
+    states = len(problem.axis.states) * len(problem.segments)
+    outputs = problem.y.size
+    points = 0 if problem.anchor is None else problem.anchor.n
+    if outputs <= states or outputs + points <= states + len(problem.free):
+        raise ModelError(
+            f"{outputs} mean outputs for {states} initial states and {len(problem.free)} "
+            "parameters: take longer windows or records, or shorter blocks"
+        )
 
 
 def _substeps(axis: Axis, options: OutputErrorOptions, dt: float) -> int:
@@ -203,13 +218,15 @@ def _solve(
     solution = ipopt.solve(point, sigma)
     iterations = solution.iterations
     for _ in range(REWEIGHTINGS if reweight else 0):
-        new = residual_sigma(problem, solution.m)
-        settled = bool(np.all(np.abs(new / sigma - 1) < SETTLED))
-        if settled or solution.status != "converged":
+        new = new_sigma(problem, solution.m, sigma)
+        if new is None or solution.status != "converged":
             break
         sigma = new
         solution = ipopt.solve(solution.point, sigma)
         iterations += solution.iterations
+    else:
+        if reweight:
+            solution = replace(solution, status="the noise has not settled")
     return replace(solution, sigma=sigma, iterations=iterations)
 
 

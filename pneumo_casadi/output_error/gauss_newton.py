@@ -50,7 +50,8 @@ def solve_gauss_newton(
     max_iterations : int
         Iterations before giving up.
     tolerance : float
-        Largest step, in standard deviations of a parameter, at which a point counts as optimal.
+        Step √(δᵀHδ / n) in standard deviations, misfit counted, root mean square over the n
+        parameters, at which a point counts as optimal.
 
     Returns
     -------

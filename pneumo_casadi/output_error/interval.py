@@ -78,13 +78,14 @@ def _sensitivity(model: SampledAxis, n: int, blocks: int, free: Sequence[str]) -
     ny, n_theta = len(model.axis.outputs), len(model.axis.parameters)
     m = model.nx + len(free)
     block = _normal_block(model, n, free)
-    chain = _chain("sensitivity_chain", block, blocks, carried=4, streams=3)
+    chain = _chain("sensitivity_chain", block, blocks, carried=3 + ny, streams=3)
     x, theta = ca.MX.sym("x", model.nx), ca.MX.sym("theta", n_theta)
     W, H = ca.MX.sym("w", model.nw, n * blocks), ca.MX.sym("h", 1, blocks)
     Y, weight = ca.MX.sym("y", ny, blocks), ca.MX.sym("weight", ny)
-    start = [x, ca.MX(_identity(model.nx, m)), ca.MX.zeros(m, ny * m), ca.MX.zeros(m, ny)]
-    end, S, JtJ, Jte, means, scores = chain.call([*start, W, H, Y, theta, weight])
-    found = [end, means, S, JtJ, Jte, scores]
+    nothing = [ca.MX.zeros(m, m) for _ in range(ny)]
+    start = [x, ca.MX(_identity(model.nx, m)), ca.MX.zeros(m, ny), *nothing]
+    end, S, Jte, *JtJ, means, scores = chain.call([*start, W, H, Y, theta, weight])
+    found = [end, means, S, ca.horzcat(*JtJ), Jte, scores]
     return ca.Function("interval_sensitivity", [x, W, theta, H, Y, weight], found)
 
 
@@ -93,7 +94,8 @@ def _normal_block(model: SampledAxis, n: int, free: Sequence[str]) -> ca.Functio
     ny, m = len(model.axis.outputs), model.nx + len(free)
     sample = _sample(model, free)
     x, S = ca.MX.sym("x", model.nx), ca.MX.sym("S", model.nx, m)
-    JtJ, Jte = ca.MX.sym("JtJ", m, ny * m), ca.MX.sym("Jte", m, ny)
+    JtJ = [ca.MX.sym(f"JtJ_{i}", m, m) for i in range(ny)]
+    Jte = ca.MX.sym("Jte", m, ny)
     w, h, y = ca.MX.sym("w", model.nw, n), ca.MX.sym("h"), ca.MX.sym("y", ny)
     theta, weight = ca.MX.sym("theta", len(model.axis.parameters)), ca.MX.sym("weight", ny)
     end, S_end, total, J = x, S, ca.MX.zeros(ny), ca.MX.zeros(ny, m)
@@ -103,13 +105,12 @@ def _normal_block(model: SampledAxis, n: int, free: Sequence[str]) -> ca.Functio
     counts = h > 0
     rows = (J * (counts / n)).T
     e = (y - mean) * counts
-    outer = [rows[:, i] @ rows[:, i].T for i in range(ny)]
-    squares = JtJ + ca.horzcat(*outer)
+    squares = [ca.rank1(JtJ[i], 1.0, rows[:, i], rows[:, i]) for i in range(ny)]
     added = rows * ca.repmat(e.T, m, 1)
     return ca.Function(
         "normal_block",
-        [x, S, JtJ, Jte, w, h, y, theta, weight],
-        [end, S_end, squares, Jte + added, mean, added @ weight],
+        [x, S, Jte, *JtJ, w, h, y, theta, weight],
+        [end, S_end, Jte + added, *squares, mean, added @ weight],
     )
 
 

@@ -64,6 +64,8 @@ class MultiStart:
     def agreeing(self) -> int:
         """Number of starts that reached the lowest cost."""
         least = min(one.cost for one in self.outcomes)
+        if not np.isfinite(least):
+            return 0
         return sum(one.cost <= least * (1 + SAME) for one in self.outcomes)
 
 

@@ -62,7 +62,7 @@ class OutputErrorOptions:
     def __post_init__(self) -> None:
         window = np.inf if self.window is None else self.window
         lengths = {"block": self.block, "window": window, "interval": self.interval}
-        if min(lengths.values()) <= 0 or not self.widths or min(self.widths) <= 0:
+        if not (self.widths and all(v > 0 for v in (*lengths.values(), *self.widths))):
             told = ", ".join(f"{name} {value:g} s" for name, value in lengths.items())
             raise ModelError(f"{told} and friction widths {self.widths} m/s must be positive")
 

@@ -133,9 +133,13 @@ class OutputErrorResult:
     def std(self, name: str, robust: bool = False) -> float:
         """Return a parameter's standard deviation; 0 if it was held, infinite if uninformed.
 
-        With `robust`, correlated residuals count (see `Estimate`).
+        With `robust`, correlated residuals count (see `Estimate`). Derived quantities go by
+        their names too; an unknown name raises `ModelError`.
         """
+        if name in self.derived:
+            return self.derived[name].std_robust if robust else self.derived[name].std
         if name not in self.estimate.names:
+            self.parameters[name]  # an unknown name is an error, not a certainty
             return 0.0
         std = self.estimate.std_robust if robust else self.estimate.std
         return float(std[self.estimate.names.index(name)])

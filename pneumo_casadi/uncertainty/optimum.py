@@ -28,6 +28,8 @@ from pneumo_casadi.statistics import delta_std
 
 #: Growth of the steps per sample that friction needs from which a problem is written anew.
 FINER = 1.25
+#: Standard deviations by which an optimum found again may differ.
+AGAIN = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,12 +112,12 @@ class Optimum:
             for segments in (self.result.segments, problem.segments)
         )
         if used != given or not all(
-            np.array_equal(a.y, b.y)
+            np.array_equal(a.y, b.y) and np.array_equal(a.w, b.w)
             for a, b in zip(self.result.segments, problem.segments, strict=True)
         ):
             raise ModelError(
-                "records or options are not those of the fit: give the records, flow map, block "
-                "and window that the result came from"
+                "records or options are not those of the fit: give the records, flow map, block, "
+                "window and loop that the result came from"
             )
         return problem
 
@@ -126,6 +128,13 @@ class Optimum:
         solution = solve(self, self.problem, start)
         if solution.status != "converged":
             raise FitError(f"the optimum was not found again: {solution.status}", self.result)
+        apart = np.abs(solution.point.theta - self.result.parameters.values)[self.columns]
+        std = np.fmax(self.result.estimate.std, self.result.estimate.std_robust)
+        if np.any(apart > AGAIN * std):
+            raise ModelError(
+                "the fit's optimum is not that of these data: parameters move by more than "
+                f"{AGAIN:g} standard deviations; give the flow map and options of the fit"
+            )
         return solution
 
     @property

@@ -8,7 +8,7 @@ import pytest
 from pneumo_casadi.errors import FitError, ModelError
 from pneumo_casadi.output_error import Method, OutputErrorOptions, fit_output_error
 from pneumo_casadi.output_error.fit import write_problem
-from pneumo_casadi.recording import Recording
+from pneumo_casadi.recording import InputHold, Recording
 
 METHODS = list(Method)
 
@@ -241,3 +241,25 @@ def test_samples_beyond_the_last_whole_block_are_left_out_and_no_others(made, st
         np.testing.assert_array_equal(segment.w, short.stack(begin.inputs)[rows].T)
         mean = short["x"][rows].reshape(segment.K, segment.n).mean(axis=1)
         np.testing.assert_allclose(segment.y[2], mean, rtol=1e-12)
+
+
+def test_a_standard_deviation_goes_by_every_name_and_by_no_other(fitted):
+    assert fitted.std("k_P") == fitted.derived["k_P"].std
+    assert fitted.std("k_P", robust=True) == fitted.derived["k_P"].std_robust
+    assert fitted.std("v_s") == 0.0
+    with pytest.raises(ModelError, match="nonsense"):
+        fitted.std("nonsense")
+
+
+def test_fewer_data_than_unknowns_are_refused(made, start, short):
+    table, begin = start(0)
+    with pytest.raises(ModelError, match="longer windows"):
+        write_problem(begin, [short], table, options(made, window=2e-3))
+
+
+def test_records_under_different_hold_are_refused_in_words(made, start, short):
+    table, begin = start(0)
+    channels = {name: short[name] for name in short.names}
+    other = Recording(short.t, channels, "other", "made", InputHold.LINEAR)
+    with pytest.raises(ModelError, match="input hold"):
+        fit_output_error(begin, [short, other], table, options(made))

@@ -15,7 +15,7 @@ from pneumo_casadi.output_error.fit import write_problem
 from pneumo_casadi.output_error.ipopt import pack, program, unpack
 from pneumo_casadi.output_error.problem import Unknowns, shoot, values
 
-KINDS = ("servo", "lag", "windows", "force", "one block")
+KINDS = ("servo", "lag", "windows", "force", "one interval")
 
 
 @pytest.fixture(scope="module", params=KINDS)
@@ -30,8 +30,8 @@ def case(request, made, servo, force, start):
         axis = axis.with_parameters(axis.parameters.fix("X_s2", "f_v", "psi_plus_1"))
     if request.param == "windows":
         options = OutputErrorOptions(widths=(5e-3,), block=10e-3, interval=0.03, window=0.05)
-    if request.param == "one block":
-        options = OutputErrorOptions(widths=(5e-3,), block=0.19)
+    if request.param == "one interval":
+        options = OutputErrorOptions(widths=(5e-3,), block=0.06)
     if request.param == "force":
         axis, u, x = force
         record, table = made.recorded(axis, u[:200], x[:, :200], 0), None

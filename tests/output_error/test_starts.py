@@ -9,8 +9,10 @@ from pneumo_casadi.effects import Stribeck
 from pneumo_casadi.errors import FitError, ModelError
 from pneumo_casadi.output_error import (
     OutputErrorOptions,
+    damping,
     fit_from_many_starts,
     fit_output_error,
+    steps,
 )
 from pneumo_casadi.output_error.damping import damped_steps
 from pneumo_casadi.output_error.fit import write_problem
@@ -59,6 +61,33 @@ def test_draws_stay_within_bounds_and_move_free_parameters_only(problem_of):
     assert np.all((moved.values >= moved.lower) & (moved.values <= moved.upper))
 
 
+def test_where_no_step_helps_a_fit_has_not_converged(problem_of, monkeypatch):
+    begin, records, table, options = problem_of
+    problem = write_problem(begin, records, table, options)
+    start = problem.start()
+
+    def uphill(problem, point, step, share=1.0):
+        return steps.moved(problem, point, step, -0.3)
+
+    monkeypatch.setattr(damping, "moved", uphill)
+    sigma = np.array([150.0, 150.0, 1.5e-5])
+    found = damped_steps(problem, (start,), sigma, True, 150, 1e-3)
+    assert found.status == "no step helps"
+
+
+def test_a_force_axis_is_found_from_friction_of_another_size(made):
+    axis = made.true_force_axis()
+    u, x = made.controlled(axis, 1000)
+    far = made.perturbed(
+        axis, {"M": 7.266, "f_v": 0.16524, "F_c_plus": 13.4726, "F_c_minus": 0.047392}
+    )
+    options = OutputErrorOptions(widths=(made.FORCE_TRUE["v_s"],))
+    result = fit_output_error(far, [made.recorded(axis, u, x, 0)], options=options)
+    for name in ("M", "f_v", "F_c_plus", "F_c_minus"):
+        truth = made.FORCE_TRUE[name]
+        assert abs(result.parameters[name].value - truth) < 5 * result.std(name), name
+
+
 def test_starts_that_fail_are_told_and_none_left_is_an_error(problem_of):
     begin, records, table, _ = problem_of
     hurried = OutputErrorOptions(widths=(5e-3,), max_iterations=1)
@@ -66,6 +95,7 @@ def test_starts_that_fail_are_told_and_none_left_is_an_error(problem_of):
     for outcome in found.outcomes:
         assert "iterations exhausted" in outcome.status
         assert outcome.result is None and outcome.cost == np.inf
+    assert found.agreeing == 0
     with pytest.raises(FitError, match="none of 2 starts"):
         found.best  # noqa: B018
     with pytest.raises(ModelError, match="at least one"):
