@@ -86,12 +86,16 @@ def refit(effect: str, before: Fitted, start: Axis, case: Case, table: FlowMap |
 
 
 def held_out(fit: Fitted, case: Case) -> dict[str, Any] | None:
-    """Return the gap of every output and view on the held-out record; None where none is finite."""
+    """Return the gap of every output and view on the held-out record; None where none is finite.
+
+    A fit without any result has none, nor has one whose simulations leave the finite numbers.
+    """
     if fit.result is None:
         return None
     try:
         found = validate(fit.result.axis, case.validate, (WINDOW,))
-    except (FitError, ModelError):
+    except (FitError, ModelError) as error:
+        print(f"{case.name}: no gap: {error}", flush=True)
         return None
     if found.closed_loop is None:
         raise RuntimeError(f"{case.folder}: no controller or no reference to close the loop")
