@@ -132,7 +132,7 @@ def _outcome(
     began = time.perf_counter()
     try:
         result = fit_output_error(axis.with_parameters(start), records, flow_map, options)
-    except FitError as error:
+    except (FitError, ModelError) as error:
         return Outcome(start, str(error), float("inf"), time.perf_counter() - began, None)
     seconds = time.perf_counter() - began
     return Outcome(start, result.status, result.stages[-1].cost, seconds, result)
