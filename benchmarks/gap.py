@@ -24,7 +24,7 @@ from pneumo_casadi.output_error import OutputErrorOptions, OutputErrorResult, fi
 from pneumo_casadi.pipeline import FlowForm, IdentifyOptions, make_axis, read_flow
 from pneumo_casadi.recording import Case
 from pneumo_casadi.regression import fit_wls
-from pneumo_casadi.validation import validate
+from pneumo_casadi.validation import loop_errors, window_errors
 
 #: Length of the open-loop windows on the held-out record [s].
 WINDOW = 0.5
@@ -92,14 +92,17 @@ def held_out(fit: Fitted, case: Case) -> dict[str, Any] | None:
     """
     if fit.result is None:
         return None
+    axis = fit.result.axis
+    if axis.bench.controller is None:
+        raise RuntimeError(f"{case.folder}: no controller to close the loop")
     try:
-        found = validate(fit.result.axis, case.validate, (WINDOW,))
+        shown = {
+            "closed_loop": loop_errors(axis, case.validate),
+            "windows": window_errors(axis, case.validate, WINDOW),
+        }
     except (FitError, ModelError) as error:
         print(f"{case.name}: no gap: {error}", flush=True)
         return None
-    if found.closed_loop is None:
-        raise RuntimeError(f"{case.folder}: no controller or no reference to close the loop")
-    shown = {"closed_loop": found.closed_loop, "windows": found.windows[WINDOW]}
     views: dict[str, Any] = {}
     for view, errors in shown.items():
         outputs = {
@@ -109,7 +112,7 @@ def held_out(fit: Fitted, case: Case) -> dict[str, Any] | None:
                 "rms": one.rms,
             }
             for name, one in errors.items()
-            if name in fit.result.axis.outputs
+            if name in axis.outputs
         }
         gaps = [one["gap_percent"] for one in outputs.values()]
         views[view] = {"gap_percent": float(np.sqrt(np.mean(np.square(gaps)))), **outputs}

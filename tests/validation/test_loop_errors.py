@@ -1,0 +1,22 @@
+"""The closed loop is judged without a free run, which may have nowhere to go."""
+
+import numpy as np
+import pytest
+
+from pneumo_casadi.effects import CATALOGUE
+from pneumo_casadi.errors import PneumoError
+from pneumo_casadi.validation import loop_errors, validate, window_errors
+
+
+def test_loop_and_windows_alone_err_as_in_a_whole_validation(quick):
+    axis, records = quick.axis, quick.case.validate
+    assert window_errors(axis, records, 0.5) == quick.validation.windows[0.5]
+    assert loop_errors(axis, records) == quick.validation.closed_loop
+
+
+def test_a_leak_ends_the_free_run_and_not_the_closed_loop(quick):
+    leaky = quick.axis.with_effects(CATALOGUE["leakage_P"]())
+    leaky = leaky.with_parameters({"leakage_P.C": 5e-9})
+    with pytest.raises(PneumoError, match="finite|no simulation"):
+        validate(leaky, quick.case.validate, ())
+    assert np.isfinite(loop_errors(leaky, quick.case.validate)["x"].rms)
