@@ -17,6 +17,6 @@ def test_loop_and_windows_alone_err_as_in_a_whole_validation(quick):
 def test_a_leak_ends_the_free_run_and_not_the_closed_loop(quick):
     leaky = quick.axis.with_effects(CATALOGUE["leakage_P"]())
     leaky = leaky.with_parameters({"leakage_P.C": 5e-9})
-    with pytest.raises(PneumoError, match="finite|no simulation"):
+    with pytest.raises(PneumoError, match=r"finite|no simulation"):
         validate(leaky, quick.case.validate, ())
     assert np.isfinite(loop_errors(leaky, quick.case.validate)["x"].rms)
