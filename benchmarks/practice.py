@@ -4,11 +4,11 @@ Data: the practice cases (``practice/`` of the data folder, 20 s to identify on,
 hidden effect each, named in ``labels.json``), recorded from a bench program that shares no code
 with this package. Nothing is random.
 
-Each case: weighted least squares, then output error over the whole record (friction width 0.1 mm/s,
-ISO 6358 flow map refined with its metered points as anchor) with the nominal axis; then the same
-fit with the labelled effect, begun at the nominal fit and the effect's starting values, or at WLS
-where that fails. Gaps on the held-out record, in closed loop and in windows of 0.5 s, and the share
-that the refit closes are defined in `gap`. A label is visible in a view where the nominal gap
+Each case: weighted least squares, then output error with the nominal axis over the whole record in
+closed loop (see `gap`: the same set-up for every fit); then the same fit with the labelled effect,
+begun at the nominal fit and the effect's starting values, or at WLS where that fails. Gaps on the
+held-out record, in closed loop and in windows of 0.5 s, and the share that the refit closes are
+defined in `gap`. A label is visible in a view where the nominal gap
 exceeds twice that of the case without an effect.
 """
 
@@ -176,35 +176,6 @@ def judged(cases: dict[str, Any]) -> dict[str, Any]:
     return {"background_gap_percent": background, "cases": cases}
 
 
-def table(result: Mapping[str, Any]) -> str:
-    """Return the cases as a Markdown table."""
-    head = ["case", "gap, closed loop %", "after", "closed %", "gap, windows %", "after"]
-    head += ["closed %", "labelled quantity: fitted / label"]
-    body = []
-    for name, one in result["cases"].items():
-        row = [name + (" (refit failed)" if one.get("refit", {}).get("failure") else "")]
-        for view in VIEWS:
-            shares = one.get("closed_percent", {}).get(view, {})
-            after = one.get("refit_gap")
-            faint = "" if view in one["visible"] or not one["effects"] else " (not visible)"
-            row += [
-                _number(one["nominal_gap"], view) + faint,
-                _number(after, view) if one["effects"] else "",
-                f"{shares['all']:.1f}" if shares.get("all") is not None else "",
-            ]
-        ratios = [
-            f"{label} {q['fitted'] / q['label']:.3f}" + ("*" if q["forms_differ"] else "")
-            for label, q in one.get("quantities", {}).items()
-        ]
-        body.append([*row, ", ".join(ratios)])
-    notes = "Not visible: at most twice the gap of the case without an effect. * forms differ."
-    return readme.rows(head, body) + "\n\n" + notes
-
-
-def _number(gap: Mapping[str, Any] | None, view: str) -> str:
-    return "failed" if gap is None else f"{gap[view]['gap_percent']:.2f}"
-
-
 def _kept_case(
     keep: Path | None, data: Path, labels: Mapping[str, Any], name: str
 ) -> tuple[str, dict[str, Any]]:
@@ -244,7 +215,7 @@ def main() -> None:
         arguments.keep.mkdir(parents=True, exist_ok=True)
     result = run(arguments.data, names, arguments.workers, arguments.keep)
     result |= provenance.made(None, arguments.quick)
-    print(table(result))
+    print(readme.practice(result))
     provenance.write(arguments.json, result)
 
 

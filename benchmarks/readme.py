@@ -321,6 +321,94 @@ def starts(result: Mapping[str, Any]) -> str:
     )
 
 
+#: What a gap is seen in; see `gap`.
+VIEWS = ("closed_loop", "windows")
+
+
+def bench_sanity(result: Mapping[str, Any]) -> str:
+    """Balances of the virtual bench, agreement with the model, and what a nominal fit leaves."""
+    head = ["axis", "mass balance", "energy balance", "step", "x to model, no F_c, %"]
+    head += ["x to model, F_c, %", "nominal fit: x, closed loop, % of motion"]
+    body = []
+    for seed, one in result["axes"].items():
+        apart = one["agreement_percent"]
+        narrowest = list(apart["with_coulomb_friction"].values())[-1]
+        fit = result["nominal_fit"].get(seed)
+        body.append(
+            [
+                seed,
+                *(f"{one[key]:.0e}" for key in ("mass_error", "energy_error")),
+                f"{one['step_errors'][-1]:.0e}",
+                f"{apart['without_coulomb_friction']['x']:.0e}",
+                f"{narrowest['x']:.3f}",
+                "" if fit is None else f"{fit['closed_loop_x_percent_of_motion']:.3f}",
+            ]
+        )
+    return rows(head, body)
+
+
+def practice(result: Mapping[str, Any]) -> str:
+    """Gaps of cases with one labelled effect, before and after a refit with it."""
+    head = ["case", "closed loop %", "after", "closed %", "windows %", "after", "closed %"]
+    head += ["fitted / label"]
+    body = []
+    for name, one in result["cases"].items():
+        row = [name + _failed(one)]
+        for view in VIEWS:
+            shares = one.get("closed_percent", {}).get(view, {})
+            faint = "" if view in one["visible"] or not one["effects"] else " °"
+            row += [
+                _gap(one["nominal_gap"], view) + faint,
+                _gap(one.get("refit_gap"), view) if one["effects"] else "",
+                f"{shares['all']:.1f}" if shares.get("all") is not None else "",
+            ]
+        ratios = [
+            f"{label} {q['fitted'] / q['label']:.3f}" + ("*" if q["forms_differ"] else "")
+            for label, q in one.get("quantities", {}).items()
+        ]
+        body.append([*row, ", ".join(ratios)])
+    notes = "° at most twice the gap of the case without an effect: not visible. * forms differ."
+    return rows(head, body) + "\n\n" + notes
+
+
+def effect_visibility(result: Mapping[str, Any]) -> str:
+    """Verdicts on every effect, one an axis; gaps and what has moved are those of the first."""
+    axes = result["axes"]
+    first = next(iter(axes.values()))
+    head = ["effect", *(f"axis {seed}" for seed in axes)]
+    head += ["closed loop %", "after", "windows %", "after", "absorbed by"]
+    body = []
+    for name, one in first.items():
+        gaps = []
+        for view in VIEWS:
+            after = _gap(one.get("refit_gap"), view) if "refit" in one else ""
+            gaps += [_gap(one["gap"], view), after]
+        if "verdict" not in one:
+            body.append(["(none)", *("" for _ in axes), *gaps, ""])
+            continue
+        verdicts = [axis[name]["verdict"] for axis in axes.values()]
+        label = name + ("" if one["listed"] else " (not in the catalogue)") + _failed(one)
+        body.append([label, *verdicts, *gaps, _moves(one)])
+    return rows(head, body)
+
+
+def _moves(one: Mapping[str, Any]) -> str:
+    if one["verdict"] != "absorbed":
+        return ""
+    return ", ".join(
+        "flow map" if "map" in name else f"{SYMBOLS.get(name, name)} {shift:+.1f} %"
+        for name, shift in one["moved"].items()
+    )
+
+
+def _gap(gap: Mapping[str, Any] | None, view: str) -> str:
+    return "failed" if gap is None else f"{gap[view]['gap_percent']:.2f}"
+
+
+def _failed(one: Mapping[str, Any]) -> str:
+    return " (refit failed)" if one.get("refit", {}).get("failure") else ""
+
+
 #: Tables by name: how it is made, and from which result.
 TABLES: dict[str, tuple[Callable[[Mapping[str, Any]], str], str]] = {
     "coverage": (coverage, "wls_vs_output_error"),
@@ -335,6 +423,7 @@ TABLES: dict[str, tuple[Callable[[Mapping[str, Any]], str], str]] = {
     "starts": (starts, "starts"),
     "scaling": (scaling, "scaling"),
     "emps_output_error": (emps_output_error, "emps_output_error"),
+    "bench_sanity": (bench_sanity, "bench_sanity"),
 }
 
 
