@@ -1,4 +1,4 @@
-"""The command line: demo, identify, validate, simulate."""
+"""The command line: demo, identify, validate, simulate, export."""
 
 import sys
 from collections.abc import Iterator, Sequence
@@ -12,6 +12,7 @@ import typer
 from pneumo_casadi import __version__
 from pneumo_casadi.bench_command import record_case
 from pneumo_casadi.errors import CaseError
+from pneumo_casadi.export_command import export
 from pneumo_casadi.output_error import Method, OutputErrorOptions
 from pneumo_casadi.pipeline import FlowForm, IdentifyOptions, identify, open_case
 from pneumo_casadi.report.tables import parameter_table, validation_table
@@ -223,6 +224,9 @@ def simulate(
             found = {"files": _simulate(case, parameters, output, records, open_loop)}
         if json_file is not None:
             write_json(found, json_file)
+
+
+app.command()(export)
 
 
 def _simulate(

@@ -17,7 +17,8 @@ import scipy
 
 from pneumo_casadi import __version__
 from pneumo_casadi.axis import Axis
-from pneumo_casadi.errors import CaseError
+from pneumo_casadi.errors import CaseError, ModelError
+from pneumo_casadi.model_file import axis_dict
 from pneumo_casadi.output_error import OutputErrorResult
 from pneumo_casadi.pipeline import (
     FlowForm,
@@ -56,6 +57,7 @@ def result_dict(found: Identification) -> dict[str, Any]:
         "wls": found.wls.as_dict(),
         "output_error": output_error_dict(found.output_error, found),
         "flow": flow,
+        "model": _model(found.axis),
         "validation": None if found.validation is None else validation_dict(found.validation),
         "cross_validation": {
             p.name: {"relative_error_percent": dict(p.relative_error_percent)}
@@ -138,6 +140,8 @@ def provenance(case: Case, options: IdentifyOptions) -> dict[str, Any]:
             "scipy": scipy.__version__,
             "pandas": pd.__version__,
         },
+        "platform": platform.platform(),
+        "seeds": {},  # no random number enters an identification
         "sha256": {path.name: sha256(path) for path in _data_files(case)},
         "options": {
             "flow_form": options.flow_form.value,
@@ -151,6 +155,8 @@ def provenance(case: Case, options: IdentifyOptions) -> dict[str, Any]:
             "interval": chosen.interval,
             "closed_loop": chosen.closed_loop,
             "friction_widths": list(chosen.widths),
+            "reweight": chosen.reweight,
+            "max_iterations": chosen.max_iterations,
             "validation_windows": list(options.windows),
         },
     }
@@ -229,6 +235,13 @@ def read_axis(path: str | Path, case: Case) -> Axis:
     return axis.with_parameters(values)
 
 
+def _model(axis: Axis) -> dict[str, Any] | None:
+    try:
+        return axis_dict(axis)
+    except ModelError:  # an effect or a flow map of one's own: no file can hold it
+        return None
+
+
 def _check_map(flow_map: Path, expected: str | None, result: Path) -> None:
     if sha256(flow_map) != expected:
         raise CaseError(
@@ -294,7 +307,7 @@ def _finite(value: Any) -> Any:
 
 def _data_files(case: Case) -> list[Path]:
     sources = {Path(record.source) for record in (*case.identify, *case.validate)}
-    candidates = {case.folder / "bench.json", *sources}
+    candidates = {case.folder / "bench.json", case.folder / "columns.json", *sources}
     if case.flow_map_path is not None:
         candidates.add(case.flow_map_path)
     return sorted(path for path in candidates if path.is_file())

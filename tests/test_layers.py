@@ -27,9 +27,10 @@ LAYERS = [
     ["uncertainty"],
     ["validation"],
     ["flow_sensitivity"],
-    ["caveats", "pipeline", "result_file", "trajectory_file"],
+    ["caveats", "pipeline", "model_file", "result_file", "trajectory_file"],
+    ["export"],
     ["report"],
-    ["terminal", "bench_command"],
+    ["terminal", "bench_command", "export_command"],
     ["cli", "__main__"],
 ]
 RANK = {name: rank for rank, names in enumerate(LAYERS) for name in names}

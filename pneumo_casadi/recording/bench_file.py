@@ -53,7 +53,7 @@ def read_bench(path: str | Path) -> AnyBench:
     path = Path(path)
     content = _read_json(path)
     try:
-        return _bench(content)
+        return bench_from_content(content)
     except CaseError as error:
         raise CaseError(f"{path}: {error}") from None
 
@@ -99,7 +99,8 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return dict(pairs)
 
 
-def _bench(content: dict[str, Any]) -> AnyBench:
+def bench_from_content(content: dict[str, Any]) -> AnyBench:
+    """Return the bench that `bench_content` has described; errors as in `read_bench`."""
     axis = content.get("axis", "pneumatic")
     if axis not in ("pneumatic", "force"):
         raise CaseError(f"`axis`: got {axis!r}; write 'pneumatic' or 'force'")

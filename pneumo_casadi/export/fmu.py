@@ -1,0 +1,106 @@
+"""FMU of FMI 3.0: co-simulation and model exchange, with sources and a binary for this platform."""
+
+import hashlib
+import io
+import json
+import logging
+import platform
+import subprocess
+import tempfile
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+from string import Template
+
+from pneumo_casadi.compilation import compiler
+from pneumo_casadi.export.c_code import NAME, c_sources, template, values
+from pneumo_casadi.export.fmi_xml import build_description, model_description
+from pneumo_casadi.export.folder import write_files
+from pneumo_casadi.export.model import IdentifiedModel, description
+
+logger = logging.getLogger(__name__)
+
+_HEADERS = ("fmi3Functions.h", "fmi3FunctionTypes.h", "fmi3PlatformTypes.h")
+#: For any machine of this kind: an FMU is passed on.
+_FLAGS = ("-std=c99", "-O2", "-fPIC", "-shared", "-fvisibility=hidden")
+_ARCHITECTURES = {"x86_64": "x86_64", "amd64": "x86_64", "aarch64": "aarch64", "arm64": "aarch64"}
+_SYSTEMS = {"Linux": ("linux", "so"), "Darwin": ("darwin", "dylib"), "Windows": ("windows", "dll")}
+
+
+def write_fmu(model: IdentifiedModel, folder: str | Path) -> Path:
+    """Write ``axis.fmu``.
+
+    Inputs are the commands, outputs what the sensors show without noise; all parameters can be
+    tuned, states are named ``state.p_P`` and so on and can be given a start. A communication
+    step holds the inputs and takes the Runge-Kutta steps of the package's own simulation.
+
+    Parameters
+    ----------
+    model : IdentifiedModel
+        What to write; effects and their states are in it.
+    folder : path
+        Where the file goes; an earlier one is replaced.
+
+    Returns
+    -------
+    Path
+        The FMU. Without a C compiler it holds sources only, and a warning is logged. Equal
+        models, compilers and versions give equal files.
+    """
+    content = fmu_files(model)
+    binary = _binary({name: text for name, text in content.items() if name.startswith("sources/")})
+    packed = _zipped({**{k: v.encode("utf-8") for k, v in content.items()}, **binary})
+    (path,) = write_files({f"{NAME}.fmu": packed}, folder)
+    return path
+
+
+def fmu_files(model: IdentifiedModel) -> dict[str, str]:
+    """Return the text files of the FMU by their path in it, without any binary."""
+    found = values(model)
+    found["nominals"] = ", ".join(repr(value) for value in model.axis.state_scales.tolist())
+    sources = c_sources(model)
+    content = model_description(model, "") + "".join(sources.values())
+    token = hashlib.sha256(content.encode("utf-8")).hexdigest()
+    glue = Template(template("fmi3.c.in")).substitute(found, token=token)
+    sources = {**sources, "fmi3.c": glue, **{name: template(name) for name in _HEADERS}}
+    told = json.dumps(description(model), indent=1, ensure_ascii=False, allow_nan=False)
+    return {
+        "modelDescription.xml": model_description(model, token),
+        "resources/model.json": told + "\n",
+        "sources/buildDescription.xml": build_description([f"{NAME}.c", "fmi3.c"]),
+        **{f"sources/{name}": text for name, text in sources.items()},
+    }
+
+
+def _binary(sources: Mapping[str, str]) -> dict[str, bytes]:
+    """Compile the sources; nothing where that is not possible."""
+    cc = compiler()
+    architecture = _ARCHITECTURES.get(platform.machine().lower())
+    system, suffix = _SYSTEMS.get(platform.system(), (None, ""))
+    if cc is None or architecture is None or system is None:
+        logger.warning("no C compiler for %s: the FMU holds sources only", platform.platform())
+        return {}
+    with tempfile.TemporaryDirectory() as scratch:
+        for name, text in sources.items():
+            (Path(scratch) / Path(name).name).write_text(text, "utf-8")
+        library = f"{NAME}.{suffix}"
+        command = [cc, *_FLAGS, f"{NAME}.c", "fmi3.c", "-o", library, "-lm"]
+        done = subprocess.run(command, cwd=scratch, capture_output=True, text=True, check=False)
+        if done.returncode:
+            tail = done.stderr.strip().splitlines()[-1:] or ["no message"]
+            logger.warning("%s failed (%s): the FMU holds sources only", cc, tail[0])
+            return {}
+        return {
+            f"binaries/{architecture}-{system}/{library}": (Path(scratch) / library).read_bytes()
+        }
+
+
+def _zipped(files: Mapping[str, bytes]) -> bytes:
+    """Pack files, with a fixed time stamp: equal content gives equal files."""
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in files.items():
+            entry = zipfile.ZipInfo(name)
+            entry.external_attr = 0o644 << 16
+            archive.writestr(entry, content, zipfile.ZIP_DEFLATED)
+    return buffer.getvalue()

@@ -1,0 +1,204 @@
+"""What is exported: an axis with its start, its sampling period and where it comes from."""
+
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pneumo_casadi.axis import Axis
+from pneumo_casadi.errors import CaseError, ModelError
+from pneumo_casadi.integration import substeps_for
+from pneumo_casadi.model_file import axis_dict, axis_from_dict
+from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.pipeline import Identification
+from pneumo_casadi.recording import Bench
+from pneumo_casadi.result_file import result_dict, write_json
+
+#: Of axis.json; raised when a reader of the old one would misread the new.
+FORMAT = 1
+_KIND = "pneumo_casadi model"
+
+
+@dataclass(frozen=True, eq=False)
+class IdentifiedModel:
+    """An axis, ready to be written for other tools.
+
+    Parameters
+    ----------
+    axis : Axis
+        With the parameters to export.
+    dt : float
+        Sampling period of the discrete step [s].
+    name : str
+        Name of the case, for titles.
+    provenance : mapping
+        Versions, hashes of the data, options: what is needed to repeat the identification.
+    estimates : mapping
+        Parameters with their standard deviations, as in `result.json`.
+
+    Raises
+    ------
+    ModelError
+        If the sampling period is not positive.
+    """
+
+    axis: Axis
+    dt: float
+    name: str = "axis"
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+    estimates: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.dt) and self.dt > 0):
+            raise ModelError(f"sampling period {self.dt} s: give a positive number of seconds")
+
+    @cached_property
+    def substeps(self) -> int:
+        """Runge-Kutta steps of order four per sample, those of the package's own simulation."""
+        return substeps_for(self.axis, self.dt)
+
+    @cached_property
+    def start(self) -> FloatArray:
+        """State at mid-stroke and standstill with the pressures' forces balanced, shape (nx,).
+
+        Chamber N is half-way between exhaust and supply pressure, effects are at rest; SI units.
+        """
+        return balanced_state(self.axis)
+
+    @property
+    def units(self) -> dict[str, dict[str, str]]:
+        """SI units of ``states``, ``inputs``, ``outputs`` and ``parameters``, in order."""
+        axis = self.axis
+        states = {name: axis.unit(name) for name in axis.motion_states}
+        for effect in axis.effects:
+            states |= {f"{effect.name}.{state.name}": state.unit for state in effect.states}
+        return {
+            "states": states,
+            "inputs": {name: axis.unit(name) for name in axis.inputs},
+            "outputs": {name: axis.unit(name) for name in axis.outputs},
+            "parameters": {item.name: item.unit for item in axis.parameters},
+        }
+
+
+def identified_model(found: Identification) -> IdentifiedModel:
+    """Return the model that an identification has found."""
+    return _of_result(result_dict(found), found.axis)
+
+
+def read_model(path: str | Path) -> IdentifiedModel:
+    """Read a model from a result: its folder, `result.json`, or an exported `axis.json`.
+
+    Nothing in the file is executed; the model is built anew from its numbers.
+
+    Parameters
+    ----------
+    path : path
+        Folder written by ``identify``, or a JSON file.
+
+    Raises
+    ------
+    CaseError
+        If there is no such file, or it holds no model.
+    """
+    path = Path(path)
+    if path.is_dir():
+        path = path / "result.json"
+    try:
+        content = json.loads(path.read_text("utf-8"))
+    except FileNotFoundError:
+        raise CaseError(f"{path}: no such file; `identify` writes result.json") from None
+    except (OSError, ValueError) as error:
+        raise CaseError(f"{path}: not a readable JSON file ({error})") from None
+    if not isinstance(content, dict) or content.get("model") is None:
+        raise CaseError(
+            f"{path}: holds no `model`; give a result.json of `identify` (one of an earlier "
+            "version lacks it: identify anew) or an exported axis.json"
+        )
+    try:
+        axis = axis_from_dict(content["model"])
+        if content.get("kind") != _KIND:
+            return _of_result(content, axis)
+        return IdentifiedModel(
+            axis,
+            float(content["sampling"]["dt_s"]),
+            str(content["name"]),
+            content["provenance"],
+            content["estimates"],
+        )
+    except CaseError as error:
+        raise CaseError(f"{path}: {error}") from None
+    except (KeyError, TypeError, ValueError) as error:
+        raise CaseError(f"{path}: no model of an axis ({error})") from None
+
+
+def model_dict(model: IdentifiedModel) -> dict[str, Any]:
+    """Return a model as plain values for `axis.json`; `read_model` gives it back.
+
+    Raises
+    ------
+    ModelError
+        If its flow map or an effect are your own, see `axis_dict`.
+    """
+    return {"kind": _KIND, **description(model), "model": axis_dict(model.axis)}
+
+
+def write_model(model: IdentifiedModel, folder: str | Path) -> Path:
+    """Write ``axis.json``; a file there is replaced."""
+    path = Path(folder) / "axis.json"
+    write_json(model_dict(model), path)
+    return path
+
+
+def description(model: IdentifiedModel) -> dict[str, Any]:
+    """Return what any reader of an export needs: names, units, sampling, start, provenance."""
+    axis = model.axis
+    return {
+        "format": FORMAT,
+        "name": model.name,
+        **model.units,
+        "values": axis.parameters.as_dict(),
+        "effects": [effect.name for effect in axis.effects],
+        "start": dict(zip(axis.states, model.start.tolist(), strict=True)),
+        "sampling": {
+            "dt_s": model.dt,
+            "runge_kutta_steps": model.substeps,
+            "hold": "zero order",
+        },
+        "conventions": "SI units; pressures absolute; x from mid-stroke; u[k] acts from t[k] on",
+        "estimates": dict(model.estimates),
+        "provenance": dict(model.provenance),
+    }
+
+
+def balanced_state(axis: Axis) -> FloatArray:
+    """Return the state of `IdentifiedModel.start`."""
+    bench, nominal = axis.bench, [0.0, 0.0]
+    if isinstance(bench, Bench):
+        p_N = (bench.p_supply + bench.p_ext) / 2
+        p_P = bench.p_ext + bench.S_N / bench.S_P * (p_N - bench.p_ext)
+        nominal = [p_P, p_N, 0.0, 0.0]
+    full = axis.rest(nominal, np.zeros(len(axis.inputs)), axis.parameters.values)
+    return np.asarray(full, dtype=float).ravel()
+
+
+def identifier(name: str) -> str:
+    """Return a name as C identifier: ``valve_lag.u_P`` gives ``valve_lag_u_P``."""
+    return re.sub(r"\W", "_", name, flags=re.ASCII)
+
+
+def _of_result(content: Mapping[str, Any], axis: Axis) -> IdentifiedModel:
+    estimates = dict(content["output_error"]["parameters"])
+    if content["flow"] is not None:
+        estimates |= content["flow"]["parameters"]
+    return IdentifiedModel(
+        axis,
+        1 / axis.bench.sampling_frequency,
+        str(content["case"]),
+        dict(content["provenance"]),
+        estimates,
+    )
