@@ -5,19 +5,15 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
 from pneumo_casadi.filtering import white_noise_std
+from pneumo_casadi.long_run import long_run_covariance
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.recording import Recording
 
 #: Smallest eigenvalue of the scaled information, relative to the largest, that counts.
 RANK_TOLERANCE = 1e-13
-#: At least so many batches tell how a sum scatters.
-BATCHES = 20
-#: Standard deviations by which longer batches must exceed shorter ones to count.
-DOUBT = 1.64
 #: Share of a parameter in the uninformed directions from which it is called unidentifiable.
 LOADING = 1e-3
 
@@ -81,7 +77,7 @@ def invert_information(
     scales: FloatArray,
     names: Sequence[str],
     at_bound: Sequence[str] = (),
-    scores: Sequence[FloatArray] | None = None,
+    scores: Sequence[Sequence[FloatArray]] | None = None,
 ) -> Estimate:
     """Turn information on scaled parameters into a covariance in SI units.
 
@@ -95,9 +91,9 @@ def invert_information(
         Parameters, in order.
     at_bound : sequence of str
         Parameters held by a bound; left out of the inversion.
-    scores : sequence of (K, n) array, optional
-        Jᵀr of successive stretches of each record, in the same scaling, for the robust
-        covariance.
+    scores : sequence of sequences of (K, n) array, optional
+        For the robust covariance: Jᵀr in the same scaling, for each kind of data (records, flow
+        map) one array a record, in the order of time.
 
     Returns
     -------
@@ -134,7 +130,7 @@ def invert_information(
     full = in_units(inverse)
     robust = None
     if scores is not None:
-        influence = [(part[:, inside] / size) @ inverse for part in scores]
+        influence = [[(part[:, inside] / size) @ inverse for part in kind] for kind in scores]
         robust = in_units(long_run_covariance(influence))
     chosen = [names[i] for i in inside]
     return Estimate(
@@ -145,67 +141,6 @@ def invert_information(
         tuple(_direction(vectors[:, j], unit, chosen) for j in np.flatnonzero(weak)),
         robust,
     )
-
-
-def long_run_covariance(parts: Sequence[FloatArray]) -> FloatArray:
-    """Return the covariance of a sum of correlated vectors, by means over batches.
-
-    Parameters
-    ----------
-    parts : sequence of (K, p) array
-        One array a record, in the order of time; records are independent of each other.
-
-    Returns
-    -------
-    (p, p) array
-        White vectors give the sum of their outer products. How long correlation lasts is not
-        known beforehand, so batches of 1, 2, 4, ... rows are tried as long as at least `BATCHES`
-        and 2 p of them are left. Each component takes the shortest batches whose variance no
-        longer ones exceed by more than `DOUBT` of its own scatter (Lepski's rule): white
-        residuals keep their sharp variance, slow misfit its large one. The p fitted degrees of
-        freedom are counted.
-
-    Examples
-    --------
-    >>> rng = np.random.default_rng(0)
-    >>> white = rng.normal(size=4000)
-    >>> slow = np.repeat(rng.normal(size=80), 50)
-    >>> [round(float(np.sqrt(long_run_covariance([e[:, None]])[0, 0] / 4000)), 1) for e in
-    ...  (white, slow)]
-    [1.0, 6.9]
-    """
-    p = parts[0].shape[1]
-    rows, length = sum(len(part) for part in parts), 1
-    found: list[FloatArray] = []
-    counts: list[int] = []
-    while not found or rows // length >= max(BATCHES, 2 * p):
-        sums = np.concatenate(
-            [np.add.reduceat(part, np.arange(0, len(part), length), axis=0) for part in parts]
-        )
-        found.append(sums.T @ sums * (len(sums) / max(1, len(sums) - p)))
-        counts.append(len(sums))
-        length *= 2
-    variances = np.array([np.diag(covariance) for covariance in found])
-    chosen = _shortest_batches(variances, np.array(counts))
-    variance = variances[chosen, np.arange(p)]
-    # Correlations come from the longest batches that a component asks for.
-    shape = found[int(chosen.max(initial=0))]
-    own = np.diag(shape)
-    stretch = np.sqrt(np.divide(variance, own, out=np.ones(p), where=own > 0))
-    scaled: FloatArray = shape * np.outer(stretch, stretch)
-    return scaled
-
-
-def _shortest_batches(variances: FloatArray, counts: FloatArray) -> NDArray[np.intp]:
-    """Return, per component, the first row that no later one clearly exceeds."""
-    rows = len(variances)
-    chosen = np.full(variances.shape[1], rows - 1, dtype=np.intp)
-    for i in range(rows - 2, -1, -1):
-        # Batches are nested: their variances differ by the scatter of the longer ones alone.
-        scatter = np.sqrt(2 * np.maximum(1 / counts[i + 1 :] - 1 / counts[i], 0.0))[:, None]
-        exceeds = variances[i + 1 :] > variances[i] * (1 + DOUBT * scatter)
-        chosen[~exceeds.any(axis=0)] = i
-    return chosen
 
 
 def _direction(vector: FloatArray, unit: FloatArray, names: Sequence[str]) -> str:

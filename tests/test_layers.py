@@ -21,6 +21,7 @@ LAYERS = [
     ["servosystem"],
     ["compilation"],
     ["integration", "sampled", "simulation"],
+    ["long_run"],
     ["statistics"],
     ["regression"],
     ["output_error"],

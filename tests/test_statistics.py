@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 from scipy import signal, stats
 
+from pneumo_casadi import long_run
+from pneumo_casadi.long_run import long_run_covariance
 from pneumo_casadi.recording import InputHold, Recording, SensorNoise
 from pneumo_casadi.statistics import (
     autocorrelation,
     interval_factor,
     invert_information,
-    long_run_covariance,
     stated_or_estimated_noise,
 )
 
@@ -121,13 +122,13 @@ def test_correlations_lie_between_minus_one_and_one_and_are_zero_where_unknown()
 def test_the_robust_covariance_is_the_sandwich_of_all_scores():
     J, H = information()
     rows = np.linspace(0.5, 2.0, len(J))[:, None] * J
-    found = invert_information(H, np.full(4, 3.0), NAMES, scores=[rows, 0.5 * rows])
+    found = invert_information(H, np.full(4, 3.0), NAMES, scores=[[rows], [0.5 * rows]])
     inverse = np.linalg.inv(H)
-    wanted = long_run_covariance([rows @ inverse, 0.5 * rows @ inverse])
+    wanted = long_run_covariance([[rows @ inverse], [0.5 * rows @ inverse]])
     np.testing.assert_allclose(found.covariance_robust, 9 * wanted, rtol=1e-9)
 
 
-@pytest.mark.parametrize(("share", "ideal", "robust"), [(0.0, 0.92, 0.92), (0.3, 0.0, 0.75)])
+@pytest.mark.parametrize(("share", "ideal", "robust"), [(0.0, 0.92, 0.92), (0.3, 0.0, 0.82)])
 def test_robust_intervals_cover_where_weak_slow_misfit_hides_in_noise(share, ideal, robust):
     rng = np.random.default_rng(7)
     K, tau, runs = 4000, 100.0, 200
@@ -141,7 +142,7 @@ def test_robust_intervals_cover_where_weak_slow_misfit_hides_in_noise(share, ide
         e = e - x @ theta
         stds = [
             np.sqrt(np.diag(inverse) * e.var()),
-            np.sqrt(np.diag(long_run_covariance([(x * e[:, None]) @ inverse]))),
+            np.sqrt(np.diag(long_run_covariance([[(x * e[:, None]) @ inverse]]))),
         ]
         covered += [np.abs(theta) < 1.96 * std for std in stds]
     assert np.all(covered[0] / runs >= ideal) and np.all(covered[1] / runs >= robust)
@@ -149,10 +150,64 @@ def test_robust_intervals_cover_where_weak_slow_misfit_hides_in_noise(share, ide
         assert np.all(covered[0] / runs < 0.6)  # which is why the robust one exists
 
 
+def left_by_a_fit(x, e):
+    """Return the influences that the residuals of a least-squares fit leave, and its error."""
+    inverse = np.linalg.inv(x.T @ x)
+    error = inverse @ x.T @ e
+    return (x * (e - x @ error)[:, None]) @ inverse, error
+
+
+def test_what_a_fit_takes_from_the_residuals_is_counted_by_the_information_of_the_batches():
+    """Plain sums over long batches are too small, n / (n - p) of them too large."""
+    rng = np.random.default_rng(11)
+    K, p, length, runs = 1280, 16, 32, 150
+    x = rng.normal(size=(K, p)) * np.linspace(0.2, 2.0, K)[:, None]
+    wanted = np.diag(np.linalg.inv(x.T @ x))
+    plain, counted = np.zeros(p), np.zeros(p)
+    for _ in range(runs):
+        rows, _ = left_by_a_fit(x, rng.normal(size=K))
+        sums = np.add.reduceat(rows, np.arange(0, K, length), axis=0)
+        root, inverse = long_run._roots(rows)
+        (square,) = long_run._squares([rows @ inverse], [length])
+        plain += (sums**2).sum(axis=0) / runs / wanted
+        counted += ((sums**2).sum(axis=0) + np.sum(root * (square @ root), axis=0)) / runs / wanted
+    n = K // length
+    assert plain.mean() < 0.97 < 1.2 < plain.mean() * n / (n - p)
+    assert counted.mean() == pytest.approx(1.0, abs=0.02)
+
+
+def test_intervals_cover_where_noise_correlates_and_another_kind_of_data_does_not():
+    rng = np.random.default_rng(12)
+    K, p, runs, correlation = 2000, 6, 200, 0.64
+    t = np.arange(K) / K
+    x = np.stack([np.sin(2 * np.pi * (i + 1) * t + i) for i in range(p)], axis=1)
+    x[:, p // 2 :] *= np.exp(-4 * t)[:, None]  # some hold their information in few batches
+    other = np.repeat(0.3 * rng.normal(size=(200, p)), 2, axis=0)
+    both = np.concatenate([x, other])
+    covered = np.zeros(p)
+    for _ in range(runs):
+        white = rng.normal(size=K + 100) * np.sqrt(1 - correlation**2)
+        slow = signal.lfilter([1.0], [1.0, -correlation], white)[100:]
+        rows, error = left_by_a_fit(both, np.concatenate([slow, rng.normal(size=400)]))
+        found = long_run_covariance([[rows[:K]], [rows[K:]]])
+        covered += np.abs(error) < 1.96 * np.sqrt(np.diag(found))
+    assert np.all(np.abs(covered / runs - 0.95) < 4 * np.sqrt(0.95 * 0.05 / runs))
+    assert covered.mean() / runs == pytest.approx(0.95, abs=0.02)
+
+
+def test_vectors_without_spread_in_some_directions_have_none_there():
+    rows = np.random.default_rng(5).normal(size=(100, 3)) @ np.diag([1.0, 1e-9, 0.0])
+    rows = np.column_stack([rows, rows[:, 0]])
+    found = long_run_covariance([[rows]])
+    assert found[2, 2] == 0 and np.all(np.isfinite(found))
+    assert found[0, 0] == pytest.approx(found[3, 3]) == pytest.approx(found[0, 3])
+    assert found[1, 1] == pytest.approx(1e-18 * found[0, 0], rel=0.5)
+
+
 def test_records_are_independent_of_each_other_and_of_their_order():
     rng = np.random.default_rng(3)
     parts = [np.cumsum(rng.normal(size=(n, 2)), axis=0) for n in (300, 500, 400)]
-    first, second = long_run_covariance(parts), long_run_covariance(parts[::-1])
+    first, second = long_run_covariance([parts]), long_run_covariance([parts[::-1]])
     np.testing.assert_allclose(first, second, rtol=1e-9)
     assert np.all(np.linalg.eigvalsh(first) > 0)
 

@@ -30,13 +30,13 @@ class Information:
     ----------
     matrix : (n_free, n_free) array
         JᵀJ of all weighted residuals.
-    scores : tuple of (K, n_free) array
-        Jᵀr block by block, one array a record, and point by point of the flow map: what its
-        form cannot follow is correlated from point to point as well.
+    scores : tuple of tuples of (K, n_free) array
+        Jᵀr block by block, one array a record, and, as another kind, point by point of the flow
+        map: what its form cannot follow is correlated from point to point as well.
     """
 
     matrix: FloatArray
-    scores: tuple[FloatArray, ...]
+    scores: tuple[tuple[FloatArray, ...], ...]
 
 
 def information(problem: Problem, point: Unknowns, sigma: FloatArray) -> Information:
@@ -57,10 +57,8 @@ def information(problem: Problem, point: Unknowns, sigma: FloatArray) -> Informa
     before = np.diag(total).copy()
     linear = linearise(problem, point, sigma)
     if not linear.finite:  # a trajectory that ran away says nothing
-        return Information(0 * total, (np.zeros((1, len(total))),))
+        return Information(0 * total, ((np.zeros((1, len(total))),),))
     rows: dict[int, list[FloatArray]] = {}
-    if problem.anchor is not None:
-        rows[-1] = [_map_scores(problem, problem.anchor, point.theta)]
     for i, condensed in enumerate(condense(problem, linear, sigma)):
         to_theta, _ = eliminate(condensed.H, condensed.g, free_states)
         coupled = condensed.H[free_states:, :free_states]
@@ -72,8 +70,10 @@ def information(problem: Problem, point: Unknowns, sigma: FloatArray) -> Informa
         own.append(found[:, free_states:] - found[:, :free_states] @ to_theta)
     # What the initial states have taken away but for rounding is no information.
     left = (np.diag(total) > CANCELLED * before).astype(float)
-    parts = tuple(np.concatenate(found) * left for found in rows.values())
-    return Information(total * np.outer(left, left), parts)
+    kinds = [tuple(np.concatenate(found) * left for found in rows.values())]
+    if problem.anchor is not None:
+        kinds.append((_map_scores(problem, problem.anchor, point.theta) * left,))
+    return Information(total * np.outer(left, left), tuple(kinds))
 
 
 def estimate(problem: Problem, point: Unknowns, sigma: FloatArray) -> Estimate:
