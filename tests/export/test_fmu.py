@@ -1,0 +1,180 @@
+"""The FMU is valid and simulates in fmpy as the package does."""
+
+import io
+import shutil
+import subprocess
+import zipfile
+
+import numpy as np
+import pytest
+
+from pneumo_casadi.export import write_fmu
+from pneumo_casadi.simulation import simulate
+
+fmpy = pytest.importorskip("fmpy", reason="needs the extra `export` (fmpy)")
+validation = pytest.importorskip("fmpy.validation")
+needs_compiler = pytest.mark.skipif(
+    shutil.which("gcc") is None, reason="no C compiler: the FMU has no binary"
+)
+
+
+@pytest.fixture(scope="module")
+def fmus(models, tmp_path_factory):
+    """Path of the FMU of each model, made once."""
+    made = {}
+
+    def path(model):
+        if model.name not in made:
+            made[model.name] = str(write_fmu(model, tmp_path_factory.mktemp(model.name)))
+        return made[model.name]
+
+    return path
+
+
+def signals(model, u):
+    dtype = [("time", float), *((name, float) for name in model.axis.inputs)]
+    found = np.zeros(len(u), dtype=dtype)
+    found["time"] = model.dt * np.arange(len(u))
+    for i, name in enumerate(model.axis.inputs):
+        found[name] = u[:, i]
+    return found
+
+
+def stepped(path, model, u, **start_values):
+    names = [*model.axis.outputs, *(f"state.{name}" for name in model.axis.states)]
+    return fmpy.simulate_fmu(
+        path,
+        fmi_type="CoSimulation",
+        start_time=0.0,
+        stop_time=model.dt * (len(u) - 1),
+        output_interval=model.dt,
+        input=signals(model, u),
+        output=names,
+        start_values=start_values,
+    )
+
+
+def test_the_description_is_valid(model, fmus):
+    assert validation.validate_fmu(fmus(model)) == []
+    read = fmpy.read_model_description(fmus(model), validate=True, validate_model_structure=True)
+    assert read.fmiVersion == "3.0" and read.coSimulation and read.modelExchange
+    starts = {v.name: float(v.start) for v in read.modelVariables if v.causality == "parameter"}
+    assert starts == model.axis.parameters.as_dict()
+
+
+@needs_compiler
+def test_co_simulation_gives_the_trajectory_of_the_package(model, fmus, inputs, deviation):
+    u = inputs(model)
+    found = stepped(fmus(model), model, u)
+    expected = simulate(model.axis, u, model.dt, model.start[: len(model.axis.motion_states)])
+    for name in model.axis.outputs:
+        assert deviation(found[name], expected[name]) < 1e-6
+    for name, values in zip(model.axis.states, expected.x, strict=True):
+        if np.ptp(values) > 0:
+            assert deviation(found[f"state.{name}"], values) < 1e-6
+
+
+@needs_compiler
+def test_model_exchange_gives_the_same_motion_to_an_integrator(models, fmus, made, deviation):
+    model = models["nominal"]
+    given = dict(zip(model.axis.inputs, (0.5, -0.4), strict=True))
+    found = fmpy.simulate_fmu(
+        fmus(model),
+        fmi_type="ModelExchange",
+        stop_time=0.2,
+        output_interval=1e-3,
+        relative_tolerance=1e-10,
+        start_values=given,
+        output=list(model.axis.outputs),
+    )
+    x = made.steps(model.axis, np.tile([0.5, -0.4], (len(found), 1)), model.start)
+    for name in model.axis.outputs:
+        assert deviation(found[name], x[model.axis.states.index(name)]) < 1e-6
+
+
+@needs_compiler
+def test_parameters_and_start_can_be_set(models, fmus, inputs, deviation):
+    model = models["effects"]
+    heavier = model.axis.with_parameters({"M": 25.0, "valve_dynamics.tau": 5e-3})
+    motion = [3.5e5, 4.8e5, 0.02, 0.1]
+    names = [f"state.{name}" for name in model.axis.motion_states]
+    changed = {"M": 25.0, "valve_dynamics.tau": 5e-3} | dict(zip(names, motion, strict=True))
+    u = inputs(model)
+    found = stepped(fmus(model), model, u, **changed)
+    # The states of effects, which nobody has set, start at rest with motion and first input.
+    assert deviation(found["x"], simulate(heavier, u, model.dt, motion)["x"]) < 1e-6
+
+
+@needs_compiler
+def test_its_state_can_be_taken_and_given_back(models, fmus, tmp_path):
+    model = models["effects"]
+    path = fmus(model)
+    folder = fmpy.extract(path, str(tmp_path))
+    read = fmpy.read_model_description(path)
+    by_name = {v.name: v.valueReference for v in read.modelVariables}
+    fmu = fmpy.instantiate_fmu(folder, read, "CoSimulation")
+    try:
+        fmu.enterInitializationMode()
+        fmu.exitInitializationMode()
+        fmu.setFloat64([by_name["u_P"]], [0.4])
+        fmu.doStep(0.0, 0.01)
+        saved = fmu.getFMUState()
+        kept = fmu.deserializeFMUState(fmu.serializeFMUState(saved))
+        ends = []
+        for state in (saved, kept):
+            fmu.setFMUState(state)
+            fmu.doStep(0.01, 0.05)
+            ends.append(fmu.getFloat64([by_name["x"]])[0])
+            fmu.freeFMUState(state)
+        assert ends[0] == ends[1] != 0.0
+        with pytest.raises(fmpy.fmi1.FMICallException):
+            fmu.doStep(0.06, -0.01)
+    finally:
+        fmu.freeInstance()
+
+
+def test_equal_models_give_equal_files(models, tmp_path):
+    model = models["force"]
+    first, second = (write_fmu(model, tmp_path / name).read_bytes() for name in "ab")
+    assert first == second
+
+
+@needs_compiler
+def test_the_sources_compile_as_the_build_description_says(models, fmus, tmp_path):
+    path = fmus(models["spline"])
+    with zipfile.ZipFile(path) as archive:
+        archive.extractall(tmp_path)
+    build = fmpy.model_description.read_build_description(path, validate=True)
+    (configuration,) = build
+    (files,) = configuration.sourceFileSets
+    command = ["gcc", "-std=c99", "-Wall", "-Werror", "-fPIC", "-shared", *files.sourceFiles]
+    done = subprocess.run(
+        [*command, "-o", "axis.so", "-lm"],
+        cwd=tmp_path / "sources",
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def test_without_a_compiler_the_sources_remain_and_it_is_said(
+    models, tmp_path, monkeypatch, caplog
+):
+    monkeypatch.setattr("pneumo_casadi.export.fmu.compiler", lambda: None)
+    path = write_fmu(models["force"], tmp_path)
+    with zipfile.ZipFile(io.BytesIO(path.read_bytes())) as archive:
+        names = archive.namelist()
+    assert "sources/axis.c" in names and not [n for n in names if n.startswith("binaries/")]
+    assert "holds sources only" in caplog.text
+    assert validation.validate_fmu(str(path)) == []
+
+
+def test_outputs_do_not_claim_to_hang_on_inputs(models, fmus):
+    read = fmpy.read_model_description(fmus(models["nominal"]))
+    inputs = {v.name for v in read.modelVariables if v.causality == "input"}
+    for unknown in read.outputs:
+        assert not inputs & {v.name for v in unknown.dependencies}
+    (p_P,) = [u for u in read.derivatives if u.variable.name == "der(state.p_P)"]
+    assert "u_P" in {v.name for v in p_P.dependencies}
+    assert "u_N" not in {v.name for v in p_P.dependencies}

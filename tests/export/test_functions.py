@@ -1,0 +1,125 @@
+"""CasADi functions survive their files; files that would run foreign code are refused."""
+
+import hashlib
+import json
+import shutil
+import subprocess
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from pneumo_casadi.errors import CaseError
+from pneumo_casadi.export import read_functions, write_functions
+from pneumo_casadi.simulation import simulate
+
+
+def test_the_step_gives_the_trajectory_of_the_package(model, inputs, deviation, tmp_path):
+    write_functions(model, tmp_path)
+    read = read_functions(tmp_path)
+    u = inputs(model)
+    expected = simulate(model.axis, u, model.dt, model.start)
+    x = np.hstack([model.start[:, None], read.step.mapaccum(999)(model.start, u[:-1].T).full()])
+    y = read.output.map(1000)(x, u.T).full()
+    for i, name in enumerate(model.axis.outputs):
+        assert deviation(y[i], expected[name]) < 1e-6
+    theta = model.axis.parameters.values
+    found, wanted = read.rhs(x[:, 500], u[500]), model.axis.rhs(x[:, 500], u[500], theta)
+    assert np.allclose(found.full(), wanted.full(), rtol=1e-12, atol=0.0)
+
+
+def test_the_sidecar_names_what_the_numbers_are(models, tmp_path):
+    model = models["effects"]
+    write_functions(model, tmp_path)
+    read = read_functions(tmp_path)
+    assert tuple(read.states) == model.axis.states and read.states["hose.q1_P"] == "kg/s"
+    assert read.inputs == {"u_P": "V", "u_N": "V"}
+    assert read.outputs == {"p_P": "Pa", "p_N": "Pa", "x": "m"}
+    assert read.dt == model.dt and np.array_equal(read.start, model.start)
+
+
+def test_casadi_alone_reads_the_files(models, tmp_path):
+    write_functions(models["nominal"], tmp_path)
+    step = ca.Function.load(str(tmp_path / "step.casadi"))
+    assert step.name_in() == ["x", "u"] and step.name_out() == ["x_next"]
+
+
+def put(folder, name, content):
+    """Put a file in place of another and its hash into the sidecar, as a forger would."""
+    (folder / name).write_bytes(content)
+    sidecar = json.loads((folder / "functions.json").read_text())
+    told = sidecar["functions"][name.removesuffix(".casadi")]
+    told["sha256"] = hashlib.sha256(content).hexdigest()
+    (folder / "functions.json").write_text(json.dumps(sidecar))
+
+
+def foreign(folder, kind):
+    """A function that has the sizes of the step and asks for a library or a compiler."""
+    x, u = ca.SX.sym("x", 2), ca.SX.sym("u", 1)
+    options = {"compiling": {"jit": True}, "linked": {"jit": True, "jit_serialize": "link"}}
+    f = ca.Function("step", [x, u], [x * u], {"compiler": "shell", **options.get(kind, {})})
+    if kind in ("library", "nested"):
+        code, library = folder / "step.c", folder / "step.so"
+        generator = ca.CodeGenerator("step")
+        generator.add(f)
+        code.write_text(generator.dump())
+        subprocess.run(["gcc", "-shared", "-fPIC", str(code), "-o", str(library)], check=True)
+        f = ca.external("step", str(library))
+    if kind == "nested":
+        x, u = ca.MX.sym("x", 2), ca.MX.sym("u", 1)
+        f = ca.Function("step", [x, u], [f(x, u)])
+    f.save(str(folder / "foreign"))
+    return (folder / "foreign").read_bytes()
+
+
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="no C compiler to make a forgery with")
+@pytest.mark.parametrize("kind", ["library", "nested", "compiling", "linked"])
+def test_a_file_that_would_run_foreign_code_is_not_read(
+    models, tmp_path, kind, monkeypatch, tmp_path_factory
+):
+    write_functions(models["force"], tmp_path)
+    monkeypatch.chdir(tmp_path)  # where CasADi's compiler leaves its scratch files
+    put(tmp_path, "step.casadi", foreign(tmp_path_factory.mktemp("foreign"), kind))
+
+    def load(path):
+        assert "step" not in path, "CasADi was given the file"
+        return honest(path)
+
+    honest = ca.Function.load
+    monkeypatch.setattr(ca.Function, "load", load)
+    with pytest.raises(CaseError, match=r"step\.casadi: asks for a library or a compiler"):
+        read_functions(tmp_path)
+
+
+def test_a_changed_or_damaged_file_is_refused(models, tmp_path):
+    write_functions(models["force"], tmp_path)
+    whole = (tmp_path / "rhs.casadi").read_bytes()
+    (tmp_path / "rhs.casadi").write_bytes(whole[:-2])
+    with pytest.raises(CaseError, match=r"rhs\.casadi: not the file that functions\.json"):
+        read_functions(tmp_path)
+    put(tmp_path, "rhs.casadi", b"import os")
+    with pytest.raises(CaseError, match=r"rhs\.casadi: no file of CasADi functions"):
+        read_functions(tmp_path)
+    (tmp_path / "rhs.casadi").unlink()
+    with pytest.raises(CaseError, match=r"rhs\.casadi: cannot be read"):
+        read_functions(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"kind": "something"}, "not a sidecar"),
+        ({"states": ["x", "v"]}, "not a sidecar"),
+        ({"states": {"x": 1, "v": 2}}, "names with units"),
+        ({"sampling": {"dt_s": -1.0}}, "dt_s -1.0"),
+        ({"functions": {}}, "KeyError: 'rhs'"),
+        ({"inputs": {"F": "N", "G": "N"}}, r"sizes of x, u and result are \[2, 1, 2\]"),
+    ],
+)
+def test_a_sidecar_that_does_not_fit_is_refused(models, tmp_path, change, message):
+    write_functions(models["force"], tmp_path)
+    path = tmp_path / "functions.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | change))
+    with pytest.raises(CaseError, match=message) as caught:
+        read_functions(tmp_path)
+    assert str(tmp_path) in str(caught.value)
