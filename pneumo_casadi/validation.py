@@ -11,6 +11,7 @@ from pneumo_casadi.errors import ModelError
 from pneumo_casadi.integration import held_inputs
 from pneumo_casadi.output_error.initial_states import estimate_initial_states
 from pneumo_casadi.output_error.segments import measured_states
+from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.recording import Recording
 from pneumo_casadi.sampled import disturbance_of
 from pneumo_casadi.simulation import (
@@ -146,26 +147,41 @@ def validate(
 
 def free_run(axis: Axis, record: Recording) -> Trajectory:
     """Simulate a record's inputs in open loop, initial state estimated from its first 2 s."""
+    return simulate(
+        axis, record.stack(axis.inputs), record.dt, _estimated_start(axis, record), record.hold
+    )
+
+
+def _estimated_start(axis: Axis, record: Recording) -> FloatArray:
     # Estimated from the beginning only, so that everything after it is a prediction.
     start = record.window(record.t[0], record.t[0] + min(START, record.duration))
     ((_, x_0),) = estimate_initial_states(axis, start)
-    return simulate(axis, record.stack(axis.inputs), record.dt, x_0, record.hold)
+    return x_0
 
 
-def loop_run(axis: Axis, record: Recording) -> Trajectory:
-    """Simulate a record's reference under the bench's controller, from the measured state."""
-    x_0 = measured_states(axis, record, axis.parameters)[:, 0]
+def loop_run(axis: Axis, record: Recording, estimated: bool = False) -> Trajectory:
+    """Simulate a record's reference under the bench's controller.
+
+    It begins at the measured state, with the states of effects at rest; or, where these matter (a
+    play, a reservoir), at the state that `free_run` estimates from the first 2 s.
+    """
+    if estimated:
+        x_0 = _estimated_start(axis, record)
+    else:
+        x_0 = measured_states(axis, record, axis.parameters)[:, 0]
     added = disturbance_of(record)
     return simulate_closed_loop(axis, record["x_ref"], record.dt, x_0, disturbance=added)
 
 
-def loop_errors(axis: Axis, records: Sequence[Recording]) -> dict[str, Error]:
+def loop_errors(
+    axis: Axis, records: Sequence[Recording], estimated: bool = False
+) -> dict[str, Error]:
     """Compare records with simulations of their references under the bench's controller.
 
     Unlike `validate` it needs no free run, which a leak in one chamber drives into the end of the
-    stroke, and out of the finite numbers.
+    stroke, and out of the finite numbers. `estimated` as in `loop_run`.
     """
-    return _loop_errors(axis, [(record, loop_run(axis, record)) for record in records])
+    return _loop_errors(axis, [(record, loop_run(axis, record, estimated)) for record in records])
 
 
 def _loop_errors(axis: Axis, runs: Sequence[tuple[Recording, Trajectory]]) -> dict[str, Error]:
