@@ -11,6 +11,7 @@ from pneumo_casadi.recording.controllers import (
     ProportionalController,
 )
 from pneumo_casadi.recording.emps import load_emps
+from pneumo_casadi.recording.mapping import column_map, read_columns
 from pneumo_casadi.recording.reading import Column, read_recording
 from pneumo_casadi.recording.recording import Recording
 from pneumo_casadi.recording.writing import write_case
@@ -29,9 +30,11 @@ __all__ = [
     "Recording",
     "SensorNoise",
     "check_recording",
+    "column_map",
     "load_case",
     "load_emps",
     "read_bench",
+    "read_columns",
     "read_recording",
     "write_case",
 ]

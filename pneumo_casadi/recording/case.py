@@ -9,7 +9,8 @@ from pneumo_casadi.recording.bench import AnyBench
 from pneumo_casadi.recording.bench_file import read_bench
 from pneumo_casadi.recording.channels import InputHold
 from pneumo_casadi.recording.checks import check_recording
-from pneumo_casadi.recording.reading import Column, read_recording
+from pneumo_casadi.recording.mapping import COLUMNS_FILE, read_columns
+from pneumo_casadi.recording.reading import Meaning, read_recording
 from pneumo_casadi.recording.recording import Recording
 from pneumo_casadi.recording.tables import suffix_of
 
@@ -55,7 +56,7 @@ def load_case(
     folder: str | Path,
     check: bool = True,
     hold: InputHold = InputHold.ZERO,
-    columns: Mapping[str, str | Column] | None = None,
+    columns: Mapping[str, Meaning] | None = None,
 ) -> Case:
     """Load a case folder.
 
@@ -73,6 +74,8 @@ def load_case(
         A case folder's inputs are held at zero order unless you know better.
     columns : mapping, optional
         Names and units of columns that are not those of a case folder; see `read_recording`.
+        By default those that ``columns.json`` tells, where the folder holds one; see
+        `read_columns`.
 
     Raises
     ------
@@ -83,6 +86,8 @@ def load_case(
     if not folder.is_dir():
         raise CaseError(f"{folder}: no such folder; give the folder that holds bench.json")
     bench = read_bench(folder / "bench.json")
+    if columns is None and (folder / COLUMNS_FILE).is_file():
+        columns = read_columns(folder / COLUMNS_FILE)
     records = {
         role: tuple(read_recording(path, hold, columns) for path in _record_files(folder, role))
         for role in ("identify", "validate")

@@ -1,7 +1,7 @@
 """From a file of columns to a `Recording` in SI units."""
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -42,16 +42,19 @@ COLUMNS: Mapping[str, Column] = MappingProxyType(
 )
 """Columns of a case folder: symbol and SI unit, as in ``p_P_Pa``."""
 
+#: What a column of a file is taken for: a channel in SI units, a conversion, or several of them.
+Meaning = str | Column | Sequence[Column]
+
 FOREIGN_UNITS = {"ms": (1e-3, 0.0), "us": (1e-6, 0.0), "mV": (1e-3, 0.0), **PRESSURES, **LENGTHS}
 
 
 def read_recording(
     path: str | Path,
     hold: InputHold,
-    columns: Mapping[str, str | Column] | None = None,
+    columns: Mapping[str, Meaning] | None = None,
     name: str | None = None,
 ) -> Recording:
-    """Read one recording from CSV, gzipped CSV, MAT (up to version 7) or Parquet.
+    """Read one recording from CSV, gzipped CSV, MAT (7.3 with h5py) or Parquet.
 
     Parameters
     ----------
@@ -59,9 +62,11 @@ def read_recording(
         File whose suffix names the format: .csv, .csv.gz, .mat, .parquet.
     hold : InputHold
         How the inputs ran between samples; no file tells, so state it.
-    columns : mapping of str to (str or Column), optional
-        The file's own names -> channel, with a scale and offset where the unit is not SI.
-        Columns named as in a case folder (``t_s``, ``p_P_Pa``, ...) need no entry.
+    columns : mapping of str to (str, Column or sequence of Column), optional
+        The file's own names -> channel, with a scale and offset where the unit is not SI;
+        several where one column tells more than one channel. Columns named as in a case folder
+        (``t_s``, ``p_P_Pa``, ...) need no entry. `column_map` writes it the other way round,
+        with units by name. Vectors within structs of a MAT file go by ``log.p.A``.
     name : str, optional
         Name of the recording; by default the file's.
 
@@ -81,7 +86,7 @@ def read_recording(
     meaning = _meaning(table, columns or {})
     channels = {
         column.channel: column.scale * table.columns[file_name] + column.offset
-        for file_name, column in meaning.items()
+        for file_name, column in meaning
     }
     if "t" not in channels:
         raise CaseError(_no_column(table, "t"))
@@ -90,30 +95,33 @@ def read_recording(
     return Recording(t, channels, name or stem, str(path), hold, table.first_line)
 
 
-def _meaning(table: Table, columns: Mapping[str, str | Column]) -> dict[str, Column]:
+def _meaning(table: Table, columns: Mapping[str, Meaning]) -> list[tuple[str, Column]]:
     for name in columns:
         if name not in table.columns:
             raise CaseError(
                 f"{table.path}: no column `{name}`; the file has {', '.join(table.names)}"
             )
-    given = {
-        name: Column(entry) if isinstance(entry, str) else entry for name, entry in columns.items()
-    }
-    taken = {column.channel for column in given.values()}
-    meaning = dict(given)
+    meaning = [(name, column) for name, entry in columns.items() for column in _columns(entry)]
+    taken = {column.channel for _, column in meaning}
     for name in table.names:
-        if name in given:
+        if name in columns:
             continue
         if name in COLUMNS and COLUMNS[name].channel not in taken:
-            meaning[name] = COLUMNS[name]
+            meaning.append((name, COLUMNS[name]))
             continue
         _refuse_foreign_unit(table, name)
         log.info("%s: column `%s` is not used", table.path, name)
-    found = [column.channel for column in meaning.values()]
+    found = [column.channel for _, column in meaning]
     twice = sorted({channel for channel in found if found.count(channel) > 1})
     if twice:
         raise CaseError(f"{table.path}: two columns for channel {', '.join(twice)}; name one")
     return meaning
+
+
+def _columns(entry: Meaning) -> Sequence[Column]:
+    if isinstance(entry, str):
+        return (Column(entry),)
+    return (entry,) if isinstance(entry, Column) else entry
 
 
 def _refuse_foreign_unit(table: Table, name: str) -> None:

@@ -13,10 +13,10 @@ import numpy as np
 import pandas as pd
 import pyarrow
 import pyarrow.parquet
-import scipy.io
 
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.recording.mat import read_mat
 
 SUFFIXES = (".csv", ".csv.gz", ".mat", ".parquet")
 CSV_FIRST_LINE = 2  # the header stands in line 1
@@ -72,7 +72,8 @@ def read_table(path: Path, wanted: Container[str]) -> Table:
     if path.stat().st_size == 0:
         raise CaseError(f"{path}: the file is empty (0 bytes); copy or export it again")
     if suffix == ".mat":
-        table = _read_mat(path, wanted)
+        columns, names = read_mat(path, wanted)
+        table = Table(path, columns, names, 0)
     elif suffix == ".parquet":
         table = _read_parquet(path, wanted)
     else:
@@ -200,29 +201,6 @@ def _check_last_row(path: Path, columns: Mapping[str, FloatArray]) -> None:
                 f"{path}: row {values.size} (line {values.size + CSV_FIRST_LINE - 1}), the last "
                 f"one, ends before column `{name}`: the file is cut short; copy or export it again"
             )
-
-
-def _read_mat(path: Path, wanted: Container[str]) -> Table:
-    try:
-        content = scipy.io.loadmat(path)
-    except NotImplementedError:
-        raise CaseError(
-            f"{path}: a MAT file of version 7.3 (HDF5); save it with save(file, ..., '-v7'), or "
-            "export CSV or Parquet"
-        ) from None
-    except Exception as error:  # a damaged file may raise anything from the parser
-        raise CaseError(
-            f"{path}: not a readable MAT file ({_one_line(error)}); save it again with '-v7'"
-        ) from None
-    vectors = {
-        name: values.ravel()
-        for name, values in content.items()
-        if isinstance(values, np.ndarray)
-        and values.dtype.kind in "fiub"
-        and values.size == max(values.shape, default=0)
-    }
-    columns = {name: values.astype(float) for name, values in vectors.items() if name in wanted}
-    return Table(path, columns, tuple(vectors), 0)
 
 
 def _read_parquet(path: Path, wanted: Container[str]) -> Table:
