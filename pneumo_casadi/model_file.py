@@ -150,7 +150,8 @@ def axis_from_dict(content: Any) -> Axis:
         raise
     except KeyError as error:
         raise CaseError(f"no model of an axis: {error} is missing") from None
-    except (TypeError, ValueError, AttributeError) as error:  # ModelError is a ValueError
+    except (TypeError, ValueError, AttributeError, RuntimeError) as error:
+        # ModelError is a ValueError; CasADi, given a spline that is none, raises RuntimeError.
         raise CaseError(f"no model of an axis ({error})") from None
 
 

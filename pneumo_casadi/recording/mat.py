@@ -13,8 +13,8 @@ from pneumo_casadi.parameters import FloatArray
 
 #: Struct arrays, cells and matrices of more elements are no columns of a recording.
 MOST = 100
-#: First bytes of a version 7.3 file.
-_HDF5 = b"MATLAB 7.3"
+#: Length of the header; its last four bytes hold version and order of bytes, 2 for HDF5.
+_HEADER = 128
 
 
 def read_mat(path: Path, wanted: Container[str]) -> tuple[dict[str, FloatArray], tuple[str, ...]]:
@@ -42,7 +42,9 @@ def read_mat(path: Path, wanted: Container[str]) -> tuple[dict[str, FloatArray],
         If the file is no MAT file, or of version 7.3 and h5py is not installed.
     """
     with path.open("rb") as file:
-        reader = _read_hdf5 if file.read(len(_HDF5)) == _HDF5 else _read_classic
+        header = file.read(_HEADER)
+    hdf5 = header.startswith(b"MATLAB") and header[124:] in (b"\x00\x02IM", b"\x02\x00MI")
+    reader = _read_hdf5 if hdf5 else _read_classic
     try:
         found = reader(path)
     except CaseError:

@@ -85,6 +85,13 @@ def test_what_is_no_model_is_told(models, change, message):
         axis_from_dict(content)
 
 
+def test_a_spline_that_is_none_is_told(models):
+    content = axis_dict(models["spline"].axis)
+    content["flow"]["knots_p"] = content["flow"]["knots_p"][:3]
+    with pytest.raises(CaseError, match="no model of an axis"):
+        axis_from_dict(content)
+
+
 def test_a_result_holds_the_model_and_where_it_comes_from(quick, tmp_path):
     write_json(result_dict(quick), tmp_path / "result.json")
     model = read_model(tmp_path)
