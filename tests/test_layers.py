@@ -27,6 +27,7 @@ LAYERS = [
     ["output_error"],
     ["uncertainty"],
     ["validation"],
+    ["design"],
     ["flow_sensitivity"],
     ["caveats", "pipeline", "model_file", "result_file", "trajectory_file"],
     ["export"],

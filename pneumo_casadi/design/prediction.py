@@ -1,0 +1,194 @@
+"""What a fit to an experiment would say, before the experiment: covariance and confusions."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from pneumo_casadi.axis import Axis
+from pneumo_casadi.design.rehearsal import Rehearsed
+from pneumo_casadi.flow import FlowMap
+from pneumo_casadi.integration import Stepping, substeps_for
+from pneumo_casadi.output_error.anchor import Anchor, anchor
+from pneumo_casadi.output_error.condensing import Linearised, condense, linearise
+from pneumo_casadi.output_error.gauss_newton import solve_gauss_newton
+from pneumo_casadi.output_error.information import information
+from pneumo_casadi.output_error.interval import IntervalFunctions
+from pneumo_casadi.output_error.problem import Problem, Unknowns
+from pneumo_casadi.output_error.segments import Segment
+from pneumo_casadi.output_error.steps import moved, next_step
+from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.sampled import SampledAxis
+
+#: Length of the blocks that are compared, and of the intervals simulated side by side [s].
+BLOCK, INTERVAL = 2e-3, 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """The output-error fit that will be made of an experiment, before there is one.
+
+    Parameters
+    ----------
+    axis : Axis
+        The model that will be fitted, at the values where its outputs are linearised or its
+        refit starts.
+    dt : float
+        Sampling period [s].
+    sigma : (ny,) array
+        Noise of one sample of each output [Pa, Pa, m].
+    flow_map : FlowMap or None
+        Metered map that anchors the free coefficients of the flow.
+    """
+
+    axis: Axis
+    dt: float
+    sigma: FloatArray
+    flow_map: FlowMap | None
+
+    @cached_property
+    def model(self) -> SampledAxis:
+        """The axis with inputs as recorded."""
+        plain = self.axis.at_null_values()
+        substeps = max(substeps_for(one, self.dt) for one in (self.axis, plain))
+        return SampledAxis(self.axis, Stepping(self.dt, substeps=substeps))
+
+    @cached_property
+    def functions(self) -> IntervalFunctions:
+        """The compiled interval with its sensitivities S = ∂x/∂(x_0, θ)."""
+        n = max(1, round(BLOCK / self.dt))
+        blocks = max(1, round(INTERVAL / (n * self.dt)))
+        return IntervalFunctions(self.model, n, blocks, self.axis.parameters.free_names)
+
+    @cached_property
+    def anchor(self) -> Anchor | None:
+        """The map's residuals, as far as its coefficients are free."""
+        if self.flow_map is None or self.axis.flow is None:
+            return None
+        free = set(self.axis.flow.parameters.names) & set(self.axis.parameters.free_names)
+        return anchor(self.flow_map, self.axis.flow) if free else None
+
+    def problem(self, experiments: Sequence[Rehearsed]) -> tuple[Problem, Unknowns]:
+        """Return the problem of fitting experiments without noise, and where it starts.
+
+        Nodes start on the simulated states; effects that the experiments' axis has not, at rest.
+        """
+        segments = tuple(self._segment(i, one) for i, one in enumerate(experiments))
+        own = self.axis.parameters
+        found = Problem(self.model, own, segments, self.functions, self.anchor)
+        return found, found.start()
+
+    def _segment(self, number: int, run: Rehearsed) -> Segment:
+        n, per = self.functions.n, self.functions.blocks
+        K = run.u.shape[1] // n
+        y = run.y[:, : K * n].reshape(len(run.y), K, n).mean(axis=2)
+        at = slice(0, K * n, per * n)
+        names = self.axis.states
+        nodes = run.x[: len(self.axis.motion_states), at]
+        if names != self.axis.motion_states:
+            values = self.axis.parameters.values
+            full = self.axis.rest.map(nodes.shape[1])(nodes, run.u[:, at], values[:, None])
+            nodes = np.asarray(full, dtype=float)
+        return Segment(number, 0, n, per, run.u[:, : K * n], y, nodes)
+
+
+def information_of(fit: Fit, experiments: Sequence[Rehearsed]) -> FloatArray:
+    """Return the information on the scaled free parameters, initial states eliminated.
+
+    One linearisation of the simulated record gives it; the flow map counts once.
+
+    Parameters
+    ----------
+    experiments : sequence of Rehearsed
+        Done by the fit's own axis, fitted together.
+    """
+    problem, point = fit.problem(experiments)
+    return information(problem, point, fit.sigma).matrix
+
+
+@dataclass(frozen=True, slots=True)
+class Refit:
+    """The nearest that a model comes to an experiment.
+
+    Parameters
+    ----------
+    distance : float
+        √(Σ ((y_A − y_B)/σ)² + the map's residuals), the least over initial state, nominal
+        parameters, flow map and B's own: in standard deviations of one sample, so that half its
+        square is the log-likelihood by which the two differ. Infinite where B ran away.
+    theta : (n,) array
+        All parameters of B there.
+    """
+
+    distance: float
+    theta: FloatArray
+
+
+def refit(fit: Fit, run: Rehearsed, theta: FloatArray | None = None) -> Refit:
+    """Fit model B to what model A did, without noise, to the end.
+
+    The flow map is metered on A as well: give the fit a map without noise, from `map_of`.
+
+    Parameters
+    ----------
+    fit : Fit
+        Model B.
+    run : Rehearsed
+        An experiment on model A.
+    theta : (n,) array, optional
+        Start; by default the values of the fit's axis.
+    """
+    problem, point = fit.problem([run])
+    if theta is not None:
+        point = Unknowns(theta.copy(), point.x)
+    with np.errstate(all="ignore"):  # trial steps that diverge are found and shortened
+        found = solve_gauss_newton(problem, point, fit.sigma, False)
+        cost = problem.cost(found.point.theta, found.m, fit.sigma)
+    distance = float(np.sqrt(2 * cost)) if np.isfinite(cost) else float("inf")
+    return Refit(distance, found.point.theta)
+
+
+def projected(fit: Fit, run: Rehearsed, theta: FloatArray, sweeps: int = 2) -> float:
+    """Return the refitted distance to first order about the nearest of a few full steps.
+
+    Nodes begin on A's own trajectory, where no open loop can drift away; what is left of the
+    outputs' difference is projected on the complement of everything that is free.
+
+    Parameters
+    ----------
+    fit, run
+        Model B and an experiment on model A, as for `refit`.
+    theta : (n,) array
+        Start: the refit of another experiment.
+    sweeps : int, optional
+        Linearisations, one sweep with sensitivities each.
+    """
+    problem, point = fit.problem([run])
+    point = Unknowns(theta.copy(), point.x)
+    square = float("inf")
+    with np.errstate(all="ignore"):
+        for _ in range(sweeps):
+            at = linearise(problem, point, fit.sigma)
+            step = next_step(problem, at, point, fit.sigma) if at.finite else None
+            if step is None:
+                return float("inf")
+            square = _closed_square(problem, at, point, fit.sigma) - 2 * step.gain
+            point = moved(problem, point, step)
+    return float(np.sqrt(max(0.0, square)))
+
+
+def _closed_square(problem: Problem, at: Linearised, point: Unknowns, sigma: FloatArray) -> float:
+    """Return the sum of squares with the defects closed to first order, nothing else moved."""
+    nx = problem.model.nx
+    total = 2 * problem.cost(point.theta, at.m, sigma)
+    for one in condense(problem, at, sigma):
+        total -= 2 * float(np.sum(one.g_k[:, :nx] * one.c))
+        total += float(np.einsum("ki,kij,kj", one.c, one.H_k[:, :nx, :nx], one.c))
+    return total
+
+
+def map_of(axis: Axis, table: FlowMap) -> FlowMap:
+    """Return a metered map as the axis would have it, without noise, at the same points."""
+    c = axis.parameters.select(axis.flow.parameters.names).values
+    return replace(table, q_m=table.q_m + anchor(table, axis.flow, sigma=1.0)(c))

@@ -1,0 +1,200 @@
+"""An experiment on the model: what the axis would do, and whether it may."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from pneumo_casadi.axis import Axis
+from pneumo_casadi.compilation import compiled
+from pneumo_casadi.design.reference import Reference
+from pneumo_casadi.errors import ModelError
+from pneumo_casadi.integration import Stepping, accumulate, step_function, substeps_for
+from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.recording import Bench
+from pneumo_casadi.sampled import SampledAxis
+
+#: Time in closed loop on the first reference before an experiment begins [s].
+SETTLING = 0.5
+#: A trajectory that ran away counts as so many times beyond every limit.
+RAN_AWAY = 1e3
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What an experiment must not exceed.
+
+    Parameters
+    ----------
+    position : float
+        Largest distance from mid-stroke [m].
+    velocity : float
+        Largest speed [m/s].
+    p_min, p_max : float
+        Chamber pressures, absolute [Pa].
+    command : float
+        Largest command to a valve [V].
+    common : float
+        Largest command added to both valves alike [V]; 0 where the bench does not allow it.
+
+    Raises
+    ------
+    ModelError
+        If a limit leaves no room.
+    """
+
+    position: float
+    velocity: float
+    p_min: float
+    p_max: float
+    command: float
+    common: float = 0.0
+
+    def __post_init__(self) -> None:
+        sizes = {"position": self.position, "velocity": self.velocity, "command": self.command}
+        for name, value in sizes.items():
+            if not value > 0:
+                raise ModelError(f"limit of {name}: {value:g} leaves no room; give a positive one")
+        if not self.p_min < self.p_max:
+            raise ModelError(
+                f"limits of pressure: {self.p_min:g} to {self.p_max:g} Pa leaves no room"
+            )
+        if self.common < 0:
+            raise ModelError(f"limit of the common mode: {self.common:g} V; give its magnitude")
+
+    def as_dict(self) -> dict[str, float]:
+        """Return the limits with their units, as plain data."""
+        return {
+            "position_m": self.position,
+            "velocity_m_per_s": self.velocity,
+            "p_min_Pa": self.p_min,
+            "p_max_Pa": self.p_max,
+            "command_V": self.command,
+            "common_V": self.common,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Rehearsed:
+    """What the model did under a reference.
+
+    Parameters
+    ----------
+    reference : Reference
+        What it was given.
+    x : (nx, N) array
+        States.
+    u : (nu, N) array
+        Commands.
+    y : (ny, N) array
+        Outputs, without noise.
+    wanted : float
+        Largest command that the controller asked for, before it was clipped [V].
+    """
+
+    reference: Reference
+    x: FloatArray
+    u: FloatArray
+    y: FloatArray
+    wanted: float
+
+    @property
+    def extremes(self) -> Mapping[str, float]:
+        """Largest position, speed, command and the extreme pressures [SI]."""
+        p = self.x[:2]
+        return {
+            "position": float(np.abs(self.x[2]).max()),
+            "velocity": float(np.abs(self.x[3]).max()),
+            "p_min": float(p.min()),
+            "p_max": float(p.max()),
+            "command": self.wanted,
+        }
+
+    def excess(self, limits: Limits) -> float:
+        """Return by how much limits are exceeded, as shares of them, added up; 0 if none is."""
+        if not (np.isfinite(self.x).all() and np.isfinite(self.u).all()):
+            return RAN_AWAY
+        most = self.extremes
+        span = limits.p_max - limits.p_min
+        beyond = (
+            most["position"] / limits.position - 1,
+            most["velocity"] / limits.velocity - 1,
+            most["command"] / limits.command - 1,
+            (limits.p_min - most["p_min"]) / span,
+            (most["p_max"] - limits.p_max) / span,
+        )
+        return min(RAN_AWAY, float(sum(max(0.0, one) for one in beyond)))
+
+
+@dataclass(frozen=True, eq=False)
+class Rehearsal:
+    """An axis in its loop, ready to try references on.
+
+    Parameters
+    ----------
+    axis : Axis
+        With the parameters to try with.
+    dt : float
+        Sampling period of the controller [s].
+
+    Raises
+    ------
+    ModelError
+        If the axis has no chambers.
+    """
+
+    axis: Axis
+    dt: float
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.axis.bench, Bench):
+            raise ModelError(
+                "experiments are designed for a servo axis; a force-driven one is not supported"
+            )
+
+    @cached_property
+    def model(self) -> SampledAxis:
+        """The axis and its controller from sample to sample."""
+        stepping = Stepping(self.dt, substeps=substeps_for(self.axis, self.dt))
+        return SampledAxis(self.axis, stepping, self.axis.bench.controller)
+
+    @cached_property
+    def step(self) -> ca.Function:
+        """One sample, ``(x, w, θ) -> (x_next, x, u, y)``, compiled."""
+        axis, model = self.axis, self.model
+        sym = axis.symbol.sym
+        x, w = sym("x", model.nx), sym("w", model.nw)
+        theta = sym("theta", len(axis.parameters))
+        u = model.feedback(x, w, theta)
+        u_max = axis.bench.controller.u_max
+        u = ca.fmin(ca.fmax(u, -u_max), u_max)
+        following = step_function(axis, model.stepping)(x, u, theta)
+        found = [following, x, u, axis.output(x, u, theta)]
+        return compiled([ca.Function("rehearsal_step", [x, w, theta], found)])[0]
+
+    def __call__(self, reference: Reference) -> Rehearsed:
+        """Simulate a reference from rest, after settling on its first value."""
+        settling = round(SETTLING / self.dt)
+        w = np.vstack([reference.x_ref, reference.common, reference.common])
+        given = np.hstack([np.repeat(w[:, :1], settling, axis=1), w])
+        theta = self.axis.parameters.values
+        start = self.axis.rest(self._rest(reference.x_ref[0]), np.zeros(2), theta)
+        x_0 = np.asarray(start, dtype=float).reshape(-1, 1)
+        with np.errstate(all="ignore"):
+            _, x, u, y = accumulate(self.step, x_0, [given[None]], theta)
+        x, u, y = (part[0][:, settling:] for part in (x, u, y))
+        error = np.abs(self.axis.bench.controller.gain * (reference.x_ref - y[-1]))
+        wanted = float((error + np.abs(reference.common)).max())
+        return Rehearsed(reference, x, u, y, wanted)
+
+    def _rest(self, x: float) -> FloatArray:
+        """Return a state at rest with the forces in balance at half the supply pressure."""
+        bench = self.axis.bench
+        assert isinstance(bench, Bench)
+        mean = (bench.p_supply + bench.p_ext) / 2
+        ambient = (bench.S_P - bench.S_N) * bench.p_ext
+        force = (bench.S_P + bench.S_N) / 2 * mean
+        p = ((force + ambient / 2) / bench.S_P, (force - ambient / 2) / bench.S_N)
+        return np.array([*np.clip(p, bench.p_ext, bench.p_supply), x, 0.0])
