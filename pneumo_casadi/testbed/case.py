@@ -11,7 +11,7 @@ from pneumo_casadi.errors import CaseError
 from pneumo_casadi.recording import Case, Recording, write_case
 from pneumo_casadi.testbed.axis import BenchAxis, random_axis
 from pneumo_casadi.testbed.effect import BenchEffect
-from pneumo_casadi.testbed.experiment import Experiment
+from pneumo_casadi.testbed.experiment import Excitation, Experiment
 from pneumo_casadi.testbed.forms import Asked, effects_for
 from pneumo_casadi.testbed.running import metered_map, record
 
@@ -57,8 +57,8 @@ def make_case(
     *,
     fs: float = 1000.0,
     duration: float = 20.0,
-    identify: Experiment = IDENTIFY,
-    validate: Experiment = VALIDATE,
+    identify: Experiment | Excitation = IDENTIFY,
+    validate: Experiment | Excitation = VALIDATE,
     axis: BenchAxis | None = None,
 ) -> MadeCase:
     """Record a random axis with hidden effects and write the case folder.
@@ -73,7 +73,7 @@ def make_case(
         Severity, or quantities [SI], by name of the effect; none by default.
     fs, duration : float, optional
         Sampling frequency [Hz] and length of each record [s].
-    identify, validate : Experiment, optional
+    identify, validate : Experiment or Excitation, optional
         What the axis does in either record.
     axis : BenchAxis, optional
         Instead of a random one.
@@ -95,7 +95,7 @@ def make_case(
     axis = axis or random_axis(seed)
     hidden = effects_for(axis, effects, seed)
 
-    def recorded(experiment: Experiment, name: str, number: int) -> Recording:
+    def recorded(experiment: Experiment | Excitation, name: str, number: int) -> Recording:
         return record(axis, experiment, hidden, fs, duration, 10 * seed + number, name)
 
     rng = np.random.default_rng([seed, 6])

@@ -20,11 +20,30 @@ class Excitation:
     x_ref : (N,) array
         Reference of the position [m].
     common : (N,) array
-        Command added to both valves alike [V]; it moves the mean pressure.
+        Command added to both valves alike [V]; it moves the mean pressure. With `x_ref`, which
+        drives the valves apart, it makes any two commands.
     """
 
     x_ref: FloatArray
     common: FloatArray
+
+    def excitation(self, axis: BenchAxis, fs: float, duration: float, seed: int) -> "Excitation":
+        """Return itself, as an `Experiment` returns what it draws.
+
+        Raises
+        ------
+        ModelError
+            If it does not last `duration` [s] at `fs` [Hz], or leaves the stroke.
+        """
+        del seed
+        if not self.x_ref.shape == self.common.shape == (round(duration * fs),):
+            raise ModelError(
+                f"an excitation of {self.x_ref.size} references and {self.common.size} common-mode "
+                f"commands for {duration:g} s at {fs:g} Hz; give {round(duration * fs)} of each"
+            )
+        if not float(np.abs(self.x_ref).max()) <= axis.stroke / 2:
+            raise ModelError(f"a reference beyond the end stops at ±{axis.stroke / 2:g} m")
+        return self
 
 
 @dataclass(frozen=True, slots=True)

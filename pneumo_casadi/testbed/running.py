@@ -133,7 +133,7 @@ def run_bench(
 
 def record(
     axis: BenchAxis,
-    experiment: Experiment,
+    experiment: Experiment | Excitation,
     effects: Sequence[BenchEffect] = (),
     fs: float = 1000.0,
     duration: float = 20.0,
@@ -146,8 +146,8 @@ def record(
     ----------
     axis : BenchAxis
         Whose.
-    experiment : Experiment
-        What it is asked to do.
+    experiment : Experiment or Excitation
+        What it is asked to do: parts to be drawn, or every sample.
     effects : sequence of BenchEffect, optional
         Hidden effects, see `effects_for`.
     fs, duration : float, optional
