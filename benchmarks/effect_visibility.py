@@ -15,8 +15,9 @@ background, a quarter of the sensor's noise and 0.1 % of the signal's standard d
   metered points by over half;
 - unobservable: neither; undecided where that is said of a fit that has not converged.
 
-Then the catalogue's effect of that name is fitted, where there is one, and the share of the gap
-that it closes is told. Effects that the catalogue lacks have verdicts only.
+Then, unless `--verdicts` asks for these alone, the catalogue's effect of that name is fitted, where
+there is one, and the share of the gap that it closes is told. Effects that the catalogue lacks have
+verdicts only.
 """
 
 import argparse
@@ -58,7 +59,7 @@ NONE = "none"
 QUICK = ("constant_force", "valve_dead_zone")
 
 
-def one_case(seed: int, duration: float, effect: str) -> dict[str, Any]:
+def one_case(seed: int, duration: float, effect: str, refits: bool) -> dict[str, Any]:
     """Return the figures of one effect on one axis, `NONE` for the axis without."""
     logging.disable(logging.WARNING)
     with tempfile.TemporaryDirectory() as scratch:
@@ -73,7 +74,7 @@ def one_case(seed: int, duration: float, effect: str) -> dict[str, Any]:
             "gap": held_out(before, made.case),
             "motion_m": float(np.ptp(made.case.validate[0]["x"])),
         }
-        if effect in CATALOGUE:
+        if refits and effect in CATALOGUE:
             after = refit(effect, before, start, made.case, table)
             found["refit"] = fit_figures(after) | told(after, made.axis.truth)
             found["refit_gap"] = held_out(after, made.case)
@@ -136,13 +137,19 @@ def moved(fit: Mapping[str, Any], plain: Mapping[str, Any]) -> dict[str, float]:
 
 
 def run(
-    seeds: Sequence[int], names: Sequence[str], duration: float, workers: int, keep: Path | None
+    seeds: Sequence[int],
+    names: Sequence[str],
+    duration: float,
+    refits: bool,
+    workers: int,
+    keep: Path | None,
 ) -> dict[str, Any]:
     """Return the figures of all effects on all axes; print each as it is done."""
     axes: dict[str, Any] = {}
     tasks = [(seed, name) for seed in seeds for name in (NONE, *names)]
+    make = partial(_kept_case, keep, duration, refits)
     with ProcessPoolExecutor(workers) as executor:
-        mapped = executor.map(partial(_kept_case, keep, duration), *zip(*tasks, strict=True))
+        mapped = executor.map(make, *zip(*tasks, strict=True))
         for (seed, name), one in zip(tasks, mapped, strict=True):
             axis = axes.setdefault(str(seed), {})
             axis[name] = one
@@ -154,8 +161,11 @@ def run(
     return {"duration_seconds": duration, "axes": axes}
 
 
-def _kept_case(keep: Path | None, duration: float, seed: int, effect: str) -> dict[str, Any]:
-    return kept(keep, f"{seed}_{effect}_{duration:g}s", partial(one_case, seed, duration, effect))
+def _kept_case(
+    keep: Path | None, duration: float, refits: bool, seed: int, effect: str
+) -> dict[str, Any]:
+    name = f"{seed}_{effect}_{duration:g}s" + ("" if refits else "_verdict")
+    return kept(keep, name, partial(one_case, seed, duration, effect, refits))
 
 
 def _line(seed: int, name: str, one: Mapping[str, Any]) -> str:
@@ -194,7 +204,9 @@ def draw(result: Mapping[str, Any]) -> Figure:
     panels[0].set_yticks(rows, [name.replace("_", " ") for name in names], fontsize=SMALL - 0.5)
     panels[0].set_ylim(-0.7, len(names) - 0.3)
     styles = [("visible", VERMILION, "s"), ("absorbed", ORANGE, "D"), ("neither", GREY, "v")]
-    styles += [("after refit", BLUE, "o"), (f"no effect (axis {seed})", GREY, "")]
+    if any("refit" in one for one in axis.values()):
+        styles.append(("after refit", BLUE, "o"))
+    styles.append((f"no effect (axis {seed})", GREY, ""))
     handles = [
         Line2D([], [], color=c, marker=m, linestyle="" if m else "-", markersize=3, label=text)
         for text, c, m in styles
@@ -223,6 +235,7 @@ def main() -> None:
     )
     parser.add_argument("--seeds", type=int, default=1, help="number of axes, counted from 0")
     parser.add_argument("--duration", type=float, default=10.0, help="of each record [s]")
+    parser.add_argument("--verdicts", action="store_true", help="verdicts only, no refits")
     parser.add_argument("--workers", type=int, default=1, help="cases at a time")
     parser.add_argument("--quick", action="store_true", help="one axis, two effects, four seconds")
     arguments = parser.parse_args()
@@ -230,7 +243,8 @@ def main() -> None:
         arguments.keep.mkdir(parents=True, exist_ok=True)
     seeds = list(range(1 if arguments.quick else arguments.seeds))
     names, duration = (QUICK, 4.0) if arguments.quick else (tuple(FORMS), arguments.duration)
-    result = run(seeds, names, duration, arguments.workers, arguments.keep)
+    refits = not arguments.verdicts
+    result = run(seeds, names, duration, refits, arguments.workers, arguments.keep)
     result |= provenance.made(None, arguments.quick) | {"seed": seeds}
     print(readme.effect_visibility(result))
     provenance.write(arguments.json, result)

@@ -375,14 +375,18 @@ def effect_visibility(result: Mapping[str, Any]) -> str:
     """Verdicts on every effect, one an axis; gaps and what has moved are those of the first."""
     axes = result["axes"]
     first = next(iter(axes.values()))
+    refits = any("refit" in one for one in first.values())
     head = ["effect", *(f"axis {seed}" for seed in axes)]
-    head += ["closed loop %", "after", "windows %", "after", "absorbed by"]
+    for text in ("closed loop %", "windows %"):
+        head += [text, "after"] if refits else [text]
+    head.append("absorbed by")
     body = []
     for name, one in first.items():
         gaps = []
         for view in VIEWS:
-            after = _gap(one.get("refit_gap"), view) if "refit" in one else ""
-            gaps += [_gap(one["gap"], view), after]
+            gaps.append(_gap(one["gap"], view))
+            if refits:
+                gaps.append(_gap(one.get("refit_gap"), view) if "refit" in one else "")
         if "verdict" not in one:
             body.append(["(none)", *("" for _ in axes), *gaps, ""])
             continue
