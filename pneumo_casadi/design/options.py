@@ -17,6 +17,8 @@ from pneumo_casadi.recording import Bench, Recording
 #: The search steps at most so finely [s], and smooths friction at least so widely [m/s]; the
 #: reference found is judged at the bench's own rate and the axis' own width.
 COARSE_STEP, COARSE_WIDTH = 1e-3, 1e-3
+#: So much of a record tells where it began [s].
+BEGINNING = 5e-3
 #: The search keeps so much of every limit in hand.
 IN_HAND = 0.03
 
@@ -122,13 +124,20 @@ def recorded_reference(record: Recording) -> Reference:
     if "x_ref" not in record:
         raise ModelError(f"record {record.name}: no reference x_ref to compare a design with")
     common = (record["u_P"] + record["u_N"]) / 2
-    return Reference(record.dt, record["x_ref"], np.round(common, 4))
+    n = max(1, round(BEGINNING / record.dt))
+    x, p_P, p_N = (float(record[name][:n].mean()) for name in ("x", "p_P", "p_N"))
+    return Reference(record.dt, record["x_ref"], np.round(common, 4), (x, p_P, p_N))
 
 
 def resampled(reference: Reference, dt: float) -> Reference:
     """Return a reference at a longer sampling period [s]."""
     n = max(1, round(dt / reference.dt))
-    return Reference(n * reference.dt, reference.x_ref[::n], reference.common[::n])
+    return replace(
+        reference,
+        dt=n * reference.dt,
+        x_ref=reference.x_ref[::n],
+        common=reference.common[::n],
+    )
 
 
 def default_limits(

@@ -17,6 +17,7 @@ from pneumo_casadi.design.result import Design, Precision
 from pneumo_casadi.design.search import Progress, search
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.flow import FlowMap
+from pneumo_casadi.output_error.information import AT_BOUND
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.statistics import invert_information
 
@@ -52,6 +53,13 @@ class Forecast:
         """The fit that will be made."""
         return Fit(self.rehearsal.axis, self.clock.dt, self.clock.sigma, self.flow_map)
 
+    @cached_property
+    def at_bound(self) -> tuple[str, ...]:
+        """Parameters held by a bound at the estimate: a fit counts them as known."""
+        free = self.axis.parameters.select(self.axis.parameters.free_names)
+        gap = np.minimum(free.values - free.lower, free.upper - free.values) / free.scales
+        return tuple(name for name, near in zip(free.names, gap < AT_BOUND, strict=True) if near)
+
     def run(self, reference: Reference) -> Rehearsed:
         """Simulate a reference at the forecast's own rate."""
         return self.rehearsal(resampled(reference, self.clock.dt))
@@ -64,7 +72,7 @@ class Forecast:
         parameters = self.axis.parameters
         scales = parameters.scales[parameters.free_mask]
         information = information_of(self.fit, runs)
-        found = invert_information(information, scales, parameters.free_names)
+        found = invert_information(information, scales, parameters.free_names, self.at_bound)
         at = [parameters.free_names.index(name) for name in self.names]
         return found.covariance[np.ix_(at, at)]
 

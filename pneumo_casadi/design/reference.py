@@ -119,11 +119,14 @@ class Reference:
         Reference of the position [m].
     common : (N,) array
         Command added to both valves alike [V]; it moves the mean pressure.
+    start : (x, p_P, p_N), optional
+        Where it was begun, at rest [m, Pa, Pa]; by default the axis settles on the first values.
     """
 
     dt: float
     x_ref: FloatArray
     common: FloatArray
+    start: tuple[float, float, float] | None = None
 
     @property
     def t(self) -> FloatArray:

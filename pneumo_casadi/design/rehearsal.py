@@ -18,6 +18,8 @@ from pneumo_casadi.sampled import SampledAxis
 
 #: Time in closed loop on the first reference before an experiment begins [s].
 SETTLING = 0.5
+#: Pressures and commands between which the state at rest is looked for.
+GRID = 81
 #: A trajectory that ran away counts as so many times beyond every limit.
 RAN_AWAY = 1e3
 
@@ -175,26 +177,46 @@ class Rehearsal:
         return compiled([ca.Function("rehearsal_step", [x, w, theta], found)])[0]
 
     def __call__(self, reference: Reference) -> Rehearsed:
-        """Simulate a reference from rest, after settling on its first value."""
-        settling = round(SETTLING / self.dt)
+        """Simulate a reference from where it was begun, or after settling on its first values."""
+        settling = 0 if reference.start is not None else round(SETTLING / self.dt)
+        x, p_P, p_N = reference.start or (reference.x_ref[0], *self.rest_pressures)
         w = np.vstack([reference.x_ref, reference.common, reference.common])
         given = np.hstack([np.repeat(w[:, :1], settling, axis=1), w])
         theta = self.axis.parameters.values
-        start = self.axis.rest(self._rest(reference.x_ref[0]), np.zeros(2), theta)
+        start = self.axis.rest([p_P, p_N, x, 0.0], np.zeros(2), theta)
         x_0 = np.asarray(start, dtype=float).reshape(-1, 1)
         with np.errstate(all="ignore"):
-            _, x, u, y = accumulate(self.step, x_0, [given[None]], theta)
-        x, u, y = (part[0][:, settling:] for part in (x, u, y))
+            _, states, u, y = accumulate(self.step, x_0, [given[None]], theta)
+        states, u, y = (part[0][:, settling:] for part in (states, u, y))
         error = np.abs(self.axis.bench.controller.gain * (reference.x_ref - y[-1]))
         wanted = float((error + np.abs(reference.common)).max())
-        return Rehearsed(reference, x, u, y, wanted)
+        return Rehearsed(reference, states, u, y, wanted)
 
-    def _rest(self, x: float) -> FloatArray:
-        """Return a state at rest with the forces in balance at half the supply pressure."""
-        bench = self.axis.bench
+    @cached_property
+    def rest_pressures(self) -> tuple[float, float]:
+        """Pressures [Pa] at which the axis stands still in its loop: no flow, forces balanced.
+
+        Valves that are commanded apart by ±δ let through nothing at pressures that rise with the
+        command; δ is that at which these balance the piston.
+        """
+        bench, theta = self.axis.bench, self.axis.parameters.values
         assert isinstance(bench, Bench)
-        mean = (bench.p_supply + bench.p_ext) / 2
-        ambient = (bench.S_P - bench.S_N) * bench.p_ext
-        force = (bench.S_P + bench.S_N) / 2 * mean
-        p = ((force + ambient / 2) / bench.S_P, (force - ambient / 2) / bench.S_N)
-        return np.array([*np.clip(p, bench.p_ext, bench.p_supply), x, 0.0])
+        p = np.linspace(bench.p_ext, bench.p_supply, GRID)
+        # Close to zero, where the pressure gain is large, commands lie close together.
+        delta = bench.controller.u_max * np.linspace(-1.0, 1.0, GRID) ** 3
+        all_p, all_delta = (part.ravel() for part in np.meshgrid(p, delta, indexing="ij"))
+        nominal = np.vstack([all_p, all_p, 0 * all_p, 0 * all_p])
+        u = np.vstack([all_delta, -all_delta])
+        columns = theta[:, None]
+        states = self.axis.rest.map(all_p.size)(nominal, u, columns)
+        rates = np.asarray(self.axis.rhs.map(all_p.size)(states, u, columns), dtype=float)
+        still = [_zero(p, rate.reshape(GRID, GRID)) for rate in rates[:2]]
+        force = bench.S_P * still[0] - bench.S_N * still[1] - (bench.S_P - bench.S_N) * bench.p_ext
+        at = float(np.interp(0.0, force, delta))
+        return float(np.interp(at, delta, still[0])), float(np.interp(at, delta, still[1]))
+
+
+def _zero(p: FloatArray, rates: FloatArray) -> FloatArray:
+    """Return, column by column, the pressure at which a falling rate is zero, or the nearest."""
+    found = [float(np.interp(0.0, -column, p)) for column in rates.T]
+    return np.array(found)
