@@ -30,6 +30,7 @@ LAYERS = [
     ["design"],
     ["flow_sensitivity"],
     ["caveats", "pipeline", "model_file", "result_file", "trajectory_file"],
+    ["diagnosis"],
     ["export"],
     ["report"],
     ["terminal", "bench_command", "export_command"],

@@ -1,0 +1,27 @@
+"""Diagnosis: where simulation and reality part, which effect causes it, how far the gap closes."""
+
+from pneumo_casadi.diagnosis.result import (
+    Candidate,
+    Check,
+    Diagnosis,
+    EffectFound,
+    Gap,
+    Regime,
+    Shrink,
+    Value,
+    Verdict,
+    Where,
+)
+
+__all__ = [
+    "Candidate",
+    "Check",
+    "Diagnosis",
+    "EffectFound",
+    "Gap",
+    "Regime",
+    "Shrink",
+    "Value",
+    "Verdict",
+    "Where",
+]

@@ -1,0 +1,189 @@
+"""The balances as functions along a given motion, compiled once for all axes of a kind.
+
+Geometry, pressures and gas enter as numbers at run time, so that the machine code of an effect
+serves every case.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+
+from pneumo_casadi.axis import Axis
+from pneumo_casadi.balances import Balances, write_balances
+from pneumo_casadi.compilation import compiled
+from pneumo_casadi.effect import Expression
+from pneumo_casadi.flow import FlowISO6358
+
+#: Coefficient of the Rosenbrock method ROS2, L-stable (Verwer et al. 1999, SIAM J. Sci. Comput.).
+GAMMA = 1 - 0.5**0.5
+
+
+class _FlowAt:
+    """A flow model that takes its port pressures from symbols where it can."""
+
+    def __init__(self, flow: Any, constants: Mapping[str, Expression]) -> None:
+        self.parameters = flow.parameters
+        self._flow, self._constants = flow, constants
+
+    def expression(self, u: Any, p: Any, theta: Any) -> Any:
+        return self.expression_at(u, p, theta, 1.0, 1.0)
+
+    def expression_at(self, u: Any, p: Any, theta: Any, filling: Any, emptying: Any) -> Any:
+        if not isinstance(self._flow, FlowISO6358):
+            return self._flow.expression_at(u, p, theta, filling, emptying)
+        c = self._constants
+        ports = (c["flow_p_supply"] * filling, c["flow_p_ext"] * emptying)
+        return self._flow.expression(u, p, theta, *ports)
+
+
+@dataclass(frozen=True, eq=False)
+class AlongMotion:
+    """What an axis says of a motion that is given.
+
+    All functions take columns ``x (n,), dx (n,), u (nu,), z (nz,), c (nc,), θ (nθ,)``: nominal
+    states and derivatives, inputs, states of the effects, constants and parameters.
+
+    Parameters
+    ----------
+    axis : Axis
+        With its effects.
+    """
+
+    axis: Axis
+
+    @property
+    def constants(self) -> dict[str, float]:
+        """Numbers that the functions take at run time, by name."""
+        found = dict(self.axis.constants)
+        if isinstance(self.axis.flow, FlowISO6358):
+            found["flow_p_supply"] = self.axis.flow.p_supply
+            found["flow_p_ext"] = self.axis.flow.p_ext
+        return found
+
+    @property
+    def n_z(self) -> int:
+        """Number of states of the effects."""
+        return len(self.axis.states) - len(self.axis.motion_states)
+
+    @cached_property
+    def _written(self) -> tuple[list[Any], Balances, Balances]:
+        axis = self.axis
+        sym: Any = axis.symbol.sym
+        n = len(axis.motion_states)
+        x, dx, u = sym("x", n), sym("dx", n), sym("u", len(axis.inputs))
+        z, theta = sym("z", self.n_z), sym("theta", len(axis.parameters))
+        names = list(self.constants)
+        c = sym("c", len(names))
+        constants: dict[str, Any] = {name: c[i] for i, name in enumerate(names)}
+        states = {name: x[i] for i, name in enumerate(axis.motion_states)}
+        own = {name: z[i] for i, name in enumerate(axis.states[n:])}
+        rates = {name: dx[i] for i, name in enumerate(axis.motion_states)}
+        inputs = {name: u[i] for i, name in enumerate(axis.inputs)}
+        named = {name: theta[i] for i, name in enumerate(axis.parameters.names)}
+        flow = None if axis.flow is None else _FlowAt(axis.flow, constants)
+
+        def write(known: Mapping[str, Any]) -> Balances:
+            return write_balances(known, rates, inputs, named, constants, axis.effects, flow)
+
+        settled: dict[str, Any] = dict.fromkeys(own, 0.0)
+        for _ in axis.effects:
+            settled = dict(write(states | settled).rest) if own else {}
+        return [x, dx, u, z, c, theta], write(states | own), write(states | settled)
+
+    @cached_property
+    def _functions(self) -> tuple[ca.Function, ...]:
+        axis = self.axis
+        symbols, written, at_rest = self._written
+        theta = symbols[-1]
+        r = ca.vertcat(*(written.residual[name] for name in axis.equations))
+        # Mass flows over the capacity that takes them, [Pa/s]: a common scale of flows and X_s
+        # must not make residuals small.
+        for i, _ in enumerate(axis.outputs[:-1]):
+            r[i] = r[i] / -ca.jacobian(r[i], symbols[1])[i]
+        y = ca.vertcat(*(written.output[name] for name in axis.outputs))
+        free = [axis.parameters.index(name) for name in self.nominal]
+        J = ca.jacobian(r, theta)[:, free]
+        functions = [
+            ca.Function("residual", symbols, [r, y]),
+            ca.Function("residual_and_jacobian", symbols, [r, y, ca.densify(J)]),
+        ]
+        if self.n_z:
+            rest = ca.vertcat(*(at_rest.rest[name] for name in axis.states[-self.n_z :]))
+            functions += [ca.Function("rest", symbols, [ca.densify(rest)]), self._step()]
+        return compiled([_dense(f) for f in functions])
+
+    def _step(self) -> ca.Function:
+        """One sample of the effects' states by ROS2: (z, x, x⁺, dx, dx⁺, u, h, c, θ) → z⁺."""
+        (x, dx, u, z, c, theta), written, _ = self._written
+        f = ca.vertcat(*(written.rates[name] for name in self.axis.states[-self.n_z :]))
+        rate = ca.Function("rate", [x, dx, u, z, c, theta], [f, ca.densify(ca.jacobian(f, z))])
+        sym: Any = self.axis.symbol.sym
+        h, x_1, dx_1 = sym("h"), sym("x_1", x.shape[0]), sym("dx_1", x.shape[0])
+        f_0, J = rate(x, dx, u, z, c, theta)
+        W = self.axis.symbol.eye(self.n_z) - GAMMA * h * J
+        k_1 = ca.solve(W, f_0)
+        f_1, _ = rate(x_1, dx_1, u, z + h * k_1, c, theta)
+        k_2 = ca.solve(W, f_1 - 2 * k_1)
+        end = z + h * (1.5 * k_1 + 0.5 * k_2)
+        return ca.Function("step", [z, x, x_1, dx, dx_1, u, h, c, theta], [ca.densify(end)])
+
+    @property
+    def nominal(self) -> tuple[str, ...]:
+        """Free parameters of the axis without its effects."""
+        return tuple(name for name in self.axis.parameters.free_names if "." not in name)
+
+    @property
+    def own(self) -> tuple[str, ...]:
+        """Free parameters of the effects."""
+        return tuple(name for name in self.axis.parameters.free_names if "." in name)
+
+    @property
+    def residual(self) -> ca.Function:
+        """``-> (r (ne,), y (ny,))``: residuals of the balances, and what the sensors show."""
+        return self._functions[0]
+
+    @property
+    def residual_and_jacobian(self) -> ca.Function:
+        """``-> (r, y, ∂r/∂θ_nominal (ne, n))``."""
+        return self._functions[1]
+
+    @property
+    def rest(self) -> ca.Function:
+        """``-> z``: the effects' states at rest."""
+        return self._functions[2]
+
+    @property
+    def step(self) -> ca.Function:
+        """One sample of the effects' states."""
+        return self._functions[3]
+
+    def mapped(self, jacobian: bool, N: int) -> ca.Function:
+        """Return `residual`, or `residual_and_jacobian`, for N samples side by side."""
+        f = self.residual_and_jacobian if jacobian else self.residual
+        if (f.name(), N) not in self._kept:
+            self._kept[f.name(), N] = f.map(N) if N > 1 else f
+        return self._kept[f.name(), N]
+
+    def chain(self, n: int, B: int) -> ca.Function:
+        """Return n steps of the effects' states in a row, for B motions side by side."""
+        if ("chain", n, B) not in self._kept:
+            chain = self.step.mapaccum("chain", n)
+            self._kept["chain", n, B] = chain.map(B) if B > 1 else chain
+        return self._kept["chain", n, B]
+
+    @cached_property
+    def _kept(self) -> dict[Any, ca.Function]:
+        return {}
+
+    @property
+    def senses(self) -> bool:
+        """Whether an effect changes what a sensor shows of the motion."""
+        return any("output" in effect.junctions for effect in self.axis.effects)
+
+
+def _dense(f: ca.Function) -> ca.Function:
+    given = f.sx_in() if f.is_a("SXFunction") else f.mx_in()
+    return ca.Function(f.name(), given, [ca.densify(out) for out in f.call(given)])

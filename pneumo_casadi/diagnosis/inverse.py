@@ -1,0 +1,158 @@
+"""Residuals of the balances along a smoothed motion, with the effects' own states run along."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pneumo_casadi.compilation import called
+from pneumo_casadi.diagnosis.along import AlongMotion
+from pneumo_casadi.diagnosis.trajectory import Smoothed
+from pneumo_casadi.parameters import FloatArray
+
+#: Samples that the effects' states advance in one call.
+CHUNK = 1000
+#: How often what a sensor distorts is taken back (each time to one order more).
+CORRECTIONS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Residuals:
+    """Residuals of the balances at every row of a record.
+
+    Parameters
+    ----------
+    r : (ne, m) array
+        [kg/s, kg/s, N].
+    J : (ne, m, n) array
+        Derivatives to the free parameters, nominal ones first.
+    """
+
+    r: FloatArray
+    J: FloatArray
+
+
+def residuals(model: AlongMotion, data: Smoothed, theta: FloatArray) -> FloatArray:
+    """Return the decimated residuals at some parameters, shape (ne, m)."""
+    (r,) = _undecimated(model, data, [theta])
+    return data.averaged(r.T).T
+
+
+def linearised(model: AlongMotion, data: Smoothed, theta: FloatArray) -> Residuals:
+    """Return residuals and derivatives at some parameters.
+
+    Those to the nominal parameters are exact but for the effects' states, which hardly hang on
+    them; those to the effects' parameters are differences over a thousandth of their scale.
+    """
+    parameters = model.axis.parameters
+    variants = [theta]
+    steps = []
+    for name in model.own:
+        item, at = parameters[name], parameters.index(name)
+        h = 1e-3 * item.scale
+        if theta[at] + h > item.upper:
+            h = -h
+        moved = theta.copy()
+        moved[at] += h
+        variants.append(moved)
+        steps.append(h)
+    found = _undecimated(model, data, variants, jacobian=True)
+    r, J = found[0], found[-1]
+    ne, N = r.shape
+    columns = [r.T.reshape(N, ne)]
+    columns += [(one - r).T / h for one, h in zip(found[1:-1], steps, strict=True)]
+    low = data.averaged(np.concatenate([*columns, J.reshape(N, -1)], axis=1))
+    m = len(low)
+    own = low[:, ne : ne * (1 + len(steps))].reshape(m, len(steps), ne).transpose(2, 0, 1)
+    nominal = low[:, ne * (1 + len(steps)) :].reshape(m, ne, -1).transpose(1, 0, 2)
+    return Residuals(low[:, :ne].T, np.concatenate([nominal, own], axis=2))
+
+
+def _undecimated(
+    model: AlongMotion, data: Smoothed, variants: Sequence[FloatArray], jacobian: bool = False
+) -> list[FloatArray]:
+    """Return r (ne, N) for every variant of θ, and last the Jacobian of the first (N, ne n)."""
+    motions = [(data.x, data.dx)] * len(variants)
+    for _ in range(CORRECTIONS if model.senses else 0):
+        states = own_states(model, data, variants, motions)
+        motions = [
+            _corrected(model, data, theta, z, motion)
+            for theta, z, motion in zip(variants, states, motions, strict=True)
+        ]
+    states = own_states(model, data, variants, motions)
+    found: list[FloatArray] = []
+    last: list[FloatArray] = []
+    for i, (theta, z, (x, dx)) in enumerate(zip(variants, states, motions, strict=True)):
+        given = (x, dx, data.u, z, *_repeated(model, theta, data.N))
+        if jacobian and i == 0:
+            r, _, slope = called(model.mapped(True, data.N), *given)
+            last = [slope.reshape(len(r), data.N, -1).transpose(1, 0, 2).reshape(data.N, -1)]
+        else:
+            r, _ = called(model.mapped(False, data.N), *given)
+        found.append(r)
+    return found + last
+
+
+def own_states(
+    model: AlongMotion,
+    data: Smoothed,
+    variants: Sequence[FloatArray],
+    motions: Sequence[tuple[FloatArray, FloatArray]],
+) -> list[FloatArray]:
+    """Run the effects' states along the motions, one (nz, N) array a variant of θ."""
+    N, B = data.N, len(variants)
+    if not model.n_z:
+        return [np.zeros((0, N))] * B
+    c = np.array(list(model.constants.values()))
+    z = np.zeros((model.n_z, N, B))
+    for i, (theta, (x, dx)) in enumerate(zip(variants, motions, strict=True)):
+        given = (x[:, :1], dx[:, :1], data.u[:, :1], np.zeros((model.n_z, 1)), c, theta)
+        z[:, 0, i] = called(model.rest, *given)[0][:, 0]
+    for first in range(0, N - 1, CHUNK):
+        n = min(CHUNK, N - 1 - first)
+        at, after = slice(first, first + n), slice(first + 1, first + n + 1)
+        given = (
+            z[:, first, :],
+            np.hstack([x[:, at] for x, _ in motions]),
+            np.hstack([x[:, after] for x, _ in motions]),
+            np.hstack([dx[:, at] for _, dx in motions]),
+            np.hstack([dx[:, after] for _, dx in motions]),
+            np.tile(data.u[:, at], B),
+            np.full((1, n * B), data.dt),
+            np.tile(c[:, None], n * B),
+            np.hstack([np.tile(theta[:, None], n) for theta in variants]),
+        )
+        found = called(model.chain(n, B), *given)[0].reshape(model.n_z, B, n)
+        z[:, after, :] = found.transpose(0, 2, 1)
+    return [z[:, :, i] for i in range(B)]
+
+
+def _corrected(
+    model: AlongMotion,
+    data: Smoothed,
+    theta: FloatArray,
+    z: FloatArray,
+    motion: tuple[FloatArray, FloatArray],
+) -> tuple[FloatArray, FloatArray]:
+    """Return the motion that the sensors would show as measured, one order better."""
+    axis = model.axis
+    x, dx = motion
+    given = (x, dx, data.u, z, *_repeated(model, theta, data.N))
+    _, y = called(model.mapped(False, data.N), *given)
+    x_new, dx_new = x.copy(), dx.copy()
+    for i, name in enumerate(axis.outputs):
+        row = axis.motion_states.index(name)
+        shift = data.smooth(data.x[row] - y[i])
+        x_new[row] = x[row] + shift
+        rate = data.derivative(shift)
+        dx_new[row] = dx[row] + rate
+        if name == "x":
+            v = axis.motion_states.index("v")
+            x_new[v] = x[v] + rate
+            dx_new[v] = dx[v] + data.derivative(rate)
+    return x_new, dx_new
+
+
+def _repeated(model: AlongMotion, theta: FloatArray, n: int) -> tuple[FloatArray, FloatArray]:
+    c = np.array(list(model.constants.values()))
+    return np.tile(c[:, None], n), np.tile(theta[:, None], n)

@@ -1,0 +1,148 @@
+"""Everything that the fits of one case share, and one fit as plain numbers."""
+
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneumo_casadi.axis import Axis
+from pneumo_casadi.diagnosis.along import AlongMotion
+from pneumo_casadi.diagnosis.balance_fit import fit_balances
+from pneumo_casadi.diagnosis.inverse import residuals
+from pneumo_casadi.diagnosis.trajectory import Smoothed, all_smoothed
+from pneumo_casadi.effect import Effect
+from pneumo_casadi.flow import FlowMap
+from pneumo_casadi.output_error.anchor import Anchor, anchor
+from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.recording import Recording
+from pneumo_casadi.regression import fit_wls
+
+#: Width of the smoothed sign of the velocity; slower rows are left out [m/s].
+V_S = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """A nominal axis at its start, with the records to fit and those held out.
+
+    Parameters
+    ----------
+    axis : Axis
+        Nominal, at the estimate of weighted least squares.
+    flow_map : FlowMap or None
+        Metered points.
+    train, held_out : tuple of Recording
+        Records.
+
+    Notes
+    -----
+    Smoothing is done once a process: a study may be sent to another one.
+    """
+
+    axis: Axis
+    flow_map: FlowMap | None
+    train: tuple[Recording, ...]
+    held_out: tuple[Recording, ...]
+
+    def __getstate__(self) -> dict[str, object]:
+        kept = ("axis", "flow_map", "train", "held_out")
+        return {name: self.__dict__[name] for name in kept}
+
+    @cached_property
+    def smoothed(self) -> tuple[tuple[Smoothed, ...], tuple[Smoothed, ...]]:
+        """Records to fit and records held out, smoothed."""
+        return all_smoothed(self.axis, self.train), all_smoothed(self.axis, self.held_out)
+
+    @cached_property
+    def anchor(self) -> Anchor | None:
+        """Residuals of the flow map."""
+        if self.flow_map is None or self.axis.flow is None:
+            return None
+        return anchor(self.flow_map, self.axis.flow)
+
+    @cached_property
+    def least(self) -> FloatArray:
+        """Smallest residual of each balance that is told from none [Pa/s, Pa/s, N]."""
+        return np.array([10.0, 10.0, 1e-3][-len(self.axis.equations) :])
+
+
+def study(
+    axis: Axis,
+    flow_map: FlowMap | None,
+    train: Sequence[Recording],
+    held_out: Sequence[Recording],
+) -> Study:
+    """Start a study with weighted least squares."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # a start that is clipped at a bound is no news here
+        start = axis.started_at(fit_wls(axis, train).parameters)
+    return Study(start.with_parameters({"v_s": V_S}), flow_map, tuple(train), tuple(held_out))
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """One fit of the balances as plain numbers.
+
+    Parameters
+    ----------
+    effects : tuple of str
+        Names of the effects in the model.
+    values, std : mapping of str to float
+        All parameters; standard deviations of the free ones.
+    cost : float
+        See `BalanceFit`.
+    train, held_out : tuple of (ne, m) array
+        Residuals by record [Pa/s, Pa/s, N].
+    used_train, used_held_out : tuple of (ne, m) array of bool
+        Rows that count.
+    converged : bool
+        Whether the fit settled.
+    """
+
+    effects: tuple[str, ...]
+    values: Mapping[str, float]
+    std: Mapping[str, float]
+    cost: float
+    train: tuple[FloatArray, ...]
+    held_out: tuple[FloatArray, ...]
+    used_train: tuple[NDArray[np.bool_], ...]
+    used_held_out: tuple[NDArray[np.bool_], ...]
+    converged: bool
+
+
+def fit(one: Study, effects: Sequence[Effect], start: Mapping[str, float] | None = None) -> Fitted:
+    """Fit the nominal axis with some effects to the balances.
+
+    Parameters
+    ----------
+    start : mapping of str to float, optional
+        Values to begin at; effects that are not named there begin at their starting values.
+    """
+    begin = dict(start or {})
+    axis = one.axis.with_effects(*effects).at_starting_values()
+    known = {name: value for name, value in begin.items() if name in axis.parameters}
+    model = AlongMotion(axis.with_parameters(known))
+    train, held = one.smoothed
+    found = fit_balances(model, train, one.anchor, model.axis.parameters.values, one.least)
+    names = axis.parameters.names
+    return Fitted(
+        tuple(effect.name for effect in effects),
+        dict(zip(names, found.theta.tolist(), strict=True)),
+        dict(zip(found.free, np.sqrt(np.diag(found.covariance)).tolist(), strict=True)),
+        found.cost,
+        tuple(residuals(model, data, found.theta) for data in train),
+        tuple(residuals(model, data, found.theta) for data in held),
+        tuple(rows_used(one, data) for data in train),
+        tuple(rows_used(one, data) for data in held),
+        found.converged,
+    )
+
+
+def rows_used(one: Study, data: Smoothed) -> NDArray[np.bool_]:
+    """Return which rows of each balance count, shape (ne, m)."""
+    used = np.ones((len(one.axis.equations), data.m), dtype=bool)
+    used[one.axis.equations.index("force")] = data.moving
+    return used
