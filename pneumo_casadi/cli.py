@@ -11,6 +11,7 @@ import typer
 
 from pneumo_casadi import __version__
 from pneumo_casadi.bench_command import record_case
+from pneumo_casadi.design_command import design
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.export_command import export
 from pneumo_casadi.output_error import Method, OutputErrorOptions
@@ -227,6 +228,7 @@ def simulate(
 
 
 app.command()(export)
+app.command()(design)
 
 
 def _simulate(

@@ -33,7 +33,7 @@ LAYERS = [
     ["diagnosis"],
     ["export"],
     ["report"],
-    ["terminal", "bench_command", "export_command"],
+    ["terminal", "bench_command", "design_command", "export_command"],
     ["cli", "__main__"],
 ]
 RANK = {name: rank for rank, names in enumerate(LAYERS) for name in names}

@@ -17,12 +17,14 @@ from pneumo_casadi.output_error.information import information
 from pneumo_casadi.output_error.interval import IntervalFunctions
 from pneumo_casadi.output_error.problem import Problem, Unknowns
 from pneumo_casadi.output_error.segments import Segment
-from pneumo_casadi.output_error.steps import moved, next_step
+from pneumo_casadi.output_error.steps import TRUST, moved, next_step
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.sampled import SampledAxis
 
 #: Length of the blocks that are compared, and of the intervals simulated side by side [s].
 BLOCK, INTERVAL = 2e-3, 0.1
+#: At most so many linearisations for a projection, until it changes by no more than this share.
+SWEEPS, SETTLED = 8, 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,11 +151,12 @@ def refit(fit: Fit, run: Rehearsed, theta: FloatArray | None = None) -> Refit:
     return Refit(distance, found.point.theta)
 
 
-def projected(fit: Fit, run: Rehearsed, theta: FloatArray, sweeps: int = 2) -> float:
+def projected(fit: Fit, run: Rehearsed, theta: FloatArray) -> float:
     """Return the refitted distance to first order about the nearest of a few full steps.
 
     Nodes begin on A's own trajectory, where no open loop can drift away; what is left of the
-    outputs' difference is projected on the complement of everything that is free.
+    outputs' difference is projected on the complement of everything that is free. One sweep
+    with sensitivities each, until two projections agree.
 
     Parameters
     ----------
@@ -161,21 +164,29 @@ def projected(fit: Fit, run: Rehearsed, theta: FloatArray, sweeps: int = 2) -> f
         Model B and an experiment on model A, as for `refit`.
     theta : (n,) array
         Start: the refit of another experiment.
-    sweeps : int, optional
-        Linearisations, one sweep with sensitivities each.
+
+    Returns
+    -------
+    float
+        The smaller of the last two; infinite where B ran away.
     """
     problem, point = fit.problem([run])
     point = Unknowns(theta.copy(), point.x)
-    square = float("inf")
+    last = float("inf")
     with np.errstate(all="ignore"):
-        for _ in range(sweeps):
+        for _ in range(SWEEPS):
             at = linearise(problem, point, fit.sigma)
             step = next_step(problem, at, point, fit.sigma) if at.finite else None
             if step is None:
-                return float("inf")
+                return last
             square = _closed_square(problem, at, point, fit.sigma) - 2 * step.gain
+            distance = float(np.sqrt(max(0.0, square)))
+            whole = float(np.abs(step.theta).max(initial=0.0)) < 0.99 * TRUST
+            if whole and abs(distance - last) <= SETTLED * last:
+                return min(distance, last)
+            last = distance
             point = moved(problem, point, step)
-    return float(np.sqrt(max(0.0, square)))
+    return last
 
 
 def _closed_square(problem: Problem, at: Linearised, point: Unknowns, sigma: FloatArray) -> float:

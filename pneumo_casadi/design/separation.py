@@ -176,7 +176,7 @@ def design_to_separate(
     )  # fmt: skip
     report("refitting the best", 0.8)
     judged = []
-    for candidate, runs in admitted(found, options, axes, fine)[:2]:
+    for candidate, runs in admitted(found, options, axes, fine):
         reference = options.drawn(options.space.parts(candidate.z), coarse.dt)
         new = {pair: pair.refit(reference, old[pair].theta).distance for pair in contest.pairs}
         judged.append((min(new[pair] for pair in visible), candidate, runs, new))

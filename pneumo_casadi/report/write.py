@@ -31,6 +31,7 @@ class Kind(Enum):
     IDENTIFICATION = ("report.html", "result.json", "table.txt", "figures")
     VALIDATION = ("table.txt", "result.json", "figures")
     SIMULATION = ("simulation",)
+    DESIGN = ("design.json", "design.txt", "design.png", "reference.csv")
 
 
 #: Called with what is being done and the share of the work done so far.
