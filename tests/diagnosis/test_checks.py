@@ -1,0 +1,118 @@
+"""Parameters against geometry and data sheet."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import pytest
+
+from pneumo_casadi.diagnosis.checks import absorbed_candidates, check_parameters, map_pull_of
+from pneumo_casadi.diagnosis.study import fit, study
+from pneumo_casadi.output_error.result import MapPull
+from pneumo_casadi.pipeline import IdentifyOptions, make_axis, read_flow
+from pneumo_casadi.recording import load_case
+from pneumo_casadi.recording.bench_file import read_bench
+from pneumo_casadi.testbed import make_case, random_axis
+
+STD = 2e-4
+
+
+@pytest.fixture
+def axis(embedded):
+    return SimpleNamespace(bench=read_bench(embedded / "bench.json"))
+
+
+def plausible(bench, k=(1.1, 1.2), dead=0.02) -> dict[str, float]:
+    rT = bench.r * bench.T
+    found = {"M": bench.datasheet["M_kg"], "f_v": 20.0, "F_c_plus": 12.0, "F_c_minus": 20.0}
+    for S, first, index in ((bench.S_P, 1, k[0]), (bench.S_N, 4, k[1])):
+        found[f"X_s{first}"] = S * (bench.stroke / 2 + dead) / (index * rT)
+        found[f"X_s{first + 1}"] = S / (index * rT)
+        found[f"X_s{first + 2}"] = S / rT
+    return found
+
+
+def failing(axis, values, pull=None) -> dict[str, str]:
+    std = {name: STD * abs(value) for name, value in values.items()}
+    found = check_parameters(axis, values, std, pull)
+    return {check.name: check.text for check in found if not check.agrees}
+
+
+def hidden(axis, values, pull=None) -> tuple[str, ...]:
+    std = {name: STD * abs(value) for name, value in values.items()}
+    return absorbed_candidates(check_parameters(axis, values, std, pull))
+
+
+def test_a_plausible_axis_passes_all_checks(axis):
+    values = plausible(axis.bench)
+    assert failing(axis, values, MapPull(1.05, 1.0)) == {}
+    assert hidden(axis, values, MapPull(1.05, 1.0)) == ()
+
+
+def test_a_valve_that_passes_less_is_named_with_the_per_cent(axis):
+    values = plausible(axis.bench)
+    for name in ("X_s4", "X_s5", "X_s6"):
+        values[name] /= 0.9
+    found = failing(axis, values)
+    assert set(found) == {"S_N", "S_N/S_P"}
+    assert "10.0 % less" in found["S_N/S_P"]
+    assert hidden(axis, values) == ("valve_mismatch",)
+
+
+def test_a_flow_meter_that_is_wrong_by_five_per_cent_is_no_mismatch_of_valves(axis):
+    values = plausible(axis.bench)
+    for i in range(1, 7):
+        values[f"X_s{i}"] *= 1.05
+    assert set(failing(axis, values)) == {"S_P", "S_N"}
+    assert "valve_mismatch" not in hidden(axis, values)
+
+
+def test_a_leak_that_disturbs_the_polytropic_index_comes_before_a_mismatch(axis):
+    values = plausible(axis.bench)
+    values["X_s3"] *= 1.1
+    values["X_s2"] *= 0.7
+    assert hidden(axis, values)[:2] == ("leakage_P", "valve_mismatch")
+
+
+@pytest.mark.parametrize(
+    ("F_0", "told"), [(2.0, False), (-3.0, False), (12.0, True), (-18.0, True)]
+)
+def test_a_constant_force_is_told_only_where_friction_would_be_too_unequal(axis, F_0, told):
+    values = plausible(axis.bench) | {"F_c_plus": 15.0 - F_0, "F_c_minus": 15.0 + F_0}
+    assert ("constant_force" in hidden(axis, values)) == told
+    std = dict.fromkeys(values, 0.0)
+    (friction,) = (c for c in check_parameters(axis, values, std) if c.name == "F_c")
+    assert f"{abs(F_0):.1f} N in {'+' if F_0 > 0 else '−'}x" in friction.text
+
+
+def test_mass_volume_index_and_map_each_tell_their_tale(axis):
+    base = plausible(axis.bench)
+    assert hidden(axis, base | {"M": 1.08 * base["M"]}) == ("elastic_load",)
+    assert hidden(axis, plausible(axis.bench, dead=0.3 * axis.bench.stroke)) == ("hose",)
+    small = failing(axis, plausible(axis.bench, dead=-0.01))
+    assert "smaller than its swept half" in small["V_P(0)"]
+    assert hidden(axis, plausible(axis.bench, k=(1.55, 1.5))) == ("heat_transfer",)
+    assert set(failing(axis, plausible(axis.bench, k=(1.0, 1.35)))) == {"k_P-k_N"}
+    assert set(failing(axis, base, MapPull(1.6, 1.0))) == {"flow map"}
+    assert set(failing(axis, base, MapPull(1.0, 1.05))) == {"flow scale"}
+
+
+def test_a_parameter_that_the_data_do_not_tell_contradicts_nothing(axis):
+    values = plausible(axis.bench)
+    values["M"] *= 1.5
+    std = dict.fromkeys(values, 0.0) | {"M": 0.1 * values["M"]}
+    assert all(check.agrees for check in check_parameters(axis, values, std))
+
+
+@pytest.mark.parametrize(
+    ("effects", "expected"),
+    [({}, ()), ({"valve_mismatch": {"gain": 0.04}}, ("valve_mismatch",))],
+    ids=["nothing", "mismatch"],
+)
+def test_fits_to_the_bench_tell_unequal_valves_from_nothing_wrong(tmp_path, effects, expected):
+    axis = replace(random_axis(11), F_c_plus=14.0, F_c_minus=18.0)
+    case = load_case(make_case(tmp_path / "case", 11, effects, duration=8.0, axis=axis).case.folder)
+    table, flow = read_flow(case, IdentifyOptions())
+    one = study(make_axis(case, flow), table, case.identify, case.validate)
+    found = fit(one, ())
+    checks = check_parameters(one.axis, found.values, found.std, map_pull_of(one, found.values))
+    assert absorbed_candidates(checks) == expected
