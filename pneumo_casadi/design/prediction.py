@@ -24,7 +24,7 @@ from pneumo_casadi.sampled import SampledAxis
 #: Length of the blocks that are compared, and of the intervals simulated side by side [s].
 BLOCK, INTERVAL = 2e-3, 0.1
 #: At most so many linearisations for a projection, until it changes by no more than this share.
-SWEEPS, SETTLED = 8, 0.05
+SWEEPS, SETTLED = 12, 0.03
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,8 +151,8 @@ def refit(fit: Fit, run: Rehearsed, theta: FloatArray | None = None) -> Refit:
     return Refit(distance, found.point.theta)
 
 
-def projected(fit: Fit, run: Rehearsed, theta: FloatArray) -> float:
-    """Return the refitted distance to first order about the nearest of a few full steps.
+def projected(fit: Fit, run: Rehearsed, theta: FloatArray) -> Refit:
+    """Return the refit to first order about the nearest of a few full steps.
 
     Nodes begin on A's own trajectory, where no open loop can drift away; what is left of the
     outputs' difference is projected on the complement of everything that is free. One sweep
@@ -167,8 +167,9 @@ def projected(fit: Fit, run: Rehearsed, theta: FloatArray) -> float:
 
     Returns
     -------
-    float
-        The smaller of the last two; infinite where B ran away.
+    Refit
+        Infinitely far where B ran away or projections did not settle: one from afar overrates
+        the distance, and a search would run after it.
     """
     problem, point = fit.problem([run])
     point = Unknowns(theta.copy(), point.x)
@@ -178,15 +179,17 @@ def projected(fit: Fit, run: Rehearsed, theta: FloatArray) -> float:
             at = linearise(problem, point, fit.sigma)
             step = next_step(problem, at, point, fit.sigma) if at.finite else None
             if step is None:
-                return last
+                return Refit(float("inf"), theta)
             square = _closed_square(problem, at, point, fit.sigma) - 2 * step.gain
             distance = float(np.sqrt(max(0.0, square)))
+            # A step cut short by its trust box agrees with the one before for no good reason.
             whole = float(np.abs(step.theta).max(initial=0.0)) < 0.99 * TRUST
-            if whole and abs(distance - last) <= SETTLED * last:
-                return min(distance, last)
+            settled = whole and abs(distance - last) <= SETTLED * last
             last = distance
             point = moved(problem, point, step)
-    return last
+            if settled:
+                return Refit(distance, point.theta)
+    return Refit(float("inf"), theta)
 
 
 def _closed_square(problem: Problem, at: Linearised, point: Unknowns, sigma: FloatArray) -> float:

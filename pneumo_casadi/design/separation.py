@@ -158,6 +158,10 @@ def design_to_separate(
     old = {pair: pair.refit(before) for pair in contest.pairs}
     visible = [pair for pair in contest.pairs if pair.truth in shown]
 
+    # Projections go on from the best reference so far, from which most others are not far.
+    near = {pair: old[pair] for pair in visible}
+    most = [0.0]
+
     def evaluate(z: FloatArray) -> tuple[float, float]:
         reference = options.drawn(options.space.parts(z), coarse.dt)
         runs: dict[str, Rehearsed] = {}
@@ -167,7 +171,13 @@ def design_to_separate(
         excess = max(run.excess(options.tight) for run in runs.values())
         if excess:
             return excess, float("inf")
-        least = min(projected(pair.fit, runs[pair.truth], old[pair].theta) for pair in visible)
+        new = {pair: projected(pair.fit, runs[pair.truth], near[pair].theta) for pair in visible}
+        least = min(one.distance for one in new.values())
+        if not np.isfinite(least):
+            return 0.0, float("inf")
+        if least > most[0]:
+            most[0] = least
+            near.update(new)
         return 0.0, -float(np.log(max(least, 1e-12)))
 
     found = search(

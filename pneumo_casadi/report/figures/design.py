@@ -3,6 +3,7 @@
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from pneumo_casadi.design import Design, Precision
 from pneumo_casadi.report.figures.style import (
@@ -24,6 +25,8 @@ from pneumo_casadi.report.figures.style import (
 
 #: Heights [mm]: of the trajectories, and of a row of the gain.
 TRAJECTORIES, ROW = 78.0, 3.6
+#: Ratio of an axis' ends below which decades alone are too few ticks.
+CLOSE = 300.0
 
 
 def design_figure(design: Design) -> Figure:
@@ -96,6 +99,10 @@ def _distances(axes: Axes, design: Design) -> None:
 
 def _finished(axes: Axes, label: str, rows: int) -> None:
     axes.set_xscale("log")
+    low, high = axes.get_xlim()
+    axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5) if high / low < CLOSE else (1,)))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.xaxis.set_minor_formatter(NullFormatter())
     axes.set_ylim(-0.7, rows - 0.3)
     dress(axes, label)
     axes.legend(

@@ -1,0 +1,115 @@
+"""What is predicted of an experiment is what a fit to it finds, on the package's own model."""
+
+import numpy as np
+import pytest
+
+from pneumo_casadi.design import DesignOptions, Part, design_for_precision, design_to_separate
+from pneumo_casadi.design.options import Clock, clocks, recorded_reference
+from pneumo_casadi.design.precision import Forecast, parameters_of_interest
+from pneumo_casadi.design.prediction import Fit, map_of, projected, refit
+from pneumo_casadi.design.reference import drawn
+from pneumo_casadi.design.rehearsal import Rehearsal
+from pneumo_casadi.effects import CATALOGUE
+from pneumo_casadi.errors import FitError, ModelError
+from pneumo_casadi.output_error import OutputErrorOptions, fit_output_error
+
+
+@pytest.fixture(scope="module")
+def record(made):
+    """Two seconds under control, with sensor noise."""
+    axis = made.true_axis()
+    found = made.recorded(axis, *made.controlled(axis, 2000, substeps=4), seed=1)
+    return found.with_channels({"x_ref": made.reference(found.t)})
+
+
+def test_standard_errors_are_those_of_the_fit(made, record):
+    table = made.measured_map(0)
+    begin = made.true_axis(flow=made.fit_polynomials(table, (3, 3, 3)))
+    options = OutputErrorOptions(widths=(made.TRUE["v_s"],))
+    found = fit_output_error(begin, [record], table, options)
+    names = parameters_of_interest(found.axis)
+    forecast = Forecast(found.axis, table, Clock(record.dt, found.sigma, 0.0), names)
+    run = forecast.run(recorded_reference(record))
+    std = np.sqrt(np.diag(forecast.covariance([run])))
+    for name, predicted in zip(names, std, strict=True):
+        assert predicted == pytest.approx(found.std(name), rel=0.1), name
+
+
+def test_a_common_mode_moves_the_mean_pressure_and_hardly_the_piston(made, limits):
+    axis = made.true_axis()
+    rehearsal = Rehearsal(axis, 1e-3)
+    still = Part("holds", 1.0, (0.05,))
+    plain = rehearsal(drawn((still,), 1e-3, 2000, 0.1, limits.common))
+    step = Part("common_mode_steps", 1.0, (0.0, 1.0, 8.0))
+    raised = rehearsal(drawn((still, step), 1e-3, 2000, 0.1, limits.common))
+    assert raised.y[:2, -1].mean() > plain.y[:2, -1].mean() + 5e4
+    assert abs(raised.y[2, -1] - plain.y[2, -1]) < 0.02
+
+
+def test_an_axis_begins_where_it_rests(made, recorded):
+    rehearsal = Rehearsal(made.true_axis(), 1e-3)
+    p_P, p_N = rehearsal.rest_pressures
+    bench = made.BENCH
+    force = bench.S_P * p_P - bench.S_N * p_N - (bench.S_P - bench.S_N) * bench.p_ext
+    assert abs(force) < made.TRUE["F_c_plus"]
+    settled = rehearsal(recorded).y[:2, 0]
+    assert settled == pytest.approx([p_P, p_N], rel=0.05)
+
+
+def test_a_projection_is_the_refit_to_first_order(made, sigma):
+    axis = made.true_axis()
+    other = axis.with_effects(CATALOGUE["quadratic_drag"]()).at_starting_values()
+    rehearsal = Rehearsal(other, 1e-3)
+    fit = Fit(axis, 1e-3, sigma, map_of(axis, made.smooth_map()))
+    run = rehearsal(drawn((Part("squares", 1.0, (0.9, 0.3, 1.0)),), 1e-3, 1500, 0.15, 0.0))
+    found = refit(fit, run)
+    start = axis.parameters.values
+    assert found.distance > 10
+    assert projected(fit, run, start).distance == pytest.approx(found.distance, rel=0.05)
+
+
+def test_a_model_is_at_no_distance_from_itself(made, sigma, recorded):
+    axis = made.true_axis()
+    fit = Fit(axis, 1e-3, sigma, map_of(axis, made.smooth_map()))
+    assert refit(fit, Rehearsal(axis, 1e-3)(recorded)).distance < 0.01
+
+
+def test_the_coarse_clock_says_as_much_in_a_second(made, sigma):
+    axis = made.true_axis()
+    fine, coarse = clocks(axis, sigma)
+    assert sigma**2 * fine.dt == pytest.approx(coarse.sigma**2 * coarse.dt)
+
+
+def test_a_design_is_better_than_the_record_and_keeps_the_limits(made, recorded, limits, sigma):
+    table, axis = made.smooth_map(), made.true_axis()
+    options = DesignOptions(limits, 2.0, evaluations=40)
+    found = design_for_precision(axis, [recorded], table, sigma, options)
+    assert found.gain > 1.3
+    assert found.precision.after < found.precision.before
+    assert (found.precision.together < found.precision.now).all()
+    run, again = found.runs["nominal"], Rehearsal(axis, found.reference.dt)(found.reference)
+    np.testing.assert_allclose(again.y, run.y)
+    assert again.excess(limits) == 0.0
+    assert np.abs(again.x[2]).max() <= limits.position
+    assert np.abs(again.x[3]).max() <= limits.velocity
+    assert np.abs(again.u).max() <= limits.command
+    assert again.x[:2].min() >= limits.p_min and again.x[:2].max() <= limits.p_max
+
+
+def test_impossible_limits_say_by_how_much(made, recorded, limits, sigma):
+    options = DesignOptions(
+        type(limits)(0.2, 1e-3, limits.p_min, limits.p_max, 3.0), 1.0, evaluations=20
+    )
+    with pytest.raises(FitError, match="exceeds them by"):
+        design_for_precision(made.true_axis(), [recorded], made.smooth_map(), sigma, options)
+
+
+def test_what_is_absorbed_whatever_the_axis_does_is_not_searched_for(made, recorded, limits, sigma):
+    axis = made.true_axis()
+    axes = {
+        "none": axis,
+        "constant_force": axis.with_effects(CATALOGUE["constant_force"]()).at_starting_values(),
+    }
+    options = DesignOptions(limits, 1.0, evaluations=20)
+    with pytest.raises(ModelError, match="absorb"):
+        design_to_separate(axes, axis, [recorded], made.smooth_map(), sigma, options)
