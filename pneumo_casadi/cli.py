@@ -1,4 +1,4 @@
-"""The command line: demo, identify, validate, simulate, export."""
+"""The command line: demo, identify, validate, simulate, export, withheld."""
 
 import sys
 from collections.abc import Iterator, Sequence
@@ -29,6 +29,7 @@ from pneumo_casadi.result_file import read_axis, result_dict, validation_dict, w
 from pneumo_casadi.terminal import BAD_INPUT, OK, complain, guarded, out, progress_bar, show
 from pneumo_casadi.trajectory_file import RecordSet, simulate_case
 from pneumo_casadi.validation import validate as validate_axis
+from pneumo_casadi.withheld_command import withheld
 
 app = typer.Typer(
     help="Identify pneumatic servo axes: from recordings to physical parameters with intervals.",
@@ -228,6 +229,7 @@ def simulate(
 
 
 app.command()(export)
+app.command()(withheld)
 app.command()(design)
 
 

@@ -46,8 +46,16 @@ def progress_bar() -> Iterator[Callable[[str, float], None]]:
 
 
 @contextmanager
-def guarded(debug: bool) -> Iterator[None]:
-    """Turn errors into one line on standard error and an exit code."""
+def guarded(debug: bool, kept: str = "nothing was written") -> Iterator[None]:
+    """Turn errors into one line on standard error and an exit code.
+
+    Parameters
+    ----------
+    debug : bool
+        Whether to show tracebacks and the log.
+    kept : str, optional
+        What to say of the work done when it is interrupted.
+    """
     handler = RichHandler(console=err, show_path=False, show_time=False)
     logger = logging.getLogger("pneumo_casadi")
     level = logger.level
@@ -63,7 +71,7 @@ def guarded(debug: bool) -> Iterator[None]:
             raise  # a defect
         if debug:
             err.print_exception()
-        raise typer.Exit(explain(found)) from None
+        raise typer.Exit(explain(found, kept)) from None
     finally:
         logger.removeHandler(handler)
         logger.setLevel(level)
@@ -91,10 +99,10 @@ def _interruption() -> Iterator[Event]:
         signal.signal(signal.SIGINT, before)
 
 
-def explain(error: BaseException) -> int:
+def explain(error: BaseException, kept: str) -> int:
     """Say in one line what went wrong and return the exit code."""
     if isinstance(error, KeyboardInterrupt):
-        complain("interrupted; nothing was written")
+        complain(f"interrupted; {kept}")
         return INTERRUPTED
     complain(str(error))
     return FIT_FAILED if isinstance(error, FitError) else BAD_INPUT

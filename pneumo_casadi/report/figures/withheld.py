@@ -1,0 +1,99 @@
+"""What was said of what was true, and stated probabilities beside what came true."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.figure import Figure
+
+from pneumo_casadi.report.figures.style import (
+    BLACK,
+    BLUE,
+    GREY,
+    SMALL,
+    VERMILION,
+    dress,
+    new_figure,
+)
+
+#: Height of a row of the matrix, and of what surrounds both panels [mm].
+ROW, REST = 3.3, 70.0
+_SHADES = LinearSegmentedColormap.from_list("shades", ["#ffffff", BLUE])
+
+
+def withheld_figure(result: Mapping[str, Any]) -> Figure:
+    """Draw confusion matrix and calibration of a sealed check.
+
+    Parameters
+    ----------
+    result : mapping
+        As the sealed check returns it.
+    """
+    n = len(result["confusion"]["rows"])
+    figure = new_figure(ROW * n + REST)
+    above, below = figure.subplots(2, 1, height_ratios=(ROW * n, 42.0))
+    confusion_matrix(above, result["confusion"])
+    calibration_plot(below, result["calibration"])
+    return figure
+
+
+def confusion_matrix(axes: Axes, found: Mapping[str, Any]) -> None:
+    """Draw counts, shaded by their share of the row: right answers lie on the numbered diagonal.
+
+    Effects are numbered, so that the columns need no names.
+    """
+    rows: Sequence[str] = found["rows"]
+    columns: Sequence[str] = found["columns"]
+    counts = np.asarray(found["counts"], dtype=float)
+    shares = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1.0)
+    axes.imshow(shares, cmap=_SHADES, vmin=0.0, vmax=1.0, aspect="auto", zorder=2)
+    dress(axes)
+    axes.grid(False)
+    words = ("none", "unknown", "several", "failed", "effect", "ambiguous", "absorbed")
+    numbers = {name: i for i, name in enumerate((c for c in columns if c not in words), 1)}
+    for i, j in zip(*np.nonzero(counts), strict=True):
+        right = rows[i] == columns[j] or (columns[j] == "unknown" and rows[i] in _NO_LIST)
+        colour = "#ffffff" if shares[i, j] > 0.5 else BLACK if right else VERMILION
+        axes.text(
+            j, i, f"{counts[i, j]:.0f}", ha="center", va="center", fontsize=SMALL - 1.5,
+            color=colour, fontweight="normal" if right else "bold", zorder=3,
+        )  # fmt: skip
+    for k in range(1, len(rows)):
+        axes.axhline(k - 0.5, color="#d0d0d0", linewidth=0.3, zorder=1)
+    for k in range(1, len(columns)):
+        axes.axvline(k - 0.5, color="#d0d0d0", linewidth=0.3, zorder=1)
+    labels = [f"{name.replace('_', ' ')}  {numbers.get(name, '')}".rstrip() for name in rows]
+    axes.set_yticks(range(len(rows)), labels, fontsize=SMALL - 1.0)
+    texts = [str(numbers.get(name, name)) for name in columns]
+    axes.set_xticks(range(len(columns)), texts, fontsize=SMALL - 1.5, rotation=90)
+    axes.tick_params(length=0)
+    axes.set_xlabel("said", fontsize=SMALL, labelpad=1)
+    axes.set_ylabel("true", fontsize=SMALL, labelpad=1)
+
+
+_NO_LIST = ("left_out", "never_listed")
+
+
+def calibration_plot(axes: Axes, found: Mapping[str, Any]) -> None:
+    """Draw how often the first of the ranking was right over its stated probability."""
+    axes.plot([0, 100], [0, 100], color=GREY, linewidth=0.7, zorder=1)
+    bins = found["bins"]
+    if bins:
+        x = np.array([100 * one["stated"] for one in bins])
+        y = np.array([one["percent"] for one in bins])
+        ends = np.array([one["interval"] for one in bins]).T
+        axes.errorbar(
+            x, y, yerr=np.maximum(np.abs(ends - y), 0.0), fmt="o", color=BLUE, markersize=3.2,
+            linewidth=0.8, capsize=1.5, zorder=2,
+        )  # fmt: skip
+    error = found["expected_calibration_error"]
+    if error is not None:
+        axes.text(
+            0.02, 0.95, f"expected calibration error {error:.3f}", transform=axes.transAxes,
+            ha="left", va="top", fontsize=SMALL,
+        )  # fmt: skip
+    axes.set_xlim(-2, 102)
+    axes.set_ylim(-2, 102)
+    dress(axes, "stated probability of the first [%]", "came true [%]")

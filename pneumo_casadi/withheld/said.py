@@ -1,0 +1,87 @@
+"""What a diagnosis said, reduced to what can be right or wrong.
+
+- *named*: what the verdict stands for. ``effect``: the effects added. ``ambiguous``: the effects
+  added, or the first of the set where none was. ``absorbed``: the first of the set, or of the
+  ranking. ``none``, ``unknown``, and a diagnosis that failed stand for no effect.
+- *offered*: the set of effects that the verdict leaves open, *named* included: ``effect`` and
+  ``ambiguous`` with all that the data cannot tell from it, ``absorbed`` likewise. Effects that a
+  label joins count one by one, so that a set is as large as the effects that it holds.
+- *ranking*: the candidates as ranked, whatever the verdict.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+#: Verdicts that stand for effects.
+NAMING = ("effect", "ambiguous", "absorbed")
+
+
+@dataclass(frozen=True, slots=True)
+class Said:
+    """One verdict.
+
+    Parameters
+    ----------
+    verdict : str
+        In one word.
+    named, offered : frozenset of str
+        See above.
+    ranking : tuple of frozenset of str
+        Effects of each candidate, the most probable first.
+    probability : float
+        Of the first candidate; 0 without one.
+    balance : str
+        Where the gap is said to lie; empty if it is not said.
+    """
+
+    verdict: str
+    named: frozenset[str]
+    offered: frozenset[str]
+    ranking: tuple[frozenset[str], ...]
+    probability: float
+    balance: str
+
+
+def said(verdict: Mapping[str, Any]) -> Said:
+    """Reduce the JSON of a diagnosis.
+
+    Examples
+    --------
+    >>> one = said({"verdict": "ambiguous", "ambiguous": ["hose", "valve_dynamics"]})
+    >>> sorted(one.named), sorted(one.offered)
+    (['hose'], ['hose', 'valve_dynamics'])
+    """
+    word = str(verdict["verdict"])
+    candidates = list(verdict.get("ranking") or ())
+    ranking = tuple(effects_in(one["name"]) for one in candidates)
+    added = frozenset(str(one["name"]) for one in verdict.get("effects") or ())
+    alike = [effects_in(label) for label in verdict.get("ambiguous") or ()]
+    named: frozenset[str] = frozenset()
+    if word in NAMING:
+        first = alike[:1] + list(ranking[:1] if word == "absorbed" else ())
+        named = added or next(iter(first), named)
+    return Said(
+        word,
+        named,
+        union([named, *alike]) if word in NAMING else frozenset(),
+        ranking,
+        float(candidates[0].get("probability") or 0.0) if candidates else 0.0,
+        str((verdict.get("where") or {}).get("balance") or ""),
+    )
+
+
+def effects_in(label: str) -> frozenset[str]:
+    """Return the effects that a label joins.
+
+    Examples
+    --------
+    >>> sorted(effects_in("stribeck + hose"))
+    ['hose', 'stribeck']
+    """
+    return frozenset(part.strip() for part in label.split("+") if part.strip())
+
+
+def union(sets: Iterable[frozenset[str]]) -> frozenset[str]:
+    """Return all that any of some sets holds."""
+    return frozenset().union(*sets)

@@ -1,0 +1,119 @@
+"""Shares with intervals, and how far stated probabilities are off."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy import stats
+
+#: Bins of the calibration, of equal numbers of cases.
+BINS = 10
+
+
+@dataclass(frozen=True, slots=True)
+class Share:
+    """So many of so many, with Wilson's interval (95 %).
+
+    Parameters
+    ----------
+    hits, of : int
+        Counts.
+
+    Examples
+    --------
+    >>> Share(8, 10).as_dict()["percent"]
+    80.0
+    >>> [round(100 * end, 1) for end in Share(8, 10).interval]
+    [49.0, 94.3]
+    """
+
+    hits: int
+    of: int
+
+    @staticmethod
+    def among(answers: Iterable[bool]) -> "Share":
+        """Count the right among some answers."""
+        given = [bool(one) for one in answers]
+        return Share(sum(given), len(given))
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Ends of the interval [1]; everything where nothing was counted."""
+        if self.of == 0:
+            return 0.0, 1.0
+        found = stats.binomtest(self.hits, self.of).proportion_ci(method="wilson")
+        return float(found.low), float(found.high)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return counts, percentage (None of nothing) and interval [%]."""
+        low, high = self.interval
+        return {
+            "hits": self.hits,
+            "of": self.of,
+            "percent": 100.0 * self.hits / self.of if self.of else None,
+            "interval": [100.0 * low, 100.0 * high],
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Bin:
+    """Cases of neighbouring stated probability.
+
+    Parameters
+    ----------
+    stated : float
+        Mean stated probability.
+    share : Share
+        Those that were right.
+    """
+
+    stated: float
+    share: Share
+
+
+@dataclass(frozen=True, slots=True)
+class Calibration:
+    """Stated probabilities beside how often they came true.
+
+    Parameters
+    ----------
+    bins : tuple of Bin
+        By rising probability, of equal numbers.
+    error : float or None
+        Expected calibration error: the mean of |stated − true| over the bins, weighted by their
+        cases; None without cases.
+    """
+
+    bins: tuple[Bin, ...]
+    error: float | None
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return bins and error as plain data."""
+        return {
+            "expected_calibration_error": self.error,
+            "bins": [{"stated": one.stated, **one.share.as_dict()} for one in self.bins],
+        }
+
+
+def calibration(stated: Sequence[float], right: Sequence[bool], bins: int = BINS) -> Calibration:
+    """Set stated probabilities beside what came true.
+
+    Examples
+    --------
+    >>> calibration([0.2, 0.2, 0.8, 0.8], [False, False, True, True], bins=2).error
+    0.2
+    """
+    order = np.argsort(np.asarray(stated, dtype=float), kind="stable")
+    parts = [part for part in np.array_split(order, bins) if part.size]
+    made = tuple(
+        Bin(
+            float(np.mean([stated[i] for i in part])),
+            Share.among(right[i] for i in part),
+        )
+        for part in parts
+    )
+    if not made:
+        return Calibration((), None)
+    off = [abs(one.stated - one.share.hits / one.share.of) * one.share.of for one in made]
+    return Calibration(made, round(float(sum(off)) / len(stated), 12))
