@@ -357,6 +357,7 @@ def practice(result: Mapping[str, Any]) -> str:
         for view in VIEWS:
             shares = one.get("closed_percent", {}).get(view, {})
             faint = "" if view in one["visible"] or not one["effects"] else " °"
+            faint += " †" if one["nominal"]["failure"] else ""
             row += [
                 _gap(one["nominal_gap"], view) + faint,
                 _gap(one.get("refit_gap"), view) if one["effects"] else "",
@@ -367,7 +368,8 @@ def practice(result: Mapping[str, Any]) -> str:
             for label, q in one.get("quantities", {}).items()
         ]
         body.append([*row, ", ".join(ratios)])
-    notes = "° at most twice the gap of the case without an effect: not visible. * forms differ."
+    notes = "° at most twice the gap of the case without an effect: not visible. "
+    notes += "† the nominal fit has not converged. * forms differ."
     return rows(head, body) + "\n\n" + notes
 
 
