@@ -31,9 +31,10 @@ LAYERS = [
     ["flow_sensitivity"],
     ["caveats", "pipeline", "model_file", "result_file", "trajectory_file"],
     ["diagnosis"],
+    ["withheld"],
     ["export"],
     ["report"],
-    ["terminal", "bench_command", "design_command", "export_command"],
+    ["terminal", "bench_command", "design_command", "export_command", "withheld_command"],
     ["cli", "__main__"],
 ]
 RANK = {name: rank for rank, names in enumerate(LAYERS) for name in names}

@@ -54,7 +54,7 @@ def judged():
 
     def make(kind, effects, content, **measured):
         names = effects.split() if effects else []
-        draw = Draw("w001", Kind(kind), 1, {name: "medium" for name in names})
+        draw = Draw("w001", Kind(kind), 1, dict.fromkeys(names, "medium"))
         return Judged(draw, said(content), {"visible": bool(names), **measured})
 
     return make

@@ -84,7 +84,12 @@ def test_a_case_folder_holds_no_label_and_its_twin_differs_in_the_effect_alone(t
     one = next(draw for draw in draw_cases(160, seed=6) if "stribeck" in draw.effects)
     case = make(one, tmp_path / one.name, duration=2.0, fs=500.0)
     twin = make_twin(one, tmp_path / "twin", duration=2.0, fs=500.0)
-    words = [*FORMS, str(one.seed), "severity", *(kind.value for kind in Kind if kind.value != "none")]
+    words = [
+        *FORMS,
+        str(one.seed),
+        "severity",
+        *(kind.value for kind in Kind if kind.value != "none"),
+    ]
     for path in case.folder.iterdir():
         raw = path.read_bytes()
         text = (gzip.decompress(raw) if path.suffix == ".gz" else raw).decode()

@@ -42,7 +42,9 @@ def test_the_seal_says_nothing_but_a_hash(sealed):
 
 def test_equal_draws_are_sealed_with_different_salts(sealed, tmp_path):
     seal(tmp_path / "other", DRAWS, 2.0, 500.0)
-    hashes = [json.loads((f / "seal.json").read_text())["sha256"] for f in (sealed, tmp_path / "other")]
+    hashes = [
+        json.loads((f / "seal.json").read_text())["sha256"] for f in (sealed, tmp_path / "other")
+    ]
     assert hashes[0] != hashes[1]
 
 

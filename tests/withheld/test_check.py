@@ -1,0 +1,121 @@
+"""The whole check with a diagnosis that always says the same, and with the command."""
+
+import json
+
+import numpy as np
+import pytest
+
+from pneumo_casadi import cli, withheld_command
+from pneumo_casadi.effects import CATALOGUE
+from pneumo_casadi.errors import CaseError
+from pneumo_casadi.report.figures.style import png
+from pneumo_casadi.report.figures.withheld import withheld_figure
+from pneumo_casadi.report.text import render
+from pneumo_casadi.report.withheld import withheld_table
+from pneumo_casadi.withheld import Check, Kind, Proportions, check_withheld, measure
+from pneumo_casadi.withheld.draw import Draw, make, make_twin
+from pneumo_casadi.withheld.measure import measured, opened_study
+
+SHORT = {"duration": 4.0, "fs": 500.0}
+CHECK = Check(4, 3, Proportions(2, 0, 1, 0, 0, 1), **SHORT)
+
+
+@pytest.fixture
+def always(told):
+    """A diagnosis that says Stribeck of everything."""
+    calls = []
+
+    def diagnosing(case, catalogue):
+        calls.append(case.name)
+        return told("effect", "stribeck", ranking=["stribeck", "hose"], probability=0.75)
+
+    diagnosing.calls = calls
+    return diagnosing
+
+
+@pytest.fixture
+def few_rivals(monkeypatch):
+    """Fit two effects instead of thirty."""
+    few = {name: CATALOGUE[name] for name in ("stribeck", "quadratic_drag")}
+    monkeypatch.setattr(measure, "CATALOGUE", few)
+
+
+def test_a_diagnosis_that_always_says_stribeck_scores_as_it_must(
+    tmp_path, always, in_place, few_rivals
+):
+    found = check_withheld(tmp_path, CHECK, in_place, always)
+    stribeck = sum(one["effects"].keys() == {"stribeck"} for one in found["each"])
+    scores = found["scores"]["all"]
+    assert always.calls == ["w001", "w002", "w003", "w004"]
+    assert (scores["right_first"]["hits"], scores["right_first"]["of"]) == (stribeck, 2)
+    assert (scores["false_alarm"]["hits"], scores["false_alarm"]["of"]) == (1, 1)
+    assert (scores["unknown_caught"]["hits"], scores["unknown_caught"]["of"]) == (0, 1)
+    assert scores["set_size"] == {"mean": 1.0, "of": 2}
+    assert found["calibration"]["expected_calibration_error"] == pytest.approx(
+        abs(0.75 - stribeck / 4)
+        if stribeck in (0, 4)
+        else 0.25 * stribeck / 4 + 0.75 * (1 - stribeck / 4)
+    )
+    assert found["unmeasured"] == 0
+    again = check_withheld(tmp_path, CHECK, in_place, always)
+    assert again == found
+    assert len(always.calls) == 4
+    with pytest.raises(CaseError, match="another seed"):
+        check_withheld(tmp_path, Check(4, 4, CHECK.proportions, **SHORT), in_place, always)
+    names = {path.name for path in tmp_path.iterdir()}
+    assert names == {
+        *("seal.json", "labels.sealed", "opened.json", "scores.json"),
+        *("cases", "verdicts", "measures"),
+    }
+
+
+def test_a_large_cause_shows_and_the_oracle_removes_most_of_it(tmp_path, few_rivals):
+    draw = Draw("w001", Kind.SINGLE, 5, {"stribeck": "large"})
+    one = opened_study(make(draw, tmp_path / "case", **SHORT))
+    twin = opened_study(make_twin(draw, tmp_path / "twin", **SHORT))
+    found = measured(one, twin, draw, ["stribeck"])
+    assert found["visible"]
+    assert found["oracle_shrink"] == found["named_shrink"] > 0.5
+    assert found["by_error"][0] == "stribeck"
+    assert found["by_aic"][:1] == ["stribeck"]
+    other = measured(one, twin, draw, ["quadratic_drag"])
+    assert other["named_shrink"] < other["oracle_shrink"]
+    nothing = measured(twin, twin, Draw("w002", Kind.NONE, 5, {}), [])
+    assert not nothing["visible"]
+    assert (nothing["oracle_shrink"], nothing["named_shrink"]) == (None, 0.0)
+
+
+def test_the_command_prints_the_scores_and_writes_them(tmp_path, monkeypatch, told, judged, capsys):
+    from pneumo_casadi import withheld
+
+    cases = [
+        judged("single", "hose", told("effect", "hose"), by_error=["hose"], by_aic=["hose"]),
+        judged("none", "", told("none")),
+    ]
+    asked = []
+
+    def in_no_time(folder, check, executor, **options):
+        asked.append(check)
+        folder.mkdir(exist_ok=True)
+        return withheld.scored(cases)
+
+    monkeypatch.setattr(withheld, "check_withheld", in_no_time)
+    folder, file = tmp_path / "out", tmp_path / "scores.json"
+    given = ["withheld", "--cases", "2", "-o", str(folder), "--json", str(file)]
+    assert cli.run(given) == 0
+    assert "single effects: named, and nothing else" in capsys.readouterr().out
+    assert json.loads(file.read_text())["scores"]["all"]["right_first"]["hits"] == 1
+    assert (folder / "withheld.png").stat().st_size > 10_000
+    assert cli.run(given) == 0
+    assert asked[0] == asked[1], "called again, it goes on with the seed of the folder"
+    (folder / withheld_command.SEED_FILE).write_text("seven")
+    assert cli.run(given) == 2
+
+
+def test_table_and_figure_show_a_check_without_visible_cases(told, judged):
+    from pneumo_casadi.withheld import scored
+
+    found = scored([judged("single", "hose", told("none"), visible=False)])
+    text = render(withheld_table(found))
+    assert "0.0 (0-79) 0/1" in text
+    assert np.frombuffer(png(withheld_figure(found)), np.uint8).size > 10_000
