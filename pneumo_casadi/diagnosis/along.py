@@ -19,6 +19,8 @@ from pneumo_casadi.flow import FlowISO6358
 
 #: Coefficient of the Rosenbrock method ROS2, L-stable (Verwer et al. 1999, SIAM J. Sci. Comput.).
 GAMMA = 1 - 0.5**0.5
+#: Samples that one call of the machine code takes; records are cut to a multiple of it.
+STRETCH = 64
 
 
 class _FlowAt:
@@ -106,14 +108,20 @@ class AlongMotion:
         y = ca.vertcat(*(written.output[name] for name in axis.outputs))
         free = [axis.parameters.index(name) for name in self.nominal]
         J = ca.jacobian(r, theta)[:, free]
+        r, y = ca.densify(r), ca.densify(y)
+        one = ca.Function("one_residual", symbols, [r, y])
+        both = ca.Function("one_jacobian", symbols, [r, y, ca.densify(J)])
         functions = [
-            ca.Function("residual", symbols, [r, y]),
-            ca.Function("residual_and_jacobian", symbols, [r, y, ca.densify(J)]),
+            _stretch("residual", one, STRETCH, False),
+            _stretch("residual_and_jacobian", both, STRETCH, False),
         ]
         if self.n_z:
             rest = ca.vertcat(*(at_rest.rest[name] for name in axis.states[-self.n_z :]))
-            functions += [ca.Function("rest", symbols, [ca.densify(rest)]), self._step()]
-        return compiled([_dense(f) for f in functions])
+            functions += [
+                ca.Function("rest", symbols, [ca.densify(rest)]),
+                _stretch("steps", self._step(), STRETCH, True),
+            ]
+        return compiled(functions)
 
     def _step(self) -> ca.Function:
         """One sample of the effects' states by ROS2: (z, x, x⁺, dx, dx⁺, u, h, c, θ) → z⁺."""
@@ -141,38 +149,31 @@ class AlongMotion:
         return tuple(name for name in self.axis.parameters.free_names if "." in name)
 
     @property
-    def residual(self) -> ca.Function:
-        """``-> (r (ne,), y (ny,))``: residuals of the balances, and what the sensors show."""
-        return self._functions[0]
-
-    @property
-    def residual_and_jacobian(self) -> ca.Function:
-        """``-> (r, y, ∂r/∂θ_nominal (ne, n))``."""
-        return self._functions[1]
-
-    @property
     def rest(self) -> ca.Function:
         """``-> z``: the effects' states at rest."""
         return self._functions[2]
 
-    @property
-    def step(self) -> ca.Function:
-        """One sample of the effects' states."""
-        return self._functions[3]
+    def residual(self, N: int) -> ca.Function:
+        """``-> (r (ne, N), y (ny, N))``: residuals of the balances, and what the sensors show.
 
-    def mapped(self, jacobian: bool, N: int) -> ca.Function:
-        """Return `residual`, or `residual_and_jacobian`, for N samples side by side."""
-        f = self.residual_and_jacobian if jacobian else self.residual
-        if (f.name(), N) not in self._kept:
-            self._kept[f.name(), N] = f.map(N) if N > 1 else f
-        return self._kept[f.name(), N]
+        For N samples, a multiple of `STRETCH`; constants and θ once a stretch.
+        """
+        return self._repeated(self._functions[0], N // STRETCH, "map", 1)
 
-    def chain(self, n: int, B: int) -> ca.Function:
-        """Return n steps of the effects' states in a row, for B motions side by side."""
-        if ("chain", n, B) not in self._kept:
-            chain = self.step.mapaccum("chain", n)
-            self._kept["chain", n, B] = chain.map(B) if B > 1 else chain
-        return self._kept["chain", n, B]
+    def residual_and_jacobian(self, N: int) -> ca.Function:
+        """``-> (r, y, ∂r/∂θ_nominal (ne, n N))``, as `residual`."""
+        return self._repeated(self._functions[1], N // STRETCH, "map", 1)
+
+    def steps(self, N: int, B: int) -> ca.Function:
+        """Return N samples of the effects' states, for B motions side by side."""
+        return self._repeated(self._functions[3], N // STRETCH, "mapaccum", B)
+
+    def _repeated(self, f: ca.Function, count: int, how: str, B: int) -> ca.Function:
+        key = (f.name(), count, B)
+        if key not in self._kept:
+            one = f if count == 1 else f.map(count) if how == "map" else f.mapaccum("all", count)
+            self._kept[key] = one.map(B) if B > 1 else one
+        return self._kept[key]
 
     @cached_property
     def _kept(self) -> dict[Any, ca.Function]:
@@ -184,6 +185,16 @@ class AlongMotion:
         return any("output" in effect.junctions for effect in self.axis.effects)
 
 
-def _dense(f: ca.Function) -> ca.Function:
-    given = f.sx_in() if f.is_a("SXFunction") else f.mx_in()
-    return ca.Function(f.name(), given, [ca.densify(out) for out in f.call(given)])
+def _stretch(name: str, f: ca.Function, K: int, accumulates: bool) -> ca.Function:
+    """Return K samples of f in one function; its last two inputs (c, θ) are given once."""
+    first = 1 if accumulates else 0
+    shapes = [(f.size1_in(i), f.size2_in(i)) for i in range(f.n_in())]
+    given = [
+        ca.MX.sym(f"a{i}", rows, columns if i < first or i >= len(shapes) - 2 else columns * K)
+        for i, (rows, columns) in enumerate(shapes)
+    ]
+    many = f.mapaccum("chain", K) if accumulates else f.map(K)
+    found = many.call([*given[:-2], *(ca.repmat(one, 1, K) for one in given[-2:])])
+    if accumulates:  # the state at the end first, which the next stretch begins with
+        found = [found[0][:, -1], found[0]]
+    return ca.Function(name, given, found)

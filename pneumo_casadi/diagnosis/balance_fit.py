@@ -113,10 +113,10 @@ def fit_balances(
         if anchor is not None:
             at = [parameters.index(name) for name in anchor.names]
             c = theta[at]
-            rows = np.zeros((anchor.n, len(free)))
+            rows, slopes = np.zeros((anchor.n, len(free))), anchor.jacobian(c)
             for k, i in enumerate(at):
                 if i in free:
-                    rows[:, free.index(i)] = anchor.jacobian(c)[:, k]
+                    rows[:, free.index(i)] = slopes[:, k]
             A, e = np.vstack([A, rows]), np.concatenate([e, anchor(c)])
         A = A * scales
         H = A.T @ A
@@ -130,7 +130,9 @@ def fit_balances(
                 converged = True
                 break
             trial = theta.copy()
-            trial[free] += step * scales
+            trial[free] = np.clip(  # against rounding
+                theta[free] + step * scales, parameters.lower[free], parameters.upper[free]
+            )
             new, _ = cost_at(trial)
             if np.isfinite(new) and new < cost - 1e-3 * promised:
                 theta, accepted = trial, True

@@ -6,14 +6,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from pneumo_casadi.compilation import called
-from pneumo_casadi.diagnosis.along import AlongMotion
+from pneumo_casadi.diagnosis.along import STRETCH, AlongMotion
 from pneumo_casadi.diagnosis.trajectory import Smoothed
 from pneumo_casadi.parameters import FloatArray
 
-#: Samples that the effects' states advance in one call.
-CHUNK = 1000
 #: How often what a sensor distorts is taken back (each time to one order more).
 CORRECTIONS = 3
+#: Step of difference quotients, in units of a parameter's scale.
+DIFFERENCE = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,18 +44,7 @@ def linearised(model: AlongMotion, data: Smoothed, theta: FloatArray) -> Residua
     Those to the nominal parameters are exact but for the effects' states, which hardly hang on
     them; those to the effects' parameters are differences over a thousandth of their scale.
     """
-    parameters = model.axis.parameters
-    variants = [theta]
-    steps = []
-    for name in model.own:
-        item, at = parameters[name], parameters.index(name)
-        h = 1e-3 * item.scale
-        if theta[at] + h > item.upper:
-            h = -h
-        moved = theta.copy()
-        moved[at] += h
-        variants.append(moved)
-        steps.append(h)
+    variants, steps = _moved(model, theta, model.own)
     found = _undecimated(model, data, variants, jacobian=True)
     r, J = found[0], found[-1]
     ne, N = r.shape
@@ -64,8 +53,38 @@ def linearised(model: AlongMotion, data: Smoothed, theta: FloatArray) -> Residua
     low = data.averaged(np.concatenate([*columns, J.reshape(N, -1)], axis=1))
     m = len(low)
     own = low[:, ne : ne * (1 + len(steps))].reshape(m, len(steps), ne).transpose(2, 0, 1)
-    nominal = low[:, ne * (1 + len(steps)) :].reshape(m, ne, -1).transpose(1, 0, 2)
+    nominal = low[:, ne * (1 + len(steps)) :].reshape(m, -1, ne).transpose(2, 0, 1)
     return Residuals(low[:, :ne].T, np.concatenate([nominal, own], axis=2))
+
+
+def directions(
+    model: AlongMotion, data: Smoothed, theta: FloatArray, names: Sequence[str]
+) -> FloatArray:
+    """Return derivatives of the residuals to parameters of the effects, shape (ne, m, k)."""
+    variants, steps = _moved(model, theta, names)
+    found = _undecimated(model, data, variants)
+    columns = [(one - found[0]).T / h for one, h in zip(found[1:], steps, strict=True)]
+    ne, k = len(found[0]), len(names)
+    low = data.averaged(np.concatenate(columns, axis=1)) if k else np.zeros((data.m, 0))
+    return low.reshape(data.m, k, ne).transpose(2, 0, 1)
+
+
+def _moved(
+    model: AlongMotion, theta: FloatArray, names: Sequence[str]
+) -> tuple[list[FloatArray], list[float]]:
+    """Return θ and what it is with each of some parameters moved, and by how much."""
+    parameters = model.axis.parameters
+    variants, steps = [theta], []
+    for name in names:
+        item, at = parameters[name], parameters.index(name)
+        h = DIFFERENCE * item.scale
+        if theta[at] + h > item.upper:
+            h = -h
+        moved = theta.copy()
+        moved[at] += h
+        variants.append(moved)
+        steps.append(h)
+    return variants, steps
 
 
 def _undecimated(
@@ -85,10 +104,11 @@ def _undecimated(
     for i, (theta, z, (x, dx)) in enumerate(zip(variants, states, motions, strict=True)):
         given = (x, dx, data.u, z, *_repeated(model, theta, data.N))
         if jacobian and i == 0:
-            r, _, slope = called(model.mapped(True, data.N), *given)
-            last = [slope.reshape(len(r), data.N, -1).transpose(1, 0, 2).reshape(data.N, -1)]
+            r, _, slope = called(model.residual_and_jacobian(data.N), *given)
+            # Columns of one sample lie side by side: (ne, n N) in Fortran's order.
+            last = [slope.reshape(-1, data.N, order="F").T]
         else:
-            r, _ = called(model.mapped(False, data.N), *given)
+            r, _ = called(model.residual(data.N), *given)
         found.append(r)
     return found + last
 
@@ -106,24 +126,25 @@ def own_states(
     c = np.array(list(model.constants.values()))
     z = np.zeros((model.n_z, N, B))
     for i, (theta, (x, dx)) in enumerate(zip(variants, motions, strict=True)):
-        given = (x[:, :1], dx[:, :1], data.u[:, :1], np.zeros((model.n_z, 1)), c, theta)
-        z[:, 0, i] = called(model.rest, *given)[0][:, 0]
-    for first in range(0, N - 1, CHUNK):
-        n = min(CHUNK, N - 1 - first)
-        at, after = slice(first, first + n), slice(first + 1, first + n + 1)
-        given = (
-            z[:, first, :],
-            np.hstack([x[:, at] for x, _ in motions]),
-            np.hstack([x[:, after] for x, _ in motions]),
-            np.hstack([dx[:, at] for _, dx in motions]),
-            np.hstack([dx[:, after] for _, dx in motions]),
-            np.tile(data.u[:, at], B),
-            np.full((1, n * B), data.dt),
-            np.tile(c[:, None], n * B),
-            np.hstack([np.tile(theta[:, None], n) for theta in variants]),
-        )
-        found = called(model.chain(n, B), *given)[0].reshape(model.n_z, B, n)
-        z[:, after, :] = found.transpose(0, 2, 1)
+        at_first = (x[:, :1], dx[:, :1], data.u[:, :1], np.zeros((model.n_z, 1)), c, theta)
+        z[:, 0, i] = called(model.rest, *at_first)[0][:, 0]
+    def after(values: FloatArray) -> FloatArray:
+        return np.hstack([values[:, 1:], values[:, -1:]])
+
+    C, T = _repeated(model, np.zeros(0), N)[0], N // STRETCH
+    given = (
+        z[:, 0, :],
+        np.hstack([x for x, _ in motions]),
+        np.hstack([after(x) for x, _ in motions]),
+        np.hstack([dx for _, dx in motions]),
+        np.hstack([after(dx) for _, dx in motions]),
+        np.tile(data.u, B),
+        np.full((1, N * B), data.dt),
+        np.tile(C, B),
+        np.hstack([np.tile(theta[:, None], T) for theta in variants]),
+    )
+    found = called(model.steps(N, B), *given)[1].reshape(model.n_z, B, N)
+    z[:, 1:, :] = found.transpose(0, 2, 1)[:, :-1]
     return [z[:, :, i] for i in range(B)]
 
 
@@ -138,7 +159,7 @@ def _corrected(
     axis = model.axis
     x, dx = motion
     given = (x, dx, data.u, z, *_repeated(model, theta, data.N))
-    _, y = called(model.mapped(False, data.N), *given)
+    _, y = called(model.residual(data.N), *given)
     x_new, dx_new = x.copy(), dx.copy()
     for i, name in enumerate(axis.outputs):
         row = axis.motion_states.index(name)
@@ -155,4 +176,5 @@ def _corrected(
 
 def _repeated(model: AlongMotion, theta: FloatArray, n: int) -> tuple[FloatArray, FloatArray]:
     c = np.array(list(model.constants.values()))
-    return np.tile(c[:, None], n), np.tile(theta[:, None], n)
+    count = n // STRETCH
+    return np.tile(c[:, None], count), np.tile(theta[:, None], count)

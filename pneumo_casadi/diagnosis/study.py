@@ -22,6 +22,8 @@ from pneumo_casadi.regression import fit_wls
 
 #: Width of the smoothed sign of the velocity; slower rows are left out [m/s].
 V_S = 1e-3
+#: An effect that gains less log-likelihood than this is tried so many times larger too.
+LITTLE, LARGER = 1.0, (10.0, 100.0, 1000.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,24 +115,45 @@ class Fitted:
     converged: bool
 
 
-def fit(one: Study, effects: Sequence[Effect], start: Mapping[str, float] | None = None) -> Fitted:
+def fit(
+    one: Study,
+    effects: Sequence[Effect],
+    start: Mapping[str, float] | None = None,
+    base: float | None = None,
+) -> Fitted:
     """Fit the nominal axis with some effects to the balances.
 
     Parameters
     ----------
     start : mapping of str to float, optional
         Values to begin at; effects that are not named there begin at their starting values.
+    base : float, optional
+        Cost of the fit to be improved. Where nothing is gained on it, effects are tried larger
+        too: a back pressure that leaves the valves choked is not felt at all.
     """
-    begin = dict(start or {})
     axis = one.axis.with_effects(*effects).at_starting_values()
-    known = {name: value for name, value in begin.items() if name in axis.parameters}
-    model = AlongMotion(axis.with_parameters(known))
+    known = {name: value for name, value in (start or {}).items() if name in axis.parameters}
+    axis = axis.with_parameters(known)
+    found = _fit(one, axis)
+    if base is None or found.cost < base - LITTLE or not effects:
+        return found
+    new = [n for n in axis.parameters.free_names if "." in n and n not in known]
+    for factor in LARGER:
+        items = axis.parameters.select(new)
+        larger = np.clip(items.values * factor, items.lower, items.upper)
+        again = _fit(one, axis.with_parameters(dict(zip(new, larger.tolist(), strict=True))))
+        if again.cost < found.cost - LITTLE:
+            return again
+    return found
+
+
+def _fit(one: Study, axis: Axis) -> Fitted:
+    model = AlongMotion(axis)
     train, held = one.smoothed
-    found = fit_balances(model, train, one.anchor, model.axis.parameters.values, one.least)
-    names = axis.parameters.names
+    found = fit_balances(model, train, one.anchor, axis.parameters.values, one.least)
     return Fitted(
-        tuple(effect.name for effect in effects),
-        dict(zip(names, found.theta.tolist(), strict=True)),
+        tuple(effect.name for effect in axis.effects),
+        dict(zip(axis.parameters.names, found.theta.tolist(), strict=True)),
         dict(zip(found.free, np.sqrt(np.diag(found.covariance)).tolist(), strict=True)),
         found.cost,
         tuple(residuals(model, data, found.theta) for data in train),

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from pneumo_casadi.axis import Axis
+from pneumo_casadi.diagnosis.along import STRETCH
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.filtering import FilterPlan, InputPairing, filter_recording
 from pneumo_casadi.filtering.bandwidth import white_noise_std
@@ -116,6 +117,8 @@ def smoothed(axis: Axis, record: Recording) -> Smoothed:
     # An input held from its sample to the next belongs to the middle of that step.
     if record.hold is InputHold.ZERO:
         x, dx, u = (x[:, 1:] + x[:, :-1]) / 2, (dx[:, 1:] + dx[:, :-1]) / 2, u[:, :-1]
+    whole = x.shape[1] // STRETCH * STRETCH
+    x, dx, u = (np.asfortranarray(part[:, :whole]) for part in (x, dx, u))
     slow = np.abs(x[names.index("v")]) < max(SLOW, NOISE_MULTIPLE * found.velocity_noise)
     weak = _windows(x.shape[1], max(1, round(fs / ROW_RATE)))
     return Smoothed(

@@ -8,15 +8,13 @@ import casadi as ca
 from pneumo_casadi.effect import Effect, Expression, Pair, Scope, State, Supply
 from pneumo_casadi.parameters import Parameter
 
-#: Time in which the space before the silencer fills [s].
-TAU_FILLING = 2e-3
-
 
 class ExhaustRestriction(Effect):
     """Turbulent back pressure of what both valves let out through one silencer.
 
     p_e² = p_ext² + 2 r T R q² (Δp = R q²/ρ at the mean density) with q what the valves let out,
-    reached within 2 ms. A valve that is choked does not feel it. The state is the back pressure
+    reached in the time `tau` in which the space before the silencer fills. The same law is the
+    sonic one, q = C ρ₀ p_e, where the back pressure is high: R = 1 / (2 r T (C ρ₀)²). A valve that is choked does not feel it. The state is the back pressure
     p_e − p_ext and not the flow, whose square would leave its initial value without influence.
     """
 
@@ -32,12 +30,24 @@ class ExhaustRestriction(Effect):
             0.0,
             "1/m⁴",
             lower=0.0,
-            upper=1e11,
-            scale=5e8,
+            upper=1e13,
+            scale=1e10,
             null=0.0,
-            start=1e9,
+            start=3e10,
             description="turbulent resistance of the silencer, Δp = R q²/ρ",
-            source="0.1-1 bar at 5 g/s: 5e8 to 7e9 1/m⁴",
+            source="0.1-1 bar at 5 g/s: 5e8 to 7e9 1/m⁴; clogged ones up to 1e12",
+        ),
+        Parameter(
+            "tau",
+            2e-3,
+            "s",
+            lower=1e-3,
+            upper=1.0,
+            scale=1e-2,
+            null=2e-3,
+            start=1e-2,
+            description="time in which the space before the silencer fills",
+            source="V / (r T C ρ₀): 10 cm³ behind a sonic conductance of 2e-9 m³/(s Pa): 50 ms",
         ),
     )
     states = (State("b", "Pa", 1e4),)
@@ -48,7 +58,7 @@ class ExhaustRestriction(Effect):
         out = -ca.fmin(q.P, 0.0) - ca.fmin(q.N, 0.0)
         p_ext = at.axis["p_ext"]
         raised = 2 * at.axis["r"] * at.axis["T"] * at["R"] * out**2
-        return {"b": (ca.sqrt(p_ext**2 + raised) - p_ext - at["b"]) / TAU_FILLING}
+        return {"b": (ca.sqrt(p_ext**2 + raised) - p_ext - at["b"]) / at["tau"]}
 
     def supply(self, ports: Supply, at: Scope) -> Supply:
         """Raise the pressure at the exhaust ports."""

@@ -1,0 +1,207 @@
+"""The screen: what each effect could explain, from one linearisation at the nominal fit.
+
+The perturbation that an effect causes along the smoothed motion is projected orthogonally to
+everything that a refit of the nominal model would absorb. Shape parameters, on which nothing
+depends at first order where the effect vanishes, are tried on a grid.
+"""
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import lsq_linear
+
+from pneumo_casadi.diagnosis.along import AlongMotion
+from pneumo_casadi.diagnosis.inverse import directions, linearised
+from pneumo_casadi.diagnosis.study import Fitted, Study, rows_used
+from pneumo_casadi.effect import Effect
+from pneumo_casadi.parameters import FloatArray
+
+#: Shape parameters are tried at these multiples of their starting values.
+GRID = (1 / 3, 1.0, 3.0)
+#: Below this share of its influence an effect cannot be seen in these data.
+UNOBSERVABLE = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class Direction:
+    """The perturbation of the residuals by one effect, for one choice of its shape.
+
+    Parameters
+    ----------
+    values : mapping of str to float
+        Shape parameters held, by full name.
+    names : tuple of str
+        Parameters that `columns` belong to.
+    columns : (rows, k) array
+        Derivatives of the weighted residuals, scaled by the parameters' scales.
+    lower, upper : (k,) array
+        How far they may go from their null, scaled.
+    """
+
+    values: Mapping[str, float]
+    names: tuple[str, ...]
+    columns: FloatArray
+    lower: FloatArray
+    upper: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Screened:
+    """What the screen promises of an effect.
+
+    Parameters
+    ----------
+    name : str
+        Effect.
+    explained : float
+        Share of the squared residuals that it takes away.
+    observable : float
+        Share of its influence that the nominal parameters cannot take up.
+    start : mapping of str to float
+        Where a refit had better start.
+    """
+
+    name: str
+    explained: float
+    observable: float
+    start: Mapping[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Background:
+    """Residuals at a fit, and an orthonormal basis of what a refit would absorb."""
+
+    e: FloatArray
+    Q: FloatArray
+
+
+def perturbation(one: Study, nominal: Fitted, effect: Effect) -> tuple[Direction, ...]:
+    """Return the directions of an effect at the nominal fit, one for each point of its grid."""
+    axis = one.axis.with_effects(effect).with_parameters(dict(nominal.values)).at_null_values()
+    model = AlongMotion(axis)
+    shapes: tuple[str, ...] = ()
+    found: list[Direction] = []
+    first = _direction(one, model, nominal, {}, ())
+    silent = [n for n, c in zip(model.own, first.columns.T, strict=True) if not np.any(c)]
+    starting = axis.at_starting_values().parameters
+    if len(silent) == len(model.own):  # felt at no size near null: nothing to choose a shape by
+        return (first,)
+    shapes = tuple(n for n in silent if starting[n].value != 0)
+    starts = [starting[n].value for n in shapes]
+    for factors in itertools.product(GRID, repeat=len(shapes)):
+        values = {
+            name: float(np.clip(start * f, axis.parameters[name].lower, axis.parameters[name].upper))
+            for name, start, f in zip(shapes, starts, factors, strict=True)
+        }
+        if all(v == axis.parameters[n].value for n, v in values.items()):
+            found.append(_without(first, shapes, values))
+        else:
+            found.append(_direction(one, model, nominal, values, shapes))
+    return tuple(found)
+
+
+def _without(one: Direction, shapes: Sequence[str], values: Mapping[str, float]) -> Direction:
+    kept = [i for i, name in enumerate(one.names) if name not in shapes]
+    names = tuple(one.names[i] for i in kept)
+    return Direction(values, names, one.columns[:, kept], one.lower[kept], one.upper[kept])
+
+
+def _direction(
+    one: Study,
+    model: AlongMotion,
+    nominal: Fitted,
+    values: Mapping[str, float],
+    shapes: Sequence[str],
+) -> Direction:
+    parameters = model.axis.parameters.with_values(values)
+    names = tuple(name for name in model.own if name not in shapes)
+    parts = [
+        directions(model, data, parameters.values, names)[rows_used(one, data)]
+        for data in one.smoothed[0]
+    ]
+    items = parameters.select(names)
+    weight = _weights(one, nominal)
+    return Direction(
+        values,
+        names,
+        np.concatenate(parts) * items.scales / weight[:, None],
+        (items.lower - items.values) / items.scales,
+        (items.upper - items.values) / items.scales,
+    )
+
+
+def _weights(one: Study, nominal: Fitted) -> FloatArray:
+    """Return the standard deviation of every row that counts, record after record."""
+    r = np.hstack(nominal.train)
+    used = np.hstack(nominal.used_train)
+    sigma = np.sqrt((r**2 * used).sum(axis=1) / used.sum(axis=1) + one.least**2)
+    return np.concatenate(
+        [np.broadcast_to(sigma[:, None], mask.shape)[mask] for mask in nominal.used_train]
+    )
+
+
+def background(
+    one: Study, nominal: Fitted, fitted: Fitted, effects: Sequence[Effect] = ()
+) -> Background:
+    """Linearise a fit and return its residuals with the space that a refit would absorb.
+
+    Weighted as the nominal fit, so that directions need not be computed again.
+    """
+    axis = one.axis.with_effects(*effects).with_parameters(dict(fitted.values))
+    model = AlongMotion(axis)
+    theta = axis.parameters.values
+    names = (*model.nominal, *model.own)
+    r, J = [], []
+    for data in one.smoothed[0]:
+        found, mask = linearised(model, data, theta), rows_used(one, data)
+        r.append(found.r[mask])
+        J.append(found.J[mask])
+    weight = _weights(one, nominal)
+    scales = axis.parameters.select(names).scales
+    A = np.concatenate(J) * scales / weight[:, None]
+    e = np.concatenate(r) / weight
+    if one.anchor is not None:
+        rows = np.zeros((one.anchor.n, len(names)))
+        slopes = one.anchor.jacobian(axis.parameters.select(one.anchor.names).values)
+        for k, name in enumerate(one.anchor.names):
+            if name in names:
+                rows[:, names.index(name)] = slopes[:, k] * scales[names.index(name)]
+        A = np.vstack([A, rows])
+    size = np.linalg.norm(A, axis=0)
+    U, s, _ = np.linalg.svd(A / np.where(size > 0, size, 1.0), full_matrices=False)
+    return Background(e, U[: e.size, s > 1e-9 * s[0]])
+
+
+def screened(name: str, found: Sequence[Direction], behind: Background) -> Screened:
+    """Return what an effect promises over a background."""
+    e, Q = behind.e, behind.Q
+    total = float(e @ e)
+    best = Screened(name, 0.0, 0.0, {})
+    for one in found:
+        D = one.columns
+        # Rows of the flow map are zero for an effect: (I - Q Qᵀ) acts on the rest of them too.
+        gram = D.T @ D - (Q.T @ D).T @ (Q.T @ D)
+        slope = D.T @ e - (Q.T @ D).T @ (Q.T @ e)
+        whole = np.diag(D.T @ D)
+        left = np.divide(np.diag(gram), whole, out=np.zeros(len(whole)), where=whole > 0)
+        seen = left > UNOBSERVABLE / 10
+        observable = float(left.max(initial=0.0))
+        if not seen.any():
+            best = max(best, Screened(name, 0.0, observable, {}), key=lambda s: s.observable)
+            continue
+        step = np.zeros(len(whole))
+        step[seen] = _bounded(gram[np.ix_(seen, seen)], slope[seen], one.lower[seen], one.upper[seen])
+        gain = -(2 * slope @ step + step @ gram @ step) / total
+        if gain > best.explained or best.observable == 0.0:
+            best = Screened(name, max(float(gain), 0.0), observable, dict(one.values))
+    return best
+
+
+def _bounded(gram: FloatArray, slope: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArray:
+    size = np.sqrt(np.diag(gram))
+    L = np.linalg.cholesky(gram / np.outer(size, size) + 1e-9 * np.eye(len(size)))
+    target = np.linalg.solve(L, -slope / size)
+    lo, hi = np.minimum(lower, 0) * size, np.maximum(upper, 0) * size
+    return np.asarray(lsq_linear(L.T, target, (lo, np.maximum(hi, lo + 1e-12))).x / size)
