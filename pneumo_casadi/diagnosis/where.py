@@ -1,0 +1,210 @@
+"""Where simulation and reality part: in which balance or sensor, and in which regime."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from pneumo_casadi.diagnosis.regimes import regimes_of
+from pneumo_casadi.diagnosis.result import Regime, Where
+from pneumo_casadi.diagnosis.signatures import Signatures, row_signals, signatures
+from pneumo_casadi.diagnosis.study import Fitted, Study
+from pneumo_casadi.diagnosis.unknown_inputs import unknown_inputs
+from pneumo_casadi.effect import Effect
+from pneumo_casadi.parameters import FloatArray
+
+#: What forms of flow maps and friction laws leave on a right axis, as a share of the signal.
+FORM = {"mass_flow_P": 0.01, "mass_flow_N": 0.01, "force": 0.015}
+#: Left by a sensor's error over left by the best unknown input: below, the sensor is the place;
+#: above the second, it is out of the question.
+SENSOR, RIVAL = 0.6, 3.0
+#: Share of the residuals that a rival must not leave.
+UNEXPLAINED = 0.15
+
+#: Sensor errors in the catalogue and beyond that a hypothesis stands for.
+SENSOR_EFFECTS: Mapping[str, tuple[str, ...]] = {
+    "position": ("position_delay", "backlash"),
+    "pressures": ("pressure_sensor_lag", "pressure_sensor_bias"),
+}
+#: Regimes shown at most.
+REGIMES = 5
+#: What in a regime's name points to which junction.
+_CLUES = {
+    "near null": "spool",
+    "flow into": "supply",
+    "filling": "supply",
+    "flow out": "outlet",
+    "emptying": "outlet",
+    "above 8 Hz": "spool",
+}
+_WORDS = {
+    "mass_flow_P": "the mass flow into chamber P",
+    "mass_flow_N": "the mass flow into chamber N",
+    "force": "the force on the piston",
+    "measurement": "a sensor",
+}
+
+
+def locate(
+    one: Study,
+    nominal: Fitted,
+    cause: Sequence[Effect] = (),
+    fitted: Fitted | None = None,
+) -> Where:
+    """Say where simulation and reality part.
+
+    Parameters
+    ----------
+    one : Study
+        Records and nominal axis.
+    nominal : Fitted
+        Its fit without effects.
+    cause : sequence of Effect, optional
+        Effects found, in the order in which they were added: the location is that of the first.
+    fitted : Fitted, optional
+        The fit with them: tells which balance they mend.
+
+    Returns
+    -------
+    Where
+    """
+    train, held = one.smoothed
+    records = held or train
+    inputs = tuple(unknown_inputs(one.axis, nominal.values, data) for data in records)
+    energy = dict(
+        zip(one.axis.equations, np.mean([i.energy for i in inputs], axis=0).tolist(), strict=True)
+    )
+    shares = above_form(energy)
+    found = signatures(one, nominal.values)
+    telling = regimes_of(one, nominal)
+    if cause:
+        balance = place_of(cause, _mended(one, nominal, fitted) or shares)
+        junction = cause[0].junctions[0] if cause[0].junctions else ""
+    else:
+        balance = place_without_cause(shares, found)
+        junction = _junction(balance, telling)
+    # A sensor's error shows in every balance, another cause where it acts.
+    here = [r for r in telling if balance in (r.balance, "measurement")][:REGIMES]
+    rivals = () if balance in ("measurement", "none") else rivals_of(found)
+    words = _words(balance, energy, here, rivals, found, [effect.name for effect in cause])
+    return Where(balance, junction, tuple(here), shares, rivals, words)
+
+
+def above_form(energy: Mapping[str, float]) -> dict[str, float]:
+    """Return shares of the energies beyond what a right model leaves; zeros if there is none."""
+    excess = {name: max(value - FORM[name] ** 2, 0.0) for name, value in energy.items()}
+    total = sum(excess.values())
+    return {name: value / total if total > 0 else 0.0 for name, value in excess.items()}
+
+
+def place_of(cause: Sequence[Effect], mended: Mapping[str, float]) -> str:
+    """Return the balance, or ``measurement``, in which the first of some effects acts.
+
+    Parameters
+    ----------
+    mended : mapping of str to float
+        How much of each balance's residual the effects take away, or the shares of the unknown
+        inputs: decides between chambers.
+    """
+    junctions = set(cause[0].junctions)
+    if junctions <= {"output"}:
+        return "measurement"
+    if junctions <= {"force", "drive", "output"}:
+        return "force"
+    if junctions & {"force", "drive"}:
+        return max(mended, key=lambda name: mended[name])
+    flows = {name: value for name, value in mended.items() if name != "force"}
+    return max(flows, key=lambda name: flows[name])
+
+
+def place_without_cause(shares: Mapping[str, float], found: Signatures) -> str:
+    """Return where the gap lies when no effect explains it: by unknown inputs and signatures."""
+    if not any(shares.values()):
+        return "none"
+    best_input, best_sensor = min(found.inputs.values()), min(found.sensors.values())
+    if best_sensor < SENSOR * best_input:
+        return "measurement"
+    return max(shares, key=lambda name: shares[name])
+
+
+def rivals_of(found: Signatures) -> tuple[str, ...]:
+    """Name the sensor effects whose signature fits the residuals about as well, the best first."""
+    best = min(found.inputs.values())
+    close = {
+        name: value
+        for name, value in found.sensors.items()
+        if value < RIVAL * best and value < UNEXPLAINED * found.before
+    }
+    order = sorted(close, key=lambda name: close[name])
+    return tuple(effect for name in order for effect in SENSOR_EFFECTS[name])
+
+
+def _mended(one: Study, nominal: Fitted, fitted: Fitted | None) -> dict[str, float]:
+    """Return the share of the signal's energy by which each balance's residual shrinks."""
+    if fitted is None:
+        return {}
+    before, after = (_mean_squares(fit) for fit in (nominal, fitted))
+    found = {}
+    train, held = one.smoothed
+    signal = [row_signals(one.axis, nominal.values, data) for data in held or train]
+    size = np.mean(np.square(signal), axis=0)
+    for i, name in enumerate(one.axis.equations):
+        found[name] = float((before[i] - after[i]) / size[i])
+    return found
+
+
+def _mean_squares(fit: Fitted) -> FloatArray:
+    """Return the mean square of each balance's rows that count, (ne,)."""
+    r, used = (fit.held_out, fit.used_held_out) if fit.held_out else (fit.train, fit.used_train)
+    rows, count = np.concatenate(r, axis=1), np.concatenate(used, axis=1)
+    return np.asarray(np.sum(rows**2 * count, axis=1) / np.maximum(count.sum(axis=1), 1))
+
+
+def _junction(balance: str, regimes: Sequence[Regime]) -> str:
+    """Return the junction that a balance and its strongest regimes point to."""
+    if balance in ("force", "measurement", "none"):
+        return {"force": "force", "measurement": "output", "none": ""}[balance]
+    for regime in (one for one in regimes if one.balance == balance):
+        for clue, junction in _CLUES.items():
+            if clue in regime.name:
+                return junction
+    return "chamber_flow"
+
+
+def _words(
+    balance: str,
+    energy: Mapping[str, float],
+    regimes: Sequence[Regime],
+    rivals: Sequence[str],
+    found: Signatures,
+    cause: Sequence[str],
+) -> tuple[str, ...]:
+    """Say it in sentences."""
+    sizes = {name: 100 * value**0.5 for name, value in energy.items()}
+    each = ", ".join(f"{_WORDS[name]} {size:.1f} %" for name, size in sizes.items())
+    sentences = [f"What the balances lack, against their own signals: {each}."]
+    if balance == "none":
+        return (*sentences, "No more than flow maps and friction laws usually leave.")
+    if balance == "measurement":
+        best = min(found.sensors, key=lambda name: found.sensors[name])
+        shown = (
+            f"an error of the {best} sensor" if best == "position" else "errors of the pressures"
+        )
+        share = 100 * max(0.0, 1 - found.sensors[best] / found.before)
+        sentences.append(
+            f"Simulation and reality part in what a sensor shows: {shown} alone explains "
+            f"{share:.0f} % of all residuals."
+        )
+    else:
+        sentences.append(f"Simulation and reality part in {_WORDS[balance]}.")
+    if cause:
+        sentences.append(f"That is where {' and '.join(cause)} acts.")
+    sentences += [
+        f"{100 * one.share:.0f} % of the gap in {_WORDS[one.balance]} is found here: {one.name} "
+        f"({100 * one.time:.0f} % of {'its signal' if one.name.endswith('Hz') else 'the time'})."
+        for one in regimes[:3]
+    ]
+    if rivals:
+        sentences.append(
+            f"Errors of sensors would look much the same: {', '.join(rivals)}. Check the sensors."
+        )
+    return tuple(sentences)
