@@ -7,23 +7,23 @@ from pneumo_casadi.report.tables import Table
 
 #: Shares: key, what it says.
 SHARES = (
-    ("right_first", "single effects: named, and nothing else"),
-    ("ranked_first", "single effects: first in the ranking"),
-    ("first_three", "single effects: among the first three"),
-    ("set_covers", "single effects: in the set offered"),
+    ("right_first", "singles: named, and nothing else"),
+    ("ranked_first", "singles: first in the ranking"),
+    ("first_three", "singles: among the first three"),
+    ("set_covers", "singles: in the set offered"),
     ("set_covers_given", "... where a set is offered"),
     ("pair_one", "pairs: one named"),
     ("pair_both", "pairs: both named"),
-    ("false_alarm", "nothing wrong: an effect named"),
+    ("false_alarm", "nothing wrong: one named"),
     ("unknown_caught", "cause in no list: unknown"),
     ("unknown_caught_left_out", "... left out of this catalogue"),
     ("unknown_caught_never_listed", "... never in it"),
-    ("wrongly_named", "cause in no list: an effect named"),
-    ("false_unknown", "cause listed, or none: unknown"),
+    ("wrongly_named", "cause in no list: one named"),
+    ("false_unknown", "listed or none: unknown"),
     ("located", "right balance"),
-    ("located_single", "... of single effects"),
+    ("located_single", "... of singles"),
     ("absorbed_told", "absorbed: told"),
-    ("absorbed_misnamed", "absorbed: another effect named"),
+    ("absorbed_misnamed", "absorbed: another named"),
     ("failed", "diagnosis failed"),
 )
 
@@ -46,7 +46,7 @@ def withheld_table(result: Mapping[str, Any]) -> Table:
     rows += [
         ("mean size of the set", *(_number(one["set_size"], "mean") for one in both)),
         (
-            "median shrink over that of an oracle",
+            "median shrink over an oracle's",
             *(_number(one["shrink_of_oracle"], "median") for one in both),
         ),
     ]
@@ -67,10 +67,10 @@ def _rivals(both: list[Mapping[str, Any]]) -> list[tuple[str, ...]]:
     kept = (
         ("training_error", "right_first", "by training error: first"),
         ("training_error", "first_three", "by training error: among three"),
-        ("forward_aic", "right_first", "forward selection by AIC: named, and nothing else"),
-        ("forward_aic", "first_chosen", "forward selection by AIC: chosen first"),
-        ("forward_aic", "pair_both", "forward selection by AIC: both of a pair"),
-        ("forward_aic", "false_alarm", "forward selection by AIC: false alarms"),
+        ("forward_aic", "right_first", "forward AIC: named, nothing else"),
+        ("forward_aic", "first_chosen", "forward AIC: chosen first"),
+        ("forward_aic", "pair_both", "forward AIC: both of a pair"),
+        ("forward_aic", "false_alarm", "forward AIC: false alarms"),
     )
     rows = [(text, *(share_text(one[rival][key]) for one in both)) for rival, key, text in kept]
     for key, text in (("right_first", "chance: first"), ("first_three", "chance: among three")):

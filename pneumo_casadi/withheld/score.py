@@ -103,7 +103,7 @@ class Judged:
             "ranking": [" + ".join(sorted(one)) for one in self.said.ranking[:3]],
             "probability": self.said.probability,
             "balance": self.said.balance,
-            "measured": dict(self.measured),
+            "measured": {**self.measured, "by_error": self.measured.get("by_error", [])[:3]},
         }
 
 

@@ -12,12 +12,13 @@ from pneumo_casadi.report.figures.style import png
 from pneumo_casadi.report.figures.withheld import withheld_figure
 from pneumo_casadi.report.text import render
 from pneumo_casadi.report.withheld import withheld_table
-from pneumo_casadi.withheld import Check, Kind, Proportions, check_withheld, measure
-from pneumo_casadi.withheld.draw import Draw, make, make_twin
-from pneumo_casadi.withheld.measure import measured, opened_study
+from pneumo_casadi.result_file import write_json
+from pneumo_casadi.withheld import Check, Kind, Proportions, check, check_withheld, measure
+from pneumo_casadi.withheld.draw import Draw, make
+from pneumo_casadi.withheld.measure import measure_one
 
 SHORT = {"duration": 4.0, "fs": 500.0}
-CHECK = Check(4, 3, Proportions(2, 0, 1, 0, 0, 1), **SHORT)
+CHECK = Check(3, 3, Proportions(1, 0, 1, 0, 0, 1), **SHORT)
 
 
 @pytest.fixture
@@ -34,23 +35,27 @@ def always(told):
 
 
 @pytest.fixture
-def few_rivals(monkeypatch):
-    """Fit two effects instead of thirty."""
-    few = {name: CATALOGUE[name] for name in ("stribeck", "quadratic_drag")}
-    monkeypatch.setattr(measure, "CATALOGUE", few)
+def unmeasured(monkeypatch):
+    """Leave out what takes fits."""
+
+    def write(folder, case, draw, named, duration, fs):
+        assert (case / "bench.json").is_file()
+        write_json({"visible": bool(draw.effects)}, folder / f"{draw.name}.json")
+
+    monkeypatch.setattr(check, "measure_one", write)
 
 
 def test_a_diagnosis_that_always_says_stribeck_scores_as_it_must(
-    tmp_path, always, in_place, few_rivals
+    tmp_path, always, in_place, unmeasured
 ):
     found = check_withheld(tmp_path, CHECK, in_place, always)
     stribeck = sum(one["effects"].keys() == {"stribeck"} for one in found["each"])
     scores = found["scores"]["all"]
-    assert always.calls == ["w001", "w002", "w003", "w004"]
-    assert (scores["right_first"]["hits"], scores["right_first"]["of"]) == (stribeck, 2)
+    assert always.calls == ["w001", "w002", "w003"]
+    assert (scores["right_first"]["hits"], scores["right_first"]["of"]) == (stribeck, 1)
     assert (scores["false_alarm"]["hits"], scores["false_alarm"]["of"]) == (1, 1)
     assert (scores["unknown_caught"]["hits"], scores["unknown_caught"]["of"]) == (0, 1)
-    assert scores["set_size"] == {"mean": 1.0, "of": 2}
+    assert scores["set_size"] == {"mean": 1.0, "of": 1}
     assert found["calibration"]["expected_calibration_error"] == pytest.approx(
         abs(0.75 - stribeck / 4)
         if stribeck in (0, 4)
@@ -59,9 +64,9 @@ def test_a_diagnosis_that_always_says_stribeck_scores_as_it_must(
     assert found["unmeasured"] == 0
     again = check_withheld(tmp_path, CHECK, in_place, always)
     assert again == found
-    assert len(always.calls) == 4
+    assert len(always.calls) == 3
     with pytest.raises(CaseError, match="another seed"):
-        check_withheld(tmp_path, Check(4, 4, CHECK.proportions, **SHORT), in_place, always)
+        check_withheld(tmp_path, Check(3, 4, CHECK.proportions, **SHORT), in_place, always)
     names = {path.name for path in tmp_path.iterdir()}
     assert names == {
         *("seal.json", "labels.sealed", "opened.json", "scores.json"),
@@ -69,20 +74,26 @@ def test_a_diagnosis_that_always_says_stribeck_scores_as_it_must(
     }
 
 
-def test_a_large_cause_shows_and_the_oracle_removes_most_of_it(tmp_path, few_rivals):
+def test_a_large_cause_shows_and_an_oracle_removes_more_than_another_effect(tmp_path, monkeypatch):
+    few = {name: CATALOGUE[name] for name in ("stribeck", "quadratic_drag", "drive_lag")}
+    monkeypatch.setattr(measure, "CATALOGUE", few)
     draw = Draw("w001", Kind.SINGLE, 5, {"stribeck": "large"})
-    one = opened_study(make(draw, tmp_path / "case", **SHORT))
-    twin = opened_study(make_twin(draw, tmp_path / "twin", **SHORT))
-    found = measured(one, twin, draw, ["stribeck"])
+    case = make(draw, tmp_path / "case", **SHORT).folder
+    measure_one(tmp_path, case, draw, ["quadratic_drag"], **SHORT)
+    found = json.loads((tmp_path / "w001.json").read_text())
     assert found["visible"]
-    assert found["oracle_shrink"] == found["named_shrink"] > 0.5
-    assert found["by_error"][0] == "stribeck"
-    assert found["by_aic"][:1] == ["stribeck"]
-    other = measured(one, twin, draw, ["quadratic_drag"])
-    assert other["named_shrink"] < other["oracle_shrink"]
-    nothing = measured(twin, twin, Draw("w002", Kind.NONE, 5, {}), [])
-    assert not nothing["visible"]
-    assert (nothing["oracle_shrink"], nothing["named_shrink"]) == (None, 0.0)
+    assert found["rms"]["force"] > 3 * found["twin_rms"]["force"]
+    assert 0 < found["named_shrink"] < found["oracle_shrink"] - 0.1
+    assert found["oracle_shrink"] > 0.5
+    assert found["by_error"] == ["stribeck", "quadratic_drag"], "no drive on this axis"
+    assert found["by_aic"][0] == "stribeck"
+
+
+def test_a_case_that_cannot_be_measured_says_why(tmp_path):
+    draw = Draw("w001", Kind.NONE, 5, {})
+    too_short = {"duration": 0.5, "fs": 500.0}
+    measure_one(tmp_path, make(draw, tmp_path / "case", **too_short).folder, draw, [], **too_short)
+    assert "too few" in json.loads((tmp_path / "w001.json").read_text())["failure"]
 
 
 def test_the_command_prints_the_scores_and_writes_them(tmp_path, monkeypatch, told, judged, capsys):
@@ -103,7 +114,7 @@ def test_the_command_prints_the_scores_and_writes_them(tmp_path, monkeypatch, to
     folder, file = tmp_path / "out", tmp_path / "scores.json"
     given = ["withheld", "--cases", "2", "-o", str(folder), "--json", str(file)]
     assert cli.run(given) == 0
-    assert "single effects: named, and nothing else" in capsys.readouterr().out
+    assert "singles: named, and nothing else" in capsys.readouterr().out
     assert json.loads(file.read_text())["scores"]["all"]["right_first"]["hits"] == 1
     assert (folder / "withheld.png").stat().st_size > 10_000
     assert cli.run(given) == 0
@@ -119,3 +130,14 @@ def test_table_and_figure_show_a_check_without_visible_cases(told, judged):
     text = render(withheld_table(found))
     assert "0.0 (0-79) 0/1" in text
     assert np.frombuffer(png(withheld_figure(found)), np.uint8).size > 10_000
+
+
+def test_the_matrix_joins_effects_that_were_never_true(told, judged):
+    from pneumo_casadi.withheld import scored
+
+    said_of = {"hose": "backlash", "stribeck": "elastic_load", "leakage_P": "stribeck"}
+    cases = [judged("single", true, told("effect", name)) for true, name in said_of.items()]
+    figure = withheld_figure(scored([*cases, judged("none", "", told("none"))]))
+    matrix = figure.axes[0]
+    assert [one.get_text() for one in matrix.get_xticklabels()] == ["1", "2", "3", "other", "none"]
+    assert sorted(one.get_text() for one in matrix.texts) == ["1"] * 4

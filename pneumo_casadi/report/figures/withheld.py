@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
+from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.report.figures.style import (
     BLACK,
     BLUE,
@@ -42,17 +43,16 @@ def withheld_figure(result: Mapping[str, Any]) -> Figure:
 def confusion_matrix(axes: Axes, found: Mapping[str, Any]) -> None:
     """Draw counts, shaded by their share of the row: right answers lie on the numbered diagonal.
 
-    Effects are numbered, so that the columns need no names.
+    Columns carry the numbers of the rows; effects that were never true share a column.
     """
     rows: Sequence[str] = found["rows"]
-    columns: Sequence[str] = found["columns"]
-    counts = np.asarray(found["counts"], dtype=float)
+    columns, counts = _other_joined(rows, found["columns"], found["counts"])
     shares = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1.0)
     axes.imshow(shares, cmap=_SHADES, vmin=0.0, vmax=1.0, aspect="auto", zorder=2)
     dress(axes)
     axes.grid(False)
-    words = ("none", "unknown", "several", "failed", "effect", "ambiguous", "absorbed")
-    numbers = {name: i for i, name in enumerate((c for c in columns if c not in words), 1)}
+    both = [name for name in columns if name in rows and name != "none"]
+    numbers = {name: i for i, name in enumerate(both, 1)}
     for i, j in zip(*np.nonzero(counts), strict=True):
         right = rows[i] == columns[j] or (columns[j] == "unknown" and rows[i] in _NO_LIST)
         colour = "#ffffff" if shares[i, j] > 0.5 else BLACK if right else VERMILION
@@ -61,19 +61,35 @@ def confusion_matrix(axes: Axes, found: Mapping[str, Any]) -> None:
             color=colour, fontweight="normal" if right else "bold", zorder=3,
         )  # fmt: skip
     for k in range(1, len(rows)):
-        axes.axhline(k - 0.5, color="#d0d0d0", linewidth=0.3, zorder=1)
+        axes.axhline(k - 0.5, color="#d0d0d0", linewidth=0.3, zorder=2.5)
     for k in range(1, len(columns)):
-        axes.axvline(k - 0.5, color="#d0d0d0", linewidth=0.3, zorder=1)
+        axes.axvline(k - 0.5, color="#d0d0d0", linewidth=0.3, zorder=2.5)
     labels = [f"{name.replace('_', ' ')}  {numbers.get(name, '')}".rstrip() for name in rows]
     axes.set_yticks(range(len(rows)), labels, fontsize=SMALL - 1.0)
     texts = [str(numbers.get(name, name)) for name in columns]
     axes.set_xticks(range(len(columns)), texts, fontsize=SMALL - 1.5, rotation=90)
     axes.tick_params(length=0)
     axes.set_xlabel("said", fontsize=SMALL, labelpad=1)
-    axes.set_ylabel("true", fontsize=SMALL, labelpad=1)
+    axes.set_ylabel("true", fontsize=SMALL, labelpad=4)
 
 
 _NO_LIST = ("left_out", "never_listed")
+_WORDS = ("several", "none", "unknown", "failed", "effect", "ambiguous", "absorbed")
+
+
+def _other_joined(
+    rows: Sequence[str], columns: Sequence[str], counts: Sequence[Sequence[int]]
+) -> tuple[list[str], FloatArray]:
+    """Return columns and counts with all effects that no row has in one column."""
+    table = np.asarray(counts, dtype=float)
+    other = [j for j, name in enumerate(columns) if name not in rows and name not in _WORDS]
+    if not other:
+        return list(columns), table
+    kept = [j for j in range(len(columns)) if j not in other]
+    effects = [j for j in kept if columns[j] not in _WORDS]
+    order, last = kept[: len(effects)], kept[len(effects) :]
+    joined = [table[:, order], table[:, other].sum(axis=1, keepdims=True), table[:, last]]
+    return [*(columns[j] for j in order), "other", *(columns[j] for j in last)], np.hstack(joined)
 
 
 def calibration_plot(axes: Axes, found: Mapping[str, Any]) -> None:
