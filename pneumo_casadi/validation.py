@@ -196,6 +196,13 @@ def _run(axis: Axis, record: Recording) -> Run:
 
 def window_errors(axis: Axis, records: Sequence[Recording], window: float) -> dict[str, Error]:
     """Roll out whole windows [s] of all records from their estimated states, in open loop."""
+    return _errors(axis, axis.outputs, window_runs(axis, records, window))
+
+
+def window_runs(
+    axis: Axis, records: Sequence[Recording], window: float
+) -> list[tuple[Recording, Rows, Trajectory]]:
+    """Return records, samples and simulations of their whole windows [s], one after another."""
     pairs: list[tuple[Recording, Rows, Trajectory]] = []
     for record in records:
         L = round(window / record.dt)
@@ -212,7 +219,7 @@ def window_errors(axis: Axis, records: Sequence[Recording], window: float) -> di
         y = outputs_of(axis, joined, u)
         names = (axis.states, joined, axis.outputs, y, axis.inputs, u)
         pairs.append((record, rows, Trajectory(record["t"][rows], *names)))
-    return _errors(axis, axis.outputs, pairs)
+    return pairs
 
 
 def _errors(

@@ -1,5 +1,6 @@
 """Diagnosis: where simulation and reality part, which effect causes it, how far the gap closes."""
 
+from pneumo_casadi.diagnosis.diagnose import DiagnosisOptions, applicable, diagnose, prepare
 from pneumo_casadi.diagnosis.result import (
     Candidate,
     Check,
@@ -17,6 +18,7 @@ __all__ = [
     "Candidate",
     "Check",
     "Diagnosis",
+    "DiagnosisOptions",
     "EffectFound",
     "Gap",
     "Regime",
@@ -24,4 +26,7 @@ __all__ = [
     "Value",
     "Verdict",
     "Where",
+    "applicable",
+    "diagnose",
+    "prepare",
 ]

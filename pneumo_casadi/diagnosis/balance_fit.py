@@ -14,7 +14,7 @@ from pneumo_casadi.diagnosis.along import AlongMotion
 from pneumo_casadi.diagnosis.inverse import linearised, residuals
 from pneumo_casadi.diagnosis.trajectory import Smoothed
 from pneumo_casadi.output_error.anchor import Anchor
-from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.parameters import FloatArray, Parameters
 
 MAX_ITERATIONS = 30
 #: A step that promises less than this share of the cost ends the iteration.
@@ -99,9 +99,10 @@ def fit_balances(
         return _cost(r, n_rows, anchor_squares(anchor, parameters, values), sigma_least)
 
     n_rows = np.sum([w.sum(axis=1) for w in weights], axis=0)
-    damping, cost, converged, iteration = 1e-6, np.inf, False, 0
+    damping, converged, iterations = 1e-6, False, 0
     H = np.eye(len(free))
-    for iteration in range(1, max_iterations + 1):
+    while iterations < max_iterations and not converged:
+        iterations += 1
         parts = [linearised(model, one, theta) for one in data]
         r = np.concatenate([p.r * w for p, w in zip(parts, weights, strict=True)], axis=1)
         J = np.concatenate(
@@ -139,11 +140,11 @@ def fit_balances(
                 damping = max(damping / 10, 1e-9)
                 break
             damping = max(damping * 10, 1e-6)
-        if converged or not accepted:
+        if not accepted:
             break
     r_final, sigma = cost_at(theta)
     scaled = np.linalg.pinv(H, hermitian=True) * np.outer(scales, scales)
-    return BalanceFit(model, theta, sigma, scaled, r_final, iteration, converged)
+    return BalanceFit(model, theta, sigma, scaled, r_final, iterations, converged)
 
 
 def _bounded_step(
@@ -168,7 +169,7 @@ def _bounded_step(
     return np.asarray(lsq_linear(L.T, rhs, (lo, hi), method="bvls").x / s)
 
 
-def anchor_squares(anchor: Anchor | None, parameters, theta: FloatArray) -> float:
+def anchor_squares(anchor: Anchor | None, parameters: Parameters, theta: FloatArray) -> float:
     """Return the sum of squares of the flow map's residuals."""
     if anchor is None:
         return 0.0

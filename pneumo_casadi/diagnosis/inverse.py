@@ -128,6 +128,7 @@ def own_states(
     for i, (theta, (x, dx)) in enumerate(zip(variants, motions, strict=True)):
         at_first = (x[:, :1], dx[:, :1], data.u[:, :1], np.zeros((model.n_z, 1)), c, theta)
         z[:, 0, i] = called(model.rest, *at_first)[0][:, 0]
+
     def after(values: FloatArray) -> FloatArray:
         return np.hstack([values[:, 1:], values[:, -1:]])
 

@@ -19,6 +19,8 @@ BLOCK = 0.5
 SHUFFLES = 999
 #: A regime matters from this mean square over that of the record, below this chance.
 RATIO, P_VALUE = 1.3, 0.01
+#: Shares that differ by less are those of one regime under two names.
+SAME = 0.02
 #: Larger ratios rank no higher.
 RATIO_CAP = 5.0
 #: A balance is looked at from this root mean square, in units of what a right model leaves.
@@ -96,7 +98,14 @@ def regimes_of(one: Study, fit: Fitted, seed: int = 0) -> tuple[Regime, ...]:
             found += _tested(rows, one.axis, rng)
             found += _bands(one, fit, rows.balance, rng)
     telling = [r for r in found if r.ratio > RATIO and r.p_value < P_VALUE]
-    return tuple(sorted(telling, key=lambda r: -r.share * np.log(min(r.ratio, RATIO_CAP))))
+    telling.sort(key=lambda r: -r.share * np.log(min(r.ratio, RATIO_CAP)))
+    return tuple(r for i, r in enumerate(telling) if not any(_same(r, s) for s in telling[:i]))
+
+
+def _same(one: Regime, other: Regime) -> bool:
+    """Whether two regimes of a balance are the same part of the record, but for a few rows."""
+    close = abs(one.share - other.share) < SAME and abs(one.time - other.time) < SAME
+    return close and one.balance == other.balance
 
 
 def maps_of(one: Study, fit: Fitted) -> tuple[RegimeMap, ...]:

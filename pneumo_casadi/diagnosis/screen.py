@@ -92,7 +92,9 @@ def perturbation(one: Study, nominal: Fitted, effect: Effect) -> tuple[Direction
     starts = [starting[n].value for n in shapes]
     for factors in itertools.product(GRID, repeat=len(shapes)):
         values = {
-            name: float(np.clip(start * f, axis.parameters[name].lower, axis.parameters[name].upper))
+            name: float(
+                np.clip(start * f, axis.parameters[name].lower, axis.parameters[name].upper)
+            )
             for name, start, f in zip(shapes, starts, factors, strict=True)
         }
         if all(v == axis.parameters[n].value for n, v in values.items()):
@@ -192,14 +194,18 @@ def screened(name: str, found: Sequence[Direction], behind: Background) -> Scree
             best = max(best, Screened(name, 0.0, observable, {}), key=lambda s: s.observable)
             continue
         step = np.zeros(len(whole))
-        step[seen] = _bounded(gram[np.ix_(seen, seen)], slope[seen], one.lower[seen], one.upper[seen])
+        step[seen] = _bounded(
+            gram[np.ix_(seen, seen)], slope[seen], one.lower[seen], one.upper[seen]
+        )
         gain = -(2 * slope @ step + step @ gram @ step) / total
         if gain > best.explained or best.observable == 0.0:
             best = Screened(name, max(float(gain), 0.0), observable, dict(one.values))
     return best
 
 
-def _bounded(gram: FloatArray, slope: FloatArray, lower: FloatArray, upper: FloatArray) -> FloatArray:
+def _bounded(
+    gram: FloatArray, slope: FloatArray, lower: FloatArray, upper: FloatArray
+) -> FloatArray:
     size = np.sqrt(np.diag(gram))
     L = np.linalg.cholesky(gram / np.outer(size, size) + 1e-9 * np.eye(len(size)))
     target = np.linalg.solve(L, -slope / size)

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass, field
 from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 
@@ -25,6 +26,7 @@ from pneumo_casadi.diagnosis.screen import (
     perturbation,
     screened,
 )
+from pneumo_casadi.diagnosis.store import Store
 from pneumo_casadi.diagnosis.study import Fitted, Study, fit
 from pneumo_casadi.effect import Effect
 from pneumo_casadi.errors import FitError, ModelError
@@ -127,6 +129,7 @@ class Searcher:
     study: Study
     catalogue: Catalogue
     executor: Executor | None = None
+    store: Store | None = None
     fits: dict[Names, Fitted] = field(default_factory=dict)
     failures: dict[Names, Failed] = field(default_factory=dict)
     directions: dict[str, tuple[Direction, ...]] = field(default_factory=dict)
@@ -179,14 +182,21 @@ class Searcher:
 
     def fit_all(self, models: Mapping[Names, tuple[Mapping[str, float], float]]) -> None:
         """Fit models from their starts, those that are not known already."""
+        wanted = {k: v for k, v in models.items() if k not in self.fits | self.failures}
+        for key in wanted if self.store is not None else ():
+            kept = self.store.read(self.effects(key)) if self.store is not None else None
+            if kept is not None:
+                self.fits[key] = kept
         jobs = {
             key: self._run(fit, self.effects(key), start, base)
-            for key, (start, base) in models.items()
-            if key not in self.fits and key not in self.failures
+            for key, (start, base) in wanted.items()
+            if key not in self.fits
         }
         for key, job in jobs.items():
             try:
                 self.fits[key] = job.result()  # type: ignore[assignment]
+                if self.store is not None:
+                    self.store.write(self.effects(key), self.fits[key])
             except (FitError, ModelError, ArithmeticError, np.linalg.LinAlgError) as error:
                 self.failures[key] = Failed(key, str(error))
 
@@ -196,10 +206,18 @@ def search(
     catalogue: Catalogue,
     executor: Executor | None = None,
     progress: Progress | None = None,
+    keep: Path | None = None,
 ) -> Search:
-    """Find the effects that close the held-out gap of a study."""
+    """Find the effects that close the held-out gap of a study.
+
+    Parameters
+    ----------
+    keep : path, optional
+        Folder of finished fits, see `Store`.
+    """
     report = progress or (lambda text, share: None)
-    worker = Searcher(one, catalogue, executor)
+    store = None if keep is None else Store.of(keep, one)
+    worker = Searcher(one, catalogue, executor, store)
     report("nominal model", 0.0)
     nominal = fit(one, ())
     by = yardstick(one)
@@ -207,7 +225,7 @@ def search(
     worker.screen_all(nominal)
     first = worker.over(background(one, nominal, nominal))
     report("refitting single effects", 0.3)
-    chosen = [name for name in first][:FIRST_ROUND]
+    chosen = list(first)[:FIRST_ROUND]
     silent = [n for n, s in first.items() if s.observable == 0.0 and n not in chosen]
     worker.fit_all(
         {

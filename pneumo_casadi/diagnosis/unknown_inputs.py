@@ -30,11 +30,11 @@ class UnknownInputs:
     Parameters
     ----------
     t : (K,) array
-        Nodes [s].
+        Middles of the intervals between nodes [s].
     w, std : (ne, K) array
         Inputs and their standard deviations [kg/s, kg/s, N], in the order of ``equations``.
     states : (nx, K) array
-        Smoothed nominal states.
+        Smoothed nominal states at the nodes, half an interval before `t`.
     counts : (ne, K) array of bool
         Nodes that tell: while the axis sticks, static friction takes any force.
     signal : (ne,) array
@@ -105,7 +105,8 @@ def unknown_inputs(axis: Axis, values: Mapping[str, float], data: Smoothed) -> U
     counts = np.ones((len(axis.equations), K), dtype=bool)
     counts[axis.equations.index("force")] = moving
     signal = signals_of(axis, theta, data)
-    t = data.t[: K * every : every]
+    # An input acts from its node to the next: it belongs to the middle.
+    t = data.t[: K * every : every] + h / 2
     return UnknownInputs(t, w, std, nodes + xi, counts, signal, walk, axis.equations)
 
 

@@ -1,0 +1,279 @@
+"""The diagnosis in one call: from a case to a verdict with reasons."""
+
+import logging
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from pathlib import Path
+
+from pneumo_casadi.axis import Axis
+from pneumo_casadi.diagnosis.checks import absorbed_candidates, check_parameters, map_pull_of
+from pneumo_casadi.diagnosis.gaps import simulated_gap
+from pneumo_casadi.diagnosis.gates import refuse_unusable
+from pneumo_casadi.diagnosis.misfit import balance_shrink
+from pneumo_casadi.diagnosis.result import (
+    Candidate,
+    Check,
+    Diagnosis,
+    EffectFound,
+    Value,
+    Verdict,
+    Where,
+)
+from pneumo_casadi.diagnosis.search import Catalogue, Names, Search, Searcher, search
+from pneumo_casadi.diagnosis.study import Fitted, Study, study
+from pneumo_casadi.diagnosis.verdict import Judgement, judge
+from pneumo_casadi.diagnosis.where import locate
+from pneumo_casadi.effects import CATALOGUE
+from pneumo_casadi.errors import ModelError
+from pneumo_casadi.pipeline import FlowForm, IdentifyOptions, make_axis, open_case, read_flow
+from pneumo_casadi.recording import Case, Recording
+
+logger = logging.getLogger(__name__)
+
+#: Called with what is being done and the share of the work done so far.
+Progress = Callable[[str, float], None]
+#: Share of a record that is held out where a case has no validation record.
+HELD_OUT = 0.4
+
+
+@dataclass(frozen=True, slots=True)
+class DiagnosisOptions:
+    """What may be chosen in a diagnosis.
+
+    Parameters
+    ----------
+    keep : path, optional
+        Folder that keeps finished fits: interrupted work is taken up again there.
+    """
+
+    keep: Path | None = None
+
+
+def diagnose(
+    case: Case | str | Path,
+    catalogue: Catalogue | None = None,
+    options: DiagnosisOptions | None = None,
+    progress: Progress | None = None,
+    executor: Executor | None = None,
+) -> Diagnosis:
+    """Say where simulation and reality part, which effect causes it, and how far the gap closes.
+
+    Parameters
+    ----------
+    case : Case or path
+        A case, or the folder that holds one. Without a validation record the last part of each
+        record is held out.
+    catalogue : mapping of str to effect class, optional
+        What may be the cause; by default all effects that suit the axis. Effects of your own
+        need nothing but their class.
+    options : DiagnosisOptions, optional
+        What differs from the default.
+    progress : callable, optional
+        Called as ``progress(text, share)`` with the share of the work done.
+    executor : Executor, optional
+        Where the refits run (a process pool, Dask ...); by default in this process.
+
+    Returns
+    -------
+    Diagnosis
+
+    Raises
+    ------
+    CaseError
+        If the case cannot be read, or a record is too short or shows no motion.
+
+    Notes
+    -----
+    The nominal model and each candidate are fitted to the balances along the smoothed motion, a
+    least-squares problem that cannot run away; see `fit_balances`. Verdicts rest on records that
+    no fit has seen.
+    """
+    began = time.perf_counter()
+    options = options or DiagnosisOptions()
+    report = progress or (lambda text, share: None)
+    case = case if isinstance(case, Case) else open_case(case)
+    report("reading", 0.0)
+    one, notes = prepare(case)
+    chosen = applicable(one.axis, CATALOGUE if catalogue is None else catalogue)
+    found = search(one, chosen, executor, _part(report, 0.02, 0.8), options.keep)
+    judgement = judge(found)
+    report("parameters and location", 0.82)
+    effects = Searcher(one, chosen).effects(found.chosen)
+    checks = _checks(one, found)
+    verdict = judgement.verdict
+    hidden = absorbed_candidates(checks) if verdict is Verdict.NONE else ()
+    if hidden:
+        verdict = Verdict.ABSORBED
+    named = verdict in (Verdict.EFFECT, Verdict.AMBIGUOUS)
+    where = locate(one, found.nominal, effects if named else (), found.final if named else None)
+    report("simulating the held-out record", 0.88)
+    final = found.final if named or verdict is Verdict.UNKNOWN else found.nominal
+    shown = effects if final is found.final else ()
+    gap, more = simulated_gap(one, found.nominal, final, shown, found.by)
+    report("done", 1.0)
+    alike = tuple(" + ".join(names) for names in judgement.alike) if named else hidden
+    return Diagnosis(
+        case=case.name,
+        verdict=verdict,
+        effects=_found(one, found, judgement, chosen) if named else (),
+        ranking=_ranking(one, found, judgement, hidden, chosen),
+        where=where,
+        gap=gap,
+        ambiguous=alike if len(alike) > 1 or hidden else (),
+        experiment=_experiment(alike, chosen),
+        hint=_hint(where, found, judgement) if verdict is Verdict.UNKNOWN else "",
+        checks=checks,
+        notes=(*notes, *more, *(f"{' + '.join(f.effects)}: {f.reason}" for f in found.failures)),
+        nominal=_values(one.axis, found.nominal),
+        fitted=_values(one.axis.with_effects(*shown), final),
+        seconds=time.perf_counter() - began,
+    )
+
+
+def prepare(case: Case) -> tuple[Study, tuple[str, ...]]:
+    """Check the records of a case, fit its flow map and start a study; with notes.
+
+    Raises
+    ------
+    CaseError
+        If a record is too short or shows no motion.
+    """
+    notes: list[str] = []
+    train: Sequence[Recording] = case.identify
+    held: Sequence[Recording] = case.validate
+    if not held:
+        notes.append(f"no validation record: the last {100 * HELD_OUT:.0f} % of each are held out")
+        cuts = [(r, float(r.t[0] + (1 - HELD_OUT) * r.duration)) for r in train]
+        held = [r.window(cut, float(r.t[-1]) + r.dt) for r, cut in cuts]
+        train = [r.window(float(r.t[0]), cut) for r, cut in cuts]
+    # The polynomials of eq. 12 cannot follow a valve near null; what they miss looks like effects.
+    table, flow = read_flow(case, IdentifyOptions(flow_form=FlowForm.ISO6358))
+    axis = make_axis(case, flow)
+    refuse_unusable((*train, *held), axis.outputs)
+    return study(axis, table, train, held), tuple(notes)
+
+
+def applicable(axis: Axis, catalogue: Catalogue) -> dict[str, type]:
+    """Return the effects of a catalogue that an axis can have."""
+    found = {}
+    for name, effect in catalogue.items():
+        try:
+            axis.with_effects(effect())
+        except ModelError:
+            continue
+        found[name] = effect
+    return found
+
+
+def _checks(one: Study, found: Search) -> tuple[Check, ...]:
+    final = found.final
+    pull = map_pull_of(one, final.values)
+    return check_parameters(one.axis, final.values, final.std, pull)
+
+
+def _values(axis: Axis, fitted: Fitted) -> dict[str, Value]:
+    return {
+        item.name: Value(fitted.values[item.name], fitted.std.get(item.name, 0.0), item.unit)
+        for item in axis.parameters
+    }
+
+
+def _own(one: Study, fitted: Fitted, names: Names, catalogue: Catalogue) -> dict[str, Value]:
+    axis = one.axis.with_effects(*(catalogue[name]() for name in names))
+    values = _values(axis, fitted)
+    short = len(names) == 1
+    return {
+        (name.partition(".")[2] if short else name): value
+        for name, value in values.items()
+        if name.partition(".")[0] in names and "." in name
+    }
+
+
+def _found(
+    one: Study, found: Search, judgement: Judgement, catalogue: Catalogue
+) -> tuple[EffectFound, ...]:
+    """Return the effects in the order in which they were added."""
+    order: list[str] = []
+    for names in found.path:
+        order += [name for name in names if name not in order]
+    order = [name for name in order if name in found.chosen]
+    own = _own(one, found.final, found.chosen, catalogue)
+    if len(found.chosen) == 1:
+        own = {f"{found.chosen[0]}.{name}": value for name, value in own.items()}
+    return tuple(
+        EffectFound(
+            name,
+            min(1.0, sum(p for names, p in judgement.probability.items() if name in names)),
+            {
+                full.partition(".")[2]: value
+                for full, value in own.items()
+                if full.startswith(f"{name}.")
+            },
+        )
+        for name in order
+    )
+
+
+def _ranking(
+    one: Study,
+    found: Search,
+    judgement: Judgement,
+    hidden: Sequence[str],
+    catalogue: Catalogue,
+) -> tuple[Candidate, ...]:
+    """Rank all models fitted; ahead of them what may hide in the parameters."""
+    ranked = [
+        Candidate(
+            names,
+            judgement.probability.get(names, 0.0),
+            balance_shrink(found.nominal, fitted, found.by),
+            found.screen[names[0]].explained if names[0] in found.screen else 0.0,
+            min((found.screen[n].observable for n in names if n in found.screen), default=0.0),
+            _own(one, fitted, names, catalogue),
+        )
+        for names, fitted in found.fits.items()
+    ]
+    ranked.sort(key=lambda c: (-c.probability, found.fits[c.names].cost))
+    for name, screened in found.screen.items():
+        if (name,) not in found.fits and all(name not in f.effects for f in found.failures):
+            ranked.append(Candidate((name,), 0.0, None, screened.explained, screened.observable))
+    ranked += [
+        Candidate(failed.effects, 0.0, None, 0.0, 0.0, {}, failed.reason)
+        for failed in found.failures
+    ]
+    absorbed = [Candidate((name,), 1 / (1 + len(hidden)), None, 0.0, 0.0) for name in hidden]
+    rest = [one for one in ranked if not (len(one.names) == 1 and one.names[0] in hidden)]
+    return (*absorbed, *rest)
+
+
+def _experiment(alike: Sequence[str], catalogue: Catalogue) -> str:
+    """Return what would tell the members of a set apart."""
+    if len(alike) < 2:
+        return ""
+    names = {part for label in alike for part in label.split(" + ")}
+    common = set.intersection(*(set(label.split(" + ")) for label in alike))
+    told = [
+        f"{name}: {catalogue[name].separated_by}"
+        for name in sorted(names - common)
+        if name in catalogue and catalogue[name].separated_by
+    ]
+    return "; ".join(told)
+
+
+def _hint(where: Where, found: Search, judgement: Judgement) -> str:
+    parts = [f"what is missing acts in {where.balance.replace('_', ' ')}"]
+    if where.regimes:
+        parts.append("most " + ", ".join(one.name for one in where.regimes[:2]))
+    if found.path:
+        label = " + ".join(found.chosen)
+        parts.append(
+            f"the nearest in the catalogue, {label}, leaves {100 * judgement.unexplained:.0f} % "
+            "of the gap"
+        )
+    return "; ".join(parts)
+
+
+def _part(report: Progress, first: float, last: float) -> Progress:
+    return lambda text, share: report(text, first + (last - first) * share)

@@ -1,0 +1,163 @@
+"""The gap of simulations on held-out records, before and after effects are added."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from pneumo_casadi.axis import Axis
+from pneumo_casadi.diagnosis.misfit import Yardstick, balance_shrink, size
+from pneumo_casadi.diagnosis.result import Gap, Shrink
+from pneumo_casadi.diagnosis.study import Fitted, Study
+from pneumo_casadi.effect import Effect
+from pneumo_casadi.errors import FitError, ModelError
+from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.statistics import stated_or_estimated_noise
+from pneumo_casadi.validation import loop_errors, window_runs
+
+#: Length of the open-loop windows [s].
+WINDOW = 0.5
+#: Width of the smoothed sign of the velocity in simulations [m/s].
+V_S_SIMULATED = 3e-4
+REPLICATES = 1000
+
+View = dict[str, dict[str, float]]
+
+
+def simulated_gap(
+    one: Study, nominal: Fitted, final: Fitted, effects: Sequence[Effect], by: Yardstick
+) -> tuple[Gap, tuple[str, ...]]:
+    """Return the gap before and after, and notes on what could not be simulated.
+
+    Parameters
+    ----------
+    nominal, final : Fitted
+        Fits without and with effects.
+    effects : sequence of Effect
+        Those of `final`, in the order of its model.
+    """
+    notes: list[str] = []
+    axes = [_axis(one, nominal, ()), _axis(one, final, effects)]
+    views: dict[str, View] = {"balances": _balances(one, nominal, final, by)}
+    noise = _noise_percent(one)
+    windows = [_windows(axis, one, notes) for axis in axes]
+    before, after = windows
+    if before is not None and after is not None:
+        views["windows"] = _view(one.axis.outputs, before, after, noise)
+    if one.axis.bench.controller is not None and all("x_ref" in r for r in one.held_out):
+        loops = [_loop(axis, one, notes) for axis in axes]
+        if loops[0] is not None and loops[1] is not None:
+            views["closed_loop"] = {
+                name: {"before": loops[0][name], "after": loops[1][name], "noise": noise[name]}
+                for name in one.axis.outputs
+            }
+    if before is None or after is None:
+        shown = views["balances"]
+        sizes = {k: _overall([v[k] for v in shown.values()]) for k in ("before", "after", "noise")}
+        shrink = balance_shrink(nominal, final, by)
+        found = Gap(sizes["before"], sizes["after"], sizes["noise"], shrink, views)
+        return found, (*notes, "the gap is that of the balances")
+    floor = np.array([noise[name] for name in one.axis.outputs])
+    a, b = _rms_gap(before, floor), _rms_gap(after, floor)
+    shrink = _shrink(before, after, floor)
+    return Gap(a, b, _overall(floor), shrink, views), tuple(notes)
+
+
+def _axis(one: Study, fitted: Fitted, effects: Sequence[Effect]) -> Axis:
+    axis = one.axis.with_effects(*effects).with_parameters(dict(fitted.values))
+    return axis.with_parameters({"v_s": V_S_SIMULATED})
+
+
+def _windows(axis: Axis, one: Study, notes: list[str]) -> FloatArray | None:
+    """Return squared errors of every window in per cent of the signal, shape (windows, ny)."""
+    try:
+        pairs = window_runs(axis, one.held_out, WINDOW)
+    except (FitError, ModelError) as error:
+        notes.append(f"windows of {WINDOW:g} s cannot be simulated: {error}")
+        return None
+    found = []
+    for record, rows, run in pairs:
+        L = round(WINDOW / record.dt)
+        e = np.stack([record[name][rows] - run[name] for name in axis.outputs])
+        found.append(np.mean(e.reshape(len(e), -1, L) ** 2, axis=2).T)
+    return np.concatenate(found) / _sizes(one) ** 2 * 1e4
+
+
+def _loop(axis: Axis, one: Study, notes: list[str]) -> dict[str, float] | None:
+    try:
+        errors = loop_errors(axis, one.held_out)
+    except (FitError, ModelError) as error:
+        notes.append(f"the closed loop cannot be simulated: {error}")
+        return None
+    return {
+        name: float(np.sqrt(max(errors[name].percent ** 2 - errors[name].noise_percent ** 2, 0)))
+        for name in axis.outputs
+    }
+
+
+def _sizes(one: Study) -> FloatArray:
+    return np.array(
+        [
+            np.std(np.concatenate([r[name] - r[name].mean() for r in one.held_out]))
+            for name in one.axis.outputs
+        ]
+    )
+
+
+def _noise_percent(one: Study) -> dict[str, float]:
+    sizes = _sizes(one)
+    return {
+        name: 100 * stated_or_estimated_noise(one.axis.bench, one.held_out, name) / float(s)
+        for name, s in zip(one.axis.outputs, sizes, strict=True)
+    }
+
+
+def _view(
+    outputs: Sequence[str], before: FloatArray, after: FloatArray, noise: Mapping[str, float]
+) -> View:
+    return {
+        name: {
+            "before": _gap(float(before[:, i].mean()), noise[name]),
+            "after": _gap(float(after[:, i].mean()), noise[name]),
+            "noise": noise[name],
+        }
+        for i, name in enumerate(outputs)
+    }
+
+
+def _balances(one: Study, nominal: Fitted, final: Fitted, by: Yardstick) -> View:
+    b, a, n = (100 * part / by.signal for part in (size(nominal), size(final), by.noise))
+    return {
+        name: {
+            "before": _gap(float(b[i] ** 2), float(n[i])),
+            "after": _gap(float(a[i] ** 2), float(n[i])),
+            "noise": float(n[i]),
+        }
+        for i, name in enumerate(one.axis.equations)
+    }
+
+
+def _gap(mean_square: float, noise: float) -> float:
+    return float(np.sqrt(max(mean_square - noise**2, 0.0)))
+
+
+def _overall(values: Sequence[float] | FloatArray) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def _rms_gap(squares: FloatArray, floor: FloatArray) -> float:
+    return float(np.sqrt(np.mean(np.maximum(squares.mean(axis=0) - floor**2, 0))))
+
+
+def _shrink(before: FloatArray, after: FloatArray, floor: FloatArray) -> Shrink:
+    """Return the shrink with an interval from resampled windows, the same ones on both sides."""
+    rng = np.random.default_rng(0)
+    n = len(before)
+    weights = rng.multinomial(n, np.full(n, 1 / n), size=REPLICATES) / n
+    found = []
+    for squares in (before, after):
+        excess = np.maximum(weights @ squares - floor**2, 0)
+        found.append(np.sqrt(excess.mean(axis=1)))
+    drawn = 1 - found[1] / np.maximum(found[0], 1e-12)
+    a, b = _rms_gap(before, floor), _rms_gap(after, floor)
+    lower, upper = np.quantile(drawn, (0.025, 0.975))
+    return Shrink(1 - b / a if a > 0 else 0.0, float(lower), float(upper))

@@ -1,0 +1,58 @@
+"""Records that can be diagnosed, and those that must be refused."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from pneumo_casadi.errors import CaseError
+from pneumo_casadi.filtering.bandwidth import white_noise_std
+from pneumo_casadi.recording import Recording
+
+#: Shortest record that holds enough rows after the filters' edges [s].
+SHORTEST = 2.0
+#: A channel that varies less than so many times its own noise shows nothing of the axis.
+LEAST_RATIO = 20.0
+#: Least share of the time in which a servo axis must move.
+LEAST_MOVING = 0.05
+
+
+def refuse_unusable(records: Sequence[Recording], channels: Sequence[str]) -> None:
+    """Refuse records that are too short, made of noise, or of rest.
+
+    Raises
+    ------
+    CaseError
+        Naming file, channel and remedy.
+    """
+    for record in records:
+        if record.duration < SHORTEST:
+            raise CaseError(
+                f"{record.source}: {record.duration:.3g} s are too short for a diagnosis: record "
+                f"at least {SHORTEST:g} s, better 20 s, of varied motion"
+            )
+        for name in channels:
+            _refuse_flat(record, name)
+        _refuse_rest(record)
+
+
+def _refuse_flat(record: Recording, name: str) -> None:
+    values = record[name]
+    spread, noise = float(np.std(values)), white_noise_std(values)
+    if spread <= LEAST_RATIO * noise or spread == 0.0:
+        raise CaseError(
+            f"{record.source}: {name} varies by {spread:.3g}, its noise is {noise:.3g}: the record "
+            "shows noise or rest, and no cause can be told from it. Excite the axis, for example "
+            "with a chirp from 0 to 2 Hz and squares of several heights"
+        )
+
+
+def _refuse_rest(record: Recording) -> None:
+    x, fs = record["x"], 1 / record.dt
+    step = max(1, round(0.05 * fs))
+    travelled = np.abs(x[step:] - x[:-step])
+    moving = float(np.mean(travelled > 0.02 * np.ptp(x)))
+    if moving < LEAST_MOVING:
+        raise CaseError(
+            f"{record.source}: the axis moves during {100 * moving:.0f} % of the record only; "
+            "friction and flows cannot be told at rest: record more motion"
+        )

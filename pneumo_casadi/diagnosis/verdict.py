@@ -1,0 +1,114 @@
+"""From the search to a verdict: probabilities, sets that cannot be told apart, what is unknown."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from pneumo_casadi.diagnosis.misfit import gaps, size
+from pneumo_casadi.diagnosis.result import Verdict
+from pneumo_casadi.diagnosis.search import Names, Search
+from pneumo_casadi.parameters import FloatArray
+
+#: Held-out residuals over the noise floor from which a balance has a gap.
+VISIBLE = 1.3
+#: A gap of which more than this share is left after the best effects has another cause.
+LEFT = 0.5
+#: How fast an alternative loses credit with the share of the gain that it misses.
+SHARPNESS = 25.0
+#: An alternative is in the set that cannot be told apart from this probability on ...
+IN_SET = 0.10
+#: ... and the first one is the verdict from this one on.
+SURE = 0.6
+
+
+@dataclass(frozen=True, slots=True)
+class Judgement:
+    """A verdict with its probabilities.
+
+    Parameters
+    ----------
+    verdict : Verdict
+        In one word; ``absorbed`` is decided by the parameters, not here.
+    alike : tuple of tuple of str
+        Models that explain the data about as well, the best first.
+    probability : mapping of tuple of str to float
+        Of every model fitted.
+    unexplained : float
+        Share of the gap that the best model leaves in its worst balance.
+    excess : (ne,) array
+        Held-out residuals of the nominal model over the noise floor.
+    """
+
+    verdict: Verdict
+    alike: tuple[Names, ...]
+    probability: Mapping[Names, float]
+    unexplained: float
+    excess: FloatArray
+
+
+def judge(found: Search) -> Judgement:
+    """Weigh what the search found."""
+    excess = size(found.nominal) / found.by.noise
+    left = unexplained(found)
+    if not found.path:
+        verdict = Verdict.UNKNOWN if np.any(excess > VISIBLE) else Verdict.NONE
+        return Judgement(verdict, (), _weights(found, (), 0.0), left, excess)
+    if left > LEFT:
+        return Judgement(Verdict.UNKNOWN, (), _weights(found, found.chosen, 0.3), left, excess)
+    weights = _weights(found, found.chosen, _trust(left))
+    order = sorted(weights, key=lambda key: -weights[key])
+    alike = tuple(key for key in order if weights[key] >= IN_SET)
+    sure = weights[found.chosen] >= SURE
+    return Judgement(Verdict.EFFECT if sure else Verdict.AMBIGUOUS, alike, weights, left, excess)
+
+
+def unexplained(found: Search) -> float:
+    """Return the share of the held-out gap that is left, in the balance with the largest rest.
+
+    Balances without a visible gap do not count: a share of nothing says nothing.
+    """
+    before, after = size(found.nominal), size(found.final)
+    seen = (before > VISIBLE * found.by.noise) & (after > VISIBLE * found.by.noise)
+    if not seen.any():
+        return 0.0
+    share = gaps(after, found.by)[seen] / np.maximum(gaps(before, found.by)[seen], 1e-12)
+    weight = (before[seen] / found.by.noise[seen]) >= 0.2 * np.max(before / found.by.noise)
+    return float(np.max(share[weight], initial=0.0))
+
+
+def _trust(left: float) -> float:
+    """Return the probability that the cause is in the catalogue, from what stays unexplained."""
+    return float(np.clip(1.0 - left, 0.3, 0.99))
+
+
+def _weights(found: Search, best: Names, trust: float) -> dict[Names, float]:
+    """Share out the trust among models of the size of the best one."""
+    if not best:
+        fits = {key: fit for key, fit in found.fits.items() if len(key) == 1}
+        gain = {k: max(found.nominal.cost - f.cost, 0.0) for k, f in fits.items()}
+        total = sum(gain.values()) or 1.0
+        return {key: 0.1 * value / total for key, value in gain.items()}
+    weights = {
+        key: float(np.exp(-SHARPNESS * missed(found, best, key)))
+        for key in found.fits
+        if len(key) == len(best)
+    }
+    total = sum(weights.values())
+    shares = {key: trust * value / total for key, value in weights.items()}
+    smaller = {key: 0.0 for key in found.fits if len(key) != len(best)}
+    return shares | smaller
+
+
+def missed(found: Search, best: Names, other: Names) -> float:
+    """Return the share of the gain that a model of the same size misses.
+
+    Of the gain of those effects in which the two differ: a weak effect beside a strong one must
+    not be lost in the strong one's gain.
+    """
+    if other == best:
+        return 0.0
+    common = tuple(name for name in best if name in other)
+    base = found.fits.get(common, found.nominal) if common else found.nominal
+    gain = base.cost - found.fits[best].cost
+    return max(found.fits[other].cost - found.fits[best].cost, 0.0) / max(gain, 1e-9)
