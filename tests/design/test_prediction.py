@@ -12,6 +12,8 @@ from pneumo_casadi.design.rehearsal import Rehearsal
 from pneumo_casadi.effects import CATALOGUE
 from pneumo_casadi.errors import FitError, ModelError
 from pneumo_casadi.output_error import OutputErrorOptions, fit_output_error
+from pneumo_casadi.report.design import write_design
+from pneumo_casadi.report.write import Kind
 
 
 @pytest.fixture(scope="module")
@@ -113,3 +115,20 @@ def test_what_is_absorbed_whatever_the_axis_does_is_not_searched_for(made, recor
     options = DesignOptions(limits, 1.0, evaluations=20)
     with pytest.raises(ModelError, match="absorb"):
         design_to_separate(axes, axis, [recorded], made.smooth_map(), sigma, options)
+
+
+def test_an_effect_is_told_from_the_nominal_axis_and_written_down(
+    made, recorded, limits, sigma, tmp_path
+):
+    axis = made.true_axis()
+    drag = axis.with_effects(CATALOGUE["quadratic_drag"]()).at_starting_values()
+    options = DesignOptions(limits, 2.0, evaluations=20)
+    axes = {"quadratic_drag": drag, "none": axis}
+    found = design_to_separate(axes, axis, [recorded], made.smooth_map(), sigma, options)
+    before, after = found.smallest
+    assert [(one.truth, one.fitted) for one in found.distances] == [("quadratic_drag", "none")]
+    assert after > 2 * before and found.gain == pytest.approx(after / before)
+    assert all(run.excess(limits) == 0.0 for run in found.runs.values())
+    folder = write_design(found, tmp_path / "design")
+    assert {path.name for path in folder.iterdir()} == set(Kind.DESIGN.value)
+    assert "quadratic_drag" in (folder / "design.txt").read_text("utf-8")
