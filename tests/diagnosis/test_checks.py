@@ -5,7 +5,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from pneumo_casadi.diagnosis.checks import absorbed_candidates, check_parameters, map_pull_of
+from pneumo_casadi.diagnosis.absorbed import absorbed_candidates
+from pneumo_casadi.diagnosis.checks import check_parameters, checks_of
 from pneumo_casadi.diagnosis.study import fit, study
 from pneumo_casadi.output_error.result import MapPull
 from pneumo_casadi.pipeline import IdentifyOptions, make_axis, read_flow
@@ -105,14 +106,18 @@ def test_a_parameter_that_the_data_do_not_tell_contradicts_nothing(axis):
 
 @pytest.mark.parametrize(
     ("effects", "expected"),
-    [({}, ()), ({"valve_mismatch": {"gain": 0.04}}, ("valve_mismatch",))],
-    ids=["nothing", "mismatch"],
+    [
+        ({}, ()),
+        ({"valve_mismatch": {"gain": 0.04}}, ("valve_mismatch",)),
+        ({"flow_map_shape": "small"}, ("flow_map_shape",)),
+    ],
+    ids=["nothing", "mismatch", "notch"],
 )
-def test_fits_to_the_bench_tell_unequal_valves_from_nothing_wrong(tmp_path, effects, expected):
+def test_fits_to_the_bench_tell_unequal_valves_and_notched_edges_from_nothing_wrong(
+    tmp_path, effects, expected
+):
     axis = replace(random_axis(11), F_c_plus=14.0, F_c_minus=18.0)
     case = load_case(make_case(tmp_path / "case", 11, effects, duration=8.0, axis=axis).case.folder)
     table, flow = read_flow(case, IdentifyOptions())
     one = study(make_axis(case, flow), table, case.identify, case.validate)
-    found = fit(one, ())
-    checks = check_parameters(one.axis, found.values, found.std, map_pull_of(one, found.values))
-    assert absorbed_candidates(checks) == expected
+    assert absorbed_candidates(checks_of(one, fit(one, ()))) == expected
