@@ -51,7 +51,8 @@ class RegimeMap:
     edges : (n + 1,) array
         Of the bins, each with as many rows.
     mean, band : (n,) array
-        Mean residual [Pa/s, or N] and twice its standard deviation, windows' overlap counted.
+        Mean residual [Pa/s, or N], positive where the model has too much, and twice its standard
+        deviation, windows' overlap counted.
     """
 
     name: str

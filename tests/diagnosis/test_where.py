@@ -1,0 +1,153 @@
+"""Where simulation and reality part."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pneumo_casadi.diagnosis.regimes import maps_of, regimes_of
+from pneumo_casadi.diagnosis.signatures import HYPOTHESES, Signatures, signatures
+from pneumo_casadi.diagnosis.study import fit, study
+from pneumo_casadi.diagnosis.where import locate, place_of, rivals_of
+from pneumo_casadi.effects import CATALOGUE
+from pneumo_casadi.pipeline import IdentifyOptions, make_axis, open_case, read_flow
+from pneumo_casadi.testbed import make_case, random_axis
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory):
+    """Return a function that fits the nominal axis to a bench with hidden effects."""
+    axis = replace(random_axis(5), F_c_plus=14.0, F_c_minus=18.0)
+    known = {}
+
+    def opened(**effects):
+        key = repr(effects)
+        if key not in known:
+            folder = tmp_path_factory.mktemp("bench") / "case"
+            made = make_case(folder, 5, effects, duration=10.0, axis=axis)
+            case = open_case(made.case.folder)
+            table, flow = read_flow(case, IdentifyOptions())
+            one = study(make_axis(case, flow), table, case.identify, case.validate)
+            known[key] = one, fit(one, ())
+        return known[key]
+
+    return opened
+
+
+def test_nothing_is_located_where_nothing_is_wrong(bench):
+    found = locate(*bench())
+    assert (found.balance, found.junction, found.regimes, found.rivals) == ("none", "", (), ())
+    assert set(found.shares.values()) == {0.0}
+
+
+@pytest.mark.parametrize(
+    ("effect", "size", "balance"),
+    [
+        ("cogging", "medium", "force"),
+        ("leakage_N", "medium", "mass_flow_N"),
+        ("position_nonlinearity", "large", "measurement"),
+    ],
+)
+def test_a_cause_that_no_effect_explains_is_found_by_inputs_and_signatures(
+    bench, effect, size, balance
+):
+    found = locate(*bench(**{effect: size}))
+    assert found.balance == balance
+    if balance != "measurement":
+        assert found.shares[balance] > 0.9
+        assert found.shares[balance] <= 1.0
+    assert sum(found.shares.values()) == pytest.approx(1.0)
+    assert any("part in" in sentence for sentence in found.words)
+
+
+def test_the_location_of_an_effect_is_where_it_acts(bench):
+    one, nominal = bench(leakage_N="medium")
+    leak, lag, spring = (
+        CATALOGUE[name]() for name in ("leakage_N", "pressure_sensor_lag", "spring_load")
+    )
+    fitted = fit(one, (leak,), nominal.values)
+    found = locate(one, nominal, (leak,), fitted)
+    assert (found.balance, found.junction) == ("mass_flow_N", "chamber_flow")
+    assert "leakage_N" in " ".join(found.words)
+    # It is the effect that tells, not the residuals.
+    assert place_of((lag,), {}) == "measurement"
+    assert place_of((spring,), {"mass_flow_P": 1.0, "force": 0.0}) == "force"
+
+
+def test_an_effect_of_both_chambers_is_where_it_mends_more():
+    valve = CATALOGUE["valve_dynamics"]()
+    mended = {"mass_flow_P": 0.2, "mass_flow_N": 0.3, "force": 0.9}
+    assert place_of((valve,), mended) == "mass_flow_N"
+
+
+def test_one_error_of_the_position_explains_what_no_single_input_does(bench):
+    found = signatures(*with_values(bench(position_nonlinearity="large")))
+    assert set(found.left) == set(HYPOTHESES)
+    assert found.before > 20
+    assert found.left["position"] < 0.3 * min(found.inputs.values())
+    unknown_force = signatures(*with_values(bench(cogging="medium")))
+    assert unknown_force.left["force"] < 0.5 * min(unknown_force.sensors.values())
+
+
+def with_values(opened):
+    one, nominal = opened
+    return one, nominal.values
+
+
+def test_sensors_are_rivals_only_where_they_explain_about_as_much():
+    left = {"mass_flows": 1.0, "force": 30.0, "position": 2.0, "pressures": 8.0}
+    assert rivals_of(Signatures(40.0, left)) == ("position_delay", "backlash")
+    # A gap that is hardly larger than noise has no signature.
+    assert rivals_of(Signatures(3.0, left)) == ()
+
+
+def test_regimes_say_where_a_spring_acts_and_are_silent_where_nothing_does(bench):
+    assert regimes_of(*bench()) == ()
+    found = regimes_of(*bench(spring_load="medium"))
+    assert found[0].balance == "force"
+    assert any("ends of the travel" in regime.name for regime in found)
+    assert all(regime.ratio > 1.3 and regime.p_value < 0.01 for regime in found)
+
+
+def test_shuffled_blocks_find_no_regime_in_drifting_noise(bench):
+    """Noise that remembers a quarter of a second has no regimes, as often as its level says."""
+    one, nominal = bench()
+    rng = np.random.default_rng(3)
+    hits = 0
+    for _ in range(8):
+        walks = [
+            np.array([smooth(rng.normal(0.0, 1e5, r.shape[1])) for _ in r])
+            for r in (*nominal.train, *nominal.held_out)
+        ]
+        noise = replace(nominal, train=tuple(walks[:1]), held_out=tuple(walks[1:]))
+        hits += sum(not regime.name.endswith("Hz") for regime in regimes_of(one, noise))
+    # Eight draws of three balances with some twenty regimes each at a level of one per cent.
+    assert hits < 25
+
+
+def smooth(values):
+    return np.convolve(values, np.hanning(16), mode="same")
+
+
+def test_maps_show_the_spring_as_a_slope_over_position(bench):
+    maps = {(m.balance, m.name): m for m in maps_of(*bench(spring_load="medium"))}
+    slope = maps["force", "x"]
+    assert slope.mean.size == slope.band.size == slope.edges.size - 1
+    assert np.all(np.diff(slope.edges) > 0)
+    # The model pushes too far out: it has no spring that pulls back to the middle.
+    assert slope.mean[0] < -slope.band[0]
+    assert slope.mean[-1] > slope.band[-1]
+
+
+def test_a_force_driven_axis_has_a_force_alone(emps_like):
+    one, nominal = emps_like
+    found = locate(one, nominal)
+    assert set(found.shares) == {"force"}
+    assert found.balance == "force"
+
+
+@pytest.fixture(scope="module")
+def emps_like(data_folder):
+    case = open_case(data_folder / "emps")
+    one = study(make_axis(case, None), None, case.identify, case.validate)
+    return one, fit(one, ())
