@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping
-from concurrent.futures import Executor
+from concurrent.futures import Executor, ProcessPoolExecutor
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -53,7 +53,7 @@ class Check:
 def check_withheld(
     folder: str | Path,
     check: Check,
-    executor: Executor,
+    executor: Executor | None = None,
     diagnosing: Diagnosing = real_diagnosis,
     progress: Progress | None = None,
 ) -> dict[str, Any]:
@@ -69,8 +69,8 @@ def check_withheld(
         Where all of it goes.
     check : Check
         What is drawn.
-    executor : Executor
-        Who records, diagnoses and measures.
+    executor : Executor, optional
+        Who records, diagnoses and measures; by default as many processes as there are processors.
     diagnosing : callable, optional
         From a case and a catalogue to the JSON of a diagnosis.
     progress : callable, optional
@@ -86,6 +86,9 @@ def check_withheld(
     CaseError
         If the folder holds another draw, or labels or verdicts were tampered with.
     """
+    if executor is None:
+        with ProcessPoolExecutor() as pool:
+            return check_withheld(folder, check, pool, diagnosing, progress)
     folder = Path(folder)
     draws = draw_cases(check.cases, check.seed, check.proportions)
     seal(folder, draws, check.duration, check.fs)

@@ -1,7 +1,8 @@
 """What the labels allow to measure: whether a cause shows, an oracle, and simple rivals.
 
-All of it is done with one machinery, the fits of the balances along the smoothed motion, on the
-case and on its *twin*: the same axis, references and noise without an effect.
+All of it is done with the machinery of the diagnosis, fits of the balances along the smoothed
+motion that begin where its screen says, on the case and on its *twin*: the same axis, references
+and noise without an effect.
 
 - A cause is *visible* where the residual of the nominal axis on the held-out record exceeds that
   of the twin `VISIBLE` times in some balance.
@@ -15,27 +16,31 @@ case and on its *twin*: the same axis, references and noise without an effect.
 """
 
 import tempfile
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from pneumo_casadi.diagnosis.study import Fitted, Study, fit, study
-from pneumo_casadi.effect import Effect
+from pneumo_casadi.diagnosis import applicable, prepare
+from pneumo_casadi.diagnosis.misfit import size
+from pneumo_casadi.diagnosis.screen import Screened, background
+from pneumo_casadi.diagnosis.search import Searcher
+from pneumo_casadi.diagnosis.study import Fitted, Study, fit
 from pneumo_casadi.effects import CATALOGUE
 from pneumo_casadi.errors import PneumoError
 from pneumo_casadi.parameters import FloatArray
-from pneumo_casadi.pipeline import FlowForm, IdentifyOptions, make_axis, read_flow
-from pneumo_casadi.recording import Case, load_case
+from pneumo_casadi.recording import load_case
 from pneumo_casadi.result_file import write_json
 from pneumo_casadi.withheld.draw import Draw, make_twin
 
 #: A cause shows where it more than doubles the energy of a residual (1.5² = 2.25): what is missing
 #: then outweighs all that noise, filters and the model's form leave.
 VISIBLE = 1.5
-#: Effects that forward selection adds at most, and those that it tries after its first step.
-MOST, BEAM = 3, 5
+#: Effects that forward selection adds at most: as many as a case has; and those that it tries after
+#: its first step, since every new pair is a model to compile.
+MOST, BEAM = 2, 4
 
 
 def measure_one(
@@ -44,52 +49,45 @@ def measure_one(
     """Measure one case and write the figures to ``folder/NAME.json``."""
     try:
         with tempfile.TemporaryDirectory() as scratch:
-            twin = opened_study(make_twin(draw, Path(scratch) / "twin", duration, fs))
-            found = measured(opened_study(load_case(case)), twin, draw, named)
+            twin, _ = prepare(make_twin(draw, Path(scratch) / "twin", duration, fs))
+            floor = size(fit(twin, ()))
+        one, _ = prepare(load_case(case))
+        found = measured(one, floor, draw, named)
     except (PneumoError, np.linalg.LinAlgError) as error:
         found = {"failure": f"{type(error).__name__}: {error}"}
     write_json(found, folder / f"{draw.name}.json")
 
 
-def opened_study(case: Case) -> Study:
-    """Start the fits of a case."""
-    table, flow = read_flow(case, IdentifyOptions(flow_form=FlowForm.ISO6358))
-    return study(make_axis(case, flow), table, case.identify, case.validate)
+def measured(one: Study, floor: FloatArray, draw: Draw, named: Collection[str]) -> dict[str, Any]:
+    """Return the figures of one case.
 
+    Parameters
+    ----------
+    one : Study
+        The case.
+    floor : (ne,) array
+        Held-out residuals of the twin, root mean square.
+    draw : Draw
+        Its label.
+    named : collection of str
+        Effects that the verdict stands for.
+    """
+    models = Models.of(one, draw.without)
+    before = size(models.nominal)
 
-def measured(one: Study, twin: Study, draw: Draw, named: Collection[str]) -> dict[str, Any]:
-    """Return the figures of one case beside its twin."""
-    nominal = fit(one, ())
-    floor = held_out_rms(fit(twin, ()))
-    before = held_out_rms(nominal)
-    names = tuple(draw.effects)
-    catalogue = {key: found for key, found in CATALOGUE.items() if key not in draw.without}
+    def shrink(names: Iterable[str]) -> float | None:
+        after = models.fitted(names)
+        return None if after is None else shrunk(before, size(after), floor)
 
-    def shrink(effects: Iterable[str]) -> float | None:
-        chosen = [CATALOGUE[name]() for name in effects if name in CATALOGUE]
-        after = tried(one, chosen, nominal)
-        return None if after is None else shrunk(before, held_out_rms(after), floor)
-
-    knows = bool(names) and draw.listed
-    oracle = shrink(names) if knows else None
-    same = set(named) == set(names)
+    knows = bool(draw.effects) and draw.listed
     return {
         "rms": dict(zip(one.axis.equations, before.tolist(), strict=True)),
         "twin_rms": dict(zip(one.axis.equations, floor.tolist(), strict=True)),
         "visible": bool(np.any(before > VISIBLE * floor)),
-        "oracle_shrink": oracle,
-        "named_shrink": oracle if knows and same else shrink(named) if knows and named else 0.0,
-        **rivals(one, nominal, catalogue),
+        "oracle_shrink": shrink(draw.effects) if knows else None,
+        "named_shrink": shrink(named) if knows else None,
+        **rivals(models),
     }
-
-
-def held_out_rms(one: Fitted) -> FloatArray:
-    """Return the root mean square residual of each balance on the held-out records, (ne,)."""
-    squares = sum(
-        (r**2 * used).sum(axis=1) for r, used in zip(one.held_out, one.used_held_out, strict=True)
-    )
-    rows = sum(used.sum(axis=1) for used in one.used_held_out)
-    return np.asarray(np.sqrt(squares / np.maximum(rows, 1)))
 
 
 def gap(rms: FloatArray, floor: FloatArray) -> float:
@@ -110,29 +108,63 @@ def shrunk(before: FloatArray, after: FloatArray, floor: FloatArray) -> float:
     return 1.0 - gap(after, floor) / first if first > 0 else 0.0
 
 
-def tried(one: Study, effects: Sequence[Effect], nominal: Fitted) -> Fitted | None:
-    """Fit with some effects; None where the axis cannot have them or the fit fails."""
-    try:
-        return fit(one, effects, nominal.values)
-    except (PneumoError, np.linalg.LinAlgError):
-        return None
+@dataclass(frozen=True, eq=False)
+class Models:
+    """All models of a case that were asked for.
+
+    Parameters
+    ----------
+    worker : Searcher
+        Fits them.
+    nominal : Fitted
+        Without effects.
+    screen : mapping of str to Screened
+        Where the fits of single effects begin.
+    """
+
+    worker: Searcher
+    nominal: Fitted
+    screen: Mapping[str, Screened]
+
+    @staticmethod
+    def of(one: Study, without: Collection[str] = ()) -> "Models":
+        """Fit the nominal model and screen a catalogue that lacks some effects."""
+        given = {name: effect for name, effect in CATALOGUE.items() if name not in without}
+        worker, nominal = Searcher(one, applicable(one.axis, given)), fit(one, ())
+        worker.screen_all(nominal)
+        return Models(worker, nominal, worker.over(background(one, nominal, nominal)))
+
+    def fitted(self, names: Iterable[str]) -> Fitted | None:
+        """Return the fit with some effects; None where there is none.
+
+        Several effects begin at the best single one of them, the others as screened.
+        """
+        key = self.worker.key(names)
+        if not key:
+            return self.nominal
+        if key not in self.worker.fits and key not in self.worker.failures:
+            origin = self.nominal
+            if len(key) > 1:
+                alone = [fit for fit in (self.fitted((name,)) for name in key) if fit is not None]
+                origin = min(alone, key=lambda fit: fit.cost, default=origin)
+            starts = [self.screen[name].start for name in key if name in self.screen]
+            begin = {**{k: v for start in starts for k, v in start.items()}, **origin.values}
+            self.worker.fit_all({key: (begin, origin.cost)})
+        return self.worker.fits.get(key)
 
 
-def rivals(one: Study, nominal: Fitted, catalogue: Mapping[str, type[Effect]]) -> dict[str, Any]:
+def rivals(models: Models) -> dict[str, Any]:
     """Return what ranking by training error, and forward selection by AIC, make of a case."""
-    costs: dict[tuple[str, ...], float] = {}
 
-    def cost(names: tuple[str, ...]) -> float:
-        found = tried(one, [catalogue[name]() for name in names], nominal)
-        if found is not None:
-            costs[names] = found.cost
+    def criterion(names: tuple[str, ...]) -> float:
+        found = models.fitted(names)
         return np.inf if found is None else found.cost + len(found.std)
 
-    score = {name: cost((name,)) for name in catalogue}
-    ranked = sorted((c, names[0]) for names, c in costs.items())
+    single = {name: criterion((name,)) for name in models.worker.catalogue}
+    costs = {names[0]: fit.cost for names, fit in models.worker.fits.items() if len(names) == 1}
     return {
-        "by_error": [name for _, name in ranked],
-        "by_aic": forward(score, nominal.cost + len(nominal.std), cost),
+        "by_error": sorted(costs, key=lambda name: costs[name]),
+        "by_aic": forward(single, criterion(()), criterion),
     }
 
 

@@ -4,10 +4,10 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, Future, as_completed
 from functools import partial
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from pneumo_casadi.diagnosis import diagnose
 from pneumo_casadi.effect import Effect
 from pneumo_casadi.effects import CATALOGUE
 from pneumo_casadi.errors import CaseError
@@ -33,9 +33,7 @@ FAILED = "failed"
 
 def real_diagnosis(case: Case, catalogue: Mapping[str, type[Effect]]) -> dict[str, Any]:
     """Diagnose a case with this package."""
-    diagnosis: Any = import_module("pneumo_casadi.diagnosis")
-    found: dict[str, Any] = diagnosis.diagnose(case, catalogue).as_dict()
-    return found
+    return diagnose(case, catalogue).as_dict()
 
 
 def in_turn(

@@ -93,7 +93,7 @@ def test_a_case_that_cannot_be_measured_says_why(tmp_path):
     draw = Draw("w001", Kind.NONE, 5, {})
     too_short = {"duration": 0.5, "fs": 500.0}
     measure_one(tmp_path, make(draw, tmp_path / "case", **too_short).folder, draw, [], **too_short)
-    assert "too few" in json.loads((tmp_path / "w001.json").read_text())["failure"]
+    assert "too short" in json.loads((tmp_path / "w001.json").read_text())["failure"]
 
 
 def test_the_command_prints_the_scores_and_writes_them(tmp_path, monkeypatch, told, judged, capsys):
