@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from pneumo_casadi.axis import Axis
 from pneumo_casadi.diagnosis.result import Regime
-from pneumo_casadi.diagnosis.signatures import residual_floor
+from pneumo_casadi.diagnosis.signatures import noise_variance, residual_floor
 from pneumo_casadi.diagnosis.study import Fitted, Study
 from pneumo_casadi.diagnosis.trajectory import NOISE_MULTIPLE, ROW_RATE, SLOW, Smoothed
 from pneumo_casadi.parameters import FloatArray
@@ -274,6 +274,9 @@ def _bands(one: Study, fit: Fitted, balance: str, rng: np.random.Generator) -> l
     if len(residual) < 6:
         return []
     R, S = np.array(residual), np.array(signal)
+    R -= _noise_spectrum(one, fit, i, length)
+    if R.sum() <= 0:
+        return []
     f = np.fft.rfftfreq(length, 1 / ROW_RATE)
     found = []
     for low, high in pairwise(BANDS):
@@ -285,6 +288,20 @@ def _bands(one: Study, fit: Fitted, balance: str, rng: np.random.Generator) -> l
         text = f"above {low:g} Hz" if np.isinf(high) else f"between {low:g} and {high:g} Hz"
         found.append(Regime(text, balance, float(share), float(usual), float(p)))
     return found
+
+
+def _noise_spectrum(one: Study, fit: Fitted, i: int, length: int) -> FloatArray:
+    """Return what the sensors' noise adds to the spectrum of balance `i`, (length // 2 + 1,)."""
+    data = _records(one)[0]
+    order = 2 if one.axis.equations[i] == "force" else 1
+    white = data.smooth(np.random.default_rng(0).standard_normal(data.N))
+    for _ in range(order):
+        white = data.derivative(white)
+    rows = data.averaged(white[:, None])[:, 0]
+    every = [rows[k : k + length] for k in range(0, data.m - length + 1, length)]
+    shape = np.mean([_spectrum(part, np.ones(length, dtype=bool)) for part in every], axis=0)
+    variance = noise_variance(one.axis, fit.values, data)[i]
+    return np.asarray(shape * variance / np.var(rows))
 
 
 def _records(one: Study) -> Sequence[Smoothed]:

@@ -112,9 +112,8 @@ def _of_record(one: Study, values: Mapping[str, float], data: Smoothed) -> Signa
 
 def residual_floor(axis: Axis, values: Mapping[str, float], data: Smoothed) -> FloatArray:
     """Return what noise and a right model's misfit leave in each balance [Pa/s, Pa/s, N]."""
-    theta = np.array([values[name] for name in axis.parameters.names])
     signal = row_signals(axis, values, data)
-    return np.sqrt(_noise(axis, values, theta, data) + (FORM * signal) ** 2)
+    return np.sqrt(noise_variance(axis, values, data) + (FORM * signal) ** 2)
 
 
 def row_signals(axis: Axis, values: Mapping[str, float], data: Smoothed) -> FloatArray:
@@ -124,10 +123,9 @@ def row_signals(axis: Axis, values: Mapping[str, float], data: Smoothed) -> Floa
     return np.array([*rates, signals_of(axis, theta, data)[-1]])
 
 
-def _noise(
-    axis: Axis, values: Mapping[str, float], theta: FloatArray, data: Smoothed
-) -> FloatArray:
+def noise_variance(axis: Axis, values: Mapping[str, float], data: Smoothed) -> FloatArray:
     """Return the variance that the sensors' noise leaves in a row of each balance."""
+    theta = np.array([values[name] for name in axis.parameters.names])
     _, A = along_motion(axis, theta, data)
     rate, acceleration = _row_gain(data, 1), _row_gain(data, 2)
     names, x = axis.motion_states, axis.outputs.index("x")

@@ -6,7 +6,7 @@ import numpy as np
 
 from pneumo_casadi.diagnosis.regimes import regimes_of
 from pneumo_casadi.diagnosis.result import Regime, Where
-from pneumo_casadi.diagnosis.signatures import Signatures, row_signals, signatures
+from pneumo_casadi.diagnosis.signatures import HYPOTHESES, Signatures, row_signals, signatures
 from pneumo_casadi.diagnosis.study import Fitted, Study
 from pneumo_casadi.diagnosis.unknown_inputs import unknown_inputs
 from pneumo_casadi.effect import Effect
@@ -16,7 +16,9 @@ from pneumo_casadi.parameters import FloatArray
 FORM = {"mass_flow_P": 0.01, "mass_flow_N": 0.01, "force": 0.015}
 #: Left by a sensor's error over left by the best unknown input: below, the sensor is the place;
 #: above the second, it is out of the question.
-SENSOR, RIVAL = 0.6, 3.0
+SENSOR, RIVAL = 0.7, 3.0
+#: By what a hypothesis with one more free signal must do better.
+SIGNAL = 1.7
 #: Share of the residuals that a rival must not leave.
 UNEXPLAINED = 0.15
 
@@ -34,7 +36,6 @@ _CLUES = {
     "filling": "supply",
     "flow out": "outlet",
     "emptying": "outlet",
-    "above 8 Hz": "spool",
 }
 _WORDS = {
     "mass_flow_P": "the mass flow into chamber P",
@@ -120,10 +121,14 @@ def place_without_cause(shares: Mapping[str, float], found: Signatures) -> str:
     """Return where the gap lies when no effect explains it: by unknown inputs and signatures."""
     if not any(shares.values()):
         return "none"
-    best_input, best_sensor = min(found.inputs.values()), min(found.sensors.values())
-    if best_sensor < SENSOR * best_input:
+    if min(_weighed(found.sensors)) < SENSOR * min(_weighed(found.inputs)):
         return "measurement"
     return max(shares, key=lambda name: shares[name])
+
+
+def _weighed(left: Mapping[str, float]) -> list[float]:
+    """Return what hypotheses leave, times a price for every signal that they let go free."""
+    return [value * SIGNAL ** len(HYPOTHESES[name]) for name, value in left.items()]
 
 
 def rivals_of(found: Signatures) -> tuple[str, ...]:
