@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pneumo_casadi.axis import Axis
-from pneumo_casadi.diagnosis.checks import absorbed_candidates, check_parameters, map_pull_of
+from pneumo_casadi.diagnosis.absorbed import absorbed_candidates
+from pneumo_casadi.diagnosis.checks import checks_of
 from pneumo_casadi.diagnosis.gaps import simulated_gap
 from pneumo_casadi.diagnosis.gates import refuse_unusable
 from pneumo_casadi.diagnosis.misfit import balance_shrink
 from pneumo_casadi.diagnosis.result import (
     Candidate,
-    Check,
     Diagnosis,
     EffectFound,
     Value,
@@ -101,7 +101,7 @@ def diagnose(
     judgement = judge(found)
     report("parameters and location", 0.82)
     effects = Searcher(one, chosen).effects(found.chosen)
-    checks = _checks(one, found)
+    checks = checks_of(one, found.final)
     verdict = judgement.verdict
     hidden = absorbed_candidates(checks) if verdict is Verdict.NONE else ()
     if hidden:
@@ -165,12 +165,6 @@ def applicable(axis: Axis, catalogue: Catalogue) -> dict[str, type]:
             continue
         found[name] = effect
     return found
-
-
-def _checks(one: Study, found: Search) -> tuple[Check, ...]:
-    final = found.final
-    pull = map_pull_of(one, final.values)
-    return check_parameters(one.axis, final.values, final.std, pull)
 
 
 def _values(axis: Axis, fitted: Fitted) -> dict[str, Value]:

@@ -62,6 +62,16 @@ def simulated_gap(
     return Gap(a, b, _overall(floor), shrink, views), tuple(notes)
 
 
+def window_share(one: Study, nominal: Fitted, fitted: Fitted, effects: Sequence[Effect]) -> float:
+    """Return the share of the windows' gap that a fit leaves; 1 where it cannot be simulated."""
+    floor = np.array([_noise_percent(one)[name] for name in one.axis.outputs])
+    before = _windows(_axis(one, nominal, ()), one, [])
+    after = _windows(_axis(one, fitted, effects), one, [])
+    if before is None or after is None:
+        return 1.0
+    return _rms_gap(after, floor) / max(_rms_gap(before, floor), 1e-12)
+
+
 def _axis(one: Study, fitted: Fitted, effects: Sequence[Effect]) -> Axis:
     axis = one.axis.with_effects(*effects).with_parameters(dict(fitted.values))
     return axis.with_parameters({"v_s": V_S_SIMULATED})

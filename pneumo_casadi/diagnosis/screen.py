@@ -22,6 +22,8 @@ from pneumo_casadi.parameters import FloatArray
 GRID = (1 / 3, 1.0, 3.0)
 #: Below this share of its influence an effect cannot be seen in these data.
 UNOBSERVABLE = 0.01
+#: Below this one its direction is lost in rounding. At laboratory noise little is enough.
+ROUNDING = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,7 +190,7 @@ def screened(name: str, found: Sequence[Direction], behind: Background) -> Scree
         slope = D.T @ e - (Q.T @ D).T @ (Q.T @ e)
         whole = np.diag(D.T @ D)
         left = np.divide(np.diag(gram), whole, out=np.zeros(len(whole)), where=whole > 0)
-        seen = left > UNOBSERVABLE / 10
+        seen = left > ROUNDING
         observable = float(left.max(initial=0.0))
         if not seen.any():
             best = max(best, Screened(name, 0.0, observable, {}), key=lambda s: s.observable)

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from pneumo_casadi.diagnosis.gaps import window_share
 from pneumo_casadi.diagnosis.misfit import (
     Yardstick,
     block_gain,
@@ -18,6 +19,7 @@ from pneumo_casadi.diagnosis.misfit import (
     size,
     yardstick,
 )
+from pneumo_casadi.diagnosis.polish import polished, senses
 from pneumo_casadi.diagnosis.screen import (
     Background,
     Direction,
@@ -44,6 +46,8 @@ FIRST_ROUND, LATER_ROUNDS = 12, 5
 MATTERS = 0.05
 #: Share of the first gap that each further effect must close by itself.
 SHARE = 0.08
+#: A model that leaves less than this share of the simulated gap needs no further effect.
+SETTLED = 0.35
 #: Share of bootstrap replicates in which the gain must be there.
 CERTAIN = 0.95
 
@@ -74,6 +78,9 @@ class Search:
         Models accepted one after another, the last one final; empty if none was.
     by : Yardstick
         Noise and signal of the held-out records.
+    settled : mapping of tuple of str to float
+        Share of the simulated gap left by models refined by output error, because they hold an
+        effect of a sensor; see `polished`.
     """
 
     nominal: Fitted
@@ -82,6 +89,7 @@ class Search:
     screen: Mapping[str, Screened]
     path: tuple[Names, ...]
     by: Yardstick
+    settled: Mapping[Names, float]
 
     @property
     def chosen(self) -> Names:
@@ -133,6 +141,7 @@ class Searcher:
     fits: dict[Names, Fitted] = field(default_factory=dict)
     failures: dict[Names, Failed] = field(default_factory=dict)
     directions: dict[str, tuple[Direction, ...]] = field(default_factory=dict)
+    settled: dict[Names, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self._packed = pickle.dumps(self.study) if self.executor is not None else b""
@@ -234,7 +243,8 @@ def search(
         }
     )
     path = _forward(worker, nominal, by, report)
-    return Search(nominal, worker.fits, tuple(worker.failures.values()), first, path, by)
+    failures = tuple(worker.failures.values())
+    return Search(nominal, worker.fits, failures, first, path, by, worker.settled)
 
 
 def _forward(
@@ -260,8 +270,23 @@ def _forward(
         if round_ == 1:
             best = _second_thoughts(worker, nominal, best, by, current)
         path.append(best)
+        if _settled(worker, nominal, best):
+            break
         current = worker.fits[best]
     return tuple(path)
+
+
+def _settled(worker: Searcher, nominal: Fitted, names: Names) -> bool:
+    """Tell whether a model with an effect of a sensor closes the gap once it is simulated."""
+    effects = worker.effects(names)
+    if not senses(effects):
+        return False
+    better = polished(worker.study, worker.fits[names], effects)
+    share = window_share(worker.study, nominal, better, effects)
+    if share < SETTLED:
+        worker.fits[names] = better
+        worker.settled[names] = share
+    return share < SETTLED
 
 
 def _extend(worker: Searcher, nominal: Fitted, current: Fitted, known: Names) -> None:

@@ -68,6 +68,8 @@ def unexplained(found: Search) -> float:
 
     Balances without a visible gap do not count: a share of nothing says nothing.
     """
+    if found.chosen in found.settled:
+        return found.settled[found.chosen]
     before, after = size(found.nominal), size(found.final)
     seen = (before > VISIBLE * found.by.noise) & (after > VISIBLE * found.by.noise)
     if not seen.any():

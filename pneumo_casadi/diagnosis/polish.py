@@ -1,0 +1,57 @@
+"""Output error for effects of sensors, which the measured motion does not show.
+
+While a play is crossed, the sensor stands still and the piston moves: no smoothing brings that
+motion back, only a simulation does.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from pneumo_casadi.diagnosis.along import AlongMotion
+from pneumo_casadi.diagnosis.gaps import V_S_SIMULATED, WINDOW
+from pneumo_casadi.diagnosis.inverse import residuals
+from pneumo_casadi.diagnosis.study import Fitted, Study
+from pneumo_casadi.effect import Effect
+from pneumo_casadi.errors import FitError, ModelError
+from pneumo_casadi.output_error import OutputErrorOptions, OutputErrorResult, fit_output_error
+
+OPTIONS = OutputErrorOptions(window=WINDOW, widths=(V_S_SIMULATED,), max_iterations=25)
+
+
+def senses(effects: Sequence[Effect]) -> bool:
+    """Tell whether some effect acts on what a sensor shows."""
+    return any("output" in effect.junctions for effect in effects)
+
+
+def polished(one: Study, fitted: Fitted, effects: Sequence[Effect]) -> Fitted:
+    """Refine a fit by output error over windows; return it as it was where that fails.
+
+    The flow map is held where the balances have left it: windows of half a second say little of
+    it, and the gauge stays where it is.
+    """
+    axis = one.axis.with_effects(*effects).with_parameters(dict(fitted.values))
+    if axis.flow is not None:
+        axis = axis.with_parameters(axis.parameters.fix(*axis.flow.parameters.names))
+    result: object
+    try:
+        result = fit_output_error(axis, one.train, None, OPTIONS)
+    except FitError as error:
+        result = error.partial
+    except ModelError:
+        return fitted
+    if not isinstance(result, OutputErrorResult) or not np.isfinite(result.rms).all():
+        return fitted
+    values = result.parameters.as_dict() | {"v_s": fitted.values["v_s"]}
+    model = AlongMotion(one.axis.with_effects(*effects).with_parameters(values))
+    theta = model.axis.parameters.values
+    train, held = one.smoothed
+    std = {name: result.std(name, robust=True) for name in result.estimate.names}
+    return replace(
+        fitted,
+        values=values,
+        std={**fitted.std, **{k: v for k, v in std.items() if np.isfinite(v)}},
+        train=tuple(residuals(model, data, theta) for data in train),
+        held_out=tuple(residuals(model, data, theta) for data in held),
+    )
