@@ -31,6 +31,7 @@ class Kind(Enum):
     IDENTIFICATION = ("report.html", "result.json", "table.txt", "figures")
     VALIDATION = ("table.txt", "result.json", "figures")
     SIMULATION = ("simulation",)
+    DIAGNOSIS = ("diagnosis.json", "report.html", "summary.txt", "figures")
     DESIGN = ("design.json", "design.txt", "design.png", "reference.csv")
 
 

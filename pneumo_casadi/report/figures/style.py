@@ -8,6 +8,7 @@ from io import BytesIO
 from typing import Any
 
 import numpy as np
+from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -149,4 +150,13 @@ def png(figure: Figure) -> bytes:
     buffer = BytesIO()
     # Without version and date equal results give equal files.
     figure.savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})
+    return buffer.getvalue()
+
+
+def svg(figure: Figure) -> bytes:
+    """Return a figure as the content of an SVG file, letters as outlines."""
+    buffer = BytesIO()
+    # A fixed salt and no date: equal results give equal files.
+    with rc_context({"svg.hashsalt": "pneumo_casadi", "svg.fonttype": "path"}):
+        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
     return buffer.getvalue()

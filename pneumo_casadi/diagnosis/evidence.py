@@ -1,0 +1,43 @@
+"""What figures of a diagnosis show beside its numbers: unknown inputs over time, regime maps."""
+
+from dataclasses import dataclass
+
+from pneumo_casadi.diagnosis.regimes import RegimeMap, maps_of
+from pneumo_casadi.diagnosis.study import Fitted, Study
+from pneumo_casadi.diagnosis.unknown_inputs import UnknownInputs, unknown_inputs
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """Curves behind a diagnosis.
+
+    Parameters
+    ----------
+    inputs : tuple of UnknownInputs
+        Of the axis without effects, one a held-out record.
+    before, after : tuple of RegimeMap
+        Residuals of the balances over what went on, without effects and with those found;
+        `after` is empty where none was found.
+    """
+
+    inputs: tuple[UnknownInputs, ...]
+    before: tuple[RegimeMap, ...]
+    after: tuple[RegimeMap, ...] = ()
+
+
+def evidence_of(one: Study, nominal: Fitted, final: Fitted | None = None) -> Evidence:
+    """Return the curves behind a diagnosis.
+
+    Parameters
+    ----------
+    one : Study
+        Records and nominal axis.
+    nominal : Fitted
+        Its fit without effects.
+    final : Fitted, optional
+        The fit with the effects found.
+    """
+    train, held = one.smoothed
+    inputs = tuple(unknown_inputs(one.axis, nominal.values, data) for data in held or train)
+    after = () if final is None else maps_of(one, final)
+    return Evidence(inputs, maps_of(one, nominal), after)
