@@ -81,12 +81,12 @@ def check(
     MissingExtraError
         If numba is not installed.
     """
-    from pneumo_casadi.withheld import Check, check_withheld  # needs the extra `bench`
+    from pneumo_casadi.withheld import WithheldOptions, check_withheld  # needs the extra `bench`
 
     chosen = _seed_of(folder) if seed is None else seed
     with ProcessPoolExecutor(workers, initializer=_leave_interruption_to_the_parent) as executor:
         found = check_withheld(
-            folder, Check(cases, chosen, duration=duration), executor, progress=report
+            folder, WithheldOptions(cases, chosen, duration=duration), executor, progress=report
         )
     return {**found, "seed": chosen, "duration_seconds": duration}
 

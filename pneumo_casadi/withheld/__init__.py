@@ -5,7 +5,7 @@ labels is written first, and the labels are opened once every verdict is on disk
 extra ``bench``.
 """
 
-from pneumo_casadi.withheld.check import Check, check_withheld
+from pneumo_casadi.withheld.check import WithheldOptions, check_withheld
 from pneumo_casadi.withheld.draw import Draw, Kind, Proportions, draw_cases
 from pneumo_casadi.withheld.run import Diagnosing, real_diagnosis
 from pneumo_casadi.withheld.said import Said, said
@@ -14,7 +14,6 @@ from pneumo_casadi.withheld.tally import Calibration, Share, calibration
 
 __all__ = [
     "Calibration",
-    "Check",
     "Diagnosing",
     "Draw",
     "Judged",
@@ -22,6 +21,7 @@ __all__ = [
     "Proportions",
     "Said",
     "Share",
+    "WithheldOptions",
     "calibration",
     "check_withheld",
     "draw_cases",

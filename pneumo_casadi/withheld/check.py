@@ -28,7 +28,7 @@ MEASURES, SCORES = "measures", "scores.json"
 
 
 @dataclass(frozen=True, slots=True)
-class Check:
+class WithheldOptions:
     """What is drawn.
 
     Parameters
@@ -52,7 +52,7 @@ class Check:
 
 def check_withheld(
     folder: str | Path,
-    check: Check,
+    options: WithheldOptions,
     executor: Executor | None = None,
     diagnosing: Diagnosing = real_diagnosis,
     progress: Progress | None = None,
@@ -67,7 +67,7 @@ def check_withheld(
     ----------
     folder : path
         Where all of it goes.
-    check : Check
+    options : WithheldOptions
         What is drawn.
     executor : Executor, optional
         Who records, diagnoses and measures; by default as many processes as there are processors.
@@ -88,15 +88,15 @@ def check_withheld(
     """
     if executor is None:
         with ProcessPoolExecutor() as pool:
-            return check_withheld(folder, check, pool, diagnosing, progress)
+            return check_withheld(folder, options, pool, diagnosing, progress)
     folder = Path(folder)
-    draws = draw_cases(check.cases, check.seed, check.proportions)
-    seal(folder, draws, check.duration, check.fs)
-    make_cases(folder, draws, check.duration, check.fs, executor, progress)
+    draws = draw_cases(options.cases, options.seed, options.proportions)
+    seal(folder, draws, options.duration, options.fs)
+    make_cases(folder, draws, options.duration, options.fs, executor, progress)
     left_out = {one.name: one.without for one in draws}
     diagnose_cases(folder, left_out, diagnosing, executor, progress)
     labels, verdicts = opened(folder)
-    measures = _measure(folder, labels, verdicts, check, executor, progress)
+    measures = _measure(folder, labels, verdicts, options, executor, progress)
     found = scored([Judged(one, said(verdicts[one.name]), measures[one.name]) for one in labels])
     write_json(found, folder / SCORES)
     return found
@@ -106,7 +106,7 @@ def _measure(
     folder: Path,
     draws: tuple[Draw, ...],
     verdicts: Mapping[str, Mapping[str, Any]],
-    check: Check,
+    options: WithheldOptions,
     executor: Executor,
     progress: Progress | None,
 ) -> dict[str, dict[str, Any]]:
@@ -117,6 +117,8 @@ def _measure(
         if (target / f"{one.name}.json").is_file():
             continue
         case, named = folder / CASES / one.name, sorted(said(verdicts[one.name]).named)
-        tasks[one.name] = partial(measure_one, target, case, one, named, check.duration, check.fs)
+        tasks[one.name] = partial(
+            measure_one, target, case, one, named, options.duration, options.fs
+        )
     in_turn("measuring", tasks, executor, progress)
     return {one.name: json.loads((target / f"{one.name}.json").read_text("utf-8")) for one in draws}

@@ -13,12 +13,19 @@ from pneumo_casadi.report.figures.withheld import withheld_figure
 from pneumo_casadi.report.text import render
 from pneumo_casadi.report.withheld import withheld_table
 from pneumo_casadi.result_file import write_json
-from pneumo_casadi.withheld import Check, Kind, Proportions, check, check_withheld, measure
+from pneumo_casadi.withheld import (
+    Kind,
+    Proportions,
+    WithheldOptions,
+    check,
+    check_withheld,
+    measure,
+)
 from pneumo_casadi.withheld.draw import Draw, make
 from pneumo_casadi.withheld.measure import measure_one
 
 SHORT = {"duration": 4.0, "fs": 500.0}
-CHECK = Check(3, 3, Proportions(1, 0, 1, 0, 0, 1), **SHORT)
+OPTIONS = WithheldOptions(3, 3, Proportions(1, 0, 1, 0, 0, 1), **SHORT)
 
 
 @pytest.fixture
@@ -48,7 +55,7 @@ def unmeasured(monkeypatch):
 def test_a_diagnosis_that_always_says_stribeck_scores_as_it_must(
     tmp_path, always, in_place, unmeasured
 ):
-    found = check_withheld(tmp_path, CHECK, in_place, always)
+    found = check_withheld(tmp_path, OPTIONS, in_place, always)
     stribeck = sum(one["effects"].keys() == {"stribeck"} for one in found["each"])
     scores = found["scores"]["all"]
     assert always.calls == ["w001", "w002", "w003"]
@@ -62,11 +69,13 @@ def test_a_diagnosis_that_always_says_stribeck_scores_as_it_must(
         else 0.25 * stribeck / 4 + 0.75 * (1 - stribeck / 4)
     )
     assert found["unmeasured"] == 0
-    again = check_withheld(tmp_path, CHECK, in_place, always)
+    again = check_withheld(tmp_path, OPTIONS, in_place, always)
     assert again == found
     assert len(always.calls) == 3
     with pytest.raises(CaseError, match="another seed"):
-        check_withheld(tmp_path, Check(3, 4, CHECK.proportions, **SHORT), in_place, always)
+        check_withheld(
+            tmp_path, WithheldOptions(3, 4, OPTIONS.proportions, **SHORT), in_place, always
+        )
     names = {path.name for path in tmp_path.iterdir()}
     assert names == {
         *("seal.json", "labels.sealed", "opened.json", "scores.json"),
@@ -105,8 +114,8 @@ def test_the_command_prints_the_scores_and_writes_them(tmp_path, monkeypatch, to
     ]
     asked = []
 
-    def in_no_time(folder, check, executor, **options):
-        asked.append(check)
+    def in_no_time(folder, options, executor, progress):
+        asked.append(options)
         folder.mkdir(exist_ok=True)
         return withheld.scored(cases)
 
