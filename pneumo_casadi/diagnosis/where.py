@@ -4,13 +4,14 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from pneumo_casadi.diagnosis.along import AlongMotion
+from pneumo_casadi.diagnosis.inverse import residuals
 from pneumo_casadi.diagnosis.regimes import regimes_of
 from pneumo_casadi.diagnosis.result import Regime, Where
 from pneumo_casadi.diagnosis.signatures import HYPOTHESES, Signatures, row_signals, signatures
-from pneumo_casadi.diagnosis.study import Fitted, Study
+from pneumo_casadi.diagnosis.study import Fitted, Study, rows_used
 from pneumo_casadi.diagnosis.unknown_inputs import unknown_inputs
 from pneumo_casadi.effect import Effect
-from pneumo_casadi.parameters import FloatArray
 
 #: What forms of flow maps and friction laws leave on a right axis, as a share of the signal.
 FORM = {"mass_flow_P": 0.01, "mass_flow_N": 0.01, "force": 0.015}
@@ -50,6 +51,7 @@ def locate(
     nominal: Fitted,
     cause: Sequence[Effect] = (),
     fitted: Fitted | None = None,
+    gap: bool | None = None,
 ) -> Where:
     """Say where simulation and reality part.
 
@@ -62,7 +64,10 @@ def locate(
     cause : sequence of Effect, optional
         Effects found, in the order in which they were added: the location is that of the first.
     fitted : Fitted, optional
-        The fit with them: tells which balance they mend.
+        The fit with them: tells in which balance the first one adds most.
+    gap : bool, optional
+        Whether there is a gap, where that is known better: without one there is no place, with
+        one there is, be it small. By default unknown inputs decide.
 
     Returns
     -------
@@ -75,11 +80,16 @@ def locate(
         zip(one.axis.equations, np.mean([i.energy for i in inputs], axis=0).tolist(), strict=True)
     )
     shares = above_form(energy)
+    if gap and not any(shares.values()):
+        total = sum(value / FORM[name] ** 2 for name, value in energy.items())
+        shares = {name: value / FORM[name] ** 2 / total for name, value in energy.items()}
     found = signatures(one, nominal.values)
     telling = regimes_of(one, nominal)
     if cause:
-        balance = place_of(cause, _mended(one, nominal, fitted) or shares)
-        junction = cause[0].junctions[0] if cause[0].junctions else ""
+        balance = place_of(cause[0], shares if fitted is None else _added(one, cause, fitted))
+        junction = _acts_at(cause[0])
+    elif gap is False:
+        balance, junction = "none", ""
     else:
         balance = place_without_cause(shares, found)
         junction = _junction(balance, telling)
@@ -97,23 +107,23 @@ def above_form(energy: Mapping[str, float]) -> dict[str, float]:
     return {name: value / total if total > 0 else 0.0 for name, value in excess.items()}
 
 
-def place_of(cause: Sequence[Effect], mended: Mapping[str, float]) -> str:
-    """Return the balance, or ``measurement``, in which the first of some effects acts.
+def place_of(cause: Effect, added: Mapping[str, float]) -> str:
+    """Return the balance, or ``measurement``, in which an effect acts.
 
     Parameters
     ----------
-    mended : mapping of str to float
-        How much of each balance's residual the effects take away, or the shares of the unknown
-        inputs: decides between chambers.
+    added : mapping of str to float
+        How much the effect adds to each balance, or the shares of the unknown inputs: decides
+        between chambers.
     """
-    junctions = set(cause[0].junctions)
+    junctions = set(cause.junctions)
     if junctions <= {"output"}:
         return "measurement"
     if junctions <= {"force", "drive", "output"}:
         return "force"
     if junctions & {"force", "drive"}:
-        return max(mended, key=lambda name: mended[name])
-    flows = {name: value for name, value in mended.items() if name != "force"}
+        return max(added, key=lambda name: added[name])
+    flows = {name: value for name, value in added.items() if name != "force"}
     return max(flows, key=lambda name: flows[name])
 
 
@@ -143,25 +153,28 @@ def rivals_of(found: Signatures) -> tuple[str, ...]:
     return tuple(effect for name in order for effect in SENSOR_EFFECTS[name])
 
 
-def _mended(one: Study, nominal: Fitted, fitted: Fitted | None) -> dict[str, float]:
-    """Return the share of the signal's energy by which each balance's residual shrinks."""
-    if fitted is None:
-        return {}
-    before, after = (_mean_squares(fit) for fit in (nominal, fitted))
-    found = {}
+def _added(one: Study, cause: Sequence[Effect], fitted: Fitted) -> dict[str, float]:
+    """Return what the first effect adds to each balance, as a share of its signal's energy."""
+    model = AlongMotion(one.axis.with_effects(*cause))
+    parameters = model.axis.parameters
+    theta = np.array([fitted.values[name] for name in parameters.names])
+    without = theta.copy()
+    for i, item in enumerate(parameters):
+        if item.null is not None and item.name.startswith(f"{cause[0].name}."):
+            without[i] = np.clip(item.null, item.lower, item.upper)
     train, held = one.smoothed
-    signal = [row_signals(one.axis, nominal.values, data) for data in held or train]
-    size = np.mean(np.square(signal), axis=0)
-    for i, name in enumerate(one.axis.equations):
-        found[name] = float((before[i] - after[i]) / size[i])
-    return found
+    shares = []
+    for data in held or train:
+        change = residuals(model, data, theta) - residuals(model, data, without)
+        mean = np.sum(change**2 * rows_used(one, data), axis=1) / data.m
+        shares.append(mean / row_signals(one.axis, fitted.values, data) ** 2)
+    return dict(zip(one.axis.equations, np.mean(shares, axis=0).tolist(), strict=True))
 
 
-def _mean_squares(fit: Fitted) -> FloatArray:
-    """Return the mean square of each balance's rows that count, (ne,)."""
-    r, used = (fit.held_out, fit.used_held_out) if fit.held_out else (fit.train, fit.used_train)
-    rows, count = np.concatenate(r, axis=1), np.concatenate(used, axis=1)
-    return np.asarray(np.sum(rows**2 * count, axis=1) / np.maximum(count.sum(axis=1), 1))
+def _acts_at(effect: Effect) -> str:
+    """Return the junction at which an effect acts: not one where it only reads a flow."""
+    found = [name for name in effect.junctions if name not in ("valve_flow", "outlet")]
+    return next(iter(found or effect.junctions), "")
 
 
 def _junction(balance: str, regimes: Sequence[Regime]) -> str:

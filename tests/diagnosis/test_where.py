@@ -38,6 +38,9 @@ def test_nothing_is_located_where_nothing_is_wrong(bench):
     found = locate(*bench())
     assert (found.balance, found.junction, found.regimes, found.rivals) == ("none", "", (), ())
     assert set(found.shares.values()) == {0.0}
+    # Who knows better, from held-out simulations, may say that there is a gap.
+    assert locate(*bench(), gap=True).balance != "none"
+    assert locate(*bench(cogging="medium"), gap=False).balance == "none"
 
 
 @pytest.mark.parametrize(
@@ -69,15 +72,18 @@ def test_the_location_of_an_effect_is_where_it_acts(bench):
     found = locate(one, nominal, (leak,), fitted)
     assert (found.balance, found.junction) == ("mass_flow_N", "chamber_flow")
     assert "leakage_N" in " ".join(found.words)
+    # Beside another effect that mends more elsewhere it stays where it is.
+    spring_too = fit(one, (leak, spring), nominal.values)
+    assert locate(one, nominal, (leak, spring), spring_too).balance == "mass_flow_N"
     # It is the effect that tells, not the residuals.
-    assert place_of((lag,), {}) == "measurement"
-    assert place_of((spring,), {"mass_flow_P": 1.0, "force": 0.0}) == "force"
+    assert place_of(lag, {}) == "measurement"
+    assert place_of(spring, {"mass_flow_P": 1.0, "force": 0.0}) == "force"
 
 
-def test_an_effect_of_both_chambers_is_where_it_mends_more():
+def test_an_effect_of_both_chambers_is_where_it_adds_more():
     valve = CATALOGUE["valve_dynamics"]()
-    mended = {"mass_flow_P": 0.2, "mass_flow_N": 0.3, "force": 0.9}
-    assert place_of((valve,), mended) == "mass_flow_N"
+    added = {"mass_flow_P": 0.2, "mass_flow_N": 0.3, "force": 0.9}
+    assert place_of(valve, added) == "mass_flow_N"
 
 
 def test_one_error_of_the_position_explains_what_no_single_input_does(bench):
