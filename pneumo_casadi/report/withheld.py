@@ -54,8 +54,8 @@ def withheld_table(result: Mapping[str, Any]) -> Table:
     rows.append(("expected calibration error", "-" if error is None else f"{error:.3f}", ""))
     rows += _rivals([result["rivals"]["all"], result["rivals"]["visible"]])
     notes = [
-        "Shares in % (Wilson's interval of 95 %) and counts. Visible: the cause makes a residual of",
-        "the nominal axis half as large again as without it, or nothing is wrong.",
+        "Shares in % (Wilson's interval of 95 %) and counts. Visible: the cause makes a residual",
+        "of the nominal axis half as large again as without it, or nothing is wrong.",
     ]
     if result["unmeasured"]:
         notes.append(f"{result['unmeasured']} cases could not be measured and count as not visible")
