@@ -10,6 +10,7 @@ from pathlib import Path
 from pneumo_casadi.axis import Axis
 from pneumo_casadi.diagnosis.absorbed import absorbed_candidates
 from pneumo_casadi.diagnosis.checks import checks_of
+from pneumo_casadi.diagnosis.evidence import evidence_of
 from pneumo_casadi.diagnosis.gaps import simulated_gap
 from pneumo_casadi.diagnosis.gates import refuse_unusable
 from pneumo_casadi.diagnosis.misfit import balance_shrink
@@ -129,6 +130,7 @@ def diagnose(
         nominal=_values(one.axis, found.nominal),
         fitted=_values(one.axis.with_effects(*shown), final),
         seconds=time.perf_counter() - began,
+        evidence=evidence_of(one, found.nominal, final if shown else None),
     )
 
 

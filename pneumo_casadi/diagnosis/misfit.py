@@ -77,6 +77,14 @@ def squares(fitted: Fitted, held_out: bool = True) -> tuple[FloatArray, FloatArr
     return np.hstack(parts) ** 2, np.hstack(used).astype(float)
 
 
+def _squares(fitted: Fitted, pooled: bool) -> tuple[FloatArray, FloatArray]:
+    if not pooled:
+        return squares(fitted)
+    both = [squares(fitted, held_out) for held_out in (True, False)]
+    r2, used = (np.hstack(parts) for parts in zip(*both, strict=True))
+    return r2, used
+
+
 def size(fitted: Fitted, held_out: bool = True) -> FloatArray:
     """Return the root mean square residual of each balance, shape (ne,)."""
     r2, used = squares(fitted, held_out)
@@ -96,11 +104,14 @@ def likelihood_gain(before: FloatArray, after: FloatArray, by: Yardstick) -> Flo
 
 
 def bootstrap_gain(
-    before: Fitted, after: Fitted, by: Yardstick, held_out: bool = True
+    before: Fitted, after: Fitted, by: Yardstick, pooled: bool = False
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the gains of all balances and bootstrap replicates of them, (ne,) and (R, ne)."""
-    b, used = squares(before, held_out)
-    a, _ = squares(after, held_out)
+    """Return the gains of all balances and bootstrap replicates of them, (ne,) and (R, ne).
+
+    On held-out records, with `pooled` on those fitted as well.
+    """
+    b, used = _squares(before, pooled)
+    a, _ = _squares(after, pooled)
     sums = [_block_sums(part * used) for part in (b, a)]
     counts = _block_sums(used)
     draws = _draws(counts.shape[1])
@@ -114,10 +125,12 @@ def bootstrap_gain(
     return gain(np.ones((1, counts.shape[1])))[0], gain(draws)
 
 
-def block_gain(before: Fitted, after: Fitted, by: Yardstick) -> tuple[FloatArray, FloatArray]:
+def block_gain(
+    before: Fitted, after: Fitted, by: Yardstick, pooled: bool = False
+) -> tuple[FloatArray, FloatArray]:
     """Return the mean over blocks of log(σ_before/σ_after), (ne,), and replicates, (R, ne)."""
-    b, used = squares(before)
-    a, _ = squares(after)
+    b, used = _squares(before, pooled)
+    a, _ = _squares(after, pooled)
     counts = _block_sums(used)
     present = (counts > 0).astype(float)
     n, floor = np.maximum(counts, 1), by.noise[:, None] ** 2

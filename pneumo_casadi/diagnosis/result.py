@@ -3,7 +3,10 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:  # it is made of what this module defines
+    from pneumo_casadi.diagnosis.evidence import Evidence
 
 
 class Verdict(Enum):
@@ -237,6 +240,8 @@ class Diagnosis:
         Parameters without and with the effects found.
     seconds : float
         Time taken.
+    evidence : Evidence or None
+        Curves for figures: unknown inputs over time, residuals over what went on.
     """
 
     case: str
@@ -253,6 +258,7 @@ class Diagnosis:
     nominal: Mapping[str, Value]
     fitted: Mapping[str, Value]
     seconds: float
+    evidence: "Evidence | None" = None
 
     def as_dict(self) -> dict[str, Any]:
         """Return everything as plain data, the keys of the design first."""

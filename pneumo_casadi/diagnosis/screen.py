@@ -18,8 +18,10 @@ from pneumo_casadi.diagnosis.study import Fitted, Study, rows_used
 from pneumo_casadi.effect import Effect
 from pneumo_casadi.parameters import FloatArray
 
-#: Shape parameters are tried at these multiples of their starting values.
+#: Shape parameters are tried at these multiples of their starting values, ...
 GRID = (1 / 3, 1.0, 3.0)
+#: ... and those that may have either sign at these.
+SIGNED_GRID = (-4.0, -2.0, -1.0, 0.0, 1.0, 2.0, 4.0)
 #: Below this share of its influence an effect cannot be seen in these data.
 UNOBSERVABLE = 0.01
 #: Below this one its direction is lost in rounding. At laboratory noise little is enough.
@@ -61,14 +63,15 @@ class Screened:
         Share of the squared residuals that it takes away.
     observable : float
         Share of its influence that the nominal parameters cannot take up.
-    start : mapping of str to float
-        Where a refit had better start.
+    starts : tuple of mapping of str to float
+        Shapes from which a refit had better start, the most promising first: one for each sign
+        that a shape may have.
     """
 
     name: str
     explained: float
     observable: float
-    start: Mapping[str, float]
+    starts: tuple[Mapping[str, float], ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +95,8 @@ def perturbation(one: Study, nominal: Fitted, effect: Effect) -> tuple[Direction
         return (first,)
     shapes = tuple(n for n in silent if starting[n].value != 0)
     starts = [starting[n].value for n in shapes]
-    for factors in itertools.product(GRID, repeat=len(shapes)):
+    grids = [SIGNED_GRID if axis.parameters[n].lower < 0 else GRID for n in shapes]
+    for factors in itertools.product(*grids):
         values = {
             name: float(
                 np.clip(start * f, axis.parameters[name].lower, axis.parameters[name].upper)
@@ -180,29 +184,32 @@ def background(
 
 def screened(name: str, found: Sequence[Direction], behind: Background) -> Screened:
     """Return what an effect promises over a background."""
-    e, Q = behind.e, behind.Q
-    total = float(e @ e)
-    best = Screened(name, 0.0, 0.0, {})
-    for one in found:
-        D = one.columns
-        # Rows of the flow map are zero for an effect: (I - Q Qᵀ) acts on the rest of them too.
-        gram = D.T @ D - (Q.T @ D).T @ (Q.T @ D)
-        slope = D.T @ e - (Q.T @ D).T @ (Q.T @ e)
-        whole = np.diag(D.T @ D)
-        left = np.divide(np.diag(gram), whole, out=np.zeros(len(whole)), where=whole > 0)
-        seen = left > ROUNDING
-        observable = float(left.max(initial=0.0))
-        if not seen.any():
-            best = max(best, Screened(name, 0.0, observable, {}), key=lambda s: s.observable)
-            continue
-        step = np.zeros(len(whole))
-        step[seen] = _bounded(
-            gram[np.ix_(seen, seen)], slope[seen], one.lower[seen], one.upper[seen]
-        )
-        gain = -(2 * slope @ step + step @ gram @ step) / total
-        if gain > best.explained or best.observable == 0.0:
-            best = Screened(name, max(float(gain), 0.0), observable, dict(one.values))
-    return best
+    promises = [(*_promise(one, behind), one.values) for one in found]
+    observable = max(seen for _, seen, _ in promises)
+    promises.sort(key=lambda one: -one[0])
+    starts: dict[tuple[bool, ...], Mapping[str, float]] = {}
+    for _, _, values in promises:
+        starts.setdefault(tuple(value < 0 for value in values.values()), values)
+    return Screened(name, promises[0][0], observable, tuple(starts.values()))
+
+
+def _promise(one: Direction, behind: Background) -> tuple[float, float]:
+    """Return the shares explained and observable of one direction."""
+    e, Q, D = behind.e, behind.Q, one.columns
+    # Rows of the flow map are zero for an effect: (I - Q Qᵀ) acts on the rest of them too.
+    gram = D.T @ D - (Q.T @ D).T @ (Q.T @ D)
+    slope = D.T @ e - (Q.T @ D).T @ (Q.T @ e)
+    whole = np.diag(D.T @ D)
+    left = np.divide(np.diag(gram), whole, out=np.zeros(len(whole)), where=whole > 0)
+    seen = left > ROUNDING
+    observable = float(left.max(initial=0.0))
+    if not seen.any():
+        return 0.0, observable
+    step = np.zeros(len(whole))
+    both = np.ix_(seen, seen)
+    step[seen] = _bounded(gram[both], slope[seen], one.lower[seen], one.upper[seen])
+    gain = -(2 * slope @ step + step @ gram @ step) / float(e @ e)
+    return max(float(gain), 0.0), observable
 
 
 def _bounded(

@@ -37,11 +37,15 @@ from pneumo_casadi.errors import FitError, ModelError
 Progress = Callable[[str, float], None]
 Catalogue = Mapping[str, type[Effect]]
 Names = tuple[str, ...]
+#: Where a fit begins: values, shapes to try in turn, and the cost to be improved; see `fit`.
+Start = tuple[Mapping[str, float], Sequence[Mapping[str, float]], float | None]
 
 #: So many effects together at most.
 MOST = 3
 #: Effects refitted in the first round, and in later ones, in the order of the screen.
-FIRST_ROUND, LATER_ROUNDS = 12, 5
+FIRST_ROUND, LATER_ROUNDS = 10, 5
+#: An effect that explains less than this share is not refitted.
+HOPELESS = 1e-3
 #: A gain of log σ in one balance that matters, on held-out data; see `accepted`.
 MATTERS = 0.05
 #: Share of the first gap that each further effect must close by itself.
@@ -79,8 +83,8 @@ class Search:
     by : Yardstick
         Noise and signal of the held-out records.
     settled : mapping of tuple of str to float
-        Share of the simulated gap left by models refined by output error, because they hold an
-        effect of a sensor; see `polished`.
+        Share of the simulated gap left by the final model, and by those with an effect of a
+        sensor, which are refined by output error; see `polished`.
     """
 
     nominal: Fitted
@@ -105,16 +109,19 @@ class Search:
 def accepted(origin: Fitted, before: Fitted, after: Fitted, by: Yardstick) -> bool:
     """Tell whether a model is better on held-out data by a size that matters.
 
-    In at least one balance the residuals, noise included, must shrink by a twentieth, in all but
-    one in twenty resamples of half-second blocks, and the gap above the noise floor by a share of
-    what it was at first: what the form of a large effect misses is no second cause. Rare large
-    residuals make a root mean square uncertain, so the mean of the blocks' logarithms counts
-    as well.
+    In at least one balance the held-out residuals, noise included, must shrink by a twentieth,
+    and the gap above the noise floor by a share of what it was at first: what the form of a large
+    effect misses is no second cause. That the shrink is no chance is asked of resampled
+    half-second blocks, of the held-out records or, where a few of their blocks decide, of all;
+    and of the root mean square or, where a few large residuals decide, of the blocks' mean
+    logarithms.
     """
     first, one, other = (gaps(size(fit), by) for fit in (origin, before, after))
     enough = one - other > SHARE * first
-    for gain, draws in (bootstrap_gain(before, after, by), block_gain(before, after, by)):
-        sure = np.quantile(draws, 1 - CERTAIN, axis=0)
+    for kind in (bootstrap_gain, block_gain):
+        gain, draws = kind(before, after, by)
+        _, pooled = kind(before, after, by, pooled=True)
+        sure = np.maximum(*(np.quantile(one, 1 - CERTAIN, axis=0) for one in (draws, pooled)))
         if np.any((gain > MATTERS) & (sure > 0) & enough) and gain.sum() > 0:
             return True
     return False
@@ -189,7 +196,7 @@ class Searcher:
         found.sort(key=lambda one: -one.explained)
         return {one.name: one for one in found}
 
-    def fit_all(self, models: Mapping[Names, tuple[Mapping[str, float], float]]) -> None:
+    def fit_all(self, models: Mapping[Names, Start]) -> None:
         """Fit models from their starts, those that are not known already."""
         wanted = {k: v for k, v in models.items() if k not in self.fits | self.failures}
         for key in wanted if self.store is not None else ():
@@ -197,8 +204,8 @@ class Searcher:
             if kept is not None:
                 self.fits[key] = kept
         jobs = {
-            key: self._run(fit, self.effects(key), start, base)
-            for key, (start, base) in wanted.items()
+            key: self._run(fit, self.effects(key), *start)
+            for key, start in wanted.items()
             if key not in self.fits
         }
         for key, job in jobs.items():
@@ -234,11 +241,15 @@ def search(
     worker.screen_all(nominal)
     first = worker.over(background(one, nominal, nominal))
     report("refitting single effects", 0.3)
-    chosen = list(first)[:FIRST_ROUND]
+    chosen = [n for n, s in first.items() if s.explained > HOPELESS][:FIRST_ROUND]
     silent = [n for n, s in first.items() if s.observable == 0.0 and n not in chosen]
     worker.fit_all(
         {
-            (name,): ({**nominal.values, **first[name].start}, nominal.cost)
+            (name,): (
+                nominal.values,
+                first[name].starts,
+                nominal.cost if first[name].observable == 0.0 else None,
+            )
             for name in (*chosen, *silent)
         }
     )
@@ -273,7 +284,13 @@ def _forward(
         if _settled(worker, nominal, best):
             break
         current = worker.fits[best]
+    if path and path[-1] not in worker.settled:
+        worker.settled[path[-1]] = _simulated(worker, nominal, path[-1])
     return tuple(path)
+
+
+def _simulated(worker: Searcher, nominal: Fitted, names: Names) -> float:
+    return window_share(worker.study, nominal, worker.fits[names], worker.effects(names))
 
 
 def _settled(worker: Searcher, nominal: Fitted, names: Names) -> bool:
@@ -294,10 +311,7 @@ def _extend(worker: Searcher, nominal: Fitted, current: Fitted, known: Names) ->
     behind = background(worker.study, nominal, current, worker.effects(known))
     promising = list(worker.over(behind, known).values())[:LATER_ROUNDS]
     worker.fit_all(
-        {
-            worker.key((*known, one.name)): ({**current.values, **one.start}, current.cost)
-            for one in promising
-        }
+        {worker.key((*known, one.name)): (current.values, one.starts, None) for one in promising}
     )
 
 

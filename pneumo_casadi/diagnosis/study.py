@@ -119,6 +119,7 @@ def fit(
     one: Study,
     effects: Sequence[Effect],
     start: Mapping[str, float] | None = None,
+    shapes: Sequence[Mapping[str, float]] = (),
     base: float | None = None,
 ) -> Fitted:
     """Fit the nominal axis with some effects to the balances.
@@ -127,6 +128,8 @@ def fit(
     ----------
     start : mapping of str to float, optional
         Values to begin at; effects that are not named there begin at their starting values.
+    shapes : sequence of mapping, optional
+        Values of shape parameters to begin at, in turn; the best fit counts.
     base : float, optional
         Cost of the fit to be improved. Where nothing is gained on it, effects are tried larger
         too: a back pressure that leaves the valves choked is not felt at all.
@@ -134,7 +137,7 @@ def fit(
     axis = one.axis.with_effects(*effects).at_starting_values()
     known = {name: value for name, value in (start or {}).items() if name in axis.parameters}
     axis = axis.with_parameters(known)
-    found = _fit(one, axis)
+    found = min((_fit(one, axis.with_parameters(s)) for s in shapes or ({},)), key=_cost)
     if base is None or found.cost < base - LITTLE or not effects:
         return found
     new = [n for n in axis.parameters.free_names if "." in n and n not in known]
@@ -145,6 +148,10 @@ def fit(
         if again.cost < found.cost - LITTLE:
             return again
     return found
+
+
+def _cost(fitted: Fitted) -> float:
+    return fitted.cost
 
 
 def _fit(one: Study, axis: Axis) -> Fitted:

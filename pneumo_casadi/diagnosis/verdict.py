@@ -5,13 +5,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pneumo_casadi.diagnosis.misfit import gaps, size
+from pneumo_casadi.diagnosis.misfit import gaps, size, squares
 from pneumo_casadi.diagnosis.result import Verdict
-from pneumo_casadi.diagnosis.search import Names, Search
+from pneumo_casadi.diagnosis.search import SETTLED, Names, Search
+from pneumo_casadi.diagnosis.study import Fitted
 from pneumo_casadi.parameters import FloatArray
 
 #: Held-out residuals over the noise floor from which a balance has a gap.
 VISIBLE = 1.3
+#: Gaps below this share of the largest, in units of their noise floors, are a rest.
+MAIN = 0.3
 #: A gap of which more than this share is left after the best effects has another cause.
 LEFT = 0.5
 #: How fast an alternative loses credit with the share of the gain that it misses.
@@ -66,17 +69,24 @@ def judge(found: Search) -> Judgement:
 def unexplained(found: Search) -> float:
     """Return the share of the held-out gap that is left, in the balance with the largest rest.
 
-    Balances without a visible gap do not count: a share of nothing says nothing.
+    Balances with a gap that is small beside the largest do not count: what is left there is told
+    as a rest, not as a reason to doubt. Nor do residuals of effects of sensors, whose gap shows
+    only in simulations.
     """
-    if found.chosen in found.settled:
-        return found.settled[found.chosen]
-    before, after = size(found.nominal), size(found.final)
-    seen = (before > VISIBLE * found.by.noise) & (after > VISIBLE * found.by.noise)
-    if not seen.any():
+    simulated = found.settled.get(found.chosen, 1.0)
+    if simulated < SETTLED:
+        return simulated
+    before, after = (_above(size(fit), found) for fit in (found.nominal, found.final))
+    main = before > max(MAIN * float(before.max(initial=0.0)), 1e-12)
+    if not main.any():
         return 0.0
-    share = gaps(after, found.by)[seen] / np.maximum(gaps(before, found.by)[seen], 1e-12)
-    weight = (before[seen] / found.by.noise[seen]) >= 0.2 * np.max(before / found.by.noise)
-    return float(np.max(share[weight], initial=0.0))
+    return float(np.max(after[main] / before[main]))
+
+
+def _above(rms: FloatArray, found: Search) -> FloatArray:
+    """Return the gaps of all balances in units of their noise floors."""
+    by = found.by
+    return np.asarray(gaps(rms, by) * by.signal / by.noise)
 
 
 def _trust(left: float) -> float:
@@ -105,12 +115,21 @@ def _weights(found: Search, best: Names, trust: float) -> dict[Names, float]:
 def missed(found: Search, best: Names, other: Names) -> float:
     """Return the share of the gain that a model of the same size misses.
 
-    Of the gain of those effects in which the two differ: a weak effect beside a strong one must
-    not be lost in the strong one's gain.
+    Of the gain of those effects in which the two differ, balance by balance: a weak effect beside
+    a strong one must not be lost in the strong one's gain, and what helps another balance is no
+    rival but may come beside.
     """
     if other == best:
         return 0.0
     common = tuple(name for name in best if name in other)
     base = found.fits.get(common, found.nominal) if common else found.nominal
-    gain = base.cost - found.fits[best].cost
-    return max(found.fits[other].cost - found.fits[best].cost, 0.0) / max(gain, 1e-9)
+    own, others = (gained(base, found.fits[key]) for key in (best, other))
+    total = float(np.sum(np.maximum(own, 0.0)))
+    return float(np.sum(np.maximum(own - np.maximum(others, 0.0), 0.0))) / max(total, 1e-9)
+
+
+def gained(base: Fitted, fitted: Fitted) -> FloatArray:
+    """Return the log-likelihood that a fit gains in each balance of the records fitted."""
+    _, used = squares(base, held_out=False)
+    before, after = size(base, held_out=False), size(fitted, held_out=False)
+    return np.asarray(used.sum(axis=1) * np.log(before / after))

@@ -147,9 +147,14 @@ class Models:
             if len(key) > 1:
                 alone = [fit for fit in (self.fitted((name,)) for name in key) if fit is not None]
                 origin = min(alone, key=lambda fit: fit.cost, default=origin)
-            starts = [self.screen[name].start for name in key if name in self.screen]
-            begin = {**{k: v for start in starts for k, v in start.items()}, **origin.values}
-            self.worker.fit_all({key: (begin, origin.cost)})
+            screened = [self.screen[name].starts for name in key if name in self.screen]
+            if len(key) == 1:
+                self.worker.fit_all(
+                    {key: (origin.values, screened[0] if screened else (), origin.cost)}
+                )
+            else:
+                shapes = {k: v for starts in screened for k, v in starts[0].items()}
+                self.worker.fit_all({key: ({**shapes, **origin.values}, (), origin.cost)})
         return self.worker.fits.get(key)
 
 

@@ -1,0 +1,136 @@
+"""Question: what does the diagnosis say of the practice cases, and of those without labels.
+
+Data: ``practice/`` of the data folder (one hidden effect each, named in ``labels.json``), or
+``blind/``, whose labels are kept elsewhere; both from a bench program that shares no code with this
+package. Nothing is random.
+
+Each case is diagnosed with the whole catalogue on two processes. A practice verdict is right where
+it names the labelled effect and no other, or finds nothing where nothing is wrong. Time and peak
+memory (of all processes, with the libraries that they share counted each time) are those of a case
+with machine code at hand; ``--cold`` gives every case an empty cache, compiler included.
+"""
+
+import argparse
+import json
+import logging
+import os
+import resource
+import sys
+import tempfile
+import time
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from typing import Any
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import provenance
+import readme
+
+from pneumo_casadi.diagnosis import diagnose
+from pneumo_casadi.pipeline import open_case
+
+WORKERS = 2
+GiB = 2**20  # ru_maxrss counts KiB
+
+
+def one_case(folder: Path) -> dict[str, Any]:
+    """Return the diagnosis of a case, with time and memory."""
+    began = time.perf_counter()
+    with ProcessPoolExecutor(WORKERS) as executor:
+        found = diagnose(open_case(folder), executor=executor).as_dict()
+    own = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    each = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
+    found["seconds"] = time.perf_counter() - began
+    found["peak_GiB"] = (own + WORKERS * each) / GiB
+    return found
+
+
+def isolated(folder: Path, cold: bool) -> dict[str, Any]:
+    """Diagnose in a process of its own, so that memory is that of one case."""
+    import subprocess
+
+    with tempfile.TemporaryDirectory() as scratch:
+        environment = dict(os.environ)
+        if cold:
+            environment["PNEUMO_CASADI_CACHE"] = scratch
+        target = Path(scratch) / "verdict.json"
+        command = [sys.executable, __file__, "--one", str(folder), "--json", str(target)]
+        subprocess.run(command, check=True, env=environment)
+        found: dict[str, Any] = json.loads(target.read_text("utf-8"))
+    return found
+
+
+def right(verdict: dict[str, Any], effects: list[str]) -> bool:
+    """Tell whether a verdict is what the label says."""
+    named = [one["name"] for one in verdict["effects"]]
+    return sorted(named) == sorted(effects) and (bool(effects) or verdict["verdict"] == "none")
+
+
+def table(result: dict[str, Any]) -> str:
+    """Return the practice cases as a Markdown table."""
+    head = ["case", "verdict", "named (probability)", "balance", "gap %", "after", "closed %"]
+    body = []
+    for name, one in result["cases"].items():
+        named = ", ".join(f"{e['name']} ({e['probability']:.2f})" for e in one["effects"])
+        gap, mark = one["gap"], "" if one["right"] else " (wrong)"
+        body.append(
+            [
+                name,
+                one["verdict"] + mark,
+                named,
+                one["where"]["balance"],
+                f"{gap['before']:.2f}",
+                f"{gap['after']:.2f}",
+                f"{100 * gap['shrink']:.0f}" if named else "",
+            ]
+        )
+    return readme.rows(head, body)
+
+
+def main() -> None:
+    """Run the benchmark from the command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--data", type=Path, help="holds practice/ and blind/")
+    parser.add_argument("--blind", action="store_true", help="the cases without labels")
+    parser.add_argument("--cold", action="store_true", help="an empty compile cache for each case")
+    parser.add_argument("--json", type=Path, help="write the figures to this file")
+    parser.add_argument("--one", type=Path, help="one case folder only")
+    parser.add_argument("--quick", action="store_true", help="two cases only")
+    arguments = parser.parse_args()
+    logging.disable(logging.WARNING)
+    if arguments.one is not None:
+        provenance.write(arguments.json, one_case(arguments.one))
+        return
+    if arguments.data is None:
+        parser.error("--data is needed")
+    source = arguments.data / ("blind" if arguments.blind else "practice")
+    names = sorted(p.name for p in source.iterdir() if p.is_dir() and not p.name.endswith("60s"))
+    cases = {}
+    for name in names[:2] if arguments.quick else names:
+        cases[name] = isolated(source / name, arguments.cold)
+        seconds, peak = cases[name]["seconds"], cases[name]["peak_GiB"]
+        print(f"{name}: {cases[name]['verdict']}, {seconds:.0f} s, {peak:.2f} GiB", flush=True)
+    told = provenance.made(None, arguments.quick)
+    if arguments.blind:
+        provenance.write(arguments.json, cases | told)
+        return
+    labels = json.loads((source / "labels.json").read_text("utf-8"))
+    for name, one in cases.items():
+        one["right"] = right(one, labels[name]["effects"])
+    result: dict[str, Any] = {
+        "cases": cases,
+        "right": sum(one["right"] for one in cases.values()),
+        "of": len(cases),
+        "cold_cache": arguments.cold,
+        "longest_s": max(one["seconds"] for one in cases.values()),
+        "peak_GiB": max(one["peak_GiB"] for one in cases.values()),
+    }
+    print(table(result))
+    print({key: value for key, value in result.items() if key != "cases"})
+    provenance.write(arguments.json, result | told)
+
+
+if __name__ == "__main__":
+    main()

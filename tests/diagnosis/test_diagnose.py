@@ -1,0 +1,185 @@
+"""What a diagnosis says of cases whose cause is known to the test only."""
+
+import json
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pneumo_casadi.diagnosis import DiagnosisOptions, Verdict, diagnose
+from pneumo_casadi.effect import Effect
+from pneumo_casadi.effects import CATALOGUE
+from pneumo_casadi.errors import CaseError
+from pneumo_casadi.parameters import Parameter
+
+#: Enough to be wrong with, and quick.
+SMALL = {
+    name: CATALOGUE[name]
+    for name in (
+        "stribeck",
+        "quadratic_drag",
+        "spring_load",
+        "pressure_friction",
+        "leakage_P",
+        "valve_null_shift",
+        "valve_dead_zone",
+        "valve_dynamics",
+        "hose",
+    )
+}
+
+
+@pytest.fixture(scope="module")
+def rubbing(made_case):
+    return diagnose(made_case(3, stribeck="medium"), SMALL)
+
+
+def test_the_hidden_effect_is_named_sized_and_placed(rubbing):
+    assert rubbing.verdict is Verdict.EFFECT
+    assert [one.name for one in rubbing.effects] == ["stribeck"]
+    assert rubbing.ranking[0].names == ("stribeck",)
+    assert rubbing.where.balance == "force"
+    assert rubbing.effects[0].parameters["delta_F"].value > 1.0
+    assert rubbing.effects[0].parameters["delta_F"].unit == "N"
+
+
+def test_the_gap_of_simulations_closes_on_data_that_no_fit_has_seen(rubbing):
+    gap = rubbing.gap
+    assert gap.after < 0.5 * gap.before
+    assert gap.shrink.lower <= gap.shrink.value <= gap.shrink.upper
+    assert gap.shrink.value == pytest.approx(1 - gap.after / gap.before)
+    assert set(gap.views) == {"balances", "windows", "closed_loop"}
+
+
+def test_the_json_has_what_the_design_asks_for(rubbing):
+    told = json.loads(json.dumps(rubbing.as_dict(), allow_nan=False))
+    assert told["verdict"] == "effect"
+    assert set(told["effects"][0]) == {"name", "probability", "parameters"}
+    assert set(told["effects"][0]["parameters"]["delta_F"]) == {"value", "std", "unit"}
+    assert {"name", "probability", "held_out_shrink"} <= set(told["ranking"][0])
+    assert {"balance", "junction", "regimes"} <= set(told["where"])
+    assert {"before", "after", "noise_floor", "shrink", "shrink_interval"} <= set(told["gap"])
+
+
+def test_probabilities_are_shares_of_one(rubbing):
+    shares = [one.probability for one in rubbing.ranking]
+    assert all(0 <= share <= 1 for share in shares)
+    assert sum(shares) <= 1 + 1e-9
+    assert shares == sorted(shares, reverse=True)
+
+
+def test_nothing_wrong_is_called_so(made_case):
+    found = diagnose(made_case(4), SMALL)
+    assert found.verdict is Verdict.NONE
+    assert found.effects == () and found.hint == ""
+    assert found.gap.before == found.gap.after
+
+
+def test_a_cause_outside_the_catalogue_is_unknown_and_has_no_name(made_case):
+    without = {name: effect for name, effect in SMALL.items() if name != "spring_load"}
+    found = diagnose(made_case(5, spring_load="medium"), without)
+    assert found.verdict is Verdict.UNKNOWN
+    assert found.effects == () and "force" in found.hint
+
+
+def test_an_effect_of_ones_own_needs_no_registration(made_case):
+    class Pull(Effect):
+        """A spring by another name."""
+
+        name = "pull"
+        parameters = (Parameter("k", 0.0, "N/m", scale=100.0, null=0.0, start=50.0),)
+
+        def force(self, F, at):
+            return F - at["k"] * at.x
+
+    found = diagnose(made_case(5, spring_load="medium"), {"pull": Pull})
+    assert [one.name for one in found.effects] == ["pull"]
+
+
+def test_two_effects_in_two_balances_are_both_named(made_case):
+    found = diagnose(made_case(6, spring_load="medium", leakage_P="medium"), SMALL)
+    assert {one.name for one in found.effects} == {"spring_load", "leakage_P"}
+
+
+def test_another_executor_gives_the_same_numbers(made_case, rubbing):
+    with ThreadPoolExecutor(1) as executor:
+        other = diagnose(made_case(3, stribeck="medium"), SMALL, executor=executor)
+    assert other.effects == rubbing.effects
+    assert other.gap == rubbing.gap
+
+
+def test_interrupted_work_goes_on_from_what_was_fitted(made_case, tmp_path, monkeypatch):
+    class Stop(Exception):
+        pass
+
+    def stop(text, share):
+        if text.startswith("looking for"):
+            raise Stop
+
+    case, options = made_case(3, stribeck="medium"), DiagnosisOptions(keep=tmp_path / "fits")
+    with pytest.raises(Stop):
+        diagnose(case, SMALL, options, stop)
+    kept = sorted((tmp_path / "fits").glob("*.npz"))
+    assert kept
+    fitted = []
+    monkeypatch.setattr("pneumo_casadi.diagnosis.search.fit", _counting(fitted), raising=True)
+    found = diagnose(case, SMALL, options)
+    assert [one.name for one in found.effects] == ["stribeck"]
+    assert not any(names == ("stribeck",) for names in fitted)
+
+
+def _counting(fitted):
+    from pneumo_casadi.diagnosis.study import fit
+
+    def counted(one, effects, start=None, base=None):
+        fitted.append(tuple(effect.name for effect in effects))
+        return fit(one, effects, start, base)
+
+    return counted
+
+
+def _changed(case, **channels):
+    records = []
+    for record in case.identify:
+        values = {name: record[name].copy() for name in record.channels} | {
+            name: make(record) for name, make in channels.items()
+        }
+        records.append(replace(record, channels=values))
+    return replace(case, identify=tuple(records))
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [
+        ("x", lambda record: np.random.default_rng(0).normal(0, 1e-5, record.N)),
+        ("p_P", lambda record: np.full(record.N, 4e5)),
+        ("p_N", lambda record: 4e5 + np.random.default_rng(1).normal(0, 150.0, record.N)),
+    ],
+)
+def test_noise_and_rest_are_refused_by_name(made_case, name, values):
+    with pytest.raises(CaseError, match=f"{name} varies"):
+        diagnose(_changed(made_case(4), **{name: values}), SMALL)
+
+
+def test_a_single_short_move_in_a_long_rest_is_refused(made_case):
+    def step(record):
+        x = np.where(np.arange(record.N) < record.N // 2, 0.0, 0.05)
+        return x + np.random.default_rng(0).normal(0, 1e-5, record.N)
+
+    with pytest.raises(CaseError, match="moves during"):
+        diagnose(_changed(made_case(4), x=step), SMALL)
+
+
+def test_half_a_second_is_refused(made_case):
+    case = made_case(4)
+    short = tuple(record.window(record.t[0], record.t[0] + 0.5) for record in case.identify)
+    with pytest.raises(CaseError, match="too short"):
+        diagnose(replace(case, identify=short), SMALL)
+
+
+def test_without_a_validation_record_the_end_is_held_out_and_said(made_case):
+    case = replace(made_case(3, stribeck="medium"), validate=())
+    found = diagnose(case, SMALL)
+    assert any("held out" in note for note in found.notes)
+    assert [one.name for one in found.effects] == ["stribeck"]
