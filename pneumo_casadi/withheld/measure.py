@@ -153,8 +153,8 @@ class Models:
                     {key: (origin.values, screened[0] if screened else (), origin.cost)}
                 )
             else:
-                shapes = {k: v for starts in screened for k, v in starts[0].items()}
-                self.worker.fit_all({key: ({**shapes, **origin.values}, (), origin.cost)})
+                begin = {k: v for starts in screened for k, v in starts[0].items()}
+                self.worker.fit_all({key: ({**begin, **origin.values}, (), origin.cost)})
         return self.worker.fits.get(key)
 
 
