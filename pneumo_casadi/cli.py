@@ -1,4 +1,4 @@
-"""The command line: demo, identify, validate, simulate, export, withheld."""
+"""The command line: demo, identify, validate, diagnose, simulate, export, design, withheld."""
 
 import sys
 from collections.abc import Iterator, Sequence
@@ -12,6 +12,7 @@ import typer
 from pneumo_casadi import __version__
 from pneumo_casadi.bench_command import record_case
 from pneumo_casadi.design_command import design
+from pneumo_casadi.diagnose_command import diagnose_command
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.export_command import export
 from pneumo_casadi.output_error import Method, OutputErrorOptions
@@ -228,6 +229,7 @@ def simulate(
             write_json(found, json_file)
 
 
+app.command("diagnose")(diagnose_command)
 app.command()(export)
 app.command()(withheld)
 app.command()(design)

@@ -11,7 +11,16 @@ from types import FrameType
 import typer
 from rich.console import Console
 from rich.logging import RichHandler
-from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.progress import (
+    BarColumn,
+    Progress,
+    ProgressColumn,
+    SpinnerColumn,
+    Task,
+    TextColumn,
+    TimeElapsedColumn,
+)
+from rich.text import Text
 
 from pneumo_casadi.errors import FitError, PneumoError
 from pneumo_casadi.filtering.plan import SamplingWarning
@@ -19,6 +28,9 @@ from pneumo_casadi.report.tables import Table
 from pneumo_casadi.report.text import render
 
 OK, FIT_FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+
+#: Of the time left nothing is said before this share of the work is done.
+TELLING = 0.05
 
 out = Console(highlight=False)
 err = Console(stderr=True, highlight=False)
@@ -38,11 +50,42 @@ def progress_bar() -> Iterator[Callable[[str, float], None]]:
         SpinnerColumn(),
         BarColumn(bar_width=30),
         TimeElapsedColumn(),
+        _TimeLeft(),
         TextColumn("{task.description}"),
     )
     with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as bar:
-        task = bar.add_task("reading", total=1.0)
-        yield lambda text, share: bar.update(task, description=text, completed=share)
+        task = bar.add_task("reading", total=1.0, end=None)
+
+        def report(text: str, share: float) -> None:
+            elapsed = bar.tasks[0].elapsed or 0.0
+            left = time_left(elapsed, share)
+            end = None if left is None else elapsed + left
+            bar.update(task, description=text, completed=share, end=end)
+
+        yield report
+
+
+def time_left(elapsed: float, share: float) -> float | None:
+    """Return how long the rest of some work takes if it goes on at its pace [s].
+
+    None while too little is done to tell.
+
+    Examples
+    --------
+    >>> time_left(30.0, 0.75)
+    10.0
+    """
+    return elapsed * (1 - share) / share if share >= TELLING else None
+
+
+class _TimeLeft(ProgressColumn):
+    """Time left as of the last report, counted down since."""
+
+    def render(self, task: Task) -> Text:
+        end = task.fields.get("end")
+        if end is None:
+            return Text("")
+        return Text(f"about {max(end - (task.elapsed or 0.0), 1.0):.0f} s left")
 
 
 @contextmanager

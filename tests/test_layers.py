@@ -34,7 +34,14 @@ LAYERS = [
     ["withheld"],
     ["export"],
     ["report"],
-    ["terminal", "bench_command", "design_command", "export_command", "withheld_command"],
+    [
+        "terminal",
+        "bench_command",
+        "design_command",
+        "diagnose_command",
+        "export_command",
+        "withheld_command",
+    ],
     ["cli", "__main__"],
 ]
 RANK = {name: rank for rank, names in enumerate(LAYERS) for name in names}

@@ -86,7 +86,8 @@ def _cause(one: EffectFound, catalogue: Catalogue) -> str:
     known = catalogue.get(one.name)
     described = {item.name: item.description for item in known().parameters} if known else {}
     sizes = [
-        f"{described.get(name) or name} {quantity(value)}" for name, value in one.parameters.items()
+        f"{name} = {quantity(value)}" + (f" ({described[name]})" if name in described else "")
+        for name, value in one.parameters.items()
     ]
     size = f" Its size: {'; '.join(sizes)}." if sizes else ""
     return (

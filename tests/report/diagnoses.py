@@ -1,0 +1,117 @@
+"""Diagnoses made by hand: one of each verdict, and curves behind them."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from pneumo_casadi.diagnosis import (
+    Candidate,
+    Check,
+    Diagnosis,
+    EffectFound,
+    Gap,
+    Regime,
+    Shrink,
+    Value,
+    Verdict,
+    Where,
+)
+from pneumo_casadi.diagnosis.evidence import Evidence
+from pneumo_casadi.diagnosis.regimes import RegimeMap
+from pneumo_casadi.diagnosis.unknown_inputs import UnknownInputs
+
+BALANCES = ("mass_flow_P", "mass_flow_N", "force")
+
+
+def _views(share_left):
+    """Gaps of 10 to 15 %, of which so much is left."""
+    names = {"windows": ("p_P", "p_N", "x"), "closed_loop": ("p_P", "p_N", "x")}
+    return {
+        view: {
+            name: {"before": 10.0 + 2.5 * i, "after": (10.0 + 2.5 * i) * share_left, "noise": 0.5}
+            for i, name in enumerate(outputs)
+        }
+        for view, outputs in {**names, "balances": BALANCES}.items()
+    }
+
+
+SIZE = {"delta_F": Value(8.04, 0.075, "N"), "v_stribeck": Value(0.0553, 0.0005, "m/s")}
+STRIBECK = Candidate(("stribeck",), 0.97, Shrink(0.95, 0.93, 0.96), 0.9, 0.6, SIZE)
+DRAG = Candidate(("quadratic_drag",), 0.02, Shrink(0.2, 0.1, 0.3), 0.1, 0.04)
+SILENT = Candidate(("valve_mismatch",), 0.0, None, 0.0, 0.0)
+FAILED = Candidate(("hose",), 0.0, None, 0.0, 0.0, {}, "no step was found")
+NOMINAL = {"X_s1": Value(3.49e-9, 4e-12, "kg/Pa"), "M": Value(16.9, 0.02, "kg")}
+
+EFFECT = Diagnosis(
+    case="press_4",
+    verdict=Verdict.EFFECT,
+    effects=(EffectFound("stribeck", 0.97, SIZE),),
+    ranking=(STRIBECK, DRAG, SILENT, FAILED),
+    where=Where(
+        "force",
+        "force",
+        (Regime("near standstill (|v| < 10 mm/s)", "force", 0.71, 0.12, 0.001),),
+        {"mass_flow_P": 0.03, "mass_flow_N": 0.05, "force": 0.92},
+        (),
+        ("Simulation and reality part in the force on the piston.",),
+    ),
+    gap=Gap(12.7, 0.64, 0.5, Shrink(0.95, 0.93, 0.96), _views(0.05)),
+    ambiguous=(),
+    experiment="",
+    hint="",
+    checks=(
+        Check("M", 16.9, 0.01, 17.0, 0.85, "kg", True, "M = 16.9 kg, -0.6 % against the sheet."),
+        Check("S_P", 8.5e-4, 1e-7, 8.24e-4, 1e-5, "m2", False, "S_P comes out +3.2 %."),
+    ),
+    notes=("hose: no step was found",),
+    nominal=NOMINAL,
+    fitted=NOMINAL | {f"stribeck.{name}": value for name, value in SIZE.items()},
+    seconds=41.7,
+)
+AMBIGUOUS = replace(
+    EFFECT,
+    verdict=Verdict.AMBIGUOUS,
+    ambiguous=("stribeck", "presliding"),
+    ranking=(replace(STRIBECK, probability=0.55), replace(STRIBECK, names=("presliding",))),
+    experiment="creep at three or more speeds",
+)
+NONE = replace(
+    EFFECT,
+    verdict=Verdict.NONE,
+    effects=(),
+    where=Where("none", "", (), dict.fromkeys(BALANCES, 0.0), (), ("No more than usual.",)),
+    gap=Gap(0.3, 0.3, 0.5, Shrink(0.0, 0.0, 0.0), _views(1.0)),
+    ranking=(replace(DRAG, probability=0.03), FAILED),
+    fitted=NOMINAL,
+)
+ABSORBED = replace(
+    NONE, verdict=Verdict.ABSORBED, ambiguous=("valve_mismatch",), ranking=(SILENT, DRAG)
+)
+UNKNOWN = replace(
+    EFFECT,
+    verdict=Verdict.UNKNOWN,
+    effects=(),
+    hint="what is missing acts in force; most near standstill",
+    gap=Gap(12.7, 9.1, 0.5, Shrink(0.28, 0.2, 0.4), _views(0.72)),
+)
+ALL = {one.verdict: one for one in (EFFECT, AMBIGUOUS, NONE, ABSORBED, UNKNOWN)}
+
+
+def evidence(K=200):
+    """Curves: an unknown force that the effect explains."""
+    t = np.linspace(0.0, 4.0, K)
+    w = np.array([1e-6 * np.sin(t), 1e-6 * np.cos(t), 5 * np.sign(np.sin(3 * t))])
+    std = np.array([[4e-7], [4e-7], [1.0]]) * np.ones(K)
+    counts = np.ones((3, K), dtype=bool)
+    counts[2, 40:60] = False
+    std[2, 40:60] = 500.0
+    inputs = UnknownInputs(
+        t, w, std, np.zeros((4, K)), counts, np.array([1e-3, 1e-3, 100.0]), np.ones(3), BALANCES
+    )
+    edges, mean = np.linspace(-0.5, 0.5, 7), np.array([-1.0, -2, 0, 0, 2, 1])
+    before = tuple(
+        RegimeMap(name, unit, "force", edges, mean, np.full(6, 0.2))
+        for name, unit in (("v", "m/s"), ("x", "m"), ("p_P", "Pa"))
+    )
+    after = tuple(replace(one, mean=0.1 * mean) for one in before)
+    return Evidence((inputs,), before, after)

@@ -1,0 +1,270 @@
+"""A diagnosis as text, tables, figures and page: what is printed is what was found."""
+
+import importlib.util
+import json
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pneumo_casadi.diagnosis import Value, Verdict
+from pneumo_casadi.errors import CaseError
+from pneumo_casadi.report.diagnosis import (
+    alternative_sentences,
+    cause_sentences,
+    described_as,
+    headline,
+    size_sentences,
+    summary_text,
+)
+from pneumo_casadi.report.diagnosis_html import diagnosis_html, write_diagnosis
+from pneumo_casadi.report.diagnosis_tables import (
+    check_table,
+    diagnosis_tables,
+    fitted_table,
+    gap_table,
+    quantity,
+    ranking_table,
+)
+from pneumo_casadi.report.figures.diagnosis import diagnosis_figures
+from pneumo_casadi.report.figures.style import COLUMN, MM, svg
+from pneumo_casadi.report.html import Picture
+
+_spec = importlib.util.spec_from_file_location(
+    "diagnoses", Path(__file__).with_name("diagnoses.py")
+)
+made = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(made)
+
+SVG = b'<svg xmlns="http://www.w3.org/2000/svg" width="72pt" height="36pt"></svg>'
+
+
+@pytest.fixture(scope="module")
+def drawn():
+    return {one.name: one for one in diagnosis_figures(made.EFFECT, made.evidence())}
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("diagnosis") / "report"
+    return write_diagnosis(made.EFFECT, folder, made.evidence())
+
+
+@pytest.mark.parametrize("verdict", list(Verdict))
+def test_every_verdict_is_one_sentence(verdict):
+    text = headline(made.ALL[verdict])
+    assert text.endswith(".") and text[0].isupper()
+    assert not re.search(r"\.\s", text)
+
+
+@pytest.mark.parametrize("verdict", list(Verdict))
+def test_no_name_of_the_catalogue_is_printed_as_code(verdict):
+    text = summary_text(replace(made.ALL[verdict], checks=(), nominal={}, fitted={}))
+    assert not re.search(r"\b(valve|quadratic|mass)_", text)
+
+
+def test_an_effect_is_said_with_its_size_in_units():
+    assert "falls from 13 % to 0.64 %" in headline(made.EFFECT)
+    (sentence,) = cause_sentences(made.EFFECT)
+    assert "probability 97 %" in sentence
+    assert "delta_F = 8.04 ± 0.15 N (breakaway force" in sentence
+    assert "v_stribeck = 55.3 ± 1.0 mm/s" in sentence
+
+
+def test_a_gap_that_grows_is_not_said_to_fall():
+    worse = replace(made.EFFECT, gap=replace(made.EFFECT.gap, after=14.0))
+    assert "does not fall" in headline(worse)
+
+
+def test_what_cannot_be_told_apart_comes_with_the_experiment():
+    text = " ".join(alternative_sentences(made.AMBIGUOUS))
+    assert "Stribeck (probability 55 %)" in text and "Presliding" in text
+    assert "creep at three or more speeds" in text
+
+
+def test_what_is_left_for_causes_outside_the_catalogue_is_said():
+    doubtful = replace(made.EFFECT, ranking=(replace(made.STRIBECK, probability=0.7),))
+    assert "none of the catalogue has probability 30 %" in " ".join(alternative_sentences(doubtful))
+    assert "none of the catalogue" not in " ".join(alternative_sentences(made.EFFECT))
+
+
+def test_the_hint_of_an_unknown_cause_and_rival_sensors_are_said():
+    found = replace(made.UNKNOWN, where=replace(made.UNKNOWN.where, rivals=("backlash",)))
+    text = summary_text(found)
+    assert made.UNKNOWN.hint in text and "backlash would look much the same" in text.replace(
+        "\n ", ""
+    )
+    assert "with the nearest of the catalogue by 9.1 %" in " ".join(size_sentences(found))
+
+
+def test_an_effect_of_ones_own_needs_no_description():
+    assert described_as("gremlin", {}) == "An effect of your own."
+    own = replace(made.EFFECT, effects=(replace(made.EFFECT.effects[0], name="gremlin"),))
+    assert "Gremlin" in summary_text(own, {})
+
+
+def test_contradicting_checks_come_first():
+    text = summary_text(made.EFFECT)
+    assert text.index("NOT  S_P comes out") < text.index("ok   M = 16.9 kg")
+
+
+def test_a_failed_candidate_is_in_the_table_as_failed():
+    rows = {row[0]: row for row in ranking_table(made.EFFECT).rows}
+    assert rows["hose"][2] == "fit failed"
+    assert rows["valve mismatch"][2] == "not fitted"
+    assert rows["stribeck"][1:4] == ("97 %", "95 %", "93 to 96 %")
+
+
+def test_every_view_and_output_has_its_row():
+    table = gap_table(made.EFFECT)
+    assert len(table.rows) == 9
+    assert table.rows[0] == ("open loop, windows of 0.5 s: p_P", "10 %", "0.50 %", "95 %", "0.50 %")
+
+
+def test_without_effects_nothing_is_said_of_an_after():
+    assert gap_table(made.NONE).columns == ("", "without effects", "noise")
+    assert fitted_table(made.NONE).columns == ("", "unit", "found")
+    assert not any("closes" in text for text in size_sentences(made.NONE))
+
+
+def test_checks_are_printed_in_units_that_people_read():
+    rows = {row[0]: row for row in check_table(made.EFFECT).rows}
+    assert rows["S_P"] == ("S_P", "cm²", "8.5000 ± 0.0020", "8.24 ± 0.1", "NO")
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (Value(6e-10, 1.2e-12, "m³/(s Pa)"), "0.06000 ± 0.00024 l/(s bar)"),
+        (Value(0.5, 0.0, "1"), "0.500 (not fitted)"),
+        (Value(-1.0, float("nan"), "1"), "-1.000 ± ∞"),
+        (Value(3.49e-9, 3e-12, "kg/Pa"), "(3.4900 ± 0.0060)·10⁻⁹ kg/Pa"),
+    ],
+)
+def test_a_value_has_unit_and_interval(value, text):
+    assert quantity(value) == text
+
+
+def test_lines_of_the_summary_fit_a_terminal():
+    sentences = summary_text(made.EFFECT).partition("Gap on held-out data")[0]
+    assert max(map(len, sentences.splitlines())) <= 100
+
+
+@pytest.mark.parametrize("verdict", list(Verdict))
+def test_every_verdict_is_drawn_and_has_a_page(verdict):
+    found = made.ALL[verdict]
+    names = [one.name for one in diagnosis_figures(found)]
+    assert "gap" in names and "ranking" in names
+    page = Page(diagnosis_html(found, [Picture("gap", SVG, "A < B & more.")]))
+    assert page.headings[0] == (1, "Diagnosis of press_4")
+    assert all(after - before <= 1 for before, after in page.steps)
+    assert "A < B & more." in page.alternatives
+
+
+def test_figures_are_as_wide_as_a_column_and_carry_units(drawn):
+    assert set(drawn) == {"gap", "ranking", "where", "unknown_inputs", "regimes_force"}
+    for name, one in drawn.items():
+        assert one.figure.get_figwidth() == pytest.approx(COLUMN * MM), name
+        assert len(one.caption) > 60
+        labels = [axes.get_xlabel() for axes in one.figure.axes] + [
+            axes.get_ylabel() for axes in one.figure.axes
+        ]
+        assert all("[" in label for label in labels if label), (name, labels)
+
+
+def test_bars_show_the_gap_before_and_after(drawn):
+    first = drawn["gap"].figure.axes[0]
+    widths = [bar.get_width() for container in first.containers for bar in container]
+    assert widths == pytest.approx([10.0, 12.5, 15.0, 0.5, 0.625, 0.75])
+
+
+def test_while_the_axis_sticks_no_unknown_force_is_drawn(drawn):
+    force = drawn["unknown_inputs"].figure.axes[-1]
+    curve = next(line for line in force.lines if line.get_xdata().size == 200)
+    assert np.flatnonzero(np.isnan(curve.get_ydata())).tolist() == list(range(40, 60))
+    assert max(np.abs(force.get_ylim())) < 20.0  # bands of nothing do not set the scale
+
+
+def test_a_picture_knows_its_size_whatever_its_kind():
+    picture = Picture("gap", SVG, "Gap.")
+    assert (picture.width, picture.height) == (96, 48)
+    assert picture.uri.startswith("data:image/svg+xml;base64,")
+    with pytest.raises(ValueError, match="gap: no PNG"):
+        _ = Picture("gap", b"nonsense", "Gap.").width
+
+
+def test_equal_diagnoses_give_equal_drawings():
+    first, second = (next(iter(diagnosis_figures(made.EFFECT))).figure for _ in range(2))
+    assert svg(first) == svg(second)
+
+
+def test_a_folder_is_written_whole(written):
+    assert {path.name for path in written.iterdir()} == {
+        "diagnosis.json",
+        "report.html",
+        "summary.txt",
+        "figures",
+    }
+    found = json.loads((written / "diagnosis.json").read_text("utf-8"))
+    assert found == json.loads(json.dumps(made.EFFECT.as_dict()))
+    assert {path.suffix for path in (written / "figures").iterdir()} == {".png", ".svg"}
+
+
+def test_a_folder_with_anything_else_in_it_is_left_alone(tmp_path):
+    (tmp_path / "thesis.tex").write_text("years of work")
+    with pytest.raises(CaseError, match=r"thesis\.tex"):
+        write_diagnosis(made.EFFECT, tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
+
+
+def test_the_page_requests_nothing_and_is_built_of_headings_tables_and_captions(written):
+    text = (written / "report.html").read_text("utf-8")
+    page = Page(text)
+    assert page.language == "en"
+    assert all(address.startswith(("#", "data:")) for address in page.addresses)
+    assert "<script" not in text and "@import" not in text and "url(" not in text
+    anchors = {address[1:] for address in page.addresses if address.startswith("#")}
+    assert anchors <= page.ids
+    assert len(page.alternatives) == 5 and all(len(one) > 60 for one in page.alternatives)
+    assert page.count["table"] == page.count["caption"] == len(diagnosis_tables(made.EFFECT))
+    assert page.count["th"] > page.count["tr"]  # every row and column is named
+
+
+def test_the_page_escapes_what_it_shows():
+    page = diagnosis_html(replace(made.EFFECT, case="<script>", notes=("a < b & c",)), [])
+    assert "<script>" not in page and "a &lt; b &amp; c" in page
+
+
+class Page(HTMLParser):
+    """What a reader that does not see finds in a page."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.headings, self.addresses, self.alternatives = [], [], []
+        self.ids, self.count, self.language, self._level = set(), {}, None, 0
+        self.feed(text)
+
+    @property
+    def steps(self):
+        levels = [level for level, _ in self.headings]
+        return list(pairwise(levels))
+
+    def handle_starttag(self, tag, attrs):
+        given = dict(attrs)
+        self.count[tag] = self.count.get(tag, 0) + 1
+        self.ids |= {given["id"]} if "id" in given else set()
+        self.addresses += [given[key] for key in ("href", "src") if key in given]
+        if tag == "html":
+            self.language = given.get("lang")
+        if tag == "img":
+            self.alternatives.append(given["alt"])
+        self._level = int(tag[1]) if re.fullmatch("h[1-6]", tag) else self._level
+
+    def handle_data(self, data):
+        if self._level:
+            self.headings.append((self._level, data))
+            self._level = 0

@@ -1,0 +1,121 @@
+"""Reports in a real browser: axe-core finds no barrier, the console stays clean, all is within."""
+
+import importlib.util
+import os
+import shutil
+from io import BytesIO
+from pathlib import Path
+
+import matplotlib.image
+import numpy as np
+import pytest
+
+from pneumo_casadi.report.diagnosis_html import write_diagnosis
+from pneumo_casadi.report.figures import figures_of
+from pneumo_casadi.report.figures.style import png
+from pneumo_casadi.report.html import Picture, html_report
+
+playwright = pytest.importorskip(
+    "playwright.sync_api", reason="playwright is not installed: pip install '.[browser]'"
+)
+axe = pytest.importorskip(
+    "axe_playwright_python.sync_playwright",
+    reason="axe-core is not installed: pip install '.[browser]'",
+)
+
+_spec = importlib.util.spec_from_file_location(
+    "diagnoses", Path(__file__).with_name("diagnoses.py")
+)
+made = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(made)
+
+DESKTOP, PHONE = {"width": 1280, "height": 900}, {"width": 360, "height": 740}
+SYSTEM = ("chromium", "chromium-browser", "google-chrome")
+
+
+@pytest.fixture(scope="module")
+def browser():
+    system = next(filter(None, map(shutil.which, SYSTEM)), None)
+    with playwright.sync_playwright() as driver:
+        path = system or driver.chromium.executable_path
+        if not Path(path).exists():
+            pytest.skip("no Chromium: install the system's, or run `playwright install chromium`")
+        root = hasattr(os, "geteuid") and os.geteuid() == 0  # its sandbox refuses root
+        found = driver.chromium.launch(executable_path=path, args=["--no-sandbox"] if root else [])
+        yield found
+        found.close()
+
+
+@pytest.fixture(scope="module")
+def reports(quick, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("reports")
+    diagnosis = write_diagnosis(made.EFFECT, folder / "diagnosis", made.evidence())
+    first = next(iter(figures_of(quick)))
+    identification = folder / "identification.html"
+    picture = Picture(first.name, png(first.figure), first.caption)
+    identification.write_text(html_report(quick, [picture], paper=True), "utf-8")
+    return {"diagnosis": diagnosis / "report.html", "identification": identification}
+
+
+@pytest.fixture(params=["diagnosis", "identification"])
+def path(request, reports):
+    return reports[request.param]
+
+
+def opened(browser, path, size):
+    """Open a page; return it with what it said and asked for."""
+    page = browser.new_page(viewport=size)
+    said, asked = [], []
+    page.on("console", lambda message: said.append(message.text))
+    page.on("pageerror", lambda error: said.append(str(error)))
+    page.on("request", lambda request: asked.append(request.url))
+    page.goto(path.as_uri())
+    return page, said, [url for url in asked if url != path.as_uri()]
+
+
+@pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
+def test_there_is_no_barrier_and_the_page_stands_alone(browser, path, size):
+    page, said, asked = opened(browser, path, size)
+    barriers = [
+        (one["id"], one["impact"], [node["html"][:100] for node in one["nodes"]])
+        for one in axe.Axe().run(page).response["violations"]
+    ]
+    assert not barriers
+    assert not said
+    assert all(url.startswith("data:") for url in asked)
+    # Wide tables scroll by themselves: the page does not.
+    assert page.evaluate("document.documentElement.scrollWidth") <= size["width"]
+    shot = matplotlib.image.imread(BytesIO(page.screenshot()))
+    assert float(np.mean(shot[..., :3] < 0.5)) > 0.01  # there is text on it
+    page.close()
+
+
+def test_every_picture_is_shown(browser, path):
+    page, _, _ = opened(browser, path, DESKTOP)
+    sizes = page.evaluate("[...document.images].map(i => [i.complete, i.naturalWidth, i.width])")
+    assert sizes and all(done and natural > 0 and width > 200 for done, natural, width in sizes)
+    page.close()
+
+
+def test_tables_are_reached_and_scrolled_with_the_keyboard(browser, path):
+    page, _, _ = opened(browser, path, PHONE)
+    wide = page.evaluate(
+        "[...document.querySelectorAll('.scroll, pre')]"
+        ".filter(e => e.scrollWidth > e.clientWidth).map(e => e.tabIndex)"
+    )
+    assert wide and all(index == 0 for index in wide)
+    region = page.locator(".scroll").first
+    region.focus()
+    assert page.evaluate("document.activeElement.className") == "scroll"
+    page.close()
+
+
+def test_on_paper_nothing_is_cut_off(browser, path):
+    page, _, _ = opened(browser, path, {"width": 700, "height": 1000})
+    page.emulate_media(media="print")
+    cut = page.evaluate(
+        "[...document.querySelectorAll('.scroll, img')].filter("
+        "e => e.scrollWidth > document.body.clientWidth + 1).length"
+    )
+    assert cut == 0
+    page.close()
