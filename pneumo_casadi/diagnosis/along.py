@@ -101,10 +101,12 @@ class AlongMotion:
         symbols, written, at_rest = self._written
         theta = symbols[-1]
         r = ca.vertcat(*(written.residual[name] for name in axis.equations))
-        # Mass flows over the capacity that takes them, [Pa/s]: a common scale of flows and X_s
-        # must not make residuals small.
+        # Mass flows over the capacity that takes them, [Pa/s], and a force whose gain is free over
+        # the mass, [m/s²]: a common scale of a balance must not make its residuals small.
         for i, _ in enumerate(axis.outputs[:-1]):
             r[i] = r[i] / -ca.jacobian(r[i], symbols[1])[i]
+        if axis.flow is None:
+            r = r / theta[axis.parameters.index("M")]
         y = ca.vertcat(*(written.output[name] for name in axis.outputs))
         free = [axis.parameters.index(name) for name in self.nominal]
         J = ca.jacobian(r, theta)[:, free]

@@ -26,6 +26,7 @@ from pneumo_casadi.diagnosis.search import Catalogue, Names, Search, Searcher, s
 from pneumo_casadi.diagnosis.study import Fitted, Study, study
 from pneumo_casadi.diagnosis.verdict import Judgement, judge
 from pneumo_casadi.diagnosis.where import locate
+from pneumo_casadi.effect import Effect
 from pneumo_casadi.effects import CATALOGUE
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.pipeline import FlowForm, IdentifyOptions, make_axis, open_case, read_flow
@@ -108,7 +109,13 @@ def diagnose(
     if hidden:
         verdict = Verdict.ABSORBED
     named = verdict in (Verdict.EFFECT, Verdict.AMBIGUOUS)
-    where = locate(one, found.nominal, effects if named else (), found.final if named else None)
+    where = locate(
+        one,
+        found.nominal,
+        _in_order(found, effects) if named else (),
+        found.final if named else None,
+        gap=named or verdict is Verdict.UNKNOWN,
+    )
     report("simulating the held-out record", 0.88)
     final = found.final if named or verdict is Verdict.UNKNOWN else found.nominal
     shown = effects if final is found.final else ()
@@ -191,10 +198,7 @@ def _found(
     one: Study, found: Search, judgement: Judgement, catalogue: Catalogue
 ) -> tuple[EffectFound, ...]:
     """Return the effects in the order in which they were added."""
-    order: list[str] = []
-    for names in found.path:
-        order += [name for name in names if name not in order]
-    order = [name for name in order if name in found.chosen]
+    order = _order(found)
     own = _own(one, found.final, found.chosen, catalogue)
     if len(found.chosen) == 1:
         own = {f"{found.chosen[0]}.{name}": value for name, value in own.items()}
@@ -210,6 +214,18 @@ def _found(
         )
         for name in order
     )
+
+
+def _order(found: Search) -> list[str]:
+    order: list[str] = []
+    for names in found.path:
+        order += [name for name in names if name not in order]
+    return [name for name in order if name in found.chosen]
+
+
+def _in_order(found: Search, effects: Sequence[Effect]) -> tuple[Effect, ...]:
+    by_name = {effect.name: effect for effect in effects}
+    return tuple(by_name[name] for name in _order(found))
 
 
 def _ranking(
@@ -264,9 +280,12 @@ def _hint(where: Where, found: Search, judgement: Judgement) -> str:
         parts.append("most " + ", ".join(one.name for one in where.regimes[:2]))
     if found.path:
         label = " + ".join(found.chosen)
+        shrink = balance_shrink(found.nominal, found.final, found.by)
         parts.append(
-            f"the nearest in the catalogue, {label}, leaves {100 * judgement.unexplained:.0f} % "
-            "of the gap"
+            f"{label} closes {100 * shrink.value:.0f} % of it ({100 * shrink.lower:.0f} to "
+            f"{100 * shrink.upper:.0f} %) and may be part of the cause; "
+            f"{100 * judgement.unexplained:.0f} % of the gap is left, which nothing in the "
+            "catalogue explains"
         )
     return "; ".join(parts)
 

@@ -26,7 +26,8 @@ class Yardstick:
     Parameters
     ----------
     noise : (ne,) array
-        What the sensors' white noise leaves in each balance, root mean square [Pa/s, Pa/s, N].
+        What the sensors' white noise leaves in each balance, root mean square [Pa/s, Pa/s, N; of a
+        force-driven axis m/s²].
     signal : (ne,) array
         Standard deviation of what each balance explains: ṗ, or the driving force.
     """
@@ -53,8 +54,8 @@ def _noise(axis: Axis, data: Smoothed) -> FloatArray:
     bend = data.derivative(rate)
     gain = [float(np.std(weak @ one)) for one in (level, rate, bend)]
     M = axis.parameters["M"].value
-    if len(axis.outputs) == 1:
-        return np.array([M * gain[2] * data.noise[0]])
+    if axis.flow is None:
+        return np.array([gain[2] * data.noise[0]])
     p_P, p_N, x = data.noise
     c = axis.constants
     force = np.hypot(M * gain[2] * x, np.hypot(c["S_P"] * p_P, c["S_N"] * p_N) * gain[0])
@@ -62,8 +63,8 @@ def _noise(axis: Axis, data: Smoothed) -> FloatArray:
 
 
 def _signal(axis: Axis, data: Smoothed) -> FloatArray:
-    if len(axis.outputs) == 1:
-        return np.array([float(np.std(data.averaged(data.u.T)))])
+    if axis.flow is None:
+        return np.array([float(np.std(data.averaged(data.u.T))) / axis.parameters["M"].value])
     c = axis.constants
     effort = c["S_P"] * data.x[0] - c["S_N"] * data.x[1]
     rows = data.averaged(np.column_stack([data.dx[0], data.dx[1], effort]))

@@ -67,8 +67,8 @@ class Study:
 
     @cached_property
     def least(self) -> FloatArray:
-        """Smallest residual of each balance that is told from none [Pa/s, Pa/s, N]."""
-        return np.array([10.0, 10.0, 1e-3][-len(self.axis.equations) :])
+        """Smallest residual of each balance that is told from none, in the units of `Fitted`."""
+        return np.array([1e-5] if self.axis.flow is None else [10.0, 10.0, 1e-3])
 
 
 def study(
@@ -97,7 +97,7 @@ class Fitted:
     cost : float
         See `BalanceFit`.
     train, held_out : tuple of (ne, m) array
-        Residuals by record [Pa/s, Pa/s, N].
+        Residuals by record [Pa/s, Pa/s, N], of a force-driven axis over the mass [m/s²].
     used_train, used_held_out : tuple of (ne, m) array of bool
         Rows that count.
     converged : bool
