@@ -45,14 +45,33 @@ def white(made, motion, optimum):
 
 
 @pytest.fixture(scope="session")
-def coloured(made, motion, optimum):
-    """The same with noise that lasts 15 samples."""
+def slow():
+    """Factory: a second of noise of 2 μm that lasts 15 samples."""
+    fading = np.exp(-np.arange(60) / 15.0)
+
+    def make(seed):
+        e = np.random.default_rng(seed).standard_normal(1060)
+        return 2e-6 * np.convolve(e, fading, "valid")[:1000] / np.sqrt(np.sum(fading**2))
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def slowly_disturbed(made, motion, optimum, slow):
+    """Factory: the same axis fitted under such noise."""
     axis, u, x = motion
-    e = np.random.default_rng(0).standard_normal(len(u) + 60)
-    slow = np.convolve(e, np.exp(-np.arange(60) / 15.0), "valid")[: len(u)]
-    channels = {"x": x[0] + 2e-6 * slow / slow.std(), "F": u[:, 0]}
     t = np.arange(len(u)) / made.FS
-    return optimum(axis, [Recording(t, channels, "slow", "made", made.InputHold.ZERO)])
+
+    def make(seed):
+        channels = {"x": x[0] + slow(seed), "F": u[:, 0]}
+        return optimum(axis, [Recording(t, channels, "slow", "made", made.InputHold.ZERO)])
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def coloured(slowly_disturbed):
+    return slowly_disturbed(0)
 
 
 @pytest.fixture(scope="session")
