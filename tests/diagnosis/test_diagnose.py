@@ -132,9 +132,9 @@ def test_interrupted_work_goes_on_from_what_was_fitted(made_case, tmp_path, monk
 def _counting(fitted):
     from pneumo_casadi.diagnosis.study import fit
 
-    def counted(one, effects, start=None, base=None):
+    def counted(one, effects, *rest):
         fitted.append(tuple(effect.name for effect in effects))
-        return fit(one, effects, start, base)
+        return fit(one, effects, *rest)
 
     return counted
 
