@@ -430,6 +430,7 @@ TABLES: dict[str, tuple[Callable[[Mapping[str, Any]], str], str]] = {
     "scaling": (scaling, "scaling"),
     "emps_output_error": (emps_output_error, "emps_output_error"),
     "bench_sanity": (bench_sanity, "bench_sanity"),
+    "practice": (practice, "practice"),
 }
 
 
