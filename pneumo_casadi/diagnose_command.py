@@ -80,10 +80,8 @@ def diagnose_command(
                 executor,
             )
             report("report", 0.97)
-            # Optional until every diagnosis carries its curves.
-            evidence = getattr(found, "evidence", None)
             origin = origin_of(found_case, without or ())
-            write_diagnosis(found, folder, evidence, chosen, origin)
+            write_diagnosis(found, folder, chosen, origin)
         if json_file is not None:
             write_json(found.as_dict() | {"provenance": origin}, json_file)
         out.print(summary_text(found, chosen), markup=False, soft_wrap=True)

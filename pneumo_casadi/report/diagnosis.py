@@ -12,6 +12,7 @@ from pneumo_casadi.report.diagnosis_tables import (
     chance,
     diagnosis_tables,
     has_after,
+    nearest,
     percent,
     plain,
     quantity,
@@ -123,7 +124,9 @@ def size_sentences(found: Diagnosis) -> tuple[str, ...]:
     if not has_after(found):
         return f"{before}.", *floor
     if not found.effects:
-        return f"{before}; with the nearest of the catalogue by {percent(gap.after)}.", *floor
+        names = joined([plain(name) for name in nearest(found)])
+        which = f"{names}, the nearest of the catalogue," if names else "the nearest of them"
+        return f"{before}; with {which} by {percent(gap.after)}.", *floor
     return (
         f"{before}; with {joined([plain(e.name) for e in found.effects])} by {percent(gap.after)}.",
         f"That closes {whole(shrink.value)} of the gap (95 % interval {between(shrink)}).",

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 from pneumo_casadi.diagnosis import Diagnosis, Verdict
-from pneumo_casadi.diagnosis.evidence import Evidence
 from pneumo_casadi.effects import CATALOGUE
 from pneumo_casadi.report.diagnosis import (
     VERDICTS,
@@ -147,7 +146,6 @@ def _facts(found: Diagnosis) -> list[tuple[str, str]]:
 def write_diagnosis(
     found: Diagnosis,
     folder: str | Path,
-    evidence: Evidence | None = None,
     catalogue: Catalogue = CATALOGUE,
     provenance: Mapping[str, Any] | None = None,
 ) -> Path:
@@ -159,8 +157,6 @@ def write_diagnosis(
         What was found.
     folder : path
         Folder to make. One that holds an earlier diagnosis is replaced as a whole.
-    evidence : Evidence, optional
-        The curves behind it, for figures.
     catalogue : mapping of str to effect class, optional
         Where the effects are described.
     provenance : mapping, optional
@@ -183,7 +179,7 @@ def write_diagnosis(
         (draft / "summary.txt").write_text(summary_text(found, catalogue), "utf-8")
         (draft / "figures").mkdir()
         pictures = []
-        for drawn in diagnosis_figures(found, evidence):
+        for drawn in diagnosis_figures(found):
             picture = Picture(drawn.name, svg(drawn.figure), drawn.caption)
             (draft / "figures" / f"{drawn.name}.png").write_bytes(png(drawn.figure))
             (draft / "figures" / f"{drawn.name}.svg").write_bytes(picture.content)

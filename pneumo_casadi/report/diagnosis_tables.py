@@ -74,6 +74,12 @@ def has_after(found: Diagnosis) -> bool:
     return bool(found.effects) or found.gap.after != found.gap.before
 
 
+def nearest(found: Diagnosis) -> tuple[str, ...]:
+    """Name the effects of the model that came nearest where none is the cause."""
+    new = [name.partition(".")[0] for name in found.fitted if name not in found.nominal]
+    return tuple(dict.fromkeys(new))
+
+
 def with_what(found: Diagnosis) -> str:
     """Return what the model with effects is called."""
     if found.effects:

@@ -115,3 +115,7 @@ def evidence(K=200):
     )
     after = tuple(replace(one, mean=0.1 * mean) for one in before)
     return Evidence((inputs,), before, after)
+
+
+def with_curves():
+    return replace(EFFECT, evidence=evidence())

@@ -45,13 +45,13 @@ SVG = b'<svg xmlns="http://www.w3.org/2000/svg" width="72pt" height="36pt"></svg
 
 @pytest.fixture(scope="module")
 def drawn():
-    return {one.name: one for one in diagnosis_figures(made.EFFECT, made.evidence())}
+    return {one.name: one for one in diagnosis_figures(made.with_curves())}
 
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory):
     folder = tmp_path_factory.mktemp("diagnosis") / "report"
-    return write_diagnosis(made.EFFECT, folder, made.evidence())
+    return write_diagnosis(made.with_curves(), folder)
 
 
 @pytest.mark.parametrize("verdict", list(Verdict))
@@ -98,7 +98,9 @@ def test_the_hint_of_an_unknown_cause_and_rival_sensors_are_said():
     assert made.UNKNOWN.hint in text and "backlash would look much the same" in text.replace(
         "\n ", ""
     )
-    assert "with the nearest of the catalogue by 9.1 %" in " ".join(size_sentences(found))
+    assert "with stribeck, the nearest of the catalogue, by 9.1 %" in " ".join(
+        size_sentences(found)
+    )
 
 
 def test_an_effect_of_ones_own_needs_no_description():

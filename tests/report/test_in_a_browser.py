@@ -49,7 +49,7 @@ def browser():
 @pytest.fixture(scope="module")
 def reports(quick, tmp_path_factory):
     folder = tmp_path_factory.mktemp("reports")
-    diagnosis = write_diagnosis(made.EFFECT, folder / "diagnosis", made.evidence())
+    diagnosis = write_diagnosis(made.with_curves(), folder / "diagnosis")
     first = next(iter(figures_of(quick)))
     identification = folder / "identification.html"
     picture = Picture(first.name, png(first.figure), first.caption)

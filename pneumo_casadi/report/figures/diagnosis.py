@@ -45,16 +45,8 @@ DRAWN = 8
 SHARE = 0.1
 
 
-def diagnosis_figures(found: Diagnosis, evidence: Evidence | None = None) -> Iterator[Drawn]:
-    """Draw all figures of a diagnosis, in order.
-
-    Parameters
-    ----------
-    found : Diagnosis
-        What was found.
-    evidence : Evidence, optional
-        The curves behind it.
-    """
+def diagnosis_figures(found: Diagnosis) -> Iterator[Drawn]:
+    """Draw all figures of a diagnosis, in order; curves where it carries its evidence."""
     if found.gap.views:
         yield Drawn(
             "gap",
@@ -77,8 +69,8 @@ def diagnosis_figures(found: Diagnosis, evidence: Evidence | None = None) -> Ite
             "Share of each balance in what the model without effects lacks; below, the parts of "
             "the record that hold more of the gap than of the time.",
         )
-    if evidence is not None:
-        yield from _curves(found, evidence)
+    if found.evidence is not None:
+        yield from _curves(found, found.evidence)
 
 
 def _curves(found: Diagnosis, evidence: Evidence) -> Iterator[Drawn]:
