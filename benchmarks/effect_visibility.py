@@ -4,16 +4,17 @@ Data: cases of the virtual bench, which shares no equation with the model: one r
 without an effect and with each of the bench's effects at medium severity; 10 s at 1 kHz of chirp
 and squares to identify on, 10 s of multisine and steps held out. Sizes are scattered by the seed.
 
-Each case: the nominal axis by output error over the whole record in closed loop (see `gap`), its
-gap on the held-out record in closed loop and in windows of 0.5 s, beside the gap of the same axis
-without an effect, the background. A gap counts in an output of a view where it exceeds twice the
-background, a quarter of the sensor's noise and 0.1 % of the signal's standard deviation. Verdicts:
+Each case: the nominal axis fitted to the balances along the smoothed motion (see `balance_gap`),
+the gap of its simulations on the held-out record in closed loop and in windows of 0.5 s (see
+`gap`), beside the gap of the same axis without an effect, the background. A gap counts in an output
+of a view where it exceeds twice the background, a quarter of the sensor's noise and 0.1 % of the
+signal's standard deviation. Verdicts:
 
 - visible: a gap counts somewhere, or the fitted axis cannot be simulated on the held-out record;
 - absorbed: none does, but the fit has moved: an X_s, M or a friction coefficient by over 2 % and
-  three standard deviations from the fit without the effect, or the refined map's residuals at the
-  metered points by over half;
-- unobservable: neither; undecided where that is said of a fit that has not converged.
+  three standard deviations (residuals taken for white) from the fit without the effect, or the
+  refined map's residuals at the metered points by over half;
+- unobservable: neither; undecided where that is said of a fit that has not settled.
 
 Then, unless `--verdicts` asks for these alone, the catalogue's effect of that name is fitted, where
 there is one, and the share of the gap that it closes is told. Effects that the catalogue lacks have
@@ -32,10 +33,13 @@ from typing import Any
 import numpy as np
 import provenance
 import readme
-from gap import VIEWS, VISIBLE, Fitted, closed, finite, fit_figures, held_out, kept, nominal, refit
+from balance_gap import MOVABLE, refit, simulated_gaps, told
+from gap import VIEWS, VISIBLE, closed, kept
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from pneumo_casadi.diagnosis import prepare
+from pneumo_casadi.diagnosis.study import Fitted, fit
 from pneumo_casadi.effects import CATALOGUE
 from pneumo_casadi.report.figures.style import (
     BLUE,
@@ -54,7 +58,6 @@ from pneumo_casadi.testbed import FORMS, make_case
 OF_NOISE, OF_SIGNAL = 0.25, 0.1
 #: A parameter has moved by so much [%] and so many standard deviations; the map by such a ratio.
 MOVED, SIGMAS, MAP_MOVED = 2.0, 3.0, 1.5
-MOVABLE = (*(f"X_s{i}" for i in range(1, 7)), "M", "f_v", "F_c_plus", "F_c_minus")
 NONE = "none"
 QUICK = ("constant_force", "valve_dead_zone")
 
@@ -65,35 +68,29 @@ def one_case(seed: int, duration: float, effect: str, refits: bool) -> dict[str,
     with tempfile.TemporaryDirectory() as scratch:
         asked = {} if effect == NONE else {effect: "medium"}
         made = make_case(Path(scratch) / "case", seed, asked, duration=duration)
-        before, start, table = nominal(made.case)
+        study, _ = prepare(made.case)
+        before = fit(study, ())
         found: dict[str, Any] = {
             "sizes": {k: v for one in made.effects for k, v in one.parameters.items()},
             "absorbed_by": [name for one in made.effects for name in one.form.absorbed_by],
             "listed": effect in CATALOGUE,
-            "nominal": fit_figures(before) | told(before, made.axis.truth),
-            "gap": held_out(before, made.case),
+            "nominal": told(study, before) | {"errors_percent": errors(before, made.axis.truth)},
+            "gap": simulated_gaps(study, before, made.case),
             "motion_m": float(np.ptp(made.case.validate[0]["x"])),
         }
         if refits and effect in CATALOGUE:
-            after = refit(effect, before, start, made.case, table)
-            found["refit"] = fit_figures(after) | told(after, made.axis.truth)
-            found["refit_gap"] = held_out(after, made.case)
+            own = CATALOGUE[effect]()
+            after = refit(study, before, own)
+            found["refit"] = told(study, after)
+            found["refit"] |= {"errors_percent": errors(after, made.axis.truth)}
+            found["refit_gap"] = simulated_gaps(study, after, made.case, own)
             found["closed_percent"] = closed(found["gap"], found["refit_gap"])
     return found
 
 
-def told(fit: Fitted, truth: Mapping[str, float]) -> dict[str, Any]:
-    """Return the nominal parameters of a fit, their deviations and errors, and the map's pull."""
-    if fit.result is None:
-        return {}
-    pull = fit.result.map_pull
-    values = fit.result.parameters.as_dict()
-    return {
-        "parameters": {name: values[name] for name in MOVABLE},
-        "std": {name: finite(fit.result.std(name, robust=True)) for name in MOVABLE},
-        "errors_percent": {name: 100 * (values[name] / truth[name] - 1) for name in MOVABLE},
-        "map_pull": None if pull is None else pull.rms,
-    }
+def errors(fitted: Fitted, truth: Mapping[str, float]) -> dict[str, float]:
+    """Return the errors of the nominal axis' parameters [%]."""
+    return {name: 100 * (fitted.values[name] / truth[name] - 1) for name in MOVABLE}
 
 
 def judged(one: Mapping[str, Any], plain: Mapping[str, Any]) -> dict[str, Any]:
@@ -121,10 +118,9 @@ def counts(found: Mapping[str, float], plain: Mapping[str, float]) -> bool:
 
 def moved(fit: Mapping[str, Any], plain: Mapping[str, Any]) -> dict[str, float]:
     """Return what an effect has moved: parameters with their shift [%], the map with its ratio."""
-    if "parameters" not in fit:
-        return {}
     found = {}
-    for name, value in fit["parameters"].items():
+    for name in MOVABLE:
+        value = fit["parameters"][name]
         old = plain["parameters"][name]
         stds = fit["std"][name], plain["std"][name]
         shift = value - old
@@ -188,7 +184,7 @@ def draw(result: Mapping[str, Any]) -> Figure:
     figure = new_figure(28 + 3.9 * len(names), head=HEAD)
     panels = figure.subplots(1, 2, sharey=True)
     shown = {"visible": (VERMILION, "s"), "absorbed": (ORANGE, "D")}
-    for axes, view, text in zip(panels, VIEWS, ("closed loop", "windows of 0.5 s"), strict=True):
+    for axes, view, text in zip(panels, VIEWS, ("closed loop", "windows"), strict=True):
         axes.axvline(axis[NONE]["gap"][view]["gap_percent"], color=GREY, linewidth=0.8, zorder=1)
         for row, name in zip(rows, names, strict=True):
             one = axis[name]
@@ -218,7 +214,7 @@ def draw(result: Mapping[str, Any]) -> Figure:
         frameon=False,
         fontsize=SMALL - 0.5,
         columnspacing=0.6,
-        handletextpad=0.1,
+        handletextpad=0.3,
         handlelength=0.9,
         borderaxespad=0.1,
     )

@@ -96,9 +96,11 @@ def held_out(fit: Fitted, case: Case) -> dict[str, Any] | None:
 
     A fit without any result has none, nor has one whose simulations leave the finite numbers.
     """
-    if fit.result is None:
-        return None
-    axis = fit.result.axis
+    return None if fit.result is None else gaps(fit.result.axis, case)
+
+
+def gaps(axis: Axis, case: Case) -> dict[str, Any] | None:
+    """Return the gap of every output and view of an axis; None where no simulation is finite."""
     if axis.bench.controller is None:
         raise RuntimeError(f"{case.folder}: no controller to close the loop")
     try:

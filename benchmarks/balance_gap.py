@@ -1,0 +1,57 @@
+"""Fits of the balances for benchmarks: seconds a case, where output error needs minutes.
+
+One rule for every fit. The nominal axis is fitted to the balances along the smoothed motion; an
+effect is added to that fit, its shapes begun where the diagnosis would begin them; an effect of a
+sensor is then refined by output error over windows, because the measured motion does not show it.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+from gap import finite, gaps
+
+from pneumo_casadi.diagnosis.gaps import V_S_SIMULATED
+from pneumo_casadi.diagnosis.polish import polished, senses
+from pneumo_casadi.diagnosis.screen import background, perturbation, screened
+from pneumo_casadi.diagnosis.study import Fitted, Study, fit
+from pneumo_casadi.effect import Effect
+from pneumo_casadi.recording import Case
+
+#: Parameters of the nominal axis that an effect may move.
+MOVABLE = (*(f"X_s{i}" for i in range(1, 7)), "M", "f_v", "F_c_plus", "F_c_minus")
+
+
+def refit(study: Study, before: Fitted, effect: Effect) -> Fitted:
+    """Add an effect to the nominal fit."""
+    directions = perturbation(study, before, effect)
+    starts = screened(effect.name, directions, background(study, before, before)).starts
+    found = fit(study, (effect,), before.values, starts, before.cost)
+    return polished(study, found, (effect,)) if senses((effect,)) else found
+
+
+def simulated_gaps(
+    study: Study, fitted: Fitted, case: Case, *effects: Effect
+) -> dict[str, Any] | None:
+    """Return the gaps of a fit on the held-out record; None where no simulation is finite."""
+    axis = study.axis.with_effects(*effects).with_parameters(dict(fitted.values))
+    return gaps(axis.with_parameters({"v_s": V_S_SIMULATED}), case)
+
+
+def told(study: Study, fitted: Fitted) -> dict[str, Any]:
+    """Return what is told of a fit besides its gap."""
+    names = [n for n in fitted.values if n in MOVABLE or "." in n]
+    return {
+        "failure": None if fitted.converged else "the fit of the balances has not settled",
+        "parameters": {name: fitted.values[name] for name in names},
+        "std": {name: finite(fitted.std.get(name, math.inf)) for name in names},
+        "map_pull": _map_pull(study, fitted),
+    }
+
+
+def _map_pull(study: Study, fitted: Fitted) -> float | None:
+    """Return the rms of the flow map's residuals at the metered points."""
+    if study.anchor is None:
+        return None
+    r = study.anchor(np.array([fitted.values[name] for name in study.anchor.names]))
+    return float(np.sqrt(np.mean(r**2)))
