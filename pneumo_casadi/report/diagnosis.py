@@ -67,9 +67,11 @@ def headline(found: Diagnosis) -> str:
             "Something is missing in the model that no effect of the catalogue explains, alone or "
             f"together; the error on held-out data is {percent(gap.before)} of the signals."
         )
+    wrong = sum(not one.agrees for one in found.checks)
+    but = f", but {wrong} of {len(found.checks)} checks of parameters fail" if wrong else ""
     return (
         "Nothing is wrong that matters: beyond noise, simulation and held-out data differ by "
-        f"{percent(gap.before)} of the signals."
+        f"{percent(gap.before)} of the signals{but}."
     )
 
 
@@ -110,6 +112,11 @@ def described_as(name: str, catalogue: Catalogue = CATALOGUE) -> str:
     known = catalogue.get(name)
     text = (known.__doc__ or "").strip() if known else ""
     return text.splitlines()[0].replace("`", "") if text else "An effect of your own."
+
+
+def size_title(found: Diagnosis) -> str:
+    """Return the heading of what is said of the gap's size."""
+    return "How far the gap closes" if has_after(found) else "How large the gap is"
 
 
 def size_sentences(found: Diagnosis) -> tuple[str, ...]:
@@ -191,7 +198,7 @@ def summary_text(found: Diagnosis, catalogue: Catalogue = CATALOGUE) -> str:
     sections = [
         ("Where", found.where.words),
         ("Which effect", cause_sentences(found, catalogue)),
-        ("How far the gap closes", size_sentences(found)),
+        (size_title(found), size_sentences(found)),
         ("What else it could be", alternative_sentences(found, catalogue)),
         ("Parameters against geometry and data sheet", checks),
         ("Notes", found.notes),

@@ -16,6 +16,7 @@ from pneumo_casadi.report.diagnosis import (
     headline,
     place,
     size_sentences,
+    size_title,
     summary_text,
 )
 from pneumo_casadi.report.diagnosis_tables import (
@@ -106,7 +107,7 @@ def _sections(
             [ranking_table(found)],
         ),
         _Section(
-            "size", "How far the gap closes", size_sentences(found), drawn("gap"),
+            "size", size_title(found), size_sentences(found), drawn("gap"),
             [gap_table(found)],
         ),
         _Section("else", "What else it could be", alternative_sentences(found, catalogue)),

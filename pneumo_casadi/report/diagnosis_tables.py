@@ -112,7 +112,10 @@ def regime_table(found: Diagnosis) -> Table:
         "Where in the record the gap is found",
         ("regime", "balance", "of the gap", "of the time", "ratio", "p"),
         tuple(rows),
-        ("p: chance of such a share with the residuals shuffled in blocks.",) if rows else (),
+        (
+            "Of a frequency band, for the time: its share of the balance's own signal.",
+            "p: chance of such a share with the residuals shuffled in blocks.",
+        ),
     )
 
 

@@ -109,6 +109,12 @@ def test_an_effect_of_ones_own_needs_no_description():
     assert "Gremlin" in summary_text(own, {})
 
 
+def test_nothing_wrong_does_not_hide_a_check_that_fails():
+    assert "1 of 2 checks of parameters fail" in headline(made.NONE)
+    assert "fail" not in headline(replace(made.NONE, checks=made.NONE.checks[:1]))
+    assert "How large the gap is" in summary_text(made.NONE)
+
+
 def test_contradicting_checks_come_first():
     text = summary_text(made.EFFECT)
     assert text.index("NOT  S_P comes out") < text.index("ok   M = 16.9 kg")
