@@ -67,7 +67,8 @@ def diagnosis_figures(found: Diagnosis) -> Iterator[Drawn]:
             "where",
             where_figure(found),
             "Share of each balance in what the model without effects lacks; below, the parts of "
-            "the record that hold more of the gap than of the time (a frequency band: of the signal).",
+            "the record that hold more of the gap than of the time (of a frequency band: than of "
+            "the signal).",
         )
     if found.evidence is not None:
         yield from _curves(found, found.evidence)
