@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from pneumo_casadi import __version__
+from pneumo_casadi.batch_command import diagnose_many_command
 from pneumo_casadi.bench_command import record_case
 from pneumo_casadi.design_command import design
 from pneumo_casadi.diagnose_command import diagnose_command
@@ -230,6 +231,7 @@ def simulate(
 
 
 app.command("diagnose")(diagnose_command)
+app.command("diagnose-many")(diagnose_many_command)
 app.command()(export)
 app.command()(withheld)
 app.command()(design)

@@ -31,11 +31,12 @@ LAYERS = [
     ["flow_sensitivity"],
     ["caveats", "pipeline", "model_file", "result_file", "trajectory_file"],
     ["diagnosis"],
-    ["withheld"],
+    ["batch", "withheld"],
     ["export"],
     ["report"],
     [
         "terminal",
+        "batch_command",
         "bench_command",
         "design_command",
         "diagnose_command",
