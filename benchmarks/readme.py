@@ -431,6 +431,7 @@ TABLES: dict[str, tuple[Callable[[Mapping[str, Any]], str], str]] = {
     "emps_output_error": (emps_output_error, "emps_output_error"),
     "bench_sanity": (bench_sanity, "bench_sanity"),
     "practice": (practice, "practice"),
+    "effect_visibility": (effect_visibility, "effect_visibility"),
 }
 
 

@@ -1,4 +1,4 @@
-"""What a missing effect costs: the committed results of practice and bench sanity."""
+"""What a missing effect costs: the committed results of practice, visibility and bench sanity."""
 
 import json
 from pathlib import Path
@@ -53,6 +53,36 @@ def test_visible_means_twice_the_gap_of_the_case_without_an_effect(practice):
         for one in practice["cases"].values():
             large = one["nominal_gap"][view]["gap_percent"] > 2 * background[view]
             assert (view in one["visible"]) == (large and bool(one["effects"]))
+
+
+@pytest.fixture(scope="module")
+def axes():
+    return result("effect_visibility")["axes"]
+
+
+def test_every_effect_of_the_bench_has_a_verdict(axes):
+    forms = pytest.importorskip("pneumo_casadi.testbed").FORMS
+    for axis in axes.values():
+        assert set(axis) == {"none", *forms}
+        for name in forms:
+            assert axis[name]["verdict"] in {"visible", "absorbed", "unobservable"}, name
+
+
+def test_a_verdict_says_where_or_into_what(axes):
+    for axis in axes.values():
+        for name, one in axis.items():
+            if name == "none":
+                continue
+            assert bool(one["where"]) == (one["verdict"] == "visible"), name
+            if one["verdict"] != "visible":
+                assert bool(one["moved"]) == (one["verdict"] == "absorbed"), name
+
+
+def test_an_axis_without_an_effect_follows_its_records(axes):
+    for axis in axes.values():
+        plain = axis["none"]
+        left = plain["gap"]["closed_loop"]["x"]["rms"] / plain["motion_m"]
+        assert left < 0.005 and plain["nominal"]["failure"] is None
 
 
 def test_the_nominal_fit_of_an_effect_free_bench_leaves_half_a_per_cent_at_most():
