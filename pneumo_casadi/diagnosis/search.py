@@ -29,7 +29,7 @@ from pneumo_casadi.diagnosis.screen import (
     screened,
 )
 from pneumo_casadi.diagnosis.store import Store
-from pneumo_casadi.diagnosis.study import Fitted, Study, fit
+from pneumo_casadi.diagnosis.study import Fitted, Study, fit, refined
 from pneumo_casadi.effect import Effect
 from pneumo_casadi.errors import FitError, ModelError
 
@@ -50,7 +50,7 @@ HOPELESS = 1e-3
 MATTERS = 0.05
 #: Share of the first gap that each effect must close by itself: less is what the form of another
 #: one misses. Large effects of another form than the catalogue's leave up to 0.15.
-SHARE = 0.2
+SHARE = 0.1
 #: A model that leaves less than this share of the simulated gap needs no further effect.
 SETTLED = 0.35
 #: Share of bootstrap replicates in which the gain must be there.
@@ -282,6 +282,7 @@ def _forward(
         if round_ == 1:
             best = _second_thoughts(worker, nominal, best, by, current)
         path.append(best)
+        worker.fits[best] = refined(worker.study, worker.fits[best], worker.effects(best))
         if _settled(worker, nominal, best):
             break
         current = worker.fits[best]

@@ -24,6 +24,8 @@ from pneumo_casadi.regression import fit_wls
 V_S = 1e-3
 #: An effect that gains less log-likelihood than this is tried so many times larger too.
 LITTLE, LARGER = 1.0, (10.0, 100.0, 1000.0)
+#: Another form of an effect must gain so much log-likelihood.
+FORM = 20.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,6 +152,20 @@ def fit(
     return found
 
 
+def refined(one: Study, fitted: Fitted, effects: Sequence[Effect]) -> Fitted:
+    """Return a fit with the held parameters of its effects free; itself where that gains little.
+
+    They tell one form of an effect from another, a hole from a gap, and are asked for once the
+    effect is known to be there.
+    """
+    axis = one.axis.with_effects(*effects).with_parameters(dict(fitted.values))
+    held = [n for n in axis.parameters.names if "." in n and n not in axis.parameters.free_names]
+    if not held:
+        return fitted
+    found = _fit(one, axis.with_parameters(axis.parameters.release(*held)))
+    return found if found.cost < fitted.cost - FORM else fitted
+
+
 def _cost(fitted: Fitted) -> float:
     return fitted.cost
 
@@ -158,10 +174,11 @@ def _fit(one: Study, axis: Axis) -> Fitted:
     model = AlongMotion(axis)
     train, held = one.smoothed
     found = fit_balances(model, train, one.anchor, axis.parameters.values, one.least)
+    std = np.sqrt(np.maximum(np.diag(found.covariance), 0.0))  # against rounding
     return Fitted(
         tuple(effect.name for effect in axis.effects),
         dict(zip(axis.parameters.names, found.theta.tolist(), strict=True)),
-        dict(zip(found.free, np.sqrt(np.diag(found.covariance)).tolist(), strict=True)),
+        dict(zip(found.free, std.tolist(), strict=True)),
         found.cost,
         tuple(residuals(model, data, found.theta) for data in train),
         tuple(residuals(model, data, found.theta) for data in held),

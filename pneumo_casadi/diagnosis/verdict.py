@@ -91,7 +91,7 @@ def _above(rms: FloatArray, found: Search) -> FloatArray:
 
 def _trust(left: float) -> float:
     """Return the probability that the cause is in the catalogue, from what stays unexplained."""
-    return float(np.clip(1.0 - left, 0.3, 0.99))
+    return float(np.clip(1.0 - left / 2, 0.5, 0.99))
 
 
 def _weights(found: Search, best: Names, trust: float) -> dict[Names, float]:

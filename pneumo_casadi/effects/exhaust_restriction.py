@@ -14,8 +14,9 @@ class ExhaustRestriction(Effect):
 
     p_e² = p_ext² + 2 r T R q² (Δp = R q²/ρ at the mean density) with q what the valves let out,
     reached in the time `tau` in which the space before the silencer fills. The same law is the
-    sonic one, q = C ρ₀ p_e, where the back pressure is high: R = 1 / (2 r T (C ρ₀)²). A valve that is choked does not feel it. The state is the back pressure
-    p_e − p_ext and not the flow, whose square would leave its initial value without influence.
+    sonic one, q = C ρ₀ p_e, where the back pressure is high: R = 1 / (2 r T (C ρ₀)²). A valve that
+    is choked does not feel it. The state is the back pressure p_e − p_ext and not the flow, whose
+    square would leave its initial value without influence.
     """
 
     name = "exhaust_restriction"

@@ -30,7 +30,11 @@ TOGETHER = [
     (ValveMismatch, ValveNullShift),
 ]
 #: Held because an effect cannot be told from it, or because it is off.
-HELD = {ValveMismatch: "X_s6", ValveDynamics: "valve_dynamics.slew"}
+HELD = {
+    ValveMismatch: "X_s6",
+    ValveDynamics: "valve_dynamics.slew",
+    **{leak: f"{leak.name}.viscous" for leak in (PistonSealLeakage, LeakageP, LeakageN)},
+}
 #: A clean silencer is hardly felt at these pressures, where exhausts are choked: a clogged one.
 VALUES = {ExhaustRestriction: {"exhaust_restriction.R": 3e11, "exhaust_restriction.tau": 0.03}}
 LEVEL = 4.0
