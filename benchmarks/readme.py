@@ -398,6 +398,20 @@ def effect_visibility(result: Mapping[str, Any]) -> str:
     return rows(head, body)
 
 
+def verdicts(result: Mapping[str, Any]) -> str:
+    """Return what the diagnosis says of the practice cases."""
+    head = ["case", "named (probability)", "balance", "gap %", "after", "closed %"]
+    body = []
+    for name, one in result["cases"].items():
+        named = ", ".join(f"{e['name']} ({e['probability']:.2f})" for e in one["effects"])
+        gap, mark = one["gap"], "" if one["right"] else " (wrong)"
+        closed = f"{100 * gap['shrink']:.0f}" if named else ""
+        told = (named or one["verdict"]) + mark
+        place = one["where"]["balance"].replace("_", " ")
+        body.append([name, told, place, f"{gap['before']:.2f}", f"{gap['after']:.2f}", closed])
+    return rows(head, body)
+
+
 def _moves(one: Mapping[str, Any]) -> str:
     if one["verdict"] != "absorbed":
         return ""
@@ -432,6 +446,7 @@ TABLES: dict[str, tuple[Callable[[Mapping[str, Any]], str], str]] = {
     "bench_sanity": (bench_sanity, "bench_sanity"),
     "practice": (practice, "practice"),
     "effect_visibility": (effect_visibility, "effect_visibility"),
+    "verdicts": (verdicts, "practice_verdicts"),
 }
 
 

@@ -68,27 +68,6 @@ def right(verdict: dict[str, Any], effects: list[str]) -> bool:
     return sorted(named) == sorted(effects) and (bool(effects) or verdict["verdict"] == "none")
 
 
-def table(result: dict[str, Any]) -> str:
-    """Return the practice cases as a Markdown table."""
-    head = ["case", "verdict", "named (probability)", "balance", "gap %", "after", "closed %"]
-    body = []
-    for name, one in result["cases"].items():
-        named = ", ".join(f"{e['name']} ({e['probability']:.2f})" for e in one["effects"])
-        gap, mark = one["gap"], "" if one["right"] else " (wrong)"
-        body.append(
-            [
-                name,
-                one["verdict"] + mark,
-                named,
-                one["where"]["balance"],
-                f"{gap['before']:.2f}",
-                f"{gap['after']:.2f}",
-                f"{100 * gap['shrink']:.0f}" if named else "",
-            ]
-        )
-    return readme.rows(head, body)
-
-
 def main() -> None:
     """Run the benchmark from the command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -127,7 +106,7 @@ def main() -> None:
         "longest_s": max(one["seconds"] for one in cases.values()),
         "peak_GiB": max(one["peak_GiB"] for one in cases.values()),
     }
-    print(table(result))
+    print(readme.verdicts(result))
     print({key: value for key, value in result.items() if key != "cases"})
     provenance.write(arguments.json, result | told)
 
