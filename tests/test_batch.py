@@ -201,6 +201,14 @@ def test_a_real_case_is_diagnosed_and_one_too_short_says_so(tmp_path, fakes):
     assert short.verdict == "failed" and short.error.startswith("CaseError")
 
 
+def test_a_link_is_a_case_by_its_own_name(tmp_path, cases, fakes):
+    (tmp_path / "data" / "link").symlink_to(cases[0], target_is_directory=True)
+    rows = diagnose_many(
+        case_folders(tmp_path / "data"), keep=tmp_path / "out", diagnosing=fakes.verdict
+    )
+    assert [row.case for row in rows] == ["c1", "c2", "c3", "c4", "link"]
+
+
 def test_names_that_stand_for_two_cases_are_refused(tmp_path, cases, fakes):
     with pytest.raises(CaseError, match="c1"):
         diagnose_many([*cases, tmp_path / "c1"], keep=tmp_path / "out", diagnosing=fakes.verdict)

@@ -5,8 +5,10 @@ task needs nothing but the folders, wherever it runs.
 """
 
 import json
+import os
 import secrets
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, as_completed
 from functools import partial
@@ -87,7 +89,8 @@ def diagnose_many(
     >>> [(row.case, row.verdict) for row in rows]
     [('press_1', 'none'), ('press_2', 'none')]
     """
-    paths = [Path(folder).resolve() for folder in folders]  # a worker may stand elsewhere
+    # A worker may stand elsewhere. Links stay what they are called: records go by name.
+    paths = [Path(os.path.abspath(folder)) for folder in folders]  # noqa: PTH100
     _check_names(paths)
     out = Path(keep).resolve()
     report = progress or (lambda text, share: None)
@@ -227,7 +230,7 @@ def _check_names(folders: Sequence[Path]) -> None:
     names = [folder.name for folder in folders]
     if not names:
         raise CaseError("no case folder; give at least one")
-    twice = sorted({name for name in names if names.count(name) > 1})
+    twice = sorted(name for name, number in Counter(names).items() if number > 1)
     if twice:
         raise CaseError(
             f"{len(twice)} names stand for more than one case folder ({', '.join(twice[:3])}), but "
