@@ -30,13 +30,3 @@ def test_standard_errors_shrink_as_predicted(bench):
     shares = found["shares_of_limits"]
     assert shares["position"] <= 1 and shares["command"] <= 1
     assert shares["p_min"] >= 1 and shares["p_max"] <= 1
-
-
-def test_an_ambiguity_of_the_ordinary_record_is_resolved(bench):
-    # X_s4, X_s5 and X_s6 pass for a valve of another gain: the catalogue says so.
-    found = bench.separation(3, "valve_mismatch", "medium", bench.NONE, 6.0, 60)
-    before, after = found["wrong_over_right"]
-    assert before < 1.05
-    assert after > 1.5
-    (distance,) = found["distances"]
-    assert distance["after"] > 3 * distance["before"]
