@@ -15,7 +15,7 @@ import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -83,13 +83,11 @@ def linked(cases: Sequence[Path], folder: Path, number: int) -> list[Path]:
     return found
 
 
-def warm(executor: Executor | None, cases: Sequence[Path], scratch: Path) -> float:
-    """Start all workers and their imports; return how long that takes [s]."""
-    began = time.perf_counter()
+def warm(executor: Executor | None, cases: Sequence[Path], scratch: Path) -> None:
+    """Have all workers do their imports."""
     if executor is not None:
         many = linked(cases, scratch / "warm", 4 * WORKERS)
         diagnose_many(many, executor, keep=scratch / "warm_out", diagnosing=slow)
-    return time.perf_counter() - began
 
 
 def slow(folder: Path) -> dict[str, Any]:
@@ -108,12 +106,18 @@ def timed(
 
 
 def measure(
-    name: str, executor: Executor | None, cases: list[Path], empty: int, diagnosing: Diagnosing
+    name: str,
+    opening: AbstractContextManager[Executor | None],
+    cases: list[Path],
+    empty: int,
+    diagnosing: Diagnosing,
 ) -> dict[str, Any]:
     """Run the cases, and tasks without work, on an executor."""
-    with tempfile.TemporaryDirectory() as held:
+    began = time.perf_counter()
+    with tempfile.TemporaryDirectory() as held, opening as executor:
         scratch = Path(held)
-        start = warm(executor, cases, scratch)
+        warm(executor, cases, scratch)
+        start = time.perf_counter() - began
         wall, rows = timed(cases, executor, scratch / "out", diagnosing)
         failed = [f"{row.case}: {row.error}" for row in rows if row.error]
         if failed:
@@ -146,12 +150,14 @@ def run(number: int, duration: float, empty: int, diagnosing: Diagnosing) -> dic
         cases = make_cases(Path(held) / "cases", number, duration)
         # Compiles models; counts for nobody.
         diagnose_many(cases[:1], keep=Path(held) / "first", diagnosing=diagnosing)
-        found = {"in turn": measure("in turn", None, cases, empty, diagnosing)}
-        with processes(WORKERS) as executor:
-            found["processes"] = measure("processes", executor, cases, empty, diagnosing)
+        openings: dict[str, AbstractContextManager[Executor | None]]
+        openings = {"in turn": processes(1), "processes": processes(WORKERS)}
         if find_spec("distributed") is not None:
-            with dask_workers(WORKERS) as executor:
-                found["dask"] = measure("dask", executor, cases, empty, diagnosing)
+            openings["dask"] = dask_workers(WORKERS)
+        found = {
+            name: measure(name, opening, cases, empty, diagnosing)
+            for name, opening in openings.items()
+        }
     alone = found["in turn"]
     alone["outside_real_percent"] = 100 * (alone["wall_s"] / alone["work_s"] - 1)
     for name, one in found.items():
