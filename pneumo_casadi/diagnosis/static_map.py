@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from pneumo_casadi.diagnosis.study import Study
-from pneumo_casadi.output_error.result import MapPull
+from pneumo_casadi.output_error.result import MapPull, map_pull
 
 
 def map_pull_of(one: Study, values: Mapping[str, float]) -> MapPull | None:
@@ -13,14 +13,11 @@ def map_pull_of(one: Study, values: Mapping[str, float]) -> MapPull | None:
 
     None without a map.
     """
-    anchor, table = one.anchor, one.flow_map
-    if anchor is None or table is None or not all(name in values for name in anchor.names):
+    anchor = one.anchor
+    if anchor is None or not all(name in values for name in anchor.names):
         return None
-    flow = one.axis.flow
-    e = anchor(np.array([values[name] for name in anchor.names]))
-    own = anchor(flow.parameters.values)
-    shift = flow.sigma * float(e @ table.q_m) / float(table.q_m @ table.q_m)
-    return MapPull(float(np.sqrt(e @ e / (own @ own))), 1.0 + shift)
+    known = {name: values[name] for name in anchor.names}
+    return map_pull(anchor, one.axis.with_parameters(known))
 
 
 def map_misfit_of(one: Study) -> float | None:

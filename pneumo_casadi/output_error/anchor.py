@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from pneumo_casadi.flow import FlowMap
-from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.parameters import FloatArray, Parameters
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +42,19 @@ class Anchor:
     def jacobian(self, c: FloatArray) -> FloatArray:
         """Return the derivatives of the residuals, shape (n, n_c)."""
         return np.asarray(self.residual(c)[1], dtype=float)
+
+    def coefficients(self, parameters: Parameters, theta: FloatArray) -> FloatArray:
+        """Return c among the values theta (n,) of all parameters."""
+        return theta[[parameters.index(name) for name in self.names]]
+
+    def rows(self, c: FloatArray, free: Sequence[str]) -> FloatArray:
+        """Return the derivatives to the parameters `free`, (n, len(free)); zero for no c."""
+        found = np.zeros((self.n, len(free)))
+        slopes = self.jacobian(c)
+        for column, name in enumerate(self.names):
+            if name in free:
+                found[:, free.index(name)] = slopes[:, column]
+        return found
 
 
 def anchor(table: FlowMap, flow: Any, sigma: float | None = None) -> Anchor:

@@ -170,13 +170,8 @@ def scores(problem: Problem, at: Linearised, segment: int, condensed: Condensed)
 def anchor_normal_equations(problem: Problem, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return JᵀJ and Jᵀr of the flow map in scaled free parameters; zeros without an anchor."""
     free = problem.free
-    H, g = np.zeros((len(free), len(free))), np.zeros(len(free))
     if problem.anchor is None:
-        return H, g
-    c = theta[[problem.parameters.index(name) for name in problem.anchor.names]]
-    inside = [i for i, name in enumerate(problem.anchor.names) if name in free]
-    at = [free.index(problem.anchor.names[i]) for i in inside]
-    J = problem.anchor.jacobian(c)[:, inside] * problem.free_scales[at]
-    H[np.ix_(at, at)] = J.T @ J
-    g[at] = -J.T @ problem.anchor(c)
-    return H, g
+        return np.zeros((len(free), len(free))), np.zeros(len(free))
+    c = problem.anchor.coefficients(problem.parameters, theta)
+    J = problem.anchor.rows(c, free) * problem.free_scales
+    return J.T @ J, -J.T @ problem.anchor(c)

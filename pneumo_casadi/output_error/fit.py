@@ -17,12 +17,12 @@ from pneumo_casadi.output_error.information import estimate
 from pneumo_casadi.output_error.interval import IntervalFunctions
 from pneumo_casadi.output_error.ipopt import IpoptSolver
 from pneumo_casadi.output_error.options import Method, OutputErrorOptions, ladder
-from pneumo_casadi.output_error.problem import Problem, Unknowns
+from pneumo_casadi.output_error.problem import Problem
 from pneumo_casadi.output_error.result import (
-    MapPull,
     OutputErrorResult,
     Stage,
     derived_quantities,
+    map_pull,
 )
 from pneumo_casadi.output_error.segments import cut
 from pneumo_casadi.output_error.solution import Solution, new_sigma
@@ -247,18 +247,5 @@ def _result(problem: Problem, solution: Solution, stages: tuple[Stage, ...]) -> 
         problem.segments,
         tuple(np.split(solution.m, np.cumsum([s.K for s in problem.segments])[:-1], axis=1)),
         tuple(point.x[:own_states, i] for i in problem.firsts),
-        _map_pull(problem, point),
+        None if problem.anchor is None else map_pull(problem.anchor, axis),
     )
-
-
-def _map_pull(problem: Problem, point: Unknowns) -> MapPull | None:
-    if problem.anchor is None:
-        return None
-    residual = problem.anchor_residuals(point.theta)
-    own = problem.anchor(problem.axis.flow.parameters.values)
-    zero = point.theta.copy()
-    zero[[problem.parameters.index(name) for name in problem.anchor.names]] = 0.0
-    measured = -problem.anchor_residuals(zero)
-    fitted = residual + measured
-    scale = float(fitted @ measured / (measured @ measured))
-    return MapPull(float(np.sqrt(np.sum(residual**2) / np.sum(own**2))), scale)

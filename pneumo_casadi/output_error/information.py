@@ -91,11 +91,5 @@ def estimate(problem: Problem, point: Unknowns, sigma: FloatArray) -> Estimate:
 
 def _map_scores(problem: Problem, anchor: Anchor, theta: FloatArray) -> FloatArray:
     """Return Jᵀr of each metered point in scaled free parameters, shape (n, n_free)."""
-    c = theta[[problem.parameters.index(name) for name in anchor.names]]
-    weighted = -anchor.jacobian(c) * anchor(c)[:, None]
-    found = np.zeros((anchor.n, len(problem.free)))
-    for column, name in enumerate(anchor.names):
-        if name in problem.free:
-            at = problem.free.index(name)
-            found[:, at] = weighted[:, column] * problem.free_scales[at]
-    return found
+    c = anchor.coefficients(problem.parameters, theta)
+    return -anchor.rows(c, problem.free) * anchor(c)[:, None] * problem.free_scales

@@ -171,8 +171,7 @@ class Problem:
         """Return the map's residuals over its noise; empty without an anchor."""
         if self.anchor is None:
             return np.zeros(0)
-        at = [self.parameters.index(name) for name in self.anchor.names]
-        return self.anchor(theta[at])
+        return self.anchor(self.anchor.coefficients(self.parameters, theta))
 
     def cost(self, theta: FloatArray, m: FloatArray, sigma: FloatArray) -> float:
         """Return ½ Σ (residual/σ)² over all samples and the flow map, m being mean outputs."""

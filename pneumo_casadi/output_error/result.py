@@ -3,7 +3,10 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numpy as np
+
 from pneumo_casadi.axis import Axis
+from pneumo_casadi.output_error.anchor import Anchor
 from pneumo_casadi.output_error.derived import derived_of
 from pneumo_casadi.output_error.segments import Segment
 from pneumo_casadi.parameters import FloatArray, Parameters
@@ -73,6 +76,15 @@ class MapPull:
 
     rms: float
     scale: float
+
+
+def map_pull(anchor: Anchor, axis: Axis) -> MapPull:
+    """Return how far an axis' parameters have left the metered points of its flow map."""
+    c = axis.parameters.select(anchor.names).values
+    residual, own = anchor(c), anchor(axis.flow.parameters.values)
+    measured = -anchor(np.zeros_like(c))
+    scale = float((residual + measured) @ measured / (measured @ measured))
+    return MapPull(float(np.sqrt(np.sum(residual**2) / np.sum(own**2))), scale)
 
 
 @dataclass(frozen=True, eq=False)
