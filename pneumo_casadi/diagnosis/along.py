@@ -4,7 +4,7 @@ Geometry, pressures and gas enter as numbers at run time, so that the machine co
 serves every case.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -14,7 +14,7 @@ import casadi as ca
 from pneumo_casadi.axis import Axis
 from pneumo_casadi.balances import Balances, write_balances
 from pneumo_casadi.compilation import compiled
-from pneumo_casadi.effect import Expression
+from pneumo_casadi.effect import Effect, Expression
 from pneumo_casadi.flow import FlowISO6358
 
 #: Coefficient of the Rosenbrock method ROS2, L-stable (Verwer et al. 1999, SIAM J. Sci. Comput.).
@@ -151,6 +151,11 @@ class AlongMotion:
         return tuple(name for name in self.axis.parameters.free_names if "." in name)
 
     @property
+    def free(self) -> tuple[str, ...]:
+        """All free parameters, in the order of every Jacobian: nominal ones first."""
+        return (*self.nominal, *self.own)
+
+    @property
     def rest(self) -> ca.Function:
         """``-> z``: the effects' states at rest."""
         return self._functions[2]
@@ -181,10 +186,10 @@ class AlongMotion:
     def _kept(self) -> dict[Any, ca.Function]:
         return {}
 
-    @property
-    def senses(self) -> bool:
-        """Whether an effect changes what a sensor shows of the motion."""
-        return any("output" in effect.junctions for effect in self.axis.effects)
+
+def senses(effects: Sequence[Effect]) -> bool:
+    """Tell whether some effect changes what a sensor shows of the motion."""
+    return any("output" in effect.junctions for effect in effects)
 
 
 def _stretch(name: str, f: ca.Function, K: int, accumulates: bool) -> ca.Function:

@@ -2,7 +2,7 @@
 
 import logging
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,8 +25,9 @@ from pneumo_casadi.diagnosis.result import (
     Verdict,
     Where,
 )
-from pneumo_casadi.diagnosis.search import Catalogue, Names, Search, Searcher, search
+from pneumo_casadi.diagnosis.search import Catalogue, Names, Search, search
 from pneumo_casadi.diagnosis.study import Fitted, Study, study
+from pneumo_casadi.diagnosis.unknown_inputs import inputs_of
 from pneumo_casadi.diagnosis.verdict import Judgement, judge
 from pneumo_casadi.diagnosis.where import locate
 from pneumo_casadi.effect import Effect
@@ -110,21 +111,23 @@ def diagnose(
     found = search(one, chosen, executor, _part(report, 0.02, 0.8), options.keep)
     judgement = judge(found)
     report("parameters and location", 0.82)
-    effects = Searcher(one, chosen).effects(found.chosen)
+    effects = tuple(chosen[name]() for name in found.chosen)
     checks = checks_of(one, found.final)
     verdict, hidden = _weighed(judgement, checks)
     named = verdict in (Verdict.EFFECT, Verdict.AMBIGUOUS)
+    inputs = inputs_of(one, found.nominal)
     where = locate(
         one,
         found.nominal,
         _in_order(found, effects) if named else (),
         found.final if named else None,
         gap=named or verdict is Verdict.UNKNOWN,
+        inputs=inputs,
     )
     report("simulating the held-out record", 0.88)
     final = found.final if named or verdict is Verdict.UNKNOWN else found.nominal
     shown = effects if final is found.final else ()
-    gap, more = simulated_gap(one, found.nominal, final, shown, found.by)
+    gap, more = simulated_gap(found.simulations, found.nominal, final, shown, found.by)
     report("done", 1.0)
     alike = tuple(" + ".join(names) for names in judgement.alike) if named else hidden
     return Diagnosis(
@@ -142,7 +145,7 @@ def diagnose(
         nominal=_values(one.axis, found.nominal),
         fitted=_values(one.axis.with_effects(*shown), final),
         seconds=time.perf_counter() - began,
-        evidence=evidence_of(one, found.nominal, final if shown else None),
+        evidence=evidence_of(one, inputs, found.nominal, final if shown else None),
     )
 
 
@@ -207,35 +210,34 @@ def _values(axis: Axis, fitted: Fitted) -> dict[str, Value]:
 
 
 def _own(one: Study, fitted: Fitted, names: Names, catalogue: Catalogue) -> dict[str, Value]:
+    """Return the parameters of a model's effects by their full names."""
     axis = one.axis.with_effects(*(catalogue[name]() for name in names))
-    values = _values(axis, fitted)
-    short = len(names) == 1
-    return {
-        (name.partition(".")[2] if short else name): value
-        for name, value in values.items()
-        if name.partition(".")[0] in names and "." in name
-    }
+    return {name: value for name, value in _values(axis, fitted).items() if "." in name}
+
+
+def _short(own: Mapping[str, Value], effect: str) -> dict[str, Value]:
+    """Return the parameters of one effect by their short names."""
+    prefix = f"{effect}."
+    return {n.removeprefix(prefix): value for n, value in own.items() if n.startswith(prefix)}
+
+
+def _labelled(names: Names, own: Mapping[str, Value]) -> Mapping[str, Value]:
+    """Return the parameters as a ranking shows them: short where one effect stands alone."""
+    return _short(own, names[0]) if len(names) == 1 else own
 
 
 def _found(
     one: Study, found: Search, judgement: Judgement, catalogue: Catalogue
 ) -> tuple[EffectFound, ...]:
     """Return the effects in the order in which they were added."""
-    order = _order(found)
     own = _own(one, found.final, found.chosen, catalogue)
-    if len(found.chosen) == 1:
-        own = {f"{found.chosen[0]}.{name}": value for name, value in own.items()}
     return tuple(
         EffectFound(
             name,
             min(1.0, sum(p for names, p in judgement.probability.items() if name in names)),
-            {
-                full.partition(".")[2]: value
-                for full, value in own.items()
-                if full.startswith(f"{name}.")
-            },
+            _short(own, name),
         )
-        for name in order
+        for name in _order(found)
     )
 
 
@@ -266,7 +268,7 @@ def _ranking(
             balance_shrink(found.nominal, fitted, found.by),
             found.screen[names[0]].explained if names[0] in found.screen else 0.0,
             min((found.screen[n].observable for n in names if n in found.screen), default=0.0),
-            _own(one, fitted, names, catalogue),
+            _labelled(names, _own(one, fitted, names, catalogue)),
         )
         for names, fitted in found.fits.items()
     ]

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from pneumo_casadi.diagnosis.regimes import RegimeMap, maps_of
 from pneumo_casadi.diagnosis.study import Fitted, Study
-from pneumo_casadi.diagnosis.unknown_inputs import UnknownInputs, unknown_inputs
+from pneumo_casadi.diagnosis.unknown_inputs import UnknownInputs
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,19 +25,24 @@ class Evidence:
     after: tuple[RegimeMap, ...] = ()
 
 
-def evidence_of(one: Study, nominal: Fitted, final: Fitted | None = None) -> Evidence:
+def evidence_of(
+    one: Study,
+    inputs: tuple[UnknownInputs, ...],
+    nominal: Fitted,
+    final: Fitted | None = None,
+) -> Evidence:
     """Return the curves behind a diagnosis.
 
     Parameters
     ----------
     one : Study
         Records and nominal axis.
+    inputs : tuple of UnknownInputs
+        From `inputs_of`.
     nominal : Fitted
-        Its fit without effects.
+        The fit without effects.
     final : Fitted, optional
         The fit with the effects found.
     """
-    train, held = one.smoothed
-    inputs = tuple(unknown_inputs(one.axis, nominal.values, data) for data in held or train)
     after = () if final is None else maps_of(one, final)
     return Evidence(inputs, maps_of(one, nominal), after)

@@ -1,6 +1,7 @@
 """The gap of simulations on held-out records, before and after effects are added."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -23,8 +24,69 @@ REPLICATES = 1000
 View = dict[str, dict[str, float]]
 
 
+@dataclass(eq=False)
+class Simulations:
+    """Simulations of a study's held-out records, each done once.
+
+    Parameters
+    ----------
+    study : Study
+        The case.
+    """
+
+    study: Study
+
+    def __post_init__(self) -> None:
+        self._kept: list[tuple[Fitted, FloatArray | str]] = []
+
+    def windows(self, fitted: Fitted, effects: Sequence[Effect]) -> FloatArray | str:
+        """Return squared errors of every window, or why it cannot be simulated.
+
+        Shape (windows, ny), in per cent of the signals squared; initial states estimated.
+        """
+        for known, found in self._kept:
+            if known is fitted:
+                return found
+        self._kept.append((fitted, self._simulated(fitted, effects)))
+        return self._kept[-1][1]
+
+    def _simulated(self, fitted: Fitted, effects: Sequence[Effect]) -> FloatArray | str:
+        axis = self._axis(fitted, effects)
+        try:
+            pairs = window_runs(axis, self.study.held_out, WINDOW)
+        except (FitError, ModelError) as error:
+            return str(error)
+        found = []
+        for record, rows, run in pairs:
+            L = round(WINDOW / record.dt)
+            e = np.stack([record[name][rows] - run[name] for name in axis.outputs])
+            found.append(np.mean(e.reshape(len(e), -1, L) ** 2, axis=2).T)
+        return np.asarray(np.concatenate(found) / _sizes(self.study) ** 2 * 1e4)
+
+    def loop(self, fitted: Fitted, effects: Sequence[Effect]) -> dict[str, float] | str:
+        """Return the gap of every output under the controller, or why there is none."""
+        axis = self._axis(fitted, effects)
+        try:
+            errors = loop_errors(axis, self.study.held_out)
+        except (FitError, ModelError) as error:
+            return str(error)
+        return {n: _gap(errors[n].percent ** 2, errors[n].noise_percent) for n in axis.outputs}
+
+    def share(self, nominal: Fitted, fitted: Fitted, effects: Sequence[Effect]) -> float:
+        """Return the share of the windows' gap that a fit leaves; 1 if it cannot be simulated."""
+        floor = np.array(list(_noise_percent(self.study).values()))
+        before, after = self.windows(nominal, ()), self.windows(fitted, effects)
+        if isinstance(before, str) or isinstance(after, str):
+            return 1.0
+        return _rms_gap(after, floor) / max(_rms_gap(before, floor), 1e-12)
+
+    def _axis(self, fitted: Fitted, effects: Sequence[Effect]) -> Axis:
+        axis = self.study.axis.with_effects(*effects).with_parameters(dict(fitted.values))
+        return axis.with_parameters({"v_s": V_S_SIMULATED})
+
+
 def simulated_gap(
-    one: Study, nominal: Fitted, final: Fitted, effects: Sequence[Effect], by: Yardstick
+    done: Simulations, nominal: Fitted, final: Fitted, effects: Sequence[Effect], by: Yardstick
 ) -> tuple[Gap, tuple[str, ...]]:
     """Return the gap before and after, and notes on what could not be simulated.
 
@@ -35,73 +97,34 @@ def simulated_gap(
     effects : sequence of Effect
         Those of `final`, in the order of its model.
     """
+    one, models = done.study, ((nominal, ()), (final, effects))
     notes: list[str] = []
-    axes = [_axis(one, nominal, ()), _axis(one, final, effects)]
     views: dict[str, View] = {"balances": _balances(one, nominal, final, by)}
     noise = _noise_percent(one)
-    windows = [_windows(axis, one, notes) for axis in axes]
-    before, after = windows
-    if before is not None and after is not None:
+    before, after = (done.windows(*model) for model in models)
+    failed = [why for why in (before, after) if isinstance(why, str)]
+    notes += [f"windows of {WINDOW:g} s cannot be simulated: {why}" for why in failed]
+    if not isinstance(before, str) and not isinstance(after, str):
         views["windows"] = _view(one.axis.outputs, before, after, noise)
     if one.axis.bench.controller is not None and all("x_ref" in r for r in one.held_out):
-        loops = [_loop(axis, one, notes) for axis in axes]
-        if loops[0] is not None and loops[1] is not None:
+        loops = [done.loop(*model) for model in models]
+        notes += [f"the closed loop cannot be simulated: {w}" for w in loops if isinstance(w, str)]
+        b, a = loops
+        if not isinstance(b, str) and not isinstance(a, str):
             views["closed_loop"] = {
-                name: {"before": loops[0][name], "after": loops[1][name], "noise": noise[name]}
+                name: {"before": b[name], "after": a[name], "noise": noise[name]}
                 for name in one.axis.outputs
             }
-    if before is None or after is None:
+    if isinstance(before, str) or isinstance(after, str):
         shown = views["balances"]
         sizes = {k: _overall([v[k] for v in shown.values()]) for k in ("before", "after", "noise")}
         shrink = balance_shrink(nominal, final, by)
         found = Gap(sizes["before"], sizes["after"], sizes["noise"], shrink, views)
         return found, (*notes, "the gap is that of the balances")
-    floor = np.array([noise[name] for name in one.axis.outputs])
-    a, b = _rms_gap(before, floor), _rms_gap(after, floor)
+    floor = np.array(list(noise.values()))
     shrink = _shrink(before, after, floor)
-    return Gap(a, b, _overall(floor), shrink, views), tuple(notes)
-
-
-def window_share(one: Study, nominal: Fitted, fitted: Fitted, effects: Sequence[Effect]) -> float:
-    """Return the share of the windows' gap that a fit leaves; 1 where it cannot be simulated."""
-    floor = np.array([_noise_percent(one)[name] for name in one.axis.outputs])
-    before = _windows(_axis(one, nominal, ()), one, [])
-    after = _windows(_axis(one, fitted, effects), one, [])
-    if before is None or after is None:
-        return 1.0
-    return _rms_gap(after, floor) / max(_rms_gap(before, floor), 1e-12)
-
-
-def _axis(one: Study, fitted: Fitted, effects: Sequence[Effect]) -> Axis:
-    axis = one.axis.with_effects(*effects).with_parameters(dict(fitted.values))
-    return axis.with_parameters({"v_s": V_S_SIMULATED})
-
-
-def _windows(axis: Axis, one: Study, notes: list[str]) -> FloatArray | None:
-    """Return squared errors of every window in per cent of the signal, shape (windows, ny)."""
-    try:
-        pairs = window_runs(axis, one.held_out, WINDOW)
-    except (FitError, ModelError) as error:
-        notes.append(f"windows of {WINDOW:g} s cannot be simulated: {error}")
-        return None
-    found = []
-    for record, rows, run in pairs:
-        L = round(WINDOW / record.dt)
-        e = np.stack([record[name][rows] - run[name] for name in axis.outputs])
-        found.append(np.mean(e.reshape(len(e), -1, L) ** 2, axis=2).T)
-    return np.concatenate(found) / _sizes(one) ** 2 * 1e4
-
-
-def _loop(axis: Axis, one: Study, notes: list[str]) -> dict[str, float] | None:
-    try:
-        errors = loop_errors(axis, one.held_out)
-    except (FitError, ModelError) as error:
-        notes.append(f"the closed loop cannot be simulated: {error}")
-        return None
-    return {
-        name: float(np.sqrt(max(errors[name].percent ** 2 - errors[name].noise_percent ** 2, 0)))
-        for name in axis.outputs
-    }
+    gaps = _rms_gap(before, floor), _rms_gap(after, floor)
+    return Gap(*gaps, _overall(floor), shrink, views), tuple(notes)
 
 
 def _sizes(one: Study) -> FloatArray:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pneumo_casadi.compilation import called
-from pneumo_casadi.diagnosis.along import STRETCH, AlongMotion
+from pneumo_casadi.diagnosis.along import STRETCH, AlongMotion, senses
 from pneumo_casadi.diagnosis.trajectory import Smoothed
 from pneumo_casadi.parameters import FloatArray
 
@@ -23,7 +23,7 @@ class Residuals:
     Parameters
     ----------
     r : (ne, m) array
-        [kg/s, kg/s, N].
+        In the units of `AlongMotion.residual`.
     J : (ne, m, n) array
         Derivatives to the free parameters, nominal ones first.
     """
@@ -93,7 +93,7 @@ def _undecimated(
     """Return r (ne, N) for every variant of θ, and last the Jacobian of the first (N, ne n)."""
     motions = [(data.x, data.dx)] * len(variants)
     times = CORRECTIONS if model.n_z else 1  # a mere offset is taken back at once
-    for _ in range(times if model.senses else 0):
+    for _ in range(times if senses(model.axis.effects) else 0):
         states = own_states(model, data, variants, motions)
         motions = [
             _corrected(model, data, theta, z, motion)

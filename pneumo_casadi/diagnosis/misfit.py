@@ -36,9 +36,9 @@ class Yardstick:
     signal: FloatArray
 
 
-def yardstick(one: Study, held_out: bool = True) -> Yardstick:
-    """Return noise and signal of the balances of a study's records."""
-    data = one.smoothed[1 if held_out else 0]
+def yardstick(one: Study) -> Yardstick:
+    """Return noise and signal of the balances of the records held out."""
+    _, data = one.smoothed
     noise = np.mean([_noise(one.axis, record) for record in data], axis=0)
     signal = np.sqrt(np.mean([_signal(one.axis, record) ** 2 for record in data], axis=0))
     return Yardstick(noise, signal)
@@ -96,12 +96,6 @@ def gaps(rms: FloatArray, by: Yardstick) -> FloatArray:
     """Return what lies above the noise floor in each balance, as a share of the signal."""
     floor = BACKGROUND * by.noise
     return np.asarray(np.sqrt(np.maximum(rms**2 - floor**2, 0)) / by.signal)
-
-
-def likelihood_gain(before: FloatArray, after: FloatArray, by: Yardstick) -> FloatArray:
-    """Return log(σ_before/σ_after) of each balance; noise below its floor gains nothing."""
-    floor = by.noise**2
-    return np.asarray(0.5 * np.log((before**2 + floor) / (after**2 + floor)))
 
 
 def bootstrap_gain(

@@ -20,11 +20,6 @@ from pneumo_casadi.output_error import OutputErrorOptions, OutputErrorResult, fi
 OPTIONS = OutputErrorOptions(window=WINDOW, widths=(V_S_SIMULATED,), max_iterations=25)
 
 
-def senses(effects: Sequence[Effect]) -> bool:
-    """Tell whether some effect acts on what a sensor shows."""
-    return any("output" in effect.junctions for effect in effects)
-
-
 def polished(one: Study, fitted: Fitted, effects: Sequence[Effect]) -> Fitted:
     """Refine a fit by output error over windows; return it as it was where that fails.
 

@@ -10,21 +10,20 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import lsq_linear
 
 from pneumo_casadi.diagnosis.along import AlongMotion
 from pneumo_casadi.diagnosis.inverse import directions, linearised
-from pneumo_casadi.diagnosis.study import Fitted, Study, rows_used
+from pneumo_casadi.diagnosis.study import Fitted, Study
 from pneumo_casadi.effect import Effect
+from pneumo_casadi.output_error.steps import bounded_minimum
 from pneumo_casadi.parameters import FloatArray
 
 #: Shape parameters are tried at these multiples of their starting values, ...
 GRID = (1 / 3, 1.0, 3.0)
 #: ... and those that may have either sign at these.
 SIGNED_GRID = (-4.0, -2.0, -1.0, 0.0, 1.0, 2.0, 4.0)
-#: Below this share of its influence an effect cannot be seen in these data.
-UNOBSERVABLE = 0.01
-#: Below this one its direction is lost in rounding. At laboratory noise little is enough.
+#: Below this share of its influence the direction of an effect is lost in rounding; at laboratory
+#: noise little is enough.
 ROUNDING = 1e-6
 
 
@@ -86,8 +85,6 @@ def perturbation(one: Study, nominal: Fitted, effect: Effect) -> tuple[Direction
     """Return the directions of an effect at the nominal fit, one for each point of its grid."""
     axis = one.axis.with_effects(effect).with_parameters(dict(nominal.values)).at_null_values()
     model = AlongMotion(axis)
-    shapes: tuple[str, ...] = ()
-    found: list[Direction] = []
     first = _direction(one, model, nominal, {}, ())
     silent = [n for n, c in zip(model.own, first.columns.T, strict=True) if not np.any(c)]
     starting = axis.at_starting_values().parameters
@@ -95,6 +92,7 @@ def perturbation(one: Study, nominal: Fitted, effect: Effect) -> tuple[Direction
         return (first,)
     shapes = tuple(n for n in silent if starting[n].value != 0)
     starts = [starting[n].value for n in shapes]
+    found = []
     grids = [SIGNED_GRID if axis.parameters[n].lower < 0 else GRID for n in shapes]
     for factors in itertools.product(*grids):
         values = {
@@ -126,7 +124,7 @@ def _direction(
     parameters = model.axis.parameters.with_values(values)
     names = tuple(name for name in model.own if name not in shapes)
     parts = [
-        directions(model, data, parameters.values, names)[rows_used(one, data)]
+        directions(model, data, parameters.values, names)[data.used(one.axis)]
         for data in one.smoothed[0]
     ]
     items = parameters.select(names)
@@ -160,23 +158,18 @@ def background(
     axis = one.axis.with_effects(*effects).with_parameters(dict(fitted.values))
     model = AlongMotion(axis)
     theta = axis.parameters.values
-    names = (*model.nominal, *model.own)
     r, J = [], []
     for data in one.smoothed[0]:
-        found, mask = linearised(model, data, theta), rows_used(one, data)
+        found, mask = linearised(model, data, theta), data.used(axis)
         r.append(found.r[mask])
         J.append(found.J[mask])
     weight = _weights(one, nominal)
-    scales = axis.parameters.select(names).scales
+    scales = axis.parameters.select(model.free).scales
     A = np.concatenate(J) * scales / weight[:, None]
     e = np.concatenate(r) / weight
     if one.anchor is not None:
-        rows = np.zeros((one.anchor.n, len(names)))
-        slopes = one.anchor.jacobian(axis.parameters.select(one.anchor.names).values)
-        for k, name in enumerate(one.anchor.names):
-            if name in names:
-                rows[:, names.index(name)] = slopes[:, k] * scales[names.index(name)]
-        A = np.vstack([A, rows])
+        c = one.anchor.coefficients(axis.parameters, theta)
+        A = np.vstack([A, one.anchor.rows(c, model.free) * scales])
     size = np.linalg.norm(A, axis=0)
     U, s, _ = np.linalg.svd(A / np.where(size > 0, size, 1.0), full_matrices=False)
     return Background(e, U[: e.size, s > 1e-9 * s[0]])
@@ -207,16 +200,6 @@ def _promise(one: Direction, behind: Background) -> tuple[float, float]:
         return 0.0, observable
     step = np.zeros(len(whole))
     both = np.ix_(seen, seen)
-    step[seen] = _bounded(gram[both], slope[seen], one.lower[seen], one.upper[seen])
+    step[seen] = bounded_minimum(gram[both], -slope[seen], one.lower[seen], one.upper[seen])
     gain = -(2 * slope @ step + step @ gram @ step) / float(e @ e)
     return max(float(gain), 0.0), observable
-
-
-def _bounded(
-    gram: FloatArray, slope: FloatArray, lower: FloatArray, upper: FloatArray
-) -> FloatArray:
-    size = np.sqrt(np.diag(gram))
-    L = np.linalg.cholesky(gram / np.outer(size, size) + 1e-9 * np.eye(len(size)))
-    target = np.linalg.solve(L, -slope / size)
-    lo, hi = np.minimum(lower, 0) * size, np.maximum(upper, 0) * size
-    return np.asarray(lsq_linear(L.T, target, (lo, np.maximum(hi, lo + 1e-12))).x / size)

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pneumo_casadi.diagnosis.gaps import window_share
+from pneumo_casadi.diagnosis.along import senses
+from pneumo_casadi.diagnosis.gaps import Simulations
 from pneumo_casadi.diagnosis.misfit import (
     Yardstick,
     block_gain,
@@ -19,7 +20,7 @@ from pneumo_casadi.diagnosis.misfit import (
     size,
     yardstick,
 )
-from pneumo_casadi.diagnosis.polish import polished, senses
+from pneumo_casadi.diagnosis.polish import polished
 from pneumo_casadi.diagnosis.screen import (
     Background,
     Direction,
@@ -40,6 +41,8 @@ Names = tuple[str, ...]
 #: Where a fit begins: values, shapes to try in turn, and the cost to be improved; see `fit`.
 Start = tuple[Mapping[str, float], Sequence[Mapping[str, float]], float | None]
 
+#: What a fit may end in; anything else is a fault of the program.
+FAULTS = (FitError, ModelError, ArithmeticError, np.linalg.LinAlgError)
 #: So many effects together at most.
 MOST = 3
 #: Effects refitted in the first round, and in later ones, in the order of the screen.
@@ -86,6 +89,8 @@ class Search:
     settled : mapping of tuple of str to float
         Share of the simulated gap left by the final model, and by those with an effect of a
         sensor, which are refined by output error; see `polished`.
+    simulations : Simulations
+        Of the held-out records, those already done.
     """
 
     nominal: Fitted
@@ -95,6 +100,7 @@ class Search:
     path: tuple[Names, ...]
     by: Yardstick
     settled: Mapping[Names, float]
+    simulations: Simulations
 
     @property
     def chosen(self) -> Names:
@@ -153,11 +159,11 @@ class Searcher:
 
     def __post_init__(self) -> None:
         self._packed = pickle.dumps(self.study) if self.executor is not None else b""
+        self.simulations = Simulations(self.study)
 
     def effects(self, names: Iterable[str]) -> tuple[Effect, ...]:
         """Make the named effects, in the catalogue's order: one model, one machine code."""
-        wanted = set(names)
-        return tuple(self.catalogue[name]() for name in self.catalogue if name in wanted)
+        return tuple(self.catalogue[name]() for name in self.key(names))
 
     def key(self, names: Iterable[str]) -> Names:
         """Return names in the catalogue's order."""
@@ -170,7 +176,7 @@ class Searcher:
         done: Future[object] = Future()
         try:
             done.set_result(job(self.study, *given))
-        except (FitError, ModelError, ArithmeticError, np.linalg.LinAlgError) as error:
+        except FAULTS as error:
             done.set_exception(error)
         return done
 
@@ -184,7 +190,7 @@ class Searcher:
         for name, job in jobs.items():
             try:
                 self.directions[name] = job.result()  # type: ignore[assignment]
-            except (FitError, ModelError, ArithmeticError, np.linalg.LinAlgError) as error:
+            except FAULTS as error:
                 self.failures[(name,)] = Failed((name,), f"screen: {error}")
 
     def over(self, behind: Background, without: Sequence[str] = ()) -> dict[str, Screened]:
@@ -199,22 +205,22 @@ class Searcher:
 
     def fit_all(self, models: Mapping[Names, Start]) -> None:
         """Fit models from their starts, those that are not known already."""
-        wanted = {k: v for k, v in models.items() if k not in self.fits | self.failures}
-        for key in wanted if self.store is not None else ():
-            kept = self.store.read(self.effects(key)) if self.store is not None else None
-            if kept is not None:
+        jobs = {}
+        for key, start in models.items():
+            if key in self.fits or key in self.failures:
+                continue
+            effects = self.effects(key)
+            kept = None if self.store is None else self.store.read(effects)
+            if kept is None:
+                jobs[key] = self._run(fit, effects, *start)
+            else:
                 self.fits[key] = kept
-        jobs = {
-            key: self._run(fit, self.effects(key), *start)
-            for key, start in wanted.items()
-            if key not in self.fits
-        }
         for key, job in jobs.items():
             try:
                 self.fits[key] = job.result()  # type: ignore[assignment]
                 if self.store is not None:
                     self.store.write(self.effects(key), self.fits[key])
-            except (FitError, ModelError, ArithmeticError, np.linalg.LinAlgError) as error:
+            except FAULTS as error:
                 self.failures[key] = Failed(key, str(error))
 
 
@@ -256,7 +262,9 @@ def search(
     )
     path = _forward(worker, nominal, by, report)
     failures = tuple(worker.failures.values())
-    return Search(nominal, worker.fits, failures, first, path, by, worker.settled)
+    return Search(
+        nominal, worker.fits, failures, first, path, by, worker.settled, worker.simulations
+    )
 
 
 def _forward(
@@ -287,12 +295,9 @@ def _forward(
             break
         current = worker.fits[best]
     if path and path[-1] not in worker.settled:
-        worker.settled[path[-1]] = _simulated(worker, nominal, path[-1])
+        final, effects = worker.fits[path[-1]], worker.effects(path[-1])
+        worker.settled[path[-1]] = worker.simulations.share(nominal, final, effects)
     return tuple(path)
-
-
-def _simulated(worker: Searcher, nominal: Fitted, names: Names) -> float:
-    return window_share(worker.study, nominal, worker.fits[names], worker.effects(names))
 
 
 def _settled(worker: Searcher, nominal: Fitted, names: Names) -> bool:
@@ -301,7 +306,7 @@ def _settled(worker: Searcher, nominal: Fitted, names: Names) -> bool:
     if not senses(effects):
         return False
     better = polished(worker.study, worker.fits[names], effects)
-    share = window_share(worker.study, nominal, better, effects)
+    share = worker.simulations.share(nominal, better, effects)
     if share < SETTLED:
         worker.fits[names] = better
         worker.settled[names] = share

@@ -17,7 +17,7 @@ from scipy.sparse import csr_array, diags_array, hstack, vstack
 from pneumo_casadi.axis import Axis
 from pneumo_casadi.diagnosis.along import AlongMotion
 from pneumo_casadi.diagnosis.inverse import linearised
-from pneumo_casadi.diagnosis.study import Study, rows_used
+from pneumo_casadi.diagnosis.study import Study
 from pneumo_casadi.diagnosis.trajectory import ROW_RATE, Smoothed
 from pneumo_casadi.diagnosis.unknown_inputs import along_motion, signals_of
 from pneumo_casadi.parameters import FloatArray
@@ -91,7 +91,7 @@ def _of_record(one: Study, values: Mapping[str, float], data: Smoothed) -> Signa
     theta = np.array([values[name] for name in axis.parameters.names])
     _, A = along_motion(axis, theta, data)
     lin = linearised(AlongMotion(axis), data, theta)
-    used = rows_used(one, data)
+    used = data.used(one.axis)
     scale = residual_floor(axis, values, data)
     r = np.concatenate([lin.r[i][rows] / scale[i] for i, rows in enumerate(used)])
     J = np.concatenate([lin.J[i][rows] / scale[i] for i, rows in enumerate(used)])

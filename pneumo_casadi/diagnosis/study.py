@@ -178,18 +178,11 @@ def _fit(one: Study, axis: Axis) -> Fitted:
     return Fitted(
         tuple(effect.name for effect in axis.effects),
         dict(zip(axis.parameters.names, found.theta.tolist(), strict=True)),
-        dict(zip(found.free, std.tolist(), strict=True)),
+        dict(zip(model.free, std.tolist(), strict=True)),
         found.cost,
-        tuple(residuals(model, data, found.theta) for data in train),
+        found.residuals,
         tuple(residuals(model, data, found.theta) for data in held),
-        tuple(rows_used(one, data) for data in train),
-        tuple(rows_used(one, data) for data in held),
+        tuple(data.used(axis) for data in train),
+        tuple(data.used(axis) for data in held),
         found.converged,
     )
-
-
-def rows_used(one: Study, data: Smoothed) -> NDArray[np.bool_]:
-    """Return which rows of each balance count, shape (ne, m)."""
-    used = np.ones((len(one.axis.equations), data.m), dtype=bool)
-    used[one.axis.equations.index("force")] = data.moving
-    return used

@@ -79,6 +79,12 @@ class Smoothed:
         """Number of rows."""
         return int(self.moving.size)
 
+    def used(self, axis: Axis) -> NDArray[np.bool_]:
+        """Return which rows of each balance count, shape (ne, m): force only in motion."""
+        found = np.ones((len(axis.equations), self.m), dtype=bool)
+        found[axis.equations.index("force")] = self.moving
+        return found
+
     def averaged(self, columns: FloatArray) -> FloatArray:
         """Average columns (N, n) over the windows, (m, n)."""
         return np.asarray(self.weak @ columns)

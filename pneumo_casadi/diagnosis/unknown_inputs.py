@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from pneumo_casadi.axis import Axis
+from pneumo_casadi.diagnosis.study import Fitted, Study
 from pneumo_casadi.diagnosis.trajectory import NOISE_MULTIPLE, SLOW, Smoothed
 from pneumo_casadi.parameters import FloatArray
 
@@ -60,6 +61,12 @@ class UnknownInputs:
         above = np.maximum(self.w**2 - self.std**2, 0.0) * self.counts
         mean = above.sum(axis=1) / np.maximum(self.counts.sum(axis=1), 1)
         return np.asarray(mean / self.signal**2)
+
+
+def inputs_of(one: Study, nominal: Fitted) -> tuple[UnknownInputs, ...]:
+    """Estimate the unknown inputs of the records held out, or of all that there are."""
+    train, held = one.smoothed
+    return tuple(unknown_inputs(one.axis, nominal.values, data) for data in held or train)
 
 
 def unknown_inputs(axis: Axis, values: Mapping[str, float], data: Smoothed) -> UnknownInputs:

@@ -9,8 +9,8 @@ from pneumo_casadi.diagnosis.inverse import residuals
 from pneumo_casadi.diagnosis.regimes import regimes_of
 from pneumo_casadi.diagnosis.result import Regime, Where
 from pneumo_casadi.diagnosis.signatures import HYPOTHESES, Signatures, row_signals, signatures
-from pneumo_casadi.diagnosis.study import Fitted, Study, rows_used
-from pneumo_casadi.diagnosis.unknown_inputs import unknown_inputs
+from pneumo_casadi.diagnosis.study import Fitted, Study
+from pneumo_casadi.diagnosis.unknown_inputs import UnknownInputs, inputs_of
 from pneumo_casadi.effect import Effect
 
 #: What forms of flow maps and friction laws leave on a right axis, as a share of the signal.
@@ -52,6 +52,7 @@ def locate(
     cause: Sequence[Effect] = (),
     fitted: Fitted | None = None,
     gap: bool | None = None,
+    inputs: Sequence[UnknownInputs] | None = None,
 ) -> Where:
     """Say where simulation and reality part.
 
@@ -68,14 +69,15 @@ def locate(
     gap : bool, optional
         Whether there is a gap, where that is known better: without one there is no place, with
         one there is, be it small. By default unknown inputs decide.
+    inputs : sequence of UnknownInputs, optional
+        From `inputs_of`, where they are known already.
 
     Returns
     -------
     Where
     """
-    train, held = one.smoothed
-    records = held or train
-    inputs = tuple(unknown_inputs(one.axis, nominal.values, data) for data in records)
+    if inputs is None:
+        inputs = inputs_of(one, nominal)
     energy = dict(
         zip(one.axis.equations, np.mean([i.energy for i in inputs], axis=0).tolist(), strict=True)
     )
@@ -166,7 +168,7 @@ def _added(one: Study, cause: Sequence[Effect], fitted: Fitted) -> dict[str, flo
     shares = []
     for data in held or train:
         change = residuals(model, data, theta) - residuals(model, data, without)
-        mean = np.sum(change**2 * rows_used(one, data), axis=1) / data.m
+        mean = np.sum(change**2 * data.used(one.axis), axis=1) / data.m
         shares.append(mean / row_signals(one.axis, fitted.values, data) ** 2)
     return dict(zip(one.axis.equations, np.mean(shares, axis=0).tolist(), strict=True))
 

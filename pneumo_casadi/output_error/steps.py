@@ -94,12 +94,19 @@ def moved(problem: Problem, point: Unknowns, step: Step, share: float = 1.0) -> 
 
 def bounded_step(problem: Problem, H: FloatArray, g: FloatArray, point: Unknowns) -> FloatArray:
     """Minimise ½ δᵀHδ - gᵀδ within the parameters' bounds and the trust box."""
-    if g.size == 0:
-        return g
     mask, scale = problem.parameters.free_mask, problem.free_scales
     here = point.theta[mask]
     lower = np.maximum((problem.parameters.lower[mask] - here) / scale, -TRUST)
     upper = np.minimum((problem.parameters.upper[mask] - here) / scale, TRUST)
+    return bounded_minimum(H, g, lower, upper)
+
+
+def bounded_minimum(
+    H: FloatArray, g: FloatArray, lower: FloatArray, upper: FloatArray
+) -> FloatArray:
+    """Minimise ½ δᵀHδ - gᵀδ within a box; what H knows nothing of takes no step."""
+    if g.size == 0:
+        return g
     diagonal = np.diag(H)
     # What is left of a parameter without information is rounding: it takes no step.
     known = diagonal > RANK**2 * diagonal.max()
