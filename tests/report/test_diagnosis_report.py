@@ -31,7 +31,7 @@ from pneumo_casadi.report.diagnosis_tables import (
     ranking_table,
 )
 from pneumo_casadi.report.figures.diagnosis import diagnosis_figures
-from pneumo_casadi.report.figures.style import COLUMN, MM, svg
+from pneumo_casadi.report.figures.style import COLUMN, MM, PAGE, svg
 from pneumo_casadi.report.html import Picture
 
 _spec = importlib.util.spec_from_file_location(
@@ -174,9 +174,12 @@ def test_every_verdict_is_drawn_and_has_a_page(verdict):
 
 
 def test_figures_are_as_wide_as_a_column_and_carry_units(drawn):
-    assert set(drawn) == {"gap", "ranking", "where", "unknown_inputs", "regimes_force"}
+    assert set(drawn) == {
+        *("gap", "ranking", "where", "unknown_inputs", "regimes_force", "dashboard")
+    }
     for name, one in drawn.items():
-        assert one.figure.get_figwidth() == pytest.approx(COLUMN * MM), name
+        width = PAGE if name == "dashboard" else COLUMN
+        assert one.figure.get_figwidth() == pytest.approx(width * MM), name
         assert len(one.caption) > 60
         labels = [axes.get_xlabel() for axes in one.figure.axes] + [
             axes.get_ylabel() for axes in one.figure.axes
@@ -188,6 +191,17 @@ def test_bars_show_the_gap_before_and_after(drawn):
     first = drawn["gap"].figure.axes[0]
     widths = [bar.get_width() for container in first.containers for bar in container]
     assert widths == pytest.approx([10.0, 12.5, 15.0, 0.5, 0.625, 0.75])
+
+
+def test_the_dashboard_says_the_verdict_and_shows_what_there_is(drawn):
+    figure = drawn["dashboard"].figure
+    assert figure.texts[0].get_text().replace("\n", " ") == headline(made.EFFECT)
+    labels = [axes.get_xlabel() for axes in figure.axes]
+    assert labels[1:] == [
+        *("probability [%]", "gap closed [%]", "share of what the balances lack [%]", "$t$ [s]")
+    ]
+    without = {one.name: one for one in diagnosis_figures(made.EFFECT)}["dashboard"]
+    assert without.figure.axes[-1].get_xlabel() == "share [%]"  # regimes where there are no curves
 
 
 def test_while_the_axis_sticks_no_unknown_force_is_drawn(drawn):

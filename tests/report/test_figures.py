@@ -2,22 +2,93 @@
 
 import subprocess
 import sys
+from dataclasses import replace
+from io import BytesIO
+from itertools import combinations
 
+import matplotlib.image
 import numpy as np
 import pytest
+from matplotlib.text import Text
 
+from pneumo_casadi.effects import CATALOGUE
 from pneumo_casadi.flow import fit_polynomials
+from pneumo_casadi.pipeline import output_error_options
 from pneumo_casadi.report.figures import figures_of
 from pneumo_casadi.report.figures.flow_map import flow_map_figure, residual_map_figure
-from pneumo_casadi.report.figures.style import COLUMN, MM, PAGE, png
+from pneumo_casadi.report.figures.identifiability import profile_figure
+from pneumo_casadi.report.figures.style import COLUMN, MM, PAGE, png, symbol
+from pneumo_casadi.report.figures.withheld import withheld_figure
+from pneumo_casadi.uncertainty import Optimum, Profile, identifiability
+from pneumo_casadi.uncertainty.walk import End
 
 #: Figures whose vertical axis holds names.
 NAMES = {"parameters", "correlations"}
 
 
+#: Smallest letters [pt].
+SMALLEST = 5.0
+
+
 @pytest.fixture(scope="module")
 def drawn(quick):
     return {item.name: item for item in figures_of(quick)}
+
+
+@pytest.fixture(scope="module")
+def all_correlations(quick):
+    options = output_error_options(quick.case, quick.options)
+    optimum = Optimum(quick.output_error, quick.records, quick.flow_map, options)
+    found = replace(quick, identifiability=identifiability(optimum))
+    return {item.name: item.figure for item in figures_of(found)}["all_correlations"]
+
+
+@pytest.fixture(scope="module")
+def matrix():
+    """A sealed check in which every effect was drawn, and each was taken for the next once."""
+    rows = [*CATALOGUE, "none", "left_out", "never_listed"]
+    columns = [*CATALOGUE, "several", "none", "unknown", "failed", "absorbed"]
+    counts = 4 * np.array([[row == column for column in columns] for row in rows])
+    n = len(CATALOGUE)
+    counts[:n, 1 : n + 1] += np.eye(n, dtype=int)
+    bins = [{"stated": 0.9, "percent": 85.0, "interval": [70.0, 95.0]}]
+    return withheld_figure(
+        {
+            "confusion": {"rows": rows, "columns": columns, "counts": counts.tolist()},
+            "calibration": {"bins": bins, "expected_calibration_error": 0.05},
+        }
+    )
+
+
+@pytest.fixture
+def profile():
+    """A parabola, walked as far as correlated residuals ask."""
+    values = 17.0 + np.linspace(-9, 9, 9)
+    costs = 0.5 * np.linspace(-9, 9, 9) ** 2
+    ends = (End.THRESHOLD, End.THRESHOLD)
+    return Profile("M", "kg", values, costs, ("converged",) * 9, 17.0, ends, 0.95, 1.0, 4.0)
+
+
+def overlaps(figure):
+    """Pairs of neighbouring texts that cover each other: ticks of an axis, what panels hold."""
+    png(figure)  # lays it out
+    found = []
+    for axes in figure.axes:
+        if not axes.get_visible() or axes.name == "3d":
+            continue
+        groups = [axis.get_ticklabels() for axis in (axes.xaxis, axes.yaxis)]
+        groups.append([*axes.texts, axes.title])
+        groups.append([axes.xaxis.label, axes.yaxis.label, axes.title])
+        for group in groups:
+            shown = [one for one in group if one.get_text() and one.get_visible()]
+            boxes = [(one.get_text(), one.get_window_extent()) for one in shown]
+            for (one, first), (other, second) in combinations(boxes, 2):
+                across = min(first.x1, second.x1) - max(first.x0, second.x0)
+                along = min(first.y1, second.y1) - max(first.y0, second.y0)
+                # Boxes are a little larger than their letters.
+                if across > 1.5 and along > 3.0:
+                    found.append((one, other))
+    return found
 
 
 def test_every_family_is_drawn(drawn):
@@ -27,6 +98,7 @@ def test_every_family_is_drawn(drawn):
         "validation_validate[8:10 s]",
         "flow_map",
         "residual_map",
+        "regressor",
         "cross_validation_validate[8:10 s]",
         "output_error",
         "residuals",
@@ -54,6 +126,64 @@ def test_figures_are_as_wide_as_a_column_or_the_page(drawn):
     for name, item in drawn.items():
         width = PAGE if name == "overview" else COLUMN
         assert item.figure.get_figwidth() == pytest.approx(width * MM)
+
+
+def test_a_tight_box_cuts_nothing_off(drawn):
+    """So do notebooks save: without care legends are lost, and no width is that of a column."""
+    for name in ("parameters", "flow_map", "overview"):
+        figure, tight = drawn[name].figure, BytesIO()
+        figure.savefig(tight, format="png", bbox_inches="tight", pad_inches=0)
+        both = [matplotlib.image.imread(BytesIO(one)) for one in (png(figure), tight.getvalue())]
+        np.testing.assert_array_equal(*both, err_msg=name)
+
+
+def test_letters_are_legible_and_cover_no_others(drawn, all_correlations, matrix):
+    figures = {name: item.figure for name, item in drawn.items()}
+    for name, figure in (figures | {"all": all_correlations, "matrix": matrix}).items():
+        texts = [one for one in figure.findobj(Text) if one.get_text().strip()]
+        assert min(one.get_fontsize() for one in texts) >= SMALLEST, name
+        assert not overlaps(figure), name
+
+
+def test_right_answers_lie_on_the_numbered_diagonal(matrix):
+    axes = matrix.axes[0]
+    at = {label.get_text(): tick for label, tick in
+          zip(axes.get_xticklabels(), axes.get_xticks(), strict=True)}  # fmt: skip
+    counts = {one.get_position(): one.get_text() for one in axes.texts}
+    for i, name in enumerate(CATALOGUE):
+        assert axes.get_yticklabels()[i].get_text() == f"{name.replace('_', ' ')}  {i + 1}"
+        assert counts[at[str(i + 1)], i] == "4"
+    assert counts[at["none"], len(CATALOGUE)] == "4"
+
+
+def test_coefficients_of_the_flow_are_written_as_in_the_paper(all_correlations):
+    labels = [one.get_text() for one in all_correlations.axes[0].get_yticklabels()]
+    assert {"$X_{s1}$", r"$\varphi_{7}$", r"$\psi^+_{7}$", r"$\psi^-_{4}$"} <= set(labels)
+    assert not any("_minus" in label or "_plus" in label for label in labels)
+    assert symbol("stribeck.delta_F") == "stribeck.delta_F"
+
+
+def test_the_regressor_is_drawn_with_what_it_leaves(drawn, quick):
+    above, below = drawn["regressor"].figure.axes[-2:]
+    measured, fitted = (line.get_ydata() for line in above.lines)
+    used = np.isfinite(fitted)
+    assert 0.3 < used.mean() < 1.0  # none at rest
+    rho = below.lines[-1].get_ydata()
+    np.testing.assert_allclose(rho[used], (measured - fitted)[used])
+    error = 100 * np.linalg.norm(rho[used]) / np.linalg.norm(measured[used])
+    assert error == pytest.approx(quick.wls.relative_error_percent["force"], rel=1e-6)
+
+
+def test_a_profile_shows_the_intervals_for_white_and_for_correlated_residuals(profile):
+    axes = profile_figure({"M": profile}).axes[0]
+    curve = next(line for line in axes.lines if line.get_marker() == "o")
+    thresholds = [line.get_ydata()[0] for line in axes.lines if len(line.get_xdata()) == 2]
+    assert len(thresholds) == 2
+    for threshold, robust in zip(sorted(thresholds), (False, True), strict=True):
+        x, y = curve.get_data()
+        crossing = np.interp(threshold, y[x >= 0], x[x >= 0])
+        assert 17.0 + crossing == pytest.approx(profile.interval(robust=robust)[1])
+        assert threshold < axes.get_ylim()[1]
 
 
 def test_every_figure_has_a_caption_for_those_who_do_not_see_it(drawn):

@@ -9,8 +9,10 @@ from pneumo_casadi.axis import Axis
 from pneumo_casadi.pipeline import Identification
 from pneumo_casadi.report.figures.cross_validation import cross_validation_figure
 from pneumo_casadi.report.figures.flow_map import flow_map_figure, residual_map_figure
+from pneumo_casadi.report.figures.identifiability import clustered_correlation_figure
 from pneumo_casadi.report.figures.overview import overview_figure
 from pneumo_casadi.report.figures.parameters import correlation_figure, forest_figure
+from pneumo_casadi.report.figures.regressor import regressor_figure
 from pneumo_casadi.report.figures.residuals import fit_figure, residual_figure
 from pneumo_casadi.report.figures.validation import validation_figure
 from pneumo_casadi.validation import Validation
@@ -65,12 +67,19 @@ def figures_of(found: Identification) -> Iterator[Drawn]:
             residual_map_figure(found.flow_map, found.flow),
             "What the fitted form leaves of the metered map (as Fig. 3).",
         )
+    yield Drawn(
+        "regressor",
+        regressor_figure(found.wls, found.records[0]),
+        "Weighted least squares on a record of the fit: measured sides of the balances and W X̂; "
+        "below, the residuals, with a band of ±2σ. Rows at rest are left out: friction at rest is "
+        "no function of the velocity.",
+    )
     for prediction in found.predictions:
         yield Drawn(
             f"cross_validation_{prediction.name}",
             cross_validation_figure(prediction),
             "Flows and effort predicted by weighted least squares on a held-out record (as "
-            "Figs. 4 and 5).",
+            "Figs. 4 and 5). None is drawn at rest, where friction is no function of the velocity.",
         )
     yield Drawn(
         "output_error",
@@ -88,6 +97,13 @@ def figures_of(found: Identification) -> Iterator[Drawn]:
         correlation_figure(found),
         "Correlations of the output-error estimates.",
     )
+    if found.identifiability is not None:
+        yield Drawn(
+            "all_correlations",
+            clustered_correlation_figure(found.identifiability),
+            "Correlations of all estimates, the flow map's coefficients among them; those that "
+            "make up for each other stand side by side.",
+        )
 
 
 def validation_figures(validation: Validation, axis: Axis) -> Iterator[Drawn]:

@@ -15,11 +15,11 @@ from pneumo_casadi.report.figures.style import (
     ORANGE,
     SKY,
     SMALL,
-    SYMBOLS,
     VERMILION,
     dress,
     legend_above,
     new_figure,
+    symbol,
     thin,
 )
 
@@ -78,7 +78,7 @@ def _errors(axes: Axes, found: Precision) -> None:
     for values, name, colour, marker in shown:
         percent = 100 * values / unit
         axes.plot(percent, at, marker, color=colour, markersize=3.5, label=name)
-    axes.set_yticks(at, [SYMBOLS.get(name, name) for name in found.names])
+    axes.set_yticks(at, [symbol(name) for name in found.names])
     _finished(axes, "standard error [%]", len(at))
 
 

@@ -13,9 +13,9 @@ from pneumo_casadi.flow import FlowMap, FlowModel, Projections, projections, res
 from pneumo_casadi.report.figures.style import (
     BLUE,
     LINE,
+    MEASURED,
     SMALL,
     TEXT,
-    VERMILION,
     dress,
     new_figure,
 )
@@ -28,7 +28,7 @@ CURVES = 9
 def flow_map_figure(table: FlowMap, model: FlowModel) -> Figure:
     """Draw the flow map as a surface and in its three projections (Fig. 2).
 
-    Points of the table are dots, the fitted form is drawn in lines.
+    Points of the table are grey dots, the fitted form is drawn in lines.
     """
     measured = projections(table) if table.is_grid else None
     fine = _on_grid(table, model)
@@ -124,10 +124,7 @@ def _flow_against_command(
 def _pressure_gain(axes: Axes, measured: Projections | None, fine: Projections) -> None:
     axes.plot(fine.u, fine.p_closed * BAR, color=BLUE, linewidth=LINE, label="fitted")
     if measured is not None:
-        axes.plot(
-            measured.u, measured.p_closed * BAR, ".", color=VERMILION, markersize=2.5,
-            label="metered",
-        )  # fmt: skip
+        _dots(axes, measured.u, measured.p_closed * BAR, "metered")
     dress(axes, "$u$ [V]", "$p$ [bar]")
     axes.set_title("closed outlet, $q_m$ = 0", fontsize=SMALL, pad=2)
     # Left of the steep curve at null, where nothing is drawn.
@@ -141,5 +138,6 @@ def _chosen(n: int, curves: int = CURVES) -> list[int]:
     return sorted({round(i) for i in np.linspace(0, n - 1, min(n, curves))})
 
 
-def _dots(axes: Axes, x: Any, y: Any) -> None:
-    axes.plot(x, y, ".", color=VERMILION, markersize=1.6)
+def _dots(axes: Axes, x: Any, y: Any, label: str | None = None) -> None:
+    # Behind the curves and wider than they are, as all that is measured.
+    axes.plot(x, y, "o", color=MEASURED, markersize=2.6, markeredgewidth=0, zorder=1.8, label=label)

@@ -1,10 +1,12 @@
 """Figures of uncertainty: profile likelihoods, correlations with their clusters together."""
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from pneumo_casadi.report.figures.parameters import matrix_figure
 from pneumo_casadi.report.figures.style import (
@@ -13,23 +15,27 @@ from pneumo_casadi.report.figures.style import (
     HEAD,
     LINE,
     SIMULATED,
-    SYMBOLS,
+    TEXT,
     dress,
     legend_above,
     new_figure,
+    symbol,
 )
 from pneumo_casadi.statistics import interval_factor
 from pneumo_casadi.uncertainty import Identifiability, Profile
+from pneumo_casadi.uncertainty.walk import inflation
 
 #: Panels side by side in a column.
 ACROSS = 2
 
 
 def profile_figure(profiles: Mapping[str, Profile]) -> Figure:
-    """Draw profile likelihoods beside the parabolas of the Gauss-Newton covariance.
+    """Draw profile likelihoods beside what the Gauss-Newton covariance says.
 
-    Deviations are in Gauss-Newton standard deviations, where there are any; the interval lies
-    where the profile is below the threshold. A flat profile says that the data hold nothing.
+    Drawn is the root of twice the rise of the cost: two straight lines where the covariance tells
+    all. Deviations are in Gauss-Newton standard deviations, where there are any; the interval lies
+    where the profile is below the threshold: the lower one for white residuals, the upper one for
+    residuals as correlated as they are. A flat profile says that the data hold nothing.
     """
     down = -(-len(profiles) // ACROSS)
     figure = new_figure(8.0 + 34.0 * down, head=HEAD)
@@ -39,7 +45,9 @@ def profile_figure(profiles: Mapping[str, Profile]) -> Figure:
         _draw(axes, profile)
     for axes in panels[len(profiles) :]:
         axes.set_visible(False)
-    legend_above(panels[0], 3)
+    for row in grid:
+        row[0].set_ylabel(r"$\sqrt{2\,\Delta\mathrm{cost}}$ [1]", fontsize=TEXT, labelpad=2)
+    _legend(panels[0], next(iter(profiles.values())).level)
     return figure
 
 
@@ -48,21 +56,29 @@ def _draw(axes: Axes, profile: Profile) -> None:
     good = np.isfinite(profile.costs)
     unit = profile.std if known else 1.0
     d = (profile.values[good] - profile.estimate) / unit
-    rise = profile.root[good] ** 2
-    symbol = SYMBOLS.get(profile.name, profile.name)
     if known:
-        line = np.linspace(d.min(), d.max(), 60)
-        axes.plot(line, line**2, color=GREY, linewidth=LINE, label="Gauss-Newton")
-    axes.plot(d, rise, color=SIMULATED, linewidth=LINE, marker="o", markersize=2.5, label="profile")
-    axes.axhline(
-        interval_factor(profile.level) ** 2, color=BLACK, linewidth=0.6, linestyle="--",
-        label=f"{100 * profile.level:g} %",
-    )  # fmt: skip
-    dress(
-        axes,
-        f"{symbol}, deviation [std]" if known else f"{symbol}, deviation [{profile.unit}]",
-        "2 Δcost [1]",
+        axes.plot(d, np.abs(d), color=GREY, linewidth=2.2)
+    axes.plot(
+        d, np.abs(profile.root[good]), color=SIMULATED, linewidth=LINE, marker="o", markersize=2.5
     )
+    white = interval_factor(profile.level)
+    correlated = white * inflation(profile.std, profile.std_robust)
+    axes.axhline(white, color=BLACK, linewidth=0.7, linestyle=":")
+    if np.isfinite(correlated):
+        axes.axhline(correlated, color=BLACK, linewidth=0.7, linestyle="--")
+    axes.set_ylim(bottom=0.0)
+    dress(axes, f"{symbol(profile.name)}, deviation [{'std' if known else profile.unit}]")
+
+
+def _legend(axes: Axes, level: float) -> None:
+    """Write one legend for all panels, whatever is missing in the first."""
+    kinds: tuple[tuple[str, dict[str, Any]], ...] = (
+        ("Gauss-Newton", {"color": GREY, "linewidth": 2.2}),
+        ("profile", {"color": SIMULATED, "linewidth": LINE, "marker": "o", "markersize": 2.5}),
+        (f"{100 * level:g} %", {"color": BLACK, "linewidth": 0.7, "linestyle": ":"}),
+        ("correlated", {"color": BLACK, "linewidth": 0.7, "linestyle": "--"}),
+    )
+    legend_above(axes, 4, [Line2D([], [], label=label, **style) for label, style in kinds])
 
 
 def clustered_correlation_figure(found: Identifiability) -> Figure:

@@ -15,7 +15,6 @@ from pneumo_casadi.report.figures.style import (
     MEASURED,
     PAGE,
     SIMULATED,
-    VERMILION,
     axis_label,
     block_means,
     dress,
@@ -51,8 +50,9 @@ def _flow(axes: Axes, table: FlowMap, model: FlowModel) -> None:
         fitted, metered = ("fitted", "metered") if command == chosen[0] else (None, None)
         axes.plot(p * 1e-5, model(command, p) * 1e3, color=BLUE, linewidth=LINE, label=fitted)
         axes.plot(
-            table.p[at] * 1e-5, table.q_m[at] * 1e3, ".", color=VERMILION, ms=2, label=metered
-        )
+            table.p[at] * 1e-5, table.q_m[at] * 1e3, "o", color=MEASURED, markersize=2.6,
+            markeredgewidth=0, zorder=1.8, label=metered,
+        )  # fmt: skip
     dress(axes, "$p$ [bar]", "$q_m(u, p)$ [g/s]")
     legend_above(axes, 2)
 

@@ -1,8 +1,10 @@
 """Parameters at a glance: estimates with intervals beside the truth; correlations."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -13,12 +15,12 @@ from pneumo_casadi.report.figures.style import (
     HEAD,
     SIMULATED,
     SMALL,
-    SYMBOLS,
     TEXT,
     WLS,
     dress,
     legend_above,
     new_figure,
+    symbol,
 )
 from pneumo_casadi.report.tables import output_error_half_width, wls_half_width
 
@@ -26,6 +28,8 @@ from pneumo_casadi.report.tables import output_error_half_width, wls_half_width
 WRITTEN = 0.5
 #: More parameters leave no room for numbers in the cells.
 FEW = 16
+#: Shares of red, green and blue in how bright a colour is (ITU-R BT.601).
+LUMA = np.array([0.299, 0.587, 0.114])
 
 
 def forest_figure(found: Identification) -> Figure:
@@ -51,7 +55,7 @@ def draw_forest(axes: Axes, found: Identification) -> None:
     _points(axes, oe, references, 0.16, SIMULATED, "o", "output error")
     reference = "truth" if truth else "output error"
     axes.axvline(0.0, color=BLACK, linewidth=0.8, label=reference if truth else None)
-    axes.set_yticks(range(len(names)), [SYMBOLS.get(n, n) for n in names])
+    axes.set_yticks(range(len(names)), [symbol(n) for n in names])
     axes.invert_yaxis()
     dress(axes, f"deviation from {reference} [%]")
     axes.tick_params(axis="y", labelsize=TEXT)
@@ -68,26 +72,36 @@ def correlation_figure(found: Identification) -> Figure:
 
 def matrix_figure(matrix: FloatArray, names: Sequence[str]) -> Figure:
     """Draw a correlation matrix, large entries written out."""
-    figure = new_figure(80.0)
+    few = len(names) <= FEW
+    # Beside a matrix of many rows the bar would take the width that their names need.
+    figure = new_figure(74.0 if few else 102.0)
     axes = figure.add_subplot()
     image = axes.imshow(matrix, vmin=-1, vmax=1, cmap="PuOr")
-    for i, j in np.argwhere(np.abs(matrix) >= WRITTEN):
-        if i != j and len(names) <= FEW:
-            dark = abs(matrix[i, j]) > 0.75
-            axes.text(
-                j, i, f"{matrix[i, j]:.2f}".replace("0.", "."), ha="center", va="center",
-                fontsize=5.5, color="white" if dark else "black",
-            )  # fmt: skip
-    labels = [SYMBOLS.get(n, n) for n in names]
+    if few:
+        _write_entries(axes, matrix)
+    labels = [symbol(name) for name in names]
     dress(axes)
     axes.grid(False)
-    turn, size = (0, SMALL) if len(names) <= FEW else (90, SMALL - 2)
+    turn, size = (0, SMALL) if few else (90, SMALL - 1.5)
     axes.set_xticks(range(len(names)), labels, rotation=turn, fontsize=size)
     axes.set_yticks(range(len(names)), labels, fontsize=size)
-    bar = figure.colorbar(image, ax=axes, shrink=0.85, pad=0.02)
+    place: dict[str, Any] = {} if few else {"location": "bottom", "aspect": 40}
+    bar = figure.colorbar(image, ax=axes, pad=0.02, **place)
     bar.set_label("correlation [1]", fontsize=TEXT)
     bar.ax.tick_params(labelsize=SMALL, width=0.6, length=2.5)
     return figure
+
+
+def _write_entries(axes: Axes, matrix: FloatArray) -> None:
+    colours = colormaps["PuOr"]((1 + matrix) / 2)
+    for i, j in np.argwhere(np.abs(matrix) >= WRITTEN):
+        if i != j:
+            # The purple end is darker than the brown one at the same correlation.
+            dark = float(colours[i, j, :3] @ LUMA) < 0.5
+            axes.text(
+                j, i, f"{matrix[i, j]:.2f}".replace("0.", ".").replace("-", "−"), ha="center",
+                va="center", fontsize=SMALL - 1.5, color="white" if dark else "black",
+            )  # fmt: skip
 
 
 def _points(

@@ -13,13 +13,13 @@ from pneumo_casadi.report.figures.style import (
     LINE,
     MEASURED,
     SIMULATED,
-    SYMBOLS,
     TEXT,
     axis_label,
     dress,
     legend_above,
     new_figure,
     remark,
+    symbol,
     thin,
 )
 from pneumo_casadi.statistics import autocorrelation
@@ -68,7 +68,7 @@ def residual_figure(result: OutputErrorResult, records: tuple[Recording, ...]) -
         grid[i, 1].plot(dt * np.arange(lags + 1), rho, color=BLACK, linewidth=LINE)
         band = 1.96 / np.sqrt(e.size)
         grid[i, 1].axhspan(-band, band, color=BLUE, alpha=0.3, linewidth=0)
-        dress(grid[i, 1], None, f"autocorr. {SYMBOLS.get(name, name)} [1]")
+        dress(grid[i, 1], None, f"autocorr. {symbol(name)} [1]")
         grid[i, 1].set_ylim(-0.5, 1.05)
     remark(grid[0, 1], "white if\nin the band")
     grid[-1, 0].set_xlabel("$t$ [s]", fontsize=TEXT)

@@ -3,15 +3,19 @@
 Figures are made through the object interface, without pyplot: no global state, no display.
 """
 
+import re
 from collections.abc import Sequence
 from io import BytesIO
 from typing import Any
 
 import numpy as np
 from matplotlib import rc_context
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.backend_bases import RendererBase
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.transforms import Bbox
 
 from pneumo_casadi.parameters import FloatArray
 
@@ -31,6 +35,8 @@ LINE = 0.9
 
 #: Room for a legend above the axes [mm].
 HEAD = 4.0
+#: Height of a bar's row, and of what an axis needs beside its rows [mm].
+ROW, REST = 5.4, 11.0
 
 #: Display units: SI unit -> (text, factor).
 DISPLAY = {
@@ -67,13 +73,31 @@ SYMBOLS = {
 }
 UNITS = {"mass_flow_P": "kg/s", "mass_flow_N": "kg/s", "force": "N"}
 
+#: Coefficients of the flow's polynomials: branch, power.
+_COEFFICIENT = re.compile(r"(phi|psi_plus|psi_minus)_(\d+)")
+_BRANCHES = {"phi": r"\varphi", "psi_plus": r"\psi^+", "psi_minus": r"\psi^-"}
+
 #: More points than this in one curve are too many for a column.
 POINTS = 4000
 
 
+class Sheet(Figure):
+    """A figure that is saved as large as it was made.
+
+    Notebooks save with ``bbox_inches="tight"``, which cuts off what the layout does not count,
+    legends above the axes among it, and gives each figure a width of its own.
+    """
+
+    def get_tightbbox(
+        self, renderer: RendererBase | None = None, *, bbox_extra_artists: Any = None
+    ) -> Bbox:
+        """Return the whole figure."""
+        return self.bbox_inches
+
+
 def new_figure(height: float, width: float = COLUMN, head: float = 0.0) -> Figure:
     """Return an empty figure of that size [mm] that lays itself out below a free head [mm]."""
-    figure = Figure(figsize=(width * MM, height * MM), dpi=DPI, layout="constrained")
+    figure = Sheet(figsize=(width * MM, height * MM), dpi=DPI, layout="constrained")
     FigureCanvasAgg(figure)
     layout: Any = figure.get_layout_engine()
     rect = (0, 0, 1, 1 - head / height)
@@ -94,9 +118,16 @@ def dress(axes: Axes, x: str | None = None, y: str | None = None) -> None:
         axes.set_ylabel(y, fontsize=TEXT, labelpad=2)
 
 
-def legend_above(axes: Axes, columns: int = 3) -> None:
-    """Put the legend above the axes, out of the way of the curves."""
+def legend_above(axes: Axes, columns: int = 3, handles: Sequence[Artist] | None = None) -> None:
+    """Put the legend above the axes, out of the way of the curves.
+
+    Parameters
+    ----------
+    handles : sequence of Artist, optional
+        Labelled; by default what the axes hold.
+    """
     legend = axes.legend(
+        handles=axes.get_legend_handles_labels()[0] if handles is None else list(handles),
         fontsize=SMALL,
         ncols=columns,
         frameon=False,
@@ -110,6 +141,20 @@ def legend_above(axes: Axes, columns: int = 3) -> None:
     legend.set_in_layout(False)
 
 
+def symbol(name: str) -> str:
+    """Return how a quantity is written in figures: as in the paper where it has a symbol there.
+
+    Examples
+    --------
+    >>> symbol("F_c_plus"), symbol("stribeck.delta_F")
+    ('$F_c^+$', 'stribeck.delta_F')
+    """
+    coefficient = _COEFFICIENT.fullmatch(name)
+    if coefficient is not None:
+        return f"${_BRANCHES[coefficient[1]]}_{{{coefficient[2]}}}$"
+    return SYMBOLS.get(name, name)
+
+
 def axis_label(name: str, unit: str, error: bool = False) -> tuple[str, float]:
     """Return the label of a quantity with its display unit, and the factor from SI.
 
@@ -119,7 +164,7 @@ def axis_label(name: str, unit: str, error: bool = False) -> tuple[str, float]:
     ('$x$ [mm]', 1000.0)
     """
     text, factor = (ERROR_DISPLAY if error else DISPLAY).get(unit, (unit, 1.0))
-    return f"{SYMBOLS.get(name, name)} [{text}]", factor
+    return f"{symbol(name)} [{text}]", factor
 
 
 def thin(*arrays: FloatArray) -> Sequence[FloatArray]:
@@ -135,6 +180,22 @@ def block_means(t: FloatArray, e: FloatArray, seconds: float) -> tuple[FloatArra
     if K < 2:
         return t, e
     return t[: K * n].reshape(K, n).mean(axis=1), e[: K * n].reshape(K, n).mean(axis=1)
+
+
+def headroom(axes: Axes, share: float = 0.25) -> None:
+    """Leave so much of its height free at the top of a panel, for a remark."""
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, high + share * (high - low))
+
+
+def write_at_bar(axes: Axes, value: float, at: float, text: str) -> None:
+    """Write a number behind a horizontal bar on an axis to 100 %, into it where it is long."""
+    inside = value > 85
+    axes.annotate(
+        text, (value, at), (-2 if inside else 2, -0.4), textcoords="offset points", va="center",
+        ha="right" if inside else "left", fontsize=SMALL - 0.5,
+        color="#ffffff" if inside else BLACK, zorder=4,
+    )  # fmt: skip
 
 
 def remark(axes: Axes, text: str) -> None:

@@ -21,6 +21,9 @@ from pneumo_casadi.report.figures.style import (
 
 #: Height of a row of the matrix, and of what surrounds both panels [mm].
 ROW, REST = 3.3, 70.0
+#: Distance of two lines of numbers below the matrix [mm], and width of a column with a word below,
+#: in those of a column with a number.
+LOWER, WORD = 2.3, 2.0
 _SHADES = LinearSegmentedColormap.from_list("shades", ["#ffffff", BLUE])
 
 
@@ -48,29 +51,42 @@ def confusion_matrix(axes: Axes, found: Mapping[str, Any]) -> None:
     rows: Sequence[str] = found["rows"]
     columns, counts = _other_joined(rows, found["columns"], found["counts"])
     shares = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1.0)
-    axes.imshow(shares, cmap=_SHADES, vmin=0.0, vmax=1.0, aspect="auto", zorder=2)
+    edges = np.concatenate([[0.0], np.cumsum([_wide(name) for name in columns])])
+    at = (edges[:-1] + edges[1:]) / 2
+    axes.pcolormesh(
+        edges, np.arange(len(rows) + 1) - 0.5, shares, cmap=_SHADES, vmin=0.0, vmax=1.0,
+        edgecolor="#d0d0d0", linewidth=0.3, zorder=2,
+    )  # fmt: skip
+    axes.invert_yaxis()
     dress(axes)
     axes.grid(False)
-    both = [name for name in columns if name in rows and name != "none"]
+    both = [name for name in columns if name in rows and name not in _WORDS]
     numbers = {name: i for i, name in enumerate(both, 1)}
     for i, j in zip(*np.nonzero(counts), strict=True):
         right = rows[i] == columns[j] or (columns[j] == "unknown" and rows[i] in _NO_LIST)
         colour = "#ffffff" if shares[i, j] > 0.5 else BLACK if right else VERMILION
         axes.text(
-            j, i, f"{counts[i, j]:.0f}", ha="center", va="center", fontsize=SMALL - 1.5,
+            at[j], i, f"{counts[i, j]:.0f}", ha="center", va="center", fontsize=SMALL - 1.5,
             color=colour, fontweight="normal" if right else "bold", zorder=3,
         )  # fmt: skip
-    for k in range(1, len(rows)):
-        axes.axhline(k - 0.5, color="#d0d0d0", linewidth=0.3, zorder=2.5)
-    for k in range(1, len(columns)):
-        axes.axvline(k - 0.5, color="#d0d0d0", linewidth=0.3, zorder=2.5)
     labels = [f"{name.replace('_', ' ')}  {numbers.get(name, '')}".rstrip() for name in rows]
     axes.set_yticks(range(len(rows)), labels, fontsize=SMALL - 1.0)
-    texts = [str(numbers.get(name, name)) for name in columns]
-    axes.set_xticks(range(len(columns)), texts, fontsize=SMALL - 1.5, rotation=90)
+    axes.set_xticks(at, [str(numbers.get(name, name)) for name in columns])
+    for name, tick in zip(columns, axes.get_xticklabels(), strict=True):
+        tick.set_fontsize(SMALL - 2.0)
+        if name not in numbers:
+            tick.set_rotation(90)
+        elif numbers[name] % 2 == 0:
+            # Numbers are wider than their columns: every other one stands a line lower.
+            tick.set_y(-LOWER / (ROW * len(rows)))
     axes.tick_params(length=0)
     axes.set_xlabel("said", fontsize=SMALL, labelpad=1)
     axes.set_ylabel("true", fontsize=SMALL, labelpad=4)
+
+
+def _wide(name: str) -> float:
+    """Return the width of a column: words stand on end and are as wide as a line is high."""
+    return WORD if name in (*_WORDS, "other") else 1.0
 
 
 _NO_LIST = ("left_out", "never_listed")
@@ -109,6 +125,7 @@ def calibration_plot(axes: Axes, found: Mapping[str, Any]) -> None:
         axes.text(
             0.02, 0.95, f"expected calibration error {error:.3f}", transform=axes.transAxes,
             ha="left", va="top", fontsize=SMALL,
+            bbox={"facecolor": "white", "alpha": 0.8, "linewidth": 0, "pad": 1.0},
         )  # fmt: skip
     axes.set_xlim(-2, 102)
     axes.set_ylim(-2, 102)
