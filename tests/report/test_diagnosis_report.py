@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.text import Text
 
 from pneumo_casadi.diagnosis import Value, Verdict
 from pneumo_casadi.errors import CaseError
@@ -202,6 +203,17 @@ def test_the_dashboard_says_the_verdict_and_shows_what_there_is(drawn):
     ]
     without = {one.name: one for one in diagnosis_figures(made.EFFECT)}["dashboard"]
     assert without.figure.axes[-1].get_xlabel() == "share [%]"  # regimes where there are no curves
+
+
+def test_what_is_only_the_nearest_is_not_called_found():
+    """Where no effect is the cause, the curves of a second model are those of the nearest."""
+    found = replace(made.UNKNOWN, evidence=made.evidence())
+    for one in diagnosis_figures(found):
+        texts = [text.get_text() for text in one.figure.findobj(Text)]
+        assert not any("found" in text for text in (*texts, one.caption)), one.name
+    names = {one.name: one for one in diagnosis_figures(found)}
+    for name in ("gap", "regimes_force"):
+        assert "without effects and with the nearest" in names[name].caption
 
 
 def test_while_the_axis_sticks_no_unknown_force_is_drawn(drawn):

@@ -7,7 +7,7 @@ from pneumo_casadi.diagnosis.evidence import Evidence
 from pneumo_casadi.report.diagnosis_tables import chance, has_after, percent, plain, whole
 from pneumo_casadi.report.figures import Drawn
 from pneumo_casadi.report.figures.dashboard import dashboard_figure
-from pneumo_casadi.report.figures.gap import gap_figure
+from pneumo_casadi.report.figures.gap import gap_figure, gap_labels
 from pneumo_casadi.report.figures.ranking import ranking_figure
 from pneumo_casadi.report.figures.regimes import regime_figure
 from pneumo_casadi.report.figures.unknown_inputs import unknown_input_figure
@@ -23,9 +23,8 @@ def diagnosis_figures(found: Diagnosis) -> Iterator[Drawn]:
         yield Drawn(
             "gap",
             gap_figure(found),
-            "Gap on held-out data without effects and with those found, in per cent of each "
-            "signal, beyond the noise of the sensors; the black mark is that noise. "
-            + _gap_words(found),
+            f"Gap on held-out data {' and '.join(gap_labels(found))}, in per cent of each signal, "
+            "beyond the noise of the sensors; the black mark is that noise. " + _gap_words(found),
         )
     if any(one.shrink is not None or one.probability > 0 for one in found.ranking):
         yield Drawn(
@@ -64,18 +63,17 @@ def _curves(found: Diagnosis, evidence: Evidence) -> Iterator[Drawn]:
             "±2σ. Where the model is right the band covers zero. Grey: the axis sticks, and "
             "friction takes any force.",
         )
-    shares = found.where.shares
+    shares, labels = found.where.shares, gap_labels(found)
     for balance in sorted(shares, key=lambda name: -shares[name]):
         before = [one for one in evidence.before if one.balance == balance]
         after = [one for one in evidence.after if one.balance == balance]
         if before and shares[balance] >= SHARE:
             yield Drawn(
                 f"regimes_{balance}",
-                regime_figure(before, after),
+                regime_figure(before, after, labels),
                 f"Mean residual of the {plain(balance)} balance over what went on, with bands of "
-                "±2σ, without effects"
-                + (" and with those found." if after else ".")
-                + " A flat line at zero is a complete model.",
+                f"±2σ, {' and '.join(labels[: 2 if after else 1])}. A flat line at zero is a "
+                "complete model.",
             )
 
 

@@ -1,4 +1,4 @@
-"""The gap on held-out data, without effects and with those found."""
+"""The gap on held-out data, without effects and with them."""
 
 from collections.abc import Mapping
 

@@ -30,13 +30,19 @@ _QUANTITIES = {
 _COLUMNS = 2
 
 
-def regime_figure(before: Sequence[RegimeMap], after: Sequence[RegimeMap] = ()) -> Figure:
+def regime_figure(
+    before: Sequence[RegimeMap],
+    after: Sequence[RegimeMap] = (),
+    labels: Sequence[str] = ("without effects", "with those found"),
+) -> Figure:
     """Draw one balance's residual over all quantities.
 
     Parameters
     ----------
     before, after : sequence of RegimeMap
         Of one balance, without effects and with them; `after` may be empty.
+    labels : sequence of str, optional
+        What either model is called.
     """
     rows = -(-len(before) // _COLUMNS)
     figure = new_figure(8.0 + 29.0 * rows, head=HEAD)
@@ -45,9 +51,9 @@ def regime_figure(before: Sequence[RegimeMap], after: Sequence[RegimeMap] = ()) 
     with_effects = {one.name: one for one in after}
     flat = panels.ravel()
     for axes, one in zip(flat, before, strict=False):
-        _steps(axes, one, factor, ORANGE, "without effects")
+        _steps(axes, one, factor, ORANGE, labels[0])
         if one.name in with_effects:
-            _steps(axes, with_effects[one.name], factor, BLUE, "with those found")
+            _steps(axes, with_effects[one.name], factor, BLUE, labels[1])
         axes.axhline(0, color=BLACK, linewidth=0.5, zorder=1)
         dress(axes, quantity_label(one.name))
     for axes in flat[len(before) :]:
