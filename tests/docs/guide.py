@@ -1,0 +1,63 @@
+"""Runs the code of a page: files are written, commands and Python run, what is printed compared."""
+
+import contextlib
+import io
+import os
+import re
+import shlex
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+
+from pneumo_casadi import cli
+
+BLOCK = re.compile(r"(?:<!-- file: (\S+) -->\n)?^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+
+
+@dataclass(frozen=True)
+class Block:
+    """A block of code with its language, and the file that it is to be written to."""
+
+    file: str
+    language: str
+    text: str
+
+
+def blocks(page: Path) -> list[Block]:
+    """Return the blocks of a page in their order."""
+    return [Block(*found) for found in BLOCK.findall(page.read_text("utf-8"))]
+
+
+def run(page: Path, folder: Path) -> dict:
+    """Run all blocks in a folder; return the names that Python has defined.
+
+    A block of text that follows Python is what must have been printed.
+    """
+    names: dict = {"__name__": "page"}
+    printed = None
+    with contextlib.chdir(folder):
+        for block in blocks(page):
+            if block.file:
+                Path(block.file).parent.mkdir(parents=True, exist_ok=True)
+                Path(block.file).write_text(block.text, "utf-8")
+                continue
+            if block.language == "text" and printed is not None:
+                assert printed.rstrip() == block.text.rstrip()
+            printed = None
+            if block.language == "python":
+                stream = io.StringIO()
+                with contextlib.redirect_stdout(stream):
+                    exec(compile(block.text, f"{page.name}, python", "exec"), names)
+                printed = stream.getvalue()
+            elif block.language == "sh":
+                for line in block.text.splitlines():
+                    _command(line)
+    return names
+
+
+def _command(line: str) -> None:
+    words = shlex.split(line, comments=True)
+    if words[0] == "pneumo-casadi":
+        assert cli.run(words[1:]) == 0, line
+    else:
+        subprocess.run(words, check=True, env=os.environ)
