@@ -6,6 +6,7 @@ import os
 import re
 import shlex
 import subprocess
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -35,7 +36,7 @@ def run(page: Path, folder: Path) -> dict:
     """
     names: dict = {"__name__": "page"}
     printed = None
-    with contextlib.chdir(folder):
+    with contextlib.chdir(folder), _importable(folder):
         for block in blocks(page):
             if block.file:
                 Path(block.file).parent.mkdir(parents=True, exist_ok=True)
@@ -53,6 +54,18 @@ def run(page: Path, folder: Path) -> dict:
                 for line in block.text.splitlines():
                     _command(line)
     return names
+
+
+@contextlib.contextmanager
+def _importable(folder: Path):
+    """Let Python find what a page has written, and forget it afterwards."""
+    sys.path.insert(0, str(folder))
+    try:
+        yield
+    finally:
+        sys.path.remove(str(folder))
+        for path in folder.glob("*.py"):
+            sys.modules.pop(path.stem, None)
 
 
 def _command(line: str) -> None:
