@@ -10,7 +10,7 @@ through all effects in order. An effect overrides only the junctions it changes,
 parameters and extra states, and never knows the model; the model never knows an effect by name.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, NamedTuple
 
@@ -147,6 +147,9 @@ class Effect:
     passive : bool
         Whether it only takes energy from the motion, or gives back what it has stored.
 
+    metered : bool
+        Whether a valve has it while its flow map is metered, being a matter of its shape: what it
+        does at the spool is then held against the metered points too.
     needs_chambers : bool
         Whether it reads pressures, which its junctions need not tell: the force-driven axis
         refuses it.
@@ -177,6 +180,7 @@ class Effect:
     confused_with: ClassVar[tuple[str, ...]] = ()
     separated_by: ClassVar[str] = ""
     passive: ClassVar[bool] = False
+    metered: ClassVar[bool] = False
     needs_chambers: ClassVar[bool] = False
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
@@ -195,6 +199,11 @@ class Effect:
         """Junctions that this effect overrides, in the order of the physics."""
         own = type(self)
         return tuple(j for j in JUNCTIONS if getattr(own, j) is not getattr(Effect, j))
+
+    @classmethod
+    def on_metered(cls, low: float, high: float) -> "Maker":
+        """Return what makes the effect for a valve metered from `low` to `high` [V]."""
+        return cls
 
     def rest(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
         """Return the states at which the effect is at rest, by short name; zeros by default."""
@@ -251,3 +260,7 @@ class Effect:
     def output(self, y: Mapping[str, Expression], at: Scope) -> Mapping[str, Expression]:
         """Return what the sensors show, by channel [Pa, m]."""
         return y
+
+
+#: What makes an effect: its class, mostly.
+Maker = Callable[[], Effect]

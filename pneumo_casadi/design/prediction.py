@@ -68,8 +68,8 @@ class Fit:
         """The map's residuals, as far as its coefficients are free."""
         if self.flow_map is None or self.axis.flow is None:
             return None
-        free = set(self.axis.flow.parameters.names) & set(self.axis.parameters.free_names)
-        return anchor(self.flow_map, self.axis.flow) if free else None
+        found = anchor(self.flow_map, self.axis.flow, effects=self.axis.effects)
+        return found if set(found.names) & set(self.axis.parameters.free_names) else None
 
     def problem(self, experiments: Sequence[Rehearsed]) -> tuple[Problem, Unknowns]:
         """Return the problem of fitting experiments without noise, and where it starts.

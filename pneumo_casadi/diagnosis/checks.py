@@ -4,7 +4,7 @@ A refit takes up some effects whole. Trajectories then show no gap, but a piston
 a friction comes out that the axis cannot have.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import hypot
 
@@ -15,6 +15,7 @@ from pneumo_casadi.diagnosis.result import Check
 from pneumo_casadi.diagnosis.static_map import map_misfit_of
 from pneumo_casadi.diagnosis.static_map import map_pull_of as map_pull_of
 from pneumo_casadi.diagnosis.study import Fitted, Study
+from pneumo_casadi.effect import Effect
 from pneumo_casadi.output_error.result import MapPull
 from pneumo_casadi.recording import Bench
 
@@ -61,9 +62,9 @@ class _Known:
         return self.std.get(name, 0.0) / abs(self.values[name] or 1.0)
 
 
-def checks_of(one: Study, fit: Fitted) -> tuple[Check, ...]:
-    """Check a fit of a study: its parameters, what it did to the flow map, and the map."""
-    pull, misfit = map_pull_of(one, fit.values), map_misfit_of(one)
+def checks_of(one: Study, fit: Fitted, effects: Sequence[Effect] = ()) -> tuple[Check, ...]:
+    """Check a fit with some effects: its parameters, what it did to the flow map, and the map."""
+    pull, misfit = map_pull_of(one, fit.values, effects), map_misfit_of(one)
     return check_parameters(one.axis, fit.values, fit.std, pull, misfit)
 
 

@@ -30,7 +30,7 @@ from pneumo_casadi.diagnosis.study import Fitted, Study, study
 from pneumo_casadi.diagnosis.unknown_inputs import inputs_of
 from pneumo_casadi.diagnosis.verdict import Judgement, judge
 from pneumo_casadi.diagnosis.where import locate
-from pneumo_casadi.effect import Effect
+from pneumo_casadi.effect import Effect, Maker
 from pneumo_casadi.effects import CATALOGUE
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.pipeline import FlowForm, IdentifyOptions, make_axis, open_case, read_flow
@@ -107,12 +107,12 @@ def diagnose(
     case = case if isinstance(case, Case) else open_case(case)
     report("reading", 0.0)
     one, notes = prepare(case)
-    chosen = applicable(one.axis, CATALOGUE if catalogue is None else catalogue)
+    chosen = applicable(one, CATALOGUE if catalogue is None else catalogue)
     found = search(one, chosen, executor, _part(report, 0.02, 0.8), options.keep)
     judgement = judge(found)
     report("parameters and location", 0.82)
     effects = tuple(chosen[name]() for name in found.chosen)
-    checks = checks_of(one, found.final)
+    checks = checks_of(one, found.final, effects)
     verdict, hidden = _weighed(judgement, checks)
     named = verdict in (Verdict.EFFECT, Verdict.AMBIGUOUS)
     inputs = inputs_of(one, found.nominal)
@@ -190,12 +190,14 @@ def prepare(case: Case) -> tuple[Study, tuple[str, ...]]:
     return study(axis, table, train, held), tuple(notes)
 
 
-def applicable(axis: Axis, catalogue: Catalogue) -> dict[str, type]:
-    """Return the effects of a catalogue that an axis can have."""
+def applicable(one: Study, catalogue: Catalogue) -> dict[str, Maker]:
+    """Return the effects of a catalogue that an axis can have, as its metered valve shows them."""
     found = {}
     for name, effect in catalogue.items():
+        if one.flow_map is not None and isinstance(effect, type) and issubclass(effect, Effect):
+            effect = effect.on_metered(float(one.flow_map.u.min()), float(one.flow_map.u.max()))
         try:
-            axis.with_effects(effect())
+            one.axis.with_effects(effect())
         except ModelError:
             continue
         found[name] = effect
@@ -270,7 +272,8 @@ def _ranking(
             min((found.screen[n].observable for n in names if n in found.screen), default=0.0),
             _labelled(names, _own(one, fitted, names, catalogue)),
         )
-        for names, fitted in found.fits.items()
+        for names, fitted in ({**found.fits, found.chosen: found.final}).items()
+        if names
     ]
     ranked.sort(key=lambda c: (-c.probability, found.fits[c.names].cost))
     for name, screened in found.screen.items():

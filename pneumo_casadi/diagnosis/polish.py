@@ -28,7 +28,9 @@ def polished(one: Study, fitted: Fitted, effects: Sequence[Effect]) -> Fitted:
     """
     axis = one.axis.with_effects(*effects).with_parameters(dict(fitted.values))
     if axis.flow is not None:
-        axis = axis.with_parameters(axis.parameters.fix(*axis.flow.parameters.names))
+        metered = [f"{e.name}.{p.name}" for e in effects if e.metered for p in e.parameters]
+        held = (*axis.flow.parameters.names, *metered)
+        axis = axis.with_parameters(axis.parameters.fix(*held))
     result: object
     try:
         result = fit_output_error(axis, one.train, None, OPTIONS)

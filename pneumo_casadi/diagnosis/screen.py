@@ -38,7 +38,8 @@ class Direction:
     names : tuple of str
         Parameters that `columns` belong to.
     columns : (rows, k) array
-        Derivatives of the weighted residuals, scaled by the parameters' scales.
+        Derivatives of the weighted residuals, scaled by the parameters' scales; those of the flow
+        map last.
     lower, upper : (k,) array
         How far they may go from their null, scaled.
     """
@@ -75,7 +76,7 @@ class Screened:
 
 @dataclass(frozen=True, eq=False)
 class Background:
-    """Residuals at a fit, and an orthonormal basis of what a refit would absorb."""
+    """Residuals at a fit, those of the flow map last, and a basis of what a refit would absorb."""
 
     e: FloatArray
     Q: FloatArray
@@ -128,11 +129,15 @@ def _direction(
         for data in one.smoothed[0]
     ]
     items = parameters.select(names)
-    weight = _weights(one, nominal)
+    rows = np.concatenate(parts) / _weights(one, nominal)[:, None]
+    known = one.anchor_with(model.axis.effects)
+    if known is not None:
+        c = known.coefficients(parameters, parameters.values)
+        rows = np.vstack([rows, known.rows(c, names)])
     return Direction(
         values,
         names,
-        np.concatenate(parts) * items.scales / weight[:, None],
+        rows * items.scales,
         (items.lower - items.values) / items.scales,
         (items.upper - items.values) / items.scales,
     )
@@ -167,12 +172,14 @@ def background(
     scales = axis.parameters.select(model.free).scales
     A = np.concatenate(J) * scales / weight[:, None]
     e = np.concatenate(r) / weight
-    if one.anchor is not None:
-        c = one.anchor.coefficients(axis.parameters, theta)
-        A = np.vstack([A, one.anchor.rows(c, model.free) * scales])
+    known = one.anchor_with(effects)
+    if known is not None:
+        c = known.coefficients(axis.parameters, theta)
+        A = np.vstack([A, known.rows(c, model.free) * scales])
+        e = np.concatenate([e, known(c)])
     size = np.linalg.norm(A, axis=0)
     U, s, _ = np.linalg.svd(A / np.where(size > 0, size, 1.0), full_matrices=False)
-    return Background(e, U[: e.size, s > 1e-9 * s[0]])
+    return Background(e, U[:, s > 1e-9 * s[0]])
 
 
 def screened(name: str, found: Sequence[Direction], behind: Background) -> Screened:
@@ -189,7 +196,6 @@ def screened(name: str, found: Sequence[Direction], behind: Background) -> Scree
 def _promise(one: Direction, behind: Background) -> tuple[float, float]:
     """Return the shares explained and observable of one direction."""
     e, Q, D = behind.e, behind.Q, one.columns
-    # Rows of the flow map are zero for an effect: (I - Q Qᵀ) acts on the rest of them too.
     gram = D.T @ D - (Q.T @ D).T @ (Q.T @ D)
     slope = D.T @ e - (Q.T @ D).T @ (Q.T @ e)
     whole = np.diag(D.T @ D)

@@ -30,13 +30,13 @@ from pneumo_casadi.diagnosis.screen import (
     screened,
 )
 from pneumo_casadi.diagnosis.store import Store
-from pneumo_casadi.diagnosis.study import Fitted, Study, fit, refined
-from pneumo_casadi.effect import Effect
+from pneumo_casadi.diagnosis.study import FORM, Fitted, Study, fit, refined
+from pneumo_casadi.effect import Effect, Maker
 from pneumo_casadi.errors import FitError, ModelError
 
 #: Called with what is being done and the share of the work done so far.
 Progress = Callable[[str, float], None]
-Catalogue = Mapping[str, type[Effect]]
+Catalogue = Mapping[str, Maker]
 Names = tuple[str, ...]
 #: Where a fit begins: values, shapes to try in turn, and the cost to be improved; see `fit`.
 Start = tuple[Mapping[str, float], Sequence[Mapping[str, float]], float | None]
@@ -56,6 +56,9 @@ MATTERS = 0.05
 SHARE = 0.1
 #: A model that leaves less than this share of the simulated gap needs no further effect.
 SETTLED = 0.35
+#: An effect of a sensor is worth a simulation where the held-out residuals of some balance are so
+#: many times the noise, and accepted where it leaves less than this share of what was left.
+SENSED, CLOSED = 1.3, 0.7
 #: Share of bootstrap replicates in which the gain must be there.
 CERTAIN = 0.95
 
@@ -86,9 +89,10 @@ class Search:
         Models accepted one after another, the last one final; empty if none was.
     by : Yardstick
         Noise and signal of the held-out records.
+    polished : mapping of tuple of str to Fitted
+        Models with an effect of a sensor that output error has refined; see `polished`.
     settled : mapping of tuple of str to float
-        Share of the simulated gap left by the final model, and by those with an effect of a
-        sensor, which are refined by output error; see `polished`.
+        Share of the simulated gap left by the final model and by those refined.
     simulations : Simulations
         Of the held-out records, those already done.
     """
@@ -99,6 +103,7 @@ class Search:
     screen: Mapping[str, Screened]
     path: tuple[Names, ...]
     by: Yardstick
+    polished: Mapping[Names, Fitted]
     settled: Mapping[Names, float]
     simulations: Simulations
 
@@ -110,7 +115,9 @@ class Search:
     @property
     def final(self) -> Fitted:
         """The final model."""
-        return self.fits[self.chosen] if self.path else self.nominal
+        if not self.path:
+            return self.nominal
+        return self.polished.get(self.chosen, self.fits[self.chosen])
 
 
 def accepted(origin: Fitted, before: Fitted, after: Fitted, by: Yardstick) -> bool:
@@ -155,6 +162,7 @@ class Searcher:
     fits: dict[Names, Fitted] = field(default_factory=dict)
     failures: dict[Names, Failed] = field(default_factory=dict)
     directions: dict[str, tuple[Direction, ...]] = field(default_factory=dict)
+    polished: dict[Names, Fitted] = field(default_factory=dict)
     settled: dict[Names, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -263,7 +271,15 @@ def search(
     path = _forward(worker, nominal, by, report)
     failures = tuple(worker.failures.values())
     return Search(
-        nominal, worker.fits, failures, first, path, by, worker.settled, worker.simulations
+        nominal,
+        worker.fits,
+        failures,
+        first,
+        path,
+        by,
+        worker.polished,
+        worker.settled,
+        worker.simulations,
     )
 
 
@@ -285,6 +301,8 @@ def _forward(
             and accepted(nominal, current, fitted, by)
         ]
         if not options:
+            found = _sensed(worker, nominal, current, known, by)
+            path += [] if found is None else [found]
             break
         _, best = min(options)
         if round_ == 1:
@@ -300,6 +318,31 @@ def _forward(
     return tuple(path)
 
 
+def _sensed(
+    worker: Searcher, nominal: Fitted, current: Fitted, known: Names, by: Yardstick
+) -> Names | None:
+    """Return a model with one more effect, of a sensor, that only simulations show to be better.
+
+    The smoothed motion knows nothing of a play that is being crossed: the best fit of the records
+    fitted may be no better on those held out until it is refined by output error.
+    """
+    fits = {
+        k: f for k, f in worker.fits.items() if len(k) == len(known) + 1 and set(known) < set(k)
+    }
+    best = min(fits, key=lambda key: fits[key].cost, default=None)
+    if best is None or np.all(size(current) < SENSED * by.noise):
+        return None
+    effects, before = worker.effects(best), worker.effects(known)
+    if fits[best].cost > current.cost - FORM or not senses(effects) or senses(before):
+        return None
+    better = polished(worker.study, fits[best], effects)
+    share = worker.simulations.share(nominal, better, effects)
+    if share > CLOSED * worker.simulations.share(nominal, current, before):
+        return None
+    worker.polished[best], worker.settled[best] = better, share
+    return best
+
+
 def _settled(worker: Searcher, nominal: Fitted, names: Names) -> bool:
     """Tell whether a model with an effect of a sensor closes the gap once it is simulated."""
     effects = worker.effects(names)
@@ -308,8 +351,7 @@ def _settled(worker: Searcher, nominal: Fitted, names: Names) -> bool:
     better = polished(worker.study, worker.fits[names], effects)
     share = worker.simulations.share(nominal, better, effects)
     if share < SETTLED:
-        worker.fits[names] = better
-        worker.settled[names] = share
+        worker.polished[names], worker.settled[names] = better, share
     return share < SETTLED
 
 

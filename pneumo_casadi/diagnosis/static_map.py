@@ -1,23 +1,25 @@
 """The static flow map: what a fit did to it, and what its form cannot follow."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from pneumo_casadi.diagnosis.study import Study
+from pneumo_casadi.effect import Effect
 from pneumo_casadi.output_error.result import MapPull, map_pull
 
 
-def map_pull_of(one: Study, values: Mapping[str, float]) -> MapPull | None:
+def map_pull_of(
+    one: Study, values: Mapping[str, float], effects: Sequence[Effect] = ()
+) -> MapPull | None:
     """Return how far the flow coefficients among `values` leave the metered points.
 
     None without a map.
     """
-    anchor = one.anchor
+    anchor = one.anchor_with(effects)
     if anchor is None or not all(name in values for name in anchor.names):
         return None
-    known = {name: values[name] for name in anchor.names}
-    return map_pull(anchor, one.axis.with_parameters(known))
+    return map_pull(anchor, one.axis.with_effects(*effects).with_parameters(dict(values)))
 
 
 def map_misfit_of(one: Study) -> float | None:

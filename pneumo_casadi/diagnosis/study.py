@@ -14,8 +14,10 @@ from pneumo_casadi.diagnosis.balance_fit import fit_balances
 from pneumo_casadi.diagnosis.inverse import residuals
 from pneumo_casadi.diagnosis.trajectory import Smoothed, all_smoothed
 from pneumo_casadi.effect import Effect
+from pneumo_casadi.errors import FitError
 from pneumo_casadi.flow import FlowMap
 from pneumo_casadi.output_error.anchor import Anchor, anchor
+from pneumo_casadi.output_error.result import map_pull
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.recording import Recording
 from pneumo_casadi.regression import fit_wls
@@ -24,6 +26,9 @@ from pneumo_casadi.regression import fit_wls
 V_S = 1e-3
 #: An effect that gains less log-likelihood than this is tried so many times larger too.
 LITTLE, LARGER = 1.0, (10.0, 100.0, 1000.0)
+#: Residuals of the flow map over those of its own fit, from which on it contradicts a shape of the
+#: valve: the shape is there to lower them.
+CONTRADICTED = 1.2
 #: Another form of an effect must gain so much log-likelihood.
 FORM = 20.0
 
@@ -66,6 +71,12 @@ class Study:
         if self.flow_map is None or self.axis.flow is None:
             return None
         return anchor(self.flow_map, self.axis.flow)
+
+    def anchor_with(self, effects: Sequence[Effect]) -> Anchor | None:
+        """Residuals of the flow map of a valve that has some effects."""
+        if self.flow_map is None or not any(effect.metered for effect in effects):
+            return self.anchor
+        return anchor(self.flow_map, self.axis.flow, effects=effects)
 
     @cached_property
     def least(self) -> FloatArray:
@@ -140,6 +151,7 @@ def fit(
     known = {name: value for name, value in (start or {}).items() if name in axis.parameters}
     axis = axis.with_parameters(known)
     found = min((_fit(one, axis.with_parameters(s)) for s in shapes or ({},)), key=_cost)
+    _refuse_contradicted(one, axis, found)
     if base is None or found.cost < base - LITTLE or not effects:
         return found
     new = [n for n in axis.parameters.free_names if "." in n and n not in known]
@@ -166,6 +178,19 @@ def refined(one: Study, fitted: Fitted, effects: Sequence[Effect]) -> Fitted:
     return found if found.cost < fitted.cost - FORM else fitted
 
 
+def _refuse_contradicted(one: Study, axis: Axis, found: Fitted) -> None:
+    """Refuse a shape of the valve that its metered map does not show."""
+    known = one.anchor_with(axis.effects)
+    if known is None or known is one.anchor:
+        return
+    pull = map_pull(known, axis.with_parameters(dict(found.values)))
+    if pull.rms > CONTRADICTED:
+        raise FitError(
+            f"the metered flow map contradicts it: with the shape that the motion asks for, its "
+            f"residuals are {pull.rms:.1f} times those of its own fit"
+        )
+
+
 def _cost(fitted: Fitted) -> float:
     return fitted.cost
 
@@ -173,7 +198,9 @@ def _cost(fitted: Fitted) -> float:
 def _fit(one: Study, axis: Axis) -> Fitted:
     model = AlongMotion(axis)
     train, held = one.smoothed
-    found = fit_balances(model, train, one.anchor, axis.parameters.values, one.least)
+    found = fit_balances(
+        model, train, one.anchor_with(axis.effects), axis.parameters.values, one.least
+    )
     std = np.sqrt(np.maximum(np.diag(found.covariance), 0.0))  # against rounding
     return Fitted(
         tuple(effect.name for effect in axis.effects),

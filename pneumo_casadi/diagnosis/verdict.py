@@ -11,8 +11,9 @@ from pneumo_casadi.diagnosis.search import SETTLED, Names, Search
 from pneumo_casadi.diagnosis.study import Fitted
 from pneumo_casadi.parameters import FloatArray
 
-#: Held-out residuals over the noise floor from which a balance has a gap.
-VISIBLE = 1.3
+#: Held-out residuals over the noise floor from which a balance has a gap that calls for a cause:
+#: metered maps are coarse beside what a valve does near null, which alone leaves up to 1.5.
+VISIBLE = 1.5
 #: Gaps below this share of the largest, in units of their noise floors, are a rest.
 MAIN = 0.3
 #: A gap of which more than this share is left after the best effects has another cause.
@@ -54,11 +55,10 @@ def judge(found: Search) -> Judgement:
     """Weigh what the search found."""
     excess = size(found.nominal) / found.by.noise
     left = unexplained(found)
-    if not found.path:
+    if not found.path or left > LEFT:
         verdict = Verdict.UNKNOWN if np.any(excess > VISIBLE) else Verdict.NONE
-        return Judgement(verdict, (), _weights(found, (), 0.0), left, excess)
-    if left > LEFT:
-        return Judgement(Verdict.UNKNOWN, (), _weights(found, found.chosen, 0.3), left, excess)
+        weights = _weights(found, found.chosen, 0.3)
+        return Judgement(verdict, (), weights, left, excess)
     weights = _weights(found, found.chosen, _trust(left))
     order = sorted(weights, key=lambda key: -weights[key])
     alike = tuple(key for key in order if weights[key] >= IN_SET)

@@ -1,31 +1,37 @@
-"""Flow map shape: what polynomials affine in the command cannot bend to."""
+"""Flow map shape: openings that are not in proportion to the command."""
 
-from typing import Any
+from functools import partial
+from itertools import pairwise
 
 import casadi as ca
-import numpy as np
-from numpy.typing import ArrayLike
 
-from pneumo_casadi.effect import Effect, Expression, Pair, Scope
+from pneumo_casadi.effect import Effect, Expression, Maker, Pair, Scope
 from pneumo_casadi.errors import ModelError
-from pneumo_casadi.flow import FlowMap, FlowModel
 from pneumo_casadi.parameters import Parameter
+
+SOURCE = "port windows, rectangular to round: up to 10 % of the flow at half opening"
+SIDES = (("minus", -1), ("plus", 1))
+#: Where the opening of a metered valve may differ, of the greatest command metered on that side:
+#: closest near null, where a flow changes most for what it is. At the end it may not, or the
+#: gains of the flow model would say the same.
+KNOTS = (0.025, 0.05, 0.1, 0.15, 0.25, 0.4, 0.6)
 
 
 class FlowMapShape(Effect):
     """Edges that open more, or less, than in proportion to the command.
 
     The opening is u + c⁺ u² for u > 0 and u − c⁻ u² for u < 0: the first term that eq. 12, affine
-    in u on either side, leaves out. Where the static map was measured,
-    `measured_flow_map_shape` takes the whole shape from it.
+    in u on either side, leaves out. Where the static map was metered, `LocalFlowMapShape` takes
+    its place: the map shows any shape, and holds it to what the valve was on the bench.
     """
 
     name = "flow_map_shape"
-    equation = "u −→ u + c⁺ max(u, 0)² − c⁻ min(u, 0)²"
+    equation = "u −→ u + c⁺ max(u, 0)² − c⁻ min(u, 0)²; on a metered valve, u −→ u + h(u)"
     source = "residuals of eq. 12 at the measured static map"
     shows = "both mass flow balances at large or small openings; residuals of the static map"
     confused_with = ("flow coefficients", "supply_droop", "exhaust_restriction", "valve_dead_zone")
     separated_by = "meter the valve at more commands; amplitudes from small to full opening"
+    metered = True
     parameters = tuple(
         Parameter(
             f"c_{side}",
@@ -37,7 +43,7 @@ class FlowMapShape(Effect):
             null=0.0,
             start=0.03,
             description=f"bend of the {edge} edge",
-            source="port windows, rectangular to round: up to 10 % of the flow at half opening",
+            source=SOURCE,
         )
         for side, edge in (("plus", "supply"), ("minus", "exhaust"))
     )
@@ -46,120 +52,79 @@ class FlowMapShape(Effect):
         """Bend the opening."""
         return Pair(*(_bent(one, at) for one in u))
 
+    @classmethod
+    def on_metered(cls, low: float, high: float) -> Maker:
+        """Return the local shape, where both sides of the valve were metered."""
+        return partial(LocalFlowMapShape, (-low, high)) if low < 0 < high else cls
+
 
 def _bent(u: Expression, at: Scope) -> Expression:
     return u + at["c_plus"] * ca.fmax(u, 0.0) ** 2 - at["c_minus"] * ca.fmin(u, 0.0) ** 2
 
 
-class MeasuredFlowMapShape(Effect):
-    """The opening that the measured map asks for where a flow model cannot bend to it.
+class LocalFlowMapShape(FlowMapShape):
+    """Edges of any shape: u −→ u + h(u), with h linear between knots.
 
-    u −→ u + a h(u, p), with h a polynomial in the command on either side of zero, vanishing at
-    zero, times one in the outlet pressure. Use `measured_flow_map_shape` to make one.
+    It is zero at null, at the ends of the metered commands and beyond them. Free together with the
+    flow coefficients and held against the metered map, which tells h to a few millivolts.
 
     Parameters
     ----------
-    coefficients : (2, n_u, n_p) array
-        Of Σ c_sjk (u/u_s)^(j+1) T_k(z) on the inlet and the exhaust side [V].
     reach : tuple of float
-        Greatest metered command on either side, positive [V].
-    p_range : tuple of float
-        Metered outlet pressures [Pa].
-    """
-
-    name = "measured_flow_map_shape"
-    equation = "u −→ u + a h(u, p), h from the residuals of the measured map"
-    source = FlowMapShape.source
-    shows = FlowMapShape.shows
-    confused_with = FlowMapShape.confused_with
-    separated_by = FlowMapShape.separated_by
-    parameters = (
-        Parameter(
-            "amplitude",
-            0.0,
-            "1",
-            lower=-0.5,
-            upper=2.0,
-            scale=0.5,
-            null=0.0,
-            start=1.0,
-            description="share of the measured shape that the valve shows in operation",
-            source="1 where the valve in operation is the valve that was metered",
-        ),
-    )
-
-    def __init__(
-        self, coefficients: ArrayLike, reach: tuple[float, float], p_range: tuple[float, float]
-    ) -> None:
-        self.coefficients = np.array(coefficients, dtype=float)
-        self.reach = reach
-        self.p_range = p_range
-
-    def spool(self, u: Pair, at: Scope) -> Pair:
-        """Correct the opening."""
-        return Pair(
-            u.P + at["amplitude"] * self.correction(u.P, at.p.P),
-            u.N + at["amplitude"] * self.correction(u.N, at.p.N),
-        )
-
-    def correction(self, u: Expression, p: Expression) -> Expression:
-        """Return h(u, p) [V], CasADi or numpy."""
-        _, n_u, n_p = self.coefficients.shape
-        basis = _shape_basis(u, p, self.reach, self.p_range, n_u, n_p)
-        return sum(c * b for c, b in zip(self.coefficients.ravel(), basis, strict=True))
-
-
-def measured_flow_map_shape(
-    table: FlowMap, flow: FlowModel, n_u: int = 3, n_p: int = 4
-) -> MeasuredFlowMapShape:
-    """Return the shape that a measured map has beyond a flow model, as an effect.
-
-    Parameters
-    ----------
-    table : FlowMap
-        Measured flows.
-    flow : FlowModel
-        What was fitted to them: eq. 12, say.
-    n_u, n_p : int, optional
-        Terms in the command on either side, and in the outlet pressure.
-
-    Returns
-    -------
-    MeasuredFlowMapShape
-        Of amplitude 0; a fit starts at 1. The residuals q_m − q(u, p) are met by
-        ∂q/∂u · h(u, p) in the sense of least squares, so that an edge across which no pressure
-        drives a flow asks for nothing.
+        Greatest metered command on the exhaust and on the supply side, both positive [V].
 
     Raises
     ------
     ModelError
-        If one side of the valve was not metered.
+        If a side has no reach.
+
+    Examples
+    --------
+    >>> [item.name for item in LocalFlowMapShape((3.0, 3.0)).parameters[:2]]
+    ['h_minus_1', 'h_minus_2']
     """
-    reach = (float(table.u.max()), float(-table.u.min()))
-    if min(reach) <= 0:
-        raise ModelError(
-            f"{table.source}: commands from {table.u.min():g} to {table.u.max():g} V; meter both "
-            "sides of the valve to see the shape of both edges"
+
+    def __init__(self, reach: tuple[float, float]) -> None:
+        if min(reach) <= 0:
+            raise ModelError(
+                f"flow_map_shape: metered to {reach[0]:g} V and {reach[1]:g} V beyond null; meter "
+                "both sides of the valve to see the shape of both edges"
+            )
+        self.reach = dict(zip(("minus", "plus"), reach, strict=True))
+        self.parameters = tuple(  # type: ignore[misc]
+            _height(f"h_{side}_{number}", sign * k * self.reach[side])
+            for side, sign in SIDES
+            for number, k in enumerate(KNOTS, 1)
         )
-    low, high = table.p_range
-    step = 1e-3 * np.where(table.u >= 0, reach[0], -reach[1])  # away from the kink at zero
-    gain = (flow(table.u + step, table.p) - flow(table.u, table.p)) / step
-    basis = _shape_basis(table.u, table.p, reach, (low, high), n_u, n_p)
-    design = gain[:, None] * np.column_stack([np.asarray(b, dtype=float) for b in basis])
-    size = np.linalg.norm(design, axis=0)
-    size[size == 0] = 1.0
-    found, *_ = np.linalg.lstsq(design / size, flow.residuals(table), rcond=1e-6)
-    return MeasuredFlowMapShape((found / size).reshape(2, n_u, n_p), reach, (low, high))
+
+    def spool(self, u: Pair, at: Scope) -> Pair:
+        """Correct the opening."""
+        return Pair(*(one + self.height(one, at) for one in u))
+
+    def height(self, u: Expression, at: Scope) -> Expression:
+        """Return h(u) [V]."""
+        total: Expression = 0.0
+        for side, sign in SIDES:
+            end = self.reach[side]
+            knots = [0.0, *(k * end for k in KNOTS), end]
+            heights = [0.0, *(at[f"h_{side}_{number}"] for number in range(1, len(knots) - 1)), 0.0]
+            for (left, right), (h, h_next) in zip(pairwise(knots), pairwise(heights), strict=True):
+                share = (ca.fmax(sign * u, left) - left) / (right - left)
+                total += (h_next - h) * ca.fmin(share, 1.0)
+        return total
 
 
-def _shape_basis(
-    u: Any, p: Any, reach: tuple[float, float], p_range: tuple[float, float], n_u: int, n_p: int
-) -> list[Any]:
-    """Return (u/u_s)^(j+1) T_k(z) on the side of u, in the order (side, j, k)."""
-    low, high = p_range
-    inside = ca.fmin(ca.fmax((2 * p - low - high) / (high - low), -1.0), 1.0)
-    T = [1.0 + 0 * inside, inside]
-    for _ in range(2, n_p):
-        T.append(2 * inside * T[-1] - T[-2])
-    sides = (ca.fmax(u / reach[0], 0.0), ca.fmax(-u / reach[1], 0.0))
-    return [s ** (j + 1) * T[k] for s in sides for j in range(n_u) for k in range(n_p)]
+def _height(name: str, u: float) -> Parameter:
+    """Return h at a command: where it takes most of the opening, it is no shape any more."""
+    knot = abs(u)
+    return Parameter(
+        name,
+        0.0,
+        "V",
+        lower=-0.6 * knot,
+        upper=0.6 * knot,
+        scale=0.1 * knot,
+        null=0.0,
+        description=f"opening beyond the command at {u:g} V",
+        source=SOURCE,
+    )

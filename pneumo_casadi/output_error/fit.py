@@ -158,15 +158,12 @@ def write_problem(
     model = SampledAxis(axis, stepping, axis.bench.controller if options.closed_loop else None)
     segments = cut(model, records, n, options.window, options.interval)
     functions = IntervalFunctions(model, n, segments[0].per, parameters.free_names)
-    coefficients = axis.flow.parameters.names if axis.flow is not None else ()
-    anchored = flow_map is not None and set(coefficients) & set(parameters.free_names)
-    problem = Problem(
-        model,
-        parameters,
-        segments,
-        functions,
-        anchor(flow_map, axis.flow) if anchored and flow_map is not None else None,
-    )
+    known = None
+    if flow_map is not None and axis.flow is not None:
+        known = anchor(flow_map, axis.flow, effects=axis.effects)
+        if not set(known.names) & set(parameters.free_names):
+            known = None
+    problem = Problem(model, parameters, segments, functions, known)
     _refuse_too_few(problem)
     return problem
 

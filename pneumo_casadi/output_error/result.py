@@ -81,7 +81,7 @@ class MapPull:
 def map_pull(anchor: Anchor, axis: Axis) -> MapPull:
     """Return how far an axis' parameters have left the metered points of its flow map."""
     c = axis.parameters.select(anchor.names).values
-    residual, own = anchor(c), anchor(axis.flow.parameters.values)
+    residual, own = anchor(c), anchor(anchor.fitted)
     measured = -anchor(np.zeros_like(c))
     scale = float((residual + measured) @ measured / (measured @ measured))
     return MapPull(float(np.sqrt(np.sum(residual**2) / np.sum(own**2))), scale)

@@ -28,11 +28,12 @@ def held_at(problem: Problem, item: Quantity, value: float, width: float) -> Pro
         wide[:, at] = J
         rows, slopes = [r, *rows], [wide, *slopes]
     residual = ca.Function("pulled", [theta], [ca.vertcat(*rows), ca.vertcat(*slopes)])
-    return replace(problem, anchor=Anchor(residual, names))
+    start = problem.parameters.values
+    return replace(problem, anchor=Anchor(residual, names, start))
 
 
 def metered_again(anchor: Anchor, shift: FloatArray) -> Anchor:
     """Return the flow map's residuals as if each point had been measured `shift` σ lower."""
     c = ca.MX.sym("c", len(anchor.names))
     r, J = anchor.residual(c)
-    return Anchor(ca.Function("metered", [c], [r + np.asarray(shift), J]), anchor.names)
+    return replace(anchor, residual=ca.Function("metered", [c], [r + np.asarray(shift), J]))

@@ -130,7 +130,7 @@ class Models:
     def of(one: Study, without: Collection[str] = ()) -> "Models":
         """Fit the nominal model and screen a catalogue that lacks some effects."""
         given = {name: effect for name, effect in CATALOGUE.items() if name not in without}
-        worker, nominal = Searcher(one, applicable(one.axis, given)), fit(one, ())
+        worker, nominal = Searcher(one, applicable(one, given)), fit(one, ())
         worker.screen_all(nominal)
         return Models(worker, nominal, worker.over(background(one, nominal, nominal)))
 

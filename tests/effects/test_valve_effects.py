@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from pneumo_casadi.effect import Pair, Scope
 from pneumo_casadi.effects import (
     FlowMapShape,
     ValveDeadZone,
@@ -11,10 +12,11 @@ from pneumo_casadi.effects import (
     ValveMismatch,
     ValveNullShift,
 )
-from pneumo_casadi.effects.flow_map_shape import measured_flow_map_shape
+from pneumo_casadi.effects.flow_map_shape import LocalFlowMapShape
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.flow import FlowMap, fit_polynomials
 from pneumo_casadi.integration import Stepping, step_function
+from pneumo_casadi.output_error.anchor import anchor
 from pneumo_casadi.recording import InputHold
 
 P = (4e5, 5e5)
@@ -132,28 +134,48 @@ def bent_map(made):
     return FlowMap(table.u, table.p, straight(bent, table.p), table.p_supply, table.p_ext, "bent")
 
 
-def test_a_bent_map_is_met_by_its_shape_and_not_by_polynomials(made):
+def test_a_bent_map_is_met_by_its_local_shape_and_not_by_polynomials(made):
     table = bent_map(made)
     flow = fit_polynomials(table, (5, 5, 5))
-    shape = measured_flow_map_shape(table, flow)
-    axis = made.true_axis(shape, flow=flow).at_starting_values()
-    theta = axis.parameters.values
-    points = np.column_stack([table.p, table.p, 0 * table.p, 0 * table.p]).T
-    commands = np.column_stack([table.u, table.u]).T
-    q = axis.valve_flow.map(table.n)(points, commands, theta[:, None]).full()[0]
-    # What is left lies at u = 0, where the polynomials' φ was bent too and a valve is closed.
-    open_ = table.u != 0
-    assert np.std((table.q_m - q)[open_]) < 0.2 * np.std(flow.residuals(table)[open_])
-    made_of = measured_flow_map_shape(table, flow, n_u=1, n_p=1)
-    assert made_of.coefficients.shape == (2, 1, 1)
+    shape = LocalFlowMapShape((3.0, 3.0))
+    known = anchor(table, flow, effects=(shape,))
+    assert known.names[len(flow.parameters) :] == tuple(
+        f"flow_map_shape.{item.name}" for item in shape.parameters
+    )
+    open_ = table.u != 0  # at null the polynomials' φ was bent too and a valve is closed
+    c = known.fitted
+    for _ in range(5):
+        step, *_ = np.linalg.lstsq(known.jacobian(c)[open_], known(c)[open_], rcond=1e-9)
+        c = c - step
+    assert np.std(known(c)[open_]) < 0.2 * np.std(known(known.fitted)[open_])
+    own = dict(
+        zip((item.name for item in shape.parameters), c[len(flow.parameters) :], strict=True)
+    )
+    at = Scope(0.0, 0.0, Pair(4e5, 5e5), 0.0, 0.0, {}, own)
+    for u in np.unique(table.u[table.u > 0]):
+        # The parabola over its chord from null to 3 V, which is the gain's.
+        assert float(shape.height(u, at)) == pytest.approx(0.06 * u * (u - 3.0) / 1.18, abs=0.015)
 
 
-def test_the_shape_of_a_map_needs_both_sides(made):
+def test_effects_that_a_metered_valve_has_not_leave_the_map_alone(made):
     table = made.smooth_map()
-    flow, keep = fit_polynomials(table, (3, 3, 3)), table.u >= 0
-    half = FlowMap(table.u[keep], table.p[keep], table.q_m[keep], table.p_supply, table.p_ext)
-    with pytest.raises(ModelError, match="meter both sides"):
-        measured_flow_map_shape(half, flow)
+    flow = fit_polynomials(table, (3, 3, 3))
+    assert anchor(table, flow, effects=(ValveDeadZone(),)).names == flow.parameters.names
+
+
+def test_a_local_shape_is_zero_at_null_and_beyond_the_metered_commands():
+    shape = LocalFlowMapShape((3.0, 2.0))
+    own = {item.name: 0.01 for item in shape.parameters}
+    at = Scope(0.0, 0.0, Pair(4e5, 5e5), 0.0, 0.0, {}, own)
+    found = [float(shape.height(u, at)) for u in (0.0, 1.2, 2.0, 5.0, -1.2, -3.0, -9.0)]
+    np.testing.assert_allclose(found, [0.0, 0.01, 0.0, 0.0, 0.01, 0.0, 0.0], atol=1e-12)
+
+
+def test_the_shape_of_a_valve_metered_on_one_side_is_the_generic_bend():
+    assert FlowMapShape.on_metered(0.0, 3.0) is FlowMapShape
+    assert FlowMapShape.on_metered(-3.0, 3.0)().name == "flow_map_shape"
+    with pytest.raises(ModelError, match="both sides"):
+        LocalFlowMapShape((0.0, 3.0))
 
 
 def test_the_generic_bend_opens_by_its_square(made):
