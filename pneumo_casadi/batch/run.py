@@ -34,7 +34,13 @@ DATA = ("bench.json", "columns.json", "flow_map.csv", "identify*", "validate*", 
 
 
 def real_diagnosis(folder: Path) -> dict[str, Any]:
-    """Diagnose a case folder with the whole catalogue, within this process."""
+    """Diagnose a case folder with the whole catalogue, within this process.
+
+    Returns
+    -------
+    dict
+        What `Diagnosis.as_dict` returns.
+    """
     return diagnose(folder).as_dict()
 
 

@@ -84,7 +84,15 @@ def row_of(record: Mapping[str, Any]) -> Row:
 
 
 def write_tables(rows: Sequence[Row], out: Path) -> None:
-    """Write ``cases.csv`` and ``cases.parquet`` into a folder, each whole or not at all."""
+    """Write ``cases.csv`` and ``cases.parquet`` into a folder, each whole or not at all.
+
+    Parameters
+    ----------
+    rows : sequence of Row
+        One a case, in the order in which they are to stand.
+    out : Path
+        The folder; it is made if it is not there.
+    """
     frame = pd.DataFrame([asdict(row) for row in rows])
     for name in _LISTS:
         frame[name] = [" + ".join(_written(item) for item in value) for value in frame[name]]

@@ -170,6 +170,11 @@ def _weighed(judgement: Judgement, checks: Sequence[Check]) -> tuple[Verdict, tu
 def prepare(case: Case) -> tuple[Study, tuple[str, ...]]:
     """Check the records of a case, fit its flow map and start a study; with notes.
 
+    Returns
+    -------
+    tuple
+        The study, and what a reader must know of its records (tuple of str).
+
     Raises
     ------
     CaseError

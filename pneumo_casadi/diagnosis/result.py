@@ -26,7 +26,15 @@ class Verdict(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Value:
-    """A quantity with its standard deviation, in `unit`."""
+    """A quantity with its standard deviation, in `unit`.
+
+    Parameters
+    ----------
+    value, std : float
+        Estimate and standard deviation, in `unit`; 0 where it was held.
+    unit : str
+        SI unit.
+    """
 
     value: float
     std: float
@@ -35,7 +43,15 @@ class Value:
 
 @dataclass(frozen=True, slots=True)
 class Shrink:
-    """How far a gap closes: 1 - after/before, with an interval from a block bootstrap."""
+    """How far a gap closes: 1 - after/before, with an interval from a block bootstrap.
+
+    Parameters
+    ----------
+    value : float
+        Share of the gap that closes [1]; negative where it grows.
+    lower, upper : float
+        Ends of the 95 % interval [1].
+    """
 
     value: float
     lower: float

@@ -69,6 +69,11 @@ def write_functions(model: IdentifiedModel, folder: str | Path) -> tuple[Path, .
         What to write; effects and their states are in it.
     folder : path
         Where the files go; those of an earlier export are replaced.
+
+    Returns
+    -------
+    tuple of Path
+        The four files.
     """
     files: dict[str, str | bytes] = {}
     told: dict[str, Any] = {}
@@ -92,6 +97,11 @@ def read_functions(folder: str | Path) -> ExportedFunctions:
     The sidecar is checked, each file against its hash in there, and a file that asks for a
     library or for compilation is refused before CasADi reads it: reading builds expressions
     and runs nothing.
+
+    Parameters
+    ----------
+    folder : path
+        Where `write_functions` has put them.
 
     Raises
     ------

@@ -144,6 +144,11 @@ def linearise(axis: Axis, point: OperatingPoint | None = None) -> LinearAxis:
     point : OperatingPoint, optional
         Where; by default at rest in mid-stroke.
 
+    Raises
+    ------
+    ModelError
+        If there is no rest, or a derivative is not finite there.
+
     Notes
     -----
     At standstill the smoothed friction is a damper of (F_c⁺ + F_c⁻) / (2 v_s) N s/m: the axis
@@ -173,6 +178,11 @@ def write_state_space(
         Where the files go; those of an earlier export are replaced.
     given : mapping of str to float, optional
         See `operating_point`.
+
+    Returns
+    -------
+    tuple of Path
+        Both files.
     """
     found = linearise(model.axis, operating_point(model.axis, given))
     matrices = {name: getattr(found, name).tolist() for name in "ABCD"}

@@ -148,7 +148,25 @@ def model_dict(model: IdentifiedModel) -> dict[str, Any]:
 
 
 def write_model(model: IdentifiedModel, folder: str | Path) -> Path:
-    """Write ``axis.json``; a file there is replaced."""
+    """Write ``axis.json``; a file there is replaced.
+
+    Parameters
+    ----------
+    model : IdentifiedModel
+        What to write; its effects must be of the catalogue.
+    folder : path
+        Where the file goes; it is made if it is not there.
+
+    Returns
+    -------
+    Path
+        The file, which `read_model` reads.
+
+    Raises
+    ------
+    ModelError
+        If an effect or the flow map is your own: a file cannot hold its equations.
+    """
     path = Path(folder) / "axis.json"
     write_json(model_dict(model), path)
     return path

@@ -73,6 +73,13 @@ def parallel_decimate(
 def decimated_rows(N: int, factor: int) -> NDArray[np.intp]:
     """Return the rows that decimation keeps: every `factor`-th, the last one included.
 
+    Parameters
+    ----------
+    N : int
+        Number of rows before.
+    factor : int
+        Rows per row kept.
+
     Examples
     --------
     >>> decimated_rows(10, 3)
@@ -83,6 +90,13 @@ def decimated_rows(N: int, factor: int) -> NDArray[np.intp]:
 
 def passband_edge(factor: int, sampling_frequency: float) -> float:
     """Return the edge of the parallel low-pass, 0.8 times the new Nyquist frequency [Hz].
+
+    Parameters
+    ----------
+    factor : int
+        Rows per row kept.
+    sampling_frequency : float
+        Before decimation [Hz].
 
     Examples
     --------

@@ -88,6 +88,15 @@ def settling_samples(
     The transient decays at least like the slowest pole, |z|ⁿ; n is the first sample at which
     this is below `tolerance`, plus two for a second central difference.
 
+    Parameters
+    ----------
+    cutoff, sampling_frequency : float
+        [Hz].
+    order : int, optional
+        Order of one pass.
+    tolerance : float, optional
+        Share of the transient that may be left [1].
+
     Examples
     --------
     >>> settling_samples(100.0, 1e3)
@@ -217,6 +226,13 @@ def noise_gains(
     cutoff: float, sampling_frequency: float, order: int = 4
 ) -> tuple[float, float, float]:
     """Return what one unit of white measurement noise becomes after filter and differences.
+
+    Parameters
+    ----------
+    cutoff, sampling_frequency : float
+        [Hz].
+    order : int, optional
+        Order of one pass.
 
     Returns
     -------

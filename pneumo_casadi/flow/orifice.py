@@ -102,7 +102,20 @@ def orifice_flow(
 ) -> FloatArray:
     """Return the mass flow [kg/s] from side 1 to side 2 for arrays of pressures that broadcast.
 
-    Parameters and equation as in `orifice_expression`.
+    The equation is that of `orifice_expression`.
+
+    Parameters
+    ----------
+    C : float
+        Sonic conductance [m³/(s Pa)].
+    b, m : float
+        Critical pressure ratio and subsonic index [1].
+    p_1, p_2 : array_like
+        Absolute pressures on either side [Pa].
+    T : float, optional
+        Upstream temperature [K].
+    laminar_ratio : float, optional
+        Ratio of the pressures from which the flow is laminar [1].
 
     Examples
     --------

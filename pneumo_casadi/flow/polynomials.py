@@ -45,6 +45,12 @@ class FlowPolynomials:
     dof : int
         Degrees of freedom left in the fit: points minus coefficients.
 
+    Raises
+    ------
+    ModelError
+        If degrees or range of pressures are impossible, or the degrees ask for another number of
+        coefficients.
+
     Notes
     -----
     The pressure is scaled to z in [-1, 1] over `p_range` and the polynomials are written as

@@ -39,7 +39,13 @@ class Variant:
 
 @dataclass(frozen=True, slots=True)
 class Estimated:
-    """An estimate with the standard deviation that allows for correlated residuals, both SI."""
+    """An estimate with the standard deviation that allows for correlated residuals, both SI.
+
+    Parameters
+    ----------
+    value, std : float
+        Estimate and standard deviation, in the parameter's SI unit.
+    """
 
     value: float
     std: float

@@ -48,6 +48,11 @@ class OutputErrorOptions:
         this keeps the trajectories from overruling the flow map.
     max_iterations : int
         In each stage.
+
+    Raises
+    ------
+    ModelError
+        If a length or a width is not positive.
     """
 
     method: Method = Method.GAUSS_NEWTON

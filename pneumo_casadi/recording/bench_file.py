@@ -44,6 +44,15 @@ def read_bench(path: str | Path) -> AnyBench:
 
     Each key ends in its SI unit (``p_supply_Pa``), those of the data sheet too (``M_kg``).
 
+    Parameters
+    ----------
+    path : path
+        The file; its fields are described in ``docs/your_data.md``.
+
+    Returns
+    -------
+    Bench or ForceBench
+
     Raises
     ------
     CaseError

@@ -33,6 +33,11 @@ class Case:
         Measured static flow map of the valve, to be read by the flow package.
     notes : tuple of str
         What the checks noticed but do not hold against the data.
+
+    Raises
+    ------
+    CaseError
+        If there is no record to identify on.
     """
 
     folder: Path

@@ -77,6 +77,16 @@ def read_columns(path: str | Path) -> dict[str, tuple[Column, ...]]:
         {"t_s": "log.time", "p_P_Pa": ["log.pA", "bar"], "p_N_Pa": ["log.pB", "bar"],
          "x_m": {"column": "log.pos", "unit": "mm", "offset": -0.25}}
 
+    Parameters
+    ----------
+    path : path
+        The file.
+
+    Returns
+    -------
+    dict of str to tuple of Column
+        As `column_map` returns it, for `read_recording`.
+
     Raises
     ------
     CaseError

@@ -38,6 +38,13 @@ def format_table(result: WLSResult, *, robust: bool = False) -> str:
 
     Below it: what was removed, which estimates the physics excludes, condition number and
     relative errors.
+
+    Parameters
+    ----------
+    result : WLSResult
+        What to print.
+    robust : bool, optional
+        As in `results_table`.
     """
     table = results_table(result, robust=robust)
     head = [PARAMETERS, *table.columns]

@@ -78,6 +78,8 @@ def fit_wls(
         If the observation matrix is rank deficient; the message names what can be estimated.
     CaseError
         If a record lacks a channel or is too short for the filters.
+    ModelError
+        If there is no record.
     """
     recordings = (records,) if isinstance(records, Recording) else tuple(records)
     if not recordings:

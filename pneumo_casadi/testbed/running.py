@@ -181,6 +181,20 @@ def metered_map(
     """Meter the valve: columns of ``flow_map.csv`` on a grid of commands and pressures.
 
     Of the effects only those that belong to the shape of the valve are there when it is metered.
+
+    Parameters
+    ----------
+    axis : BenchAxis
+        Whose valve.
+    effects : sequence of BenchEffect, optional
+        What is wrong with the axis.
+    seed : int, optional
+        Of the meter's noise.
+
+    Returns
+    -------
+    dict of str to (n,) array
+        ``u_V``, ``p_Pa`` (absolute), ``q_m_kg_per_s``, one value a point.
     """
     u, p = np.meshgrid(
         np.linspace(-METERED_REACH, METERED_REACH, METERED_U),

@@ -160,6 +160,8 @@ def block_bootstrap(
         If fewer than half of the refits converge; ``.partial`` holds the `Bootstrap`.
     CaseError
         If the folder holds replicates of another bootstrap.
+    ModelError
+        If fewer than two replicates are asked for.
 
     Notes
     -----

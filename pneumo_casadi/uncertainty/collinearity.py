@@ -88,6 +88,15 @@ def correlated_clusters(
     Unlike the collinearity index, correlation knows that all other parameters were estimated
     too.
 
+    Parameters
+    ----------
+    correlation : (n, n) array
+        Of the estimates [1].
+    names : sequence of str
+        Of the n parameters.
+    limit : float, optional
+        Magnitude above which two of them are joined [1].
+
     Examples
     --------
     >>> C = np.array([[1.0, 0.99, 0.0], [0.99, 1.0, 0.0], [0.0, 0.0, 1.0]])

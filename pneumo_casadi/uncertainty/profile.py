@@ -169,8 +169,19 @@ def profile_likelihoods(
 
     Parameters
     ----------
+    optimum : Optimum
+        The fit and its data.
+    names : sequence of str, optional
+        Parameters or derived quantities.
+    level : float, optional
+        Largest level of the intervals that are wanted [1].
     executor : concurrent.futures.Executor, optional
         Profiles run in it side by side; processes should be spawned, not forked.
+
+    Returns
+    -------
+    dict of str to Profile
+        By name, in the order asked for.
     """
     chosen = optimum.names if names is None else tuple(names)
     for name in chosen:

@@ -43,6 +43,16 @@ class Kind(Enum):
 class Proportions:
     """How many cases of each kind there are among 160; other numbers go in proportion.
 
+    Parameters
+    ----------
+    single, pair, none, absorbed, left_out, never_listed : float
+        Of each `Kind`.
+
+    Raises
+    ------
+    CaseError
+        If one is negative, or all are zero.
+
     Examples
     --------
     >>> [count for count in Proportions().counts(160).values()]
@@ -133,6 +143,11 @@ def draw_cases(cases: int, seed: int, proportions: Proportions | None = None) ->
         Secret to the diagnosis; the same seed draws the same cases.
     proportions : Proportions, optional
         Of the kinds.
+
+    Returns
+    -------
+    tuple of Draw
+        Named ``w001`` and so on.
 
     Raises
     ------

@@ -32,7 +32,20 @@ FAILED = "failed"
 
 
 def real_diagnosis(case: Case, catalogue: Mapping[str, type[Effect]]) -> dict[str, Any]:
-    """Diagnose a case with this package."""
+    """Diagnose a case with this package.
+
+    Parameters
+    ----------
+    case : Case
+        Without its labels.
+    catalogue : mapping of str to effect class
+        What may be the cause.
+
+    Returns
+    -------
+    dict
+        What `Diagnosis.as_dict` returns.
+    """
     return diagnose(case, catalogue).as_dict()
 
 

@@ -99,6 +99,15 @@ class Calibration:
 def calibration(stated: Sequence[float], right: Sequence[bool], bins: int = BINS) -> Calibration:
     """Set stated probabilities beside what came true.
 
+    Parameters
+    ----------
+    stated : sequence of float
+        Probabilities [1].
+    right : sequence of bool
+        Whether each came true.
+    bins : int, optional
+        Number of bins, of equal numbers of statements.
+
     Examples
     --------
     >>> calibration([0.2, 0.2, 0.8, 0.8], [False, False, True, True], bins=2).error

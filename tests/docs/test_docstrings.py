@@ -28,32 +28,6 @@ ERRORS = {name for name, item in vars(errors).items() if inspect.isclass(item)}
 SECTION = re.compile(r"^([A-Z][A-Za-z ]+)\n-{3,}$", re.MULTILINE)
 #: Summaries that tell the result.
 TELLS = re.compile(r"(Return|Yield|Tell)s? ")
-#: Still to be completed; what is complete must leave the list, and nothing may join it.
-INCOMPLETE = {
-    f"pneumo_casadi.{package}.{name}"
-    for package, names in {
-        "batch": ["real_diagnosis", "write_tables"],
-        "diagnosis": ["Shrink", "Value", "prepare"],
-        "export": [
-            "linearise",
-            "read_functions",
-            "write_functions",
-            "write_model",
-            "write_state_space",
-        ],
-        "filtering": ["decimated_rows", "noise_gains", "passband_edge", "settling_samples"],
-        "flow": ["FlowPolynomials", "orifice_flow"],
-        "flow_sensitivity": ["Estimated"],
-        "output_error": ["OutputErrorOptions"],
-        "recording": ["Case", "read_bench", "read_columns"],
-        "regression": ["fit_wls", "format_table"],
-        "report.figures": ["figures_of", "validation_figures"],
-        "testbed": ["metered_map"],
-        "uncertainty": ["block_bootstrap", "correlated_clusters", "profile_likelihoods"],
-        "withheld": ["Proportions", "calibration", "draw_cases", "real_diagnosis"],
-    }.items()
-    for name in names
-}
 
 
 def sections(item):
@@ -141,12 +115,8 @@ def test_every_package_and_what_it_exports_has_a_summary():
 
 
 def test_arguments_results_and_errors_are_described():
-    lacking = {name: missing(item) for name, item in EXPORTED.items() if name not in INCOMPLETE}
+    lacking = {name: missing(item) for name, item in EXPORTED.items()}
     assert not {name: lacks for name, lacks in lacking.items() if lacks}
-
-
-def test_what_is_listed_as_incomplete_is_there_and_incomplete():
-    assert not [name for name in INCOMPLETE if name not in EXPORTED or not missing(EXPORTED[name])]
 
 
 def test_a_docstring_that_leaves_something_out_is_noticed():

@@ -40,7 +40,13 @@ class Drawn:
 
 
 def figures_of(found: Identification) -> Iterator[Drawn]:
-    """Draw all figures of an identification, in the order of the report."""
+    """Draw all figures of an identification, in the order of the report.
+
+    Yields
+    ------
+    Drawn
+        One figure with its name and caption.
+    """
     if found.validation is not None and found.flow_map is not None:
         yield Drawn(
             "overview",
@@ -107,7 +113,13 @@ def figures_of(found: Identification) -> Iterator[Drawn]:
 
 
 def validation_figures(validation: Validation, axis: Axis) -> Iterator[Drawn]:
-    """Draw each held-out record beside its simulations."""
+    """Draw each held-out record beside its simulations.
+
+    Yields
+    ------
+    Drawn
+        One figure a record, with its name and caption.
+    """
     noise = {
         name: error.rms * error.noise_percent / error.percent
         for name, error in validation.open_loop.items()
