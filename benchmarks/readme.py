@@ -12,8 +12,11 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from pneumo_casadi.report.withheld import SHARES, share_text
+
 ROOT = Path(__file__).resolve().parent.parent
 RESULTS = ROOT / "benchmarks" / "results"
+SCOPES = ("all", "visible")
 SYMBOLS = {"F_c_plus": "F_c⁺", "F_c_minus": "F_c⁻"}
 
 
@@ -412,6 +415,63 @@ def verdicts(result: Mapping[str, Any]) -> str:
     return rows(head, body)
 
 
+#: Asked of the sealed check, all singles beside the visible ones where both are.
+ASKED = {
+    "right_first": "≥ 90 visible, ≥ 70 all",
+    "set_covers": "≥ 95",
+    "pair_one": "≥ 95",
+    "pair_both": "≥ 65",
+    "false_alarm": "≤ 4",
+    "unknown_caught": "≥ 85",
+    "false_unknown": "≤ 5",
+    "located": "≥ 92",
+}
+
+
+def withheld(result: Mapping[str, Any]) -> str:
+    """Return what the sealed check counted, beside what was asked of it."""
+    both = [result["scores"][scope] for scope in SCOPES]
+    body = [
+        [text, *(share_text(one[key]) for one in both), ASKED.get(key, "")]
+        for key, text in SHARES
+        if key not in ("set_covers_given", "failed")
+    ]
+
+    def figures(key: str, name: str) -> list[str]:
+        return [f"{one[key][name]:.2f}" for one in both]
+
+    body.append(["mean size of the set offered", *figures("set_size", "mean"), "≤ 1.5"])
+    body.append(["median shrink over an oracle's", *figures("shrink_of_oracle", "median"), "≥ 0.9"])
+    error = result["calibration"]["expected_calibration_error"]
+    body.append(["expected calibration error", f"{error:.3f}", "", "≤ 0.08"])
+    for rival, key, text in (
+        ("training_error", "right_first", "rival, ranking by training error: first"),
+        ("forward_aic", "right_first", "rival, forward AIC: named, and nothing else"),
+        ("forward_aic", "pair_both", "rival, forward AIC: both of a pair"),
+        ("forward_aic", "false_alarm", "rival, forward AIC: false alarms"),
+    ):
+        shares = (result["rivals"][scope][rival][key] for scope in SCOPES)
+        body.append([text, *map(share_text, shares), ""])
+    chance = [result["rivals"][scope]["chance"]["right_first_percent"] for scope in SCOPES]
+    body.append(["rival, chance: first", *(f"{one:.1f}" for one in chance), ""])
+    return rows(["% (95 % interval) count", "all", "visible", "asked"], body)
+
+
+def withheld_effects(result: Mapping[str, Any]) -> str:
+    """Return how often each single effect was named, by severity."""
+    severities = ("small", "medium", "large")
+    body = []
+    for name, found in result["effects"].items():
+        cells = (found.get(severity) for severity in severities)
+        body.append([name, *("" if c is None else _counted(c) for c in cells)])
+    return rows(["effect", *severities], body)
+
+
+def _counted(cell: Mapping[str, int]) -> str:
+    hidden = cell["of"] - cell["visible"]
+    return f"{cell['right_first']} of {cell['of']}" + (f", {hidden} not visible" if hidden else "")
+
+
 def _moves(one: Mapping[str, Any]) -> str:
     if one["verdict"] != "absorbed":
         return ""
@@ -447,6 +507,8 @@ TABLES: dict[str, tuple[Callable[[Mapping[str, Any]], str], str]] = {
     "practice": (practice, "practice"),
     "effect_visibility": (effect_visibility, "effect_visibility"),
     "verdicts": (verdicts, "practice_verdicts"),
+    "withheld": (withheld, "withheld"),
+    "withheld_effects": (withheld_effects, "withheld"),
 }
 
 

@@ -26,11 +26,11 @@ from pneumo_casadi.output_error import OutputErrorResult, fit_output_error
 from pneumo_casadi.pipeline import (
     FlowForm,
     IdentifyOptions,
-    Progress,
     identify,
     open_case,
     output_error_options,
 )
+from pneumo_casadi.progress import Progress
 from pneumo_casadi.recording import Bench, Case
 from pneumo_casadi.report.design import design_text, write_design
 from pneumo_casadi.report.write import Kind, check_replaceable

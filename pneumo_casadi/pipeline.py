@@ -22,6 +22,7 @@ from pneumo_casadi.flow import (
     read_flow_map,
 )
 from pneumo_casadi.output_error import OutputErrorOptions, OutputErrorResult, fit_output_error
+from pneumo_casadi.progress import Progress, silent
 from pneumo_casadi.recording import Bench, Case, Recording, load_case, load_emps
 from pneumo_casadi.recording.emps import IDENTIFY as EMPS_FILE
 from pneumo_casadi.regression import Prediction, WLSResult, cross_validate, fit_wls
@@ -31,8 +32,6 @@ from pneumo_casadi.validation import Validation, validate
 
 logger = logging.getLogger(__name__)
 
-#: Called with what is being done and the share of the work done so far.
-Progress = Callable[[str, float], None]
 
 #: A force-driven axis has no chambers to hold it: over a whole record its open-loop position
 #: drifts away with the square of the time, so it is fitted over windows of this length [s].
@@ -170,7 +169,7 @@ def identify(
     """
     began = time.perf_counter()
     options = options or IdentifyOptions()
-    report = progress or (lambda text, share: None)
+    report = progress or silent
     case = case if isinstance(case, Case) else open_case(case)
     records = _cut(case.identify, options)
     report("flow map", _SHARES["flow"])

@@ -1,6 +1,6 @@
 """Simulations of a case's records, written as CSV in the columns of a case folder."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
@@ -10,14 +10,12 @@ import pandas as pd
 
 from pneumo_casadi.axis import Axis
 from pneumo_casadi.errors import CaseError
+from pneumo_casadi.progress import Progress, silent
 from pneumo_casadi.recording import UNITS, Case, Recording
 from pneumo_casadi.simulation import (
     Trajectory,
 )
 from pneumo_casadi.validation import free_run, loop_run
-
-#: Called with what is being done and the share of the work done so far.
-Progress = Callable[[str, float], None]
 
 
 class RecordSet(Enum):
@@ -66,7 +64,7 @@ def simulate_case(
     chosen = case.validate if records is RecordSet.VALIDATE else case.identify
     if not chosen:
         raise CaseError(f"{case.folder}: no record {records.value}.csv to simulate")
-    report = progress or (lambda text, share: None)
+    report = progress or silent
     found = []
     for i, record in enumerate(chosen):
         report(f"simulating {record.name}", i / len(chosen))

@@ -1,6 +1,6 @@
 """Validation: how far simulation and measurement part on data that no fit has seen."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +12,7 @@ from pneumo_casadi.integration import held_inputs
 from pneumo_casadi.output_error.initial_states import estimate_initial_states
 from pneumo_casadi.output_error.segments import measured_states
 from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.progress import Progress, silent
 from pneumo_casadi.recording import Recording
 from pneumo_casadi.sampled import disturbance_of
 from pneumo_casadi.simulation import (
@@ -23,9 +24,6 @@ from pneumo_casadi.simulation import (
     stepping_for,
 )
 from pneumo_casadi.statistics import stated_or_estimated_noise
-
-#: Called with what is being done and the share of the work done so far.
-Progress = Callable[[str, float], None]
 
 #: The initial state of a free run is estimated from so much of its beginning [s].
 START = 2.0
@@ -123,7 +121,7 @@ def validate(
     """
     if not records:
         raise ModelError("validation: no record; a fit is not validated on its own data")
-    report = progress or (lambda text, share: None)
+    report = progress or silent
     runs = []
     for i, record in enumerate(records):
         report(f"free run of {record.name}", i / (len(records) + 1))

@@ -2,7 +2,6 @@
 
 import secrets
 import signal
-from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Annotated, Any
@@ -10,13 +9,13 @@ from typing import Annotated, Any
 import typer
 
 from pneumo_casadi.errors import CaseError
+from pneumo_casadi.progress import Progress
 from pneumo_casadi.report.figures.style import png
 from pneumo_casadi.report.figures.withheld import withheld_figure
 from pneumo_casadi.report.withheld import withheld_table
 from pneumo_casadi.result_file import write_json
 from pneumo_casadi.terminal import guarded, out, progress_bar, show
 
-Progress = Callable[[str, float], None]
 SEED_FILE = "seed.txt"
 
 

@@ -19,7 +19,7 @@ from pneumo_casadi import __version__
 from pneumo_casadi.batch.table import FAILED, Row, row_of, write_tables
 from pneumo_casadi.diagnosis import diagnose
 from pneumo_casadi.errors import CaseError, PneumoError
-from pneumo_casadi.pipeline import Progress
+from pneumo_casadi.progress import Progress, silent
 from pneumo_casadi.recording.emps import IDENTIFY as EMPS_FILE
 from pneumo_casadi.result_file import sha256, write_json
 
@@ -99,7 +99,7 @@ def diagnose_many(
     paths = [Path(os.path.abspath(folder)) for folder in folders]  # noqa: PTH100
     _check_names(paths)
     out = Path(keep).resolve()
-    report = progress or (lambda text, share: None)
+    report = progress or silent
     rows: dict[str, Row] = {}
     for row in _rows(paths, out, diagnosing, executor):
         rows[row.case] = row

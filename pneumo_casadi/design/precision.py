@@ -14,11 +14,12 @@ from pneumo_casadi.design.prediction import Fit, information_of
 from pneumo_casadi.design.reference import Reference
 from pneumo_casadi.design.rehearsal import Rehearsal, Rehearsed
 from pneumo_casadi.design.result import Design, Precision
-from pneumo_casadi.design.search import Progress, search
+from pneumo_casadi.design.search import search
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.flow import FlowMap
 from pneumo_casadi.output_error.information import AT_BOUND
 from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.progress import Progress, silent
 from pneumo_casadi.statistics import invert_information
 
 
@@ -131,7 +132,7 @@ def design_for_precision(
     ModelError
         If a name is not free, or the recorded reference leaves the finite numbers.
     """
-    began, report = time.perf_counter(), progress or (lambda text, share: None)
+    began, report = time.perf_counter(), progress or silent
     chosen = tuple(names) if names is not None else parameters_of_interest(axis)
     unknown = sorted(set(chosen) - set(axis.parameters.free_names))
     if unknown or not chosen:

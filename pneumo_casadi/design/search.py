@@ -14,9 +14,7 @@ from scipy.optimize import Bounds, differential_evolution
 
 from pneumo_casadi.design.space import Space
 from pneumo_casadi.parameters import FloatArray
-
-#: Called with what is being done and the share of the work done so far.
-Progress = Callable[[str, float], None]
+from pneumo_casadi.progress import Progress
 
 #: References that live side by side.
 POPULATION = 20

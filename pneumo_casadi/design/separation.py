@@ -14,10 +14,11 @@ from pneumo_casadi.design.prediction import Fit, Refit, map_of, projected, refit
 from pneumo_casadi.design.reference import Reference
 from pneumo_casadi.design.rehearsal import Rehearsal, Rehearsed
 from pneumo_casadi.design.result import Design, Distance
-from pneumo_casadi.design.search import Progress, search
+from pneumo_casadi.design.search import search
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.flow import FlowMap
 from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.progress import Progress, silent
 
 #: Below this refitted distance from the nominal axis under a reference with all kinds of motion
 #: an effect counts as absorbed: no sample shows it.
@@ -141,7 +142,7 @@ def design_to_separate(
     FitError
         If no reference tried keeps the limits.
     """
-    began, report = time.perf_counter(), progress or (lambda text, share: None)
+    began, report = time.perf_counter(), progress or silent
     if len(axes) < 2:
         raise ModelError("design: name two or more effects to tell apart")
     fine, coarse = clocks(nominal, sigma)

@@ -2,7 +2,7 @@
 
 import logging
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
@@ -34,12 +34,11 @@ from pneumo_casadi.effect import Effect, Maker
 from pneumo_casadi.effects import CATALOGUE
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.pipeline import FlowForm, IdentifyOptions, make_axis, open_case, read_flow
+from pneumo_casadi.progress import Progress, part, silent
 from pneumo_casadi.recording import Case, Recording
 
 logger = logging.getLogger(__name__)
 
-#: Called with what is being done and the share of the work done so far.
-Progress = Callable[[str, float], None]
 #: Areas of the pistons among the checks.
 AREAS = ("S_P", "S_N", "S_N/S_P")
 #: Residuals over the noise floor up to which a gap is faint, and the share of the gap left from
@@ -103,12 +102,12 @@ def diagnose(
     """
     began = time.perf_counter()
     options = options or DiagnosisOptions()
-    report = progress or (lambda text, share: None)
+    report = progress or silent
     case = case if isinstance(case, Case) else open_case(case)
     report("reading", 0.0)
     one, notes = prepare(case)
     chosen = applicable(one, CATALOGUE if catalogue is None else catalogue)
-    found = search(one, chosen, executor, _part(report, 0.02, 0.8), options.keep)
+    found = search(one, chosen, executor, part(report, 0.02, 0.8), options.keep)
     judgement = judge(found)
     report("parameters and location", 0.82)
     effects = tuple(chosen[name]() for name in found.chosen)
@@ -321,7 +320,3 @@ def _hint(where: Where, found: Search, judgement: Judgement) -> str:
             "catalogue explains"
         )
     return "; ".join(parts)
-
-
-def _part(report: Progress, first: float, last: float) -> Progress:
-    return lambda text, share: report(text, first + (last - first) * share)

@@ -33,9 +33,8 @@ from pneumo_casadi.diagnosis.store import Store
 from pneumo_casadi.diagnosis.study import FORM, Fitted, Study, fit, refined
 from pneumo_casadi.effect import Effect, Maker
 from pneumo_casadi.errors import FitError, ModelError
+from pneumo_casadi.progress import Progress, silent
 
-#: Called with what is being done and the share of the work done so far.
-Progress = Callable[[str, float], None]
 Catalogue = Mapping[str, Maker]
 Names = tuple[str, ...]
 #: Where a fit begins: values, shapes to try in turn, and the cost to be improved; see `fit`.
@@ -246,7 +245,7 @@ def search(
     keep : path, optional
         Folder of finished fits, see `Store`.
     """
-    report = progress or (lambda text, share: None)
+    report = progress or silent
     store = None if keep is None else Store.of(keep, one)
     worker = Searcher(one, catalogue, executor, store)
     report("nominal model", 0.0)
@@ -257,7 +256,7 @@ def search(
     first = worker.over(background(one, nominal, nominal))
     report("refitting single effects", 0.3)
     chosen = [n for n, s in first.items() if s.explained > HOPELESS][:FIRST_ROUND]
-    silent = [n for n, s in first.items() if s.observable == 0.0 and n not in chosen]
+    unfelt = [n for n, s in first.items() if s.observable == 0.0 and n not in chosen]
     worker.fit_all(
         {
             (name,): (
@@ -265,7 +264,7 @@ def search(
                 first[name].starts,
                 nominal.cost if first[name].observable == 0.0 else None,
             )
-            for name in (*chosen, *silent)
+            for name in (*chosen, *unfelt)
         }
     )
     path = _forward(worker, nominal, by, report)

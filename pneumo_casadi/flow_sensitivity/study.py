@@ -17,14 +17,13 @@ from pneumo_casadi.flow_sensitivity.metering import Metering
 from pneumo_casadi.flow_sensitivity.variants import Estimated, Row, Treatment, Variant
 from pneumo_casadi.output_error import OutputErrorOptions, OutputErrorResult, fit_output_error
 from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.progress import Progress, silent
 from pneumo_casadi.recording import Bench, Recording
 from pneumo_casadi.regression import WLSResult, fit_wls, ratios
 from pneumo_casadi.regression.wls import POLYTROPIC
 from pneumo_casadi.servosystem import Servosystem
 from pneumo_casadi.validation import validate
 
-#: Called with what is being done and the share of the work done so far.
-Progress = Callable[[str, float], None]
 #: Fits a form to a measured map; `functools.partial` of a library function can be sent to
 #: another process.
 FitFlow = Callable[[FlowMap], FlowModel]
@@ -146,7 +145,7 @@ def flow_sensitivity(
     """
     if not (records and forms and meterings and treatments):
         raise ModelError("no record, form, metering or treatment: there is nothing to compare")
-    report = progress or (lambda text, share: None)
+    report = progress or silent
     jobs = [
         _Job(
             bench, tuple(records), tuple(held_out), flow_map, name, fit, metering,

@@ -2,7 +2,7 @@
 
 import logging
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -27,14 +27,13 @@ from pneumo_casadi.output_error.result import (
 from pneumo_casadi.output_error.segments import cut
 from pneumo_casadi.output_error.solution import Solution, new_sigma
 from pneumo_casadi.parameters import FloatArray, Parameters
+from pneumo_casadi.progress import Progress, silent
 from pneumo_casadi.recording import Recording
 from pneumo_casadi.sampled import SampledAxis
 from pneumo_casadi.statistics import stated_or_estimated_noise
 
 logger = logging.getLogger(__name__)
 
-#: Called with what is being solved and the share of the work done so far.
-Progress = Callable[[str, float], None]
 
 #: How often IPOPT solves again with a new estimate of the noise.
 REWEIGHTINGS = 40
@@ -81,7 +80,7 @@ def fit_output_error(
         If a stage does not converge; ``.partial`` holds the result as far as it got.
     """
     options = options or OutputErrorOptions()
-    report = progress or (lambda text, share: None)
+    report = progress or silent
     if not records:
         raise ModelError("no record to fit")
     sigma = np.array([stated_or_estimated_noise(axis.bench, records, c) for c in axis.outputs])

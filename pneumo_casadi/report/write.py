@@ -3,7 +3,7 @@
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from enum import Enum
 from pathlib import Path
@@ -11,6 +11,7 @@ from pathlib import Path
 from pneumo_casadi.axis import Axis
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.pipeline import Identification
+from pneumo_casadi.progress import Progress, silent
 from pneumo_casadi.report.figures import Drawn, figures_of, validation_figures
 from pneumo_casadi.report.figures.style import png
 from pneumo_casadi.report.html import Picture, html_report
@@ -33,10 +34,6 @@ class Kind(Enum):
     SIMULATION = ("simulation",)
     DIAGNOSIS = ("diagnosis.json", "report.html", "summary.txt", "figures")
     DESIGN = ("design.json", "design.txt", "design.png", "reference.csv")
-
-
-#: Called with what is being done and the share of the work done so far.
-Progress = Callable[[str, float], None]
 
 
 def write_report(
@@ -68,7 +65,7 @@ def write_report(
     CaseError
         If the folder holds anything but an earlier report.
     """
-    report = progress or (lambda text, share: None)
+    report = progress or silent
     with folder_in_one_step(folder, Kind.IDENTIFICATION) as draft:
         write_json(result_dict(found), draft / "result.json")
         (draft / "table.txt").write_text(text_report(found, paper), "utf-8")

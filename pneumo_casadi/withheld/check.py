@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from pneumo_casadi.pipeline import Progress
+from pneumo_casadi.progress import Progress
 from pneumo_casadi.result_file import write_json
 from pneumo_casadi.withheld.draw import Draw, Proportions, draw_cases
 from pneumo_casadi.withheld.measure import measure_one

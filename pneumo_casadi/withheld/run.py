@@ -11,7 +11,7 @@ from pneumo_casadi.diagnosis import diagnose
 from pneumo_casadi.effect import Effect
 from pneumo_casadi.effects import CATALOGUE
 from pneumo_casadi.errors import CaseError
-from pneumo_casadi.pipeline import Progress
+from pneumo_casadi.progress import Progress, silent
 from pneumo_casadi.recording import Case, load_case
 from pneumo_casadi.withheld.draw import Draw, make
 from pneumo_casadi.withheld.seal import (
@@ -73,7 +73,7 @@ def in_turn(
     Exception
         The first that a task raises; what has not begun by then is not begun.
     """
-    report = progress or (lambda text, share: None)
+    report = progress or silent
     began, n = time.monotonic(), len(tasks)
     futures: list[Future[Any]] = [executor.submit(task) for task in tasks.values()]
     try:

@@ -1,0 +1,21 @@
+"""How long work tells what it is doing."""
+
+from collections.abc import Callable
+
+#: Called with what is being done and the share of the work done so far.
+Progress = Callable[[str, float], None]
+
+
+def silent(text: str, share: float) -> None:
+    """Tell nobody."""
+
+
+def part(report: Progress, first: float, last: float) -> Progress:
+    """Return what reports the progress of a part of the work.
+
+    Examples
+    --------
+    >>> part(lambda text, share: print(text, share), 0.5, 1.0)("fitting", 0.5)
+    fitting 0.75
+    """
+    return lambda text, share: report(text, first + (last - first) * share)
