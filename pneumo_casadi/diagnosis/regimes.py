@@ -51,8 +51,10 @@ class RegimeMap:
     edges : (n + 1,) array
         Of the bins, each with as many rows.
     mean, band : (n,) array
-        Mean residual [Pa/s, or N], positive where the model has too much, and twice its standard
-        deviation, windows' overlap counted.
+        Mean residual, positive where the model has too much, and twice its standard deviation,
+        windows' overlap counted.
+    residual_unit : str
+        Of both: ``"Pa/s"``, ``"N"``, and ``"m/s2"`` on the force-driven axis.
     """
 
     name: str
@@ -61,6 +63,7 @@ class RegimeMap:
     edges: FloatArray
     mean: FloatArray
     band: FloatArray
+    residual_unit: str = "N"
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,8 +115,10 @@ def _same(one: Regime, other: Regime) -> bool:
 def maps_of(one: Study, fit: Fitted) -> tuple[RegimeMap, ...]:
     """Return every balance's residual over command, velocity, position, pressures and time."""
     units = {"u": "V", "v": "m/s", "x": "m", "p": "Pa", "t": "s", "F": "N"}
+    force = "m/s2" if one.axis.flow is None else "N"
     found = []
     for rows in _all_rows(one, fit):
+        own = force if rows.balance == "force" else "Pa/s"
         for name in _quantities(one.axis, rows.balance):
             values = rows.at[name]
             edges = np.unique(np.quantile(values, np.linspace(0, 1, BINS + 1)))
@@ -125,7 +130,7 @@ def maps_of(one: Study, fit: Fitted) -> tuple[RegimeMap, ...]:
             square = np.bincount(bins, rows.r**2, edges.size - 1) / count
             # Windows are four rows long: that many rows share one measurement.
             band = 2 * np.sqrt(np.maximum(square - mean**2, 0.0) * 4 / count)
-            found.append(RegimeMap(name, units[name[0]], rows.balance, edges, mean, band))
+            found.append(RegimeMap(name, units[name[0]], rows.balance, edges, mean, band, own))
     return tuple(found)
 
 

@@ -32,6 +32,10 @@ VERDICTS = {
 }
 #: Candidates less probable than this are not worth a sentence.
 WORTH_NAMING = 0.01
+#: An effect more probable than this sends nobody to the sensors first.
+SURE = 0.9
+#: Parameters of one effect that a sentence tells at most.
+TOLD = 4
 #: What is left for causes outside the catalogue is told from this probability on.
 OUTSIDE = 0.05
 
@@ -88,10 +92,14 @@ def cause_sentences(found: Diagnosis, catalogue: Catalogue = CATALOGUE) -> tuple
 def _cause(one: EffectFound, catalogue: Catalogue) -> str:
     known = catalogue.get(one.name)
     described = {item.name: item.description for item in known().parameters} if known else {}
+    largest = sorted(one.parameters, key=lambda name: -abs(one.parameters[name].value))[:TOLD]
     sizes = [
         f"{name} = {quantity(value)}" + (f" ({described[name]})" if name in described else "")
         for name, value in one.parameters.items()
+        if len(one.parameters) <= TOLD or name in largest
     ]
+    if len(one.parameters) > TOLD:
+        sizes.append(f"and {len(one.parameters) - TOLD} smaller")
     size = f" Its size: {'; '.join(sizes)}." if sizes else ""
     return (
         f"{_capital(plain(one.name))} (probability {chance(one.probability)}): "
@@ -163,7 +171,8 @@ def alternative_sentences(found: Diagnosis, catalogue: Catalogue = CATALOGUE) ->
         parts.append(f"That the cause is none of the catalogue has probability {chance(outside)}.")
     if found.verdict is Verdict.UNKNOWN and found.hint:
         parts.append(f"A hint: {found.hint}.")
-    if found.where.rivals:
+    sure = found.verdict is Verdict.EFFECT and min(e.probability for e in found.effects) > SURE
+    if found.where.rivals and not sure:
         parts.append(
             "Before you look for a cause in the axis, check the sensors: "
             f"{joined([plain(name) for name in found.where.rivals], 'or')} would look much the "

@@ -27,6 +27,8 @@ _QUANTITIES = {
     "x": (r"$x$", "mm", 1e3),
     "t": (r"$t$", "s", 1.0),
 }
+#: Unit of a residual as it is shown, and the factor from SI.
+_RESIDUALS = {"N": ("N", 1.0), "Pa/s": ("bar/s", 1e-5), "m/s2": ("m/s²", 1.0)}
 _COLUMNS = 2
 
 
@@ -47,7 +49,7 @@ def regime_figure(
     rows = -(-len(before) // _COLUMNS)
     figure = new_figure(8.0 + 29.0 * rows, head=HEAD)
     panels = figure.subplots(rows, _COLUMNS, sharey=True, squeeze=False)
-    unit, factor = ("N", 1.0) if before[0].balance == "force" else ("bar/s", 1e-5)
+    unit, factor = _RESIDUALS[before[0].residual_unit]
     with_effects = {one.name: one for one in after}
     flat = panels.ravel()
     for axes, one in zip(flat, before, strict=False):
