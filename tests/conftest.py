@@ -8,7 +8,17 @@ from pathlib import Path
 
 import pytest
 
-from pneumo_casadi.pipeline import Identification, IdentifyOptions, identify, open_case
+# Tests share the processors: threads of linear algebra besides only wait for each other, and a
+# product of small matrices takes a hundred times as long. They are counted when NumPy is loaded.
+for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")
+
+from pneumo_casadi.pipeline import (  # noqa: E402
+    Identification,
+    IdentifyOptions,
+    identify,
+    open_case,
+)
 
 
 @pytest.fixture(scope="session")
