@@ -205,6 +205,16 @@ def test_the_dashboard_says_the_verdict_and_shows_what_there_is(drawn):
     assert without.figure.axes[-1].get_xlabel() == "share [%]"  # regimes where there are no curves
 
 
+@pytest.mark.parametrize("verdict", [Verdict.EFFECT, Verdict.AMBIGUOUS, Verdict.UNKNOWN])
+def test_the_headline_of_a_dashboard_stays_on_it(verdict):
+    found = replace(made.ALL[verdict], evidence=made.evidence())
+    figure = {one.name: one for one in diagnosis_figures(found)}["dashboard"].figure
+    figure.draw_without_rendering()
+    text, legend = figure.texts[0].get_window_extent(), figure.axes[0].get_legend()
+    assert text.x0 > 0 and text.x1 < figure.bbox.x1 and text.y1 < figure.bbox.y1
+    assert text.y0 > legend.get_window_extent().y1
+
+
 def test_what_is_only_the_nearest_is_not_called_found():
     """Where no effect is the cause, the curves of a second model are those of the nearest."""
     found = replace(made.UNKNOWN, evidence=made.evidence())

@@ -15,7 +15,7 @@ from pneumo_casadi.report.figures.unknown_inputs import draw_unknown_input
 from pneumo_casadi.report.figures.where import draw_regimes, draw_shares
 
 #: Letters in a line of the headline, height of a line and of both rows of panels [mm].
-LETTERS, LINE_HEIGHT, ROWS = 118, 3.8, 88.0
+LETTERS, LINE_HEIGHT, ROWS = 112, 3.8, 88.0
 #: Candidates and regimes shown.
 CAUSES, REGIMES = 6, 3
 

@@ -38,7 +38,7 @@ def draw_ranking(left: Axes, right: Axes, found: Diagnosis, most: int = DRAWN) -
     for i, one in enumerate(shown):
         colour = BLUE if set(one.names) == named else GREY
         left.barh(i, 100 * one.probability, 0.62, color=colour, zorder=2)
-        write_at_bar(left, 100 * one.probability, i, chance(one.probability))
+        write_at_bar(left, 100 * one.probability, i, chance(one.probability), colour)
         _closing(right, i, one, colour)
     labels = [_lines(one.label) for one in shown]
     dress(left, "probability [%]")

@@ -188,13 +188,13 @@ def headroom(axes: Axes, share: float = 0.25) -> None:
     axes.set_ylim(low, high + share * (high - low))
 
 
-def write_at_bar(axes: Axes, value: float, at: float, text: str) -> None:
-    """Write a number behind a horizontal bar on an axis to 100 %, into it where it is long."""
+def write_at_bar(axes: Axes, value: float, at: float, text: str, bar: str = BLUE) -> None:
+    """Write a number behind a bar of that colour on an axis to 100 %, into it where it is long."""
     inside = value > 85
     axes.annotate(
         text, (value, at), (-2 if inside else 2, -0.4), textcoords="offset points", va="center",
         ha="right" if inside else "left", fontsize=SMALL - 0.5,
-        color="#ffffff" if inside else BLACK, zorder=4,
+        color="#ffffff" if inside and bar == BLUE else BLACK, zorder=4,
     )  # fmt: skip
 
 
