@@ -3,15 +3,16 @@
 Data: cases of the virtual bench, 6 s at 1 kHz of chirp and squares (axes of random_axis, counted
 from 0). ISO 6358 map refined with its metered points as anchor, friction width 0.3 mm/s.
 
-Precision: an axis without an effect is fitted; a reference of the same length is designed from that
-fit (criterion D, common mode up to 0.1 V), recorded on the bench and fitted. Predicted is the ratio
-of standard errors designed / recorded; real is the ratio of those that the two fits tell.
+Precision: an axis without an effect is fitted, and what ends at a bound is held there; a reference
+of the same length is designed from that fit (criterion D, common mode up to 0.1 V), recorded on the
+bench and fitted. Predicted is the ratio of standard errors designed / recorded; real is the ratio
+of those that the two fits tell.
 
-Separation: an axis with a hidden effect. Two models are fitted to the ordinary record and differ
-little; a reference is designed to tell them apart, recorded with the same hidden effect, and both
-are fitted to it. Told are the residuals of the wrong model over those of the right one (root mean
-square over the outputs in the right one's own σ), and the predicted refitted distances. The cases
-were chosen because their ordinary record is ambiguous; on other axes the same pair need not be.
+Separation: an axis with a hidden leak of chamber P, small, which a shifted null of the valve can
+mimic. The record is diagnosed with the whole catalogue, a reference is designed to tell the two
+apart (`pneumo-casadi design --separate`), recorded with the same leak, and diagnosed in place of
+the ordinary one; the held-out record stays. Told are the probabilities of both, before and after,
+and the predicted refitted distances.
 """
 
 import argparse
@@ -26,25 +27,24 @@ import numpy as np
 import provenance
 
 from pneumo_casadi.design import (
+    Criterion,
     Design,
     DesignOptions,
     default_limits,
     design_for_precision,
-    design_to_separate,
     recorded_reference,
 )
+from pneumo_casadi.design_command import Asked, designed
+from pneumo_casadi.diagnosis import Diagnosis, diagnose
 from pneumo_casadi.output_error import OutputErrorOptions, OutputErrorResult
+from pneumo_casadi.pipeline import FlowForm
+from pneumo_casadi.progress import silent
 from pneumo_casadi.recording import Case, Recording
 from pneumo_casadi.testbed import Excitation, MadeCase, make_case, record
 
 FS, DURATION, COMMON = 1000.0, 6.0, 0.1
 WIDTH = 3e-4
-NONE = "none"
-#: Axis, hidden effect with its severity, the model that is wrong.
-PAIRS = (
-    (3, "valve_mismatch", "medium", NONE),
-    (3, "pressure_sensor_bias", "medium", "valve_null_shift"),
-)
+HIDDEN, SEVERITY, WRONG = "leakage_P", "small", "valve_null_shift"
 
 
 def fitted(start: Any, case: Case, table: Any) -> OutputErrorResult:
@@ -93,6 +93,11 @@ def precision(seed: int, duration: float, tries: int) -> dict[str, Any]:
         if before.result is None or before.failure:
             raise RuntimeError(f"axis {seed}: {before.failure}")
         now, ordinary = before.result, made.case.identify[0]
+        # What a bound holds in the ordinary fit the prediction takes for known; free in the
+        # new one it would widen its neighbours.
+        held = now.axis.with_parameters(now.parameters.fix(*now.estimate.at_bound))
+        if now.estimate.at_bound:
+            now = fitted(held, made.case, table)
         chosen = options(now.axis, table, ordinary, tries)
         reference = recorded_reference(ordinary)
         design = design_for_precision(now.axis, [reference], table, now.sigma, chosen)
@@ -105,7 +110,7 @@ def precision(seed: int, duration: float, tries: int) -> dict[str, Any]:
         "seconds": design.seconds,
         "sigma_ratio": (new.sigma / now.sigma).tolist(),
         "shares_of_limits": within(design, case.identify[0]),
-        "held_by_bounds": [list(one.estimate.at_bound) for one in (now, new)],
+        "held_at_bounds": list(before.result.estimate.at_bound),
         "parameters": {
             name: {
                 "predicted": design.precision.ratio(name),
@@ -119,61 +124,46 @@ def precision(seed: int, duration: float, tries: int) -> dict[str, Any]:
     }
 
 
-def separation(
-    seed: int, hidden: str, severity: str, wrong: str, duration: float, tries: int
-) -> dict[str, Any]:
-    """Return how far two models part on the ordinary record and on the designed one."""
-    gap.OUTPUT_ERROR = OutputErrorOptions(widths=(WIDTH,))
+def separation(seed: int, duration: float, tries: int) -> dict[str, Any]:
+    """Return what the diagnosis says before and after a designed experiment."""
     with tempfile.TemporaryDirectory() as scratch:
-        made = make_case(Path(scratch) / "case", seed, {hidden: severity}, duration=duration)
-        old, start, table, nominal = _both(made.case, hidden, wrong)
-        ordinary = made.case.identify[0]
-        chosen = options(start, table, ordinary, tries)
-        axes = {name: found.axis for name, found in old.items()}
-        design = design_to_separate(
-            axes, nominal.axis, [recorded_reference(ordinary)], table, old[hidden].sigma, chosen
+        made = make_case(Path(scratch) / "case", seed, {HIDDEN: SEVERITY}, duration=duration)
+        before = diagnose(made.case)
+        asked = Asked(
+            separate=(HIDDEN, WRONG),
+            criterion=Criterion.D,
+            duration=None,
+            common=COMMON,
+            velocity=None,
+            command=None,
+            tries=tries,
+            seed=0,
+            flow=FlowForm.ISO6358,
         )
+        design, notes = designed(made.case, asked, silent)
         case = again(made, design, seed)
-        new, *_ = _both(case, hidden, wrong)
+        after = diagnose(case)
     return {
-        "seed": seed,
-        "hidden": hidden,
+        "hidden": HIDDEN,
         "sizes": dict(made.effects[0].parameters),
-        "wrong": wrong,
+        "wrong": WRONG,
         "distances": [one.as_dict() for one in design.distances],
+        "notes": notes,
         "seconds": design.seconds,
         "shares_of_limits": within(design, case.identify[0]),
-        "wrong_over_right": [apart(found, hidden, wrong) for found in (old, new)],
-        "sizes_found": [
-            {
-                name: found[hidden].parameters[name].value
-                for name in found[hidden].parameters.names
-                if name.startswith(hidden)
-            }
-            for found in (old, new)
-        ],
+        "said": [said(before), said(after)],
     }
 
 
-def apart(found: Mapping[str, OutputErrorResult], right: str, wrong: str) -> float:
-    """Return the residuals of the wrong model over those of the right one."""
-    return float(np.sqrt(np.mean((found[wrong].rms / found[right].rms) ** 2)))
-
-
-def _both(
-    case: Case, hidden: str, wrong: str
-) -> tuple[dict[str, OutputErrorResult], Any, Any, OutputErrorResult]:
-    before, start, table = gap.nominal(case)
-    nominal = before.result
-    if nominal is None:
-        raise RuntimeError(f"{case.folder}: {before.failure}")
-    found = {}
-    for name in (hidden, wrong):
-        one = before if name == NONE else gap.refit(name, before, start, case, table)
-        if one.result is None or one.failure:
-            raise RuntimeError(f"{case.folder}, {name}: {one.failure}")
-        found[name] = one.result
-    return found, start, table, nominal
+def said(found: Diagnosis) -> dict[str, Any]:
+    """Return a verdict, and what it gives to either effect."""
+    known = {one.label: one.probability for one in found.ranking}
+    return {
+        "verdict": found.verdict.value,
+        "effects": [one.name for one in found.effects],
+        "ambiguous": list(found.ambiguous),
+        "probability": {name: known.get(name, 0.0) for name in (HIDDEN, WRONG)},
+    }
 
 
 def lines(result: Mapping[str, Any]) -> str:
@@ -185,12 +175,14 @@ def lines(result: Mapping[str, Any]) -> str:
             f"axis {seed}: gain {one['gain']:.2f} predicted, real / predicted standard errors "
             f"{min(quotients):.2f} … {max(quotients):.2f}"
         )
-    for one in result["separation"]:
-        before, after = one["wrong_over_right"]
+    for seed, one in result["separation"].items():
         distances = ", ".join(f"{d['before']:.0f} → {d['after']:.0f}" for d in one["distances"])
+        odds = []
+        for name in (HIDDEN, WRONG):
+            before, after = (said["probability"][name] for said in one["said"])
+            odds.append(f"{name} {before:.2f} → {after:.2f}")
         told.append(
-            f"axis {one['seed']}, {one['hidden']} or {one['wrong']}: wrong / right residuals "
-            f"{before:.2f} → {after:.2f}, predicted distances {distances}"
+            f"axis {seed}, probabilities {', '.join(odds)}; predicted distances {distances}"
         )
     return "\n".join(told)
 
@@ -199,20 +191,18 @@ def main() -> None:
     """Run the benchmark from the command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--json", type=Path, help="write the figures to this file")
-    parser.add_argument("--seeds", type=int, default=4, help="axes for precision, from 0")
-    parser.add_argument("--quick", action="store_true", help="one axis, one pair, few references")
+    parser.add_argument("--seeds", type=int, default=4, help="axes, from 0")
+    parser.add_argument("--quick", action="store_true", help="one axis, few references")
     arguments = parser.parse_args()
-    tries = (20, 20) if arguments.quick else (100, 80)
+    tries = (20, 10) if arguments.quick else (100, 40)
     seeds = range(1 if arguments.quick else arguments.seeds)
     result: dict[str, Any] = {"duration_seconds": DURATION, "common_V": COMMON}
-    result["precision"], result["separation"] = {}, []
+    result["precision"], result["separation"] = {}, {}
     for seed in seeds:
+        result["separation"][str(seed)] = separation(seed, DURATION, tries[1])
         result["precision"][str(seed)] = precision(seed, DURATION, tries[0])
         print(lines(result), flush=True)
-    for pair in PAIRS[: 1 if arguments.quick else None]:
-        result["separation"].append(separation(*pair, DURATION, tries[1]))
-        print(lines(result), flush=True)
-    result |= provenance.made(None, arguments.quick) | {"seed": list(seeds)}
+    result |= provenance.made(None, arguments.quick, "numba") | {"seed": list(seeds)}
     provenance.write(arguments.json, result)
 
 
