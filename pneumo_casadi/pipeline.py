@@ -27,6 +27,7 @@ from pneumo_casadi.recording import Bench, Case, Recording, load_case, load_emps
 from pneumo_casadi.recording.emps import IDENTIFY as EMPS_FILE
 from pneumo_casadi.regression import Prediction, WLSResult, cross_validate, fit_wls
 from pneumo_casadi.servosystem import ForceAxis, Servosystem
+from pneumo_casadi.threads import one_thread
 from pneumo_casadi.uncertainty import Identifiability, Optimum, identifiability
 from pneumo_casadi.validation import Validation, validate
 
@@ -140,6 +141,7 @@ class Identification:
         return self.output_error.axis
 
 
+@one_thread
 def identify(
     case: Case | str | Path,
     options: IdentifyOptions | None = None,

@@ -8,7 +8,7 @@ import pneumo_casadi
 PACKAGE = Path(pneumo_casadi.__file__).parent
 SOURCES = sorted(PACKAGE.rglob("*.py"))
 LAYERS = [
-    ["errors", "progress"],
+    ["errors", "progress", "threads"],
     ["parameters"],
     ["recording"],
     ["testbed"],

@@ -21,6 +21,7 @@ from pneumo_casadi.output_error.information import AT_BOUND
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.progress import Progress, silent
 from pneumo_casadi.statistics import invert_information
+from pneumo_casadi.threads import one_thread
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,6 +91,7 @@ def parameters_of_interest(axis: Axis) -> tuple[str, ...]:
     return tuple(name for name in axis.parameters.free_names if name not in flow)
 
 
+@one_thread
 def design_for_precision(
     axis: Axis,
     recorded: Sequence[Reference],

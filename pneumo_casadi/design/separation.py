@@ -19,6 +19,7 @@ from pneumo_casadi.errors import ModelError
 from pneumo_casadi.flow import FlowMap
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.progress import Progress, silent
+from pneumo_casadi.threads import one_thread
 
 #: Below this refitted distance from the nominal axis under a reference with all kinds of motion
 #: an effect counts as absorbed: no sample shows it.
@@ -102,6 +103,7 @@ class Contest:
         return frozenset(found)
 
 
+@one_thread
 def design_to_separate(
     axes: Mapping[str, Axis],
     nominal: Axis,

@@ -189,7 +189,7 @@ def _polytropic(known: _Known) -> Iterator[Check]:
             (high - low) / 2 + K_MARGIN,
             "1",
             (
-                f"{text}: between isothermal and adiabatic.",
+                f"{text}: isothermal (1) to adiabatic (1.4), give or take what a fit misses.",
                 f"{text} is outside {low:g} (isothermal) to {high:g} (adiabatic): a leak, heat "
                 "or a sensor's lag hides in the chamber's parameters.",
             ),

@@ -36,6 +36,7 @@ from pneumo_casadi.errors import ModelError
 from pneumo_casadi.pipeline import FlowForm, IdentifyOptions, make_axis, open_case, read_flow
 from pneumo_casadi.progress import Progress, part, silent
 from pneumo_casadi.recording import Case, Recording
+from pneumo_casadi.threads import one_thread
 
 logger = logging.getLogger(__name__)
 
@@ -61,6 +62,7 @@ class DiagnosisOptions:
     keep: Path | None = None
 
 
+@one_thread
 def diagnose(
     case: Case | str | Path,
     catalogue: Catalogue | None = None,

@@ -34,6 +34,7 @@ from pneumo_casadi.diagnosis.study import FORM, Fitted, Study, fit, refined
 from pneumo_casadi.effect import Effect, Maker
 from pneumo_casadi.errors import FitError, ModelError
 from pneumo_casadi.progress import Progress, silent
+from pneumo_casadi.threads import one_thread
 
 Catalogue = Mapping[str, Maker]
 Names = tuple[str, ...]
@@ -379,6 +380,7 @@ def _second_thoughts(
     return min(options)[1]
 
 
+@one_thread
 def _elsewhere(packed: bytes, job: Callable[..., object], *given: object) -> object:
     return job(_unpacked(hashlib.sha256(packed).hexdigest(), packed), *given)
 

@@ -31,6 +31,7 @@ from pneumo_casadi.progress import Progress, silent
 from pneumo_casadi.recording import Recording
 from pneumo_casadi.sampled import SampledAxis
 from pneumo_casadi.statistics import stated_or_estimated_noise
+from pneumo_casadi.threads import one_thread
 
 logger = logging.getLogger(__name__)
 
@@ -41,6 +42,7 @@ REWEIGHTINGS = 40
 STEPPINGS = 3
 
 
+@one_thread
 def fit_output_error(
     axis: Axis,
     records: Sequence[Recording],

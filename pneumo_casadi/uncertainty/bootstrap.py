@@ -15,6 +15,7 @@ from pneumo_casadi.errors import FitError, ModelError
 from pneumo_casadi.output_error.derived import quantity
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.statistics import Estimate, delta_std, interval_factor
+from pneumo_casadi.threads import one_thread
 from pneumo_casadi.uncertainty.optimum import Optimum, solve
 from pneumo_casadi.uncertainty.pull import metered_again
 from pneumo_casadi.uncertainty.replicates import Replicate, ReplicateFolder, fingerprint
@@ -278,6 +279,7 @@ def _refits(
     return found
 
 
+@one_thread
 def _refit(optimum: Optimum, plan: _Plan, index: int) -> Replicate:
     problem, result = optimum.problem, optimum.result
     drawn = plan.drawn(index)

@@ -6,6 +6,7 @@ import numpy as np
 
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.statistics import invert_information
+from pneumo_casadi.threads import one_thread
 from pneumo_casadi.uncertainty.collinearity import (
     CollinearGroup,
     collinear_groups,
@@ -104,6 +105,7 @@ class Identifiability:
         return {self.sources[i]: float(column[i]) for i in order}
 
 
+@one_thread
 def identifiability(
     optimum: Optimum, collinearity: float = 10.0, correlation: float = 0.95
 ) -> Identifiability:

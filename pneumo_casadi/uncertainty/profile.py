@@ -10,6 +10,7 @@ import numpy as np
 from pneumo_casadi.errors import FitError, ModelError
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.statistics import interval_factor
+from pneumo_casadi.threads import one_thread
 from pneumo_casadi.uncertainty.optimum import Optimum
 from pneumo_casadi.uncertainty.walk import End, Point, Walk, crossing, inflation
 
@@ -104,6 +105,7 @@ class Profile:
         return found[0], found[1]
 
 
+@one_thread
 def profile_likelihood(optimum: Optimum, name: str, level: float = 0.95) -> Profile:
     """Profile the cost over a parameter or a derived quantity.
 

@@ -33,6 +33,7 @@ from pneumo_casadi.errors import PneumoError
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.recording import load_case
 from pneumo_casadi.result_file import write_json
+from pneumo_casadi.threads import one_thread
 from pneumo_casadi.withheld.draw import Draw, make_twin
 
 #: A cause shows where it more than doubles the energy of a residual (1.5² = 2.25): what is missing
@@ -43,6 +44,7 @@ VISIBLE = 1.5
 MOST, BEAM = 2, 4
 
 
+@one_thread
 def measure_one(
     folder: Path, case: Path, draw: Draw, named: Collection[str], duration: float, fs: float
 ) -> None:
