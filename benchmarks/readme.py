@@ -472,6 +472,39 @@ def _counted(cell: Mapping[str, int]) -> str:
     return f"{cell['right_first']} of {cell['of']}" + (f", {hidden} not visible" if hidden else "")
 
 
+def batch(result: Mapping[str, Any]) -> str:
+    """Return what a batch costs beside its diagnoses, and how much faster two workers are."""
+    head = ["executor", "workers", "work a case, s", "outside it, ms", "outside, %", "speed-up"]
+    body = [
+        [
+            name,
+            f"{one['workers']}",
+            f"{one['work_per_case_s']:.1f}",
+            f"{1e3 * one['outside_s_per_case']:.1f}",
+            f"{one['outside_percent']:.2f}",
+            f"{one['speed_up']:.2f}",
+        ]
+        for name, one in result["executors"].items()
+    ]
+    return rows(head, body)
+
+
+def designs(result: Mapping[str, Any]) -> str:
+    """Return what designed experiments promised, and what they gave."""
+    head = ["axis", "gain predicted", "real / predicted standard errors"]
+    sample = next(iter(result["separation"].values()))
+    names = sample["hidden"], sample["wrong"]
+    head += [f"probability of {name}" for name in names]
+    body = []
+    for axis, one in result["precision"].items():
+        quotients = [p["real"] / p["predicted"] for p in one["parameters"].values()]
+        told = result["separation"][axis]["said"]
+        odds = [" → ".join(f"{said['probability'][name]:.2f}" for said in told) for name in names]
+        span = f"{min(quotients):.2f} to {max(quotients):.2f}"
+        body.append([axis, f"{one['gain']:.2f}", span, *odds])
+    return rows(head, body)
+
+
 def _moves(one: Mapping[str, Any]) -> str:
     if one["verdict"] != "absorbed":
         return ""
@@ -507,8 +540,6 @@ TABLES: dict[str, tuple[Callable[[Mapping[str, Any]], str], str]] = {
     "practice": (practice, "practice"),
     "effect_visibility": (effect_visibility, "effect_visibility"),
     "verdicts": (verdicts, "practice_verdicts"),
-    "withheld": (withheld, "withheld"),
-    "withheld_effects": (withheld_effects, "withheld"),
 }
 
 
