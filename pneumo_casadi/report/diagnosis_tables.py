@@ -228,14 +228,14 @@ def percent(value: float) -> str:
 
     Examples
     --------
-    >>> percent(0.034), percent(3.14), percent(31.4), percent(314.0), percent(1e-7)
-    ('0.034 %', '3.1 %', '31 %', '314 %', '0 %')
+    >>> percent(0.0011), percent(3.14), percent(31.4), percent(314.0), percent(1e-7)
+    ('0.0011 %', '3.1 %', '31 %', '314 %', '0 %')
     """
     return f"{value:.0f} %" if abs(value) >= 9.95 else f"{_small(value)} %"
 
 
 def _small(value: float) -> str:
-    return "0" if abs(value) < 5e-3 else f"{value:#.2g}"
+    return "0" if abs(value) < 5e-5 else f"{value:#.2g}"
 
 
 def chance(probability: float) -> str:
