@@ -98,6 +98,8 @@ def unknown_inputs(axis: Axis, values: Mapping[str, float], data: Smoothed) -> U
     every = max(1, round(NODE / data.dt))
     h = every * data.dt
     f, A = along_motion(axis, theta, data)
+    if axis.flow is None:  # a force is measured like the motion, and must be filtered alike
+        f = np.stack([data.smooth(row) for row in f])
     K = data.N // every
     nodes = data.x[:, : K * every : every]
     rate, slope = (_blocks(part, every, K) for part in (f, A.reshape(-1, data.N)))

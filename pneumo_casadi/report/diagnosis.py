@@ -122,6 +122,24 @@ def described_as(name: str, catalogue: Catalogue = CATALOGUE) -> str:
     return text.splitlines()[0].replace("`", "") if text else "An effect of your own."
 
 
+def where_sentences(found: Diagnosis, catalogue: Catalogue = CATALOGUE) -> tuple[str, ...]:
+    """Return where the gap lies, in words."""
+    return tuple(said_plainly(text, catalogue) for text in found.where.words)
+
+
+def said_plainly(text: str, catalogue: Catalogue = CATALOGUE) -> str:
+    """Return a sentence with the names of effects as one says them.
+
+    Examples
+    --------
+    >>> said_plainly("position_delay may be part of it; k_P is 1.2")
+    'position delay may be part of it; k_P is 1.2'
+    """
+    for name in sorted({*CATALOGUE, *catalogue}, key=len, reverse=True):
+        text = text.replace(name, plain(name))
+    return text
+
+
 def size_title(found: Diagnosis) -> str:
     """Return the heading of what is said of the gap's size."""
     return "How far the gap closes" if has_after(found) else "How large the gap is"
@@ -170,7 +188,7 @@ def alternative_sentences(found: Diagnosis, catalogue: Catalogue = CATALOGUE) ->
     if found.effects and outside > OUTSIDE:
         parts.append(f"That the cause is none of the catalogue has probability {chance(outside)}.")
     if found.verdict is Verdict.UNKNOWN and found.hint:
-        parts.append(f"A hint: {found.hint}.")
+        parts.append(f"A hint: {said_plainly(found.hint, catalogue)}.")
     sure = found.verdict is Verdict.EFFECT and min(e.probability for e in found.effects) > SURE
     if found.where.rivals and not sure:
         parts.append(
@@ -205,7 +223,7 @@ def summary_text(found: Diagnosis, catalogue: Catalogue = CATALOGUE) -> str:
     """
     checks = [f"{'ok ' if ok else 'NOT'}  {text}" for ok, text in check_sentences(found)]
     sections = [
-        ("Where", found.where.words),
+        ("Where", where_sentences(found, catalogue)),
         ("Which effect", cause_sentences(found, catalogue)),
         (size_title(found), size_sentences(found)),
         ("What else it could be", alternative_sentences(found, catalogue)),

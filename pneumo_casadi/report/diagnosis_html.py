@@ -18,6 +18,7 @@ from pneumo_casadi.report.diagnosis import (
     size_sentences,
     size_title,
     summary_text,
+    where_sentences,
 )
 from pneumo_casadi.report.diagnosis_tables import (
     between,
@@ -99,7 +100,7 @@ def _sections(
 
     return [
         _Section(
-            "where", "Where", found.where.words, drawn("where", "unknown_inputs"),
+            "where", "Where", where_sentences(found, catalogue), drawn("where", "unknown_inputs"),
             [regime_table(found)],
         ),
         _Section(
