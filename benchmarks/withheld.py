@@ -42,13 +42,16 @@ def main() -> None:
     parser.add_argument("--json", type=Path, help="write the figures to this file")
     parser.add_argument("--figure", type=Path, help="write the figure to this PNG file")
     parser.add_argument("--keep", type=Path, help="keep cases and verdicts here, and go on there")
+    parser.add_argument("--rivals", type=int, help="ask rivals of so many cases; by default of all")
     parser.add_argument("--quick", action="store_true", help="two cases of four seconds")
     arguments = parser.parse_args()
     logging.disable(logging.WARNING)
     cases, duration = (2, 4.0) if arguments.quick else (arguments.cases, 20.0)
     with ExitStack() as stack:
         folder = arguments.keep or Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        result = check(folder, cases, arguments.seed, arguments.workers, duration, told)
+        result = check(
+            folder, cases, arguments.seed, arguments.workers, duration, told, arguments.rivals
+        )
     print(render(withheld_table(result)))
     result = provenance.made(result["seed"], arguments.quick, "numba") | result
     provenance.write(arguments.json, result)

@@ -31,6 +31,9 @@ def withheld(
     ] = None,
     workers: Annotated[int, typer.Option(min=1, help="Cases at a time.")] = 1,
     duration: Annotated[float, typer.Option(help="Of each record [s].")] = 20.0,
+    rivals: Annotated[
+        int | None, typer.Option(min=0, help="Ask simple rivals of so many cases; default: all.")
+    ] = None,
     json_file: Annotated[
         Path | None, typer.Option("--json", metavar="FILE", help="Also write the scores here.")
     ] = None,
@@ -44,7 +47,7 @@ def withheld(
     """
     with guarded(debug, f"what was finished is in {output}: call it again to go on"):
         with progress_bar() as report:
-            found = check(output, cases, seed, workers, duration, report)
+            found = check(output, cases, seed, workers, duration, report, rivals)
         show(withheld_table(found))
         target = output / "withheld.png"
         target.write_bytes(png(withheld_figure(found)))
@@ -54,7 +57,13 @@ def withheld(
 
 
 def check(
-    folder: Path, cases: int, seed: int | None, workers: int, duration: float, report: Progress
+    folder: Path,
+    cases: int,
+    seed: int | None,
+    workers: int,
+    duration: float,
+    report: Progress,
+    rivals: int | None = None,
 ) -> dict[str, Any]:
     """Run the sealed check in a folder and return its scores.
 
@@ -72,6 +81,8 @@ def check(
         Of each record [s].
     report : callable
         Called with a text and the share of the present stage.
+    rivals : int, optional
+        Cases of which simple rivals are asked.
 
     Raises
     ------
@@ -85,7 +96,10 @@ def check(
     chosen = _seed_of(folder) if seed is None else seed
     with ProcessPoolExecutor(workers, initializer=_leave_interruption_to_the_parent) as executor:
         found = check_withheld(
-            folder, WithheldOptions(cases, chosen, duration=duration), executor, progress=report
+            folder,
+            WithheldOptions(cases, chosen, duration=duration, rivals=rivals),
+            executor,
+            progress=report,
         )
     return {**found, "seed": chosen, "duration_seconds": duration}
 

@@ -10,8 +10,8 @@ from typing import Any
 
 from pneumo_casadi.progress import Progress
 from pneumo_casadi.result_file import write_json
-from pneumo_casadi.withheld.draw import Draw, Proportions, draw_cases
-from pneumo_casadi.withheld.measure import measure_one
+from pneumo_casadi.withheld.draw import Draw, Kind, Proportions, draw_cases
+from pneumo_casadi.withheld.measure import measure_one, rivals_of_one
 from pneumo_casadi.withheld.run import (
     CASES,
     Diagnosing,
@@ -24,7 +24,9 @@ from pneumo_casadi.withheld.said import said
 from pneumo_casadi.withheld.score import Judged, scored
 from pneumo_casadi.withheld.seal import opened, seal
 
-MEASURES, SCORES = "measures", "scores.json"
+MEASURES, RIVALS, SCORES = "measures", "rivals", "scores.json"
+#: What rivals are asked about.
+ASKED_OF_RIVALS = (Kind.SINGLE, Kind.PAIR, Kind.NONE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +43,9 @@ class WithheldOptions:
         Of the kinds.
     duration, fs : float
         Length of each record [s] and sampling frequency [Hz].
+    rivals : int or None
+        Of so many cases, in the order of the draw, simple rivals are asked too; None for all. They
+        fit every effect of the catalogue and take longer than the diagnosis.
     """
 
     cases: int = 160
@@ -48,6 +53,7 @@ class WithheldOptions:
     proportions: Proportions = field(default_factory=Proportions)
     duration: float = 20.0
     fs: float = 1000.0
+    rivals: int | None = None
 
 
 def check_withheld(
@@ -60,8 +66,8 @@ def check_withheld(
     """Draw, seal, diagnose, open and score; what the folder holds of it already is kept.
 
     The folder gets ``seal.json`` and ``labels.sealed``, then ``cases/``, ``verdicts/``, and once
-    every verdict is there ``opened.json``, ``measures/`` and ``scores.json``. Whoever interrupts it
-    loses the cases in work, no more.
+    every verdict is there ``opened.json``, ``measures/``, ``rivals/`` and ``scores.json``. Whoever
+    interrupts it loses the cases in work, no more.
 
     Parameters
     ----------
@@ -111,14 +117,21 @@ def _measure(
     progress: Progress | None,
 ) -> dict[str, dict[str, Any]]:
     """Measure what is not measured yet, and return all of it by case."""
-    target = folder / MEASURES
-    tasks = {}
+    sizes, rivals = {}, {}
     for one in draws:
-        if (target / f"{one.name}.json").is_file():
-            continue
         case, named = folder / CASES / one.name, sorted(said(verdicts[one.name]).named)
-        tasks[one.name] = partial(
-            measure_one, target, case, one, named, options.duration, options.fs
+        sizes[one.name] = partial(
+            measure_one, folder / MEASURES, case, one, named, options.duration, options.fs
         )
-    in_turn("measuring", tasks, executor, progress)
-    return {one.name: json.loads((target / f"{one.name}.json").read_text("utf-8")) for one in draws}
+        if one.kind in ASKED_OF_RIVALS:
+            rivals[one.name] = partial(rivals_of_one, folder / RIVALS, case, one)
+    asked = dict(list(rivals.items())[: options.rivals])
+    found: dict[str, dict[str, Any]] = {one.name: {} for one in draws}
+    for text, name, tasks in (("measuring", MEASURES, sizes), ("asking rivals", RIVALS, asked)):
+        target = folder / name
+        missing = {k: v for k, v in tasks.items() if not (target / f"{k}.json").is_file()}
+        in_turn(text, missing, executor, progress)
+        for key in tasks:
+            known = json.loads((target / f"{key}.json").read_text("utf-8"))
+            found[key] = known | found[key]
+    return found

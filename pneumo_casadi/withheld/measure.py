@@ -49,12 +49,25 @@ def measure_one(
     folder: Path, case: Path, draw: Draw, named: Collection[str], duration: float, fs: float
 ) -> None:
     """Measure one case and write the figures to ``folder/NAME.json``."""
-    try:
+
+    def figures() -> dict[str, Any]:
         with tempfile.TemporaryDirectory() as scratch:
             twin, _ = prepare(make_twin(draw, Path(scratch) / "twin", duration, fs))
             floor = size(fit(twin, ()))
-        one, _ = prepare(load_case(case))
-        found = measured(one, floor, draw, named)
+        return measured(prepare(load_case(case))[0], floor, draw, named)
+
+    _write(figures, folder, draw)
+
+
+@one_thread
+def rivals_of_one(folder: Path, case: Path, draw: Draw) -> None:
+    """Write what simple rivals make of one case to ``folder/NAME.json``."""
+    _write(lambda: rivals(Models.of(prepare(load_case(case))[0], draw.without)), folder, draw)
+
+
+def _write(figures: Callable[[], dict[str, Any]], folder: Path, draw: Draw) -> None:
+    try:
+        found = figures()
     except (PneumoError, np.linalg.LinAlgError) as error:
         found = {"failure": f"{type(error).__name__}: {error}"}
     write_json(found, folder / f"{draw.name}.json")
@@ -88,7 +101,6 @@ def measured(one: Study, floor: FloatArray, draw: Draw, named: Collection[str]) 
         "visible": bool(np.any(before > VISIBLE * floor)),
         "oracle_shrink": shrink(draw.effects) if knows else None,
         "named_shrink": shrink(named) if knows else None,
-        **rivals(models),
     }
 
 

@@ -22,7 +22,7 @@ from pneumo_casadi.withheld import (
     measure,
 )
 from pneumo_casadi.withheld.draw import Draw, make
-from pneumo_casadi.withheld.measure import measure_one
+from pneumo_casadi.withheld.measure import measure_one, rivals_of_one
 
 SHORT = {"duration": 4.0, "fs": 500.0}
 OPTIONS = WithheldOptions(3, 3, Proportions(1, 0, 1, 0, 0, 1), **SHORT)
@@ -49,7 +49,11 @@ def unmeasured(monkeypatch):
         assert (case / "bench.json").is_file()
         write_json({"visible": bool(draw.effects)}, folder / f"{draw.name}.json")
 
+    def ask(folder, case, draw):
+        write_json({"by_error": ["stribeck"], "by_aic": []}, folder / f"{draw.name}.json")
+
     monkeypatch.setattr(check, "measure_one", write)
+    monkeypatch.setattr(check, "rivals_of_one", ask)
 
 
 def test_a_diagnosis_that_always_says_stribeck_scores_as_it_must(
@@ -79,7 +83,7 @@ def test_a_diagnosis_that_always_says_stribeck_scores_as_it_must(
     names = {path.name for path in tmp_path.iterdir()}
     assert names == {
         *("seal.json", "labels.sealed", "opened.json", "scores.json"),
-        *("cases", "verdicts", "measures"),
+        *("cases", "verdicts", "measures", "rivals"),
     }
 
 
@@ -94,6 +98,8 @@ def test_a_large_cause_shows_and_an_oracle_removes_more_than_another_effect(tmp_
     assert found["rms"]["force"] > 3 * found["twin_rms"]["force"]
     assert 0 < found["named_shrink"] < found["oracle_shrink"] - 0.1
     assert found["oracle_shrink"] > 0.5
+    rivals_of_one(tmp_path / "rivals", case, draw)
+    found = json.loads((tmp_path / "rivals" / "w001.json").read_text())
     assert found["by_error"] == ["stribeck", "quadratic_drag"], "no drive on this axis"
     assert found["by_aic"][0] == "stribeck"
 
