@@ -153,8 +153,9 @@ def diagnose(
 def _weighed(judgement: Judgement, checks: Sequence[Check]) -> tuple[Verdict, tuple[str, ...]]:
     """Hold the verdict against the parameters; return it with what may hide in them.
 
-    An effect that leaves a part of the gap and needs pistons that the bench has not stands for
-    another one. Where the gap is near the noise, a wrong piston tells more than what closes it.
+    An effect that leaves a part of the gap and needs pistons or a mass that the bench has not
+    stands for another one. Where the gap is near the noise, a wrong piston tells more than what
+    closes it.
     """
     verdict = judgement.verdict
     hidden = absorbed_candidates(checks)
@@ -162,7 +163,8 @@ def _weighed(judgement: Judgement, checks: Sequence[Check]) -> tuple[Verdict, tu
     faint = float(np.max(judgement.excess)) < FAINT
     if verdict is Verdict.NONE or (faint and wrong_area and verdict is not Verdict.UNKNOWN):
         return (Verdict.ABSORBED, hidden) if hidden else (verdict, ())
-    doubtful = wrong_area and judgement.unexplained > DOUBTFUL
+    wrong_body = wrong_area or any(not one.agrees for one in checks if one.name == "M")
+    doubtful = wrong_body and judgement.unexplained > DOUBTFUL
     if doubtful and verdict in (Verdict.EFFECT, Verdict.AMBIGUOUS):
         return Verdict.UNKNOWN, ()
     return verdict, ()

@@ -63,6 +63,9 @@ class Screened:
         Share of the squared residuals that it takes away.
     observable : float
         Share of its influence that the nominal parameters cannot take up.
+    felt : bool
+        Whether it has any influence where it is small: a back pressure that leaves the valves
+        choked has none.
     starts : tuple of mapping of str to float
         Shapes from which a refit had better start, the most promising first: one for each sign
         that a shape may have.
@@ -71,6 +74,7 @@ class Screened:
     name: str
     explained: float
     observable: float
+    felt: bool
     starts: tuple[Mapping[str, float], ...]
 
 
@@ -190,7 +194,8 @@ def screened(name: str, found: Sequence[Direction], behind: Background) -> Scree
     starts: dict[tuple[bool, ...], Mapping[str, float]] = {}
     for _, _, values in promises:
         starts.setdefault(tuple(value < 0 for value in values.values()), values)
-    return Screened(name, promises[0][0], observable, tuple(starts.values()))
+    felt = any(np.any(one.columns) for one in found)
+    return Screened(name, promises[0][0], observable, felt, tuple(starts.values()))
 
 
 def _promise(one: Direction, behind: Background) -> tuple[float, float]:

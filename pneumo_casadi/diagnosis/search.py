@@ -47,6 +47,8 @@ FAULTS = (FitError, ModelError, ArithmeticError, np.linalg.LinAlgError)
 MOST = 3
 #: Effects refitted in the first round, and in later ones, in the order of the screen.
 FIRST_ROUND, LATER_ROUNDS = 10, 5
+#: So many effects besides that were accepted alone, whatever the screen thinks of them later.
+ALONE = 3
 #: An effect that explains less than this share is not refitted.
 HOPELESS = 1e-3
 #: A gain of log σ in one balance that matters, on held-out data; see `accepted`.
@@ -153,6 +155,12 @@ class Searcher:
         What may be the cause.
     executor : Executor or None
         Where the fits run; None for this process.
+    store : Store or None
+        Finished fits on disk.
+    fits, failures, directions, polished, settled
+        What is known so far; see `Search`.
+    alone : tuple of str
+        Effects accepted alone, the best first.
     """
 
     study: Study
@@ -164,6 +172,7 @@ class Searcher:
     directions: dict[str, tuple[Direction, ...]] = field(default_factory=dict)
     polished: dict[Names, Fitted] = field(default_factory=dict)
     settled: dict[Names, float] = field(default_factory=dict)
+    alone: Names = ()
 
     def __post_init__(self) -> None:
         self._packed = pickle.dumps(self.study) if self.executor is not None else b""
@@ -257,13 +266,13 @@ def search(
     first = worker.over(background(one, nominal, nominal))
     report("refitting single effects", 0.3)
     chosen = [n for n, s in first.items() if s.explained > HOPELESS][:FIRST_ROUND]
-    unfelt = [n for n, s in first.items() if s.observable == 0.0 and n not in chosen]
+    unfelt = [n for n, s in first.items() if not s.felt and n not in chosen]
     worker.fit_all(
         {
             (name,): (
                 nominal.values,
                 first[name].starts,
-                nominal.cost if first[name].observable == 0.0 else None,
+                None if first[name].felt else nominal.cost,
             )
             for name in (*chosen, *unfelt)
         }
@@ -300,6 +309,8 @@ def _forward(
             and (not known or len(set(key) & set(known)) >= round_)
             and accepted(nominal, current, fitted, by)
         ]
+        if not round_:
+            worker.alone = tuple(key[0] for _, key in sorted(options))
         if not options:
             found = _sensed(worker, nominal, current, known, by)
             path += [] if found is None else [found]
@@ -358,9 +369,19 @@ def _settled(worker: Searcher, nominal: Fitted, names: Names) -> bool:
 def _extend(worker: Searcher, nominal: Fitted, current: Fitted, known: Names) -> None:
     """Fit the most promising additions to a model."""
     behind = background(worker.study, nominal, current, worker.effects(known))
-    promising = list(worker.over(behind, known).values())[:LATER_ROUNDS]
+    screened = worker.over(behind, known)
+    tried = dict.fromkeys(list(screened)[:LATER_ROUNDS])
+    alone = [name for name in worker.alone if name in screened and name not in tried][:ALONE]
+    unfelt = [name for name, one in screened.items() if not one.felt]
     worker.fit_all(
-        {worker.key((*known, one.name)): (current.values, one.starts, None) for one in promising}
+        {
+            worker.key((*known, name)): (
+                current.values,
+                screened[name].starts,
+                None if screened[name].felt else current.cost,
+            )
+            for name in dict.fromkeys((*tried, *alone, *unfelt))
+        }
     )
 
 
