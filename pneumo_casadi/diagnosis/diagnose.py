@@ -45,6 +45,8 @@ AREAS = ("S_P", "S_N", "S_N/S_P")
 #: Residuals over the noise floor up to which a gap is faint, and the share of the gap left from
 #: which an effect that comes with a wrong area is not believed.
 FAINT, DOUBTFUL = 5.0, 0.1
+#: Probability that what hides in the parameters is among those that can: 14 of 16 on the bench.
+HIDDEN = 0.8
 #: Share of a record that is held out where a case has no validation record.
 HELD_OUT = 0.4
 
@@ -291,7 +293,8 @@ def _ranking(
         Candidate(failed.effects, 0.0, None, 0.0, 0.0, {}, failed.reason)
         for failed in found.failures
     ]
-    absorbed = [Candidate((name,), 1 / (1 + len(hidden)), None, 0.0, 0.0) for name in hidden]
+    shared = HIDDEN / max(len(hidden), 1)
+    absorbed = [Candidate((name,), shared, None, 0.0, 0.0) for name in hidden]
     rest = [one for one in ranked if not (len(one.names) == 1 and one.names[0] in hidden)]
     return (*absorbed, *rest)
 

@@ -33,11 +33,11 @@ VERDICTS = {
 #: Candidates less probable than this are not worth a sentence.
 WORTH_NAMING = 0.01
 #: An effect more probable than this sends nobody to the sensors first.
-SURE = 0.9
+SURE = 0.85
 #: Parameters of one effect that a sentence tells at most.
 TOLD = 4
 #: What is left for causes outside the catalogue is told from this probability on.
-OUTSIDE = 0.05
+OUTSIDE = 0.1
 
 
 def headline(found: Diagnosis) -> str:
