@@ -468,8 +468,8 @@ def withheld_effects(result: Mapping[str, Any]) -> str:
 
 
 def _counted(cell: Mapping[str, int]) -> str:
-    hidden = cell["of"] - cell["visible"]
-    return f"{cell['right_first']} of {cell['of']}" + (f", {hidden} not visible" if hidden else "")
+    told = f"{cell['right_first']} of {cell['of']}"
+    return told if cell["visible"] == cell["of"] else f"{told} ({cell['visible']} visible)"
 
 
 def batch(result: Mapping[str, Any]) -> str:
@@ -540,6 +540,8 @@ TABLES: dict[str, tuple[Callable[[Mapping[str, Any]], str], str]] = {
     "practice": (practice, "practice"),
     "effect_visibility": (effect_visibility, "effect_visibility"),
     "verdicts": (verdicts, "practice_verdicts"),
+    "withheld": (withheld, "withheld"),
+    "withheld_effects": (withheld_effects, "withheld"),
 }
 
 

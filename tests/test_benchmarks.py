@@ -62,3 +62,33 @@ def test_real_closed_loops_err_less_than_published():
         for record, theirs in found["authors"]["closed_loop"].items():
             for signal in ("position", "velocity"):
                 assert ours[record][signal] < theirs[signal]
+
+
+def test_causes_withheld_are_named_and_nothing_else_is():
+    found = result("withheld")
+    every, visible = (found["scores"][key] for key in ("all", "visible"))
+    assert found["cases"] >= 150 and found["duration_seconds"] == 20 and not found["unmeasured"]
+    assert every["right_first"]["percent"] >= 70 and visible["right_first"]["percent"] >= 90
+    assert visible["set_covers"]["percent"] >= 95 and every["set_size"]["mean"] <= 1.5
+    assert every["false_alarm"]["percent"] <= 4 and every["false_unknown"]["percent"] <= 5
+    assert visible["located"]["percent"] >= 92
+    assert every["pair_both"]["percent"] >= 65
+    assert every["shrink_of_oracle"]["median"] >= 0.9
+    assert every["failed"]["hits"] == 0
+
+
+def test_practice_cases_are_told_right_and_in_time():
+    found = result("practice_verdicts")
+    assert found["right"] >= 11 and found["of"] == 12
+    assert found["longest_s"] < 60 and found["peak_GiB"] < 2 / 1.0737
+
+
+def test_verdicts_without_labels_are_there_for_all_cases():
+    cases = {
+        name: one
+        for name, one in result("blind_verdicts").items()
+        if isinstance(one, dict) and "verdict" in one
+    }
+    assert len(cases) == 18
+    for name, one in cases.items():
+        assert {"verdict", "effects", "ranking", "where", "gap"} <= one.keys(), name
