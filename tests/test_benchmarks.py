@@ -92,3 +92,22 @@ def test_verdicts_without_labels_are_there_for_all_cases():
     assert len(cases) == 18
     for name, one in cases.items():
         assert {"verdict", "effects", "ranking", "where", "gap"} <= one.keys(), name
+
+
+def test_designed_experiments_keep_their_promise_on_the_bench():
+    found = result("design")
+    assert len(found["precision"]) >= 4
+    for axis, one in found["precision"].items():
+        assert one["gain"] > 1.2
+        for name, errors in one["parameters"].items():
+            assert errors["real"] == pytest.approx(errors["predicted"], rel=0.3), (axis, name)
+
+
+def test_a_designed_experiment_resolves_what_the_ordinary_record_leaves_open():
+    resolved = 0
+    for one in result("design")["separation"].values():
+        before, after = one["said"]
+        assert after["effects"] == [one["hidden"]] and not after["ambiguous"]
+        assert after["probability"][one["wrong"]] < 0.1 < 0.8 < after["probability"][one["hidden"]]
+        resolved += one["wrong"] in before["ambiguous"]
+    assert resolved >= 3
