@@ -148,8 +148,9 @@ def run(number: int, duration: float, empty: int, diagnosing: Diagnosing) -> dic
     """Measure all executors on the same cases."""
     with tempfile.TemporaryDirectory() as held:
         cases = make_cases(Path(held) / "cases", number, duration)
-        # Compiles models; counts for nobody.
-        diagnose_many(cases[:1], keep=Path(held) / "first", diagnosing=diagnosing)
+        # Compiles every model that any case asks for; counts for nobody.
+        with processes(WORKERS) as pool:
+            diagnose_many(cases, pool, keep=Path(held) / "first", diagnosing=diagnosing)
         openings: dict[str, AbstractContextManager[Executor | None]]
         openings = {"in turn": processes(1), "processes": processes(WORKERS)}
         if find_spec("distributed") is not None:
