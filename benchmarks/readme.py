@@ -540,6 +540,7 @@ TABLES: dict[str, tuple[Callable[[Mapping[str, Any]], str], str]] = {
     "practice": (practice, "practice"),
     "effect_visibility": (effect_visibility, "effect_visibility"),
     "verdicts": (verdicts, "practice_verdicts"),
+    "batch": (batch, "batch"),
     "designs": (designs, "design"),
     "withheld": (withheld, "withheld"),
     "withheld_effects": (withheld_effects, "withheld"),

@@ -111,3 +111,11 @@ def test_a_designed_experiment_resolves_what_the_ordinary_record_leaves_open():
         assert after["probability"][one["wrong"]] < 0.1 < 0.8 < after["probability"][one["hidden"]]
         resolved += one["wrong"] in before["ambiguous"]
     assert resolved >= 3
+
+
+def test_a_batch_costs_little_beside_its_diagnoses():
+    found = result("batch")
+    assert {"in turn", "processes", "dask"} <= found["executors"].keys()
+    for name, one in found["executors"].items():
+        assert one["outside_percent"] < 5 and one["same_verdicts"], name
+    assert found["executors"]["processes"]["speed_up"] > 1.5
