@@ -65,6 +65,8 @@ def build(output: Path, modules: Sequence[str] = MODULES) -> Path:
         with warnings.catch_warnings():
             # Without Node.js the search index is made by the page itself.
             warnings.filterwarnings("ignore", "pdoc failed to build search index")
+            # Installed, and begun in the folder of its sources: the installed one is meant.
+            warnings.filterwarnings("ignore", "'pneumo_casadi' may refer to")
             pdoc.pdoc(*modules, output_directory=draft)
         if output.exists():
             shutil.rmtree(output)

@@ -147,6 +147,8 @@ class Effect:
     passive : bool
         Whether it only takes energy from the motion, or gives back what it has stored.
 
+    masses : tuple of str
+        Parameters that are part of the moving mass [kg]: who weighs it weighs them too.
     metered : bool
         Whether a valve has it while its flow map is metered, being a matter of its shape: what it
         does at the spool is then held against the metered points too.
@@ -180,6 +182,7 @@ class Effect:
     confused_with: ClassVar[tuple[str, ...]] = ()
     separated_by: ClassVar[str] = ""
     passive: ClassVar[bool] = False
+    masses: ClassVar[tuple[str, ...]] = ()
     metered: ClassVar[bool] = False
     needs_chambers: ClassVar[bool] = False
 

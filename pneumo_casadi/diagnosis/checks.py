@@ -65,7 +65,10 @@ class _Known:
 def checks_of(one: Study, fit: Fitted, effects: Sequence[Effect] = ()) -> tuple[Check, ...]:
     """Check a fit with some effects: its parameters, what it did to the flow map, and the map."""
     pull, misfit = map_pull_of(one, fit.values, effects), map_misfit_of(one)
-    return check_parameters(one.axis, fit.values, fit.std, pull, misfit)
+    parts = [f"{effect.name}.{name}" for effect in effects for name in effect.masses]
+    values = dict(fit.values) | {"M": sum(fit.values[name] for name in ("M", *parts))}
+    std = dict(fit.std) | {"M": hypot(*(fit.std.get(name, 0.0) for name in ("M", *parts)))}
+    return check_parameters(one.axis, values, std, pull, misfit)
 
 
 def check_parameters(

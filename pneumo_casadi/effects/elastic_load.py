@@ -27,6 +27,7 @@ class ElasticLoad(Effect):
     confused_with = ("M", "backlash", "presliding", "hose")
     separated_by = "a sweep of frequencies at several amplitudes: the resonance stays where it is"
     passive = True
+    masses = ("m_2",)
     parameters = (
         Parameter(
             "m_2",
