@@ -8,6 +8,7 @@ import pytest
 from pneumo_casadi.diagnosis.absorbed import absorbed_candidates
 from pneumo_casadi.diagnosis.checks import check_parameters, checks_of
 from pneumo_casadi.diagnosis.study import fit, study
+from pneumo_casadi.effects import ElasticLoad
 from pneumo_casadi.output_error.result import MapPull
 from pneumo_casadi.pipeline import IdentifyOptions, make_axis, read_flow
 from pneumo_casadi.recording import load_case
@@ -95,6 +96,19 @@ def test_mass_volume_index_and_map_each_tell_their_tale(axis):
     assert set(failing(axis, plausible(axis.bench, k=(1.0, 1.35)))) == {"k_P-k_N"}
     assert set(failing(axis, base, MapPull(1.6, 1.0))) == {"flow map"}
     assert set(failing(axis, base, MapPull(1.0, 1.05))) == {"flow scale"}
+
+
+def test_what_was_weighed_is_the_piston_with_its_elastic_load(axis):
+    case = SimpleNamespace(axis=axis, anchor=None, flow_map=None, anchor_with=lambda _: None)
+    values = plausible(axis.bench)
+    values |= {"M": 0.7 * values["M"], "elastic_load.m_2": 0.3 * values["M"]}
+    fitted = SimpleNamespace(values=values, std={"M": 1e-3, "elastic_load.m_2": 1e-3})
+
+    def agrees(*effects):
+        (mass,) = (one for one in checks_of(case, fitted, effects) if one.name == "M")
+        return mass.agrees
+
+    assert agrees(ElasticLoad()) and not agrees()
 
 
 def test_a_parameter_that_the_data_do_not_tell_contradicts_nothing(axis):
