@@ -14,7 +14,8 @@ def one_thread(work: Callable[P, T]) -> Callable[P, T]:
     """Run a function with one thread of linear algebra.
 
     More of them wait for each other longer than they compute, the more so where processes share
-    the machine: a job of 22 s was seen to take 96 s on two busy cores. The caller's setting comes back.
+    the machine: a job of 22 s was seen to take 96 s on two busy cores. The caller's setting comes
+    back.
 
     Examples
     --------
