@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 from gap import finite, gaps
 
+from pneumo_casadi.diagnosis.along import senses
 from pneumo_casadi.diagnosis.gaps import V_S_SIMULATED
-from pneumo_casadi.diagnosis.polish import polished, senses
+from pneumo_casadi.diagnosis.polish import polished
 from pneumo_casadi.diagnosis.screen import background, perturbation, screened
 from pneumo_casadi.diagnosis.study import Fitted, Study, fit
 from pneumo_casadi.effect import Effect

@@ -18,6 +18,7 @@ from pneumo_casadi.errors import CaseError
 from pneumo_casadi.export_command import export
 from pneumo_casadi.output_error import Method, OutputErrorOptions
 from pneumo_casadi.pipeline import FlowForm, IdentifyOptions, identify, open_case
+from pneumo_casadi.progress import part
 from pneumo_casadi.report.tables import parameter_table, validation_table
 from pneumo_casadi.report.text import render_caveats
 from pneumo_casadi.report.write import (
@@ -263,8 +264,8 @@ def _identify(
 ) -> None:
     check_replaceable(folder, Kind.IDENTIFICATION)
     with progress_bar() as report:
-        found = identify(case, options, lambda text, share: report(text, 0.8 * share))
-        write_report(found, folder, paper, lambda text, share: report(text, 0.8 + 0.2 * share))
+        found = identify(case, options, part(report, 0.0, 0.8))
+        write_report(found, folder, paper, part(report, 0.8, 1.0))
     if json_file is not None:
         write_json(result_dict(found), json_file)
     show(parameter_table(found, paper))

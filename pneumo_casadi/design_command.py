@@ -30,7 +30,7 @@ from pneumo_casadi.pipeline import (
     open_case,
     output_error_options,
 )
-from pneumo_casadi.progress import Progress
+from pneumo_casadi.progress import Progress, part
 from pneumo_casadi.recording import Bench, Case
 from pneumo_casadi.report.design import design_text, write_design
 from pneumo_casadi.report.write import Kind, check_replaceable
@@ -142,19 +142,14 @@ def designed(case: Case, asked: Asked, report: Progress) -> tuple[Design, list[s
     if asked.separate is not None and asked.separate[0] == asked.separate[1]:
         raise CaseError(f"{asked.separate[0]} cannot be told from itself; name two effects")
     options = IdentifyOptions(flow_form=asked.flow)
-    identified = identify(
-        replace(case, validate=()), options, lambda text, share: report(text, 0.3 * share)
-    )
+    identified = identify(replace(case, validate=()), options, part(report, 0.0, 0.3))
     fit, table = identified.output_error, identified.flow_map
     if table is None:
         raise CaseError(f"{case.folder}: no flow map")
     choices = _choices(case, case.bench, table, asked)
     recorded = [recorded_reference(record) for record in case.identify]
     notes: list[str] = []
-
-    def rest(text: str, share: float) -> None:
-        report(f"design: {text}", 0.4 + 0.6 * share)
-
+    rest = part(report, 0.4, 1.0, "design: ")
     if asked.separate is None:
         found = design_for_precision(
             fit.axis, recorded, table, fit.sigma, choices, asked.criterion, progress=rest

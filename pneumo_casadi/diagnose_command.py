@@ -16,6 +16,7 @@ from pneumo_casadi.effect import Effect
 from pneumo_casadi.effects import CATALOGUE
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.pipeline import IdentifyOptions, open_case
+from pneumo_casadi.progress import part
 from pneumo_casadi.recording import Case
 from pneumo_casadi.report.diagnosis import summary_text
 from pneumo_casadi.report.diagnosis_html import write_diagnosis
@@ -76,7 +77,7 @@ def diagnose_command(
                 found_case,
                 chosen,
                 DiagnosisOptions(keep=keep),
-                lambda text, share: report(text, 0.97 * share),
+                part(report, 0.0, 0.97),
                 executor,
             )
             report("report", 0.97)

@@ -22,7 +22,7 @@ from pneumo_casadi.flow import (
     read_flow_map,
 )
 from pneumo_casadi.output_error import OutputErrorOptions, OutputErrorResult, fit_output_error
-from pneumo_casadi.progress import Progress, silent
+from pneumo_casadi.progress import Progress, part, silent
 from pneumo_casadi.recording import Bench, Case, Recording, load_case, load_emps
 from pneumo_casadi.recording.emps import IDENTIFY as EMPS_FILE
 from pneumo_casadi.regression import Prediction, WLSResult, cross_validate, fit_wls
@@ -187,13 +187,13 @@ def identify(
         records,
         flow_map,
         chosen,
-        _stage(report, "output error: ", "output_error", "validation"),
+        part(report, _SHARES["output_error"], _SHARES["validation"], "output error: "),
     )
     predictions: tuple[Prediction, ...] = ()
     validation = None
     if case.validate:
         predictions = cross_validate(wls, case.validate)
-        stage = _stage(report, "validation: ", "validation", "done")
+        stage = part(report, _SHARES["validation"], _SHARES["done"], "validation: ")
         validation = validate(result.axis, case.validate, options.windows, stage)
     found = Identification(
         case=case,
@@ -303,8 +303,3 @@ def _cut(records: tuple[Recording, ...], options: IdentifyOptions) -> tuple[Reco
         record.window(max(start, record.t[0]), min(end, record.t[-1] + record.dt))
         for record in records
     )
-
-
-def _stage(report: Progress, prefix: str, begin: str, end: str) -> Progress:
-    first, last = _SHARES[begin], _SHARES[end]
-    return lambda text, share: report(prefix + text, first + (last - first) * share)

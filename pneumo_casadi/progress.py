@@ -10,12 +10,12 @@ def silent(text: str, share: float) -> None:
     """Tell nobody."""
 
 
-def part(report: Progress, first: float, last: float) -> Progress:
-    """Return what reports the progress of a part of the work.
+def part(report: Progress, first: float, last: float, prefix: str = "") -> Progress:
+    """Return what reports the progress of a part of the work, with a text before each of its own.
 
     Examples
     --------
     >>> part(lambda text, share: print(text, share), 0.5, 1.0)("fitting", 0.5)
     fitting 0.75
     """
-    return lambda text, share: report(text, first + (last - first) * share)
+    return lambda text, share: report(prefix + text, first + (last - first) * share)

@@ -65,18 +65,23 @@ class Study:
         """Records to fit and records held out, smoothed."""
         return all_smoothed(self.axis, self.train), all_smoothed(self.axis, self.held_out)
 
-    @cached_property
+    @property
     def anchor(self) -> Anchor | None:
         """Residuals of the flow map."""
-        if self.flow_map is None or self.axis.flow is None:
-            return None
-        return anchor(self.flow_map, self.axis.flow)
+        return self.anchor_with(())
 
     def anchor_with(self, effects: Sequence[Effect]) -> Anchor | None:
-        """Residuals of the flow map of a valve that has some effects."""
-        if self.flow_map is None or not any(effect.metered for effect in effects):
-            return self.anchor
-        return anchor(self.flow_map, self.axis.flow, effects=effects)
+        """Residuals of the flow map of a valve that has some effects; None without a map."""
+        if self.flow_map is None or self.axis.flow is None:
+            return None
+        key = tuple(effect.name for effect in effects if effect.metered)
+        if key not in self._anchors:
+            self._anchors[key] = anchor(self.flow_map, self.axis.flow, effects=effects)
+        return self._anchors[key]
+
+    @cached_property
+    def _anchors(self) -> dict[tuple[str, ...], Anchor]:
+        return {}
 
     @cached_property
     def least(self) -> FloatArray:
