@@ -1,17 +1,19 @@
 """Diagnosis: where simulation and reality part, which effect causes it, how far the gap closes."""
 
 from pneumo_casadi.diagnosis.diagnose import DiagnosisOptions, applicable, diagnose, prepare
-from pneumo_casadi.diagnosis.result import (
+from pneumo_casadi.diagnosis.findings import (
     Candidate,
     Check,
-    Diagnosis,
     EffectFound,
     Gap,
     Regime,
     Shrink,
     Value,
-    Verdict,
     Where,
+)
+from pneumo_casadi.diagnosis.result import (
+    Diagnosis,
+    Verdict,
 )
 
 __all__ = [

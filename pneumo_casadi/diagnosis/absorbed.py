@@ -2,7 +2,9 @@
 
 from collections.abc import Sequence
 
-from pneumo_casadi.diagnosis.result import Check
+from pneumo_casadi.diagnosis.findings import (
+    Check,
+)
 
 
 def absorbed_candidates(checks: Sequence[Check]) -> tuple[str, ...]:

@@ -13,19 +13,22 @@ from pneumo_casadi.axis import Axis
 from pneumo_casadi.diagnosis.absorbed import absorbed_candidates
 from pneumo_casadi.diagnosis.checks import checks_of
 from pneumo_casadi.diagnosis.evidence import evidence_of
+from pneumo_casadi.diagnosis.findings import (
+    Candidate,
+    Check,
+    EffectFound,
+    Value,
+    Where,
+)
 from pneumo_casadi.diagnosis.gaps import simulated_gap
 from pneumo_casadi.diagnosis.gates import refuse_unusable
 from pneumo_casadi.diagnosis.misfit import balance_shrink
 from pneumo_casadi.diagnosis.result import (
-    Candidate,
-    Check,
     Diagnosis,
-    EffectFound,
-    Value,
     Verdict,
-    Where,
 )
-from pneumo_casadi.diagnosis.search import Catalogue, Names, Search, search
+from pneumo_casadi.diagnosis.search import Search, search
+from pneumo_casadi.diagnosis.searcher import Catalogue, Names
 from pneumo_casadi.diagnosis.study import Fitted, Study, study
 from pneumo_casadi.diagnosis.unknown_inputs import inputs_of
 from pneumo_casadi.diagnosis.verdict import Judgement, judge

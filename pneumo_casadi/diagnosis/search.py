@@ -1,11 +1,8 @@
 """Which effects, and how many: forward from the nominal model, with second thoughts."""
 
-import hashlib
-import pickle
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import Executor, Future
-from dataclasses import dataclass, field
-from functools import lru_cache
+from collections.abc import Mapping
+from concurrent.futures import Executor
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -21,28 +18,12 @@ from pneumo_casadi.diagnosis.misfit import (
     yardstick,
 )
 from pneumo_casadi.diagnosis.polish import polished
-from pneumo_casadi.diagnosis.screen import (
-    Background,
-    Direction,
-    Screened,
-    background,
-    perturbation,
-    screened,
-)
+from pneumo_casadi.diagnosis.screen import Screened, background
+from pneumo_casadi.diagnosis.searcher import Catalogue, Failed, Names, Searcher
 from pneumo_casadi.diagnosis.store import Store
 from pneumo_casadi.diagnosis.study import FORM, Fitted, Study, fit, refined
-from pneumo_casadi.effect import Effect, Maker
-from pneumo_casadi.errors import FitError, ModelError
 from pneumo_casadi.progress import Progress, silent
-from pneumo_casadi.threads import one_thread
 
-Catalogue = Mapping[str, Maker]
-Names = tuple[str, ...]
-#: Where a fit begins: values, shapes to try in turn, and the cost to be improved; see `fit`.
-Start = tuple[Mapping[str, float], Sequence[Mapping[str, float]], float | None]
-
-#: What a fit may end in; anything else is a fault of the program.
-FAULTS = (FitError, ModelError, ArithmeticError, np.linalg.LinAlgError)
 #: So many effects together at most.
 MOST = 3
 #: Effects refitted in the first round, and in later ones, in the order of the screen.
@@ -63,14 +44,6 @@ SETTLED = 0.35
 SENSED, CLOSED = 1.3, 0.7
 #: Share of bootstrap replicates in which the gain must be there.
 CERTAIN = 0.95
-
-
-@dataclass(frozen=True, slots=True)
-class Failed:
-    """A fit that was not to be had."""
-
-    effects: Names
-    reason: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,104 +114,6 @@ def accepted(origin: Fitted, before: Fitted, after: Fitted, by: Yardstick) -> bo
         if np.any((gain > MATTERS) & (sure > 0) & enough) and gain.sum() > 0:
             return True
     return False
-
-
-@dataclass(eq=False)
-class Searcher:
-    """Runs the fits of one study and remembers them.
-
-    Parameters
-    ----------
-    study : Study
-        The case.
-    catalogue : mapping of str to effect class
-        What may be the cause.
-    executor : Executor or None
-        Where the fits run; None for this process.
-    store : Store or None
-        Finished fits on disk.
-    fits, failures, directions, polished, settled
-        What is known so far; see `Search`.
-    alone : tuple of str
-        Effects accepted alone, the best first.
-    """
-
-    study: Study
-    catalogue: Catalogue
-    executor: Executor | None = None
-    store: Store | None = None
-    fits: dict[Names, Fitted] = field(default_factory=dict)
-    failures: dict[Names, Failed] = field(default_factory=dict)
-    directions: dict[str, tuple[Direction, ...]] = field(default_factory=dict)
-    polished: dict[Names, Fitted] = field(default_factory=dict)
-    settled: dict[Names, float] = field(default_factory=dict)
-    alone: Names = ()
-
-    def __post_init__(self) -> None:
-        self._packed = pickle.dumps(self.study) if self.executor is not None else b""
-        self.simulations = Simulations(self.study)
-
-    def effects(self, names: Iterable[str]) -> tuple[Effect, ...]:
-        """Make the named effects, in the catalogue's order: one model, one machine code."""
-        return tuple(self.catalogue[name]() for name in self.key(names))
-
-    def key(self, names: Iterable[str]) -> Names:
-        """Return names in the catalogue's order."""
-        wanted = set(names)
-        return tuple(name for name in self.catalogue if name in wanted)
-
-    def _run(self, job: Callable[..., object], *given: object) -> "Future[object]":
-        if self.executor is not None:
-            return self.executor.submit(_elsewhere, self._packed, job, *given)
-        done: Future[object] = Future()
-        try:
-            done.set_result(job(self.study, *given))
-        except FAULTS as error:
-            done.set_exception(error)
-        return done
-
-    def screen_all(self, nominal: Fitted) -> None:
-        """Work out the directions of all effects at the nominal fit."""
-        jobs = {
-            name: self._run(perturbation, nominal, self.catalogue[name]())
-            for name in self.catalogue
-            if name not in self.directions
-        }
-        for name, job in jobs.items():
-            try:
-                self.directions[name] = job.result()  # type: ignore[assignment]
-            except FAULTS as error:
-                self.failures[(name,)] = Failed((name,), f"screen: {error}")
-
-    def over(self, behind: Background, without: Sequence[str] = ()) -> dict[str, Screened]:
-        """Screen all effects but some over a background, the most promising first."""
-        found = [
-            screened(name, directions, behind)
-            for name, directions in self.directions.items()
-            if name not in without
-        ]
-        found.sort(key=lambda one: -one.explained)
-        return {one.name: one for one in found}
-
-    def fit_all(self, models: Mapping[Names, Start]) -> None:
-        """Fit models from their starts, those that are not known already."""
-        jobs = {}
-        for key, start in models.items():
-            if key in self.fits or key in self.failures:
-                continue
-            effects = self.effects(key)
-            kept = None if self.store is None else self.store.read(effects)
-            if kept is None:
-                jobs[key] = self._run(fit, effects, *start)
-            else:
-                self.fits[key] = kept
-        for key, job in jobs.items():
-            try:
-                self.fits[key] = job.result()  # type: ignore[assignment]
-                if self.store is not None:
-                    self.store.write(self.effects(key), self.fits[key])
-            except FAULTS as error:
-                self.failures[key] = Failed(key, str(error))
 
 
 def search(
@@ -399,15 +274,3 @@ def _second_thoughts(
         if len(key) == 2 and accepted(nominal, single, fitted, by)
     ]
     return min(options)[1]
-
-
-@one_thread
-def _elsewhere(packed: bytes, job: Callable[..., object], *given: object) -> object:
-    return job(_unpacked(hashlib.sha256(packed).hexdigest(), packed), *given)
-
-
-@lru_cache(maxsize=2)
-def _unpacked(token: str, packed: bytes) -> Study:
-    del token
-    found: Study = pickle.loads(packed)
-    return found

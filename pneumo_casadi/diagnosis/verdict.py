@@ -6,8 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from pneumo_casadi.diagnosis.misfit import gaps, size, squares
-from pneumo_casadi.diagnosis.result import Verdict
-from pneumo_casadi.diagnosis.search import SETTLED, Names, Search
+from pneumo_casadi.diagnosis.result import (
+    Verdict,
+)
+from pneumo_casadi.diagnosis.search import SETTLED, Search
+from pneumo_casadi.diagnosis.searcher import Names
 from pneumo_casadi.diagnosis.study import Fitted
 from pneumo_casadi.parameters import FloatArray
 

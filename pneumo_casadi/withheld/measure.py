@@ -26,7 +26,7 @@ import numpy as np
 from pneumo_casadi.diagnosis import applicable, prepare
 from pneumo_casadi.diagnosis.misfit import size
 from pneumo_casadi.diagnosis.screen import Screened, background
-from pneumo_casadi.diagnosis.search import Searcher
+from pneumo_casadi.diagnosis.searcher import Searcher
 from pneumo_casadi.diagnosis.study import Fitted, Study, fit
 from pneumo_casadi.effects import CATALOGUE
 from pneumo_casadi.errors import PneumoError

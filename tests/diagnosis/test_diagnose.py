@@ -123,7 +123,10 @@ def test_interrupted_work_goes_on_from_what_was_fitted(made_case, tmp_path, monk
     kept = sorted((tmp_path / "fits").glob("*.npz"))
     assert kept
     fitted = []
-    monkeypatch.setattr("pneumo_casadi.diagnosis.search.fit", _counting(fitted), raising=True)
+    for module in ("search", "searcher"):
+        monkeypatch.setattr(
+            f"pneumo_casadi.diagnosis.{module}.fit", _counting(fitted), raising=True
+        )
     found = diagnose(case, SMALL, options)
     assert [one.name for one in found.effects] == ["stribeck"]
     assert not any(names == ("stribeck",) for names in fitted)

@@ -1,0 +1,204 @@
+"""What a diagnosis is made of: candidates, places, gaps and checks, each with its figures."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True, slots=True)
+class Value:
+    """A quantity with its standard deviation, in `unit`.
+
+    Parameters
+    ----------
+    value, std : float
+        Estimate and standard deviation, in `unit`; 0 where it was held.
+    unit : str
+        SI unit.
+    """
+
+    value: float
+    std: float
+    unit: str
+
+
+@dataclass(frozen=True, slots=True)
+class Shrink:
+    """How far a gap closes: 1 - after/before, with an interval from a block bootstrap.
+
+    Parameters
+    ----------
+    value : float
+        Share of the gap that closes [1]; negative where it grows.
+    lower, upper : float
+        Ends of the 95 % interval [1].
+    """
+
+    value: float
+    lower: float
+    upper: float
+
+
+@dataclass(frozen=True, slots=True)
+class EffectFound:
+    """An effect that was added to the model.
+
+    Parameters
+    ----------
+    name : str
+        In the catalogue.
+    probability : float
+        That it is part of the cause.
+    parameters : mapping of str to Value
+        Its own parameters as fitted, by their short names.
+    """
+
+    name: str
+    probability: float
+    parameters: Mapping[str, Value]
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """One line of the ranking: an effect, or several joined by ``+``.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Effects in the order in which they were added.
+    probability : float
+        That these and no others are the cause.
+    shrink : Shrink or None
+        Of the held-out gap in the balances; None where the fit failed.
+    explained : float
+        Share of the squared residuals that the screen promises, 0 to 1.
+    observable : float
+        Share of the effect's influence that no refit of the nominal model takes up, 0 to 1.
+    parameters : mapping of str to Value
+        As fitted.
+    failure : str
+        Why there is no fit; empty where there is one.
+    """
+
+    names: tuple[str, ...]
+    probability: float
+    shrink: Shrink | None
+    explained: float
+    observable: float
+    parameters: Mapping[str, Value] = field(default_factory=dict)
+    failure: str = ""
+
+    @property
+    def label(self) -> str:
+        """The names joined by a plus."""
+        return " + ".join(self.names)
+
+
+@dataclass(frozen=True, slots=True)
+class Regime:
+    """A part of the record in which the gap is larger or smaller than elsewhere.
+
+    Parameters
+    ----------
+    name : str
+        In words: ``"near standstill"``, ``"u < 0"``, ``"while chamber P fills"``.
+    balance : str
+        Where: ``mass_flow_P``, ``mass_flow_N`` or ``force``.
+    share : float
+        Of that balance's squared residual.
+    time : float
+        Share of the record spent there.
+    p_value : float
+        Chance of such a difference, residuals shuffled in blocks.
+    """
+
+    name: str
+    balance: str
+    share: float
+    time: float
+    p_value: float
+
+    @property
+    def ratio(self) -> float:
+        """Mean square there over the mean square everywhere."""
+        return self.share / self.time if self.time > 0 else 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Where:
+    """Where simulation and reality part.
+
+    Parameters
+    ----------
+    balance : str
+        ``mass_flow_P``, ``mass_flow_N``, ``force``, ``measurement``, or ``none``.
+    junction : str
+        Of the effect found, or that which the regimes point to; empty if none.
+    regimes : tuple of Regime
+        The most telling ones, the strongest first.
+    shares : mapping of str to float
+        Energy of the unknown input in each balance, in units of its noise floor, as shares.
+    rivals : tuple of str
+        Sensor effects that could look the same.
+    words : tuple of str
+        Sentences for a reader.
+    """
+
+    balance: str
+    junction: str
+    regimes: tuple[Regime, ...]
+    shares: Mapping[str, float]
+    rivals: tuple[str, ...]
+    words: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Gap:
+    """The held-out gap, before and after, in per cent of the signals.
+
+    Parameters
+    ----------
+    before, after : float
+        Root mean square over the outputs of what lies above the noise floor, open loop in
+        windows of half a second.
+    noise_floor : float
+        What the sensors' noise alone leaves.
+    shrink : Shrink
+        Of this gap.
+    views : mapping of str to mapping of str to mapping of str to float
+        The same by view (``windows``, ``closed_loop``, ``balances``) and output or balance:
+        ``before``, ``after``, ``noise``.
+    """
+
+    before: float
+    after: float
+    noise_floor: float
+    shrink: Shrink
+    views: Mapping[str, Mapping[str, Mapping[str, float]]]
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """A parameter held against geometry or data sheet.
+
+    Parameters
+    ----------
+    name : str
+        ``S_P``, ``S_N``, ``k_P``, ``k_N``, ``M``, ``flow map`` ...
+    value, std, expected, tolerance : float
+        Found, and what it should be within, in `unit`.
+    unit : str
+        SI unit.
+    agrees : bool
+        Whether it does.
+    text : str
+        In words.
+    """
+
+    name: str
+    value: float
+    std: float
+    expected: float
+    tolerance: float
+    unit: str
+    agrees: bool
+    text: str
