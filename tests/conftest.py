@@ -2,6 +2,7 @@
 
 import importlib.util
 import os
+import sys
 from dataclasses import replace
 from importlib import resources
 from pathlib import Path
@@ -31,14 +32,26 @@ def data_folder() -> Path:
 
 
 @pytest.fixture(scope="session")
-def made():
+def script():
+    """Return a function that loads a script as a module, with those beside it importable."""
+
+    def load(path):
+        spec = importlib.util.spec_from_file_location(f"script_{path.stem}", path)
+        module = importlib.util.module_from_spec(spec)
+        sys.path.insert(0, str(path.parent))
+        try:
+            spec.loader.exec_module(module)
+        finally:
+            sys.path.remove(str(path.parent))
+        return module
+
+    return load
+
+
+@pytest.fixture(scope="session")
+def made(script):
     """Module with small axes of known truth: tests need no import from each other."""
-    spec = importlib.util.spec_from_file_location(
-        "made_axes", Path(__file__).parent / "model" / "made.py"
-    )
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return script(Path(__file__).parent / "model" / "made.py")
 
 
 @pytest.fixture(scope="session")

@@ -12,6 +12,11 @@ def result(name):
     return json.loads((RESULTS / f"{name}.json").read_text("utf-8"))
 
 
+@pytest.mark.parametrize("path", sorted(RESULTS.parent.glob("*.py")), ids=lambda path: path.stem)
+def test_a_benchmark_finds_all_that_it_imports(path, script):
+    assert script(path).__doc__
+
+
 @pytest.mark.parametrize("path", sorted(RESULTS.glob("*.json")), ids=lambda path: path.stem)
 def test_a_committed_result_says_how_it_was_made_and_is_no_quick_run(path):
     content = json.loads(path.read_text("utf-8"))

@@ -1,6 +1,5 @@
 """The README says what the committed results say, and its commands are those that are tested."""
 
-import importlib.util
 import re
 from pathlib import Path
 
@@ -11,11 +10,8 @@ BENCHMARKS = ROOT / "benchmarks"
 
 
 @pytest.fixture(scope="module")
-def readme():
-    spec = importlib.util.spec_from_file_location("readme", BENCHMARKS / "readme.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+def readme(script):
+    return script(BENCHMARKS / "readme.py")
 
 
 def test_the_tables_are_those_of_the_committed_results(readme):

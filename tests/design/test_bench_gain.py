@@ -1,7 +1,5 @@
 """The gain is real on the virtual bench, which shares no equation with the model."""
 
-import importlib.util
-import sys
 from pathlib import Path
 
 import pytest
@@ -10,16 +8,9 @@ BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 
 
 @pytest.fixture(scope="module")
-def bench():
+def bench(script):
     """The benchmark that records designs on the virtual bench."""
-    spec = importlib.util.spec_from_file_location("design_benchmark", BENCHMARKS / "design.py")
-    module = importlib.util.module_from_spec(spec)
-    sys.path.insert(0, str(BENCHMARKS))
-    try:
-        spec.loader.exec_module(module)
-    finally:
-        sys.path.remove(str(BENCHMARKS))
-    return module
+    return script(BENCHMARKS / "design.py")
 
 
 def test_standard_errors_shrink_as_predicted(bench):

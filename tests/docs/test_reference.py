@@ -1,6 +1,5 @@
 """The API reference is built from the docstrings, with formulas, and asks no other host."""
 
-import importlib.util
 import re
 from pathlib import Path
 
@@ -13,11 +12,8 @@ DOCS = Path(__file__).resolve().parent.parent.parent / "docs"
 
 
 @pytest.fixture(scope="module")
-def reference():
-    spec = importlib.util.spec_from_file_location("build_docs", DOCS / "build.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+def reference(script):
+    return script(DOCS / "build.py")
 
 
 @pytest.fixture(scope="module")
