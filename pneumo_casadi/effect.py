@@ -12,6 +12,7 @@ parameters and extra states, and never knows the model; the model never knows an
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import Any, ClassVar, NamedTuple
 
 from pneumo_casadi.errors import ModelError
@@ -146,7 +147,12 @@ class Effect:
         The experiment that tells it from those.
     passive : bool
         Whether it only takes energy from the motion, or gives back what it has stored.
-
+    credible : mapping of str to (float, float)
+        Ranges by short name of a parameter: outside them, whatever asks for the effect is
+        something else.
+    one_form : bool
+        Whether no other form of it is known, as of an offset: a true one leaves next to nothing
+        of its gap. Hysteresis or friction may follow other laws than the catalogue's.
     masses : tuple of str
         Parameters that are part of the moving mass [kg]: who weighs it weighs them too.
     metered : bool
@@ -182,6 +188,8 @@ class Effect:
     confused_with: ClassVar[tuple[str, ...]] = ()
     separated_by: ClassVar[str] = ""
     passive: ClassVar[bool] = False
+    credible: ClassVar[Mapping[str, tuple[float, float]]] = MappingProxyType({})
+    one_form: ClassVar[bool] = False
     masses: ClassVar[tuple[str, ...]] = ()
     metered: ClassVar[bool] = False
     needs_chambers: ClassVar[bool] = False

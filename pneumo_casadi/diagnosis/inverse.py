@@ -12,8 +12,13 @@ from pneumo_casadi.parameters import FloatArray
 
 #: How often what a sensor distorts is taken back, each time to one order more.
 CORRECTIONS = 6
+#: Corrections end once they move nothing by more than this share of the sensors' noise.
+UNCHANGED = 1e-4
 #: Step of difference quotients, in units of a parameter's scale.
 DIFFERENCE = 1e-3
+
+#: Nominal states and their derivatives, each (n, N).
+Motion = tuple[FloatArray, FloatArray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,14 +96,7 @@ def _undecimated(
     model: AlongMotion, data: Smoothed, variants: Sequence[FloatArray], jacobian: bool = False
 ) -> list[FloatArray]:
     """Return r (ne, N) for every variant of θ, and last the Jacobian of the first (N, ne n)."""
-    motions = [(data.x, data.dx)] * len(variants)
-    times = CORRECTIONS if model.n_z else 1  # a mere offset is taken back at once
-    for _ in range(times if senses(model.axis.effects) else 0):
-        states = own_states(model, data, variants, motions)
-        motions = [
-            _corrected(model, data, theta, z, motion)
-            for theta, z, motion in zip(variants, states, motions, strict=True)
-        ]
+    motions = _true_motions(model, data, variants)
     states = own_states(model, data, variants, motions)
     found: list[FloatArray] = []
     last: list[FloatArray] = []
@@ -114,11 +112,43 @@ def _undecimated(
     return found + last
 
 
+def _true_motions(
+    model: AlongMotion, data: Smoothed, variants: Sequence[FloatArray]
+) -> list[Motion]:
+    """Take back what the sensors distort, for every variant of θ."""
+    motions = [(data.x, data.dx)] * len(variants)
+    sensors = [effect for effect in model.axis.effects if senses((effect,))]
+    remember = any(effect.states for effect in sensors)
+    states = [np.zeros((model.n_z, data.N))] * len(variants)
+    for _ in range(CORRECTIONS if sensors else 0):
+        # What a sensor without memory shows hangs on no state: running them would be idle.
+        states = own_states(model, data, variants, motions) if remember else states
+        last = motions
+        motions = [
+            _corrected(model, data, theta, z, motion)
+            for theta, z, motion in zip(variants, states, motions, strict=True)
+        ]
+        if _distance(model, data, last, motions) < UNCHANGED:
+            break
+    return motions
+
+
+def _distance(
+    model: AlongMotion, data: Smoothed, one: Sequence[Motion], other: Sequence[Motion]
+) -> float:
+    """Return by how much motions differ at most, in units of the sensors' noise."""
+    rows = [model.axis.motion_states.index(name) for name in model.axis.outputs]
+    apart = [
+        np.abs(a[rows] - b[rows]).max(axis=1) for (a, _), (b, _) in zip(one, other, strict=True)
+    ]
+    return float(np.max(np.max(apart, axis=0) / np.maximum(data.noise, 1e-300)))
+
+
 def own_states(
     model: AlongMotion,
     data: Smoothed,
     variants: Sequence[FloatArray],
-    motions: Sequence[tuple[FloatArray, FloatArray]],
+    motions: Sequence[Motion],
 ) -> list[FloatArray]:
     """Run the effects' states along the motions, one (nz, N) array a variant of θ."""
     N, B = data.N, len(variants)
@@ -155,8 +185,8 @@ def _corrected(
     data: Smoothed,
     theta: FloatArray,
     z: FloatArray,
-    motion: tuple[FloatArray, FloatArray],
-) -> tuple[FloatArray, FloatArray]:
+    motion: Motion,
+) -> Motion:
     """Return the motion that the sensors would show as measured, one order better."""
     axis = model.axis
     x, dx = motion

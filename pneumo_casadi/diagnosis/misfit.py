@@ -17,6 +17,8 @@ BLOCK = 32
 REPLICATES = 400
 #: What is left where nothing is wrong, over the noise floor: filters, map and quantisation.
 BACKGROUND = 1.1
+#: The same of mass flow balances where a metered map is coarse beside what a valve does near null.
+COARSE_MAP = 1.5
 #: Bounds of the intervals [1].
 LEVELS = (0.025, 0.975)
 

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from pneumo_casadi.diagnosis.along import senses
 from pneumo_casadi.diagnosis.gaps import Simulations
 from pneumo_casadi.diagnosis.misfit import (
+    COARSE_MAP,
     Yardstick,
     block_gain,
     bootstrap_gain,
@@ -19,7 +21,7 @@ from pneumo_casadi.diagnosis.misfit import (
 )
 from pneumo_casadi.diagnosis.polish import polished
 from pneumo_casadi.diagnosis.screen import Screened, background
-from pneumo_casadi.diagnosis.searcher import Catalogue, Failed, Names, Searcher
+from pneumo_casadi.diagnosis.searcher import Catalogue, Failed, Names, Searcher, Start
 from pneumo_casadi.diagnosis.store import Store
 from pneumo_casadi.diagnosis.study import FORM, Fitted, Study, fit, refined
 from pneumo_casadi.progress import Progress, silent
@@ -28,12 +30,15 @@ from pneumo_casadi.progress import Progress, silent
 MOST = 3
 #: Effects refitted in the first round, and in later ones, in the order of the screen.
 FIRST_ROUND, LATER_ROUNDS = 10, 5
-#: So many effects besides that were accepted alone, whatever the screen thinks of them later.
-ALONE = 3
+#: So many effects besides that were accepted alone, whatever the screen thinks of them later, and
+#: so many that are tried in pairs: of two causes the first choice may stand for both.
+ALONE, PAIRED = 3, 4
 #: An effect that explains less than this share is not refitted.
 HOPELESS = 1e-3
 #: A gain of log σ in one balance that matters, on held-out data; see `accepted`.
 MATTERS = 0.05
+#: The same of a further effect in a mass flow balance, which must be off by more than a coarse map.
+FURTHER = 0.1
 #: Share of the first gap that each effect must close by itself: less is what the form of another
 #: one misses. Large effects of another form than the catalogue's leave up to 0.15.
 SHARE = 0.1
@@ -100,18 +105,23 @@ def accepted(origin: Fitted, before: Fitted, after: Fitted, by: Yardstick) -> bo
 
     In at least one balance the held-out residuals, noise included, must shrink by a twentieth,
     and the gap above the noise floor by a share of what it was at first: what the form of a large
-    effect misses is no second cause. That the shrink is no chance is asked of resampled
-    half-second blocks, of the held-out records or, where a few of their blocks decide, of all;
-    and of the root mean square or, where a few large residuals decide, of the blocks' mean
-    logarithms.
+    effect misses is no second cause. A further effect is asked for more in a mass flow balance,
+    which must be off by what no coarse map of the valve leaves. That the shrink is no chance is
+    asked of resampled half-second blocks, of the held-out records or, where a few of their blocks
+    decide, of all; and of the root mean square or, where a few large residuals decide, of the
+    blocks' mean logarithms.
     """
     first, one, other = (gaps(size(fit), by) for fit in (origin, before, after))
     enough = one - other > SHARE * first
+    least = np.full(len(enough), MATTERS)
+    if before is not origin:
+        least[:-1] = FURTHER  # all but the force
+        enough[:-1] &= (size(before) > COARSE_MAP * by.noise)[:-1]
     for kind in (bootstrap_gain, block_gain):
         gain, draws = kind(before, after, by)
         _, pooled = kind(before, after, by, pooled=True)
         sure = np.maximum(*(np.quantile(one, 1 - CERTAIN, axis=0) for one in (draws, pooled)))
-        if np.any((gain > MATTERS) & (sure > 0) & enough) and gain.sum() > 0:
+        if np.any((gain > least) & (sure > 0) & enough) and gain.sum() > 0:
             return True
     return False
 
@@ -177,6 +187,8 @@ def _forward(
         if round_:
             report(f"looking for effect {round_ + 1}", 0.4 + 0.15 * round_)
             _extend(worker, nominal, current, known)
+        if round_ == 1:
+            _pair_up(worker)
         options = [
             (fitted.cost, key)
             for key, fitted in worker.fits.items()
@@ -258,6 +270,16 @@ def _extend(worker: Searcher, nominal: Fitted, current: Fitted, known: Names) ->
             for name in dict.fromkeys((*tried, *alone, *unfelt))
         }
     )
+
+
+def _pair_up(worker: Searcher) -> None:
+    """Fit the best effects in pairs, each beginning where it ended alone."""
+    starts: dict[Names, Start] = {}
+    for one, other in combinations(worker.alone[:PAIRED], 2):
+        better, added = (worker.fits[name,] for name in (one, other))
+        own = {n: v for n, v in added.values.items() if n.startswith(f"{other}.")}
+        starts[worker.key((one, other))] = {**better.values, **own}, (), None
+    worker.fit_all(starts)
 
 
 def _second_thoughts(

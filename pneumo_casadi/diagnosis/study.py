@@ -155,18 +155,36 @@ def fit(
     axis = one.axis.with_effects(*effects).at_starting_values()
     known = {name: value for name, value in (start or {}).items() if name in axis.parameters}
     axis = axis.with_parameters(known)
-    found = min((_fit(one, axis.with_parameters(s)) for s in shapes or ({},)), key=_cost)
-    _refuse_contradicted(one, axis, found)
-    if base is None or found.cost < base - LITTLE or not effects:
-        return found
-    new = [n for n in axis.parameters.free_names if "." in n and n not in known]
-    for factor in LARGER:
-        items = axis.parameters.select(new)
-        larger = np.clip(items.values * factor, items.lower, items.upper)
-        again = _fit(one, axis.with_parameters(dict(zip(new, larger.tolist(), strict=True))))
-        if again.cost < found.cost - LITTLE:
-            return again
+    found = min((_recovered(one, axis.with_parameters(s)) for s in shapes or ({},)), key=_cost)
+    if base is not None and effects and found.cost >= base - LITTLE:
+        new = [n for n in axis.parameters.free_names if "." in n and n not in known]
+        found = _larger(one, axis, new, found)
+    _refuse_unbelievable(one, axis, found)
     return found
+
+
+def _larger(one: Study, axis: Axis, names: Sequence[str], small: Fitted) -> Fitted:
+    """Return a fit from larger values of some parameters; the small one where none is better."""
+    items = axis.parameters.select(names)
+    for factor in LARGER:
+        larger = np.clip(items.values * factor, items.lower, items.upper)
+        again = _fit(one, axis.with_parameters(dict(zip(names, larger.tolist(), strict=True))))
+        if again.cost < small.cost - LITTLE:
+            return again
+    return small
+
+
+def _recovered(one: Study, axis: Axis) -> Fitted:
+    """Fit; where a chamber's parameter runs away to its bound, again from what geometry says.
+
+    The bounds are a factor of 20 away from the geometry: who ends there got lost.
+    """
+    found = _fit(one, axis)
+    items = [item for item in axis.parameters if item.free and item.name.startswith("X_s")]
+    if all(item.lower < found.values[item.name] < item.upper for item in items):
+        return found
+    geometry = {item.name: item.scale for item in items}
+    return min(found, _fit(one, axis.with_parameters(geometry)), key=_cost)
 
 
 def refined(one: Study, fitted: Fitted, effects: Sequence[Effect]) -> Fitted:
@@ -180,11 +198,25 @@ def refined(one: Study, fitted: Fitted, effects: Sequence[Effect]) -> Fitted:
     if not held:
         return fitted
     found = _fit(one, axis.with_parameters(axis.parameters.release(*held)))
-    return found if found.cost < fitted.cost - FORM else fitted
+    if found.cost >= fitted.cost - FORM:
+        return fitted
+    try:
+        _refuse_unbelievable(one, axis, found)
+    except FitError:
+        return fitted
+    return found
 
 
-def _refuse_contradicted(one: Study, axis: Axis, found: Fitted) -> None:
-    """Refuse a shape of the valve that its metered map does not show."""
+def _refuse_unbelievable(one: Study, axis: Axis, found: Fitted) -> None:
+    """Refuse a shape of the valve that its metered map does not show, and values out of range."""
+    for effect in axis.effects:
+        for name, (low, high) in effect.credible.items():
+            value = found.values[f"{effect.name}.{name}"]
+            if not low <= value <= high:
+                raise FitError(
+                    f"{effect.name}.{name} = {value:.3g} is not to be believed, by physics it is "
+                    f"{low:g} to {high:g}: something else is at work"
+                )
     known = one.anchor_with(axis.effects)
     if known is None or known is one.anchor:
         return

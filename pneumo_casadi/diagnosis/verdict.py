@@ -1,26 +1,29 @@
 """From the search to a verdict: probabilities, sets that cannot be told apart, what is unknown."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from pneumo_casadi.diagnosis.misfit import gaps, size, squares
+from pneumo_casadi.diagnosis.misfit import COARSE_MAP, gaps, size, squares
 from pneumo_casadi.diagnosis.result import (
     Verdict,
 )
 from pneumo_casadi.diagnosis.search import SETTLED, Search
 from pneumo_casadi.diagnosis.searcher import Names
 from pneumo_casadi.diagnosis.study import Fitted
+from pneumo_casadi.effect import Effect
 from pneumo_casadi.parameters import FloatArray
 
-#: Held-out residuals over the noise floor from which a balance has a gap that calls for a cause:
-#: metered maps are coarse beside what a valve does near null, which alone leaves up to 1.5.
-VISIBLE = 1.5
+#: Held-out residuals over the noise floor from which a balance has a gap that calls for a cause.
+VISIBLE = COARSE_MAP
 #: Gaps below this share of the largest, in units of their noise floors, are a rest.
 MAIN = 0.3
 #: A gap of which more than this share is left after the best effects has another cause.
 LEFT = 0.5
+#: The same where no effect found could have another form, and residuals over the noise floor from
+#: which that counts: true offsets and leaks leave a twentieth, what is taken for them a sixth.
+LEFT_BY_ONE_FORM, CLEAR = 0.12, 2.5
 #: How fast an alternative loses credit with the share of the gain that it misses.
 SHARPNESS = 25.0
 #: An alternative is in the set that cannot be told apart from this probability on ...
@@ -54,11 +57,11 @@ class Judgement:
     excess: FloatArray
 
 
-def judge(found: Search) -> Judgement:
-    """Weigh what the search found."""
+def judge(found: Search, effects: Sequence[Effect]) -> Judgement:
+    """Weigh what the search found, given the effects of its final model."""
     excess = size(found.nominal) / found.by.noise
     left = unexplained(found)
-    if not found.path or left > LEFT:
+    if not found.path or left > LEFT or _another(found, effects, left):
         verdict = Verdict.UNKNOWN if np.any(excess > VISIBLE) else Verdict.NONE
         weights = _weights(found, found.chosen, 0.3)
         return Judgement(verdict, (), weights, left, excess)
@@ -68,6 +71,12 @@ def judge(found: Search) -> Judgement:
     alike = tuple(key for key in order if weights[key] >= IN_SET)
     sure = weights[found.chosen] >= SURE * trust
     return Judgement(Verdict.EFFECT if sure else Verdict.AMBIGUOUS, alike, weights, left, excess)
+
+
+def _another(found: Search, effects: Sequence[Effect], left: float) -> bool:
+    """Tell whether effects that have one form only leave what no other form could explain."""
+    clear = bool(np.any(size(found.final) > CLEAR * found.by.noise))
+    return clear and left > LEFT_BY_ONE_FORM and all(effect.one_form for effect in effects)
 
 
 def unexplained(found: Search) -> float:

@@ -16,6 +16,7 @@ class ConstantForce(Effect):
     shows = "force balance, always; in the parameters only, as F_c_plus − F_c_minus"
     confused_with = ("F_c_plus", "F_c_minus", "pressure_sensor_bias", "spring_load")
     separated_by = "turn the axis round, or vent both chambers and see whether it moves"
+    one_form = True
     parameters = (
         Parameter(
             "F_0",

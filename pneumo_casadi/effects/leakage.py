@@ -66,6 +66,7 @@ class PistonSealLeakage(Effect):
     shows = "mass flow balances of both chambers, opposite, with the sign of p_P − p_N"
     confused_with = ("leakage_P", "leakage_N", "valve_null_shift", "flow coefficients", "f_v")
     separated_by = "valves closed, different pressures: one chamber rises while the other falls"
+    one_form = True
     parameters = (_conductance("past the piston"), VISCOUS)
 
     def chamber_flow(self, q_m: Pair, at: Scope) -> Pair:
@@ -83,6 +84,7 @@ class LeakageP(Effect):
     shows = "mass flow balance of chamber P, one sign, in proportion to p_P"
     confused_with = ("piston_seal_leakage", "valve_null_shift", "flow coefficients", "leakage_N")
     separated_by = "valves closed at a held position: p_P decays to p_ext while p_N stays"
+    one_form = True
     parameters = (_conductance("from chamber P to the outside"), VISCOUS)
 
     def chamber_flow(self, q_m: Pair, at: Scope) -> Pair:
@@ -99,6 +101,7 @@ class LeakageN(Effect):
     shows = "mass flow balance of chamber N, one sign, in proportion to p_N"
     confused_with = ("piston_seal_leakage", "valve_null_shift", "flow coefficients", "leakage_P")
     separated_by = "valves closed at a held position: p_N decays to p_ext while p_P stays"
+    one_form = True
     parameters = (_conductance("from chamber N to the outside"), VISCOUS)
 
     def chamber_flow(self, q_m: Pair, at: Scope) -> Pair:

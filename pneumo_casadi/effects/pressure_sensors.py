@@ -62,6 +62,7 @@ class PressureSensorBias(Effect):
     confused_with = ("F_c_plus", "F_c_minus", "constant_force", "valve_null_shift", "leakage_P")
     separated_by = "vent both chambers: both sensors must show the ambient pressure"
     needs_chambers = True
+    one_form = True
     parameters = tuple(
         Parameter(
             f"b_{chamber}",

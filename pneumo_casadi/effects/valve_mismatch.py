@@ -18,6 +18,7 @@ class ValveMismatch(Effect):
     shows = "not in trajectories: X_s4 to X_s6 move together, X_s6 departs from S_N/(r T)"
     confused_with = ("X_s4", "X_s5", "X_s6")
     separated_by = "geometry: X_s6 = S_N/(r T); or meter both valves, or swap them"
+    one_form = True
     parameters = (
         Parameter(
             "epsilon",

@@ -19,6 +19,7 @@ class ValveNullShift(Effect):
         "flow coefficients",
     )
     separated_by = "close one valve after the other at several pressures: a leak goes with pressure"
+    one_form = True
     parameters = tuple(
         Parameter(
             f"u_0{c}",
