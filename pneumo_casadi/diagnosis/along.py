@@ -192,6 +192,11 @@ def senses(effects: Sequence[Effect]) -> bool:
     return any("output" in effect.junctions for effect in effects)
 
 
+def remembers(effects: Sequence[Effect]) -> bool:
+    """Tell whether some effect makes a sensor show what has been, which a smoothed motion hides."""
+    return any("output" in effect.junctions and effect.states for effect in effects)
+
+
 def _stretch(name: str, f: ca.Function, K: int, accumulates: bool) -> ca.Function:
     """Return K samples of f in one function; its last two inputs (c, θ) are given once."""
     first = 1 if accumulates else 0

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pneumo_casadi.compilation import called
-from pneumo_casadi.diagnosis.along import STRETCH, AlongMotion, senses
+from pneumo_casadi.diagnosis.along import STRETCH, AlongMotion, remembers, senses
 from pneumo_casadi.diagnosis.trajectory import Smoothed
 from pneumo_casadi.parameters import FloatArray
 
@@ -117,12 +117,11 @@ def _true_motions(
 ) -> list[Motion]:
     """Take back what the sensors distort, for every variant of θ."""
     motions = [(data.x, data.dx)] * len(variants)
-    sensors = [effect for effect in model.axis.effects if senses((effect,))]
-    remember = any(effect.states for effect in sensors)
+    effects = model.axis.effects
     states = [np.zeros((model.n_z, data.N))] * len(variants)
-    for _ in range(CORRECTIONS if sensors else 0):
+    for _ in range(CORRECTIONS if senses(effects) else 0):
         # What a sensor without memory shows hangs on no state: running them would be idle.
-        states = own_states(model, data, variants, motions) if remember else states
+        states = own_states(model, data, variants, motions) if remembers(effects) else states
         last = motions
         motions = [
             _corrected(model, data, theta, z, motion)

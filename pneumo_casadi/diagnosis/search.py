@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pneumo_casadi.diagnosis.along import senses
+from pneumo_casadi.diagnosis.along import remembers, senses
 from pneumo_casadi.diagnosis.gaps import Simulations
 from pneumo_casadi.diagnosis.misfit import (
     COARSE_MAP,
@@ -32,7 +32,7 @@ MOST = 3
 FIRST_ROUND, LATER_ROUNDS = 10, 5
 #: So many effects besides that were accepted alone, whatever the screen thinks of them later, and
 #: so many that are tried in pairs: of two causes the first choice may stand for both.
-ALONE, PAIRED = 3, 4
+ALONE, PAIRED = 3, 5
 #: An effect that explains less than this share is not refitted.
 HOPELESS = 1e-3
 #: A gain of log σ in one balance that matters, on held-out data; see `accepted`.
@@ -193,7 +193,7 @@ def _forward(
             (fitted.cost, key)
             for key, fitted in worker.fits.items()
             if len(key) == round_ + 1
-            and (not known or len(set(key) & set(known)) >= round_)
+            and (round_ < 2 or len(set(key) & set(known)) >= round_)
             and accepted(nominal, current, fitted, by)
         ]
         if not round_:
@@ -231,7 +231,7 @@ def _sensed(
     if best is None or np.all(size(current) < SENSED * by.noise):
         return None
     effects, before = worker.effects(best), worker.effects(known)
-    if fits[best].cost > current.cost - FORM or not senses(effects) or senses(before):
+    if fits[best].cost > current.cost - FORM or not remembers(effects) or senses(before):
         return None
     better = polished(worker.study, fits[best], effects)
     share = worker.simulations.share(nominal, better, effects)
@@ -273,13 +273,21 @@ def _extend(worker: Searcher, nominal: Fitted, current: Fitted, known: Names) ->
 
 
 def _pair_up(worker: Searcher) -> None:
-    """Fit the best effects in pairs, each beginning where it ended alone."""
+    """Fit the best effects in pairs, each beginning where it ended alone.
+
+    A third effect may stand for two, and no pair with it is right; and where two that it stood for
+    have another form than the usual, only that form shows it.
+    """
     starts: dict[Names, Start] = {}
     for one, other in combinations(worker.alone[:PAIRED], 2):
         better, added = (worker.fits[name,] for name in (one, other))
         own = {n: v for n, v in added.values.items() if n.startswith(f"{other}.")}
         starts[worker.key((one, other))] = {**better.values, **own}, (), None
     worker.fit_all(starts)
+    pairs = {key: fitted for key, fitted in worker.fits.items() if len(key) == 2}
+    if pairs:
+        best = min(pairs, key=lambda key: pairs[key].cost)
+        worker.fits[best] = refined(worker.study, pairs[best], worker.effects(best))
 
 
 def _second_thoughts(

@@ -1,5 +1,7 @@
 """Valve mismatch: the two valves are not identical."""
 
+from types import MappingProxyType
+
 from pneumo_casadi.effect import Effect, Pair, Scope
 from pneumo_casadi.parameters import Parameter
 
@@ -18,6 +20,8 @@ class ValveMismatch(Effect):
     shows = "not in trajectories: X_s4 to X_s6 move together, X_s6 departs from S_N/(r T)"
     confused_with = ("X_s4", "X_s5", "X_s6")
     separated_by = "geometry: X_s6 = S_N/(r T); or meter both valves, or swap them"
+    # Twins of one type: half the flow is no mismatch, but a fit that runs to its bound.
+    credible = MappingProxyType({"epsilon": (-0.4, 0.6)})
     one_form = True
     parameters = (
         Parameter(

@@ -1,0 +1,88 @@
+"""What is not believed although it fits: stand-ins for causes that are something else."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pneumo_casadi.diagnosis import Verdict, diagnose
+from pneumo_casadi.diagnosis.along import AlongMotion
+from pneumo_casadi.diagnosis.diagnose import prepare
+from pneumo_casadi.diagnosis.inverse import residuals
+from pneumo_casadi.diagnosis.study import fit
+from pneumo_casadi.diagnosis.trajectory import all_smoothed
+from pneumo_casadi.effect import Effect
+from pneumo_casadi.effects import CATALOGUE
+from pneumo_casadi.errors import FitError
+from pneumo_casadi.parameters import Parameter
+
+FLOWS = (
+    "leakage_P",
+    "leakage_N",
+    "valve_null_shift",
+    "valve_mismatch",
+    "pressure_sensor_bias",
+)
+
+
+class Gain(Effect):
+    """A pressure sensor that shows too much."""
+
+    name = "gain"
+    parameters = (Parameter("g", 0.0, "1", lower=-0.5, upper=0.5, scale=0.1, null=0.0),)
+
+    def output(self, y, at):
+        return {**y, "p_P": y["p_P"] * (1 + at["g"])}
+
+
+def test_a_shifted_null_is_no_stand_in_for_a_leak_that_the_catalogue_lacks(made_case):
+    case = made_case(12, leakage_P="large")
+    catalogue = {name: CATALOGUE[name] for name in FLOWS if name != "leakage_P"}
+    found = diagnose(case, catalogue)
+    assert found.verdict is Verdict.UNKNOWN
+    assert "valve_null_shift closes" in found.hint
+
+
+def test_two_leaks_are_named_although_a_shifted_null_fits_better_than_each(made_case):
+    case = made_case(12, leakage_P="large", leakage_N="medium")
+    found = diagnose(case, {name: CATALOGUE[name] for name in FLOWS})
+    assert {one.name for one in found.effects} == {"leakage_P", "leakage_N"}
+
+
+def test_half_a_heat_transfer_is_refused_with_a_reason(made_case):
+    one, _ = prepare(made_case(12, leakage_P="large"))
+    with pytest.raises(FitError, match=r"share = 0\.\d+ is not to be believed, .* 0\.85 to 1"):
+        fit(one, (CATALOGUE["heat_transfer"](),), fit(one, ()).values)
+
+
+def test_a_fit_that_ran_away_begins_again_from_the_geometry(made_case, monkeypatch):
+    one, _ = prepare(made_case(12, leakage_P="large"))
+    right, lost = fit(one, ()), one.axis.parameters["X_s5"].lower
+    begun = []
+
+    def fake(one, axis):
+        begun.append(axis.parameters["X_s5"].value)
+        if len(begun) == 1:
+            return replace(right, values={**right.values, "X_s5": lost}, cost=right.cost + 1)
+        return right
+
+    monkeypatch.setattr("pneumo_casadi.diagnosis.study._fit", fake)
+    assert fit(one, ()) is right
+    item = one.axis.parameters["X_s5"]
+    assert begun == [item.value, item.scale]
+
+
+@pytest.mark.parametrize("beside", [(), ("hose",)])
+def test_what_a_sensor_shows_too_much_is_taken_back_whatever_acts_beside(made_case, beside):
+    case = made_case(12, leakage_P="large")
+    one, _ = prepare(case)
+    (record,) = one.train
+    shown = record.with_channels({"p_P": record["p_P"] * 1.2})
+    effects = tuple(CATALOGUE[name]() for name in beside)
+    true = AlongMotion(one.axis.with_effects(*effects).at_starting_values())
+    false = AlongMotion(one.axis.with_effects(*effects, Gain()).at_starting_values())
+    false = AlongMotion(false.axis.with_parameters({"gain.g": 0.2}))
+    (motion,), (distorted,) = all_smoothed(one.axis, [record]), all_smoothed(one.axis, [shown])
+    expected = residuals(true, motion, true.axis.parameters.values)
+    found = residuals(false, distorted, false.axis.parameters.values)
+    np.testing.assert_allclose(found, expected, atol=1e-3 * np.std(expected, axis=1).max())
