@@ -204,6 +204,11 @@ class Effect:
         without = [item.name for item in cls.parameters if item.null is None]
         if without:
             raise ModelError(f"effect {cls.name}: no null value for {', '.join(without)}")
+        strange = sorted(set(cls.credible) - {item.name for item in cls.parameters})
+        if strange:
+            raise ModelError(
+                f"effect {cls.name}: credible names no parameter: {', '.join(strange)}"
+            )
 
     @property
     def junctions(self) -> tuple[str, ...]:

@@ -1,5 +1,7 @@
 """How effects are written, refused and composed."""
 
+from types import MappingProxyType
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -149,6 +151,14 @@ def test_effects_that_break_the_rules_are_refused_when_they_are_written():
             name = "clash"
             parameters = (Parameter("z", 0.0, "N", null=0.0),)
             states = (State("z", "N"),)
+
+
+def test_a_range_for_a_parameter_that_an_effect_has_not_is_refused():
+    with pytest.raises(ModelError, match="effect vague: credible names no parameter: d"):
+
+        class Vague(Effect):
+            name = "vague"
+            credible = MappingProxyType({"d": (0.0, 1.0)})
 
 
 def test_states_without_rates_are_refused(made):
