@@ -164,12 +164,14 @@ def _weighed(judgement: Judgement, checks: Sequence[Check]) -> tuple[Verdict, tu
     """
     verdict = judgement.verdict
     hidden = absorbed_candidates(checks)
-    wrong_area = any(not one.agrees for one in checks if one.name in AREAS)
+    wrong = {one.name for one in checks if not one.agrees}
+    wrong_area = bool(wrong & set(AREAS))
     faint = float(np.max(judgement.excess)) < FAINT
-    if verdict is Verdict.NONE or (faint and wrong_area and verdict is not Verdict.UNKNOWN):
+    # A cause in no list may spoil both areas alike; one beside the other is a matter of the valves.
+    hides = "S_N/S_P" in wrong if verdict is Verdict.UNKNOWN else wrong_area
+    if verdict is Verdict.NONE or (faint and hides):
         return (Verdict.ABSORBED, hidden) if hidden else (verdict, ())
-    wrong_body = wrong_area or any(not one.agrees for one in checks if one.name == "M")
-    doubtful = wrong_body and judgement.unexplained > DOUBTFUL
+    doubtful = (wrong_area or "M" in wrong) and judgement.unexplained > DOUBTFUL
     if doubtful and verdict in (Verdict.EFFECT, Verdict.AMBIGUOUS):
         return Verdict.UNKNOWN, ()
     return verdict, ()

@@ -1,5 +1,7 @@
 """Stribeck friction: breakaway needs more force than sliding."""
 
+from types import MappingProxyType
+
 import casadi as ca
 
 from pneumo_casadi.effect import Effect, Expression, Scope
@@ -19,6 +21,8 @@ class Stribeck(Effect):
     confused_with = ("F_c_plus", "F_c_minus", "f_v", "v_s", "quadratic_drag", "presliding")
     separated_by = "creep at three or more speeds below and above the Stribeck velocity"
     passive = True
+    # A broader decay is asked for by drag that is not linear in the velocity.
+    credible = MappingProxyType({"v_stribeck": (0.002, 0.08)})
     parameters = (
         Parameter(
             "delta_F",
