@@ -9,7 +9,6 @@ on the held-out record in closed loop. Axes are random; seeds are counted from 0
 """
 
 import argparse
-import json
 import os
 import platform
 import tempfile
@@ -22,6 +21,7 @@ from typing import Any
 import casadi
 import numba
 import numpy as np
+import provenance
 
 from pneumo_casadi import __version__
 from pneumo_casadi.errors import FitError
@@ -207,10 +207,7 @@ def main() -> None:
         "duration_seconds": duration,
         "quick": arguments.quick,
     }
-    if arguments.json is not None:
-        partial = arguments.json.with_suffix(".part")
-        partial.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
-        partial.replace(arguments.json)
+    provenance.write(arguments.json, result)
 
 
 if __name__ == "__main__":

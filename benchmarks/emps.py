@@ -23,6 +23,7 @@ from typing import Any
 
 import casadi
 import numpy as np
+import provenance
 import scipy
 
 from pneumo_casadi import __version__
@@ -117,10 +118,7 @@ def main() -> None:
     if arguments.json is None:
         print(json.dumps(result, indent=1))
         return
-    arguments.json.parent.mkdir(parents=True, exist_ok=True)
-    partial = arguments.json.with_suffix(".part")
-    partial.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
-    partial.replace(arguments.json)
+    provenance.write(arguments.json, result)
 
 
 def run(case: Case, seconds: float | None = None) -> dict[str, Any]:

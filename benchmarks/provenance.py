@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from pneumo_casadi import __version__
+from pneumo_casadi.whole_file import whole_file
 
 
 def made(seed: int | None, quick: bool, *packages: str) -> dict[str, Any]:
@@ -28,6 +29,5 @@ def write(path: Path | None, result: Mapping[str, Any]) -> None:
     """Write a result as JSON, whole or not at all."""
     if path is None:
         return
-    partial = path.with_suffix(".part")
-    partial.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
-    partial.replace(path)
+    with whole_file(path) as draft:
+        draft.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")

@@ -6,7 +6,6 @@ parameters are the estimates of the paper's Table 1. Nothing is random here.
 """
 
 import argparse
-import json
 import os
 import platform
 from dataclasses import replace
@@ -15,6 +14,7 @@ from typing import Any
 
 import casadi
 import numpy as np
+import provenance
 import scipy
 
 from pneumo_casadi import __version__
@@ -97,10 +97,7 @@ def main() -> None:
         print(f"{name:10s} WLS {wls:+7.2f} %   OE {oe:+7.2f} %")
     for name, one in result["derived"].items():
         print(f"{name:10s} OE {one['value']:.4f} (truth {one['truth']:.4f})")
-    if arguments.json is not None:
-        partial = arguments.json.with_suffix(".part")
-        partial.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
-        partial.replace(arguments.json)
+    provenance.write(arguments.json, result)
 
 
 if __name__ == "__main__":

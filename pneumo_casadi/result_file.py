@@ -3,9 +3,7 @@
 import hashlib
 import json
 import math
-import os
 import platform
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -30,6 +28,7 @@ from pneumo_casadi.pipeline import (
 )
 from pneumo_casadi.recording import Case
 from pneumo_casadi.validation import Error, Validation
+from pneumo_casadi.whole_file import whole_file
 
 #: Of the format; raised when a reader of the old one would misread the new.
 FORMAT = 1
@@ -169,19 +168,9 @@ def sha256(path: Path) -> str:
 
 def write_json(content: Mapping[str, Any], path: str | Path) -> None:
     """Write strict JSON in one step: the file is there whole, or not at all."""
-    path = Path(path)
     text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-    draft = Path(name)
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
-        draft.chmod(0o644)  # mkstemp makes files that only the owner may read
-        draft.replace(path)
-    except BaseException:
-        draft.unlink(missing_ok=True)
-        raise
+    with whole_file(path) as draft:
+        draft.write_text(text, encoding="utf-8")
 
 
 def read_axis(path: str | Path, case: Case) -> Axis:

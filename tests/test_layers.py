@@ -8,7 +8,7 @@ import pneumo_casadi
 PACKAGE = Path(pneumo_casadi.__file__).parent
 SOURCES = sorted(PACKAGE.rglob("*.py"))
 LAYERS = [
-    ["errors", "progress", "threads"],
+    ["errors", "progress", "threads", "whole_file"],
     ["parameters"],
     ["recording"],
     ["testbed"],

@@ -1,8 +1,6 @@
 """One row a case: what the tables of many diagnoses say."""
 
-import tempfile
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -10,6 +8,8 @@ from typing import Any
 import pandas as pd
 import pyarrow
 import pyarrow.parquet
+
+from pneumo_casadi.whole_file import whole_file
 
 #: Names of the tables within the output folder.
 CSV, PARQUET = "cases.csv", "cases.parquet"
@@ -96,10 +96,10 @@ def write_tables(rows: Sequence[Row], out: Path) -> None:
     frame = pd.DataFrame([asdict(row) for row in rows])
     for name in _LISTS:
         frame[name] = [" + ".join(_written(item) for item in value) for value in frame[name]]
-    with _in_one_step(out / CSV) as draft:
+    with whole_file(out / CSV) as draft:
         frame.to_csv(draft, index=False, float_format="%.10g", lineterminator="\n")
     table = pyarrow.Table.from_pylist([asdict(row) for row in rows], schema=_SCHEMA)
-    with _in_one_step(out / PARQUET) as draft:
+    with whole_file(out / PARQUET) as draft:
         pyarrow.parquet.write_table(table, draft)
 
 
@@ -116,12 +116,3 @@ _SCHEMA = pyarrow.schema(
 
 def _written(item: str | float) -> str:
     return item if isinstance(item, str) else f"{item:.6g}"
-
-
-@contextmanager
-def _in_one_step(path: Path) -> Iterator[Path]:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=f".{path.name}.", dir=path.parent) as scratch:
-        draft = Path(scratch) / path.name
-        yield draft
-        draft.replace(path)

@@ -2,8 +2,6 @@
 
 import hashlib
 import inspect
-import os
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +12,7 @@ import numpy as np
 
 from pneumo_casadi.diagnosis.study import Fitted, Study
 from pneumo_casadi.effect import Effect
+from pneumo_casadi.whole_file import whole_file
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,12 +86,8 @@ class Store:
             arrays = getattr(fitted, name)
             content[f"n_{name}"] = len(arrays)
             content |= {f"{name}_{i}": array for i, array in enumerate(arrays)}
-        path = self._path(effects)
-        with tempfile.NamedTemporaryFile(dir=self.folder, suffix=".part", delete=False) as file:
+        with whole_file(self._path(effects)) as draft, draft.open("wb") as file:
             np.savez(file, **content)  # type: ignore[arg-type]
-            file.flush()
-            os.fsync(file.fileno())
-        Path(file.name).replace(path)
 
 
 _PARTS = ("train", "held_out", "used_train", "used_held_out")

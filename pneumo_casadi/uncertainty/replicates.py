@@ -2,8 +2,6 @@
 
 import hashlib
 import json
-import os
-import tempfile
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -12,6 +10,7 @@ import numpy as np
 
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.whole_file import whole_file
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,17 +59,9 @@ class ReplicateFolder:
 
     def write(self, replicate: Replicate) -> None:
         """Write a replicate in one step: the file is there whole, or not at all."""
-        self.folder.mkdir(parents=True, exist_ok=True)
         text = json.dumps({"fingerprint": self.fingerprint} | asdict(replicate)) + "\n"
-        handle, name = tempfile.mkstemp(prefix=".replicate.", dir=self.folder)
-        draft = Path(name)
-        try:
-            with os.fdopen(handle, "w", encoding="utf-8") as file:
-                file.write(text)
-            draft.replace(self.path(replicate.index))
-        except BaseException:
-            draft.unlink(missing_ok=True)
-            raise
+        with whole_file(self.path(replicate.index)) as draft:
+            draft.write_text(text, encoding="utf-8")
 
     def read(self, index: int) -> Replicate | None:
         """Return a replicate, or None where it is not there.
