@@ -7,10 +7,12 @@ import pytest
 
 from pneumo_casadi.diagnosis import Verdict, diagnose
 from pneumo_casadi.diagnosis.along import AlongMotion
-from pneumo_casadi.diagnosis.diagnose import prepare
+from pneumo_casadi.diagnosis.diagnose import _weighed, prepare
+from pneumo_casadi.diagnosis.findings import Check
 from pneumo_casadi.diagnosis.inverse import residuals
 from pneumo_casadi.diagnosis.study import fit
 from pneumo_casadi.diagnosis.trajectory import all_smoothed
+from pneumo_casadi.diagnosis.verdict import Judgement
 from pneumo_casadi.effect import Effect
 from pneumo_casadi.effects import CATALOGUE
 from pneumo_casadi.errors import FitError
@@ -86,3 +88,22 @@ def test_what_a_sensor_shows_too_much_is_taken_back_whatever_acts_beside(made_ca
     expected = residuals(true, motion, true.axis.parameters.values)
     found = residuals(false, distorted, false.axis.parameters.values)
     np.testing.assert_allclose(found, expected, atol=1e-3 * np.std(expected, axis=1).max())
+
+
+def failing(*names):
+    return tuple(Check(name, 1.2, 0.0, 1.0, 0.05, "1", False, "") for name in names)
+
+
+@pytest.mark.parametrize(
+    ("names", "excess", "expected"),
+    [
+        (("S_N", "S_N/S_P"), 1.6, Verdict.ABSORBED),
+        (("S_P", "S_N"), 1.6, Verdict.UNKNOWN),  # as a flow map that drifts
+        (("S_N", "S_N/S_P"), 9.0, Verdict.UNKNOWN),  # a gap that a valve's gain does not leave
+    ],
+)
+def test_a_faint_gap_without_a_name_is_told_by_the_ratio_of_the_areas(names, excess, expected):
+    judgement = Judgement(Verdict.UNKNOWN, (), {}, 0.7, np.array([1.0, excess, 1.0]))
+    verdict, hidden = _weighed(judgement, failing(*names))
+    assert verdict is expected
+    assert ("valve_mismatch" in hidden) is (expected is Verdict.ABSORBED)
