@@ -1,6 +1,7 @@
-"""Hose: the line between valve and chamber delays the flow and takes pressure."""
+"""Hose: the line between valve and chamber rings and takes pressure."""
 
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 import casadi as ca
@@ -15,24 +16,33 @@ P_LEAST = 0.02
 
 
 class Hose(Effect):
-    """Line of turbulent resistance R and delay D to each chamber.
+    r"""Line of turbulent resistance R that rings with the time constant D, to each chamber.
 
-    The valve works against p_h, with p_h² = p² + 2 r T R q |q| (compressible Darcy flow), and
-    the flow arrives through two equal stages, each (1 + n s)/(1 + (n + D/2) s) with
-    n = τ₀²/(τ₀ + D), τ₀ = 1 ms: exactly one at D = 0, with the derivative of a true delay, and
-    1/(1 + D s/2)² beyond a few milliseconds. D is the delay of a slow flow: the way of sound,
-    L/c (2.9 ms a metre), and the time in which the hose fills through its own resistance. All
-    air that enters leaves again. The hose's volume is part of the dead volume, in X_s1 and X_s4.
+    The valve works against p_h, with p_h² = p² + 2 r T R q |q| (compressible Darcy flow). One
+    cell of inertia L and volume C_l before the chamber's C_c gives, for what arrives over what
+    would arrive were the hose part of the chamber,
+
+    .. math:: G(s) = \frac{1 + 2 ζ n s + n^2 s^2}{1 + 2 ζ m s + m^2 s^2},
+              \qquad m = n + D, \quad n = \frac{τ_0^2}{τ_0 + D}, \quad τ_0 = 1 ms,
+
+    with 1/D² = (1/C_l + 1/C_c)/L: beside a large chamber D is the way of sound along the hose,
+    2.9 ms a metre, beside a small one less. At D = 0 poles and zeros cancel: the axis is the
+    nominal one, exactly. n vanishes as D grows. All air that enters leaves again. The hose's
+    volume is part of the dead volume, in X_s1 and X_s4.
     """
 
     name = "hose"
-    equation = "p_h² = p² + 2 r T R q|q|, q/q_valve = ((1 + ns)/(1 + (n + D/2)s))²"
+    equation = (
+        "p_h² = p² + 2 r T R q|q|, q/q_valve = (1 + 2ζns + n²s²)/(1 + 2ζms + m²s²), m = n + D"
+    )
     source = "Richer and Hurmuzlu (2000), J. Dyn. Syst. Meas. Control 122, eq. 20 to 29"
-    shows = "both mass flow balances: lag after steps of the command, less flow at large ones"
+    shows = "both mass flow balances: ringing after steps of the command, less flow at large ones"
     confused_with = ("valve_dynamics", "position_delay", "flow coefficients", "X_s1", "X_s4")
     separated_by = (
         "steps at both ends of the stroke; sensors at the valve beside those at the chamber"
     )
+    # Friction of the small flows that ring: what damps as a controlled spool is the spool.
+    credible = MappingProxyType({"zeta": (0.0, 0.5)})
     parameters = (
         Parameter(
             "R",
@@ -51,29 +61,40 @@ class Hose(Effect):
             0.0,
             "s",
             lower=0.0,
-            upper=0.1,
+            upper=0.05,
             scale=5e-3,
             null=0.0,
-            start=6e-3,
-            description="delay of the flow",
-            source="L/c: 1.5-15 ms for 0.5-5 m",
+            start=4e-3,
+            description="time constant D of the ringing",
+            source="L/c at most: 1.5-15 ms for 0.5-5 m",
+        ),
+        Parameter(
+            "zeta",
+            0.1,
+            "1",
+            lower=0.005,
+            upper=1.5,
+            scale=0.1,
+            null=0.1,
+            start=0.1,
+            description="damping of the ringing",
+            source="16 μ D/(ρ d²) of laminar flow: 0.01 (3 m of 6 mm) to 0.05; flow adds to it",
         ),
     )
-    states = tuple(State(f"q{i}_{c}", "kg/s", 5e-3) for c in "PN" for i in (1, 2))
+    states = tuple(State(f"{name}_{c}", "kg/s", 5e-3) for c in "PN" for name in ("q", "g"))
 
     def rest(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
         """Start with a steady flow."""
         q = entering["line"]
-        return {"q1_P": q.P, "q2_P": q.P, "q1_N": q.N, "q2_N": q.N}
+        return {"q_P": q.P, "g_P": 0.0, "q_N": q.N, "g_N": 0.0}
 
     def rates(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
-        """Pass the flow through two stages."""
-        pole, share = _stage(at)
+        """Let the air in the hose swing; g is m dq/dt."""
+        _, m = _times(at)
         found = {}
         for c, q in (("P", entering["line"].P), ("N", entering["line"].N)):
-            between = q - share * (q - at[f"q1_{c}"])
-            found[f"q1_{c}"] = (q - at[f"q1_{c}"]) / pole
-            found[f"q2_{c}"] = (between - at[f"q2_{c}"]) / pole
+            found[f"q_{c}"] = at[f"g_{c}"] / m
+            found[f"g_{c}"] = (q - at[f"q_{c}"] - 2 * at["zeta"] * at[f"g_{c}"]) / m
         return found
 
     def outlet(self, p: Pair, at: Scope) -> Pair:
@@ -85,20 +106,20 @@ class Hose(Effect):
         return Pair(_arriving(q_m.P, "P", at), _arriving(q_m.N, "N", at))
 
 
-def _stage(at: Scope) -> tuple[Expression, Expression]:
-    """Return the time constant of a stage and how much of its input passes through the state."""
-    delay = at["delay"]
-    pole = TAU_REGULAR**2 / (TAU_REGULAR + delay) + delay / 2
-    return pole, delay / 2 / pole
+def _times(at: Scope) -> tuple[Expression, Expression]:
+    """Return n and m [s]."""
+    n = TAU_REGULAR**2 / (TAU_REGULAR + at["delay"])
+    return n, n + at["delay"]
 
 
 def _arriving(q: Expression, c: str, at: Scope) -> Expression:
-    _, share = _stage(at)
-    between = q - share * (q - at[f"q1_{c}"])
-    return between - share * (between - at[f"q2_{c}"])
+    n, m = _times(at)
+    share = n / m
+    swing = 2 * at["zeta"] * share * (1 - share) * at[f"g_{c}"]
+    return at[f"q_{c}"] + share**2 * (q - at[f"q_{c}"]) + swing
 
 
 def _at_the_valve(p: Expression, c: str, at: Scope) -> Expression:
-    q = at[f"q1_{c}"]
+    q = at[f"q_{c}"]
     square = p**2 + 2 * at.axis["r"] * at.axis["T"] * at["R"] * q * ca.fabs(q)
     return ca.sqrt(ca.fmax(square, (P_LEAST * p) ** 2))

@@ -227,18 +227,52 @@ def response(axis, x, u, output=0):
     return static, c @ np.linalg.solve(A, inner) / static
 
 
-def test_a_hose_delays_the_flow_and_loses_none_of_it(made):
+def test_a_hose_rings_and_loses_no_flow(made):
     x = [3e5, 4e5, 0.0, 0.0]
     nominal = made.true_axis()
     static, _ = response(nominal.with_effects(Hose()), at_rest(nominal.with_effects(Hose()), x), U)
-    for delay in (1e-4, 2e-3, 2e-2):
-        axis = started(made, Hose(), R=0.0, delay=delay)
+    for delay, zeta in ((1e-4, 0.1), (2e-3, 0.02), (2e-2, 0.4)):
+        axis = started(made, Hose(), R=0.0, delay=delay, zeta=zeta)
         full = at_rest(axis, x)
         np.testing.assert_allclose(rates(axis, full, U)[:4], rates(nominal, x, U), rtol=1e-12)
         np.testing.assert_allclose(rates(axis, full, U)[4:], 0.0, atol=1e-12)
         gain, lag = response(axis, full, U)
-        # What is under way is the delay times the flow: the delay of a slow flow is exact.
-        assert lag == pytest.approx(delay, rel=1e-9) and gain == pytest.approx(static, rel=1e-9)
+        # What is under way is the delay of a slow flow times the flow: 2 ζ (m - n) = 2 ζ D.
+        assert lag == pytest.approx(2 * zeta * delay, rel=1e-9)
+        assert gain == pytest.approx(static, rel=1e-9)
+        swings = np.linalg.eigvals(
+            axis.rhs.jacobian()(full, U, axis.parameters.values, 0)[0].full()[4:, 4:]
+        )
+        m = delay + 1e-6 / (1e-3 + delay)
+        np.testing.assert_allclose(np.abs(swings), 1 / m, rtol=1e-9)
+        np.testing.assert_allclose(-swings.real * m, zeta, rtol=1e-9)
+
+
+def test_a_hose_swings_as_one_cell_of_inertia_and_volume_does(made):
+    """Against p_h' = (q_v - q)/C_l, p_c' = q/C_c, q' = (p_h - p_c - r q)/L, by its own matrix."""
+    length, bore, C_c, damping = 2.0, 6e-3, 6e-9, 0.05
+    area = np.pi * bore**2 / 4
+    L, C_l = length / area, area * length / (R_AIR * T_0)
+    D = np.sqrt(L / (1 / C_l + 1 / C_c))
+    line = np.array([[0, 0, -1 / C_l], [0, 0, 1 / C_c], [1 / L, -1 / L, -2 * damping / D]])
+    for frequency in (5.0, 15.0, 40.0, 80.0):
+        s = 2j * np.pi * frequency
+        _, p_c, _ = np.linalg.solve(s * np.eye(3) - line, [1 / C_l, 0, 0])
+        wanted = p_c * s * (C_c + C_l)  # over a chamber that holds the hose's volume too
+        axis = started(made, Hose(), R=0.0, delay=float(D), zeta=damping)
+        found = transfer(axis, at_rest(axis, [3e5, 4e5, 0.0, 0.0]), s)
+        n = 1e-6 / (1e-3 + D)
+        assert abs(found / wanted - 1) < 4 * n / D + (2 * np.pi * frequency * n) ** 2
+
+
+def transfer(axis, x, s):
+    """Return the rate of p_P over u_P at a complex frequency, over its value at rest."""
+    n = 4
+    J = axis.rhs.jacobian()(x, U, axis.parameters.values, 0)
+    by_x, by_u = J[0].full(), J[1].full()
+    A, b, c, d = by_x[n:, n:], by_u[n:, 0], by_x[0, n:], by_u[0, 0]
+    at = [d + c @ np.linalg.solve(z * np.eye(len(A)) - A, b) for z in (s, 0.0)]
+    return at[0] / at[1]
 
 
 def at_rest(axis, x, u=U):
@@ -249,7 +283,7 @@ def test_the_valve_sees_the_pressure_that_the_hose_takes(made):
     R, p = 2e9, 3e5
     axis, flow = started(made, Hose(), R=R), made.true_flow()
     q = 5e-3
-    x = [p, p, 0.0, 0.0, q, q, -q, -q]
+    x = [p, p, 0.0, 0.0, q, 0.0, -q, 0.0]
     before = np.sqrt(p**2 + 2 * R_AIR * T_0 * R * q * np.array([q, -q]))
     wanted = [float(flow(1.5, before[0])), float(flow(-1.0, before[1]))]
     np.testing.assert_allclose(through_valves(axis, x, U), wanted, rtol=1e-9)

@@ -32,7 +32,7 @@ def test_the_sidecar_names_what_the_numbers_are(models, tmp_path):
     model = models["effects"]
     write_functions(model, tmp_path)
     read = read_functions(tmp_path)
-    assert tuple(read.states) == model.axis.states and read.states["hose.q1_P"] == "kg/s"
+    assert tuple(read.states) == model.axis.states and read.states["hose.q_P"] == "kg/s"
     assert read.inputs == {"u_P": "V", "u_N": "V"}
     assert read.outputs == {"p_P": "Pa", "p_N": "Pa", "x": "m"}
     assert read.dt == model.dt and np.array_equal(read.start, model.start)
