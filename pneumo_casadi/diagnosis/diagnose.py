@@ -45,9 +45,11 @@ logger = logging.getLogger(__name__)
 
 #: Areas of the pistons among the checks.
 AREAS = ("S_P", "S_N", "S_N/S_P")
-#: Residuals over the noise floor up to which a gap is faint, and the share of the gap left from
-#: which an effect that comes with a wrong area is not believed.
-FAINT, DOUBTFUL = 5.0, 0.1
+#: Residuals over the noise floor up to which a gap is faint: a valve with 4/3 the gain leaves 5.3.
+FAINT = 6.0
+#: Share of the gap left from which an effect is not believed that comes with a wrong mass, or with
+#: areas off by so many tolerances: what its form misses moves them by two.
+DOUBTFUL, FAR = 0.1, 3.0
 #: Probability that what hides in the parameters is among those that can: 14 of 16 on the bench.
 HIDDEN = 0.8
 #: Share of a record that is held out where a case has no validation record.
@@ -171,7 +173,10 @@ def _weighed(judgement: Judgement, checks: Sequence[Check]) -> tuple[Verdict, tu
     hides = "S_N/S_P" in wrong if verdict is Verdict.UNKNOWN else wrong_area
     if verdict is Verdict.NONE or (faint and hides):
         return (Verdict.ABSORBED, hidden) if hidden else (verdict, ())
-    doubtful = (wrong_area or "M" in wrong) and judgement.unexplained > DOUBTFUL
+    far = any(
+        one.name in AREAS and abs(one.value - one.expected) > FAR * one.tolerance for one in checks
+    )
+    doubtful = (far or "M" in wrong) and judgement.unexplained > DOUBTFUL
     if doubtful and verdict in (Verdict.EFFECT, Verdict.AMBIGUOUS):
         return Verdict.UNKNOWN, ()
     return verdict, ()
@@ -298,8 +303,11 @@ def _ranking(
         Candidate(failed.effects, 0.0, None, 0.0, 0.0, {}, failed.reason)
         for failed in found.failures
     ]
-    shared = HIDDEN / max(len(hidden), 1)
-    absorbed = [Candidate((name,), shared, None, 0.0, 0.0) for name in hidden]
+    shares = 1.0 / np.arange(1.0, len(hidden) + 1) ** 2  # the most likely first
+    absorbed = [
+        Candidate((name,), HIDDEN * float(share), None, 0.0, 0.0)
+        for name, share in zip(hidden, shares / max(float(shares.sum()), 1.0), strict=True)
+    ]
     rest = [one for one in ranked if not (len(one.names) == 1 and one.names[0] in hidden)]
     return (*absorbed, *rest)
 
