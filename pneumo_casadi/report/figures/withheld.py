@@ -123,8 +123,8 @@ def calibration_plot(axes: Axes, found: Mapping[str, Any]) -> None:
     error = found["expected_calibration_error"]
     if error is not None:
         axes.text(
-            0.02, 0.95, f"expected calibration error {error:.3f}", transform=axes.transAxes,
-            ha="left", va="top", fontsize=SMALL,
+            0.98, 0.05, f"expected calibration error {error:.3f}", transform=axes.transAxes,
+            ha="right", va="bottom", fontsize=SMALL,
             bbox={"facecolor": "white", "alpha": 0.8, "linewidth": 0, "pad": 1.0},
         )  # fmt: skip
     axes.set_xlim(-2, 102)
