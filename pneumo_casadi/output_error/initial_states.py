@@ -89,8 +89,9 @@ def _problem(axis: Axis, record: Recording, window: float | None) -> Problem:
 def _costs(problem: Problem, x_0: FloatArray, sigma: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return nodes (nx, I) and the cost of each window (B,); infinite where not finite."""
     nodes, m = shoot(problem, problem.parameters.values, x_0)
-    squares = ((problem.y - m) / sigma[:, None]) ** 2
-    cost = 0.5 * problem.n * squares.reshape(len(m), x_0.shape[1], -1).sum(axis=(0, 2))
+    with np.errstate(over="ignore", invalid="ignore"):  # a trial may run away: then it costs inf
+        squares = ((problem.y - m) / sigma[:, None]) ** 2
+        cost = 0.5 * problem.n * squares.reshape(len(m), x_0.shape[1], -1).sum(axis=(0, 2))
     return nodes, np.where(np.isfinite(cost), cost, np.inf)
 
 
