@@ -116,6 +116,19 @@ def _true_motions(
     model: AlongMotion, data: Smoothed, variants: Sequence[FloatArray]
 ) -> list[Motion]:
     """Take back what the sensors distort, for every variant of θ."""
+    axis = model.axis
+    sensors = [f"{effect.name}." for effect in axis.effects if senses((effect,))]
+    own = [i for i, n in enumerate(axis.parameters.names) if n.startswith(tuple(sensors))]
+    # Variants differ in parameters of effects alone, and a sensor knows none but its own.
+    distinct = {theta[own].tobytes(): theta for theta in variants}
+    found = _without_sensors(model, data, list(distinct.values()))
+    known = dict(zip(distinct, found, strict=True))
+    return [known[theta[own].tobytes()] for theta in variants]
+
+
+def _without_sensors(
+    model: AlongMotion, data: Smoothed, variants: Sequence[FloatArray]
+) -> list[Motion]:
     motions = [(data.x, data.dx)] * len(variants)
     effects = model.axis.effects
     states = [np.zeros((model.n_z, data.N))] * len(variants)

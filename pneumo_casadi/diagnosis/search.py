@@ -13,6 +13,7 @@ from pneumo_casadi.diagnosis.along import remembers, senses
 from pneumo_casadi.diagnosis.gaps import Simulations
 from pneumo_casadi.diagnosis.misfit import (
     Yardstick,
+    gaps,
     size,
     yardstick,
 )
@@ -169,7 +170,7 @@ def _forward(
             best = _second_thoughts(worker, nominal, best, by, current)
         path.append(best)
         worker.fits[best] = refined(worker.study, worker.fits[best], worker.effects(best))
-        if _settled(worker, nominal, best):
+        if _settled(worker, nominal, best) or not np.any(gaps(size(worker.fits[best]), by)):
             break
         current = worker.fits[best]
     if path and path[-1] not in worker.settled:
