@@ -1,6 +1,5 @@
 """Regression on the package's own models: the derived regressor, EMPS and the bench of Table 1."""
 
-import importlib.util
 import json
 import logging
 import subprocess
@@ -34,11 +33,8 @@ def emps(data_folder):
 
 
 @pytest.fixture(scope="module")
-def benchmark():
-    spec = importlib.util.spec_from_file_location("emps_benchmark", BENCHMARK)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+def benchmark(script):
+    return script(BENCHMARK)
 
 
 @pytest.fixture(scope="module")

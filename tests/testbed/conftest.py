@@ -1,6 +1,5 @@
 """Axes and runs of the virtual bench."""
 
-import importlib.util
 from pathlib import Path
 
 import pytest
@@ -20,10 +19,6 @@ def drive(axis):
 
 
 @pytest.fixture(scope="session")
-def bench_sanity():
+def bench_sanity(script):
     """The benchmark that sets the bench beside the model."""
-    path = Path(__file__).parents[2] / "benchmarks" / "bench_sanity.py"
-    spec = importlib.util.spec_from_file_location("bench_sanity", path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return script(Path(__file__).parents[2] / "benchmarks" / "bench_sanity.py")
