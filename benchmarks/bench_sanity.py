@@ -9,8 +9,6 @@ on the held-out record in closed loop. Axes are random; seeds are counted from 0
 """
 
 import argparse
-import os
-import platform
 import tempfile
 import time
 from collections.abc import Mapping
@@ -18,12 +16,9 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-import casadi
-import numba
 import numpy as np
 import provenance
 
-from pneumo_casadi import __version__
 from pneumo_casadi.errors import FitError
 from pneumo_casadi.flow import FlowISO6358
 from pneumo_casadi.parameters import Parameter, Parameters
@@ -195,18 +190,8 @@ def main() -> None:
     arguments = parser.parse_args()
     axes, duration, fits = (1, 4.0, 0) if arguments.quick else (5, 20.0, arguments.fits)
     result = run(axes, duration, fits)
-    result |= {
-        "machine": f"{platform.machine()} {platform.system()}, {os.cpu_count()} CPUs",
-        "versions": {
-            "pneumo_casadi": __version__,
-            "casadi": casadi.CasadiMeta.version(),
-            "numba": numba.__version__,
-            "numpy": np.__version__,
-        },
-        "seed": list(range(axes)),
-        "duration_seconds": duration,
-        "quick": arguments.quick,
-    }
+    result |= provenance.made(None, arguments.quick, "numba")
+    result |= {"seed": list(range(axes)), "duration_seconds": duration}
     provenance.write(arguments.json, result)
 
 

@@ -15,18 +15,13 @@ limited controller output, and the recorded `vir` is the sum of the two.
 import argparse
 import json
 import logging
-import os
-import platform
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import casadi
 import numpy as np
 import provenance
-import scipy
 
-from pneumo_casadi import __version__
 from pneumo_casadi.axis import Axis
 from pneumo_casadi.effects import AsymmetricViscousFriction
 from pneumo_casadi.filtering import (
@@ -114,7 +109,6 @@ def main() -> None:
     logging.disable(logging.WARNING)
     case = load_emps(arguments.data)
     result = run(case, seconds=3.0 if arguments.quick else None)
-    result["quick"] = arguments.quick
     if arguments.json is None:
         print(json.dumps(result, indent=1))
         return
@@ -156,15 +150,7 @@ def run(case: Case, seconds: float | None = None) -> dict[str, Any]:
             name: wls_figures(fit, case, combined) for name, (fit, combined) in own.items()
         },
         "authors": AUTHORS,
-        "machine": f"{platform.machine()} {platform.system()}, {os.cpu_count()} CPUs",
-        "versions": {
-            "python": platform.python_version(),
-            "pneumo_casadi": __version__,
-            "casadi": casadi.CasadiMeta.version(),
-            "numpy": np.__version__,
-            "scipy": scipy.__version__,
-        },
-        "seed": SEED,
+        **provenance.made(SEED, quick=seconds is not None),
     }
 
 

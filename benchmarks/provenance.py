@@ -15,7 +15,7 @@ from pneumo_casadi.whole_file import whole_file
 def made(seed: int | None, quick: bool, *packages: str) -> dict[str, Any]:
     """Return machine, versions and seed of a result."""
     names = ("casadi", "numpy", "scipy", *packages)
-    versions = {"pneumo_casadi": __version__}
+    versions = {"python": platform.python_version(), "pneumo_casadi": __version__}
     versions |= {name: importlib.metadata.version(name) for name in names}
     return {
         "machine": f"{platform.machine()} {platform.system()}, {os.cpu_count()} CPUs",

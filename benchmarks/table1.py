@@ -6,18 +6,12 @@ parameters are the estimates of the paper's Table 1. Nothing is random here.
 """
 
 import argparse
-import os
-import platform
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import casadi
-import numpy as np
 import provenance
-import scipy
 
-from pneumo_casadi import __version__
 from pneumo_casadi.pipeline import IdentifyOptions, identify
 from pneumo_casadi.report import paper
 
@@ -81,17 +75,7 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="the first four seconds only")
     arguments = parser.parse_args()
     result = run(arguments.data, 4.0 if arguments.quick else None)
-    result |= {
-        "machine": f"{platform.machine()} {platform.system()}, {os.cpu_count()} CPUs",
-        "versions": {
-            "pneumo_casadi": __version__,
-            "casadi": casadi.CasadiMeta.version(),
-            "numpy": np.__version__,
-            "scipy": scipy.__version__,
-        },
-        "seed": SEED,
-        "quick": arguments.quick,
-    }
+    result |= provenance.made(SEED, arguments.quick)
     for name, one in result["parameters"].items():
         wls, oe = one["wls_error_percent"], one["output_error_error_percent"]
         print(f"{name:10s} WLS {wls:+7.2f} %   OE {oe:+7.2f} %")

@@ -2,9 +2,7 @@
 
 from collections.abc import Sequence
 
-from pneumo_casadi.diagnosis.findings import (
-    Check,
-)
+from pneumo_casadi.diagnosis.findings import Check
 
 
 def absorbed_candidates(checks: Sequence[Check]) -> tuple[str, ...]:

@@ -11,9 +11,7 @@ from math import hypot
 from pneumo_casadi.axis import Axis
 from pneumo_casadi.caveats import K_RANGE, MAP_SCALE
 from pneumo_casadi.diagnosis.absorbed import absorbed_candidates as absorbed_candidates
-from pneumo_casadi.diagnosis.findings import (
-    Check,
-)
+from pneumo_casadi.diagnosis.findings import Check
 from pneumo_casadi.diagnosis.static_map import map_misfit_of
 from pneumo_casadi.diagnosis.static_map import map_pull_of as map_pull_of
 from pneumo_casadi.diagnosis.study import Fitted, Study

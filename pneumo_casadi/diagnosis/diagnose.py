@@ -13,20 +13,11 @@ from pneumo_casadi.axis import Axis
 from pneumo_casadi.diagnosis.absorbed import absorbed_candidates
 from pneumo_casadi.diagnosis.checks import checks_of
 from pneumo_casadi.diagnosis.evidence import evidence_of
-from pneumo_casadi.diagnosis.findings import (
-    Candidate,
-    Check,
-    EffectFound,
-    Value,
-    Where,
-)
+from pneumo_casadi.diagnosis.findings import Candidate, Check, EffectFound, Value, Where
 from pneumo_casadi.diagnosis.gaps import simulated_gap
 from pneumo_casadi.diagnosis.gates import refuse_unusable
 from pneumo_casadi.diagnosis.misfit import balance_shrink
-from pneumo_casadi.diagnosis.result import (
-    Diagnosis,
-    Verdict,
-)
+from pneumo_casadi.diagnosis.result import Diagnosis, Verdict
 from pneumo_casadi.diagnosis.search import Search, search
 from pneumo_casadi.diagnosis.searcher import Catalogue, Names
 from pneumo_casadi.diagnosis.study import Fitted, Study, study
@@ -306,7 +297,7 @@ def _ranking(
     shares = 1.0 / np.arange(1.0, len(hidden) + 1) ** 2  # the most likely first
     absorbed = [
         Candidate((name,), HIDDEN * float(share), None, 0.0, 0.0)
-        for name, share in zip(hidden, shares / max(float(shares.sum()), 1.0), strict=True)
+        for name, share in zip(hidden, shares / shares.sum(), strict=True)
     ]
     rest = [one for one in ranked if not (len(one.names) == 1 and one.names[0] in hidden)]
     return (*absorbed, *rest)

@@ -6,10 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pneumo_casadi.axis import Axis
-from pneumo_casadi.diagnosis.findings import (
-    Gap,
-    Shrink,
-)
+from pneumo_casadi.diagnosis.findings import Gap, Shrink
 from pneumo_casadi.diagnosis.misfit import Yardstick, balance_shrink, size
 from pneumo_casadi.diagnosis.study import Fitted, Study
 from pneumo_casadi.effect import Effect

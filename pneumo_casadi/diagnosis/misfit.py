@@ -5,9 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pneumo_casadi.axis import Axis
-from pneumo_casadi.diagnosis.findings import (
-    Shrink,
-)
+from pneumo_casadi.diagnosis.findings import Shrink
 from pneumo_casadi.diagnosis.study import Fitted, Study
 from pneumo_casadi.diagnosis.trajectory import Smoothed
 from pneumo_casadi.parameters import FloatArray

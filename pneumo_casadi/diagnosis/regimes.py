@@ -8,9 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneumo_casadi.axis import Axis
-from pneumo_casadi.diagnosis.findings import (
-    Regime,
-)
+from pneumo_casadi.diagnosis.findings import Regime
 from pneumo_casadi.diagnosis.signatures import noise_variance, residual_floor
 from pneumo_casadi.diagnosis.study import Fitted, Study
 from pneumo_casadi.diagnosis.trajectory import NOISE_MULTIPLE, ROW_RATE, SLOW, Smoothed

@@ -1,6 +1,6 @@
 """Which effects, and how many: forward from the nominal model, with second thoughts."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from itertools import combinations
@@ -11,17 +11,12 @@ import numpy as np
 from pneumo_casadi.diagnosis.acceptance import accepted
 from pneumo_casadi.diagnosis.along import remembers, senses
 from pneumo_casadi.diagnosis.gaps import Simulations
-from pneumo_casadi.diagnosis.misfit import (
-    Yardstick,
-    gaps,
-    size,
-    yardstick,
-)
+from pneumo_casadi.diagnosis.misfit import Yardstick, gaps, size, yardstick
 from pneumo_casadi.diagnosis.polish import polished
 from pneumo_casadi.diagnosis.screen import Screened, background
 from pneumo_casadi.diagnosis.searcher import Catalogue, Failed, Names, Searcher, Start
 from pneumo_casadi.diagnosis.store import Store
-from pneumo_casadi.diagnosis.study import FORM, Fitted, Study, fit, refined
+from pneumo_casadi.diagnosis.study import FORM, Fitted, Study, fit
 from pneumo_casadi.progress import Progress, silent
 
 #: So many effects together at most.
@@ -114,17 +109,7 @@ def search(
     first = worker.over(background(one, nominal, nominal))
     report("refitting single effects", 0.3)
     chosen = [n for n, s in first.items() if s.explained > HOPELESS][:FIRST_ROUND]
-    unfelt = [n for n, s in first.items() if not s.felt and n not in chosen]
-    worker.fit_all(
-        {
-            (name,): (
-                nominal.values,
-                first[name].starts,
-                None if first[name].felt else nominal.cost,
-            )
-            for name in (*chosen, *unfelt)
-        }
-    )
+    _fit_beside(worker, (), nominal, first, chosen)
     path = _forward(worker, nominal, by, report)
     failures = tuple(worker.failures.values())
     return Search(
@@ -169,7 +154,7 @@ def _forward(
         if round_ == 1:
             best = _second_thoughts(worker, nominal, best, by, current)
         path.append(best)
-        worker.fits[best] = refined(worker.study, worker.fits[best], worker.effects(best))
+        worker.refine(best)
         if _settled(worker, nominal, best) or not np.any(gaps(size(worker.fits[best]), by)):
             break
         current = worker.fits[best]
@@ -220,8 +205,19 @@ def _extend(worker: Searcher, nominal: Fitted, current: Fitted, known: Names) ->
     """Fit the most promising additions to a model."""
     behind = background(worker.study, nominal, current, worker.effects(known))
     screened = worker.over(behind, known)
-    tried = dict.fromkeys(list(screened)[:LATER_ROUNDS])
+    tried = list(screened)[:LATER_ROUNDS]
     alone = [name for name in worker.alone if name in screened and name not in tried][:ALONE]
+    _fit_beside(worker, known, current, screened, (*tried, *alone))
+
+
+def _fit_beside(
+    worker: Searcher,
+    known: Names,
+    current: Fitted,
+    screened: Mapping[str, Screened],
+    names: Sequence[str],
+) -> None:
+    """Fit a model with each of some effects more, and each that is not felt where it is small."""
     unfelt = [name for name, one in screened.items() if not one.felt]
     worker.fit_all(
         {
@@ -230,7 +226,7 @@ def _extend(worker: Searcher, nominal: Fitted, current: Fitted, known: Names) ->
                 screened[name].starts,
                 None if screened[name].felt else current.cost,
             )
-            for name in dict.fromkeys((*tried, *alone, *unfelt))
+            for name in dict.fromkeys((*names, *unfelt))
         }
     )
 
@@ -247,10 +243,9 @@ def _pair_up(worker: Searcher) -> None:
         own = {n: v for n, v in added.values.items() if n.startswith(f"{other}.")}
         starts[worker.key((one, other))] = {**better.values, **own}, (), None
     worker.fit_all(starts)
-    pairs = {key: fitted for key, fitted in worker.fits.items() if len(key) == 2}
+    pairs = [key for key in worker.fits if len(key) == 2]
     if pairs:
-        best = min(pairs, key=lambda key: pairs[key].cost)
-        worker.fits[best] = refined(worker.study, pairs[best], worker.effects(best))
+        worker.refine(min(pairs, key=lambda key: worker.fits[key].cost))
 
 
 def _second_thoughts(

@@ -18,7 +18,7 @@ from pneumo_casadi.diagnosis.screen import (
     screened,
 )
 from pneumo_casadi.diagnosis.store import Store
-from pneumo_casadi.diagnosis.study import Fitted, Study, fit
+from pneumo_casadi.diagnosis.study import Fitted, Study, fit, refined
 from pneumo_casadi.effect import Effect, Maker
 from pneumo_casadi.errors import FitError, ModelError
 from pneumo_casadi.threads import one_thread
@@ -73,6 +73,7 @@ class Searcher:
 
     def __post_init__(self) -> None:
         self._packed = pickle.dumps(self.study) if self.executor is not None else b""
+        self._refined: set[Names] = set()
         self.simulations = Simulations(self.study)
 
     def effects(self, names: Iterable[str]) -> tuple[Effect, ...]:
@@ -136,6 +137,12 @@ class Searcher:
                     self.store.write(self.effects(key), self.fits[key])
             except FAULTS as error:
                 self.failures[key] = Failed(key, str(error))
+
+    def refine(self, names: Names) -> None:
+        """Free the held parameters of a model's effects, once; see `refined`."""
+        if names not in self._refined:
+            self._refined.add(names)
+            self.fits[names] = refined(self.study, self.fits[names], self.effects(names))
 
 
 @one_thread

@@ -6,9 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pneumo_casadi.diagnosis.misfit import COARSE_MAP, gaps, size, squares
-from pneumo_casadi.diagnosis.result import (
-    Verdict,
-)
+from pneumo_casadi.diagnosis.result import Verdict
 from pneumo_casadi.diagnosis.search import SETTLED, Search
 from pneumo_casadi.diagnosis.searcher import Names
 from pneumo_casadi.diagnosis.study import Fitted
@@ -100,8 +98,8 @@ def unexplained(found: Search) -> float:
         return simulated
     before, after = (_above(size(fit), found) for fit in (found.nominal, found.final))
     main = before > max(MAIN * float(before.max(initial=0.0)), 1e-12)
-    coarse = np.arange(len(main)) < len(main) - 1  # all but the force
-    coarse &= size(found.nominal) < NEAR_NULL * found.by.noise
+    coarse = size(found.nominal) < NEAR_NULL * found.by.noise
+    coarse[-1] = False  # the force has no map
     if np.any(main & ~coarse):
         main &= ~coarse
     if not main.any():

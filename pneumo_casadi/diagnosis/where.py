@@ -5,10 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from pneumo_casadi.diagnosis.along import AlongMotion
-from pneumo_casadi.diagnosis.findings import (
-    Regime,
-    Where,
-)
+from pneumo_casadi.diagnosis.findings import Regime, Where
 from pneumo_casadi.diagnosis.inverse import residuals
 from pneumo_casadi.diagnosis.regimes import regimes_of
 from pneumo_casadi.diagnosis.signatures import HYPOTHESES, Signatures, row_signals, signatures

@@ -7,10 +7,9 @@ from typing import Any
 import casadi as ca
 
 from pneumo_casadi.effect import Effect, Expression, Pair, Scope, State
+from pneumo_casadi.effects.regular_lag import numerator
 from pneumo_casadi.parameters import Parameter
 
-#: Time constant that keeps the null regular [s].
-TAU_REGULAR = 1e-3
 #: The pressure at the valve is at least this share of that in the chamber.
 P_LEAST = 0.02
 
@@ -108,7 +107,7 @@ class Hose(Effect):
 
 def _times(at: Scope) -> tuple[Expression, Expression]:
     """Return n and m [s]."""
-    n = TAU_REGULAR**2 / (TAU_REGULAR + at["delay"])
+    n = numerator(at["delay"])
     return n, n + at["delay"]
 
 

@@ -1,4 +1,4 @@
-"""A first-order lag that is regular where it vanishes, for all effects that hold one."""
+"""Lags and swings that are regular where they vanish, for all effects that hold one."""
 
 from pneumo_casadi.effect import Expression
 
@@ -23,3 +23,12 @@ def lagged(value: Expression, state: Expression, tau: Expression) -> Expression:
 def lag_rate(value: Expression, state: Expression, tau: Expression) -> Expression:
     """Return the rate of the state of `lagged`: it follows with time constant τ₀ + τ."""
     return (value - state) / (TAU_REGULAR + tau)
+
+
+def numerator(tau: Expression) -> Expression:
+    """Return n = τ₀²/(τ₀ + τ), the time constant of a numerator that vanishes as τ grows.
+
+    Beside a denominator of n and τ, poles and zeros cancel at τ = 0, and nothing but the
+    denominator is left of a τ far above τ₀.
+    """
+    return TAU_REGULAR**2 / (TAU_REGULAR + tau)

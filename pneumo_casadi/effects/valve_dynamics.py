@@ -4,10 +4,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from pneumo_casadi.effect import Effect, Expression, Pair, Scope, State
+from pneumo_casadi.effects.regular_lag import numerator
 from pneumo_casadi.parameters import Parameter
-
-#: Time constant that keeps the null regular [s].
-TAU_REGULAR = 1e-3
 
 
 class ValveDynamics(Effect):
@@ -89,17 +87,13 @@ class ValveDynamics(Effect):
 
     def spool(self, u: Pair, at: Scope) -> Pair:
         """Return (1 + n s)² w, which is the command where τ = 0."""
-        n, found = _numerator(at), []
+        n, found = numerator(at["tau"]), []
         for c, command in (("P", u.P), ("N", u.N)):
             found.append(at[f"w_{c}"] + 2 * n * at[f"g_{c}"] + n**2 * _acceleration(command, c, at))
         return Pair(*found)
 
 
-def _numerator(at: Scope) -> Expression:
-    return TAU_REGULAR**2 / (TAU_REGULAR + at["tau"])
-
-
 def _acceleration(u: Expression, c: str, at: Scope) -> Expression:
-    tau, n = at["tau"], _numerator(at)
+    tau, n = at["tau"], numerator(at["tau"])
     inertia = n**2 + (tau / (2 * at["zeta"])) ** 2
     return (u - at[f"w_{c}"] - (2 * n + tau) * at[f"g_{c}"]) / inertia
