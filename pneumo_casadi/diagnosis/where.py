@@ -217,7 +217,8 @@ def _words(
     else:
         sentences.append(f"Simulation and reality part in {_WORDS[balance]}.")
     if cause:
-        sentences.append(f"That is where {' and '.join(cause)} acts.")
+        act = "acts" if len(cause) == 1 else "act"
+        sentences.append(f"That is where {' and '.join(cause)} {act}.")
     sentences += [
         f"{100 * one.share:.0f} % of the gap in {_WORDS[one.balance]} is found here: {one.name} "
         f"({100 * one.time:.0f} % of {'its signal' if one.name.endswith('Hz') else 'the time'})."

@@ -10,30 +10,38 @@ from pneumo_casadi.parameters import Parameter
 
 #: Way over which friction builds up in the numerator [m]: at distance = 0 pole and zero cancel.
 S_REGULAR = 5e-6
-#: The bristle never answers faster than this [s]. Its rate grows with the speed, which would make
+#: The bristle hardly answers faster than this [s]. Its rate grows with the speed, which would make
 #: the equations stiff where presliding is over long since.
-TAU_LEAST = 1e-3
+TAU_LEAST = 1.5e-3
+#: Rounding of the speed [m/s]: a bent bristle at rest lets go at a rate of S_SPEED/(2 s₀).
+S_SPEED = 1e-5
+#: Keeps |h|³ differentiable often enough at 0.
+TINY = 1e-12
 
 
 class Presliding(Effect):
-    """LuGre's bristle with a constant level, the state as a share of the Coulomb friction.
+    """Elastic-plastic bristle, the state as a share of the Coulomb friction.
 
     Bristle of stiffness σ₀ under the mean level F_c = (F_c⁺ + F_c⁻)/2, h = σ₀ z/F_c between -1
-    and 1, presliding distance s₀ = F_c/σ₀::
+    and 1, presliding distance s₀ = F_c/σ₀, with Bouc's and Wen's law of hysteresis, exponent 3::
 
-        ḣ = (v - |v| h) / L,   L² = (s₀ + s_r)² + (v τ_r)²
+        ḣ = (v - (|v| h³ + v |h|³)/2) / L,   L² = (s₀ + s_r)² + (v τ_r)²
         F = F_c sign(v) + (s₀ / L) F_c (h - sign(v))
 
+    It bends back elastically and slips only where it is bent far and bent further. The bristle of
+    LuGre, ḣ = (v - |v| h)/s₀, slips at any force and creeps away under the least vibration.
+
     For s_r = τ_r = 0 the friction is F_c h. With them, pole and zero cancel at s₀ = 0 (Coulomb
-    friction, regularly), and no rate exceeds 1/τ_r. The energy s₀ F_c h²/2 is stored, the rest
+    friction, regularly), and no rate exceeds 3/τ_r. The energy s₀ F_c h²/2 is stored, the rest
     is dissipated, for any s_r and τ_r.
     """
 
     name = "presliding"
-    equation = "ḣ = (v − |v| h)/s₀, F_c h in place of F_c sign(v), with s₀ = F_c/σ₀"
+    equation = "ḣ = (v − (|v| h³ + v |h|³)/2)/s₀, F_c h in place of F_c sign(v), with s₀ = F_c/σ₀"
     source = (
-        "Canudas de Wit, Olsson, Åström, Lischinsky (1995), IEEE Transactions on Automatic "
-        "Control 40(3), 419-425"
+        "Wen (1976), Journal of the Engineering Mechanics Division ASCE 102(2), 249-263; drift of "
+        "bristles: Dupont, Hayward, Armstrong, Altpeter (2002), IEEE Transactions on Automatic "
+        "Control 47(5), 787-792"
     )
     shows = "force balance, within a fraction of a millimetre after a reversal and in stops"
     confused_with = ("v_s", "stribeck", "backlash", "elastic_load")
@@ -61,7 +69,10 @@ class Presliding(Effect):
 
     def rates(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
         """Let the bristle bend with the way and slip at the Coulomb level."""
-        return {"share": (at.v - _speed(at) * at["share"]) / self._length(at)}
+        v, h = at.v, at["share"]
+        speed = ca.sqrt(v**2 + S_SPEED**2)
+        slipping = (speed * h**3 + v * (h**2 + TINY) ** 1.5) / 2
+        return {"share": (v - slipping) / self._length(at)}
 
     def force(self, F: Expression, at: Scope) -> Expression:
         """Replace Coulomb friction by the bristle's."""
@@ -71,10 +82,3 @@ class Presliding(Effect):
     @staticmethod
     def _length(at: Scope) -> Expression:
         return ca.sqrt((at["distance"] + S_REGULAR) ** 2 + (TAU_LEAST * at.v) ** 2)
-
-
-def _speed(at: Scope) -> Expression:
-    """Return |v|, smoothed as v / tanh(v / v_s): the steady share is the nominal direction."""
-    v_s = at.axis["v_s"]
-    z = ca.sqrt((at.v / v_s) ** 2 + 1e-12)
-    return v_s * z / ca.tanh(z)

@@ -67,8 +67,8 @@ def sliding(made, distance):
 
 
 @pytest.mark.parametrize("distance", [1e-4, 3e-4, 1e-3])
-def test_presliding_is_the_lugre_bristle_solved_by_itself(made, drag, distance):
-    """Reversals of several sizes; the difference is the regularisation's 5 µm and 1 ms."""
+def test_presliding_is_the_elastic_plastic_bristle_solved_by_itself(made, drag, distance):
+    """Reversals of several sizes; the difference is the regularisation's 5 µm and 1.5 ms."""
 
     def motion(t):
         return 2e-3 * np.sin(12 * t) + 0.6e-3 * np.sin(61 * t)
@@ -77,17 +77,16 @@ def test_presliding_is_the_lugre_bristle_solved_by_itself(made, drag, distance):
         return 24e-3 * np.cos(12 * t) + 36.6e-3 * np.cos(61 * t)
 
     run = drag(sliding(made, distance), motion, 0.8)
-    sigma_0 = 15.0 / distance
 
-    def lugre(t, z):
+    def bristle(t, h):
         v = velocity(t)
-        return v - np.abs(v) * sigma_0 / 15.0 * z
+        return (v - 0.5 * (np.abs(v) * h**3 + v * np.abs(h) ** 3)) / distance
 
-    start = [distance * np.sign(velocity(0.0))]
-    solved = solve_ivp(lugre, (0, 0.8), start, "LSODA", run.t, max_step=1e-3)
-    error = run.F - sigma_0 * solved.y[0]
+    start = [np.sign(velocity(0.0))]
+    solved = 15.0 * solve_ivp(bristle, (0, 0.8), start, "LSODA", run.t, max_step=1e-3).y[0]
+    error = run.F - solved
     assert np.sqrt(np.mean(error**2)) < 0.04 * 15.0
-    without = drag(sliding(made, 0.0), motion, 0.8).F - sigma_0 * solved.y[0]
+    without = drag(sliding(made, 0.0), motion, 0.8).F - solved
     assert np.sqrt(np.mean(error**2)) < 0.1 * np.sqrt(np.mean(without**2))
 
 
@@ -102,3 +101,16 @@ def test_far_below_its_distance_presliding_is_a_spring(made, drag):
 def test_after_the_presliding_distance_friction_is_coulombs(made, drag):
     run = drag(sliding(made, 2e-4), lambda t: 0.1 * (1 - np.cos(4 * t)), 0.7)
     assert run.F[run.x > 2e-3] == pytest.approx(15.0, rel=1e-3)
+
+
+def test_a_bent_bristle_holds_its_force_under_vibration(made, drag):
+    """Half a second of 5 µm at 50 Hz: LuGre's, exp(-∫|v|dt/s₀), would keep a fifth of it."""
+
+    def motion(t):
+        bend = 1e-4 * np.sin(np.pi * np.minimum(t, 0.1) / 0.2) ** 2
+        return bend + np.where(t > 0.1, 5e-6 * np.sin(100 * np.pi * (t - 0.1)), 0.0)
+
+    run = drag(sliding(made, 3e-4), motion, 0.6)
+    early, late = (np.mean(run.F[(run.t > t) & (run.t <= t + 0.02)]) for t in (0.1, 0.57))
+    assert early == pytest.approx(15.0 / 3, rel=0.05)
+    assert 0.85 * early < late <= early
