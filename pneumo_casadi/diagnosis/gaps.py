@@ -47,8 +47,12 @@ class Simulations:
         for known, found in self._kept:
             if known is fitted:
                 return found
-        self._kept.append((fitted, self._simulated(fitted, effects)))
+        self.keep(fitted, self._simulated(fitted, effects))
         return self._kept[-1][1]
+
+    def keep(self, fitted: Fitted, windows: FloatArray | str) -> None:
+        """Remember what was simulated elsewhere."""
+        self._kept.append((fitted, windows))
 
     def _simulated(self, fitted: Fitted, effects: Sequence[Effect]) -> FloatArray | str:
         axis = self._axis(fitted, effects)

@@ -17,7 +17,9 @@ from pneumo_casadi.effect import Effect
 from pneumo_casadi.errors import FitError, ModelError
 from pneumo_casadi.output_error import OutputErrorOptions, OutputErrorResult, fit_output_error
 
-OPTIONS = OutputErrorOptions(window=WINDOW, widths=(V_S_SIMULATED,), max_iterations=25)
+OPTIONS = OutputErrorOptions(
+    window=WINDOW, widths=(V_S_SIMULATED,), max_iterations=30, recover=False
+)
 
 
 def polished(one: Study, fitted: Fitted, effects: Sequence[Effect]) -> Fitted:

@@ -9,14 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from pneumo_casadi.diagnosis.acceptance import accepted
-from pneumo_casadi.diagnosis.along import remembers, senses
 from pneumo_casadi.diagnosis.gaps import Simulations
 from pneumo_casadi.diagnosis.misfit import Yardstick, gaps, size, yardstick
-from pneumo_casadi.diagnosis.polish import polished
 from pneumo_casadi.diagnosis.screen import Screened, background
 from pneumo_casadi.diagnosis.searcher import Catalogue, Failed, Names, Searcher, Start
+from pneumo_casadi.diagnosis.sensed import beside_sensors, sensed, settled
 from pneumo_casadi.diagnosis.store import Store
-from pneumo_casadi.diagnosis.study import FORM, Fitted, Study, fit
+from pneumo_casadi.diagnosis.study import Fitted, Study, fit
 from pneumo_casadi.progress import Progress, silent
 
 #: So many effects together at most.
@@ -28,11 +27,6 @@ FIRST_ROUND, LATER_ROUNDS = 10, 5
 ALONE, PAIRED = 3, 5
 #: An effect that explains less than this share is not refitted.
 HOPELESS = 1e-3
-#: A model that leaves less than this share of the simulated gap needs no further effect.
-SETTLED = 0.35
-#: An effect of a sensor is worth a simulation where the held-out residuals of some balance are so
-#: many times the noise, and accepted where it leaves less than this share of what was left.
-SENSED, CLOSED = 1.3, 0.7
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +51,8 @@ class Search:
         Models with an effect of a sensor that output error has refined; see `polished`.
     settled : mapping of tuple of str to float
         Share of the simulated gap left by the final model and by those refined.
+    trials : mapping of tuple of str to float
+        Share of the simulated gap left by every model that output error has refined.
     simulations : Simulations
         Of the held-out records, those already done.
     """
@@ -69,6 +65,7 @@ class Search:
     by: Yardstick
     polished: Mapping[Names, Fitted]
     settled: Mapping[Names, float]
+    trials: Mapping[Names, float]
     simulations: Simulations
 
     @property
@@ -121,6 +118,7 @@ def search(
         by,
         worker.polished,
         worker.settled,
+        {key: share for key, (_, share) in worker.trials.items()},
         worker.simulations,
     )
 
@@ -147,58 +145,22 @@ def _forward(
         if not round_:
             worker.alone = tuple(key[0] for _, key in sorted(options))
         if not options:
-            found = _sensed(worker, nominal, current, known, by)
-            path += [] if found is None else [found]
+            more = sensed(worker, nominal, current, known, by)
+            path += [] if more is None else [more]
             break
         _, best = min(options)
         if round_ == 1:
             best = _second_thoughts(worker, nominal, best, by, current)
         path.append(best)
         worker.refine(best)
-        if _settled(worker, nominal, best) or not np.any(gaps(size(worker.fits[best]), by)):
+        if settled(worker, nominal, best) or not np.any(gaps(size(worker.fits[best]), by)):
             break
         current = worker.fits[best]
-    if path and path[-1] not in worker.settled:
-        final, effects = worker.fits[path[-1]], worker.effects(path[-1])
-        worker.settled[path[-1]] = worker.simulations.share(nominal, final, effects)
-    return tuple(path)
-
-
-def _sensed(
-    worker: Searcher, nominal: Fitted, current: Fitted, known: Names, by: Yardstick
-) -> Names | None:
-    """Return a model with one more effect, of a sensor, that only simulations show to be better.
-
-    The smoothed motion knows nothing of a play that is being crossed: the best fit of the records
-    fitted may be no better on those held out until it is refined by output error.
-    """
-    fits = {
-        k: f for k, f in worker.fits.items() if len(k) == len(known) + 1 and set(known) < set(k)
-    }
-    best = min(fits, key=lambda key: fits[key].cost, default=None)
-    if best is None or np.all(size(current) < SENSED * by.noise):
-        return None
-    effects, before = worker.effects(best), worker.effects(known)
-    if fits[best].cost > current.cost - FORM or not remembers(effects) or senses(before):
-        return None
-    better = polished(worker.study, fits[best], effects)
-    share = worker.simulations.share(nominal, better, effects)
-    if share > CLOSED * worker.simulations.share(nominal, current, before):
-        return None
-    worker.polished[best], worker.settled[best] = better, share
-    return best
-
-
-def _settled(worker: Searcher, nominal: Fitted, names: Names) -> bool:
-    """Tell whether a model with an effect of a sensor closes the gap once it is simulated."""
-    effects = worker.effects(names)
-    if not senses(effects):
-        return False
-    better = polished(worker.study, worker.fits[names], effects)
-    share = worker.simulations.share(nominal, better, effects)
-    if share < SETTLED:
-        worker.polished[names], worker.settled[names] = better, share
-    return share < SETTLED
+    taken = beside_sensors(worker, nominal, tuple(path), MOST)
+    if taken and taken[-1] not in worker.settled:
+        final, effects = worker.fits[taken[-1]], worker.effects(taken[-1])
+        worker.settled[taken[-1]] = worker.simulations.share(nominal, final, effects)
+    return taken
 
 
 def _extend(worker: Searcher, nominal: Fitted, current: Fitted, known: Names) -> None:

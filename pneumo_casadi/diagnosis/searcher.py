@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass, field
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -58,6 +59,8 @@ class Searcher:
         What is known so far; see `Search`.
     alone : tuple of str
         Effects accepted alone, the best first.
+    trials : dict of tuple of str to (Fitted, float)
+        Models refined by output error, and the share of the simulated gap that they leave.
     """
 
     study: Study
@@ -69,6 +72,7 @@ class Searcher:
     directions: dict[str, tuple[Direction, ...]] = field(default_factory=dict)
     polished: dict[Names, Fitted] = field(default_factory=dict)
     settled: dict[Names, float] = field(default_factory=dict)
+    trials: dict[Names, tuple[Fitted, float]] = field(default_factory=dict)
     alone: Names = ()
 
     def __post_init__(self) -> None:
@@ -85,10 +89,11 @@ class Searcher:
         wanted = set(names)
         return tuple(name for name in self.catalogue if name in wanted)
 
-    def _run(self, job: Callable[..., object], *given: object) -> "Future[object]":
+    def run(self, job: Callable[..., object], *given: object) -> "Future[Any]":
+        """Have the executor call ``job(study, *given)``; without one it is done at once."""
         if self.executor is not None:
             return self.executor.submit(_elsewhere, self._packed, job, *given)
-        done: Future[object] = Future()
+        done: Future[Any] = Future()
         try:
             done.set_result(job(self.study, *given))
         except FAULTS as error:
@@ -98,13 +103,13 @@ class Searcher:
     def screen_all(self, nominal: Fitted) -> None:
         """Work out the directions of all effects at the nominal fit."""
         jobs = {
-            name: self._run(perturbation, nominal, self.catalogue[name]())
+            name: self.run(perturbation, nominal, self.catalogue[name]())
             for name in self.catalogue
             if name not in self.directions
         }
         for name, job in jobs.items():
             try:
-                self.directions[name] = job.result()  # type: ignore[assignment]
+                self.directions[name] = job.result()
             except FAULTS as error:
                 self.failures[(name,)] = Failed((name,), f"screen: {error}")
 
@@ -127,16 +132,20 @@ class Searcher:
             effects = self.effects(key)
             kept = None if self.store is None else self.store.read(effects)
             if kept is None:
-                jobs[key] = self._run(fit, effects, *start)
+                jobs[key] = self.run(fit, effects, *start)
             else:
                 self.fits[key] = kept
         for key, job in jobs.items():
             try:
-                self.fits[key] = job.result()  # type: ignore[assignment]
+                self.fits[key] = job.result()
                 if self.store is not None:
                     self.store.write(self.effects(key), self.fits[key])
             except FAULTS as error:
                 self.failures[key] = Failed(key, str(error))
+
+    def take(self, names: Names) -> None:
+        """Settle on a model as it was tried."""
+        self.polished[names], self.settled[names] = self.trials[names]
 
     def refine(self, names: Names) -> None:
         """Free the held parameters of a model's effects, once; see `refined`."""

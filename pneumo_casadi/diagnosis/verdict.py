@@ -7,8 +7,9 @@ import numpy as np
 
 from pneumo_casadi.diagnosis.misfit import COARSE_MAP, gaps, size, squares
 from pneumo_casadi.diagnosis.result import Verdict
-from pneumo_casadi.diagnosis.search import SETTLED, Search
+from pneumo_casadi.diagnosis.search import Search
 from pneumo_casadi.diagnosis.searcher import Names
+from pneumo_casadi.diagnosis.sensed import SETTLED
 from pneumo_casadi.diagnosis.study import Fitted
 from pneumo_casadi.effect import Effect
 from pneumo_casadi.parameters import FloatArray
@@ -94,7 +95,7 @@ def unexplained(found: Search) -> float:
     only in simulations.
     """
     simulated = found.settled.get(found.chosen, 1.0)
-    if simulated < SETTLED:
+    if simulated < SETTLED or (len(found.chosen) > 1 and found.chosen in found.polished):
         return simulated
     before, after = (_above(size(fit), found) for fit in (found.nominal, found.final))
     main = before > max(MAIN * float(before.max(initial=0.0)), 1e-12)
@@ -150,11 +151,21 @@ def missed(found: Search, best: Names, other: Names) -> float:
     """
     if other == best:
         return 0.0
+    if len(best) > 1 and best in found.polished:
+        return _missed_in_simulations(found, best, other)
     common = tuple(name for name in best if name in other)
     base = found.fits.get(common, found.nominal) if common else found.nominal
     own, others = (gained(base, found.fits[key]) for key in (best, other))
     total = float(np.sum(np.maximum(own, 0.0)))
     return float(np.sum(np.maximum(own - np.maximum(others, 0.0), 0.0))) / max(total, 1e-9)
+
+
+def _missed_in_simulations(found: Search, best: Names, other: Names) -> float:
+    """Return the same where simulations have decided: 1 for models that were not refined."""
+    common = tuple(name for name in best if name in other)
+    before = found.trials.get(common, 1.0)
+    gain = max(before - found.trials[best], 1e-9)
+    return float(np.clip(1.0 - (before - found.trials.get(other, before)) / gain, 0.0, 1.0))
 
 
 def gained(base: Fitted, fitted: Fitted) -> FloatArray:

@@ -48,6 +48,8 @@ class OutputErrorOptions:
         this keeps the trajectories from overruling the flow map.
     max_iterations : int
         In each stage.
+    recover : bool
+        Where the stages asked for fail, come back through short windows and wider friction.
 
     Raises
     ------
@@ -63,6 +65,7 @@ class OutputErrorOptions:
     widths: tuple[float, ...] = (1e-4,)
     reweight: bool = True
     max_iterations: int = 150
+    recover: bool = True
 
     def __post_init__(self) -> None:
         window = np.inf if self.window is None else self.window
@@ -85,8 +88,8 @@ class Rung:
 def ladder(options: OutputErrorOptions) -> tuple[Rung, ...]:
     """Return the stages in order: as asked for first, and a gentler way for when that fails.
 
-    The gentler way goes through short windows, in which no trajectory can drift away, from wide
-    friction to narrow, and from there to the horizon asked for.
+    The gentler way, where it is wanted, goes through short windows, in which no trajectory can
+    drift away, from wide friction to narrow, and from there to the horizon asked for.
     """
     horizon = "whole record" if options.window is None else f"windows of {options.window:g} s"
 
@@ -102,6 +105,8 @@ def ladder(options: OutputErrorOptions) -> tuple[Rung, ...]:
         ]
 
     direct = rungs(options.window, options.widths, horizon)
+    if not options.recover:
+        return tuple(direct)
     short = min(RECOVERY_WINDOW, options.window or np.inf) / 2
     gentle = rungs(short, (10 * options.widths[-1], options.widths[-1]), f"windows of {short:g} s")
     return (*direct, *gentle, *rungs(options.window, options.widths[-1:], f"{horizon}, again"))

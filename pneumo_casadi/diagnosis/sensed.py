@@ -1,0 +1,178 @@
+"""Effects of sensors and beside them, which only simulations show to be better.
+
+The smoothed motion knows nothing of a play that is being crossed: the best fit of the records
+fitted may be no better on those held out until it is refined by output error.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from pneumo_casadi.diagnosis.along import remembers, senses
+from pneumo_casadi.diagnosis.gaps import Simulations
+from pneumo_casadi.diagnosis.misfit import Yardstick, size
+from pneumo_casadi.diagnosis.polish import polished
+from pneumo_casadi.diagnosis.searcher import FAULTS, Failed, Names, Searcher
+from pneumo_casadi.diagnosis.study import FORM, Fitted, Study
+from pneumo_casadi.effect import Effect
+from pneumo_casadi.parameters import FloatArray
+
+#: A model that leaves less than this share of the simulated gap needs no further effect.
+SETTLED = 0.35
+#: An effect of a sensor is worth a simulation where the held-out residuals of some balance are so
+#: many times the noise, and accepted where it leaves less than this share of what was left.
+SENSED, CLOSED = 1.3, 0.7
+#: Beside a sensor an effect must close this share of the simulated gap.
+LEAST = 0.05
+#: So many of the best pairs, and of the best effects alone, are tried beside a sensor.
+TRIED = 3
+
+
+def sensed(
+    worker: Searcher, nominal: Fitted, current: Fitted, known: Names, by: Yardstick
+) -> Names | None:
+    """Return a model with one more effect, of a sensor, that only simulations show to be better.
+
+    Parameters
+    ----------
+    current : Fitted
+        The best model so far, with the effects `known`.
+    """
+    fits = {
+        k: f for k, f in worker.fits.items() if len(k) == len(known) + 1 and set(known) < set(k)
+    }
+    best = min(fits, key=lambda key: fits[key].cost, default=None)
+    if best is None or np.all(size(current) < SENSED * by.noise):
+        return None
+    effects, before = worker.effects(best), worker.effects(known)
+    if fits[best].cost > current.cost - FORM or not remembers(effects) or senses(before):
+        return None
+    _try_all(worker, nominal, {best: fits[best]})
+    if worker.trials[best][1] > CLOSED * worker.simulations.share(nominal, current, before):
+        return None
+    worker.take(best)
+    return best
+
+
+def settled(worker: Searcher, nominal: Fitted, names: Names) -> bool:
+    """Tell whether a model with a sensor that remembers closes the gap once it is simulated."""
+    if not remembers(worker.effects(names)):
+        return False
+    _try_all(worker, nominal, {names: worker.fits[names]})
+    if worker.trials[names][1] < SETTLED:
+        worker.take(names)
+        return True
+    return False
+
+
+def beside_sensors(
+    worker: Searcher, nominal: Fitted, path: tuple[Names, ...], most: int
+) -> tuple[Names, ...]:
+    """Go on by simulations where a sensor that remembers was found, and return the path taken.
+
+    What the balances say of further effects while that sensor hides the motion counts only where
+    the whole settles in simulations; otherwise the search begins again from the sensor.
+    """
+    if not path or not remembers(worker.effects(path[-1])):
+        return path
+    _try_all(worker, nominal, {path[-1]: worker.fits[path[-1]]})
+    first = path[-1]
+    if worker.trials[first][1] >= SETTLED:
+        alone = worker.key(n for n in first if remembers(worker.effects((n,))))
+        first = alone if alone in worker.fits else first
+    grown = [first]
+    while len(grown[-1]) < most:
+        more = _grown(worker, nominal, grown[-1])
+        if more is None:
+            break
+        grown.append(more)
+    if len(grown) == 1 or worker.trials[grown[-1]][1] > worker.trials[path[-1]][1]:
+        return path
+    worker.take(grown[-1])
+    return (*(names for names in path if len(names) <= len(first)), *grown[1:])
+
+
+def _grown(worker: Searcher, nominal: Fitted, known: Names) -> Names | None:
+    """Return a model with one more effect that simulations show to be better, or None."""
+    _try_all(worker, nominal, {known: worker.fits[known]})
+    base, share = worker.trials[known]
+    if share < (LEAST if len(known) == 1 else SETTLED):
+        return None
+    starts = {
+        worker.key((*known, name)): _beside(worker, base, known, name)
+        for name in _candidates(worker, known)
+    }
+    _try_all(worker, nominal, starts)
+    shares = {key: worker.trials[key][1] for key in starts}
+    best = min(shares, key=lambda key: shares[key], default=None)
+    if best is None or shares[best] > min(CLOSED * share, share - LEAST):
+        return None
+    worker.fits.setdefault(best, starts[best])
+    _try_again(worker, nominal, best)
+    return best
+
+
+def _candidates(worker: Searcher, known: Names) -> Sequence[str]:
+    """Name what may act beside sensors: what fits say, and what these sensors are confused with.
+
+    A fit along the smoothed motion may drive to nothing what acts in the motion that they hide.
+    """
+
+    def best(fits: dict[Names, Fitted]) -> list[Names]:
+        return sorted(fits, key=lambda key: fits[key].cost)[:TRIED]
+
+    size_ = len(known) + 1
+    beside = {k: f for k, f in worker.fits.items() if len(k) == size_ and set(known) < set(k)}
+    alone: dict[Names, Fitted] = {
+        k: f for k, f in worker.fits.items() if len(k) == 1 and not set(k) & set(known)
+    }
+    names = {name for key in (*best(beside), *best(alone)) for name in key}
+    for one in worker.effects(known):
+        if remembers((one,)):
+            names |= {n for n in one.confused_with if n in worker.catalogue}
+    found = worker.key(names - set(known))
+    return [name for name in found if not remembers(worker.effects((name,)))]
+
+
+def _beside(worker: Searcher, base: Fitted, known: Names, name: str) -> Fitted:
+    """Return a fit with an effect more: as fitted where that gained something, or at its start."""
+    key = worker.key((*known, name))
+    axis = worker.study.axis.with_effects(*worker.effects(key)).at_starting_values()
+    values = axis.with_parameters(dict(base.values)).parameters.as_dict()
+    fitted = worker.fits.get(key)
+    if fitted is not None and fitted.cost < worker.fits[known].cost - FORM:
+        values |= {n: v for n, v in fitted.values.items() if n.startswith(f"{name}.")}
+    return replace(base, effects=key, values=values)
+
+
+def _try_all(worker: Searcher, nominal: Fitted, starts: Mapping[Names, Fitted]) -> None:
+    """Refine models by output error and simulate them, those that were not tried already."""
+    jobs = {
+        key: worker.run(_tried, start, worker.effects(key))
+        for key, start in starts.items()
+        if key not in worker.trials
+    }
+    for key, job in jobs.items():
+        try:
+            better, windows = job.result()
+        except FAULTS as error:
+            worker.trials[key] = starts[key], 1.0
+            if key not in worker.fits:
+                worker.failures[key] = Failed(key, f"refined by output error: {error}")
+            continue
+        worker.simulations.keep(better, windows)
+        share = worker.simulations.share(nominal, better, worker.effects(key))
+        worker.trials[key] = better, share
+
+
+def _try_again(worker: Searcher, nominal: Fitted, names: Names) -> None:
+    """Let a fit that may have been cut short go on from where it ended, if that leaves less."""
+    before = worker.trials.pop(names)
+    _try_all(worker, nominal, {names: before[0]})
+    worker.trials[names] = min(before, worker.trials[names], key=lambda one: one[1])
+
+
+def _tried(one: Study, start: Fitted, effects: Sequence[Effect]) -> tuple[Fitted, FloatArray | str]:
+    better = polished(one, start, effects)
+    return better, Simulations(one).windows(better, effects)
