@@ -10,7 +10,8 @@ import numpy as np
 
 from pneumo_casadi.diagnosis.acceptance import accepted
 from pneumo_casadi.diagnosis.gaps import Simulations
-from pneumo_casadi.diagnosis.misfit import Yardstick, gaps, size, yardstick
+from pneumo_casadi.diagnosis.mending import mended
+from pneumo_casadi.diagnosis.misfit import COARSE_MAP, Yardstick, gaps, size, yardstick
 from pneumo_casadi.diagnosis.screen import Screened, background
 from pneumo_casadi.diagnosis.searcher import Catalogue, Failed, Names, Searcher, Start
 from pneumo_casadi.diagnosis.sensed import beside_sensors, sensed, settled
@@ -141,15 +142,17 @@ def _forward(
             if len(key) == round_ + 1
             and (round_ < 2 or len(set(key) & set(known)) >= round_)
             and accepted(nominal, current, fitted, by)
+            and not _coarse(worker, nominal, key, by)
         ]
         if not round_:
             worker.alone = tuple(key[0] for _, key in sorted(options))
-        if not options:
+        mending = None if options else mended(worker, current, known)
+        if not options and mending is None:
             more = sensed(worker, nominal, current, known, by)
             path += [] if more is None else [more]
             break
-        _, best = min(options)
-        if round_ == 1:
+        best = mending or min(options)[1]
+        if round_ == 1 and mending is None:
             best = _second_thoughts(worker, nominal, best, by, current)
         path.append(best)
         worker.refine(best)
@@ -161,6 +164,12 @@ def _forward(
         final, effects = worker.fits[taken[-1]], worker.effects(taken[-1])
         worker.settled[taken[-1]] = worker.simulations.share(nominal, final, effects)
     return taken
+
+
+def _coarse(worker: Searcher, nominal: Fitted, names: Names, by: Yardstick) -> bool:
+    """Tell whether effects only draw anew a metered map whose rest is no more than coarse."""
+    coarse = bool(np.all(size(nominal) < COARSE_MAP * by.noise))
+    return coarse and all(effect.metered for effect in worker.effects(names))
 
 
 def _extend(worker: Searcher, nominal: Fitted, current: Fitted, known: Names) -> None:
