@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from pneumo_casadi.diagnosis.acceptance import accepted
+from pneumo_casadi.diagnosis.along import remembers
 from pneumo_casadi.diagnosis.gaps import Simulations
 from pneumo_casadi.diagnosis.mending import mended
 from pneumo_casadi.diagnosis.misfit import COARSE_MAP, Yardstick, gaps, size, yardstick
@@ -158,6 +159,8 @@ def _forward(
         worker.refine(best)
         if settled(worker, nominal, best) or not np.any(gaps(size(worker.fits[best]), by)):
             break
+        if round_ and remembers(worker.effects(best)):
+            break  # what the balances say while a sensor hides the motion goes no further
         current = worker.fits[best]
     taken = beside_sensors(worker, nominal, tuple(path), MOST)
     if taken and taken[-1] not in worker.settled:

@@ -23,8 +23,9 @@ SETTLED = 0.35
 #: An effect of a sensor is worth a simulation where the held-out residuals of some balance are so
 #: many times the noise, and accepted where it leaves less than this share of what was left.
 SENSED, CLOSED = 1.3, 0.7
-#: Beside a sensor an effect must close this share of the simulated gap.
-LEAST = 0.05
+#: Beside a sensor an effect must close this share of the simulated gap, and a third effect is
+#: sought where two leave more than that.
+LEAST, UNEXPLAINED = 0.05, 0.5
 #: So many of the best pairs, and of the best effects alone, are tried beside a sensor.
 TRIED = 3
 
@@ -97,7 +98,7 @@ def _grown(worker: Searcher, nominal: Fitted, known: Names) -> Names | None:
     """Return a model with one more effect that simulations show to be better, or None."""
     _try_all(worker, nominal, {known: worker.fits[known]})
     base, share = worker.trials[known]
-    if share < (LEAST if len(known) == 1 else SETTLED):
+    if share < (LEAST if len(known) == 1 else UNEXPLAINED):
         return None
     starts = {
         worker.key((*known, name)): _beside(worker, base, known, name)
