@@ -149,6 +149,17 @@ def test_a_hopeless_fit_raises_with_the_partial_result(made, force, method):
     assert set(partial.estimate.names) == {"M", "f_v", "F_c_plus", "F_c_minus"}
 
 
+def test_who_wants_no_recovery_gets_the_stages_asked_for_and_no_others(made, force):
+    axis, u, x = force
+    begin = made.perturbed(axis, {"M": 2.0, "f_v": 3.0})
+    record = made.recorded(axis, u, x, 0)
+    asked = {"max_iterations": 1}
+    for recover, told in ((True, "also by way of short windows"), (False, r"iterations\. ")):
+        with pytest.raises(FitError, match=told) as caught:
+            fit_output_error(begin, [record], None, options(made, **asked, recover=recover))
+        assert len(caught.value.partial.stages) == (4 if recover else 1)
+
+
 @pytest.mark.parametrize("method", METHODS)
 def test_a_model_that_runs_away_is_a_failed_fit_and_no_numerical_accident(made, servo, method):
     """Beyond the end of the stroke the volume is negative and pressures explode."""

@@ -1,0 +1,91 @@
+"""Two causes of which one is a sensor that hides the motion, or one mends what the other spoils."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from pneumo_casadi.diagnosis import diagnose
+from pneumo_casadi.diagnosis.mending import mended
+from pneumo_casadi.diagnosis.search import _coarse
+from pneumo_casadi.effects import CATALOGUE
+
+
+def named(case, *catalogue):
+    return {one.name for one in diagnose(case, {n: CATALOGUE[n] for n in catalogue}).effects}
+
+
+def test_what_acts_while_a_play_is_crossed_is_found_by_simulation(made_case):
+    """Along the smoothed motion a fit drives presliding beside backlash to nothing."""
+    case = made_case(21, backlash="medium", presliding="medium")
+    assert named(case, "presliding", "elastic_load", "backlash") == {"backlash", "presliding"}
+
+
+def test_a_drag_beside_a_late_sensor_is_found_by_simulation(made_case):
+    """What takes a delay of a dozen milliseconds back leaves a force balance of noise."""
+    case = made_case(22, position_delay="large", quadratic_drag="large")
+    found = named(case, "quadratic_drag", "spring_load", "position_delay")
+    assert found == {"position_delay", "quadratic_drag"}
+
+
+def test_a_sensor_found_alone_stays_alone(made_case):
+    case = made_case(23, backlash="large")
+    assert named(case, "presliding", "elastic_load", "backlash") == {"backlash"}
+
+
+def test_an_offset_that_settles_most_of_the_gap_does_not_hide_a_load(made_case):
+    case = made_case(24, pressure_sensor_bias="large", elastic_load="medium")
+    found = named(case, "elastic_load", "spring_load", "pressure_sensor_bias")
+    assert found == {"pressure_sensor_bias", "elastic_load"}
+
+
+class Worker:
+    """Fits of two models; `wrong` parameters come out with the first one alone."""
+
+    def __init__(self, monkeypatch, wrong, gain=500.0):
+        fitted = SimpleNamespace(cost=0.0, rms=np.array([4.0, 4.0, 1.0]))
+        better = SimpleNamespace(cost=-gain, rms=np.array([3.0, 4.0, 1.0]))
+        self.fits = {("one",): fitted, ("one", "other"): better}
+        self.study = None
+        told = {id(fitted): wrong, id(better): ()}
+        module = "pneumo_casadi.diagnosis.mending"
+        monkeypatch.setattr(f"{module}.size", lambda fit: fit.rms)
+        monkeypatch.setattr(
+            f"{module}.checks_of",
+            lambda study, fit, effects: [
+                SimpleNamespace(name=name, agrees=False) for name in told[id(fit)]
+            ],
+        )
+
+    def effects(self, names):
+        return names
+
+
+@pytest.mark.parametrize(
+    ("wrong", "gain", "expected"),
+    [
+        (("S_P", "F_c"), 500.0, ("one", "other")),
+        (("S_P",), 500.0, None),  # one alone may be what a form misses
+        (("flow map", "map form"), 500.0, None),  # of the map, not of the axis
+        (("S_P", "F_c"), 50.0, None),  # hardly better
+    ],
+)
+def test_an_effect_that_mends_impossible_parameters_counts(monkeypatch, wrong, gain, expected):
+    worker = Worker(monkeypatch, wrong, gain)
+    assert mended(worker, worker.fits["one",], ("one",)) == expected
+    assert mended(worker, worker.fits["one",], ()) is None
+
+
+@pytest.mark.parametrize(
+    ("excess", "name", "expected"),
+    [
+        (1.2, "flow_map_shape", True),
+        (1.7, "flow_map_shape", False),
+        (1.2, "valve_dead_zone", False),
+    ],
+)
+def test_a_coarse_map_is_no_shape_of_the_valve(excess, name, expected):
+    residuals = (np.array([[1.0], [excess], [1.0]]),)
+    nominal = SimpleNamespace(held_out=residuals, used_held_out=(np.ones((3, 1), bool),))
+    worker = SimpleNamespace(effects=lambda names: tuple(CATALOGUE[n]() for n in names))
+    assert _coarse(worker, nominal, (name,), SimpleNamespace(noise=np.ones(3))) is expected
