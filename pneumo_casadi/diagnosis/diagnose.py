@@ -54,7 +54,8 @@ class DiagnosisOptions:
     Parameters
     ----------
     keep : path, optional
-        Folder that keeps finished fits: interrupted work is taken up again there.
+        Folder that keeps finished fits: interrupted work is taken up again there. Refinements by
+        output error, a few seconds each, are made anew.
     """
 
     keep: Path | None = None

@@ -8,9 +8,9 @@ from pneumo_casadi.diagnosis.misfit import size
 from pneumo_casadi.diagnosis.searcher import Names, Searcher
 from pneumo_casadi.diagnosis.study import Fitted
 
-#: Parameters that an axis is known by; other checks have causes of their own.
-KNOWN_BY = ("S_P", "S_N", "S_N/S_P", "F_c", "M")
-#: So many of them must be wrong: one alone may come from what the form of an effect misses.
+#: What an axis is known by; other checks have causes of their own.
+KNOWN_BY = {"S_P": "areas", "S_N": "areas", "S_N/S_P": "areas", "F_c": "friction", "M": "mass"}
+#: So many of these must be wrong: one alone may come from what the form of an effect misses.
 WRONG = 2
 #: Log-likelihood that an effect must gain beside what its mending says for it.
 GAIN = 100.0
@@ -45,6 +45,6 @@ def mended(worker: Searcher, current: Fitted, known: Names) -> Names | None:
     return None
 
 
-def _wrong(worker: Searcher, names: Names, fitted: Fitted) -> tuple[str, ...]:
+def _wrong(worker: Searcher, names: Names, fitted: Fitted) -> set[str]:
     checks = checks_of(worker.study, fitted, worker.effects(names))
-    return tuple(one.name for one in checks if one.name in KNOWN_BY and not one.agrees)
+    return {KNOWN_BY[one.name] for one in checks if one.name in KNOWN_BY and not one.agrees}

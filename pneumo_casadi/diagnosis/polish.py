@@ -1,4 +1,4 @@
-"""Output error for effects of sensors, which the measured motion does not show.
+"""Output error for effects of sensors, which the measured motion does not show, and beside them.
 
 While a play is crossed, the sensor stands still and the piston moves: no smoothing brings that
 motion back, only a simulation does.

@@ -50,9 +50,9 @@ class Search:
     by : Yardstick
         Noise and signal of the held-out records.
     polished : mapping of tuple of str to Fitted
-        Models with an effect of a sensor that output error has refined; see `polished`.
+        Models that were taken as output error has refined them; see `beside_sensors`.
     settled : mapping of tuple of str to float
-        Share of the simulated gap left by the final model and by those refined.
+        Share of the simulated gap left by those, and by the final model.
     trials : mapping of tuple of str to float
         Share of the simulated gap left by every model that output error has refined.
     simulations : Simulations
@@ -113,7 +113,7 @@ def search(
     failures = tuple(worker.failures.values())
     return Search(
         nominal,
-        worker.fits,
+        {k: fitted for k, (fitted, left) in worker.trials.items() if left < np.inf} | worker.fits,
         failures,
         first,
         path,
@@ -162,6 +162,7 @@ def _forward(
         if round_ and remembers(worker.effects(best)):
             break  # what the balances say while a sensor hides the motion goes no further
         current = worker.fits[best]
+    report("comparing simulations", 0.85)
     taken = beside_sensors(worker, nominal, tuple(path), MOST)
     if taken and taken[-1] not in worker.settled:
         final, effects = worker.fits[taken[-1]], worker.effects(taken[-1])
@@ -171,7 +172,7 @@ def _forward(
 
 def _coarse(worker: Searcher, nominal: Fitted, names: Names, by: Yardstick) -> bool:
     """Tell whether effects only draw anew a metered map whose rest is no more than coarse."""
-    coarse = bool(np.all(size(nominal) < COARSE_MAP * by.noise))
+    coarse = bool(np.all((size(nominal) < COARSE_MAP * by.noise)[:-1]))  # the force has no map
     return coarse and all(effect.metered for effect in worker.effects(names))
 
 

@@ -14,7 +14,7 @@ from pneumo_casadi.diagnosis.gaps import Simulations
 from pneumo_casadi.diagnosis.misfit import Yardstick, size
 from pneumo_casadi.diagnosis.polish import polished
 from pneumo_casadi.diagnosis.searcher import FAULTS, Failed, Names, Searcher
-from pneumo_casadi.diagnosis.study import FORM, Fitted, Study
+from pneumo_casadi.diagnosis.study import FORM, Fitted, Study, refuse_unbelievable
 from pneumo_casadi.effect import Effect
 from pneumo_casadi.parameters import FloatArray
 
@@ -23,8 +23,8 @@ SETTLED = 0.35
 #: An effect of a sensor is worth a simulation where the held-out residuals of some balance are so
 #: many times the noise, and accepted where it leaves less than this share of what was left.
 SENSED, CLOSED = 1.3, 0.7
-#: Beside a sensor an effect must close this share of the simulated gap, and a third effect is
-#: sought where two leave more than that.
+#: Beside a sensor an effect must close the first share of the simulated gap, which at least must be
+#: left; a third effect is sought where two leave more than the second.
 LEAST, UNEXPLAINED = 0.05, 0.5
 #: So many of the best pairs, and of the best effects alone, are tried beside a sensor.
 TRIED = 3
@@ -72,8 +72,8 @@ def beside_sensors(
 ) -> tuple[Names, ...]:
     """Go on by simulations where a sensor that remembers was found, and return the path taken.
 
-    What the balances say of further effects while that sensor hides the motion counts only where
-    the whole settles in simulations; otherwise the search begins again from the sensor.
+    Where what the balances say of further effects does not settle in simulations, what grows from
+    the sensor alone is tried, and taken if it leaves no more.
     """
     if not path or not remembers(worker.effects(path[-1])):
         return path
@@ -91,7 +91,7 @@ def beside_sensors(
     if len(grown) == 1 or worker.trials[grown[-1]][1] > worker.trials[path[-1]][1]:
         return path
     worker.take(grown[-1])
-    return (*(names for names in path if len(names) <= len(first)), *grown[1:])
+    return (*(names for names in path if set(names) < set(first)), *grown)
 
 
 def _grown(worker: Searcher, nominal: Fitted, known: Names) -> Names | None:
@@ -100,17 +100,19 @@ def _grown(worker: Searcher, nominal: Fitted, known: Names) -> Names | None:
     base, share = worker.trials[known]
     if share < (LEAST if len(known) == 1 else UNEXPLAINED):
         return None
+    keys = {name: worker.key((*known, name)) for name in _candidates(worker, known)}
     starts = {
-        worker.key((*known, name)): _beside(worker, base, known, name)
-        for name in _candidates(worker, known)
+        key: _beside(worker, base, known, name)
+        for name, key in keys.items()
+        if key not in worker.failures  # refused with a reason
     }
     _try_all(worker, nominal, starts)
     shares = {key: worker.trials[key][1] for key in starts}
     best = min(shares, key=lambda key: shares[key], default=None)
-    if best is None or shares[best] > min(CLOSED * share, share - LEAST):
+    if best is None or shares[best] > min(CLOSED * share, share - LEAST, 1.0):
         return None
-    worker.fits.setdefault(best, starts[best])
     _try_again(worker, nominal, best)
+    worker.fits.setdefault(best, worker.trials[best][0])
     return best
 
 
@@ -132,8 +134,9 @@ def _candidates(worker: Searcher, known: Names) -> Sequence[str]:
     for one in worker.effects(known):
         if remembers((one,)):
             names |= {n for n in one.confused_with if n in worker.catalogue}
-    found = worker.key(names - set(known))
-    return [name for name in found if not remembers(worker.effects((name,)))]
+    made = {name: worker.catalogue[name]() for name in worker.key(names - set(known))}
+    # A refinement holds the flow map, and with it what is metered of a valve.
+    return [n for n, effect in made.items() if not (remembers((effect,)) or effect.metered)]
 
 
 def _beside(worker: Searcher, base: Fitted, known: Names, name: str) -> Fitted:
@@ -158,7 +161,7 @@ def _try_all(worker: Searcher, nominal: Fitted, starts: Mapping[Names, Fitted]) 
         try:
             better, windows = job.result()
         except FAULTS as error:
-            worker.trials[key] = starts[key], 1.0
+            worker.trials[key] = starts[key], np.inf
             if key not in worker.fits:
                 worker.failures[key] = Failed(key, f"refined by output error: {error}")
             continue
@@ -176,4 +179,5 @@ def _try_again(worker: Searcher, nominal: Fitted, names: Names) -> None:
 
 def _tried(one: Study, start: Fitted, effects: Sequence[Effect]) -> tuple[Fitted, FloatArray | str]:
     better = polished(one, start, effects)
+    refuse_unbelievable(one, effects, better)
     return better, Simulations(one).windows(better, effects)

@@ -159,7 +159,7 @@ def fit(
     if base is not None and effects and found.cost >= base - LITTLE:
         new = [n for n in axis.parameters.free_names if "." in n and n not in known]
         found = _larger(one, axis, new, found)
-    _refuse_unbelievable(one, axis, found)
+    refuse_unbelievable(one, effects, found)
     return found
 
 
@@ -201,15 +201,21 @@ def refined(one: Study, fitted: Fitted, effects: Sequence[Effect]) -> Fitted:
     if found.cost >= fitted.cost - FORM:
         return fitted
     try:
-        _refuse_unbelievable(one, axis, found)
+        refuse_unbelievable(one, effects, found)
     except FitError:
         return fitted
     return found
 
 
-def _refuse_unbelievable(one: Study, axis: Axis, found: Fitted) -> None:
-    """Refuse a shape of the valve that its metered map does not show, and values out of range."""
-    for effect in axis.effects:
+def refuse_unbelievable(one: Study, effects: Sequence[Effect], found: Fitted) -> None:
+    """Refuse a shape of the valve that its metered map does not show, and values out of range.
+
+    Raises
+    ------
+    FitError
+        Naming the parameter and what is known of it.
+    """
+    for effect in effects:
         for name, (low, high) in effect.credible.items():
             value = found.values[f"{effect.name}.{name}"]
             if not low <= value <= high:
@@ -217,10 +223,11 @@ def _refuse_unbelievable(one: Study, axis: Axis, found: Fitted) -> None:
                     f"{effect.name}.{name} = {value:.3g} is not to be believed, by physics it is "
                     f"{low:g} to {high:g}: something else is at work"
                 )
-    known = one.anchor_with(axis.effects)
+    known = one.anchor_with(effects)
     if known is None or known is one.anchor:
         return
-    pull = map_pull(known, axis.with_parameters(dict(found.values)))
+    axis = one.axis.with_effects(*effects).with_parameters(dict(found.values))
+    pull = map_pull(known, axis)
     if pull.rms > CONTRADICTED:
         raise FitError(
             f"the metered flow map contradicts it: with the shape that the motion asks for, its "

@@ -91,8 +91,8 @@ def unexplained(found: Search) -> float:
 
     Balances with a gap that is small beside the largest do not count, nor mass flows near what a
     coarse map leaves beside a balance with more: what is left there is told as a rest, not as a
-    reason to doubt. Nor do residuals of effects of sensors, whose gap shows
-    only in simulations.
+    reason to doubt. Nor do residuals of effects of sensors, whose gap shows only in simulations:
+    where these have settled it, or have found what acts beside a sensor, it is their share.
     """
     simulated = found.settled.get(found.chosen, 1.0)
     if simulated < SETTLED or (len(found.chosen) > 1 and found.chosen in found.polished):
@@ -161,7 +161,7 @@ def missed(found: Search, best: Names, other: Names) -> float:
 
 
 def _missed_in_simulations(found: Search, best: Names, other: Names) -> float:
-    """Return the same where simulations have decided: 1 for models that were not refined."""
+    """Return the same where simulations have decided; a model not refined has gained nothing."""
     common = tuple(name for name in best if name in other)
     before = found.trials.get(common, 1.0)
     gain = max(before - found.trials[best], 1e-9)

@@ -65,7 +65,7 @@ class Worker:
     ("wrong", "gain", "expected"),
     [
         (("S_P", "F_c"), 500.0, ("one", "other")),
-        (("S_P",), 500.0, None),  # one alone may be what a form misses
+        (("S_P", "S_N/S_P"), 500.0, None),  # one area alone may be what a form misses
         (("flow map", "map form"), 500.0, None),  # of the map, not of the axis
         (("S_P", "F_c"), 50.0, None),  # hardly better
     ],
