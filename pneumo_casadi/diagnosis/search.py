@@ -22,13 +22,15 @@ from pneumo_casadi.progress import Progress, silent
 
 #: So many effects together at most.
 MOST = 3
-#: Effects refitted in the first round, and in later ones, in the order of the screen.
-FIRST_ROUND, LATER_ROUNDS = 10, 5
+#: Effects refitted in later rounds, in the order of the screen. In the first it is all of them: a
+#: line from the nominal fit does not lead to a large effect whose share of it points elsewhere.
+LATER_ROUNDS = 5
 #: So many effects besides that were accepted alone, whatever the screen thinks of them later, and
 #: so many that are tried in pairs: of two causes the first choice may stand for both.
 ALONE, PAIRED = 3, 5
-#: An effect that explains less than this share is not refitted.
-HOPELESS = 1e-3
+#: A shape of the valve that the metered map contradicts is tried beside so many others: it may be
+#: right once it need not stand for them.
+CONTRADICTED = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,8 +109,7 @@ def search(
     worker.screen_all(nominal)
     first = worker.over(background(one, nominal, nominal))
     report("refitting single effects", 0.3)
-    chosen = [n for n, s in first.items() if s.explained > HOPELESS][:FIRST_ROUND]
-    _fit_beside(worker, (), nominal, first, chosen)
+    _fit_beside(worker, (), nominal, first, list(first))
     path = _forward(worker, nominal, by, report)
     failures = tuple(worker.failures.values())
     return Search(
@@ -217,10 +218,21 @@ def _pair_up(worker: Searcher) -> None:
         better, added = (worker.fits[name,] for name in (one, other))
         own = {n: v for n, v in added.values.items() if n.startswith(f"{other}.")}
         starts[worker.key((one, other))] = {**better.values, **own}, (), None
-    worker.fit_all(starts)
+    worker.fit_all(starts | _contradicted(worker))
     pairs = [key for key in worker.fits if len(key) == 2]
     if pairs:
         worker.refine(min(pairs, key=lambda key: worker.fits[key].cost))
+
+
+def _contradicted(worker: Searcher) -> dict[Names, Start]:
+    """Return starts of shapes of the valve beside the effects that fit best alone."""
+    refused = [k[0] for k in worker.failures if len(k) == 1 and worker.effects(k)[0].metered]
+    alone = sorted((f.cost, key) for key, f in worker.fits.items() if len(key) == 1)
+    return {
+        worker.key((name, other)): (worker.fits[other,].values, (), None)
+        for name in refused
+        for _, (other,) in alone[:CONTRADICTED]
+    }
 
 
 def _second_thoughts(
