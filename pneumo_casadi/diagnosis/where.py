@@ -98,7 +98,8 @@ def locate(
     # A sensor's error shows in every balance, another cause where it acts.
     here = [r for r in telling if balance in (r.balance, "measurement")][:REGIMES]
     rivals = () if balance in ("measurement", "none") else rivals_of(found)
-    words = _words(balance, energy, here, rivals, found, [effect.name for effect in cause])
+    there = [effect.name for effect in cause if _acts_at(effect) == junction]
+    words = _words(balance, energy, here, rivals, found, there)
     return Where(balance, junction, tuple(here), shares, rivals, words)
 
 
@@ -207,11 +208,13 @@ def _words(
     if balance == "measurement":
         best = min(found.sensors, key=lambda name: found.sensors[name])
         shown = (
-            f"an error of the {best} sensor" if best == "position" else "errors of the pressures"
+            f"an error of the {best} sensor alone explains"
+            if best == "position"
+            else "errors of the pressures alone explain"
         )
         share = 100 * max(0.0, 1 - found.sensors[best] / found.before)
         sentences.append(
-            f"Simulation and reality part in what a sensor shows: {shown} alone explains "
+            f"Simulation and reality part in what a sensor shows: {shown} "
             f"{share:.0f} % of all residuals."
         )
     else:
