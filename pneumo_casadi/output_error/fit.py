@@ -128,10 +128,14 @@ def fit_output_error(
         if solution.status == "converged" and rung.last:
             report("done", 1.0)
             return result
-    tried = ", also by way of short windows and wider friction" if options.recover else ""
+    tried = (
+        "iterations, also by way of short windows and wider friction"
+        if options.recover
+        else "iterations"
+    )
     raise FitError(
         f"output error: {solution.status} in stage {rung.name!r} after {solution.iterations} "
-        f"iterations{tried}. The model may lack what the axis does, or map and bench may not "
+        f"{tried}. The model may lack what the axis does, or map and bench may not "
         "belong to it; fit shorter windows (window=0.25, --window 0.25), which bear more misfit, "
         "and look where they part",
         result,
