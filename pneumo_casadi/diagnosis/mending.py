@@ -33,10 +33,8 @@ def mended(worker: Searcher, current: Fitted, known: Names) -> Names | None:
         return None
     better = {
         key: fitted
-        for key, fitted in worker.fits.items()
-        if len(key) == len(known) + 1
-        and set(known) < set(key)
-        and fitted.cost < current.cost - GAIN
+        for key, fitted in worker.extensions(known).items()
+        if fitted.cost < current.cost - GAIN
         and np.any(np.log(size(current) / size(fitted)) > MATTERS)
     }
     for key in sorted(better, key=lambda key: better[key].cost):

@@ -143,6 +143,14 @@ class Searcher:
             except FAULTS as error:
                 self.failures[key] = Failed(key, str(error))
 
+    def extensions(self, known: Names) -> dict[Names, Fitted]:
+        """Return the fits of models with one effect more than the known ones."""
+        return {
+            key: fitted
+            for key, fitted in self.fits.items()
+            if len(key) == len(known) + 1 and set(known) < set(key)
+        }
+
     def take(self, names: Names) -> None:
         """Settle on a model as it was tried."""
         self.polished[names], self.settled[names] = self.trials[names]

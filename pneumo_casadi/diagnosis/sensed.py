@@ -40,9 +40,7 @@ def sensed(
     current : Fitted
         The best model so far, with the effects `known`.
     """
-    fits = {
-        k: f for k, f in worker.fits.items() if len(k) == len(known) + 1 and set(known) < set(k)
-    }
+    fits = worker.extensions(known)
     best = min(fits, key=lambda key: fits[key].cost, default=None)
     if best is None or np.all(size(current) < SENSED * by.noise):
         return None
@@ -125,12 +123,8 @@ def _candidates(worker: Searcher, known: Names) -> Sequence[str]:
     def best(fits: dict[Names, Fitted]) -> list[Names]:
         return sorted(fits, key=lambda key: fits[key].cost)[:TRIED]
 
-    size_ = len(known) + 1
-    beside = {k: f for k, f in worker.fits.items() if len(k) == size_ and set(known) < set(k)}
-    alone: dict[Names, Fitted] = {
-        k: f for k, f in worker.fits.items() if len(k) == 1 and not set(k) & set(known)
-    }
-    names = {name for key in (*best(beside), *best(alone)) for name in key}
+    alone = {key: f for key, f in worker.extensions(()).items() if not set(key) & set(known)}
+    names = {name for key in (*best(worker.extensions(known)), *best(alone)) for name in key}
     for one in worker.effects(known):
         if remembers((one,)):
             names |= {n for n in one.confused_with if n in worker.catalogue}

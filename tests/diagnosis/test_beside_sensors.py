@@ -8,6 +8,7 @@ import pytest
 from pneumo_casadi.diagnosis import diagnose
 from pneumo_casadi.diagnosis.mending import mended
 from pneumo_casadi.diagnosis.search import _coarse
+from pneumo_casadi.diagnosis.searcher import Searcher
 from pneumo_casadi.effects import CATALOGUE
 
 
@@ -39,14 +40,14 @@ def test_an_offset_that_settles_most_of_the_gap_does_not_hide_a_load(made_case):
     assert found == {"pressure_sensor_bias", "elastic_load"}
 
 
-class Worker:
+class Worker(Searcher):
     """Fits of two models; `wrong` parameters come out with the first one alone."""
 
     def __init__(self, monkeypatch, wrong, gain=500.0):
         fitted = SimpleNamespace(cost=0.0, rms=np.array([4.0, 4.0, 1.0]))
         better = SimpleNamespace(cost=-gain, rms=np.array([3.0, 4.0, 1.0]))
         self.fits = {("one",): fitted, ("one", "other"): better}
-        self.study = None
+        self.study, self.catalogue = None, {}
         told = {id(fitted): wrong, id(better): ()}
         module = "pneumo_casadi.diagnosis.mending"
         monkeypatch.setattr(f"{module}.size", lambda fit: fit.rms)
