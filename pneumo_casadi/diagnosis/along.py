@@ -108,8 +108,8 @@ class AlongMotion:
         if axis.flow is None:
             r = r / theta[axis.parameters.index("M")]
         y = ca.vertcat(*(written.output[name] for name in axis.outputs))
-        free = [axis.parameters.index(name) for name in self.nominal]
-        J = ca.jacobian(r, theta)[:, free]
+        exact = [axis.parameters.index(name) for name in self.exact]
+        J = ca.jacobian(r, theta)[:, exact]
         r, y = ca.densify(r), ca.densify(y)
         one = ca.Function("one_residual", symbols, [r, y])
         both = ca.Function("one_jacobian", symbols, [r, y, ca.densify(J)])
@@ -150,10 +150,26 @@ class AlongMotion:
         """Free parameters of the effects."""
         return tuple(name for name in self.axis.parameters.free_names if "." in name)
 
+    @cached_property
+    def exact(self) -> tuple[str, ...]:
+        """Free parameters of the axis, and those of effects that no state and no sensor knows."""
+        (*_, theta), written, at_rest = self._written
+        states = self.axis.states[len(self.axis.motion_states) :]
+        known = [*(written.rates[name] for name in states), *(at_rest.rest[n] for n in states)]
+        known += [written.output[name] for name in self.axis.outputs]
+        felt = ca.which_depends(ca.vertcat(*known), theta)
+        index = self.axis.parameters.index
+        return (*self.nominal, *(name for name in self.own if not felt[index(name)]))
+
+    @property
+    def moved(self) -> tuple[str, ...]:
+        """Free parameters that states of the effects or sensors hang on as well."""
+        return tuple(name for name in self.own if name not in self.exact)
+
     @property
     def free(self) -> tuple[str, ...]:
-        """All free parameters, in the order of every Jacobian: nominal ones first."""
-        return (*self.nominal, *self.own)
+        """All free parameters, in the order of every Jacobian."""
+        return (*self.exact, *self.moved)
 
     @property
     def rest(self) -> ca.Function:
@@ -168,7 +184,7 @@ class AlongMotion:
         return self._repeated(self._functions[0], N // STRETCH, "map", 1)
 
     def residual_and_jacobian(self, N: int) -> ca.Function:
-        """``-> (r, y, ∂r/∂θ_nominal (ne, n N))``, as `residual`."""
+        """``-> (r, y, ∂r/∂θ_exact (ne, n N))``, as `residual`."""
         return self._repeated(self._functions[1], N // STRETCH, "map", 1)
 
     def steps(self, N: int, B: int) -> ca.Function:

@@ -6,6 +6,7 @@ each balance on its own. Its price: noise and filters bias it by a fraction of a
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -19,6 +20,12 @@ from pneumo_casadi.parameters import FloatArray
 MAX_ITERATIONS = 30
 #: A step that promises less than this share of the cost ends the iteration.
 TOLERANCE = 1e-5
+#: A step is tried damped, each time tenfold, so often at most, and must keep this share of what it
+#: promises.
+DAMPED, KEPT = 12, 1e-3
+#: From this iteration on a good step is doubled while that keeps gaining: where a valley is bent,
+#: or states of the effects were left out of the derivatives, steps are all alike and short.
+DOUBLED_FROM, DOUBLED = 3, 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +53,75 @@ class BalanceFit:
     converged: bool
 
 
+@dataclass(frozen=True, eq=False)
+class _Problem:
+    """The cost of parameters, and its linearisation."""
+
+    model: AlongMotion
+    data: Sequence[Smoothed]
+    anchor: Anchor | None
+    sigma_least: FloatArray
+
+    @cached_property
+    def free(self) -> list[int]:
+        return [self.model.axis.parameters.index(name) for name in self.model.free]
+
+    @cached_property
+    def scales(self) -> FloatArray:
+        return self.model.axis.parameters.scales[self.free]
+
+    @cached_property
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
+        parameters = self.model.axis.parameters
+        return parameters.lower[self.free], parameters.upper[self.free]
+
+    @cached_property
+    def weights(self) -> FloatArray:
+        return np.hstack([one.used(self.model.axis) for one in self.data]).astype(float)
+
+    @cached_property
+    def n_rows(self) -> FloatArray:
+        return np.asarray(self.weights.sum(axis=1))
+
+    def residuals(self, theta: FloatArray) -> tuple[FloatArray, ...]:
+        return tuple(residuals(self.model, one, theta) for one in self.data)
+
+    def pull(self, theta: FloatArray) -> FloatArray:
+        if self.anchor is None:
+            return np.zeros(0)
+        return self.anchor(self.anchor.coefficients(self.model.axis.parameters, theta))
+
+    def cost(self, r: Sequence[FloatArray], theta: FloatArray) -> float:
+        squares = float(np.sum(self.pull(theta) ** 2))
+        return float(np.sum(self.n_rows * np.log(self.sigma(r)))) + 0.5 * squares
+
+    def cost_at(self, theta: FloatArray) -> float:
+        return self.cost(self.residuals(theta), theta)
+
+    def sigma(self, r: Sequence[FloatArray]) -> FloatArray:
+        squares = np.sum((np.hstack(r) * self.weights) ** 2, axis=1)
+        return np.asarray(np.sqrt(squares / self.n_rows + self.sigma_least**2))
+
+    def linearised(self, theta: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+        """Return derivatives by the scaled free parameters, weighted residuals, and the cost."""
+        parts = [linearised(self.model, one, theta) for one in self.data]
+        r = [part.r for part in parts]
+        weights = self.weights / self.sigma(r)[:, None]
+        e = (np.hstack(r) * weights).ravel()
+        A = (np.hstack([part.J for part in parts]) * weights[:, :, None]).reshape(e.size, -1)
+        if self.anchor is not None:
+            c = self.anchor.coefficients(self.model.axis.parameters, theta)
+            A = np.vstack([A, self.anchor.rows(c, self.model.free)])
+            e = np.concatenate([e, self.pull(theta)])
+        return A * self.scales, e, self.cost(r, theta)
+
+    def stepped(self, theta: FloatArray, step: FloatArray) -> FloatArray:
+        """Return parameters after a scaled step, within their bounds against rounding."""
+        found = theta.copy()
+        found[self.free] = np.clip(theta[self.free] + step * self.scales, *self.bounds)
+        return found
+
+
 def fit_balances(
     model: AlongMotion,
     data: Sequence[Smoothed],
@@ -63,61 +139,47 @@ def fit_balances(
     sigma_least : (ne,) array
         What the sensors' noise alone leaves in each balance.
     """
-    parameters = model.axis.parameters
-    free = [parameters.index(name) for name in model.free]
-    scales, bounds = parameters.scales[free], (parameters.lower[free], parameters.upper[free])
-    weights = np.hstack([one.used(model.axis) for one in data]).astype(float)
-    n_rows = weights.sum(axis=1)
-    theta = theta.copy()
-
-    def pull(values: FloatArray) -> FloatArray:
-        return np.zeros(0) if anchor is None else anchor(anchor.coefficients(parameters, values))
-
-    def cost_of(r: FloatArray, values: FloatArray) -> tuple[float, FloatArray]:
-        sigma = np.sqrt(np.sum(r**2, axis=1) / n_rows + sigma_least**2)
-        squares = float(np.sum(pull(values) ** 2))
-        return float(np.sum(n_rows * np.log(sigma)) + 0.5 * squares), sigma
-
-    def residuals_at(values: FloatArray) -> tuple[FloatArray, ...]:
-        return tuple(residuals(model, one, values) for one in data)
-
+    problem = _Problem(model, data, anchor, sigma_least)
     damping, converged, iterations = 1e-6, False, 0
-    H = np.eye(len(free))
+    H = np.eye(len(problem.free))
     while iterations < max_iterations and not converged:
         iterations += 1
-        parts = [linearised(model, one, theta) for one in data]
-        r = np.hstack([part.r for part in parts]) * weights
-        J = np.hstack([part.J for part in parts]) * weights[:, :, None]
-        cost, sigma = cost_of(r, theta)
-        e = (r / sigma[:, None]).ravel()
-        A = (J / sigma[:, None, None]).reshape(e.size, -1)
-        if anchor is not None:
-            c = anchor.coefficients(parameters, theta)
-            A, e = np.vstack([A, anchor.rows(c, model.free)]), np.concatenate([e, pull(theta)])
-        A = A * scales
+        A, e, cost = problem.linearised(theta)
         H, g = A.T @ A, -A.T @ e
-        lower, upper = ((bound - theta[free]) / scales for bound in bounds)
-        accepted = False
-        for _ in range(12):
+        lower, upper = ((b - theta[problem.free]) / problem.scales for b in problem.bounds)
+        better = None
+        for _ in range(DAMPED):
             step = bounded_minimum(_damped(H, damping), g, lower, upper)
-            promised = 0.5 * (e @ e - np.sum((e + A @ step) ** 2))
-            if promised < TOLERANCE * n_rows.sum():
+            promised = 0.5 * float(e @ e - np.sum((e + A @ step) ** 2))
+            if promised < TOLERANCE * problem.n_rows.sum():
                 converged = True
                 break
-            trial = theta.copy()
-            trial[free] = np.clip(theta[free] + step * scales, *bounds)  # against rounding
-            new, _ = cost_of(np.hstack(residuals_at(trial)) * weights, trial)
-            if np.isfinite(new) and new < cost - 1e-3 * promised:
-                theta, accepted = trial, True
+            times = DOUBLED if iterations >= DOUBLED_FROM else 0
+            better = _along(problem, theta, step, cost - KEPT * promised, KEPT * promised, times)
+            if better is not None:
                 damping = max(damping / 10, 1e-9)
                 break
             damping = max(damping * 10, 1e-6)
-        if not accepted:
+        if better is None:
             break
-    left = residuals_at(theta)
-    cost, _ = cost_of(np.hstack(left) * weights, theta)
-    covariance = np.linalg.pinv(H, hermitian=True) * np.outer(scales, scales)
-    return BalanceFit(theta, covariance, cost, left, converged)
+        theta = better
+    left = problem.residuals(theta)
+    covariance = np.linalg.pinv(H, hermitian=True) * np.outer(problem.scales, problem.scales)
+    return BalanceFit(theta, covariance, problem.cost(left, theta), left, converged)
+
+
+def _along(
+    problem: _Problem, theta: FloatArray, step: FloatArray, cost: float, gain: float, times: int
+) -> FloatArray | None:
+    """Return where a step ends, doubled while each time gains something; None above some cost."""
+    best, least = None, cost
+    for power in range(1 + times):
+        trial = problem.stepped(theta, 2**power * step)
+        found = problem.cost_at(trial)
+        if not np.isfinite(found) or found >= least:
+            break
+        best, least = trial, found - gain
+    return best
 
 
 def _damped(H: FloatArray, damping: float) -> FloatArray:

@@ -30,7 +30,7 @@ class Residuals:
     r : (ne, m) array
         In the units of `AlongMotion.residual`.
     J : (ne, m, n) array
-        Derivatives to the free parameters, nominal ones first.
+        Derivatives to the free parameters, in the order of `AlongMotion.free`.
     """
 
     r: FloatArray
@@ -47,9 +47,10 @@ def linearised(model: AlongMotion, data: Smoothed, theta: FloatArray) -> Residua
     """Return residuals and derivatives at some parameters.
 
     Those to the nominal parameters are exact but for the effects' states, which hardly hang on
-    them; those to the effects' parameters are differences over a thousandth of their scale.
+    them, and so are those of effects that no state and no sensor knows; those to other parameters
+    of effects are differences over a thousandth of their scale.
     """
-    variants, steps = _moved(model, theta, model.own)
+    variants, steps = _moved(model, theta, model.moved)
     found = _undecimated(model, data, variants, jacobian=True)
     r, J = found[0], found[-1]
     ne, N = r.shape
@@ -57,9 +58,9 @@ def linearised(model: AlongMotion, data: Smoothed, theta: FloatArray) -> Residua
     columns += [(one - r).T / h for one, h in zip(found[1:-1], steps, strict=True)]
     low = data.averaged(np.concatenate([*columns, J.reshape(N, -1)], axis=1))
     m = len(low)
-    own = low[:, ne : ne * (1 + len(steps))].reshape(m, len(steps), ne).transpose(2, 0, 1)
-    nominal = low[:, ne * (1 + len(steps)) :].reshape(m, -1, ne).transpose(2, 0, 1)
-    return Residuals(low[:, :ne].T, np.concatenate([nominal, own], axis=2))
+    moved = low[:, ne : ne * (1 + len(steps))].reshape(m, len(steps), ne).transpose(2, 0, 1)
+    exact = low[:, ne * (1 + len(steps)) :].reshape(m, -1, ne).transpose(2, 0, 1)
+    return Residuals(low[:, :ne].T, np.concatenate([exact, moved], axis=2))
 
 
 def directions(

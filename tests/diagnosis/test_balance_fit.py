@@ -1,0 +1,52 @@
+"""Fits of the balances: their derivatives, and that they end where nothing is left to gain."""
+
+import numpy as np
+import pytest
+
+from pneumo_casadi.diagnosis.along import AlongMotion
+from pneumo_casadi.diagnosis.diagnose import applicable, prepare
+from pneumo_casadi.diagnosis.inverse import linearised, residuals
+from pneumo_casadi.diagnosis.study import fit
+from pneumo_casadi.effects import CATALOGUE
+
+BOTH = {"flow_map_shape": "large", "heat_transfer": "large"}
+
+
+@pytest.fixture(scope="module")
+def one(made_case):
+    return prepare(made_case(12, **BOTH))[0]
+
+
+@pytest.mark.parametrize(
+    ("names", "moved"),
+    [
+        (("flow_map_shape", "leakage_P"), ()),
+        (("valve_dead_zone", "stribeck", "position_delay"), ("position_delay.T",)),
+        (("valve_hysteresis", "spring_load"), ("valve_hysteresis.h",)),
+    ],
+)
+def test_derivatives_to_what_no_state_and_no_sensor_knows_are_exact(one, names, moved):
+    catalogue = applicable(one, CATALOGUE)
+    model = AlongMotion(
+        one.axis.with_effects(*(catalogue[n]() for n in names)).at_starting_values()
+    )
+    assert model.moved == moved
+    parameters, data = model.axis.parameters, one.smoothed[0][0]
+    J = linearised(model, data, parameters.values).J
+    for name in model.own:
+        at, h = parameters.index(name), 1e-4 * parameters[name].scale
+        below, above = parameters.values.copy(), parameters.values.copy()
+        below[at] -= h
+        above[at] += h
+        expected = (residuals(model, data, above) - residuals(model, data, below)) / (2 * h)
+        found = J[:, :, model.free.index(name)]
+        assert np.linalg.norm(found - expected) <= 0.01 * np.linalg.norm(expected), name
+
+
+def test_a_fit_along_a_bent_valley_goes_on_to_its_end(one):
+    # Opening and flow coefficients of a shaped valve nearly stand for one another.
+    effect = applicable(one, CATALOGUE)["flow_map_shape"]()
+    nominal = fit(one, ())
+    found = fit(one, (effect,), nominal.values)
+    again = fit(one, (effect,), found.values)
+    assert found.cost - again.cost < 0.002 * (nominal.cost - again.cost)
