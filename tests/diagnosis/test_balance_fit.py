@@ -9,12 +9,10 @@ from pneumo_casadi.diagnosis.inverse import linearised, residuals
 from pneumo_casadi.diagnosis.study import fit
 from pneumo_casadi.effects import CATALOGUE
 
-BOTH = {"flow_map_shape": "large", "heat_transfer": "large"}
-
 
 @pytest.fixture(scope="module")
 def one(made_case):
-    return prepare(made_case(12, **BOTH))[0]
+    return prepare(made_case(12, flow_map_shape="large"))[0]
 
 
 @pytest.mark.parametrize(
@@ -49,4 +47,4 @@ def test_a_fit_along_a_bent_valley_goes_on_to_its_end(one):
     nominal = fit(one, ())
     found = fit(one, (effect,), nominal.values)
     again = fit(one, (effect,), found.values)
-    assert found.cost - again.cost < 0.002 * (nominal.cost - again.cost)
+    assert found.cost - again.cost < 0.01 * (nominal.cost - again.cost)
