@@ -152,7 +152,10 @@ class AlongMotion:
 
     @cached_property
     def exact(self) -> tuple[str, ...]:
-        """Free parameters of the axis, and those of effects that no state and no sensor knows."""
+        """Free parameters of the axis, and those of effects that no state and no sensor knows.
+
+        Derivatives to these need no other motion: they are written out, states held.
+        """
         (*_, theta), written, at_rest = self._written
         states = self.axis.states[len(self.axis.motion_states) :]
         known = [*(written.rates[name] for name in states), *(at_rest.rest[n] for n in states)]

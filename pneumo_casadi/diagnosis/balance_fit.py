@@ -18,13 +18,12 @@ from pneumo_casadi.output_error.steps import bounded_minimum
 from pneumo_casadi.parameters import FloatArray
 
 MAX_ITERATIONS = 30
-#: A step that promises less than this share of the cost ends the iteration.
+#: A step that promises less than this of the cost, for each row, ends the iteration.
 TOLERANCE = 1e-5
-#: A step is tried damped, each time tenfold, so often at most, and must keep this share of what it
-#: promises.
+#: A step is damped tenfold more so often at most, until it keeps this share of what it promises.
 DAMPED, KEPT = 12, 1e-3
-#: From this iteration on a good step is doubled while that keeps gaining: where a valley is bent,
-#: or states of the effects were left out of the derivatives, steps are all alike and short.
+#: From this iteration on a good step is doubled while that keeps gaining, so often at most: along a
+#: bent valley, and where derivatives leave out the effects' states, steps are all alike and short.
 DOUBLED_FROM, DOUBLED = 3, 6
 
 
@@ -128,7 +127,6 @@ def fit_balances(
     anchor: Anchor | None,
     theta: FloatArray,
     sigma_least: FloatArray,
-    max_iterations: int = MAX_ITERATIONS,
 ) -> BalanceFit:
     """Minimise the balances' residuals over the free parameters within their bounds.
 
@@ -140,10 +138,9 @@ def fit_balances(
         What the sensors' noise alone leaves in each balance.
     """
     problem = _Problem(model, data, anchor, sigma_least)
-    damping, converged, iterations = 1e-6, False, 0
+    damping, converged = 1e-6, False
     H = np.eye(len(problem.free))
-    while iterations < max_iterations and not converged:
-        iterations += 1
+    for iteration in range(1, MAX_ITERATIONS + 1):
         A, e, cost = problem.linearised(theta)
         H, g = A.T @ A, -A.T @ e
         lower, upper = ((b - theta[problem.free]) / problem.scales for b in problem.bounds)
@@ -154,7 +151,7 @@ def fit_balances(
             if promised < TOLERANCE * problem.n_rows.sum():
                 converged = True
                 break
-            times = DOUBLED if iterations >= DOUBLED_FROM else 0
+            times = DOUBLED if iteration >= DOUBLED_FROM else 0
             better = _along(problem, theta, step, cost - KEPT * promised, KEPT * promised, times)
             if better is not None:
                 damping = max(damping / 10, 1e-9)
@@ -171,12 +168,12 @@ def fit_balances(
 def _along(
     problem: _Problem, theta: FloatArray, step: FloatArray, cost: float, gain: float, times: int
 ) -> FloatArray | None:
-    """Return where a step ends, doubled while each time gains something; None above some cost."""
+    """Return the end of a step that was doubled while each time gained; None above a cost."""
     best, least = None, cost
     for power in range(1 + times):
         trial = problem.stepped(theta, 2**power * step)
         found = problem.cost_at(trial)
-        if not np.isfinite(found) or found >= least:
+        if not found < least:  # nor where it is no number
             break
         best, least = trial, found - gain
     return best

@@ -46,9 +46,9 @@ def residuals(model: AlongMotion, data: Smoothed, theta: FloatArray) -> FloatArr
 def linearised(model: AlongMotion, data: Smoothed, theta: FloatArray) -> Residuals:
     """Return residuals and derivatives at some parameters.
 
-    Those to the nominal parameters are exact but for the effects' states, which hardly hang on
-    them, and so are those of effects that no state and no sensor knows; those to other parameters
-    of effects are differences over a thousandth of their scale.
+    Those to the nominal parameters hold the effects' states, and are exact where these do not hang
+    on them. Those to parameters of effects that no state and no sensor knows are exact; to the
+    others they are differences over a thousandth of their scale.
     """
     variants, steps = _moved(model, theta, model.moved)
     found = _undecimated(model, data, variants, jacobian=True)

@@ -10,6 +10,7 @@ from zipfile import BadZipFile
 
 import numpy as np
 
+from pneumo_casadi import __version__
 from pneumo_casadi.diagnosis.study import Fitted, Study
 from pneumo_casadi.effect import Effect
 from pneumo_casadi.whole_file import whole_file
@@ -24,7 +25,7 @@ class Store:
     folder : path
         Where they lie; made if it is not there.
     token : str
-        Hash of records, start and flow map: fits of other data are not taken.
+        Hash of records, bench, start, flow map and version: fits of others are not taken.
     """
 
     folder: Path
@@ -39,7 +40,12 @@ class Store:
             for name, values in sorted(record.channels.items()):
                 digest.update(name.encode())
                 digest.update(np.ascontiguousarray(values).tobytes())
-        digest.update(repr(one.axis.parameters.as_dict()).encode())
+        known = one.flow_map
+        if known is not None:
+            for part in (known.u, known.p, known.q_m, known.p_supply, known.p_ext):
+                digest.update(np.asarray(part, dtype=float).tobytes())
+        words = (__version__, one.axis.bench, one.axis.parameters.as_dict())
+        digest.update(repr(words).encode())
         return cls(folder, digest.hexdigest())
 
     def _path(self, effects: Sequence[Effect]) -> Path:

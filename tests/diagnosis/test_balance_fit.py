@@ -31,7 +31,7 @@ def test_derivatives_to_what_no_state_and_no_sensor_knows_are_exact(one, names, 
     assert model.moved == moved
     parameters, data = model.axis.parameters, one.smoothed[0][0]
     J = linearised(model, data, parameters.values).J
-    for name in model.own:
+    for name in set(model.own) - set(moved):
         at, h = parameters.index(name), 1e-4 * parameters[name].scale
         below, above = parameters.values.copy(), parameters.values.copy()
         below[at] -= h

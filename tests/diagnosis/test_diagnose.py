@@ -7,10 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneumo_casadi.diagnosis import DiagnosisOptions, Verdict, diagnose
+from pneumo_casadi.diagnosis import DiagnosisOptions, Verdict, diagnose, prepare
+from pneumo_casadi.diagnosis.store import Store
 from pneumo_casadi.effect import Effect
 from pneumo_casadi.effects import CATALOGUE
 from pneumo_casadi.errors import CaseError
+from pneumo_casadi.flow import FlowMap
 from pneumo_casadi.parameters import Parameter
 
 #: Enough to be wrong with, and quick.
@@ -130,6 +132,15 @@ def test_interrupted_work_goes_on_from_what_was_fitted(made_case, tmp_path, monk
     found = diagnose(case, SMALL, options)
     assert [one.name for one in found.effects] == ["stribeck"]
     assert not any(names == ("stribeck",) for names in fitted)
+
+
+def test_kept_fits_of_another_flow_map_are_not_taken(made_case, tmp_path):
+    case = made_case(3, stribeck="medium")
+    one, _ = prepare(case)
+    table = one.flow_map
+    other = replace(one, flow_map=FlowMap(table.u, table.p, 1.001 * table.q_m, table.p_supply))
+    assert Store.of(tmp_path, one).token == Store.of(tmp_path, prepare(case)[0]).token
+    assert Store.of(tmp_path, one).token != Store.of(tmp_path, other).token
 
 
 def _counting(fitted):
