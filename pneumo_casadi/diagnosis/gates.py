@@ -12,8 +12,10 @@ from pneumo_casadi.recording import Recording
 SHORTEST = 2.0
 #: A channel that varies less than so many times its own noise shows nothing of the axis.
 LEAST_RATIO = 20.0
-#: Least share of the time in which a servo axis must move.
-LEAST_MOVING = 0.05
+#: Least share of the time in which a servo axis must move, and what counts as moving: this share of
+#: the travel in 50 ms. A slow sine of 10 s moves by a hundredth and more most of the time; an axis
+#: that creeps out of a dead zone is slow too, and shows what holds it.
+LEAST_MOVING, SLOWEST = 0.05, 0.005
 
 
 def refuse_unusable(records: Sequence[Recording], channels: Sequence[str]) -> None:
@@ -50,7 +52,7 @@ def _refuse_rest(record: Recording) -> None:
     x, fs = record["x"], 1 / record.dt
     step = max(1, round(0.05 * fs))
     travelled = np.abs(x[step:] - x[:-step])
-    moving = float(np.mean(travelled > 0.02 * np.ptp(x)))
+    moving = float(np.mean(travelled > max(SLOWEST * np.ptp(x), LEAST_RATIO * white_noise_std(x))))
     if moving < LEAST_MOVING:
         raise CaseError(
             f"{record.source}: the axis moves during {100 * moving:.0f} % of the record only; "

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from pneumo_casadi.diagnosis import DiagnosisOptions, Verdict, diagnose, prepare
+from pneumo_casadi.diagnosis.gates import refuse_unusable
 from pneumo_casadi.diagnosis.store import Store
 from pneumo_casadi.effect import Effect
 from pneumo_casadi.effects import CATALOGUE
@@ -183,6 +184,14 @@ def test_a_single_short_move_in_a_long_rest_is_refused(made_case):
 
     with pytest.raises(CaseError, match="moves during"):
         diagnose(_changed(made_case(4), x=step), SMALL)
+
+
+def test_slow_motion_is_no_rest(made_case):
+    def sine(record):
+        slow = 0.1 * np.sin(2 * np.pi * np.arange(record.N) / record.N)
+        return slow + np.random.default_rng(0).normal(0, 1e-5, record.N)
+
+    refuse_unusable(_changed(made_case(4), x=sine).identify, ("x",))
 
 
 def test_half_a_second_is_refused(made_case):
