@@ -12,7 +12,7 @@ from pneumo_casadi.output_error.condensing import (
     scores,
 )
 from pneumo_casadi.output_error.fit import write_problem
-from pneumo_casadi.output_error.ipopt import pack, program, unpack
+from pneumo_casadi.output_error.ipopt import _at_rounding, pack, program, unpack
 from pneumo_casadi.output_error.problem import Unknowns, shoot, values
 
 KINDS = ("servo", "lag", "windows", "force", "one interval")
@@ -215,3 +215,15 @@ def test_shooting_goes_through_the_nodes_of_a_simulation(case):
     wanted, outputs = simulated(problem, list(x_0.T), first.theta)
     np.testing.assert_allclose(nodes, wanted, rtol=1e-12)
     np.testing.assert_allclose(m, outputs, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("primal", "dual", "ended"), [(1e-15, 2e-8, True), (1e-3, 2e-8, False), (1e-15, 0.1, False)]
+)
+def test_steps_below_rounding_are_the_end_at_an_optimum_only(primal, dual, ended):
+    stats = {
+        "return_status": "Search_Direction_Becomes_Too_Small",
+        "iterations": {"inf_pr": [1.0, primal], "inf_du": [1.0, dual]},
+    }
+    assert _at_rounding(stats) is ended
+    assert not _at_rounding(stats | {"return_status": "Maximum_Iterations_Exceeded"})
