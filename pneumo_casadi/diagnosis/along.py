@@ -151,23 +151,33 @@ class AlongMotion:
         return tuple(name for name in self.axis.parameters.free_names if "." in name)
 
     @cached_property
-    def exact(self) -> tuple[str, ...]:
-        """Free parameters of the axis, and those of effects that no state and no sensor knows.
-
-        Derivatives to these need no other motion: they are written out, states held.
-        """
+    def _felt(self) -> frozenset[str]:
+        """Free parameters that states of the effects or sensors hang on."""
         (*_, theta), written, at_rest = self._written
         states = self.axis.states[len(self.axis.motion_states) :]
         known = [*(written.rates[name] for name in states), *(at_rest.rest[n] for n in states)]
         known += [written.output[name] for name in self.axis.outputs]
         felt = ca.which_depends(ca.vertcat(*known), theta)
         index = self.axis.parameters.index
-        return (*self.nominal, *(name for name in self.own if not felt[index(name)]))
+        return frozenset(n for n in self.axis.parameters.free_names if felt[index(n)])
+
+    @property
+    def exact(self) -> tuple[str, ...]:
+        """Free parameters of the axis, and those of effects that no state and no sensor knows.
+
+        Derivatives to these need no other motion: they are written out, states held.
+        """
+        return (*self.nominal, *(name for name in self.own if name not in self._felt))
 
     @property
     def moved(self) -> tuple[str, ...]:
-        """Free parameters that states of the effects or sensors hang on as well."""
-        return tuple(name for name in self.own if name not in self.exact)
+        """Free parameters of effects that states or sensors hang on as well."""
+        return tuple(name for name in self.own if name in self._felt)
+
+    @property
+    def holding(self) -> tuple[str, ...]:
+        """Free parameters of the axis whose derivatives leave out what states make of them."""
+        return tuple(name for name in self.nominal if name in self._felt)
 
     @property
     def free(self) -> tuple[str, ...]:

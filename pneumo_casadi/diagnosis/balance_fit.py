@@ -60,6 +60,7 @@ class _Problem:
     data: Sequence[Smoothed]
     anchor: Anchor | None
     sigma_least: FloatArray
+    whole: bool
 
     @cached_property
     def free(self) -> list[int]:
@@ -103,7 +104,7 @@ class _Problem:
 
     def linearised(self, theta: FloatArray) -> tuple[FloatArray, FloatArray, float]:
         """Return derivatives by the scaled free parameters, weighted residuals, and the cost."""
-        parts = [linearised(self.model, one, theta) for one in self.data]
+        parts = [linearised(self.model, one, theta, self.whole) for one in self.data]
         r = [part.r for part in parts]
         weights = self.weights / self.sigma(r)[:, None]
         e = (np.hstack(r) * weights).ravel()
@@ -127,6 +128,7 @@ def fit_balances(
     anchor: Anchor | None,
     theta: FloatArray,
     sigma_least: FloatArray,
+    whole: bool = False,
 ) -> BalanceFit:
     """Minimise the balances' residuals over the free parameters within their bounds.
 
@@ -136,8 +138,11 @@ def fit_balances(
         Start.
     sigma_least : (ne,) array
         What the sensors' noise alone leaves in each balance.
+    whole : bool
+        Whether derivatives tell all that the effects' states make of the nominal parameters, see
+        `linearised`: without, a fit may end short of the minimum.
     """
-    problem = _Problem(model, data, anchor, sigma_least)
+    problem = _Problem(model, data, anchor, sigma_least, whole)
     damping, converged = 1e-6, False
     H = np.eye(len(problem.free))
     for iteration in range(1, MAX_ITERATIONS + 1):

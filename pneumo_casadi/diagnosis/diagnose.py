@@ -165,12 +165,16 @@ def _weighed(judgement: Judgement, checks: Sequence[Check]) -> tuple[Verdict, tu
     hides = "S_N/S_P" in wrong if verdict is Verdict.UNKNOWN else wrong_area
     if verdict is Verdict.NONE or (faint and hides):
         return (Verdict.ABSORBED, hidden) if hidden else (verdict, ())
-    far = any(
-        one.name in AREAS and abs(one.value - one.expected) > FAR * one.tolerance for one in checks
+    far = {one.name for one in checks if abs(one.value - one.expected) > FAR * one.tolerance} & set(
+        AREAS
     )
-    doubtful = (far or "M" in wrong) and judgement.unexplained > DOUBTFUL
+    doubtful = bool(far or "M" in wrong) and judgement.unexplained > DOUBTFUL
     if doubtful and verdict in (Verdict.EFFECT, Verdict.AMBIGUOUS):
-        return Verdict.UNKNOWN, ()
+        verdict = Verdict.UNKNOWN
+    # The map is that of valve P: where all that chamber P says is right and the piston of chamber N
+    # far from its size, valve N is another one, whatever else shares the gap that this leaves.
+    if verdict is Verdict.UNKNOWN and wrong == {"S_N", "S_N/S_P"} == far:
+        return Verdict.ABSORBED, hidden
     return verdict, ()
 
 

@@ -1,6 +1,6 @@
 """Residuals of the balances along a smoothed motion, with the effects' own states run along."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,14 +43,18 @@ def residuals(model: AlongMotion, data: Smoothed, theta: FloatArray) -> FloatArr
     return data.averaged(r.T).T
 
 
-def linearised(model: AlongMotion, data: Smoothed, theta: FloatArray) -> Residuals:
+def linearised(
+    model: AlongMotion, data: Smoothed, theta: FloatArray, whole: bool = False
+) -> Residuals:
     """Return residuals and derivatives at some parameters.
 
     Those to the nominal parameters hold the effects' states, and are exact where these do not hang
     on them. Those to parameters of effects that no state and no sensor knows are exact; to the
-    others they are differences over a thousandth of their scale.
+    others they are differences over a thousandth of their scale. With `whole`, so are those to
+    nominal parameters that states hang on, at the price of one motion of the states for each.
     """
-    variants, steps = _moved(model, theta, model.moved)
+    holding = model.holding if whole else ()
+    variants, steps = _moved(model, theta, (*model.moved, *holding), {})
     found = _undecimated(model, data, variants, jacobian=True)
     r, J = found[0], found[-1]
     ne, N = r.shape
@@ -60,14 +64,23 @@ def linearised(model: AlongMotion, data: Smoothed, theta: FloatArray) -> Residua
     m = len(low)
     moved = low[:, ne : ne * (1 + len(steps))].reshape(m, len(steps), ne).transpose(2, 0, 1)
     exact = low[:, ne * (1 + len(steps)) :].reshape(m, -1, ne).transpose(2, 0, 1)
-    return Residuals(low[:, :ne].T, np.concatenate([exact, moved], axis=2))
+    own = len(model.moved)
+    exact[:, :, [model.exact.index(name) for name in holding]] = moved[:, :, own:]
+    return Residuals(low[:, :ne].T, np.concatenate([exact, moved[:, :, :own]], axis=2))
 
 
 def directions(
-    model: AlongMotion, data: Smoothed, theta: FloatArray, names: Sequence[str]
+    model: AlongMotion,
+    data: Smoothed,
+    theta: FloatArray,
+    names: Sequence[str],
+    sizes: Mapping[str, float] | None = None,
 ) -> FloatArray:
-    """Return derivatives of the residuals to parameters of the effects, shape (ne, m, k)."""
-    variants, steps = _moved(model, theta, names)
+    """Return derivatives of the residuals to parameters of the effects, shape (ne, m, k).
+
+    With `sizes`, the quotients over steps of those sizes by name.
+    """
+    variants, steps = _moved(model, theta, names, sizes or {})
     found = _undecimated(model, data, variants)
     columns = [(one - found[0]).T / h for one, h in zip(found[1:], steps, strict=True)]
     ne, k = len(found[0]), len(names)
@@ -76,14 +89,17 @@ def directions(
 
 
 def _moved(
-    model: AlongMotion, theta: FloatArray, names: Sequence[str]
+    model: AlongMotion,
+    theta: FloatArray,
+    names: Sequence[str],
+    sizes: Mapping[str, float],
 ) -> tuple[list[FloatArray], list[float]]:
     """Return θ and what it is with each of some parameters moved, and by how much."""
     parameters = model.axis.parameters
     variants, steps = [theta], []
     for name in names:
         item, at = parameters[name], parameters.index(name)
-        h = DIFFERENCE * item.scale
+        h = sizes.get(name, DIFFERENCE * item.scale)
         if theta[at] + h > item.upper:
             h = -h
         moved = theta.copy()

@@ -2,7 +2,9 @@
 
 The perturbation that an effect causes along the smoothed motion is projected orthogonally to
 everything that a refit of the nominal model would absorb. Shape parameters, on which nothing
-depends at first order where the effect vanishes, are tried on a grid.
+depends at first order where the effect vanishes, are tried on a grid. A large effect may act in
+another direction than a small one, play wider than most strokes of the command for one: the
+perturbations by effects of the usual size are tried as well.
 """
 
 import itertools
@@ -12,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pneumo_casadi.diagnosis.along import AlongMotion
-from pneumo_casadi.diagnosis.inverse import directions, linearised
+from pneumo_casadi.diagnosis.inverse import DIFFERENCE, directions, linearised
 from pneumo_casadi.diagnosis.study import Fitted, Study
 from pneumo_casadi.effect import Effect
 from pneumo_casadi.output_error.steps import bounded_minimum
@@ -91,6 +93,7 @@ def perturbation(one: Study, nominal: Fitted, effect: Effect) -> tuple[Direction
     axis = one.axis.with_effects(effect).with_parameters(dict(nominal.values)).at_null_values()
     model = AlongMotion(axis)
     first = _direction(one, model, nominal, {}, ())
+    usual = _usual_sizes(model)
     silent = [n for n, c in zip(model.own, first.columns.T, strict=True) if not np.any(c)]
     starting = axis.at_starting_values().parameters
     if len(silent) == len(model.own):  # felt at no size near null: nothing to choose a shape by
@@ -110,7 +113,16 @@ def perturbation(one: Study, nominal: Fitted, effect: Effect) -> tuple[Direction
             found.append(_without(first, shapes, values))
         else:
             found.append(_direction(one, model, nominal, values, shapes))
+        if model.n_z:
+            found.append(_direction(one, model, nominal, values, shapes, usual))
     return tuple(found)
+
+
+def _usual_sizes(model: AlongMotion) -> dict[str, float]:
+    """Return by how much the parameters of effects differ from their null at their start."""
+    null = model.axis.parameters
+    starts = model.axis.at_starting_values().parameters
+    return {n: (starts[n].value - null[n].value) or DIFFERENCE * null[n].scale for n in model.own}
 
 
 def _without(one: Direction, shapes: Sequence[str], values: Mapping[str, float]) -> Direction:
@@ -125,11 +137,12 @@ def _direction(
     nominal: Fitted,
     values: Mapping[str, float],
     shapes: Sequence[str],
+    sizes: Mapping[str, float] | None = None,
 ) -> Direction:
     parameters = model.axis.parameters.with_values(values)
     names = tuple(name for name in model.own if name not in shapes)
     parts = [
-        directions(model, data, parameters.values, names)[data.used(one.axis)]
+        directions(model, data, parameters.values, names, sizes)[data.used(one.axis)]
         for data in one.smoothed[0]
     ]
     items = parameters.select(names)

@@ -124,13 +124,19 @@ def _candidates(worker: Searcher, known: Names) -> Sequence[str]:
         return sorted(fits, key=lambda key: fits[key].cost)[:TRIED]
 
     alone = {key: f for key, f in worker.extensions(()).items() if not set(key) & set(known)}
-    names = {name for key in (*best(worker.extensions(known)), *best(alone)) for name in key}
+    beside = {name for key in best(worker.extensions(known)) for name in key}
+    names = beside | {name for key in best(alone) for name in key}
     for one in worker.effects(known):
         if remembers((one,)):
             names |= {n for n in one.confused_with if n in worker.catalogue}
     made = {name: worker.catalogue[name]() for name in worker.key(names - set(known))}
-    # A refinement holds the flow map, and with it what is metered of a valve.
-    return [n for n, effect in made.items() if not (remembers((effect,)) or effect.metered)]
+    # A refinement holds the flow map, and with it what is metered of a valve. A second sensor that
+    # hides the motion is tried only where fits say so: the first may stand for it too.
+    return [
+        name
+        for name, effect in made.items()
+        if not effect.metered and (name in beside or not remembers((effect,)))
+    ]
 
 
 def _beside(worker: Searcher, base: Fitted, known: Names, name: str) -> Fitted:

@@ -188,17 +188,27 @@ def _recovered(one: Study, axis: Axis) -> Fitted:
 
 
 def refined(one: Study, fitted: Fitted, effects: Sequence[Effect]) -> Fitted:
-    """Return a fit with the held parameters of its effects free; itself where that gains little.
+    """Return a fit at its very minimum, with the held parameters of its effects free.
 
-    They tell one form of an effect from another, a hole from a gap, and are asked for once the
-    effect is known to be there.
+    Those tell one form of an effect from another, a hole from a gap, and are asked for once the
+    effect is known to be there; they stay held where they gain little.
     """
     axis = one.axis.with_effects(*effects).with_parameters(dict(fitted.values))
+    if AlongMotion(axis).holding:
+        fitted = _better(one, effects, fitted, _fit(one, axis, whole=True), 0.0)
+        axis = axis.with_parameters(dict(fitted.values))
     held = [n for n in axis.parameters.names if "." in n and n not in axis.parameters.free_names]
     if not held:
         return fitted
-    found = _fit(one, axis.with_parameters(axis.parameters.release(*held)))
-    if found.cost >= fitted.cost - FORM:
+    released = axis.with_parameters(axis.parameters.release(*held))
+    return _better(one, effects, fitted, _fit(one, released), FORM)
+
+
+def _better(
+    one: Study, effects: Sequence[Effect], fitted: Fitted, found: Fitted, gain: float
+) -> Fitted:
+    """Return what was found where it gains enough and is to be believed, else what was fitted."""
+    if found.cost >= fitted.cost - gain:
         return fitted
     try:
         refuse_unbelievable(one, effects, found)
@@ -239,12 +249,11 @@ def _cost(fitted: Fitted) -> float:
     return fitted.cost
 
 
-def _fit(one: Study, axis: Axis) -> Fitted:
+def _fit(one: Study, axis: Axis, whole: bool = False) -> Fitted:
     model = AlongMotion(axis)
     train, held = one.smoothed
-    found = fit_balances(
-        model, train, one.anchor_with(axis.effects), axis.parameters.values, one.least
-    )
+    known = one.anchor_with(axis.effects)
+    found = fit_balances(model, train, known, axis.parameters.values, one.least, whole)
     std = np.sqrt(np.maximum(np.diag(found.covariance), 0.0))  # against rounding
     return Fitted(
         tuple(effect.name for effect in axis.effects),

@@ -6,7 +6,7 @@ import pytest
 from pneumo_casadi.diagnosis.along import AlongMotion
 from pneumo_casadi.diagnosis.diagnose import applicable, prepare
 from pneumo_casadi.diagnosis.inverse import linearised, residuals
-from pneumo_casadi.diagnosis.study import fit
+from pneumo_casadi.diagnosis.study import fit, refined
 from pneumo_casadi.effects import CATALOGUE
 
 
@@ -41,6 +41,30 @@ def test_derivatives_to_what_no_state_and_no_sensor_knows_are_exact(one, names, 
         assert np.linalg.norm(found - expected) <= 0.01 * np.linalg.norm(expected), name
 
 
+@pytest.mark.parametrize("name", ["hose", "heat_transfer"])
+def test_whole_derivatives_tell_what_states_make_of_nominal_parameters(one, name):
+    effect = applicable(one, CATALOGUE)[name]()
+    model = AlongMotion(one.axis.with_effects(effect).at_starting_values())
+    parameters, data = model.axis.parameters, one.smoothed[0][0]
+    found = {w: linearised(model, data, parameters.values, w).J for w in (False, True)}
+    assert model.holding
+    left_out = 0.0
+    for i, nominal in enumerate(model.free):
+        at, h = parameters.index(nominal), 1e-3 * parameters[nominal].scale
+        below, above = parameters.values.copy(), parameters.values.copy()
+        below[at] = max(below[at] - h, parameters[nominal].lower)
+        above[at] += h
+        change = residuals(model, data, above) - residuals(model, data, below)
+        expected = change / (above[at] - below[at])
+        size = np.linalg.norm(expected)
+        off = {w: np.linalg.norm(J[:, :, i] - expected) for w, J in found.items()}
+        assert off[True] <= 0.02 * size, nominal
+        if nominal not in model.holding:
+            assert off[False] == off[True], nominal
+        left_out = max(left_out, off[False] / max(size, 1e-300))
+    assert left_out > 0.05  # held states would not do
+
+
 def test_a_fit_along_a_bent_valley_goes_on_to_its_end(one):
     # Opening and flow coefficients of a shaped valve nearly stand for one another.
     effect = applicable(one, CATALOGUE)["flow_map_shape"]()
@@ -48,3 +72,12 @@ def test_a_fit_along_a_bent_valley_goes_on_to_its_end(one):
     found = fit(one, (effect,), nominal.values)
     again = fit(one, (effect,), found.values)
     assert found.cost - again.cost < 0.01 * (nominal.cost - again.cost)
+
+
+def test_a_refined_fit_has_nothing_left_to_gain_where_states_hang_on_the_nominal_parameters(one):
+    effect = applicable(one, CATALOGUE)["hose"]()
+    found = fit(one, (effect,), fit(one, ()).values)
+    once = refined(one, found, (effect,))
+    again = refined(one, once, (effect,))
+    assert once.cost <= found.cost
+    assert once.cost - again.cost < 0.5

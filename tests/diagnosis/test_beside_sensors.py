@@ -9,6 +9,7 @@ from pneumo_casadi.diagnosis import diagnose
 from pneumo_casadi.diagnosis.mending import mended
 from pneumo_casadi.diagnosis.search import _coarse
 from pneumo_casadi.diagnosis.searcher import Searcher
+from pneumo_casadi.diagnosis.sensed import _candidates
 from pneumo_casadi.effects import CATALOGUE
 
 
@@ -27,6 +28,16 @@ def test_a_drag_beside_a_late_sensor_is_found_by_simulation(made_case):
     case = made_case(22, position_delay="large", quadratic_drag="large")
     found = named(case, "quadratic_drag", "spring_load", "position_delay")
     assert found == {"position_delay", "quadratic_drag"}
+
+
+@pytest.mark.parametrize(("cost", "tried"), [(-50.0, True), (50.0, False)])
+def test_a_second_sensor_is_tried_where_its_pair_fits_best(cost, tried):
+    """The first one may stand for it too: alone it is no reason to simulate both."""
+    costs = {("position_delay",): 0.0, ("backlash",): 100.0, ("backlash", "position_delay"): cost}
+    costs |= {(name, "position_delay"): 0.0 for name in ("hose", "stribeck", "elastic_load")}
+    worker = Searcher(None, CATALOGUE)
+    worker.fits = {worker.key(key): SimpleNamespace(cost=value) for key, value in costs.items()}
+    assert ("backlash" in _candidates(worker, ("position_delay",))) is tried
 
 
 def test_a_sensor_found_alone_stays_alone(made_case):

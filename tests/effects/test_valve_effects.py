@@ -103,16 +103,33 @@ def test_null_shift_and_mismatch_act_on_the_valve_they_name(made):
 
 def test_the_play_holds_the_spool_until_the_command_has_crossed_it(made):
     h = 0.1
-    axis = made_with(made, ValveHysteresis(), h=h)
+    axis = made_with(made, ValveHysteresis(), h=h, s=0.0)  # two plays of one width are one
     sweep = np.concatenate([np.linspace(0.5, 1.5, 200), np.linspace(1.5, 0.5, 200), [0.5] * 200])
-    x = steps(axis, [*P, 0.0, 0.0, 0.5, -0.5], np.column_stack([sweep, -sweep]))
+    x = steps(axis, [*P, 0.0, 0.0, 0.5, 0.5, -0.5, -0.5], np.column_stack([sweep, -sweep]))
     z = x[4, 1:]
     up, turn, down, hold = z[150], z[215], z[380], z[-1]
     assert up == pytest.approx(sweep[150] - h, abs=6e-3)
     assert turn == pytest.approx(1.4, abs=6e-3)  # within the play nothing moves
     assert down == pytest.approx(sweep[380] + h, abs=6e-3)
     assert hold == pytest.approx(0.6, abs=1e-6)  # and nothing creeps
-    assert opening(axis, [0.5, -0.5], [hold, -hold])[0] == pytest.approx(0.6, abs=1e-6)
+    at_rest = [hold, hold, -hold, -hold]
+    assert opening(axis, [0.5, -0.5], at_rest)[0] == pytest.approx(0.6, abs=1e-6)
+
+
+def test_two_plays_give_way_one_after_the_other(made):
+    h, s = 0.1, 0.5
+    axis = made_with(made, ValveHysteresis(), h=h, s=s)
+    sweep = np.concatenate([np.linspace(0.5, 1.5, 400), np.linspace(1.5, 1.0, 400)])
+    x = steps(axis, [*P, 0.0, 0.0, 0.5, 0.5, -0.5, -0.5], np.column_stack([sweep, -sweep]))
+    z = x[4:8, 1:]
+    spool = np.array([opening(axis, [u, -u], at)[0] for u, at in zip(sweep, z.T, strict=True)])
+    assert spool[399] == pytest.approx(sweep[399] - h, abs=6e-3)
+    # On the way back nothing moves for twice the narrow play, then half of the spool, then all.
+    back, way = spool[400:], 1.5 - sweep[400:]
+    for part, slope in (((0.0, 0.1), 0.0), ((0.12, 0.3), 0.5), ((0.32, 0.5), 1.0)):
+        within = (way > part[0]) & (way < part[1])
+        fitted = -np.polyfit(way[within], back[within], 1)[0]
+        assert fitted == pytest.approx(slope, abs=0.06)
 
 
 def test_the_derivative_to_the_play_at_none_is_that_of_true_play(made):
@@ -121,7 +138,7 @@ def test_the_derivative_to_the_play_at_none_is_that_of_true_play(made):
     gain = float(axis.flow(1.0, P[0]) - axis.flow(0.5, P[0])) / 0.5
     for lag, sign in ((-1e-4, -1.0), (1e-4, 1.0)):
         J = axis.valve_flow.jacobian()(
-            [*P, 0, 0, 1.0 + lag, -1.0], [1.0, -1.0], axis.parameters.values, 0
+            [*P, 0, 0, 1.0 + lag, 1.0 + lag, -1.0, -1.0], [1.0, -1.0], axis.parameters.values, 0
         )
         assert float(J[2][0, at]) == pytest.approx(sign * gain, rel=1e-9)
 

@@ -1,0 +1,46 @@
+"""The screen: in which directions it looks."""
+
+import numpy as np
+import pytest
+
+from pneumo_casadi.diagnosis.along import AlongMotion
+from pneumo_casadi.diagnosis.diagnose import prepare
+from pneumo_casadi.diagnosis.inverse import residuals
+from pneumo_casadi.diagnosis.screen import perturbation
+from pneumo_casadi.diagnosis.study import fit
+from pneumo_casadi.effects import CATALOGUE
+
+
+@pytest.fixture(scope="module")
+def one(made_case):
+    return prepare(made_case(12, flow_map_shape="large"))[0]
+
+
+def test_an_effect_with_memory_is_screened_at_its_usual_size_too(one):
+    """Play that is wider than most strokes of the command holds the spool; narrow play delays."""
+    nominal = fit(one, ())
+    narrow, usual = perturbation(one, nominal, CATALOGUE["valve_hysteresis"]())
+    axis = one.axis.with_effects(CATALOGUE["valve_hysteresis"]())
+    axis = axis.with_parameters(dict(nominal.values)).at_null_values()
+    model, name = AlongMotion(axis), "valve_hysteresis.h"
+    h = axis.at_starting_values().parameters[name].value
+    changes = []
+    for size in (1e-3 * axis.parameters[name].scale, h):
+        theta = axis.with_parameters({name: size}).parameters.values
+        rows = [
+            (residuals(model, data, theta) - residuals(model, data, axis.parameters.values))[
+                data.used(one.axis)
+            ]
+            for data in one.smoothed[0]
+        ]
+        changes.append(np.concatenate(rows))
+    for direction, change in zip((narrow, usual), changes, strict=True):
+        column = direction.columns[: change.size, 0]
+        assert column @ change > 0.9 * np.linalg.norm(column) * np.linalg.norm(change)
+    apart = narrow.columns[:, 0] @ usual.columns[:, 0]
+    assert apart < 0.95 * np.prod([np.linalg.norm(one.columns) for one in (narrow, usual)])
+
+
+def test_an_effect_without_memory_is_screened_by_its_tangent_alone(one):
+    nominal = fit(one, ())
+    assert len(perturbation(one, nominal, CATALOGUE["spring_load"]())) == 1
