@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from pneumo_casadi.axis import Axis
-from pneumo_casadi.diagnosis.absorbed import absorbed_candidates
+from pneumo_casadi.diagnosis.believing import believed
 from pneumo_casadi.diagnosis.checks import checks_of
 from pneumo_casadi.diagnosis.evidence import evidence_of
-from pneumo_casadi.diagnosis.findings import Candidate, Check, EffectFound, Value, Where
+from pneumo_casadi.diagnosis.findings import Candidate, EffectFound, Value, Where
 from pneumo_casadi.diagnosis.gaps import simulated_gap
 from pneumo_casadi.diagnosis.gates import refuse_unusable
 from pneumo_casadi.diagnosis.misfit import balance_shrink
@@ -34,13 +34,6 @@ from pneumo_casadi.threads import one_thread
 
 logger = logging.getLogger(__name__)
 
-#: Areas of the pistons among the checks.
-AREAS = ("S_P", "S_N", "S_N/S_P")
-#: Residuals over the noise floor up to which a gap is faint: a valve with 4/3 the gain leaves 5.3.
-FAINT = 6.0
-#: Share of the gap left from which an effect is not believed that comes with a wrong mass, or with
-#: areas off by so many tolerances: what its form misses moves them by two.
-DOUBTFUL, FAR = 0.1, 3.0
 #: Probability that what hides in the parameters is among those that can: 14 of 16 on the bench.
 HIDDEN = 0.8
 #: Share of a record that is held out where a case has no validation record.
@@ -113,7 +106,7 @@ def diagnose(
     judgement = judge(found, effects)
     report("parameters and location", 0.82)
     checks = checks_of(one, found.final, effects)
-    verdict, hidden = _weighed(judgement, checks)
+    verdict, hidden = believed(judgement, checks)
     named = verdict in (Verdict.EFFECT, Verdict.AMBIGUOUS)
     inputs = inputs_of(one, found.nominal)
     where = locate(
@@ -147,35 +140,6 @@ def diagnose(
         seconds=time.perf_counter() - began,
         evidence=evidence_of(one, inputs, found.nominal, final if shown else None),
     )
-
-
-def _weighed(judgement: Judgement, checks: Sequence[Check]) -> tuple[Verdict, tuple[str, ...]]:
-    """Hold the verdict against the parameters; return it with what may hide in them.
-
-    An effect that leaves a part of the gap and needs pistons or a mass that the bench has not
-    stands for another one. Where the gap is near the noise, a wrong piston tells more than what
-    closes it.
-    """
-    verdict = judgement.verdict
-    hidden = absorbed_candidates(checks)
-    wrong = {one.name for one in checks if not one.agrees}
-    wrong_area = bool(wrong & set(AREAS))
-    faint = float(np.max(judgement.excess)) < FAINT
-    # A cause in no list may spoil both areas alike; one beside the other is a matter of the valves.
-    hides = "S_N/S_P" in wrong if verdict is Verdict.UNKNOWN else wrong_area
-    if verdict is Verdict.NONE or (faint and hides):
-        return (Verdict.ABSORBED, hidden) if hidden else (verdict, ())
-    far = {one.name for one in checks if abs(one.value - one.expected) > FAR * one.tolerance} & set(
-        AREAS
-    )
-    doubtful = bool(far or "M" in wrong) and judgement.unexplained > DOUBTFUL
-    if doubtful and verdict in (Verdict.EFFECT, Verdict.AMBIGUOUS):
-        verdict = Verdict.UNKNOWN
-    # The map is that of valve P: where all that chamber P says is right and the piston of chamber N
-    # far from its size, valve N is another one, whatever else shares the gap that this leaves.
-    if verdict is Verdict.UNKNOWN and wrong == {"S_N", "S_N/S_P"} == far:
-        return Verdict.ABSORBED, hidden
-    return verdict, ()
 
 
 def prepare(case: Case) -> tuple[Study, tuple[str, ...]]:

@@ -7,7 +7,8 @@ import pytest
 
 from pneumo_casadi.diagnosis import Verdict, diagnose
 from pneumo_casadi.diagnosis.along import AlongMotion
-from pneumo_casadi.diagnosis.diagnose import _weighed, prepare
+from pneumo_casadi.diagnosis.believing import believed
+from pneumo_casadi.diagnosis.diagnose import prepare
 from pneumo_casadi.diagnosis.findings import Check
 from pneumo_casadi.diagnosis.inverse import residuals
 from pneumo_casadi.diagnosis.study import fit
@@ -90,8 +91,9 @@ def test_what_a_sensor_shows_too_much_is_taken_back_whatever_acts_beside(made_ca
     np.testing.assert_allclose(found, expected, atol=1e-3 * np.std(expected, axis=1).max())
 
 
-def failing(*names):
-    return tuple(Check(name, 1.2, 0.0, 1.0, 0.05, "1", False, "") for name in names)
+def failing(*names, tolerances=2.0):
+    off = 0.05 * tolerances
+    return tuple(Check(name, 1.0 + off, 0.0, 1.0, 0.05, "1", False, "") for name in names)
 
 
 @pytest.mark.parametrize(
@@ -99,11 +101,29 @@ def failing(*names):
     [
         (("S_N", "S_N/S_P"), 1.6, Verdict.ABSORBED),
         (("S_P", "S_N"), 1.6, Verdict.UNKNOWN),  # as a flow map that drifts
-        (("S_N", "S_N/S_P"), 9.0, Verdict.UNKNOWN),  # a gap that a valve's gain does not leave
+        (("S_N", "S_N/S_P"), 9.0, Verdict.UNKNOWN),  # more than a gain so near to one leaves
     ],
 )
 def test_a_faint_gap_without_a_name_is_told_by_the_ratio_of_the_areas(names, excess, expected):
     judgement = Judgement(Verdict.UNKNOWN, (), {}, 0.7, np.array([1.0, excess, 1.0]))
-    verdict, hidden = _weighed(judgement, failing(*names))
+    verdict, hidden = believed(judgement, failing(*names))
     assert verdict is expected
     assert ("valve_mismatch" in hidden) is (expected is Verdict.ABSORBED)
+
+
+@pytest.mark.parametrize(
+    ("names", "expected"),
+    [
+        (("S_N", "S_N/S_P"), Verdict.ABSORBED),
+        (("S_N", "S_N/S_P", "F_c"), Verdict.ABSORBED),  # the force that such a piston would have
+        (("S_N", "S_N/S_P", "k_N"), Verdict.UNKNOWN),  # the gas is none of the valve's business
+        (("S_P", "S_N/S_P"), Verdict.UNKNOWN),  # it is valve P whose map is known
+        (("S_P", "S_N", "S_N/S_P"), Verdict.UNKNOWN),
+    ],
+)
+@pytest.mark.parametrize("verdict", [Verdict.UNKNOWN, Verdict.EFFECT])
+def test_a_piston_N_far_from_its_size_is_another_valve_whatever_the_gap(names, expected, verdict):
+    judgement = Judgement(verdict, (), {}, 0.2, np.array([1.0, 9.0, 1.0]))
+    found, hidden = believed(judgement, failing(*names, tolerances=4.0))
+    assert found is expected
+    assert hidden[:1] == (("valve_mismatch",) if expected is Verdict.ABSORBED else ())
