@@ -35,6 +35,8 @@ HELD = {
     ValveDynamics: "valve_dynamics.slew",
     **{leak: f"{leak.name}.viscous" for leak in (PistonSealLeakage, LeakageP, LeakageN)},
 }
+#: Held by their effects unless released.
+RELEASED = {ValveHysteresis: "valve_hysteresis.s"}
 #: A clean silencer is hardly felt at these pressures, where exhausts are choked: a clogged one.
 VALUES = {ExhaustRestriction: {"exhaust_restriction.R": 3e11, "exhaust_restriction.tau": 0.03}}
 LEVEL = 4.0
@@ -47,6 +49,7 @@ def test_effects_are_recovered_within_their_intervals_beside_the_nominal_paramet
     found = recover(
         *(effect() for effect in effects),
         hold=[HELD[effect] for effect in effects if effect in HELD],
+        release=[RELEASED[effect] for effect in effects if effect in RELEASED],
         values={k: v for effect in effects for k, v in VALUES.get(effect, {}).items()},
     )
     assert np.isfinite(found.std).all() and (found.std > 0).all()
