@@ -165,7 +165,8 @@ class AlongMotion:
     def exact(self) -> tuple[str, ...]:
         """Free parameters of the axis, and those of effects that no state and no sensor knows.
 
-        Derivatives to these need no other motion: they are written out, states held.
+        Derivatives to these are written out, states held: they need no other motion of the states,
+        or leave out what that would add (`holding`).
         """
         return (*self.nominal, *(name for name in self.own if name not in self._felt))
 

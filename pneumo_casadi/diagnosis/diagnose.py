@@ -4,13 +4,13 @@ import logging
 import time
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from pneumo_casadi.axis import Axis
-from pneumo_casadi.diagnosis.believing import believed
+from pneumo_casadi.diagnosis.believing import believed, faint
 from pneumo_casadi.diagnosis.checks import checks_of
 from pneumo_casadi.diagnosis.evidence import evidence_of
 from pneumo_casadi.diagnosis.findings import Candidate, EffectFound, Value, Where
@@ -108,17 +108,18 @@ def diagnose(
     checks = checks_of(one, found.final, effects)
     verdict, hidden = believed(judgement, checks)
     named = verdict in (Verdict.EFFECT, Verdict.AMBIGUOUS)
+    apart = named or verdict is Verdict.UNKNOWN or not faint(judgement)
     inputs = inputs_of(one, found.nominal)
     where = locate(
         one,
         found.nominal,
         _in_order(found, effects) if named else (),
         found.final if named else None,
-        gap=named or verdict is Verdict.UNKNOWN,
+        gap=apart,
         inputs=inputs,
     )
     report("simulating the held-out record", 0.88)
-    final = found.final if named or verdict is Verdict.UNKNOWN else found.nominal
+    final = found.final if apart else found.nominal
     shown = effects if final is found.final else ()
     gap, more = simulated_gap(found.simulations, found.nominal, final, shown, found.by)
     report("done", 1.0)
@@ -269,7 +270,8 @@ def _ranking(
         for name, share in zip(hidden, shares / shares.sum(), strict=True)
     ]
     rest = [one for one in ranked if not (len(one.names) == 1 and one.names[0] in hidden)]
-    return (*absorbed, *rest)
+    left = (1.0 - HIDDEN) / max(1.0, sum(one.probability for one in rest)) if hidden else 1.0
+    return (*absorbed, *(replace(one, probability=left * one.probability) for one in rest))
 
 
 def _experiment(alike: Sequence[str], catalogue: Catalogue) -> str:

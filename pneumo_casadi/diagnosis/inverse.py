@@ -136,7 +136,7 @@ def _true_motions(
     axis = model.axis
     sensors = [f"{effect.name}." for effect in axis.effects if senses((effect,))]
     own = [i for i, n in enumerate(axis.parameters.names) if n.startswith(tuple(sensors))]
-    # Variants differ in parameters of effects alone, and a sensor knows none but its own.
+    # A sensor knows no parameters but its own, whatever else variants differ in.
     distinct = {theta[own].tobytes(): theta for theta in variants}
     found = _without_sensors(model, data, list(distinct.values()))
     known = dict(zip(distinct, found, strict=True))

@@ -17,7 +17,7 @@ class Verdict(Enum):
     AMBIGUOUS = "ambiguous"
     """Several effects close the gap alike: the data cannot tell them apart."""
     ABSORBED = "absorbed"
-    """No gap in trajectories, but parameters that contradict geometry or data sheet."""
+    """Parameters that contradict geometry or data sheet, and little or no gap in trajectories."""
     UNKNOWN = "unknown"
     """A gap that nothing in the catalogue closes."""
     NONE = "none"

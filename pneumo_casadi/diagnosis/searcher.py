@@ -156,7 +156,7 @@ class Searcher:
         self.polished[names], self.settled[names] = self.trials[names]
 
     def refine(self, names: Names) -> None:
-        """Free the held parameters of a model's effects, once; see `refined`."""
+        """Let the fit of a model go on to its minimum, in all its effects' parameters; once."""
         if names not in self._refined:
             self._refined.add(names)
             self.fits[names] = refined(self.study, self.fits[names], self.effects(names))

@@ -131,7 +131,7 @@ def _candidates(worker: Searcher, known: Names) -> Sequence[str]:
             names |= {n for n in one.confused_with if n in worker.catalogue}
     made = {name: worker.catalogue[name]() for name in worker.key(names - set(known))}
     # A refinement holds the flow map, and with it what is metered of a valve. A second sensor that
-    # hides the motion is tried only where fits say so: the first may stand for it too.
+    # hides the motion is tried where its pair is among the best fits: the first may stand for it.
     return [
         name
         for name, effect in made.items()

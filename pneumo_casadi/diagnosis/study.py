@@ -188,10 +188,11 @@ def _recovered(one: Study, axis: Axis) -> Fitted:
 
 
 def refined(one: Study, fitted: Fitted, effects: Sequence[Effect]) -> Fitted:
-    """Return a fit at its very minimum, with the held parameters of its effects free.
+    """Return a fit that went on, with whole derivatives, then with all of its effects' parameters.
 
-    Those tell one form of an effect from another, a hole from a gap, and are asked for once the
-    effect is known to be there; they stay held where they gain little.
+    Those held tell one form of an effect from another, a hole from a gap, and are asked for once
+    the effect is known to be there; they stay held where they gain little. What is not to be
+    believed is not taken.
     """
     axis = one.axis.with_effects(*effects).with_parameters(dict(fitted.values))
     if AlongMotion(axis).holding:

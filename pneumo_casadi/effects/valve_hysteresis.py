@@ -1,4 +1,4 @@
-"""Valve hysteresis: play between command and spool."""
+"""Valve hysteresis: two plays in parallel between command and spool."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -13,11 +13,11 @@ TAU_MEMORY = 1e-3
 
 
 class ValveHysteresis(Effect):
-    """Two plays in parallel on the command of each valve, of half-widths h(1 − s) and h(1 + s).
+    """Hysteresis of each valve: two plays in parallel between command and spool.
 
-    A valve's loop is no parallelogram: friction, clearance and magnet give way one after another.
-    Two plays make its sides of three straight parts, one play (s = 0) of two. With the clip
-    c(e, b) = max(−b, min(e, b))::
+    Their half-widths are h(1 − s) and h(1 + s). A valve's loop is no parallelogram: friction,
+    clearance and magnet give way one after another. Two plays make its sides of three straight
+    parts, one play (s = 0) of two. With the clip c(e, b) = max(−b, min(e, b))::
 
         w = u + (c(z₁ − u, h₁) + c(z₂ − u, h₂))/2,   h₁ = h(1 − s), h₂ = h(1 + s)
         żᵢ = −(zᵢ − u − c(zᵢ − u, hᵢ))/τ,            τ = 1 ms

@@ -62,6 +62,11 @@ def headline(found: Diagnosis) -> str:
     if found.verdict is Verdict.ABSORBED:
         names = joined([plain(label) for label in found.ambiguous], "or")
         hidden = f": {names} may hide there" if names else ""
+        if found.where.balance != "none":
+            return (
+                f"The simulation errs on held-out data by {percent(gap.before)} of the signals, "
+                f"and its parameters contradict geometry or data sheet{hidden}."
+            )
         return (
             "The simulation follows the records, but with parameters that contradict geometry or "
             f"data sheet{hidden}."

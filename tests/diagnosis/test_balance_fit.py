@@ -79,5 +79,5 @@ def test_a_refined_fit_has_nothing_left_to_gain_where_states_hang_on_the_nominal
     found = fit(one, (effect,), fit(one, ()).values)
     once = refined(one, found, (effect,))
     again = refined(one, once, (effect,))
-    assert once.cost <= found.cost
+    assert once.cost < found.cost - 10  # what derivatives with held states leave
     assert once.cost - again.cost < 0.5

@@ -127,3 +127,10 @@ def test_a_piston_N_far_from_its_size_is_another_valve_whatever_the_gap(names, e
     found, hidden = believed(judgement, failing(*names, tolerances=4.0))
     assert found is expected
     assert hidden[:1] == (("valve_mismatch",) if expected is Verdict.ABSORBED else ())
+
+
+def test_an_effect_that_leaves_little_is_believed_beside_a_piston_that_is_off():
+    judgement = Judgement(Verdict.EFFECT, (), {}, 0.05, np.array([1.0, 9.0, 1.0]))
+    found, hidden = believed(judgement, failing("S_N", "S_N/S_P", tolerances=4.0))
+    assert found is Verdict.EFFECT
+    assert hidden == ()

@@ -38,7 +38,10 @@ HELD = {
 #: Held by their effects unless released.
 RELEASED = {ValveHysteresis: "valve_hysteresis.s"}
 #: A clean silencer is hardly felt at these pressures, where exhausts are choked: a clogged one.
-VALUES = {ExhaustRestriction: {"exhaust_restriction.R": 3e11, "exhaust_restriction.tau": 0.03}}
+VALUES = {
+    ExhaustRestriction: {"exhaust_restriction.R": 3e11, "exhaust_restriction.tau": 0.03},
+    ValveHysteresis: {"valve_hysteresis.s": 0.2},
+}
 LEVEL = 4.0
 
 

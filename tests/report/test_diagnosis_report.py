@@ -116,6 +116,14 @@ def test_nothing_wrong_does_not_hide_a_check_that_fails():
     assert "How large the gap is" in summary_text(made.NONE)
 
 
+def test_a_cause_in_the_parameters_does_not_talk_a_gap_away():
+    assert "follows the records" in headline(made.ABSORBED)
+    apart = headline(replace(made.ABSORBED, where=made.UNKNOWN.where, gap=made.UNKNOWN.gap))
+    assert "follows" not in apart
+    assert "errs on held-out data by 13 % of the signals" in apart
+    assert "valve mismatch may hide there" in apart
+
+
 def test_contradicting_checks_come_first():
     text = summary_text(made.EFFECT)
     assert text.index("NOT  S_P comes out") < text.index("ok   M = 16.9 kg")
