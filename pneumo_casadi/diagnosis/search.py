@@ -12,7 +12,14 @@ from pneumo_casadi.diagnosis.acceptance import accepted
 from pneumo_casadi.diagnosis.along import remembers
 from pneumo_casadi.diagnosis.gaps import Simulations
 from pneumo_casadi.diagnosis.mending import mended
-from pneumo_casadi.diagnosis.misfit import COARSE_MAP, Yardstick, gaps, size, yardstick
+from pneumo_casadi.diagnosis.misfit import (
+    COARSE_MAP,
+    NEAR_NULL,
+    Yardstick,
+    gaps,
+    size,
+    yardstick,
+)
 from pneumo_casadi.diagnosis.screen import Screened, background
 from pneumo_casadi.diagnosis.searcher import Catalogue, Failed, Names, Searcher, Start
 from pneumo_casadi.diagnosis.sensed import beside_sensors, sensed, settled
@@ -144,7 +151,7 @@ def _forward(
             if len(key) == round_ + 1
             and (round_ < 2 or len(set(key) & set(known)) >= round_)
             and accepted(nominal, current, fitted, by)
-            and not _coarse(worker, nominal, key, by)
+            and not _coarse(worker, current, known, key, by)
         ]
         if not round_:
             worker.alone = tuple(key[0] for _, key in sorted(options))
@@ -171,10 +178,16 @@ def _forward(
     return taken
 
 
-def _coarse(worker: Searcher, nominal: Fitted, names: Names, by: Yardstick) -> bool:
-    """Tell whether effects only draw anew a metered map whose rest is no more than coarse."""
-    coarse = bool(np.all((size(nominal) < COARSE_MAP * by.noise)[:-1]))  # the force has no map
-    return coarse and all(effect.metered for effect in worker.effects(names))
+def _coarse(worker: Searcher, current: Fitted, known: Names, names: Names, by: Yardstick) -> bool:
+    """Tell whether what is added only draws anew a metered map whose rest is no more than coarse.
+
+    Beside an effect in another balance the rest of the map may be all that is left to be gained:
+    there it must be more than any coarse map leaves.
+    """
+    limit = NEAR_NULL if known else COARSE_MAP
+    coarse = bool(np.all((size(current) < limit * by.noise)[:-1]))  # the force has no map
+    added = [name for name in names if name not in known]
+    return coarse and all(effect.metered for effect in worker.effects(added))
 
 
 def _extend(worker: Searcher, nominal: Fitted, current: Fitted, known: Names) -> None:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pneumo_casadi.diagnosis.misfit import COARSE_MAP, gaps, size, squares
+from pneumo_casadi.diagnosis.misfit import COARSE_MAP, NEAR_NULL, gaps, size, squares
 from pneumo_casadi.diagnosis.result import Verdict
 from pneumo_casadi.diagnosis.search import Search
 from pneumo_casadi.diagnosis.searcher import Names
@@ -18,9 +18,6 @@ from pneumo_casadi.parameters import FloatArray
 VISIBLE = COARSE_MAP
 #: Gaps below this share of the largest, in units of their noise floors, are a rest.
 MAIN = 0.3
-#: Mass flow residuals over the noise floor up to which a coarse map may be all there is to them:
-#: two axes of the virtual bench without any effect in these balances had 1.8.
-NEAR_NULL = 1.9
 #: A gap of which more than this share is left after the best effects has another cause.
 LEFT = 0.5
 #: The same where no effect found could have another form, and residuals over the noise floor from

@@ -89,15 +89,20 @@ def test_an_effect_that_mends_impossible_parameters_counts(monkeypatch, wrong, g
 
 
 @pytest.mark.parametrize(
-    ("excess", "name", "expected"),
+    ("excess", "known", "names", "expected"),
     [
-        (1.2, "flow_map_shape", True),
-        (1.7, "flow_map_shape", False),
-        (1.2, "valve_dead_zone", False),
+        (1.2, (), ("flow_map_shape",), True),
+        (1.7, (), ("flow_map_shape",), False),
+        (1.2, (), ("valve_dead_zone",), False),
+        (1.7, ("spring_load",), ("flow_map_shape", "spring_load"), True),
+        (2.1, ("spring_load",), ("flow_map_shape", "spring_load"), False),
+        (1.7, ("spring_load",), ("spring_load", "valve_dead_zone"), False),
+        (1.7, ("spring_load",), ("flow_map_shape", "stribeck"), False),  # no map alone
     ],
 )
-def test_a_coarse_map_is_no_shape_of_the_valve(excess, name, expected):
+def test_a_coarse_map_is_no_shape_of_the_valve(excess, known, names, expected):
     residuals = (np.array([[1.0], [excess], [1.0]]),)
-    nominal = SimpleNamespace(held_out=residuals, used_held_out=(np.ones((3, 1), bool),))
+    current = SimpleNamespace(held_out=residuals, used_held_out=(np.ones((3, 1), bool),))
     worker = SimpleNamespace(effects=lambda names: tuple(CATALOGUE[n]() for n in names))
-    assert _coarse(worker, nominal, (name,), SimpleNamespace(noise=np.ones(3))) is expected
+    by = SimpleNamespace(noise=np.ones(3))
+    assert _coarse(worker, current, known, names, by) is expected
