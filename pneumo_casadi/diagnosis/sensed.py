@@ -124,19 +124,24 @@ def _candidates(worker: Searcher, known: Names) -> Sequence[str]:
         return sorted(fits, key=lambda key: fits[key].cost)[:TRIED]
 
     alone = {key: f for key, f in worker.extensions(()).items() if not set(key) & set(known)}
-    beside = {name for key in best(worker.extensions(known)) for name in key}
-    names = beside | {name for key in best(alone) for name in key}
+    names = {name for key in (*best(worker.extensions(known)), *best(alone)) for name in key}
     for one in worker.effects(known):
         if remembers((one,)):
             names |= {n for n in one.confused_with if n in worker.catalogue}
     made = {name: worker.catalogue[name]() for name in worker.key(names - set(known))}
     # A refinement holds the flow map, and with it what is metered of a valve. A second sensor that
-    # hides the motion is tried where its pair is among the best fits: the first may stand for it.
+    # hides the motion is tried only where it gains in fits too: the first may stand for it.
     return [
         name
         for name, effect in made.items()
-        if not effect.metered and (name in beside or not remembers((effect,)))
+        if not effect.metered and (_gains(worker, known, name) or not remembers((effect,)))
     ]
+
+
+def _gains(worker: Searcher, known: Names, name: str) -> bool:
+    """Tell whether an effect more was fitted beside the known ones, and gained something."""
+    fitted = worker.fits.get(worker.key((*known, name)))
+    return fitted is not None and fitted.cost < worker.fits[known].cost - FORM
 
 
 def _beside(worker: Searcher, base: Fitted, known: Names, name: str) -> Fitted:
@@ -144,9 +149,9 @@ def _beside(worker: Searcher, base: Fitted, known: Names, name: str) -> Fitted:
     key = worker.key((*known, name))
     axis = worker.study.axis.with_effects(*worker.effects(key)).at_starting_values()
     values = axis.with_parameters(dict(base.values)).parameters.as_dict()
-    fitted = worker.fits.get(key)
-    if fitted is not None and fitted.cost < worker.fits[known].cost - FORM:
-        values |= {n: v for n, v in fitted.values.items() if n.startswith(f"{name}.")}
+    if _gains(worker, known, name):
+        fitted = worker.fits[key].values
+        values |= {n: v for n, v in fitted.items() if n.startswith(f"{name}.")}
     return replace(base, effects=key, values=values)
 
 
