@@ -8,6 +8,11 @@ from importlib import resources
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
+
+# Machines are noisy: how long one example takes says nothing of what it claims.
+settings.register_profile("claims", deadline=None)
+settings.load_profile("claims")
 
 # Tests share the processors: threads of linear algebra besides only wait for each other, and a
 # product of small matrices takes a hundred times as long. They are counted when NumPy is loaded.

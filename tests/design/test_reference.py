@@ -15,7 +15,7 @@ SPACE = Space(ALL, True, 6.0)
 
 
 @given(st.lists(st.floats(0.0, 1.0), min_size=SPACE.start.size, max_size=SPACE.start.size))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_every_point_is_a_reference_within_reach(z):
     parts = SPACE.parts(z)
     found = drawn(parts, 1e-2, 600, 0.15, 0.3)

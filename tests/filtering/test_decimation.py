@@ -11,7 +11,7 @@ from pneumo_casadi.filtering import Decimation, decimated_rows, parallel_decimat
 KINDS = list(Decimation)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     X=arrays(float, 3, elements=st.floats(-1e3, 1e3)),
     factor=st.integers(1, 12),

@@ -80,7 +80,7 @@ def test_a_common_factor_of_the_weights_changes_nothing(spool_valve):
     np.testing.assert_allclose(a.covariance, b.covariance, rtol=1e-9)
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(c=st.floats(1e-3, 20))
 def test_the_flow_scale_is_a_gauge(c):
     u, p = (a.ravel() for a in np.meshgrid(np.linspace(-3, 3, 7), np.linspace(1e5, 7e5, 12)))

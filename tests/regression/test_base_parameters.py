@@ -26,7 +26,7 @@ def test_a_column_of_zeros_is_named_as_leaving_no_trace():
     assert base.describe() == "the data hold no trace of f_v"
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.lists(st.floats(-10, 10), min_size=4, max_size=4), st.integers(0, 50))
 def test_units_do_not_decide_the_rank(exponents, seed):
     A = np.random.default_rng(seed).normal(size=(40, 3))

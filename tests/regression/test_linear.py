@@ -141,7 +141,7 @@ def test_rows_of_weight_zero_count_for_nothing():
     assert full.rows["e0"] == 70
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.lists(st.floats(-9, 9), min_size=3, max_size=3), st.integers(0, 100))
 def test_scaling_a_column_scales_its_parameter_and_deviation_inversely(exponents, seed):
     factors = 10.0 ** np.array(exponents)
