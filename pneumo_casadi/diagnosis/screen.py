@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pneumo_casadi.diagnosis.along import AlongMotion
-from pneumo_casadi.diagnosis.inverse import DIFFERENCE, directions, linearised
+from pneumo_casadi.diagnosis.inverse import directions, linearised
 from pneumo_casadi.diagnosis.study import Fitted, Study
 from pneumo_casadi.effect import Effect
 from pneumo_casadi.output_error.steps import bounded_minimum
@@ -93,9 +93,10 @@ def perturbation(one: Study, nominal: Fitted, effect: Effect) -> tuple[Direction
     axis = one.axis.with_effects(effect).with_parameters(dict(nominal.values)).at_null_values()
     model = AlongMotion(axis)
     first = _direction(one, model, nominal, {}, ())
-    usual = _usual_sizes(model)
     silent = [n for n, c in zip(model.own, first.columns.T, strict=True) if not np.any(c)]
     starting = axis.at_starting_values().parameters
+    sizes = {n: starting[n].value - axis.parameters[n].value for n in model.own}
+    usual = {name: size for name, size in sizes.items() if size != 0}
     if len(silent) == len(model.own):  # felt at no size near null: nothing to choose a shape by
         return (first,)
     shapes = tuple(n for n in silent if starting[n].value != 0)
@@ -116,13 +117,6 @@ def perturbation(one: Study, nominal: Fitted, effect: Effect) -> tuple[Direction
         if model.n_z:
             found.append(_direction(one, model, nominal, values, shapes, usual))
     return tuple(found)
-
-
-def _usual_sizes(model: AlongMotion) -> dict[str, float]:
-    """Return by how much the parameters of effects differ from their null at their start."""
-    null = model.axis.parameters
-    starts = model.axis.at_starting_values().parameters
-    return {n: (starts[n].value - null[n].value) or DIFFERENCE * null[n].scale for n in model.own}
 
 
 def _without(one: Direction, shapes: Sequence[str], values: Mapping[str, float]) -> Direction:
