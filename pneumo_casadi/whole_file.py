@@ -1,6 +1,7 @@
-"""Files that are there whole, or not at all."""
+"""Files and folders that are there whole, or not at all."""
 
 import os
+import shutil
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -38,3 +39,52 @@ def whole_file(path: str | Path) -> Iterator[Path]:
         with draft.open("rb+") as file:  # on the disk before it has the name
             os.fsync(file.fileno())
         draft.replace(path)
+
+
+@contextmanager
+def whole_folder(folder: str | Path) -> Iterator[Path]:
+    """Lend a draft folder beside `folder` that takes its place when the block ends.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Where the folder shall be; the one that holds it is made. What stands there stays until
+        the draft is whole, and for good where the block fails.
+
+    Yields
+    ------
+    Path
+        The draft, empty.
+
+    Examples
+    --------
+    >>> place = Path(tempfile.mkdtemp()) / "answers"
+    >>> with whole_folder(place) as draft:
+    ...     _ = (draft / "answer.txt").write_text("42")
+    >>> [file.name for file in place.iterdir()], len(list(place.parent.iterdir()))
+    (['answer.txt'], 1)
+    """
+    folder = Path(folder)
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    draft = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
+    try:
+        yield draft
+        draft.chmod(0o755)  # mkdtemp makes folders that only the owner may enter
+        _replace(draft, folder)
+    except BaseException:
+        shutil.rmtree(draft, ignore_errors=True)
+        raise
+
+
+def _replace(draft: Path, folder: Path) -> None:
+    if not folder.exists():
+        draft.replace(folder)
+        return
+    old = Path(tempfile.mkdtemp(prefix=f".{folder.name}.old.", dir=folder.parent))
+    folder.replace(old)
+    try:
+        draft.replace(folder)
+    except BaseException:
+        old.replace(folder)
+        raise
+    shutil.rmtree(old, ignore_errors=True)

@@ -2,9 +2,7 @@
 
 import gzip
 import json
-import os
 import shutil
-import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -19,6 +17,7 @@ from pneumo_casadi.recording.bench_file import bench_content
 from pneumo_casadi.recording.case import Case
 from pneumo_casadi.recording.channels import UNITS, InputHold
 from pneumo_casadi.recording.recording import Recording
+from pneumo_casadi.whole_file import whole_folder
 
 TIME_DECIMALS = 10
 
@@ -61,9 +60,7 @@ def write_case(
         raise CaseError(f"{folder}: is there already and not empty; choose a new folder")
     if not identify:
         raise CaseError(f"{folder}: no record to identify on; a case needs at least one")
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    draft = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
-    try:
+    with whole_folder(folder) as draft:
         text = json.dumps(bench_content(bench), indent=1, ensure_ascii=False)
         (draft / "bench.json").write_text(text + "\n", "utf-8")
         for role, records in (("identify", identify), ("validate", validate)):
@@ -73,13 +70,8 @@ def write_case(
             _write_csv(draft / "flow_map.csv", flow_map)
         elif flow_map is not None:
             shutil.copyfile(flow_map, draft / "flow_map.csv")
-        draft.chmod(0o755)  # mkdtemp makes folders that only the owner may enter
         if folder.exists():
-            folder.rmdir()
-        os.replace(draft, folder)  # noqa: PTH105
-    except BaseException:
-        shutil.rmtree(draft, ignore_errors=True)
-        raise
+            folder.rmdir()  # fails where something has been put there meanwhile
     path = folder / "flow_map.csv"
     return Case(folder, bench, tuple(identify), tuple(validate), path if path.exists() else None)
 

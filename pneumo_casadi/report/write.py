@@ -1,8 +1,5 @@
 """Report folders: written beside their place, then renamed, so that none is ever half there."""
 
-import os
-import shutil
-import tempfile
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from enum import Enum
@@ -20,6 +17,7 @@ from pneumo_casadi.report.text import render, text_report
 from pneumo_casadi.result_file import result_dict, validation_dict, write_json
 from pneumo_casadi.trajectory_file import Simulated, trajectory_frame, write_frames
 from pneumo_casadi.validation import Validation
+from pneumo_casadi.whole_file import whole_folder
 
 
 class Kind(Enum):
@@ -128,28 +126,6 @@ def folder_in_one_step(folder: str | Path, kind: Kind) -> Iterator[Path]:
 
     After an error the draft is gone and `folder` is as it was.
     """
-    folder = Path(folder)
     check_replaceable(folder, kind)
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    draft = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
-    try:
+    with whole_folder(folder) as draft:
         yield draft
-        draft.chmod(0o755)  # mkdtemp makes folders that only the owner may enter
-        _replace(draft, folder)
-    except BaseException:
-        shutil.rmtree(draft, ignore_errors=True)
-        raise
-
-
-def _replace(draft: Path, folder: Path) -> None:
-    if not folder.exists():
-        os.replace(draft, folder)  # noqa: PTH105
-        return
-    old = Path(tempfile.mkdtemp(prefix=f".{folder.name}.old.", dir=folder.parent))
-    os.replace(folder, old)  # noqa: PTH105
-    try:
-        os.replace(draft, folder)  # noqa: PTH105
-    except BaseException:
-        os.replace(old, folder)  # noqa: PTH105
-        raise
-    shutil.rmtree(old, ignore_errors=True)
