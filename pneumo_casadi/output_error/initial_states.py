@@ -1,5 +1,7 @@
 """Initial states of a record or of its windows, all parameters known."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from pneumo_casadi.axis import Axis
@@ -22,6 +24,8 @@ INTERVAL = 0.1
 ITERATIONS = 15
 #: Relative decrease of a window's cost below which it has settled.
 SETTLED = 1e-4
+#: Share of its windows still at work below which a problem is written anew for these alone.
+SHRUNK = 0.75
 #: Damping to begin with, and the factors by which it falls and grows.
 DAMPING, FALL, GROW = 1e-3, 0.2, 10.0
 
@@ -55,26 +59,32 @@ def estimate_initial_states(
     """
     problem = _problem(axis, record, window)
     sigma = np.array([stated_or_estimated_noise(axis.bench, [record], c) for c in axis.outputs])
-    x_0 = np.stack([segment.x[:, 0] for segment in problem.segments], axis=1)
+    segments = problem.segments
+    x_0 = np.stack([segment.x[:, 0] for segment in segments], axis=1)
     nodes, cost = _costs(problem, x_0, sigma)
     if not np.isfinite(cost).all():
-        start = problem.segments[int(np.argmin(np.isfinite(cost)))].first * record.dt
+        start = segments[int(np.argmin(np.isfinite(cost)))].first * record.dt
         raise FitError(f"{record.name}: no simulation from the measured state at t = {start:g} s")
     damping = np.full(cost.size, DAMPING)
     active = np.ones(cost.size, dtype=bool)
+    at = np.arange(cost.size)  # the windows of `problem`
     for _ in range(ITERATIONS):
-        step = _damped_steps(problem, nodes, sigma, damping)
-        trial, new = _costs(problem, x_0 + np.where(active, step, 0.0), sigma)
-        better = new < cost
-        small = better & (cost - new < SETTLED * cost)
-        x_0 = np.where(better, x_0 + step, x_0)
-        nodes = np.where(np.repeat(better, nodes.shape[1] // cost.size), trial, nodes)
-        cost = np.where(better, new, cost)
-        damping = np.where(better, damping * FALL, damping * GROW)
-        active &= ~small & (damping < 1e8)
+        step = _damped_steps(problem, nodes[:, at], sigma, damping[at])
+        ahead = x_0[:, at] + np.where(active[at], step, 0.0)
+        trial, new = _costs(problem, ahead, sigma)
+        better = new < cost[at]
+        small = better & (cost[at] - new < SETTLED * cost[at])
+        x_0[:, at[better]] = ahead[:, better]
+        nodes[:, at[better]] = trial[:, better]
+        cost[at[better]] = new[better]
+        damping[at] *= np.where(better, FALL, GROW)
+        active[at] &= ~small & (damping[at] < 1e8)
         if not active.any():
             break
-    return tuple((segment.first, x_0[:, i]) for i, segment in enumerate(problem.segments))
+        if np.count_nonzero(active) < SHRUNK * at.size:  # some stick, most settle at once
+            at = np.flatnonzero(active)
+            problem = replace(problem, segments=tuple(segments[i] for i in at))
+    return tuple((segment.first, x_0[:, i]) for i, segment in enumerate(segments))
 
 
 def _problem(axis: Axis, record: Recording, window: float | None) -> Problem:
@@ -87,19 +97,21 @@ def _problem(axis: Axis, record: Recording, window: float | None) -> Problem:
 
 
 def _costs(problem: Problem, x_0: FloatArray, sigma: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return nodes (nx, I) and the cost of each window (B,); infinite where not finite."""
+    """Return nodes (nx, B, intervals) and the cost of each window (B,), infinite if not finite."""
     nodes, m = shoot(problem, problem.parameters.values, x_0)
     with np.errstate(over="ignore", invalid="ignore"):  # a trial may run away: then it costs inf
         squares = ((problem.y - m) / sigma[:, None]) ** 2
         cost = 0.5 * problem.n * squares.reshape(len(m), x_0.shape[1], -1).sum(axis=(0, 2))
-    return nodes, np.where(np.isfinite(cost), cost, np.inf)
+    by_window = nodes.reshape(len(nodes), x_0.shape[1], -1)
+    return by_window, np.where(np.isfinite(cost), cost, np.inf)
 
 
 def _damped_steps(
     problem: Problem, nodes: FloatArray, sigma: FloatArray, damping: FloatArray
 ) -> FloatArray:
     """Return the step of every window's initial state, shape (nx, B)."""
-    at = linearise(problem, Unknowns(problem.parameters.values, nodes), sigma)
+    flat = nodes.reshape(len(nodes), -1)
+    at = linearise(problem, Unknowns(problem.parameters.values, flat), sigma)
     scale = problem.axis.state_scales
     steps = []
     for segment, weight in zip(condense(problem, at, sigma), damping, strict=True):
