@@ -418,13 +418,13 @@ def verdicts(result: Mapping[str, Any]) -> str:
 #: Asked of the sealed check, all singles beside the visible ones where both are.
 ASKED = {
     "right_first": "≥ 90 visible, ≥ 70 all",
-    "set_covers": "≥ 95",
+    "set_covers": "≥ 95 visible",
     "pair_one": "≥ 95",
     "pair_both": "≥ 65",
     "false_alarm": "≤ 4",
     "unknown_caught": "≥ 85",
     "false_unknown": "≤ 5",
-    "located": "≥ 92",
+    "located": "≥ 92 visible",
 }
 
 

@@ -42,7 +42,7 @@ def whole_file(path: str | Path) -> Iterator[Path]:
 
 
 @contextmanager
-def whole_folder(folder: str | Path) -> Iterator[Path]:
+def whole_folder(folder: str | Path, over: bool = True) -> Iterator[Path]:
     """Lend a draft folder beside `folder` that takes its place when the block ends.
 
     Parameters
@@ -50,11 +50,18 @@ def whole_folder(folder: str | Path) -> Iterator[Path]:
     folder : str or Path
         Where the folder shall be; the one that holds it is made. What stands there stays until
         the draft is whole, and for good where the block fails.
+    over : bool
+        Whether a folder with something in it may be replaced.
 
     Yields
     ------
     Path
         The draft, empty.
+
+    Raises
+    ------
+    OSError
+        If the folder may not be replaced and, by the end of the block, holds something.
 
     Examples
     --------
@@ -70,7 +77,12 @@ def whole_folder(folder: str | Path) -> Iterator[Path]:
     try:
         yield draft
         draft.chmod(0o755)  # mkdtemp makes folders that only the owner may enter
-        _replace(draft, folder)
+        if over:
+            _replace(draft, folder)
+        else:
+            if folder.exists():
+                folder.rmdir()
+            draft.replace(folder)
     except BaseException:
         shutil.rmtree(draft, ignore_errors=True)
         raise

@@ -180,6 +180,7 @@ def _try_again(worker: Searcher, nominal: Fitted, names: Names) -> None:
     before = worker.trials.pop(names)
     _try_all(worker, nominal, {names: before[0]})
     worker.trials[names] = min(before, worker.trials[names], key=lambda one: one[1])
+    worker.failures.pop(names, None)  # where only the second refinement failed
 
 
 def _tried(one: Study, start: Fitted, effects: Sequence[Effect]) -> tuple[Fitted, FloatArray | str]:

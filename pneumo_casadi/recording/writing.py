@@ -60,7 +60,7 @@ def write_case(
         raise CaseError(f"{folder}: is there already and not empty; choose a new folder")
     if not identify:
         raise CaseError(f"{folder}: no record to identify on; a case needs at least one")
-    with whole_folder(folder) as draft:
+    with whole_folder(folder, over=False) as draft:
         text = json.dumps(bench_content(bench), indent=1, ensure_ascii=False)
         (draft / "bench.json").write_text(text + "\n", "utf-8")
         for role, records in (("identify", identify), ("validate", validate)):
@@ -70,8 +70,6 @@ def write_case(
             _write_csv(draft / "flow_map.csv", flow_map)
         elif flow_map is not None:
             shutil.copyfile(flow_map, draft / "flow_map.csv")
-        if folder.exists():
-            folder.rmdir()  # fails where something has been put there meanwhile
     path = folder / "flow_map.csv"
     return Case(folder, bench, tuple(identify), tuple(validate), path if path.exists() else None)
 

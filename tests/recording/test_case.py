@@ -90,3 +90,20 @@ def test_what_a_case_folder_cannot_say_is_not_written(tmp_path, bench, recording
     with pytest.raises(CaseError, match="at least one"):
         write_case(tmp_path / "c", bench, [])
     assert list(tmp_path.iterdir()) == []
+
+
+def test_what_is_put_in_the_folder_while_a_case_is_written_stays(tmp_path, bench, recording):
+    case = tmp_path / "case"
+
+    class Late(dict):
+        """A flow map that somebody else's file comes with."""
+
+        def items(self):
+            case.mkdir()
+            (case / "notes.txt").write_text("mine")
+            return super().items()
+
+    with pytest.raises(OSError, match="not empty"):
+        write_case(case, bench, [recording], flow_map=Late(FLOW_MAP))
+    assert [path.name for path in case.iterdir()] == ["notes.txt"]
+    assert [path.name for path in tmp_path.iterdir()] == ["case"]

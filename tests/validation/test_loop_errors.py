@@ -5,6 +5,7 @@ import pytest
 
 from pneumo_casadi.effects import CATALOGUE
 from pneumo_casadi.errors import PneumoError
+from pneumo_casadi.output_error import initial_states
 from pneumo_casadi.validation import loop_errors, validate, window_errors
 
 
@@ -20,3 +21,24 @@ def test_a_leak_ends_the_free_run_and_not_the_closed_loop(quick):
     with pytest.raises(PneumoError, match=r"finite|no simulation"):
         validate(leaky, quick.case.validate, ())
     assert np.isfinite(loop_errors(leaky, quick.case.validate)["x"].rms)
+
+
+def test_windows_that_stick_end_where_they_would_with_all_others_at_work(quick, monkeypatch):
+    record = quick.case.validate[0]
+    given = []
+    shoot = initial_states.shoot
+
+    def counted(problem, theta, x_0):
+        given.append(x_0.shape[1])
+        return shoot(problem, theta, x_0)
+
+    monkeypatch.setattr(initial_states, "shoot", counted)
+    fewer = initial_states.estimate_initial_states(quick.axis, record, 0.2)
+    assert min(given) < max(given)
+    given.clear()
+    monkeypatch.setattr(initial_states, "SHRUNK", 0.0)
+    together = initial_states.estimate_initial_states(quick.axis, record, 0.2)
+    assert min(given) == max(given)
+    for (first, x_0), (same, expected) in zip(fewer, together, strict=True):
+        assert first == same
+        np.testing.assert_allclose(x_0, expected, rtol=1e-9, atol=1e-12)
