@@ -13,6 +13,7 @@ import pytest
 from matplotlib.text import Text
 
 from pneumo_casadi.diagnosis import Value, Verdict
+from pneumo_casadi.diagnosis.findings import Shrink
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.report.diagnosis import (
     alternative_sentences,
@@ -32,6 +33,7 @@ from pneumo_casadi.report.diagnosis_tables import (
     ranking_table,
 )
 from pneumo_casadi.report.figures.diagnosis import diagnosis_figures
+from pneumo_casadi.report.figures.ranking import ranking_figure
 from pneumo_casadi.report.figures.style import COLUMN, MM, PAGE, svg
 from pneumo_casadi.report.html import Picture
 
@@ -320,3 +322,12 @@ class Page(HTMLParser):
         if self._level:
             self.headings.append((self._level, data))
             self._level = 0
+
+
+def test_a_candidate_far_worse_than_none_is_an_arrow_at_the_edge():
+    first = replace(made.EFFECT.ranking[0], shrink=Shrink(-3.2, -4.0, -2.5))
+    figure = ranking_figure(replace(made.EFFECT, ranking=(first, *made.EFFECT.ranking[1:])))
+    axes = figure.axes[1]
+    arrow = next(line for line in axes.lines if line.get_marker() == "<")
+    assert axes.get_xlim()[0] < arrow.get_xdata()[0] == -100
+    assert all(axes.get_xlim()[0] <= x for line in axes.lines for x in line.get_xdata())

@@ -20,6 +20,8 @@ from pneumo_casadi.report.figures.style import (
 
 #: Candidates drawn.
 DRAWN = 8
+#: Share of the gap closed [%] at which the axis ends; what is worse is an arrow there.
+WORST = -100.0
 
 
 def ranking_figure(found: Diagnosis) -> Figure:
@@ -45,7 +47,7 @@ def draw_ranking(left: Axes, right: Axes, found: Diagnosis, most: int = DRAWN) -
     dress(right, "gap closed [%]")
     left.set_xlim(0, 104)
     low = min((100 * one.shrink.lower for one in shown if one.shrink is not None), default=0.0)
-    right.set_xlim(max(min(low - 4, -4), -104), 104)
+    right.set_xlim(max(min(low, 0.0), WORST) - 4, 104)
     right.axvline(0, color=BLACK, linewidth=0.6, zorder=1)
     left.set_yticks(y, labels, fontsize=SMALL)
     left.set_ylim(len(shown) - 0.45, -0.55)
@@ -65,8 +67,9 @@ def _closing(axes: Axes, i: int, one: Candidate, colour: str) -> None:
     value, low, high = (
         100 * part for part in (one.shrink.value, one.shrink.lower, one.shrink.upper)
     )
-    axes.hlines(i, low, high, color=colour, linewidth=2.4, zorder=2)
-    axes.plot(value, i, "o", color=BLACK, markersize=2.6, zorder=3, clip_on=False)
+    axes.hlines(i, max(low, WORST), max(high, WORST), color=colour, linewidth=2.4, zorder=2)
+    marker = "o" if value >= WORST else "<"
+    axes.plot(max(value, WORST), i, marker, color=BLACK, markersize=2.6, zorder=3, clip_on=False)
 
 
 def _lines(label: str) -> str:
