@@ -1,5 +1,6 @@
 """Two causes of which one is a sensor that hides the motion, or one mends what the other spoils."""
 
+from concurrent.futures import Future
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,8 +10,9 @@ from pneumo_casadi.diagnosis import diagnose
 from pneumo_casadi.diagnosis.mending import mended
 from pneumo_casadi.diagnosis.search import _coarse
 from pneumo_casadi.diagnosis.searcher import Searcher
-from pneumo_casadi.diagnosis.sensed import _candidates
+from pneumo_casadi.diagnosis.sensed import _candidates, _try_again
 from pneumo_casadi.effects import CATALOGUE
+from pneumo_casadi.errors import FitError
 
 
 def named(case, *catalogue):
@@ -38,6 +40,18 @@ def test_a_second_sensor_is_tried_where_it_gains_in_fits(cost, tried):
     worker = Searcher(None, CATALOGUE)
     worker.fits = {worker.key(key): SimpleNamespace(cost=value) for key, value in costs.items()}
     assert ("backlash" in _candidates(worker, ("position_delay",))) is tried
+
+
+def test_a_second_refinement_that_fails_leaves_the_first_and_no_failure(monkeypatch):
+    names, first = ("backlash", "presliding"), SimpleNamespace(values={})
+    worker = Searcher(None, CATALOGUE)
+    worker.trials[names] = first, 0.2
+    failed = Future()
+    failed.set_exception(FitError("ran away"))
+    monkeypatch.setattr(worker, "run", lambda *given: failed)
+    _try_again(worker, None, names)
+    assert worker.trials[names] == (first, 0.2)
+    assert not worker.failures
 
 
 def test_a_sensor_found_alone_stays_alone(made_case):

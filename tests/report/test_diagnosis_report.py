@@ -138,6 +138,15 @@ def test_a_failed_candidate_is_in_the_table_as_failed():
     assert rows["stribeck"][1:4] == ("97 %", "95 %", "93 to 96 %")
 
 
+def test_a_candidate_far_worse_than_none_is_an_arrow_at_the_edge():
+    first = replace(made.EFFECT.ranking[0], shrink=Shrink(-3.2, -4.0, -2.5))
+    figure = ranking_figure(replace(made.EFFECT, ranking=(first, *made.EFFECT.ranking[1:])))
+    axes = figure.axes[1]
+    arrow = next(line for line in axes.lines if line.get_marker() == "<")
+    assert axes.get_xlim()[0] < arrow.get_xdata()[0] == -100
+    assert all(axes.get_xlim()[0] <= x for line in axes.lines for x in line.get_xdata())
+
+
 def test_every_view_and_output_has_its_row():
     table = gap_table(made.EFFECT)
     assert len(table.rows) == 9
@@ -322,12 +331,3 @@ class Page(HTMLParser):
         if self._level:
             self.headings.append((self._level, data))
             self._level = 0
-
-
-def test_a_candidate_far_worse_than_none_is_an_arrow_at_the_edge():
-    first = replace(made.EFFECT.ranking[0], shrink=Shrink(-3.2, -4.0, -2.5))
-    figure = ranking_figure(replace(made.EFFECT, ranking=(first, *made.EFFECT.ranking[1:])))
-    axes = figure.axes[1]
-    arrow = next(line for line in axes.lines if line.get_marker() == "<")
-    assert axes.get_xlim()[0] < arrow.get_xdata()[0] == -100
-    assert all(axes.get_xlim()[0] <= x for line in axes.lines for x in line.get_xdata())

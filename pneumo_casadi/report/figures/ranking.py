@@ -64,12 +64,13 @@ def _closing(axes: Axes, i: int, one: Candidate, colour: str) -> None:
     if one.shrink is None:
         axes.text(2, i, "not fitted", fontsize=SMALL - 0.5, va="center", color=BLACK)
         return
+    shrink = one.shrink
     value, low, high = (
-        100 * part for part in (one.shrink.value, one.shrink.lower, one.shrink.upper)
+        max(100 * part, WORST) for part in (shrink.value, shrink.lower, shrink.upper)
     )
-    axes.hlines(i, max(low, WORST), max(high, WORST), color=colour, linewidth=2.4, zorder=2)
-    marker = "o" if value >= WORST else "<"
-    axes.plot(max(value, WORST), i, marker, color=BLACK, markersize=2.6, zorder=3, clip_on=False)
+    axes.hlines(i, low, high, color=colour, linewidth=2.4, zorder=2)
+    marker = "o" if value > WORST else "<"
+    axes.plot(value, i, marker, color=BLACK, markersize=2.6, zorder=3, clip_on=False)
 
 
 def _lines(label: str) -> str:
