@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 from gap import finite, gaps
 
-from pneumo_casadi.diagnosis.along import senses
-from pneumo_casadi.diagnosis.gaps import V_S_SIMULATED
-from pneumo_casadi.diagnosis.polish import polished
-from pneumo_casadi.diagnosis.screen import background, perturbation, screened
-from pneumo_casadi.diagnosis.study import Fitted, Study, fit
-from pneumo_casadi.effect import Effect
-from pneumo_casadi.recording import Case
+from pneumo_casadi.data import Case
+from pneumo_casadi.diagnosis.metrics.simulated_gap import V_S_SIMULATED
+from pneumo_casadi.diagnosis.prepare.study import Fitted, Study, fit
+from pneumo_casadi.diagnosis.screen.screen import background, perturbation, screened
+from pneumo_casadi.diagnosis.select.output_error_refinement import polished
+from pneumo_casadi.estimation.equation_error.balance_functions import senses
+from pneumo_casadi.model.effect import Effect
 
 #: Parameters of the nominal axis that an effect may move.
 MOVABLE = (*(f"X_s{i}" for i in range(1, 7)), "M", "f_v", "F_c_plus", "F_c_minus")

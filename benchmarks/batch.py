@@ -22,12 +22,12 @@ from typing import Any
 
 from provenance import made, write
 
-from pneumo_casadi.batch import Row, diagnose_many
-from pneumo_casadi.batch.run import Diagnosing, real_diagnosis
-from pneumo_casadi.diagnose_command import processes
+from pneumo_casadi.cli.diagnose_command import processes
 from pneumo_casadi.diagnosis import diagnose
 from pneumo_casadi.effects import CATALOGUE
-from pneumo_casadi.testbed import make_case
+from pneumo_casadi.evaluation.batch import Row, diagnose_many
+from pneumo_casadi.evaluation.batch.run import Diagnosing, real_diagnosis
+from pneumo_casadi.virtual_bench import make_case
 
 EFFECTS = ("spring_load", "stribeck", "heat_transfer", "leakage_P")
 BAR_PERCENT = 5.0

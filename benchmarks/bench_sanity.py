@@ -20,12 +20,12 @@ import numpy as np
 import provenance
 
 from pneumo_casadi.errors import FitError
-from pneumo_casadi.flow import FlowISO6358
+from pneumo_casadi.identification.identify import identify
+from pneumo_casadi.model.servosystem import Servosystem
+from pneumo_casadi.model.simulation import simulate
 from pneumo_casadi.parameters import Parameter, Parameters
-from pneumo_casadi.pipeline import identify
-from pneumo_casadi.servosystem import Servosystem
-from pneumo_casadi.simulation import simulate
-from pneumo_casadi.testbed import (
+from pneumo_casadi.valve import FlowISO6358
+from pneumo_casadi.virtual_bench import (
     BenchAxis,
     Experiment,
     make_case,
@@ -33,8 +33,8 @@ from pneumo_casadi.testbed import (
     run_bench,
     sanity,
 )
-from pneumo_casadi.testbed.kernels import layout
-from pneumo_casadi.testbed.sanity import STEPS
+from pneumo_casadi.virtual_bench.kernels import layout
+from pneumo_casadi.virtual_bench.sanity import STEPS
 
 FS = 1000.0
 WIDTHS = (1e-2, 1e-3, 1e-4)

@@ -26,6 +26,8 @@ import gap
 import numpy as np
 import provenance
 
+from pneumo_casadi.cli.design_command import Asked, designed
+from pneumo_casadi.data import Case, Recording
 from pneumo_casadi.design import (
     Criterion,
     Design,
@@ -34,13 +36,11 @@ from pneumo_casadi.design import (
     design_for_precision,
     recorded_reference,
 )
-from pneumo_casadi.design_command import Asked, designed
 from pneumo_casadi.diagnosis import Diagnosis, diagnose
-from pneumo_casadi.output_error import OutputErrorOptions, OutputErrorResult
-from pneumo_casadi.pipeline import FlowForm
-from pneumo_casadi.progress import silent
-from pneumo_casadi.recording import Case, Recording
-from pneumo_casadi.testbed import Excitation, MadeCase, make_case, record
+from pneumo_casadi.estimation.output_error import OutputErrorOptions, OutputErrorResult
+from pneumo_casadi.identification.identify import FlowForm
+from pneumo_casadi.runtime.progress import silent
+from pneumo_casadi.virtual_bench import Excitation, MadeCase, make_case, record
 
 FS, DURATION, COMMON = 1000.0, 6.0, 0.1
 WIDTH = 3e-4

@@ -39,7 +39,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from pneumo_casadi.diagnosis import prepare
-from pneumo_casadi.diagnosis.study import Fitted, fit
+from pneumo_casadi.diagnosis.prepare.study import Fitted, fit
 from pneumo_casadi.effects import CATALOGUE
 from pneumo_casadi.report.figures.style import (
     BLUE,
@@ -52,7 +52,7 @@ from pneumo_casadi.report.figures.style import (
     new_figure,
     png,
 )
-from pneumo_casadi.testbed import FORMS, make_case
+from pneumo_casadi.virtual_bench import FORMS, make_case
 
 #: A gap counts above this share of the sensor's noise, and of the signal [%].
 OF_NOISE, OF_SIGNAL = 0.25, 0.1

@@ -22,25 +22,25 @@ from typing import Any
 import numpy as np
 import provenance
 
-from pneumo_casadi.axis import Axis
+from pneumo_casadi.data import Case, Recording, load_emps
 from pneumo_casadi.effects import AsymmetricViscousFriction
-from pneumo_casadi.filtering import (
-    FilterPlan,
-    InputPairing,
-    central_difference,
-    zero_phase_lowpass,
-)
-from pneumo_casadi.recording import Case, Recording, load_emps
-from pneumo_casadi.regression import (
+from pneumo_casadi.estimation.wls import (
     Stick,
     WLSResult,
     cross_validate,
     fit_wls,
     linear_combinations,
 )
-from pneumo_casadi.sampled import disturbance_of
-from pneumo_casadi.servosystem import ForceAxis
-from pneumo_casadi.simulation import simulate_closed_loop
+from pneumo_casadi.model.axis import Axis
+from pneumo_casadi.model.sampled_axis import disturbance_of
+from pneumo_casadi.model.servosystem import ForceAxis
+from pneumo_casadi.model.simulation import simulate_closed_loop
+from pneumo_casadi.signals import (
+    FilterPlan,
+    InputPairing,
+    central_difference,
+    zero_phase_lowpass,
+)
 
 SEED = 0
 FRONT = 49

@@ -20,13 +20,17 @@ import numpy as np
 import provenance
 import readme
 
-from pneumo_casadi.axis import Axis
+from pneumo_casadi.data import Case, Recording, load_emps
 from pneumo_casadi.effects import AsymmetricViscousFriction
-from pneumo_casadi.output_error import OutputErrorOptions, OutputErrorResult, fit_output_error
-from pneumo_casadi.recording import Case, Recording, load_emps
-from pneumo_casadi.regression import fit_wls
-from pneumo_casadi.servosystem import ForceAxis
-from pneumo_casadi.simulation import simulate
+from pneumo_casadi.estimation.output_error import (
+    OutputErrorOptions,
+    OutputErrorResult,
+    fit_output_error,
+)
+from pneumo_casadi.estimation.wls import fit_wls
+from pneumo_casadi.model.axis import Axis
+from pneumo_casadi.model.servosystem import ForceAxis
+from pneumo_casadi.model.simulation import simulate
 
 #: Root mean square open-loop position error on the pulses, published for black boxes [mm].
 BLACK_BOXES = {"linear state space": 5.53, "polynomial NARX": 5.17, "LSTM": 74.1}

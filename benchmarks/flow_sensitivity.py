@@ -25,14 +25,14 @@ import numpy as np
 import provenance
 import readme
 
-from pneumo_casadi.flow import (
-    FlowMap,
-    fit_iso6358,
-    fit_polynomials,
-    fit_spline,
-    read_flow_map,
-)
-from pneumo_casadi.flow_sensitivity import (
+from pneumo_casadi.data import Bench, Case
+from pneumo_casadi.estimation.output_error import OutputErrorOptions, fit_output_error
+from pneumo_casadi.estimation.wls import fit_wls
+from pneumo_casadi.identification.identify import open_case
+from pneumo_casadi.model.servosystem import Servosystem
+from pneumo_casadi.report import paper
+from pneumo_casadi.report.figures.studies.flow_sensitivity import flow_sensitivity_figure
+from pneumo_casadi.sensitivity import (
     Estimated,
     FlowSensitivity,
     MapSensitivity,
@@ -42,13 +42,13 @@ from pneumo_casadi.flow_sensitivity import (
     flow_sensitivity,
     map_sensitivity,
 )
-from pneumo_casadi.output_error import OutputErrorOptions, fit_output_error
-from pneumo_casadi.pipeline import open_case
-from pneumo_casadi.recording import Bench, Case
-from pneumo_casadi.regression import fit_wls
-from pneumo_casadi.report import paper
-from pneumo_casadi.report.figures.flow_sensitivity import flow_sensitivity_figure
-from pneumo_casadi.servosystem import Servosystem
+from pneumo_casadi.valve import (
+    FlowMap,
+    fit_iso6358,
+    fit_polynomials,
+    fit_spline,
+    read_flow_map,
+)
 
 DEGREES = ((3, 3, 3), (5, 5, 4), (7, 7, 4), (7, 7, 7), (9, 9, 9), (12, 12, 12))
 #: The form whose map is metered wrongly.

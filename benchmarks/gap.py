@@ -18,15 +18,19 @@ from typing import Any
 import numpy as np
 import provenance
 
-from pneumo_casadi.axis import Axis
+from pneumo_casadi.data import Case
 from pneumo_casadi.effects import CATALOGUE
 from pneumo_casadi.errors import FitError, ModelError
-from pneumo_casadi.flow import FlowMap
-from pneumo_casadi.output_error import OutputErrorOptions, OutputErrorResult, fit_output_error
-from pneumo_casadi.pipeline import FlowForm, IdentifyOptions, make_axis, read_flow
-from pneumo_casadi.recording import Case
-from pneumo_casadi.regression import fit_wls
+from pneumo_casadi.estimation.output_error import (
+    OutputErrorOptions,
+    OutputErrorResult,
+    fit_output_error,
+)
+from pneumo_casadi.estimation.wls import fit_wls
+from pneumo_casadi.identification.identify import FlowForm, IdentifyOptions, make_axis, read_flow
+from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.validation import loop_errors, window_errors
+from pneumo_casadi.valve import FlowMap
 
 #: Length of the open-loop windows on the held-out record [s].
 WINDOW = 0.5

@@ -25,10 +25,10 @@ import provenance
 import readme
 from scipy.signal import butter, sosfilt
 
+from pneumo_casadi.data import InputHold, Recording
 from pneumo_casadi.errors import FitError
-from pneumo_casadi.output_error import OutputErrorOptions, fit_output_error
-from pneumo_casadi.recording import InputHold, Recording
-from pneumo_casadi.simulation import simulate_closed_loop
+from pneumo_casadi.estimation.output_error import OutputErrorOptions, fit_output_error
+from pneumo_casadi.model.simulation import simulate_closed_loop
 
 SEED = 20050707
 NOISE_X = 1e-4

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 from scipy.signal import chirp, lfilter, square
 
-from pneumo_casadi.axis import Axis
-from pneumo_casadi.flow import FlowMap, fit_polynomials, read_flow_map
+from pneumo_casadi.data import InputHold, Recording, load_case
+from pneumo_casadi.model.axis import Axis
+from pneumo_casadi.model.servosystem import Servosystem
+from pneumo_casadi.model.simulation import simulate_closed_loop
 from pneumo_casadi.parameters import FloatArray
-from pneumo_casadi.recording import InputHold, Recording, load_case
 from pneumo_casadi.report import paper
-from pneumo_casadi.servosystem import Servosystem
-from pneumo_casadi.simulation import simulate_closed_loop
+from pneumo_casadi.valve import FlowMap, fit_polynomials, read_flow_map
 
 RATE = 1000.0
 DURATION = 4.0
@@ -38,7 +38,7 @@ class Truth:
 
 def truth(v_s: float = V_S) -> Truth:
     """Return the axis of Table 1 with the polynomials of the embedded flow map."""
-    case = load_case(Path(str(resources.files("pneumo_casadi"))) / "data" / "table1")
+    case = load_case(Path(str(resources.files("pneumo_casadi"))) / "data" / "examples" / "table1")
     table = read_flow_map(case.flow_map_path)
     axis = Servosystem(case.bench, fit_polynomials(table)).with_parameters({**TABLE_1, "v_s": v_s})
     record = case.identify[0]

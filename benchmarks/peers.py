@@ -35,9 +35,9 @@ from numpy.polynomial import Chebyshev, Polynomial
 from own_model import DURATION, NOISE_P, NOISE_X, TABLE_1, V_S, record_with_noise, truth
 from peer_tools.estimation import Estimation
 
-from pneumo_casadi.flow.polynomials import parts
-from pneumo_casadi.output_error.segments import measured_states
-from pneumo_casadi.regression import fit_wls
+from pneumo_casadi.estimation.output_error.shooting.segments import measured_states
+from pneumo_casadi.estimation.wls import fit_wls
+from pneumo_casadi.valve.polynomials import parts
 
 #: Tools by name: module in `peer_tools`, and what the formulation is.
 TOOLS = {

@@ -26,8 +26,8 @@ import provenance
 import readme
 from gap import VIEWS, VISIBLE, Fitted, closed, fit_figures, held_out, kept, nominal, refit
 
-from pneumo_casadi.pipeline import open_case
-from pneumo_casadi.recording import Case
+from pneumo_casadi.data import Case
+from pneumo_casadi.identification.identify import open_case
 
 #: Bars: share of a visible gap that a refit closes, and error of the labelled quantities [%].
 CLOSED, WITHIN = 80.0, 30.0

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from pneumo_casadi import __version__
-from pneumo_casadi.whole_file import whole_file
+from pneumo_casadi.runtime.atomic_files import whole_file
 
 
 def made(seed: int | None, quick: bool, *packages: str) -> dict[str, Any]:

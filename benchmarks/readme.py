@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from pneumo_casadi.report.withheld import SHARES, share_text
+from pneumo_casadi.report.tables.sealed_check import SHARES, share_text
 
 ROOT = Path(__file__).resolve().parent.parent
 RESULTS = ROOT / "benchmarks" / "results"

@@ -29,16 +29,16 @@ import own_model
 import provenance
 import readme
 
-from pneumo_casadi.compilation import called, compiled
-from pneumo_casadi.flow import FlowMap
-from pneumo_casadi.integration import THREADS
-from pneumo_casadi.output_error import OutputErrorOptions, fit_output_error, interval
-from pneumo_casadi.output_error.condensing import linearise
-from pneumo_casadi.output_error.fit import write_problem
-from pneumo_casadi.output_error.problem import Problem
-from pneumo_casadi.output_error.steps import moved, next_step
-from pneumo_casadi.recording import InputHold, Recording
-from pneumo_casadi.regression import fit_wls
+from pneumo_casadi.data import InputHold, Recording
+from pneumo_casadi.estimation.output_error import OutputErrorOptions, fit_output_error, interval
+from pneumo_casadi.estimation.output_error.fit import write_problem
+from pneumo_casadi.estimation.output_error.shooting.condensing import linearise
+from pneumo_casadi.estimation.output_error.shooting.problem import Problem
+from pneumo_casadi.estimation.output_error.solvers.bounded_step import moved, next_step
+from pneumo_casadi.estimation.wls import fit_wls
+from pneumo_casadi.model.compilation import called, compiled
+from pneumo_casadi.model.integration import THREADS
+from pneumo_casadi.valve import FlowMap
 
 SEED = 20050705
 RATE = 5000.0

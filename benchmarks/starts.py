@@ -18,8 +18,8 @@ import numpy as np
 import own_model
 import provenance
 
-from pneumo_casadi.output_error import OutputErrorOptions, fit_from_many_starts
-from pneumo_casadi.regression import fit_wls
+from pneumo_casadi.estimation.output_error import OutputErrorOptions, fit_from_many_starts
+from pneumo_casadi.estimation.wls import fit_wls
 
 SEED = 20050706
 SPREAD = 0.5

@@ -12,7 +12,7 @@ from typing import Any
 
 import provenance
 
-from pneumo_casadi.pipeline import IdentifyOptions, identify
+from pneumo_casadi.identification.identify import IdentifyOptions, identify
 from pneumo_casadi.report import paper
 
 SEED = 0

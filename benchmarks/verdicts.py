@@ -29,7 +29,7 @@ import provenance
 import readme
 
 from pneumo_casadi.diagnosis import diagnose
-from pneumo_casadi.pipeline import open_case
+from pneumo_casadi.identification.identify import open_case
 
 WORKERS = 2
 GiB = 2**20  # ru_maxrss counts KiB

@@ -7,9 +7,9 @@ to identify on, 20 s of multisine and steps held out. The seed draws axes, effec
 references and noise; where none is given the system draws one, and the result tells it.
 
 The hash of the labels is written before any case is diagnosed, and the labels are opened once every
-verdict is on disk. How verdicts count is defined in `pneumo_casadi.withheld.score`, what is visible
-and what an oracle reaches in `pneumo_casadi.withheld.measure`. With ``--keep`` an interrupted run
-goes on where it was.
+verdict is on disk. How verdicts count is defined in `pneumo_casadi.evaluation.sealed_check.score`,
+what is visible and what an oracle reaches in `pneumo_casadi.evaluation.sealed_check.measure`. With
+``--keep`` an interrupted run goes on where it was.
 """
 
 import argparse
@@ -21,11 +21,11 @@ from pathlib import Path
 
 import provenance
 
+from pneumo_casadi.cli.withheld_command import check
+from pneumo_casadi.report.figures.studies.withheld import withheld_figure
 from pneumo_casadi.report.figures.style import png
-from pneumo_casadi.report.figures.withheld import withheld_figure
-from pneumo_casadi.report.text import render
-from pneumo_casadi.report.withheld import withheld_table
-from pneumo_casadi.withheld_command import check
+from pneumo_casadi.report.tables.sealed_check import withheld_table
+from pneumo_casadi.report.text.identification import render
 
 
 def told(text: str, share: float) -> None:

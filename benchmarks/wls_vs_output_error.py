@@ -41,13 +41,13 @@ from own_model import (
 )
 from rich.progress import track
 
-from pneumo_casadi.output_error import OutputErrorOptions, fit_output_error
-from pneumo_casadi.output_error.anchor import anchor
-from pneumo_casadi.output_error.fit import write_problem
-from pneumo_casadi.output_error.information import estimate
-from pneumo_casadi.output_error.problem import Unknowns, shoot
-from pneumo_casadi.regression import fit_wls
-from pneumo_casadi.statistics import delta_std, interval_factor
+from pneumo_casadi.estimation.output_error import OutputErrorOptions, fit_output_error
+from pneumo_casadi.estimation.output_error.fit import write_problem
+from pneumo_casadi.estimation.output_error.information import estimate
+from pneumo_casadi.estimation.output_error.shooting.map_anchor import anchor
+from pneumo_casadi.estimation.output_error.shooting.problem import Unknowns, shoot
+from pneumo_casadi.estimation.statistics import delta_std, interval_factor
+from pneumo_casadi.estimation.wls import fit_wls
 
 SEED = 20050704
 #: Correlation of neighbouring noise samples in the coloured case.

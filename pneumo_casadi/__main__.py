@@ -1,5 +1,5 @@
 """``python -m pneumo_casadi``."""
 
-from pneumo_casadi.cli import main
+from pneumo_casadi.cli.app import main
 
 main()

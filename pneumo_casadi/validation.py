@@ -6,16 +6,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pneumo_casadi.axis import Axis
+from pneumo_casadi.data import Recording
 from pneumo_casadi.errors import ModelError
-from pneumo_casadi.integration import held_inputs
-from pneumo_casadi.output_error.initial_states import estimate_initial_states
-from pneumo_casadi.output_error.segments import measured_states
-from pneumo_casadi.parameters import FloatArray
-from pneumo_casadi.progress import Progress, silent
-from pneumo_casadi.recording import Recording
-from pneumo_casadi.sampled import disturbance_of
-from pneumo_casadi.simulation import (
+from pneumo_casadi.estimation.output_error.initial_states import estimate_initial_states
+from pneumo_casadi.estimation.output_error.shooting.segments import measured_states
+from pneumo_casadi.estimation.statistics import stated_or_estimated_noise
+from pneumo_casadi.model.axis import Axis
+from pneumo_casadi.model.integration import held_inputs
+from pneumo_casadi.model.sampled_axis import disturbance_of
+from pneumo_casadi.model.simulation import (
     Trajectory,
     outputs_of,
     roll_out,
@@ -23,7 +22,8 @@ from pneumo_casadi.simulation import (
     simulate_closed_loop,
     stepping_for,
 )
-from pneumo_casadi.statistics import stated_or_estimated_noise
+from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.runtime.progress import Progress, silent
 
 #: The initial state of a free run is estimated from so much of its beginning [s].
 START = 2.0

@@ -19,7 +19,7 @@ settings.load_profile("claims")
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
 
-from pneumo_casadi.pipeline import (  # noqa: E402
+from pneumo_casadi.identification.identify import (  # noqa: E402
     Identification,
     IdentifyOptions,
     identify,
@@ -62,7 +62,7 @@ def made(script):
 @pytest.fixture(scope="session")
 def embedded() -> Path:
     """Folder of the embedded record whose true parameters are known."""
-    return Path(str(resources.files("pneumo_casadi") / "data" / "table1"))
+    return Path(str(resources.files("pneumo_casadi") / "data" / "examples" / "table1"))
 
 
 @pytest.fixture(scope="session")

@@ -7,7 +7,7 @@ import numpy as np
 
 from peer_tools.estimation import N_OUTPUTS, Answer, Estimation
 from pneumo_casadi import __version__
-from pneumo_casadi.output_error import Method, OutputErrorOptions, fit_output_error
+from pneumo_casadi.estimation.output_error import Method, OutputErrorOptions, fit_output_error
 
 
 def version() -> str:

@@ -4,7 +4,7 @@ from typing import Any
 
 from peer_tools import ours
 from peer_tools.estimation import Answer, Estimation
-from pneumo_casadi.output_error import Method
+from pneumo_casadi.estimation.output_error import Method
 
 version, build = ours.version, ours.build
 

@@ -5,14 +5,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pneumo_casadi.axis import Axis
+from pneumo_casadi.data import Bench, Recording
 from pneumo_casadi.design.reference import COMMON, KINDS, Part, Reference, drawn
 from pneumo_casadi.design.rehearsal import Limits, Rehearsal, Rehearsed
 from pneumo_casadi.design.search import Candidate, Found
 from pneumo_casadi.design.space import Space
 from pneumo_casadi.errors import FitError, ModelError
+from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.parameters import FloatArray
-from pneumo_casadi.recording import Bench, Recording
 
 #: The search steps at most so finely [s], and smooths friction at least so widely [m/s]; the
 #: reference found is judged at the bench's own rate and the axis' own width.

@@ -7,7 +7,6 @@ from functools import cached_property
 
 import numpy as np
 
-from pneumo_casadi.axis import Axis
 from pneumo_casadi.design.criterion import Criterion
 from pneumo_casadi.design.options import Clock, DesignOptions, admitted, clocks, resampled
 from pneumo_casadi.design.prediction import Fit, information_of
@@ -16,12 +15,13 @@ from pneumo_casadi.design.rehearsal import Rehearsal, Rehearsed
 from pneumo_casadi.design.result import Design, Precision
 from pneumo_casadi.design.search import search
 from pneumo_casadi.errors import ModelError
-from pneumo_casadi.flow import FlowMap
-from pneumo_casadi.output_error.information import AT_BOUND
+from pneumo_casadi.estimation.output_error.information import AT_BOUND
+from pneumo_casadi.estimation.statistics import invert_information
+from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.parameters import FloatArray
-from pneumo_casadi.progress import Progress, silent
-from pneumo_casadi.statistics import invert_information
-from pneumo_casadi.threads import one_thread
+from pneumo_casadi.runtime.progress import Progress, silent
+from pneumo_casadi.runtime.threads import one_thread
+from pneumo_casadi.valve import FlowMap
 
 
 @dataclass(frozen=True, eq=False)

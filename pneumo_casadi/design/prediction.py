@@ -6,20 +6,24 @@ from functools import cached_property
 
 import numpy as np
 
-from pneumo_casadi.axis import Axis
 from pneumo_casadi.design.rehearsal import Rehearsed
-from pneumo_casadi.flow import FlowMap
-from pneumo_casadi.integration import Stepping, substeps_for
-from pneumo_casadi.output_error.anchor import Anchor, anchor
-from pneumo_casadi.output_error.condensing import Linearised, condense, linearise
-from pneumo_casadi.output_error.gauss_newton import solve_gauss_newton
-from pneumo_casadi.output_error.information import information
-from pneumo_casadi.output_error.interval import IntervalFunctions
-from pneumo_casadi.output_error.problem import Problem, Unknowns
-from pneumo_casadi.output_error.segments import Segment
-from pneumo_casadi.output_error.steps import TRUST, moved, next_step
+from pneumo_casadi.estimation.output_error.information import information
+from pneumo_casadi.estimation.output_error.shooting.condensing import (
+    Linearised,
+    condense,
+    linearise,
+)
+from pneumo_casadi.estimation.output_error.shooting.interval import IntervalFunctions
+from pneumo_casadi.estimation.output_error.shooting.map_anchor import Anchor, anchor
+from pneumo_casadi.estimation.output_error.shooting.problem import Problem, Unknowns
+from pneumo_casadi.estimation.output_error.shooting.segments import Segment
+from pneumo_casadi.estimation.output_error.solvers.bounded_step import TRUST, moved, next_step
+from pneumo_casadi.estimation.output_error.solvers.gauss_newton import solve_gauss_newton
+from pneumo_casadi.model.axis import Axis
+from pneumo_casadi.model.integration import Stepping, substeps_for
+from pneumo_casadi.model.sampled_axis import SampledAxis
 from pneumo_casadi.parameters import FloatArray
-from pneumo_casadi.sampled import SampledAxis
+from pneumo_casadi.valve import FlowMap
 
 #: Length of the blocks that are compared, and of the intervals simulated side by side [s].
 BLOCK, INTERVAL = 2e-3, 0.1

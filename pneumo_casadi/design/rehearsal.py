@@ -7,14 +7,14 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from pneumo_casadi.axis import Axis
-from pneumo_casadi.compilation import compiled
+from pneumo_casadi.data import Bench
 from pneumo_casadi.design.reference import Reference
 from pneumo_casadi.errors import ModelError
-from pneumo_casadi.integration import Stepping, accumulate, step_function, substeps_for
+from pneumo_casadi.model.axis import Axis
+from pneumo_casadi.model.compilation import compiled
+from pneumo_casadi.model.integration import Stepping, accumulate, step_function, substeps_for
+from pneumo_casadi.model.sampled_axis import SampledAxis
 from pneumo_casadi.parameters import FloatArray
-from pneumo_casadi.recording import Bench
-from pneumo_casadi.sampled import SampledAxis
 
 #: Time in closed loop on the first reference before an experiment begins [s].
 SETTLING = 0.5

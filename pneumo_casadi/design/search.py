@@ -14,7 +14,7 @@ from scipy.optimize import Bounds, differential_evolution
 
 from pneumo_casadi.design.space import Space
 from pneumo_casadi.parameters import FloatArray
-from pneumo_casadi.progress import Progress
+from pneumo_casadi.runtime.progress import Progress
 
 #: References that live side by side.
 POPULATION = 20

@@ -8,7 +8,6 @@ from itertools import permutations
 
 import numpy as np
 
-from pneumo_casadi.axis import Axis
 from pneumo_casadi.design.options import Clock, DesignOptions, admitted, clocks, resampled
 from pneumo_casadi.design.prediction import Fit, Refit, map_of, projected, refit
 from pneumo_casadi.design.reference import Reference
@@ -16,10 +15,11 @@ from pneumo_casadi.design.rehearsal import Rehearsal, Rehearsed
 from pneumo_casadi.design.result import Design, Distance
 from pneumo_casadi.design.search import search
 from pneumo_casadi.errors import ModelError
-from pneumo_casadi.flow import FlowMap
+from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.parameters import FloatArray
-from pneumo_casadi.progress import Progress, silent
-from pneumo_casadi.threads import one_thread
+from pneumo_casadi.runtime.progress import Progress, silent
+from pneumo_casadi.runtime.threads import one_thread
+from pneumo_casadi.valve import FlowMap
 
 #: Below this refitted distance from the nominal axis under a reference with all kinds of motion
 #: an effect counts as absorbed: no sample shows it.

@@ -1,7 +1,11 @@
 """Diagnosis: where simulation and reality part, which effect causes it, how far the gap closes."""
 
+from pneumo_casadi.diagnosis.decide.result import (
+    Diagnosis,
+    Verdict,
+)
 from pneumo_casadi.diagnosis.diagnose import DiagnosisOptions, applicable, diagnose, prepare
-from pneumo_casadi.diagnosis.findings import (
+from pneumo_casadi.diagnosis.metrics.findings import (
     Candidate,
     Check,
     EffectFound,
@@ -10,10 +14,6 @@ from pneumo_casadi.diagnosis.findings import (
     Shrink,
     Value,
     Where,
-)
-from pneumo_casadi.diagnosis.result import (
-    Diagnosis,
-    Verdict,
 )
 
 __all__ = [

@@ -9,28 +9,34 @@ from pathlib import Path
 
 import numpy as np
 
-from pneumo_casadi.axis import Axis
-from pneumo_casadi.diagnosis.believing import believed, faint
-from pneumo_casadi.diagnosis.checks import checks_of
-from pneumo_casadi.diagnosis.evidence import evidence_of
-from pneumo_casadi.diagnosis.findings import Candidate, EffectFound, Value, Where
-from pneumo_casadi.diagnosis.gaps import simulated_gap
-from pneumo_casadi.diagnosis.gates import refuse_unusable
-from pneumo_casadi.diagnosis.misfit import balance_shrink
-from pneumo_casadi.diagnosis.result import Diagnosis, Verdict
-from pneumo_casadi.diagnosis.search import Search, search
-from pneumo_casadi.diagnosis.searcher import Catalogue, Names
-from pneumo_casadi.diagnosis.study import Fitted, Study, study
-from pneumo_casadi.diagnosis.unknown_inputs import inputs_of
-from pneumo_casadi.diagnosis.verdict import Judgement, judge
-from pneumo_casadi.diagnosis.where import locate
-from pneumo_casadi.effect import Effect, Maker
+from pneumo_casadi.data import Case, Recording
+from pneumo_casadi.diagnosis.checks.parameter_checks import checks_of
+from pneumo_casadi.diagnosis.decide.credibility import believed, faint
+from pneumo_casadi.diagnosis.decide.result import Diagnosis, Verdict
+from pneumo_casadi.diagnosis.decide.verdict import Judgement, judge
+from pneumo_casadi.diagnosis.locate.evidence import evidence_of
+from pneumo_casadi.diagnosis.locate.locate import locate
+from pneumo_casadi.diagnosis.locate.unknown_inputs import inputs_of
+from pneumo_casadi.diagnosis.metrics.findings import Candidate, EffectFound, Value, Where
+from pneumo_casadi.diagnosis.metrics.residual_size import balance_shrink
+from pneumo_casadi.diagnosis.metrics.simulated_gap import simulated_gap
+from pneumo_casadi.diagnosis.prepare.study import Fitted, Study, study
+from pneumo_casadi.diagnosis.prepare.usable_records import refuse_unusable
+from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue, Names
+from pneumo_casadi.diagnosis.select.forward_selection import Search, search
 from pneumo_casadi.effects import CATALOGUE
 from pneumo_casadi.errors import ModelError
-from pneumo_casadi.pipeline import FlowForm, IdentifyOptions, make_axis, open_case, read_flow
-from pneumo_casadi.progress import Progress, part, silent
-from pneumo_casadi.recording import Case, Recording
-from pneumo_casadi.threads import one_thread
+from pneumo_casadi.identification.identify import (
+    FlowForm,
+    IdentifyOptions,
+    make_axis,
+    open_case,
+    read_flow,
+)
+from pneumo_casadi.model.axis import Axis
+from pneumo_casadi.model.effect import Effect, Maker
+from pneumo_casadi.runtime.progress import Progress, part, silent
+from pneumo_casadi.runtime.threads import one_thread
 
 logger = logging.getLogger(__name__)
 

@@ -3,39 +3,39 @@
 An import below is an entry of the catalogue.
 """
 
-from pneumo_casadi.effect import Effect
-from pneumo_casadi.effects.asymmetric_viscous_friction import (
+from pneumo_casadi.effects.air.exhaust_restriction import ExhaustRestriction as ExhaustRestriction
+from pneumo_casadi.effects.air.heat_transfer import HeatTransfer as HeatTransfer
+from pneumo_casadi.effects.air.hose import Hose as Hose
+from pneumo_casadi.effects.air.leakage import LeakageN as LeakageN
+from pneumo_casadi.effects.air.leakage import LeakageP as LeakageP
+from pneumo_casadi.effects.air.leakage import PistonSealLeakage as PistonSealLeakage
+from pneumo_casadi.effects.air.supply_droop import SupplyDroop as SupplyDroop
+from pneumo_casadi.effects.drive.drive import DriveLag as DriveLag
+from pneumo_casadi.effects.drive.drive import GainError as GainError
+from pneumo_casadi.effects.friction.asymmetric_viscous_friction import (
     AsymmetricViscousFriction as AsymmetricViscousFriction,
 )
-from pneumo_casadi.effects.backlash import Backlash as Backlash
-from pneumo_casadi.effects.constant_force import ConstantForce as ConstantForce
-from pneumo_casadi.effects.drive import DriveLag as DriveLag
-from pneumo_casadi.effects.drive import GainError as GainError
-from pneumo_casadi.effects.elastic_load import ElasticLoad as ElasticLoad
-from pneumo_casadi.effects.exhaust_restriction import ExhaustRestriction as ExhaustRestriction
-from pneumo_casadi.effects.flow_map_shape import FlowMapShape as FlowMapShape
-from pneumo_casadi.effects.heat_transfer import HeatTransfer as HeatTransfer
-from pneumo_casadi.effects.hose import Hose as Hose
-from pneumo_casadi.effects.leakage import LeakageN as LeakageN
-from pneumo_casadi.effects.leakage import LeakageP as LeakageP
-from pneumo_casadi.effects.leakage import PistonSealLeakage as PistonSealLeakage
-from pneumo_casadi.effects.position_delay import PositionDelay as PositionDelay
-from pneumo_casadi.effects.position_friction import PositionFriction as PositionFriction
-from pneumo_casadi.effects.presliding import Presliding as Presliding
-from pneumo_casadi.effects.pressure_friction import PressureFriction as PressureFriction
-from pneumo_casadi.effects.pressure_sensors import PressureSensorBias as PressureSensorBias
-from pneumo_casadi.effects.pressure_sensors import PressureSensorLag as PressureSensorLag
-from pneumo_casadi.effects.quadratic_drag import QuadraticDrag as QuadraticDrag
-from pneumo_casadi.effects.spring_load import SpringLoad as SpringLoad
-from pneumo_casadi.effects.stribeck import Stribeck as Stribeck
-from pneumo_casadi.effects.supply_droop import SupplyDroop as SupplyDroop
+from pneumo_casadi.effects.friction.position_friction import PositionFriction as PositionFriction
+from pneumo_casadi.effects.friction.presliding import Presliding as Presliding
+from pneumo_casadi.effects.friction.pressure_friction import PressureFriction as PressureFriction
+from pneumo_casadi.effects.friction.quadratic_drag import QuadraticDrag as QuadraticDrag
+from pneumo_casadi.effects.friction.stribeck import Stribeck as Stribeck
+from pneumo_casadi.effects.load.constant_force import ConstantForce as ConstantForce
+from pneumo_casadi.effects.load.elastic_load import ElasticLoad as ElasticLoad
+from pneumo_casadi.effects.load.spring_load import SpringLoad as SpringLoad
+from pneumo_casadi.effects.sensors.backlash import Backlash as Backlash
+from pneumo_casadi.effects.sensors.position_delay import PositionDelay as PositionDelay
+from pneumo_casadi.effects.sensors.pressure_sensors import PressureSensorBias as PressureSensorBias
+from pneumo_casadi.effects.sensors.pressure_sensors import PressureSensorLag as PressureSensorLag
 from pneumo_casadi.effects.table import EffectRow as EffectRow
 from pneumo_casadi.effects.table import row_of as row_of
-from pneumo_casadi.effects.valve_dead_zone import ValveDeadZone as ValveDeadZone
-from pneumo_casadi.effects.valve_dynamics import ValveDynamics as ValveDynamics
-from pneumo_casadi.effects.valve_hysteresis import ValveHysteresis as ValveHysteresis
-from pneumo_casadi.effects.valve_mismatch import ValveMismatch as ValveMismatch
-from pneumo_casadi.effects.valve_null_shift import ValveNullShift as ValveNullShift
+from pneumo_casadi.effects.valve.flow_map_shape import FlowMapShape as FlowMapShape
+from pneumo_casadi.effects.valve.valve_dead_zone import ValveDeadZone as ValveDeadZone
+from pneumo_casadi.effects.valve.valve_dynamics import ValveDynamics as ValveDynamics
+from pneumo_casadi.effects.valve.valve_hysteresis import ValveHysteresis as ValveHysteresis
+from pneumo_casadi.effects.valve.valve_mismatch import ValveMismatch as ValveMismatch
+from pneumo_casadi.effects.valve.valve_null_shift import ValveNullShift as ValveNullShift
+from pneumo_casadi.model.effect import Effect
 
 #: All effects, by name.
 CATALOGUE: dict[str, type[Effect]] = {

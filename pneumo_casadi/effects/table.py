@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from pneumo_casadi.effect import Effect, State
+from pneumo_casadi.model.effect import Effect, State
 from pneumo_casadi.parameters import Parameter
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.export.folder import write_files
 from pneumo_casadi.export.model import FORMAT, IdentifiedModel, description
-from pneumo_casadi.integration import Stepping, step_function
+from pneumo_casadi.model.integration import Stepping, step_function
 from pneumo_casadi.parameters import FloatArray
 
 SIDECAR = "functions.json"

@@ -12,11 +12,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from string import Template
 
-from pneumo_casadi.compilation import compiler
 from pneumo_casadi.export.c_code import NAME, c_sources, template, values
 from pneumo_casadi.export.fmi_xml import build_description, model_description
 from pneumo_casadi.export.folder import write_files
 from pneumo_casadi.export.model import IdentifiedModel, description
+from pneumo_casadi.model.compilation import compiler
 
 logger = logging.getLogger(__name__)
 

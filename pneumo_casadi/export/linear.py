@@ -11,10 +11,10 @@ import casadi as ca
 import numpy as np
 import scipy.io
 
-from pneumo_casadi.axis import Axis
 from pneumo_casadi.errors import MissingExtraError, ModelError
 from pneumo_casadi.export.folder import write_files
 from pneumo_casadi.export.model import IdentifiedModel, balanced_state, description, identifier
+from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.parameters import FloatArray
 
 #: Within this time a rate of one state scale a second counts; a rest is found to 1e-9 of it [s].
@@ -106,8 +106,8 @@ def operating_point(axis: Axis, given: Mapping[str, float] | None = None) -> Ope
 
     Examples
     --------
-    >>> from pneumo_casadi.recording import ForceBench, NestedController
-    >>> from pneumo_casadi.servosystem import ForceAxis
+    >>> from pneumo_casadi.data import ForceBench, NestedController
+    >>> from pneumo_casadi.model.servosystem import ForceAxis
     >>> axis = ForceAxis(ForceBench(1e3, 0.5, NestedController(30.0, 60.0, 1.0, 60.0)))
     >>> point = operating_point(axis, {"v": 0.1})
     >>> point.x.tolist(), point.u.round(6).tolist()  # f_v v + F_c = 2 + 15 N

@@ -11,9 +11,9 @@ from pneumo_casadi.design.reference import drawn
 from pneumo_casadi.design.rehearsal import Rehearsal
 from pneumo_casadi.effects import CATALOGUE
 from pneumo_casadi.errors import FitError, ModelError
-from pneumo_casadi.output_error import OutputErrorOptions, fit_output_error
-from pneumo_casadi.report.design import write_design
-from pneumo_casadi.report.write import Kind
+from pneumo_casadi.estimation.output_error import OutputErrorOptions, fit_output_error
+from pneumo_casadi.report.pages.design import write_design
+from pneumo_casadi.report.pages.write import Kind
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ import pytest
 def made_case(tmp_path_factory):
     """Return a function that records a case with hidden effects, 8 s each way at 1 kHz."""
     pytest.importorskip("numba")
-    from pneumo_casadi.testbed import make_case
+    from pneumo_casadi.virtual_bench import make_case
 
     known = {}
 

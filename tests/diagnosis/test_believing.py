@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 
 from pneumo_casadi.diagnosis import Verdict, diagnose
-from pneumo_casadi.diagnosis.along import AlongMotion
-from pneumo_casadi.diagnosis.believing import believed
+from pneumo_casadi.diagnosis.decide.credibility import believed
+from pneumo_casadi.diagnosis.decide.verdict import Judgement
 from pneumo_casadi.diagnosis.diagnose import prepare
-from pneumo_casadi.diagnosis.findings import Check
-from pneumo_casadi.diagnosis.inverse import residuals
-from pneumo_casadi.diagnosis.study import fit
-from pneumo_casadi.diagnosis.trajectory import all_smoothed
-from pneumo_casadi.diagnosis.verdict import Judgement
-from pneumo_casadi.effect import Effect
+from pneumo_casadi.diagnosis.metrics.findings import Check
+from pneumo_casadi.diagnosis.prepare.study import fit
 from pneumo_casadi.effects import CATALOGUE
 from pneumo_casadi.errors import FitError
+from pneumo_casadi.estimation.equation_error.balance_functions import AlongMotion
+from pneumo_casadi.estimation.equation_error.residuals import residuals
+from pneumo_casadi.estimation.equation_error.smoothed_motion import all_smoothed
+from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.parameters import Parameter
 
 FLOWS = (
@@ -69,7 +69,7 @@ def test_a_fit_that_ran_away_begins_again_from_the_geometry(made_case, monkeypat
             return replace(right, values={**right.values, "X_s5": lost}, cost=right.cost + 1)
         return right
 
-    monkeypatch.setattr("pneumo_casadi.diagnosis.study._fit", fake)
+    monkeypatch.setattr("pneumo_casadi.diagnosis.prepare.study._fit", fake)
     assert fit(one, ()) is right
     item = one.axis.parameters["X_s5"]
     assert begun == [item.value, item.scale]

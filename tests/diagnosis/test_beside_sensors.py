@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from pneumo_casadi.diagnosis import diagnose
-from pneumo_casadi.diagnosis.mending import mended
-from pneumo_casadi.diagnosis.search import _coarse
-from pneumo_casadi.diagnosis.searcher import Searcher
-from pneumo_casadi.diagnosis.sensed import _candidates, _try_again
+from pneumo_casadi.diagnosis.select.fit_ledger import Searcher
+from pneumo_casadi.diagnosis.select.forward_selection import _coarse
+from pneumo_casadi.diagnosis.select.plausibility import mended
+from pneumo_casadi.diagnosis.select.sensor_effects import _candidates, _try_again
 from pneumo_casadi.effects import CATALOGUE
 from pneumo_casadi.errors import FitError
 
@@ -74,7 +74,7 @@ class Worker(Searcher):
         self.fits = {("one",): fitted, ("one", "other"): better}
         self.study, self.catalogue = None, {}
         told = {id(fitted): wrong, id(better): ()}
-        module = "pneumo_casadi.diagnosis.mending"
+        module = "pneumo_casadi.diagnosis.select.plausibility"
         monkeypatch.setattr(f"{module}.size", lambda fit: fit.rms)
         monkeypatch.setattr(
             f"{module}.checks_of",

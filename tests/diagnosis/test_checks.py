@@ -5,15 +5,15 @@ from types import SimpleNamespace
 
 import pytest
 
-from pneumo_casadi.diagnosis.absorbed import absorbed_candidates
-from pneumo_casadi.diagnosis.checks import check_parameters, checks_of
-from pneumo_casadi.diagnosis.study import fit, study
+from pneumo_casadi.data import load_case
+from pneumo_casadi.data.bench.bench_file import read_bench
+from pneumo_casadi.diagnosis.checks.absorbed import absorbed_candidates
+from pneumo_casadi.diagnosis.checks.parameter_checks import check_parameters, checks_of
+from pneumo_casadi.diagnosis.prepare.study import fit, study
 from pneumo_casadi.effects import ElasticLoad
-from pneumo_casadi.output_error.result import MapPull
-from pneumo_casadi.pipeline import IdentifyOptions, make_axis, read_flow
-from pneumo_casadi.recording import load_case
-from pneumo_casadi.recording.bench_file import read_bench
-from pneumo_casadi.testbed import make_case, random_axis
+from pneumo_casadi.estimation.output_error.result import MapPull
+from pneumo_casadi.identification.identify import IdentifyOptions, make_axis, read_flow
+from pneumo_casadi.virtual_bench import make_case, random_axis
 
 STD = 2e-4
 

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from pneumo_casadi.diagnosis import DiagnosisOptions, Verdict, diagnose, prepare
-from pneumo_casadi.diagnosis.gates import refuse_unusable
-from pneumo_casadi.diagnosis.store import Store
-from pneumo_casadi.effect import Effect
+from pneumo_casadi.diagnosis.prepare.fit_store import Store
+from pneumo_casadi.diagnosis.prepare.usable_records import refuse_unusable
 from pneumo_casadi.effects import CATALOGUE
 from pneumo_casadi.errors import CaseError
-from pneumo_casadi.flow import FlowMap
+from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.parameters import Parameter
+from pneumo_casadi.valve import FlowMap
 
 #: Enough to be wrong with, and quick.
 SMALL = {
@@ -145,7 +145,7 @@ def test_kept_fits_of_another_flow_map_are_not_taken(made_case, tmp_path):
 
 
 def _counting(fitted):
-    from pneumo_casadi.diagnosis.study import fit
+    from pneumo_casadi.diagnosis.prepare.study import fit
 
     def counted(one, effects, *rest):
         fitted.append(tuple(effect.name for effect in effects))

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from pneumo_casadi.diagnosis.along import AlongMotion
 from pneumo_casadi.diagnosis.diagnose import prepare
-from pneumo_casadi.diagnosis.inverse import residuals
-from pneumo_casadi.diagnosis.screen import perturbation
-from pneumo_casadi.diagnosis.study import fit
+from pneumo_casadi.diagnosis.prepare.study import fit
+from pneumo_casadi.diagnosis.screen.screen import perturbation
 from pneumo_casadi.effects import CATALOGUE
+from pneumo_casadi.estimation.equation_error.balance_functions import AlongMotion
+from pneumo_casadi.estimation.equation_error.residuals import residuals
 
 
 @pytest.fixture(scope="module")

@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneumo_casadi.diagnosis.signatures import residual_floor
-from pneumo_casadi.diagnosis.study import fit, study
-from pneumo_casadi.diagnosis.unknown_inputs import unknown_inputs
-from pneumo_casadi.pipeline import IdentifyOptions, make_axis, read_flow
-from pneumo_casadi.recording import load_case
-from pneumo_casadi.testbed import make_case, random_axis
+from pneumo_casadi.data import load_case
+from pneumo_casadi.diagnosis.locate.signatures import residual_floor
+from pneumo_casadi.diagnosis.locate.unknown_inputs import unknown_inputs
+from pneumo_casadi.diagnosis.prepare.study import fit, study
+from pneumo_casadi.identification.identify import IdentifyOptions, make_axis, read_flow
+from pneumo_casadi.virtual_bench import make_case, random_axis
 
 
 def opened(folder, effects, duration=10.0):

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneumo_casadi.diagnosis.regimes import maps_of, regimes_of
-from pneumo_casadi.diagnosis.signatures import HYPOTHESES, Signatures, signatures
-from pneumo_casadi.diagnosis.study import fit, study
-from pneumo_casadi.diagnosis.where import locate, place_of, rivals_of
+from pneumo_casadi.diagnosis.locate.locate import locate, place_of, rivals_of
+from pneumo_casadi.diagnosis.locate.regimes import maps_of, regimes_of
+from pneumo_casadi.diagnosis.locate.signatures import HYPOTHESES, Signatures, signatures
+from pneumo_casadi.diagnosis.prepare.study import fit, study
 from pneumo_casadi.effects import CATALOGUE
-from pneumo_casadi.pipeline import IdentifyOptions, make_axis, open_case, read_flow
-from pneumo_casadi.testbed import make_case, random_axis
+from pneumo_casadi.identification.identify import IdentifyOptions, make_axis, open_case, read_flow
+from pneumo_casadi.virtual_bench import make_case, random_axis
 
 
 @pytest.fixture(scope="module")

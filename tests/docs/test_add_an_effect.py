@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pneumo_casadi.axis import FORCE_DRIVEN, PNEUMATIC
-from pneumo_casadi.effect import JUNCTIONS, NOMINAL
 from pneumo_casadi.effects import CATALOGUE, row_of
-from pneumo_casadi.report.effects import effect_markdown
+from pneumo_casadi.model.axis import FORCE_DRIVEN, PNEUMATIC
+from pneumo_casadi.model.effect import JUNCTIONS, NOMINAL
+from pneumo_casadi.report.tables.effects import effect_markdown
 
 _spec = importlib.util.spec_from_file_location("guide", Path(__file__).with_name("guide.py"))
 guide = importlib.util.module_from_spec(_spec)
@@ -65,7 +65,7 @@ def test_the_files_and_commands_of_the_catalogue_are_there():
     assert (root / "pneumo_casadi/effects/__init__.py").is_file()
     for name in re.findall(r"tests/[\w/]+(?:\.py)?", text):
         assert (root / name).exists(), name
-    line = "from pneumo_casadi.effects.spring_load import SpringLoad as SpringLoad"
+    line = "from pneumo_casadi.effects.load.spring_load import SpringLoad as SpringLoad"
     index = (root / "pneumo_casadi/effects/__init__.py").read_text("utf-8")
     assert (
         line in index

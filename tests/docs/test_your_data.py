@@ -11,10 +11,10 @@ import pandas as pd
 import pytest
 import scipy.io
 
-from pneumo_casadi.recording import load_case, read_bench
-from pneumo_casadi.recording.bench_file import BENCH_KEYS, CONTROLLERS, NOISE_KEYS
-from pneumo_casadi.recording.channels import UNITS
-from pneumo_casadi.recording.mapping import CONVERSIONS
+from pneumo_casadi.data import load_case, read_bench
+from pneumo_casadi.data.bench.bench_file import BENCH_KEYS, CONTROLLERS, NOISE_KEYS
+from pneumo_casadi.data.readers.column_map import CONVERSIONS
+from pneumo_casadi.data.recording.channels import UNITS
 from pneumo_casadi.report.figures import figures_of
 
 _spec = importlib.util.spec_from_file_location("guide", Path(__file__).with_name("guide.py"))
@@ -62,7 +62,8 @@ def logs(embedded, tmp_path_factory):
 def ran(logs):
     with pytest.MonkeyPatch.context() as patch:  # one figure: figures have tests of their own
         patch.setattr(
-            "pneumo_casadi.report.write.figures_of", lambda found: islice(figures_of(found), 1)
+            "pneumo_casadi.report.pages.write.figures_of",
+            lambda found: islice(figures_of(found), 1),
         )
         return guide.run(PAGE, logs)
 

@@ -6,12 +6,12 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from pneumo_casadi.axis import FORCE_DRIVEN, PNEUMATIC
-from pneumo_casadi.compilation import compiled
+from pneumo_casadi.data import InputHold
 from pneumo_casadi.effects import CATALOGUE
-from pneumo_casadi.integration import Stepping, step_function
-from pneumo_casadi.output_error import OutputErrorOptions, fit_output_error
-from pneumo_casadi.recording import InputHold
+from pneumo_casadi.estimation.output_error import OutputErrorOptions, fit_output_error
+from pneumo_casadi.model.axis import FORCE_DRIVEN, PNEUMATIC
+from pneumo_casadi.model.compilation import compiled
+from pneumo_casadi.model.integration import Stepping, step_function
 
 #: Steps per sample with which records are integrated, four times what a fit takes or more.
 FINE = 8

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import pneumo_casadi
-from pneumo_casadi.effect import JUNCTIONS, NOMINAL, Effect
 from pneumo_casadi.effects import CATALOGUE, catalogue_table
+from pneumo_casadi.model.effect import JUNCTIONS, NOMINAL, Effect
 
 PACKAGE = Path(pneumo_casadi.__file__).parent
 

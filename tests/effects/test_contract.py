@@ -5,10 +5,10 @@ import pickle
 import numpy as np
 import pytest
 
-from pneumo_casadi.axis import V_S_SHARP
+from pneumo_casadi.data import InputHold
 from pneumo_casadi.effects import CATALOGUE
-from pneumo_casadi.integration import Stepping, step_function, substeps_for
-from pneumo_casadi.recording import InputHold
+from pneumo_casadi.model.axis import V_S_SHARP
+from pneumo_casadi.model.integration import Stepping, step_function, substeps_for
 
 #: Most Runge-Kutta steps per millisecond that an effect may ask for where a fit starts.
 MOST_SUBSTEPS = 8

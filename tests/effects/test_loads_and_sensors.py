@@ -14,7 +14,7 @@ from pneumo_casadi.effects import (
     PressureSensorLag,
     SpringLoad,
 )
-from pneumo_casadi.simulation import simulate
+from pneumo_casadi.model.simulation import simulate
 
 SMOOTH = {"f_v": 0.0, "F_c_plus": 0.0, "F_c_minus": 0.0}
 

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from pneumo_casadi.effect import Effect, State
 from pneumo_casadi.effects import CATALOGUE
-from pneumo_casadi.output_error import OutputErrorOptions, fit_output_error
+from pneumo_casadi.estimation.output_error import OutputErrorOptions, fit_output_error
+from pneumo_casadi.estimation.wls import fit_wls
+from pneumo_casadi.model.effect import Effect, State
+from pneumo_casadi.model.simulation import simulate, simulate_closed_loop
 from pneumo_casadi.parameters import Parameter
-from pneumo_casadi.regression import fit_wls
-from pneumo_casadi.simulation import simulate, simulate_closed_loop
 
 
 @pytest.fixture(scope="module")

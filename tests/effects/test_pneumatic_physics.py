@@ -15,7 +15,7 @@ from pneumo_casadi.effects import (
     PistonSealLeakage,
     SupplyDroop,
 )
-from pneumo_casadi.flow import fit_iso6358, orifice_flow
+from pneumo_casadi.valve import fit_iso6358, orifice_flow
 
 P_SUPPLY, P_EXT, T_0, R_AIR = 7e5, 1e5, 293.15, 287.0
 GAMMA = 1.4

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pneumo_casadi.effect import Pair, Scope
+from pneumo_casadi.data import InputHold
 from pneumo_casadi.effects import (
     FlowMapShape,
     ValveDeadZone,
@@ -12,12 +12,12 @@ from pneumo_casadi.effects import (
     ValveMismatch,
     ValveNullShift,
 )
-from pneumo_casadi.effects.flow_map_shape import LocalFlowMapShape
+from pneumo_casadi.effects.valve.flow_map_shape import LocalFlowMapShape
 from pneumo_casadi.errors import ModelError
-from pneumo_casadi.flow import FlowMap, fit_polynomials
-from pneumo_casadi.integration import Stepping, step_function
-from pneumo_casadi.output_error.anchor import anchor
-from pneumo_casadi.recording import InputHold
+from pneumo_casadi.estimation.output_error.shooting.map_anchor import anchor
+from pneumo_casadi.model.effect import Pair, Scope
+from pneumo_casadi.model.integration import Stepping, step_function
+from pneumo_casadi.valve import FlowMap, fit_polynomials
 
 P = (4e5, 5e5)
 

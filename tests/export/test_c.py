@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from pneumo_casadi.export import IdentifiedModel, write_c
-from pneumo_casadi.simulation import simulate
+from pneumo_casadi.model.simulation import simulate
 
 CC = shutil.which("gcc") or shutil.which("cc")
 needs_compiler = pytest.mark.skipif(CC is None, reason="no C compiler on this machine")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pneumo_casadi.export import write_fmu
-from pneumo_casadi.simulation import simulate
+from pneumo_casadi.model.simulation import simulate
 
 fmpy = pytest.importorskip("fmpy", reason="needs the extra `export` (fmpy)")
 validation = pytest.importorskip("fmpy.validation")

@@ -11,7 +11,7 @@ import pytest
 
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.export import read_functions, write_functions
-from pneumo_casadi.simulation import simulate
+from pneumo_casadi.model.simulation import simulate
 
 
 def test_the_step_gives_the_trajectory_of_the_package(model, inputs, deviation, tmp_path):

@@ -10,7 +10,7 @@ import scipy.io
 from pneumo_casadi.errors import MissingExtraError, ModelError
 from pneumo_casadi.export import linearise, operating_point, write_state_space
 from pneumo_casadi.export.linear import OperatingPoint
-from pneumo_casadi.simulation import simulate
+from pneumo_casadi.model.simulation import simulate
 
 
 def rates(axis, point):

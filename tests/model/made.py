@@ -8,12 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pneumo_casadi.compilation import compiled
-from pneumo_casadi.effect import Effect, Pair, State
-from pneumo_casadi.flow import FlowMap, fit_polynomials, fit_spline, orifice_flow
-from pneumo_casadi.integration import Stepping, held_inputs, step_function
-from pneumo_casadi.parameters import Parameter
-from pneumo_casadi.recording import (
+from pneumo_casadi.data import (
     Bench,
     ForceBench,
     InputHold,
@@ -22,7 +17,12 @@ from pneumo_casadi.recording import (
     Recording,
     SensorNoise,
 )
-from pneumo_casadi.servosystem import ForceAxis, Servosystem
+from pneumo_casadi.model.compilation import compiled
+from pneumo_casadi.model.effect import Effect, Pair, State
+from pneumo_casadi.model.integration import Stepping, held_inputs, step_function
+from pneumo_casadi.model.servosystem import ForceAxis, Servosystem
+from pneumo_casadi.parameters import Parameter
+from pneumo_casadi.valve import FlowMap, fit_polynomials, fit_spline, orifice_flow
 
 FS = 1e3
 P_SUPPLY, P_EXT = 7e5, 1e5

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from pneumo_casadi.data import InputHold
 from pneumo_casadi.effects import Stribeck
-from pneumo_casadi.integration import Stepping, held_inputs, step_function
-from pneumo_casadi.recording import InputHold
+from pneumo_casadi.model.integration import Stepping, held_inputs, step_function
 
 AXES = {
     "polynomials": lambda made: made.true_axis(),

@@ -6,7 +6,6 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from pneumo_casadi.effect import Effect, Pair, State
 from pneumo_casadi.effects import (
     AsymmetricViscousFriction,
     PressureFriction,
@@ -14,6 +13,7 @@ from pneumo_casadi.effects import (
     ValveDynamics,
 )
 from pneumo_casadi.errors import ModelError
+from pneumo_casadi.model.effect import Effect, Pair, State
 from pneumo_casadi.parameters import Parameter, Parameters
 
 

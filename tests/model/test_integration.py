@@ -5,14 +5,14 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
+from pneumo_casadi.data import InputHold
 from pneumo_casadi.effects import Stribeck
-from pneumo_casadi.integration import (
+from pneumo_casadi.model.integration import (
     Stepping,
     held_inputs,
     step_function,
     substeps_for,
 )
-from pneumo_casadi.recording import InputHold
 
 
 def typed_out(axis):

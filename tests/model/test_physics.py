@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneumo_casadi.effect import Effect, Supply
 from pneumo_casadi.effects import AsymmetricViscousFriction, Stribeck
+from pneumo_casadi.model.effect import Effect, Supply
 from pneumo_casadi.parameters import Parameter
 
 

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneumo_casadi.effect import Effect, State
 from pneumo_casadi.effects import AsymmetricViscousFriction, Stribeck
 from pneumo_casadi.errors import ModelError
+from pneumo_casadi.model.effect import Effect, State
 from pneumo_casadi.parameters import Parameter
 
 NOMINAL = (*(f"X_s{i}" for i in range(1, 7)), "M", "f_v", "F_c_plus", "F_c_minus")

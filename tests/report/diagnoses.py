@@ -16,9 +16,9 @@ from pneumo_casadi.diagnosis import (
     Verdict,
     Where,
 )
-from pneumo_casadi.diagnosis.evidence import Evidence
-from pneumo_casadi.diagnosis.regimes import RegimeMap
-from pneumo_casadi.diagnosis.unknown_inputs import UnknownInputs
+from pneumo_casadi.diagnosis.locate.evidence import Evidence
+from pneumo_casadi.diagnosis.locate.regimes import RegimeMap
+from pneumo_casadi.diagnosis.locate.unknown_inputs import UnknownInputs
 
 BALANCES = ("mass_flow_P", "mass_flow_N", "force")
 

@@ -13,18 +13,14 @@ import pytest
 from matplotlib.text import Text
 
 from pneumo_casadi.diagnosis import Value, Verdict
-from pneumo_casadi.diagnosis.findings import Shrink
+from pneumo_casadi.diagnosis.metrics.findings import Shrink
 from pneumo_casadi.errors import CaseError
-from pneumo_casadi.report.diagnosis import (
-    alternative_sentences,
-    cause_sentences,
-    described_as,
-    headline,
-    size_sentences,
-    summary_text,
-)
-from pneumo_casadi.report.diagnosis_html import diagnosis_html, write_diagnosis
-from pneumo_casadi.report.diagnosis_tables import (
+from pneumo_casadi.report.figures.diagnosis import diagnosis_figures
+from pneumo_casadi.report.figures.diagnosis.ranking import ranking_figure
+from pneumo_casadi.report.figures.style import COLUMN, MM, PAGE, svg
+from pneumo_casadi.report.pages.diagnosis import diagnosis_html, write_diagnosis
+from pneumo_casadi.report.pages.identification import Picture
+from pneumo_casadi.report.tables.diagnosis import (
     check_table,
     diagnosis_tables,
     fitted_table,
@@ -32,10 +28,14 @@ from pneumo_casadi.report.diagnosis_tables import (
     quantity,
     ranking_table,
 )
-from pneumo_casadi.report.figures.diagnosis import diagnosis_figures
-from pneumo_casadi.report.figures.ranking import ranking_figure
-from pneumo_casadi.report.figures.style import COLUMN, MM, PAGE, svg
-from pneumo_casadi.report.html import Picture
+from pneumo_casadi.report.text.diagnosis import (
+    alternative_sentences,
+    cause_sentences,
+    described_as,
+    headline,
+    size_sentences,
+    summary_text,
+)
 
 _spec = importlib.util.spec_from_file_location(
     "diagnoses", Path(__file__).with_name("diagnoses.py")

@@ -4,17 +4,17 @@ from pathlib import Path
 
 import pytest
 
-from pneumo_casadi.effect import Effect
 from pneumo_casadi.effects import CATALOGUE, catalogue_table, row_of
+from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.parameters import Parameter
-from pneumo_casadi.report.effects import catalogue_markdown, effect_markdown
+from pneumo_casadi.report.tables.effects import catalogue_markdown, effect_markdown
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "effects.md"
 
 
 def test_the_page_is_made_from_the_catalogue():
     assert PAGE.read_text("utf-8") == catalogue_markdown(), (
-        "docs/effects.md is stale: python -m pneumo_casadi.report.effects > docs/effects.md"
+        "docs/effects.md is stale: python -m pneumo_casadi.report.tables.effects > docs/effects.md"
     )
 
 

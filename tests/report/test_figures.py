@@ -12,15 +12,18 @@ import pytest
 from matplotlib.text import Text
 
 from pneumo_casadi.effects import CATALOGUE
-from pneumo_casadi.flow import fit_polynomials
-from pneumo_casadi.pipeline import output_error_options
+from pneumo_casadi.estimation.uncertainty import Optimum, Profile, identifiability
+from pneumo_casadi.estimation.uncertainty.profile_path import End
+from pneumo_casadi.identification.identify import output_error_options
 from pneumo_casadi.report.figures import figures_of
-from pneumo_casadi.report.figures.flow_map import flow_map_figure, residual_map_figure
-from pneumo_casadi.report.figures.identifiability import profile_figure
+from pneumo_casadi.report.figures.identification.flow_map import (
+    flow_map_figure,
+    residual_map_figure,
+)
+from pneumo_casadi.report.figures.identification.identifiability import profile_figure
+from pneumo_casadi.report.figures.studies.withheld import withheld_figure
 from pneumo_casadi.report.figures.style import COLUMN, MM, PAGE, png, symbol
-from pneumo_casadi.report.figures.withheld import withheld_figure
-from pneumo_casadi.uncertainty import Optimum, Profile, identifiability
-from pneumo_casadi.uncertainty.walk import End
+from pneumo_casadi.valve import fit_polynomials
 
 #: Figures whose vertical axis holds names.
 NAMES = {"parameters", "correlations"}

@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import pytest
 
-from pneumo_casadi.caveats import Caveat
 from pneumo_casadi.errors import CaseError
-from pneumo_casadi.report.html import Picture, html_report
-from pneumo_casadi.report.paper import TABLE_1
-from pneumo_casadi.report.tables import interval_text, parameter_table
-from pneumo_casadi.report.text import render, render_caveats, text_report
-from pneumo_casadi.report.write import Kind, folder_in_one_step
+from pneumo_casadi.identification.warnings import Caveat
+from pneumo_casadi.report.pages.identification import Picture, html_report
+from pneumo_casadi.report.pages.write import Kind, folder_in_one_step
+from pneumo_casadi.report.tables.paper import TABLE_1
+from pneumo_casadi.report.tables.results import interval_text, parameter_table
+from pneumo_casadi.report.text.identification import render, render_caveats, text_report
 
 PIXEL = b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR\x00\x00\x03\x20\x00\x00\x02\x58"
 

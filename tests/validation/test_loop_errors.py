@@ -5,7 +5,7 @@ import pytest
 
 from pneumo_casadi.effects import CATALOGUE
 from pneumo_casadi.errors import PneumoError
-from pneumo_casadi.output_error import initial_states
+from pneumo_casadi.estimation.output_error import initial_states
 from pneumo_casadi.validation import loop_errors, validate, window_errors
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pneumo_casadi.errors import ModelError
-from pneumo_casadi.simulation import simulate, simulate_closed_loop
+from pneumo_casadi.model.simulation import simulate, simulate_closed_loop
 from pneumo_casadi.validation import validate
 
 SCALE = {"p_P": 150.0, "p_N": 150.0, "x": 1.5e-5}

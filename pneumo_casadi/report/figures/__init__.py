@@ -5,16 +5,19 @@ from dataclasses import dataclass
 
 from matplotlib.figure import Figure
 
-from pneumo_casadi.axis import Axis
-from pneumo_casadi.pipeline import Identification
-from pneumo_casadi.report.figures.cross_validation import cross_validation_figure
-from pneumo_casadi.report.figures.flow_map import flow_map_figure, residual_map_figure
-from pneumo_casadi.report.figures.identifiability import clustered_correlation_figure
-from pneumo_casadi.report.figures.overview import overview_figure
-from pneumo_casadi.report.figures.parameters import correlation_figure, forest_figure
-from pneumo_casadi.report.figures.regressor import regressor_figure
-from pneumo_casadi.report.figures.residuals import fit_figure, residual_figure
-from pneumo_casadi.report.figures.validation import validation_figure
+from pneumo_casadi.identification.identify import Identification
+from pneumo_casadi.model.axis import Axis
+from pneumo_casadi.report.figures.identification.cross_validation import cross_validation_figure
+from pneumo_casadi.report.figures.identification.flow_map import (
+    flow_map_figure,
+    residual_map_figure,
+)
+from pneumo_casadi.report.figures.identification.identifiability import clustered_correlation_figure
+from pneumo_casadi.report.figures.identification.overview import overview_figure
+from pneumo_casadi.report.figures.identification.parameters import correlation_figure, forest_figure
+from pneumo_casadi.report.figures.identification.regressor import regressor_figure
+from pneumo_casadi.report.figures.identification.residuals import fit_figure, residual_figure
+from pneumo_casadi.report.figures.identification.validation import validation_figure
 from pneumo_casadi.validation import Validation
 
 __all__ = ["Drawn", "figures_of", "validation_figures"]

@@ -1,0 +1,126 @@
+"""What ``withheld`` does: the sealed check from the command line."""
+
+import secrets
+import signal
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from pneumo_casadi.cli.terminal import guarded, out, progress_bar, show
+from pneumo_casadi.errors import CaseError
+from pneumo_casadi.identification.result_file import write_json
+from pneumo_casadi.report.figures.studies.withheld import withheld_figure
+from pneumo_casadi.report.figures.style import png
+from pneumo_casadi.report.tables.sealed_check import withheld_table
+from pneumo_casadi.runtime.progress import Progress
+
+SEED_FILE = "seed.txt"
+
+
+def withheld(
+    output: Annotated[
+        Path,
+        typer.Option("--output", "-o", metavar="FOLDER", help="Where cases and verdicts go."),
+    ],
+    cases: Annotated[int, typer.Option(min=1, help="Number of cases.")] = 160,
+    seed: Annotated[
+        int | None,
+        typer.Option(min=0, help="Of the draw; by default one that nobody knows before."),
+    ] = None,
+    workers: Annotated[int, typer.Option(min=1, help="Cases at a time.")] = 1,
+    duration: Annotated[float, typer.Option(help="Of each record [s].")] = 20.0,
+    rivals: Annotated[
+        int | None, typer.Option(min=0, help="Ask simple rivals of so many cases; default: all.")
+    ] = None,
+    json_file: Annotated[
+        Path | None, typer.Option("--json", metavar="FILE", help="Also write the scores here.")
+    ] = None,
+    debug: Annotated[bool, typer.Option("--debug", help="Show tracebacks and the log.")] = False,
+) -> None:
+    """Check the diagnosis on cases whose causes are withheld from it.
+
+    The virtual bench draws axes and effects; the hash of the labels is written before any case is
+    diagnosed, and the labels are opened once every verdict is on disk. Interrupted, it goes on
+    where it was when it is called again with the same folder.
+    """
+    with guarded(debug, f"what was finished is in {output}: call it again to go on"):
+        with progress_bar() as report:
+            found = check(output, cases, seed, workers, duration, report, rivals)
+        show(withheld_table(found))
+        target = output / "withheld.png"
+        target.write_bytes(png(withheld_figure(found)))
+        if json_file is not None:
+            write_json(found, json_file)
+        out.print(f"\nscores: {output / 'scores.json'}\nfigure: {target}", soft_wrap=True)
+
+
+def check(
+    folder: Path,
+    cases: int,
+    seed: int | None,
+    workers: int,
+    duration: float,
+    report: Progress,
+    rivals: int | None = None,
+) -> dict[str, Any]:
+    """Run the sealed check in a folder and return its scores.
+
+    Parameters
+    ----------
+    folder : path
+        Where cases and verdicts go, or went before.
+    cases : int
+        How many.
+    seed : int or None
+        Of the draw; None takes that of the folder, or a new one.
+    workers : int
+        Cases at a time.
+    duration : float
+        Of each record [s].
+    report : callable
+        Called with a text and the share of the present stage.
+    rivals : int, optional
+        Cases of which simple rivals are asked.
+
+    Raises
+    ------
+    CaseError
+        If the folder holds another draw, or labels or verdicts were tampered with.
+    MissingExtraError
+        If numba is not installed.
+    """
+    from pneumo_casadi.evaluation.sealed_check import (  # needs the extra `bench`
+        WithheldOptions,
+        check_withheld,
+    )
+
+    chosen = _seed_of(folder) if seed is None else seed
+    with ProcessPoolExecutor(workers, initializer=_leave_interruption_to_the_parent) as executor:
+        found = check_withheld(
+            folder,
+            WithheldOptions(cases, chosen, duration=duration, rivals=rivals),
+            executor,
+            progress=report,
+        )
+    return {**found, "seed": chosen, "duration_seconds": duration}
+
+
+def _leave_interruption_to_the_parent() -> None:
+    """Let Ctrl-C end the check after the cases in work, whose verdicts are kept."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _seed_of(folder: Path) -> int:
+    """Return the seed that an earlier call kept in a folder, or keep a new one."""
+    path = folder / SEED_FILE
+    if path.is_file():
+        try:
+            return int(path.read_text("utf-8"))
+        except ValueError:
+            raise CaseError(f"{path}: no whole number; give --seed") from None
+    drawn = secrets.randbits(48)
+    folder.mkdir(parents=True, exist_ok=True)
+    path.write_text(f"{drawn}\n", encoding="utf-8")
+    return drawn

@@ -1,0 +1,40 @@
+"""Recordings of an axis: bench, channels, case folders, and the checks at the door."""
+
+from pneumo_casadi.data.bench.bench import AnyBench, Bench, ForceBench, SensorNoise
+from pneumo_casadi.data.bench.bench_file import read_bench
+from pneumo_casadi.data.bench.controllers import (
+    Controller,
+    NestedController,
+    ProportionalController,
+)
+from pneumo_casadi.data.case import Case, load_case
+from pneumo_casadi.data.case_folder import write_case
+from pneumo_casadi.data.checks.records import check_recording
+from pneumo_casadi.data.emps import load_emps
+from pneumo_casadi.data.readers.column_map import column_map, read_columns
+from pneumo_casadi.data.readers.records import Column, read_recording
+from pneumo_casadi.data.recording.channels import UNITS, InputHold
+from pneumo_casadi.data.recording.recording import Recording
+
+__all__ = [
+    "UNITS",
+    "AnyBench",
+    "Bench",
+    "Case",
+    "Column",
+    "Controller",
+    "ForceBench",
+    "InputHold",
+    "NestedController",
+    "ProportionalController",
+    "Recording",
+    "SensorNoise",
+    "check_recording",
+    "column_map",
+    "load_case",
+    "load_emps",
+    "read_bench",
+    "read_columns",
+    "read_recording",
+    "write_case",
+]

@@ -1,0 +1,1 @@
+"""The bench: geometry, constants, controllers, plausible quantities, and its file."""

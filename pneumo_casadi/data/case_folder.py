@@ -1,0 +1,104 @@
+"""Case folders written whole or not at all."""
+
+import gzip
+import json
+import shutil
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike
+
+from pneumo_casadi.data.bench.bench import AnyBench
+from pneumo_casadi.data.bench.bench_file import bench_content
+from pneumo_casadi.data.case import Case
+from pneumo_casadi.data.recording.channels import UNITS, InputHold
+from pneumo_casadi.data.recording.recording import Recording
+from pneumo_casadi.errors import CaseError
+from pneumo_casadi.runtime.atomic_files import whole_folder
+
+TIME_DECIMALS = 10
+
+
+def write_case(
+    folder: str | Path,
+    bench: AnyBench,
+    identify: Sequence[Recording],
+    validate: Sequence[Recording] = (),
+    flow_map: str | Path | Mapping[str, ArrayLike] | None = None,
+) -> Case:
+    """Write a case folder that `load_case` reads back, number for number.
+
+    The folder appears in one step once everything is written; numbers have as many digits as
+    they need.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Folder to make; it must not exist, or be empty.
+    bench : Bench or ForceBench
+        The axis.
+    identify, validate : sequence of Recording
+        One record gives ``identify.csv.gz``, several ``identify_1.csv.gz`` and so on.
+    flow_map : path or mapping of str to (n,) array, optional
+        ``flow_map.csv`` to copy, or its columns by name.
+
+    Returns
+    -------
+    Case
+        The case as written.
+
+    Raises
+    ------
+    CaseError
+        If the folder holds something, or a record cannot stand in a case folder.
+    """
+    folder = Path(folder)
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise CaseError(f"{folder}: is there already and not empty; choose a new folder")
+    if not identify:
+        raise CaseError(f"{folder}: no record to identify on; a case needs at least one")
+    with whole_folder(folder, over=False) as draft:
+        text = json.dumps(bench_content(bench), indent=1, ensure_ascii=False)
+        (draft / "bench.json").write_text(text + "\n", "utf-8")
+        for role, records in (("identify", identify), ("validate", validate)):
+            for name, recording in zip(_file_names(role, len(records)), records, strict=True):
+                _write_csv(draft / name, _columns(recording))
+        if isinstance(flow_map, Mapping):
+            _write_csv(draft / "flow_map.csv", flow_map)
+        elif flow_map is not None:
+            shutil.copyfile(flow_map, draft / "flow_map.csv")
+    path = folder / "flow_map.csv"
+    return Case(folder, bench, tuple(identify), tuple(validate), path if path.exists() else None)
+
+
+def _file_names(role: str, count: int) -> list[str]:
+    if count == 1:
+        return [f"{role}.csv.gz"]
+    digits = len(str(count))  # padded, so that the order of names is the order of records
+    return [f"{role}_{number:0{digits}d}.csv.gz" for number in range(1, count + 1)]
+
+
+def _columns(recording: Recording) -> dict[str, ArrayLike]:
+    if recording.hold is not InputHold.ZERO:
+        raise CaseError(
+            f"{recording.name}: hold {recording.hold.value}, but a case folder's inputs are held "
+            "at zero order; resample the inputs"
+        )
+    unknown = [name for name in recording.names if name not in UNITS]
+    if unknown:
+        raise CaseError(
+            f"{recording.name}: no unit is known for channel {', '.join(unknown)}; a case folder "
+            f"holds {', '.join(UNITS)}"
+        )
+    columns: dict[str, ArrayLike] = {"t_s": np.round(recording.t, TIME_DECIMALS)}
+    return columns | {f"{name}_{UNITS[name]}": recording[name] for name in recording.names}
+
+
+def _write_csv(path: Path, columns: Mapping[str, Any]) -> None:
+    frame = pd.DataFrame({name: np.asarray(values, float) for name, values in columns.items()})
+    text = frame.to_csv(index=False, lineterminator="\n").encode()
+    # A fixed time stamp: equal data give equal files.
+    path.write_bytes(gzip.compress(text, 6, mtime=0) if path.suffix == ".gz" else text)

@@ -1,0 +1,139 @@
+"""Columns under other names and units: a mapping, or ``columns.json`` in a case folder."""
+
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from pneumo_casadi.data.bench.quantities import LENGTHS, PRESSURES
+from pneumo_casadi.data.readers.records import COLUMNS, Column
+from pneumo_casadi.data.recording.channels import UNITS
+from pneumo_casadi.errors import CaseError
+
+COLUMNS_FILE = "columns.json"
+
+CONVERSIONS: Mapping[str, Mapping[str, float]] = MappingProxyType(
+    {
+        "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0},
+        "V": {"V": 1.0, "mV": 1e-3},
+        "Pa": {"Pa": 1.0, "hPa": 100.0} | {unit: scale for unit, (scale, _) in PRESSURES.items()},
+        "m": {"m": 1.0, "um": 1e-6} | {unit: scale for unit, (scale, _) in LENGTHS.items()},
+        "N": {"N": 1.0, "kN": 1e3},
+    }
+)
+"""SI unit of a channel -> units that it may be given in, with their size in it."""
+
+_KEYS = ("column", "unit", "scale", "offset")
+
+
+def column_map(entries: Mapping[str, Any]) -> dict[str, tuple[Column, ...]]:
+    """Return the `columns` of `read_recording` from what a case folder would call them.
+
+    Parameters
+    ----------
+    entries : mapping of str to object
+        Column of a case folder (``t_s``, ``p_P_Pa``, ...) -> where it comes from: the file's own
+        name (SI unit), ``(name, unit)``, or ``{"column": name, "unit": unit, "offset": number}``
+        with ``"scale"`` in place of ``"unit"`` where the unit is your own. The offset, in SI
+        units, is added last: ambient pressure to a gauge pressure, half the stroke to a position
+        counted from one end.
+
+    Returns
+    -------
+    dict of str to tuple of Column
+        By the file's own names; one of them may serve several channels.
+
+    Raises
+    ------
+    CaseError
+        If a column is unknown, a unit is not one of its kind, or a number is none.
+
+    Examples
+    --------
+    >>> column_map({"t_s": "time", "p_P_Pa": ("log.pA", "bar")})["log.pA"]
+    (Column(channel='p_P', scale=100000.0, offset=0.0),)
+    >>> one_command = column_map({"u_P_V": "u", "u_N_V": {"column": "u", "scale": -1}})
+    >>> [column.channel for column in one_command["u"]]
+    ['u_P', 'u_N']
+    """
+    found: dict[str, tuple[Column, ...]] = {}
+    for ours, entry in entries.items():
+        if ours not in COLUMNS:
+            raise CaseError(
+                f"`{ours}` is no column of a case folder; known are {', '.join(COLUMNS)}"
+            )
+        theirs, column = _column(ours, entry)
+        found[theirs] = (*found.get(theirs, ()), column)
+    return found
+
+
+def read_columns(path: str | Path) -> dict[str, tuple[Column, ...]]:
+    """Read ``columns.json``, which is `column_map` as a file.
+
+    For example::
+
+        {"t_s": "log.time", "p_P_Pa": ["log.pA", "bar"], "p_N_Pa": ["log.pB", "bar"],
+         "x_m": {"column": "log.pos", "unit": "mm", "offset": -0.25}}
+
+    Parameters
+    ----------
+    path : path
+        The file.
+
+    Returns
+    -------
+    dict of str to tuple of Column
+        As `column_map` returns it, for `read_recording`.
+
+    Raises
+    ------
+    CaseError
+        If the file is no JSON object, or an entry is wrong; see `column_map`.
+    """
+    path = Path(path)
+    try:
+        content = json.loads(path.read_text("utf-8"))
+    except (OSError, ValueError) as error:
+        raise CaseError(f"{path}: not a readable JSON file ({error})") from None
+    if not isinstance(content, dict):
+        raise CaseError(f'{path}: expected a JSON object, as {{"t_s": "time"}}')
+    try:
+        return column_map(content)
+    except CaseError as error:
+        raise CaseError(f"{path}: {error}") from None
+
+
+def _column(ours: str, entry: Any) -> tuple[str, Column]:
+    parts: Any = entry
+    if isinstance(entry, str):
+        parts = {"column": entry}
+    elif isinstance(entry, list | tuple) and len(entry) == 2:
+        parts = dict(zip(_KEYS, entry, strict=False))
+    named = isinstance(parts, Mapping) and parts.keys() <= set(_KEYS)
+    if not named or not isinstance(parts.get("column"), str):
+        raise CaseError(
+            f"`{ours}`: expected a name, [name, unit] or an object of {', '.join(_KEYS)}, got "
+            f"{entry!r}"
+        )
+    if "unit" in parts and "scale" in parts:
+        raise CaseError(f"`{ours}`: unit and scale say the same twice; leave one out")
+    channel = COLUMNS[ours].channel
+    scale = _number(ours, "scale", parts.get("scale", 1.0))
+    if "unit" in parts:
+        units = CONVERSIONS[UNITS[channel]]
+        if parts["unit"] not in units:
+            raise CaseError(
+                f"`{ours}`: unit {parts['unit']!r} of variable `{parts['column']}` is unknown; "
+                f"known are {', '.join(units)}, for another give a scale to {UNITS[channel]}"
+            )
+        scale = units[parts["unit"]]
+    offset = _number(ours, "offset", parts.get("offset", 0.0))
+    return parts["column"], Column(channel, scale, offset)
+
+
+def _number(ours: str, key: str, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise CaseError(f"`{ours}`: {key} {value!r} is no number; write it in SI units")
+    return float(value)

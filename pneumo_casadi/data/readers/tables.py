@@ -1,0 +1,227 @@
+"""Files of columns: CSV, CSV.gz, MAT and Parquet read into arrays, or an error with its row."""
+
+import gzip
+import io
+import re
+import zlib
+from collections.abc import Container, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pyarrow
+import pyarrow.parquet
+
+from pneumo_casadi.data.readers.mat import read_mat
+from pneumo_casadi.errors import CaseError
+from pneumo_casadi.parameters import FloatArray
+
+SUFFIXES = (".csv", ".csv.gz", ".mat", ".parquet")
+CSV_FIRST_LINE = 2  # the header stands in line 1
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """Columns of equal length as they stand in a file.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    columns : mapping of str to (N,) array
+        Those asked for, by the file's own names; an empty cell is NaN.
+    names : tuple of str
+        All columns of numbers that the file has; of a CSV file, all columns.
+    first_line : int
+        Line in which the first row stands; 0 where the format has no lines.
+    """
+
+    path: Path
+    columns: Mapping[str, FloatArray]
+    names: tuple[str, ...]
+    first_line: int
+
+
+def suffix_of(path: Path) -> str:
+    """Return the suffix that names the format, ``.csv.gz`` included."""
+    return next((suffix for suffix in SUFFIXES if path.name.lower().endswith(suffix)), "")
+
+
+def read_table(path: Path, wanted: Container[str]) -> Table:
+    """Read some columns of a file, in the format that its suffix names.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    wanted : container of str
+        Names of the columns to read; what else the file holds need not be numbers.
+
+    Raises
+    ------
+    CaseError
+        If the file is missing, empty, cut short, of another format, or holds what is no number.
+    """
+    suffix = suffix_of(path)
+    if not suffix:
+        raise CaseError(f"{path}: unknown suffix {path.suffix!r}; use one of {', '.join(SUFFIXES)}")
+    if not path.is_file():
+        raise CaseError(f"{path}: no such file; check the name and the folder")
+    if path.stat().st_size == 0:
+        raise CaseError(f"{path}: the file is empty (0 bytes); copy or export it again")
+    if suffix == ".mat":
+        columns, names = read_mat(path, wanted)
+        table = Table(path, columns, names, 0)
+    elif suffix == ".parquet":
+        table = _read_parquet(path, wanted)
+    else:
+        table = _read_csv(path, wanted)
+    if any(not values.size for values in table.columns.values()):
+        raise CaseError(f"{path}: the file has no rows of data; copy or export it again")
+    return table
+
+
+def _read_csv(path: Path, wanted: Container[str]) -> Table:
+    text = _text(path)
+    header = _header(path, text)
+    _check_ending(path, text)
+    text = text.rstrip(b"\r\n") + b"\n"  # empty lines at the end are no rows
+    options: dict[str, Any] = {
+        "names": header,
+        "header": 0,
+        "index_col": False,
+        "skip_blank_lines": False,
+        "encoding": "utf-8",
+    }
+    try:
+        # All columns are read, as with usecols pandas passes over rows that are too long.
+        types = {name: np.float64 if name in wanted else str for name in header}
+        frame = pd.read_csv(io.BytesIO(text), dtype=types, **options)
+    except pd.errors.ParserError as error:
+        raise _bad_row(path, header, error) from None
+    except (ValueError, OverflowError) as error:
+        raise _bad_cell(path, text, options, wanted) or CaseError(
+            f"{path}: {_one_line(error)}"
+        ) from None
+    columns = {name: frame[name].to_numpy() for name in header if name in wanted}
+    _check_last_row(path, columns)
+    return Table(path, columns, tuple(header), CSV_FIRST_LINE)
+
+
+def _text(path: Path) -> bytes:
+    if not path.name.lower().endswith(".gz"):
+        return path.read_bytes()
+    try:
+        with gzip.open(path) as stream:
+            return stream.read()
+    except (EOFError, gzip.BadGzipFile, zlib.error) as error:
+        raise CaseError(
+            f"{path}: the compressed file is cut short or damaged ({_one_line(error)}); "
+            "copy or export it again"
+        ) from None
+
+
+def _header(path: Path, text: bytes) -> list[str]:
+    try:
+        line = text.split(b"\n", 1)[0].decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise CaseError(f"{path}: line 1 is no UTF-8 text; export as UTF-8 CSV") from None
+    if "\0" in line:
+        raise CaseError(f"{path}: line 1 holds binary data; export as UTF-8 CSV")
+    if not line.strip(" ,\r"):
+        raise CaseError(f"{path}: line 1 is empty; it must name the columns")
+    first_row = text.split(b"\n", 2)[1:2]
+    if first_row and b'"' not in first_row[0] and first_row[0].count(b",") > line.count(","):
+        raise CaseError(
+            f"{path}: row 1 (line 2) has more cells than line 1 names columns; use commas between "
+            "columns only, and a point in numbers"
+        )
+    names = [name.strip().strip('"') for name in line.strip().split(",")]
+    if len(names) == 1 and (";" in line or "\t" in line):
+        raise CaseError(
+            f"{path}: line 1 separates columns by semicolon or tab; use commas between columns "
+            "and a point in numbers"
+        )
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise CaseError(f"{path}: line 1 names column {', '.join(twice)} twice; remove one")
+    return names
+
+
+def _bad_row(path: Path, header: list[str], error: Exception) -> CaseError:
+    found = re.search(r"in line (\d+), saw (\d+)", str(error))
+    if not found:
+        return CaseError(f"{path}: {_one_line(error)}; export it again")
+    line, cells = (int(group) for group in found.groups())
+    return CaseError(
+        f"{path}: row {line - CSV_FIRST_LINE + 1} (line {line}) has {cells} cells, line 1 names "
+        f"{len(header)} columns; mend the row"
+    )
+
+
+def _check_ending(path: Path, text: bytes) -> None:
+    """Refuse a last number that was cut short: it would pass for another number."""
+    if text.endswith(b"\n"):
+        return
+    *before, last = (line.rpartition(b".")[2] for line in text[-4096:].split(b"\n")[1:])
+    decimals = {len(cell.rstrip(b"\r")) for cell in before}
+    if len(before) > 2 and len(decimals) == 1 and len(last) < decimals.pop():
+        raise CaseError(
+            f"{path}: line {text.count(bytes([10])) + 1}, the last one, ends in {last.decode()!r} "
+            "with fewer decimals than all before: the file is cut short; copy or export it again"
+        )
+
+
+def _bad_cell(
+    path: Path, text: bytes, options: dict[str, Any], wanted: Container[str]
+) -> CaseError | None:
+    """Find the first cell that is no number; slow, so only once reading has failed."""
+    frame = pd.read_csv(io.BytesIO(text), dtype=str, keep_default_na=False, **options)
+    frame = frame[[name for name in frame if name in wanted]]
+    numbers = frame.apply(pd.to_numeric, errors="coerce")
+    wrong = numbers.isna() & ~frame.isin(["", "nan", "NaN", "NA"])
+    rows = np.flatnonzero(wrong.any(axis=1).to_numpy())
+    if not rows.size:
+        return None
+    row = int(rows[0])
+    column = str(frame.columns[int(wrong.iloc[row].to_numpy().argmax())])
+    cell = frame[column].iloc[row]
+    return CaseError(
+        f"{path}: row {row + 1} (line {row + CSV_FIRST_LINE}), column `{column}`: {cell!r} is no "
+        "number; write plain numbers with a decimal point"
+    )
+
+
+def _check_last_row(path: Path, columns: Mapping[str, FloatArray]) -> None:
+    for name, values in list(columns.items())[-1:]:
+        if values.size and np.isnan(values[-1]) and not np.isnan(values[:-1]).any():
+            raise CaseError(
+                f"{path}: row {values.size} (line {values.size + CSV_FIRST_LINE - 1}), the last "
+                f"one, ends before column `{name}`: the file is cut short; copy or export it again"
+            )
+
+
+def _read_parquet(path: Path, wanted: Container[str]) -> Table:
+    try:
+        table = pyarrow.parquet.read_table(path)
+    except (pyarrow.ArrowException, OSError) as error:
+        raise CaseError(
+            f"{path}: not a readable Parquet file ({_one_line(error)}); export it again"
+        ) from None
+    numbers = [
+        field.name
+        for field in table.schema
+        if pyarrow.types.is_floating(field.type) or pyarrow.types.is_integer(field.type)
+    ]
+    columns = {
+        name: np.array(table.column(name).to_numpy(), dtype=float)
+        for name in numbers
+        if name in wanted
+    }
+    return Table(path, columns, tuple(numbers), 0)
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())

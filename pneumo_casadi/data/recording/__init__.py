@@ -1,0 +1,1 @@
+"""Recordings: channels, clock, and the record itself."""

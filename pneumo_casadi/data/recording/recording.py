@@ -1,0 +1,295 @@
+"""A recording: channels on one uniform clock, with the hold of its inputs made explicit."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pneumo_casadi.data.recording.channels import InputHold, checked, read_only
+from pneumo_casadi.data.recording.clock import sample_time, uniform
+from pneumo_casadi.errors import CaseError
+from pneumo_casadi.parameters import FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Recording:
+    """Channels sampled at the same instants of a uniform clock.
+
+    The inputs u[k] act from t[k] to t[k+1] as `hold` says; the outputs y[k] belong to the
+    state at t[k]. All channels of a row were taken at the same instant; where they were not,
+    align them with `aligned` first.
+
+    Parameters
+    ----------
+    t : (N,) array
+        Time stamps [s]. Stored as the uniform clock that they round; N ≥ 2.
+    channels : mapping of str to (N,) array
+        Signals in SI units, by symbol: ``u_P, u_N`` [V], ``p_P, p_N`` [Pa, absolute],
+        ``x, x_ref`` [m], ``F`` [N]. Copied, and read-only from then on.
+    name : str
+        By which messages, tables and figures call it.
+    source : str
+        Where it comes from, a file as a rule.
+    hold : InputHold
+        How the inputs run between samples.
+    first_line : int, optional
+        Line of the source in which row 1 stands; 0 where the source has no lines.
+    dt : float, optional
+        Sample time [s]; by default that of the clock `t`.
+
+    Raises
+    ------
+    CaseError
+        If lengths differ, a value is not finite, or the clock is not uniform.
+
+    Examples
+    --------
+    >>> rec = Recording([0.0, 0.1, 0.2, 0.3], {"x": [0.0, 1.0, 2.0, 3.0]}, "ramp", "memory",
+    ...                 InputHold.ZERO)
+    >>> rec.N, round(rec.dt, 9), rec.decimate(2)["x"]
+    (4, 0.1, array([0., 2.]))
+    """
+
+    t: FloatArray
+    channels: Mapping[str, FloatArray]
+    name: str
+    source: str
+    hold: InputHold
+    first_line: int = 0
+    dt: float = 0.0
+
+    def __init__(
+        self,
+        t: ArrayLike,
+        channels: Mapping[str, Any],
+        name: str,
+        source: str,
+        hold: InputHold,
+        first_line: int = 0,
+        dt: float = 0.0,
+    ) -> None:
+        if not isinstance(hold, InputHold):
+            raise CaseError(f"{source}: `hold` = {hold!r}; state InputHold.ZERO or .LINEAR")
+        for attribute, value in (
+            ("name", name),
+            ("source", source),
+            ("hold", hold),
+            ("first_line", first_line),
+        ):
+            object.__setattr__(self, attribute, value)
+        stamps = checked("t", t, None, source, self.where)
+        if stamps.size < 2:
+            raise CaseError(f"{source}: {stamps.size} rows; a recording needs at least 2")
+        arrays = {
+            key: checked(key, values, stamps.size, source, self.where)
+            for key, values in channels.items()
+        }
+        if dt and np.abs(stamps - uniform(stamps, dt)).max() > 1e-3 * dt:
+            raise CaseError(f"{source}: `t` does not step by dt = {dt:g} s; leave dt out")
+        if not dt:
+            dt = sample_time(stamps, self.where)
+            stamps = uniform(stamps, dt)
+        object.__setattr__(self, "t", read_only(stamps))
+        object.__setattr__(self, "channels", MappingProxyType(arrays))
+        object.__setattr__(self, "dt", dt)
+
+    def where(self, index: int) -> str:
+        """Return source, row (from 1) and, where there is one, line of the sample `index`."""
+        line = f" (line {self.first_line + index})" if self.first_line else ""
+        return f"{self.source}: row {index + 1}{line}"
+
+    def __getitem__(self, channel: str) -> FloatArray:
+        if channel == "t":
+            return self.t
+        if channel not in self.channels:
+            raise CaseError(
+                f"{self.source}: no channel `{channel}`; there are {', '.join(self.channels)}"
+            )
+        return self.channels[channel]
+
+    def __contains__(self, channel: object) -> bool:
+        return channel == "t" or channel in self.channels
+
+    def __repr__(self) -> str:
+        return (
+            f"Recording({self.name!r}: {self.N} rows of {self.dt:.6g} s, "
+            f"{', '.join(self.channels)}, hold {self.hold.value})"
+        )
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        parts = (self.t, dict(self.channels), self.name, self.source, self.hold)
+        return Recording, (*parts, self.first_line, self.dt)
+
+    @property
+    def N(self) -> int:
+        """Number of rows."""
+        return self.t.size
+
+    @property
+    def sampling_frequency(self) -> float:
+        """Rows per second [Hz]."""
+        return 1.0 / self.dt
+
+    @property
+    def duration(self) -> float:
+        """Time that the rows cover [s]: N dt, as the last input holds for one step too."""
+        return self.N * self.dt
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the channels, without ``t``."""
+        return tuple(self.channels)
+
+    def stack(self, names: Iterable[str]) -> FloatArray:
+        """Return the named channels as columns, shape (N, n)."""
+        return np.column_stack([self[name] for name in names])
+
+    def with_channels(self, channels: Mapping[str, ArrayLike]) -> "Recording":
+        """Return a copy with channels added or replaced."""
+        return self._taken(slice(None), {**self.channels, **channels}, self.name)
+
+    def window(self, start: float, end: float) -> "Recording":
+        """Return the rows with start ≤ t < end.
+
+        Parameters
+        ----------
+        start, end : float
+            Times on the clock of the recording [s]. Windows that share an end share no row.
+
+        Raises
+        ------
+        CaseError
+            If fewer than two rows fall into it.
+        """
+        first, last = (self._row(time) for time in (start, end))
+        return self._rows(first, last, f"{self.name}[{start:g}:{end:g} s]")
+
+    def split(
+        self, parts: int | None = None, *, duration: float | None = None
+    ) -> tuple["Recording", ...]:
+        """Cut into consecutive pieces; every row lands in exactly one.
+
+        Parameters
+        ----------
+        parts : int, optional
+            Number of pieces of equal length (to one row).
+        duration : float, optional
+            Length of a piece [s]; the last one is what is left. One of the two must be given.
+
+        Raises
+        ------
+        CaseError
+            If a piece would have fewer than two rows.
+
+        Examples
+        --------
+        >>> rec = Recording(range(5), {"x": range(5)}, "ramp", "memory", InputHold.ZERO)
+        >>> [part["x"] for part in rec.split(2)]
+        [array([0., 1.]), array([2., 3., 4.])]
+        """
+        if (parts is None) == (duration is None):
+            raise CaseError(f"{self.name}: split into a number of parts or by a duration [s]")
+        if parts is not None:
+            if not 1 <= parts <= self.N // 2:
+                raise CaseError(
+                    f"{self.name}: {self.N} rows do not give {parts} parts of two rows or more"
+                )
+            edges = [round(self.N * part / parts) for part in range(parts + 1)]
+        else:
+            rows = round((duration or 0.0) / self.dt)
+            if rows < 2:
+                raise CaseError(f"{self.name}: {duration} s is less than two rows of {self.dt:g} s")
+            edges = [*range(0, self.N - 1, rows), self.N]  # a last single row joins its neighbour
+        return tuple(
+            self._rows(first, last, f"{self.name}[{part}]")
+            for part, (first, last) in enumerate(pairwise(edges))
+        )
+
+    def decimate(self, n: int, average: Iterable[str] = ()) -> "Recording":
+        """Return every n-th row, unfiltered.
+
+        Parameters
+        ----------
+        n : int
+            Rows per row kept.
+        average : iterable of str, optional
+            Channels (inputs held at zero order) to replace by their mean over the n rows from
+            the one kept on, so that the longer hold carries the same integral.
+        """
+        if not 1 <= n < self.N:
+            raise CaseError(f"{self.name}: cannot keep every {n}-th of {self.N} rows")
+        channels = dict(self.channels)
+        starts = np.arange(0, self.N, n)
+        for name in average:
+            mean = np.add.reduceat(self[name], starts) / np.diff(np.append(starts, self.N))
+            channels[name] = np.repeat(mean, n)[: self.N]
+        return self._taken(slice(None, None, n), channels, f"{self.name} (1:{n})")
+
+    def shifted(self, channel: str, samples: int) -> "Recording":
+        """Return the recording with a channel that came `samples` late brought back in time.
+
+        See `aligned`, of which this is the case of one channel.
+        """
+        return self.aligned({channel: samples})
+
+    def aligned(self, late: Mapping[str, int]) -> "Recording":
+        """Undo delays between channels, keeping the rows that all of them share.
+
+        Parameters
+        ----------
+        late : mapping of str to int
+            Rows by which a channel comes late: y[k] of the file belongs to t[k − late].
+            Negative where it comes early.
+
+        Returns
+        -------
+        Recording
+            Shorter by the spread of the delays.
+
+        Examples
+        --------
+        >>> rec = Recording([0.0, 1.0, 2.0, 3.0], {"u": [0, 1, 2, 3], "y": [9, 0, 1, 2]}, "a",
+        ...                 "memory", InputHold.ZERO).shifted("y", 1)
+        >>> rec["u"], rec["y"]
+        (array([0., 1., 2.]), array([0., 1., 2.]))
+        """
+        for channel in late:
+            _ = self[channel]
+        first = max([0, *(-shift for shift in late.values())])
+        last = self.N - max([0, *late.values()])
+        if last - first < 2:
+            raise CaseError(f"{self.name}: {self.N} rows are too few for shifts of {dict(late)}")
+        channels = {
+            name: np.roll(values, -late.get(name, 0)) for name, values in self.channels.items()
+        }
+        return self._taken(slice(first, last), channels, self.name)
+
+    def _row(self, time: float) -> int:
+        # Times fall on rows only up to rounding: a millionth of a step early still counts.
+        row = int(np.ceil((time - self.t[0]) / self.dt - 1e-6))
+        return min(max(row, 0), self.N)
+
+    def _rows(self, first: int, last: int, name: str) -> "Recording":
+        if last - first < 2:
+            raise CaseError(
+                f"{name}: {max(last - first, 0)} rows; the record covers {self.t[0]:g} s to "
+                f"{self.t[-1]:g} s in steps of {self.dt:g} s"
+            )
+        return self._taken(slice(first, last), self.channels, name)
+
+    def _taken(self, rows: slice, channels: Mapping[str, Any], name: str) -> "Recording":
+        step = rows.step or 1
+        line = self.first_line + (rows.start or 0) if self.first_line and step == 1 else 0
+        return Recording(
+            self.t[rows],
+            {key: np.asarray(values)[rows] for key, values in channels.items()},
+            name,
+            self.source,
+            self.hold,
+            line,
+            self.dt * step,
+        )

@@ -1,0 +1,1 @@
+"""Checks of fitted parameters against geometry and data sheet."""

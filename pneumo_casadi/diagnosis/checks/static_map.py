@@ -1,0 +1,46 @@
+"""The static flow map: what a fit did to it, and what its form cannot follow."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from pneumo_casadi.diagnosis.prepare.study import Study
+from pneumo_casadi.estimation.output_error.result import MapPull, map_pull
+from pneumo_casadi.model.effect import Effect
+
+
+def map_pull_of(
+    one: Study, values: Mapping[str, float], effects: Sequence[Effect] = ()
+) -> MapPull | None:
+    """Return how far the flow coefficients among `values` leave the metered points.
+
+    None without a map.
+    """
+    anchor = one.anchor_with(effects)
+    if anchor is None or not all(name in values for name in anchor.names):
+        return None
+    return map_pull(anchor, one.axis.with_effects(*effects).with_parameters(dict(values)))
+
+
+def map_misfit_of(one: Study) -> float | None:
+    """Return what of the flow map its form cannot follow, over the greatest flow.
+
+    The root mean square of that part of the map's own residuals which is a parabola of third
+    degree in pressure at each command. Polynomials that are affine in the command (eq. 12) leave
+    none but where the opening is not in proportion to it. None where no command was metered at
+    six pressures.
+    """
+    anchor, table = one.anchor, one.flow_map
+    if anchor is None or table is None:
+        return None
+    e = anchor(one.axis.flow.parameters.values) * one.axis.flow.sigma
+    explained, count = 0.0, 0
+    middle, half = (table.p.max() + table.p.min()) / 2, max(np.ptp(table.p) / 2, 1.0)
+    for u in np.unique(table.u):
+        rows = table.u == u
+        if rows.sum() >= 6:
+            X = np.polynomial.chebyshev.chebvander((table.p[rows] - middle) / half, 3)
+            Q, _ = np.linalg.qr(X)
+            explained += float(np.sum((Q.T @ e[rows]) ** 2))
+            count += int(rows.sum())
+    return float(np.sqrt(explained / count)) / table.q_max if count else None

@@ -1,0 +1,62 @@
+"""Whether a verdict is to be believed, by the parameters that come with it."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from pneumo_casadi.diagnosis.checks.absorbed import absorbed_candidates
+from pneumo_casadi.diagnosis.decide.result import Verdict
+from pneumo_casadi.diagnosis.decide.verdict import Judgement
+from pneumo_casadi.diagnosis.metrics.findings import Check
+
+#: Areas of the pistons among the checks.
+AREAS = ("S_P", "S_N", "S_N/S_P")
+#: Residuals over the noise floor up to which a gap is faint: a valve with 4/3 the gain left 5.3.
+FAINT = 6.0
+#: Share of the gap left from which an effect is not believed that comes with a wrong mass, or with
+#: areas off by so many tolerances: what its form misses moves them by two.
+DOUBTFUL, FAR = 0.1, 3.0
+
+
+def faint(judgement: Judgement) -> bool:
+    """Tell whether the gap is near the noise in all balances."""
+    return float(np.max(judgement.excess)) < FAINT
+
+
+def believed(judgement: Judgement, checks: Sequence[Check]) -> tuple[Verdict, tuple[str, ...]]:
+    """Hold the verdict against the parameters; return it with what may hide in them.
+
+    An effect that leaves a part of the gap and needs pistons or a mass that the bench has not
+    stands for another one. Where the gap is near the noise, a wrong piston tells more than what
+    closes it. And where the piston of chamber N is far from its size, the flow map being that of
+    valve P, and nothing else that an axis is known by is wrong, valve N is another one.
+
+    Parameters
+    ----------
+    judgement : Judgement
+        From `judge`.
+    checks : sequence of Check
+        From `checks_of`, of the final model.
+
+    Returns
+    -------
+    tuple
+        The verdict, and the effects that may hide in the parameters, the most likely first.
+    """
+    verdict = judgement.verdict
+    hidden = absorbed_candidates(checks)
+    wrong = {one.name for one in checks if not one.agrees}
+    wrong_area = bool(wrong & set(AREAS))
+    # A cause in no list may spoil both areas alike; one beside the other is a matter of the valves.
+    hides = "S_N/S_P" in wrong if verdict is Verdict.UNKNOWN else wrong_area
+    if verdict is Verdict.NONE or (faint(judgement) and hides):
+        return (Verdict.ABSORBED, hidden) if hidden else (verdict, ())
+    areas = [one for one in checks if one.name in AREAS]
+    far = {one.name for one in areas if abs(one.value - one.expected) > FAR * one.tolerance}
+    doubtful = bool(far or "M" in wrong) and judgement.unexplained > DOUBTFUL
+    if doubtful and verdict in (Verdict.EFFECT, Verdict.AMBIGUOUS):
+        verdict = Verdict.UNKNOWN
+    # Friction is left out: an offset of a sensor that shares the gap of another valve acts on it.
+    if verdict is Verdict.UNKNOWN and wrong - {"F_c"} == far == {"S_N", "S_N/S_P"}:
+        return Verdict.ABSORBED, hidden
+    return verdict, ()

@@ -1,0 +1,169 @@
+"""What a diagnosis says: the verdict, its reasons, and how far the gap closes."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any
+
+from pneumo_casadi.diagnosis.locate.evidence import Evidence
+from pneumo_casadi.diagnosis.metrics.findings import (
+    Candidate,
+    Check,
+    EffectFound,
+    Gap,
+    Value,
+    Where,
+)
+
+
+class Verdict(Enum):
+    """What may be said of a case."""
+
+    EFFECT = "effect"
+    """One effect, or several together, close the gap, and no other explains it as well."""
+    AMBIGUOUS = "ambiguous"
+    """Several effects close the gap alike: the data cannot tell them apart."""
+    ABSORBED = "absorbed"
+    """Parameters that contradict geometry or data sheet, and little or no gap in trajectories."""
+    UNKNOWN = "unknown"
+    """A gap that nothing in the catalogue closes."""
+    NONE = "none"
+    """No gap that matters."""
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosis:
+    """What is said of a case.
+
+    Parameters
+    ----------
+    case : str
+        Name.
+    verdict : Verdict
+        In one word.
+    effects : tuple of EffectFound
+        Added, in that order; empty for none, unknown and absorbed.
+    ranking : tuple of Candidate
+        All candidates, the most probable first, failed ones last.
+    where : Where
+        Location.
+    gap : Gap
+        Before and after.
+    ambiguous : tuple of str
+        Names that the data cannot tell apart, the most probable first.
+    experiment : str
+        What would tell them apart; empty where nothing is open.
+    hint : str
+        For ``unknown``: balance, regime and shape of what is missing.
+    checks : tuple of Check
+        Parameters against geometry and data sheet.
+    notes : tuple of str
+        What a reader must know: recovered fits, failed candidates, map left.
+    nominal, fitted : mapping of str to Value
+        Parameters without and with the effects found.
+    seconds : float
+        Time taken.
+    evidence : Evidence or None
+        Curves for figures: unknown inputs over time, residuals over what went on.
+    """
+
+    case: str
+    verdict: Verdict
+    effects: tuple[EffectFound, ...]
+    ranking: tuple[Candidate, ...]
+    where: Where
+    gap: Gap
+    ambiguous: tuple[str, ...]
+    experiment: str
+    hint: str
+    checks: tuple[Check, ...]
+    notes: tuple[str, ...]
+    nominal: Mapping[str, Value]
+    fitted: Mapping[str, Value]
+    seconds: float
+    evidence: Evidence | None = None
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return everything as plain data, the keys of the design first."""
+        shrink = self.gap.shrink
+        return {
+            "verdict": self.verdict.value,
+            "effects": [
+                {
+                    "name": one.name,
+                    "probability": one.probability,
+                    "parameters": _values(one.parameters),
+                }
+                for one in self.effects
+            ],
+            "ranking": [
+                {
+                    "name": one.label,
+                    "probability": one.probability,
+                    "held_out_shrink": None if one.shrink is None else one.shrink.value,
+                    "shrink_interval": (
+                        None if one.shrink is None else [one.shrink.lower, one.shrink.upper]
+                    ),
+                    "explained": one.explained,
+                    "observable": one.observable,
+                    "parameters": _values(one.parameters),
+                    "failure": one.failure or None,
+                }
+                for one in self.ranking
+            ],
+            "where": {
+                "balance": self.where.balance,
+                "junction": self.where.junction,
+                "regimes": [one.name for one in self.where.regimes],
+                "regime_details": [
+                    {
+                        "name": one.name,
+                        "balance": one.balance,
+                        "share": one.share,
+                        "time": one.time,
+                        "p_value": one.p_value,
+                    }
+                    for one in self.where.regimes
+                ],
+                "shares": dict(self.where.shares),
+                "rivals": list(self.where.rivals),
+                "words": list(self.where.words),
+            },
+            "gap": {
+                "before": self.gap.before,
+                "after": self.gap.after,
+                "noise_floor": self.gap.noise_floor,
+                "shrink": shrink.value,
+                "shrink_interval": [shrink.lower, shrink.upper],
+                "views": {
+                    view: {name: dict(values) for name, values in outputs.items()}
+                    for view, outputs in self.gap.views.items()
+                },
+            },
+            "ambiguous": list(self.ambiguous),
+            "experiment": self.experiment,
+            "hint": self.hint,
+            "checks": [
+                {
+                    "name": one.name,
+                    "value": one.value,
+                    "std": one.std,
+                    "expected": one.expected,
+                    "tolerance": one.tolerance,
+                    "unit": one.unit,
+                    "agrees": one.agrees,
+                    "text": one.text,
+                }
+                for one in self.checks
+            ],
+            "notes": list(self.notes),
+            "parameters": {"nominal": _values(self.nominal), "fitted": _values(self.fitted)},
+            "case": self.case,
+            "seconds": self.seconds,
+        }
+
+
+def _values(values: Mapping[str, Value]) -> dict[str, dict[str, Any]]:
+    return {
+        name: {"value": one.value, "std": one.std, "unit": one.unit} for name, one in values.items()
+    }

@@ -1,0 +1,1 @@
+"""Where simulation and reality part: balance, junction, regime."""

@@ -1,0 +1,239 @@
+"""Where simulation and reality part: in which balance or sensor, and in which regime."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from pneumo_casadi.diagnosis.locate.regimes import regimes_of
+from pneumo_casadi.diagnosis.locate.signatures import (
+    HYPOTHESES,
+    Signatures,
+    row_signals,
+    signatures,
+)
+from pneumo_casadi.diagnosis.locate.unknown_inputs import UnknownInputs, inputs_of
+from pneumo_casadi.diagnosis.metrics.findings import Regime, Where
+from pneumo_casadi.diagnosis.prepare.study import Fitted, Study
+from pneumo_casadi.estimation.equation_error.balance_functions import AlongMotion
+from pneumo_casadi.estimation.equation_error.residuals import residuals
+from pneumo_casadi.model.effect import Effect
+
+#: What forms of flow maps and friction laws leave on a right axis, as a share of the signal.
+FORM = {"mass_flow_P": 0.01, "mass_flow_N": 0.01, "force": 0.015}
+#: Left by a sensor's error over left by the best unknown input: below, the sensor is the place;
+#: above the second, it is out of the question.
+SENSOR, RIVAL = 0.7, 3.0
+#: By what a hypothesis with one more free signal must do better.
+SIGNAL = 1.7
+#: Share of the residuals that a rival must not leave.
+UNEXPLAINED = 0.15
+
+#: Sensor errors in the catalogue and beyond that a hypothesis stands for.
+SENSOR_EFFECTS: Mapping[str, tuple[str, ...]] = {
+    "position": ("position_delay", "backlash"),
+    "pressures": ("pressure_sensor_lag", "pressure_sensor_bias"),
+}
+#: Regimes shown at most.
+REGIMES = 5
+#: What in a regime's name points to which junction.
+_CLUES = {
+    "near null": "spool",
+    "flow into": "supply",
+    "filling": "supply",
+    "flow out": "outlet",
+    "emptying": "outlet",
+}
+_WORDS = {
+    "mass_flow_P": "the mass flow into chamber P",
+    "mass_flow_N": "the mass flow into chamber N",
+    "force": "the force on the piston",
+    "measurement": "a sensor",
+}
+
+
+def locate(
+    one: Study,
+    nominal: Fitted,
+    cause: Sequence[Effect] = (),
+    fitted: Fitted | None = None,
+    gap: bool | None = None,
+    inputs: Sequence[UnknownInputs] | None = None,
+) -> Where:
+    """Say where simulation and reality part.
+
+    Parameters
+    ----------
+    one : Study
+        Records and nominal axis.
+    nominal : Fitted
+        Its fit without effects.
+    cause : sequence of Effect, optional
+        Effects found, in the order in which they were added: the location is that of the first.
+    fitted : Fitted, optional
+        The fit with them: tells in which balance the first one adds most.
+    gap : bool, optional
+        Whether there is a gap, where that is known better: without one there is no place, with
+        one there is, be it small. By default unknown inputs decide.
+    inputs : sequence of UnknownInputs, optional
+        From `inputs_of`, where they are known already.
+
+    Returns
+    -------
+    Where
+    """
+    if inputs is None:
+        inputs = inputs_of(one, nominal)
+    energy = dict(
+        zip(one.axis.equations, np.mean([i.energy for i in inputs], axis=0).tolist(), strict=True)
+    )
+    shares = above_form(energy)
+    if gap and not any(shares.values()):
+        total = sum(value / FORM[name] ** 2 for name, value in energy.items())
+        shares = {name: value / FORM[name] ** 2 / total for name, value in energy.items()}
+    found = signatures(one, nominal.values)
+    telling = regimes_of(one, nominal)
+    if cause:
+        balance = place_of(cause[0], shares if fitted is None else _added(one, cause, fitted))
+        junction = _acts_at(cause[0])
+    elif gap is False:
+        balance, junction = "none", ""
+    else:
+        balance = place_without_cause(shares, found)
+        junction = _junction(balance, telling)
+    # A sensor's error shows in every balance, another cause where it acts.
+    here = [r for r in telling if balance in (r.balance, "measurement")][:REGIMES]
+    rivals = () if balance in ("measurement", "none") else rivals_of(found)
+    there = [effect.name for effect in cause if _acts_at(effect) == junction]
+    words = _words(balance, energy, here, rivals, found, there)
+    return Where(balance, junction, tuple(here), shares, rivals, words)
+
+
+def above_form(energy: Mapping[str, float]) -> dict[str, float]:
+    """Return shares of the energies beyond what a right model leaves; zeros if there is none."""
+    excess = {name: max(value - FORM[name] ** 2, 0.0) for name, value in energy.items()}
+    total = sum(excess.values())
+    return {name: value / total if total > 0 else 0.0 for name, value in excess.items()}
+
+
+def place_of(cause: Effect, added: Mapping[str, float]) -> str:
+    """Return the balance, or ``measurement``, in which an effect acts.
+
+    Parameters
+    ----------
+    added : mapping of str to float
+        How much the effect adds to each balance, or the shares of the unknown inputs: decides
+        between chambers.
+    """
+    junctions = set(cause.junctions)
+    if junctions <= {"output"}:
+        return "measurement"
+    if junctions <= {"force", "drive", "output"}:
+        return "force"
+    if junctions & {"force", "drive"}:
+        return max(added, key=lambda name: added[name])
+    flows = {name: value for name, value in added.items() if name != "force"}
+    return max(flows, key=lambda name: flows[name])
+
+
+def place_without_cause(shares: Mapping[str, float], found: Signatures) -> str:
+    """Return where the gap lies when no effect explains it: by unknown inputs and signatures."""
+    if not any(shares.values()):
+        return "none"
+    if min(_weighed(found.sensors)) < SENSOR * min(_weighed(found.inputs)):
+        return "measurement"
+    return max(shares, key=lambda name: shares[name])
+
+
+def _weighed(left: Mapping[str, float]) -> list[float]:
+    """Return what hypotheses leave, times a price for every signal that they let go free."""
+    return [value * SIGNAL ** len(HYPOTHESES[name]) for name, value in left.items()]
+
+
+def rivals_of(found: Signatures) -> tuple[str, ...]:
+    """Name the sensor effects whose signature fits the residuals about as well, the best first."""
+    best = min(found.inputs.values())
+    close = {
+        name: value
+        for name, value in found.sensors.items()
+        if value < RIVAL * best and value < UNEXPLAINED * found.before
+    }
+    order = sorted(close, key=lambda name: close[name])
+    return tuple(effect for name in order for effect in SENSOR_EFFECTS[name])
+
+
+def _added(one: Study, cause: Sequence[Effect], fitted: Fitted) -> dict[str, float]:
+    """Return what the first effect adds to each balance, as a share of its signal's energy."""
+    model = AlongMotion(one.axis.with_effects(*cause))
+    parameters = model.axis.parameters
+    theta = np.array([fitted.values[name] for name in parameters.names])
+    without = theta.copy()
+    for i, item in enumerate(parameters):
+        if item.null is not None and item.name.startswith(f"{cause[0].name}."):
+            without[i] = np.clip(item.null, item.lower, item.upper)
+    train, held = one.smoothed
+    shares = []
+    for data in held or train:
+        change = residuals(model, data, theta) - residuals(model, data, without)
+        mean = np.sum(change**2 * data.used(one.axis), axis=1) / data.m
+        shares.append(mean / row_signals(one.axis, fitted.values, data) ** 2)
+    return dict(zip(one.axis.equations, np.mean(shares, axis=0).tolist(), strict=True))
+
+
+def _acts_at(effect: Effect) -> str:
+    """Return the junction at which an effect acts: not one where it only reads a flow."""
+    found = [name for name in effect.junctions if name not in ("valve_flow", "outlet")]
+    return next(iter(found or effect.junctions), "")
+
+
+def _junction(balance: str, regimes: Sequence[Regime]) -> str:
+    """Return the junction that a balance and its strongest regimes point to."""
+    if balance in ("force", "measurement", "none"):
+        return {"force": "force", "measurement": "output", "none": ""}[balance]
+    for regime in (one for one in regimes if one.balance == balance):
+        for clue, junction in _CLUES.items():
+            if clue in regime.name:
+                return junction
+    return "chamber_flow"
+
+
+def _words(
+    balance: str,
+    energy: Mapping[str, float],
+    regimes: Sequence[Regime],
+    rivals: Sequence[str],
+    found: Signatures,
+    cause: Sequence[str],
+) -> tuple[str, ...]:
+    """Say it in sentences."""
+    sizes = {name: 100 * value**0.5 for name, value in energy.items()}
+    each = ", ".join(f"{_WORDS[name]} {size:.1f} %" for name, size in sizes.items())
+    sentences = [f"What the balances lack, against their own signals: {each}."]
+    if balance == "none":
+        return (*sentences, "No more than flow maps and friction laws usually leave.")
+    if balance == "measurement":
+        best = min(found.sensors, key=lambda name: found.sensors[name])
+        shown = (
+            f"an error of the {best} sensor alone explains"
+            if best == "position"
+            else "errors of the pressures alone explain"
+        )
+        share = 100 * max(0.0, 1 - found.sensors[best] / found.before)
+        sentences.append(
+            f"Simulation and reality part in what a sensor shows: {shown} "
+            f"{share:.0f} % of all residuals."
+        )
+    else:
+        sentences.append(f"Simulation and reality part in {_WORDS[balance]}.")
+    if cause:
+        act = "acts" if len(cause) == 1 else "act"
+        sentences.append(f"That is where {' and '.join(cause)} {act}.")
+    sentences += [
+        f"{100 * one.share:.0f} % of the gap in {_WORDS[one.balance]} is found here: {one.name} "
+        f"({100 * one.time:.0f} % of {'its signal' if one.name.endswith('Hz') else 'the time'})."
+        for one in regimes[:3]
+    ]
+    if rivals:
+        sentences.append(
+            f"Errors of sensors would look much the same: {', '.join(rivals)}. Check the sensors."
+        )
+    return tuple(sentences)

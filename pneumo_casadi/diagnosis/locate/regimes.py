@@ -1,0 +1,332 @@
+"""Regimes: in which part of a record a balance fails, tested against shuffled blocks."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneumo_casadi.diagnosis.locate.signatures import noise_variance, residual_floor
+from pneumo_casadi.diagnosis.metrics.findings import Regime
+from pneumo_casadi.diagnosis.prepare.study import Fitted, Study
+from pneumo_casadi.estimation.equation_error.smoothed_motion import (
+    NOISE_MULTIPLE,
+    ROW_RATE,
+    SLOW,
+    Smoothed,
+)
+from pneumo_casadi.model.axis import Axis
+from pneumo_casadi.parameters import FloatArray
+
+#: Length of the blocks that are shuffled [s]: longer than residuals remember.
+BLOCK = 0.5
+SHUFFLES = 999
+#: A regime matters from this mean square over that of the record, below this chance.
+RATIO, P_VALUE = 1.3, 0.01
+#: Shares that differ by less are those of one regime under two names.
+SAME = 0.02
+#: Larger ratios rank no higher.
+RATIO_CAP = 5.0
+#: A balance is looked at from this root mean square, in units of what a right model leaves.
+FLOORS = 1.5
+#: Fewer rows than this tell nothing of a regime.
+FEWEST = 20
+#: Time after a reversal that counts as such [s].
+REVERSAL = 0.05
+#: Critical pressure ratio of a valve that nobody metered for it.
+CRITICAL = 0.3
+#: Frequency bands [Hz].
+BANDS = (0.0, 0.5, 2.0, 8.0, np.inf)
+#: Length of the stretches of which spectra are taken [s].
+STRETCH = 4.0
+BINS = 12
+
+
+@dataclass(frozen=True, eq=False)
+class RegimeMap:
+    """A balance's residual over one quantity.
+
+    Parameters
+    ----------
+    name, unit : str
+        Quantity: ``"u_P"``, ``"v"``, ``"x"``, ``"t"`` ... and its unit.
+    balance : str
+        Which.
+    edges : (n + 1,) array
+        Of the bins, each with as many rows.
+    mean, band : (n,) array
+        Mean residual, positive where the model has too much, and twice its standard deviation,
+        windows' overlap counted.
+    residual_unit : str
+        Of both: ``"Pa/s"``, ``"N"``, and ``"m/s2"`` on the force-driven axis.
+    """
+
+    name: str
+    unit: str
+    balance: str
+    edges: FloatArray
+    mean: FloatArray
+    band: FloatArray
+    residual_unit: str = "N"
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """Residuals of one balance with what went on in their rows."""
+
+    balance: str
+    r: FloatArray
+    at: Mapping[str, FloatArray]
+
+
+def regimes_of(one: Study, fit: Fitted, seed: int = 0) -> tuple[Regime, ...]:
+    """Return the regimes in which balances fail more than elsewhere, the strongest first.
+
+    Parameters
+    ----------
+    one : Study
+        Records.
+    fit : Fitted
+        Whose residuals; all its records count.
+    seed : int, optional
+        Of the shuffles.
+
+    Returns
+    -------
+    tuple of Regime
+        Of balances whose residual stands out of what a right model leaves; ordered by share ·
+        log(ratio), ratios above five counting as five. Of a frequency band, `time` is the share
+        of the balance's own signal in it.
+    """
+    rng = np.random.default_rng(seed)
+    found: list[Regime] = []
+    floor = np.mean([residual_floor(one.axis, fit.values, data) for data in _records(one)], axis=0)
+    for rows, least in zip(_all_rows(one, fit), floor, strict=True):
+        if np.mean(rows.r**2) > (FLOORS * least) ** 2:
+            found += _tested(rows, one.axis, rng)
+            found += _bands(one, fit, rows.balance, rng)
+    telling = [r for r in found if r.ratio > RATIO and r.p_value < P_VALUE]
+    telling.sort(key=lambda r: -r.share * np.log(min(r.ratio, RATIO_CAP)))
+    return tuple(r for i, r in enumerate(telling) if not any(_same(r, s) for s in telling[:i]))
+
+
+def _same(one: Regime, other: Regime) -> bool:
+    """Whether two regimes of a balance are the same part of the record, but for a few rows."""
+    close = abs(one.share - other.share) < SAME and abs(one.time - other.time) < SAME
+    return close and one.balance == other.balance
+
+
+def maps_of(one: Study, fit: Fitted) -> tuple[RegimeMap, ...]:
+    """Return every balance's residual over command, velocity, position, pressures and time."""
+    units = {"u": "V", "v": "m/s", "x": "m", "p": "Pa", "t": "s", "F": "N"}
+    force = "m/s2" if one.axis.flow is None else "N"
+    found = []
+    for rows in _all_rows(one, fit):
+        own = force if rows.balance == "force" else "Pa/s"
+        for name in _quantities(one.axis, rows.balance):
+            values = rows.at[name]
+            edges = np.unique(np.quantile(values, np.linspace(0, 1, BINS + 1)))
+            if edges.size < 3:
+                continue
+            bins = np.clip(np.searchsorted(edges, values, "right") - 1, 0, edges.size - 2)
+            count = np.maximum(np.bincount(bins, minlength=edges.size - 1), 1)
+            mean = np.bincount(bins, rows.r, edges.size - 1) / count
+            square = np.bincount(bins, rows.r**2, edges.size - 1) / count
+            # Windows are four rows long: that many rows share one measurement.
+            band = 2 * np.sqrt(np.maximum(square - mean**2, 0.0) * 4 / count)
+            found.append(RegimeMap(name, units[name[0]], rows.balance, edges, mean, band, own))
+    return tuple(found)
+
+
+def _quantities(axis: Axis, balance: str) -> tuple[str, ...]:
+    if balance == "force":
+        return ("v", "x", *(f"p_{c}" for c in "PN" if f"p_{c}" in axis.outputs), "t")
+    chamber = balance[-1]
+    return (f"u_{chamber}", f"p_{chamber}", "v", "x", "t")
+
+
+def _all_rows(one: Study, fit: Fitted) -> Iterator[_Rows]:
+    train, held = one.smoothed
+    at = [_averaged(one.axis, data) for data in (*train, *held)]
+    used = (*fit.used_train, *fit.used_held_out)
+    for i, balance in enumerate(one.axis.equations):
+        r = np.concatenate(
+            [r[i][u[i]] for r, u in zip((*fit.train, *fit.held_out), used, strict=True)]
+        )
+        known = {
+            name: np.concatenate([a[name][u[i]] for a, u in zip(at, used, strict=True)])
+            for name in at[0]
+        }
+        yield _Rows(balance, r, known)
+
+
+def _averaged(axis: Axis, data: Smoothed) -> dict[str, FloatArray]:
+    """Return what went on in every row, by name."""
+    names = (*axis.motion_states, *axis.inputs)
+    v = data.x[axis.motion_states.index("v")]
+    columns = [*data.x, *data.u, data.t, _after_reversal(v, data)]
+    columns += [data.dx[i] for i, _ in enumerate(axis.outputs[:-1])]
+    rates = tuple(f"d{name}" for name in axis.outputs[:-1])
+    found = data.averaged(np.array(columns).T).T
+    return dict(zip((*names, "t", "reversal", *rates), found, strict=True))
+
+
+def _after_reversal(v: FloatArray, data: Smoothed) -> FloatArray:
+    """Return 1 within `REVERSAL` after the velocity has changed its sign."""
+    direction = np.where(np.abs(v) > max(SLOW, NOISE_MULTIPLE * data.velocity_noise), np.sign(v), 0)
+    moving = np.flatnonzero(direction)
+    turns = moving[1:][direction[moving][1:] != direction[moving][:-1]]
+    found = np.zeros(v.size)
+    for turn in turns:
+        found[turn : turn + round(REVERSAL / data.dt)] = 1.0
+    return found
+
+
+def _tested(rows: _Rows, axis: Axis, rng: np.random.Generator) -> list[Regime]:
+    """Test all regimes of one balance."""
+    inside = {
+        name: mask
+        for name, mask in _partition(rows, axis)
+        if FEWEST <= mask.sum() <= rows.r.size - FEWEST
+    }
+    square = rows.r**2
+    if not inside or square.sum() == 0:
+        return []
+    masks = np.array(list(inside.values()), dtype=float)
+    shares = masks @ square / square.sum()
+    length = round(BLOCK * ROW_RATE)
+    count = rows.r.size // length
+    blocks = np.arange(count * length).reshape(count, length)
+    reached = np.ones(len(masks))
+    for _ in range(SHUFFLES):
+        order = blocks[rng.permutation(count)].ravel()
+        # What is left of the last block stays.
+        shuffled = np.concatenate([square[order], square[count * length :]])
+        reached += masks @ shuffled / square.sum() >= shares
+    return [
+        Regime(name, rows.balance, float(share), float(mask.mean()), float(hits / (SHUFFLES + 1)))
+        for name, share, mask, hits in zip(inside, shares, masks, reached, strict=True)
+    ]
+
+
+def _partition(rows: _Rows, axis: Axis) -> Iterator[tuple[str, NDArray[np.bool_]]]:
+    at = rows.at
+    v, x, t = at["v"], at["x"], at["t"]
+    speed = np.abs(v)
+    fast = float(np.quantile(speed, 0.99))
+    yield "near standstill (|v| < 10 mm/s)", speed < 0.01
+    yield f"slow motion (|v| < {250 * fast:.0f} mm/s)", speed < 0.25 * fast
+    yield f"fast motion (|v| > {500 * fast:.0f} mm/s)", speed > 0.5 * fast
+    yield "moving in +x", v > 0
+    yield "moving in −x", v < 0
+    low, high = np.quantile(x, [0.002, 0.998])
+    where = (x - low) / max(high - low, 1e-12)
+    yield "lower third of the travel", where < 1 / 3
+    yield "middle third of the travel", (where >= 1 / 3) & (where <= 2 / 3)
+    yield "upper third of the travel", where > 2 / 3
+    yield "near the ends of the travel", np.abs(where - 0.5) > 0.4
+    yield "within 50 ms after a reversal", at["reversal"] > 0.25
+    first, last = t.min(), t.max()
+    yield "first third of the record", t < first + (last - first) / 3
+    yield "last third of the record", t > last - (last - first) / 3
+    if rows.balance == "force":
+        if "p_P" in at:
+            mean = at["p_P"] + at["p_N"]
+            yield "high pressures in both chambers", mean > np.quantile(mean, 0.75)
+            yield "low pressures in both chambers", mean < np.quantile(mean, 0.25)
+        return
+    yield from _of_valve(rows, axis)
+
+
+def _of_valve(rows: _Rows, axis: Axis) -> Iterator[tuple[str, NDArray[np.bool_]]]:
+    chamber = rows.balance[-1]
+    u, p, rate = (rows.at[f"{name}_{chamber}"] for name in ("u", "p", "dp"))
+    size, span = np.abs(u), float(np.quantile(np.abs(u), 0.99))
+    yield f"valve {chamber} filling (u > 0)", u > 0
+    yield f"valve {chamber} emptying (u < 0)", u < 0
+    yield f"valve {chamber} near null (|u| < {0.1 * span:.2g} V)", size < 0.1 * span
+    yield (
+        f"valve {chamber} half open ({0.1 * span:.2g} V < |u| < {0.5 * span:.2g} V)",
+        (size >= 0.1 * span) & (size <= 0.5 * span),
+    )
+    yield f"valve {chamber} wide open (|u| > {0.5 * span:.2g} V)", size > 0.5 * span
+    yield f"pressure {chamber} rising", rate > 0
+    yield f"pressure {chamber} falling", rate < 0
+    supply, ambient = axis.constants["p_supply"], axis.constants["p_ext"]
+    into, out = (_critical(axis, edge) for edge in ("supply", "exhaust"))
+    yield f"choked flow into chamber {chamber}", (u > 0) & (p < into * supply)
+    yield f"flow into chamber {chamber}, not choked", (u > 0) & (p >= into * supply)
+    yield f"choked flow out of chamber {chamber}", (u < 0) & (ambient < out * p)
+    yield f"flow out of chamber {chamber}, not choked", (u < 0) & (ambient >= out * p)
+
+
+def _critical(axis: Axis, edge: str) -> float:
+    """Return the critical pressure ratio of a metering edge."""
+    values = axis.parameters.as_dict()
+    return values.get(f"b_{edge}", CRITICAL)
+
+
+def _bands(one: Study, fit: Fitted, balance: str, rng: np.random.Generator) -> list[Regime]:
+    """Compare the spectrum of a balance's residual with that of its signal."""
+    i = one.axis.equations.index(balance)
+    length = round(STRETCH * ROW_RATE)
+    residual, signal = [], []
+    used = (*fit.used_train, *fit.used_held_out)
+    for data, r, counts in zip(_records(one), (*fit.train, *fit.held_out), used, strict=True):
+        drive = data.averaged(_signal(one.axis, data, balance)[:, None])[:, 0]
+        for first in range(0, data.m - length + 1, length):
+            part = slice(first, first + length)
+            mask = counts[i, part]
+            if mask.mean() > 0.3:
+                residual.append(_spectrum(r[i, part], mask))
+                signal.append(_spectrum(drive[part], mask))
+    if len(residual) < 6:
+        return []
+    R, S = np.array(residual), np.array(signal)
+    R -= _noise_spectrum(one, fit, i, length)
+    if R.sum() <= 0:
+        return []
+    f = np.fft.rfftfreq(length, 1 / ROW_RATE)
+    found = []
+    for low, high in pairwise(BANDS):
+        inside = (f >= low) & (f < high)
+        share, usual = R[:, inside].sum() / R.sum(), S[:, inside].sum() / S.sum()
+        excess = (R[:, inside].sum(axis=1) - usual * R.sum(axis=1)) / R.sum()
+        signs = rng.choice([-1.0, 1.0], size=(SHUFFLES, excess.size))
+        p = (1 + np.sum(signs @ excess >= excess.sum())) / (SHUFFLES + 1)
+        text = f"above {low:g} Hz" if np.isinf(high) else f"between {low:g} and {high:g} Hz"
+        found.append(Regime(text, balance, float(share), float(usual), float(p)))
+    return found
+
+
+def _noise_spectrum(one: Study, fit: Fitted, i: int, length: int) -> FloatArray:
+    """Return what the sensors' noise adds to the spectrum of balance `i`, (length // 2 + 1,)."""
+    data = _records(one)[0]
+    order = 2 if one.axis.equations[i] == "force" else 1
+    white = data.smooth(np.random.default_rng(0).standard_normal(data.N))
+    for _ in range(order):
+        white = data.derivative(white)
+    rows = data.averaged(white[:, None])[:, 0]
+    every = [rows[k : k + length] for k in range(0, data.m - length + 1, length)]
+    shape = np.mean([_spectrum(part, np.ones(length, dtype=bool)) for part in every], axis=0)
+    variance = noise_variance(one.axis, fit.values, data)[i]
+    return np.asarray(shape * variance / np.var(rows))
+
+
+def _records(one: Study) -> Sequence[Smoothed]:
+    train, held = one.smoothed
+    return (*train, *held)
+
+
+def _signal(axis: Axis, data: Smoothed, balance: str) -> FloatArray:
+    if balance != "force":
+        return np.asarray(data.dx[axis.motion_states.index(f"p_{balance[-1]}")])
+    if axis.flow is None:
+        return np.asarray(data.u[0])
+    return np.asarray(axis.constants["S_P"] * data.x[0] - axis.constants["S_N"] * data.x[1])
+
+
+def _spectrum(values: FloatArray, mask: NDArray[np.bool_]) -> FloatArray:
+    centred = np.where(mask, values - values[mask].mean(), 0.0)
+    return np.asarray(np.abs(np.fft.rfft(centred * np.hanning(centred.size))) ** 2)

@@ -1,0 +1,1 @@
+"""Sizes of residuals and gaps, and the findings that carry them."""

@@ -1,0 +1,200 @@
+"""The gap of simulations on held-out records, before and after effects are added."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pneumo_casadi.diagnosis.metrics.findings import Gap, Shrink
+from pneumo_casadi.diagnosis.metrics.residual_size import Yardstick, balance_shrink, size
+from pneumo_casadi.diagnosis.prepare.study import Fitted, Study
+from pneumo_casadi.errors import FitError, ModelError
+from pneumo_casadi.estimation.statistics import stated_or_estimated_noise
+from pneumo_casadi.model.axis import Axis
+from pneumo_casadi.model.effect import Effect
+from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.validation import loop_errors, window_runs
+
+#: Length of the open-loop windows [s].
+WINDOW = 0.5
+#: Width of the smoothed sign of the velocity in simulations [m/s].
+V_S_SIMULATED = 3e-4
+REPLICATES = 1000
+
+View = dict[str, dict[str, float]]
+
+
+@dataclass(eq=False)
+class Simulations:
+    """Simulations of a study's held-out records, each done once.
+
+    Parameters
+    ----------
+    study : Study
+        The case.
+    """
+
+    study: Study
+
+    def __post_init__(self) -> None:
+        self._kept: list[tuple[Fitted, FloatArray | str]] = []
+
+    def windows(self, fitted: Fitted, effects: Sequence[Effect]) -> FloatArray | str:
+        """Return squared errors of every window, or why it cannot be simulated.
+
+        Shape (windows, ny), in per cent of the signals squared; initial states estimated.
+        """
+        for known, found in self._kept:
+            if known is fitted:
+                return found
+        self.keep(fitted, self._simulated(fitted, effects))
+        return self._kept[-1][1]
+
+    def keep(self, fitted: Fitted, windows: FloatArray | str) -> None:
+        """Remember what was simulated elsewhere."""
+        self._kept.append((fitted, windows))
+
+    def _simulated(self, fitted: Fitted, effects: Sequence[Effect]) -> FloatArray | str:
+        axis = self._axis(fitted, effects)
+        try:
+            pairs = window_runs(axis, self.study.held_out, WINDOW)
+        except (FitError, ModelError) as error:
+            return str(error)
+        found = []
+        for record, rows, run in pairs:
+            L = round(WINDOW / record.dt)
+            e = np.stack([record[name][rows] - run[name] for name in axis.outputs])
+            found.append(np.mean(e.reshape(len(e), -1, L) ** 2, axis=2).T)
+        return np.asarray(np.concatenate(found) / _sizes(self.study) ** 2 * 1e4)
+
+    def loop(self, fitted: Fitted, effects: Sequence[Effect]) -> dict[str, float] | str:
+        """Return the gap of every output under the controller, or why there is none."""
+        axis = self._axis(fitted, effects)
+        try:
+            errors = loop_errors(axis, self.study.held_out)
+        except (FitError, ModelError) as error:
+            return str(error)
+        return {n: _gap(errors[n].percent ** 2, errors[n].noise_percent) for n in axis.outputs}
+
+    def share(self, nominal: Fitted, fitted: Fitted, effects: Sequence[Effect]) -> float:
+        """Return the share of the windows' gap that a fit leaves; 1 if it cannot be simulated."""
+        floor = np.array(list(_noise_percent(self.study).values()))
+        before, after = self.windows(nominal, ()), self.windows(fitted, effects)
+        if isinstance(before, str) or isinstance(after, str):
+            return 1.0
+        return _rms_gap(after, floor) / max(_rms_gap(before, floor), 1e-12)
+
+    def _axis(self, fitted: Fitted, effects: Sequence[Effect]) -> Axis:
+        axis = self.study.axis.with_effects(*effects).with_parameters(dict(fitted.values))
+        return axis.with_parameters({"v_s": V_S_SIMULATED})
+
+
+def simulated_gap(
+    done: Simulations, nominal: Fitted, final: Fitted, effects: Sequence[Effect], by: Yardstick
+) -> tuple[Gap, tuple[str, ...]]:
+    """Return the gap before and after, and notes on what could not be simulated.
+
+    Parameters
+    ----------
+    nominal, final : Fitted
+        Fits without and with effects.
+    effects : sequence of Effect
+        Those of `final`, in the order of its model.
+    """
+    one, models = done.study, ((nominal, ()), (final, effects))
+    notes: list[str] = []
+    views: dict[str, View] = {"balances": _balances(one, nominal, final, by)}
+    noise = _noise_percent(one)
+    before, after = (done.windows(*model) for model in models)
+    failed = [why for why in (before, after) if isinstance(why, str)]
+    notes += [f"windows of {WINDOW:g} s cannot be simulated: {why}" for why in failed]
+    if not isinstance(before, str) and not isinstance(after, str):
+        views["windows"] = _view(one.axis.outputs, before, after, noise)
+    if one.axis.bench.controller is not None and all("x_ref" in r for r in one.held_out):
+        loops = [done.loop(*model) for model in models]
+        notes += [f"the closed loop cannot be simulated: {w}" for w in loops if isinstance(w, str)]
+        b, a = loops
+        if not isinstance(b, str) and not isinstance(a, str):
+            views["closed_loop"] = {
+                name: {"before": b[name], "after": a[name], "noise": noise[name]}
+                for name in one.axis.outputs
+            }
+    if isinstance(before, str) or isinstance(after, str):
+        shown = views["balances"]
+        sizes = {k: _overall([v[k] for v in shown.values()]) for k in ("before", "after", "noise")}
+        shrink = balance_shrink(nominal, final, by)
+        found = Gap(sizes["before"], sizes["after"], sizes["noise"], shrink, views)
+        return found, (*notes, "the gap is that of the balances")
+    floor = np.array(list(noise.values()))
+    shrink = _shrink(before, after, floor)
+    gaps = _rms_gap(before, floor), _rms_gap(after, floor)
+    return Gap(*gaps, _overall(floor), shrink, views), tuple(notes)
+
+
+def _sizes(one: Study) -> FloatArray:
+    return np.array(
+        [
+            np.std(np.concatenate([r[name] - r[name].mean() for r in one.held_out]))
+            for name in one.axis.outputs
+        ]
+    )
+
+
+def _noise_percent(one: Study) -> dict[str, float]:
+    sizes = _sizes(one)
+    return {
+        name: 100 * stated_or_estimated_noise(one.axis.bench, one.held_out, name) / float(s)
+        for name, s in zip(one.axis.outputs, sizes, strict=True)
+    }
+
+
+def _view(
+    outputs: Sequence[str], before: FloatArray, after: FloatArray, noise: Mapping[str, float]
+) -> View:
+    return {
+        name: {
+            "before": _gap(float(before[:, i].mean()), noise[name]),
+            "after": _gap(float(after[:, i].mean()), noise[name]),
+            "noise": noise[name],
+        }
+        for i, name in enumerate(outputs)
+    }
+
+
+def _balances(one: Study, nominal: Fitted, final: Fitted, by: Yardstick) -> View:
+    b, a, n = (100 * part / by.signal for part in (size(nominal), size(final), by.noise))
+    return {
+        name: {
+            "before": _gap(float(b[i] ** 2), float(n[i])),
+            "after": _gap(float(a[i] ** 2), float(n[i])),
+            "noise": float(n[i]),
+        }
+        for i, name in enumerate(one.axis.equations)
+    }
+
+
+def _gap(mean_square: float, noise: float) -> float:
+    return float(np.sqrt(max(mean_square - noise**2, 0.0)))
+
+
+def _overall(values: Sequence[float] | FloatArray) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def _rms_gap(squares: FloatArray, floor: FloatArray) -> float:
+    return float(np.sqrt(np.mean(np.maximum(squares.mean(axis=0) - floor**2, 0))))
+
+
+def _shrink(before: FloatArray, after: FloatArray, floor: FloatArray) -> Shrink:
+    """Return the shrink with an interval from resampled windows, the same ones on both sides."""
+    rng = np.random.default_rng(0)
+    n = len(before)
+    weights = rng.multinomial(n, np.full(n, 1 / n), size=REPLICATES) / n
+    found = []
+    for squares in (before, after):
+        excess = np.maximum(weights @ squares - floor**2, 0)
+        found.append(np.sqrt(excess.mean(axis=1)))
+    drawn = 1 - found[1] / np.maximum(found[0], 1e-12)
+    a, b = _rms_gap(before, floor), _rms_gap(after, floor)
+    lower, upper = np.quantile(drawn, (0.025, 0.975))
+    return Shrink(1 - b / a if a > 0 else 0.0, float(lower), float(upper))

@@ -1,0 +1,107 @@
+"""Finished fits on disk: interrupted work is taken up again where it stopped."""
+
+import hashlib
+import inspect
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
+
+import numpy as np
+
+from pneumo_casadi import __version__
+from pneumo_casadi.diagnosis.prepare.study import Fitted, Study
+from pneumo_casadi.model.effect import Effect
+from pneumo_casadi.runtime.atomic_files import whole_file
+
+
+@dataclass(frozen=True, slots=True)
+class Store:
+    """A folder of fits of one study.
+
+    Parameters
+    ----------
+    folder : path
+        Where they lie; made if it is not there.
+    token : str
+        Hash of records, bench, start, flow map and version: fits of others are not taken.
+    """
+
+    folder: Path
+    token: str
+
+    @classmethod
+    def of(cls, folder: Path, one: Study) -> "Store":
+        """Return the store of a study in a folder."""
+        folder.mkdir(parents=True, exist_ok=True)
+        digest = hashlib.sha256()
+        for record in (*one.train, *one.held_out):
+            for name, values in sorted(record.channels.items()):
+                digest.update(name.encode())
+                digest.update(np.ascontiguousarray(values).tobytes())
+        known = one.flow_map
+        if known is not None:
+            for part in (known.u, known.p, known.q_m, known.p_supply, known.p_ext):
+                digest.update(np.asarray(part, dtype=float).tobytes())
+        words = (__version__, one.axis.bench, one.axis.parameters.as_dict())
+        digest.update(repr(words).encode())
+        return cls(folder, digest.hexdigest())
+
+    def _path(self, effects: Sequence[Effect]) -> Path:
+        digest = hashlib.sha256(self.token.encode())
+        for effect in effects:
+            digest.update(f"{effect.name} {_source(type(effect))}".encode())
+        return self.folder / f"{digest.hexdigest()[:32]}.npz"
+
+    def read(self, effects: Sequence[Effect]) -> Fitted | None:
+        """Return a fit that is there, None where none is or the file is damaged."""
+        path = self._path(effects)
+        try:
+            with np.load(path, allow_pickle=False) as held:
+                found = dict(held)
+            parts: list[Any] = [
+                tuple(found[f"{name}_{i}"] for i in range(int(found[f"n_{name}"])))
+                for name in _PARTS
+            ]
+            return Fitted(
+                tuple(effect.name for effect in effects),
+                dict(zip(found["names"].tolist(), found["values"].tolist(), strict=True)),
+                dict(zip(found["free"].tolist(), found["std"].tolist(), strict=True)),
+                float(found["cost"]),
+                parts[0],
+                parts[1],
+                parts[2],
+                parts[3],
+                bool(found["converged"]),
+            )
+        except (OSError, KeyError, ValueError, BadZipFile):
+            return None
+
+    def write(self, effects: Sequence[Effect], fitted: Fitted) -> None:
+        """Keep a fit, by way of a temporary file."""
+        content: dict[str, object] = {
+            "names": np.array(list(fitted.values)),
+            "values": np.array(list(fitted.values.values())),
+            "free": np.array(list(fitted.std)),
+            "std": np.array(list(fitted.std.values())),
+            "cost": fitted.cost,
+            "converged": fitted.converged,
+        }
+        for name in _PARTS:
+            arrays = getattr(fitted, name)
+            content[f"n_{name}"] = len(arrays)
+            content |= {f"{name}_{i}": array for i, array in enumerate(arrays)}
+        with whole_file(self._path(effects)) as draft, draft.open("wb") as file:
+            np.savez(file, **content)  # type: ignore[arg-type]
+
+
+_PARTS = ("train", "held_out", "used_train", "used_held_out")
+
+
+def _source(effect: type[Effect]) -> str:
+    """Return the text of an effect: one that has changed is another one."""
+    try:
+        return inspect.getsource(effect)
+    except (OSError, TypeError):  # written in a console
+        return repr(effect.parameters)

@@ -1,0 +1,269 @@
+"""Everything that the fits of one case share, and one fit as plain numbers."""
+
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneumo_casadi.data import Recording
+from pneumo_casadi.errors import FitError
+from pneumo_casadi.estimation.equation_error.balance_functions import AlongMotion
+from pneumo_casadi.estimation.equation_error.fit import fit_balances
+from pneumo_casadi.estimation.equation_error.residuals import residuals
+from pneumo_casadi.estimation.equation_error.smoothed_motion import Smoothed, all_smoothed
+from pneumo_casadi.estimation.output_error.result import map_pull
+from pneumo_casadi.estimation.output_error.shooting.map_anchor import Anchor, anchor
+from pneumo_casadi.estimation.wls import fit_wls
+from pneumo_casadi.model.axis import Axis
+from pneumo_casadi.model.effect import Effect
+from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.valve import FlowMap
+
+#: Width of the smoothed sign of the velocity; slower rows are left out [m/s].
+V_S = 1e-3
+#: An effect that gains less log-likelihood than this is tried so many times larger too.
+LITTLE, LARGER = 1.0, (10.0, 100.0, 1000.0)
+#: Residuals of the flow map over those of its own fit, from which on it contradicts a shape of the
+#: valve: the shape is there to lower them.
+CONTRADICTED = 1.2
+#: Another form of an effect must gain so much log-likelihood.
+FORM = 20.0
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """A nominal axis at its start, with the records to fit and those held out.
+
+    Parameters
+    ----------
+    axis : Axis
+        Nominal, at the estimate of weighted least squares.
+    flow_map : FlowMap or None
+        Metered points.
+    train, held_out : tuple of Recording
+        Records.
+
+    Notes
+    -----
+    Smoothing is done once a process: a study may be sent to another one.
+    """
+
+    axis: Axis
+    flow_map: FlowMap | None
+    train: tuple[Recording, ...]
+    held_out: tuple[Recording, ...]
+
+    def __getstate__(self) -> dict[str, object]:
+        kept = ("axis", "flow_map", "train", "held_out")
+        return {name: self.__dict__[name] for name in kept}
+
+    @cached_property
+    def smoothed(self) -> tuple[tuple[Smoothed, ...], tuple[Smoothed, ...]]:
+        """Records to fit and records held out, smoothed."""
+        return all_smoothed(self.axis, self.train), all_smoothed(self.axis, self.held_out)
+
+    @property
+    def anchor(self) -> Anchor | None:
+        """Residuals of the flow map."""
+        return self.anchor_with(())
+
+    def anchor_with(self, effects: Sequence[Effect]) -> Anchor | None:
+        """Residuals of the flow map of a valve that has some effects; None without a map."""
+        if self.flow_map is None or self.axis.flow is None:
+            return None
+        key = tuple(effect.name for effect in effects if effect.metered)
+        if key not in self._anchors:
+            self._anchors[key] = anchor(self.flow_map, self.axis.flow, effects=effects)
+        return self._anchors[key]
+
+    @cached_property
+    def _anchors(self) -> dict[tuple[str, ...], Anchor]:
+        return {}
+
+    @cached_property
+    def least(self) -> FloatArray:
+        """Smallest residual of each balance that is told from none, in the units of `Fitted`."""
+        return np.array([1e-5] if self.axis.flow is None else [10.0, 10.0, 1e-3])
+
+
+def study(
+    axis: Axis,
+    flow_map: FlowMap | None,
+    train: Sequence[Recording],
+    held_out: Sequence[Recording],
+) -> Study:
+    """Start a study with weighted least squares."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # a start that is clipped at a bound is no news here
+        start = axis.started_at(fit_wls(axis, train).parameters)
+    return Study(start.with_parameters({"v_s": V_S}), flow_map, tuple(train), tuple(held_out))
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """One fit of the balances as plain numbers.
+
+    Parameters
+    ----------
+    effects : tuple of str
+        Names of the effects in the model.
+    values, std : mapping of str to float
+        All parameters; standard deviations of the free ones.
+    cost : float
+        See `BalanceFit`.
+    train, held_out : tuple of (ne, m) array
+        Residuals by record [Pa/s, Pa/s, N], of a force-driven axis over the mass [m/s²].
+    used_train, used_held_out : tuple of (ne, m) array of bool
+        Rows that count.
+    converged : bool
+        Whether the fit settled.
+    """
+
+    effects: tuple[str, ...]
+    values: Mapping[str, float]
+    std: Mapping[str, float]
+    cost: float
+    train: tuple[FloatArray, ...]
+    held_out: tuple[FloatArray, ...]
+    used_train: tuple[NDArray[np.bool_], ...]
+    used_held_out: tuple[NDArray[np.bool_], ...]
+    converged: bool
+
+
+def fit(
+    one: Study,
+    effects: Sequence[Effect],
+    start: Mapping[str, float] | None = None,
+    shapes: Sequence[Mapping[str, float]] = (),
+    base: float | None = None,
+) -> Fitted:
+    """Fit the nominal axis with some effects to the balances.
+
+    Parameters
+    ----------
+    start : mapping of str to float, optional
+        Values to begin at; effects that are not named there begin at their starting values.
+    shapes : sequence of mapping, optional
+        Values of shape parameters to begin at, in turn; the best fit counts.
+    base : float, optional
+        Cost of the fit to be improved. Where nothing is gained on it, effects are tried larger
+        too: a back pressure that leaves the valves choked is not felt at all.
+    """
+    axis = one.axis.with_effects(*effects).at_starting_values()
+    known = {name: value for name, value in (start or {}).items() if name in axis.parameters}
+    axis = axis.with_parameters(known)
+    found = min((_recovered(one, axis.with_parameters(s)) for s in shapes or ({},)), key=_cost)
+    if base is not None and effects and found.cost >= base - LITTLE:
+        new = [n for n in axis.parameters.free_names if "." in n and n not in known]
+        found = _larger(one, axis, new, found)
+    refuse_unbelievable(one, effects, found)
+    return found
+
+
+def _larger(one: Study, axis: Axis, names: Sequence[str], small: Fitted) -> Fitted:
+    """Return a fit from larger values of some parameters; the small one where none is better."""
+    items = axis.parameters.select(names)
+    for factor in LARGER:
+        larger = np.clip(items.values * factor, items.lower, items.upper)
+        again = _fit(one, axis.with_parameters(dict(zip(names, larger.tolist(), strict=True))))
+        if again.cost < small.cost - LITTLE:
+            return again
+    return small
+
+
+def _recovered(one: Study, axis: Axis) -> Fitted:
+    """Fit; where a chamber's parameter runs away to its bound, again from what geometry says.
+
+    The bounds are a factor of 20 away from the geometry: who ends there got lost.
+    """
+    found = _fit(one, axis)
+    items = [item for item in axis.parameters if item.free and item.name.startswith("X_s")]
+    if all(item.lower < found.values[item.name] < item.upper for item in items):
+        return found
+    geometry = {item.name: item.scale for item in items}
+    return min(found, _fit(one, axis.with_parameters(geometry)), key=_cost)
+
+
+def refined(one: Study, fitted: Fitted, effects: Sequence[Effect]) -> Fitted:
+    """Return a fit that went on, with whole derivatives, then with all of its effects' parameters.
+
+    Those held tell one form of an effect from another, a hole from a gap, and are asked for once
+    the effect is known to be there; they stay held where they gain little. What is not to be
+    believed is not taken.
+    """
+    axis = one.axis.with_effects(*effects).with_parameters(dict(fitted.values))
+    if AlongMotion(axis).holding:
+        fitted = _better(one, effects, fitted, _fit(one, axis, whole=True), 0.0)
+        axis = axis.with_parameters(dict(fitted.values))
+    held = [n for n in axis.parameters.names if "." in n and n not in axis.parameters.free_names]
+    if not held:
+        return fitted
+    released = axis.with_parameters(axis.parameters.release(*held))
+    return _better(one, effects, fitted, _fit(one, released), FORM)
+
+
+def _better(
+    one: Study, effects: Sequence[Effect], fitted: Fitted, found: Fitted, gain: float
+) -> Fitted:
+    """Return what was found where it gains enough and is to be believed, else what was fitted."""
+    if found.cost >= fitted.cost - gain:
+        return fitted
+    try:
+        refuse_unbelievable(one, effects, found)
+    except FitError:
+        return fitted
+    return found
+
+
+def refuse_unbelievable(one: Study, effects: Sequence[Effect], found: Fitted) -> None:
+    """Refuse a shape of the valve that its metered map does not show, and values out of range.
+
+    Raises
+    ------
+    FitError
+        Naming the parameter and what is known of it.
+    """
+    for effect in effects:
+        for name, (low, high) in effect.credible.items():
+            value = found.values[f"{effect.name}.{name}"]
+            if not low <= value <= high:
+                raise FitError(
+                    f"{effect.name}.{name} = {value:.3g} is not to be believed, by physics it is "
+                    f"{low:g} to {high:g}: something else is at work"
+                )
+    known = one.anchor_with(effects)
+    if known is None or known is one.anchor:
+        return
+    axis = one.axis.with_effects(*effects).with_parameters(dict(found.values))
+    pull = map_pull(known, axis)
+    if pull.rms > CONTRADICTED:
+        raise FitError(
+            f"the metered flow map contradicts it: with the shape that the motion asks for, its "
+            f"residuals are {pull.rms:.1f} times those of its own fit"
+        )
+
+
+def _cost(fitted: Fitted) -> float:
+    return fitted.cost
+
+
+def _fit(one: Study, axis: Axis, whole: bool = False) -> Fitted:
+    model = AlongMotion(axis)
+    train, held = one.smoothed
+    known = one.anchor_with(axis.effects)
+    found = fit_balances(model, train, known, axis.parameters.values, one.least, whole)
+    std = np.sqrt(np.maximum(np.diag(found.covariance), 0.0))  # against rounding
+    return Fitted(
+        tuple(effect.name for effect in axis.effects),
+        dict(zip(axis.parameters.names, found.theta.tolist(), strict=True)),
+        dict(zip(model.free, std.tolist(), strict=True)),
+        found.cost,
+        found.residuals,
+        tuple(residuals(model, data, found.theta) for data in held),
+        tuple(data.used(axis) for data in train),
+        tuple(data.used(axis) for data in held),
+        found.converged,
+    )

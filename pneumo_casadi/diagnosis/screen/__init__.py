@@ -1,0 +1,1 @@
+"""The screen: what each effect could explain, from one linearisation."""

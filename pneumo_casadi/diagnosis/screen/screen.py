@@ -1,0 +1,223 @@
+"""The screen: what each effect could explain, from one linearisation at the nominal fit.
+
+The perturbation that an effect causes along the smoothed motion is projected orthogonally to
+everything that a refit of the nominal model would absorb. Shape parameters, on which nothing
+depends at first order where the effect vanishes, are tried on a grid. A large effect may act in
+another direction than a small one, play wider than most strokes of the command for one: the
+perturbations by effects of the usual size are tried as well.
+"""
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pneumo_casadi.diagnosis.prepare.study import Fitted, Study
+from pneumo_casadi.estimation.equation_error.balance_functions import AlongMotion
+from pneumo_casadi.estimation.equation_error.residuals import directions, linearised
+from pneumo_casadi.estimation.output_error.solvers.bounded_step import bounded_minimum
+from pneumo_casadi.model.effect import Effect
+from pneumo_casadi.parameters import FloatArray
+
+#: Shape parameters are tried at these multiples of their starting values, ...
+GRID = (1 / 3, 1.0, 3.0)
+#: ... and those that may have either sign at these.
+SIGNED_GRID = (-4.0, -2.0, -1.0, 0.0, 1.0, 2.0, 4.0)
+#: Below this share of its influence the direction of an effect is lost in rounding; at laboratory
+#: noise little is enough.
+ROUNDING = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Direction:
+    """The perturbation of the residuals by one effect, for one choice of its shape.
+
+    Parameters
+    ----------
+    values : mapping of str to float
+        Shape parameters held, by full name.
+    names : tuple of str
+        Parameters that `columns` belong to.
+    columns : (rows, k) array
+        Derivatives of the weighted residuals, scaled by the parameters' scales; those of the flow
+        map last.
+    lower, upper : (k,) array
+        How far they may go from their null, scaled.
+    """
+
+    values: Mapping[str, float]
+    names: tuple[str, ...]
+    columns: FloatArray
+    lower: FloatArray
+    upper: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Screened:
+    """What the screen promises of an effect.
+
+    Parameters
+    ----------
+    name : str
+        Effect.
+    explained : float
+        Share of the squared residuals that it takes away.
+    observable : float
+        Share of its influence that the nominal parameters cannot take up.
+    felt : bool
+        Whether it has any influence where it is small: a back pressure that leaves the valves
+        choked has none.
+    starts : tuple of mapping of str to float
+        Shapes from which a refit had better start, the most promising first: one for each sign
+        that a shape may have.
+    """
+
+    name: str
+    explained: float
+    observable: float
+    felt: bool
+    starts: tuple[Mapping[str, float], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Background:
+    """Residuals at a fit, those of the flow map last, and a basis of what a refit would absorb."""
+
+    e: FloatArray
+    Q: FloatArray
+
+
+def perturbation(one: Study, nominal: Fitted, effect: Effect) -> tuple[Direction, ...]:
+    """Return the directions of an effect at the nominal fit, one for each point of its grid."""
+    axis = one.axis.with_effects(effect).with_parameters(dict(nominal.values)).at_null_values()
+    model = AlongMotion(axis)
+    first = _direction(one, model, nominal, {}, ())
+    silent = [n for n, c in zip(model.own, first.columns.T, strict=True) if not np.any(c)]
+    starting = axis.at_starting_values().parameters
+    sizes = {n: starting[n].value - axis.parameters[n].value for n in model.own}
+    usual = {name: size for name, size in sizes.items() if size != 0}
+    if len(silent) == len(model.own):  # felt at no size near null: nothing to choose a shape by
+        return (first,)
+    shapes = tuple(n for n in silent if starting[n].value != 0)
+    starts = [starting[n].value for n in shapes]
+    found = []
+    grids = [SIGNED_GRID if axis.parameters[n].lower < 0 else GRID for n in shapes]
+    for factors in itertools.product(*grids):
+        values = {
+            name: float(
+                np.clip(start * f, axis.parameters[name].lower, axis.parameters[name].upper)
+            )
+            for name, start, f in zip(shapes, starts, factors, strict=True)
+        }
+        if all(v == axis.parameters[n].value for n, v in values.items()):
+            found.append(_without(first, shapes, values))
+        else:
+            found.append(_direction(one, model, nominal, values, shapes))
+        if model.n_z:
+            found.append(_direction(one, model, nominal, values, shapes, usual))
+    return tuple(found)
+
+
+def _without(one: Direction, shapes: Sequence[str], values: Mapping[str, float]) -> Direction:
+    kept = [i for i, name in enumerate(one.names) if name not in shapes]
+    names = tuple(one.names[i] for i in kept)
+    return Direction(values, names, one.columns[:, kept], one.lower[kept], one.upper[kept])
+
+
+def _direction(
+    one: Study,
+    model: AlongMotion,
+    nominal: Fitted,
+    values: Mapping[str, float],
+    shapes: Sequence[str],
+    sizes: Mapping[str, float] | None = None,
+) -> Direction:
+    parameters = model.axis.parameters.with_values(values)
+    names = tuple(name for name in model.own if name not in shapes)
+    parts = [
+        directions(model, data, parameters.values, names, sizes)[data.used(one.axis)]
+        for data in one.smoothed[0]
+    ]
+    items = parameters.select(names)
+    rows = np.concatenate(parts) / _weights(one, nominal)[:, None]
+    known = one.anchor_with(model.axis.effects)
+    if known is not None:
+        c = known.coefficients(parameters, parameters.values)
+        rows = np.vstack([rows, known.rows(c, names)])
+    return Direction(
+        values,
+        names,
+        rows * items.scales,
+        (items.lower - items.values) / items.scales,
+        (items.upper - items.values) / items.scales,
+    )
+
+
+def _weights(one: Study, nominal: Fitted) -> FloatArray:
+    """Return the standard deviation of every row that counts, record after record."""
+    r = np.hstack(nominal.train)
+    used = np.hstack(nominal.used_train)
+    sigma = np.sqrt((r**2 * used).sum(axis=1) / used.sum(axis=1) + one.least**2)
+    return np.concatenate(
+        [np.broadcast_to(sigma[:, None], mask.shape)[mask] for mask in nominal.used_train]
+    )
+
+
+def background(
+    one: Study, nominal: Fitted, fitted: Fitted, effects: Sequence[Effect] = ()
+) -> Background:
+    """Linearise a fit and return its residuals with the space that a refit would absorb.
+
+    Weighted as the nominal fit, so that directions need not be computed again.
+    """
+    axis = one.axis.with_effects(*effects).with_parameters(dict(fitted.values))
+    model = AlongMotion(axis)
+    theta = axis.parameters.values
+    r, J = [], []
+    for data in one.smoothed[0]:
+        found, mask = linearised(model, data, theta), data.used(axis)
+        r.append(found.r[mask])
+        J.append(found.J[mask])
+    weight = _weights(one, nominal)
+    scales = axis.parameters.select(model.free).scales
+    A = np.concatenate(J) * scales / weight[:, None]
+    e = np.concatenate(r) / weight
+    known = one.anchor_with(effects)
+    if known is not None:
+        c = known.coefficients(axis.parameters, theta)
+        A = np.vstack([A, known.rows(c, model.free) * scales])
+        e = np.concatenate([e, known(c)])
+    size = np.linalg.norm(A, axis=0)
+    U, s, _ = np.linalg.svd(A / np.where(size > 0, size, 1.0), full_matrices=False)
+    return Background(e, U[:, s > 1e-9 * s[0]])
+
+
+def screened(name: str, found: Sequence[Direction], behind: Background) -> Screened:
+    """Return what an effect promises over a background."""
+    promises = [(*_promise(one, behind), one.values) for one in found]
+    observable = max(seen for _, seen, _ in promises)
+    promises.sort(key=lambda one: -one[0])
+    starts: dict[tuple[bool, ...], Mapping[str, float]] = {}
+    for _, _, values in promises:
+        starts.setdefault(tuple(value < 0 for value in values.values()), values)
+    felt = any(np.any(one.columns) for one in found)
+    return Screened(name, promises[0][0], observable, felt, tuple(starts.values()))
+
+
+def _promise(one: Direction, behind: Background) -> tuple[float, float]:
+    """Return the shares explained and observable of one direction."""
+    e, Q, D = behind.e, behind.Q, one.columns
+    gram = D.T @ D - (Q.T @ D).T @ (Q.T @ D)
+    slope = D.T @ e - (Q.T @ D).T @ (Q.T @ e)
+    whole = np.diag(D.T @ D)
+    left = np.divide(np.diag(gram), whole, out=np.zeros(len(whole)), where=whole > 0)
+    seen = left > ROUNDING
+    observable = float(left.max(initial=0.0))
+    if not seen.any():
+        return 0.0, observable
+    step = np.zeros(len(whole))
+    both = np.ix_(seen, seen)
+    step[seen] = bounded_minimum(gram[both], -slope[seen], one.lower[seen], one.upper[seen])
+    gain = -(2 * slope @ step + step @ gram @ step) / float(e @ e)
+    return max(float(gain), 0.0), observable

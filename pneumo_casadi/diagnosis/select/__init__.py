@@ -1,0 +1,1 @@
+"""Selection of effects, forward from the nominal model."""

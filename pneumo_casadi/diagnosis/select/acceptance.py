@@ -1,0 +1,49 @@
+"""When a model with more effects is better, by a size that matters and surely."""
+
+import numpy as np
+
+from pneumo_casadi.diagnosis.metrics.residual_size import (
+    COARSE_MAP,
+    Yardstick,
+    block_gain,
+    bootstrap_gain,
+    gaps,
+    size,
+)
+from pneumo_casadi.diagnosis.prepare.study import Fitted
+
+#: A gain of log σ in one balance that matters, on held-out data; see `accepted`.
+MATTERS = 0.05
+#: The same of a further effect in a mass flow balance, which must be off by more than a coarse map.
+FURTHER = 0.1
+#: Share of the first gap that each effect must close by itself: less is what the form of another
+#: one misses. Large effects of another form than the catalogue's leave up to 0.15.
+SHARE = 0.1
+#: Share of bootstrap replicates in which the gain must be there.
+CERTAIN = 0.95
+
+
+def accepted(origin: Fitted, before: Fitted, after: Fitted, by: Yardstick) -> bool:
+    """Tell whether a model is better on held-out data by a size that matters.
+
+    In at least one balance the held-out residuals, noise included, must shrink by a twentieth,
+    and the gap above the noise floor by a share of what it was at first: what the form of a large
+    effect misses is no second cause. A further effect is asked for more in a mass flow balance,
+    which must be off by what no coarse map of the valve leaves. That the shrink is no chance is
+    asked of resampled half-second blocks, of the held-out records or, where a few of their blocks
+    decide, of all; and of the root mean square or, where a few large residuals decide, of the
+    blocks' mean logarithms.
+    """
+    first, one, other = (gaps(size(fit), by) for fit in (origin, before, after))
+    enough = one - other > SHARE * first
+    least = np.full(len(enough), MATTERS)
+    if before is not origin:
+        least[:-1] = FURTHER  # all but the force
+        enough[:-1] &= (size(before) > COARSE_MAP * by.noise)[:-1]
+    for kind in (bootstrap_gain, block_gain):
+        gain, draws = kind(before, after, by)
+        _, pooled = kind(before, after, by, pooled=True)
+        sure = np.maximum(*(np.quantile(one, 1 - CERTAIN, axis=0) for one in (draws, pooled)))
+        if np.any((gain > least) & (sure > 0) & enough) and gain.sum() > 0:
+            return True
+    return False

@@ -1,0 +1,174 @@
+"""Fits of one study, run side by side and remembered."""
+
+import hashlib
+import pickle
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import Executor, Future
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from pneumo_casadi.diagnosis.metrics.simulated_gap import Simulations
+from pneumo_casadi.diagnosis.prepare.fit_store import Store
+from pneumo_casadi.diagnosis.prepare.study import Fitted, Study, fit, refined
+from pneumo_casadi.diagnosis.screen.screen import (
+    Background,
+    Direction,
+    Screened,
+    perturbation,
+    screened,
+)
+from pneumo_casadi.errors import FitError, ModelError
+from pneumo_casadi.model.effect import Effect, Maker
+from pneumo_casadi.runtime.threads import one_thread
+
+Catalogue = Mapping[str, Maker]
+Names = tuple[str, ...]
+#: Where a fit begins: values, shapes to try in turn, and the cost to be improved; see `fit`.
+Start = tuple[Mapping[str, float], Sequence[Mapping[str, float]], float | None]
+
+#: What a fit may end in; anything else is a fault of the program.
+FAULTS = (FitError, ModelError, ArithmeticError, np.linalg.LinAlgError)
+
+
+@dataclass(frozen=True, slots=True)
+class Failed:
+    """A fit that was not to be had."""
+
+    effects: Names
+    reason: str
+
+
+@dataclass(eq=False)
+class Searcher:
+    """Runs the fits of one study and remembers them.
+
+    Parameters
+    ----------
+    study : Study
+        The case.
+    catalogue : mapping of str to effect class
+        What may be the cause.
+    executor : Executor or None
+        Where the fits run; None for this process.
+    store : Store or None
+        Finished fits on disk.
+    fits, failures, directions, polished, settled
+        What is known so far; see `Search`.
+    alone : tuple of str
+        Effects accepted alone, the best first.
+    trials : dict of tuple of str to (Fitted, float)
+        Models refined by output error, and the share of the simulated gap that they leave.
+    """
+
+    study: Study
+    catalogue: Catalogue
+    executor: Executor | None = None
+    store: Store | None = None
+    fits: dict[Names, Fitted] = field(default_factory=dict)
+    failures: dict[Names, Failed] = field(default_factory=dict)
+    directions: dict[str, tuple[Direction, ...]] = field(default_factory=dict)
+    polished: dict[Names, Fitted] = field(default_factory=dict)
+    settled: dict[Names, float] = field(default_factory=dict)
+    trials: dict[Names, tuple[Fitted, float]] = field(default_factory=dict)
+    alone: Names = ()
+
+    def __post_init__(self) -> None:
+        self._packed = pickle.dumps(self.study) if self.executor is not None else b""
+        self._refined: set[Names] = set()
+        self.simulations = Simulations(self.study)
+
+    def effects(self, names: Iterable[str]) -> tuple[Effect, ...]:
+        """Make the named effects, in the catalogue's order: one model, one machine code."""
+        return tuple(self.catalogue[name]() for name in self.key(names))
+
+    def key(self, names: Iterable[str]) -> Names:
+        """Return names in the catalogue's order."""
+        wanted = set(names)
+        return tuple(name for name in self.catalogue if name in wanted)
+
+    def run(self, job: Callable[..., object], *given: object) -> "Future[Any]":
+        """Have the executor call ``job(study, *given)``; without one it is done at once."""
+        if self.executor is not None:
+            return self.executor.submit(_elsewhere, self._packed, job, *given)
+        done: Future[Any] = Future()
+        try:
+            done.set_result(job(self.study, *given))
+        except FAULTS as error:
+            done.set_exception(error)
+        return done
+
+    def screen_all(self, nominal: Fitted) -> None:
+        """Work out the directions of all effects at the nominal fit."""
+        jobs = {
+            name: self.run(perturbation, nominal, self.catalogue[name]())
+            for name in self.catalogue
+            if name not in self.directions
+        }
+        for name, job in jobs.items():
+            try:
+                self.directions[name] = job.result()
+            except FAULTS as error:
+                self.failures[(name,)] = Failed((name,), f"screen: {error}")
+
+    def over(self, behind: Background, without: Sequence[str] = ()) -> dict[str, Screened]:
+        """Screen all effects but some over a background, the most promising first."""
+        found = [
+            screened(name, directions, behind)
+            for name, directions in self.directions.items()
+            if name not in without
+        ]
+        found.sort(key=lambda one: -one.explained)
+        return {one.name: one for one in found}
+
+    def fit_all(self, models: Mapping[Names, Start]) -> None:
+        """Fit models from their starts, those that are not known already."""
+        jobs = {}
+        for key, start in models.items():
+            if key in self.fits or key in self.failures:
+                continue
+            effects = self.effects(key)
+            kept = None if self.store is None else self.store.read(effects)
+            if kept is None:
+                jobs[key] = self.run(fit, effects, *start)
+            else:
+                self.fits[key] = kept
+        for key, job in jobs.items():
+            try:
+                self.fits[key] = job.result()
+                if self.store is not None:
+                    self.store.write(self.effects(key), self.fits[key])
+            except FAULTS as error:
+                self.failures[key] = Failed(key, str(error))
+
+    def extensions(self, known: Names) -> dict[Names, Fitted]:
+        """Return the fits of models with one effect more than the known ones."""
+        return {
+            key: fitted
+            for key, fitted in self.fits.items()
+            if len(key) == len(known) + 1 and set(known) < set(key)
+        }
+
+    def take(self, names: Names) -> None:
+        """Settle on a model as it was tried."""
+        self.polished[names], self.settled[names] = self.trials[names]
+
+    def refine(self, names: Names) -> None:
+        """Let the fit of a model go on to its minimum, in all its effects' parameters; once."""
+        if names not in self._refined:
+            self._refined.add(names)
+            self.fits[names] = refined(self.study, self.fits[names], self.effects(names))
+
+
+@one_thread
+def _elsewhere(packed: bytes, job: Callable[..., object], *given: object) -> object:
+    return job(_unpacked(hashlib.sha256(packed).hexdigest(), packed), *given)
+
+
+@lru_cache(maxsize=2)
+def _unpacked(token: str, packed: bytes) -> Study:
+    del token
+    found: Study = pickle.loads(packed)
+    return found

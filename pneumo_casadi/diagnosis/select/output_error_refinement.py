@@ -1,0 +1,60 @@
+"""Output error for effects of sensors, which the measured motion does not show, and beside them.
+
+While a play is crossed, the sensor stands still and the piston moves: no smoothing brings that
+motion back, only a simulation does.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from pneumo_casadi.diagnosis.metrics.simulated_gap import V_S_SIMULATED, WINDOW
+from pneumo_casadi.diagnosis.prepare.study import Fitted, Study
+from pneumo_casadi.errors import FitError, ModelError
+from pneumo_casadi.estimation.equation_error.balance_functions import AlongMotion
+from pneumo_casadi.estimation.equation_error.residuals import residuals
+from pneumo_casadi.estimation.output_error import (
+    OutputErrorOptions,
+    OutputErrorResult,
+    fit_output_error,
+)
+from pneumo_casadi.model.effect import Effect
+
+OPTIONS = OutputErrorOptions(
+    window=WINDOW, widths=(V_S_SIMULATED,), max_iterations=30, recover=False
+)
+
+
+def polished(one: Study, fitted: Fitted, effects: Sequence[Effect]) -> Fitted:
+    """Refine a fit by output error over windows; return it as it was where that fails.
+
+    The flow map is held where the balances have left it: windows of half a second say little of
+    it, and the gauge stays where it is.
+    """
+    axis = one.axis.with_effects(*effects).with_parameters(dict(fitted.values))
+    if axis.flow is not None:
+        metered = [f"{e.name}.{p.name}" for e in effects if e.metered for p in e.parameters]
+        held = (*axis.flow.parameters.names, *metered)
+        axis = axis.with_parameters(axis.parameters.fix(*held))
+    result: object
+    try:
+        result = fit_output_error(axis, one.train, None, OPTIONS)
+    except FitError as error:
+        result = error.partial
+    except ModelError:
+        return fitted
+    if not isinstance(result, OutputErrorResult) or not np.isfinite(result.rms).all():
+        return fitted
+    values = result.parameters.as_dict() | {"v_s": fitted.values["v_s"]}
+    model = AlongMotion(one.axis.with_effects(*effects).with_parameters(values))
+    theta = model.axis.parameters.values
+    train, held = one.smoothed
+    std = {name: result.std(name, robust=True) for name in result.estimate.names}
+    return replace(
+        fitted,
+        values=values,
+        std={**fitted.std, **{k: v for k, v in std.items() if np.isfinite(v)}},
+        train=tuple(residuals(model, data, theta) for data in train),
+        held_out=tuple(residuals(model, data, theta) for data in held),
+    )

@@ -1,0 +1,1 @@
+"""Effects of the air between supply, valves, chambers and exhaust."""

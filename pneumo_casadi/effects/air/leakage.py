@@ -1,0 +1,109 @@
+"""Leaks: past the piston seal from chamber to chamber, and from either chamber to the outside."""
+
+from pneumo_casadi.model.effect import Effect, Expression, Pair, Scope
+from pneumo_casadi.parameters import Parameter
+from pneumo_casadi.valve.orifice import RHO_ANR, orifice_expression
+
+#: Critical pressure ratio and subsonic index of a leak. Short gaps lie at b = 0.2 to 0.5; only
+#: leaks between nearly equal pressures tell them apart.
+B_LEAK, M_LEAK = 0.4, 0.5
+
+SOURCE = (
+    "ISO 6358-1:2013, eq. 3 to 5, the leak as a restriction of its own; viscous flow through a "
+    "narrow gap goes with the difference of the squared pressures (Poiseuille, isothermal)"
+)
+#: Held unless released: it takes large leaks at varied pressures to tell it.
+VISCOUS = Parameter(
+    "viscous",
+    0.0,
+    "1",
+    lower=0.0,
+    upper=1.0,
+    scale=0.3,
+    free=False,
+    null=0.0,
+    description="share of viscous flow at the supply pressure: 0 an orifice, 1 a narrow gap",
+    source="0 for holes and fittings, 1 for scratched seals and fits of some 10 µm",
+)
+
+
+def _conductance(what: str) -> Parameter:
+    return Parameter(
+        "C",
+        0.0,
+        "m³/(s Pa)",
+        lower=0.0,
+        upper=1e-8,
+        scale=3e-10,
+        null=0.0,
+        start=3e-10,
+        description=f"sonic conductance {what}",
+        source="0.05-1e-9 m³/(s Pa), 0.3 to 6 l/min at 1 bar: seals new to worn",
+    )
+
+
+def _leak(at: Scope, p_1: Expression, p_2: Expression) -> Expression:
+    """Return the leak from side 1 to side 2 [kg/s].
+
+    Orifice and gap pass the same from the supply to the outside, C ρ₀ p_s.
+    """
+    p_s, p_ext = at.axis["p_supply"], at.axis["p_ext"]
+    gap = at["C"] * RHO_ANR * p_s * (p_1**2 - p_2**2) / (p_s**2 - p_ext**2)
+    hole = orifice_expression(at["C"], B_LEAK, M_LEAK, p_1, p_2, at.axis["T"])
+    return (1 - at["viscous"]) * hole + at["viscous"] * gap
+
+
+class PistonSealLeakage(Effect):
+    """Leak past the piston seal; what leaves one chamber arrives in the other.
+
+    q = C p_1 ρ₀ √(T₀/T) ω(p_2/p_1) from the higher to the lower pressure, or with the share
+    `viscous` C ρ₀ p_s (p_1² − p_2²)/(p_s² − p_ext²).
+    """
+
+    name = "piston_seal_leakage"
+    equation = "q_P −= q, q_N += q, q = C ρ₀ √(T₀/T) max(p_P, p_N) ω(p_P, p_N)"
+    source = SOURCE
+    shows = "mass flow balances of both chambers, opposite, with the sign of p_P − p_N"
+    confused_with = ("leakage_P", "leakage_N", "valve_null_shift", "flow coefficients", "f_v")
+    separated_by = "valves closed, different pressures: one chamber rises while the other falls"
+    one_form = True
+    parameters = (_conductance("past the piston"), VISCOUS)
+
+    def chamber_flow(self, q_m: Pair, at: Scope) -> Pair:
+        """Move the leak from one chamber to the other."""
+        leak = _leak(at, at.p.P, at.p.N)
+        return Pair(q_m.P - leak, q_m.N + leak)
+
+
+class LeakageP(Effect):
+    """Leak from chamber P to the outside, through a fitting or the front cap."""
+
+    name = "leakage_P"
+    equation = "q_P −= C ρ₀ √(T₀/T) p_P ω(p_ext/p_P)"
+    source = SOURCE
+    shows = "mass flow balance of chamber P, one sign, in proportion to p_P"
+    confused_with = ("piston_seal_leakage", "valve_null_shift", "flow coefficients", "leakage_N")
+    separated_by = "valves closed at a held position: p_P decays to p_ext while p_N stays"
+    one_form = True
+    parameters = (_conductance("from chamber P to the outside"), VISCOUS)
+
+    def chamber_flow(self, q_m: Pair, at: Scope) -> Pair:
+        """Take the leak from chamber P."""
+        return Pair(q_m.P - _leak(at, at.p.P, at.axis["p_ext"]), q_m.N)
+
+
+class LeakageN(Effect):
+    """Leak from chamber N to the outside, through a fitting or the rod seal."""
+
+    name = "leakage_N"
+    equation = "q_N −= C ρ₀ √(T₀/T) p_N ω(p_ext/p_N)"
+    source = SOURCE
+    shows = "mass flow balance of chamber N, one sign, in proportion to p_N"
+    confused_with = ("piston_seal_leakage", "valve_null_shift", "flow coefficients", "leakage_P")
+    separated_by = "valves closed at a held position: p_N decays to p_ext while p_P stays"
+    one_form = True
+    parameters = (_conductance("from chamber N to the outside"), VISCOUS)
+
+    def chamber_flow(self, q_m: Pair, at: Scope) -> Pair:
+        """Take the leak from chamber N."""
+        return Pair(q_m.P, q_m.N - _leak(at, at.p.N, at.axis["p_ext"]))

@@ -1,0 +1,1 @@
+"""Parts that several effects are made of."""

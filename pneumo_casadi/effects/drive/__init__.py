@@ -1,0 +1,1 @@
+"""Effects of the drive of a force-driven axis."""

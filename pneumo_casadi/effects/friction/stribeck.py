@@ -1,0 +1,54 @@
+"""Stribeck friction: breakaway needs more force than sliding."""
+
+from types import MappingProxyType
+
+import casadi as ca
+
+from pneumo_casadi.model.effect import Effect, Expression, Scope
+from pneumo_casadi.parameters import Parameter
+
+
+class Stribeck(Effect):
+    """Extra friction near standstill that decays with speed.
+
+    F = delta_F exp(-(v / v_stribeck)²) sign(v), with delta_F = F_s - F_c.
+    """
+
+    name = "stribeck"
+    equation = "F = ΔF exp(−(v/v_st)²) sign(v)"
+    source = "Armstrong-Hélouvry, Dupont, Canudas de Wit (1994), Automatica 30(7), 1083-1138"
+    shows = "force balance, below a few centimetres a second and at reversals"
+    confused_with = ("F_c_plus", "F_c_minus", "f_v", "v_s", "quadratic_drag", "presliding")
+    separated_by = "creep at three or more speeds below and above the Stribeck velocity"
+    passive = True
+    # A broader decay is asked for by drag that is not linear in the velocity.
+    credible = MappingProxyType({"v_stribeck": (0.002, 0.08)})
+    parameters = (
+        Parameter(
+            "delta_F",
+            0.0,
+            "N",
+            lower=0.0,
+            upper=200.0,
+            scale=10.0,
+            null=0.0,
+            start=8.0,
+            description="breakaway force above the Coulomb friction, F_s - F_c",
+            source="5-30 N for pneumatic cylinders of this size, Tran and Yanada (2013)",
+        ),
+        Parameter(
+            "v_stribeck",
+            0.02,
+            "m/s",
+            lower=0.002,
+            upper=0.2,
+            scale=0.02,
+            null=0.02,
+            description="velocity at which the extra friction has fallen to 1/e",
+            source="5-60 mm/s for pneumatic cylinder seals, Tran and Yanada (2013)",
+        ),
+    )
+
+    def force(self, F: Expression, at: Scope) -> Expression:
+        """Subtract the extra friction."""
+        return F - at["delta_F"] * ca.exp(-((at.v / at["v_stribeck"]) ** 2)) * at.direction

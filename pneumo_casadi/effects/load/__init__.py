@@ -1,0 +1,1 @@
+"""Effects of the load that the piston moves."""

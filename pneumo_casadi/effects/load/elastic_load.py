@@ -1,0 +1,87 @@
+"""Elastic load: part of the moving mass hangs on a spring and a damper."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from pneumo_casadi.model.effect import Effect, Expression, Scope, State
+from pneumo_casadi.parameters import Parameter
+
+
+class ElasticLoad(Effect):
+    """A second mass m_2 at x_2 beyond the mass M that moves with the piston.
+
+    With ω = 2π f and the acceleration of the load a_2::
+
+        a_2 = -ω² (x_2 - x) - 2 ζ ω (v_2 - v),   F = -m_2 a_2
+
+    Written by the load's own frequency and in its own coordinate it is regular at m_2 = 0 and
+    does not need the acceleration of the piston. Beside it, M is what moves rigidly.
+    """
+
+    name = "elastic_load"
+    equation = "m_2 ẍ_2 = −m_2 ω² (x_2 − x) − 2 m_2 ζ ω (ẋ_2 − ẋ) = −F, ω = 2π f"
+    source = "two-mass oscillator, Den Hartog (1956), Mechanical Vibrations, ch. 3"
+    shows = "force balance, in one band of frequencies"
+    confused_with = ("M", "backlash", "presliding", "hose")
+    separated_by = "a sweep of frequencies at several amplitudes: the resonance stays where it is"
+    passive = True
+    masses = ("m_2",)
+    parameters = (
+        Parameter(
+            "m_2",
+            0.0,
+            "kg",
+            lower=0.0,
+            upper=100.0,
+            scale=2.0,
+            null=0.0,
+            start=3.0,
+            description="mass beyond the spring",
+            source="up to the payload of the axis",
+        ),
+        Parameter(
+            "f",
+            12.0,
+            "Hz",
+            lower=2.0,
+            upper=100.0,
+            scale=5.0,
+            null=12.0,
+            start=12.0,
+            description="natural frequency of the load with the piston held",
+            source="5-100 Hz, engineering judgement for couplings and payload mounts",
+        ),
+        Parameter(
+            "zeta",
+            0.05,
+            "1",
+            lower=0.0,
+            upper=1.0,
+            scale=0.05,
+            null=0.05,
+            start=0.05,
+            description="damping ratio of the load with the piston held",
+            source="0.01-0.1 for metal joints, more with rubber",
+        ),
+    )
+    states = (State("x_2", "m", 0.1), State("v_2", "m/s", 0.5))
+
+    def rest(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
+        """Start with the load moving as the piston does."""
+        return {"x_2": at.x, "v_2": at.v}
+
+    def rates(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
+        """Accelerate the load by spring and damper."""
+        return {"x_2": at["v_2"], "v_2": self._acceleration(at)}
+
+    def force(self, F: Expression, at: Scope) -> Expression:
+        """Subtract what accelerates the load."""
+        return F - at["m_2"] * self._acceleration(at)
+
+    @staticmethod
+    def _acceleration(at: Scope) -> Expression:
+        omega = 2 * np.pi * at["f"]
+        apart, sliding = at["x_2"] - at.x, at["v_2"] - at.v
+        return -(omega**2) * apart - 2 * at["zeta"] * omega * sliding

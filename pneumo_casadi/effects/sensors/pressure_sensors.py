@@ -1,0 +1,84 @@
+"""Pressure sensors that lag, or show an offset."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from pneumo_casadi.effects.common.regular_lag import lag_rate, lagged
+from pneumo_casadi.model.effect import Effect, Expression, Scope, State
+from pneumo_casadi.parameters import Parameter
+
+
+class PressureSensorLag(Effect):
+    """First-order lag of both pressure sensors, by their tubing or filters."""
+
+    name = "pressure_sensor_lag"
+    equation = "τ ẏ_p + y_p = p, in both chambers"
+    source = "pneumatic line as a lag; Andersen (1967), Analysis and Design of Pneumatic Systems"
+    shows = "measured pressures, when they change fast"
+    confused_with = ("hose", "valve_dynamics", "position_delay")
+    separated_by = "fast valve steps: the piston answers before the sensor does"
+    needs_chambers = True
+    parameters = (
+        Parameter(
+            "tau",
+            0.0,
+            "s",
+            lower=0.0,
+            upper=0.2,
+            scale=2e-3,
+            null=0.0,
+            start=3e-3,
+            description="time constant of both sensors",
+            source="0.5-30 ms, engineering judgement for tapped pressure lines",
+        ),
+    )
+    states = (State("p_P", "Pa", 1e5), State("p_N", "Pa", 1e5))
+
+    def rest(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
+        """Start with the sensors at the pressures."""
+        return {name: entering["output"][name] for name in ("p_P", "p_N")}
+
+    def rates(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
+        """Let the states follow the pressures."""
+        y = entering["output"]
+        return {name: lag_rate(y[name], at[name], at["tau"]) for name in ("p_P", "p_N")}
+
+    def output(self, y: Mapping[str, Expression], at: Scope) -> Mapping[str, Expression]:
+        """Show the pressures late."""
+        late = {name: lagged(y[name], at[name], at["tau"]) for name in ("p_P", "p_N")}
+        return {**y, **late}
+
+
+class PressureSensorBias(Effect):
+    """Offsets of the pressure sensors.
+
+    Between them they look like a constant force, S_P b_P - S_N b_N.
+    """
+
+    name = "pressure_sensor_bias"
+    equation = "y_pP = p_P + b_P, y_pN = p_N + b_N"
+    source = "zero error of a pressure transmitter, IEC 61298-2"
+    shows = "measured pressures, always; in the parameters as a force S_P b_P − S_N b_N"
+    confused_with = ("F_c_plus", "F_c_minus", "constant_force", "valve_null_shift", "leakage_P")
+    separated_by = "vent both chambers: both sensors must show the ambient pressure"
+    needs_chambers = True
+    one_form = True
+    parameters = tuple(
+        Parameter(
+            f"b_{chamber}",
+            0.0,
+            "Pa",
+            lower=-2e5,
+            upper=2e5,
+            scale=5e3,
+            null=0.0,
+            start=3e3,
+            description=f"what the sensor of chamber {chamber} shows too much",
+            source="1-40 kPa: 0.1-4 % of a 10 bar range",
+        )
+        for chamber in "PN"
+    )
+
+    def output(self, y: Mapping[str, Expression], at: Scope) -> Mapping[str, Expression]:
+        """Add the offsets."""
+        return {**y, "p_P": y["p_P"] + at["b_P"], "p_N": y["p_N"] + at["b_N"]}

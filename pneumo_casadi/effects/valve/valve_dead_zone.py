@@ -1,0 +1,54 @@
+"""Valve dead zone: the spool must travel before an edge opens."""
+
+import casadi as ca
+
+from pneumo_casadi.model.effect import Effect, Expression, Pair, Scope
+from pneumo_casadi.parameters import Parameter
+
+#: Width over which an edge opens [V]; keeps derivatives smooth and cancels at a zone of zero.
+ROUNDING = 0.002
+
+
+class ValveDeadZone(Effect):
+    """Overlap of both edges of both valves, rounded where they open.
+
+    With s(x) = (x + √(x² + w²))/2, the opening is s(u − δ) − s(−u − δ): u − δ beyond δ, u + δ
+    below −δ, next to nothing between. As s(x) − s(−x) = x it is u exactly at δ = 0, whatever
+    the rounding w.
+    """
+
+    name = "valve_dead_zone"
+    equation = "u −→ u + (√((u − δ)² + w²) − √((u + δ)² + w²))/2, w = 2 mV"
+    source = "overlap of spool and port, data sheets of proportional valves"
+    shows = "both mass flow balances around u = 0; limit cycles and offsets in closed loop"
+    confused_with = (
+        "valve_null_shift",
+        "valve_hysteresis",
+        "flow_map_shape",
+        "stribeck",
+        "F_c_plus",
+    )
+    separated_by = "slow ramps of the command through zero, both ways, at held pressures"
+    parameters = (
+        Parameter(
+            "delta",
+            0.0,
+            "V",
+            lower=0.0,
+            upper=2.0,
+            scale=0.05,
+            null=0.0,
+            start=0.1,
+            description="half the width of the dead zone",
+            source="1-5 % of the command range of valves with overlap",
+        ),
+    )
+
+    def spool(self, u: Pair, at: Scope) -> Pair:
+        """Take the dead zone from the opening."""
+        return Pair(_beyond(u.P, at["delta"]), _beyond(u.N, at["delta"]))
+
+
+def _beyond(u: Expression, delta: Expression) -> Expression:
+    above, below = (ca.sqrt((u - side * delta) ** 2 + ROUNDING**2) for side in (1, -1))
+    return u + (above - below) / 2

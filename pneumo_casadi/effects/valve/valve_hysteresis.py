@@ -1,0 +1,97 @@
+"""Valve hysteresis: two plays in parallel between command and spool."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import casadi as ca
+
+from pneumo_casadi.model.effect import Effect, Expression, Pair, Scope, State
+from pneumo_casadi.parameters import Parameter
+
+#: Time in which the memory of a play follows the command [s].
+TAU_MEMORY = 1e-3
+
+
+class ValveHysteresis(Effect):
+    """Hysteresis of each valve: two plays in parallel between command and spool.
+
+    Their half-widths are h(1 − s) and h(1 + s). A valve's loop is no parallelogram: friction,
+    clearance and magnet give way one after another. Two plays make its sides of three straight
+    parts, one play (s = 0) of two. With the clip c(e, b) = max(−b, min(e, b))::
+
+        w = u + (c(z₁ − u, h₁) + c(z₂ − u, h₂))/2,   h₁ = h(1 − s), h₂ = h(1 + s)
+        żᵢ = −(zᵢ − u − c(zᵢ − u, hᵢ))/τ,            τ = 1 ms
+
+    A memory zᵢ is drawn along by whatever the clip cuts off, and stays where it is inside the
+    play. At h = 0 the spool is the command, exactly, and because the memories lag behind u the
+    derivative to h is −sign(u̇), that of true play. s is held at a half unless released, because
+    nothing depends on it where h vanishes.
+    """
+
+    name = "valve_hysteresis"
+    equation = "w = u + Σ clip(zᵢ − u, ±hᵢ)/2, żᵢ = −(zᵢ − u − clip(zᵢ − u, ±hᵢ))/τ, hᵢ = h(1 ∓ s)"
+    source = "play operator, Visintin (1994), Differential Models of Hysteresis; valve data sheets"
+    shows = "both mass flow balances at reversals of the command, the same at every frequency"
+    confused_with = ("valve_dynamics", "valve_dead_zone", "position_delay", "valve_null_shift")
+    separated_by = "slow sines of several amplitudes: play is a phase lag that falls with amplitude"
+    parameters = (
+        Parameter(
+            "h",
+            0.0,
+            "V",
+            lower=0.0,
+            upper=1.0,
+            scale=0.05,
+            null=0.0,
+            start=0.05,
+            description="half the width of the loop",
+            source="0.2-3 % of the command range",
+        ),
+        Parameter(
+            "s",
+            0.5,
+            "1",
+            lower=0.0,
+            upper=0.95,
+            scale=0.1,
+            free=False,
+            null=0.5,
+            start=0.5,
+            description="by what share of h each of the two plays differs from it",
+            source="round loops in valve data sheets; engineering judgement",
+        ),
+    )
+    states = tuple(State(f"z_{c}{i}", "V") for c in "PN" for i in (1, 2))
+
+    def rest(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
+        """Start in the middle of the plays."""
+        u = entering["spool"]
+        return {"z_P1": u.P, "z_P2": u.P, "z_N1": u.N, "z_N2": u.N}
+
+    def rates(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
+        """Draw the memories along where the command has left their plays."""
+        found = {}
+        for c, u in zip("PN", entering["spool"], strict=True):
+            for i, h in enumerate(_half_widths(at), 1):
+                e = at[f"z_{c}{i}"] - u
+                found[f"z_{c}{i}"] = -(e - _clip(e, h)) / TAU_MEMORY
+        return found
+
+    def spool(self, u: Pair, at: Scope) -> Pair:
+        """Hold the spool within the plays."""
+        found = []
+        for c, command in zip("PN", u, strict=True):
+            within = [
+                _clip(at[f"z_{c}{i}"] - command, h) for i, h in enumerate(_half_widths(at), 1)
+            ]
+            found.append(command + sum(within) / 2)
+        return Pair(*found)
+
+
+def _half_widths(at: Scope) -> tuple[Expression, Expression]:
+    return at["h"] * (1 - at["s"]), at["h"] * (1 + at["s"])
+
+
+def _clip(e: Expression, h: Expression) -> Expression:
+    # As a sum, the clip has a derivative to h where h is zero; nested, it would be a tie.
+    return e - ca.fmax(e - h, 0.0) + ca.fmax(-e - h, 0.0)

@@ -1,0 +1,1 @@
+"""Estimators: weighted least squares, output error, equation error; their uncertainty."""

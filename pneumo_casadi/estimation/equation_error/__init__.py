@@ -1,0 +1,1 @@
+"""Equation error: parameters fitted to the balances along the smoothed measured motion."""

@@ -1,0 +1,242 @@
+"""The balances as functions along a given motion, compiled once for all axes of a kind.
+
+Geometry, pressures and gas enter as numbers at run time, so that the machine code of an effect
+serves every case.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+
+from pneumo_casadi.model.axis import Axis
+from pneumo_casadi.model.balances import Balances, write_balances
+from pneumo_casadi.model.compilation import compiled
+from pneumo_casadi.model.effect import Effect, Expression
+from pneumo_casadi.valve import FlowISO6358
+
+#: Coefficient of the Rosenbrock method ROS2, L-stable (Verwer et al. 1999, SIAM J. Sci. Comput.).
+GAMMA = 1 - 0.5**0.5
+#: Samples that one call of the machine code takes; records are cut to a multiple of it.
+STRETCH = 64
+
+
+class _FlowAt:
+    """A flow model that takes its port pressures from symbols where it can."""
+
+    def __init__(self, flow: Any, constants: Mapping[str, Expression]) -> None:
+        self.parameters = flow.parameters
+        self._flow, self._constants = flow, constants
+
+    def expression(self, u: Any, p: Any, theta: Any) -> Any:
+        return self.expression_at(u, p, theta, 1.0, 1.0)
+
+    def expression_at(self, u: Any, p: Any, theta: Any, filling: Any, emptying: Any) -> Any:
+        if not isinstance(self._flow, FlowISO6358):
+            return self._flow.expression_at(u, p, theta, filling, emptying)
+        c = self._constants
+        ports = (c["flow_p_supply"] * filling, c["flow_p_ext"] * emptying)
+        return self._flow.expression(u, p, theta, *ports)
+
+
+@dataclass(frozen=True, eq=False)
+class AlongMotion:
+    """What an axis says of a motion that is given.
+
+    All functions take columns ``x (n,), dx (n,), u (nu,), z (nz,), c (nc,), θ (nθ,)``: nominal
+    states and derivatives, inputs, states of the effects, constants and parameters.
+
+    Parameters
+    ----------
+    axis : Axis
+        With its effects.
+    """
+
+    axis: Axis
+
+    @property
+    def constants(self) -> dict[str, float]:
+        """Numbers that the functions take at run time, by name."""
+        found = dict(self.axis.constants)
+        if isinstance(self.axis.flow, FlowISO6358):
+            found["flow_p_supply"] = self.axis.flow.p_supply
+            found["flow_p_ext"] = self.axis.flow.p_ext
+        return found
+
+    @property
+    def n_z(self) -> int:
+        """Number of states of the effects."""
+        return len(self.axis.states) - len(self.axis.motion_states)
+
+    @cached_property
+    def _written(self) -> tuple[list[Any], Balances, Balances]:
+        axis = self.axis
+        sym: Any = axis.symbol.sym
+        n = len(axis.motion_states)
+        x, dx, u = sym("x", n), sym("dx", n), sym("u", len(axis.inputs))
+        z, theta = sym("z", self.n_z), sym("theta", len(axis.parameters))
+        names = list(self.constants)
+        c = sym("c", len(names))
+        constants: dict[str, Any] = {name: c[i] for i, name in enumerate(names)}
+        states = {name: x[i] for i, name in enumerate(axis.motion_states)}
+        own = {name: z[i] for i, name in enumerate(axis.states[n:])}
+        rates = {name: dx[i] for i, name in enumerate(axis.motion_states)}
+        inputs = {name: u[i] for i, name in enumerate(axis.inputs)}
+        named = {name: theta[i] for i, name in enumerate(axis.parameters.names)}
+        flow = None if axis.flow is None else _FlowAt(axis.flow, constants)
+
+        def write(known: Mapping[str, Any]) -> Balances:
+            return write_balances(known, rates, inputs, named, constants, axis.effects, flow)
+
+        settled: dict[str, Any] = dict.fromkeys(own, 0.0)
+        for _ in axis.effects:
+            settled = dict(write(states | settled).rest) if own else {}
+        return [x, dx, u, z, c, theta], write(states | own), write(states | settled)
+
+    @cached_property
+    def _functions(self) -> tuple[ca.Function, ...]:
+        axis = self.axis
+        symbols, written, at_rest = self._written
+        theta = symbols[-1]
+        r = ca.vertcat(*(written.residual[name] for name in axis.equations))
+        # Mass flows over the capacity that takes them, [Pa/s], and a force whose gain is free over
+        # the mass, [m/s²]: a common scale of a balance must not make its residuals small.
+        for i, _ in enumerate(axis.outputs[:-1]):
+            r[i] = r[i] / -ca.jacobian(r[i], symbols[1])[i]
+        if axis.flow is None:
+            r = r / theta[axis.parameters.index("M")]
+        y = ca.vertcat(*(written.output[name] for name in axis.outputs))
+        exact = [axis.parameters.index(name) for name in self.exact]
+        J = ca.jacobian(r, theta)[:, exact]
+        r, y = ca.densify(r), ca.densify(y)
+        one = ca.Function("one_residual", symbols, [r, y])
+        both = ca.Function("one_jacobian", symbols, [r, y, ca.densify(J)])
+        functions = [
+            _stretch("residual", one, STRETCH, False),
+            _stretch("residual_and_jacobian", both, STRETCH, False),
+        ]
+        if self.n_z:
+            rest = ca.vertcat(*(at_rest.rest[name] for name in axis.states[-self.n_z :]))
+            functions += [
+                ca.Function("rest", symbols, [ca.densify(rest)]),
+                _stretch("steps", self._step(), STRETCH, True),
+            ]
+        return compiled(functions)
+
+    def _step(self) -> ca.Function:
+        """One sample of the effects' states by ROS2: (z, x, x⁺, dx, dx⁺, u, h, c, θ) → z⁺."""
+        (x, dx, u, z, c, theta), written, _ = self._written
+        f = ca.vertcat(*(written.rates[name] for name in self.axis.states[-self.n_z :]))
+        rate = ca.Function("rate", [x, dx, u, z, c, theta], [f, ca.densify(ca.jacobian(f, z))])
+        sym: Any = self.axis.symbol.sym
+        h, x_1, dx_1 = sym("h"), sym("x_1", x.shape[0]), sym("dx_1", x.shape[0])
+        f_0, J = rate(x, dx, u, z, c, theta)
+        W = self.axis.symbol.eye(self.n_z) - GAMMA * h * J
+        k_1 = ca.solve(W, f_0)
+        f_1, _ = rate(x_1, dx_1, u, z + h * k_1, c, theta)
+        k_2 = ca.solve(W, f_1 - 2 * k_1)
+        end = z + h * (1.5 * k_1 + 0.5 * k_2)
+        return ca.Function("step", [z, x, x_1, dx, dx_1, u, h, c, theta], [ca.densify(end)])
+
+    @property
+    def nominal(self) -> tuple[str, ...]:
+        """Free parameters of the axis without its effects."""
+        return tuple(name for name in self.axis.parameters.free_names if "." not in name)
+
+    @property
+    def own(self) -> tuple[str, ...]:
+        """Free parameters of the effects."""
+        return tuple(name for name in self.axis.parameters.free_names if "." in name)
+
+    @cached_property
+    def _felt(self) -> frozenset[str]:
+        """Free parameters that states of the effects or sensors hang on."""
+        (*_, theta), written, at_rest = self._written
+        states = self.axis.states[len(self.axis.motion_states) :]
+        known = [*(written.rates[name] for name in states), *(at_rest.rest[n] for n in states)]
+        known += [written.output[name] for name in self.axis.outputs]
+        felt = ca.which_depends(ca.vertcat(*known), theta)
+        index = self.axis.parameters.index
+        return frozenset(n for n in self.axis.parameters.free_names if felt[index(n)])
+
+    @property
+    def exact(self) -> tuple[str, ...]:
+        """Free parameters of the axis, and those of effects that no state and no sensor knows.
+
+        Derivatives to these are written out, states held: they need no other motion of the states,
+        or leave out what that would add (`holding`).
+        """
+        return (*self.nominal, *(name for name in self.own if name not in self._felt))
+
+    @property
+    def moved(self) -> tuple[str, ...]:
+        """Free parameters of effects that states or sensors hang on as well."""
+        return tuple(name for name in self.own if name in self._felt)
+
+    @property
+    def holding(self) -> tuple[str, ...]:
+        """Free parameters of the axis whose derivatives leave out what states make of them."""
+        return tuple(name for name in self.nominal if name in self._felt)
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """All free parameters, in the order of every Jacobian."""
+        return (*self.exact, *self.moved)
+
+    @property
+    def rest(self) -> ca.Function:
+        """``-> z``: the effects' states at rest."""
+        return self._functions[2]
+
+    def residual(self, N: int) -> ca.Function:
+        """``-> (r (ne, N), y (ny, N))``: residuals of the balances, and what the sensors show.
+
+        For N samples, a multiple of `STRETCH`; constants and θ once a stretch.
+        """
+        return self._repeated(self._functions[0], N // STRETCH, "map", 1)
+
+    def residual_and_jacobian(self, N: int) -> ca.Function:
+        """``-> (r, y, ∂r/∂θ_exact (ne, n N))``, as `residual`."""
+        return self._repeated(self._functions[1], N // STRETCH, "map", 1)
+
+    def steps(self, N: int, B: int) -> ca.Function:
+        """Return N samples of the effects' states, for B motions side by side."""
+        return self._repeated(self._functions[3], N // STRETCH, "mapaccum", B)
+
+    def _repeated(self, f: ca.Function, count: int, how: str, B: int) -> ca.Function:
+        key = (f.name(), count, B)
+        if key not in self._kept:
+            one = f if count == 1 else f.map(count) if how == "map" else f.mapaccum("all", count)
+            self._kept[key] = one.map(B) if B > 1 else one
+        return self._kept[key]
+
+    @cached_property
+    def _kept(self) -> dict[Any, ca.Function]:
+        return {}
+
+
+def senses(effects: Sequence[Effect]) -> bool:
+    """Tell whether some effect changes what a sensor shows of the motion."""
+    return any("output" in effect.junctions for effect in effects)
+
+
+def remembers(effects: Sequence[Effect]) -> bool:
+    """Tell whether some effect makes a sensor show what has been, which a smoothed motion hides."""
+    return any("output" in effect.junctions and effect.states for effect in effects)
+
+
+def _stretch(name: str, f: ca.Function, K: int, accumulates: bool) -> ca.Function:
+    """Return K samples of f in one function; its last two inputs (c, θ) are given once."""
+    first = 1 if accumulates else 0
+    shapes = [(f.size1_in(i), f.size2_in(i)) for i in range(f.n_in())]
+    given = [
+        ca.MX.sym(f"a{i}", rows, columns if i < first or i >= len(shapes) - 2 else columns * K)
+        for i, (rows, columns) in enumerate(shapes)
+    ]
+    many = f.mapaccum("chain", K) if accumulates else f.map(K)
+    found = many.call([*given[:-2], *(ca.repmat(one, 1, K) for one in given[-2:])])
+    if accumulates:  # the state at the end first, which the next stretch begins with
+        found = [found[0][:, -1], found[0]]
+    return ca.Function(name, given, found)

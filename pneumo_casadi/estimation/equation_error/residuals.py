@@ -1,0 +1,246 @@
+"""Residuals of the balances along a smoothed motion, with the effects' own states run along."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pneumo_casadi.estimation.equation_error.balance_functions import (
+    STRETCH,
+    AlongMotion,
+    remembers,
+    senses,
+)
+from pneumo_casadi.estimation.equation_error.smoothed_motion import Smoothed
+from pneumo_casadi.model.compilation import called
+from pneumo_casadi.parameters import FloatArray
+
+#: How often what a sensor distorts is taken back, each time to one order more.
+CORRECTIONS = 6
+#: Corrections end once they move nothing by more than this share of the sensors' noise.
+UNCHANGED = 1e-4
+#: Step of difference quotients, in units of a parameter's scale.
+DIFFERENCE = 1e-3
+
+#: Nominal states and their derivatives, each (n, N).
+Motion = tuple[FloatArray, FloatArray]
+
+
+@dataclass(frozen=True, eq=False)
+class Residuals:
+    """Residuals of the balances at every row of a record.
+
+    Parameters
+    ----------
+    r : (ne, m) array
+        In the units of `AlongMotion.residual`.
+    J : (ne, m, n) array
+        Derivatives to the free parameters, in the order of `AlongMotion.free`.
+    """
+
+    r: FloatArray
+    J: FloatArray
+
+
+def residuals(model: AlongMotion, data: Smoothed, theta: FloatArray) -> FloatArray:
+    """Return the decimated residuals at some parameters, shape (ne, m)."""
+    (r,) = _undecimated(model, data, [theta])
+    return data.averaged(r.T).T
+
+
+def linearised(
+    model: AlongMotion, data: Smoothed, theta: FloatArray, whole: bool = False
+) -> Residuals:
+    """Return residuals and derivatives at some parameters.
+
+    Those to the nominal parameters hold the effects' states, and are exact where these do not hang
+    on them. Those to parameters of effects that no state and no sensor knows are exact; to the
+    others they are differences over a thousandth of their scale. With `whole`, so are those to
+    nominal parameters that states hang on, at the price of one motion of the states for each.
+    """
+    holding = model.holding if whole else ()
+    variants, steps = _moved(model, theta, (*model.moved, *holding), {})
+    found = _undecimated(model, data, variants, jacobian=True)
+    r, J = found[0], found[-1]
+    ne, N = r.shape
+    columns = [r.T.reshape(N, ne)]
+    columns += [(one - r).T / h for one, h in zip(found[1:-1], steps, strict=True)]
+    low = data.averaged(np.concatenate([*columns, J.reshape(N, -1)], axis=1))
+    m = len(low)
+    moved = low[:, ne : ne * (1 + len(steps))].reshape(m, len(steps), ne).transpose(2, 0, 1)
+    exact = low[:, ne * (1 + len(steps)) :].reshape(m, -1, ne).transpose(2, 0, 1)
+    own = len(model.moved)
+    exact[:, :, [model.exact.index(name) for name in holding]] = moved[:, :, own:]
+    return Residuals(low[:, :ne].T, np.concatenate([exact, moved[:, :, :own]], axis=2))
+
+
+def directions(
+    model: AlongMotion,
+    data: Smoothed,
+    theta: FloatArray,
+    names: Sequence[str],
+    sizes: Mapping[str, float] | None = None,
+) -> FloatArray:
+    """Return derivatives of the residuals to parameters of the effects, shape (ne, m, k).
+
+    With `sizes`, the quotients over steps of those sizes by name.
+    """
+    variants, steps = _moved(model, theta, names, sizes or {})
+    found = _undecimated(model, data, variants)
+    columns = [(one - found[0]).T / h for one, h in zip(found[1:], steps, strict=True)]
+    ne, k = len(found[0]), len(names)
+    low = data.averaged(np.concatenate(columns, axis=1)) if k else np.zeros((data.m, 0))
+    return low.reshape(data.m, k, ne).transpose(2, 0, 1)
+
+
+def _moved(
+    model: AlongMotion,
+    theta: FloatArray,
+    names: Sequence[str],
+    sizes: Mapping[str, float],
+) -> tuple[list[FloatArray], list[float]]:
+    """Return θ and what it is with each of some parameters moved, and by how much."""
+    parameters = model.axis.parameters
+    variants, steps = [theta], []
+    for name in names:
+        item, at = parameters[name], parameters.index(name)
+        h = sizes.get(name, DIFFERENCE * item.scale)
+        if theta[at] + h > item.upper:
+            h = -h
+        moved = theta.copy()
+        moved[at] += h
+        variants.append(moved)
+        steps.append(h)
+    return variants, steps
+
+
+def _undecimated(
+    model: AlongMotion, data: Smoothed, variants: Sequence[FloatArray], jacobian: bool = False
+) -> list[FloatArray]:
+    """Return r (ne, N) for every variant of θ, and last the Jacobian of the first (N, ne n)."""
+    motions = _true_motions(model, data, variants)
+    states = own_states(model, data, variants, motions)
+    found: list[FloatArray] = []
+    last: list[FloatArray] = []
+    for i, (theta, z, (x, dx)) in enumerate(zip(variants, states, motions, strict=True)):
+        given = (x, dx, data.u, z, *_repeated(model, theta, data.N))
+        if jacobian and i == 0:
+            r, _, slope = called(model.residual_and_jacobian(data.N), *given)
+            # Columns of one sample lie side by side: (ne, n N) in Fortran's order.
+            last = [slope.reshape(-1, data.N, order="F").T]
+        else:
+            r, _ = called(model.residual(data.N), *given)
+        found.append(r)
+    return found + last
+
+
+def _true_motions(
+    model: AlongMotion, data: Smoothed, variants: Sequence[FloatArray]
+) -> list[Motion]:
+    """Take back what the sensors distort, for every variant of θ."""
+    axis = model.axis
+    sensors = [f"{effect.name}." for effect in axis.effects if senses((effect,))]
+    own = [i for i, n in enumerate(axis.parameters.names) if n.startswith(tuple(sensors))]
+    # A sensor knows no parameters but its own, whatever else variants differ in.
+    distinct = {theta[own].tobytes(): theta for theta in variants}
+    found = _without_sensors(model, data, list(distinct.values()))
+    known = dict(zip(distinct, found, strict=True))
+    return [known[theta[own].tobytes()] for theta in variants]
+
+
+def _without_sensors(
+    model: AlongMotion, data: Smoothed, variants: Sequence[FloatArray]
+) -> list[Motion]:
+    motions = [(data.x, data.dx)] * len(variants)
+    effects = model.axis.effects
+    states = [np.zeros((model.n_z, data.N))] * len(variants)
+    for _ in range(CORRECTIONS if senses(effects) else 0):
+        # What a sensor without memory shows hangs on no state: running them would be idle.
+        states = own_states(model, data, variants, motions) if remembers(effects) else states
+        last = motions
+        motions = [
+            _corrected(model, data, theta, z, motion)
+            for theta, z, motion in zip(variants, states, motions, strict=True)
+        ]
+        if _distance(model, data, last, motions) < UNCHANGED:
+            break
+    return motions
+
+
+def _distance(
+    model: AlongMotion, data: Smoothed, one: Sequence[Motion], other: Sequence[Motion]
+) -> float:
+    """Return by how much motions differ at most, in units of the sensors' noise."""
+    rows = [model.axis.motion_states.index(name) for name in model.axis.outputs]
+    apart = [
+        np.abs(a[rows] - b[rows]).max(axis=1) for (a, _), (b, _) in zip(one, other, strict=True)
+    ]
+    return float(np.max(np.max(apart, axis=0) / np.maximum(data.noise, 1e-300)))
+
+
+def own_states(
+    model: AlongMotion,
+    data: Smoothed,
+    variants: Sequence[FloatArray],
+    motions: Sequence[Motion],
+) -> list[FloatArray]:
+    """Run the effects' states along the motions, one (nz, N) array a variant of θ."""
+    N, B = data.N, len(variants)
+    if not model.n_z:
+        return [np.zeros((0, N))] * B
+    c = np.array(list(model.constants.values()))
+    z = np.zeros((model.n_z, N, B))
+    for i, (theta, (x, dx)) in enumerate(zip(variants, motions, strict=True)):
+        at_first = (x[:, :1], dx[:, :1], data.u[:, :1], np.zeros((model.n_z, 1)), c, theta)
+        z[:, 0, i] = called(model.rest, *at_first)[0][:, 0]
+
+    def after(values: FloatArray) -> FloatArray:
+        return np.hstack([values[:, 1:], values[:, -1:]])
+
+    C, T = _repeated(model, np.zeros(0), N)[0], N // STRETCH
+    given = (
+        z[:, 0, :],
+        np.hstack([x for x, _ in motions]),
+        np.hstack([after(x) for x, _ in motions]),
+        np.hstack([dx for _, dx in motions]),
+        np.hstack([after(dx) for _, dx in motions]),
+        np.tile(data.u, B),
+        np.full((1, N * B), data.dt),
+        np.tile(C, B),
+        np.hstack([np.tile(theta[:, None], T) for theta in variants]),
+    )
+    found = called(model.steps(N, B), *given)[1].reshape(model.n_z, B, N)
+    z[:, 1:, :] = found.transpose(0, 2, 1)[:, :-1]
+    return [z[:, :, i] for i in range(B)]
+
+
+def _corrected(
+    model: AlongMotion,
+    data: Smoothed,
+    theta: FloatArray,
+    z: FloatArray,
+    motion: Motion,
+) -> Motion:
+    """Return the motion that the sensors would show as measured, one order better."""
+    axis = model.axis
+    x, dx = motion
+    given = (x, dx, data.u, z, *_repeated(model, theta, data.N))
+    _, y = called(model.residual(data.N), *given)
+    x_new, dx_new = x.copy(), dx.copy()
+    for i, name in enumerate(axis.outputs):
+        row = axis.motion_states.index(name)
+        shift = data.smooth(data.x[row] - y[i])
+        x_new[row] = x[row] + shift
+        rate = data.derivative(shift)
+        dx_new[row] = dx[row] + rate
+        if name == "x":
+            v = axis.motion_states.index("v")
+            x_new[v] = x[v] + rate
+            dx_new[v] = dx[v] + data.derivative(rate)
+    return x_new, dx_new
+
+
+def _repeated(model: AlongMotion, theta: FloatArray, n: int) -> tuple[FloatArray, FloatArray]:
+    c = np.array(list(model.constants.values()))
+    count = n // STRETCH
+    return np.tile(c[:, None], count), np.tile(theta[:, None], count)

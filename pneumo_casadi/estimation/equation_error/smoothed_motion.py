@@ -1,0 +1,161 @@
+"""The measured motion, smoothed: what the balances are held against.
+
+With laboratory noise (some 100 Pa, some 10 µm) filtered measurements are the true states but for
+a fraction of a per cent, in the band in which an axis moves. Along them every balance can be
+evaluated on its own, without simulating the others.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from pneumo_casadi.data import InputHold, Recording
+from pneumo_casadi.estimation.equation_error.balance_functions import STRETCH
+from pneumo_casadi.model.axis import Axis
+from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.signals import FilterPlan, InputPairing, filter_recording
+from pneumo_casadi.signals.bandwidth import white_noise_std
+from pneumo_casadi.signals.zero_phase import central_difference, zero_phase_lowpass
+
+#: Cut-off of the zero-phase filter on the measurements [Hz].
+CUTOFF = 60.0
+#: Rate of the rows that a fit sees [1/s].
+ROW_RATE = 62.5
+#: Rate to which faster records are thinned once they are smooth [Hz].
+RATE = 1000.0
+#: Below this velocity, and below so many standard deviations of its noise, the axis may stick.
+SLOW, NOISE_MULTIPLE = 2e-3, 4.0
+
+
+@dataclass(frozen=True, eq=False)
+class Smoothed:
+    """One record as smoothed states, derivatives and the inputs around each sample.
+
+    Parameters
+    ----------
+    t : (N,) array
+        Instants [s].
+    x, dx : (nx, N) array
+        Nominal states and their derivatives, in the axis' order [SI].
+    u : (nu, N) array
+        Inputs.
+    weak : (m, N) sparse array
+        Test functions: windows that average a balance over a few hundredths of a second.
+    moving : (m,) array of bool
+        Rows in whose window no sample was slow: Coulomb friction has a known sign there.
+    dt : float
+        Sampling period of what is kept [s].
+    noise : (ny,) array
+        Standard deviation of white noise at this period that tells as much as the sensors' does
+        at theirs [Pa, Pa, m].
+    velocity_noise : float
+        What it leaves on the smoothed velocity [m/s].
+    name : str
+        Of the record.
+    """
+
+    t: FloatArray
+    x: FloatArray
+    dx: FloatArray
+    u: FloatArray
+    weak: Any
+    moving: NDArray[np.bool_]
+    dt: float
+    noise: FloatArray
+    velocity_noise: float
+    name: str
+
+    @property
+    def N(self) -> int:
+        """Number of samples."""
+        return int(self.t.size)
+
+    @property
+    def m(self) -> int:
+        """Number of rows."""
+        return int(self.moving.size)
+
+    def used(self, axis: Axis) -> NDArray[np.bool_]:
+        """Return which rows of each balance count, shape (ne, m): force only in motion."""
+        found = np.ones((len(axis.equations), self.m), dtype=bool)
+        found[axis.equations.index("force")] = self.moving
+        return found
+
+    def averaged(self, columns: FloatArray) -> FloatArray:
+        """Average columns (N, n) over the windows, (m, n)."""
+        return np.asarray(self.weak @ columns)
+
+    def smooth(self, values: FloatArray) -> FloatArray:
+        """Pass values (N,) through the filter that the measurements went through."""
+        return zero_phase_lowpass(values, CUTOFF, 1 / self.dt, _ORDER)
+
+    def derivative(self, values: FloatArray) -> FloatArray:
+        """Differentiate values (N,) as the measurements were."""
+        return central_difference(values, self.dt)
+
+
+_ORDER = 4
+
+
+def smoothed(axis: Axis, record: Recording) -> Smoothed:
+    """Smooth a record for an axis.
+
+    Raises
+    ------
+    CaseError
+        If the record is too short for the filters.
+    """
+    fs = 1 / record.dt
+    plan = FilterPlan(sampling_frequency=fs, cutoff=min(CUTOFF, 0.4 * fs))
+    found = filter_recording(record, plan, InputPairing.SAMPLE)
+    names = axis.motion_states
+    x, dx = found.stack_states(names), found.stack_derivatives(names)
+    (u,) = found.stack_inputs(axis.inputs)
+    # An input held from its sample to the next belongs to the middle of that step.
+    if record.hold is InputHold.ZERO:
+        x, dx, u = (x[:, 1:] + x[:, :-1]) / 2, (dx[:, 1:] + dx[:, :-1]) / 2, u[:, :-1]
+    # Band-limited by now: a millisecond's mean says all, five times faster for 5 kHz.
+    thin = max(1, int(fs / RATE))
+    dt = thin * record.dt
+    x, dx, u = (_thinned(part, thin) for part in (x, dx, u))
+    slow = np.abs(x[names.index("v")]) < max(SLOW, NOISE_MULTIPLE * found.velocity_noise)
+    weak = _windows(x.shape[1], max(1, round(1 / dt / ROW_RATE)))
+    return Smoothed(
+        found.t[: x.shape[1] * thin : thin],
+        x,
+        dx,
+        u,
+        weak,
+        (weak @ slow.astype(float)) == 0,
+        dt,
+        np.array([white_noise_std(record[name]) for name in axis.outputs]) / thin**0.5,
+        found.velocity_noise,
+        record.name,
+    )
+
+
+def _thinned(values: FloatArray, factor: int) -> FloatArray:
+    """Return means over so many samples, cut to whole stretches."""
+    n = values.shape[1] // factor // STRETCH * STRETCH
+    means = values[:, : n * factor].reshape(len(values), n, factor).mean(axis=2)
+    return np.asfortranarray(means)
+
+
+def _windows(N: int, every: int) -> Any:
+    """Return Hann windows of four times their distance, as rows that sum up to one."""
+    half = 2 * every
+    window = np.hanning(2 * half + 3)[1:-1]
+    first = np.arange(0, N - window.size + 1, every)
+    columns = first[:, None] + np.arange(window.size)
+    rows = np.repeat(np.arange(first.size), window.size)
+    values = np.tile(window / window.sum(), first.size)
+    return csr_array((values, (rows, columns.ravel())), shape=(first.size, N))
+
+
+def all_smoothed(axis: Axis, records: Sequence[Recording]) -> tuple[Smoothed, ...]:
+    """Smooth several records."""
+    return tuple(smoothed(axis, record) for record in records)

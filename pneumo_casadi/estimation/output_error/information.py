@@ -1,0 +1,95 @@
+"""What the data say about the parameters: Gauss-Newton information and covariance."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pneumo_casadi.estimation.output_error.shooting.condensing import (
+    anchor_normal_equations,
+    condense,
+    eliminate,
+    linearise,
+    scores,
+)
+from pneumo_casadi.estimation.output_error.shooting.map_anchor import Anchor
+from pneumo_casadi.estimation.output_error.shooting.problem import Problem, Unknowns
+from pneumo_casadi.estimation.statistics import Estimate, invert_information
+from pneumo_casadi.parameters import FloatArray
+
+#: How near to a bound, in scaled units, a parameter counts as held by it.
+AT_BOUND = 1e-6
+#: Information left beside that before the elimination of the states, below which it is rounding.
+CANCELLED = 1e-12
+
+
+@dataclass(frozen=True, slots=True)
+class Information:
+    """Gauss-Newton information on the scaled free parameters, initial states eliminated.
+
+    Parameters
+    ----------
+    matrix : (n_free, n_free) array
+        JᵀJ of all weighted residuals.
+    scores : tuple of tuples of (K, n_free) array
+        Jᵀr block by block, one array a record, and, as another kind, point by point of the flow
+        map: what its form cannot follow is correlated from point to point as well.
+    """
+
+    matrix: FloatArray
+    scores: tuple[tuple[FloatArray, ...], ...]
+
+
+def information(problem: Problem, point: Unknowns, sigma: FloatArray) -> Information:
+    """Return the information at a point of the problem.
+
+    Parameters
+    ----------
+    sigma : (ny,) array
+        Standard deviation of one sample of each output.
+
+    Notes
+    -----
+    Each segment's initial state is eliminated by a Schur complement, so that its uncertainty
+    counts; the flow map enters with the coefficients that are free.
+    """
+    free_states = len(problem.axis.states)
+    total, _ = anchor_normal_equations(problem, point.theta)
+    before = np.diag(total).copy()
+    linear = linearise(problem, point, sigma)
+    if not linear.finite:  # a trajectory that ran away says nothing
+        return Information(0 * total, ((np.zeros((1, len(total))),),))
+    rows: dict[int, list[FloatArray]] = {}
+    for i, condensed in enumerate(condense(problem, linear, sigma)):
+        to_theta, _ = eliminate(condensed.H, condensed.g, free_states)
+        coupled = condensed.H[free_states:, :free_states]
+        before = before + np.diag(condensed.H)[free_states:]
+        total = total + condensed.H[free_states:, free_states:] - coupled @ to_theta
+        # Windows of one record follow each other: misfit may last longer than one of them.
+        found = scores(problem, linear, i, condensed)
+        own = rows.setdefault(problem.segments[i].record, [])
+        own.append(found[:, free_states:] - found[:, :free_states] @ to_theta)
+    # What the initial states have taken away but for rounding is no information.
+    left = (np.diag(total) > CANCELLED * before).astype(float)
+    kinds = [tuple(np.concatenate(found) * left for found in rows.values())]
+    if problem.anchor is not None:
+        kinds.append((_map_scores(problem, problem.anchor, point.theta) * left,))
+    return Information(total * np.outer(left, left), tuple(kinds))
+
+
+def estimate(problem: Problem, point: Unknowns, sigma: FloatArray) -> Estimate:
+    """Return the covariance of the free parameters at a solution.
+
+    Parameters at a bound are named and left out: their interval is one-sided.
+    """
+    free = problem.parameters.with_values(point.theta).select(problem.free)
+    gap = np.minimum(free.values - free.lower, free.upper - free.values) / free.scales
+    at_bound = [name for name, near in zip(free.names, gap < AT_BOUND, strict=True) if near]
+    found = information(problem, point, sigma)
+    scales = problem.free_scales
+    return invert_information(found.matrix, scales, free.names, at_bound, found.scores)
+
+
+def _map_scores(problem: Problem, anchor: Anchor, theta: FloatArray) -> FloatArray:
+    """Return Jᵀr of each metered point in scaled free parameters, shape (n, n_free)."""
+    c = anchor.coefficients(problem.parameters, theta)
+    return -anchor.rows(c, problem.free) * anchor(c)[:, None] * problem.free_scales

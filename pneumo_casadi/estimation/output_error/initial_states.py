@@ -1,0 +1,120 @@
+"""Initial states of a record or of its windows, all parameters known."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from pneumo_casadi.data import Recording
+from pneumo_casadi.errors import FitError
+from pneumo_casadi.estimation.output_error.shooting.condensing import condense, linearise
+from pneumo_casadi.estimation.output_error.shooting.interval import IntervalFunctions
+from pneumo_casadi.estimation.output_error.shooting.problem import Problem, Unknowns, shoot
+from pneumo_casadi.estimation.output_error.shooting.segments import cut
+from pneumo_casadi.estimation.statistics import stated_or_estimated_noise
+from pneumo_casadi.model.axis import Axis
+from pneumo_casadi.model.integration import Stepping, substeps_for
+from pneumo_casadi.model.sampled_axis import SampledAxis
+from pneumo_casadi.parameters import FloatArray
+
+#: Length of the blocks whose mean outputs are compared [s].
+BLOCK = 2e-3
+#: Length of the intervals that are simulated side by side [s].
+INTERVAL = 0.1
+#: Damped Gauss-Newton iterations; a window that sticks needs a dozen.
+ITERATIONS = 15
+#: Relative decrease of a window's cost below which it has settled.
+SETTLED = 1e-4
+#: Share of its windows still at work below which a problem is written anew for these alone.
+SHRUNK = 0.75
+#: Damping to begin with, and the factors by which it falls and grows.
+DAMPING, FALL, GROW = 1e-3, 0.2, 10.0
+
+
+def estimate_initial_states(
+    axis: Axis, record: Recording, window: float | None = None
+) -> tuple[tuple[int, FloatArray], ...]:
+    """Estimate the state at the start of a record, or of each whole window, by output error.
+
+    Every window is a least-squares problem of its own in its initial state, solved by damped
+    steps that only ever lower its cost, all windows side by side.
+
+    Parameters
+    ----------
+    axis : Axis
+        With known parameters.
+    record : Recording
+        Measured inputs and outputs.
+    window : float, optional
+        Length of the windows [s]; None for the whole record.
+
+    Returns
+    -------
+    tuple of (int, (nx,) array)
+        First sample and state of each window.
+
+    Raises
+    ------
+    FitError
+        If a window's simulation leaves the finite numbers already at the measured state.
+    """
+    problem = _problem(axis, record, window)
+    sigma = np.array([stated_or_estimated_noise(axis.bench, [record], c) for c in axis.outputs])
+    segments = problem.segments
+    x_0 = np.stack([segment.x[:, 0] for segment in segments], axis=1)
+    nodes, cost = _costs(problem, x_0, sigma)
+    if not np.isfinite(cost).all():
+        start = segments[int(np.argmin(np.isfinite(cost)))].first * record.dt
+        raise FitError(f"{record.name}: no simulation from the measured state at t = {start:g} s")
+    damping = np.full(cost.size, DAMPING)
+    active = np.ones(cost.size, dtype=bool)
+    at = np.arange(cost.size)  # the windows of `problem`
+    for _ in range(ITERATIONS):
+        step = _damped_steps(problem, nodes[:, at], sigma, damping[at])
+        ahead = x_0[:, at] + np.where(active[at], step, 0.0)
+        trial, new = _costs(problem, ahead, sigma)
+        better = new < cost[at]
+        small = better & (cost[at] - new < SETTLED * cost[at])
+        x_0[:, at[better]] = ahead[:, better]
+        nodes[:, at[better]] = trial[:, better]
+        cost[at[better]] = new[better]
+        damping[at] *= np.where(better, FALL, GROW)
+        active[at] &= ~small & (damping[at] < 1e8)
+        if not active.any():
+            break
+        if np.count_nonzero(active) < SHRUNK * at.size:  # some stick, most settle at once
+            at = np.flatnonzero(active)
+            problem = replace(problem, segments=tuple(segments[i] for i in at))
+    return tuple((segment.first, x_0[:, i]) for i, segment in enumerate(segments))
+
+
+def _problem(axis: Axis, record: Recording, window: float | None) -> Problem:
+    model = SampledAxis(axis, Stepping(record.dt, record.hold, substeps_for(axis, record.dt)))
+    n = max(1, round(BLOCK / record.dt))
+    segments = cut(model, [record], n, window, INTERVAL)
+    whole = tuple(segment for segment in segments if segment.K == segments[0].K)
+    functions = IntervalFunctions(model, n, whole[0].per, ())
+    return Problem(model, axis.parameters.fix(), whole, functions, None)
+
+
+def _costs(problem: Problem, x_0: FloatArray, sigma: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return nodes (nx, B, intervals) and the cost of each window (B,), infinite if not finite."""
+    nodes, m = shoot(problem, problem.parameters.values, x_0)
+    with np.errstate(over="ignore", invalid="ignore"):  # a trial may run away: then it costs inf
+        squares = ((problem.y - m) / sigma[:, None]) ** 2
+        cost = 0.5 * problem.n * squares.reshape(len(m), x_0.shape[1], -1).sum(axis=(0, 2))
+    by_window = nodes.reshape(len(nodes), x_0.shape[1], -1)
+    return by_window, np.where(np.isfinite(cost), cost, np.inf)
+
+
+def _damped_steps(
+    problem: Problem, nodes: FloatArray, sigma: FloatArray, damping: FloatArray
+) -> FloatArray:
+    """Return the step of every window's initial state, shape (nx, B)."""
+    flat = nodes.reshape(len(nodes), -1)
+    at = linearise(problem, Unknowns(problem.parameters.values, flat), sigma)
+    scale = problem.axis.state_scales
+    steps = []
+    for segment, weight in zip(condense(problem, at, sigma), damping, strict=True):
+        ridge = weight * np.diag(segment.H) + 1e-9 * np.trace(segment.H)
+        steps.append(np.linalg.solve(segment.H + np.diag(ridge), segment.g) * scale)
+    return np.stack(steps, axis=1)

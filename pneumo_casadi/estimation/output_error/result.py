@@ -1,0 +1,177 @@
+"""What an output-error fit returns."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from pneumo_casadi.estimation.output_error.derived import derived_of
+from pneumo_casadi.estimation.output_error.shooting.map_anchor import Anchor
+from pneumo_casadi.estimation.output_error.shooting.segments import Segment
+from pneumo_casadi.estimation.statistics import Estimate, delta_std, interval_factor
+from pneumo_casadi.model.axis import Axis
+from pneumo_casadi.parameters import FloatArray, Parameters
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """One solve on the way: every start's cost stays on record.
+
+    Parameters
+    ----------
+    name : str
+        What was solved.
+    v_s : float
+        Width of the smoothed sign of the velocity [m/s].
+    cost : float
+        ½ Σ (residual/σ)² where it ended, with the σ that the bench states or the records show:
+        the same for all stages, so that their costs can be compared.
+    iterations : int
+        Of the nonlinear solver.
+    status : str
+        As the solver names it.
+    seconds : float
+        Time it took.
+    """
+
+    name: str
+    v_s: float
+    cost: float
+    iterations: int
+    status: str
+    seconds: float
+
+
+@dataclass(frozen=True, slots=True)
+class Derived:
+    """A quantity computed from parameters, with its standard deviations.
+
+    Parameters
+    ----------
+    value, std : float
+        In `unit`; `std` takes residuals for white noise.
+    std_robust : float
+        The same where residuals may be correlated, see `Estimate`.
+    unit : str
+        SI unit.
+    """
+
+    value: float
+    std: float
+    std_robust: float
+    unit: str
+
+
+@dataclass(frozen=True, slots=True)
+class MapPull:
+    """How far the trajectories have pulled the flow map from its measured points.
+
+    Parameters
+    ----------
+    rms : float
+        Residuals of the map over those of its own fit; 1 where the data leave it alone.
+    scale : float
+        Best common factor between the fitted and the measured map.
+    """
+
+    rms: float
+    scale: float
+
+
+def map_pull(anchor: Anchor, axis: Axis) -> MapPull:
+    """Return how far an axis' parameters have left the metered points of its flow map."""
+    c = axis.parameters.select(anchor.names).values
+    residual, own = anchor(c), anchor(anchor.fitted)
+    measured = -anchor(np.zeros_like(c))
+    scale = float((residual + measured) @ measured / (measured @ measured))
+    return MapPull(float(np.sqrt(np.sum(residual**2) / np.sum(own**2))), scale)
+
+
+@dataclass(frozen=True, eq=False)
+class OutputErrorResult:
+    """Parameters that minimise the output error, with their intervals.
+
+    Parameters
+    ----------
+    axis : Axis
+        The model with the estimated parameters.
+    status : str
+        ``"converged"``, or why not (only in the partial result of a `FitError`).
+    cost : float
+        ½ Σ (residual/σ)² with the final σ; near n/2 by itself where σ comes from the residuals.
+    sigma : (ny,) array
+        Standard deviation of one sample of each output, as estimated [Pa, Pa, m].
+    rms : (ny,) array
+        Root mean square of the residuals of block means [Pa, Pa, m].
+    estimate : Estimate
+        Covariance of the free parameters and what the data say nothing about.
+    derived : dict of str to Derived
+        k, V(0), areas, dead volumes and dead lengths of both chambers, F_c; see `derived_of`.
+    stages : tuple of Stage
+        Every solve on the way.
+    segments : tuple of Segment
+        Data as used.
+    fitted : tuple of (ny, K) arrays
+        Mean outputs of the model, by segment.
+    initial_states : tuple of (nx,) arrays
+        By segment.
+    map_pull : MapPull or None
+        None without an anchor.
+    """
+
+    axis: Axis
+    status: str
+    cost: float
+    sigma: FloatArray
+    rms: FloatArray
+    estimate: Estimate
+    derived: Mapping[str, Derived]
+    stages: tuple[Stage, ...]
+    segments: tuple[Segment, ...]
+    fitted: tuple[FloatArray, ...]
+    initial_states: tuple[FloatArray, ...]
+    map_pull: MapPull | None
+
+    @property
+    def parameters(self) -> Parameters:
+        """All parameters with their estimated values."""
+        return self.axis.parameters
+
+    @property
+    def iterations(self) -> int:
+        """Iterations over all stages."""
+        return sum(stage.iterations for stage in self.stages)
+
+    def std(self, name: str, robust: bool = False) -> float:
+        """Return a parameter's standard deviation; 0 if it was held, infinite if uninformed.
+
+        With `robust`, correlated residuals count (see `Estimate`). Derived quantities go by
+        their names too; an unknown name raises `ModelError`.
+        """
+        if name in self.derived:
+            return self.derived[name].std_robust if robust else self.derived[name].std
+        if name not in self.estimate.names:
+            self.parameters[name]  # an unknown name is an error, not a certainty
+            return 0.0
+        std = self.estimate.std_robust if robust else self.estimate.std
+        return float(std[self.estimate.names.index(name)])
+
+    def interval(self, name: str, level: float = 0.95, robust: bool = False) -> tuple[float, float]:
+        """Return the interval of a parameter at `level`, on request the robust one."""
+        half = interval_factor(level) * self.std(name, robust)
+        value = self.parameters[name].value
+        return value - half, value + half
+
+
+def derived_quantities(axis: Axis, estimate: Estimate) -> dict[str, Derived]:
+    """Return `derived_of` an axis with standard deviations by the delta method."""
+    theta = axis.parameters.values
+    columns = [axis.parameters.index(name) for name in estimate.names]
+    found = {}
+    for name, item in derived_of(axis).items():
+        gradient = item.gradient(theta)[columns]
+        std = delta_std(gradient, estimate.covariance)
+        robust = estimate.covariance_robust
+        wider = std if robust is None else delta_std(gradient, robust)
+        found[name] = Derived(item(theta), std, wider, item.unit)
+    return found

@@ -1,0 +1,1 @@
+"""The multiple-shooting problem: segments, intervals, anchor of the flow map, condensing."""

@@ -1,0 +1,177 @@
+"""The linearised problem, condensed to the parameters and one initial state per segment.
+
+The linearised dynamics tie every node to the segment's initial state and the parameters,
+
+    δx_{k+1} = A_k δx_k + B_k δθ + d_k    with the defects d_k = F(x_k, w_k, θ) - x_{k+1},
+
+so one sweep through the intervals, δx_k = T_k (δx_0, δθ) + c_k, leaves a dense least-squares
+problem in (δx_0, δθ), of the size of the parameters and not of the record (Bock 1987).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pneumo_casadi.estimation.output_error.shooting.problem import Problem, Unknowns
+from pneumo_casadi.model.compilation import called
+from pneumo_casadi.parameters import FloatArray
+
+#: Sensitivities and residuals beyond this come from a trajectory that ran away.
+HUGE = 1e60
+
+
+@dataclass(frozen=True, slots=True)
+class Linearised:
+    """The problem linearised at a point, interval by interval, in SI units.
+
+    Parameters
+    ----------
+    ends : (nx, I) array
+        States at the ends of the intervals.
+    m : (ny, n_blocks) array
+        Mean outputs of the model.
+    defects : (nx, joins) array
+        Ends of intervals less the nodes that follow them.
+    S : (I, nx, nx + n_free) array
+        ∂end/∂(x_k, θ_free).
+    H : (I, ny, nx + n_free, nx + n_free) array
+        JᵀJ of the mean outputs, per output.
+    g : (I, ny, nx + n_free) array
+        Jᵀe, per output.
+    scores : (n_blocks, nx + n_free) array
+        Weighted Jᵀe of every block, to the node and parameters of its interval.
+    """
+
+    ends: FloatArray
+    m: FloatArray
+    defects: FloatArray
+    S: FloatArray
+    H: FloatArray
+    g: FloatArray
+    scores: FloatArray
+
+    @property
+    def finite(self) -> bool:
+        """Whether the model stayed within numbers whose squares are finite."""
+        parts = (self.ends, self.m, self.S, self.H, self.g)
+        return all(bool((np.abs(part) < HUGE).all()) for part in parts)
+
+
+@dataclass(frozen=True, slots=True)
+class Condensed:
+    """One segment, condensed to its initial state and the parameters, both scaled.
+
+    Parameters
+    ----------
+    H : (n, n) array
+        JᵀJ of the weighted residuals of the segment in (δx_0, δθ_free).
+    g : (n,) array
+        Jᵀr, the residuals taken at (δx_0, δθ) = 0 with the defects closed.
+    T : (intervals, nx, n) array
+        ∂x_k/∂(x_0, θ_free), scaled on both sides.
+    c : (intervals, nx) array
+        Part of δx_k, scaled, that closes the defects.
+    H_k, g_k : (intervals, nx + n_free, nx + n_free) and (intervals, nx + n_free) arrays
+        Each interval by itself, to its own node.
+    """
+
+    H: FloatArray
+    g: FloatArray
+    T: FloatArray
+    c: FloatArray
+    H_k: FloatArray
+    g_k: FloatArray
+
+
+def linearise(problem: Problem, point: Unknowns, sigma: FloatArray) -> Linearised:
+    """Linearise the problem at a point; `sigma` (ny,) weighs the scores alone."""
+    intervals, nx, ny = problem.I, problem.model.nx, len(problem.axis.outputs)
+    m = nx + len(problem.free)
+    data = problem.data
+    theta = np.tile(point.theta[:, None], intervals)
+    weight = np.tile((problem.n / sigma**2)[:, None], intervals)
+    ends, means, S, H, g, scores = called(
+        problem.sensitivity, point.x, data.w, theta, data.h, data.y, weight
+    )
+    joins = problem.joined
+    return Linearised(
+        ends,
+        means[:, data.real],
+        ends[:, joins] - point.x[:, joins + 1],
+        S.reshape(nx, intervals, m).transpose(1, 0, 2),
+        H.reshape(m, intervals, ny, m).transpose(1, 2, 0, 3),
+        g.reshape(m, intervals, ny).transpose(1, 2, 0),
+        scores.T[data.real],
+    )
+
+
+def condense(problem: Problem, at: Linearised, sigma: FloatArray) -> tuple[Condensed, ...]:
+    """Condense every segment with the noise `sigma` (ny,) of one sample of each output."""
+    scale = np.concatenate([problem.model.state_scales, problem.free_scales])
+    weight = problem.n / sigma**2
+    H = sum(w * at.H[:, i] for i, w in enumerate(weight)) * np.outer(scale, scale)
+    g = sum(w * at.g[:, i] for i, w in enumerate(weight)) * scale
+    size = problem.model.state_scales
+    S = at.S * scale / size[:, None]
+    d = np.zeros((problem.I, size.size))
+    d[problem.joined] = (at.defects / size[:, None]).T
+    found = []
+    with np.errstate(all="ignore"):  # a diverging trial step is found and halved
+        for first, segment in zip(problem.firsts, problem.segments, strict=True):
+            span = slice(first, first + segment.intervals)
+            found.append(_condense(S[span], H[span], g[span], d[span], len(problem.axis.states)))
+    return tuple(found)
+
+
+def _condense(
+    S: FloatArray, H_k: FloatArray, g_k: FloatArray, d: FloatArray, free_states: int
+) -> Condensed:
+    """Sweep through the intervals of a segment, whose first `free_states` states are free."""
+    count, nx, m = S.shape
+    n = m - nx + free_states
+    T, c = np.zeros((count, nx, n)), np.zeros((count, nx))
+    T[0, :free_states, :free_states] = np.eye(free_states)
+    for k in range(count - 1):
+        T[k + 1] = S[k, :, :nx] @ T[k]
+        T[k + 1, :, free_states:] += S[k, :, nx:]
+        c[k + 1] = S[k, :, :nx] @ c[k] + d[k]
+    to_theta = np.zeros((count, m - nx, n))
+    to_theta[:, :, free_states:] = np.eye(m - nx)
+    P = np.concatenate([T, to_theta], axis=1)
+    # Many small products: one large one would wait for the threads of the linear algebra.
+    H = (P.transpose(0, 2, 1) @ (H_k @ P)).sum(axis=0)
+    closed = g_k[:, :, None] - H_k[:, :, :nx] @ c[:, :, None]
+    g = (P.transpose(0, 2, 1) @ closed).sum(axis=0)[:, 0]
+    return Condensed(H, g, T, c, H_k, g_k)
+
+
+def eliminate(H: FloatArray, g: FloatArray, first: int) -> tuple[FloatArray, FloatArray]:
+    """Solve for the first unknowns of normal equations: they are ``h - G rest``; return G, h."""
+    inverse = np.linalg.pinv(H[:first, :first], rcond=1e-14, hermitian=True)
+    return inverse @ H[:first, first:], inverse @ g[:first]
+
+
+def scores(problem: Problem, at: Linearised, segment: int, condensed: Condensed) -> FloatArray:
+    """Return Jᵀe of every block of a segment in scaled (x_0, θ_free), shape (K, n).
+
+    The defects must be closed: scores are those of a simulation.
+    """
+    nx = problem.model.nx
+    scale = np.concatenate([problem.model.state_scales, problem.free_scales])
+    before = sum(s.K for s in problem.segments[:segment])
+    cut = problem.segments[segment]
+    own = at.scores[before : before + cut.K] * scale
+    node = np.arange(cut.K) // cut.per
+    found = np.einsum("kx,kxn->kn", own[:, :nx], condensed.T[node])
+    found[:, found.shape[1] - len(problem.free) :] += own[:, nx:]
+    return np.asarray(found)
+
+
+def anchor_normal_equations(problem: Problem, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return JᵀJ and Jᵀr of the flow map in scaled free parameters; zeros without an anchor."""
+    free = problem.free
+    if problem.anchor is None:
+        return np.zeros((len(free), len(free))), np.zeros(len(free))
+    c = problem.anchor.coefficients(problem.parameters, theta)
+    J = problem.anchor.rows(c, free) * problem.free_scales
+    return J.T @ J, -J.T @ problem.anchor(c)

@@ -1,0 +1,239 @@
+"""Intervals between shooting nodes, with sensitivities and normal equations built inside.
+
+An interval is a stretch of blocks of samples that starts from one free state. Within it states
+and their sensitivities S = ∂x/∂(x_0, θ) run along, and block after block the residuals of mean
+outputs leave only their sums JᵀJ and Jᵀe: a long record needs few nodes and little memory.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from pneumo_casadi.model.compilation import compiled
+from pneumo_casadi.model.effect import Expression
+from pneumo_casadi.model.integration import inputs_between, runge_kutta
+from pneumo_casadi.model.sampled_axis import SampledAxis
+
+
+@dataclass(frozen=True, eq=False)
+class IntervalFunctions:
+    """One interval as machine code, written and compiled when it is first asked for.
+
+    Shapes are those of one interval with nx states, nw values a sample, ny outputs, n samples a
+    block, B blocks and m = nx + n_free columns. ``h`` is the sampling period in each block
+    [s]; a block with h = 0 takes no time and counts for nothing, so that intervals of different
+    lengths share a function.
+
+    Parameters
+    ----------
+    model : SampledAxis
+        The axis from one sample to the next.
+    n, blocks : int
+        Samples a block, blocks an interval.
+    free : tuple of str
+        Parameters to differentiate to.
+    """
+
+    model: SampledAxis
+    n: int
+    blocks: int
+    free: tuple[str, ...]
+
+    @cached_property
+    def value(self) -> ca.Function:
+        """``(x (nx,), w (nw, n B), θ, h (1, B)) -> (x_end (nx,), ȳ (ny, B))``.
+
+        The state at the end and the mean outputs over the n samples of each block.
+        """
+        return compiled([_value(self.model, self.n, self.blocks)])[0]
+
+    @cached_property
+    def sensitivity(self) -> ca.Function:
+        """``(x, w, θ, h, ȳ_measured (ny, B), weight (ny,)) -> (x_end, ȳ, S, H, g, s)``.
+
+        ∂x_end/∂(x_0, θ_free) of shape (nx, m), per output JᵀJ and Jᵀe of the means, (m, ny m)
+        and (m, ny), and per block the weighted scores Σ_y weight Jᵀe, (m, B).
+        """
+        return compiled([_sensitivity(self.model, self.n, self.blocks, self.free)])[0]
+
+
+def _value(model: SampledAxis, n: int, blocks: int) -> ca.Function:
+    ny, n_theta = len(model.axis.outputs), len(model.axis.parameters)
+    sample = _sample(model)
+    x, w = ca.MX.sym("x", model.nx), ca.MX.sym("w", model.nw, n)
+    theta, h = ca.MX.sym("theta", n_theta), ca.MX.sym("h")
+    end, total = x, ca.MX.zeros(ny)
+    for i in range(n):
+        end, total = sample(end, total, w[:, i], theta, h)
+    block = ca.Function("block", [x, w, h, theta], [end, total / n])
+    chain = _chain("value_chain", block, blocks, carried=1, streams=2)
+    W, H = ca.MX.sym("w", model.nw, n * blocks), ca.MX.sym("h", 1, blocks)
+    return ca.Function("interval", [x, W, theta, H], chain.call([x, W, H, theta]))
+
+
+def _sensitivity(model: SampledAxis, n: int, blocks: int, free: Sequence[str]) -> ca.Function:
+    ny, n_theta = len(model.axis.outputs), len(model.axis.parameters)
+    m = model.nx + len(free)
+    block = _normal_block(model, n, free)
+    chain = _chain("sensitivity_chain", block, blocks, carried=3 + ny, streams=3)
+    x, theta = ca.MX.sym("x", model.nx), ca.MX.sym("theta", n_theta)
+    W, H = ca.MX.sym("w", model.nw, n * blocks), ca.MX.sym("h", 1, blocks)
+    Y, weight = ca.MX.sym("y", ny, blocks), ca.MX.sym("weight", ny)
+    nothing = [ca.MX.zeros(m, m) for _ in range(ny)]
+    start = [x, ca.MX(_identity(model.nx, m)), ca.MX.zeros(m, ny), *nothing]
+    end, S, Jte, *JtJ, means, scores = chain.call([*start, W, H, Y, theta, weight])
+    found = [end, means, S, ca.horzcat(*JtJ), Jte, scores]
+    return ca.Function("interval_sensitivity", [x, W, theta, H, Y, weight], found)
+
+
+def _normal_block(model: SampledAxis, n: int, free: Sequence[str]) -> ca.Function:
+    """Return a block that adds what its mean outputs say to the normal equations."""
+    ny, m = len(model.axis.outputs), model.nx + len(free)
+    sample = _sample(model, free)
+    x, S = ca.MX.sym("x", model.nx), ca.MX.sym("S", model.nx, m)
+    JtJ = [ca.MX.sym(f"JtJ_{i}", m, m) for i in range(ny)]
+    Jte = ca.MX.sym("Jte", m, ny)
+    w, h, y = ca.MX.sym("w", model.nw, n), ca.MX.sym("h"), ca.MX.sym("y", ny)
+    theta, weight = ca.MX.sym("theta", len(model.axis.parameters)), ca.MX.sym("weight", ny)
+    end, S_end, total, J = x, S, ca.MX.zeros(ny), ca.MX.zeros(ny, m)
+    for i in range(n):
+        end, S_end, total, J = sample(end, S_end, total, J, w[:, i], theta, h)
+    mean = total / n
+    counts = h > 0
+    rows = (J * (counts / n)).T
+    e = (y - mean) * counts
+    squares = [ca.rank1(JtJ[i], 1.0, rows[:, i], rows[:, i]) for i in range(ny)]
+    added = rows * ca.repmat(e.T, m, 1)
+    return ca.Function(
+        "normal_block",
+        [x, S, Jte, *JtJ, w, h, y, theta, weight],
+        [end, S_end, Jte + added, *squares, mean, added @ weight],
+    )
+
+
+def _sample(model: SampledAxis, free: Sequence[str] | None = None) -> ca.Function:
+    """Return one sample that adds up its outputs.
+
+    ``(x, total, w, θ, h) -> (x_next, total)``, or with the sensitivities S to (x_0, θ_free)
+    beside every value, ``(x, S, total, J, w, θ, h) -> (x_next, S_next, total, J)``.
+    """
+    axis = model.axis
+    nxa, ny, nu = len(axis.states), len(axis.outputs), len(axis.inputs)
+    at = None if free is None else [axis.parameters.index(name) for name in free]
+    m = 0 if free is None else model.nx + len(free)
+    width = 1 + (free is not None)
+    x, w, theta = (
+        ca.MX.sym("x", model.nx),
+        ca.MX.sym("w", model.nw),
+        ca.MX.sym("theta", len(axis.parameters)),
+    )
+    h = ca.MX.sym("h")
+    state = [x, ca.MX.sym("S", model.nx, m)][:width]
+    total = [ca.MX.sym("total", ny), ca.MX.sym("J", ny, m)][:width]
+    own = [part[:nxa, :] for part in state]
+    moving = model.controller is not None
+    rates = _along("rates", axis.rhs, axis, at, m, moving)
+    output = _along("outputs", axis.output, axis, at, m, False)
+    kept: list[ca.MX] = []
+    if moving:
+        found = _along("loop", model.feedback, axis, at, m, False).call([*state, w, theta])
+        u_of, kept = _constant([part[:nu, :] for part in found]), [p[nu:, :] for p in found]
+    else:
+        between = inputs_between(w, nu, model.stepping)
+        u_of = _fed(between)
+    sensed_u = w[:nu] if not moving else u_of(0.0)[0]
+    y = output.call([*own, sensed_u, theta])
+    substeps = model.stepping.substeps
+    end = own
+    for step in range(substeps):
+
+        def f(share: float, z: Sequence[Expression], step: int = step) -> list[Expression]:
+            return list(rates.call([*z, *u_of((step + share) / substeps), theta]))
+
+        end = runge_kutta(f, end, h / substeps)
+    if moving:
+        end = [ca.vertcat(a, b) for a, b in zip(end, kept, strict=True)]
+    sums = [a + b for a, b in zip(total, y, strict=True)]
+    return ca.Function("sample", [*state, *total, w, theta, h], [*end, *sums])
+
+
+def _constant(values: list[ca.MX]) -> Callable[[float], list[ca.MX]]:
+    return lambda share: values
+
+
+def _fed(between: Callable[[float], Expression]) -> Callable[[float], list[ca.MX]]:
+    return lambda share: [between(share)]
+
+
+def _along(
+    name: str,
+    f: ca.Function,
+    axis: Expression,
+    at: Sequence[int] | None,
+    m: int,
+    moving: bool,
+) -> ca.Function:
+    """Carry sensitivities through ``f(x, v, θ)``: (x, S, v[, dv], θ) → (f, df); f without `at`.
+
+    `moving` tells that v hangs on (x_0, θ_free) too, with derivatives dv.
+    """
+    if at is None:
+        return f
+    sym = axis.symbol.sym
+    nx, nv = f.size1_in(0), f.size1_in(1)
+    x, v, theta = sym("x", nx), sym("v", nv), sym("theta", f.size1_in(2))
+    S, dv = sym("S", nx, m), sym("dv", nv, m)
+    value = f(x, v, theta)
+    to_theta = ca.jacobian(value, theta)[:, list(at)]
+    d = ca.jacobian(value, x) @ S
+    d = d + ca.horzcat(ca.DM(value.shape[0], m - len(at)), to_theta)
+    if moving:
+        d = d + ca.jacobian(value, v) @ dv
+    given = [x, S, v, dv, theta] if moving else [x, S, v, theta]
+    return ca.Function(name, given, [value, ca.densify(d)])
+
+
+def _chain(name: str, f: ca.Function, count: int, carried: int, streams: int) -> ca.Function:
+    """Return `count` calls of f in a row: carried values, then streams, then constants.
+
+    Streams and further outputs get one column group a call. Two levels of calls keep the code
+    short for long intervals.
+    """
+    inner = max(1, int(np.sqrt(count)))
+    if inner < 4:
+        return _unrolled(name, [f] * count, carried, streams)
+    stretch = _unrolled(f"{name}_inner", [f] * inner, carried, streams)
+    whole, rest = divmod(count, inner)
+    return _unrolled(name, [stretch] * whole + [f] * rest, carried, streams)
+
+
+def _unrolled(name: str, calls: Sequence[ca.Function], carried: int, streams: int) -> ca.Function:
+    first = calls[0]
+    shapes = [first.size_in(i) for i in range(first.n_in())]
+    widths = [
+        sum(f.size2_in(i) for f in calls) if carried <= i < carried + streams else shape[1]
+        for i, shape in enumerate(shapes)
+    ]
+    given = [
+        ca.MX.sym(f"a{i}", shape[0], width)
+        for i, (shape, width) in enumerate(zip(shapes, widths, strict=True))
+    ]
+    values, constants = given[:carried], given[carried + streams :]
+    pieces = [
+        ca.horzsplit(stream, np.cumsum([0, *(f.size2_in(carried + i) for f in calls)]).tolist())
+        for i, stream in enumerate(given[carried : carried + streams])
+    ]
+    gathered: list[list[ca.MX]] = []
+    for k, f in enumerate(calls):
+        out = f.call([*values, *(piece[k] for piece in pieces), *constants])
+        values = out[:carried]
+        gathered.append(out[carried:])
+    stacked = [ca.horzcat(*parts) for parts in zip(*gathered, strict=True)]
+    return ca.Function(name, given, [*values, *stacked])
+
+
+def _identity(rows: int, columns: int) -> ca.DM:
+    return ca.densify(ca.DM(np.eye(rows, columns)))

@@ -1,0 +1,223 @@
+"""The output-error problem: data, model and unknowns, before any solver is chosen.
+
+Unknowns are the free parameters θ and the states x_k where the intervals begin, tied within a
+segment by x_{k+1} = F(x_k, w_k, θ). The model's mean outputs over the blocks of an interval are
+m_k = H(x_k, w_k, θ).
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from pneumo_casadi.estimation.output_error.shooting.interval import IntervalFunctions
+from pneumo_casadi.estimation.output_error.shooting.map_anchor import Anchor
+from pneumo_casadi.estimation.output_error.shooting.segments import Segment
+from pneumo_casadi.model.axis import Axis
+from pneumo_casadi.model.compilation import called
+from pneumo_casadi.model.integration import THREADS
+from pneumo_casadi.model.sampled_axis import SampledAxis
+from pneumo_casadi.parameters import FloatArray, Parameters
+
+
+@dataclass(frozen=True, slots=True)
+class Unknowns:
+    """A point of the problem, in SI units.
+
+    Parameters
+    ----------
+    theta : (n,) array
+        All parameters of the axis, fixed ones included.
+    x : (nx, I) array
+        States where the intervals begin, segment after segment.
+    """
+
+    theta: FloatArray
+    x: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class IntervalData:
+    """What all I intervals are given, padded to one length; see `IntervalFunctions`.
+
+    Parameters
+    ----------
+    w : (nw, I B n) array
+        Inputs.
+    h : (1, I B) array
+        Sampling period of each block [s], zero in the padding.
+    y : (ny, I B) array
+        Measured mean outputs.
+    real : (I B,) array of bool
+        Which blocks are no padding.
+    """
+
+    w: FloatArray
+    h: FloatArray
+    y: FloatArray
+    real: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Functions and data of one output-error problem.
+
+    Parameters
+    ----------
+    model : SampledAxis
+        The axis from one sample to the next.
+    parameters : Parameters
+        Values, bounds, scales and freedom.
+    segments : tuple of Segment
+        Data.
+    functions : IntervalFunctions
+        Compiled interval with sensitivities to the free parameters.
+    anchor : Anchor or None
+        Residuals of the flow map.
+    """
+
+    model: SampledAxis
+    parameters: Parameters
+    segments: tuple[Segment, ...]
+    functions: IntervalFunctions
+    anchor: Anchor | None
+
+    @property
+    def axis(self) -> Axis:
+        """The model's axis."""
+        return self.model.axis
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """Names of the free parameters."""
+        return self.parameters.free_names
+
+    @property
+    def n(self) -> int:
+        """Samples a block."""
+        return self.functions.n
+
+    @property
+    def n_blocks(self) -> int:
+        """Blocks over all segments."""
+        return sum(segment.K for segment in self.segments)
+
+    @cached_property
+    def I(self) -> int:  # noqa: E743 - the number of intervals, as in the equations
+        """Intervals, and nodes, over all segments."""
+        return sum(segment.intervals for segment in self.segments)
+
+    @cached_property
+    def firsts(self) -> tuple[int, ...]:
+        """First interval of each segment."""
+        counts = np.cumsum([0, *(segment.intervals for segment in self.segments)])
+        return tuple(int(i) for i in counts[:-1])
+
+    @cached_property
+    def joined(self) -> NDArray[np.intp]:
+        """Intervals whose end is the beginning of the next one."""
+        lasts = {a + s.intervals - 1 for a, s in zip(self.firsts, self.segments, strict=True)}
+        return np.array([i for i in range(self.I) if i not in lasts], dtype=np.intp)
+
+    @cached_property
+    def data(self) -> IntervalData:
+        """Inputs, measured outputs and block lengths of all intervals, padded."""
+        B, n = self.functions.blocks, self.n
+        w, h, y = [], [], []
+        for segment in self.segments:
+            pad = segment.intervals * B - segment.K
+            w.append(np.pad(segment.w, ((0, 0), (0, pad * n)), mode="edge"))
+            y.append(np.pad(segment.y, ((0, 0), (0, pad)), mode="edge"))
+            h.append(np.repeat([self.model.stepping.dt, 0.0], [segment.K, pad]))
+        lengths = np.concatenate(h)
+        return IntervalData(np.hstack(w), lengths[None], np.hstack(y), lengths > 0)
+
+    @cached_property
+    def y(self) -> FloatArray:
+        """Measured mean outputs, shape (ny, n_blocks)."""
+        return np.hstack([segment.y for segment in self.segments])
+
+    @property
+    def free_scales(self) -> FloatArray:
+        """Scales of the free parameters, shape (n_free,)."""
+        return self.parameters.scales[self.parameters.free_mask]
+
+    def value_of(self, count: int) -> ca.Function:
+        """Return the simulation of `count` intervals side by side, shared among threads."""
+        return self._mapped(self.functions.value, count)
+
+    @property
+    def sensitivity(self) -> ca.Function:
+        """All intervals side by side with their sensitivities, shared among threads."""
+        return self._mapped(self.functions.sensitivity, self.I)
+
+    def _mapped(self, f: ca.Function, count: int) -> ca.Function:
+        key = (f.name(), count)
+        if key not in self._maps:
+            self._maps[key] = f.map(count, "thread", THREADS) if count > 1 else f
+        return self._maps[key]
+
+    @cached_property
+    def _maps(self) -> dict[tuple[str, int], ca.Function]:
+        return {}
+
+    def start(self) -> Unknowns:
+        """Return the measured start: states from smoothed data."""
+        return Unknowns(self.parameters.values, np.hstack([s.x for s in self.segments]))
+
+    def anchor_residuals(self, theta: FloatArray) -> FloatArray:
+        """Return the map's residuals over its noise; empty without an anchor."""
+        if self.anchor is None:
+            return np.zeros(0)
+        return self.anchor(self.anchor.coefficients(self.parameters, theta))
+
+    def cost(self, theta: FloatArray, m: FloatArray, sigma: FloatArray) -> float:
+        """Return ½ Σ (residual/σ)² over all samples and the flow map, m being mean outputs."""
+        e = (self.y - m) / sigma[:, None]
+        g = self.anchor_residuals(theta)
+        return 0.5 * float(self.n * np.sum(e**2) + np.sum(g**2))
+
+
+def values(problem: Problem, point: Unknowns) -> tuple[FloatArray, FloatArray]:
+    """Return ends (nx, I) of all intervals and mean outputs (ny, n_blocks)."""
+    data = problem.data
+    theta = np.tile(point.theta[:, None], problem.I)
+    ends, m = called(problem.value_of(problem.I), point.x, data.w, theta, data.h)
+    return ends, m[:, data.real]
+
+
+def shoot(problem: Problem, theta: FloatArray, x_0: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Simulate every segment from its initial state, all segments side by side.
+
+    Parameters
+    ----------
+    theta : (n,) array
+        All parameters.
+    x_0 : (nx, segments) array
+        Initial states.
+
+    Returns
+    -------
+    tuple
+        States (nx, I) where the intervals begin, and mean outputs (ny, n_blocks).
+    """
+    data, B = problem.data, problem.functions.blocks
+    w = data.w.reshape(len(data.w), problem.I, B * problem.n)
+    h = data.h.reshape(1, problem.I, B)
+    x = np.zeros((problem.model.nx, problem.I))
+    m = np.zeros((len(problem.y), problem.I, B))
+    counts = np.array([segment.intervals for segment in problem.segments])
+    firsts = np.array(problem.firsts)
+    x[:, firsts] = x_0
+    for i in range(int(counts.max())):
+        at = firsts[counts > i] + i
+        f = problem.value_of(at.size)
+        streams = [part[:, at].reshape(len(part), -1) for part in (w, h)]
+        tiled = np.tile(theta[:, None], at.size)
+        ends, means = called(f, x[:, at], streams[0], tiled, streams[1])
+        m[:, at] = means.reshape(len(m), at.size, B)
+        going_on = counts[counts > i] > i + 1
+        x[:, at[going_on] + 1] = ends[:, going_on]
+    return x, m.reshape(len(m), -1)[:, data.real]

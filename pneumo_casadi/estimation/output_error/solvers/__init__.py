@@ -1,0 +1,1 @@
+"""Solvers of the shooting problem: Gauss-Newton, Levenberg-Marquardt, IPOPT."""

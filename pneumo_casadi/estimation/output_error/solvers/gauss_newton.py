@@ -1,0 +1,117 @@
+"""Multiple shooting by condensed Gauss-Newton steps (Bock 1987).
+
+Nodes need not satisfy the dynamics on the way: a start from measured states survives where single
+shooting from the same parameters would drift away. Where full steps do not contract, as under
+gross misfit, the nodes are closed and damped steps go on (`damped_steps`).
+"""
+
+import numpy as np
+
+from pneumo_casadi.estimation.output_error.shooting.condensing import Linearised, linearise
+from pneumo_casadi.estimation.output_error.shooting.problem import Problem, Unknowns
+from pneumo_casadi.estimation.output_error.solvers.bounded_step import moved, next_step
+from pneumo_casadi.estimation.output_error.solvers.levenberg_marquardt import damped_steps
+from pneumo_casadi.estimation.output_error.solvers.solution import Solution, misfit, new_sigma
+from pneumo_casadi.parameters import FloatArray
+
+#: Full steps must shrink at least by this over two iterations, or damped ones take over.
+SHRINK = 0.5
+#: Full steps are tried at most this often.
+FULL_STEPS = 25
+#: Defects of the dynamics, in scaled states, that count as closed.
+CLOSED = 1e-6
+#: Step, in standard deviations of a parameter, below which the noise may be estimated again.
+ROUGHLY = 0.3
+
+
+def solve_gauss_newton(
+    problem: Problem,
+    point: Unknowns,
+    sigma: FloatArray,
+    reweight: bool,
+    max_iterations: int = 150,
+    tolerance: float = 1e-3,
+) -> Solution:
+    """Solve an output-error problem by Gauss-Newton steps within bounds and a trust box.
+
+    Full steps are taken as long as they shrink: from measured states the first of them must be
+    allowed to raise the cost. Where they stop shrinking or the model runs away, damped steps
+    on closed nodes take over, which can only lower it.
+
+    Parameters
+    ----------
+    point : Unknowns
+        Start; its nodes may violate the dynamics. Its θ holds the fixed parameters.
+    sigma : (ny,) array
+        Noise of one sample of each output.
+    reweight : bool
+        Near the optimum, estimate σ from the residuals until it has settled (maximum likelihood
+        with unknown noise): misfitting trajectories must not overrule the flow map.
+    max_iterations : int
+        Iterations before giving up.
+    tolerance : float
+        Step √(δᵀHδ / n) in standard deviations, misfit counted, root mean square over the n
+        parameters, at which a point counts as optimal.
+
+    Returns
+    -------
+    Solution
+    """
+    first = point
+    full = _full_steps(problem, point, sigma, reweight, min(FULL_STEPS, max_iterations), tolerance)
+    if full.status == "converged":
+        return full
+    left = max_iterations - full.iterations
+    # σ of a point that does not fit says nothing: the stated noise begins again.
+    return damped_steps(problem, (full.point, first), sigma, reweight, left, tolerance).after(
+        full.iterations
+    )
+
+
+def _full_steps(
+    problem: Problem,
+    point: Unknowns,
+    sigma: FloatArray,
+    reweight: bool,
+    max_iterations: int,
+    tolerance: float,
+) -> Solution:
+    at = linearise(problem, point, sigma)
+    if not at.finite:
+        reason = "the start leads to numbers that are not finite"
+        return Solution(point, at.m, sigma, reason, 0)
+    sizes: list[float] = []
+    for iteration in range(1, max_iterations + 1):
+        step = next_step(problem, at, point, sigma)
+        if step is None:
+            return Solution(point, at.m, sigma, "the model ran away from the data", iteration)
+        trial = moved(problem, point, step)
+        found = linearise(problem, trial, sigma)
+        if not found.finite:
+            return Solution(point, at.m, sigma, "the model ran away from the data", iteration)
+        point, at = trial, found
+        sizes.append(step.size)
+        # In standard deviations that count the misfit: with σ far below the residuals, a step
+        # of many nominal deviations may still change nothing that the data could tell.
+        size = step.size / misfit(problem, at.m, sigma) / np.sqrt(max(1, step.theta.size))
+        if reweight and size < ROUGHLY:
+            new = new_sigma(problem, at.m, sigma)
+            if new is not None:
+                sigma, sizes = new, []
+                continue
+        if size <= tolerance and _defect(problem, at) < CLOSED:
+            return Solution(point, at.m, sigma, "converged", iteration)
+        if _stopped_shrinking(sizes):
+            return Solution(point, at.m, sigma, "full steps do not contract", iteration)
+    return Solution(point, at.m, sigma, "iterations exhausted", max_iterations)
+
+
+def _defect(problem: Problem, at: Linearised) -> float:
+    """Return the largest defect of the dynamics in scaled states."""
+    scaled = at.defects / problem.model.state_scales[:, None]
+    return float(np.max(np.abs(scaled), initial=0.0))
+
+
+def _stopped_shrinking(sizes: list[float]) -> bool:
+    """Tell whether full steps no longer contract: the last two against those before."""
+    return len(sizes) > 4 and min(sizes[-2:]) > SHRINK * min(sizes[-4:-2])

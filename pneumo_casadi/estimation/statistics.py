@@ -1,0 +1,205 @@
+"""Covariance, intervals and what can be said of a parameter at all."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy import stats
+
+from pneumo_casadi.data import Recording
+from pneumo_casadi.estimation.long_run_covariance import long_run_covariance
+from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.signals import white_noise_std
+
+#: Smallest eigenvalue of the scaled information, relative to the largest, that counts.
+RANK_TOLERANCE = 1e-13
+#: Share of a parameter in the uninformed directions from which it is called unidentifiable.
+LOADING = 1e-3
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """Covariance of estimated parameters, infinite where the data hold nothing.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Parameters, in order.
+    covariance : (n, n) array
+        In SI units; infinite variance for parameters without information and for those at a
+        bound, whose interval is one-sided and not given.
+    at_bound : tuple of str
+        Parameters held by a bound; their interval is one-sided and not given here.
+    uninformed : tuple of str
+        Parameters in a direction about which the data say nothing.
+    combinations : tuple of str
+        Those directions, written out.
+    covariance_robust : (n, n) array or None
+        The same without the belief that residuals are white and as large as σ says: the
+        sandwich H⁻¹ Σ H⁻¹. It knows correlated residuals, not the bias of a wrong model.
+    """
+
+    names: tuple[str, ...]
+    covariance: FloatArray
+    at_bound: tuple[str, ...] = ()
+    uninformed: tuple[str, ...] = ()
+    combinations: tuple[str, ...] = ()
+    covariance_robust: FloatArray | None = None
+
+    @property
+    def std_robust(self) -> FloatArray:
+        """Standard deviations that allow for correlated residuals, shape (n,)."""
+        if self.covariance_robust is None:
+            return self.std
+        found: FloatArray = np.sqrt(np.diag(self.covariance_robust))
+        return found
+
+    @property
+    def std(self) -> FloatArray:
+        """Standard deviations, shape (n,)."""
+        found: FloatArray = np.sqrt(np.diag(self.covariance))
+        return found
+
+    @property
+    def correlation(self) -> FloatArray:
+        """Correlation matrix, shape (n, n); zero where a variance is zero or infinite."""
+        std = self.std
+        usable = np.isfinite(std) & (std > 0)
+        found = np.eye(std.size)
+        inside = np.ix_(usable, usable)
+        found[inside] = self.covariance[inside] / np.outer(std[usable], std[usable])
+        return found
+
+
+def invert_information(
+    information: FloatArray,
+    scales: FloatArray,
+    names: Sequence[str],
+    at_bound: Sequence[str] = (),
+    scores: Sequence[Sequence[FloatArray]] | None = None,
+) -> Estimate:
+    """Turn information on scaled parameters into a covariance in SI units.
+
+    Parameters
+    ----------
+    information : (n, n) array
+        JᵀJ in parameters divided by their scales.
+    scales : (n,) array
+        SI value of one scaled unit.
+    names : sequence of str
+        Parameters, in order.
+    at_bound : sequence of str
+        Parameters held by a bound; left out of the inversion.
+    scores : sequence of sequences of (K, n) array, optional
+        For the robust covariance: Jᵀr in the same scaling, for each kind of data (records, flow
+        map) one array a record, in the order of time.
+
+    Returns
+    -------
+    Estimate
+
+    Examples
+    --------
+    >>> invert_information(np.diag([4.0, 0.0]), np.ones(2), ["M", "f_v"]).std
+    array([0.5, inf])
+    """
+    n = len(names)
+    inside = [i for i in range(n) if names[i] not in at_bound]
+    H = information[np.ix_(inside, inside)]
+    # Columns are equilibrated first, so that rank does not hang on units or scales.
+    size = np.sqrt(np.maximum(np.diag(H), 0.0))
+    known = size > 0
+    size = np.where(known, size, 1.0)
+    values, vectors = np.linalg.eigh(H / np.outer(size, size))
+    weak = values <= RANK_TOLERANCE * max(float(values.max(initial=0.0)), 1e-300)
+    inverse = (vectors[:, ~weak] / values[~weak]) @ vectors[:, ~weak].T
+    unit = scales[inside] / size
+    lost = (np.abs(vectors[:, weak]).max(axis=1, initial=0.0) > LOADING) | ~known
+
+    def in_units(matrix: FloatArray) -> FloatArray:
+        covariance = matrix * np.outer(unit, unit)
+        covariance[lost, :] = covariance[:, lost] = 0.0
+        covariance[lost, lost] = np.inf
+        full = np.zeros((n, n))
+        full[np.ix_(inside, inside)] = covariance
+        held = [i for i in range(n) if names[i] in at_bound]
+        full[held, held] = np.inf
+        return full
+
+    full = in_units(inverse)
+    robust = None
+    if scores is not None:
+        influence = [[(part[:, inside] / size) @ inverse for part in kind] for kind in scores]
+        robust = in_units(long_run_covariance(influence))
+    chosen = [names[i] for i in inside]
+    return Estimate(
+        tuple(names),
+        full,
+        tuple(at_bound),
+        tuple(name for name, gone in zip(chosen, lost, strict=True) if gone),
+        tuple(_direction(vectors[:, j], unit, chosen) for j in np.flatnonzero(weak)),
+        robust,
+    )
+
+
+def _direction(vector: FloatArray, unit: FloatArray, names: Sequence[str]) -> str:
+    """Write a direction with its three largest parts, in SI units.
+
+    Size is judged by influence on the data: in SI units 1 N would hide any X_s.
+    """
+    order = np.argsort(-np.abs(vector))
+    sign = np.sign(vector[order[0]])
+    large = [i for i in order if abs(vector[i]) > LOADING * abs(vector[order[0]])]
+    parts = [f"{sign * vector[i] * unit[i]:+.3g} {names[i]}" for i in large[:3]]
+    return " ".join(parts) + (" ..." if len(large) > 3 else "")
+
+
+def interval_factor(level: float = 0.95, dof: float = np.inf) -> float:
+    """Return the factor between a standard deviation and half an interval at `level`."""
+    quantile = 0.5 + level / 2
+    distribution: Any = stats.norm() if np.isinf(dof) else stats.t(dof)
+    return float(distribution.ppf(quantile))
+
+
+def delta_std(gradient: FloatArray, covariance: FloatArray) -> float:
+    """Return the standard deviation of a scalar with this gradient (delta method)."""
+    used = gradient != 0
+    if not np.isfinite(np.diag(covariance)[used]).all():
+        return float("inf")
+    part = covariance[np.ix_(used, used)]
+    return float(np.sqrt(max(0.0, gradient[used] @ part @ gradient[used])))
+
+
+def stated_or_estimated_noise(bench: Any, records: Sequence[Recording], channel: str) -> float:
+    """Return the noise of a channel: as the bench states it, otherwise from the records.
+
+    Parameters
+    ----------
+    bench : Bench or ForceBench
+        Its ``noise`` may be None.
+    records : sequence of Recording
+        The noisiest one counts.
+    channel : str
+        ``"p_P"``, ``"p_N"`` or ``"x"``.
+
+    Returns
+    -------
+    float
+        Standard deviation of one sample; never zero, because a channel without any noise still
+        has the rounding of its file.
+    """
+    stated = getattr(bench.noise, channel[0], None) if bench.noise is not None else None
+    if stated:
+        return float(stated)
+    estimated = max(white_noise_std(record[channel]) for record in records)
+    return estimated or 1e-6 * float(np.ptp(records[0][channel])) or 1e-12
+
+
+def autocorrelation(residual: FloatArray, lags: int) -> FloatArray:
+    """Return the autocorrelation at lags 0 ... `lags`, shape (lags + 1,), biased estimate."""
+    e = residual - residual.mean()
+    spectrum = np.fft.rfft(e, 2 * e.size)
+    found = np.fft.irfft(np.abs(spectrum) ** 2)[: lags + 1]
+    scaled: FloatArray = found / found[0]
+    return scaled

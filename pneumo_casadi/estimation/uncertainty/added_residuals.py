@@ -1,0 +1,39 @@
+"""Residuals added to a problem: a quantity held at a value, a flow map metered once more."""
+
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+
+from pneumo_casadi.estimation.output_error.derived import Quantity
+from pneumo_casadi.estimation.output_error.shooting.map_anchor import Anchor
+from pneumo_casadi.estimation.output_error.shooting.problem import Problem
+from pneumo_casadi.parameters import FloatArray
+
+
+def held_at(problem: Problem, item: Quantity, value: float, width: float) -> Problem:
+    """Return the problem with the residual (g(θ) - value)/width beside those of the flow map.
+
+    A width far below what the data can tell makes it a constraint. Parameters and ratios of
+    them are held alike, and the compiled functions of the problem serve for all of them.
+    """
+    names = problem.parameters.names
+    theta = ca.MX.sym("theta", len(names))
+    found, gradient = item.function(theta)
+    rows, slopes = [(found - value) / width], [ca.densify(gradient / width)]
+    if problem.anchor is not None:
+        at = [names.index(name) for name in problem.anchor.names]
+        r, J = problem.anchor.residual(theta[at])
+        wide = ca.MX.zeros(problem.anchor.n, len(names))
+        wide[:, at] = J
+        rows, slopes = [r, *rows], [wide, *slopes]
+    residual = ca.Function("pulled", [theta], [ca.vertcat(*rows), ca.vertcat(*slopes)])
+    start = problem.parameters.values
+    return replace(problem, anchor=Anchor(residual, names, start))
+
+
+def metered_again(anchor: Anchor, shift: FloatArray) -> Anchor:
+    """Return the flow map's residuals as if each point had been measured `shift` σ lower."""
+    c = ca.MX.sym("c", len(anchor.names))
+    r, J = anchor.residual(c)
+    return replace(anchor, residual=ca.Function("metered", [c], [r + np.asarray(shift), J]))

@@ -1,0 +1,309 @@
+"""Block bootstrap: intervals from refits to resampled residuals."""
+
+import logging
+from collections.abc import Iterable, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from enum import Enum
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from pneumo_casadi.errors import FitError, ModelError
+from pneumo_casadi.estimation.output_error.derived import quantity
+from pneumo_casadi.estimation.statistics import Estimate, delta_std, interval_factor
+from pneumo_casadi.estimation.uncertainty.added_residuals import metered_again
+from pneumo_casadi.estimation.uncertainty.optimum import Optimum, solve
+from pneumo_casadi.estimation.uncertainty.replicates import Replicate, ReplicateFolder, fingerprint
+from pneumo_casadi.estimation.uncertainty.resampling import (
+    block_length,
+    circular_blocks,
+    kept_in_blocks,
+)
+from pneumo_casadi.model.axis import Axis
+from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.runtime.threads import one_thread
+
+logger = logging.getLogger(__name__)
+
+#: Replicates that one task makes: it writes the problem once.
+TASK = 10
+#: Share of the residuals' variance that the fit, or the ends of blocks, may have taken out and
+#: that is given back.
+MOST_LOST = 0.5
+
+
+class IntervalKind(Enum):
+    """How replicates become an interval."""
+
+    PERCENTILE = "quantiles of the replicates"
+    STANDARD_ERROR = "estimate and standard deviation of the replicates, as if normal"
+
+
+@dataclass(frozen=True, eq=False)
+class Bootstrap:
+    """Refits to resampled residuals.
+
+    Parameters
+    ----------
+    axis : Axis
+        With the estimates from the data.
+    estimate : Estimate
+        Covariance by Gauss-Newton; tells what has no interval at all.
+    replicates : tuple of Replicate
+        All of them, failures included.
+    lengths : dict of str to int
+        Block length of each record and of the ``"flow map"``, in blocks of the fit and points.
+    seed : int
+        Of all replicates; each has its own child.
+    """
+
+    axis: Axis
+    estimate: Estimate
+    replicates: tuple[Replicate, ...]
+    lengths: dict[str, int]
+    seed: int
+
+    @property
+    def failures(self) -> tuple[Replicate, ...]:
+        """Replicates that did not converge; no standard deviation or interval counts them."""
+        return tuple(r for r in self.replicates if r.status != "converged")
+
+    @property
+    def estimates(self) -> FloatArray:
+        """Fitted parameters of the replicates that converged, shape (B, n_free)."""
+        return np.array([r.values for r in self.replicates if r.status == "converged"])
+
+    def values(self, name: str) -> FloatArray:
+        """Return a parameter or derived quantity in each converged replicate, shape (B,)."""
+        item, theta = quantity(self.axis, name), self.axis.parameters.values
+        columns = [self.axis.parameters.index(n) for n in self.estimate.names]
+        found = []
+        for row in self.estimates:
+            theta[columns] = row
+            found.append(item(theta))
+        return np.array(found)
+
+    def informed(self, name: str) -> bool:
+        """Tell whether the data inform a quantity, none of its parameters being at a bound.
+
+        Refits do not move what the data say nothing about: its replicates scatter too little.
+        """
+        columns = [self.axis.parameters.index(n) for n in self.estimate.names]
+        gradient = quantity(self.axis, name).gradient(self.axis.parameters.values)[columns]
+        return bool(np.isfinite(delta_std(gradient, self.estimate.covariance)))
+
+    def std(self, name: str) -> float:
+        """Return the standard deviation over the replicates; infinite without information."""
+        return float(np.std(self.values(name), ddof=1)) if self.informed(name) else float("inf")
+
+    def interval(
+        self, name: str, level: float = 0.95, kind: IntervalKind = IntervalKind.PERCENTILE
+    ) -> tuple[float, float]:
+        """Return an interval at `level`; infinite without information.
+
+        Raises
+        ------
+        ModelError
+            If there are too few replicates for quantiles at that level.
+        """
+        if not self.informed(name):
+            return -np.inf, np.inf
+        if kind is IntervalKind.STANDARD_ERROR:
+            value = quantity(self.axis, name)(self.axis.parameters.values)
+            half = interval_factor(level) * self.std(name)
+            return value - half, value + half
+        values, needed = self.values(name), int(np.ceil(2 / (1 - level)))
+        if values.size < needed:
+            raise ModelError(
+                f"{values.size} replicates are too few for quantiles at {level:g}: at least "
+                f"{needed}, better {10 * needed}, or IntervalKind.STANDARD_ERROR"
+            )
+        low, high = np.quantile(values, [0.5 - level / 2, 0.5 + level / 2])
+        return float(low), float(high)
+
+
+def block_bootstrap(
+    optimum: Optimum,
+    replicates: int = 200,
+    length: float | None = None,
+    seed: int = 0,
+    executor: Executor | None = None,
+    folder: str | Path | None = None,
+) -> Bootstrap:
+    """Fit again and again to the fitted outputs with resampled residuals.
+
+    Residuals of each record are drawn in blocks that keep their correlation, all channels
+    together; those of the flow map likewise, where its coefficients are free. Every refit starts
+    at the optimum with the fit's noise.
+
+    Parameters
+    ----------
+    optimum : Optimum
+        The fit and its data.
+    replicates : int, optional
+        A hundred for standard deviations, a thousand for quantiles.
+    length : float, optional
+        Of a block of residuals [s]; by default from their autocorrelation (`block_length`), and
+        what the ends of blocks cut is given back. A given length is taken at its word: nothing is.
+    seed : int, optional
+        Replicate i has the i-th child of this seed, whoever computes it.
+    executor : concurrent.futures.Executor, optional
+        Runs the refits side by side; processes should be spawned, not forked.
+    folder : path, optional
+        Every replicate is written there as soon as it is made, and those that are there already
+        are read: an interrupted run goes on where it was.
+
+    Returns
+    -------
+    Bootstrap
+
+    Raises
+    ------
+    FitError
+        If fewer than half of the refits converge; ``.partial`` holds the `Bootstrap`.
+    CaseError
+        If the folder holds replicates of another bootstrap.
+    ModelError
+        If fewer than two replicates are asked for.
+
+    Notes
+    -----
+    The fit sees means over its blocks of samples only, so that residuals of those means are
+    drawn: the same as drawing samples in stretches of whole blocks. Residuals are centred, and
+    scaled by 1/√(1 - p/b) for what p fitted values have taken out of them, b being the number of
+    blocks drawn: correlated noise holds no more independent values than that, and the fit takes
+    out of it what is as slow as the motion. Likewise by 1/√k for the correlation that the ends of
+    blocks cut, k being the share of a slow sum's variance that survives (`kept_in_blocks`).
+
+    So replicates scatter, on average over the noise, as fits to new noise do, unless noise is so
+    slow and the record so short that the fit has taken its slow part altogether. One record tells
+    that scatter itself only to 1/√(2 b): with 10 blocks to 22 %, and intervals are not widened for
+    it as those of the robust covariance are. Inputs stay as they were recorded: what a controller
+    makes of other noise is not drawn.
+    """
+    if replicates < 2:
+        raise ModelError(f"{replicates} replicates have no scatter; at least 2")
+    plan = _Plan.make(optimum, length, seed)
+    store = None if folder is None else ReplicateFolder(Path(folder), plan.fingerprint(optimum))
+    done = {} if store is None else {i: r for i in range(replicates) if (r := store.read(i))}
+    missing = [i for i in range(replicates) if i not in done]
+    tasks = [missing[i : i + TASK] for i in range(0, len(missing), TASK)]
+    run = map if executor is None else executor.map
+    found: Iterable[list[Replicate]] = run(partial(_refits, optimum, plan, store), tasks)
+    done |= {replicate.index: replicate for part in found for replicate in part}
+    records = [record.name for record in optimum.records]
+    result = Bootstrap(
+        optimum.result.axis,
+        optimum.result.estimate,
+        tuple(done[i] for i in range(replicates)),
+        dict(zip([*records, "flow map"], plan.lengths, strict=False)),
+        seed,
+    )
+    if result.failures:
+        text = f"{len(result.failures)} of {replicates} refits failed, the first with: "
+        logger.warning("bootstrap: %s", text + result.failures[0].status)
+        if 2 * len(result.failures) > replicates:
+            raise FitError(f"bootstrap: {text}{result.failures[0].status}", result)
+    return result
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Plan:
+    """What is resampled: residuals with their block lengths, of the records, then of the map."""
+
+    residuals: tuple[FloatArray, ...]
+    lengths: tuple[int, ...]
+    seed: int
+
+    @classmethod
+    def make(cls, optimum: Optimum, length: float | None, seed: int) -> "_Plan":
+        raw = _by_record(optimum)
+        n, dt = optimum.result.segments[0].n, optimum.records[0].dt
+        lengths = [
+            block_length(e) if length is None else min(e.shape[1], max(1, round(length / (n * dt))))
+            for e in raw
+        ]
+        drawn = sum(e.shape[1] / own for e, own in zip(raw, lengths, strict=True))
+        fitted = len(optimum.names) + sum(x_0.size for x_0 in optimum.result.initial_states)
+        residuals = [
+            _scaled(e, own, fitted / len(e) / drawn, length is None)
+            for e, own in zip(raw, lengths, strict=True)
+        ]
+        anchor = optimum.problem.anchor
+        if anchor is not None:
+            g = optimum.problem.anchor_residuals(optimum.point.theta)[None]
+            lengths.append(block_length(g))
+            lost = len(anchor.names) * lengths[-1] / g.size
+            residuals.append(_scaled(g, lengths[-1], lost))
+        return cls(tuple(residuals), tuple(lengths), seed)
+
+    def fingerprint(self, optimum: Optimum) -> str:
+        result = optimum.result
+        arrays = [*self.residuals, result.sigma, result.parameters.values]
+        return fingerprint(arrays, [self.lengths, self.seed, result.estimate.names])
+
+    def drawn(self, index: int) -> list[FloatArray]:
+        """Return the residuals of one replicate."""
+        rng = np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(index,)))
+        return [
+            e[:, circular_blocks(rng, e.shape[1], length)]
+            for e, length in zip(self.residuals, self.lengths, strict=True)
+        ]
+
+
+def _by_record(optimum: Optimum) -> list[FloatArray]:
+    """Return the residuals of block means of each record, shape (ny, K), windows joined."""
+    result = optimum.result
+    parts: dict[int, list[FloatArray]] = {}
+    for segment, fitted in zip(result.segments, result.fitted, strict=True):
+        parts.setdefault(segment.record, []).append(segment.y - fitted)
+    return [np.hstack(parts[record]) for record in sorted(parts)]
+
+
+def _scaled(e: FloatArray, length: int, lost: float, ends: bool = True) -> FloatArray:
+    """Centre residuals, give back what the fit has taken out and, if told, what blocks cut."""
+    left = np.full(len(e), 1 - min(lost, MOST_LOST))
+    if ends:
+        left *= np.maximum(kept_in_blocks(e, length), 1 - MOST_LOST)
+    scaled: FloatArray = (e - e.mean(axis=1, keepdims=True)) / np.sqrt(left)[:, None]
+    return scaled
+
+
+def _refits(
+    optimum: Optimum, plan: _Plan, store: ReplicateFolder | None, indices: Sequence[int]
+) -> list[Replicate]:
+    found = []
+    for index in indices:
+        replicate = _refit(optimum, plan, index)
+        if store is not None:
+            store.write(replicate)
+        found.append(replicate)
+    return found
+
+
+@one_thread
+def _refit(optimum: Optimum, plan: _Plan, index: int) -> Replicate:
+    problem, result = optimum.problem, optimum.result
+    drawn = plan.drawn(index)
+    segments, used = [], [0] * len(drawn)
+    for segment, fitted in zip(problem.segments, result.fitted, strict=True):
+        first = used[segment.record]
+        used[segment.record] += segment.K
+        e = drawn[segment.record][:, first : first + segment.K]
+        segments.append(replace(segment, y=fitted + e))
+    anchor = problem.anchor
+    if anchor is not None:
+        shift = drawn[-1][0] - problem.anchor_residuals(optimum.point.theta)
+        anchor = metered_again(anchor, shift)
+    synthetic = replace(problem, segments=tuple(segments), anchor=anchor)
+    solution = solve(optimum, synthetic, optimum.point)
+    values = solution.point.theta[optimum.columns]
+    return Replicate(
+        index,
+        solution.status,
+        optimum.cost(synthetic, solution),
+        solution.iterations,
+        tuple(map(float, values)),
+    )

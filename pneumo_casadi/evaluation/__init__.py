@@ -1,0 +1,1 @@
+"""Many diagnoses: batches of cases, and the sealed check."""

@@ -1,0 +1,118 @@
+"""One row a case: what the tables of many diagnoses say."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pyarrow
+import pyarrow.parquet
+
+from pneumo_casadi.runtime.atomic_files import whole_file
+
+#: Names of the tables within the output folder.
+CSV, PARQUET = "cases.csv", "cases.parquet"
+#: The verdict of a row whose case ended in an error.
+FAILED = "failed"
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """What the tables say of a case.
+
+    Parameters
+    ----------
+    case : str
+        Name of its folder.
+    verdict : str
+        A `Verdict` by its value, or ``failed``.
+    effects : tuple of str
+        Found, in the order in which they were added.
+    probabilities : tuple of float
+        That each of them is part of the cause.
+    alike : tuple of str
+        What the data cannot tell apart.
+    where : str
+        Balance in which simulation and reality part; empty where the case failed.
+    gap_before_percent, gap_after_percent : float or None
+        Held-out gap without and with the effects, in per cent of the signals.
+    shrink, shrink_lower, shrink_upper : float or None
+        How far it closes, 1 - after/before, with its interval.
+    seconds : float or None
+        That the diagnosis took.
+    error : str
+        Why there is none; empty where there is one.
+    """
+
+    case: str
+    verdict: str
+    effects: tuple[str, ...] = ()
+    probabilities: tuple[float, ...] = ()
+    alike: tuple[str, ...] = ()
+    where: str = ""
+    gap_before_percent: float | None = None
+    gap_after_percent: float | None = None
+    shrink: float | None = None
+    shrink_lower: float | None = None
+    shrink_upper: float | None = None
+    seconds: float | None = None
+    error: str = ""
+
+
+def row_of(record: Mapping[str, Any]) -> Row:
+    """Return the row of a record; KeyError or TypeError if it is none."""
+    case, seconds, diagnosis = record["case"], record["seconds"], record["diagnosis"]
+    if diagnosis is None:
+        return Row(case, FAILED, seconds=seconds, error=record["error"])
+    gap, effects = diagnosis["gap"], diagnosis["effects"]
+    lower, upper = gap["shrink_interval"]
+    return Row(
+        case=case,
+        verdict=diagnosis["verdict"],
+        effects=tuple(one["name"] for one in effects),
+        probabilities=tuple(one["probability"] for one in effects),
+        alike=tuple(diagnosis["ambiguous"]),
+        where=diagnosis["where"]["balance"],
+        gap_before_percent=gap["before"],
+        gap_after_percent=gap["after"],
+        shrink=gap["shrink"],
+        shrink_lower=lower,
+        shrink_upper=upper,
+        seconds=seconds,
+    )
+
+
+def write_tables(rows: Sequence[Row], out: Path) -> None:
+    """Write ``cases.csv`` and ``cases.parquet`` into a folder, each whole or not at all.
+
+    Parameters
+    ----------
+    rows : sequence of Row
+        One a case, in the order in which they are to stand.
+    out : Path
+        The folder; it is made if it is not there.
+    """
+    frame = pd.DataFrame([asdict(row) for row in rows])
+    for name in _LISTS:
+        frame[name] = [" + ".join(_written(item) for item in value) for value in frame[name]]
+    with whole_file(out / CSV) as draft:
+        frame.to_csv(draft, index=False, float_format="%.10g", lineterminator="\n")
+    table = pyarrow.Table.from_pylist([asdict(row) for row in rows], schema=_SCHEMA)
+    with whole_file(out / PARQUET) as draft:
+        pyarrow.parquet.write_table(table, draft)
+
+
+_LISTS = ("effects", "probabilities", "alike")
+_TYPES = {
+    "effects": pyarrow.list_(pyarrow.string()),
+    "probabilities": pyarrow.list_(pyarrow.float64()),
+    "alike": pyarrow.list_(pyarrow.string()),
+} | dict.fromkeys(("case", "verdict", "where", "error"), pyarrow.string())
+_SCHEMA = pyarrow.schema(
+    [(one.name, _TYPES.get(one.name, pyarrow.float64())) for one in fields(Row)]
+)
+
+
+def _written(item: str | float) -> str:
+    return item if isinstance(item, str) else f"{item:.6g}"

@@ -1,0 +1,137 @@
+"""The sealed check from draw to scores; it goes on where it was interrupted."""
+
+import json
+from collections.abc import Mapping
+from concurrent.futures import Executor, ProcessPoolExecutor
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from pneumo_casadi.evaluation.sealed_check.answer import said
+from pneumo_casadi.evaluation.sealed_check.draw import Draw, Kind, Proportions, draw_cases
+from pneumo_casadi.evaluation.sealed_check.measure import measure_one, rivals_of_one
+from pneumo_casadi.evaluation.sealed_check.run import (
+    CASES,
+    Diagnosing,
+    diagnose_cases,
+    in_turn,
+    make_cases,
+    real_diagnosis,
+)
+from pneumo_casadi.evaluation.sealed_check.score import Judged, scored
+from pneumo_casadi.evaluation.sealed_check.seal import opened, seal
+from pneumo_casadi.identification.result_file import write_json
+from pneumo_casadi.runtime.progress import Progress
+
+MEASURES, RIVALS, SCORES = "measures", "rivals", "scores.json"
+#: What rivals are asked about.
+ASKED_OF_RIVALS = (Kind.SINGLE, Kind.PAIR, Kind.NONE)
+
+
+@dataclass(frozen=True, slots=True)
+class WithheldOptions:
+    """What is drawn.
+
+    Parameters
+    ----------
+    cases : int
+        How many.
+    seed : int
+        Of the draw; the diagnosis never sees it.
+    proportions : Proportions
+        Of the kinds.
+    duration, fs : float
+        Length of each record [s] and sampling frequency [Hz].
+    rivals : int or None
+        Of so many cases, in the order of the draw, simple rivals are asked too; None for all. They
+        fit every effect of the catalogue and take longer than the diagnosis.
+    """
+
+    cases: int = 160
+    seed: int = 0
+    proportions: Proportions = field(default_factory=Proportions)
+    duration: float = 20.0
+    fs: float = 1000.0
+    rivals: int | None = None
+
+
+def check_withheld(
+    folder: str | Path,
+    options: WithheldOptions,
+    executor: Executor | None = None,
+    diagnosing: Diagnosing = real_diagnosis,
+    progress: Progress | None = None,
+) -> dict[str, Any]:
+    """Draw, seal, diagnose, open and score; what the folder holds of it already is kept.
+
+    The folder gets ``seal.json`` and ``labels.sealed``, then ``cases/``, ``verdicts/``, and once
+    every verdict is there ``opened.json``, ``measures/``, ``rivals/`` and ``scores.json``. Whoever
+    interrupts it loses the cases in work, no more.
+
+    Parameters
+    ----------
+    folder : path
+        Where all of it goes.
+    options : WithheldOptions
+        What is drawn.
+    executor : Executor, optional
+        Who records, diagnoses and measures; by default as many processes as there are processors.
+    diagnosing : callable, optional
+        From a case and a catalogue to the JSON of a diagnosis.
+    progress : callable, optional
+        Called with a text and the share of the present stage.
+
+    Returns
+    -------
+    dict
+        See `score.scored`.
+
+    Raises
+    ------
+    CaseError
+        If the folder holds another draw, or labels or verdicts were tampered with.
+    """
+    if executor is None:
+        with ProcessPoolExecutor() as pool:
+            return check_withheld(folder, options, pool, diagnosing, progress)
+    folder = Path(folder)
+    draws = draw_cases(options.cases, options.seed, options.proportions)
+    seal(folder, draws, options.duration, options.fs)
+    make_cases(folder, draws, options.duration, options.fs, executor, progress)
+    left_out = {one.name: one.without for one in draws}
+    diagnose_cases(folder, left_out, diagnosing, executor, progress)
+    labels, verdicts = opened(folder)
+    measures = _measure(folder, labels, verdicts, options, executor, progress)
+    found = scored([Judged(one, said(verdicts[one.name]), measures[one.name]) for one in labels])
+    write_json(found, folder / SCORES)
+    return found
+
+
+def _measure(
+    folder: Path,
+    draws: tuple[Draw, ...],
+    verdicts: Mapping[str, Mapping[str, Any]],
+    options: WithheldOptions,
+    executor: Executor,
+    progress: Progress | None,
+) -> dict[str, dict[str, Any]]:
+    """Measure what is not measured yet, and return all of it by case."""
+    sizes, rivals = {}, {}
+    for one in draws:
+        case, named = folder / CASES / one.name, sorted(said(verdicts[one.name]).named)
+        sizes[one.name] = partial(
+            measure_one, folder / MEASURES, case, one, named, options.duration, options.fs
+        )
+        if one.kind in ASKED_OF_RIVALS:
+            rivals[one.name] = partial(rivals_of_one, folder / RIVALS, case, one)
+    asked = dict(list(rivals.items())[: options.rivals])
+    found: dict[str, dict[str, Any]] = {one.name: {} for one in draws}
+    for text, name, tasks in (("measuring", MEASURES, sizes), ("asking rivals", RIVALS, asked)):
+        target = folder / name
+        missing = {k: v for k, v in tasks.items() if not (target / f"{k}.json").is_file()}
+        in_turn(text, missing, executor, progress)
+        for key in tasks:
+            known = json.loads((target / f"{key}.json").read_text("utf-8"))
+            found[key] = known | found[key]
+    return found

@@ -1,0 +1,227 @@
+"""Cases whose causes are known to nobody but a file: what is drawn, and how it is made."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields
+from enum import Enum
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from pneumo_casadi.data import Case
+from pneumo_casadi.effects import CATALOGUE
+from pneumo_casadi.errors import CaseError
+from pneumo_casadi.virtual_bench import FORMS, Severity, make_case
+
+#: Forms that a refit hides: held-out residuals do not grow under a constant force however large,
+#: and by less than a fifth under a valve of another gain unless it is a quarter off.
+HIDDEN = ("constant_force", "valve_mismatch")
+#: Severities where a cause is there to be found: of pairs, and of causes that no list holds.
+STRONG = (Severity.MEDIUM, Severity.LARGE)
+
+T = TypeVar("T")
+
+
+class Kind(Enum):
+    """What a case is there to ask."""
+
+    SINGLE = "single"
+    """One effect of the catalogue, at any severity."""
+    PAIR = "pair"
+    """Two effects of the catalogue, medium or large."""
+    NONE = "none"
+    """Nothing is wrong."""
+    ABSORBED = "absorbed"
+    """One of `HIDDEN`, at any severity."""
+    LEFT_OUT = "left_out"
+    """One effect, medium or large, that this diagnosis' catalogue lacks."""
+    NEVER_LISTED = "never_listed"
+    """One effect, medium or large, that no catalogue has."""
+
+
+@dataclass(frozen=True, slots=True)
+class Proportions:
+    """How many cases of each kind there are among 160; other numbers go in proportion.
+
+    Parameters
+    ----------
+    single, pair, none, absorbed, left_out, never_listed : float
+        Of each `Kind`.
+
+    Raises
+    ------
+    CaseError
+        If one is negative, or all are zero.
+
+    Examples
+    --------
+    >>> [count for count in Proportions().counts(160).values()]
+    [75, 25, 20, 10, 15, 15]
+    >>> sum(Proportions().counts(7).values())
+    7
+    """
+
+    single: float = 75.0
+    pair: float = 25.0
+    none: float = 20.0
+    absorbed: float = 10.0
+    left_out: float = 15.0
+    never_listed: float = 15.0
+
+    def __post_init__(self) -> None:
+        values = [getattr(self, one.name) for one in fields(self)]
+        if min(values) < 0 or sum(values) <= 0:
+            raise CaseError(f"proportions {values}: none may be negative, and one must be positive")
+
+    def counts(self, cases: int) -> dict[Kind, int]:
+        """Return the number of cases of each kind, by the largest remainders."""
+        shares = np.array([getattr(self, kind.value) for kind in Kind], dtype=float)
+        exact = cases * shares / shares.sum()
+        whole = np.floor(exact + 1e-9)
+        order = np.argsort(-(exact - whole), kind="stable")
+        whole[order[: cases - int(whole.sum())]] += 1
+        return {kind: int(count) for kind, count in zip(Kind, whole, strict=True)}
+
+
+@dataclass(frozen=True, slots=True)
+class Draw:
+    """One case as drawn: its label.
+
+    Parameters
+    ----------
+    name : str
+        Of its folder; it tells nothing.
+    kind : Kind
+        What it is there to ask.
+    seed : int
+        Of axis, sizes, references and noise.
+    effects : mapping of str to str
+        Severity by name of the effect.
+    """
+
+    name: str
+    kind: Kind
+    seed: int
+    effects: Mapping[str, str]
+
+    @property
+    def without(self) -> tuple[str, ...]:
+        """Effects that this diagnosis' catalogue lacks."""
+        return tuple(self.effects) if self.kind is Kind.LEFT_OUT else ()
+
+    @property
+    def listed(self) -> bool:
+        """Whether the catalogue given holds every cause."""
+        return self.kind not in (Kind.LEFT_OUT, Kind.NEVER_LISTED)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the label as plain data."""
+        return {
+            "name": self.name,
+            "kind": self.kind.value,
+            "seed": self.seed,
+            "effects": dict(self.effects),
+        }
+
+    @staticmethod
+    def of(label: Mapping[str, Any]) -> "Draw":
+        """Return the draw that a label describes."""
+        return Draw(label["name"], Kind(label["kind"]), label["seed"], dict(label["effects"]))
+
+
+def draw_cases(cases: int, seed: int, proportions: Proportions | None = None) -> tuple[Draw, ...]:
+    """Draw cases in shuffled order.
+
+    Forms and severities come as evenly as their number allows: 75 singles are every listed form
+    at every severity. Pairs and causes left out are taken from forms that trajectories can show.
+
+    Parameters
+    ----------
+    cases : int
+        How many.
+    seed : int
+        Secret to the diagnosis; the same seed draws the same cases.
+    proportions : Proportions, optional
+        Of the kinds.
+
+    Returns
+    -------
+    tuple of Draw
+        Named ``w001`` and so on.
+
+    Raises
+    ------
+    CaseError
+        If there would be no case.
+
+    Examples
+    --------
+    >>> [one.name for one in draw_cases(3, seed=5)]
+    ['w001', 'w002', 'w003']
+    """
+    if cases < 1:
+        raise CaseError(f"{cases} cases: draw at least one")
+    if seed < 0:
+        raise CaseError(f"seed {seed}: a seed is not negative")
+    rng = np.random.default_rng([seed, 7])
+    drawn: list[tuple[Kind, dict[str, str]]] = []
+    for kind, count in (proportions or Proportions()).counts(cases).items():
+        drawn += [(kind, effects) for effects in _effects_of(kind, count, rng)]
+    order = rng.permutation(cases)
+    seeds = rng.integers(2**40, size=cases)
+    digits = max(3, len(str(cases)))
+    return tuple(
+        Draw(f"w{number:0{digits}d}", drawn[i][0], int(seeds[i]), drawn[i][1])
+        for number, i in enumerate(order, 1)
+    )
+
+
+def _effects_of(kind: Kind, count: int, rng: np.random.Generator) -> Iterator[dict[str, str]]:
+    listed = [name for name, form in FORMS.items() if form.listed and name in CATALOGUE]
+    shown = [name for name in listed if name not in HIDDEN]
+    unlisted = [name for name, form in FORMS.items() if not form.listed]
+    if kind is Kind.NONE:
+        yield from ({} for _ in range(count))
+    elif kind is Kind.PAIR:
+        yield from _pairs(shown, count, rng)
+    else:
+        names, severities = {
+            Kind.SINGLE: (listed, tuple(Severity)),
+            Kind.ABSORBED: (HIDDEN, tuple(Severity)),
+            Kind.LEFT_OUT: (shown, STRONG),
+            Kind.NEVER_LISTED: (unlisted, STRONG),
+        }[kind]
+        options = [(name, severity) for name in names for severity in severities]
+        if len(options) > count:  # spread over the forms first
+            chosen = _cycled(names, count, rng)
+            yield from ({name: _any(severities, rng)} for name in chosen)
+        else:
+            yield from ({name: one.value} for name, one in _cycled(options, count, rng))
+
+
+def _pairs(names: Sequence[str], count: int, rng: np.random.Generator) -> Iterator[dict[str, str]]:
+    for _ in range(count):
+        one, two = rng.choice(len(names), 2, replace=False)
+        yield {names[i]: _any(STRONG, rng) for i in sorted((int(one), int(two)))}
+
+
+def _any(severities: Sequence[Severity], rng: np.random.Generator) -> str:
+    return severities[int(rng.integers(len(severities)))].value
+
+
+def _cycled(options: Sequence[T], count: int, rng: np.random.Generator) -> list[T]:
+    """Return options in random order, all of them before any comes again."""
+    found: list[T] = []
+    while len(found) < count:
+        found += [options[i] for i in rng.permutation(len(options))]
+    return found[:count]
+
+
+def make(draw: Draw, folder: str | Path, duration: float = 20.0, fs: float = 1000.0) -> Case:
+    """Record a drawn case into a folder that tells nothing of its label."""
+    return make_case(folder, draw.seed, draw.effects, fs=fs, duration=duration).case
+
+
+def make_twin(draw: Draw, folder: str | Path, duration: float = 20.0, fs: float = 1000.0) -> Case:
+    """Record the same axis, references and noise without effects."""
+    return make_case(folder, draw.seed, {}, fs=fs, duration=duration).case

@@ -1,0 +1,219 @@
+"""What the labels allow to measure: whether a cause shows, an oracle, and simple rivals.
+
+All of it is done with the machinery of the diagnosis, fits of the balances along the smoothed
+motion that begin where its screen says, on the case and on its *twin*: the same axis, references
+and noise without an effect.
+
+- A cause is *visible* where the residual of the nominal axis on the held-out record exceeds that
+  of the twin `VISIBLE` times in some balance.
+- The gap is √Σ max((rms/rms of the twin)² − 1, 0) over the balances of the held-out record, and a
+  shrink is 1 − gap after/gap before. The oracle's is that of the axis with the true effects; it is
+  compared with that of the axis with the effects named. Neither uses figures that the diagnosis
+  states.
+- Rivals see the training record alone: the ranking of single effects by training error, and forward
+  selection by AIC. The cost of a fit is a concentrated negative log-likelihood L, AIC/2 = L + n.
+  After its first step the selection goes on among the `BEAM` best only.
+"""
+
+import tempfile
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pneumo_casadi.data import load_case
+from pneumo_casadi.diagnosis import applicable, prepare
+from pneumo_casadi.diagnosis.metrics.residual_size import size
+from pneumo_casadi.diagnosis.prepare.study import Fitted, Study, fit
+from pneumo_casadi.diagnosis.screen.screen import Screened, background
+from pneumo_casadi.diagnosis.select.fit_ledger import Searcher
+from pneumo_casadi.effects import CATALOGUE
+from pneumo_casadi.errors import PneumoError
+from pneumo_casadi.evaluation.sealed_check.draw import Draw, make_twin
+from pneumo_casadi.identification.result_file import write_json
+from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.runtime.threads import one_thread
+
+#: A cause shows where it more than doubles the energy of a residual (1.5² = 2.25): what is missing
+#: then outweighs all that noise, filters and the model's form leave.
+VISIBLE = 1.5
+#: Effects that forward selection adds at most: as many as a case has; and those that it tries after
+#: its first step, since every new pair is a model to compile.
+MOST, BEAM = 2, 4
+
+
+@one_thread
+def measure_one(
+    folder: Path, case: Path, draw: Draw, named: Collection[str], duration: float, fs: float
+) -> None:
+    """Measure one case and write the figures to ``folder/NAME.json``."""
+
+    def figures() -> dict[str, Any]:
+        with tempfile.TemporaryDirectory() as scratch:
+            twin, _ = prepare(make_twin(draw, Path(scratch) / "twin", duration, fs))
+            floor = size(fit(twin, ()))
+        return measured(prepare(load_case(case))[0], floor, draw, named)
+
+    _write(figures, folder, draw)
+
+
+@one_thread
+def rivals_of_one(folder: Path, case: Path, draw: Draw) -> None:
+    """Write what simple rivals make of one case to ``folder/NAME.json``."""
+    _write(lambda: rivals(Models.of(prepare(load_case(case))[0], draw.without)), folder, draw)
+
+
+def _write(figures: Callable[[], dict[str, Any]], folder: Path, draw: Draw) -> None:
+    try:
+        found = figures()
+    except (PneumoError, np.linalg.LinAlgError) as error:
+        found = {"failure": f"{type(error).__name__}: {error}"}
+    write_json(found, folder / f"{draw.name}.json")
+
+
+def measured(one: Study, floor: FloatArray, draw: Draw, named: Collection[str]) -> dict[str, Any]:
+    """Return the figures of one case.
+
+    Parameters
+    ----------
+    one : Study
+        The case.
+    floor : (ne,) array
+        Held-out residuals of the twin, root mean square.
+    draw : Draw
+        Its label.
+    named : collection of str
+        Effects that the verdict stands for.
+    """
+    models = Models.of(one, draw.without)
+    before = size(models.nominal)
+
+    def shrink(names: Iterable[str]) -> float | None:
+        after = models.fitted(names)
+        return None if after is None else shrunk(before, size(after), floor)
+
+    knows = bool(draw.effects) and draw.listed
+    return {
+        "rms": dict(zip(one.axis.equations, before.tolist(), strict=True)),
+        "twin_rms": dict(zip(one.axis.equations, floor.tolist(), strict=True)),
+        "visible": bool(np.any(before > VISIBLE * floor)),
+        "oracle_shrink": shrink(draw.effects) if knows else None,
+        "named_shrink": shrink(named) if knows else None,
+    }
+
+
+def gap(rms: FloatArray, floor: FloatArray) -> float:
+    """Return what of the residuals lies above those of the twin, in units of these."""
+    return float(np.sqrt(np.maximum((rms / floor) ** 2 - 1, 0.0).sum()))
+
+
+def shrunk(before: FloatArray, after: FloatArray, floor: FloatArray) -> float:
+    """Return 1 − gap after/gap before; 0 where there is no gap before.
+
+    Examples
+    --------
+    >>> floor = np.array([1.0, 1.0])
+    >>> shrunk(np.array([3.0, 1.0]), np.array([1.0, 0.9]), floor)
+    1.0
+    """
+    first = gap(before, floor)
+    return 1.0 - gap(after, floor) / first if first > 0 else 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Models:
+    """All models of a case that were asked for.
+
+    Parameters
+    ----------
+    worker : Searcher
+        Fits them.
+    nominal : Fitted
+        Without effects.
+    screen : mapping of str to Screened
+        Where the fits of single effects begin.
+    """
+
+    worker: Searcher
+    nominal: Fitted
+    screen: Mapping[str, Screened]
+
+    @staticmethod
+    def of(one: Study, without: Collection[str] = ()) -> "Models":
+        """Fit the nominal model and screen a catalogue that lacks some effects."""
+        given = {name: effect for name, effect in CATALOGUE.items() if name not in without}
+        worker, nominal = Searcher(one, applicable(one, given)), fit(one, ())
+        worker.screen_all(nominal)
+        return Models(worker, nominal, worker.over(background(one, nominal, nominal)))
+
+    def fitted(self, names: Iterable[str]) -> Fitted | None:
+        """Return the fit with some effects; None where there is none.
+
+        Several effects begin at the best single one of them, the others as screened.
+        """
+        key = self.worker.key(names)
+        if not key:
+            return self.nominal
+        if key not in self.worker.fits and key not in self.worker.failures:
+            origin = self.nominal
+            if len(key) > 1:
+                alone = [fit for fit in (self.fitted((name,)) for name in key) if fit is not None]
+                origin = min(alone, key=lambda fit: fit.cost, default=origin)
+            screened = [self.screen[name].starts for name in key if name in self.screen]
+            if len(key) == 1:
+                self.worker.fit_all(
+                    {key: (origin.values, screened[0] if screened else (), origin.cost)}
+                )
+            else:
+                begin = {k: v for starts in screened for k, v in starts[0].items()}
+                self.worker.fit_all({key: ({**begin, **origin.values}, (), origin.cost)})
+        return self.worker.fits.get(key)
+
+
+def rivals(models: Models) -> dict[str, Any]:
+    """Return what ranking by training error, and forward selection by AIC, make of a case."""
+
+    def criterion(names: tuple[str, ...]) -> float:
+        found = models.fitted(names)
+        return np.inf if found is None else found.cost + len(found.std)
+
+    single = {name: criterion((name,)) for name in models.worker.catalogue}
+    costs = {names[0]: fit.cost for names, fit in models.worker.fits.items() if len(names) == 1}
+    return {
+        "by_error": sorted(costs, key=lambda name: costs[name]),
+        "by_aic": forward(single, criterion(()), criterion),
+    }
+
+
+def forward(
+    single: Mapping[str, float], without: float, cost: Callable[[tuple[str, ...]], float]
+) -> list[str]:
+    """Add effects while a criterion falls, each time the best.
+
+    Parameters
+    ----------
+    single : mapping of str to float
+        Criterion of each effect alone.
+    without : float
+        Criterion without effects.
+    cost : callable
+        Criterion of several.
+
+    Examples
+    --------
+    >>> forward({"a": 5.0, "b": 4.0, "c": 9.0}, 8.0, lambda names: 3.0 if "a" in names else 6.0)
+    ['b', 'a']
+    """
+    chosen: list[str] = []
+    best, beam = without, sorted(single, key=lambda name: single[name])[:BEAM]
+    while len(chosen) < MOST:
+        rest = [name for name in beam if name not in chosen]
+        found = {n: single[n] if not chosen else cost((*chosen, n)) for n in rest}
+        name = min(found, key=lambda key: found[key], default=None)
+        if name is None or not found[name] < best:
+            break
+        chosen.append(name)
+        best = found[name]
+    return chosen

@@ -1,0 +1,261 @@
+"""How good verdicts are, counted against the labels.
+
+Which cases a score is about, and when it is a hit (see `said` for *named*, *offered* and
+*ranking*):
+
+==================  ==========================  ================================================
+score               cases                       hit
+==================  ==========================  ================================================
+right_first         singles                     *named* is the cause and nothing else
+ranked_first        singles                     the ranking begins with it, whatever the verdict
+first_three         singles                     it is among the first three of the ranking
+set_covers          singles                     *offered* holds it
+set_covers_given    singles with an *offered*   *offered* holds it
+false_alarm         nothing wrong               anything is *named*
+unknown_caught      left out, never listed      the verdict is ``unknown``
+wrongly_named       left out, never listed      anything is *named*
+false_unknown       all others                  the verdict is ``unknown``
+located             all with causes but         the balance said is one in which a cause acts
+                    absorbed
+pair_one            pairs                       *named* holds one of the causes, or both
+pair_both           pairs                       *named* holds both
+absorbed_told       absorbed                    *offered* holds the cause
+absorbed_misnamed   absorbed                    something is *named*, but *offered* lacks it
+failed              all                         the diagnosis ended in an error
+==================  ==========================  ================================================
+
+So ``ambiguous`` is right first if its first is the cause, and pays for its set in ``set_size``, the
+mean size of *offered* among singles with one. ``absorbed`` counts as naming the first that it says
+may hide, wherever it is said. ``none`` on an effect too small to show is wrong in the column "all",
+which "visible" forgives: it keeps the cases whose cause shows (`measure`), and those where nothing
+is wrong. Calibration is over all cases: the first of the ranking, with its stated probability,
+is right if it is the set of the causes, and never where nothing is wrong or no catalogue had them.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pneumo_casadi.evaluation.sealed_check.answer import Said
+from pneumo_casadi.evaluation.sealed_check.draw import Draw, Kind
+from pneumo_casadi.evaluation.sealed_check.tally import Share, calibration
+from pneumo_casadi.evaluation.sealed_check.true_balance import balances_of
+
+UNKNOWN_CAUSE = (Kind.LEFT_OUT, Kind.NEVER_LISTED)
+FAILED = "failed"
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """One case: what was true, what was said, and what the labels allow to measure.
+
+    Parameters
+    ----------
+    draw : Draw
+        The label.
+    said : Said
+        The verdict.
+    measured : mapping
+        See `measure`.
+    """
+
+    draw: Draw
+    said: Said
+    measured: Mapping[str, Any]
+
+    @property
+    def causes(self) -> frozenset[str]:
+        """True effects."""
+        return frozenset(self.draw.effects)
+
+    @property
+    def kind(self) -> Kind:
+        """What the case asks."""
+        return self.draw.kind
+
+    @property
+    def counts_as_visible(self) -> bool:
+        """Whether the cause shows, or there is none."""
+        return self.kind is Kind.NONE or bool(self.measured.get("visible"))
+
+    @property
+    def first_is_right(self) -> bool:
+        """Whether the ranking begins with the causes."""
+        return self.draw.listed and bool(self.causes) and self.said.ranking[:1] == (self.causes,)
+
+    @property
+    def shrink_ratio(self) -> float | None:
+        """Shrink with what was named, over the oracle's; None without an oracle."""
+        oracle, own = self.measured.get("oracle_shrink"), self.measured.get("named_shrink")
+        if oracle is None or oracle <= 0:
+            return None
+        return max(0.0, own or 0.0) / float(oracle)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the case as plain data."""
+        return {
+            **self.draw.as_dict(),
+            "verdict": self.said.verdict,
+            "named": sorted(self.said.named),
+            "offered": sorted(self.said.offered),
+            "ranking": [" + ".join(sorted(one)) for one in self.said.ranking[:3]],
+            "probability": self.said.probability,
+            "balance": self.said.balance,
+            "measured": {**self.measured, "by_error": self.measured.get("by_error", [])[:3]},
+        }
+
+
+#: By score: which cases, and when it is a hit.
+SCORES: Mapping[str, tuple[Callable[[Judged], bool], Callable[[Judged], bool]]] = {
+    "right_first": (lambda c: c.kind is Kind.SINGLE, lambda c: c.said.named == c.causes),
+    "ranked_first": (lambda c: c.kind is Kind.SINGLE, lambda c: c.first_is_right),
+    "first_three": (lambda c: c.kind is Kind.SINGLE, lambda c: c.causes in c.said.ranking[:3]),
+    "set_covers": (lambda c: c.kind is Kind.SINGLE, lambda c: c.causes <= c.said.offered),
+    "set_covers_given": (
+        lambda c: c.kind is Kind.SINGLE and bool(c.said.offered),
+        lambda c: c.causes <= c.said.offered,
+    ),
+    "false_alarm": (lambda c: c.kind is Kind.NONE, lambda c: bool(c.said.named)),
+    "unknown_caught": (lambda c: c.kind in UNKNOWN_CAUSE, lambda c: c.said.verdict == "unknown"),
+    "unknown_caught_left_out": (
+        lambda c: c.kind is Kind.LEFT_OUT,
+        lambda c: c.said.verdict == "unknown",
+    ),
+    "unknown_caught_never_listed": (
+        lambda c: c.kind is Kind.NEVER_LISTED,
+        lambda c: c.said.verdict == "unknown",
+    ),
+    "wrongly_named": (lambda c: c.kind in UNKNOWN_CAUSE, lambda c: bool(c.said.named)),
+    "false_unknown": (
+        lambda c: c.kind not in UNKNOWN_CAUSE,
+        lambda c: c.said.verdict == "unknown",
+    ),
+    "located": (
+        lambda c: c.kind not in (Kind.NONE, Kind.ABSORBED),
+        lambda c: c.said.balance in balances_of(c.causes),
+    ),
+    "located_single": (
+        lambda c: c.kind is Kind.SINGLE,
+        lambda c: c.said.balance in balances_of(c.causes),
+    ),
+    "pair_one": (lambda c: c.kind is Kind.PAIR, lambda c: bool(c.said.named & c.causes)),
+    "pair_both": (lambda c: c.kind is Kind.PAIR, lambda c: c.said.named >= c.causes),
+    "absorbed_told": (lambda c: c.kind is Kind.ABSORBED, lambda c: c.causes <= c.said.offered),
+    "absorbed_misnamed": (
+        lambda c: c.kind is Kind.ABSORBED,
+        lambda c: bool(c.said.named) and not c.causes <= c.said.offered,
+    ),
+    "failed": (lambda c: True, lambda c: c.said.verdict == FAILED),
+}
+
+
+def scored(cases: Sequence[Judged]) -> dict[str, Any]:
+    """Return all scores as plain data: for all cases, and for those whose cause is visible."""
+    visible = [one for one in cases if one.counts_as_visible]
+    return {
+        "cases": len(cases),
+        "kinds": {kind.value: sum(one.kind is kind for one in cases) for kind in Kind},
+        "unmeasured": sum("failure" in one.measured for one in cases),
+        "scores": {"all": scores_of(cases), "visible": scores_of(visible)},
+        "rivals": {"all": rivals_of(cases), "visible": rivals_of(visible)},
+        "effects": per_effect(cases),
+        "confusion": confusion(cases),
+        "calibration": calibration(
+            [one.said.probability for one in cases], [one.first_is_right for one in cases]
+        ).as_dict(),
+        "each": [one.as_dict() for one in cases],
+    }
+
+
+def scores_of(cases: Sequence[Judged]) -> dict[str, Any]:
+    """Return the scores of some cases."""
+    found: dict[str, Any] = {
+        name: Share.among(hit(one) for one in cases if about(one)).as_dict()
+        for name, (about, hit) in SCORES.items()
+    }
+    sizes = [len(c.said.offered) for c in cases if c.kind is Kind.SINGLE and c.said.offered]
+    ratios = [c.shrink_ratio for c in cases if c.kind in (Kind.SINGLE, Kind.PAIR)]
+    known = [ratio for ratio in ratios if ratio is not None]
+    found["set_size"] = {"mean": float(np.mean(sizes)) if sizes else None, "of": len(sizes)}
+    found["shrink_of_oracle"] = {
+        "median": float(np.median(known)) if known else None,
+        "of": len(known),
+    }
+    return found
+
+
+def rivals_of(cases: Sequence[Judged]) -> dict[str, Any]:
+    """Return what simple rivals reach on the same cases."""
+    single = [c for c in cases if c.kind is Kind.SINGLE and "by_error" in c.measured]
+    pairs = [c for c in cases if c.kind is Kind.PAIR and "by_aic" in c.measured]
+    nothing = [c for c in cases if c.kind is Kind.NONE and "by_aic" in c.measured]
+    numbers = [len(c.measured["by_error"]) for c in single if c.measured["by_error"]]
+
+    def in_first(n: int) -> Share:
+        return Share.among(c.causes <= set(c.measured["by_error"][:n]) for c in single)
+
+    def chosen(c: Judged) -> set[str]:
+        return set(c.measured["by_aic"])
+
+    return {
+        "training_error": {
+            "right_first": in_first(1).as_dict(),
+            "first_three": in_first(3).as_dict(),
+        },
+        "forward_aic": {
+            "right_first": Share.among(chosen(c) == c.causes for c in single).as_dict(),
+            "first_chosen": Share.among(
+                c.causes == set(c.measured["by_aic"][:1]) for c in single
+            ).as_dict(),
+            "pair_one": Share.among(bool(chosen(c) & c.causes) for c in pairs).as_dict(),
+            "pair_both": Share.among(chosen(c) >= c.causes for c in pairs).as_dict(),
+            "false_alarm": Share.among(bool(chosen(c)) for c in nothing).as_dict(),
+        },
+        "chance": {
+            f"{name}_percent": float(np.mean([100 * k / n for n in numbers])) if numbers else None
+            for name, k in (("right_first", 1), ("first_three", 3))
+        },
+    }
+
+
+def per_effect(cases: Sequence[Judged]) -> dict[str, Any]:
+    """Return, by effect of the singles, what was named of it at each severity."""
+    found: dict[str, Any] = {}
+    for one in cases:
+        if one.kind is not Kind.SINGLE:
+            continue
+        ((name, severity),) = one.draw.effects.items()
+        row = found.setdefault(name, {})
+        cell = row.setdefault(severity, {"right_first": 0, "first_three": 0, "visible": 0, "of": 0})
+        cell["of"] += 1
+        cell["visible"] += int(bool(one.measured.get("visible")))
+        cell["right_first"] += int(one.said.named == one.causes)
+        cell["first_three"] += int(one.causes in one.said.ranking[:3])
+    return dict(sorted(found.items()))
+
+
+def confusion(cases: Sequence[Judged]) -> dict[str, Any]:
+    """Return counts of what was said (columns) of what was true (rows), pairs left out."""
+    counts: dict[tuple[str, str], int] = {}
+    for one in cases:
+        if one.kind is Kind.PAIR:
+            continue
+        row = next(iter(one.causes), "none") if one.draw.listed else one.kind.value
+        named = sorted(one.said.named)
+        column = one.said.verdict if not named else named[0] if len(named) == 1 else "several"
+        counts[row, column] = counts.get((row, column), 0) + 1
+    last = ("several", "absorbed", "ambiguous", "effect", "none", "unknown", FAILED)
+    ends = (*(kind.value for kind in (Kind.NONE, *UNKNOWN_CAUSE)), *last)
+    rows = sorted({row for row, _ in counts}, key=lambda name: (_at(name, ends), name))
+    columns = sorted(
+        {column for _, column in counts} | {row for row in rows if row not in ends},
+        key=lambda name: (_at(name, last), name),
+    )
+    table = [[counts.get((row, column), 0) for column in columns] for row in rows]
+    return {"rows": rows, "columns": columns, "counts": table}
+
+
+def _at(name: str, ends: Sequence[str]) -> int:
+    return ends.index(name) if name in ends else -1

@@ -1,0 +1,91 @@
+"""In which balance an effect acts: the true answer to the question where."""
+
+from collections.abc import Iterable
+from typing import Any
+
+import casadi as ca
+
+from pneumo_casadi.effects import CATALOGUE
+from pneumo_casadi.errors import ModelError
+from pneumo_casadi.model.balances import write_balances
+from pneumo_casadi.model.effect import Effect
+from pneumo_casadi.parameters import Parameters
+
+MEASUREMENT = "measurement"
+_FLOWS = frozenset({"mass_flow_P", "mass_flow_N"})
+
+#: Balances of the bench's forms that no catalogue has.
+UNLISTED = {
+    "cogging": frozenset({"force"}),
+    "vibration": frozenset({"force"}),
+    "supply_pulsation": _FLOWS,
+    "position_nonlinearity": frozenset({MEASUREMENT}),
+    "flow_drift": _FLOWS,
+    "pressure_crosstalk": frozenset({MEASUREMENT}),
+}
+_STATES = ("p_P", "p_N", "x", "v")
+_NOMINAL = (*(f"X_s{i}" for i in range(1, 7)), "M", "f_v", "F_c_plus", "F_c_minus", "v_s")
+_CONSTANTS = ("S_P", "S_N", "p_ext", "p_supply", "T", "r", "stroke")
+
+
+def balances_of(names: Iterable[str]) -> frozenset[str]:
+    """Return the balances in which any of some effects acts.
+
+    Where an effect acts on both chambers, either mass flow is a right answer; where it acts on
+    what a sensor shows, ``measurement`` is.
+
+    Raises
+    ------
+    ModelError
+        If neither the catalogue nor the bench has one of that name.
+
+    Examples
+    --------
+    >>> sorted(balances_of(["stribeck", "leakage_N"]))
+    ['force', 'mass_flow_N']
+    >>> sorted(balances_of(["position_delay"]))
+    ['measurement']
+    """
+    found: frozenset[str] = frozenset()
+    for name in names:
+        if name in CATALOGUE:
+            found |= acting_in(CATALOGUE[name]())
+        elif name in UNLISTED:
+            found |= UNLISTED[name]
+        else:
+            raise ModelError(f"no effect {name!r}: its balance is unknown")
+    return found
+
+
+def acting_in(effect: Effect) -> frozenset[str]:
+    """Return the balances of a servo axis whose residuals, or sensors, hang on an effect."""
+    sym: Any = ca.SX.sym
+    own = [f"{effect.name}.{item.name}" for item in effect.parameters]
+    own += [f"{effect.name}.{item.name}" for item in effect.states]
+    symbols: dict[str, Any] = {name: sym(name) for name in (*_STATES, *_NOMINAL, *_CONSTANTS, *own)}
+    written = write_balances(
+        symbols,
+        {name: sym(f"d{name}") for name in _STATES},
+        {"u_P": sym("u_P"), "u_N": sym("u_N")},
+        symbols,
+        {name: symbols[name] for name in _CONSTANTS},
+        (effect,),
+        _AnyFlow(),
+    )
+    mine = ca.vertcat(*(symbols[name] for name in own))
+    found = {name for name, r in written.residual.items() if ca.depends_on(r, mine)}
+    if any(ca.depends_on(y, mine) for y in written.output.values()):
+        found.add(MEASUREMENT)
+    return frozenset(found)
+
+
+class _AnyFlow:
+    """A flow that hangs on all that a valve's flow may hang on."""
+
+    parameters = Parameters(())
+
+    def expression(self, u: Any, p: Any, theta: Any) -> Any:
+        return u * p
+
+    def expression_at(self, u: Any, p: Any, theta: Any, filling: Any, emptying: Any) -> Any:
+        return u * p * filling * emptying

@@ -1,0 +1,1 @@
+"""Identification: from a case to parameters, warnings and result files."""

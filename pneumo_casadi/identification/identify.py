@@ -1,0 +1,309 @@
+"""The main job in one call: from a case folder to parameters with intervals, validated."""
+
+import json
+import logging
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from enum import Enum
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from pneumo_casadi.data import Bench, Case, Recording, load_case, load_emps
+from pneumo_casadi.data.emps import IDENTIFY as EMPS_FILE
+from pneumo_casadi.errors import CaseError, ModelError
+from pneumo_casadi.estimation.output_error import (
+    OutputErrorOptions,
+    OutputErrorResult,
+    fit_output_error,
+)
+from pneumo_casadi.estimation.uncertainty import Identifiability, Optimum, identifiability
+from pneumo_casadi.estimation.wls import Prediction, WLSResult, cross_validate, fit_wls
+from pneumo_casadi.identification.warnings import Caveat, caveats_of
+from pneumo_casadi.model.axis import Axis
+from pneumo_casadi.model.servosystem import ForceAxis, Servosystem
+from pneumo_casadi.runtime.progress import Progress, part, silent
+from pneumo_casadi.runtime.threads import one_thread
+from pneumo_casadi.validation import Validation, validate
+from pneumo_casadi.valve import (
+    FlowMap,
+    FlowModel,
+    fit_iso6358,
+    fit_polynomials,
+    fit_spline,
+    read_flow_map,
+)
+
+logger = logging.getLogger(__name__)
+
+
+#: A force-driven axis has no chambers to hold it: over a whole record its open-loop position
+#: drifts away with the square of the time, so it is fitted over windows of this length [s].
+FORCE_WINDOW = 0.5
+
+#: Shares of the work at which the stages begin.
+_SHARES = {"flow": 0.0, "wls": 0.02, "output_error": 0.08, "validation": 0.65, "done": 1.0}
+
+
+class FlowForm(Enum):
+    """How the static flow map is written."""
+
+    POLYNOMIALS = "polynomials"
+    """Eq. 12 of the paper."""
+    SPLINE = "spline"
+    """Smoothing spline; only its gain is refined by the output-error fit."""
+    ISO6358 = "iso6358"
+    """Two metering edges of ISO 6358."""
+
+
+@dataclass(frozen=True, slots=True)
+class IdentifyOptions:
+    """What may be chosen in an identification.
+
+    Parameters
+    ----------
+    flow_form : FlowForm
+        Form of the flow map.
+    degrees : tuple of int
+        Degrees of φ, ψ (u > 0) and ψ (u < 0) in eq. 12.
+    refine_flow : bool
+        Whether the coefficients of the flow map are refined together with the parameters,
+        anchored by its measured points.
+    start, end : float, optional
+        Part of each record to identify on [s, on its own clock]; by default all of it.
+    output_error : OutputErrorOptions, optional
+        Set-up of the output-error fit; by default whole records, or windows of 0.5 s for a
+        force-driven axis in open loop.
+    windows : tuple of float
+        Lengths of the validation windows [s].
+    identifiability : bool
+        Whether it is worked out what informs each parameter, and what stands for what.
+    """
+
+    flow_form: FlowForm = FlowForm.POLYNOMIALS
+    degrees: tuple[int, int, int] = (7, 7, 4)
+    refine_flow: bool = True
+    start: float | None = None
+    end: float | None = None
+    output_error: OutputErrorOptions | None = None
+    windows: tuple[float, ...] = (0.1, 0.5, 2.0)
+    identifiability: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Identification:
+    """An axis identified from a case, with all that a report needs.
+
+    Parameters
+    ----------
+    case : Case
+        What was measured.
+    options : IdentifyOptions
+        What was chosen.
+    records : tuple of Recording
+        Those used, cut as the options ask.
+    flow_map : FlowMap or None
+        Measured static map; None for a force-driven axis.
+    flow : FlowModel or None
+        The form fitted to the map alone, before any trajectory is seen.
+    wls : WLSResult
+        Weighted least squares.
+    output_error : OutputErrorResult
+        Output error, started from `wls`.
+    predictions : tuple of Prediction
+        Flows and effort predicted by `wls` on the held-out records.
+    validation : Validation or None
+        Simulations beside the held-out records; None where the case has none.
+    truth : mapping of str to float, or None
+        True parameters where they are known: ``truth.json`` in the case folder.
+    caveats : tuple of Caveat
+        What the reader must know before using the numbers.
+    identifiability : Identifiability or None
+        Where it was asked for.
+    seconds : float
+        Time that it took.
+    """
+
+    case: Case
+    options: IdentifyOptions
+    records: tuple[Recording, ...]
+    flow_map: FlowMap | None
+    flow: FlowModel | None
+    wls: WLSResult
+    output_error: OutputErrorResult
+    predictions: tuple[Prediction, ...]
+    validation: Validation | None
+    truth: Mapping[str, float] | None
+    caveats: tuple[Caveat, ...]
+    identifiability: Identifiability | None
+    seconds: float
+
+    @property
+    def axis(self) -> Axis:
+        """The identified axis."""
+        return self.output_error.axis
+
+
+@one_thread
+def identify(
+    case: Case | str | Path,
+    options: IdentifyOptions | None = None,
+    progress: Progress | None = None,
+) -> Identification:
+    """Identify an axis: flow map, weighted least squares, output error, validation.
+
+    Parameters
+    ----------
+    case : Case or path
+        A case, or the folder that holds one.
+    options : IdentifyOptions, optional
+        What differs from the default.
+    progress : callable, optional
+        Called as ``progress(text, share)`` with the share of the work done.
+
+    Returns
+    -------
+    Identification
+
+    Raises
+    ------
+    CaseError
+        If the case cannot be read, or a servo axis has no flow map.
+    FitError
+        If a fit fails; ``.partial`` holds its result as far as it got.
+    """
+    began = time.perf_counter()
+    options = options or IdentifyOptions()
+    report = progress or silent
+    case = case if isinstance(case, Case) else open_case(case)
+    records = _cut(case.identify, options)
+    report("flow map", _SHARES["flow"])
+    flow_map, flow = read_flow(case, options)
+    axis = make_axis(case, flow)
+    if not options.refine_flow and flow is not None:
+        axis = axis.with_parameters(axis.parameters.fix(*flow.parameters.names))
+    report("weighted least squares", _SHARES["wls"])
+    wls = fit_wls(axis, records)
+    chosen = output_error_options(case, options)
+    result = fit_output_error(
+        axis.started_at(wls.parameters),
+        records,
+        flow_map,
+        chosen,
+        part(report, _SHARES["output_error"], _SHARES["validation"], "output error: "),
+    )
+    predictions: tuple[Prediction, ...] = ()
+    validation = None
+    if case.validate:
+        predictions = cross_validate(wls, case.validate)
+        stage = part(report, _SHARES["validation"], _SHARES["done"], "validation: ")
+        validation = validate(result.axis, case.validate, options.windows, stage)
+    found = Identification(
+        case=case,
+        options=options,
+        records=records,
+        flow_map=flow_map,
+        flow=flow,
+        wls=wls,
+        output_error=result,
+        predictions=predictions,
+        validation=validation,
+        truth=read_truth(case.folder),
+        caveats=caveats_of(case, records, flow_map, wls, result, validation),
+        identifiability=(
+            identifiability(Optimum(result, records, flow_map, chosen))
+            if options.identifiability
+            else None
+        ),
+        seconds=time.perf_counter() - began,
+    )
+    report("done", _SHARES["done"])
+    return found
+
+
+def open_case(folder: str | Path) -> Case:
+    """Load a case folder, or the EMPS benchmark where its files lie in the folder."""
+    folder = Path(folder)
+    if (folder / EMPS_FILE).is_file() and not (folder / "bench.json").exists():
+        return load_emps(folder)
+    return load_case(folder)
+
+
+def read_flow(case: Case, options: IdentifyOptions) -> tuple[FlowMap | None, FlowModel | None]:
+    """Read the flow map of a servo axis and fit the form asked for.
+
+    Returns
+    -------
+    tuple
+        Measured table and fitted model; None and None for a force-driven axis.
+
+    Raises
+    ------
+    CaseError
+        If a servo axis has no flow map.
+    """
+    if not isinstance(case.bench, Bench):
+        return None, None
+    if case.flow_map_path is None:
+        raise CaseError(
+            f"{case.folder}: no flow_map.csv; a servo axis cannot be identified without the "
+            "static flow of its valve: meter q_m(u, p), columns u_V,p_Pa,q_m_kg_per_s"
+        )
+    bench = case.bench
+    table = read_flow_map(case.flow_map_path, p_supply=bench.p_supply, p_ext=bench.p_ext)
+    fits: dict[FlowForm, Callable[[FlowMap], FlowModel]] = {
+        FlowForm.POLYNOMIALS: partial(fit_polynomials, degrees=options.degrees),
+        FlowForm.SPLINE: fit_spline,
+        FlowForm.ISO6358: partial(fit_iso6358, T=bench.T),
+    }
+    return table, fits[options.flow_form](table)
+
+
+def make_axis(case: Case, flow: FlowModel | None) -> Axis:
+    """Make the nominal axis of a case, servo or force-driven."""
+    if not isinstance(case.bench, Bench):
+        return ForceAxis(case.bench)
+    if flow is None:
+        raise ModelError(f"{case.folder}: a servo axis needs the static flow of its valve")
+    return Servosystem(case.bench, flow)
+
+
+def output_error_options(case: Case, options: IdentifyOptions) -> OutputErrorOptions:
+    """Return the set-up of the output-error fit for a case."""
+    chosen = options.output_error or OutputErrorOptions()
+    drifts = not (isinstance(case.bench, Bench) or chosen.closed_loop)
+    if chosen.window is None and drifts:
+        return replace(chosen, window=FORCE_WINDOW)
+    return chosen
+
+
+def read_truth(folder: Path) -> dict[str, float] | None:
+    """Read the true parameters of a case where they are known (``truth.json``).
+
+    Raises
+    ------
+    CaseError
+        If the file is no JSON object of numbers.
+    """
+    path = folder / "truth.json"
+    if not path.is_file():
+        return None
+    try:
+        content: Any = json.loads(path.read_text("utf-8"))
+        return {str(name): float(value) for name, value in content.items()}
+    except (ValueError, TypeError, AttributeError) as error:
+        raise CaseError(
+            f'{path}: expected a JSON object of numbers, as {{"M": 16.9}} ({error})'
+        ) from None
+
+
+def _cut(records: tuple[Recording, ...], options: IdentifyOptions) -> tuple[Recording, ...]:
+    if options.start is None and options.end is None:
+        return records
+    start = -float("inf") if options.start is None else options.start
+    end = float("inf") if options.end is None else options.end
+    return tuple(
+        record.window(max(start, record.t[0]), min(end, record.t[-1] + record.dt))
+        for record in records
+    )

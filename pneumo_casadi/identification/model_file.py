@@ -1,0 +1,219 @@
+"""An axis as plain values: bench, flow map, effects and parameters, and back.
+
+What `result.json` and exported models hold, so that a model is whole without its case folder.
+Reading builds numbers and names into an axis; nothing that a file says is executed.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from pneumo_casadi.data import Bench
+from pneumo_casadi.data.bench.bench_file import bench_content, bench_from_content
+from pneumo_casadi.effects import CATALOGUE
+from pneumo_casadi.errors import CaseError, ModelError
+from pneumo_casadi.model.axis import Axis
+from pneumo_casadi.model.effect import Effect
+from pneumo_casadi.model.servosystem import ForceAxis, Servosystem
+from pneumo_casadi.parameters import FloatArray, Parameter, Parameters
+from pneumo_casadi.valve import FlowISO6358, FlowModel, FlowPolynomials, FlowSpline
+
+_FORMS: dict[str, type[Any]] = {
+    "polynomials": FlowPolynomials,
+    "spline": FlowSpline,
+    "iso6358": FlowISO6358,
+}
+#: What each form consists of beside parameters and covariance, and how it is read.
+_PARTS: dict[str, dict[str, Callable[[Any], Any]]] = {
+    "polynomials": {
+        "degrees": lambda value: tuple(map(int, value)),
+        "p_range": lambda value: _pair(value),
+        "u_range": lambda value: _pair(value),
+        "sigma": float,
+        "dof": int,
+    },
+    "spline": {
+        "knots_u": lambda value: _array(value),
+        "knots_p": lambda value: _array(value),
+        "degree_u": int,
+        "degree_p": int,
+        "coefficients": lambda value: _array(value),
+        "p_range": lambda value: _pair(value),
+        "u_range": lambda value: _pair(value),
+        "sigma": float,
+        "dof": float,
+    },
+    "iso6358": {
+        "sigma": float,
+        "p_range": lambda value: _pair(value),
+        "u_range": lambda value: _pair(value),
+        "p_supply": float,
+        "p_ext": float,
+        "T": float,
+        "laminar_ratio": float,
+    },
+}
+
+
+def axis_dict(axis: Axis) -> dict[str, Any]:
+    """Return an axis as plain values that JSON can hold.
+
+    Parameters
+    ----------
+    axis : Axis
+        With a flow map of this package (or none) and effects of the catalogue.
+
+    Returns
+    -------
+    dict
+        ``bench`` as in bench.json, ``flow`` (form and constants, or None), ``effects`` (names)
+        and ``parameters`` (value, unit, bounds, scale, free), SI units; a bound or a variance
+        that is infinite is None.
+
+    Raises
+    ------
+    ModelError
+        If flow map or an effect are your own: a file could name them, but not hold them.
+
+    Examples
+    --------
+    >>> from pneumo_casadi.data import ForceBench, NestedController
+    >>> from pneumo_casadi.model.servosystem import ForceAxis
+    >>> axis = ForceAxis(ForceBench(1e3, 0.5, NestedController(30.0, 60.0, 1.0, 60.0)))
+    >>> axis_from_dict(axis_dict(axis)).parameters == axis.parameters
+    True
+    """
+    for effect in axis.effects:
+        if type(effect) is not CATALOGUE.get(effect.name) or getattr(effect, "__dict__", None):
+            raise ModelError(
+                f"effect {effect.name} is not of the catalogue: a file cannot hold it; export "
+                "functions, C or FMU, which hold the equations"
+            )
+    return {
+        "bench": bench_content(axis.bench),
+        "flow": None if axis.flow is None else _flow_dict(axis.flow),
+        "effects": [effect.name for effect in axis.effects],
+        "parameters": {
+            item.name: {
+                "value": item.value,
+                "unit": item.unit,
+                "lower": _finite(item.lower),
+                "upper": _finite(item.upper),
+                "scale": item.scale,
+                "free": item.free,
+            }
+            for item in axis.parameters
+        },
+    }
+
+
+def axis_from_dict(content: Any) -> Axis:
+    """Return the axis that `axis_dict` has described.
+
+    Raises
+    ------
+    CaseError
+        If something is missing, unknown or not plausible; the message names it.
+    """
+    try:
+        bench = bench_from_content(content["bench"])
+        items = [_parameter(name, item) for name, item in content["parameters"].items()]
+        effects = [_effect(name) for name in content["effects"]]
+        flow = None if content["flow"] is None else _flow(content["flow"], items)
+        if isinstance(bench, Bench) != (flow is not None):
+            raise CaseError("a servo axis has a flow map, a force-driven axis has none")
+        axis = (
+            Servosystem(bench, flow, effects)
+            if isinstance(bench, Bench) and flow is not None
+            else ForceAxis(bench, effects)  # type: ignore[arg-type]
+        )
+        given = {item.name: item for item in items}
+        odd = sorted(given.keys() ^ set(axis.parameters.names))
+        if odd:
+            raise CaseError(f"parameters do not match the axis: {', '.join(odd)}")
+        return axis.with_parameters(
+            Parameters(
+                replace(
+                    item,
+                    value=given[item.name].value,
+                    lower=given[item.name].lower,
+                    upper=given[item.name].upper,
+                    scale=given[item.name].scale,
+                    free=given[item.name].free,
+                )
+                for item in axis.parameters
+            )
+        )
+    except CaseError:
+        raise
+    except KeyError as error:
+        raise CaseError(f"no model of an axis: {error} is missing") from None
+    except (TypeError, ValueError, AttributeError, RuntimeError) as error:
+        # ModelError is a ValueError; CasADi, given a spline that is none, raises RuntimeError.
+        raise CaseError(f"no model of an axis ({error})") from None
+
+
+def _flow_dict(flow: FlowModel) -> dict[str, Any]:
+    form = next((name for name, kind in _FORMS.items() if type(flow) is kind), None)
+    if form is None:
+        raise ModelError(
+            f"flow map {type(flow).__name__} is your own: a file cannot hold it; export "
+            "functions, C or FMU, which hold the equations"
+        )
+    found: dict[str, Any] = {"form": form}
+    for name in _PARTS[form]:
+        value = getattr(flow, name)
+        found[name] = np.asarray(value).tolist() if not np.isscalar(value) else value
+    found["parameters"] = list(flow.parameters.names)
+    found["covariance"] = [[_finite(float(value)) for value in row] for row in flow.covariance]
+    return found
+
+
+def _flow(content: Mapping[str, Any], items: list[Parameter]) -> FlowModel:
+    form = content["form"]
+    if form not in _FORMS:
+        raise CaseError(f"flow map of form {form!r}; known are {', '.join(_FORMS)}")
+    parts = {name: read(content[name]) for name, read in _PARTS[form].items()}
+    parameters = Parameters(items).select(content["parameters"])
+    covariance = np.array(
+        [[np.inf if value is None else value for value in row] for row in content["covariance"]],
+        dtype=float,
+    )
+    flow: FlowModel = _FORMS[form](parameters=parameters, covariance=covariance, **parts)
+    return flow
+
+
+def _effect(name: Any) -> Effect:
+    if name not in CATALOGUE:
+        raise CaseError(
+            f"effect {name!r} is not of the catalogue; known are {', '.join(CATALOGUE)}"
+        )
+    return CATALOGUE[name]()
+
+
+def _parameter(name: str, item: Mapping[str, Any]) -> Parameter:
+    lower, upper = item["lower"], item["upper"]
+    return Parameter(
+        str(name),
+        float(item["value"]),
+        str(item["unit"]),
+        lower=-np.inf if lower is None else float(lower),
+        upper=np.inf if upper is None else float(upper),
+        scale=float(item["scale"]),
+        free=bool(item["free"]),
+    )
+
+
+def _finite(value: float) -> float | None:
+    return value if np.isfinite(value) else None
+
+
+def _pair(value: Any) -> tuple[float, float]:
+    first, second = value
+    return float(first), float(second)
+
+
+def _array(value: Any) -> FloatArray:
+    return np.array(value, dtype=float)

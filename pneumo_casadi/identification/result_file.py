@@ -1,0 +1,302 @@
+"""`result.json`: an identification as strict JSON, written whole, read back to an axis."""
+
+import hashlib
+import json
+import math
+import platform
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import casadi
+import numpy as np
+import pandas as pd
+import scipy
+
+from pneumo_casadi import __version__
+from pneumo_casadi.data import Case
+from pneumo_casadi.errors import CaseError, ModelError
+from pneumo_casadi.estimation.output_error import OutputErrorResult
+from pneumo_casadi.identification.identify import (
+    FlowForm,
+    Identification,
+    IdentifyOptions,
+    make_axis,
+    output_error_options,
+    read_flow,
+)
+from pneumo_casadi.identification.model_file import axis_dict
+from pneumo_casadi.model.axis import Axis
+from pneumo_casadi.runtime.atomic_files import whole_file
+from pneumo_casadi.validation import Error, Validation
+
+#: Of the format; raised when a reader of the old one would misread the new.
+FORMAT = 1
+
+
+def result_dict(found: Identification) -> dict[str, Any]:
+    """Return an identification as plain values: no NaN, no infinity.
+
+    A standard deviation that does not exist (no information, a bound, a parameter held fixed)
+    is None, with a ``note`` beside it.
+    """
+    flow = None
+    if found.flow is not None:
+        flow = {
+            "form": found.options.flow_form.value,
+            "degrees": list(found.options.degrees),
+            "p_range": list(found.flow.p_range),
+            "sigma": found.flow.sigma,
+            "parameters": _estimates(found.output_error, found.flow.parameters.names),
+        }
+    content = {
+        "format": FORMAT,
+        "case": found.case.name,
+        "caveats": [{"topic": item.topic, "text": item.text} for item in found.caveats],
+        "wls": found.wls.as_dict(),
+        "output_error": output_error_dict(found.output_error, found),
+        "flow": flow,
+        "model": _model(found.axis),
+        "validation": None if found.validation is None else validation_dict(found.validation),
+        "cross_validation": {
+            p.name: {"relative_error_percent": dict(p.relative_error_percent)}
+            for p in found.predictions
+        },
+        "truth": None if found.truth is None else dict(found.truth),
+        "provenance": provenance(found.case, found.options),
+        "seconds": found.seconds,
+    }
+    finite: dict[str, Any] = _finite(content)
+    return finite
+
+
+def output_error_dict(result: OutputErrorResult, found: Identification) -> dict[str, Any]:
+    """Return an output-error fit as plain values."""
+    flow = set() if found.flow is None else set(found.flow.parameters.names)
+    own = [name for name in result.parameters.names if name not in flow and name != "v_s"]
+    correlation = result.estimate.correlation
+    names = [name for name in own if name in result.estimate.names]
+    at = [result.estimate.names.index(name) for name in names]
+    pull = result.map_pull
+    return {
+        "status": result.status,
+        "iterations": result.iterations,
+        "cost": result.cost,
+        "parameters": _estimates(result, own),
+        "derived": {
+            name: {
+                "value": item.value,
+                "std": item.std,
+                "std_robust": item.std_robust,
+                "unit": item.unit,
+            }
+            for name, item in result.derived.items()
+        },
+        "fixed": {"v_s": {"value": result.parameters["v_s"].value, "unit": "m/s"}},
+        "sigma": dict(zip(result.axis.outputs, map(float, result.sigma), strict=True)),
+        "stages": [
+            {
+                "name": stage.name,
+                "v_s": stage.v_s,
+                "cost": stage.cost,
+                "iterations": stage.iterations,
+                "status": stage.status,
+                "seconds": stage.seconds,
+            }
+            for stage in result.stages
+        ],
+        "correlation": {
+            "names": names,
+            "matrix": [[float(correlation[i, j]) for j in at] for i in at],
+        },
+        "map_pull": None if pull is None else {"rms": pull.rms, "scale": pull.scale},
+        "at_bound": list(result.estimate.at_bound),
+        "uninformed": list(result.estimate.uninformed),
+        "uninformed_directions": list(result.estimate.combinations),
+    }
+
+
+def validation_dict(validation: Validation) -> dict[str, Any]:
+    """Return a validation as plain values: open loop by channel, then the other two."""
+    closed = validation.closed_loop
+    return {
+        **_errors(validation.open_loop),
+        "closed_loop": None if closed is None else _errors(closed),
+        "windows": {f"{length:g}": _errors(e) for length, e in validation.windows.items()},
+        "records": [run.record.name for run in validation.runs],
+    }
+
+
+def provenance(case: Case, options: IdentifyOptions) -> dict[str, Any]:
+    """Return what is needed to repeat a result: options, versions, hashes of the data."""
+    chosen = output_error_options(case, options)
+    return {
+        "versions": {
+            "python": platform.python_version(),
+            "pneumo_casadi": __version__,
+            "casadi": casadi.CasadiMeta.version(),
+            "numpy": np.__version__,
+            "scipy": scipy.__version__,
+            "pandas": pd.__version__,
+        },
+        "platform": platform.platform(),
+        "seeds": {},  # no random number enters an identification
+        "sha256": {path.name: sha256(path) for path in _data_files(case)},
+        "options": {
+            "flow_form": options.flow_form.value,
+            "degrees": list(options.degrees),
+            "refine_flow": options.refine_flow,
+            "start": options.start,
+            "end": options.end,
+            "method": chosen.method.value,
+            "block": chosen.block,
+            "window": chosen.window,
+            "interval": chosen.interval,
+            "closed_loop": chosen.closed_loop,
+            "friction_widths": list(chosen.widths),
+            "reweight": chosen.reweight,
+            "max_iterations": chosen.max_iterations,
+            "validation_windows": list(options.windows),
+        },
+    }
+
+
+def sha256(path: Path) -> str:
+    """Return the hash of a file's content."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def write_json(content: Mapping[str, Any], path: str | Path) -> None:
+    """Write strict JSON in one step: the file is there whole, or not at all."""
+    text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    with whole_file(path) as draft:
+        draft.write_text(text, encoding="utf-8")
+
+
+def read_axis(path: str | Path, case: Case) -> Axis:
+    """Return the axis that a `result.json` describes, on the bench of a case.
+
+    Parameters
+    ----------
+    path : path
+        Written by ``identify``.
+    case : Case
+        Supplies bench and flow map; the map must be the one of the identification, since the
+        coefficients are in its scaling.
+
+    Raises
+    ------
+    CaseError
+        If the file is no such result, or does not fit the case.
+    """
+    path = Path(path)
+    content = _read(path)
+    try:
+        estimates = content["output_error"]["parameters"] | content["output_error"]["fixed"]
+        flow = content["flow"]
+        if flow is not None:
+            estimates |= flow["parameters"]
+        values = {str(name): float(item["value"]) for name, item in estimates.items()}
+        options = IdentifyOptions()
+        if flow is not None:
+            first, second, third = (int(degree) for degree in flow["degrees"])
+            form = FlowForm(flow["form"])
+            options = IdentifyOptions(flow_form=form, degrees=(first, second, third))
+        expected = content["provenance"]["sha256"].get("flow_map.csv")
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise CaseError(
+            f"{path}: not a result of `identify` ({type(error).__name__}: {error}); give its "
+            "result.json"
+        ) from None
+    table, model = read_flow(case, options)
+    if (table is None) != (flow is None):
+        raise CaseError(f"{path}: servo axis and force-driven axis do not go together")
+    if case.flow_map_path is not None and model is not None:
+        _check_map(case.flow_map_path, expected, path)
+    axis = make_axis(case, model)
+    unknown = sorted(set(values) - set(axis.parameters.names))
+    missing = sorted(set(axis.parameters.names) - set(values))
+    if unknown or missing:
+        raise CaseError(
+            f"{path}: parameters do not match the axis of {case.folder}: "
+            f"{', '.join(unknown + missing)}"
+        )
+    return axis.with_parameters(values)
+
+
+def _model(axis: Axis) -> dict[str, Any] | None:
+    try:
+        return axis_dict(axis)
+    except ModelError:  # an effect or a flow map of one's own: no file can hold it
+        return None
+
+
+def _check_map(flow_map: Path, expected: str | None, result: Path) -> None:
+    if sha256(flow_map) != expected:
+        raise CaseError(
+            f"{flow_map}: not the flow map that {result} was identified with; copy that map here, "
+            "or identify this case anew"
+        )
+
+
+def _read(path: Path) -> Any:
+    try:
+        return json.loads(path.read_text("utf-8"))
+    except FileNotFoundError:
+        raise CaseError(f"{path}: no such file; `identify` writes result.json") from None
+    except (OSError, ValueError) as error:
+        raise CaseError(f"{path}: not a readable JSON file ({error})") from None
+
+
+def _estimates(result: OutputErrorResult, names: Any) -> dict[str, dict[str, Any]]:
+    found = {}
+    for name in names:
+        item = result.parameters[name]
+        entry: dict[str, Any] = {
+            "value": item.value,
+            "std": result.std(name),
+            "std_robust": result.std(name, robust=True),
+            "unit": item.unit,
+        }
+        note = None
+        if name not in result.estimate.names:
+            note = "held fixed"
+        elif name in result.estimate.at_bound:
+            note = "held by a bound; the interval is one-sided"
+        elif not math.isfinite(entry["std"]):
+            note = "the data say nothing about it"
+        if note is not None:
+            entry |= {"std": None, "std_robust": None, "note": note}
+        found[name] = entry
+    return found
+
+
+def _errors(errors: Mapping[str, Error]) -> dict[str, dict[str, Any]]:
+    return {
+        name: {
+            "rms": error.rms,
+            "percent": error.percent,
+            "noise_percent": error.noise_percent,
+            "unit": error.unit,
+        }
+        for name, error in errors.items()
+    }
+
+
+def _finite(value: Any) -> Any:
+    """Return plain values with None for every number that JSON cannot hold."""
+    if isinstance(value, Mapping):
+        return {str(key): _finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def _data_files(case: Case) -> list[Path]:
+    sources = {Path(record.source) for record in (*case.identify, *case.validate)}
+    candidates = {case.folder / "bench.json", case.folder / "columns.json", *sources}
+    if case.flow_map_path is not None:
+        candidates.add(case.flow_map_path)
+    return sorted(path for path in candidates if path.is_file())

@@ -1,0 +1,244 @@
+"""What a reader must know before using the numbers: where a result is weaker than it looks."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pneumo_casadi.data import Bench, Case, Recording
+from pneumo_casadi.estimation.output_error import OutputErrorResult
+from pneumo_casadi.estimation.wls import WLSResult
+from pneumo_casadi.validation import Validation
+from pneumo_casadi.valve import FlowMap
+
+#: Intervals that are this much too narrow are worth a word.
+INFLATION = 1.5
+#: Estimated over stated noise of one sample from which a misfit is reported.
+EXCESS_NOISE = 1.2
+#: Relative standard deviation from which eq. 17 calls a parameter removable [%].
+REMOVABLE_PERCENT = 10.0
+#: Residuals of the flow map over those of its own fit from which its pull is reported.
+MAP_PULL = 1.3
+#: Common factor of all flows that no metering can excuse.
+MAP_SCALE = 0.02
+#: Parameter over data sheet value from which the two are said to disagree.
+DATASHEET = 0.1
+#: Polytropic coefficients: isothermal to adiabatic.
+K_RANGE = (1.0, 1.4)
+#: Share of samples outside the metered range from which it is reported.
+OUTSIDE = 1e-3
+#: Held-out error over sensor noise from which the gap is reported.
+GAP = 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class Caveat:
+    """One reason for caution.
+
+    Parameters
+    ----------
+    topic : str
+        What it concerns: ``"recording"``, ``"flow_map"``, ``"wls"``, ``"output_error"``,
+        ``"intervals"``, ``"physics"`` or ``"validation"``.
+    text : str
+        One sentence for the reader.
+    """
+
+    topic: str
+    text: str
+
+
+def caveats_of(
+    case: Case,
+    records: Sequence[Recording],
+    flow_map: FlowMap | None,
+    wls: WLSResult,
+    result: OutputErrorResult,
+    validation: Validation | None,
+) -> tuple[Caveat, ...]:
+    """Collect the caveats of an identification, those that weigh most first."""
+    return (
+        *_of_solution(result),
+        *_of_intervals(case, result),
+        *_of_flow_map(records, flow_map, result),
+        *_of_physics(case, result),
+        *_of_wls(wls),
+        *_of_validation(validation),
+        *(Caveat("recording", note) for note in case.notes),
+    )
+
+
+def inflation(result: OutputErrorResult) -> float:
+    """Return by how much correlated residuals widen the worst output-error interval.
+
+    The largest ratio of a robust to an ideal standard deviation; 1 where residuals are white.
+    """
+    ideal, robust = result.estimate.std, result.estimate.std_robust
+    known = np.isfinite(ideal) & (ideal > 0) & np.isfinite(robust)
+    return float(np.max(robust[known] / ideal[known], initial=1.0))
+
+
+def _of_solution(result: OutputErrorResult) -> Iterator[Caveat]:
+    if result.status != "converged":
+        yield Caveat("output_error", f"The output-error fit has not converged: {result.status}.")
+    if len(result.stages) > 1:
+        yield Caveat(
+            "output_error",
+            f"The fit needed {len(result.stages)} stages (by way of short windows): the model may "
+            "misfit the data, or the start was far off.",
+        )
+    for name in result.estimate.at_bound:
+        value = result.parameters[name]
+        yield Caveat(
+            "output_error",
+            f"{name} lies at its bound {value.value:.4g} {value.unit}: the data push it further; "
+            "its interval is one-sided and not given.",
+        )
+    if result.estimate.uninformed:
+        yield Caveat(
+            "output_error",
+            f"The data say nothing about {', '.join(result.estimate.uninformed)} (direction "
+            f"{'; '.join(result.estimate.combinations)}): their intervals are infinite.",
+        )
+
+
+def _of_intervals(case: Case, result: OutputErrorResult) -> Iterator[Caveat]:
+    factor = inflation(result)
+    if factor > INFLATION:
+        yield Caveat(
+            "intervals",
+            "The output-error residuals are correlated in time: something the model lacks is left "
+            f"in them. Intervals from `std`, which trusts them to be noise, are up to {factor:.1f} "
+            "times too narrow; `std_robust` allows for the correlation. Neither knows the bias "
+            "of a wrong model.",
+        )
+    noise = case.bench.noise
+    for name, sigma in zip(result.axis.outputs, result.sigma, strict=True):
+        stated = getattr(noise, name[0], 0.0) if noise is not None else 0.0
+        if stated and sigma > EXCESS_NOISE * stated:
+            unit = result.axis.unit(name)
+            yield Caveat(
+                "intervals",
+                f"The residual of {name} weighs as much as noise of {sigma:.3g} {unit} a sample, "
+                f"{sigma / stated:.1f} times what the bench states ({stated:.3g} {unit}): misfit "
+                "is counted as noise.",
+            )
+
+
+def _of_flow_map(
+    records: Sequence[Recording], flow_map: FlowMap | None, result: OutputErrorResult
+) -> Iterator[Caveat]:
+    if flow_map is None:
+        return
+    ranges = (
+        ("p_P", flow_map.p_range, "Pa"),
+        ("p_N", flow_map.p_range, "Pa"),
+        ("u_P", flow_map.u_range, "V"),
+        ("u_N", flow_map.u_range, "V"),
+    )
+    for channel, (low, high), unit in ranges:
+        values = np.concatenate([record[channel] for record in records])
+        outside = float(np.mean((values < low) | (values > high)))
+        if outside > OUTSIDE:
+            yield Caveat(
+                "flow_map",
+                f"{channel} runs from {values.min():.4g} to {values.max():.4g} {unit}, outside the "
+                f"metered {low:.4g} to {high:.4g} {unit} in {100 * outside:.2g} % of the samples: "
+                "there the flow is extrapolated.",
+            )
+    yield Caveat(
+        "flow_map",
+        "No interval contains the accuracy of the flow meter: a map metered 1 % too high makes "
+        "X_s1 ... X_s6 1 % too large, and no trajectory tells. What the form of the map cannot "
+        "follow shifts k_P, k_N, X_s2 and X_s5 first; compare another form.",
+    )
+    pull = result.map_pull
+    if pull is not None and (pull.rms > MAP_PULL or abs(pull.scale - 1) > MAP_SCALE):
+        yield Caveat(
+            "flow_map",
+            f"The trajectories have pulled the flow map: its residuals are {pull.rms:.2f} times "
+            f"those of its own fit and its overall scale is {pull.scale:.4f}. Map and trajectories "
+            "disagree beyond the map's own misfit.",
+        )
+
+
+def _of_physics(case: Case, result: OutputErrorResult) -> Iterator[Caveat]:
+    low, high = K_RANGE
+    for name in ("k_P", "k_N"):
+        if name in result.derived and not low <= result.derived[name].value <= high:
+            yield Caveat(
+                "physics",
+                f"{name} = {result.derived[name].value:.3f} is not between {low:g} (isothermal) "
+                f"and {high:g} (adiabatic): an unmodelled effect may hide in the parameters.",
+            )
+    sheet = case.bench.datasheet.get("M_kg")
+    M = result.parameters["M"].value
+    if sheet and abs(M / sheet - 1) > DATASHEET:
+        yield Caveat(
+            "physics", f"M = {M:.4g} kg is {100 * (M / sheet - 1):+.0f} % off the data sheet."
+        )
+    for chamber in "PN" if isinstance(case.bench, Bench) else "":
+        geometric = getattr(case.bench, f"S_{chamber}")
+        share = result.derived[f"S_{chamber}"].value / geometric - 1
+        if abs(share) > DATASHEET:
+            yield Caveat(
+                "physics",
+                f"The area S_{chamber} that follows from the fit is {100 * share:+.0f} % off the "
+                "bench's: look for a wrong temperature, flow scale or leak.",
+            )
+    for name in ("F_c_plus", "F_c_minus"):
+        if result.parameters[name].value < 0:
+            yield Caveat(
+                "physics",
+                f"{name} = {result.parameters[name].value:.3g} N is negative: friction carries a "
+                "constant force.",
+            )
+
+
+def _of_wls(wls: WLSResult) -> Iterator[Caveat]:
+    for name in wls.out_of_bounds:
+        yield Caveat("wls", f"The WLS estimate of {name} is physically impossible.")
+    weak = [
+        f"{name} ({percent:.0f} %)"
+        for name, percent in zip(wls.names, wls.relative_std_percent, strict=True)
+        if percent >= REMOVABLE_PERCENT
+    ]
+    if weak:
+        yield Caveat(
+            "wls",
+            f"WLS knows {', '.join(weak)} to no better than {REMOVABLE_PERCENT:g} %: by eq. 17 "
+            "they may be removed.",
+        )
+    ratio = float(np.max(wls.std_hac / wls.std))
+    if ratio > INFLATION:
+        yield Caveat(
+            "wls",
+            "The WLS residuals are correlated: the standard deviations of eq. 16 are too small, by "
+            f"a factor of up to {ratio:.1f}; `std_hac` allows for it, not for bias.",
+        )
+    if wls.plan.sampling_ratio < 100:
+        yield Caveat(
+            "wls",
+            f"Sampled at {wls.plan.sampling_ratio:.0f} times the bandwidth of the motion; eq. 14 "
+            "asks for 100 times.",
+        )
+
+
+def _of_validation(validation: Validation | None) -> Iterator[Caveat]:
+    if validation is None:
+        yield Caveat(
+            "validation", "The case has no record held out: nothing tells how the axis predicts."
+        )
+        return
+    gaps = [
+        f"{name} {error.rms / error.percent * error.noise_percent:.2g} → {error.rms:.2g} "
+        f"{error.unit}"
+        for name, error in validation.open_loop.items()
+        if error.noise_percent and error.percent > GAP * error.noise_percent
+    ]
+    if gaps:
+        yield Caveat(
+            "validation",
+            f"On held-out records the free run parts from the measurement beyond the sensor noise "
+            f"(noise → error: {', '.join(gaps)}).",
+        )

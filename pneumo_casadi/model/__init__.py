@@ -1,0 +1,1 @@
+"""The model: effects and junctions, balances, axes, discrete time and simulation."""

@@ -1,0 +1,185 @@
+"""The balances of the axis, written once, in residual form, with the effects folded in.
+
+Everything else - simulation, regressor, sensitivities - is derived from `write_balances`.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import casadi as ca
+
+from pneumo_casadi.model.effect import Effect, Expression, Pair, Scope, Supply
+
+#: Least pressure at a port of the valve, whatever an effect makes of it [Pa].
+P_LEAST = 1e3
+
+
+@dataclass(frozen=True, slots=True)
+class Balances:
+    """Residual expressions of an axis; all vanish along a true trajectory.
+
+    Parameters
+    ----------
+    residual : dict of str to Expression
+        ``mass_flow_P``, ``mass_flow_N`` [kg/s] where the axis has chambers, ``force`` [N].
+    rates : dict of str to Expression
+        Rates of the effects' states, by full name ``"effect.state"``.
+    rest : dict of str to Expression
+        Values at which the effects' states are at rest, by full name.
+    output : dict of str to Expression
+        What the sensors show, by channel.
+    q_m : Pair
+        Flow through the valves [kg/s]; zeros without chambers.
+    """
+
+    residual: Mapping[str, Expression]
+    rates: Mapping[str, Expression]
+    rest: Mapping[str, Expression]
+    output: Mapping[str, Expression]
+    q_m: Pair
+
+
+@dataclass
+class _Fold:
+    """Passes values through the effects, remembering what arrived at each of them."""
+
+    effects: Sequence[Effect]
+    scopes: Sequence[Scope]
+    entering: list[dict[str, Any]] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.entering = [{} for _ in self.effects]
+
+    def through(self, junction: str, value: Any) -> Any:
+        for effect, scope, seen in zip(self.effects, self.scopes, self.entering, strict=True):
+            if junction in effect.junctions:
+                seen[junction] = value
+                value = getattr(effect, junction)(value, scope)
+        return value
+
+
+def write_balances(
+    x: Mapping[str, Expression],
+    dx: Mapping[str, Expression],
+    u: Mapping[str, Expression],
+    theta: Mapping[str, Expression],
+    constants: Mapping[str, float],
+    effects: Sequence[Effect],
+    flow: Any = None,
+) -> Balances:
+    """Write eq. 1-4 of the axis with its effects as residuals.
+
+    With chambers (`flow` given)::
+
+        0 = q_mP - (X_s1 + X_s2 x) ṗ_P - X_s3 p_P ẋ
+        0 = q_mN - (X_s4 - X_s5 x) ṗ_N + X_s6 p_N ẋ
+        0 = S_P p_P - S_N p_N - (S_P - S_N) p_ext - M ẍ - F_f(ẋ)
+
+    and without: 0 = F - M ẍ - F_f(ẋ).
+
+    Parameters
+    ----------
+    x, dx : mapping of str to Expression
+        States and their derivatives: ``p_P, p_N`` [Pa] (with chambers), ``x`` [m], ``v`` [m/s],
+        and the effects' states as ``"effect.state"``. A missing effect state is at rest.
+    u : mapping of str to Expression
+        Inputs: ``u_P, u_N`` [V], or ``F`` [N].
+    theta : mapping of str to Expression
+        Parameters by name.
+    constants : mapping of str to float
+        ``S_P, S_N, p_ext, p_supply, T, r, stroke``, as far as the axis has them.
+    effects : sequence of Effect
+        In the order in which they are folded.
+    flow : flow model, optional
+        Static map of the valves with ``parameters``, ``expression(u, p, theta)`` and, where an
+        effect changes the port pressures, ``expression_at``.
+
+    Returns
+    -------
+    Balances
+    """
+    chambers = flow is not None
+    p = Pair(x["p_P"], x["p_N"]) if chambers else Pair(0.0, 0.0)
+    # tanh instead of sign: v_s is lowered step by step in a fit; WLS puts it to almost zero.
+    direction = ca.tanh(x["v"] / theta["v_s"])
+    friction = (
+        theta["f_v"] * x["v"]
+        + theta["F_c_plus"] * (1 + direction) / 2
+        - theta["F_c_minus"] * (1 - direction) / 2
+    )
+    nominal = {**{k: val for k, val in theta.items() if "." not in k}, **constants}
+    common = Scope(x["x"], x["v"], p, direction, friction, nominal)
+    owns = [_own(effect, x, theta) for effect in effects]
+    fold = _Fold(effects, [replace(common, own=own) for own in owns])
+
+    residual: dict[str, Expression] = {}
+    q_m = Pair(0.0, 0.0)
+    if chambers:
+        q_m = _valve_flow(fold, u, p, theta, constants, flow)
+        q = fold.through("chamber_flow", fold.through("line", q_m))
+        q = fold.through("chamber_energy", q)
+        residual["mass_flow_P"] = (
+            q.P
+            - (theta["X_s1"] + theta["X_s2"] * x["x"]) * dx["p_P"]
+            - theta["X_s3"] * p.P * x["v"]
+        )
+        residual["mass_flow_N"] = (
+            q.N
+            - (theta["X_s4"] - theta["X_s5"] * x["x"]) * dx["p_N"]
+            + theta["X_s6"] * p.N * x["v"]
+        )
+        S_P, S_N = constants["S_P"], constants["S_N"]
+        effort = S_P * p.P - S_N * p.N - (S_P - S_N) * constants["p_ext"]
+    else:
+        effort = fold.through("drive", u["F"])
+    residual["force"] = fold.through("force", effort - friction) - theta["M"] * dx["v"]
+
+    y = {"p_P": p.P, "p_N": p.N, "x": x["x"]} if chambers else {"x": x["x"]}
+    output = fold.through("output", y)
+    rates: dict[str, Expression] = {}
+    rest: dict[str, Expression] = {}
+    for effect, entering, scope in zip(effects, fold.entering, fold.scopes, strict=True):
+        if effect.states:
+            rates |= _full(effect, effect.rates(entering, scope))
+            rest |= _full(effect, effect.rest(entering, scope))
+    return Balances(residual, rates, rest, output, q_m)
+
+
+def _valve_flow(
+    fold: _Fold,
+    u: Mapping[str, Expression],
+    p: Pair,
+    theta: Mapping[str, Expression],
+    constants: Mapping[str, float],
+    flow: Any,
+) -> Pair:
+    """Fold the command through valve and ports to the flow through each valve."""
+    opening = fold.through("spool", fold.through("command", Pair(u["u_P"], u["u_N"])))
+    metered = Supply(constants["p_supply"], constants["p_ext"])
+    ports = fold.through("supply", metered)
+    outlet = fold.through("outlet", p)
+    coefficients = ca.vertcat(*(theta[name] for name in flow.parameters.names))
+
+    def q_m(voltage: Expression, pressure: Expression) -> Expression:
+        if ports is metered:
+            return flow.expression(voltage, pressure, coefficients)
+        filling = ca.fmax(ports.p_supply, P_LEAST) / metered.p_supply
+        emptying = ca.fmax(ports.p_ext, P_LEAST) / metered.p_ext
+        return flow.expression_at(voltage, pressure, coefficients, filling, emptying)
+
+    q = Pair(q_m(opening.P, outlet.P), q_m(opening.N, outlet.N))
+    return Pair(*fold.through("valve_flow", q))
+
+
+def _own(
+    effect: Effect, x: Mapping[str, Expression], theta: Mapping[str, Expression]
+) -> dict[str, Expression]:
+    """Collect an effect's parameters and states under their short names."""
+    own = {item.name: theta[f"{effect.name}.{item.name}"] for item in effect.parameters}
+    return own | {item.name: x[f"{effect.name}.{item.name}"] for item in effect.states}
+
+
+def _full(effect: Effect, values: Mapping[str, Expression]) -> dict[str, Expression]:
+    """Give state values their full names, in the declared order."""
+    return {f"{effect.name}.{state.name}": values[state.name] for state in effect.states}

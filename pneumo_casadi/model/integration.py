@@ -1,0 +1,201 @@
+"""From the right-hand side to samples: Runge-Kutta steps and long chains of them."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from pneumo_casadi.data import ForceBench, InputHold
+from pneumo_casadi.errors import ModelError
+from pneumo_casadi.model.axis import Axis
+from pneumo_casadi.model.effect import Expression
+from pneumo_casadi.parameters import FloatArray
+
+#: Threads among which blocks and stretches are shared.
+THREADS = 2
+#: Fastest rate times sampling period up to which a sample is one step.
+ONE_STEP = 0.5
+#: Steps that run inside CasADi at a time.
+CHUNK = 250
+
+
+@dataclass(frozen=True, slots=True)
+class Stepping:
+    """How a sampled record is integrated.
+
+    Parameters
+    ----------
+    dt : float
+        Sampling period [s].
+    hold : InputHold
+        What the input does between two samples.
+    substeps : int
+        Runge-Kutta steps of order four per sample; see `substeps_for`.
+    """
+
+    dt: float
+    hold: InputHold = InputHold.ZERO
+    substeps: int = 1
+
+
+def substeps_for(axis: Axis, dt: float) -> int:
+    """Return the Runge-Kutta steps per sample that the axis needs at standstill to stay stable.
+
+    There smoothed friction is steepest, (F_c⁺ + F_c⁻) / (2 M v_s) on the nominal axis, and
+    effects add their own (a lag, Stribeck's force). RK4 is stable up to 2.78 times the fastest
+    rate and accurate below about 1 per step; where one step would do for a whole sample, half
+    of that is asked for, because the steps are then long against everything else as well.
+    """
+    rate = dt * _fastest_rate(axis)
+    if rate <= ONE_STEP:
+        return 1
+    # Few different counts, so that a little more friction seldom asks for other steps.
+    steps = 2
+    while steps < rate:
+        steps = steps * 3 // 2 if steps & (steps - 1) == 0 else steps * 4 // 3
+    return steps
+
+
+def _fastest_rate(axis: Axis) -> float:
+    """Return the largest magnitude of the axis' poles at mid-stroke and standstill [1/s]."""
+    bench, theta = axis.bench, axis.parameters.values
+    pressures = [] if isinstance(bench, ForceBench) else [(bench.p_supply + bench.p_ext) / 2] * 2
+    u = np.zeros(len(axis.inputs))
+    at_rest = axis.rest([*pressures, 0.0, 0.0], u, theta)
+    x = axis.symbol.sym("x", len(axis.states))
+    # In θ as a symbol: the same expression for all parameter values, and MX maps need it.
+    p = axis.symbol.sym("p", theta.size)
+    A = ca.Function("A", [x, p], [ca.jacobian(axis.rhs(x, u, p), x)])(at_rest, theta).full()
+    if not np.isfinite(A).all():
+        raise ModelError("the axis' equations are not finite at standstill; check its parameters")
+    return float(np.abs(np.linalg.eigvals(A)).max())
+
+
+def runge_kutta(
+    f: Callable[[float, Sequence[Expression]], Sequence[Expression]],
+    x: Sequence[Expression],
+    h: Expression,
+) -> list[Expression]:
+    """Take one classical Runge-Kutta step of several quantities that move together.
+
+    Parameters
+    ----------
+    f : callable
+        ``f(share, x)`` returns the rates at a share of the step (0, ½ or 1).
+    x : sequence of Expression
+        Where the step starts.
+    h : Expression
+        Length of the step [s].
+
+    Examples
+    --------
+    >>> end, = runge_kutta(lambda share, x: [-x[0]], [1.0], 0.1)
+    >>> round(end, 7)
+    0.9048375
+    """
+
+    def ahead(k: Sequence[Expression], part: float) -> list[Expression]:
+        return [value + part * h * rate for value, rate in zip(x, k, strict=True)]
+
+    k1 = f(0.0, x)
+    k2 = f(0.5, ahead(k1, 0.5))
+    k3 = f(0.5, ahead(k2, 0.5))
+    k4 = f(1.0, ahead(k3, 1.0))
+    return [
+        value + h / 6 * (a + 2 * b + 2 * c + d)
+        for value, a, b, c, d in zip(x, k1, k2, k3, k4, strict=True)
+    ]
+
+
+def inputs_between(w: Expression, nu: int, stepping: Stepping) -> Callable[[float], Expression]:
+    """Return the input as a function of the share of a sample that has passed.
+
+    `w` is what `held_inputs` gives for the sample: the input, under linear hold with the next
+    one below it.
+    """
+    if stepping.hold is not InputHold.LINEAR:
+        return lambda share: w
+    return lambda share: (1 - share) * w[:nu] + share * w[nu:]
+
+
+def step_function(axis: Axis, stepping: Stepping) -> ca.Function:
+    """Return one sample of integration, (x, w, θ) → x at the next sample.
+
+    `w` is the input of this sample and, under linear hold, of the next one below it.
+    """
+    sym = axis.symbol.sym
+    nu = len(axis.inputs)
+    x = sym("x", len(axis.states))
+    w = sym("w", nu * (2 if stepping.hold is InputHold.LINEAR else 1))
+    theta = sym("theta", len(axis.parameters))
+    u = inputs_between(w, nu, stepping)
+    end: Expression = x
+    for step in range(stepping.substeps):
+
+        def rates(share: float, at: Sequence[Expression], step: int = step) -> list[Expression]:
+            return [axis.rhs(at[0], u((step + share) / stepping.substeps), theta)]
+
+        (end,) = runge_kutta(rates, [end], stepping.dt / stepping.substeps)
+    return ca.Function("step", [x, w, theta], [end], ["x", "w", "theta"], ["x_next"])
+
+
+def held_inputs(u: FloatArray, hold: InputHold) -> FloatArray:
+    """Return `w` of every step, shape (nw, N - 1), from inputs of shape (N, nu)."""
+    now = u[:-1].T
+    return np.vstack([now, u[1:].T]) if hold is InputHold.LINEAR else now
+
+
+def accumulate(
+    f: ca.Function, x_0: FloatArray, streams: Sequence[FloatArray], theta: FloatArray
+) -> tuple[FloatArray, ...]:
+    """Apply a step over and over, many stretches side by side.
+
+    Parameters
+    ----------
+    f : casadi.Function
+        ``(x, stream_1, ..., θ) -> (x_next, output_1, ...)`` of one step.
+    x_0 : (nx, B) array
+        Initial states of B stretches.
+    streams : sequence of (B, r, N) array
+        What each step is given, r rows a step.
+    theta : (n,) array
+        Parameters, the same in every step.
+
+    Returns
+    -------
+    tuple of (B, rows, N) array
+        All outputs of all steps.
+
+    Notes
+    -----
+    Steps run in chunks of `CHUNK` inside CasADi. One chain over a whole record would take longer
+    to build than to run.
+    """
+    B, _, N = streams[0].shape
+    parts: list[list[FloatArray]] = [[] for _ in range(f.n_out())]
+    x = x_0
+    chunks: dict[int, ca.Function] = {}
+    for first in range(0, N, CHUNK):
+        n = min(CHUNK, N - first)
+        if n not in chunks:
+            chunks[n] = _chunk(f, n, len(streams), theta, B)
+        given = [np.hstack(list(stream[:, :, first : first + n])) for stream in streams]
+        found = chunks[n].call([x, *given])
+        for part, value in zip(parts, found, strict=True):
+            array = np.asarray(value.full(), dtype=float)
+            part.append(array.reshape(len(array), B, n).transpose(1, 0, 2))
+        x = parts[0][-1][:, :, -1].T
+    return tuple(np.concatenate(part, axis=2) for part in parts)
+
+
+def _chunk(f: ca.Function, n: int, streams: int, theta: FloatArray, B: int) -> ca.Function:
+    x = ca.MX.sym("x", f.size1_in(0))
+    given = [ca.MX.sym(f"s{i}", f.size1_in(1 + i), n) for i in range(streams)]
+    chain = f.mapaccum("chain", n)
+    found = chain.call([x, *given, ca.repmat(ca.DM(theta), 1, n)])
+    chunk = ca.Function("chunk", [x, *given], found)
+    if B == 1:
+        return chunk
+    side_by_side: ca.Function = chunk.map(B, "thread", THREADS)
+    return side_by_side

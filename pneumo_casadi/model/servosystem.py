@@ -1,0 +1,87 @@
+"""The two axes that can be made: two valves and a cylinder, or a known force."""
+
+from collections.abc import Iterable
+
+from pneumo_casadi.data import Bench, ForceBench
+from pneumo_casadi.model.axis import V_S_SHARP, Axis
+from pneumo_casadi.model.effect import Effect
+from pneumo_casadi.parameters import Parameter, Parameters
+from pneumo_casadi.valve import FlowModel
+
+#: Width of the smoothed sign of the velocity at which a model starts [m/s].
+V_S = 1e-3
+
+
+def Servosystem(bench: Bench, flow: FlowModel, effects: Iterable[Effect] = ()) -> Axis:
+    """Make the two-valve pneumatic axis of eq. 1-4.
+
+    Parameters
+    ----------
+    bench : Bench
+        Geometry, pressures and gas.
+    flow : flow model
+        Static map of the valves, for example from ``fit_polynomials``.
+    effects : iterable of Effect, optional
+        Physics to add to the nominal axis, at null values.
+
+    Returns
+    -------
+    Axis
+        With starting values from the geometry (k = 1.2, a tenth of the stroke as dead length)
+        and bounds a factor of twenty to each side of them.
+    """
+    nominal = Parameters([*_chamber_parameters(bench), *_motion_parameters(bench)])
+    axis = Axis(bench, flow, (), nominal + flow.parameters)
+    return axis.with_effects(*effects)
+
+
+def ForceAxis(bench: ForceBench, effects: Iterable[Effect] = ()) -> Axis:
+    """Make the axis driven by a known force: the motion balance alone.
+
+    A symmetric Coulomb friction F_c with an offset F_0 is F_c_plus = F_c + F_0 and
+    F_c_minus = F_c - F_0.
+    """
+    return Axis(bench, None, (), Parameters(_motion_parameters(bench))).with_effects(*effects)
+
+
+def _chamber_parameters(bench: Bench) -> list[Parameter]:
+    rT = bench.r * bench.T
+    length = 1.1 * bench.stroke / 2
+    found = []
+    for chamber, S, first in (("P", bench.S_P, 1), ("N", bench.S_N, 4)):
+        guesses = (S * length / (1.2 * rT), S / (1.2 * rT), S / rT)
+        rT_k = f"(k_{chamber} r T)"
+        texts = (f"V_{chamber}(0)/{rT_k}", f"S_{chamber}/{rT_k}", f"S_{chamber}/(r T)")
+        units = ("kg/Pa", "kg/(Pa m)", "kg/(Pa m)")
+        for offset, (guess, text, unit) in enumerate(zip(guesses, texts, units, strict=True)):
+            found.append(
+                Parameter(
+                    f"X_s{first + offset}",
+                    guess,
+                    unit,
+                    lower=guess / 20,
+                    upper=guess * 20,
+                    description=text,
+                    source="eq. 10" if chamber == "P" else "eq. 11",
+                )
+            )
+    return found
+
+
+def _motion_parameters(bench: Bench | ForceBench) -> list[Parameter]:
+    M = bench.datasheet.get("M_kg", 10.0)
+    return [
+        Parameter("M", M, "kg", lower=M / 100, upper=M * 100, description="moving mass"),
+        Parameter("f_v", 20.0, "N s/m", lower=0.0, description="viscous friction", source="eq. 4"),
+        Parameter("F_c_plus", 15.0, "N", description="Coulomb friction forward", source="eq. 4"),
+        Parameter("F_c_minus", 15.0, "N", description="Coulomb friction backward", source="eq. 4"),
+        Parameter(
+            "v_s",
+            V_S,
+            "m/s",
+            lower=V_S_SHARP,
+            upper=1.0,
+            free=False,
+            description="width of the smoothed sign of the velocity, tanh(ẋ/v_s)",
+        ),
+    ]

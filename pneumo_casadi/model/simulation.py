@@ -1,0 +1,228 @@
+"""Simulation of an axis: open loop, closed loop with the recorded controller, many windows."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pneumo_casadi.data import InputHold
+from pneumo_casadi.errors import ModelError
+from pneumo_casadi.model.axis import Axis
+from pneumo_casadi.model.compilation import compiled
+from pneumo_casadi.model.integration import (
+    Stepping,
+    accumulate,
+    held_inputs,
+    step_function,
+    substeps_for,
+)
+from pneumo_casadi.model.sampled_axis import Controller, SampledAxis
+from pneumo_casadi.parameters import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """States, outputs and inputs at the sampling instants.
+
+    Parameters
+    ----------
+    t : (N,) array
+        Time [s].
+    states, outputs, inputs : tuple of str
+        Names of the rows below.
+    x : (nx, N) array
+        States.
+    y : (ny, N) array
+        Outputs, what sensors without noise would show.
+    u : (nu, N) array
+        Inputs; u[:, k] acts from t[k] on.
+    """
+
+    t: FloatArray
+    states: tuple[str, ...]
+    x: FloatArray
+    outputs: tuple[str, ...]
+    y: FloatArray
+    inputs: tuple[str, ...]
+    u: FloatArray
+
+    def __getitem__(self, name: str) -> FloatArray:
+        """Return an output, state or input by name; outputs first."""
+        rows = ((self.outputs, self.y), (self.states, self.x), (self.inputs, self.u))
+        for names, values in rows:
+            if name in names:
+                found: FloatArray = values[names.index(name)]
+                return found
+        raise KeyError(name)
+
+
+def stepping_for(axis: Axis, dt: float, hold: InputHold = InputHold.ZERO) -> Stepping:
+    """Return a stepping that keeps the axis' smoothed friction stable."""
+    return Stepping(dt, hold, substeps_for(axis, dt))
+
+
+def roll_out(axis: Axis, stepping: Stepping, w: FloatArray, x_0: FloatArray) -> FloatArray:
+    """Simulate many stretches of equal length side by side.
+
+    Parameters
+    ----------
+    w : (B, nw, L) array
+        Inputs of every step of each stretch, see `held_inputs`.
+    x_0 : (nx, B) array
+        Initial states.
+
+    Returns
+    -------
+    (B, nx, L + 1) array
+        States at all sampling instants, the initial ones included.
+    """
+    (step,) = compiled([step_function(axis, stepping)])
+    (after,) = accumulate(step, x_0, [w], axis.parameters.values)
+    return np.concatenate([x_0.T[:, :, None], after], axis=2)
+
+
+def simulate(
+    axis: Axis,
+    u: ArrayLike,
+    dt: float,
+    x_0: ArrayLike,
+    hold: InputHold = InputHold.ZERO,
+) -> Trajectory:
+    """Simulate an axis in open loop.
+
+    Parameters
+    ----------
+    axis : Axis
+        With the parameters to simulate with.
+    u : (N, nu) array
+        Inputs at the sampling instants [V or N].
+    dt : float
+        Sampling period [s].
+    x_0 : (nx,) array
+        Initial state; the nominal states alone are enough, effects then start at rest.
+    hold : InputHold
+        What the inputs do between the instants.
+
+    Returns
+    -------
+    Trajectory
+
+    Raises
+    ------
+    ModelError
+        If the simulation leaves the finite numbers.
+
+    Examples
+    --------
+    >>> from pneumo_casadi.data import ForceBench, NestedController
+    >>> from pneumo_casadi.model.servosystem import ForceAxis
+    >>> bench = ForceBench(1e3, None, NestedController(160.0, 243.0, 35.0, 10.0))
+    >>> free = {"M": 2.0, "f_v": 0.0, "F_c_plus": 0.0, "F_c_minus": 0.0}
+    >>> axis = ForceAxis(bench).with_parameters(free)
+    >>> run = simulate(axis, np.full((1001, 1), 4.0), 1e-3, [0.0, 0.0])
+    >>> round(float(run["x"][-1]), 6)
+    1.0
+    """
+    inputs = np.asarray(u, dtype=float)
+    stepping = stepping_for(axis, dt, hold)
+    start = full_state(axis, x_0, inputs[0])
+    x = roll_out(axis, stepping, held_inputs(inputs, hold)[None], start[:, None])[0]
+    return _trajectory(axis, dt, x, inputs.T)
+
+
+def simulate_closed_loop(
+    axis: Axis,
+    x_ref: ArrayLike,
+    dt: float,
+    x_0: ArrayLike,
+    controller: Controller | None = None,
+    disturbance: ArrayLike | None = None,
+) -> Trajectory:
+    """Simulate an axis under its sampled controller.
+
+    At every instant the controller reads the position and sets the inputs, which hold until
+    the next instant.
+
+    Parameters
+    ----------
+    x_ref : (N,) array
+        Reference of the position [m].
+    dt : float
+        Sampling period [s].
+    x_0 : (nx,) array
+        Initial state, see `simulate`.
+    controller : controller, optional
+        By default the bench's.
+    disturbance : (N,) or (N, nu) array, optional
+        Added to what the controller sets [V or N].
+
+    Returns
+    -------
+    Trajectory
+
+    Raises
+    ------
+    ModelError
+        If there is no controller, or the simulation leaves the finite numbers.
+    """
+    controller = controller or axis.bench.controller
+    if controller is None:
+        raise ModelError("closed loop: the bench names no controller; give one")
+    reference = np.asarray(x_ref, dtype=float)
+    N, nu = reference.size, len(axis.inputs)
+    added = np.zeros((N, nu)) if disturbance is None else np.asarray(disturbance, dtype=float)
+    added = added.reshape(N, -1) * np.ones((1, nu))
+    model = SampledAxis(axis, stepping_for(axis, dt), controller)
+    step = _closed_step(model)
+    state = model.remembering(full_state(axis, x_0, np.zeros(nu))[:, None])[:, 0]
+    streams = [reference[None, None], added.T[None]]
+    _, x, u = accumulate(step, state[:, None], streams, axis.parameters.values)
+    return _trajectory(axis, dt, x[0], u[0])
+
+
+def _closed_step(model: SampledAxis) -> ca.Function:
+    """Return one sample of the loop, ([x; memory], x_ref, added, θ) → (next, x, u)."""
+    axis = model.axis
+    sym = axis.symbol.sym
+    nx, nu = len(axis.states), len(axis.inputs)
+    state, reference, added = sym("state", model.nx), sym("x_ref"), sym("added", nu)
+    theta = sym("theta", len(axis.parameters))
+    found = model.feedback(state, ca.vertcat(reference, added), theta)
+    x, u = state[:nx], found[:nu]
+    ahead = step_function(axis, model.stepping)(x, u, theta)
+    following = ca.vertcat(ahead, found[nu:])
+    step = ca.Function("closed_step", [state, reference, added, theta], [following, x, u])
+    return compiled([step])[0]
+
+
+def full_state(axis: Axis, x_0: ArrayLike, u_0: FloatArray) -> FloatArray:
+    """Return an initial state of all states; effects at rest where only nominal ones are given."""
+    start = np.asarray(x_0, dtype=float)
+    if start.size == len(axis.states):
+        return start
+    if start.size != len(axis.motion_states):
+        raise ModelError(
+            f"initial state of {start.size} values; the axis has {', '.join(axis.states)}"
+        )
+    full = axis.rest(start, u_0, axis.parameters.values)
+    return np.asarray(full, dtype=float).ravel()
+
+
+def outputs_of(axis: Axis, x: FloatArray, u: FloatArray) -> FloatArray:
+    """Return the outputs, shape (ny, N), of states (nx, N) and inputs (nu, N)."""
+    f = axis.output.map(x.shape[1])
+    return np.asarray(f(x, u, axis.parameters.values[:, None]), dtype=float)
+
+
+def _trajectory(axis: Axis, dt: float, x: FloatArray, u: FloatArray) -> Trajectory:
+    bad = ~np.isfinite(x).all(axis=0)
+    if bad.any():
+        raise ModelError(
+            f"the simulation leaves the finite numbers at t = {np.argmax(bad) * dt:g} s; "
+            "look at the parameters (volumes that reach zero within the stroke?)"
+        )
+    t: FloatArray = dt * np.arange(x.shape[1], dtype=float)
+    names: Sequence[tuple[str, ...]] = (axis.states, axis.outputs, axis.inputs)
+    return Trajectory(t, names[0], x, names[1], outputs_of(axis, x, u), names[2], u)

@@ -1,0 +1,62 @@
+"""A diagnosis in one picture: verdict, gap, causes, place."""
+
+import textwrap
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from pneumo_casadi.diagnosis import Diagnosis
+from pneumo_casadi.report.figures.diagnosis.gap import draw_gap, gap_labels
+from pneumo_casadi.report.figures.diagnosis.ranking import draw_ranking
+from pneumo_casadi.report.figures.diagnosis.unknown_inputs import draw_unknown_input
+from pneumo_casadi.report.figures.diagnosis.where import draw_regimes, draw_shares
+from pneumo_casadi.report.figures.style import HEAD, PAGE, SMALL, TEXT, legend_above, new_figure
+from pneumo_casadi.report.tables.diagnosis import VIEWS, plain
+from pneumo_casadi.report.text.diagnosis import headline
+
+#: Letters in a line of the headline, height of a line and of both rows of panels [mm].
+LETTERS, LINE_HEIGHT, ROWS = 112, 3.8, 88.0
+#: Candidates and regimes shown.
+CAUSES, REGIMES = 6, 3
+
+
+def dashboard_figure(found: Diagnosis) -> Figure:
+    """Draw the verdict, the gap, the first causes and what the balance that is hit most lacks."""
+    lines = textwrap.wrap(headline(found), LETTERS)
+    top = LINE_HEIGHT * len(lines) + 1.0
+    height = ROWS + top + HEAD
+    figure = new_figure(height, PAGE, top + HEAD)
+    text = figure.text(
+        0.006, 1 - 1.0 / height, "\n".join(lines), fontsize=TEXT, fontweight="bold", va="top"
+    )
+    text.set_in_layout(False)
+    grid = figure.add_gridspec(2, 3, width_ratios=(1.15, 1, 0.8), height_ratios=(1.1, 1))
+    gap = figure.add_subplot(grid[0, 0])
+    view = next(name for name in (*VIEWS, *found.gap.views) if name in found.gap.views)
+    draw_gap(gap, view, found.gap.views[view], gap_labels(found))
+    legend_above(gap, 3)
+    left = figure.add_subplot(grid[0, 1])
+    right = figure.add_subplot(grid[0, 2], sharey=left)
+    right.tick_params(labelleft=False)
+    draw_ranking(left, right, found, CAUSES)
+    draw_shares(figure.add_subplot(grid[1, 0]), found.where.shares)
+    _details(figure.add_subplot(grid[1, 1:]), found)
+    return figure
+
+
+def _details(axes: Axes, found: Diagnosis) -> None:
+    """Draw what the first balance lacks over time; without curves, when it lacks most."""
+    shares = found.where.shares
+    first = max(shares, key=lambda name: shares[name])
+    if found.evidence is not None and found.evidence.inputs:
+        draw_unknown_input(axes, found.evidence.inputs[0], first)
+        axes.set_xlabel("$t$ [s]", fontsize=TEXT, labelpad=2)
+        title = f"what the {plain(first)} balance lacks, ±2σ"
+        axes.set_title(title, fontsize=SMALL, pad=2)
+    elif found.where.regimes:
+        draw_regimes(axes, found.where.regimes[:REGIMES])
+        legend = axes.get_legend()
+        assert legend is not None
+        legend.set_in_layout(True)  # there are other panels above it
+    else:
+        axes.set_visible(False)

@@ -1,0 +1,80 @@
+"""The gap on held-out data, without effects and with them."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from pneumo_casadi.diagnosis import Diagnosis
+from pneumo_casadi.report.figures.style import (
+    BLACK,
+    BLUE,
+    HEAD,
+    ORANGE,
+    REST,
+    ROW,
+    SMALL,
+    TEXT,
+    dress,
+    legend_above,
+    new_figure,
+    symbol,
+)
+from pneumo_casadi.report.tables.diagnosis import VIEWS, has_after, percent, plain
+
+#: Without effects, with them.
+BEFORE, AFTER = ORANGE, BLUE
+
+
+def gap_figure(found: Diagnosis) -> Figure:
+    """Draw the gap before and after, one panel a view."""
+    views = [name for name in (*VIEWS, *found.gap.views) if name in found.gap.views]
+    views = list(dict.fromkeys(views))
+    counts = [len(found.gap.views[name]) for name in views]
+    height = sum(ROW * 1.4 * n + REST + 2 for n in counts) + HEAD
+    figure = new_figure(height, head=HEAD)
+    panels = figure.subplots(len(views), 1, squeeze=False, height_ratios=counts)[:, 0]
+    for axes, view in zip(panels, views, strict=True):
+        draw_gap(axes, view, found.gap.views[view], gap_labels(found))
+    legend_above(panels[0], 3)
+    return figure
+
+
+def draw_gap(
+    axes: Axes, view: str, outputs: Mapping[str, Mapping[str, float]], labels: list[str]
+) -> None:
+    """Draw one view of the gap into given axes, a row an output."""
+    y = np.arange(len(outputs), dtype=float)
+    both = len(labels) == 2
+    kinds = [("before", BEFORE, -0.2), ("after", AFTER, 0.2)]
+    thick = 0.36 if both else 0.6
+    noise = [one["noise"] for one in outputs.values()]
+    largest = max(max(one["before"], one["after"], one["noise"]) for one in outputs.values())
+    for label, (key, colour, shift) in zip(labels, kinds, strict=False):
+        at = y + (shift if both else 0.0)
+        values = [one[key] for one in outputs.values()]
+        axes.barh(at, values, thick, color=colour, label=label, zorder=2)
+        for place, value, mark in zip(at, values, noise, strict=True):
+            # Beyond the mark where the number would stand on it.
+            end = mark if value <= mark < value + 0.13 * largest else value
+            axes.annotate(
+                percent(value).removesuffix(" %"), (end, place), (2, -0.4),
+                textcoords="offset points", va="center", fontsize=SMALL - 1.0, zorder=4,
+            )  # fmt: skip
+    axes.vlines(noise, y - 0.42, y + 0.42, color=BLACK, linewidth=1.2, label="noise", zorder=3)
+    names = [symbol(name) for name in outputs]
+    dress(axes, f"{VIEWS.get(view, plain(view))} [%]")
+    axes.set_yticks(y, names, fontsize=TEXT)
+    axes.set_ylim(len(outputs) - 0.45, -0.55)
+    axes.set_xlim(0, 1.14 * largest if largest > 0 else 1.0)
+    axes.grid(False, axis="y")
+    axes.tick_params(axis="y", length=0)
+
+
+def gap_labels(found: Diagnosis) -> list[str]:
+    """Name the bars: without effects, and with effects where that was simulated."""
+    if not has_after(found):
+        return ["without effects"]
+    several = {0: "with the nearest", 1: "with the effect found"}
+    return ["without effects", several.get(len(found.effects), "with the effects found")]

@@ -1,0 +1,77 @@
+"""The most probable causes, and how much of the gap each of them closes."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from pneumo_casadi.diagnosis import Candidate, Diagnosis
+from pneumo_casadi.report.figures.style import (
+    BLACK,
+    BLUE,
+    GREY,
+    REST,
+    ROW,
+    SMALL,
+    dress,
+    new_figure,
+    write_at_bar,
+)
+from pneumo_casadi.report.tables.diagnosis import chance, plain
+
+#: Candidates drawn.
+DRAWN = 8
+#: Share of the gap closed [%] at which the axis ends; what is worse is an arrow there.
+WORST = -100.0
+
+
+def ranking_figure(found: Diagnosis) -> Figure:
+    """Draw the first candidates: probability, and the share of the gap that each closes."""
+    figure = new_figure(ROW * len(_first(found, DRAWN)) + REST + 2)
+    left, right = figure.subplots(1, 2, sharey=True)
+    draw_ranking(left, right, found)
+    return figure
+
+
+def draw_ranking(left: Axes, right: Axes, found: Diagnosis, most: int = DRAWN) -> None:
+    """Draw the first candidates into given axes that share their rows."""
+    shown = _first(found, most)
+    y = np.arange(len(shown))
+    named = {one.name for one in found.effects}
+    for i, one in enumerate(shown):
+        colour = BLUE if set(one.names) == named else GREY
+        left.barh(i, 100 * one.probability, 0.62, color=colour, zorder=2)
+        write_at_bar(left, 100 * one.probability, i, chance(one.probability), colour)
+        _closing(right, i, one, colour)
+    labels = [_lines(one.label) for one in shown]
+    dress(left, "probability [%]")
+    dress(right, "gap closed [%]")
+    left.set_xlim(0, 104)
+    low = min((100 * one.shrink.lower for one in shown if one.shrink is not None), default=0.0)
+    right.set_xlim(max(min(low, 0.0), WORST) - 4, 104)
+    right.axvline(0, color=BLACK, linewidth=0.6, zorder=1)
+    left.set_yticks(y, labels, fontsize=SMALL)
+    left.set_ylim(len(shown) - 0.45, -0.55)
+    for axes in (left, right):
+        axes.grid(False, axis="y")
+        axes.tick_params(axis="y", length=0)
+
+
+def _first(found: Diagnosis, most: int) -> list[Candidate]:
+    return [one for one in found.ranking if not one.failure][:most]
+
+
+def _closing(axes: Axes, i: int, one: Candidate, colour: str) -> None:
+    if one.shrink is None:
+        axes.text(2, i, "not fitted", fontsize=SMALL - 0.5, va="center", color=BLACK)
+        return
+    shrink = one.shrink
+    value, low, high = (
+        max(100 * part, WORST) for part in (shrink.value, shrink.lower, shrink.upper)
+    )
+    axes.hlines(i, low, high, color=colour, linewidth=2.4, zorder=2)
+    marker = "o" if value > WORST else "<"
+    axes.plot(value, i, marker, color=BLACK, markersize=2.6, zorder=3, clip_on=False)
+
+
+def _lines(label: str) -> str:
+    return plain(label).replace(" + ", " +\n")

@@ -1,0 +1,87 @@
+"""Regime maps: a balance's residual over command, velocity, position, pressure and time."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from pneumo_casadi.diagnosis.locate.regimes import RegimeMap
+from pneumo_casadi.report.figures.style import (
+    BLACK,
+    BLUE,
+    HEAD,
+    ORANGE,
+    TEXT,
+    dress,
+    legend_above,
+    new_figure,
+)
+
+#: Quantities on the horizontal axis: symbol, unit, factor from SI.
+_QUANTITIES = {
+    "u": (r"$u_0$", "V", 1.0),
+    "p": (r"$p_0$", "bar", 1e-5),
+    "F": (r"$F$", "N", 1.0),
+    "v": (r"$\dot x$", "mm/s", 1e3),
+    "x": (r"$x$", "mm", 1e3),
+    "t": (r"$t$", "s", 1.0),
+}
+#: Unit of a residual as it is shown, and the factor from SI.
+_RESIDUALS = {"N": ("N", 1.0), "Pa/s": ("bar/s", 1e-5), "m/s2": ("m/s²", 1.0)}
+_COLUMNS = 2
+
+
+def regime_figure(
+    before: Sequence[RegimeMap],
+    after: Sequence[RegimeMap] = (),
+    labels: Sequence[str] = ("without effects", "with those found"),
+) -> Figure:
+    """Draw one balance's residual over all quantities.
+
+    Parameters
+    ----------
+    before, after : sequence of RegimeMap
+        Of one balance, without effects and with them; `after` may be empty.
+    labels : sequence of str, optional
+        What either model is called.
+    """
+    rows = -(-len(before) // _COLUMNS)
+    figure = new_figure(8.0 + 29.0 * rows, head=HEAD)
+    panels = figure.subplots(rows, _COLUMNS, sharey=True, squeeze=False)
+    unit, factor = _RESIDUALS[before[0].residual_unit]
+    with_effects = {one.name: one for one in after}
+    flat = panels.ravel()
+    for axes, one in zip(flat, before, strict=False):
+        _steps(axes, one, factor, ORANGE, labels[0])
+        if one.name in with_effects:
+            _steps(axes, with_effects[one.name], factor, BLUE, labels[1])
+        axes.axhline(0, color=BLACK, linewidth=0.5, zorder=1)
+        dress(axes, quantity_label(one.name))
+    for axes in flat[len(before) :]:
+        axes.set_axis_off()
+    for row in panels:
+        row[0].set_ylabel(f"residual [{unit}]", fontsize=TEXT, labelpad=2)
+    legend_above(flat[0], 2)
+    figure.align_ylabels()
+    return figure
+
+
+def quantity_label(name: str) -> str:
+    """Return the label of a quantity with its display unit.
+
+    Examples
+    --------
+    >>> quantity_label("u_P")
+    '$u_P$ [V]'
+    """
+    symbol, unit, _ = _QUANTITIES[name[0]]
+    return f"{symbol.replace('_0', '_' + name[-1])} [{unit}]"
+
+
+def _steps(axes: Axes, one: RegimeMap, factor: float, colour: str, label: str) -> None:
+    edges = one.edges * _QUANTITIES[one.name[0]][2]
+    mean, band = one.mean * factor, one.band * factor
+    low, high = (np.append(side, side[-1]) for side in (mean - band, mean + band))
+    axes.fill_between(edges, low, high, step="post", color=colour, alpha=0.3, linewidth=0)
+    axes.stairs(mean, edges, color=colour, linewidth=1.0, baseline=None, label=label, zorder=3)

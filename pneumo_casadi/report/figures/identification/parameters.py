@@ -1,0 +1,127 @@
+"""Parameters at a glance: estimates with intervals beside the truth; correlations."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from pneumo_casadi.identification.identify import Identification
+from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.report.figures.style import (
+    BLACK,
+    HEAD,
+    SIMULATED,
+    SMALL,
+    TEXT,
+    WLS,
+    dress,
+    legend_above,
+    new_figure,
+    symbol,
+)
+from pneumo_casadi.report.tables.results import output_error_half_width, wls_half_width
+
+#: Correlations of at least this size are written into their cell.
+WRITTEN = 0.5
+#: More parameters leave no room for numbers in the cells.
+FEW = 16
+#: Shares of red, green and blue in how bright a colour is (ITU-R BT.601).
+LUMA = np.array([0.299, 0.587, 0.114])
+
+
+def forest_figure(found: Identification) -> Figure:
+    """Draw WLS and output-error estimates ± 2σ, in per cent of the truth (or of output error)."""
+    figure = new_figure(78.0, head=HEAD)
+    draw_forest(figure.add_subplot(), found)
+    return figure
+
+
+def draw_forest(axes: Axes, found: Identification) -> None:
+    """Draw the forest plot into given axes."""
+    truth = found.truth or {}
+    names = list(found.wls.names)
+    result = found.output_error
+    base = {n: truth.get(n) or result.parameters[n].value or 1.0 for n in names}
+    wls = [
+        (float(value), wls_half_width(found, n))
+        for n, value in zip(names, found.wls.estimate, strict=True)
+    ]
+    oe = [(result.parameters[n].value, output_error_half_width(found, n)) for n in names]
+    references = [base[n] for n in names]
+    _points(axes, wls, references, -0.16, WLS, "s", "WLS")
+    _points(axes, oe, references, 0.16, SIMULATED, "o", "output error")
+    reference = "truth" if truth else "output error"
+    axes.axvline(0.0, color=BLACK, linewidth=0.8, label=reference if truth else None)
+    axes.set_yticks(range(len(names)), [symbol(n) for n in names])
+    axes.invert_yaxis()
+    dress(axes, f"deviation from {reference} [%]")
+    axes.tick_params(axis="y", labelsize=TEXT)
+    legend_above(axes, 3)
+
+
+def correlation_figure(found: Identification) -> Figure:
+    """Draw the correlations of the output-error estimates, flow coefficients left out."""
+    estimate = found.output_error.estimate
+    names = [n for n in found.wls.names if n in estimate.names]
+    at = [estimate.names.index(n) for n in names]
+    return matrix_figure(estimate.correlation[np.ix_(at, at)], names)
+
+
+def matrix_figure(matrix: FloatArray, names: Sequence[str]) -> Figure:
+    """Draw a correlation matrix, large entries written out."""
+    few = len(names) <= FEW
+    # Beside a matrix of many rows the bar would take the width that their names need.
+    figure = new_figure(74.0 if few else 102.0)
+    axes = figure.add_subplot()
+    image = axes.imshow(matrix, vmin=-1, vmax=1, cmap="PuOr")
+    if few:
+        _write_entries(axes, matrix)
+    labels = [symbol(name) for name in names]
+    dress(axes)
+    axes.grid(False)
+    turn, size = (0, SMALL) if few else (90, SMALL - 1.5)
+    axes.set_xticks(range(len(names)), labels, rotation=turn, fontsize=size)
+    axes.set_yticks(range(len(names)), labels, fontsize=size)
+    place: dict[str, Any] = {} if few else {"location": "bottom", "aspect": 40}
+    bar = figure.colorbar(image, ax=axes, pad=0.02, **place)
+    bar.set_label("correlation [1]", fontsize=TEXT)
+    bar.ax.tick_params(labelsize=SMALL, width=0.6, length=2.5)
+    return figure
+
+
+def _write_entries(axes: Axes, matrix: FloatArray) -> None:
+    colours = colormaps["PuOr"]((1 + matrix) / 2)
+    for i, j in np.argwhere(np.abs(matrix) >= WRITTEN):
+        if i != j:
+            # The purple end is darker than the brown one at the same correlation.
+            dark = float(colours[i, j, :3] @ LUMA) < 0.5
+            axes.text(
+                j, i, f"{matrix[i, j]:.2f}".replace("0.", ".").replace("-", "−"), ha="center",
+                va="center", fontsize=SMALL - 1.5, color="white" if dark else "black",
+            )  # fmt: skip
+
+
+def _points(
+    axes: Axes,
+    estimates: Sequence[tuple[float, float | None]],
+    references: Sequence[float],
+    offset: float,
+    colour: str,
+    marker: str,
+    label: str,
+) -> None:
+    values = np.array([100 * (v / r - 1) for (v, _), r in zip(estimates, references, strict=True)])
+    # An interval that is infinite or does not exist is no bar.
+    halves = np.array(
+        [
+            100 * half / abs(r) if half is not None and np.isfinite(half) else 0.0
+            for (_, half), r in zip(estimates, references, strict=True)
+        ]
+    )
+    axes.errorbar(
+        values, np.arange(values.size) + offset, xerr=halves, fmt=marker, color=colour,
+        markersize=3, linewidth=1.1, capsize=2, label=label,
+    )  # fmt: skip

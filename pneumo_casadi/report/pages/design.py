@@ -1,0 +1,144 @@
+"""A designed experiment as text and files."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from pneumo_casadi.design import COMMON, KINDS, Design, Part, Precision
+from pneumo_casadi.identification.result_file import write_json
+from pneumo_casadi.report.figures.studies.design import design_figure
+from pneumo_casadi.report.figures.style import png
+from pneumo_casadi.report.pages.write import Kind, folder_in_one_step
+from pneumo_casadi.report.tables.results import Table, exponent_of, value_text
+from pneumo_casadi.report.text.identification import render
+
+UNITS = {"position": "m", "velocity": "m/s", "p_min": "Pa", "p_max": "Pa", "command": "V"}
+
+
+def write_design(design: Design, folder: str | Path, notes: Sequence[str] = ()) -> Path:
+    """Write a design into a folder: reference, prediction as JSON and text, figure.
+
+    Parameters
+    ----------
+    design : Design
+        What was designed.
+    folder : path
+        Folder to make. One that holds an earlier design is replaced as a whole.
+    notes : sequence of str, optional
+        Further lines for the reader.
+
+    Returns
+    -------
+    Path
+        The folder: ``reference.csv``, ``design.json``, ``design.txt``, ``design.png``.
+
+    Raises
+    ------
+    CaseError
+        If the folder holds anything but an earlier design.
+    """
+    with folder_in_one_step(folder, Kind.DESIGN) as draft:
+        frame = reference_frame(design)
+        frame.to_csv(draft / "reference.csv", index=False, lineterminator="\n")
+        write_json(design.as_dict() | {"notes": list(notes)}, draft / "design.json")
+        (draft / "design.txt").write_text(design_text(design, notes) + "\n", "utf-8")
+        (draft / "design.png").write_bytes(png(design_figure(design)))
+    return Path(folder)
+
+
+def reference_frame(design: Design) -> pd.DataFrame:
+    """Return the reference in columns: t_s, x_ref_m and, where it is allowed, u_common_V.
+
+    u_common is to be added to what the controller sends to either valve.
+    """
+    reference = design.reference
+    columns = {"t_s": np.round(reference.t, 10), "x_ref_m": reference.x_ref}
+    if design.options.limits.common > 0:
+        columns["u_common_V"] = reference.common
+    return pd.DataFrame(columns)
+
+
+def design_text(design: Design, notes: Sequence[str] = ()) -> str:
+    """Return a design as text: what is gained, what to do, how near the limits are."""
+    gained = (
+        precision_table(design.precision)
+        if design.precision is not None
+        else distance_table(design)
+    )
+    parts = [render(gained), render(parts_table(design)), render(limits_table(design))]
+    return "\n\n\n".join([*parts, *(["\n".join(notes)] if notes else [])])
+
+
+def precision_table(found: Precision) -> Table:
+    """Return predicted standard errors, in per cent of the values, and their ratio."""
+    rows = []
+    for i, name in enumerate(found.names):
+        value = found.values[i]
+        exponent = exponent_of(value)
+        shown = value_text(value, exponent, 4) + (f"e{exponent}" if exponent else "")
+        columns = (found.now[i], found.designed[i], found.together[i])
+        percent = [f"{100 * std / abs(value):.4f}" if value else "" for std in columns]
+        rows.append((name, shown, found.units[i], *percent, f"{found.ratio(name):.2f}"))
+    ratio = found.after / found.before
+    sizes = [f"{100 * size:.4f}" for size in (found.before, found.after, found.both)]
+    rows.append((f"criterion {found.criterion.value}", "", "", *sizes, f"{ratio:.2f}"))
+    return Table(
+        "Predicted standard errors [%]",
+        ("", "value", "unit", "recorded", "designed", "both", "designed/recorded"),
+        tuple(rows),
+        ("The model's own bias is not in them; both: a fit to the two records together.",),
+    )
+
+
+def distance_table(design: Design) -> Table:
+    """Return refitted distances before and after."""
+    rows = [
+        (one.truth, one.fitted, f"{one.before:.1f}", f"{one.after:.1f}", _verdict(one.hidden))
+        for one in design.distances
+    ]
+    samples = design.distances[0].samples
+    return Table(
+        "What is left of one effect when the other is fitted to it [standard deviations]",
+        ("there", "fitted", "recorded", "designed", ""),
+        tuple(rows),
+        (
+            f"Noise alone leaves √{samples} = {samples**0.5:.0f}; half the square of a distance is "
+            "the log-likelihood between the two.",
+        ),
+    )
+
+
+def _verdict(hidden: bool) -> str:
+    return "absorbed by nominal parameters" if hidden else ""
+
+
+def parts_table(design: Design) -> Table:
+    """Return what the reference is made of."""
+    begin, rows = 0.0, []
+    for part in design.parts:
+        whole = part.kind == COMMON
+        length = design.reference.duration * (1.0 if whole else part.share)
+        first = 0.0 if whole else begin
+        rows.append((part.kind, f"{first:.1f} … {first + length:.1f}", _numbers(part)))
+        begin += 0.0 if whole else length
+    return Table("What to do", ("", "from … to, s", "numbers"), tuple(rows))
+
+
+def _numbers(part: Part) -> str:
+    return ", ".join(
+        f"{one.name} {value:.3g}" + ("" if one.unit == "1" else f" {one.unit}")
+        for one, value in zip(KINDS[part.kind].numbers, part.values, strict=True)
+    )
+
+
+def limits_table(design: Design) -> Table:
+    """Return the extremes of the simulation beside the limits."""
+    limits = design.options.limits
+    rows = [
+        (name, unit, f"{design.extremes[name]:.4g}", f"{getattr(limits, name):.4g}")
+        for name, unit in UNITS.items()
+    ]
+    notes = ("Amplitudes are shares of the position allowed, steps of the common mode allowed.",)
+    return Table("Extremes, as simulated", ("", "unit", "extreme", "limit"), tuple(rows), notes)

@@ -1,0 +1,11 @@
+"""What every report of an identification holds, whatever its form."""
+
+from pneumo_casadi.identification.identify import Identification
+from pneumo_casadi.report.tables.identifiability import identifiability_tables
+from pneumo_casadi.report.tables.results import Table, tables_of
+
+
+def all_tables(found: Identification, paper: bool = False) -> tuple[Table, ...]:
+    """Return all tables of an identification, identifiability last where it was asked for."""
+    extra = () if found.identifiability is None else identifiability_tables(found.identifiability)
+    return (*tables_of(found, paper), *extra)

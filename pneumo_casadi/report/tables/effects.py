@@ -1,0 +1,84 @@
+"""The catalogue of effects as a document: ``python -m pneumo_casadi.report.tables.effects``."""
+
+import sys
+
+from pneumo_casadi.effects import CATALOGUE, EffectRow, catalogue_table
+from pneumo_casadi.parameters import Parameter
+
+_HEAD = """\
+# The catalogue of effects
+
+Physics that the nominal axis leaves out, as the package has it. Each effect acts at junctions of
+the model (command → spool → supply, outlet → valve flow → line → chamber flow → chamber energy →
+force → output; the force-driven axis: drive → force → output), vanishes at the null values of its
+parameters, and adds its own states where it needs them. Any subset composes:
+`axis.with_effects(CATALOGUE["stribeck"]()).at_starting_values()`. An effect of your own is a
+subclass of `Effect` and needs no registration.
+
+This page is made from the code: `python -m pneumo_casadi.report.tables.effects > docs/effects.md`.
+A parameter marked *held* is not estimated unless released.
+"""
+
+
+def catalogue_markdown() -> str:
+    """Return the catalogue as Markdown: an overview, then a section for each effect.
+
+    Examples
+    --------
+    >>> "F = ΔF exp(−(v/v_st)²) sign(v)" in catalogue_markdown()
+    True
+    """
+    rows = catalogue_table()
+    overview = [
+        "| effect | acts at | shows in |",
+        "| --- | --- | --- |",
+        *(f"| [{r.name}](#{r.name}) | {', '.join(r.junctions)} | {_cell(r.shows)} |" for r in rows),
+    ]
+    return "\n".join([_HEAD, *overview, "", *map(effect_markdown, rows)])
+
+
+def effect_markdown(row: EffectRow) -> str:
+    """Return the section of one effect, of the catalogue or your own (`effects.row_of`)."""
+    confused = ", ".join(map(_named, row.confused_with))
+    items = [
+        ("Acts at", ", ".join(row.junctions)),
+        ("Extra states", ", ".join(f"`{one.name}` [{one.unit}]" for one in row.states)),
+        ("Shows in", row.shows),
+        ("Confused with", confused),
+        ("Separated by", row.separated_by),
+        ("Source", row.source),
+    ]
+    lines = [f"## {row.name}", "", "```text", row.equation, "```", ""]
+    lines += [f"- **{name}:** {text}" for name, text in items if text]
+    head = ["parameter", "unit", "range", "null", "start", "what it is", "typical"]
+    lines += ["", f"| {' | '.join(head)} |", "| --- | --- | ---: | ---: | ---: | --- | --- |"]
+    return "\n".join([*lines, *map(_parameter, row.parameters), ""])
+
+
+def _parameter(one: Parameter) -> str:
+    start = one.value if one.start is None else one.start
+    null = "" if one.null is None else f"{one.null:g}"
+    cells = [
+        f"`{one.name}`" + ("" if one.free else " (*held*)"),
+        one.unit,
+        f"{one.lower:g} to {one.upper:g}",
+        null,
+        f"{start:g}",
+        _cell(one.description),
+        _cell(one.source),
+    ]
+    return f"| {' | '.join(cells)} |"
+
+
+def _named(name: str) -> str:
+    if name in CATALOGUE:
+        return f"[{name}](#{name})"
+    return f"`{name}`" if name.isidentifier() else name
+
+
+def _cell(text: str) -> str:
+    return text.replace("|", "\\|")
+
+
+if __name__ == "__main__":
+    sys.stdout.write(catalogue_markdown())

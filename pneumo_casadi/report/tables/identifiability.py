@@ -1,0 +1,165 @@
+"""Tables of uncertainty: what the data fix, what fixes it, and intervals side by side."""
+
+import math
+from collections.abc import Mapping, Sequence
+
+from pneumo_casadi.estimation.output_error import OutputErrorResult
+from pneumo_casadi.estimation.statistics import interval_factor
+from pneumo_casadi.estimation.uncertainty import Bootstrap, Direction, Identifiability, Profile
+from pneumo_casadi.report.tables.results import Table, exponent_of, value_text
+
+#: Parts of a direction, and collinear groups, that are printed.
+PARTS, GROUPS = 6, 10
+
+
+def identifiability_tables(found: Identifiability) -> tuple[Table, ...]:
+    """Return what a report says of identifiability.
+
+    Parameters
+    ----------
+    found : Identifiability
+        From `identifiability`.
+
+    Returns
+    -------
+    tuple of Table
+        Parameters with the source of their information; the directions known worst; groups of
+        parameters that one another make up for.
+    """
+    return _parameter_table(found), _direction_table(found), _group_table(found)
+
+
+def _parameter_table(found: Identifiability) -> Table:
+    rows = []
+    for j, name in enumerate(found.names):
+        relative = float(found.std[j] / found.sizes[j])
+        why = "at its bound" if name in found.at_bound else "no information"
+        rows.append(
+            (
+                name,
+                _percent(relative) if math.isfinite(relative) else f"∞ ({why})",
+                *(
+                    f"{100 * found.share[i, j]:.0f} % (×{_factor(found.std_without[i, j])})"
+                    for i in range(len(found.sources))
+                ),
+            )
+        )
+    return Table(
+        "What informs each parameter",
+        ("", "std / size", *found.sources),
+        tuple(rows),
+        (
+            "Per source: its share of the information on the parameter, all others known; in "
+            "brackets by how much the standard",
+            "deviation grows without it, all others estimated.",
+        ),
+    )
+
+
+def _direction_table(found: Identifiability) -> Table:
+    weak = found.weak()
+    shown: Sequence[Direction] = weak or found.directions[-3:][::-1]
+    rows = tuple((_combination(d.weights), _percent(d.relative_std)) for d in shown)
+    title = "Combinations known to no better than 10 %" if weak else "Combinations known worst"
+    return Table(
+        title,
+        ("combination, in parameters over their size", "std"),
+        rows,
+        (f"Condition of the scaled sensitivities: {found.condition:.3g}.",),
+    )
+
+
+def _group_table(found: Identifiability) -> Table:
+    rows = [
+        (", ".join(group.names), "collinear", f"γ = {group.index:.3g}")
+        for group in found.collinear[:GROUPS]
+    ]
+    left = len(found.collinear) - GROUPS
+    if left > 0:
+        rows.append((f"and {left} groups more", "collinear", ""))
+    rows += [(", ".join(cluster), "correlated", "|ρ| > 0.95") for cluster in found.clusters]
+    return Table(
+        "Parameters that make up for each other",
+        ("parameters", "how", "measure"),
+        tuple(rows) or (("none", "", ""),),
+        ("γ: collinearity index (Brun, Reichert and Künsch 2001); 5 to 20 counts as critical.",),
+    )
+
+
+def interval_table(
+    result: OutputErrorResult,
+    profiles: Mapping[str, Profile],
+    bootstrap: Bootstrap | None = None,
+    level: float = 0.95,
+) -> Table:
+    """Return intervals of the same quantities side by side.
+
+    Parameters
+    ----------
+    result : OutputErrorResult
+        Its Gauss-Newton and robust intervals.
+    profiles : mapping of str to Profile
+        The quantities shown: one row each.
+    bootstrap : Bootstrap, optional
+        Its percentile intervals.
+    level : float, optional
+        Of all of them.
+    """
+    rows = []
+    for name, profile in profiles.items():
+        e = exponent_of(profile.estimate)
+        decimals = _decimals(interval_factor(level) * profile.std, e)
+        pairs = [
+            profile.gauss_newton(level),
+            profile.gauss_newton(level, robust=True),
+            profile.interval(level),
+            profile.interval(level, robust=True),
+        ]
+        if bootstrap is not None:
+            pairs.append(bootstrap.interval(name, level))
+        unit = "" if profile.unit == "1" else profile.unit
+        heading = unit if e == 0 else f"1e{e} {unit}"
+        value = value_text(profile.estimate, e, decimals)
+        rows.append((name, heading, value, *(_pair(pair, e, decimals) for pair in pairs)))
+    columns = ["", "unit", "estimate", "Gauss-Newton", "robust", "profile", "profile, robust"]
+    return Table(
+        f"Intervals at {100 * level:g} %",
+        (*columns, *(["bootstrap"] if bootstrap is not None else [])),
+        tuple(rows),
+        ("Robust: correlated residuals count. A profile that stays open is infinite.",),
+    )
+
+
+def _decimals(half: float, exponent: int) -> int:
+    """Return the decimals that show two digits of half an interval."""
+    if not (math.isfinite(half) and half > 0):
+        return 3
+    return min(max(1 - math.floor(math.log10(half / 10.0**exponent)), 0), 8)
+
+
+def _pair(pair: tuple[float, float], exponent: int, decimals: int) -> str:
+    texts = [
+        value_text(value, exponent, decimals) if math.isfinite(value) else f"{value:+}"[0] + "∞"
+        for value in pair
+    ]
+    return f"[{texts[0]}, {texts[1]}]"
+
+
+def _combination(weights: Mapping[str, float]) -> str:
+    """Write a direction with its largest parts.
+
+    Examples
+    --------
+    >>> _combination({"X_s1": 0.8, "X_s2": -0.6})
+    '+0.80 X_s1 -0.60 X_s2'
+    """
+    parts = [f"{weight:+.2f} {name}" for name, weight in weights.items()]
+    return " ".join(parts[:PARTS]) + (f" and {len(parts) - PARTS} more" * (len(parts) > PARTS))
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.2g} %" if math.isfinite(share) else "∞"
+
+
+def _factor(value: float) -> str:
+    return f"{value:.3g}" if math.isfinite(value) else "∞"

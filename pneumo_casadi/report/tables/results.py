@@ -1,0 +1,244 @@
+"""Tables of results: estimates side by side, errors on held-out records."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from pneumo_casadi.estimation.wls import ratios
+from pneumo_casadi.identification.identify import Identification
+from pneumo_casadi.report.tables.paper import TABLE_1
+from pneumo_casadi.validation import Error, Validation
+
+#: Units in which people read, with the factor from SI.
+DISPLAY = {"m": ("mm", 1e3), "Pa": ("kPa", 1e-3)}
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A table of text cells.
+
+    Parameters
+    ----------
+    title : str
+        What it shows.
+    columns : tuple of str
+        Headings; the first column is left-aligned, the others right.
+    rows : tuple of tuple of str
+        Cells.
+    notes : tuple of str
+        Lines below.
+    """
+
+    title: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def widths(self) -> tuple[int, ...]:
+        """Width of each column in characters."""
+        cells = zip(self.columns, *self.rows, strict=True)
+        return tuple(max(map(len, column)) for column in cells)
+
+    def without(self, *names: str) -> "Table":
+        """Return the table without the named columns."""
+        keep = [i for i, name in enumerate(self.columns) if name not in names]
+        rows = tuple(tuple(row[i] for i in keep) for row in self.rows)
+        return Table(self.title, tuple(self.columns[i] for i in keep), rows, self.notes)
+
+
+def exponent_of(value: float) -> int:
+    """Return the power of ten, a multiple of three, that is taken out of a value.
+
+    Values from 0.01 to 9999 are read as they are.
+
+    Examples
+    --------
+    >>> exponent_of(3.49e-9), exponent_of(16.9), exponent_of(0.0)
+    (-9, 0, 0)
+    """
+    if value == 0 or 1e-2 <= abs(value) < 1e4:
+        return 0
+    return 3 * math.floor(math.log10(abs(value)) / 3)
+
+
+def value_text(value: float, exponent: int = 0, decimals: int = 3) -> str:
+    """Return a value divided by a power of ten.
+
+    Examples
+    --------
+    >>> value_text(3.4879e-9, -9)
+    '3.488'
+    """
+    return f"{value / 10.0**exponent:.{decimals}f}"
+
+
+def interval_text(value: float, half: float | None, exponent: int = 0) -> str:
+    """Return ``value ± half`` with two significant digits in the half width.
+
+    Parameters
+    ----------
+    value : float
+        Estimate.
+    half : float or None
+        Half width of the interval; infinite without information, None where there is none.
+
+    Examples
+    --------
+    >>> interval_text(3.4879e-9, 3.01e-12, -9)
+    '3.4879 ± 0.0030'
+    >>> interval_text(16.9, float("inf"))
+    '16.900 ± ∞'
+    """
+    if half is None or not math.isfinite(half) or half == 0:
+        tail = "" if half is None else " ± 0" if half == 0 else " ± ∞"
+        return value_text(value, exponent) + tail
+    scaled = half / 10.0**exponent
+    decimals = min(max(1 - math.floor(math.log10(scaled)), 0), 6)
+    return f"{value_text(value, exponent, decimals)} ± {scaled:.{decimals}f}"
+
+
+def parameter_table(found: Identification, paper: bool = False) -> Table:
+    """Return WLS, output error, truth where known, and on request the paper's Table 1.
+
+    Parameters
+    ----------
+    found : Identification
+        What was identified.
+    paper : bool, optional
+        Whether to add Table 1 of the paper.
+
+    Returns
+    -------
+    Table
+        One row a parameter, values ± 2σ with a common power of ten taken out; below them the
+        polytropic coefficients.
+    """
+    truth = dict(found.truth or {})
+    rows = []
+    for name in found.wls.names:
+        item = found.output_error.parameters[name]
+        at = found.wls.names.index(name)
+        pairs = {
+            "wls": (float(found.wls.estimate[at]), wls_half_width(found, name)),
+            "oe": (item.value, output_error_half_width(found, name)),
+        }
+        rows.append(_row(name, item.unit, pairs, truth, TABLE_1, paper))
+    for name in ("k_P", "k_N"):
+        if name in found.output_error.derived:
+            rows.append(_derived_row(found, name, truth, paper))
+    columns = ["", "unit", "WLS", "output error", "truth", "OE - truth", "Table 1"]
+    table = Table(
+        "Identified parameters, estimate ± 2σ",
+        tuple(columns),
+        tuple(rows),
+        (
+            "2σ allows for correlated residuals, not for the bias of a wrong model.",
+            *(("Table 1: the paper's estimates ± 2σ on its own bench.",) if paper else ()),
+        ),
+    )
+    absent = [] if truth else ["truth", "OE - truth"]
+    return table.without(*absent, *([] if paper else ["Table 1"]))
+
+
+def wls_half_width(found: Identification, name: str) -> float:
+    """Return 2σ of a WLS estimate: the wider of eq. 16 and HAC."""
+    at = found.wls.names.index(name)
+    return 2 * max(float(found.wls.std[at]), float(found.wls.std_hac[at]))
+
+
+def output_error_half_width(found: Identification, name: str) -> float | None:
+    """Return 2σ of an output-error estimate, the wider of ideal and robust; None without one."""
+    result = found.output_error
+    if name not in result.estimate.names or name in result.estimate.at_bound:
+        return None
+    return 2 * max(result.std(name), result.std(name, robust=True))
+
+
+def _row(
+    name: str,
+    unit: str,
+    pairs: Mapping[str, tuple[float, float | None]],
+    truth: Mapping[str, float],
+    published: Mapping[str, tuple[float, float]],
+    paper: bool,
+) -> tuple[str, ...]:
+    oe = pairs["oe"][0]
+    e = exponent_of(oe)
+    true = truth.get(name)
+    heading = unit if e == 0 else f"1e{e} {unit}"
+    return (
+        name,
+        heading if unit != "1" else "",
+        interval_text(*pairs["wls"], e),
+        interval_text(*pairs["oe"], e),
+        "" if true is None else f"{true / 10.0**e:.4g}",
+        "" if not true else f"{100 * (oe / true - 1):+.2f} %",
+        interval_text(*published[name], e) if paper and name in published else "",
+    )
+
+
+def _derived_row(
+    found: Identification, name: str, truth: Mapping[str, float], paper: bool
+) -> tuple[str, ...]:
+    item = found.output_error.derived[name]
+    top, bottom = ("X_s3", "X_s2") if name == "k_P" else ("X_s6", "X_s5")
+    true = truth[top] / truth[bottom] if {top, bottom} <= truth.keys() else None
+    wls = ""
+    if {top, bottom} <= set(found.wls.names):
+        pair = {name: (top, bottom)}
+        ideal = ratios(found.wls, pair)
+        hac = ratios(found.wls, pair, covariance=found.wls.covariance_hac)
+        half = 2 * max(float(ideal.std[0]), float(hac.std[0]))
+        wls = interval_text(float(ideal.values[0]), half)
+    return (
+        name,
+        "",
+        wls,
+        interval_text(item.value, 2 * max(item.std, item.std_robust)),
+        "" if true is None else f"{true:.4g}",
+        "" if true is None else f"{item.value - true:+.4f}",
+        f"{TABLE_1[top][0] / TABLE_1[bottom][0]:.3g}" if paper else "",
+    )
+
+
+def validation_table(validation: Validation) -> Table:
+    """Return the errors on held-out records: in units, in per cent of signal, beside the noise."""
+    runs: list[tuple[str, Mapping[str, Error]]] = [
+        (f"windows of {length:g} s", errors) for length, errors in validation.windows.items()
+    ]
+    runs.append(("open loop, whole record", validation.open_loop))
+    if validation.closed_loop is not None:
+        runs.append(("closed loop, whole record", validation.closed_loop))
+    channels = list(validation.open_loop)
+    units = [DISPLAY.get(validation.open_loop[c].unit, ("", 1.0))[0] for c in channels]
+    rows = [
+        (label, *(_error_text(errors[channel]) for channel in channels)) for label, errors in runs
+    ]
+    rows.append(("sensor noise", *(_noise_text(validation.open_loop[c]) for c in channels)))
+    return Table(
+        "Errors on held-out records, rms (per cent of the signal's standard deviation)",
+        ("", *(f"{c} [{u}]" for c, u in zip(channels, units, strict=True))),
+        tuple(rows),
+    )
+
+
+def _error_text(error: Error) -> str:
+    factor = DISPLAY.get(error.unit, ("", 1.0))[1]
+    return f"{error.rms * factor:.3g} ({error.percent:.2g} %)"
+
+
+def _noise_text(error: Error) -> str:
+    if not error.noise_percent or not error.percent:
+        return "unknown"
+    factor = DISPLAY.get(error.unit, ("", 1.0))[1]
+    noise = error.rms * error.noise_percent / error.percent
+    return f"{noise * factor:.3g} ({error.noise_percent:.2g} %)"
+
+
+def tables_of(found: Identification, paper: bool = False) -> Sequence[Table]:
+    """Return all tables of a report, in order."""
+    tables = [parameter_table(found, paper)]
+    if found.validation is not None:
+        tables.append(validation_table(found.validation))
+    return tables

@@ -1,0 +1,59 @@
+"""Results as plain text."""
+
+import textwrap
+
+from pneumo_casadi.estimation.wls import format_table
+from pneumo_casadi.identification.identify import Identification
+from pneumo_casadi.identification.warnings import Caveat
+from pneumo_casadi.report.tables.content import all_tables
+from pneumo_casadi.report.tables.results import Table
+
+WIDTH = 100
+
+
+def render(table: Table) -> str:
+    """Return a table as lines of text.
+
+    Examples
+    --------
+    >>> print(render(Table("Masses", ("", "kg"), (("M", "16.9"),))))
+    Masses
+    <BLANKLINE>
+         kg
+    -  ----
+    M  16.9
+    """
+    widths = table.widths
+
+    def line(cells: tuple[str, ...]) -> str:
+        first, *rest = zip(cells, widths, strict=True)
+        padded = [first[0].ljust(first[1]), *(cell.rjust(width) for cell, width in rest)]
+        return "  ".join(padded).rstrip()
+
+    rule = "  ".join("-" * width for width in widths)
+    lines = [table.title, "", line(table.columns), rule, *map(line, table.rows)]
+    return "\n".join([*lines, *([""] if table.notes else []), *table.notes])
+
+
+def render_caveats(caveats: tuple[Caveat, ...], width: int = WIDTH) -> str:
+    """Return caveats as a list of wrapped lines; a single line where there are none."""
+    if not caveats:
+        return "Nothing speaks against these numbers."
+    wrapped = [
+        textwrap.fill(item.text, width, initial_indent="- ", subsequent_indent="  ")
+        for item in caveats
+    ]
+    return "\n".join(["Before you use these numbers", "", *wrapped])
+
+
+def text_report(found: Identification, paper: bool = False) -> str:
+    """Return the whole result as text: caveats, tables, WLS as the paper prints it."""
+    wls = format_table(found.wls, robust=True)
+    parts = [
+        f"Identification of {found.case.name}",
+        render_caveats(found.caveats),
+        *(render(table) for table in all_tables(found, paper)),
+        "Weighted least squares, as the paper prints Table 1\n\n" + wls,
+        "Filters\n\n" + found.wls.plan.describe(),
+    ]
+    return "\n\n\n".join(parts) + "\n"

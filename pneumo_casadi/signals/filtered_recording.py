@@ -1,0 +1,200 @@
+"""A recording after the first filter: states, derivatives and the inputs that go with them."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from enum import Enum
+from types import MappingProxyType
+
+import numpy as np
+
+from pneumo_casadi.data import InputHold, Recording
+from pneumo_casadi.errors import CaseError
+from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.signals.bandwidth import power_bandwidth, white_noise_std
+from pneumo_casadi.signals.filter_plan import FilterPlan, plan_filters
+from pneumo_casadi.signals.zero_phase import central_difference, zero_phase_lowpass
+
+
+class InputPairing(Enum):
+    """Which input belongs to a derivative taken by central differences at t[k].
+
+    An input held at zero order jumps at t[k], and with it the derivative. The central
+    difference spans one step before and one after the jump, so its partner is the mean of the
+    balance over u[k-1] and over u[k]. Pairing it with u[k] alone shifts the input by half a
+    sample against the outputs, which biases every coefficient of a derivative.
+    """
+
+    MEAN_OF_HOLDS = "mean over u[k-1] and u[k]"
+    """Right for an input held from its sample to the next."""
+    SAMPLE = "u[k]"
+    """Right for an input measured at t[k] that runs on continuously."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FilteredRecording:
+    """Filtered states and their derivatives, with the unfiltered inputs around each sample.
+
+    Parameters
+    ----------
+    t : (N,) array
+        Time of the samples kept [s].
+    states : mapping of str to (N,) array
+        ``x`` [m], ``v`` [m/s] and, where recorded, ``p_P``, ``p_N`` [Pa], filtered.
+    derivatives : mapping of str to (N,) array
+        Under the same names their time derivatives: ``v``, ẍ, ṗ_P, ṗ_N.
+    inputs : tuple of mapping of str to (N,) array
+        The inputs to average a balance over: before and after each sample for
+        `InputPairing.MEAN_OF_HOLDS`, one set for `InputPairing.SAMPLE`. They stay unfiltered:
+        the flow q_m(u, p) bends at u = 0, so the flow of a filtered u is not the filtered flow.
+    plan : FilterPlan
+        What was done.
+    pairing : InputPairing
+        Which inputs belong to a sample.
+    dropped : tuple of int
+        Samples dropped at the front and at the back.
+    velocity_noise : float
+        Standard deviation of v that the position sensor leaves after filtering [m/s].
+    name, source : str
+        Of the recording.
+    """
+
+    t: FloatArray
+    states: Mapping[str, FloatArray]
+    derivatives: Mapping[str, FloatArray]
+    inputs: tuple[Mapping[str, FloatArray], ...]
+    plan: FilterPlan
+    pairing: InputPairing
+    dropped: tuple[int, int]
+    velocity_noise: float
+    name: str
+    source: str
+
+    @property
+    def N(self) -> int:
+        """Number of samples kept."""
+        return int(self.t.size)
+
+    def stack_states(self, names: Iterable[str]) -> FloatArray:
+        """Return the named states as rows, shape (nx, N)."""
+        return np.array([self._find(self.states, name) for name in names])
+
+    def stack_derivatives(self, names: Iterable[str]) -> FloatArray:
+        """Return the derivatives of the named states as rows, shape (nx, N)."""
+        return np.array([self._find(self.derivatives, name) for name in names])
+
+    def stack_inputs(self, names: Iterable[str]) -> tuple[FloatArray, ...]:
+        """Return the named inputs as rows, one array of shape (nu, N) per set to average over."""
+        chosen = tuple(names)
+        return tuple(np.array([self._find(held, n) for n in chosen]) for held in self.inputs)
+
+    def _find(self, where: Mapping[str, FloatArray], name: str) -> FloatArray:
+        if name not in where:
+            raise CaseError(f"{self.source}: no channel {name}; there are {', '.join(where)}")
+        return where[name]
+
+
+def plan_for(recordings: Iterable[Recording], bound: float = 0.01) -> FilterPlan:
+    """Plan the filters for recordings that share a clock, from the fastest of them.
+
+    Parameters
+    ----------
+    recordings : iterable of Recording
+        With the position ``x``.
+    bound : float, optional
+        See `plan_filters`.
+
+    Returns
+    -------
+    FilterPlan
+    """
+    records = tuple(recordings)
+    f_dyn = max(power_bandwidth(rec["x"], 1 / rec.dt) for rec in records)
+    return plan_filters(1 / records[0].dt, f_dyn, bound=bound)
+
+
+def filter_recording(
+    recording: Recording, plan: FilterPlan, pairing: InputPairing | None = None
+) -> FilteredRecording:
+    """Filter the measurements without phase shift, differentiate them, and drop the edges.
+
+    Parameters
+    ----------
+    recording : Recording
+        With ``x`` [m]; ``p_P`` and ``p_N`` [Pa] are filtered alike where they exist.
+    plan : FilterPlan
+        The cut-offs.
+    pairing : InputPairing, optional
+        By default what the recording's input hold asks for.
+
+    Returns
+    -------
+    FilteredRecording
+
+    Raises
+    ------
+    CaseError
+        If the plan was made for another sampling frequency, or nothing is left of the record.
+    """
+    fs = 1 / recording.dt
+    if abs(fs / plan.sampling_frequency - 1) > 1e-3:
+        raise CaseError(
+            f"{recording.source}: sampled at {fs:g} Hz, but the filters are planned for "
+            f"{plan.sampling_frequency:g} Hz; plan them for this record"
+        )
+    front, back = plan.drop
+    if recording.N - front - back < 2:
+        raise CaseError(
+            f"{recording.source}: {recording.N} samples are too few; the edges of the filter take "
+            f"{front} and {back}: give a longer record or a higher cut-off"
+        )
+    if pairing is None:
+        held = recording.hold is InputHold.ZERO
+        pairing = InputPairing.MEAN_OF_HOLDS if held else InputPairing.SAMPLE
+    kept = slice(front, recording.N - back)
+    states, derivatives = _states(recording, plan)
+    return FilteredRecording(
+        t=_read_only(recording.t[kept]),
+        states=_kept(states, kept),
+        derivatives=_kept(derivatives, kept),
+        inputs=tuple(_kept(held, kept) for held in _inputs(recording, pairing)),
+        plan=plan,
+        pairing=pairing,
+        dropped=(front, back),
+        velocity_noise=white_noise_std(recording["x"]) * plan.noise_gains[1],
+        name=recording.name,
+        source=recording.source,
+    )
+
+
+def _states(
+    recording: Recording, plan: FilterPlan
+) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
+    states: dict[str, FloatArray] = {}
+    derivatives: dict[str, FloatArray] = {}
+    for name in (n for n in ("p_P", "p_N", "x") if n in recording.channels):
+        states[name] = zero_phase_lowpass(
+            recording[name], plan.cutoff, plan.sampling_frequency, plan.order
+        )
+        derivatives[name] = central_difference(states[name], recording.dt)
+    states["v"] = derivatives["x"]
+    derivatives["v"] = central_difference(states["v"], recording.dt)
+    return states, derivatives
+
+
+def _inputs(recording: Recording, pairing: InputPairing) -> list[dict[str, FloatArray]]:
+    after = {n: recording[n] for n in ("u_P", "u_N", "F") if n in recording.channels}
+    if pairing is InputPairing.SAMPLE:
+        return [after]
+    # Nothing is known of the input before the first sample: it is taken to have stood already.
+    before = {name: np.concatenate((u[:1], u[:-1])) for name, u in after.items()}
+    return [before, after]
+
+
+def _kept(channels: Mapping[str, FloatArray], rows: slice) -> Mapping[str, FloatArray]:
+    return MappingProxyType({name: _read_only(values[rows]) for name, values in channels.items()})
+
+
+def _read_only(values: FloatArray) -> FloatArray:
+    copy = np.array(values, dtype=float)
+    copy.flags.writeable = False
+    return copy

@@ -1,0 +1,35 @@
+"""Static flow of the servodistributor: the measured map and the models fitted to it."""
+
+from pneumo_casadi.valve.degree_selection import DegreeSelection, select_degrees
+from pneumo_casadi.valve.flow_map import FlowMap, read_flow_map
+from pneumo_casadi.valve.flow_model import FlowModel, edge_slopes, flow_function
+from pneumo_casadi.valve.iso6358 import FlowISO6358, fit_iso6358
+from pneumo_casadi.valve.orifice import Orifice, fit_orifice, orifice_expression, orifice_flow
+from pneumo_casadi.valve.polynomial_fit import fit_polynomials
+from pneumo_casadi.valve.polynomials import FlowPolynomials
+from pneumo_casadi.valve.projections import Projections, ResidualMap, projections, residual_map
+from pneumo_casadi.valve.spline import FlowSpline, fit_spline
+
+__all__ = [
+    "DegreeSelection",
+    "FlowISO6358",
+    "FlowMap",
+    "FlowModel",
+    "FlowPolynomials",
+    "FlowSpline",
+    "Orifice",
+    "Projections",
+    "ResidualMap",
+    "edge_slopes",
+    "fit_iso6358",
+    "fit_orifice",
+    "fit_polynomials",
+    "fit_spline",
+    "flow_function",
+    "orifice_expression",
+    "orifice_flow",
+    "projections",
+    "read_flow_map",
+    "residual_map",
+    "select_degrees",
+]

@@ -1,0 +1,248 @@
+"""A three-way valve of two ISO 6358 restrictions: supply to outlet and outlet to exhaust."""
+
+import logging
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pneumo_casadi.errors import CaseError, ModelError
+from pneumo_casadi.parameters import FloatArray, Parameter, Parameters
+from pneumo_casadi.valve.flow_map import FlowMap
+from pneumo_casadi.valve.flow_model import Symbol, scale_sigma
+from pneumo_casadi.valve.orifice import (
+    LAMINAR_RATIO,
+    RHO_ANR,
+    T_ANR,
+    bounded_least_squares,
+    orifice_expression,
+)
+
+logger = logging.getLogger(__name__)
+
+EDGE = ("k", "u_0", "w", "h", "C_leak")
+SOURCE = "ISO 6358-1:2013"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FlowISO6358:
+    r"""Mass flow of a spool valve whose two edges are ISO 6358 restrictions.
+
+    q_m = q(C_s(u), b_s, m; p_supply → p) − q(C_e(−u), b_e, m; p → p_ext), with the opening law
+
+    .. math:: C(u) = C_{leak} + k s / (1 + h s), \quad
+              s = (u - u_0 + \sqrt{(u - u_0)^2 + w^2}) / 2
+
+    Parameters
+    ----------
+    parameters : Parameters
+        For each edge, ``_supply`` and ``_exhaust``: conductance gain k [m³/(s Pa V)], command
+        at which the edge opens u_0 [V] (positive: overlap, negative: underlap), clearance
+        rounding w [V], saturation h [1/V], leakage C_leak [m³/(s Pa)], critical ratio b [1];
+        and the subsonic index m [1] of both.
+    covariance : (n, n) array
+        Covariance; infinite variance where a parameter stands at its bound (`at_bound`).
+    sigma : float
+        Standard deviation of the residuals [kg/s].
+    p_range, u_range : tuple of float
+        Outlet pressures [Pa] and commands [V] that were metered.
+    p_supply, p_ext : float
+        Absolute supply and exhaust pressures that `expression` assumes unless told otherwise
+        [Pa].
+    T : float
+        Temperature upstream of either edge [K].
+    laminar_ratio : float
+        Pressure ratio above which the flow gets a finite slope, see `orifice_expression`.
+
+    Notes
+    -----
+    C grows with u everywhere, so that q_m does; on the closed side s falls off as w²/4|u − u_0|,
+    as clearance leakage does along the overlap. Being physics, the map needs no continuation:
+    it holds beyond the supply pressure and below the exhaust pressure, and at other supplies.
+    """
+
+    symbol: ClassVar[Symbol] = "SX"
+
+    parameters: Parameters
+    covariance: FloatArray
+    sigma: float
+    p_range: tuple[float, float]
+    u_range: tuple[float, float]
+    p_supply: float
+    p_ext: float
+    T: float = T_ANR
+    laminar_ratio: float = LAMINAR_RATIO
+    _function: ca.Function = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        covariance = np.array(self.covariance, dtype=float)
+        covariance.setflags(write=False)
+        object.__setattr__(self, "covariance", covariance)
+        u, p, p_supply = (ca.SX.sym(name) for name in ("u", "p", "p_supply"))
+        theta = ca.SX.sym("theta", len(self.parameters))
+        q = self.expression(u, p, theta, p_supply)
+        arguments = [u, p, p_supply, theta]
+        outputs = [q, ca.jacobian(q, theta).T]
+        object.__setattr__(self, "_function", ca.Function("q_m", arguments, outputs))
+
+    def expression(
+        self, u: Any, p: Any, theta: Any, p_supply: Any = None, p_ext: Any = None
+    ) -> Any:
+        """Return q_m [kg/s] for CasADi scalars u [V], p [Pa] and the vector theta (n,).
+
+        `p_supply` and `p_ext` [Pa] may be expressions too; by default those of the map.
+        """
+        p_supply = self.p_supply if p_supply is None else p_supply
+        p_ext = self.p_ext if p_ext is None else p_ext
+        at = self.parameters.index
+        m = theta[at("m")]
+
+        def opening(side: str, command: Any) -> Any:
+            k, u_0, w, h, C_leak = (theta[at(f"{name}_{side}")] for name in EDGE)
+            x = command - u_0
+            s = (x + ca.sqrt(x * x + w * w)) / 2
+            return C_leak + k * s / (1 + h * s)
+
+        law = {"T": self.T, "laminar_ratio": self.laminar_ratio}
+        b_s, b_e = theta[at("b_supply")], theta[at("b_exhaust")]
+        inlet = orifice_expression(opening("supply", u), b_s, m, p_supply, p, **law)
+        outlet = orifice_expression(opening("exhaust", -u), b_e, m, p, p_ext, **law)
+        return inlet - outlet
+
+    def expression_at(self, u: Any, p: Any, theta: Any, filling: Any, emptying: Any) -> Any:
+        """Return q_m [kg/s] with supply and exhaust at these ratios to the map's pressures."""
+        return self.expression(u, p, theta, self.p_supply * filling, self.p_ext * emptying)
+
+    def __call__(self, u: ArrayLike, p: ArrayLike, p_supply: ArrayLike | None = None) -> FloatArray:
+        """Return q_m [kg/s] at the fitted parameters; u [V], p [Pa], p_supply [Pa] broadcast."""
+        supply = self.p_supply if p_supply is None else p_supply
+        arrays = np.broadcast_arrays(*(np.asarray(a, dtype=float) for a in (u, p, supply)))
+        if not arrays[0].size:
+            return np.zeros(arrays[0].shape)
+        q = _evaluate(self._function, self.parameters.values, arrays)[0]
+        return q.reshape(arrays[0].shape)
+
+    def residuals(self, table: FlowMap) -> FloatArray:
+        """Return measured minus modelled flow [kg/s], shape (n,), at the table's supply."""
+        return table.q_m - self(table.u, table.p, table.p_supply)
+
+    def with_theta(self, theta: ArrayLike) -> "FlowISO6358":
+        """Return a copy with other parameters, shape (n,)."""
+        return replace(self, parameters=self.parameters.with_values(theta))
+
+    @property
+    def scale_sigma(self) -> float:
+        """Relative standard deviation of the flow scale: of all conductances together."""
+        conductance = [name.startswith(("k_", "C_leak_")) for name in self.parameters.names]
+        direction = np.where(conductance, self.parameters.values, 0.0)
+        return scale_sigma(direction, self.covariance, self.parameters.scales)
+
+    @property
+    def at_bound(self) -> tuple[str, ...]:
+        """Names of the parameters that the fit left at a bound: their variance is infinite."""
+        infinite = np.isinf(np.diag(self.covariance))
+        return tuple(name for name, bad in zip(self.parameters.names, infinite, strict=True) if bad)
+
+
+def fit_iso6358(
+    table: FlowMap,
+    *,
+    T: float = T_ANR,
+    laminar_ratio: float = LAMINAR_RATIO,
+    start: Parameters | None = None,
+) -> FlowISO6358:
+    """Fit the two edges of a three-way valve to a measured map by bounded least squares.
+
+    Parameters
+    ----------
+    table : FlowMap
+        Measured points on both sides of u = 0, with `p_supply` (one or one per point) and
+        `p_ext`.
+    T : float, optional
+        Supply temperature [K].
+    laminar_ratio : float, optional
+        See `orifice_expression`.
+    start : Parameters, optional
+        Start, bounds and scales; by default from the greatest flows of the map.
+
+    Raises
+    ------
+    CaseError
+        If a pressure is unknown or one side of the valve was not metered.
+    FitError
+        If the iteration stalls.
+    """
+    if table.p_supply is None or table.p_ext is None:
+        name = "p_supply" if table.p_supply is None else "p_ext"
+        raise CaseError(
+            f"{table.source}: `{name}` is unknown; ISO 6358 needs absolute supply and exhaust "
+            "pressures [Pa]: give them to the flow map"
+        )
+    if not (np.any(table.u > 0) and np.any(table.u < 0)):
+        raise CaseError(
+            f"{table.source}: commands from {table.u.min():g} to {table.u.max():g} V; both signs "
+            "are needed for both edges, use `fit_orifice` for one opening"
+        )
+    guess = _start(table, T) if start is None else start
+    shape = np.zeros((len(guess), len(guess)))
+    supply = float(np.mean(table.p_supply))
+    valve = FlowISO6358(
+        guess, shape, 0.0, table.p_range, table.u_range, supply, table.p_ext, T, laminar_ratio
+    )
+    points = np.broadcast_arrays(table.u, table.p, np.asarray(table.p_supply))
+    fitted, covariance, sigma = bounded_least_squares(
+        lambda theta: _evaluate(valve._function, theta, points)[0] - table.q_m,
+        lambda theta: _evaluate(valve._function, theta, points)[1].T,
+        guess,
+        table.q_max,
+    )
+    result = replace(valve, parameters=fitted, covariance=covariance, sigma=sigma)
+    if result.at_bound:
+        logger.info("%s: at a bound: %s", table.source, ", ".join(result.at_bound))
+    return result
+
+
+def _evaluate(
+    function: ca.Function, theta: FloatArray, points: Any
+) -> tuple[FloatArray, FloatArray]:
+    rows = [np.asarray(a, dtype=float).reshape(1, -1) for a in points]
+    q, jacobian = function(*rows, np.tile(theta[:, None], (1, rows[0].size)))
+    return np.asarray(q)[0], np.asarray(jacobian)
+
+
+def _start(table: FlowMap, T: float) -> Parameters:
+    supply = np.asarray(table.p_supply)
+    unit_flow = RHO_ANR * np.sqrt(T_ANR / T)
+    gains = {
+        "supply": np.max(table.q_m / supply) / (unit_flow * table.u_range[1]),
+        "exhaust": np.max(-table.q_m / table.p) / (unit_flow * -table.u_range[0]),
+    }
+    reach = max(np.abs(table.u_range))
+    items = []
+    for side, k in gains.items():
+        if not k > 0:
+            raise ModelError(
+                f"{table.source}: no flow through the {side} edge; is the sign of u reversed?"
+            )
+        C = k * reach
+        items += [
+            _parameter(f"k_{side}", k, "m³/(s Pa V)", (0.0, np.inf), k, "conductance gain"),
+            _parameter(f"u_0_{side}", 0.0, "V", (-reach, reach), 0.02 * reach, "opening point"),
+            _parameter(
+                f"w_{side}", 0.02 * reach, "V", (1e-4 * reach, reach), 0.02 * reach, "rounding"
+            ),
+            _parameter(
+                f"h_{side}", 0.01 / reach, "1/V", (0.0, 1e3 / reach), 0.1 / reach, "saturation"
+            ),
+            _parameter(f"C_leak_{side}", 0.01 * C, "m³/(s Pa)", (0.0, np.inf), 0.01 * C, "leakage"),
+            _parameter(f"b_{side}", 0.3, "1", (0.0, 0.95), 0.1, "critical pressure ratio"),
+        ]
+    return Parameters([*items, _parameter("m", 0.5, "1", (0.1, 2.0), 0.1, "subsonic index")])
+
+
+def _parameter(
+    name: str, value: float, unit: str, bounds: tuple[float, float], scale: float, what: str
+) -> Parameter:
+    return Parameter(name, value, unit, *bounds, scale=scale, description=what, source=SOURCE)

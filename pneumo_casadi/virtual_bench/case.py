@@ -1,0 +1,109 @@
+"""Cases for development and tests: a folder with nothing in it but what a bench would know."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+
+from pneumo_casadi.data import Case, Recording, write_case
+from pneumo_casadi.errors import CaseError
+from pneumo_casadi.virtual_bench.axis import BenchAxis, random_axis
+from pneumo_casadi.virtual_bench.effect import BenchEffect
+from pneumo_casadi.virtual_bench.experiment import Excitation, Experiment
+from pneumo_casadi.virtual_bench.forms import Asked, effects_for
+from pneumo_casadi.virtual_bench.running import metered_map, record
+
+#: What the axis does in the record to identify on, and in the one held out.
+IDENTIFY = Experiment.of("chirp_and_squares")
+VALIDATE = Experiment.of("multisine_and_steps")
+
+
+@dataclass(frozen=True, slots=True)
+class MadeCase:
+    """A case and what is true of it.
+
+    Parameters
+    ----------
+    case : Case
+        As written to its folder.
+    axis : BenchAxis
+        The axis without its hidden effects.
+    effects : tuple of BenchEffect
+        The labels.
+    """
+
+    case: Case
+    axis: BenchAxis
+    effects: tuple[BenchEffect, ...]
+
+    @property
+    def labels(self) -> dict[str, object]:
+        """What is true of the case, as plain data; it is nowhere in the folder.
+
+        The polytropic indices mean nothing where heat transfer takes their place.
+        """
+        return {
+            "effects": [effect.as_dict() for effect in self.effects],
+            "truth": dict(self.axis.truth),
+        }
+
+
+def make_case(
+    folder: str | Path,
+    seed: int,
+    effects: Mapping[str, Asked] = MappingProxyType({}),
+    *,
+    fs: float = 1000.0,
+    duration: float = 20.0,
+    identify: Experiment | Excitation = IDENTIFY,
+    validate: Experiment | Excitation = VALIDATE,
+    axis: BenchAxis | None = None,
+) -> MadeCase:
+    """Record a random axis with hidden effects and write the case folder.
+
+    Parameters
+    ----------
+    folder : path
+        Folder to make.
+    seed : int
+        Of axis, sizes, references and noise: equal seeds give equal files.
+    effects : mapping, optional
+        Severity, or quantities [SI], by name of the effect; none by default.
+    fs, duration : float, optional
+        Sampling frequency [Hz] and length of each record [s].
+    identify, validate : Experiment or Excitation, optional
+        What the axis does in either record.
+    axis : BenchAxis, optional
+        Instead of a random one.
+
+    Returns
+    -------
+    MadeCase
+        The case and its labels, which are not written into the folder.
+
+    Raises
+    ------
+    CaseError
+        If the folder is not empty, or duration and frequency make no record.
+    ModelError
+        If an effect, severity or quantity is unknown.
+    """
+    if not (fs > 0 and duration * fs >= 2):
+        raise CaseError(f"{folder}: {duration:g} s at {fs:g} Hz is no record; give at least 2 rows")
+    axis = axis or random_axis(seed)
+    hidden = effects_for(axis, effects, seed)
+
+    def recorded(experiment: Experiment | Excitation, name: str, number: int) -> Recording:
+        return record(axis, experiment, hidden, fs, duration, 10 * seed + number, name)
+
+    rng = np.random.default_rng([seed, 6])
+    case = write_case(
+        folder,
+        axis.described(fs, axis.M * rng.uniform(0.97, 1.03)),
+        [recorded(identify, "identify", 1)],
+        [recorded(validate, "validate", 2)],
+        metered_map(axis, hidden, seed),
+    )
+    return MadeCase(case, axis, hidden)

@@ -1,0 +1,201 @@
+"""What an effect of the bench is: physical sizes, three severities, and where it hides."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from types import MappingProxyType
+
+import numpy as np
+
+from pneumo_casadi.errors import ModelError
+from pneumo_casadi.virtual_bench.axis import BenchAxis
+from pneumo_casadi.virtual_bench.kernels.gas import RHO_0
+
+
+class Severity(Enum):
+    """How much of an effect."""
+
+    SMALL = "small"
+    MEDIUM = "medium"
+    LARGE = "large"
+
+
+@dataclass(frozen=True, slots=True)
+class Size:
+    """One physical quantity of an effect.
+
+    Parameters
+    ----------
+    name : str
+        Symbol.
+    unit : str
+        SI unit.
+    values : tuple of float
+        Small, medium and large, in multiples of `scale`.
+    scale : str
+        Key of `scales`: what of the axis it goes with; ``"1"`` for absolute values.
+    off : float
+        Value at which the effect is not there.
+    signed : bool
+        Whether nature may choose the sign.
+    description : str
+        What it is.
+    """
+
+    name: str
+    unit: str
+    values: tuple[float, float, float]
+    scale: str = "1"
+    off: float = 0.0
+    signed: bool = False
+    description: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class EffectForm:
+    """One effect as the bench has it.
+
+    Parameters
+    ----------
+    name : str
+        As in the catalogue of effects, where it is listed there.
+    equation : str
+        The bench's own form.
+    sizes : tuple of Size
+        Its quantities.
+    absorbed_by : tuple of str
+        Parameters of the nominal model in which a fit may hide it; empty where none can.
+    note : str
+        What data can show of it.
+    listed : bool
+        Whether the catalogue of effects has it: a diagnosis that meets one that is not there
+        must say that it does not know.
+    metered : bool
+        Whether it belongs to the shape of the valve, so that the flow map shows it.
+    step : float
+        Longest time step with which it is integrated [s].
+    """
+
+    name: str
+    equation: str
+    sizes: tuple[Size, ...]
+    absorbed_by: tuple[str, ...] = ()
+    note: str = ""
+    listed: bool = True
+    metered: bool = False
+    step: float = 1e-4
+
+
+@dataclass(frozen=True, slots=True)
+class BenchEffect:
+    """An effect of a certain size: the label of a recording.
+
+    Parameters
+    ----------
+    form : EffectForm
+        Its form.
+    parameters : mapping of str to float
+        Its quantities [SI].
+    severity : Severity or None
+        None where the quantities were given by hand.
+    """
+
+    form: EffectForm
+    parameters: Mapping[str, float]
+    severity: Severity | None = None
+
+    @property
+    def name(self) -> str:
+        """Name of the effect."""
+        return self.form.name
+
+    def as_dict(self) -> dict[str, object]:
+        """Return the label as plain data."""
+        units = {size.name: size.unit for size in self.form.sizes}
+        return {
+            "name": self.name,
+            "severity": None if self.severity is None else self.severity.value,
+            "parameters": {
+                name: {"value": value, "unit": units[name]}
+                for name, value in self.parameters.items()
+            },
+            "equation": self.form.equation,
+            "listed": self.form.listed,
+            "absorbed_by": list(self.form.absorbed_by),
+            "note": self.form.note,
+        }
+
+
+def scales(axis: BenchAxis) -> Mapping[str, float]:
+    """Return the quantities of an axis with which effects are sized [SI].
+
+    ``F_c`` mean Coulomb friction, ``M`` mass, ``l`` stroke, ``C`` conductance of a supply edge
+    opened by 1 V, ``q`` its choked flow, and quotients of these.
+    """
+    F_c = (axis.F_c_plus + axis.F_c_minus) / 2
+    C = axis.valve.k_supply
+    q = C * axis.p_supply * RHO_0
+    return {
+        "1": 1.0,
+        "F_c": F_c,
+        "M": axis.M,
+        "l": axis.stroke,
+        "F_c/l": F_c / axis.stroke,
+        "C": C,
+        "q": q,
+        "q/p": q / axis.p_supply,
+    }
+
+
+def sized(
+    form: EffectForm, severity: Severity, axis: BenchAxis, seed: int | None = None
+) -> BenchEffect:
+    """Return an effect at a severity.
+
+    Parameters
+    ----------
+    form : EffectForm
+        Which.
+    severity : Severity
+        How much.
+    axis : BenchAxis
+        Whose scales count.
+    seed : int, optional
+        Where given, sizes are scattered by up to 20 % and signs are drawn.
+    """
+    # Named in the seed, so that an effect is the same whatever else there is.
+    rng = None if seed is None else np.random.default_rng([seed, 2, *form.name.encode()])
+    column = list(Severity).index(severity)
+    known = scales(axis)
+    parameters = {}
+    for size in form.sizes:
+        value = size.values[column] * known[size.scale]
+        if rng is not None:
+            value *= float(np.exp(rng.uniform(-0.18, 0.18)))
+            if size.signed and rng.random() < 0.5:
+                value = -value
+        parameters[size.name] = value
+    return BenchEffect(form, MappingProxyType(parameters), severity)
+
+
+def by_hand(form: EffectForm, parameters: Mapping[str, float], axis: BenchAxis) -> BenchEffect:
+    """Return an effect with given quantities [SI], those not named at their medium values.
+
+    Raises
+    ------
+    ModelError
+        If a quantity is unknown.
+    """
+    medium = sized(form, Severity.MEDIUM, axis)
+    unknown = sorted(parameters.keys() - medium.parameters.keys())
+    if unknown:
+        raise ModelError(
+            f"{form.name}: no quantity {', '.join(unknown)}; there are "
+            f"{', '.join(medium.parameters)}"
+        )
+    return BenchEffect(form, MappingProxyType({**medium.parameters, **parameters}))
+
+
+def longest_step(effects: Sequence[BenchEffect]) -> float:
+    """Return the longest time step that all effects bear [s]."""
+    return min([1e-4, *(effect.form.step for effect in effects)])

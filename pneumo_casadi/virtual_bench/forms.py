@@ -1,0 +1,72 @@
+"""All effects that the bench has, and how they are asked for."""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from pneumo_casadi.errors import ModelError
+from pneumo_casadi.virtual_bench import chambers_and_sensors, forces, valves
+from pneumo_casadi.virtual_bench.axis import BenchAxis
+from pneumo_casadi.virtual_bench.effect import BenchEffect, EffectForm, Severity, by_hand, sized
+
+#: By name: first those that the catalogue of effects lists, then those that it does not.
+FORMS: Mapping[str, EffectForm] = MappingProxyType(
+    {
+        form.name: form
+        for form in (
+            *forces.FORMS,
+            *valves.FORMS,
+            *chambers_and_sensors.FORMS,
+            *chambers_and_sensors.UNLISTED,
+        )
+    }
+)
+
+#: What may be asked of an effect: a severity, or quantities [SI] by name.
+Asked = Severity | str | Mapping[str, float]
+
+
+def effects_for(
+    axis: BenchAxis, asked: Mapping[str, Asked], seed: int | None = None
+) -> tuple[BenchEffect, ...]:
+    """Return the effects asked for.
+
+    Parameters
+    ----------
+    axis : BenchAxis
+        Whose scales count.
+    asked : mapping
+        By name of the effect: a `Severity` or its value, or quantities [SI] by name.
+    seed : int, optional
+        Where given, sizes at a severity are scattered by up to 20 % and signs are drawn.
+
+    Raises
+    ------
+    ModelError
+        If an effect, a severity or a quantity is unknown.
+
+    Examples
+    --------
+    >>> from pneumo_casadi.virtual_bench import random_axis
+    >>> (found,) = effects_for(random_axis(1), {"backlash": "medium"})
+    >>> found.parameters["gap"], found.form.listed
+    (0.0004, True)
+    """
+    found = []
+    for name, wanted in asked.items():
+        if name not in FORMS:
+            raise ModelError(f"the bench has no effect {name!r}; there are {', '.join(FORMS)}")
+        form = FORMS[name]
+        if isinstance(wanted, Mapping):
+            found.append(by_hand(form, wanted, axis))
+        else:
+            found.append(sized(form, severity_of(wanted), axis, seed))
+    return tuple(found)
+
+
+def severity_of(wanted: Severity | str) -> Severity:
+    """Return the severity of that name."""
+    try:
+        return Severity(wanted)
+    except ValueError:
+        known = ", ".join(severity.value for severity in Severity)
+        raise ModelError(f"no severity {wanted!r}; there are {known}") from None

@@ -1,0 +1,124 @@
+"""Forces on the piston, set-valued Coulomb friction and bristles."""
+
+from math import cos, exp, inf, pi, sin, sqrt
+from typing import Any
+
+from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.virtual_bench.kernels.jit import kernel
+from pneumo_casadi.virtual_bench.kernels.layout import BRISTLES, FREE, V_2, X_2, V, X
+
+#: Slip distances of the bristles, in their mean.
+SPREAD = (0.4, 0.8, 1.2, 1.6)
+#: Damping ratio of the piston on unyielding bristles, and velocity at which it fades [m/s]; their
+#: joint stiffness in levels per mean slip distance.
+DAMPING, FADING, STIFFNESS = 0.3, 2e-3, 1.302
+
+
+@kernel
+def applied_force(t: float, y: FloatArray, p_P: float, p_N: float, par: Any) -> Any:
+    """Return all force on the piston but Coulomb friction [N], and its part from gas pressure."""
+    x, v = y[X], y[V]
+    gas = par.S_P * p_P - par.S_N * p_N - (par.S_P - par.S_N) * par.p_ext
+    F = gas - par.f_v * v + par.constant_force_F_0
+    if par.quadratic_drag_c > 0.0:
+        F -= par.quadratic_drag_c * abs(v) ** 0.8 * v
+    if par.spring_load_k != 0.0:  # stiffens towards the ends
+        F -= par.spring_load_k * x * (1.0 + 0.5 * (x / par.half) ** 2)
+    if par.elastic_load_m_2 > 0.0:
+        omega = 2.0 * pi * par.elastic_load_f
+        pull = omega * omega * (y[X_2] - x) + 2.0 * par.elastic_load_zeta * omega * (y[V_2] - v)
+        F += par.elastic_load_m_2 * pull
+    if par.cogging_A > 0.0:
+        F += par.cogging_A * sin(2.0 * pi * x / par.cogging_pitch)
+    if par.vibration_A > 0.0:
+        F += par.vibration_A * sin(2.0 * pi * par.vibration_f * t)
+    return F, gas
+
+
+@kernel
+def piston_mass(par: Any) -> Any:
+    """Return the mass that moves rigidly with the piston [kg]."""
+    return par.M - par.elastic_load_m_2
+
+
+@kernel
+def load_rates(y: FloatArray, dy: FloatArray, par: Any) -> None:
+    """Fill the rates of the second mass."""
+    if par.elastic_load_m_2 > 0.0:
+        omega = 2.0 * pi * par.elastic_load_f
+        dy[X_2] = y[V_2]
+        dy[V_2] = -omega * omega * (y[X_2] - y[X]) - 2.0 * par.elastic_load_zeta * omega * (
+            y[V_2] - y[V]
+        )
+
+
+@kernel
+def friction_levels(y: FloatArray, p_P: float, p_N: float, par: Any) -> Any:
+    """Return the Coulomb friction against motion up and down [N], neither negative."""
+    more = 0.0
+    if par.stribeck_delta_F > 0.0:
+        decay = (abs(y[V]) / par.stribeck_v_s) ** par.stribeck_exponent
+        more += par.stribeck_delta_F * exp(-decay)
+    if par.pressure_friction_F > 0.0:  # lip seals: pressed on by the pressure behind each lip
+        full = 2.0 * (par.p_supply - par.p_ext)
+        share = max(p_P + p_N - 2.0 * par.p_ext, 0.0) / full
+        more += par.pressure_friction_F * share**0.9
+    more += par.position_friction_slope * y[X]
+    if par.position_friction_height != 0.0:  # a raised cosine where the catalogue has a Gaussian
+        away = abs(y[X] - par.position_friction_centre) / (2.0 * par.position_friction_width)
+        if away < 1.0:
+            more += par.position_friction_height * (1.0 + cos(pi * away)) / 2.0
+    return max(par.F_c_plus + more, 0.0), max(par.F_c_minus + more, 0.0)
+
+
+@kernel
+def bristle_share(x: float, bristles: FloatArray, par: Any) -> Any:
+    """Return the friction as a share of its level, between -1 and 1.
+
+    Elasto-plastic elements in parallel (Iwan 1966); exact for motion without reversal since the
+    deflections were last written.
+    """
+    moved = x - bristles[BRISTLES]
+    share = 0.0
+    for i in range(BRISTLES):
+        slip = SPREAD[i] * par.presliding_distance
+        share += min(max(bristles[i] + moved, -slip), slip) / (slip * BRISTLES)
+    return share
+
+
+@kernel
+def write_bristles(x: float, bristles: FloatArray, par: Any) -> None:
+    """Move the deflections to the position x [m]."""
+    moved = x - bristles[BRISTLES]
+    for i in range(BRISTLES):
+        slip = SPREAD[i] * par.presliding_distance
+        bristles[i] = min(max(bristles[i] + moved, -slip), slip)
+    bristles[BRISTLES] = x
+
+
+@kernel
+def friction(
+    mode: int, up: float, down: float, y: FloatArray, bristles: FloatArray, par: Any
+) -> Any:
+    """Return the friction force on the moving piston [N], positive against motion up."""
+    if mode != FREE:
+        return up if mode > 0 else -down
+    level, v = (up + down) / 2.0, y[V]
+    bent = bristle_share(y[X], bristles, par) * level + (up - down) / 2.0
+    stiffness = STIFFNESS * level / par.presliding_distance
+    damping = 2.0 * DAMPING * sqrt(stiffness * piston_mass(par))
+    return bent + damping * v * exp(-((v / FADING) ** 2))
+
+
+@kernel
+def holding_limits(y: FloatArray, p_P: float, p_N: float, bristles: FloatArray, par: Any) -> Any:
+    """Return the forces up and down that the piston at rest withstands [N]; end stops all."""
+    up, down = friction_levels(y, p_P, p_N, par)
+    if par.presliding_distance > 0.0:  # only the stops hold: bristles give way at once
+        drag = friction(FREE, up, down, y, bristles, par)
+        up, down = drag, -drag
+    if y[X] >= par.half:
+        up = inf
+    if y[X] <= -par.half:
+        down = inf
+    return up, down

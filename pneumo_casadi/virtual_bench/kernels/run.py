@@ -1,0 +1,103 @@
+"""The loop of samples: sense, control, hold, integrate."""
+
+from math import isfinite
+from typing import Any
+
+import numpy as np
+
+from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.virtual_bench.kernels.gas import GAMMA, volumes
+from pneumo_casadi.virtual_bench.kernels.jit import entry, kernel
+from pneumo_casadi.virtual_bench.kernels.layout import (
+    BRISTLES,
+    CELLS,
+    FREE,
+    GAS_N,
+    GAS_P,
+    HELD,
+    LINE_N,
+    LINE_P,
+    MASS_N,
+    MASS_P,
+    P_EXHAUST,
+    P_SUPPLY,
+    SIZE,
+    TAP_N,
+    TAP_P,
+    X_2,
+    V,
+    X,
+)
+from pneumo_casadi.virtual_bench.kernels.sensors import MEMORY, observe, quantised, settle
+from pneumo_casadi.virtual_bench.kernels.step import advance
+from pneumo_casadi.virtual_bench.kernels.valve import spool_targets
+
+
+@kernel
+def initial_state(x: float, p_P: float, p_N: float, par: Any) -> Any:
+    """Return the state (SIZE,) at rest at x [m] with the chambers at p_P and p_N [Pa]."""
+    y = np.zeros(SIZE)
+    y[X], y[X_2] = x, x
+    y[GAS_P], y[GAS_N] = p_P, p_N
+    if par.heat_transfer_tau > 0.0:
+        V_P, V_N = volumes(y, par)
+        y[GAS_P], y[GAS_N] = p_P * V_P / (GAMMA - 1.0), p_N * V_N / (GAMMA - 1.0)
+        y[MASS_P], y[MASS_N] = p_P * V_P / (par.r * par.T), p_N * V_N / (par.r * par.T)
+    y[P_SUPPLY], y[P_EXHAUST] = par.p_supply, par.p_ext
+    y[TAP_P], y[TAP_N] = p_P, p_N
+    y[LINE_P : LINE_P + CELLS] = p_P
+    y[LINE_N : LINE_N + CELLS] = p_N
+    return y
+
+
+@kernel
+def control(
+    shown: FloatArray, noise: FloatArray, x_ref: float, common: float, par: Any, row: FloatArray
+) -> None:
+    """Fill a row (u_P, u_N, p_P, p_N, x): what is sampled, and what the controller makes of it."""
+    row[2] = quantised(shown[0] + noise[0], par.p_quantum)
+    row[3] = quantised(shown[1] + noise[1], par.p_quantum)
+    row[4] = quantised(shown[2] + noise[2], par.x_quantum)
+    u = par.gain * (x_ref - row[4])
+    for valve in range(2):
+        wanted = (u if valve == 0 else -u) + common
+        row[valve] = quantised(min(max(wanted, -par.u_max), par.u_max), par.u_quantum)
+
+
+@entry
+def run(
+    par: Any, start: FloatArray, x_ref: FloatArray, common: FloatArray, noise: FloatArray,
+    dt: float, steps: int, settling: int, rows: FloatArray, states: FloatArray, modes: FloatArray,
+) -> None:  # fmt: skip
+    """Run the axis under its controller.
+
+    `start` is (x, p_P, p_N); x_ref, common (N,) and noise (N, 3) belong to the samples, `dt` [s]
+    apart and `steps` steps each. The loop runs `settling` samples on the first reference before
+    the record. Fills rows (N, ROW), and states (N, SIZE) and modes (N,) where they have rows.
+    """
+    h = dt / steps
+    y = initial_state(start[0], start[1], start[2], par)
+    bristles, work = np.zeros(BRISTLES + 1), np.zeros((4, SIZE))
+    bristles[BRISTLES] = y[X]
+    past = np.zeros(int(par.position_delay_T / h) + 3)
+    memory, shown, row = np.zeros(MEMORY), np.zeros(3), np.zeros(rows.shape[1])
+    plays, target, quiet = np.zeros((2, 3)), np.zeros(2), np.zeros(3)
+    mode = FREE if par.presliding_distance > 0.0 else HELD
+    settle(y, par, memory, past)
+    now = 0
+    observe(y, par, memory, past, now, h, shown)
+    for k in range(-settling, x_ref.size):
+        j = max(k, 0)
+        control(shown, noise[k] if k >= 0 else quiet, x_ref[j], common[j], par, row)
+        if k >= 0:
+            rows[k] = row
+        if 0 <= k < states.shape[0]:
+            states[k] = y
+            modes[k] = mode
+        spool_targets(k * dt, row[:2], plays, target, par)
+        for i in range(steps):
+            mode = advance(k * dt + i * h, h, y, par, mode, target, bristles, work)
+            now += 1
+            observe(y, par, memory, past, now, h, shown)
+        if not isfinite(y[V]):
+            break

@@ -1,0 +1,89 @@
+"""What the sensors show: play, delay, filters, errors, noise, quantisation."""
+
+from math import exp, pi, sin
+from typing import Any
+
+from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.virtual_bench.kernels.gas import gas_states
+from pneumo_casadi.virtual_bench.kernels.jit import kernel
+from pneumo_casadi.virtual_bench.kernels.layout import TAP_N, TAP_P, X
+
+#: Slots of a sensor's memory: carriage of the position sensor [m], then for the channels P, N
+#: and x the input of the filter and the outputs of its two stages.
+CARRIAGE, CHANNEL, MEMORY = 0, 1, 10
+
+
+@kernel
+def sensed(y: FloatArray, par: Any, memory: FloatArray, past: FloatArray, now: int) -> Any:
+    """Return what arrives at the filters (p_P, p_N [Pa], x [m]); moves the play, keeps the past.
+
+    `past` is a ring of positions, one a step, `now` the number of this step.
+    """
+    p_P, _, p_N, _ = gas_states(y, par)
+    if par.pressure_sensor_lag_tau > 0.0:
+        p_P, p_N = y[TAP_P], y[TAP_N]
+    cross = par.pressure_crosstalk_share * (p_P - p_N)
+    p_P, p_N = p_P - cross, p_N + cross
+    half = par.backlash_gap / 2.0
+    memory[CARRIAGE] = min(max(memory[CARRIAGE], y[X] - half), y[X] + half)
+    x = memory[CARRIAGE]
+    if par.position_nonlinearity_A > 0.0:
+        x += par.position_nonlinearity_A * sin(2.0 * pi * x / par.position_nonlinearity_pitch)
+    past[now % past.size] = x
+    return p_P + par.pressure_sensor_bias_P, p_N + par.pressure_sensor_bias_N, x
+
+
+@kernel
+def delayed(past: FloatArray, now: int, steps: float) -> Any:
+    """Return the position `steps` steps ago [m]; between two of them on the straight line."""
+    whole = int(steps)
+    part = steps - whole
+    one, two = past[(now - whole) % past.size], past[(now - whole - 1) % past.size]
+    return (1.0 - part) * one + part * two
+
+
+@kernel
+def filter_step(value: float, at: int, memory: FloatArray, h: float, tau: float) -> Any:
+    """Pass a value through two equal lags, exact for an input that runs straight; return it."""
+    if tau <= 0.0:
+        return value
+    a = exp(-h / tau)
+    slope = value - memory[at]
+    new = a * memory[at + 1] + (1.0 - a) * memory[at] + slope * (1.0 - (1.0 - a) * tau / h)
+    before = memory[at + 1]
+    last = a * memory[at + 2] + (1.0 - a) * before
+    last += (new - before) * (1.0 - (1.0 - a) * tau / h)
+    memory[at], memory[at + 1], memory[at + 2] = value, new, last
+    return last
+
+
+@kernel
+def quantised(value: float, quantum: float) -> Any:
+    """Return the nearest multiple of the quantum; the value where there is none."""
+    return round(value / quantum) * quantum if quantum > 0.0 else value
+
+
+@kernel
+def observe(
+    y: FloatArray, par: Any, memory: FloatArray, past: FloatArray, now: int, h: float,
+    shown: FloatArray,
+) -> None:  # fmt: skip
+    """Fill what the filters give (3,), one step h [s] after the last time."""
+    p_P, p_N, x = sensed(y, par, memory, past, now)
+    if par.position_delay_T > 0.0:
+        x = delayed(past, now, par.position_delay_T / h)
+    shown[0] = filter_step(p_P, CHANNEL, memory, h, par.sensor_tau)
+    shown[1] = filter_step(p_N, CHANNEL + 3, memory, h, par.sensor_tau)
+    shown[2] = filter_step(x, CHANNEL + 6, memory, h, par.sensor_tau)
+
+
+@kernel
+def settle(y: FloatArray, par: Any, memory: FloatArray, past: FloatArray) -> None:
+    """Start the sensors as if the axis had stood where it stands."""
+    memory[CARRIAGE] = y[X]
+    past[:] = y[X]
+    p_P, p_N, x = sensed(y, par, memory, past, 0)
+    past[:] = x
+    memory[CHANNEL : CHANNEL + 3] = p_P
+    memory[CHANNEL + 3 : CHANNEL + 6] = p_N
+    memory[CHANNEL + 6 : CHANNEL + 9] = x

@@ -1,0 +1,277 @@
+"""Every way a case is spoilt in practice ends in an error that says where, what and what to do."""
+
+import gzip
+import re
+
+import pytest
+
+from pneumo_casadi.data import load_case
+from pneumo_casadi.errors import CaseError
+
+COLUMNS = ["t_s", "u_P_V", "u_N_V", "p_P_Pa", "p_N_Pa", "x_m", "x_ref_m"]
+
+
+def cells(change, rows=slice(None)):
+    """A change of lines that applies `change` to the cells of some rows (by column name)."""
+
+    def apply(lines):
+        header, body = lines[0], [line.split(",") for line in lines[1:]]
+        for row in body[rows]:
+            named = dict(zip(COLUMNS, row, strict=True))
+            change(named)
+            row[:] = [str(named[name]) for name in COLUMNS]
+        return [header, *(",".join(row) for row in body)]
+
+    return apply
+
+
+def scaled(scale, *names):
+    def change(row):
+        for name in names:
+            row[name] = float(row[name]) * scale
+
+    return change
+
+
+def setting(name, value):
+    def change(row):
+        row[name] = value
+
+    return change
+
+
+def swapped(a, b):
+    def change(row):
+        row[a], row[b] = row[b], row[a]
+
+    return change
+
+
+def shifted(name, offset):
+    def change(row):
+        row[name] = float(row[name]) + offset
+
+    return change
+
+
+ROW = slice(1233, 1234)  # row 1234, line 1235
+AT = r"identify\.csv: row 1234 \(line 1235\)"
+SPOILT = {
+    "pressure in bar": (
+        cells(scaled(1e-5, "p_P_Pa", "p_N_Pa")),
+        r"identify\.csv: row 1 \(line 2\): `p_P`: expected absolute Pa .* got 4\.\d+ .*in bar",
+    ),
+    "pressure in kPa": (cells(scaled(1e-3, "p_N_Pa")), r"row 1 \(line 2\): `p_N`.*Pa.*kPa"),
+    "gauge pressure below ambient": (
+        cells(lambda row: row.update(p_P_Pa=float(row["p_P_Pa"]) * 0.2)),
+        r"`p_P`: expected absolute Pa.*below the ambient.*is it in gauge Pa\?",
+    ),
+    "a pressure spike": (
+        cells(setting("p_N_Pa", 2e6), ROW),
+        AT + r": `p_N`: expected absolute Pa .* got 2e\+06 .*1 of 4000 rows\); cut these rows out",
+    ),
+    "position in mm": (
+        cells(scaled(1e3, "x_m", "x_ref_m")),
+        r"row \d+ \(line \d+\): `x`: expected m .* got .*stroke exceeded.*is it in mm",
+    ),
+    "position from the end of the stroke": (
+        cells(shifted("x_m", 0.25)),
+        r"`x`: expected m from mid-stroke.*subtract l/2",
+    ),
+    "stroke exceeded": (
+        cells(setting("x_m", 0.31), ROW),
+        AT + r": `x`: expected m .*-0\.25\d* and 0\.25\d*, got 0\.31 \(stroke exceeded; 1 of 4000",
+    ),
+    "command in mV": (cells(scaled(1e3, "u_P_V")), r"`u_P`: expected V .*u_max.*is it in mV\?"),
+    "command beyond u_max": (
+        cells(setting("u_P_V", 5.5), ROW),
+        AT + r": `u_P`: expected V between -5\.\d* and 5\.\d*, got 5\.5 .*cut these rows out",
+    ),
+    "NaN": (
+        cells(setting("p_P_Pa", "nan"), ROW),
+        AT + r": `p_P` \[Pa\] is nan \(1 of 4000 rows\); cut",
+    ),
+    "an empty cell": (cells(setting("x_m", ""), ROW), AT + r": `x` \[m\] is nan"),
+    "infinity": (cells(setting("x_m", "inf"), ROW), AT + r": `x` \[m\] is inf"),
+    "text in a cell": (
+        cells(setting("u_N_V", "0.1 V"), ROW),
+        AT + r", column `u_N_V`: '0\.1 V' is no number; write plain numbers",
+    ),
+    "a cell too many": (
+        lambda lines: [*lines[:1234], lines[1234] + ",7", *lines[1235:]],
+        AT + r" has 8 cells, line 1 names 7 columns",
+    ),
+    "decimal commas": (
+        lambda lines: [lines[0], *(line.replace(".", ",") for line in lines[1:])],
+        r"row 1 \(line 2\) has more cells .*point in numbers",
+    ),
+    "semicolons": (
+        lambda lines: [line.replace(",", ";") for line in lines],
+        r"line 1 separates columns by semicolon.*use commas",
+    ),
+    "an empty line": (
+        lambda lines: [*lines[:1234], "", *lines[1234:]],
+        AT + r": `t` \[s\] is nan",
+    ),
+    "a missing column": (
+        lambda lines: [",".join(line.split(",")[:4] + line.split(",")[5:]) for line in lines],
+        r"identify\.csv: no column `p_N_Pa`; it has .*`p_P`.*add the column",
+    ),
+    "no time": (
+        lambda lines: [line.partition(",")[2] for line in lines],
+        r"no column `t_s`; the file has u_P_V",
+    ),
+    "a column in another unit": (
+        lambda lines: [lines[0].replace("p_P_Pa", "p_P_bar"), *lines[1:]],
+        r"column `p_P_bar` is in bar, expected `p_P_Pa`; convert it, or .*scale=100000",
+    ),
+    "a column named twice": (
+        lambda lines: [lines[0].replace("p_P_Pa", "p_N_Pa"), *lines[1:]],
+        r"line 1 names column p_N_Pa twice; remove one",
+    ),
+    "swapped pressures": (
+        cells(swapped("p_P_Pa", "p_N_Pa")),
+        r"rows 1 to 4000: .*`p_P_Pa` and `p_N_Pa` \(chambers P and N\) swapped\?",
+    ),
+    "swapped commands": (
+        cells(swapped("u_P_V", "u_N_V")),
+        r"`u_P_V` and `u_N_V` swapped, or the valves reversed\?",
+    ),
+    "a position that counts the wrong way": (
+        cells(scaled(-1.0, "x_m", "x_ref_m")),
+        r"does `x_m` count the wrong way\?",
+    ),
+    "a dead sensor": (
+        cells(setting("p_P_Pa", "400000")),
+        r"row 1 \(line 2\): `p_P` stays at 400000 Pa in all 4000 rows: a dead sensor",
+    ),
+    "a sensor that freezes": (
+        cells(setting("p_N_Pa", "500000"), slice(1233, None)),
+        AT + r": `p_N` stays at 500000 Pa for 2767 rows although its noise is 150 Pa: a frozen",
+    ),
+    "lost samples": (
+        lambda lines: lines[:1234] + lines[1237:],
+        AT + r": `t` jumps from 1\.232 s to 1\.236 s: 3 samples of 0\.001 s are lost; cut",
+    ),
+    "a repeated sample": (
+        lambda lines: [*lines[:1234], lines[1233], *lines[1234:]],
+        AT + r": `t` repeats 1\.232 s; remove",
+    ),
+    "time that runs backward": (
+        lambda lines: [*lines[:1234], *lines[1000:]],
+        AT + r": `t` runs backward from 1\.232 s to 0\.999 s; remove",
+    ),
+    "a clock that stutters": (
+        cells(shifted("t_s", 0.0003), slice(1233, None)),
+        AT + r": `t` steps by 0\.0013 s where 0\.001 s is usual: the clock is irregular",
+    ),
+    "time in ms": (cells(scaled(1e3, "t_s")), r"bench samples at 1000 Hz; is `t` in ms\?"),
+    "another sampling frequency": (
+        cells(scaled(1.01, "t_s")),
+        r"990\.099 Hz, but the bench samples at 1000 Hz; correct `t` or .*`sampling_frequency`",
+    ),
+    "a header alone": (lambda lines: lines[:1], r"identify\.csv: the file has no rows of data"),
+    "too few rows": (lambda lines: lines[:30], r"identify\.csv: 29 rows, fewer than 50"),
+    "a last line cut short": (
+        lambda lines: [*lines[:-1], lines[-1][:20]],
+        r"row 4000 \(line 4001\), the last one, ends before column `x_ref_m`: .*cut short",
+    ),
+}
+
+
+def test_a_good_case_loads_without_a_note(case_folder):
+    case = load_case(case_folder())
+    assert case.notes == () and case.identify[0].N == 4000 and case.validate == ()
+
+
+@pytest.mark.parametrize("name", SPOILT)
+def test_spoilt_data_are_refused_with_place_value_unit_and_remedy(case_folder, name):
+    change, message = SPOILT[name]
+    folder = case_folder(change)
+    with pytest.raises(CaseError, match=message) as caught:
+        load_case(folder)
+    assert str(folder / "identify.csv") in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_swapped_areas_are_told_by_the_mean_effort(case_folder):
+    folder = case_folder()
+    text = (folder / "bench.json").read_text()
+    text = text.replace("S_P_m2", "S_?").replace("S_N_m2", "S_P_m2").replace("S_?", "S_N_m2")
+    (folder / "bench.json").write_text(text)
+    with pytest.raises(CaseError, match=r"`S_P` = 0\.000603 m² and `S_N` = 0\.000875 m².*swapped"):
+        load_case(folder)
+
+
+def test_gauge_pressures_within_range_are_noted(case_folder):
+    def gauge(row):
+        for name in ("p_P_Pa", "p_N_Pa"):
+            row[name] = float(row[name]) - 1e5
+
+    (note,) = load_case(case_folder(cells(gauge))).notes
+    assert re.search(r"mean effort is .* if the pressures are gauge; give absolute", note)
+
+
+def test_a_command_that_breaks_the_control_law_is_noted(case_folder):
+    notes = load_case(case_folder(cells(setting("u_N_V", 1.5), ROW))).notes
+    assert len(notes) == 1 and re.search(AT + r": `u_N` = 1\.5 V is not −`u_P`", notes[0])
+
+
+def test_checks_can_be_left_out(case_folder):
+    case = load_case(case_folder(cells(scaled(1e-5, "p_P_Pa"))), check=False)
+    assert case.identify[0]["p_P"].max() < 10
+
+
+def test_an_empty_file_is_named(case_folder):
+    folder = case_folder()
+    (folder / "identify.csv").write_bytes(b"")
+    with pytest.raises(CaseError, match=r"identify\.csv: the file is empty \(0 bytes\); copy"):
+        load_case(folder)
+
+
+def test_a_compressed_file_cut_short_is_named(case_folder, good_text):
+    folder = case_folder()
+    (folder / "identify.csv").unlink()
+    whole = gzip.compress(good_text.encode())
+    (folder / "identify.csv.gz").write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(CaseError, match=r"identify\.csv\.gz: the compressed file is cut short"):
+        load_case(folder)
+
+
+def test_a_file_that_only_claims_to_be_compressed_is_named(case_folder, good_text):
+    folder = case_folder()
+    (folder / "identify.csv").rename(folder / "identify.csv.gz")
+    with pytest.raises(CaseError, match=r"identify\.csv\.gz: the compressed file is .* damaged"):
+        load_case(folder)
+
+
+def test_a_last_number_cut_short_does_not_pass_for_another_number(case_folder, good_text):
+    folder = case_folder()
+    (folder / "identify.csv").write_text(good_text[:-4])
+    with pytest.raises(CaseError, match=r"line 4001, the last one, .*fewer decimals.*cut short"):
+        load_case(folder)
+
+
+def test_a_missing_final_newline_alone_is_no_fault(case_folder, good_text):
+    folder = case_folder()
+    (folder / "identify.csv").write_text(good_text[:-1])
+    assert load_case(folder).identify[0].N == 4000
+
+
+def test_a_folder_without_a_record_says_what_to_add(case_folder):
+    folder = case_folder()
+    (folder / "identify.csv").unlink()
+    with pytest.raises(CaseError, match=r"no record to identify on; add identify\.csv\.gz"):
+        load_case(folder)
+
+
+def test_a_record_in_two_formats_is_refused(case_folder, good_text):
+    folder = case_folder()
+    (folder / "identify.csv.gz").write_bytes(gzip.compress(good_text.encode()))
+    with pytest.raises(CaseError, match="record identify stands there in two formats"):
+        load_case(folder)
+
+
+def test_a_missing_folder_is_named(tmp_path):
+    with pytest.raises(CaseError, match=r"nowhere: no such folder"):
+        load_case(tmp_path / "nowhere")

@@ -1,0 +1,138 @@
+"""The bench: every number in its SI unit, or a question about the unit it is in."""
+
+import pickle
+from dataclasses import FrozenInstanceError, replace
+
+import numpy as np
+import pytest
+
+from pneumo_casadi.data import (
+    Bench,
+    ForceBench,
+    NestedController,
+    ProportionalController,
+    SensorNoise,
+    read_bench,
+)
+from pneumo_casadi.errors import CaseError
+
+
+def test_a_bench_file_gives_the_bench(bench_json, bench):
+    assert read_bench(bench_json()) == bench
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "unit", "question"),
+    [
+        ("p_supply", 7.0, "absolute Pa", "bar"),
+        ("p_supply", 700.0, "absolute Pa", "kPa"),
+        ("p_supply", 0.7, "absolute Pa", "MPa"),
+        ("p_ext", 1.0, "absolute Pa", "bar"),
+        ("p_ext", 0.0, "absolute Pa", "gauge Pa"),
+        ("stroke", 500.0, "m", "mm or cm"),
+        ("S_P", 8.75, "m²", "cm²"),
+        ("S_N", 603.0, "m²", "cm² or mm²"),
+        ("T", 20.0, "K", "°C"),
+        ("r", 0.287, "J", "kJ"),
+        ("sampling_frequency", 5.0, "Hz", "kHz"),
+    ],
+)
+def test_another_unit_is_recognised(bench, name, value, unit, question):
+    with pytest.raises(CaseError) as caught:
+        replace(bench, **{name: value})
+    message = str(caught.value)
+    assert message.startswith(f"`{name}`: expected {unit}") and f"got {value:g}" in message
+    assert f"is it in {question}" in message
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, "7e5", None, True])
+def test_what_is_no_number_is_refused(bench, value):
+    with pytest.raises(CaseError, match=r"`p_supply`: expected a (finite )?number in absolute Pa"):
+        replace(bench, p_supply=value)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('"p_ext_Pa": 100000.0,', "", "missing key `p_ext_Pa`"),
+        ("p_ext_Pa", "p_ext_bar", "missing key `p_ext_Pa`; there stands `p_ext_bar`"),
+        ('"T_K"', '"colour": "red", "T_K"', "unknown key `colour`; known are"),
+        ('"T_K"', '"T_K": 290.0, "T_K"', "key T_K stands twice"),
+        ("700000.0", "6.0", "`p_supply`: expected absolute Pa .* got 6; is it in bar"),
+        ("700000.0", "NaN", "`p_supply`: expected a finite number"),
+        ('"u_max_V": 5.0', '"u_max": 5.0', "missing key `controller.u_max_V`; there stands"),
+        ('"u_max_V": 5.0', '"u_max_V": -5.0', "`controller.u_max`: expected a positive limit in V"),
+        ("proportional", "fuzzy", "`controller.type`: got 'fuzzy'; write one of proportional"),
+        ("M_kg", "M_lb", "`datasheet.M_lb`: the name must end in its SI unit"),
+        ('{"M_kg": 17.0}', "17.0", "`datasheet`: expected a JSON object, got 17.0"),
+        ('"p_Pa": 150.0', '"p_Pa": -1', "`noise.p`: expected Pa between 0"),
+        ('"x_m": 1.5e-05', '"x_m": 0.015', r"`noise.x`: expected m .* got 0\.015; is it in mm"),
+        ("}\n}", "}", "line 13: .*cut short or no JSON"),
+    ],
+)
+def test_a_bench_file_with_a_fault_is_named_with_the_key(bench_json, old, new, message):
+    path = bench_json(old, new)
+    with pytest.raises(CaseError, match=message) as caught:
+        read_bench(path)
+    assert str(path) in str(caught.value)
+
+
+def test_noise_and_datasheet_may_be_unknown(bench_json):
+    path = bench_json()
+    text = path.read_text().split(',\n "datasheet"')[0] + "\n}"
+    path.write_text(text)
+    bench = read_bench(path)
+    assert bench.noise is None and not bench.datasheet
+
+
+def test_a_bench_cannot_be_changed(bench):
+    with pytest.raises(FrozenInstanceError):
+        bench.stroke = 1.0
+    with pytest.raises(TypeError):
+        bench.datasheet["M_kg"] = 1.0
+
+
+def test_a_bench_survives_pickling_and_replacement(bench):
+    assert pickle.loads(pickle.dumps(bench)) == bench
+    assert replace(bench, stroke=0.4).stroke_limits == (-0.2, 0.2)
+    force = ForceBench(1000.0, None, NestedController(160.0, 243.0, 35.0, 10.0))
+    assert pickle.loads(pickle.dumps(force)) == force
+
+
+def test_supply_must_exceed_ambient(bench):
+    with pytest.raises(CaseError, match="p_ext"):
+        replace(bench, p_supply=1.2e5, p_ext=1.2e5)
+
+
+def test_a_controller_of_the_wrong_kind_is_refused(bench):
+    with pytest.raises(CaseError, match="expected a ProportionalController for a Bench"):
+        replace(bench, controller=NestedController(1.0, 1.0, 1.0, 1.0))
+
+
+def test_zero_noise_is_refused_where_there_is_a_sensor(bench):
+    with pytest.raises(CaseError, match="no sensor is exact"):
+        replace(bench, noise=SensorNoise(p=0.0, x=1e-5))
+    with pytest.raises(CaseError, match="no sensor is exact"):
+        SensorNoise(p=150.0, x=0.0)
+
+
+def test_proportional_commands_oppose_each_other_and_saturate():
+    controller = ProportionalController(gain=10.0, u_max=5.0)
+    command = controller.command(np.array([0.1, 1.0, -1.0]), np.zeros(3), np.zeros(3))
+    assert np.array_equal(command, [[1.0, -1.0], [5.0, -5.0], [-5.0, 5.0]])
+
+
+def test_the_nested_controller_saturates_before_the_drive_gain():
+    controller = NestedController(k_p=2.0, k_v=3.0, gain=4.0, u_max=5.0)
+    command = controller.command(np.array([0.5, 9.0]), np.zeros(2), np.array([0.25, 0.0]))
+    assert np.array_equal(command, [[4 * 3 * (2 * 0.5 - 0.25)], [4 * 5.0]])
+
+
+@pytest.mark.parametrize("kwargs", [{"gain": 0.0, "u_max": 5.0}, {"gain": 1.0, "u_max": 0.0}])
+def test_a_controller_without_gain_or_range_is_refused(kwargs):
+    with pytest.raises(CaseError, match="closes no loop"):
+        ProportionalController(**kwargs)
+
+
+def test_the_stroke_has_its_zero_in_the_middle(bench):
+    assert isinstance(bench, Bench) and bench.stroke_limits == (-0.25, 0.25)

@@ -1,0 +1,109 @@
+"""Case folders: several records, in order, written whole and read back number for number."""
+
+import os
+
+import numpy as np
+import pytest
+
+from pneumo_casadi.data import (
+    ForceBench,
+    InputHold,
+    NestedController,
+    Recording,
+    load_case,
+    write_case,
+)
+from pneumo_casadi.errors import CaseError
+
+FLOW_MAP = {"u_V": [-1.0, 1.0], "p_Pa": [2e5, 3e5], "q_m_kg_per_s": [-1e-3, 1 / 3 * 1e-3]}
+
+
+def test_a_case_comes_back_number_for_number(tmp_path, bench, recording):
+    write_case(tmp_path / "case", bench, [recording], [recording.window(0, 2)], FLOW_MAP)
+    case = load_case(tmp_path / "case")
+    assert case.bench == bench and case.name == "case"
+    assert case.flow_map_path == tmp_path / "case" / "flow_map.csv"
+    for found, written in ((case.identify[0], recording), (case.validate[0], recording)):
+        for name in written.names:
+            assert np.array_equal(found[name], written[name][: found.N])
+        assert found.dt == pytest.approx(written.dt, rel=1e-12)
+
+
+def test_several_records_keep_their_order(tmp_path, bench, recording):
+    parts = recording.split(duration=0.3)
+    write_case(tmp_path / "case", bench, parts)
+    case = load_case(tmp_path / "case", check=False)
+    assert [part["x"][0] for part in case.identify] == [part["x"][0] for part in parts]
+    assert len(case.identify) == 14 and case.identify[1].t[0] == pytest.approx(0.3)
+
+
+def test_equal_cases_give_equal_files(tmp_path, bench, recording):
+    for name in "ab":
+        write_case(tmp_path / name, bench, [recording])
+    first, second = ((tmp_path / name / "identify.csv.gz").read_bytes() for name in "ab")
+    assert first == second
+
+
+def test_a_force_driven_case_comes_back(tmp_path):
+    bench = ForceBench(100.0, 0.5, NestedController(160.0, 243.0, 35.0, 10.0))
+    t = np.arange(60) / 100
+    channels = {"F": np.cos(t), "x": 0.1 * np.sin(t), "x_ref": 0.1 * np.sin(t)}
+    recording = Recording(t, channels, "a", "memory", InputHold.ZERO)
+    write_case(tmp_path / "case", bench, [recording])
+    case = load_case(tmp_path / "case")
+    assert case.bench == bench and np.array_equal(case.identify[0]["F"], channels["F"])
+
+
+def test_a_force_driven_axis_may_not_travel_beyond_its_stroke(tmp_path):
+    bench = ForceBench(100.0, 0.15, NestedController(160.0, 243.0, 35.0, 10.0))
+    t = np.arange(400) / 100
+    channels = {"F": np.cos(t), "x": 0.1 * np.sin(t), "x_ref": 0.1 * np.sin(t)}
+    write_case(tmp_path / "c", bench, [Recording(t, channels, "a", "memory", InputHold.ZERO)])
+    with pytest.raises(CaseError, match=r"row \d+ .*travels 0\.175023 m, the stroke is 0\.15 m"):
+        load_case(tmp_path / "c")
+
+
+def test_a_write_that_fails_leaves_nothing(tmp_path, bench, recording, monkeypatch):
+    def fail(*_):
+        raise OSError("disk full")
+
+    monkeypatch.setattr(os, "replace", fail)
+    with pytest.raises(OSError, match="disk full"):
+        write_case(tmp_path / "case", bench, [recording])
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_in_use_is_not_written_over(tmp_path, bench, recording):
+    write_case(tmp_path / "case", bench, [recording])
+    with pytest.raises(CaseError, match="is there already and not empty; choose a new folder"):
+        write_case(tmp_path / "case", bench, [recording])
+
+
+def test_what_a_case_folder_cannot_say_is_not_written(tmp_path, bench, recording):
+    linear = Recording(
+        recording.t, recording.channels, "linear", "memory", InputHold.LINEAR, dt=recording.dt
+    )
+    with pytest.raises(CaseError, match=r"linear: hold linear, but .*held at zero order"):
+        write_case(tmp_path / "a", bench, [linear])
+    with pytest.raises(CaseError, match="no unit is known for channel q"):
+        write_case(tmp_path / "b", bench, [recording.with_channels({"q": recording.t})])
+    with pytest.raises(CaseError, match="at least one"):
+        write_case(tmp_path / "c", bench, [])
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_is_put_in_the_folder_while_a_case_is_written_stays(tmp_path, bench, recording):
+    case = tmp_path / "case"
+
+    class Late(dict):
+        """A flow map that somebody else's file comes with."""
+
+        def items(self):
+            case.mkdir()
+            (case / "notes.txt").write_text("mine")
+            return super().items()
+
+    with pytest.raises(OSError, match="not empty"):
+        write_case(case, bench, [recording], flow_map=Late(FLOW_MAP))
+    assert [path.name for path in case.iterdir()] == ["notes.txt"]
+    assert [path.name for path in tmp_path.iterdir()] == ["case"]

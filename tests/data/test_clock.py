@@ -1,0 +1,81 @@
+"""The clock: rounding is forgiven, loss, repetition, jitter and drift are not."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pneumo_casadi.data import InputHold, Recording
+from pneumo_casadi.data.recording.clock import sample_time
+from pneumo_casadi.errors import CaseError
+
+
+def row(k):
+    return f"row {k + 1}"
+
+
+rates = st.sampled_from([50.0, 200.0, 1000.0, 1024.0, 3000.0, 5000.0])
+lengths = st.integers(100, 800)
+
+
+@given(rates, lengths, st.integers(-10, 10))
+def test_time_rounded_to_four_decimals_gives_the_sample_time(rate, rows, start):
+    t = np.round(start + np.arange(rows) / rate, 4)
+    assert sample_time(t, row) == pytest.approx(1 / rate, rel=1e-3)
+
+
+@given(rates, lengths, st.floats(0.0, 1e4))
+def test_exact_time_gives_the_sample_time_exactly(rate, rows, start):
+    t = start + np.arange(rows) / rate
+    assert sample_time(t, row) == pytest.approx(1 / rate, rel=1e-8)
+
+
+@given(rates, lengths, st.data())
+def test_a_clock_that_jumps_is_named_with_its_row_and_the_samples_lost(rate, rows, data):
+    k = data.draw(st.integers(1, rows - 1))
+    lost = data.draw(st.integers(1, 30))
+    t = np.arange(rows) / rate
+    t[k:] += lost / rate
+    with pytest.raises(CaseError, match=rf"^row {k + 1}: `t` jumps .*: {lost} samples? of"):
+        sample_time(np.round(t, 4), row)
+
+
+@given(rates, lengths, st.data())
+def test_a_clock_that_repeats_or_runs_backward_is_named_with_its_row(rate, rows, data):
+    k = data.draw(st.integers(1, rows - 1))
+    back = data.draw(st.integers(1, k))
+    t = np.arange(rows) / rate
+    t[k:] -= back / rate
+    with pytest.raises(CaseError, match=rf"^row {k + 1}: `t` (repeats|runs backward from)"):
+        sample_time(np.round(t, 4), row)
+
+
+@given(rates, lengths, st.data())
+def test_a_stutter_of_a_third_of_a_step_is_named_with_its_row(rate, rows, data):
+    k = data.draw(st.integers(1, rows - 1))
+    t = np.arange(rows) / rate
+    t[k:] += data.draw(st.sampled_from([-1, 1])) / (3 * rate)
+    with pytest.raises(CaseError, match=rf"^row {k + 1}: .*the clock is irregular"):
+        sample_time(t, row)
+
+
+def test_a_clock_that_slowly_drifts_is_refused_although_every_step_is_nearly_right():
+    t = np.cumsum(np.full(2000, 1e-3) + np.linspace(0, 2e-5, 2000))
+    assert np.abs(np.diff(t) / 1e-3 - 1.01).max() < 0.011
+    with pytest.raises(CaseError, match="the clock drifts; resample"):
+        sample_time(t, row)
+
+
+def test_rounding_as_coarse_as_the_step_is_refused_with_the_remedy():
+    t = np.round(np.arange(400) / 8000.0, 4)
+    with pytest.raises(CaseError, match=r"row 4: .*irregular.*write t with more decimals"):
+        sample_time(t, row)
+
+
+def test_the_stored_clock_is_the_uniform_one_that_the_file_rounds():
+    stamps = np.round(np.arange(3000) / 3000.0, 4)
+    t = Recording(stamps, {}, "a", "memory", InputHold.ZERO).t
+    assert np.ptp(np.diff(t)) < 1e-12
+    assert np.abs(t - stamps).max() < 0.6e-4
+    # a rounding error of up to 5e-5 s a stamp shrinks with N^1.5 in the slope
+    assert np.diff(t).mean() == pytest.approx(1 / 3000, rel=1e-6)

@@ -1,0 +1,76 @@
+"""Claims about the development data; skipped where they are not at hand."""
+
+import time
+
+import numpy as np
+import pytest
+
+from pneumo_casadi.data import check_recording, load_case, load_emps
+from pneumo_casadi.data.checks.chambers import CLEAR, chamber_signs
+from pneumo_casadi.errors import CaseError
+
+pytestmark = pytest.mark.data
+
+
+@pytest.fixture(scope="module")
+def cases(data_folder):
+    folders = [*sorted((data_folder / "practice").glob("p*")), data_folder / "table1"]
+    assert len(folders) == 14
+    return [load_case(folder) for folder in folders]
+
+
+def records(cases):
+    return [(case.bench, record) for case in cases for record in case.identify + case.validate]
+
+
+def swap(recording, a, b):
+    return recording.with_channels({a: recording[b], b: recording[a]})
+
+
+def test_no_check_raises_a_false_alarm(cases):
+    assert [case.notes for case in cases] == [()] * 14
+
+
+def test_chamber_signs_are_clear_by_a_factor_of_two(cases):
+    expected = np.array([[1, -1], [1, 1]])
+    smallest = min((chamber_signs(record) * expected).min() for _, record in records(cases))
+    assert smallest > 2 * CLEAR  # measured: 0.84
+
+
+def test_swapped_chambers_and_commands_are_always_found(cases):
+    for bench, record in records(cases):
+        with pytest.raises(CaseError, match=r"`p_P_Pa` and `p_N_Pa` .*swapped"):
+            check_recording(swap(record, "p_P", "p_N"), bench)
+        with pytest.raises(CaseError, match="`u_P_V` and `u_N_V` swapped"):
+            check_recording(swap(record, "u_P", "u_N"), bench)
+
+
+def test_pieces_of_four_seconds_raise_no_false_alarm(cases):
+    for bench, record in records(cases)[:8]:
+        for piece in record.split(duration=4.0):
+            check_recording(piece, bench)
+
+
+def test_three_hundred_thousand_rows_load_in_two_seconds(data_folder):
+    start = time.perf_counter()
+    case = load_case(data_folder / "practice" / "p13_none_5kHz_60s")  # two such records
+    assert time.perf_counter() - start < 4.0
+    assert case.identify[0].N == case.validate[0].N == 300_000
+
+
+def test_emps_is_the_published_record(data_folder):
+    case = load_emps(data_folder / "emps")
+    identify, validate = case.identify[0], case.validate[0]
+    assert identify.N == validate.N == 24841 and case.notes == ()
+    assert identify.dt == pytest.approx(1e-3, rel=1e-9)
+    assert "F_pulse" in validate and "F_pulse" not in identify
+    assert case.bench.controller.gain == pytest.approx(35.15065188)
+
+
+def test_the_emps_force_follows_its_control_law(data_folder):
+    case = load_emps(data_folder / "emps")
+    record, controller = case.identify[0], case.bench.controller
+    v = np.gradient(record["x"], record.dt)
+    law = controller.command(record["x_ref"], record["x"], v)[:, 0]
+    # v is a central difference here and a filtered backward one in the drive: 6.5 % apart
+    assert np.std(record["F"] - law) < 0.1 * np.std(record["F"])

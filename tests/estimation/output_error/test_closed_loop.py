@@ -1,0 +1,112 @@
+"""Output error with the recorded controller simulated inside the fit."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from pneumo_casadi.data import InputHold, Recording
+from pneumo_casadi.errors import ModelError
+from pneumo_casadi.estimation.output_error import Method, OutputErrorOptions, fit_output_error
+from pneumo_casadi.model.sampled_axis import SampledAxis
+from pneumo_casadi.model.simulation import simulate_closed_loop, stepping_for
+
+DT = 1e-3
+
+
+def looped(made, axis, start, seed, noise, N=1500, added=None):
+    """A record of an axis under its own sampled controller, sensors noisy outside the loop."""
+    x_ref = made.reference(np.arange(N) * DT, seed)
+    run = simulate_closed_loop(axis, x_ref, DT, start, disturbance=added)
+    rng = np.random.default_rng(seed)
+    channels = {n: run[n] for n in axis.inputs} | {"x_ref": x_ref}
+    for name, size in zip(axis.outputs, noise, strict=True):
+        channels[name] = run[name] + size * rng.standard_normal(N)
+    if added is not None:
+        channels["F_pulse"] = added
+    return Recording(run.t, channels, "loop", "made", InputHold.ZERO)
+
+
+@pytest.fixture(scope="module")
+def servo_record(made):
+    axis = made.true_axis()
+    return looped(made, axis, [3.5e5, 4.7e5, 0.0, 0.0], 3, (150.0, 150.0, 1.5e-5))
+
+
+@pytest.fixture(scope="module")
+def force_record(made):
+    added = np.where((np.arange(1500) // 200) % 2, 5.0, 0.0)
+    return looped(made, made.true_force_axis(), [0.0, 0.0], 4, (2e-6,), added=added)
+
+
+def chi2_share(result, truth):
+    names = result.estimate.names
+    d = np.array([result.parameters[n].value - truth[n] for n in names])
+    return stats.chi2.sf(d @ np.linalg.solve(result.estimate.covariance, d), d.size)
+
+
+def options(made, v_s, **more):
+    return OutputErrorOptions(closed_loop=True, widths=(v_s,), **more)
+
+
+def test_a_proportional_loop_gives_back_the_truth_without_looking_at_the_inputs(
+    made, start, servo_record
+):
+    table, begin = start(3)
+    begin = made.perturbed(begin, {"X_s1": 1.1, "X_s5": 0.9, "M": 1.1, "F_c_plus": 0.8})
+    blind = {n: servo_record[n] for n in servo_record.names if n not in begin.inputs}
+    blind |= {name: np.zeros(servo_record.N) for name in begin.inputs}
+    without = Recording(servo_record.t, blind, "blind", "made", InputHold.ZERO)
+    chosen = options(made, made.TRUE["v_s"])
+    result = fit_output_error(begin, [servo_record], table, chosen)
+    assert 1e-3 < chi2_share(result, made.true_axis().parameters.as_dict()) < 1 - 1e-3
+    again = fit_output_error(begin, [without], table, chosen)
+    np.testing.assert_allclose(again.parameters.values, result.parameters.values, rtol=1e-9)
+
+
+def test_a_nested_loop_with_pulses_gives_back_the_truth(made, force_record):
+    begin = made.ForceAxis(made.FORCE_BENCH)
+    chosen = options(made, made.FORCE_TRUE["v_s"])
+    result = fit_output_error(begin, [force_record], options=chosen)
+    assert 1e-3 < chi2_share(result, made.FORCE_TRUE) < 1 - 1e-3
+    ipopt = fit_output_error(begin, [force_record], options=replace(chosen, method=Method.IPOPT))
+    apart = ipopt.parameters.values - result.parameters.values
+    assert np.abs(apart[:4] / result.estimate.std).max() < 0.01
+    assert result.initial_states[0].size == 2
+
+
+def test_pulses_that_are_not_added_are_missed(made, force_record):
+    channels = {n: force_record[n] for n in force_record.names if n != "F_pulse"}
+    without = Recording(force_record.t, channels, "loop", "made", InputHold.ZERO)
+    begin = made.ForceAxis(made.FORCE_BENCH)
+    chosen = options(made, made.FORCE_TRUE["v_s"])
+    right, wrong = (fit_output_error(begin, [r], options=chosen) for r in (force_record, without))
+    assert wrong.rms[0] > 3 * right.rms[0]
+
+
+def test_a_controller_remembers_the_last_positions(made):
+    axis = made.true_force_axis()
+    model = SampledAxis(axis, stepping_for(axis, DT), made.FORCE_BENCH.controller)
+    states = np.array([[1.0, 1.5, 2.5, 4.0], [500.0, 0.0, 0.0, 0.0]])
+    found = model.remembering(states)
+    np.testing.assert_allclose(found[2], [0.5, 1.0, 1.5, 2.5])
+    np.testing.assert_allclose(found[3], [0.0, 0.5, 1.0, 1.5])
+
+
+def test_what_cannot_be_closed_is_refused(made, start, servo_record, force_record):
+    table, begin = start(3)
+    chosen = options(made, made.TRUE["v_s"])
+    channels = {n: servo_record[n] for n in servo_record.names if n != "x_ref"}
+    without = Recording(servo_record.t, channels, "plain", "made", InputHold.ZERO)
+    with pytest.raises(ModelError, match="x_ref"):
+        fit_output_error(begin, [without], table, chosen)
+    linear = Recording(
+        force_record.t,
+        {n: force_record[n] for n in force_record.names},
+        "linear",
+        "made",
+        InputHold.LINEAR,
+    )
+    with pytest.raises(ModelError, match="holds its output"):
+        fit_output_error(made.ForceAxis(made.FORCE_BENCH), [linear], options=chosen)

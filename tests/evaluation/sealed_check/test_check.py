@@ -1,0 +1,159 @@
+"""The whole check with a diagnosis that always says the same, and with the command."""
+
+import json
+
+import numpy as np
+import pytest
+
+from pneumo_casadi.cli import app as cli
+from pneumo_casadi.cli import withheld_command
+from pneumo_casadi.effects import CATALOGUE
+from pneumo_casadi.errors import CaseError
+from pneumo_casadi.evaluation.sealed_check import (
+    Kind,
+    Proportions,
+    WithheldOptions,
+    check,
+    check_withheld,
+    measure,
+)
+from pneumo_casadi.evaluation.sealed_check.draw import Draw, make
+from pneumo_casadi.evaluation.sealed_check.measure import measure_one, rivals_of_one
+from pneumo_casadi.identification.result_file import write_json
+from pneumo_casadi.report.figures.studies.withheld import withheld_figure
+from pneumo_casadi.report.figures.style import png
+from pneumo_casadi.report.tables.sealed_check import withheld_table
+from pneumo_casadi.report.text.identification import render
+
+SHORT = {"duration": 4.0, "fs": 500.0}
+OPTIONS = WithheldOptions(3, 3, Proportions(1, 0, 1, 0, 0, 1), **SHORT)
+
+
+@pytest.fixture
+def always(told):
+    """A diagnosis that says Stribeck of everything."""
+    calls = []
+
+    def diagnosing(case, catalogue):
+        calls.append(case.name)
+        return told("effect", "stribeck", ranking=["stribeck", "hose"], probability=0.75)
+
+    diagnosing.calls = calls
+    return diagnosing
+
+
+@pytest.fixture
+def unmeasured(monkeypatch):
+    """Leave out what takes fits."""
+
+    def write(folder, case, draw, named, duration, fs):
+        assert (case / "bench.json").is_file()
+        write_json({"visible": bool(draw.effects)}, folder / f"{draw.name}.json")
+
+    def ask(folder, case, draw):
+        write_json({"by_error": ["stribeck"], "by_aic": []}, folder / f"{draw.name}.json")
+
+    monkeypatch.setattr(check, "measure_one", write)
+    monkeypatch.setattr(check, "rivals_of_one", ask)
+
+
+def test_a_diagnosis_that_always_says_stribeck_scores_as_it_must(
+    tmp_path, always, in_place, unmeasured
+):
+    found = check_withheld(tmp_path, OPTIONS, in_place, always)
+    stribeck = sum(one["effects"].keys() == {"stribeck"} for one in found["each"])
+    scores = found["scores"]["all"]
+    assert always.calls == ["w001", "w002", "w003"]
+    assert (scores["right_first"]["hits"], scores["right_first"]["of"]) == (stribeck, 1)
+    assert (scores["false_alarm"]["hits"], scores["false_alarm"]["of"]) == (1, 1)
+    assert (scores["unknown_caught"]["hits"], scores["unknown_caught"]["of"]) == (0, 1)
+    assert scores["set_size"] == {"mean": 1.0, "of": 1}
+    assert found["calibration"]["expected_calibration_error"] == pytest.approx(
+        abs(0.75 - stribeck / 4)
+        if stribeck in (0, 4)
+        else 0.25 * stribeck / 4 + 0.75 * (1 - stribeck / 4)
+    )
+    assert found["unmeasured"] == 0
+    again = check_withheld(tmp_path, OPTIONS, in_place, always)
+    assert again == found
+    assert len(always.calls) == 3
+    with pytest.raises(CaseError, match="another seed"):
+        check_withheld(
+            tmp_path, WithheldOptions(3, 4, OPTIONS.proportions, **SHORT), in_place, always
+        )
+    names = {path.name for path in tmp_path.iterdir()}
+    assert names == {
+        *("seal.json", "labels.sealed", "opened.json", "scores.json"),
+        *("cases", "verdicts", "measures", "rivals"),
+    }
+
+
+def test_a_large_cause_shows_and_an_oracle_removes_more_than_another_effect(tmp_path, monkeypatch):
+    few = {name: CATALOGUE[name] for name in ("stribeck", "quadratic_drag", "drive_lag")}
+    monkeypatch.setattr(measure, "CATALOGUE", few)
+    draw = Draw("w001", Kind.SINGLE, 5, {"stribeck": "large"})
+    case = make(draw, tmp_path / "case", **SHORT).folder
+    measure_one(tmp_path, case, draw, ["quadratic_drag"], **SHORT)
+    found = json.loads((tmp_path / "w001.json").read_text())
+    assert found["visible"]
+    assert found["rms"]["force"] > 3 * found["twin_rms"]["force"]
+    assert 0 < found["named_shrink"] < found["oracle_shrink"] - 0.1
+    assert found["oracle_shrink"] > 0.5
+    rivals_of_one(tmp_path / "rivals", case, draw)
+    found = json.loads((tmp_path / "rivals" / "w001.json").read_text())
+    assert found["by_error"] == ["stribeck", "quadratic_drag"], "no drive on this axis"
+    assert found["by_aic"][0] == "stribeck"
+
+
+def test_a_case_that_cannot_be_measured_says_why(tmp_path):
+    draw = Draw("w001", Kind.NONE, 5, {})
+    too_short = {"duration": 0.5, "fs": 500.0}
+    measure_one(tmp_path, make(draw, tmp_path / "case", **too_short).folder, draw, [], **too_short)
+    assert "too short" in json.loads((tmp_path / "w001.json").read_text())["failure"]
+
+
+def test_the_command_prints_the_scores_and_writes_them(tmp_path, monkeypatch, told, judged, capsys):
+    from pneumo_casadi.evaluation import sealed_check as withheld
+
+    cases = [
+        judged("single", "hose", told("effect", "hose"), by_error=["hose"], by_aic=["hose"]),
+        judged("none", "", told("none")),
+    ]
+    asked = []
+
+    def in_no_time(folder, options, executor, progress):
+        asked.append(options)
+        folder.mkdir(exist_ok=True)
+        return withheld.scored(cases)
+
+    monkeypatch.setattr(withheld, "check_withheld", in_no_time)
+    folder, file = tmp_path / "out", tmp_path / "scores.json"
+    given = ["withheld", "--cases", "2", "-o", str(folder), "--json", str(file)]
+    assert cli.run(given) == 0
+    assert "singles: named, and nothing else" in capsys.readouterr().out
+    assert json.loads(file.read_text())["scores"]["all"]["right_first"]["hits"] == 1
+    assert (folder / "withheld.png").stat().st_size > 10_000
+    assert cli.run(given) == 0
+    assert asked[0] == asked[1], "called again, it goes on with the seed of the folder"
+    (folder / withheld_command.SEED_FILE).write_text("seven")
+    assert cli.run(given) == 2
+
+
+def test_table_and_figure_show_a_check_without_visible_cases(told, judged):
+    from pneumo_casadi.evaluation.sealed_check import scored
+
+    found = scored([judged("single", "hose", told("none"), visible=False)])
+    text = render(withheld_table(found))
+    assert "0.0 (0-79) 0/1" in text
+    assert np.frombuffer(png(withheld_figure(found)), np.uint8).size > 10_000
+
+
+def test_the_matrix_joins_effects_that_were_never_true(told, judged):
+    from pneumo_casadi.evaluation.sealed_check import scored
+
+    said_of = {"hose": "backlash", "stribeck": "elastic_load", "leakage_P": "stribeck"}
+    cases = [judged("single", true, told("effect", name)) for true, name in said_of.items()]
+    figure = withheld_figure(scored([*cases, judged("none", "", told("none"))]))
+    matrix = figure.axes[0]
+    assert [one.get_text() for one in matrix.get_xticklabels()] == ["1", "2", "3", "other", "none"]
+    assert sorted(one.get_text() for one in matrix.texts) == ["1"] * 4

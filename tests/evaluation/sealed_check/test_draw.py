@@ -1,0 +1,99 @@
+"""What is drawn: in proportion, reproducible, and told by nothing in the folders."""
+
+import gzip
+from collections import Counter
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pneumo_casadi.errors import CaseError
+from pneumo_casadi.evaluation.sealed_check import Kind, Proportions, draw_cases
+from pneumo_casadi.evaluation.sealed_check.draw import HIDDEN, STRONG, make, make_twin
+from pneumo_casadi.virtual_bench import FORMS
+
+LISTED = [name for name, form in FORMS.items() if form.listed]
+
+
+def test_the_default_draw_has_every_listed_form_at_every_severity_once():
+    draws = draw_cases(160, seed=1)
+    kinds = Counter(one.kind.value for one in draws)
+    assert kinds == {
+        "single": 75,
+        "pair": 25,
+        "none": 20,
+        "absorbed": 10,
+        "left_out": 15,
+        "never_listed": 15,
+    }
+    singles = Counter(
+        item for one in draws if one.kind is Kind.SINGLE for item in one.effects.items()
+    )
+    assert set(singles.values()) == {1}
+    assert {name for name, _ in singles} == set(LISTED)
+
+
+def test_every_kind_holds_what_it_says():
+    strong = {severity.value for severity in STRONG}
+    for one in draw_cases(320, seed=2):
+        names = set(one.effects)
+        number = {Kind.NONE: 0, Kind.PAIR: 2}.get(one.kind, 1)
+        assert len(names) == number
+        assert (names <= set(LISTED)) == (one.kind is not Kind.NEVER_LISTED)
+        assert one.without == (tuple(names) if one.kind is Kind.LEFT_OUT else ())
+        if one.kind in (Kind.PAIR, Kind.LEFT_OUT):
+            assert not names & set(HIDDEN)
+        if one.kind in (Kind.PAIR, Kind.LEFT_OUT, Kind.NEVER_LISTED):
+            assert set(one.effects.values()) <= strong
+        if one.kind is Kind.ABSORBED:
+            assert names <= set(HIDDEN)
+
+
+@given(st.integers(1, 400), st.lists(st.floats(0, 50), min_size=6, max_size=6))
+def test_counts_add_up_and_stay_within_one_of_their_share(cases, shares):
+    if sum(shares) <= 0:
+        shares[0] = 1.0
+    proportions = Proportions(*shares)
+    counts = proportions.counts(cases)
+    assert sum(counts.values()) == cases
+    for kind, share in zip(Kind, shares, strict=True):
+        assert abs(counts[kind] - cases * share / sum(shares)) < 1 + 1e-6
+
+
+def test_a_seed_draws_the_same_cases_and_another_one_others():
+    assert draw_cases(40, seed=3) == draw_cases(40, seed=3) != draw_cases(40, seed=4)
+
+
+def test_the_order_of_the_folders_tells_nothing_of_the_kinds():
+    firsts = {draw_cases(160, seed=seed)[0].kind for seed in range(20)}
+    assert len(firsts) > 1
+    draws = draw_cases(160, seed=5)
+    assert [one.name for one in draws] == [f"w{i:03d}" for i in range(1, 161)]
+    assert len({one.seed for one in draws}) == 160
+
+
+@pytest.mark.parametrize("wrong", [{"cases": 0, "seed": 1}, {"cases": 3, "seed": -1}])
+def test_impossible_draws_are_refused(wrong):
+    with pytest.raises(CaseError):
+        draw_cases(**wrong)
+    with pytest.raises(CaseError, match="negative"):
+        Proportions(single=-1.0)
+
+
+def test_a_case_folder_holds_no_label_and_its_twin_differs_in_the_effect_alone(tmp_path):
+    one = next(draw for draw in draw_cases(160, seed=6) if "stribeck" in draw.effects)
+    case = make(one, tmp_path / one.name, duration=2.0, fs=500.0)
+    twin = make_twin(one, tmp_path / "twin", duration=2.0, fs=500.0)
+    words = [
+        *FORMS,
+        str(one.seed),
+        "severity",
+        *(kind.value for kind in Kind if kind.value != "none"),
+    ]
+    for path in case.folder.iterdir():
+        raw = path.read_bytes()
+        text = (gzip.decompress(raw) if path.suffix == ".gz" else raw).decode()
+        assert not [word for word in words if word in text], path
+    assert twin.bench == case.bench
+    assert (twin.identify[0]["x_ref"] == case.identify[0]["x_ref"]).all()
+    assert (twin.validate[0]["x"] != case.validate[0]["x"]).any()

@@ -1,0 +1,141 @@
+"""Hidden effects: all of the catalogue are there, all run, each does what it says."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pneumo_casadi.errors import ModelError
+from pneumo_casadi.virtual_bench import FORMS, Excitation, Severity, effects_for, run_bench
+from pneumo_casadi.virtual_bench.effect import sized
+from pneumo_casadi.virtual_bench.kernels import layout
+
+LISTED = {
+    *("stribeck", "presliding", "pressure_friction", "position_friction", "quadratic_drag"),
+    *("constant_force", "spring_load", "elastic_load", "backlash", "piston_seal_leakage"),
+    *("leakage_P", "leakage_N", "heat_transfer", "valve_dynamics", "valve_dead_zone"),
+    *("valve_null_shift", "valve_hysteresis", "valve_mismatch", "flow_map_shape", "hose"),
+    *("supply_droop", "exhaust_restriction", "pressure_sensor_lag", "pressure_sensor_bias"),
+    "position_delay",
+}
+
+
+@pytest.fixture(scope="module")
+def nominal(axis, drive):
+    return run_bench(axis.with_ideal_sensors(), drive)
+
+
+def hidden(axis, drive, name, how="medium"):
+    axis = axis.with_ideal_sensors()
+    return run_bench(axis, drive, effects_for(axis, {name: how}))
+
+
+def test_every_effect_of_the_catalogue_is_there_and_some_that_are_not():
+    assert {name for name, form in FORMS.items() if form.listed} == LISTED
+    assert sum(not form.listed for form in FORMS.values()) >= 5
+
+
+@pytest.mark.parametrize("name", list(FORMS))
+def test_every_severity_runs_differs_from_nominal_and_grows(axis, drive, nominal, name):
+    channels = slice(2, 5)
+    size = np.ptp(nominal.rows[:, channels], axis=0)
+    gaps = []
+    for severity in Severity:
+        rows = hidden(axis, drive, name, severity).rows
+        assert np.isfinite(rows).all()
+        apart = (rows - nominal.rows)[:, channels] / size
+        gaps.append(float(np.sqrt((apart**2).mean())))
+    assert gaps[0] > 1e-6
+    assert gaps[0] < gaps[1] < gaps[2]
+
+
+@pytest.mark.parametrize("form", list(FORMS.values()), ids=list(FORMS))
+def test_labels_are_complete(axis, form):
+    label = sized(form, Severity.MEDIUM, axis).as_dict()
+    assert label["note"]
+    assert label["equation"]
+    assert all(size.unit and size.description for size in form.sizes)
+    assert all(np.isfinite(entry["value"]) for entry in label["parameters"].values())
+
+
+def test_sizes_follow_the_axis_and_scatter_with_the_seed_only(axis):
+    heavy = replace(axis, F_c_plus=2 * axis.F_c_plus, F_c_minus=2 * axis.F_c_minus)
+
+    def delta_F(of, seed=None) -> float:
+        return effects_for(of, {"stribeck": "large"}, seed)[0].parameters["delta_F"]
+
+    assert delta_F(heavy) == pytest.approx(2 * delta_F(axis))
+    assert delta_F(axis, 1) == delta_F(axis, 1) != delta_F(axis, 2)
+    assert delta_F(axis, 1) == pytest.approx(delta_F(axis), rel=0.2)
+
+
+@pytest.mark.parametrize("asked", [{"rust": "medium"}, {"hose": "huge"}, {"hose": {"bore": 1.0}}])
+def test_what_the_bench_does_not_know_is_refused_with_what_it_knows(axis, asked):
+    with pytest.raises(ModelError, match="there are"):
+        effects_for(axis, asked)
+
+
+def test_stribeck_friction_breaks_away_above_coulomb(axis, drive):
+    run = hidden(axis, drive, "stribeck", {"delta_F": 10.0})
+    y, held = run.states, run.modes == layout.HELD
+    ambient = (axis.S_P - axis.S_N) * axis.p_ext
+    force = axis.S_P * y[:, layout.GAS_P] - axis.S_N * y[:, layout.GAS_N] - ambient
+    assert force[held].max() <= axis.F_c_plus + 10.0 + 1e-6
+    assert force[held].max() > axis.F_c_plus + 5.0
+
+
+def test_bristles_give_way_before_the_piston_slides(axis):
+    """Below breakaway a force bends them by its share of the slip distance."""
+    axis = replace(axis, F_c_plus=40.0, F_c_minus=40.0).with_ideal_sensors()
+    still = Excitation(np.zeros(10), np.zeros(10))
+
+    def rest(F_0: float) -> float:
+        asked = {"presliding": {"distance": 4e-4}, "constant_force": {"F_0": F_0}}
+        return run_bench(axis, still, effects_for(axis, asked)).states[-1, layout.X]
+
+    given = rest(4.0) - rest(0.0)
+    # Initial stiffness: the mean of level / slip distance over the four bristles.
+    assert given == pytest.approx(4.0 / 40.0 * 4e-4 / 1.302, rel=0.1)
+
+
+def test_a_delay_shifts_the_position_by_exactly_its_time(axis, drive):
+    run = hidden(axis, drive, "position_delay", {"T": 0.004})
+    true = run.states[:, layout.X]
+    np.testing.assert_allclose(run.rows[4:, 4], true[:-4], atol=1e-12)
+
+
+def test_play_holds_the_shown_position_at_reversals(axis, drive):
+    run = hidden(axis, drive, "backlash", {"gap": 1e-3})
+    behind = run.states[:, layout.X] - run.rows[:, 4]
+    assert np.abs(behind).max() <= 5e-4 + 1e-12
+    moving = np.abs(np.diff(run.rows[:, 4])) > 1e-7
+    np.testing.assert_allclose(np.abs(behind[1:][moving]), 5e-4, atol=1e-12)
+
+
+def test_bias_is_what_the_sensors_show_too_much(axis, drive):
+    run = hidden(axis, drive, "pressure_sensor_bias", {"P": 5000.0, "N": -2000.0})
+    np.testing.assert_allclose(run.rows[:, 2] - run.states[:, layout.GAS_P], 5000.0, atol=1e-6)
+    np.testing.assert_allclose(run.rows[:, 3] - run.states[:, layout.GAS_N], -2000.0, atol=1e-6)
+
+
+def test_droop_empties_the_reservoir_and_a_silencer_holds_pressure(axis, drive):
+    y = hidden(axis, drive, "supply_droop", "large").states[:, layout.P_SUPPLY]
+    assert 0.7 * axis.p_supply < y.min() < 0.98 * axis.p_supply
+    assert y.max() < 1.02 * axis.p_supply
+    p_e = hidden(axis, drive, "exhaust_restriction", "large").states[:, layout.P_EXHAUST]
+    assert p_e.min() >= axis.p_ext - 1.0
+    assert p_e.max() > 1.02 * axis.p_ext
+
+
+def test_the_forces_on_both_masses_of_an_elastic_load_add_up(axis, drive):
+    m_2 = 5.0
+    y = hidden(axis, drive, "elastic_load", {"m_2": m_2, "f": 8.0, "zeta": 0.05}).states
+    v = y[:, layout.V]
+    sliding = (np.abs(v[:-2]) > 1e-2) & (np.abs(v[2:]) > 1e-2) & (v[:-2] * v[2:] > 0)
+    gas = axis.S_P * y[:, layout.GAS_P] - axis.S_N * y[:, layout.GAS_N]
+    F_c = np.where(v > 0, axis.F_c_plus, -axis.F_c_minus)
+    force = gas - (axis.S_P - axis.S_N) * axis.p_ext - axis.f_v * v - F_c
+    momentum = (axis.M - m_2) * v + m_2 * y[:, layout.V_2]
+    rate = (momentum[2:] - momentum[:-2]) / 2e-3
+    np.testing.assert_allclose(rate[sliding], force[1:-1][sliding], atol=0.3)
+    assert np.abs(y[:, layout.X_2] - y[:, layout.X]).max() > 1e-4
