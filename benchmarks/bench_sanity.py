@@ -26,12 +26,12 @@ from pneumo_casadi.model.simulation import simulate
 from pneumo_casadi.parameters import Parameter, Parameters
 from pneumo_casadi.valve import FlowISO6358
 from pneumo_casadi.virtual_bench import (
-    BenchAxis,
     Experiment,
+    VirtualAxis,
     make_case,
     random_axis,
-    run_bench,
     sanity,
+    simulate_axis,
 )
 from pneumo_casadi.virtual_bench.kernels import layout
 from pneumo_casadi.virtual_bench.sanity import STEPS
@@ -42,7 +42,7 @@ WIDTHS = (1e-2, 1e-3, 1e-4)
 AGREEMENT_SECONDS = 2.0
 
 
-def common_axis(axis: BenchAxis) -> BenchAxis:
+def common_axis(axis: VirtualAxis) -> VirtualAxis:
     """Return the axis with a valve that the model can describe too, and ideal sensors."""
     valve = replace(
         axis.valve, lap_supply=0.0, lap_exhaust=0.0, clearance=0.0, m_supply=0.5, m_exhaust=0.5
@@ -50,7 +50,7 @@ def common_axis(axis: BenchAxis) -> BenchAxis:
     return replace(axis, valve=valve).with_ideal_sensors()
 
 
-def known_flow(axis: BenchAxis) -> FlowISO6358:
+def known_flow(axis: VirtualAxis) -> FlowISO6358:
     """Return the model's valve with the parameters of the bench's."""
     valve = axis.valve
     values: dict[str, float] = {}
@@ -78,7 +78,7 @@ def known_flow(axis: BenchAxis) -> FlowISO6358:
 
 
 def differences(
-    axis: BenchAxis, v_s: float, duration: float, seed: int, mass: float | None = None
+    axis: VirtualAxis, v_s: float, duration: float, seed: int, mass: float | None = None
 ) -> dict[str, float]:
     """Return how far model and bench part on the same inputs, in per cent of the signal's range.
 
@@ -86,7 +86,7 @@ def differences(
     shows how sharp the comparison is.
     """
     drive = Experiment.of("chirp_and_squares").excitation(axis, FS, duration, seed)
-    found = run_bench(axis, drive, (), FS)
+    found = simulate_axis(axis, drive, (), FS)
     order = [layout.GAS_P, layout.GAS_N, layout.X, layout.V]
     states = found.states[:, order]
     truth: Mapping[str, float] = {**axis.truth, "v_s": v_s, "M": mass or axis.M}
@@ -145,7 +145,7 @@ def speed() -> dict[str, float]:
     times = []
     for _ in range(4):
         began = time.perf_counter()
-        run_bench(axis, drive, (), 5000.0, keep_states=False)
+        simulate_axis(axis, drive, (), 5000.0, keep_states=False)
         times.append(time.perf_counter() - began)
     return {"first_seconds": times[0], "seconds": min(times[1:])}
 

@@ -39,8 +39,8 @@ from pneumo_casadi.design import (
 from pneumo_casadi.diagnosis import Diagnosis, diagnose
 from pneumo_casadi.estimation.output_error import OutputErrorOptions, OutputErrorResult
 from pneumo_casadi.identification.identify import FlowForm
-from pneumo_casadi.runtime.progress import silent
-from pneumo_casadi.virtual_bench import Excitation, MadeCase, make_case, record
+from pneumo_casadi.runtime.progress import no_progress
+from pneumo_casadi.virtual_bench import Excitation, SyntheticCase, make_case, record
 
 FS, DURATION, COMMON = 1000.0, 6.0, 0.1
 WIDTH = 3e-4
@@ -55,7 +55,7 @@ def fitted(start: Any, case: Case, table: Any) -> OutputErrorResult:
     return found.result
 
 
-def again(made: MadeCase, design: Design, seed: int) -> Case:
+def again(made: SyntheticCase, design: Design, seed: int) -> Case:
     """Record a designed reference on the same axis with the same hidden effects."""
     drive = Excitation(design.reference.x_ref, design.reference.common)
     found = record(
@@ -140,7 +140,7 @@ def separation(seed: int, duration: float, tries: int) -> dict[str, Any]:
             seed=0,
             flow=FlowForm.ISO6358,
         )
-        design, notes = designed(made.case, asked, silent)
+        design, notes = designed(made.case, asked, no_progress)
         case = again(made, design, seed)
         after = diagnose(case)
     return {

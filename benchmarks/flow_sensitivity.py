@@ -33,10 +33,10 @@ from pneumo_casadi.model.servosystem import Servosystem
 from pneumo_casadi.report import paper
 from pneumo_casadi.report.figures.studies.flow_sensitivity import flow_sensitivity_figure
 from pneumo_casadi.sensitivity import (
-    Estimated,
+    Estimate,
     FlowSensitivity,
     MapSensitivity,
-    Metering,
+    MeteringErrors,
     Row,
     Treatment,
     flow_sensitivity,
@@ -55,10 +55,10 @@ DEGREES = ((3, 3, 3), (5, 5, 4), (7, 7, 4), (7, 7, 7), (9, 9, 9), (12, 12, 12))
 METERED = (9, 9, 9)
 NOISES = (0.001, 0.003, 0.01)
 ERRORS = (
-    Metering(gain=0.01),
-    Metering(gain_filling=0.01),
-    Metering(gain_exhaust=0.01),
-    Metering(pressure_offset=1000.0),
+    MeteringErrors(gain=0.01),
+    MeteringErrors(gain_filling=0.01),
+    MeteringErrors(gain_exhaust=0.01),
+    MeteringErrors(pressure_offset=1000.0),
 )
 #: Forms that the second case is identified with.
 FEW = ("7-7-4", "9-9-9", "ISO 6358")
@@ -138,7 +138,7 @@ def study(
     )
 
 
-def errors(estimates: Mapping[str, Estimated], truth: Mapping[str, float]) -> dict[str, Any] | None:
+def errors(estimates: Mapping[str, Estimate], truth: Mapping[str, float]) -> dict[str, Any] | None:
     """Return errors and deviations in per cent of the truth; None where there is no estimate."""
     if not estimates:
         return None
@@ -176,7 +176,7 @@ def described(row: Row, truth: Mapping[str, float]) -> dict[str, Any]:
 
 
 def moved(
-    found: Mapping[str, Estimated], reference: Mapping[str, Estimated]
+    found: Mapping[str, Estimate], reference: Mapping[str, Estimate]
 ) -> dict[str, float] | None:
     """Return the shift of each estimate in per cent."""
     if not found or not reference:
@@ -186,17 +186,17 @@ def moved(
 
 def linear(
     sensitivity: MapSensitivity,
-    metering: Metering,
+    metering: MeteringErrors,
     known: Known,
     treatment: Treatment,
-    reference: Mapping[str, Estimated],
+    reference: Mapping[str, Estimate],
 ) -> dict[str, float]:
     """Return the shift to first order, in per cent of the estimate."""
     shift = sensitivity.shift(flow_error(metering, known), treatment)
     return {n: 100 * shift[n] / reference[n].value for n in (*CHAMBERS, *RATIOS)}
 
 
-def flow_error(metering: Metering, known: Known) -> Any:
+def flow_error(metering: MeteringErrors, known: Known) -> Any:
     """Return errors of the metered flows; a wrong pressure is a wrong flow at the right one."""
     error = metering.flow_error(known.table)
     if metering.pressure_offset:
@@ -211,14 +211,14 @@ def metering_errors(
 ) -> dict[str, Any]:
     """Return shifts of the estimates by errors of the map, by refitting and to first order."""
     form = {label(METERED): partial(fit_polynomials, degrees=METERED)}
-    noises = [Metering(noise=noise, seed=seed) for noise in NOISES for seed in range(seeds)]
+    noises = [MeteringErrors(noise=noise, seed=seed) for noise in NOISES for seed in range(seeds)]
     treatments = (Treatment.ANCHORED, Treatment.FIXED)
     found = study(
         known,
         form,
         executor,
         seconds=seconds,
-        meterings=(Metering(), *ERRORS, *noises),
+        meterings=(MeteringErrors(), *ERRORS, *noises),
         treatments=treatments,
     )
     sensitivity = first_order(known, seconds)
@@ -255,7 +255,7 @@ def spread(
 ) -> dict[str, Any]:
     """Return spreads of the estimates over seeds of the map's noise, and those to first order."""
     names, form = (*CHAMBERS, *RATIOS), label(METERED)
-    drawn = [Metering(noise=noise, seed=seed) for seed in range(seeds)]
+    drawn = [MeteringErrors(noise=noise, seed=seed) for seed in range(seeds)]
     one: dict[str, Any] = {"noise_percent": 100 * noise, "seeds": seeds}
     for treatment in (Treatment.ANCHORED, Treatment.FIXED):
         plain = found.row(form, treatment).output_error
@@ -270,7 +270,7 @@ def spread(
 
 
 def spread_percent(
-    found: Sequence[Mapping[str, Estimated]], names: Sequence[str]
+    found: Sequence[Mapping[str, Estimate]], names: Sequence[str]
 ) -> dict[str, float] | None:
     """Return the standard deviation of each estimate over replicates, in per cent."""
     if len(found) < 2:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from pneumo_casadi import __version__
-from pneumo_casadi.runtime.atomic_files import whole_file
+from pneumo_casadi.runtime.atomic_files import atomic_file
 
 
 def made(seed: int | None, quick: bool, *packages: str) -> dict[str, Any]:
@@ -29,5 +29,5 @@ def write(path: Path | None, result: Mapping[str, Any]) -> None:
     """Write a result as JSON, whole or not at all."""
     if path is None:
         return
-    with whole_file(path) as draft:
+    with atomic_file(path) as draft:
         draft.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")

@@ -36,7 +36,7 @@ from pneumo_casadi.estimation.output_error.shooting.condensing import linearise
 from pneumo_casadi.estimation.output_error.shooting.problem import Problem
 from pneumo_casadi.estimation.output_error.solvers.bounded_step import moved, next_step
 from pneumo_casadi.estimation.wls import fit_wls
-from pneumo_casadi.model.compilation import called, compiled
+from pneumo_casadi.model.compilation import call_with_arrays, compile_functions
 from pneumo_casadi.model.integration import THREADS
 from pneumo_casadi.valve import FlowMap
 
@@ -122,10 +122,10 @@ def iteration_and_sweep(
     problem = write_problem(axis, records, table, options)
     start, data = problem.start(), problem.data
     sigma = np.array([own_model.NOISE_P, own_model.NOISE_P, own_model.NOISE_X])
-    plain = compiled([sweep_function(problem)])[0].map(problem.I, "thread", THREADS)
+    plain = compile_functions([sweep_function(problem)])[0].map(problem.I, "thread", THREADS)
     theta = np.tile(start.theta[:, None], problem.I)
     at = linearise(problem, start, sigma)
-    called(plain, start.x, data.w, theta, data.h)
+    call_with_arrays(plain, start.x, data.w, theta, data.h)
     times: tuple[list[float], list[float]] = ([], [])
     for _ in range(TURNS):
         began = time.perf_counter()
@@ -134,7 +134,7 @@ def iteration_and_sweep(
         linearise(problem, moved(problem, start, step), sigma)
         times[0].append(time.perf_counter() - began)
         began = time.perf_counter()
-        called(plain, start.x, data.w, theta, data.h)
+        call_with_arrays(plain, start.x, data.w, theta, data.h)
         times[1].append(time.perf_counter() - began)
     return statistics.median(times[0]), statistics.median(times[1])
 

@@ -16,14 +16,14 @@ from pneumo_casadi.model.integration import held_inputs
 from pneumo_casadi.model.sampled_axis import disturbance_of
 from pneumo_casadi.model.simulation import (
     Trajectory,
-    outputs_of,
-    roll_out,
+    compute_outputs,
     simulate,
     simulate_closed_loop,
+    simulate_windows,
     stepping_for,
 )
 from pneumo_casadi.parameters import FloatArray
-from pneumo_casadi.runtime.progress import Progress, silent
+from pneumo_casadi.runtime.progress import Progress, no_progress
 
 #: The initial state of a free run is estimated from so much of its beginning [s].
 START = 2.0
@@ -121,7 +121,7 @@ def validate(
     """
     if not records:
         raise ModelError("validation: no record; a fit is not validated on its own data")
-    report = progress or silent
+    report = progress or no_progress
     runs = []
     for i, record in enumerate(records):
         report(f"free run of {record.name}", i / (len(records) + 1))
@@ -210,11 +210,11 @@ def window_runs(
         stretches = np.stack([w[:, first : first + L] for first, _ in starts])
         x_0 = np.stack([x for _, x in starts], axis=1)
         stepping = stepping_for(axis, record.dt, record.hold)
-        x = roll_out(axis, stepping, stretches, x_0)[:, :, :L]
+        x = simulate_windows(axis, stepping, stretches, x_0)[:, :, :L]
         joined = np.hstack(list(x))
         u = np.hstack(list(stretches))[: len(axis.inputs)]
         rows = np.concatenate([np.arange(first, first + L) for first, _ in starts])
-        y = outputs_of(axis, joined, u)
+        y = compute_outputs(axis, joined, u)
         names = (axis.states, joined, axis.outputs, y, axis.inputs, u)
         pairs.append((record, rows, Trajectory(record["t"][rows], *names)))
     return pairs

@@ -36,7 +36,7 @@ from pneumo_casadi.report.pages.write import (
 )
 from pneumo_casadi.report.tables.results import parameter_table, validation_table
 from pneumo_casadi.report.text.identification import render_caveats
-from pneumo_casadi.runtime.progress import part
+from pneumo_casadi.runtime.progress import progress_range
 from pneumo_casadi.validation import validate as validate_axis
 
 app = typer.Typer(
@@ -269,8 +269,8 @@ def _identify(
 ) -> None:
     check_replaceable(folder, Kind.IDENTIFICATION)
     with progress_bar() as report:
-        found = identify(case, options, part(report, 0.0, 0.8))
-        write_report(found, folder, paper, part(report, 0.8, 1.0))
+        found = identify(case, options, progress_range(report, 0.0, 0.8))
+        write_report(found, folder, paper, progress_range(report, 0.8, 1.0))
     if json_file is not None:
         write_json(result_dict(found), json_file)
     show(parameter_table(found, paper))

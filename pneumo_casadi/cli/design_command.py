@@ -34,7 +34,7 @@ from pneumo_casadi.identification.result_file import write_json
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.report.pages.design import design_text, write_design
 from pneumo_casadi.report.pages.write import Kind, check_replaceable
-from pneumo_casadi.runtime.progress import Progress, part
+from pneumo_casadi.runtime.progress import Progress, progress_range
 from pneumo_casadi.valve import FlowMap
 
 #: The axis without effects, among those to be told apart.
@@ -142,14 +142,14 @@ def designed(case: Case, asked: Asked, report: Progress) -> tuple[Design, list[s
     if asked.separate is not None and asked.separate[0] == asked.separate[1]:
         raise CaseError(f"{asked.separate[0]} cannot be told from itself; name two effects")
     options = IdentifyOptions(flow_form=asked.flow)
-    identified = identify(replace(case, validate=()), options, part(report, 0.0, 0.3))
+    identified = identify(replace(case, validate=()), options, progress_range(report, 0.0, 0.3))
     fit, table = identified.output_error, identified.flow_map
     if table is None:
         raise CaseError(f"{case.folder}: no flow map")
     choices = _choices(case, case.bench, table, asked)
     recorded = [recorded_reference(record) for record in case.identify]
     notes: list[str] = []
-    rest = part(report, 0.4, 1.0, "design: ")
+    rest = progress_range(report, 0.4, 1.0, "design: ")
     if asked.separate is None:
         found = design_for_precision(
             fit.axis, recorded, table, fit.sigma, choices, asked.criterion, progress=rest

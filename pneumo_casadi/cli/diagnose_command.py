@@ -22,7 +22,7 @@ from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.report.pages.diagnosis import write_diagnosis
 from pneumo_casadi.report.pages.write import Kind, check_replaceable
 from pneumo_casadi.report.text.diagnosis import summary_text
-from pneumo_casadi.runtime.progress import part
+from pneumo_casadi.runtime.progress import progress_range
 
 #: More processes than this do not help: one part after another waits for the last fit.
 MOST_WORKERS = 4
@@ -77,7 +77,7 @@ def diagnose_command(
                 found_case,
                 chosen,
                 DiagnosisOptions(keep=keep),
-                part(report, 0.0, 0.97),
+                progress_range(report, 0.0, 0.97),
                 executor,
             )
             report("report", 0.97)

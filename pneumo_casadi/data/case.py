@@ -8,7 +8,7 @@ from pneumo_casadi.data.bench.bench import AnyBench
 from pneumo_casadi.data.bench.bench_file import read_bench
 from pneumo_casadi.data.checks.records import check_recording
 from pneumo_casadi.data.readers.column_map import COLUMNS_FILE, read_columns
-from pneumo_casadi.data.readers.records import Meaning, read_recording
+from pneumo_casadi.data.readers.records import ColumnSpec, read_recording
 from pneumo_casadi.data.readers.tables import suffix_of
 from pneumo_casadi.data.recording.channels import InputHold
 from pneumo_casadi.data.recording.recording import Recording
@@ -61,7 +61,7 @@ def load_case(
     folder: str | Path,
     check: bool = True,
     hold: InputHold = InputHold.ZERO,
-    columns: Mapping[str, Meaning] | None = None,
+    columns: Mapping[str, ColumnSpec] | None = None,
 ) -> Case:
     """Load a case folder.
 

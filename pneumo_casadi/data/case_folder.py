@@ -17,7 +17,7 @@ from pneumo_casadi.data.case import Case
 from pneumo_casadi.data.recording.channels import UNITS, InputHold
 from pneumo_casadi.data.recording.recording import Recording
 from pneumo_casadi.errors import CaseError
-from pneumo_casadi.runtime.atomic_files import whole_folder
+from pneumo_casadi.runtime.atomic_files import atomic_folder
 
 TIME_DECIMALS = 10
 
@@ -60,7 +60,7 @@ def write_case(
         raise CaseError(f"{folder}: is there already and not empty; choose a new folder")
     if not identify:
         raise CaseError(f"{folder}: no record to identify on; a case needs at least one")
-    with whole_folder(folder, over=False) as draft:
+    with atomic_folder(folder, over=False) as draft:
         text = json.dumps(bench_content(bench), indent=1, ensure_ascii=False)
         (draft / "bench.json").write_text(text + "\n", "utf-8")
         for role, records in (("identify", identify), ("validate", validate)):

@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pneumo_casadi.data import Bench, Recording
-from pneumo_casadi.design.reference import COMMON, KINDS, Part, Reference, drawn
-from pneumo_casadi.design.rehearsal import Limits, Rehearsal, Rehearsed
-from pneumo_casadi.design.search import Candidate, Found
+from pneumo_casadi.design.experiment import ExperimentSimulator, Limits, SimulatedExperiment
+from pneumo_casadi.design.reference import COMMON, KINDS, Part, Reference, make_reference
+from pneumo_casadi.design.search import Candidate, SearchResult
 from pneumo_casadi.design.space import Space
 from pneumo_casadi.errors import FitError, ModelError
 from pneumo_casadi.model.axis import Axis
@@ -20,7 +20,7 @@ COARSE_STEP, COARSE_WIDTH = 1e-3, 1e-3
 #: So much of a record tells where it began [s].
 BEGINNING = 5e-3
 #: The search keeps so much of every limit in hand.
-IN_HAND = 0.03
+SEARCH_MARGIN = 0.03
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,17 +61,19 @@ class DesignOptions:
         """References to choose from."""
         return Space(self.kinds, self.limits.common > 0, self.duration)
 
-    def drawn(self, parts: tuple[Part, ...], dt: float) -> Reference:
+    def make_reference(self, parts: tuple[Part, ...], dt: float) -> Reference:
         """Draw parts within the limits at a sampling period [s]."""
         N = round(self.duration / dt)
-        return drawn(parts, dt, N, (1 - IN_HAND) * self.limits.position, self.limits.common)
+        return make_reference(
+            parts, dt, N, (1 - SEARCH_MARGIN) * self.limits.position, self.limits.common
+        )
 
     @property
-    def tight(self) -> Limits:
+    def search_limits(self) -> Limits:
         """The limits less what the search keeps in hand."""
-        share = 1 - IN_HAND
+        share = 1 - SEARCH_MARGIN
         limits = self.limits
-        margin = IN_HAND * (limits.p_max - limits.p_min) / 2
+        margin = SEARCH_MARGIN * (limits.p_max - limits.p_min) / 2
         return replace(
             limits,
             position=share * limits.position,
@@ -83,7 +85,7 @@ class DesignOptions:
 
 
 @dataclass(frozen=True, slots=True)
-class Clock:
+class SimulationRate:
     """How finely experiments are simulated.
 
     Parameters
@@ -106,11 +108,13 @@ class Clock:
         return axis.with_parameters({"v_s": max(self.width, axis.parameters["v_s"].value)})
 
 
-def clocks(axis: Axis, sigma: FloatArray) -> tuple[Clock, Clock]:
+def simulation_rates(axis: Axis, sigma: FloatArray) -> tuple[SimulationRate, SimulationRate]:
     """Return the bench's own clock, and the coarse one of the search."""
     dt = 1.0 / axis.bench.sampling_frequency
     coarse = dt * max(1, round(COARSE_STEP / dt))
-    return Clock(dt, sigma, 0.0), Clock(coarse, sigma * np.sqrt(dt / coarse), COARSE_WIDTH)
+    return SimulationRate(dt, sigma, 0.0), SimulationRate(
+        coarse, sigma * np.sqrt(dt / coarse), COARSE_WIDTH
+    )
 
 
 def recorded_reference(record: Recording) -> Reference:
@@ -129,7 +133,7 @@ def recorded_reference(record: Recording) -> Reference:
     return Reference(record.dt, record["x_ref"], np.round(common, 4), (x, p_P, p_N))
 
 
-def resampled(reference: Reference, dt: float) -> Reference:
+def resample_reference(reference: Reference, dt: float) -> Reference:
     """Return a reference at a longer sampling period [s]."""
     n = max(1, round(dt / reference.dt))
     return replace(
@@ -171,9 +175,9 @@ def default_limits(
     return Limits(0.4 * bench.stroke, 1.5 * fastest, bench.p_ext, bench.p_supply, u_max, common)
 
 
-def admitted(
-    found: Found, options: DesignOptions, axes: Mapping[str, Axis], clock: Clock
-) -> list[tuple[Candidate, Mapping[str, Rehearsed]]]:
+def feasible_finalists(
+    found: SearchResult, options: DesignOptions, axes: Mapping[str, Axis], clock: SimulationRate
+) -> list[tuple[Candidate, Mapping[str, SimulatedExperiment]]]:
     """Return the finalists that keep the limits on every axis at the bench's own rate.
 
     Raises
@@ -181,11 +185,13 @@ def admitted(
     FitError
         If none does.
     """
-    rehearsals = {name: Rehearsal(clock.smoothed(axis), clock.dt) for name, axis in axes.items()}
-    kept: list[tuple[Candidate, Mapping[str, Rehearsed]]] = []
+    simulators = {
+        name: ExperimentSimulator(clock.smoothed(axis), clock.dt) for name, axis in axes.items()
+    }
+    kept: list[tuple[Candidate, Mapping[str, SimulatedExperiment]]] = []
     for one in found.finalists:
-        reference = options.drawn(options.space.parts(one.z), clock.dt)
-        runs = {name: rehearsal(reference) for name, rehearsal in rehearsals.items()}
+        reference = options.make_reference(options.space.parts(one.z), clock.dt)
+        runs = {name: simulator(reference) for name, simulator in simulators.items()}
         if all(run.excess(options.limits) == 0.0 for run in runs.values()):
             kept.append((one, runs))
     if not kept:

@@ -8,10 +8,16 @@ from functools import cached_property
 import numpy as np
 
 from pneumo_casadi.design.criterion import Criterion
-from pneumo_casadi.design.options import Clock, DesignOptions, admitted, clocks, resampled
+from pneumo_casadi.design.experiment import ExperimentSimulator, SimulatedExperiment
+from pneumo_casadi.design.options import (
+    DesignOptions,
+    SimulationRate,
+    feasible_finalists,
+    resample_reference,
+    simulation_rates,
+)
 from pneumo_casadi.design.prediction import Fit, information_of
 from pneumo_casadi.design.reference import Reference
-from pneumo_casadi.design.rehearsal import Rehearsal, Rehearsed
 from pneumo_casadi.design.result import Design, Precision
 from pneumo_casadi.design.search import search
 from pneumo_casadi.errors import ModelError
@@ -19,13 +25,13 @@ from pneumo_casadi.estimation.output_error.information import AT_BOUND
 from pneumo_casadi.estimation.statistics import invert_information
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.parameters import FloatArray
-from pneumo_casadi.runtime.progress import Progress, silent
+from pneumo_casadi.runtime.progress import Progress, no_progress
 from pneumo_casadi.runtime.threads import one_thread
 from pneumo_casadi.valve import FlowMap
 
 
 @dataclass(frozen=True, eq=False)
-class Forecast:
+class PrecisionForecast:
     """Standard errors of the parameters of interest, before an experiment is made.
 
     Parameters
@@ -42,18 +48,18 @@ class Forecast:
 
     axis: Axis
     flow_map: FlowMap | None
-    clock: Clock
+    clock: SimulationRate
     names: tuple[str, ...]
 
     @cached_property
-    def rehearsal(self) -> Rehearsal:
+    def simulator(self) -> ExperimentSimulator:
         """The axis in its loop."""
-        return Rehearsal(self.clock.smoothed(self.axis), self.clock.dt)
+        return ExperimentSimulator(self.clock.smoothed(self.axis), self.clock.dt)
 
     @cached_property
     def fit(self) -> Fit:
         """The fit that will be made."""
-        return Fit(self.rehearsal.axis, self.clock.dt, self.clock.sigma, self.flow_map)
+        return Fit(self.simulator.axis, self.clock.dt, self.clock.sigma, self.flow_map)
 
     @cached_property
     def at_bound(self) -> tuple[str, ...]:
@@ -62,11 +68,11 @@ class Forecast:
         gap = np.minimum(free.values - free.lower, free.upper - free.values) / free.scales
         return tuple(name for name, near in zip(free.names, gap < AT_BOUND, strict=True) if near)
 
-    def run(self, reference: Reference) -> Rehearsed:
+    def run(self, reference: Reference) -> SimulatedExperiment:
         """Simulate a reference at the forecast's own rate."""
-        return self.rehearsal(resampled(reference, self.clock.dt))
+        return self.simulator(resample_reference(reference, self.clock.dt))
 
-    def covariance(self, runs: Sequence[Rehearsed]) -> FloatArray:
+    def covariance(self, runs: Sequence[SimulatedExperiment]) -> FloatArray:
         """Return the covariance of the parameters of interest [SI], fitted to all runs together.
 
         Infinite where nothing informs one of them.
@@ -134,17 +140,19 @@ def design_for_precision(
     ModelError
         If a name is not free, or the recorded reference leaves the finite numbers.
     """
-    began, report = time.perf_counter(), progress or silent
+    began, report = time.perf_counter(), progress or no_progress
     chosen = tuple(names) if names is not None else parameters_of_interest(axis)
     unknown = sorted(set(chosen) - set(axis.parameters.free_names))
     if unknown or not chosen:
         raise ModelError(f"design: {', '.join(unknown) or 'no parameter'} is not fitted")
-    fine, coarse = (Forecast(axis, flow_map, clock, chosen) for clock in clocks(axis, sigma))
+    fine, coarse = (
+        PrecisionForecast(axis, flow_map, clock, chosen) for clock in simulation_rates(axis, sigma)
+    )
     space = options.space
 
     def evaluate(z: FloatArray) -> tuple[float, float]:
-        run = coarse.run(options.drawn(space.parts(z), coarse.clock.dt))
-        excess = run.excess(options.tight)
+        run = coarse.run(options.make_reference(space.parts(z), coarse.clock.dt))
+        excess = run.excess(options.search_limits)
         if excess:
             return excess, float("inf")
         size = coarse.size(coarse.covariance([run]), criterion)
@@ -156,7 +164,7 @@ def design_for_precision(
     )
     report("judging the best", 0.9)
     judged = []
-    for candidate, runs in admitted(found, options, {"": axis}, fine.clock):
+    for candidate, runs in feasible_finalists(found, options, {"": axis}, fine.clock):
         covariance = fine.covariance([runs[""]])
         judged.append((fine.size(covariance, criterion), candidate, runs, covariance))
     after, best, runs, designed = min(judged, key=lambda one: one[0])

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from pneumo_casadi.design.rehearsal import Rehearsed
+from pneumo_casadi.design.experiment import SimulatedExperiment
 from pneumo_casadi.estimation.output_error.information import information
 from pneumo_casadi.estimation.output_error.shooting.condensing import (
     Linearised,
@@ -75,7 +75,7 @@ class Fit:
         found = anchor(self.flow_map, self.axis.flow, effects=self.axis.effects)
         return found if set(found.names) & set(self.axis.parameters.free_names) else None
 
-    def problem(self, experiments: Sequence[Rehearsed]) -> tuple[Problem, Unknowns]:
+    def problem(self, experiments: Sequence[SimulatedExperiment]) -> tuple[Problem, Unknowns]:
         """Return the problem of fitting experiments without noise, and where it starts.
 
         Nodes start on the simulated states; effects that the experiments' axis has not, at rest.
@@ -85,7 +85,7 @@ class Fit:
         found = Problem(self.model, own, segments, self.functions, self.anchor)
         return found, found.start()
 
-    def _segment(self, number: int, run: Rehearsed) -> Segment:
+    def _segment(self, number: int, run: SimulatedExperiment) -> Segment:
         n, per = self.functions.n, self.functions.blocks
         K = run.u.shape[1] // n
         y = run.y[:, : K * n].reshape(len(run.y), K, n).mean(axis=2)
@@ -99,14 +99,14 @@ class Fit:
         return Segment(number, 0, n, per, run.u[:, : K * n], y, nodes)
 
 
-def information_of(fit: Fit, experiments: Sequence[Rehearsed]) -> FloatArray:
+def information_of(fit: Fit, experiments: Sequence[SimulatedExperiment]) -> FloatArray:
     """Return the information on the scaled free parameters, initial states eliminated.
 
     One linearisation of the simulated record gives it; the flow map counts once.
 
     Parameters
     ----------
-    experiments : sequence of Rehearsed
+    experiments : sequence of SimulatedExperiment
         Done by the fit's own axis, fitted together.
     """
     problem, point = fit.problem(experiments)
@@ -131,16 +131,16 @@ class Refit:
     theta: FloatArray
 
 
-def refit(fit: Fit, run: Rehearsed, theta: FloatArray | None = None) -> Refit:
+def refit(fit: Fit, run: SimulatedExperiment, theta: FloatArray | None = None) -> Refit:
     """Fit model B to what model A did, without noise, to the end.
 
-    The flow map is metered on A as well: give the fit a map without noise, from `map_of`.
+    The flow map is metered on A as well: give the fit a map without noise, from `noise_free_map`.
 
     Parameters
     ----------
     fit : Fit
         Model B.
-    run : Rehearsed
+    run : SimulatedExperiment
         An experiment on model A.
     theta : (n,) array, optional
         Start; by default the values of the fit's axis.
@@ -155,7 +155,7 @@ def refit(fit: Fit, run: Rehearsed, theta: FloatArray | None = None) -> Refit:
     return Refit(distance, found.point.theta)
 
 
-def projected(fit: Fit, run: Rehearsed, theta: FloatArray) -> Refit:
+def project_refit(fit: Fit, run: SimulatedExperiment, theta: FloatArray) -> Refit:
     """Return the refit to first order about the nearest of a few full steps.
 
     Nodes begin on A's own trajectory, where no open loop can drift away; what is left of the
@@ -206,7 +206,7 @@ def _closed_square(problem: Problem, at: Linearised, point: Unknowns, sigma: Flo
     return total
 
 
-def map_of(axis: Axis, table: FlowMap) -> FlowMap:
+def noise_free_map(axis: Axis, table: FlowMap) -> FlowMap:
     """Return a metered map as the axis would have it, without noise, at the same points."""
     c = axis.parameters.select(axis.flow.parameters.names).values
     return replace(table, q_m=table.q_m + anchor(table, axis.flow, sigma=1.0)(c))

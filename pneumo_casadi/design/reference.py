@@ -242,7 +242,9 @@ KINDS: Mapping[str, Kind] = MappingProxyType(
 )
 
 
-def drawn(parts: tuple[Part, ...], dt: float, N: int, reach: float, common: float) -> Reference:
+def make_reference(
+    parts: tuple[Part, ...], dt: float, N: int, reach: float, common: float
+) -> Reference:
     """Draw parts one after another, `common_mode_steps` over all of them.
 
     Parameters

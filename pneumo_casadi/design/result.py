@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from pneumo_casadi.design.criterion import Criterion
+from pneumo_casadi.design.experiment import SimulatedExperiment
 from pneumo_casadi.design.options import DesignOptions
 from pneumo_casadi.design.reference import Part, Reference
-from pneumo_casadi.design.rehearsal import Rehearsed
 from pneumo_casadi.parameters import FloatArray
 
 
@@ -115,7 +115,7 @@ class Design:
         What it is made of.
     options : DesignOptions
         What was chosen, limits included.
-    runs : mapping of str to Rehearsed
+    runs : mapping of str to SimulatedExperiment
         What the model does under it; several where several effects are told apart.
     history : tuple of float
         Best value of the search after each evaluation: the logarithm of the criterion, or minus
@@ -131,7 +131,7 @@ class Design:
     reference: Reference
     parts: tuple[Part, ...]
     options: DesignOptions
-    runs: Mapping[str, Rehearsed]
+    runs: Mapping[str, SimulatedExperiment]
     history: tuple[float, ...]
     precision: Precision | None
     distances: tuple[Distance, ...]

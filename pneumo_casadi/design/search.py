@@ -33,7 +33,7 @@ class Candidate:
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class SearchResult:
     """What a search has found.
 
     Parameters
@@ -57,7 +57,7 @@ def search(
     evaluations: int,
     seed: int,
     progress: Progress,
-) -> Found:
+) -> SearchResult:
     """Look for the point of least value that exceeds no limit.
 
     Parameters
@@ -101,4 +101,4 @@ def search(
         seed=np.random.default_rng([seed, 1]),
     )
     seen.sort(key=lambda one: one.value)
-    return Found(tuple(seen[:FINALISTS]), min(excesses), tuple(history))
+    return SearchResult(tuple(seen[:FINALISTS]), min(excesses), tuple(history))

@@ -8,33 +8,39 @@ from itertools import permutations
 
 import numpy as np
 
-from pneumo_casadi.design.options import Clock, DesignOptions, admitted, clocks, resampled
-from pneumo_casadi.design.prediction import Fit, Refit, map_of, projected, refit
+from pneumo_casadi.design.experiment import ExperimentSimulator, SimulatedExperiment
+from pneumo_casadi.design.options import (
+    DesignOptions,
+    SimulationRate,
+    feasible_finalists,
+    resample_reference,
+    simulation_rates,
+)
+from pneumo_casadi.design.prediction import Fit, Refit, noise_free_map, project_refit, refit
 from pneumo_casadi.design.reference import Reference
-from pneumo_casadi.design.rehearsal import Rehearsal, Rehearsed
 from pneumo_casadi.design.result import Design, Distance
 from pneumo_casadi.design.search import search
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.parameters import FloatArray
-from pneumo_casadi.runtime.progress import Progress, silent
+from pneumo_casadi.runtime.progress import Progress, no_progress
 from pneumo_casadi.runtime.threads import one_thread
 from pneumo_casadi.valve import FlowMap
 
 #: Below this refitted distance from the nominal axis under a reference with all kinds of motion
 #: an effect counts as absorbed: no sample shows it.
-SHOWN = 1.0
+VISIBLE_DISTANCE = 1.0
 
 
 @dataclass(frozen=True, eq=False)
-class Pair:
+class EffectPair:
     """An effect that is there, and one that is fitted instead.
 
     Parameters
     ----------
     truth, fitted : str
         Their names.
-    rehearsal : Rehearsal
+    simulator : ExperimentSimulator
         The axis with the first, in its loop.
     fit : Fit
         The axis with the second.
@@ -42,12 +48,12 @@ class Pair:
 
     truth: str
     fitted: str
-    rehearsal: Rehearsal
+    simulator: ExperimentSimulator
     fit: Fit
 
     def refit(self, reference: Reference, theta: FloatArray | None = None) -> Refit:
         """Return the refit to the end under a reference; the better of two starts, if two."""
-        run = self.rehearsal(reference)
+        run = self.simulator(reference)
         found = refit(self.fit, run)
         if theta is None:
             return found
@@ -55,7 +61,7 @@ class Pair:
 
 
 @dataclass(frozen=True, eq=False)
-class Contest:
+class SeparationProblem:
     """Effects to be told apart.
 
     Parameters
@@ -75,10 +81,10 @@ class Contest:
     axes: Mapping[str, Axis]
     nominal: Axis
     flow_map: FlowMap | None
-    clock: Clock
+    clock: SimulationRate
 
     @cached_property
-    def pairs(self) -> tuple[Pair, ...]:
+    def pairs(self) -> tuple[EffectPair, ...]:
         """All ordered pairs whose first has an effect."""
         return tuple(
             self._pair(truth, fitted, self.axes[fitted])
@@ -86,11 +92,11 @@ class Contest:
             if self.axes[truth].effects
         )
 
-    def _pair(self, truth: str, fitted: str, model: Axis) -> Pair:
+    def _pair(self, truth: str, fitted: str, model: Axis) -> EffectPair:
         smoothed = self.clock.smoothed(self.axes[truth])
-        table = None if self.flow_map is None else map_of(smoothed, self.flow_map)
+        table = None if self.flow_map is None else noise_free_map(smoothed, self.flow_map)
         fit = Fit(self.clock.smoothed(model), self.clock.dt, self.clock.sigma, table)
-        return Pair(truth, fitted, Rehearsal(smoothed, self.clock.dt), fit)
+        return EffectPair(truth, fitted, ExperimentSimulator(smoothed, self.clock.dt), fit)
 
     def shown(self, reference: Reference) -> frozenset[str]:
         """Return the effects that the nominal parameters do not absorb under a reference."""
@@ -98,7 +104,7 @@ class Contest:
         for name, axis in self.axes.items():
             if axis.effects:
                 pair = self._pair(name, "nominal", self.nominal)
-                if pair.refit(reference).distance > SHOWN:
+                if pair.refit(reference).distance > VISIBLE_DISTANCE:
                     found.add(name)
         return frozenset(found)
 
@@ -144,37 +150,39 @@ def design_to_separate(
     FitError
         If no reference tried keeps the limits.
     """
-    began, report = time.perf_counter(), progress or silent
+    began, report = time.perf_counter(), progress or no_progress
     if len(axes) < 2:
         raise ModelError("design: name two or more effects to tell apart")
-    fine, coarse = clocks(nominal, sigma)
-    contest = Contest(axes, nominal, flow_map, coarse)
-    before = resampled(recorded[0], coarse.dt)
+    fine, coarse = simulation_rates(nominal, sigma)
+    problem = SeparationProblem(axes, nominal, flow_map, coarse)
+    before = resample_reference(recorded[0], coarse.dt)
     report("writing and compiling", 0.0)
-    shown = contest.shown(_all_kinds(options, coarse.dt))
+    shown = problem.shown(_all_kinds(options, coarse.dt))
     if not shown:
         raise ModelError(
             f"design: the nominal parameters absorb {', '.join(axes)} whatever the axis does; "
             "hold the parameters that absorb them at known values (weigh the mass, turn the axis)"
         )
     report("refitting the recorded experiment", 0.1)
-    old = {pair: pair.refit(before) for pair in contest.pairs}
-    visible = [pair for pair in contest.pairs if pair.truth in shown]
+    old = {pair: pair.refit(before) for pair in problem.pairs}
+    visible = [pair for pair in problem.pairs if pair.truth in shown]
 
     # Projections go on from the best reference so far, from which most others are not far.
     near = {pair: old[pair] for pair in visible}
     most = [0.0]
 
     def evaluate(z: FloatArray) -> tuple[float, float]:
-        reference = options.drawn(options.space.parts(z), coarse.dt)
-        runs: dict[str, Rehearsed] = {}
-        for pair in contest.pairs:
+        reference = options.make_reference(options.space.parts(z), coarse.dt)
+        runs: dict[str, SimulatedExperiment] = {}
+        for pair in problem.pairs:
             if pair.truth not in runs:
-                runs[pair.truth] = pair.rehearsal(reference)
-        excess = max(run.excess(options.tight) for run in runs.values())
+                runs[pair.truth] = pair.simulator(reference)
+        excess = max(run.excess(options.search_limits) for run in runs.values())
         if excess:
             return excess, float("inf")
-        new = {pair: projected(pair.fit, runs[pair.truth], near[pair].theta) for pair in visible}
+        new = {
+            pair: project_refit(pair.fit, runs[pair.truth], near[pair].theta) for pair in visible
+        }
         least = min(one.distance for one in new.values())
         if not np.isfinite(least):
             return 0.0, float("inf")
@@ -189,9 +197,9 @@ def design_to_separate(
     )  # fmt: skip
     report("refitting the best", 0.8)
     judged = []
-    for candidate, runs in admitted(found, options, axes, fine):
-        reference = options.drawn(options.space.parts(candidate.z), coarse.dt)
-        new = {pair: pair.refit(reference, old[pair].theta).distance for pair in contest.pairs}
+    for candidate, runs in feasible_finalists(found, options, axes, fine):
+        reference = options.make_reference(options.space.parts(candidate.z), coarse.dt)
+        new = {pair: pair.refit(reference, old[pair].theta).distance for pair in problem.pairs}
         judged.append((min(new[pair] for pair in visible), candidate, runs, new))
     _, best, runs, new = max(judged, key=lambda one: one[0])
     reference = next(iter(runs.values())).reference
@@ -209,7 +217,7 @@ def design_to_separate(
                 pair.truth, pair.fitted, old[pair].distance, new[pair], samples,
                 pair.truth not in shown,
             )
-            for pair in contest.pairs
+            for pair in problem.pairs
         ),
         time.perf_counter() - began,
     )  # fmt: skip
@@ -221,4 +229,4 @@ def _all_kinds(options: DesignOptions, dt: float) -> Reference:
     z = space.point(dict.fromkeys(space.kinds, 1.0))
     if space.common:
         z[space.names.index("common_mode_steps.step")] = 0.5
-    return options.drawn(space.parts(z), dt)
+    return options.make_reference(space.parts(z), dt)

@@ -34,8 +34,8 @@ from pneumo_casadi.identification.identify import (
     read_flow,
 )
 from pneumo_casadi.model.axis import Axis
-from pneumo_casadi.model.effect import Effect, Maker
-from pneumo_casadi.runtime.progress import Progress, part, silent
+from pneumo_casadi.model.effect import Effect, EffectFactory
+from pneumo_casadi.runtime.progress import Progress, no_progress, progress_range
 from pneumo_casadi.runtime.threads import one_thread
 
 logger = logging.getLogger(__name__)
@@ -102,12 +102,12 @@ def diagnose(
     """
     began = time.perf_counter()
     options = options or DiagnosisOptions()
-    report = progress or silent
+    report = progress or no_progress
     case = case if isinstance(case, Case) else open_case(case)
     report("reading", 0.0)
     one, notes = prepare(case)
     chosen = applicable(one, CATALOGUE if catalogue is None else catalogue)
-    found = search(one, chosen, executor, part(report, 0.02, 0.8), options.keep)
+    found = search(one, chosen, executor, progress_range(report, 0.02, 0.8), options.keep)
     effects = tuple(chosen[name]() for name in found.chosen)
     judgement = judge(found, effects)
     report("parameters and location", 0.82)
@@ -177,7 +177,7 @@ def prepare(case: Case) -> tuple[Study, tuple[str, ...]]:
     return study(axis, table, train, held), tuple(notes)
 
 
-def applicable(one: Study, catalogue: Catalogue) -> dict[str, Maker]:
+def applicable(one: Study, catalogue: Catalogue) -> dict[str, EffectFactory]:
     """Return the effects of a catalogue that an axis can have, as its metered valve shows them."""
     found = {}
     for name, effect in catalogue.items():

@@ -28,7 +28,7 @@ from pneumo_casadi.effects.sensors.position_delay import PositionDelay as Positi
 from pneumo_casadi.effects.sensors.pressure_sensors import PressureSensorBias as PressureSensorBias
 from pneumo_casadi.effects.sensors.pressure_sensors import PressureSensorLag as PressureSensorLag
 from pneumo_casadi.effects.table import EffectRow as EffectRow
-from pneumo_casadi.effects.table import row_of as row_of
+from pneumo_casadi.effects.table import effect_row as effect_row
 from pneumo_casadi.effects.valve.flow_map_shape import FlowMapShape as FlowMapShape
 from pneumo_casadi.effects.valve.valve_dead_zone import ValveDeadZone as ValveDeadZone
 from pneumo_casadi.effects.valve.valve_dynamics import ValveDynamics as ValveDynamics
@@ -53,4 +53,4 @@ def catalogue_table() -> tuple[EffectRow, ...]:
     >>> [row.equation for row in catalogue_table() if row.name == "stribeck"]
     ['F = ΔF exp(−(v/v_st)²) sign(v)']
     """
-    return tuple(row_of(effect) for effect in CATALOGUE.values())
+    return tuple(effect_row(effect) for effect in CATALOGUE.values())

@@ -43,7 +43,7 @@ class EffectRow:
     source: str
 
 
-def row_of(effect: type[Effect] | Effect) -> EffectRow:
+def effect_row(effect: type[Effect] | Effect) -> EffectRow:
     """Return an effect, of the catalogue or not, as a row."""
     one = effect() if isinstance(effect, type) else effect
     return EffectRow(

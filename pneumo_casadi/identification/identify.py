@@ -23,7 +23,7 @@ from pneumo_casadi.estimation.wls import Prediction, WLSResult, cross_validate, 
 from pneumo_casadi.identification.warnings import Caveat, caveats_of
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.servosystem import ForceAxis, Servosystem
-from pneumo_casadi.runtime.progress import Progress, part, silent
+from pneumo_casadi.runtime.progress import Progress, no_progress, progress_range
 from pneumo_casadi.runtime.threads import one_thread
 from pneumo_casadi.validation import Validation, validate
 from pneumo_casadi.valve import (
@@ -175,7 +175,7 @@ def identify(
     """
     began = time.perf_counter()
     options = options or IdentifyOptions()
-    report = progress or silent
+    report = progress or no_progress
     case = case if isinstance(case, Case) else open_case(case)
     records = _cut(case.identify, options)
     report("flow map", _SHARES["flow"])
@@ -191,13 +191,13 @@ def identify(
         records,
         flow_map,
         chosen,
-        part(report, _SHARES["output_error"], _SHARES["validation"], "output error: "),
+        progress_range(report, _SHARES["output_error"], _SHARES["validation"], "output error: "),
     )
     predictions: tuple[Prediction, ...] = ()
     validation = None
     if case.validate:
         predictions = cross_validate(wls, case.validate)
-        stage = part(report, _SHARES["validation"], _SHARES["done"], "validation: ")
+        stage = progress_range(report, _SHARES["validation"], _SHARES["done"], "validation: ")
         validation = validate(result.axis, case.validate, options.windows, stage)
     found = Identification(
         case=case,

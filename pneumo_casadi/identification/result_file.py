@@ -27,7 +27,7 @@ from pneumo_casadi.identification.identify import (
 )
 from pneumo_casadi.identification.model_file import axis_dict
 from pneumo_casadi.model.axis import Axis
-from pneumo_casadi.runtime.atomic_files import whole_file
+from pneumo_casadi.runtime.atomic_files import atomic_file
 from pneumo_casadi.validation import Error, Validation
 
 #: Of the format; raised when a reader of the old one would misread the new.
@@ -169,7 +169,7 @@ def sha256(path: Path) -> str:
 def write_json(content: Mapping[str, Any], path: str | Path) -> None:
     """Write strict JSON in one step: the file is there whole, or not at all."""
     text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-    with whole_file(path) as draft:
+    with atomic_file(path) as draft:
         draft.write_text(text, encoding="utf-8")
 
 

@@ -14,7 +14,7 @@ from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.simulation import (
     Trajectory,
 )
-from pneumo_casadi.runtime.progress import Progress, silent
+from pneumo_casadi.runtime.progress import Progress, no_progress
 from pneumo_casadi.validation import free_run, loop_run
 
 
@@ -26,7 +26,7 @@ class RecordSet(Enum):
 
 
 @dataclass(frozen=True, eq=False)
-class Simulated:
+class RecordSimulation:
     """A record beside its simulation."""
 
     record: Recording
@@ -39,7 +39,7 @@ def simulate_case(
     records: RecordSet = RecordSet.VALIDATE,
     closed_loop: bool = True,
     progress: Progress | None = None,
-) -> tuple[Simulated, ...]:
+) -> tuple[RecordSimulation, ...]:
     """Simulate an axis for the records of a case.
 
     Parameters
@@ -64,16 +64,16 @@ def simulate_case(
     chosen = case.validate if records is RecordSet.VALIDATE else case.identify
     if not chosen:
         raise CaseError(f"{case.folder}: no record {records.value}.csv to simulate")
-    report = progress or silent
+    report = progress or no_progress
     found = []
     for i, record in enumerate(chosen):
         report(f"simulating {record.name}", i / len(chosen))
         run = loop_run(axis, record) if closed_loop else free_run(axis, record)
-        found.append(Simulated(record, run))
+        found.append(RecordSimulation(record, run))
     return tuple(found)
 
 
-def trajectory_frame(simulated: Simulated) -> pd.DataFrame:
+def trajectory_frame(simulated: RecordSimulation) -> pd.DataFrame:
     """Return a simulation in the columns of a case folder, SI units, without noise."""
     record, run = simulated.record, simulated.trajectory
     columns = {"t_s": np.round(record.t, 10)}

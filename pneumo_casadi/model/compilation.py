@@ -68,7 +68,7 @@ def compiler() -> str | None:
     return None
 
 
-def compiled(functions: Sequence[ca.Function]) -> tuple[ca.Function, ...]:
+def compile_functions(functions: Sequence[ca.Function]) -> tuple[ca.Function, ...]:
     """Return the functions compiled to machine code.
 
     Parameters
@@ -128,7 +128,7 @@ def compiled(functions: Sequence[ca.Function]) -> tuple[ca.Function, ...]:
     return tuple(functions)
 
 
-def called(f: ca.Function, *given: FloatArray) -> tuple[FloatArray, ...]:
+def call_with_arrays(f: ca.Function, *given: FloatArray) -> tuple[FloatArray, ...]:
     """Call a function with arrays and return arrays, without CasADi's matrices in between.
 
     Their conversion would cost more than a long record's simulation.

@@ -217,7 +217,7 @@ class Effect:
         return tuple(j for j in JUNCTIONS if getattr(own, j) is not getattr(Effect, j))
 
     @classmethod
-    def on_metered(cls, low: float, high: float) -> "Maker":
+    def on_metered(cls, low: float, high: float) -> "EffectFactory":
         """Return what makes the effect for a valve metered from `low` to `high` [V]."""
         return cls
 
@@ -279,4 +279,4 @@ class Effect:
 
 
 #: What makes an effect: its class, mostly.
-Maker = Callable[[], Effect]
+EffectFactory = Callable[[], Effect]

@@ -109,7 +109,7 @@ class SampledAxis:
             rows += added
         return np.vstack([record["x_ref"], rows])[:, :-1]
 
-    def remembering(self, states: FloatArray) -> FloatArray:
+    def with_controller_memory(self, states: FloatArray) -> FloatArray:
         """Append the controller's memory to states of successive samples, shape (nx, N).
 
         It holds the positions of the last samples; before the first one the axis is taken to

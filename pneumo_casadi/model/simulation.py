@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from pneumo_casadi.data import InputHold
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.model.axis import Axis
-from pneumo_casadi.model.compilation import compiled
+from pneumo_casadi.model.compilation import compile_functions
 from pneumo_casadi.model.integration import (
     Stepping,
     accumulate,
@@ -63,7 +63,7 @@ def stepping_for(axis: Axis, dt: float, hold: InputHold = InputHold.ZERO) -> Ste
     return Stepping(dt, hold, substeps_for(axis, dt))
 
 
-def roll_out(axis: Axis, stepping: Stepping, w: FloatArray, x_0: FloatArray) -> FloatArray:
+def simulate_windows(axis: Axis, stepping: Stepping, w: FloatArray, x_0: FloatArray) -> FloatArray:
     """Simulate many stretches of equal length side by side.
 
     Parameters
@@ -78,7 +78,7 @@ def roll_out(axis: Axis, stepping: Stepping, w: FloatArray, x_0: FloatArray) -> 
     (B, nx, L + 1) array
         States at all sampling instants, the initial ones included.
     """
-    (step,) = compiled([step_function(axis, stepping)])
+    (step,) = compile_functions([step_function(axis, stepping)])
     (after,) = accumulate(step, x_0, [w], axis.parameters.values)
     return np.concatenate([x_0.T[:, :, None], after], axis=2)
 
@@ -128,7 +128,7 @@ def simulate(
     inputs = np.asarray(u, dtype=float)
     stepping = stepping_for(axis, dt, hold)
     start = full_state(axis, x_0, inputs[0])
-    x = roll_out(axis, stepping, held_inputs(inputs, hold)[None], start[:, None])[0]
+    x = simulate_windows(axis, stepping, held_inputs(inputs, hold)[None], start[:, None])[0]
     return _trajectory(axis, dt, x, inputs.T)
 
 
@@ -176,7 +176,7 @@ def simulate_closed_loop(
     added = added.reshape(N, -1) * np.ones((1, nu))
     model = SampledAxis(axis, stepping_for(axis, dt), controller)
     step = _closed_step(model)
-    state = model.remembering(full_state(axis, x_0, np.zeros(nu))[:, None])[:, 0]
+    state = model.with_controller_memory(full_state(axis, x_0, np.zeros(nu))[:, None])[:, 0]
     streams = [reference[None, None], added.T[None]]
     _, x, u = accumulate(step, state[:, None], streams, axis.parameters.values)
     return _trajectory(axis, dt, x[0], u[0])
@@ -194,7 +194,7 @@ def _closed_step(model: SampledAxis) -> ca.Function:
     ahead = step_function(axis, model.stepping)(x, u, theta)
     following = ca.vertcat(ahead, found[nu:])
     step = ca.Function("closed_step", [state, reference, added, theta], [following, x, u])
-    return compiled([step])[0]
+    return compile_functions([step])[0]
 
 
 def full_state(axis: Axis, x_0: ArrayLike, u_0: FloatArray) -> FloatArray:
@@ -210,7 +210,7 @@ def full_state(axis: Axis, x_0: ArrayLike, u_0: FloatArray) -> FloatArray:
     return np.asarray(full, dtype=float).ravel()
 
 
-def outputs_of(axis: Axis, x: FloatArray, u: FloatArray) -> FloatArray:
+def compute_outputs(axis: Axis, x: FloatArray, u: FloatArray) -> FloatArray:
     """Return the outputs, shape (ny, N), of states (nx, N) and inputs (nu, N)."""
     f = axis.output.map(x.shape[1])
     return np.asarray(f(x, u, axis.parameters.values[:, None]), dtype=float)
@@ -225,4 +225,4 @@ def _trajectory(axis: Axis, dt: float, x: FloatArray, u: FloatArray) -> Trajecto
         )
     t: FloatArray = dt * np.arange(x.shape[1], dtype=float)
     names: Sequence[tuple[str, ...]] = (axis.states, axis.outputs, axis.inputs)
-    return Trajectory(t, names[0], x, names[1], outputs_of(axis, x, u), names[2], u)
+    return Trajectory(t, names[0], x, names[1], compute_outputs(axis, x, u), names[2], u)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 
 @contextmanager
-def whole_file(path: str | Path) -> Iterator[Path]:
+def atomic_file(path: str | Path) -> Iterator[Path]:
     """Lend a draft beside `path` that takes its place in one step when the block ends.
 
     Parameters
@@ -26,7 +26,7 @@ def whole_file(path: str | Path) -> Iterator[Path]:
     Examples
     --------
     >>> folder = Path(tempfile.mkdtemp())
-    >>> with whole_file(folder / "answer.txt") as draft:
+    >>> with atomic_file(folder / "answer.txt") as draft:
     ...     _ = draft.write_text("42")
     >>> (folder / "answer.txt").read_text(), len(list(folder.iterdir()))
     ('42', 1)
@@ -42,7 +42,7 @@ def whole_file(path: str | Path) -> Iterator[Path]:
 
 
 @contextmanager
-def whole_folder(folder: str | Path, over: bool = True) -> Iterator[Path]:
+def atomic_folder(folder: str | Path, over: bool = True) -> Iterator[Path]:
     """Lend a draft folder beside `folder` that takes its place when the block ends.
 
     Parameters
@@ -66,7 +66,7 @@ def whole_folder(folder: str | Path, over: bool = True) -> Iterator[Path]:
     Examples
     --------
     >>> place = Path(tempfile.mkdtemp()) / "answers"
-    >>> with whole_folder(place) as draft:
+    >>> with atomic_folder(place) as draft:
     ...     _ = (draft / "answer.txt").write_text("42")
     >>> [file.name for file in place.iterdir()], len(list(place.parent.iterdir()))
     (['answer.txt'], 1)

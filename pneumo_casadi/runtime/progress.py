@@ -6,11 +6,11 @@ from collections.abc import Callable
 Progress = Callable[[str, float], None]
 
 
-def silent(text: str, share: float) -> None:
+def no_progress(text: str, share: float) -> None:
     """Tell nobody."""
 
 
-def part(report: Progress, first: float, last: float, prefix: str = "") -> Progress:
+def progress_range(report: Progress, first: float, last: float, prefix: str = "") -> Progress:
     """Return what reports the progress of a part of the work, with a text before each of its own.
 
     Examples

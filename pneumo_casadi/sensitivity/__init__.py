@@ -1,15 +1,15 @@
 """How estimates move with the flow map: its form, its metering, and how far it is trusted."""
 
 from pneumo_casadi.sensitivity.first_order import MapSensitivity, map_sensitivity
-from pneumo_casadi.sensitivity.metering import Metering
+from pneumo_casadi.sensitivity.metering import MeteringErrors
 from pneumo_casadi.sensitivity.study import FlowSensitivity, flow_sensitivity
-from pneumo_casadi.sensitivity.variants import Estimated, Row, Treatment, Variant
+from pneumo_casadi.sensitivity.variants import Estimate, Row, Treatment, Variant
 
 __all__ = [
-    "Estimated",
+    "Estimate",
     "FlowSensitivity",
     "MapSensitivity",
-    "Metering",
+    "MeteringErrors",
     "Row",
     "Treatment",
     "Variant",

@@ -10,7 +10,7 @@ from pneumo_casadi.valve import FlowMap
 
 
 @dataclass(frozen=True, slots=True)
-class Metering:
+class MeteringErrors:
     """Errors put on a flow map; none by default.
 
     Parameters

@@ -22,9 +22,9 @@ from pneumo_casadi.estimation.wls.fit import POLYTROPIC
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.servosystem import Servosystem
 from pneumo_casadi.parameters import FloatArray
-from pneumo_casadi.runtime.progress import Progress, silent
-from pneumo_casadi.sensitivity.metering import Metering
-from pneumo_casadi.sensitivity.variants import Estimated, Row, Treatment, Variant
+from pneumo_casadi.runtime.progress import Progress, no_progress
+from pneumo_casadi.sensitivity.metering import MeteringErrors
+from pneumo_casadi.sensitivity.variants import Estimate, Row, Treatment, Variant
 from pneumo_casadi.validation import validate
 from pneumo_casadi.valve import FlowMap, FlowModel
 
@@ -47,9 +47,9 @@ class FlowSensitivity:
 
     rows: tuple[Row, ...]
 
-    def row(self, form: str, treatment: Treatment, metering: Metering | None = None) -> Row:
+    def row(self, form: str, treatment: Treatment, metering: MeteringErrors | None = None) -> Row:
         """Return the row of one variant; without `metering` that of the map as metered."""
-        wanted = Variant(form, metering or Metering(), treatment)
+        wanted = Variant(form, metering or MeteringErrors(), treatment)
         for row in self.rows:
             if row.variant == wanted:
                 return row
@@ -85,7 +85,7 @@ class _Job:
     table: FlowMap
     form: str
     fit: FitFlow
-    metering: Metering
+    metering: MeteringErrors
     treatments: tuple[Treatment, ...]
     options: OutputErrorOptions
 
@@ -95,7 +95,7 @@ def flow_sensitivity(
     records: Sequence[Recording],
     flow_map: FlowMap,
     forms: Mapping[str, FitFlow],
-    meterings: Sequence[Metering] = (Metering(),),
+    meterings: Sequence[MeteringErrors] = (MeteringErrors(),),
     treatments: Sequence[Treatment] = tuple(Treatment),
     *,
     held_out: Sequence[Recording] = (),
@@ -149,7 +149,7 @@ def flow_sensitivity(
     """
     if not (records and forms and meterings and treatments):
         raise ModelError("no record, form, metering or treatment: there is nothing to compare")
-    report = progress or silent
+    report = progress or no_progress
     jobs = [
         _Job(
             bench, tuple(records), tuple(held_out), flow_map, name, fit, metering,
@@ -182,7 +182,7 @@ def _row(job: _Job, variant: Variant, table: FlowMap, axis: Axis, wls: WLSResult
     flow: FlowModel = axis.flow
     began = time.perf_counter()
     e = flow.residuals(table) / table.q_max
-    used = visited(table, job.records)
+    used = metered_in_range(table, job.records)
     errors = _root_mean_square(e), _root_mean_square(e[used]) if used.any() else None
     from_wls = dict(_wls_estimates(wls))
     try:
@@ -218,13 +218,13 @@ def _fit(job: _Job, treatment: Treatment, table: FlowMap, axis: Axis) -> OutputE
         return fit_output_error(fixed, job.records, None, job.options)
     if treatment is Treatment.LEFT_OUT:
         # One residual for one gauge: it vanishes at the optimum and tells nothing else.
-        inside = visited(table, job.records)
+        inside = metered_in_range(table, job.records)
         flows = np.where(inside if inside.any() else True, np.abs(table.q_m), 0.0)
         table = table.select([int(np.argmax(flows))])
     return fit_output_error(axis, job.records, table, job.options)
 
 
-def visited(table: FlowMap, records: Sequence[Recording]) -> NDArray[np.bool_]:
+def metered_in_range(table: FlowMap, records: Sequence[Recording]) -> NDArray[np.bool_]:
     """Tell which metered points lie within the commands and pressures of records, shape (n,)."""
 
     def range_of(*channels: str) -> tuple[float, float]:
@@ -236,24 +236,24 @@ def visited(table: FlowMap, records: Sequence[Recording]) -> NDArray[np.bool_]:
     return in_u & (table.p >= p_low) & (table.p <= p_high)
 
 
-def _wls_estimates(wls: WLSResult) -> Iterator[tuple[str, Estimated]]:
+def _wls_estimates(wls: WLSResult) -> Iterator[tuple[str, Estimate]]:
     for name, value, std in zip(wls.names, wls.estimate, wls.std_hac, strict=True):
-        yield name, Estimated(float(value), float(std))
+        yield name, Estimate(float(value), float(std))
     derived = ratios(wls.fit, POLYTROPIC, covariance=wls.covariance_hac)
     for name, value, std in zip(derived.names, derived.values, derived.std, strict=True):
-        yield name, Estimated(float(value), float(std))
+        yield name, Estimate(float(value), float(std))
 
 
-def _estimates(result: OutputErrorResult) -> Iterator[tuple[str, Estimated]]:
+def _estimates(result: OutputErrorResult) -> Iterator[tuple[str, Estimate]]:
     coefficients = set(result.axis.flow.parameters.names)
     for name in result.estimate.names:
         if name not in coefficients:
-            yield name, Estimated(result.parameters[name].value, result.std(name, robust=True))
+            yield name, Estimate(result.parameters[name].value, result.std(name, robust=True))
     for name in POLYTROPIC:
-        yield name, Estimated(result.derived[name].value, result.derived[name].std_robust)
+        yield name, Estimate(result.derived[name].value, result.derived[name].std_robust)
 
 
-def _in_gauge(result: OutputErrorResult, X_s3: float) -> dict[str, Estimated]:
+def _in_gauge(result: OutputErrorResult, X_s3: float) -> dict[str, Estimate]:
     """Return X_s1 ... X_s6 times the common factor that gives X_s3 this value, by delta method."""
     at = [result.estimate.names.index(name) for name in CHAMBERS]
     robust = result.estimate.covariance_robust
@@ -265,7 +265,7 @@ def _in_gauge(result: OutputErrorResult, X_s3: float) -> dict[str, Estimated]:
         ratio = X[i] / X[2]
         variance = C[i, i] - 2 * ratio * C[i, 2] + ratio**2 * C[2, 2] if i != 2 else 0.0
         std = scale * math.sqrt(max(0.0, variance)) if np.isfinite(variance) else math.inf
-        found[name] = Estimated(float(scale * X[i]), std)
+        found[name] = Estimate(float(scale * X[i]), std)
     return found
 
 

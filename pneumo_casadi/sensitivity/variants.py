@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 
-from pneumo_casadi.sensitivity.metering import Metering
+from pneumo_casadi.sensitivity.metering import MeteringErrors
 
 
 class Treatment(Enum):
@@ -33,12 +33,12 @@ class Variant:
     """
 
     form: str
-    metering: Metering
+    metering: MeteringErrors
     treatment: Treatment
 
 
 @dataclass(frozen=True, slots=True)
-class Estimated:
+class Estimate:
     """An estimate with the standard deviation that allows for correlated residuals, both SI.
 
     Parameters
@@ -61,7 +61,7 @@ class Row:
         What was varied.
     status : str
         ``"converged"``, or why there is no output-error estimate.
-    wls, output_error : dict of str to Estimated
+    wls, output_error : dict of str to Estimate
         X_s, M, friction, k_P and k_N; empty where that estimator failed.
     map_error, map_error_used : float or None
         Root mean square of the residuals that the form leaves of its own map, over all metered
@@ -79,8 +79,8 @@ class Row:
 
     variant: Variant
     status: str
-    wls: Mapping[str, Estimated]
-    output_error: Mapping[str, Estimated]
+    wls: Mapping[str, Estimate]
+    output_error: Mapping[str, Estimate]
     map_error: float | None = None
     map_error_used: float | None = None
     rms: Mapping[str, float] | None = None

@@ -15,40 +15,40 @@ Examples
 
 from pneumo_casadi.virtual_bench.axis import (
     IDEAL_SENSORS,
-    BenchAxis,
-    BenchSensors,
-    BenchValve,
+    VirtualAxis,
+    VirtualSensors,
+    VirtualValve,
     random_axis,
 )
-from pneumo_casadi.virtual_bench.case import MadeCase, make_case
-from pneumo_casadi.virtual_bench.effect import BenchEffect, EffectForm, Severity, Size, scales
+from pneumo_casadi.virtual_bench.case import SyntheticCase, make_case
+from pneumo_casadi.virtual_bench.catalogue import FORMS, effects_for
+from pneumo_casadi.virtual_bench.effect import EffectForm, Severity, Size, VirtualEffect, scales
 from pneumo_casadi.virtual_bench.experiment import KINDS, Excitation, Experiment
-from pneumo_casadi.virtual_bench.forms import FORMS, effects_for
-from pneumo_casadi.virtual_bench.running import Run, metered_map, record, run_bench
 from pneumo_casadi.virtual_bench.sanity import Sanity, sanity
+from pneumo_casadi.virtual_bench.simulation import Run, metered_map, record, simulate_axis
 
 __all__ = [
     "FORMS",
     "IDEAL_SENSORS",
     "KINDS",
-    "BenchAxis",
-    "BenchEffect",
-    "BenchSensors",
-    "BenchValve",
     "EffectForm",
     "Excitation",
     "Experiment",
-    "MadeCase",
     "Run",
     "Sanity",
     "Severity",
     "Size",
+    "SyntheticCase",
+    "VirtualAxis",
+    "VirtualEffect",
+    "VirtualSensors",
+    "VirtualValve",
     "effects_for",
     "make_case",
     "metered_map",
     "random_axis",
     "record",
-    "run_bench",
     "sanity",
     "scales",
+    "simulate_axis",
 ]

@@ -9,7 +9,7 @@ from pneumo_casadi.data import Bench, ProportionalController, SensorNoise
 
 
 @dataclass(frozen=True, slots=True)
-class BenchValve:
+class VirtualValve:
     """A three-way spool valve: supply edge and exhaust edge after ISO 6358.
 
     Parameters
@@ -43,7 +43,7 @@ class BenchValve:
 
 
 @dataclass(frozen=True, slots=True)
-class BenchSensors:
+class VirtualSensors:
     """Sensors and converters.
 
     Parameters
@@ -65,11 +65,11 @@ class BenchSensors:
 
 
 #: Sensors that show the state itself: for balances and convergence.
-IDEAL_SENSORS = BenchSensors(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+IDEAL_SENSORS = VirtualSensors(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
-class BenchAxis:
+class VirtualAxis:
     """All that the bench knows of an axis without hidden effects.
 
     Parameters
@@ -88,7 +88,7 @@ class BenchAxis:
         Viscous friction [N s/m].
     F_c_plus, F_c_minus : float
         Coulomb friction against motion up and down [N].
-    valve : BenchValve
+    valve : VirtualValve
         Both valves are alike.
     gain : float
         Of the proportional controller [V/m].
@@ -98,7 +98,7 @@ class BenchAxis:
         Temperature [K] and gas constant [J/(kg K)].
     u_max : float
         Largest command [V].
-    sensors : BenchSensors
+    sensors : VirtualSensors
         Sensors and converters.
     """
 
@@ -113,14 +113,14 @@ class BenchAxis:
     f_v: float
     F_c_plus: float
     F_c_minus: float
-    valve: BenchValve
+    valve: VirtualValve
     gain: float
     p_supply: float
     p_ext: float = 1e5
     T: float = 293.15
     r: float = 287.0
     u_max: float = 5.0
-    sensors: BenchSensors = BenchSensors()
+    sensors: VirtualSensors = VirtualSensors()
 
     @property
     def V_P0(self) -> float:
@@ -149,11 +149,11 @@ class BenchAxis:
             "F_c_minus": self.F_c_minus,
         }
 
-    def with_ideal_sensors(self) -> "BenchAxis":
+    def with_ideal_sensors(self) -> "VirtualAxis":
         """Return the axis with sensors that show its state as it is."""
         return replace(self, sensors=IDEAL_SENSORS)
 
-    def described(self, fs: float, M_datasheet: float) -> Bench:
+    def bench_description(self, fs: float, M_datasheet: float) -> Bench:
         """Return what the owner of the bench knows of it and writes down."""
         return Bench(
             sampling_frequency=fs,
@@ -170,7 +170,7 @@ class BenchAxis:
         )
 
 
-def random_axis(seed: int) -> BenchAxis:
+def random_axis(seed: int) -> VirtualAxis:
     """Return a plausible axis: a 32 to 40 mm cylinder that moves 10 to 22 kg.
 
     Parameters
@@ -194,7 +194,7 @@ def random_axis(seed: int) -> BenchAxis:
     stroke = draw(0.4, 0.53)
     k_supply = draw(2.8e-9, 3.8e-9)
     clearance = draw(0.007, 0.014)
-    valve = BenchValve(
+    valve = VirtualValve(
         k_supply=k_supply,
         k_exhaust=k_supply * draw(1.15, 1.75),
         lap_supply=draw(-0.001, 0.001),
@@ -208,7 +208,7 @@ def random_axis(seed: int) -> BenchAxis:
         m_supply=draw(0.49, 0.53),
         m_exhaust=draw(0.49, 0.53),
     )
-    return BenchAxis(
+    return VirtualAxis(
         M=draw(10.0, 22.0),
         S_P=S_P,
         S_N=S_N,

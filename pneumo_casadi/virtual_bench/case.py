@@ -9,11 +9,11 @@ import numpy as np
 
 from pneumo_casadi.data import Case, Recording, write_case
 from pneumo_casadi.errors import CaseError
-from pneumo_casadi.virtual_bench.axis import BenchAxis, random_axis
-from pneumo_casadi.virtual_bench.effect import BenchEffect
+from pneumo_casadi.virtual_bench.axis import VirtualAxis, random_axis
+from pneumo_casadi.virtual_bench.catalogue import EffectRequest, effects_for
+from pneumo_casadi.virtual_bench.effect import VirtualEffect
 from pneumo_casadi.virtual_bench.experiment import Excitation, Experiment
-from pneumo_casadi.virtual_bench.forms import Asked, effects_for
-from pneumo_casadi.virtual_bench.running import metered_map, record
+from pneumo_casadi.virtual_bench.simulation import metered_map, record
 
 #: What the axis does in the record to identify on, and in the one held out.
 IDENTIFY = Experiment.of("chirp_and_squares")
@@ -21,22 +21,22 @@ VALIDATE = Experiment.of("multisine_and_steps")
 
 
 @dataclass(frozen=True, slots=True)
-class MadeCase:
+class SyntheticCase:
     """A case and what is true of it.
 
     Parameters
     ----------
     case : Case
         As written to its folder.
-    axis : BenchAxis
+    axis : VirtualAxis
         The axis without its hidden effects.
-    effects : tuple of BenchEffect
+    effects : tuple of VirtualEffect
         The labels.
     """
 
     case: Case
-    axis: BenchAxis
-    effects: tuple[BenchEffect, ...]
+    axis: VirtualAxis
+    effects: tuple[VirtualEffect, ...]
 
     @property
     def labels(self) -> dict[str, object]:
@@ -53,14 +53,14 @@ class MadeCase:
 def make_case(
     folder: str | Path,
     seed: int,
-    effects: Mapping[str, Asked] = MappingProxyType({}),
+    effects: Mapping[str, EffectRequest] = MappingProxyType({}),
     *,
     fs: float = 1000.0,
     duration: float = 20.0,
     identify: Experiment | Excitation = IDENTIFY,
     validate: Experiment | Excitation = VALIDATE,
-    axis: BenchAxis | None = None,
-) -> MadeCase:
+    axis: VirtualAxis | None = None,
+) -> SyntheticCase:
     """Record a random axis with hidden effects and write the case folder.
 
     Parameters
@@ -75,12 +75,12 @@ def make_case(
         Sampling frequency [Hz] and length of each record [s].
     identify, validate : Experiment or Excitation, optional
         What the axis does in either record.
-    axis : BenchAxis, optional
+    axis : VirtualAxis, optional
         Instead of a random one.
 
     Returns
     -------
-    MadeCase
+    SyntheticCase
         The case and its labels, which are not written into the folder.
 
     Raises
@@ -101,9 +101,9 @@ def make_case(
     rng = np.random.default_rng([seed, 6])
     case = write_case(
         folder,
-        axis.described(fs, axis.M * rng.uniform(0.97, 1.03)),
+        axis.bench_description(fs, axis.M * rng.uniform(0.97, 1.03)),
         [recorded(identify, "identify", 1)],
         [recorded(validate, "validate", 2)],
         metered_map(axis, hidden, seed),
     )
-    return MadeCase(case, axis, hidden)
+    return SyntheticCase(case, axis, hidden)

@@ -8,7 +8,7 @@ from types import MappingProxyType
 import numpy as np
 
 from pneumo_casadi.errors import ModelError
-from pneumo_casadi.virtual_bench.axis import BenchAxis
+from pneumo_casadi.virtual_bench.axis import VirtualAxis
 from pneumo_casadi.virtual_bench.kernels.gas import RHO_0
 
 
@@ -87,7 +87,7 @@ class EffectForm:
 
 
 @dataclass(frozen=True, slots=True)
-class BenchEffect:
+class VirtualEffect:
     """An effect of a certain size: the label of a recording.
 
     Parameters
@@ -126,7 +126,7 @@ class BenchEffect:
         }
 
 
-def scales(axis: BenchAxis) -> Mapping[str, float]:
+def scales(axis: VirtualAxis) -> Mapping[str, float]:
     """Return the quantities of an axis with which effects are sized [SI].
 
     ``F_c`` mean Coulomb friction, ``M`` mass, ``l`` stroke, ``C`` conductance of a supply edge
@@ -147,9 +147,9 @@ def scales(axis: BenchAxis) -> Mapping[str, float]:
     }
 
 
-def sized(
-    form: EffectForm, severity: Severity, axis: BenchAxis, seed: int | None = None
-) -> BenchEffect:
+def effect_at_severity(
+    form: EffectForm, severity: Severity, axis: VirtualAxis, seed: int | None = None
+) -> VirtualEffect:
     """Return an effect at a severity.
 
     Parameters
@@ -158,7 +158,7 @@ def sized(
         Which.
     severity : Severity
         How much.
-    axis : BenchAxis
+    axis : VirtualAxis
         Whose scales count.
     seed : int, optional
         Where given, sizes are scattered by up to 20 % and signs are drawn.
@@ -175,10 +175,12 @@ def sized(
             if size.signed and rng.random() < 0.5:
                 value = -value
         parameters[size.name] = value
-    return BenchEffect(form, MappingProxyType(parameters), severity)
+    return VirtualEffect(form, MappingProxyType(parameters), severity)
 
 
-def by_hand(form: EffectForm, parameters: Mapping[str, float], axis: BenchAxis) -> BenchEffect:
+def effect_from_quantities(
+    form: EffectForm, parameters: Mapping[str, float], axis: VirtualAxis
+) -> VirtualEffect:
     """Return an effect with given quantities [SI], those not named at their medium values.
 
     Raises
@@ -186,16 +188,16 @@ def by_hand(form: EffectForm, parameters: Mapping[str, float], axis: BenchAxis) 
     ModelError
         If a quantity is unknown.
     """
-    medium = sized(form, Severity.MEDIUM, axis)
+    medium = effect_at_severity(form, Severity.MEDIUM, axis)
     unknown = sorted(parameters.keys() - medium.parameters.keys())
     if unknown:
         raise ModelError(
             f"{form.name}: no quantity {', '.join(unknown)}; there are "
             f"{', '.join(medium.parameters)}"
         )
-    return BenchEffect(form, MappingProxyType({**medium.parameters, **parameters}))
+    return VirtualEffect(form, MappingProxyType({**medium.parameters, **parameters}))
 
 
-def longest_step(effects: Sequence[BenchEffect]) -> float:
+def longest_step(effects: Sequence[VirtualEffect]) -> float:
     """Return the longest time step that all effects bear [s]."""
     return min([1e-4, *(effect.form.step for effect in effects)])

@@ -8,7 +8,7 @@ import numpy as np
 
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.parameters import FloatArray
-from pneumo_casadi.virtual_bench.axis import BenchAxis
+from pneumo_casadi.virtual_bench.axis import VirtualAxis
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +27,7 @@ class Excitation:
     x_ref: FloatArray
     common: FloatArray
 
-    def excitation(self, axis: BenchAxis, fs: float, duration: float, seed: int) -> "Excitation":
+    def excitation(self, axis: VirtualAxis, fs: float, duration: float, seed: int) -> "Excitation":
         """Return itself, as an `Experiment` returns what it draws.
 
         Raises
@@ -84,7 +84,7 @@ class Experiment:
         """Return an experiment of equally long parts."""
         return Experiment(tuple((kind, 1.0) for kind in kinds))
 
-    def excitation(self, axis: BenchAxis, fs: float, duration: float, seed: int) -> Excitation:
+    def excitation(self, axis: VirtualAxis, fs: float, duration: float, seed: int) -> Excitation:
         """Return reference and common-mode command for `duration` [s] at `fs` [Hz]."""
         rng = np.random.default_rng([seed, 3])
         N = round(duration * fs)
@@ -106,14 +106,14 @@ def _still(t: FloatArray) -> FloatArray:
     return np.zeros(t.size)
 
 
-def _chirp(axis: BenchAxis, t: FloatArray, rng: np.random.Generator) -> Drawn:
+def _chirp(axis: VirtualAxis, t: FloatArray, rng: np.random.Generator) -> Drawn:
     """Sweep from rest to 2 Hz, as the paper does."""
     end = max(t[-1], 1e-9)
     A = axis.stroke * rng.uniform(0.14, 0.2)
     return A * np.sin(np.pi * 2.0 * t**2 / end), _still(t)
 
 
-def _squares(axis: BenchAxis, t: FloatArray, rng: np.random.Generator) -> Drawn:
+def _squares(axis: VirtualAxis, t: FloatArray, rng: np.random.Generator) -> Drawn:
     """Jump every second between both sides of the middle, as far as chance has it."""
     jumps = int(t[-1]) + 1
     side = np.where(np.arange(jumps) % 2 == 0, 1.0, -1.0) * rng.choice([-1.0, 1.0])
@@ -121,14 +121,14 @@ def _squares(axis: BenchAxis, t: FloatArray, rng: np.random.Generator) -> Drawn:
     return levels[t.astype(int)], _still(t)
 
 
-def _chirp_and_squares(axis: BenchAxis, t: FloatArray, rng: np.random.Generator) -> Drawn:
+def _chirp_and_squares(axis: VirtualAxis, t: FloatArray, rng: np.random.Generator) -> Drawn:
     half = t.size // 2
     one, _ = _chirp(axis, t[:half], rng)
     two, _ = _squares(axis, t[: t.size - half], rng)
     return np.concatenate([one, two]), _still(t)
 
 
-def _multisine(axis: BenchAxis, t: FloatArray, rng: np.random.Generator) -> Drawn:
+def _multisine(axis: VirtualAxis, t: FloatArray, rng: np.random.Generator) -> Drawn:
     """Sum nine tones from 0.1 to 2.2 Hz of random phase, begun softly."""
     f = np.linspace(0.1, 2.2, 9) * rng.uniform(0.95, 1.05, 9)
     phase = rng.uniform(0, 2 * np.pi, 9)
@@ -138,20 +138,20 @@ def _multisine(axis: BenchAxis, t: FloatArray, rng: np.random.Generator) -> Draw
     return A * wave / largest * np.minimum(t / 0.5, 1.0), _still(t)
 
 
-def _steps(axis: BenchAxis, t: FloatArray, rng: np.random.Generator) -> Drawn:
+def _steps(axis: VirtualAxis, t: FloatArray, rng: np.random.Generator) -> Drawn:
     """Jump every 1.3 s to anywhere."""
     levels = axis.stroke * rng.uniform(-0.28, 0.28, int(t[-1] / 1.3) + 1)
     return levels[(t / 1.3).astype(int)], _still(t)
 
 
-def _multisine_and_steps(axis: BenchAxis, t: FloatArray, rng: np.random.Generator) -> Drawn:
+def _multisine_and_steps(axis: VirtualAxis, t: FloatArray, rng: np.random.Generator) -> Drawn:
     cut = round(0.6 * t.size)
     one, _ = _multisine(axis, t[:cut], rng)
     two, _ = _steps(axis, t[: t.size - cut], rng)
     return np.concatenate([one, two]), _still(t)
 
 
-def _creep(axis: BenchAxis, t: FloatArray, rng: np.random.Generator) -> Drawn:
+def _creep(axis: VirtualAxis, t: FloatArray, rng: np.random.Generator) -> Drawn:
     """Ramp up and down at speeds from 5 to 80 mm/s, each way at each of them."""
     speeds = rng.permutation([0.005, 0.015, 0.04, 0.08])
     way = np.repeat(speeds, 2) * np.tile([1.0, -1.0], 4)
@@ -161,13 +161,13 @@ def _creep(axis: BenchAxis, t: FloatArray, rng: np.random.Generator) -> Drawn:
     return x * min(1.0, 0.25 * axis.stroke / max(reach, 1e-9)), _still(t)
 
 
-def _holds(axis: BenchAxis, t: FloatArray, rng: np.random.Generator) -> Drawn:
+def _holds(axis: VirtualAxis, t: FloatArray, rng: np.random.Generator) -> Drawn:
     """Go fast to five places and stay there: pressures settle, leaks and heat show."""
     levels = axis.stroke * rng.permutation([-0.3, -0.15, 0.0, 0.15, 0.3])
     return levels[np.minimum((t / max(t[-1], 1e-9) * 5).astype(int), 4)], _still(t)
 
 
-def _common_mode_steps(axis: BenchAxis, t: FloatArray, rng: np.random.Generator) -> Drawn:
+def _common_mode_steps(axis: VirtualAxis, t: FloatArray, rng: np.random.Generator) -> Drawn:
     """Sweep slowly while both valves are opened alike in steps: the mean pressure changes."""
     leak = axis.valve.leak_supply / axis.valve.k_supply + axis.valve.clearance
     levels = leak * rng.permutation([-1.0, -0.5, 0.0, 0.5, 1.0, 1.5])
@@ -177,7 +177,7 @@ def _common_mode_steps(axis: BenchAxis, t: FloatArray, rng: np.random.Generator)
 
 
 #: Kinds of experiment, by name.
-KINDS: Mapping[str, Callable[[BenchAxis, FloatArray, np.random.Generator], Drawn]] = (
+KINDS: Mapping[str, Callable[[VirtualAxis, FloatArray, np.random.Generator], Drawn]] = (
     MappingProxyType(
         {
             "chirp_and_squares": _chirp_and_squares,

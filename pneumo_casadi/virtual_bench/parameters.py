@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from pneumo_casadi.virtual_bench.axis import BenchAxis
-from pneumo_casadi.virtual_bench.effect import BenchEffect
-from pneumo_casadi.virtual_bench.forms import FORMS
+from pneumo_casadi.virtual_bench.axis import VirtualAxis
+from pneumo_casadi.virtual_bench.catalogue import FORMS
+from pneumo_casadi.virtual_bench.effect import VirtualEffect
 
 
-def _axis_values(axis: BenchAxis) -> dict[str, float]:
+def _axis_values(axis: VirtualAxis) -> dict[str, float]:
     valve, sensors = axis.valve, axis.sensors
     tau = 1.0 / (2.0 * pi * sensors.bandwidth) if sensors.bandwidth > 0.0 else 0.0
     plain = ("M", "S_P", "S_N", "V_P0", "V_N0", "k_P", "k_N", "f_v", "F_c_plus", "F_c_minus")
@@ -32,7 +32,7 @@ def _axis_values(axis: BenchAxis) -> dict[str, float]:
     }
 
 
-def kernel_parameters(axis: BenchAxis, effects: Sequence[BenchEffect] = ()) -> Any:
+def kernel_parameters(axis: VirtualAxis, effects: Sequence[VirtualEffect] = ()) -> Any:
     """Return a record of the axis' values, and ``effect_quantity`` of every effect, on or off."""
     values = _axis_values(axis)
     for form in FORMS.values():

@@ -6,12 +6,12 @@ from math import log2, pi
 import numpy as np
 
 from pneumo_casadi.parameters import FloatArray
-from pneumo_casadi.virtual_bench.axis import BenchAxis, random_axis
+from pneumo_casadi.virtual_bench.axis import VirtualAxis, random_axis
+from pneumo_casadi.virtual_bench.catalogue import effects_for
 from pneumo_casadi.virtual_bench.experiment import Excitation, Experiment
-from pneumo_casadi.virtual_bench.forms import effects_for
 from pneumo_casadi.virtual_bench.kernels import layout
 from pneumo_casadi.virtual_bench.kernels.layout import LINE_N, LINE_P
-from pneumo_casadi.virtual_bench.running import Run, run_bench
+from pneumo_casadi.virtual_bench.simulation import Run, simulate_axis
 
 FS = 1000.0
 #: Steps whose errors are compared with a run of steps eight times finer than the last [s].
@@ -49,12 +49,12 @@ class Sanity:
     stop_excess: float
 
 
-def sanity(axis: BenchAxis | None = None, seed: int = 0, duration: float = 4.0) -> Sanity:
+def sanity(axis: VirtualAxis | None = None, seed: int = 0, duration: float = 4.0) -> Sanity:
     """Examine the bench on one axis.
 
     Parameters
     ----------
-    axis : BenchAxis, optional
+    axis : VirtualAxis, optional
         By default a random one.
     seed : int, optional
         Of axis and references.
@@ -64,13 +64,13 @@ def sanity(axis: BenchAxis | None = None, seed: int = 0, duration: float = 4.0) 
     axis = (axis or random_axis(seed)).with_ideal_sensors()
     drive = Experiment.of("chirp_and_squares").excitation(axis, FS, duration, seed)
     carrying = effects_for(axis, dict.fromkeys(CARRYING, "medium"))
-    everything = run_bench(axis, drive, carrying, FS)
+    everything = simulate_axis(axis, drive, carrying, FS)
     errors = step_errors(axis, drive)
     stuck = replace(axis, F_c_plus=1e4, F_c_minus=1e4)
     against = Excitation(np.sign(drive.x_ref) * axis.stroke, drive.common)
     loose = replace(axis, F_c_plus=1.0, F_c_minus=1.0)
-    x_held = run_bench(stuck, drive, (), FS).states[:, layout.X]
-    x_stop = run_bench(loose, against, (), FS).states[:, layout.X]
+    x_held = simulate_axis(stuck, drive, (), FS).states[:, layout.X]
+    x_stop = simulate_axis(loose, against, (), FS).states[:, layout.X]
     return Sanity(
         mass_error(axis, everything, carrying[1].parameters["length"]),
         energy_error(axis, everything),
@@ -81,7 +81,7 @@ def sanity(axis: BenchAxis | None = None, seed: int = 0, duration: float = 4.0) 
     )
 
 
-def mass_error(axis: BenchAxis, found: Run, hose: float = 0.0, diameter: float = 6e-3) -> float:
+def mass_error(axis: VirtualAxis, found: Run, hose: float = 0.0, diameter: float = 6e-3) -> float:
     """Return the gap in the balance of mass, of the mean content; hoses of these sizes [m]."""
     states = found.states
     cell = pi * diameter**2 / 4 * hose / layout.CELLS
@@ -91,7 +91,7 @@ def mass_error(axis: BenchAxis, found: Run, hose: float = 0.0, diameter: float =
     return _gap(content - states[:, layout.IN_MASS]) / float(content.mean())
 
 
-def energy_error(axis: BenchAxis, found: Run) -> float:
+def energy_error(axis: VirtualAxis, found: Run) -> float:
     """Return the gap in the balance of energy, of the largest change that passed the boundary.
 
     Only with the energy balance of the chambers, effect ``heat_transfer``.
@@ -104,11 +104,11 @@ def energy_error(axis: BenchAxis, found: Run) -> float:
     return _gap(inside + ambient + lost - passed) / float(np.ptp(passed))
 
 
-def step_errors(axis: BenchAxis, drive: Excitation) -> list[float]:
+def step_errors(axis: VirtualAxis, drive: Excitation) -> list[float]:
     """Return the largest errors of the position with `STEPS`, by the motion."""
 
     def position(step: float) -> FloatArray:
-        found = run_bench(axis, drive, (), FS, step=step).states[:, layout.X]
+        found = simulate_axis(axis, drive, (), FS, step=step).states[:, layout.X]
         return np.asarray(found)
 
     reference = position(STEPS[-1] / 8)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pneumo_casadi.data import check_recording, load_case, load_emps
-from pneumo_casadi.data.checks.chambers import CLEAR, chamber_signs
+from pneumo_casadi.data.checks.chambers import CLEAR, chamber_correlations
 from pneumo_casadi.errors import CaseError
 
 pytestmark = pytest.mark.data
@@ -33,7 +33,7 @@ def test_no_check_raises_a_false_alarm(cases):
 
 def test_chamber_signs_are_clear_by_a_factor_of_two(cases):
     expected = np.array([[1, -1], [1, 1]])
-    smallest = min((chamber_signs(record) * expected).min() for _, record in records(cases))
+    smallest = min((chamber_correlations(record) * expected).min() for _, record in records(cases))
     assert smallest > 2 * CLEAR  # measured: 0.84
 
 

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from pneumo_casadi.design import DesignOptions, Part, design_for_precision, design_to_separate
-from pneumo_casadi.design.options import Clock, clocks, recorded_reference
-from pneumo_casadi.design.precision import Forecast, parameters_of_interest
-from pneumo_casadi.design.prediction import Fit, map_of, projected, refit
-from pneumo_casadi.design.reference import drawn
-from pneumo_casadi.design.rehearsal import Rehearsal
+from pneumo_casadi.design.experiment import ExperimentSimulator
+from pneumo_casadi.design.options import SimulationRate, recorded_reference, simulation_rates
+from pneumo_casadi.design.precision import PrecisionForecast, parameters_of_interest
+from pneumo_casadi.design.prediction import Fit, noise_free_map, project_refit, refit
+from pneumo_casadi.design.reference import make_reference
 from pneumo_casadi.effects import CATALOGUE
 from pneumo_casadi.errors import FitError, ModelError
 from pneumo_casadi.estimation.output_error import OutputErrorOptions, fit_output_error
@@ -30,7 +30,9 @@ def test_standard_errors_are_those_of_the_fit(made, record):
     options = OutputErrorOptions(widths=(made.TRUE["v_s"],))
     found = fit_output_error(begin, [record], table, options)
     names = parameters_of_interest(found.axis)
-    forecast = Forecast(found.axis, table, Clock(record.dt, found.sigma, 0.0), names)
+    forecast = PrecisionForecast(
+        found.axis, table, SimulationRate(record.dt, found.sigma, 0.0), names
+    )
     run = forecast.run(recorded_reference(record))
     std = np.sqrt(np.diag(forecast.covariance([run])))
     for name, predicted in zip(names, std, strict=True):
@@ -39,46 +41,46 @@ def test_standard_errors_are_those_of_the_fit(made, record):
 
 def test_a_common_mode_moves_the_mean_pressure_and_hardly_the_piston(made, limits):
     axis = made.true_axis()
-    rehearsal = Rehearsal(axis, 1e-3)
+    simulator = ExperimentSimulator(axis, 1e-3)
     still = Part("holds", 1.0, (0.05,))
-    plain = rehearsal(drawn((still,), 1e-3, 2000, 0.1, limits.common))
+    plain = simulator(make_reference((still,), 1e-3, 2000, 0.1, limits.common))
     step = Part("common_mode_steps", 1.0, (0.0, 1.0, 8.0))
-    raised = rehearsal(drawn((still, step), 1e-3, 2000, 0.1, limits.common))
+    raised = simulator(make_reference((still, step), 1e-3, 2000, 0.1, limits.common))
     assert raised.y[:2, -1].mean() > plain.y[:2, -1].mean() + 5e4
     assert abs(raised.y[2, -1] - plain.y[2, -1]) < 0.02
 
 
 def test_an_axis_begins_where_it_rests(made, recorded):
-    rehearsal = Rehearsal(made.true_axis(), 1e-3)
-    p_P, p_N = rehearsal.rest_pressures
+    simulator = ExperimentSimulator(made.true_axis(), 1e-3)
+    p_P, p_N = simulator.rest_pressures
     bench = made.BENCH
     force = bench.S_P * p_P - bench.S_N * p_N - (bench.S_P - bench.S_N) * bench.p_ext
     assert abs(force) < made.TRUE["F_c_plus"]
-    settled = rehearsal(recorded).y[:2, 0]
+    settled = simulator(recorded).y[:2, 0]
     assert settled == pytest.approx([p_P, p_N], rel=0.05)
 
 
 def test_a_projection_is_the_refit_to_first_order(made, sigma):
     axis = made.true_axis()
     other = axis.with_effects(CATALOGUE["quadratic_drag"]()).at_starting_values()
-    rehearsal = Rehearsal(other, 1e-3)
-    fit = Fit(axis, 1e-3, sigma, map_of(axis, made.smooth_map()))
-    run = rehearsal(drawn((Part("squares", 1.0, (0.9, 0.3, 1.0)),), 1e-3, 1500, 0.15, 0.0))
+    simulator = ExperimentSimulator(other, 1e-3)
+    fit = Fit(axis, 1e-3, sigma, noise_free_map(axis, made.smooth_map()))
+    run = simulator(make_reference((Part("squares", 1.0, (0.9, 0.3, 1.0)),), 1e-3, 1500, 0.15, 0.0))
     found = refit(fit, run)
     start = axis.parameters.values
     assert found.distance > 10
-    assert projected(fit, run, start).distance == pytest.approx(found.distance, rel=0.05)
+    assert project_refit(fit, run, start).distance == pytest.approx(found.distance, rel=0.05)
 
 
 def test_a_model_is_at_no_distance_from_itself(made, sigma, recorded):
     axis = made.true_axis()
-    fit = Fit(axis, 1e-3, sigma, map_of(axis, made.smooth_map()))
-    assert refit(fit, Rehearsal(axis, 1e-3)(recorded)).distance < 0.01
+    fit = Fit(axis, 1e-3, sigma, noise_free_map(axis, made.smooth_map()))
+    assert refit(fit, ExperimentSimulator(axis, 1e-3)(recorded)).distance < 0.01
 
 
 def test_the_coarse_clock_says_as_much_in_a_second(made, sigma):
     axis = made.true_axis()
-    fine, coarse = clocks(axis, sigma)
+    fine, coarse = simulation_rates(axis, sigma)
     assert sigma**2 * fine.dt == pytest.approx(coarse.sigma**2 * coarse.dt)
 
 
@@ -89,7 +91,10 @@ def test_a_design_is_better_than_the_record_and_keeps_the_limits(made, recorded,
     assert found.gain > 1.3
     assert found.precision.after < found.precision.before
     assert (found.precision.together < found.precision.now).all()
-    run, again = found.runs["nominal"], Rehearsal(axis, found.reference.dt)(found.reference)
+    run, again = (
+        found.runs["nominal"],
+        ExperimentSimulator(axis, found.reference.dt)(found.reference),
+    )
     np.testing.assert_allclose(again.y, run.y)
     assert again.excess(limits) == 0.0
     assert np.abs(again.x[2]).max() <= limits.position

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pneumo_casadi.design import COMMON, KINDS, Limits, Part
-from pneumo_casadi.design.reference import drawn
+from pneumo_casadi.design.reference import make_reference
 from pneumo_casadi.design.space import Space
 from pneumo_casadi.errors import ModelError
 
@@ -18,7 +18,7 @@ SPACE = Space(ALL, True, 6.0)
 @settings(max_examples=60)
 def test_every_point_is_a_reference_within_reach(z):
     parts = SPACE.parts(z)
-    found = drawn(parts, 1e-2, 600, 0.15, 0.3)
+    found = make_reference(parts, 1e-2, 600, 0.15, 0.3)
     assert found.x_ref.shape == found.common.shape == (600,)
     assert np.abs(found.x_ref).max() <= 0.15 + 1e-6
     assert np.abs(found.common).max() <= 0.3 + 1e-4
@@ -43,7 +43,7 @@ def test_numbers_go_back_and_forth_between_values_and_shares():
 
 
 def test_a_creep_is_folded_at_the_ends_and_keeps_its_speeds():
-    found = drawn((Part("creep", 1.0, (0.01, 0.16)),), 1e-3, 12000, 0.05, 0.0)
+    found = make_reference((Part("creep", 1.0, (0.01, 0.16)),), 1e-3, 12000, 0.05, 0.0)
     speed = np.abs(np.diff(found.x_ref)) / 1e-3
     for expected in (0.01, 0.04, 0.16):
         share = np.mean(np.isclose(speed, expected, rtol=0.11, atol=1.1e-3))
@@ -51,7 +51,7 @@ def test_a_creep_is_folded_at_the_ends_and_keeps_its_speeds():
 
 
 def test_a_chirp_ends_at_its_frequency():
-    found = drawn((Part("chirp", 1.0, (1.0, 2.0)),), 1e-3, 10000, 0.1, 0.0)
+    found = make_reference((Part("chirp", 1.0, (1.0, 2.0)),), 1e-3, 10000, 0.1, 0.0)
     crossings = np.flatnonzero(np.diff(np.sign(found.x_ref)) != 0)
     assert 1 / (2e-3 * np.diff(crossings)[-1]) == pytest.approx(2.0, rel=0.05)
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pneumo_casadi.effects import CATALOGUE, row_of
+from pneumo_casadi.effects import CATALOGUE, effect_row
 from pneumo_casadi.model.axis import FORCE_DRIVEN, PNEUMATIC
 from pneumo_casadi.model.effect import JUNCTIONS, NOMINAL
 from pneumo_casadi.report.tables.effects import effect_markdown
@@ -47,7 +47,7 @@ def test_the_example_declares_what_the_catalogue_asks_for(ran):
         assert item.description and item.source and item.value == item.null
         assert np.isfinite([item.lower, item.upper]).all()
     assert any(item.start != item.null for item in one.parameters)
-    assert one.equation in effect_markdown(row_of(effect))
+    assert one.equation in effect_markdown(effect_row(effect))
 
 
 def test_every_junction_is_told_with_what_passes_and_on_which_axis():

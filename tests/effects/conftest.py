@@ -10,7 +10,7 @@ from pneumo_casadi.data import InputHold
 from pneumo_casadi.effects import CATALOGUE
 from pneumo_casadi.estimation.output_error import OutputErrorOptions, fit_output_error
 from pneumo_casadi.model.axis import FORCE_DRIVEN, PNEUMATIC
-from pneumo_casadi.model.compilation import compiled
+from pneumo_casadi.model.compilation import compile_functions
 from pneumo_casadi.model.integration import Stepping, step_function
 
 #: Steps per sample with which records are integrated, four times what a fit takes or more.
@@ -124,7 +124,7 @@ class Recovered:
 
 def _closed_loop(axis, x_ref, period):
     """Run an axis under its controller, which reads the sensor; returns u (N, nu), x (nx, N)."""
-    step, show = compiled(
+    step, show = compile_functions(
         [step_function(axis, Stepping(period, InputHold.ZERO, FINE)), axis.output]
     )
     theta, law = axis.parameters.values, axis.bench.controller

@@ -17,7 +17,7 @@ from pneumo_casadi.data import (
     Recording,
     SensorNoise,
 )
-from pneumo_casadi.model.compilation import compiled
+from pneumo_casadi.model.compilation import compile_functions
 from pneumo_casadi.model.effect import Effect, Pair, State
 from pneumo_casadi.model.integration import Stepping, held_inputs, step_function
 from pneumo_casadi.model.servosystem import ForceAxis, Servosystem
@@ -133,7 +133,7 @@ def states(axis, rng):
 
 def steps(axis, u, x_0, hold=InputHold.ZERO, dt=1 / FS, substeps=20):
     """Integrate finely; returns (nx, N) states at the samples of u (N, nu)."""
-    (step,) = compiled([step_function(axis, Stepping(dt, hold, substeps))])
+    (step,) = compile_functions([step_function(axis, Stepping(dt, hold, substeps))])
     w = held_inputs(u, hold)
     chain = step.mapaccum(w.shape[1])
     after = chain(x_0, w, np.tile(axis.parameters.values[:, None], (1, w.shape[1])))
@@ -148,7 +148,7 @@ def reference(t, seed=0):
 
 def controlled(axis, N, seed=0, substeps=20):
     """Close the loop on the true position; returns u (N, nu) and x (nx, N)."""
-    (step,) = compiled([step_function(axis, Stepping(1 / FS, InputHold.ZERO, substeps))])
+    (step,) = compile_functions([step_function(axis, Stepping(1 / FS, InputHold.ZERO, substeps))])
     theta, law = axis.parameters.values, axis.bench.controller
     x_ref = reference(np.arange(N) / FS, seed)
     if axis.flow is None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from pneumo_casadi.model import compilation
-from pneumo_casadi.model.compilation import cache_folder, compiled, compiler
+from pneumo_casadi.model.compilation import cache_folder, compile_functions, compiler
 
 
 def function(name="curve", factor=1.0):
@@ -47,7 +47,7 @@ def is_compiled(f):
 def test_compiled_functions_equal_the_interpreted_ones_and_keep_their_signature(cache):
     given = (function(), outer())
     rng = np.random.default_rng(0)
-    for one, other in zip(given, compiled(given), strict=True):
+    for one, other in zip(given, compile_functions(given), strict=True):
         assert is_compiled(other) and not is_compiled(one)
         assert other.name() == one.name()
         assert [other.name_in(i) for i in range(2)] == [one.name_in(i) for i in range(2)]
@@ -60,22 +60,22 @@ def test_compiled_functions_equal_the_interpreted_ones_and_keep_their_signature(
 
 @needs_compiler
 def test_the_same_function_is_built_once_and_a_changed_one_again(cache):
-    compiled([function()])
+    compile_functions([function()])
     (first,) = cache.iterdir()
     stamp = first.stat().st_mtime_ns
-    compiled([function()])
+    compile_functions([function()])
     assert [p.stat().st_mtime_ns for p in cache.iterdir()] == [stamp]
-    (changed,) = compiled([function(factor=2.0)])
+    (changed,) = compile_functions([function(factor=2.0)])
     assert len(list(cache.iterdir())) == 2
     assert float(changed([1, 0], 1)[0][0]) == pytest.approx(2 * np.sin(1.0))
-    (same,) = compiled([function()])
+    (same,) = compile_functions([function()])
     assert float(same([1, 0], 1)[0][0]) == pytest.approx(np.sin(1.0))
 
 
 @needs_compiler
 @pytest.mark.parametrize("change", ["FAST", "compiler"])
 def test_other_flags_or_another_compiler_make_another_library(cache, monkeypatch, tmp_path, change):
-    compiled([function()])
+    compile_functions([function()])
     if change == "FAST":
         monkeypatch.setattr(compilation, "FAST", ("-O0",))
     else:
@@ -84,7 +84,7 @@ def test_other_flags_or_another_compiler_make_another_library(cache, monkeypatch
         monkeypatch.setenv("CC", str(link))
         compiler.cache_clear()
         assert compiler() == str(link)
-    compiled([function()])
+    compile_functions([function()])
     assert len(list(cache.iterdir())) == 2
 
 
@@ -95,13 +95,13 @@ def test_a_damaged_library_is_built_again_with_a_notice(cache, caplog, damage):
     # Never loaded before in this process, so that the loader has no copy of the good one.
     share = isinstance(damage, float)
     f = function(f"broken_{round(1e4 * damage) if share else 'b' + str(len(damage))}")
-    compiled([f])
+    compile_functions([f])
     (path,) = cache.iterdir()
     good = path.read_bytes()
     path.unlink()
     path.write_bytes(good[: int(damage * len(good))] if share else damage)
     with caplog.at_level(logging.WARNING):
-        (again,) = compiled([f])
+        (again,) = compile_functions([f])
     assert "building again" in caplog.text
     assert is_compiled(again) and path.read_bytes() == good
     assert float(again([1, 0], 1)[0][0]) == pytest.approx(np.sin(1.0))
@@ -112,8 +112,8 @@ def test_without_a_compiler_functions_are_interpreted_with_one_notice(cache, mon
     compiler.cache_clear()
     f = function()
     with caplog.at_level(logging.WARNING):
-        assert compiled([f])[0] is f
-        assert compiled([f])[0] is f
+        assert compile_functions([f])[0] is f
+        assert compile_functions([f])[0] is f
     notices = [r for r in caplog.records if "no C compiler found" in r.getMessage()]
     assert len(notices) == 1 and "install gcc" in notices[0].getMessage()
     assert not cache.exists()
@@ -124,7 +124,7 @@ def test_switched_off_functions_are_interpreted_in_silence(cache, monkeypatch, c
     compiler.cache_clear()
     f = function()
     with caplog.at_level(logging.WARNING):
-        assert compiled([f])[0] is f
+        assert compile_functions([f])[0] is f
     assert not caplog.records
 
 
@@ -139,7 +139,7 @@ def test_a_compiler_that_fails_leaves_the_functions_as_they_are(
     compiler.cache_clear()
     f = function()
     with caplog.at_level(logging.WARNING):
-        assert compiled([f])[0] is f
+        assert compile_functions([f])[0] is f
     assert "fatal: no disk" in caplog.text and "interpreted" in caplog.text
     assert not list(cache.iterdir())
 
@@ -152,13 +152,13 @@ def test_a_cache_that_cannot_be_written_leaves_the_functions_as_they_are(
     monkeypatch.setenv(compilation.FOLDER, str(blocked / "cache"))
     f = function()
     with caplog.at_level(logging.WARNING):
-        assert compiled([f])[0] is f
+        assert compile_functions([f])[0] is f
     assert compiler() is None or "interpreted" in caplog.text
 
 
 @needs_compiler
 def test_the_cache_is_for_this_user_alone_and_holds_no_scratch(cache):
-    compiled([function()])
+    compile_functions([function()])
     assert cache_folder() == cache
     if os.name == "posix":
         assert cache.stat().st_mode & 0o077 == 0
@@ -167,7 +167,7 @@ def test_the_cache_is_for_this_user_alone_and_holds_no_scratch(cache):
 
 def _build(queue, barrier):
     barrier.wait(timeout=30)
-    (f,) = compiled([function("together")])
+    (f,) = compile_functions([function("together")])
     queue.put((is_compiled(f), float(f([1, 0], 1)[0][0])))
 
 
@@ -194,6 +194,6 @@ def test_a_cache_that_others_may_write_to_is_not_trusted(tmp_path, monkeypatch, 
     folder.chmod(0o777)
     monkeypatch.setenv("PNEUMO_CASADI_CACHE", str(folder))
     x = ca.SX.sym("x")
-    (f,) = compiled([ca.Function("cube", [x], [x**3])])
+    (f,) = compile_functions([ca.Function("cube", [x], [x**3])])
     assert float(f(2)) == 8.0 and not list(folder.iterdir())
     assert "others may write" in caplog.text

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from pneumo_casadi.effects import CATALOGUE, catalogue_table, row_of
+from pneumo_casadi.effects import CATALOGUE, catalogue_table, effect_row
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.parameters import Parameter
 from pneumo_casadi.report.tables.effects import catalogue_markdown, effect_markdown
@@ -48,6 +48,6 @@ def test_an_effect_of_ones_own_has_a_section_too():
         equation = "F = c v |v|"
         parameters = (Parameter("c", 0.0, "N s2/m2", lower=0.0, null=0.0, free=False),)
 
-    text = effect_markdown(row_of(Drag))
+    text = effect_markdown(effect_row(Drag))
     assert "## drag" in text and "F = c v |v|" in text and "`c` (*held*)" in text
     assert "Confused with" not in text

@@ -12,7 +12,7 @@ from pneumo_casadi.estimation.output_error import OutputErrorOptions, fit_output
 from pneumo_casadi.estimation.wls import fit_wls
 from pneumo_casadi.model.servosystem import Servosystem
 from pneumo_casadi.sensitivity import (
-    Metering,
+    MeteringErrors,
     Treatment,
     Variant,
     flow_sensitivity,
@@ -23,7 +23,7 @@ from pneumo_casadi.valve import fit_polynomials, fit_spline
 CHAMBERS = tuple(f"X_s{i}" for i in range(1, 7))
 LIKE_THE_TRUTH = partial(fit_polynomials, degrees=(3, 3, 3))
 TOO_HIGH = partial(fit_polynomials, degrees=(20, 20, 20))
-GAIN, FILLING = Metering(gain=0.02), Metering(gain_filling=1e-3)
+GAIN, FILLING = MeteringErrors(gain=0.02), MeteringErrors(gain_filling=1e-3)
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +50,7 @@ def study(made, record, table, options):
         [record],
         table,
         forms,
-        (Metering(), GAIN, FILLING),
+        (MeteringErrors(), GAIN, FILLING),
         held_out=[record],
         options=options,
     )
@@ -70,7 +70,7 @@ def relative_shift(row, reference, estimator="output_error"):
 
 @pytest.mark.parametrize("treatment", [Treatment.FIXED, Treatment.ANCHORED])
 def test_a_gain_error_of_the_map_moves_all_X_s_by_itself_and_nothing_else(study, treatment):
-    with_gain, plain = (study.row("3-3-3", treatment, m) for m in (GAIN, Metering()))
+    with_gain, plain = (study.row("3-3-3", treatment, m) for m in (GAIN, MeteringErrors()))
     shift = relative_shift(with_gain, plain)
     for name, moved in shift.items():
         expected = GAIN.gain if name in CHAMBERS else 0.0
@@ -79,7 +79,7 @@ def test_a_gain_error_of_the_map_moves_all_X_s_by_itself_and_nothing_else(study,
 
 
 def test_weighted_least_squares_answers_a_gain_error_in_the_same_way(study):
-    rows = [study.row("3-3-3", Treatment.FIXED, m) for m in (GAIN, Metering())]
+    rows = [study.row("3-3-3", Treatment.FIXED, m) for m in (GAIN, MeteringErrors())]
     shift = relative_shift(*rows, "wls")
     for name, moved in shift.items():
         assert moved == pytest.approx(GAIN.gain if name in CHAMBERS else 0.0, abs=1e-8), name
@@ -99,7 +99,7 @@ def test_without_the_map_trajectories_give_all_ratios(study, made):
 
 
 def test_a_map_left_out_moves_nothing(study):
-    rows = [study.row("3-3-3", Treatment.LEFT_OUT, m) for m in (FILLING, Metering())]
+    rows = [study.row("3-3-3", Treatment.LEFT_OUT, m) for m in (FILLING, MeteringErrors())]
     assert max(map(abs, relative_shift(*rows).values())) < 1e-4
 
 
@@ -107,7 +107,7 @@ def test_rows_keep_their_order_and_failures_their_place(study):
     assert [row.variant for row in study.rows] == [
         Variant(form, metering, treatment)
         for form in ("3-3-3", "20-20-20")
-        for metering in (Metering(), GAIN, FILLING)
+        for metering in (MeteringErrors(), GAIN, FILLING)
         for treatment in Treatment
     ]
     assert all(row.converged for row in study.rows[:9])
@@ -136,7 +136,7 @@ def test_a_fit_that_fails_keeps_its_row_and_its_weighted_least_squares(
 def test_other_processes_find_the_same(study, made, record, table, options):
     with ProcessPoolExecutor(1) as executor:
         other = flow_sensitivity(
-            made.BENCH, [record], table, {"3-3-3": LIKE_THE_TRUTH}, (Metering(), GAIN),
+            made.BENCH, [record], table, {"3-3-3": LIKE_THE_TRUTH}, (MeteringErrors(), GAIN),
             [Treatment.FIXED], options=options, executor=executor,
         )  # fmt: skip
     for row in other.rows:
@@ -149,7 +149,7 @@ def test_other_processes_find_the_same(study, made, record, table, options):
 @pytest.mark.parametrize("metering", [GAIN, FILLING])
 def test_first_order_tells_what_refitting_finds(study, anchored, table, treatment, metering):
     shift = map_sensitivity(anchored, table).shift(metering.flow_error(table), treatment)
-    moved, plain = (study.row("3-3-3", treatment, m) for m in (metering, Metering()))
+    moved, plain = (study.row("3-3-3", treatment, m) for m in (metering, MeteringErrors()))
     size = max(metering.gain, metering.gain_filling)
     for name in (*CHAMBERS, "k_P", "k_N", "M"):
         before = plain.output_error[name].value
@@ -174,7 +174,9 @@ def test_spread_from_noise_is_that_of_drawn_maps(anchored, table):
     sensitivity = map_sensitivity(anchored, table)
     noise = 1e-3 * table.q_max
     drawn = [
-        sensitivity.shift(Metering(noise=1e-3, seed=seed).flow_error(table), Treatment.ANCHORED)
+        sensitivity.shift(
+            MeteringErrors(noise=1e-3, seed=seed).flow_error(table), Treatment.ANCHORED
+        )
         for seed in range(400)
     ]
     std = sensitivity.std(noise, Treatment.ANCHORED)
@@ -204,11 +206,11 @@ def test_sensitivity_needs_free_coefficients_and_every_point(anchored, table):
 def test_a_metering_that_cannot_be_is_refused():
     for wrong in ({"gain": -1.0}, {"gain_exhaust": -2.0}, {"noise": -1e-3}):
         with pytest.raises(ModelError, match="gain errors are shares"):
-            Metering(**wrong)
+            MeteringErrors(**wrong)
 
 
 def test_a_pressure_offset_moves_the_points_and_not_their_flows(table):
-    moved = Metering(pressure_offset=500.0).of(table)
+    moved = MeteringErrors(pressure_offset=500.0).of(table)
     assert np.array_equal(moved.p, table.p + 500.0)
     assert np.array_equal(moved.q_m, table.q_m)
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from pneumo_casadi.errors import ModelError
-from pneumo_casadi.virtual_bench import FORMS, Excitation, Severity, effects_for, run_bench
-from pneumo_casadi.virtual_bench.effect import sized
+from pneumo_casadi.virtual_bench import FORMS, Excitation, Severity, effects_for, simulate_axis
+from pneumo_casadi.virtual_bench.effect import effect_at_severity
 from pneumo_casadi.virtual_bench.kernels import layout
 
 LISTED = {
@@ -22,12 +22,12 @@ LISTED = {
 
 @pytest.fixture(scope="module")
 def nominal(axis, drive):
-    return run_bench(axis.with_ideal_sensors(), drive)
+    return simulate_axis(axis.with_ideal_sensors(), drive)
 
 
 def hidden(axis, drive, name, how="medium"):
     axis = axis.with_ideal_sensors()
-    return run_bench(axis, drive, effects_for(axis, {name: how}))
+    return simulate_axis(axis, drive, effects_for(axis, {name: how}))
 
 
 def test_every_effect_of_the_catalogue_is_there_and_some_that_are_not():
@@ -51,7 +51,7 @@ def test_every_severity_runs_differs_from_nominal_and_grows(axis, drive, nominal
 
 @pytest.mark.parametrize("form", list(FORMS.values()), ids=list(FORMS))
 def test_labels_are_complete(axis, form):
-    label = sized(form, Severity.MEDIUM, axis).as_dict()
+    label = effect_at_severity(form, Severity.MEDIUM, axis).as_dict()
     assert label["note"]
     assert label["equation"]
     assert all(size.unit and size.description for size in form.sizes)
@@ -91,7 +91,7 @@ def test_bristles_give_way_before_the_piston_slides(axis):
 
     def rest(F_0: float) -> float:
         asked = {"presliding": {"distance": 4e-4}, "constant_force": {"F_0": F_0}}
-        return run_bench(axis, still, effects_for(axis, asked)).states[-1, layout.X]
+        return simulate_axis(axis, still, effects_for(axis, asked)).states[-1, layout.X]
 
     given = rest(4.0) - rest(0.0)
     # Initial stiffness: the mean of level / slip distance over the four bristles.

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneumo_casadi.virtual_bench import Excitation, effects_for, metered_map, run_bench, sanity
+from pneumo_casadi.virtual_bench import Excitation, effects_for, metered_map, sanity, simulate_axis
 from pneumo_casadi.virtual_bench.kernels import layout
 from pneumo_casadi.virtual_bench.kernels.gas import RHO_0, restriction
 from pneumo_casadi.virtual_bench.sanity import energy_error
@@ -41,20 +41,20 @@ def test_energy_lost_in_an_end_stop_is_counted(axis):
     loose = replace(axis, F_c_plus=1.0, F_c_minus=1.0, f_v=0.0).with_ideal_sensors()
     reference = np.where(np.arange(2000) < 1000, 1.0, -1.0) * axis.stroke
     hidden = effects_for(loose, {"heat_transfer": "medium"})
-    run = run_bench(loose, Excitation(reference, np.zeros(2000)), hidden)
+    run = simulate_axis(loose, Excitation(reference, np.zeros(2000)), hidden)
     assert run.states[-1, layout.LOST_IMPACT] > 0.1
     assert energy_error(loose, run) < 1e-10
 
 
 def test_the_energy_balance_sees_energy_that_is_missing(axis, drive):
     hidden = effects_for(axis, {"heat_transfer": "medium"})
-    run = run_bench(axis, drive, hidden)
+    run = simulate_axis(axis, drive, hidden)
     assert energy_error(axis, run) < 1e-11
     assert energy_error(replace(axis, M=1.01 * axis.M), run) > 1e-6
 
 
 def test_at_rest_velocity_is_zero_and_position_constant_while_pressures_change(axis, drive):
-    states, modes = (found := run_bench(axis, drive)).states, found.modes
+    states, modes = (found := simulate_axis(axis, drive)).states, found.modes
     held = (modes[:-1] == layout.HELD) & (modes[1:] == layout.HELD)
     still = held & (np.diff(states[:, layout.LOST_WORK]) == 0)
     assert still.sum() > 50
@@ -64,7 +64,7 @@ def test_at_rest_velocity_is_zero_and_position_constant_while_pressures_change(a
 
 
 def test_sliding_obeys_newton_with_the_friction_of_its_direction(axis, drive):
-    y = run_bench(axis.with_ideal_sensors(), drive).states
+    y = simulate_axis(axis.with_ideal_sensors(), drive).states
     v = y[:, layout.V]
     sliding = (np.abs(v[:-2]) > 1e-2) & (np.abs(v[2:]) > 1e-2) & (v[:-2] * v[2:] > 0)
     gas = axis.S_P * y[:, layout.GAS_P] - axis.S_N * y[:, layout.GAS_N]
@@ -88,7 +88,7 @@ def test_heat_exchange_runs_from_isothermal_to_adiabatic(axis, drive):
 
     def swing(tau: float) -> float:
         hidden = effects_for(axis, {"heat_transfer": {"tau": tau}})
-        y = run_bench(axis, drive, hidden).states
+        y = simulate_axis(axis, drive, hidden).states
         volume = axis.V_P0 + axis.S_P * y[:, layout.X]
         p = 0.4 * y[:, layout.GAS_P] / volume
         return float(np.abs(p * volume / (y[:, layout.MASS_P] * axis.r) - axis.T).max())

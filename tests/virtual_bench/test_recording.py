@@ -18,7 +18,7 @@ from pneumo_casadi.virtual_bench import (
     make_case,
     random_axis,
     record,
-    run_bench,
+    simulate_axis,
 )
 from pneumo_casadi.virtual_bench.kernels import jit, layout
 
@@ -37,21 +37,21 @@ def test_a_command_acts_from_its_own_sample_on_and_not_before(axis, drive):
     axis = axis.with_ideal_sensors()
     k = 700
     later = replace(drive, x_ref=np.where(np.arange(drive.x_ref.size) < k, drive.x_ref, 0.1))
-    one, two = run_bench(axis, drive), run_bench(axis, later)
+    one, two = simulate_axis(axis, drive), simulate_axis(axis, later)
     u_parts = np.flatnonzero(one.rows[:, 0] != two.rows[:, 0])[0]
     p_parts = np.flatnonzero(one.states[:, layout.GAS_P] != two.states[:, layout.GAS_P])[0]
     assert (u_parts, p_parts) == (k, k + 1)
 
 
 def test_ideal_sensors_show_the_state_of_their_row(axis, drive):
-    found = run_bench(axis.with_ideal_sensors(), drive)
+    found = simulate_axis(axis.with_ideal_sensors(), drive)
     shown = found.states[:, [layout.GAS_P, layout.GAS_N, layout.X]]
     np.testing.assert_array_equal(found.rows[:, 2:], shown)
 
 
 def test_sensors_add_their_noise_and_steps(axis, drive):
     unfiltered = replace(axis, sensors=replace(axis.sensors, bandwidth=0.0))
-    found = run_bench(unfiltered, drive)
+    found = simulate_axis(unfiltered, drive)
     apart = found.rows[:, 2:] - found.states[:, [layout.GAS_P, layout.GAS_N, layout.X]]
     np.testing.assert_allclose(apart.std(axis=0), [150.0, 150.0, 1.5e-5], rtol=0.1)
     steps = found.rows[:, 4] / axis.sensors.x_quantum
@@ -61,7 +61,7 @@ def test_sensors_add_their_noise_and_steps(axis, drive):
 def test_an_anti_alias_filter_delays_by_its_two_lags(axis, drive):
     f = 200.0
     filtered = replace(axis.with_ideal_sensors(), sensors=replace(IDEAL_SENSORS, bandwidth=f))
-    found = run_bench(filtered, drive)
+    found = simulate_axis(filtered, drive)
     x, v = found.states[:, layout.X], found.states[:, layout.V]
     smooth = np.abs(np.gradient(v)) < 1e-3  # where the velocity hardly changes within the delay
     assert smooth.sum() > 100

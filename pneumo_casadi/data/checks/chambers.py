@@ -35,7 +35,7 @@ def check_chambers(recording: Recording, bench: Bench) -> tuple[str, ...]:
     CaseError
         If the signs of eq. 1 hold only after a swap.
     """
-    signs = chamber_signs(recording)
+    signs = chamber_correlations(recording)
     if signs is None or np.abs(signs).min() < CLEAR:
         return (f"{recording.source}: too short or too quiet to tell the chambers apart",)
     found = f"{recording.source}: rows 1 to {recording.N}: {_measured(signs)}"
@@ -55,7 +55,7 @@ def check_chambers(recording: Recording, bench: Bench) -> tuple[str, ...]:
     return _check_areas(recording, bench)
 
 
-def chamber_signs(recording: Recording) -> FloatArray | None:
+def chamber_correlations(recording: Recording) -> FloatArray | None:
     """Return the partial correlations of the pressure rates with command and motion.
 
     Parameters

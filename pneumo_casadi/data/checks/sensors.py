@@ -39,7 +39,7 @@ def check_sensors(recording: Recording, bench: AnyBench) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def quantum(values: FloatArray) -> float:
+def quantisation_step(values: FloatArray) -> float:
     """Return the smallest step between neighbouring samples, 0 for a constant.
 
     Examples
@@ -77,7 +77,7 @@ def _check_alive(recording: Recording, channel: str) -> None:
 
 def _check_frozen(recording: Recording, channel: str, noise: SensorNoise) -> list[str]:
     values, sigma = recording[channel], noise.x if channel == "x" else noise.p
-    step = quantum(values)
+    step = quantisation_step(values)
     if step > sigma:
         return [
             f"{recording.source}: `{channel}` is quantised to {step:.3g} {UNITS[channel]}, more "

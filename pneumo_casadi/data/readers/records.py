@@ -43,7 +43,7 @@ COLUMNS: Mapping[str, Column] = MappingProxyType(
 """Columns of a case folder: symbol and SI unit, as in ``p_P_Pa``."""
 
 #: What a column of a file is taken for: a channel in SI units, a conversion, or several of them.
-Meaning = str | Column | Sequence[Column]
+ColumnSpec = str | Column | Sequence[Column]
 
 FOREIGN_UNITS = {"ms": (1e-3, 0.0), "us": (1e-6, 0.0), "mV": (1e-3, 0.0), **PRESSURES, **LENGTHS}
 
@@ -51,7 +51,7 @@ FOREIGN_UNITS = {"ms": (1e-3, 0.0), "us": (1e-6, 0.0), "mV": (1e-3, 0.0), **PRES
 def read_recording(
     path: str | Path,
     hold: InputHold,
-    columns: Mapping[str, Meaning] | None = None,
+    columns: Mapping[str, ColumnSpec] | None = None,
     name: str | None = None,
 ) -> Recording:
     """Read one recording from CSV, gzipped CSV, MAT (7.3 with h5py) or Parquet.
@@ -83,7 +83,7 @@ def read_recording(
     """
     path = Path(path)
     table = read_table(path, {*COLUMNS, *(columns or {})})
-    meaning = _meaning(table, columns or {})
+    meaning = _assign_columns(table, columns or {})
     channels = {
         column.channel: column.scale * table.columns[file_name] + column.offset
         for file_name, column in meaning
@@ -95,7 +95,7 @@ def read_recording(
     return Recording(t, channels, name or stem, str(path), hold, table.first_line)
 
 
-def _meaning(table: Table, columns: Mapping[str, Meaning]) -> list[tuple[str, Column]]:
+def _assign_columns(table: Table, columns: Mapping[str, ColumnSpec]) -> list[tuple[str, Column]]:
     for name in columns:
         if name not in table.columns:
             raise CaseError(
@@ -118,7 +118,7 @@ def _meaning(table: Table, columns: Mapping[str, Meaning]) -> list[tuple[str, Co
     return meaning
 
 
-def _columns(entry: Meaning) -> Sequence[Column]:
+def _columns(entry: ColumnSpec) -> Sequence[Column]:
     if isinstance(entry, str):
         return (Column(entry),)
     return (entry,) if isinstance(entry, Column) else entry

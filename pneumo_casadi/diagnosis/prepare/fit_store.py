@@ -13,7 +13,7 @@ import numpy as np
 from pneumo_casadi import __version__
 from pneumo_casadi.diagnosis.prepare.study import Fitted, Study
 from pneumo_casadi.model.effect import Effect
-from pneumo_casadi.runtime.atomic_files import whole_file
+from pneumo_casadi.runtime.atomic_files import atomic_file
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +92,7 @@ class Store:
             arrays = getattr(fitted, name)
             content[f"n_{name}"] = len(arrays)
             content |= {f"{name}_{i}": array for i, array in enumerate(arrays)}
-        with whole_file(self._path(effects)) as draft, draft.open("wb") as file:
+        with atomic_file(self._path(effects)) as draft, draft.open("wb") as file:
             np.savez(file, **content)  # type: ignore[arg-type]
 
 

@@ -21,10 +21,10 @@ from pneumo_casadi.diagnosis.screen.screen import (
     screened,
 )
 from pneumo_casadi.errors import FitError, ModelError
-from pneumo_casadi.model.effect import Effect, Maker
+from pneumo_casadi.model.effect import Effect, EffectFactory
 from pneumo_casadi.runtime.threads import one_thread
 
-Catalogue = Mapping[str, Maker]
+Catalogue = Mapping[str, EffectFactory]
 Names = tuple[str, ...]
 #: Where a fit begins: values, shapes to try in turn, and the cost to be improved; see `fit`.
 Start = tuple[Mapping[str, float], Sequence[Mapping[str, float]], float | None]

@@ -25,7 +25,7 @@ from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue, Failed, Names, 
 from pneumo_casadi.diagnosis.select.plausibility import mended
 from pneumo_casadi.diagnosis.select.sensor_effects import beside_sensors, sensed, settled
 from pneumo_casadi.estimation.equation_error.balance_functions import remembers
-from pneumo_casadi.runtime.progress import Progress, silent
+from pneumo_casadi.runtime.progress import Progress, no_progress
 
 #: So many effects together at most.
 MOST = 3
@@ -106,7 +106,7 @@ def search(
     keep : path, optional
         Folder of finished fits, see `Store`.
     """
-    report = progress or silent
+    report = progress or no_progress
     store = None if keep is None else Store.of(keep, one)
     worker = Searcher(one, catalogue, executor, store)
     report("nominal model", 0.0)

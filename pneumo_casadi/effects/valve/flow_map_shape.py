@@ -6,7 +6,7 @@ from itertools import pairwise
 import casadi as ca
 
 from pneumo_casadi.errors import ModelError
-from pneumo_casadi.model.effect import Effect, Expression, Maker, Pair, Scope
+from pneumo_casadi.model.effect import Effect, EffectFactory, Expression, Pair, Scope
 from pneumo_casadi.parameters import Parameter
 
 SOURCE = "port windows, rectangular to round: up to 10 % of the flow at half opening"
@@ -53,7 +53,7 @@ class FlowMapShape(Effect):
         return Pair(*(_bent(one, at) for one in u))
 
     @classmethod
-    def on_metered(cls, low: float, high: float) -> Maker:
+    def on_metered(cls, low: float, high: float) -> EffectFactory:
         """Return the local shape, where both sides of the valve were metered."""
         return partial(LocalFlowMapShape, (-low, high)) if low < 0 < high else cls
 

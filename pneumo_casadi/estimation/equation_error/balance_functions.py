@@ -13,7 +13,7 @@ import casadi as ca
 
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.balances import Balances, write_balances
-from pneumo_casadi.model.compilation import compiled
+from pneumo_casadi.model.compilation import compile_functions
 from pneumo_casadi.model.effect import Effect, Expression
 from pneumo_casadi.valve import FlowISO6358
 
@@ -123,7 +123,7 @@ class AlongMotion:
                 ca.Function("rest", symbols, [ca.densify(rest)]),
                 _stretch("steps", self._step(), STRETCH, True),
             ]
-        return compiled(functions)
+        return compile_functions(functions)
 
     def _step(self) -> ca.Function:
         """One sample of the effects' states by ROS2: (z, x, x⁺, dx, dx⁺, u, h, c, θ) → z⁺."""

@@ -12,7 +12,7 @@ from pneumo_casadi.estimation.equation_error.balance_functions import (
     senses,
 )
 from pneumo_casadi.estimation.equation_error.smoothed_motion import Smoothed
-from pneumo_casadi.model.compilation import called
+from pneumo_casadi.model.compilation import call_with_arrays
 from pneumo_casadi.parameters import FloatArray
 
 #: How often what a sensor distorts is taken back, each time to one order more.
@@ -125,11 +125,11 @@ def _undecimated(
     for i, (theta, z, (x, dx)) in enumerate(zip(variants, states, motions, strict=True)):
         given = (x, dx, data.u, z, *_repeated(model, theta, data.N))
         if jacobian and i == 0:
-            r, _, slope = called(model.residual_and_jacobian(data.N), *given)
+            r, _, slope = call_with_arrays(model.residual_and_jacobian(data.N), *given)
             # Columns of one sample lie side by side: (ne, n N) in Fortran's order.
             last = [slope.reshape(-1, data.N, order="F").T]
         else:
-            r, _ = called(model.residual(data.N), *given)
+            r, _ = call_with_arrays(model.residual(data.N), *given)
         found.append(r)
     return found + last
 
@@ -192,7 +192,7 @@ def own_states(
     z = np.zeros((model.n_z, N, B))
     for i, (theta, (x, dx)) in enumerate(zip(variants, motions, strict=True)):
         at_first = (x[:, :1], dx[:, :1], data.u[:, :1], np.zeros((model.n_z, 1)), c, theta)
-        z[:, 0, i] = called(model.rest, *at_first)[0][:, 0]
+        z[:, 0, i] = call_with_arrays(model.rest, *at_first)[0][:, 0]
 
     def after(values: FloatArray) -> FloatArray:
         return np.hstack([values[:, 1:], values[:, -1:]])
@@ -209,7 +209,7 @@ def own_states(
         np.tile(C, B),
         np.hstack([np.tile(theta[:, None], T) for theta in variants]),
     )
-    found = called(model.steps(N, B), *given)[1].reshape(model.n_z, B, N)
+    found = call_with_arrays(model.steps(N, B), *given)[1].reshape(model.n_z, B, N)
     z[:, 1:, :] = found.transpose(0, 2, 1)[:, :-1]
     return [z[:, :, i] for i in range(B)]
 
@@ -225,7 +225,7 @@ def _corrected(
     axis = model.axis
     x, dx = motion
     given = (x, dx, data.u, z, *_repeated(model, theta, data.N))
-    _, y = called(model.residual(data.N), *given)
+    _, y = call_with_arrays(model.residual(data.N), *given)
     x_new, dx_new = x.copy(), dx.copy()
     for i, name in enumerate(axis.outputs):
         row = axis.motion_states.index(name)

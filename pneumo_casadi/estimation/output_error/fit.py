@@ -29,7 +29,7 @@ from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.integration import Stepping, substeps_for
 from pneumo_casadi.model.sampled_axis import SampledAxis
 from pneumo_casadi.parameters import FloatArray, Parameters
-from pneumo_casadi.runtime.progress import Progress, silent
+from pneumo_casadi.runtime.progress import Progress, no_progress
 from pneumo_casadi.runtime.threads import one_thread
 from pneumo_casadi.valve import FlowMap
 
@@ -82,7 +82,7 @@ def fit_output_error(
         If a stage does not converge; ``.partial`` holds the result as far as it got.
     """
     options = options or OutputErrorOptions()
-    report = progress or silent
+    report = progress or no_progress
     if not records:
         raise ModelError("no record to fit")
     sigma = np.array([stated_or_estimated_noise(axis.bench, records, c) for c in axis.outputs])

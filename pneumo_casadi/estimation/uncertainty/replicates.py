@@ -10,7 +10,7 @@ import numpy as np
 
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.parameters import FloatArray
-from pneumo_casadi.runtime.atomic_files import whole_file
+from pneumo_casadi.runtime.atomic_files import atomic_file
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +60,7 @@ class ReplicateFolder:
     def write(self, replicate: Replicate) -> None:
         """Write a replicate in one step: the file is there whole, or not at all."""
         text = json.dumps({"fingerprint": self.fingerprint} | asdict(replicate)) + "\n"
-        with whole_file(self.path(replicate.index)) as draft:
+        with atomic_file(self.path(replicate.index)) as draft:
             draft.write_text(text, encoding="utf-8")
 
     def read(self, index: int) -> Replicate | None:

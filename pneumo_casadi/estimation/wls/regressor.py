@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pneumo_casadi.data import Recording
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.estimation.wls.linear import LinearSystem
-from pneumo_casadi.model.compilation import called
+from pneumo_casadi.model.compilation import call_with_arrays
 from pneumo_casadi.parameters import FloatArray, Parameters
 from pneumo_casadi.signals import (
     FilteredRecording,
@@ -225,7 +225,7 @@ def evaluate_regressor(
         at = slice(first, min(first + STRETCH, N))
         mapped = regressor.map(at.stop - first)
         for u in sets:
-            y, w = called(mapped, x[:, at], dx[:, at], u[:, at])
+            y, w = call_with_arrays(mapped, x[:, at], dx[:, at], u[:, at])
             Y[:, at] += y / len(sets)
             # CasADi lays the maps side by side: columns k n to (k + 1) n belong to sample k.
             W[:, at] += w.reshape(ne, -1, n) / len(sets)

@@ -21,7 +21,7 @@ from pneumo_casadi.diagnosis import diagnose
 from pneumo_casadi.errors import CaseError, PneumoError
 from pneumo_casadi.evaluation.batch.table import FAILED, Row, row_of, write_tables
 from pneumo_casadi.identification.result_file import sha256, write_json
-from pneumo_casadi.runtime.progress import Progress, silent
+from pneumo_casadi.runtime.progress import Progress, no_progress
 
 #: From a case folder to the JSON of a diagnosis. It must be importable, so that it can be sent to
 #: another process.
@@ -99,7 +99,7 @@ def diagnose_many(
     paths = [Path(os.path.abspath(folder)) for folder in folders]  # noqa: PTH100
     _check_names(paths)
     out = Path(keep).resolve()
-    report = progress or silent
+    report = progress or no_progress
     rows: dict[str, Row] = {}
     for row in _rows(paths, out, diagnosing, executor):
         rows[row.case] = row

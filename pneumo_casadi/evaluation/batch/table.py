@@ -9,7 +9,7 @@ import pandas as pd
 import pyarrow
 import pyarrow.parquet
 
-from pneumo_casadi.runtime.atomic_files import whole_file
+from pneumo_casadi.runtime.atomic_files import atomic_file
 
 #: Names of the tables within the output folder.
 CSV, PARQUET = "cases.csv", "cases.parquet"
@@ -96,10 +96,10 @@ def write_tables(rows: Sequence[Row], out: Path) -> None:
     frame = pd.DataFrame([asdict(row) for row in rows])
     for name in _LISTS:
         frame[name] = [" + ".join(_written(item) for item in value) for value in frame[name]]
-    with whole_file(out / CSV) as draft:
+    with atomic_file(out / CSV) as draft:
         frame.to_csv(draft, index=False, float_format="%.10g", lineterminator="\n")
     table = pyarrow.Table.from_pylist([asdict(row) for row in rows], schema=_SCHEMA)
-    with whole_file(out / PARQUET) as draft:
+    with atomic_file(out / PARQUET) as draft:
         pyarrow.parquet.write_table(table, draft)
 
 

@@ -20,7 +20,7 @@ from pneumo_casadi.evaluation.sealed_check.seal import (
     write_verdict,
 )
 from pneumo_casadi.model.effect import Effect
-from pneumo_casadi.runtime.progress import Progress, silent
+from pneumo_casadi.runtime.progress import Progress, no_progress
 
 #: What is checked: a case and a catalogue to the JSON of a diagnosis. It must be importable, so
 #: that it can be sent to another process.
@@ -73,7 +73,7 @@ def in_turn(
     Exception
         The first that a task raises; what has not begun by then is not begun.
     """
-    report = progress or silent
+    report = progress or no_progress
     began, n = time.monotonic(), len(tasks)
     futures: list[Future[Any]] = [executor.submit(task) for task in tasks.values()]
     try:

@@ -8,15 +8,19 @@ from pathlib import Path
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.identification.identify import Identification
 from pneumo_casadi.identification.result_file import result_dict, validation_dict, write_json
-from pneumo_casadi.identification.trajectory_file import Simulated, trajectory_frame, write_frames
+from pneumo_casadi.identification.trajectory_file import (
+    RecordSimulation,
+    trajectory_frame,
+    write_frames,
+)
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.report.figures import Drawn, figures_of, validation_figures
 from pneumo_casadi.report.figures.style import png
 from pneumo_casadi.report.pages.identification import Picture, html_report
 from pneumo_casadi.report.tables.results import validation_table
 from pneumo_casadi.report.text.identification import render, text_report
-from pneumo_casadi.runtime.atomic_files import whole_folder
-from pneumo_casadi.runtime.progress import Progress, silent
+from pneumo_casadi.runtime.atomic_files import atomic_folder
+from pneumo_casadi.runtime.progress import Progress, no_progress
 from pneumo_casadi.validation import Validation
 
 
@@ -63,7 +67,7 @@ def write_report(
     CaseError
         If the folder holds anything but an earlier report.
     """
-    report = progress or silent
+    report = progress or no_progress
     with folder_in_one_step(folder, Kind.IDENTIFICATION) as draft:
         write_json(result_dict(found), draft / "result.json")
         (draft / "table.txt").write_text(text_report(found, paper), "utf-8")
@@ -83,7 +87,7 @@ def write_validation(validation: Validation, axis: Axis, folder: str | Path) -> 
     return Path(folder)
 
 
-def write_simulations(runs: Sequence[Simulated], folder: str | Path) -> tuple[Path, ...]:
+def write_simulations(runs: Sequence[RecordSimulation], folder: str | Path) -> tuple[Path, ...]:
     """Write simulations as CSV into ``folder/simulation``, one file a record."""
     with folder_in_one_step(folder, Kind.SIMULATION) as draft:
         (draft / "simulation").mkdir()
@@ -127,5 +131,5 @@ def folder_in_one_step(folder: str | Path, kind: Kind) -> Iterator[Path]:
     After an error the draft is gone and `folder` is as it was.
     """
     check_replaceable(folder, kind)
-    with whole_folder(folder) as draft:
+    with atomic_folder(folder) as draft:
         yield draft

@@ -14,7 +14,7 @@ CARRIAGE, CHANNEL, MEMORY = 0, 1, 10
 
 
 @kernel
-def sensed(y: FloatArray, par: Any, memory: FloatArray, past: FloatArray, now: int) -> Any:
+def sensor_values(y: FloatArray, par: Any, memory: FloatArray, past: FloatArray, now: int) -> Any:
     """Return what arrives at the filters (p_P, p_N [Pa], x [m]); moves the play, keeps the past.
 
     `past` is a ring of positions, one a step, `now` the number of this step.
@@ -69,7 +69,7 @@ def observe(
     shown: FloatArray,
 ) -> None:  # fmt: skip
     """Fill what the filters give (3,), one step h [s] after the last time."""
-    p_P, p_N, x = sensed(y, par, memory, past, now)
+    p_P, p_N, x = sensor_values(y, par, memory, past, now)
     if par.position_delay_T > 0.0:
         x = delayed(past, now, par.position_delay_T / h)
     shown[0] = filter_step(p_P, CHANNEL, memory, h, par.sensor_tau)
@@ -82,7 +82,7 @@ def settle(y: FloatArray, par: Any, memory: FloatArray, past: FloatArray) -> Non
     """Start the sensors as if the axis had stood where it stands."""
     memory[CARRIAGE] = y[X]
     past[:] = y[X]
-    p_P, p_N, x = sensed(y, par, memory, past, 0)
+    p_P, p_N, x = sensor_values(y, par, memory, past, 0)
     past[:] = x
     memory[CHANNEL : CHANNEL + 3] = p_P
     memory[CHANNEL + 3 : CHANNEL + 6] = p_N

@@ -89,7 +89,7 @@ def test_a_controller_remembers_the_last_positions(made):
     axis = made.true_force_axis()
     model = SampledAxis(axis, stepping_for(axis, DT), made.FORCE_BENCH.controller)
     states = np.array([[1.0, 1.5, 2.5, 4.0], [500.0, 0.0, 0.0, 0.0]])
-    found = model.remembering(states)
+    found = model.with_controller_memory(states)
     np.testing.assert_allclose(found[2], [0.5, 1.0, 1.5, 2.5])
     np.testing.assert_allclose(found[3], [0.0, 0.5, 1.0, 1.5])
 

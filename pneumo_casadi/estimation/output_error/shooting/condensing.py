@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pneumo_casadi.estimation.output_error.shooting.problem import Problem, Unknowns
-from pneumo_casadi.model.compilation import called
+from pneumo_casadi.model.compilation import call_with_arrays
 from pneumo_casadi.parameters import FloatArray
 
 #: Sensitivities and residuals beyond this come from a trajectory that ran away.
@@ -90,7 +90,7 @@ def linearise(problem: Problem, point: Unknowns, sigma: FloatArray) -> Linearise
     data = problem.data
     theta = np.tile(point.theta[:, None], intervals)
     weight = np.tile((problem.n / sigma**2)[:, None], intervals)
-    ends, means, S, H, g, scores = called(
+    ends, means, S, H, g, scores = call_with_arrays(
         problem.sensitivity, point.x, data.w, theta, data.h, data.y, weight
     )
     joins = problem.joined

@@ -12,7 +12,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from pneumo_casadi.model.compilation import compiled
+from pneumo_casadi.model.compilation import compile_functions
 from pneumo_casadi.model.effect import Expression
 from pneumo_casadi.model.integration import inputs_between, runge_kutta
 from pneumo_casadi.model.sampled_axis import SampledAxis
@@ -48,7 +48,7 @@ class IntervalFunctions:
 
         The state at the end and the mean outputs over the n samples of each block.
         """
-        return compiled([_value(self.model, self.n, self.blocks)])[0]
+        return compile_functions([_value(self.model, self.n, self.blocks)])[0]
 
     @cached_property
     def sensitivity(self) -> ca.Function:
@@ -57,7 +57,7 @@ class IntervalFunctions:
         ∂x_end/∂(x_0, θ_free) of shape (nx, m), per output JᵀJ and Jᵀe of the means, (m, ny m)
         and (m, ny), and per block the weighted scores Σ_y weight Jᵀe, (m, B).
         """
-        return compiled([_sensitivity(self.model, self.n, self.blocks, self.free)])[0]
+        return compile_functions([_sensitivity(self.model, self.n, self.blocks, self.free)])[0]
 
 
 def _value(model: SampledAxis, n: int, blocks: int) -> ca.Function:

@@ -16,7 +16,7 @@ from pneumo_casadi.estimation.output_error.shooting.interval import IntervalFunc
 from pneumo_casadi.estimation.output_error.shooting.map_anchor import Anchor
 from pneumo_casadi.estimation.output_error.shooting.segments import Segment
 from pneumo_casadi.model.axis import Axis
-from pneumo_casadi.model.compilation import called
+from pneumo_casadi.model.compilation import call_with_arrays
 from pneumo_casadi.model.integration import THREADS
 from pneumo_casadi.model.sampled_axis import SampledAxis
 from pneumo_casadi.parameters import FloatArray, Parameters
@@ -184,7 +184,7 @@ def values(problem: Problem, point: Unknowns) -> tuple[FloatArray, FloatArray]:
     """Return ends (nx, I) of all intervals and mean outputs (ny, n_blocks)."""
     data = problem.data
     theta = np.tile(point.theta[:, None], problem.I)
-    ends, m = called(problem.value_of(problem.I), point.x, data.w, theta, data.h)
+    ends, m = call_with_arrays(problem.value_of(problem.I), point.x, data.w, theta, data.h)
     return ends, m[:, data.real]
 
 
@@ -216,7 +216,7 @@ def shoot(problem: Problem, theta: FloatArray, x_0: FloatArray) -> tuple[FloatAr
         f = problem.value_of(at.size)
         streams = [part[:, at].reshape(len(part), -1) for part in (w, h)]
         tiled = np.tile(theta[:, None], at.size)
-        ends, means = called(f, x[:, at], streams[0], tiled, streams[1])
+        ends, means = call_with_arrays(f, x[:, at], streams[0], tiled, streams[1])
         m[:, at] = means.reshape(len(m), at.size, B)
         going_on = counts[counts > i] > i + 1
         x[:, at[going_on] + 1] = ends[:, going_on]

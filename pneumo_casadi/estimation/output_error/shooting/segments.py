@@ -114,7 +114,7 @@ def cut(
     streams = [model.streams(record) for record in records]
     outputs = [record.stack(model.axis.outputs).T for record in records]
     states = [
-        model.remembering(measured_states(model.axis, record, model.axis.parameters))
+        model.with_controller_memory(measured_states(model.axis, record, model.axis.parameters))
         for record in records
     ]
     segments = []

@@ -5,8 +5,14 @@ from types import MappingProxyType
 
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.virtual_bench import chambers_and_sensors, forces, valves
-from pneumo_casadi.virtual_bench.axis import BenchAxis
-from pneumo_casadi.virtual_bench.effect import BenchEffect, EffectForm, Severity, by_hand, sized
+from pneumo_casadi.virtual_bench.axis import VirtualAxis
+from pneumo_casadi.virtual_bench.effect import (
+    EffectForm,
+    Severity,
+    VirtualEffect,
+    effect_at_severity,
+    effect_from_quantities,
+)
 
 #: By name: first those that the catalogue of effects lists, then those that it does not.
 FORMS: Mapping[str, EffectForm] = MappingProxyType(
@@ -22,17 +28,17 @@ FORMS: Mapping[str, EffectForm] = MappingProxyType(
 )
 
 #: What may be asked of an effect: a severity, or quantities [SI] by name.
-Asked = Severity | str | Mapping[str, float]
+EffectRequest = Severity | str | Mapping[str, float]
 
 
 def effects_for(
-    axis: BenchAxis, asked: Mapping[str, Asked], seed: int | None = None
-) -> tuple[BenchEffect, ...]:
+    axis: VirtualAxis, asked: Mapping[str, EffectRequest], seed: int | None = None
+) -> tuple[VirtualEffect, ...]:
     """Return the effects asked for.
 
     Parameters
     ----------
-    axis : BenchAxis
+    axis : VirtualAxis
         Whose scales count.
     asked : mapping
         By name of the effect: a `Severity` or its value, or quantities [SI] by name.
@@ -57,9 +63,9 @@ def effects_for(
             raise ModelError(f"the bench has no effect {name!r}; there are {', '.join(FORMS)}")
         form = FORMS[name]
         if isinstance(wanted, Mapping):
-            found.append(by_hand(form, wanted, axis))
+            found.append(effect_from_quantities(form, wanted, axis))
         else:
-            found.append(sized(form, severity_of(wanted), axis, seed))
+            found.append(effect_at_severity(form, severity_of(wanted), axis, seed))
     return tuple(found)
 
 

@@ -11,7 +11,7 @@ from pneumo_casadi.data import Bench
 from pneumo_casadi.design.reference import Reference
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.model.axis import Axis
-from pneumo_casadi.model.compilation import compiled
+from pneumo_casadi.model.compilation import compile_functions
 from pneumo_casadi.model.integration import Stepping, accumulate, step_function, substeps_for
 from pneumo_casadi.model.sampled_axis import SampledAxis
 from pneumo_casadi.parameters import FloatArray
@@ -79,7 +79,7 @@ class Limits:
 
 
 @dataclass(frozen=True, eq=False)
-class Rehearsed:
+class SimulatedExperiment:
     """What the model did under a reference.
 
     Parameters
@@ -131,7 +131,7 @@ class Rehearsed:
 
 
 @dataclass(frozen=True, eq=False)
-class Rehearsal:
+class ExperimentSimulator:
     """An axis in its loop, ready to try references on.
 
     Parameters
@@ -174,9 +174,9 @@ class Rehearsal:
         u = ca.fmin(ca.fmax(u, -u_max), u_max)
         following = step_function(axis, model.stepping)(x, u, theta)
         found = [following, x, u, axis.output(x, u, theta)]
-        return compiled([ca.Function("rehearsal_step", [x, w, theta], found)])[0]
+        return compile_functions([ca.Function("experiment_step", [x, w, theta], found)])[0]
 
-    def __call__(self, reference: Reference) -> Rehearsed:
+    def __call__(self, reference: Reference) -> SimulatedExperiment:
         """Simulate a reference from where it was begun, or after settling on its first values."""
         settling = 0 if reference.start is not None else round(SETTLING / self.dt)
         x, p_P, p_N = reference.start or (reference.x_ref[0], *self.rest_pressures)
@@ -190,7 +190,7 @@ class Rehearsal:
         states, u, y = (part[0][:, settling:] for part in (states, u, y))
         error = np.abs(self.axis.bench.controller.gain * (reference.x_ref - y[-1]))
         wanted = float((error + np.abs(reference.common)).max())
-        return Rehearsed(reference, states, u, y, wanted)
+        return SimulatedExperiment(reference, states, u, y, wanted)
 
     @cached_property
     def rest_pressures(self) -> tuple[float, float]:

@@ -9,8 +9,8 @@ import numpy as np
 from pneumo_casadi.data import InputHold, Recording
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.parameters import FloatArray
-from pneumo_casadi.virtual_bench.axis import BenchAxis
-from pneumo_casadi.virtual_bench.effect import BenchEffect, longest_step
+from pneumo_casadi.virtual_bench.axis import VirtualAxis
+from pneumo_casadi.virtual_bench.effect import VirtualEffect, longest_step
 from pneumo_casadi.virtual_bench.experiment import Excitation, Experiment
 from pneumo_casadi.virtual_bench.kernels import layout
 from pneumo_casadi.virtual_bench.kernels.run import run
@@ -51,7 +51,7 @@ class Run:
     par: object
 
 
-def rest_pressures(axis: BenchAxis) -> tuple[float, float]:
+def rest_pressures(axis: VirtualAxis) -> tuple[float, float]:
     """Return pressures [Pa] that balance the piston about the null pressure of the valves.
 
     The null pressure is where a closed valve lets in as much as out.
@@ -65,10 +65,10 @@ def rest_pressures(axis: BenchAxis) -> tuple[float, float]:
     return (force + ambient / 2) / axis.S_P, (force - ambient / 2) / axis.S_N
 
 
-def run_bench(
-    axis: BenchAxis,
+def simulate_axis(
+    axis: VirtualAxis,
     drive: Excitation,
-    effects: Sequence[BenchEffect] = (),
+    effects: Sequence[VirtualEffect] = (),
     fs: float = 1000.0,
     seed: int = 0,
     step: float | None = None,
@@ -80,11 +80,11 @@ def run_bench(
 
     Parameters
     ----------
-    axis : BenchAxis
+    axis : VirtualAxis
         Whose.
     drive : Excitation
         Reference and common-mode command, one value a sample.
-    effects : sequence of BenchEffect, optional
+    effects : sequence of VirtualEffect, optional
         Hidden effects.
     fs : float, optional
         Sampling frequency of controller and record [Hz].
@@ -132,9 +132,9 @@ def run_bench(
 
 
 def record(
-    axis: BenchAxis,
+    axis: VirtualAxis,
     experiment: Experiment | Excitation,
-    effects: Sequence[BenchEffect] = (),
+    effects: Sequence[VirtualEffect] = (),
     fs: float = 1000.0,
     duration: float = 20.0,
     seed: int = 0,
@@ -144,11 +144,11 @@ def record(
 
     Parameters
     ----------
-    axis : BenchAxis
+    axis : VirtualAxis
         Whose.
     experiment : Experiment or Excitation
         What it is asked to do: parts to be drawn, or every sample.
-    effects : sequence of BenchEffect, optional
+    effects : sequence of VirtualEffect, optional
         Hidden effects, see `effects_for`.
     fs, duration : float, optional
         Sampling frequency [Hz] and length [s].
@@ -163,7 +163,7 @@ def record(
         With u_P, u_N, p_P, p_N, x and x_ref; u[k] is held from t[k] on, y[k] belongs to t[k].
     """
     drive = experiment.excitation(axis, fs, duration, seed)
-    found = run_bench(axis, drive, effects, fs, seed, keep_states=False)
+    found = simulate_axis(axis, drive, effects, fs, seed, keep_states=False)
     channels = {
         channel: np.round(found.rows[:, i], decimals)
         if axis.sensors.u_quantum
@@ -176,7 +176,7 @@ def record(
 
 
 def metered_map(
-    axis: BenchAxis, effects: Sequence[BenchEffect] = (), seed: int = 0
+    axis: VirtualAxis, effects: Sequence[VirtualEffect] = (), seed: int = 0
 ) -> dict[str, FloatArray]:
     """Meter the valve: columns of ``flow_map.csv`` on a grid of commands and pressures.
 
@@ -184,9 +184,9 @@ def metered_map(
 
     Parameters
     ----------
-    axis : BenchAxis
+    axis : VirtualAxis
         Whose valve.
-    effects : sequence of BenchEffect, optional
+    effects : sequence of VirtualEffect, optional
         What is wrong with the axis.
     seed : int, optional
         Of the meter's noise.
