@@ -13,9 +13,9 @@ from gap import finite, gaps
 
 from pneumo_casadi.data import Case
 from pneumo_casadi.diagnosis.metrics.simulated_gap import V_S_SIMULATED
-from pneumo_casadi.diagnosis.prepare.study import Fitted, Study, fit
+from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study, fit_model
 from pneumo_casadi.diagnosis.screen.screen import background, perturbation, screened
-from pneumo_casadi.diagnosis.select.output_error_refinement import polished
+from pneumo_casadi.diagnosis.select.output_error_refinement import refine_by_output_error
 from pneumo_casadi.estimation.equation_error.balance_functions import senses
 from pneumo_casadi.model.effect import Effect
 
@@ -23,23 +23,23 @@ from pneumo_casadi.model.effect import Effect
 MOVABLE = (*(f"X_s{i}" for i in range(1, 7)), "M", "f_v", "F_c_plus", "F_c_minus")
 
 
-def refit(study: Study, before: Fitted, effect: Effect) -> Fitted:
+def refit(study: Study, before: FittedModel, effect: Effect) -> FittedModel:
     """Add an effect to the nominal fit."""
     directions = perturbation(study, before, effect)
     starts = screened(effect.name, directions, background(study, before, before)).starts
-    found = fit(study, (effect,), before.values, starts, before.cost)
-    return polished(study, found, (effect,)) if senses((effect,)) else found
+    found = fit_model(study, (effect,), before.values, starts, before.cost)
+    return refine_by_output_error(study, found, (effect,)) if senses((effect,)) else found
 
 
 def simulated_gaps(
-    study: Study, fitted: Fitted, case: Case, *effects: Effect
+    study: Study, fitted: FittedModel, case: Case, *effects: Effect
 ) -> dict[str, Any] | None:
     """Return the gaps of a fit on the held-out record; None where no simulation is finite."""
     axis = study.axis.with_effects(*effects).with_parameters(dict(fitted.values))
     return gaps(axis.with_parameters({"v_s": V_S_SIMULATED}), case)
 
 
-def told(study: Study, fitted: Fitted) -> dict[str, Any]:
+def told(study: Study, fitted: FittedModel) -> dict[str, Any]:
     """Return what is told of a fit besides its gap."""
     names = [n for n in fitted.values if n in MOVABLE or "." in n]
     return {
@@ -50,7 +50,7 @@ def told(study: Study, fitted: Fitted) -> dict[str, Any]:
     }
 
 
-def _map_pull(study: Study, fitted: Fitted) -> float | None:
+def _map_pull(study: Study, fitted: FittedModel) -> float | None:
     """Return the rms of the flow map's residuals at the metered points."""
     if study.anchor is None:
         return None

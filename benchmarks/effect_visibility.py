@@ -39,7 +39,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from pneumo_casadi.diagnosis import prepare
-from pneumo_casadi.diagnosis.prepare.study import Fitted, fit
+from pneumo_casadi.diagnosis.prepare.study import FittedModel, fit_model
 from pneumo_casadi.effects import CATALOGUE
 from pneumo_casadi.report.figures.style import (
     BLUE,
@@ -69,7 +69,7 @@ def one_case(seed: int, duration: float, effect: str, refits: bool) -> dict[str,
         asked = {} if effect == NONE else {effect: "medium"}
         made = make_case(Path(scratch) / "case", seed, asked, duration=duration)
         study, _ = prepare(made.case)
-        before = fit(study, ())
+        before = fit_model(study, ())
         found: dict[str, Any] = {
             "sizes": {k: v for one in made.effects for k, v in one.parameters.items()},
             "absorbed_by": [name for one in made.effects for name in one.form.absorbed_by],
@@ -88,7 +88,7 @@ def one_case(seed: int, duration: float, effect: str, refits: bool) -> dict[str,
     return found
 
 
-def errors(fitted: Fitted, truth: Mapping[str, float]) -> dict[str, float]:
+def errors(fitted: FittedModel, truth: Mapping[str, float]) -> dict[str, float]:
     """Return the errors of the nominal axis' parameters [%]."""
     return {name: 100 * (fitted.values[name] / truth[name] - 1) for name in MOVABLE}
 

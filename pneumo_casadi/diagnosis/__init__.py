@@ -8,10 +8,10 @@ from pneumo_casadi.diagnosis.diagnose import DiagnosisOptions, applicable, diagn
 from pneumo_casadi.diagnosis.metrics.findings import (
     Candidate,
     Check,
+    Closure,
     EffectFound,
     Gap,
     Regime,
-    Shrink,
     Value,
     Where,
 )
@@ -19,12 +19,12 @@ from pneumo_casadi.diagnosis.metrics.findings import (
 __all__ = [
     "Candidate",
     "Check",
+    "Closure",
     "Diagnosis",
     "DiagnosisOptions",
     "EffectFound",
     "Gap",
     "Regime",
-    "Shrink",
     "Value",
     "Verdict",
     "Where",

@@ -10,20 +10,20 @@ from pathlib import Path
 import numpy as np
 
 from pneumo_casadi.data import Case, Recording
-from pneumo_casadi.diagnosis.checks.parameter_checks import checks_of
-from pneumo_casadi.diagnosis.decide.credibility import believed, faint
+from pneumo_casadi.diagnosis.checks.parameter_checks import check_fit
+from pneumo_casadi.diagnosis.decide.credibility import near_noise, review_verdict
 from pneumo_casadi.diagnosis.decide.result import Diagnosis, Verdict
 from pneumo_casadi.diagnosis.decide.verdict import Judgement, judge
-from pneumo_casadi.diagnosis.locate.evidence import evidence_of
+from pneumo_casadi.diagnosis.locate.evidence import collect_evidence
 from pneumo_casadi.diagnosis.locate.locate import locate
-from pneumo_casadi.diagnosis.locate.unknown_inputs import inputs_of
+from pneumo_casadi.diagnosis.locate.unknown_inputs import estimate_unknown_inputs
 from pneumo_casadi.diagnosis.metrics.findings import Candidate, EffectFound, Value, Where
-from pneumo_casadi.diagnosis.metrics.residual_size import balance_shrink
+from pneumo_casadi.diagnosis.metrics.residual_size import balance_closure
 from pneumo_casadi.diagnosis.metrics.simulated_gap import simulated_gap
-from pneumo_casadi.diagnosis.prepare.study import Fitted, Study, study
-from pneumo_casadi.diagnosis.prepare.usable_records import refuse_unusable
+from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study, start_study
+from pneumo_casadi.diagnosis.prepare.usable_records import require_usable
 from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue, Names
-from pneumo_casadi.diagnosis.select.forward_selection import Search, search
+from pneumo_casadi.diagnosis.select.forward_selection import Selection, select_effects
 from pneumo_casadi.effects import CATALOGUE
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.identification.identify import (
@@ -107,15 +107,15 @@ def diagnose(
     report("reading", 0.0)
     one, notes = prepare(case)
     chosen = applicable(one, CATALOGUE if catalogue is None else catalogue)
-    found = search(one, chosen, executor, progress_range(report, 0.02, 0.8), options.keep)
+    found = select_effects(one, chosen, executor, progress_range(report, 0.02, 0.8), options.keep)
     effects = tuple(chosen[name]() for name in found.chosen)
     judgement = judge(found, effects)
     report("parameters and location", 0.82)
-    checks = checks_of(one, found.final, effects)
-    verdict, hidden = believed(judgement, checks)
+    checks = check_fit(one, found.final, effects)
+    verdict, hidden = review_verdict(judgement, checks)
     named = verdict in (Verdict.EFFECT, Verdict.AMBIGUOUS)
-    apart = named or verdict is Verdict.UNKNOWN or not faint(judgement)
-    inputs = inputs_of(one, found.nominal)
+    apart = named or verdict is Verdict.UNKNOWN or not near_noise(judgement)
+    inputs = estimate_unknown_inputs(one, found.nominal)
     where = locate(
         one,
         found.nominal,
@@ -127,7 +127,7 @@ def diagnose(
     report("simulating the held-out record", 0.88)
     final = found.final if apart else found.nominal
     shown = effects if final is found.final else ()
-    gap, more = simulated_gap(found.simulations, found.nominal, final, shown, found.by)
+    gap, more = simulated_gap(found.simulations, found.nominal, final, shown, found.levels)
     report("done", 1.0)
     alike = tuple(" + ".join(names) for names in judgement.alike) if named else hidden
     return Diagnosis(
@@ -145,7 +145,7 @@ def diagnose(
         nominal=_values(one.axis, found.nominal),
         fitted=_values(one.axis.with_effects(*shown), final),
         seconds=time.perf_counter() - began,
-        evidence=evidence_of(one, inputs, found.nominal, final if shown else None),
+        evidence=collect_evidence(one, inputs, found.nominal, final if shown else None),
     )
 
 
@@ -173,34 +173,34 @@ def prepare(case: Case) -> tuple[Study, tuple[str, ...]]:
     # The polynomials of eq. 12 cannot follow a valve near null; what they miss looks like effects.
     table, flow = read_flow(case, IdentifyOptions(flow_form=FlowForm.ISO6358))
     axis = make_axis(case, flow)
-    refuse_unusable((*train, *held), axis.outputs)
-    return study(axis, table, train, held), tuple(notes)
+    require_usable((*train, *held), axis.outputs)
+    return start_study(axis, table, train, held), tuple(notes)
 
 
-def applicable(one: Study, catalogue: Catalogue) -> dict[str, EffectFactory]:
+def applicable(study: Study, catalogue: Catalogue) -> dict[str, EffectFactory]:
     """Return the effects of a catalogue that an axis can have, as its metered valve shows them."""
     found = {}
     for name, effect in catalogue.items():
-        if one.flow_map is not None and isinstance(effect, type) and issubclass(effect, Effect):
-            effect = effect.on_metered(float(one.flow_map.u.min()), float(one.flow_map.u.max()))
+        if study.flow_map is not None and isinstance(effect, type) and issubclass(effect, Effect):
+            effect = effect.on_metered(float(study.flow_map.u.min()), float(study.flow_map.u.max()))
         try:
-            one.axis.with_effects(effect())
+            study.axis.with_effects(effect())
         except ModelError:
             continue
         found[name] = effect
     return found
 
 
-def _values(axis: Axis, fitted: Fitted) -> dict[str, Value]:
+def _values(axis: Axis, fitted: FittedModel) -> dict[str, Value]:
     return {
         item.name: Value(fitted.values[item.name], fitted.std.get(item.name, 0.0), item.unit)
         for item in axis.parameters
     }
 
 
-def _own(one: Study, fitted: Fitted, names: Names, catalogue: Catalogue) -> dict[str, Value]:
+def _own(study: Study, fitted: FittedModel, names: Names, catalogue: Catalogue) -> dict[str, Value]:
     """Return the parameters of a model's effects by their full names."""
-    axis = one.axis.with_effects(*(catalogue[name]() for name in names))
+    axis = study.axis.with_effects(*(catalogue[name]() for name in names))
     return {name: value for name, value in _values(axis, fitted).items() if "." in name}
 
 
@@ -216,35 +216,35 @@ def _labelled(names: Names, own: Mapping[str, Value]) -> Mapping[str, Value]:
 
 
 def _found(
-    one: Study, found: Search, judgement: Judgement, catalogue: Catalogue
+    study: Study, selection: Selection, judgement: Judgement, catalogue: Catalogue
 ) -> tuple[EffectFound, ...]:
     """Return the effects in the order in which they were added."""
-    own = _own(one, found.final, found.chosen, catalogue)
+    own = _own(study, selection.final, selection.chosen, catalogue)
     return tuple(
         EffectFound(
             name,
             min(1.0, sum(p for names, p in judgement.probability.items() if name in names)),
             _short(own, name),
         )
-        for name in _order(found)
+        for name in _order(selection)
     )
 
 
-def _order(found: Search) -> list[str]:
+def _order(selection: Selection) -> list[str]:
     order: list[str] = []
-    for names in found.path:
+    for names in selection.path:
         order += [name for name in names if name not in order]
-    return [name for name in order if name in found.chosen]
+    return [name for name in order if name in selection.chosen]
 
 
-def _in_order(found: Search, effects: Sequence[Effect]) -> tuple[Effect, ...]:
+def _in_order(selection: Selection, effects: Sequence[Effect]) -> tuple[Effect, ...]:
     by_name = {effect.name: effect for effect in effects}
-    return tuple(by_name[name] for name in _order(found))
+    return tuple(by_name[name] for name in _order(selection))
 
 
 def _ranking(
-    one: Study,
-    found: Search,
+    study: Study,
+    selection: Selection,
     judgement: Judgement,
     hidden: Sequence[str],
     catalogue: Catalogue,
@@ -254,21 +254,24 @@ def _ranking(
         Candidate(
             names,
             judgement.probability.get(names, 0.0),
-            balance_shrink(found.nominal, fitted, found.by),
-            found.screen[names[0]].explained if names[0] in found.screen else 0.0,
-            min((found.screen[n].observable for n in names if n in found.screen), default=0.0),
-            _labelled(names, _own(one, fitted, names, catalogue)),
+            balance_closure(selection.nominal, fitted, selection.levels),
+            selection.screen[names[0]].explained if names[0] in selection.screen else 0.0,
+            min(
+                (selection.screen[n].observable for n in names if n in selection.screen),
+                default=0.0,
+            ),
+            _labelled(names, _own(study, fitted, names, catalogue)),
         )
-        for names, fitted in ({**found.fits, found.chosen: found.final}).items()
+        for names, fitted in ({**selection.fits, selection.chosen: selection.final}).items()
         if names
     ]
-    ranked.sort(key=lambda c: (-c.probability, found.fits[c.names].cost))
-    for name, screened in found.screen.items():
-        if (name,) not in found.fits and all(name not in f.effects for f in found.failures):
+    ranked.sort(key=lambda c: (-c.probability, selection.fits[c.names].cost))
+    for name, screened in selection.screen.items():
+        if (name,) not in selection.fits and all(name not in f.effects for f in selection.failures):
             ranked.append(Candidate((name,), 0.0, None, screened.explained, screened.observable))
     ranked += [
         Candidate(failed.effects, 0.0, None, 0.0, 0.0, {}, failed.reason)
-        for failed in found.failures
+        for failed in selection.failures
     ]
     shares = 1.0 / np.arange(1.0, len(hidden) + 1) ** 2  # the most likely first
     absorbed = [
@@ -294,16 +297,16 @@ def _experiment(alike: Sequence[str], catalogue: Catalogue) -> str:
     return "; ".join(told)
 
 
-def _hint(where: Where, found: Search, judgement: Judgement) -> str:
+def _hint(where: Where, selection: Selection, judgement: Judgement) -> str:
     parts = [f"what is missing acts in {where.balance.replace('_', ' ')}"]
     if where.regimes:
         parts.append("most " + ", ".join(one.name for one in where.regimes[:2]))
-    if found.path:
-        label = " + ".join(found.chosen)
-        shrink = balance_shrink(found.nominal, found.final, found.by)
+    if selection.path:
+        label = " + ".join(selection.chosen)
+        closure = balance_closure(selection.nominal, selection.final, selection.levels)
         parts.append(
-            f"{label} closes {100 * shrink.value:.0f} % of it ({100 * shrink.lower:.0f} to "
-            f"{100 * shrink.upper:.0f} %) and may be part of the cause; "
+            f"{label} closes {100 * closure.value:.0f} % of it ({100 * closure.lower:.0f} to "
+            f"{100 * closure.upper:.0f} %) and may be part of the cause; "
             f"{100 * judgement.unexplained:.0f} % of the gap is left, which nothing in the "
             "catalogue explains"
         )

@@ -8,8 +8,8 @@ import pytest
 from pneumo_casadi.data import load_case
 from pneumo_casadi.data.bench.bench_file import read_bench
 from pneumo_casadi.diagnosis.checks.absorbed import absorbed_candidates
-from pneumo_casadi.diagnosis.checks.parameter_checks import check_parameters, checks_of
-from pneumo_casadi.diagnosis.prepare.study import fit, study
+from pneumo_casadi.diagnosis.checks.parameter_checks import check_fit, check_parameters
+from pneumo_casadi.diagnosis.prepare.study import fit_model, start_study
 from pneumo_casadi.effects import ElasticLoad
 from pneumo_casadi.estimation.output_error.result import MapPull
 from pneumo_casadi.identification.identify import IdentifyOptions, make_axis, read_flow
@@ -105,7 +105,7 @@ def test_what_was_weighed_is_the_piston_with_its_elastic_load(axis):
     fitted = SimpleNamespace(values=values, std={"M": 1e-3, "elastic_load.m_2": 1e-3})
 
     def agrees(*effects):
-        (mass,) = (one for one in checks_of(case, fitted, effects) if one.name == "M")
+        (mass,) = (one for one in check_fit(case, fitted, effects) if one.name == "M")
         return mass.agrees
 
     assert agrees(ElasticLoad()) and not agrees()
@@ -133,5 +133,5 @@ def test_fits_to_the_bench_tell_unequal_valves_and_notched_edges_from_nothing_wr
     axis = replace(random_axis(11), F_c_plus=14.0, F_c_minus=18.0)
     case = load_case(make_case(tmp_path / "case", 11, effects, duration=8.0, axis=axis).case.folder)
     table, flow = read_flow(case, IdentifyOptions())
-    one = study(make_axis(case, flow), table, case.identify, case.validate)
-    assert absorbed_candidates(checks_of(one, fit(one, ()))) == expected
+    one = start_study(make_axis(case, flow), table, case.identify, case.validate)
+    assert absorbed_candidates(check_fit(one, fit_model(one, ()))) == expected

@@ -9,7 +9,7 @@ import pytest
 
 from pneumo_casadi.diagnosis import DiagnosisOptions, Verdict, diagnose, prepare
 from pneumo_casadi.diagnosis.prepare.fit_store import Store
-from pneumo_casadi.diagnosis.prepare.usable_records import refuse_unusable
+from pneumo_casadi.diagnosis.prepare.usable_records import require_usable
 from pneumo_casadi.effects import CATALOGUE
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.model.effect import Effect
@@ -50,8 +50,8 @@ def test_the_hidden_effect_is_named_sized_and_placed(rubbing):
 def test_the_gap_of_simulations_closes_on_data_that_no_fit_has_seen(rubbing):
     gap = rubbing.gap
     assert gap.after < 0.5 * gap.before
-    assert gap.shrink.lower <= gap.shrink.value <= gap.shrink.upper
-    assert gap.shrink.value == pytest.approx(1 - gap.after / gap.before)
+    assert gap.closure.lower <= gap.closure.value <= gap.closure.upper
+    assert gap.closure.value == pytest.approx(1 - gap.after / gap.before)
     assert set(gap.views) == {"balances", "windows", "closed_loop"}
 
 
@@ -126,9 +126,9 @@ def test_interrupted_work_goes_on_from_what_was_fitted(made_case, tmp_path, monk
     kept = sorted((tmp_path / "fits").glob("*.npz"))
     assert kept
     fitted = []
-    for module in ("search", "searcher"):
+    for module in ("forward_selection", "fit_ledger"):
         monkeypatch.setattr(
-            f"pneumo_casadi.diagnosis.{module}.fit", _counting(fitted), raising=True
+            f"pneumo_casadi.diagnosis.select.{module}.fit_model", _counting(fitted), raising=True
         )
     found = diagnose(case, SMALL, options)
     assert [one.name for one in found.effects] == ["stribeck"]
@@ -145,11 +145,11 @@ def test_kept_fits_of_another_flow_map_are_not_taken(made_case, tmp_path):
 
 
 def _counting(fitted):
-    from pneumo_casadi.diagnosis.prepare.study import fit
+    from pneumo_casadi.diagnosis.prepare.study import fit_model
 
     def counted(one, effects, *rest):
         fitted.append(tuple(effect.name for effect in effects))
-        return fit(one, effects, *rest)
+        return fit_model(one, effects, *rest)
 
     return counted
 
@@ -191,7 +191,7 @@ def test_slow_motion_is_no_rest(made_case):
         slow = 0.1 * np.sin(2 * np.pi * np.arange(record.N) / record.N)
         return slow + np.random.default_rng(0).normal(0, 1e-5, record.N)
 
-    refuse_unusable(_changed(made_case(4), x=sine).identify, ("x",))
+    require_usable(_changed(made_case(4), x=sine).identify, ("x",))
 
 
 def test_half_a_second_is_refused(made_case):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pneumo_casadi.diagnosis.diagnose import prepare
-from pneumo_casadi.diagnosis.prepare.study import fit
+from pneumo_casadi.diagnosis.prepare.study import fit_model
 from pneumo_casadi.diagnosis.screen.screen import perturbation
 from pneumo_casadi.effects import CATALOGUE
 from pneumo_casadi.estimation.equation_error.balance_functions import AlongMotion
@@ -18,7 +18,7 @@ def one(made_case):
 
 def test_an_effect_with_memory_is_screened_at_its_usual_size_too(one):
     """Play that is wider than most strokes of the command holds the spool; narrow play delays."""
-    nominal = fit(one, ())
+    nominal = fit_model(one, ())
     narrow, usual = perturbation(one, nominal, CATALOGUE["valve_hysteresis"]())
     axis = one.axis.with_effects(CATALOGUE["valve_hysteresis"]())
     axis = axis.with_parameters(dict(nominal.values)).at_null_values()
@@ -42,5 +42,5 @@ def test_an_effect_with_memory_is_screened_at_its_usual_size_too(one):
 
 
 def test_an_effect_without_memory_is_screened_by_its_tangent_alone(one):
-    nominal = fit(one, ())
+    nominal = fit_model(one, ())
     assert len(perturbation(one, nominal, CATALOGUE["spring_load"]())) == 1

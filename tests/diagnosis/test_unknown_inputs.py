@@ -9,7 +9,7 @@ import pytest
 from pneumo_casadi.data import load_case
 from pneumo_casadi.diagnosis.locate.signatures import residual_floor
 from pneumo_casadi.diagnosis.locate.unknown_inputs import unknown_inputs
-from pneumo_casadi.diagnosis.prepare.study import fit, study
+from pneumo_casadi.diagnosis.prepare.study import fit_model, start_study
 from pneumo_casadi.identification.identify import IdentifyOptions, make_axis, read_flow
 from pneumo_casadi.virtual_bench import make_case, random_axis
 
@@ -19,8 +19,8 @@ def opened(folder, effects, duration=10.0):
     made = make_case(folder / "case", 5, effects, duration=duration, axis=axis)
     case = load_case(made.case.folder)
     table, flow = read_flow(case, IdentifyOptions())
-    one = study(make_axis(case, flow), table, case.identify, case.validate)
-    return one, fit(one, ()), made
+    one = start_study(make_axis(case, flow), table, case.identify, case.validate)
+    return one, fit_model(one, ()), made
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +54,7 @@ def test_the_input_of_a_chamber_is_its_leak_where_all_else_is_known(tmp_path):
 
 def test_the_force_that_is_missing_is_found_as_large_as_it_is(tmp_path):
     one, _, made = opened(tmp_path, {"vibration": {"A": 12.0, "f": 6.0}})
-    nominal = fit(one, ())
+    nominal = fit_model(one, ())
     data = one.smoothed[1][0]
     found = unknown_inputs(one.axis, nominal.values, data)
     w = np.where(found.counts[2], found.w[2], 0.0)

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneumo_casadi.diagnosis.locate.locate import locate, place_of, rivals_of
-from pneumo_casadi.diagnosis.locate.regimes import maps_of, regimes_of
+from pneumo_casadi.diagnosis.locate.locate import balance_of_effect, locate, rival_sensor_effects
+from pneumo_casadi.diagnosis.locate.regimes import find_regimes, map_regimes
 from pneumo_casadi.diagnosis.locate.signatures import HYPOTHESES, Signatures, signatures
-from pneumo_casadi.diagnosis.prepare.study import fit, study
+from pneumo_casadi.diagnosis.prepare.study import fit_model, start_study
 from pneumo_casadi.effects import CATALOGUE
 from pneumo_casadi.identification.identify import IdentifyOptions, make_axis, open_case, read_flow
 from pneumo_casadi.virtual_bench import make_case, random_axis
@@ -27,8 +27,8 @@ def bench(tmp_path_factory):
             made = make_case(folder, 5, effects, duration=10.0, axis=axis)
             case = open_case(made.case.folder)
             table, flow = read_flow(case, IdentifyOptions())
-            one = study(make_axis(case, flow), table, case.identify, case.validate)
-            known[key] = one, fit(one, ())
+            one = start_study(make_axis(case, flow), table, case.identify, case.validate)
+            known[key] = one, fit_model(one, ())
         return known[key]
 
     return opened
@@ -68,22 +68,22 @@ def test_the_location_of_an_effect_is_where_it_acts(bench):
     leak, lag, spring = (
         CATALOGUE[name]() for name in ("leakage_N", "pressure_sensor_lag", "spring_load")
     )
-    fitted = fit(one, (leak,), nominal.values)
+    fitted = fit_model(one, (leak,), nominal.values)
     found = locate(one, nominal, (leak,), fitted)
     assert (found.balance, found.junction) == ("mass_flow_N", "chamber_flow")
     assert "leakage_N" in " ".join(found.words)
     # Beside another effect that mends more elsewhere it stays where it is.
-    spring_too = fit(one, (leak, spring), nominal.values)
+    spring_too = fit_model(one, (leak, spring), nominal.values)
     assert locate(one, nominal, (leak, spring), spring_too).balance == "mass_flow_N"
     # It is the effect that tells, not the residuals.
-    assert place_of(lag, {}) == "measurement"
-    assert place_of(spring, {"mass_flow_P": 1.0, "force": 0.0}) == "force"
+    assert balance_of_effect(lag, {}) == "measurement"
+    assert balance_of_effect(spring, {"mass_flow_P": 1.0, "force": 0.0}) == "force"
 
 
 def test_an_effect_of_both_chambers_is_where_it_adds_more():
     valve = CATALOGUE["valve_dynamics"]()
     added = {"mass_flow_P": 0.2, "mass_flow_N": 0.3, "force": 0.9}
-    assert place_of(valve, added) == "mass_flow_N"
+    assert balance_of_effect(valve, added) == "mass_flow_N"
 
 
 def test_one_error_of_the_position_explains_what_no_single_input_does(bench):
@@ -102,14 +102,14 @@ def with_values(opened):
 
 def test_sensors_are_rivals_only_where_they_explain_about_as_much():
     left = {"mass_flows": 1.0, "force": 30.0, "position": 2.0, "pressures": 8.0}
-    assert rivals_of(Signatures(40.0, left)) == ("position_delay", "backlash")
+    assert rival_sensor_effects(Signatures(40.0, left)) == ("position_delay", "backlash")
     # A gap that is hardly larger than noise has no signature.
-    assert rivals_of(Signatures(3.0, left)) == ()
+    assert rival_sensor_effects(Signatures(3.0, left)) == ()
 
 
 def test_regimes_say_where_a_spring_acts_and_are_silent_where_nothing_does(bench):
-    assert regimes_of(*bench()) == ()
-    found = regimes_of(*bench(spring_load="medium"))
+    assert find_regimes(*bench()) == ()
+    found = find_regimes(*bench(spring_load="medium"))
     assert found[0].balance == "force"
     assert any("ends of the travel" in regime.name for regime in found)
     assert all(regime.ratio > 1.3 and regime.p_value < 0.01 for regime in found)
@@ -126,7 +126,7 @@ def test_shuffled_blocks_find_no_regime_in_drifting_noise(bench):
             for r in (*nominal.train, *nominal.held_out)
         ]
         noise = replace(nominal, train=tuple(walks[:1]), held_out=tuple(walks[1:]))
-        hits += sum(not regime.name.endswith("Hz") for regime in regimes_of(one, noise))
+        hits += sum(not regime.name.endswith("Hz") for regime in find_regimes(one, noise))
     # Eight draws of three balances with some twenty regimes each at a level of one per cent.
     assert hits < 25
 
@@ -136,7 +136,7 @@ def smooth(values):
 
 
 def test_maps_show_the_spring_as_a_slope_over_position(bench):
-    maps = {(m.balance, m.name): m for m in maps_of(*bench(spring_load="medium"))}
+    maps = {(m.balance, m.name): m for m in map_regimes(*bench(spring_load="medium"))}
     slope = maps["force", "x"]
     assert slope.mean.size == slope.band.size == slope.edges.size - 1
     assert np.all(np.diff(slope.edges) > 0)
@@ -155,5 +155,5 @@ def test_a_force_driven_axis_has_a_force_alone(emps_like):
 @pytest.fixture(scope="module")
 def emps_like(data_folder):
     case = open_case(data_folder / "emps")
-    one = study(make_axis(case, None), None, case.identify, case.validate)
-    return one, fit(one, ())
+    one = start_study(make_axis(case, None), None, case.identify, case.validate)
+    return one, fit_model(one, ())

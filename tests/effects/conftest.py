@@ -156,7 +156,7 @@ def recover(made):
         u, x = _closed_loop(axis, made.reference(np.arange(N) / made.FS), 1 / made.FS)
         record = made.recorded(axis, u, x, seed)
         known = {"v_s", *hold, *(() if force_driven else axis.flow.parameters.names)}
-        start = _elsewhere(axis, known, begin or {})
+        start = _run_in_worker(axis, known, begin or {})
         start = start.with_parameters(start.parameters.fix(*known))
         if release:
             start = start.with_parameters(start.parameters.release(*release))
@@ -176,7 +176,7 @@ def recover(made):
     return run
 
 
-def _elsewhere(axis, held, begin):
+def _run_in_worker(axis, held, begin):
     """The axis with nominal parameters 3 % off, amplitudes at 60 %, shapes at 115 %."""
     moved = {}
     for item in axis.parameters:

@@ -7,11 +7,11 @@ import numpy as np
 from pneumo_casadi.diagnosis import (
     Candidate,
     Check,
+    Closure,
     Diagnosis,
     EffectFound,
     Gap,
     Regime,
-    Shrink,
     Value,
     Verdict,
     Where,
@@ -36,8 +36,8 @@ def _views(share_left):
 
 
 SIZE = {"delta_F": Value(8.04, 0.075, "N"), "v_stribeck": Value(0.0553, 0.0005, "m/s")}
-STRIBECK = Candidate(("stribeck",), 0.97, Shrink(0.95, 0.93, 0.96), 0.9, 0.6, SIZE)
-DRAG = Candidate(("quadratic_drag",), 0.02, Shrink(0.2, 0.1, 0.3), 0.1, 0.04)
+STRIBECK = Candidate(("stribeck",), 0.97, Closure(0.95, 0.93, 0.96), 0.9, 0.6, SIZE)
+DRAG = Candidate(("quadratic_drag",), 0.02, Closure(0.2, 0.1, 0.3), 0.1, 0.04)
 SILENT = Candidate(("valve_mismatch",), 0.0, None, 0.0, 0.0)
 FAILED = Candidate(("hose",), 0.0, None, 0.0, 0.0, {}, "no step was found")
 NOMINAL = {"X_s1": Value(3.49e-9, 4e-12, "kg/Pa"), "M": Value(16.9, 0.02, "kg")}
@@ -55,7 +55,7 @@ EFFECT = Diagnosis(
         (),
         ("Simulation and reality part in the force on the piston.",),
     ),
-    gap=Gap(12.7, 0.64, 0.5, Shrink(0.95, 0.93, 0.96), _views(0.05)),
+    gap=Gap(12.7, 0.64, 0.5, Closure(0.95, 0.93, 0.96), _views(0.05)),
     ambiguous=(),
     experiment="",
     hint="",
@@ -80,7 +80,7 @@ NONE = replace(
     verdict=Verdict.NONE,
     effects=(),
     where=Where("none", "", (), dict.fromkeys(BALANCES, 0.0), (), ("No more than usual.",)),
-    gap=Gap(0.3, 0.3, 0.5, Shrink(0.0, 0.0, 0.0), _views(1.0)),
+    gap=Gap(0.3, 0.3, 0.5, Closure(0.0, 0.0, 0.0), _views(1.0)),
     ranking=(replace(DRAG, probability=0.03), FAILED),
     fitted=NOMINAL,
 )
@@ -92,7 +92,7 @@ UNKNOWN = replace(
     verdict=Verdict.UNKNOWN,
     effects=(),
     hint="what is missing acts in force; most near standstill",
-    gap=Gap(12.7, 9.1, 0.5, Shrink(0.28, 0.2, 0.4), _views(0.72)),
+    gap=Gap(12.7, 9.1, 0.5, Closure(0.28, 0.2, 0.4), _views(0.72)),
 )
 ALL = {one.verdict: one for one in (EFFECT, AMBIGUOUS, NONE, ABSORBED, UNKNOWN)}
 

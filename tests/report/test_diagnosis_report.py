@@ -13,7 +13,7 @@ import pytest
 from matplotlib.text import Text
 
 from pneumo_casadi.diagnosis import Value, Verdict
-from pneumo_casadi.diagnosis.metrics.findings import Shrink
+from pneumo_casadi.diagnosis.metrics.findings import Closure
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.report.figures.diagnosis import diagnosis_figures
 from pneumo_casadi.report.figures.diagnosis.ranking import ranking_figure
@@ -139,7 +139,7 @@ def test_a_failed_candidate_is_in_the_table_as_failed():
 
 
 def test_a_candidate_far_worse_than_none_is_an_arrow_at_the_edge():
-    first = replace(made.EFFECT.ranking[0], shrink=Shrink(-3.2, -4.0, -2.5))
+    first = replace(made.EFFECT.ranking[0], closure=Closure(-3.2, -4.0, -2.5))
     figure = ranking_figure(replace(made.EFFECT, ranking=(first, *made.EFFECT.ranking[1:])))
     axes = figure.axes[1]
     arrow = next(line for line in axes.lines if line.get_marker() == "<")

@@ -13,7 +13,7 @@ from pneumo_casadi.diagnosis.checks.absorbed import absorbed_candidates as absor
 from pneumo_casadi.diagnosis.checks.static_map import map_misfit_of
 from pneumo_casadi.diagnosis.checks.static_map import map_pull_of as map_pull_of
 from pneumo_casadi.diagnosis.metrics.findings import Check
-from pneumo_casadi.diagnosis.prepare.study import Fitted, Study
+from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study
 from pneumo_casadi.estimation.output_error.result import MapPull
 from pneumo_casadi.identification.warnings import K_RANGE, MAP_SCALE
 from pneumo_casadi.model.axis import Axis
@@ -62,13 +62,13 @@ class _Known:
         return self.std.get(name, 0.0) / abs(self.values[name] or 1.0)
 
 
-def checks_of(one: Study, fit: Fitted, effects: Sequence[Effect] = ()) -> tuple[Check, ...]:
+def check_fit(study: Study, fit: FittedModel, effects: Sequence[Effect] = ()) -> tuple[Check, ...]:
     """Check a fit with some effects: its parameters, what it did to the flow map, and the map."""
-    pull, misfit = map_pull_of(one, fit.values, effects), map_misfit_of(one)
+    pull, misfit = map_pull_of(study, fit.values, effects), map_misfit_of(study)
     parts = [f"{effect.name}.{name}" for effect in effects for name in effect.masses]
     values = dict(fit.values) | {"M": sum(fit.values[name] for name in ("M", *parts))}
     std = dict(fit.std) | {"M": hypot(*(fit.std.get(name, 0.0) for name in ("M", *parts)))}
-    return check_parameters(one.axis, values, std, pull, misfit)
+    return check_parameters(study.axis, values, std, pull, misfit)
 
 
 def check_parameters(

@@ -10,19 +10,19 @@ from pneumo_casadi.model.effect import Effect
 
 
 def map_pull_of(
-    one: Study, values: Mapping[str, float], effects: Sequence[Effect] = ()
+    study: Study, values: Mapping[str, float], effects: Sequence[Effect] = ()
 ) -> MapPull | None:
     """Return how far the flow coefficients among `values` leave the metered points.
 
     None without a map.
     """
-    anchor = one.anchor_with(effects)
+    anchor = study.anchor_with(effects)
     if anchor is None or not all(name in values for name in anchor.names):
         return None
-    return map_pull(anchor, one.axis.with_effects(*effects).with_parameters(dict(values)))
+    return map_pull(anchor, study.axis.with_effects(*effects).with_parameters(dict(values)))
 
 
-def map_misfit_of(one: Study) -> float | None:
+def map_misfit_of(study: Study) -> float | None:
     """Return what of the flow map its form cannot follow, over the greatest flow.
 
     The root mean square of that part of the map's own residuals which is a parabola of third
@@ -30,10 +30,10 @@ def map_misfit_of(one: Study) -> float | None:
     none but where the opening is not in proportion to it. None where no command was metered at
     six pressures.
     """
-    anchor, table = one.anchor, one.flow_map
+    anchor, table = study.anchor, study.flow_map
     if anchor is None or table is None:
         return None
-    e = anchor(one.axis.flow.parameters.values) * one.axis.flow.sigma
+    e = anchor(study.axis.flow.parameters.values) * study.axis.flow.sigma
     explained, count = 0.0, 0
     middle, half = (table.p.max() + table.p.min()) / 2, max(np.ptp(table.p) / 2, 1.0)
     for u in np.unique(table.u):

@@ -18,12 +18,14 @@ FAINT = 6.0
 DOUBTFUL, FAR = 0.1, 3.0
 
 
-def faint(judgement: Judgement) -> bool:
+def near_noise(judgement: Judgement) -> bool:
     """Tell whether the gap is near the noise in all balances."""
     return float(np.max(judgement.excess)) < FAINT
 
 
-def believed(judgement: Judgement, checks: Sequence[Check]) -> tuple[Verdict, tuple[str, ...]]:
+def review_verdict(
+    judgement: Judgement, checks: Sequence[Check]
+) -> tuple[Verdict, tuple[str, ...]]:
     """Hold the verdict against the parameters; return it with what may hide in them.
 
     An effect that leaves a part of the gap and needs pistons or a mass that the bench has not
@@ -36,7 +38,7 @@ def believed(judgement: Judgement, checks: Sequence[Check]) -> tuple[Verdict, tu
     judgement : Judgement
         From `judge`.
     checks : sequence of Check
-        From `checks_of`, of the final model.
+        From `check_fit`, of the final model.
 
     Returns
     -------
@@ -49,7 +51,7 @@ def believed(judgement: Judgement, checks: Sequence[Check]) -> tuple[Verdict, tu
     wrong_area = bool(wrong & set(AREAS))
     # A cause in no list may spoil both areas alike; one beside the other is a matter of the valves.
     hides = "S_N/S_P" in wrong if verdict is Verdict.UNKNOWN else wrong_area
-    if verdict is Verdict.NONE or (faint(judgement) and hides):
+    if verdict is Verdict.NONE or (near_noise(judgement) and hides):
         return (Verdict.ABSORBED, hidden) if hidden else (verdict, ())
     areas = [one for one in checks if one.name in AREAS]
     far = {one.name for one in areas if abs(one.value - one.expected) > FAR * one.tolerance}

@@ -85,7 +85,7 @@ class Diagnosis:
 
     def as_dict(self) -> dict[str, Any]:
         """Return everything as plain data, the keys of the design first."""
-        shrink = self.gap.shrink
+        closure = self.gap.closure
         return {
             "verdict": self.verdict.value,
             "effects": [
@@ -100,9 +100,9 @@ class Diagnosis:
                 {
                     "name": one.label,
                     "probability": one.probability,
-                    "held_out_shrink": None if one.shrink is None else one.shrink.value,
+                    "held_out_shrink": None if one.closure is None else one.closure.value,
                     "shrink_interval": (
-                        None if one.shrink is None else [one.shrink.lower, one.shrink.upper]
+                        None if one.closure is None else [one.closure.lower, one.closure.upper]
                     ),
                     "explained": one.explained,
                     "observable": one.observable,
@@ -133,8 +133,8 @@ class Diagnosis:
                 "before": self.gap.before,
                 "after": self.gap.after,
                 "noise_floor": self.gap.noise_floor,
-                "shrink": shrink.value,
-                "shrink_interval": [shrink.lower, shrink.upper],
+                "shrink": closure.value,
+                "shrink_interval": [closure.lower, closure.upper],
                 "views": {
                     view: {name: dict(values) for name, values in outputs.items()}
                     for view, outputs in self.gap.views.items()

@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass
 
-from pneumo_casadi.diagnosis.locate.regimes import RegimeMap, maps_of
+from pneumo_casadi.diagnosis.locate.regimes import RegimeMap, map_regimes
 from pneumo_casadi.diagnosis.locate.unknown_inputs import UnknownInputs
-from pneumo_casadi.diagnosis.prepare.study import Fitted, Study
+from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,24 +25,24 @@ class Evidence:
     after: tuple[RegimeMap, ...] = ()
 
 
-def evidence_of(
-    one: Study,
+def collect_evidence(
+    study: Study,
     inputs: tuple[UnknownInputs, ...],
-    nominal: Fitted,
-    final: Fitted | None = None,
+    nominal: FittedModel,
+    final: FittedModel | None = None,
 ) -> Evidence:
     """Return the curves behind a diagnosis.
 
     Parameters
     ----------
-    one : Study
+    study : Study
         Records and nominal axis.
     inputs : tuple of UnknownInputs
-        From `inputs_of`.
-    nominal : Fitted
+        From `estimate_unknown_inputs`.
+    nominal : FittedModel
         The fit without effects.
-    final : Fitted, optional
+    final : FittedModel, optional
         The fit with the effects found.
     """
-    after = () if final is None else maps_of(one, final)
-    return Evidence(inputs, maps_of(one, nominal), after)
+    after = () if final is None else map_regimes(study, final)
+    return Evidence(inputs, map_regimes(study, nominal), after)

@@ -4,22 +4,22 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from pneumo_casadi.diagnosis.locate.regimes import regimes_of
+from pneumo_casadi.diagnosis.locate.regimes import find_regimes
 from pneumo_casadi.diagnosis.locate.signatures import (
     HYPOTHESES,
     Signatures,
     row_signals,
     signatures,
 )
-from pneumo_casadi.diagnosis.locate.unknown_inputs import UnknownInputs, inputs_of
+from pneumo_casadi.diagnosis.locate.unknown_inputs import UnknownInputs, estimate_unknown_inputs
 from pneumo_casadi.diagnosis.metrics.findings import Regime, Where
-from pneumo_casadi.diagnosis.prepare.study import Fitted, Study
+from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study
 from pneumo_casadi.estimation.equation_error.balance_functions import AlongMotion
 from pneumo_casadi.estimation.equation_error.residuals import residuals
 from pneumo_casadi.model.effect import Effect
 
 #: What forms of flow maps and friction laws leave on a right axis, as a share of the signal.
-FORM = {"mass_flow_P": 0.01, "mass_flow_N": 0.01, "force": 0.015}
+MODEL_ERROR = {"mass_flow_P": 0.01, "mass_flow_N": 0.01, "force": 0.015}
 #: Left by a sensor's error over left by the best unknown input: below, the sensor is the place;
 #: above the second, it is out of the question.
 SENSOR, RIVAL = 0.7, 3.0
@@ -52,10 +52,10 @@ _WORDS = {
 
 
 def locate(
-    one: Study,
-    nominal: Fitted,
+    study: Study,
+    nominal: FittedModel,
     cause: Sequence[Effect] = (),
-    fitted: Fitted | None = None,
+    fitted: FittedModel | None = None,
     gap: bool | None = None,
     inputs: Sequence[UnknownInputs] | None = None,
 ) -> Where:
@@ -63,46 +63,48 @@ def locate(
 
     Parameters
     ----------
-    one : Study
+    study : Study
         Records and nominal axis.
-    nominal : Fitted
+    nominal : FittedModel
         Its fit without effects.
     cause : sequence of Effect, optional
         Effects found, in the order in which they were added: the location is that of the first.
-    fitted : Fitted, optional
+    fitted : FittedModel, optional
         The fit with them: tells in which balance the first one adds most.
     gap : bool, optional
         Whether there is a gap, where that is known better: without one there is no place, with
         one there is, be it small. By default unknown inputs decide.
     inputs : sequence of UnknownInputs, optional
-        From `inputs_of`, where they are known already.
+        From `estimate_unknown_inputs`, where they are known already.
 
     Returns
     -------
     Where
     """
     if inputs is None:
-        inputs = inputs_of(one, nominal)
+        inputs = estimate_unknown_inputs(study, nominal)
     energy = dict(
-        zip(one.axis.equations, np.mean([i.energy for i in inputs], axis=0).tolist(), strict=True)
+        zip(study.axis.equations, np.mean([i.energy for i in inputs], axis=0).tolist(), strict=True)
     )
     shares = above_form(energy)
     if gap and not any(shares.values()):
-        total = sum(value / FORM[name] ** 2 for name, value in energy.items())
-        shares = {name: value / FORM[name] ** 2 / total for name, value in energy.items()}
-    found = signatures(one, nominal.values)
-    telling = regimes_of(one, nominal)
+        total = sum(value / MODEL_ERROR[name] ** 2 for name, value in energy.items())
+        shares = {name: value / MODEL_ERROR[name] ** 2 / total for name, value in energy.items()}
+    found = signatures(study, nominal.values)
+    telling = find_regimes(study, nominal)
     if cause:
-        balance = place_of(cause[0], shares if fitted is None else _added(one, cause, fitted))
+        balance = balance_of_effect(
+            cause[0], shares if fitted is None else _added(study, cause, fitted)
+        )
         junction = _acts_at(cause[0])
     elif gap is False:
         balance, junction = "none", ""
     else:
-        balance = place_without_cause(shares, found)
+        balance = balance_of_gap(shares, found)
         junction = _junction(balance, telling)
     # A sensor's error shows in every balance, another cause where it acts.
     here = [r for r in telling if balance in (r.balance, "measurement")][:REGIMES]
-    rivals = () if balance in ("measurement", "none") else rivals_of(found)
+    rivals = () if balance in ("measurement", "none") else rival_sensor_effects(found)
     there = [effect.name for effect in cause if _acts_at(effect) == junction]
     words = _words(balance, energy, here, rivals, found, there)
     return Where(balance, junction, tuple(here), shares, rivals, words)
@@ -110,12 +112,12 @@ def locate(
 
 def above_form(energy: Mapping[str, float]) -> dict[str, float]:
     """Return shares of the energies beyond what a right model leaves; zeros if there is none."""
-    excess = {name: max(value - FORM[name] ** 2, 0.0) for name, value in energy.items()}
+    excess = {name: max(value - MODEL_ERROR[name] ** 2, 0.0) for name, value in energy.items()}
     total = sum(excess.values())
     return {name: value / total if total > 0 else 0.0 for name, value in excess.items()}
 
 
-def place_of(cause: Effect, added: Mapping[str, float]) -> str:
+def balance_of_effect(cause: Effect, added: Mapping[str, float]) -> str:
     """Return the balance, or ``measurement``, in which an effect acts.
 
     Parameters
@@ -135,7 +137,7 @@ def place_of(cause: Effect, added: Mapping[str, float]) -> str:
     return max(flows, key=lambda name: flows[name])
 
 
-def place_without_cause(shares: Mapping[str, float], found: Signatures) -> str:
+def balance_of_gap(shares: Mapping[str, float], found: Signatures) -> str:
     """Return where the gap lies when no effect explains it: by unknown inputs and signatures."""
     if not any(shares.values()):
         return "none"
@@ -149,7 +151,7 @@ def _weighed(left: Mapping[str, float]) -> list[float]:
     return [value * SIGNAL ** len(HYPOTHESES[name]) for name, value in left.items()]
 
 
-def rivals_of(found: Signatures) -> tuple[str, ...]:
+def rival_sensor_effects(found: Signatures) -> tuple[str, ...]:
     """Name the sensor effects whose signature fits the residuals about as well, the best first."""
     best = min(found.inputs.values())
     close = {
@@ -161,22 +163,22 @@ def rivals_of(found: Signatures) -> tuple[str, ...]:
     return tuple(effect for name in order for effect in SENSOR_EFFECTS[name])
 
 
-def _added(one: Study, cause: Sequence[Effect], fitted: Fitted) -> dict[str, float]:
+def _added(study: Study, cause: Sequence[Effect], fitted: FittedModel) -> dict[str, float]:
     """Return what the first effect adds to each balance, as a share of its signal's energy."""
-    model = AlongMotion(one.axis.with_effects(*cause))
+    model = AlongMotion(study.axis.with_effects(*cause))
     parameters = model.axis.parameters
     theta = np.array([fitted.values[name] for name in parameters.names])
     without = theta.copy()
     for i, item in enumerate(parameters):
         if item.null is not None and item.name.startswith(f"{cause[0].name}."):
             without[i] = np.clip(item.null, item.lower, item.upper)
-    train, held = one.smoothed
+    train, held = study.smoothed
     shares = []
     for data in held or train:
         change = residuals(model, data, theta) - residuals(model, data, without)
-        mean = np.sum(change**2 * data.used(one.axis), axis=1) / data.m
-        shares.append(mean / row_signals(one.axis, fitted.values, data) ** 2)
-    return dict(zip(one.axis.equations, np.mean(shares, axis=0).tolist(), strict=True))
+        mean = np.sum(change**2 * data.used(study.axis), axis=1) / data.m
+        shares.append(mean / row_signals(study.axis, fitted.values, data) ** 2)
+    return dict(zip(study.axis.equations, np.mean(shares, axis=0).tolist(), strict=True))
 
 
 def _acts_at(effect: Effect) -> str:

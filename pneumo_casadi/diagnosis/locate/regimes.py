@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from pneumo_casadi.diagnosis.locate.signatures import noise_variance, residual_floor
 from pneumo_casadi.diagnosis.metrics.findings import Regime
-from pneumo_casadi.diagnosis.prepare.study import Fitted, Study
+from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study
 from pneumo_casadi.estimation.equation_error.smoothed_motion import (
     NOISE_MULTIPLE,
     ROW_RATE,
@@ -80,14 +80,14 @@ class _Rows:
     at: Mapping[str, FloatArray]
 
 
-def regimes_of(one: Study, fit: Fitted, seed: int = 0) -> tuple[Regime, ...]:
+def find_regimes(study: Study, fit: FittedModel, seed: int = 0) -> tuple[Regime, ...]:
     """Return the regimes in which balances fail more than elsewhere, the strongest first.
 
     Parameters
     ----------
-    one : Study
+    study : Study
         Records.
-    fit : Fitted
+    fit : FittedModel
         Whose residuals; all its records count.
     seed : int, optional
         Of the shuffles.
@@ -101,11 +101,13 @@ def regimes_of(one: Study, fit: Fitted, seed: int = 0) -> tuple[Regime, ...]:
     """
     rng = np.random.default_rng(seed)
     found: list[Regime] = []
-    floor = np.mean([residual_floor(one.axis, fit.values, data) for data in _records(one)], axis=0)
-    for rows, least in zip(_all_rows(one, fit), floor, strict=True):
+    floor = np.mean(
+        [residual_floor(study.axis, fit.values, data) for data in _records(study)], axis=0
+    )
+    for rows, least in zip(_all_rows(study, fit), floor, strict=True):
         if np.mean(rows.r**2) > (FLOORS * least) ** 2:
-            found += _tested(rows, one.axis, rng)
-            found += _bands(one, fit, rows.balance, rng)
+            found += _tested(rows, study.axis, rng)
+            found += _bands(study, fit, rows.balance, rng)
     telling = [r for r in found if r.ratio > RATIO and r.p_value < P_VALUE]
     telling.sort(key=lambda r: -r.share * np.log(min(r.ratio, RATIO_CAP)))
     return tuple(r for i, r in enumerate(telling) if not any(_same(r, s) for s in telling[:i]))
@@ -117,14 +119,14 @@ def _same(one: Regime, other: Regime) -> bool:
     return close and one.balance == other.balance
 
 
-def maps_of(one: Study, fit: Fitted) -> tuple[RegimeMap, ...]:
+def map_regimes(study: Study, fit: FittedModel) -> tuple[RegimeMap, ...]:
     """Return every balance's residual over command, velocity, position, pressures and time."""
     units = {"u": "V", "v": "m/s", "x": "m", "p": "Pa", "t": "s", "F": "N"}
-    force = "m/s2" if one.axis.flow is None else "N"
+    force = "m/s2" if study.axis.flow is None else "N"
     found = []
-    for rows in _all_rows(one, fit):
+    for rows in _all_rows(study, fit):
         own = force if rows.balance == "force" else "Pa/s"
-        for name in _quantities(one.axis, rows.balance):
+        for name in _quantities(study.axis, rows.balance):
             values = rows.at[name]
             edges = np.unique(np.quantile(values, np.linspace(0, 1, BINS + 1)))
             if edges.size < 3:
@@ -146,11 +148,11 @@ def _quantities(axis: Axis, balance: str) -> tuple[str, ...]:
     return (f"u_{chamber}", f"p_{chamber}", "v", "x", "t")
 
 
-def _all_rows(one: Study, fit: Fitted) -> Iterator[_Rows]:
-    train, held = one.smoothed
-    at = [_averaged(one.axis, data) for data in (*train, *held)]
+def _all_rows(study: Study, fit: FittedModel) -> Iterator[_Rows]:
+    train, held = study.smoothed
+    at = [_averaged(study.axis, data) for data in (*train, *held)]
     used = (*fit.used_train, *fit.used_held_out)
-    for i, balance in enumerate(one.axis.equations):
+    for i, balance in enumerate(study.axis.equations):
         r = np.concatenate(
             [r[i][u[i]] for r, u in zip((*fit.train, *fit.held_out), used, strict=True)]
         )
@@ -236,10 +238,10 @@ def _partition(rows: _Rows, axis: Axis) -> Iterator[tuple[str, NDArray[np.bool_]
             yield "high pressures in both chambers", mean > np.quantile(mean, 0.75)
             yield "low pressures in both chambers", mean < np.quantile(mean, 0.25)
         return
-    yield from _of_valve(rows, axis)
+    yield from _valve_regimes(rows, axis)
 
 
-def _of_valve(rows: _Rows, axis: Axis) -> Iterator[tuple[str, NDArray[np.bool_]]]:
+def _valve_regimes(rows: _Rows, axis: Axis) -> Iterator[tuple[str, NDArray[np.bool_]]]:
     chamber = rows.balance[-1]
     u, p, rate = (rows.at[f"{name}_{chamber}"] for name in ("u", "p", "dp"))
     size, span = np.abs(u), float(np.quantile(np.abs(u), 0.99))
@@ -267,14 +269,14 @@ def _critical(axis: Axis, edge: str) -> float:
     return values.get(f"b_{edge}", CRITICAL)
 
 
-def _bands(one: Study, fit: Fitted, balance: str, rng: np.random.Generator) -> list[Regime]:
+def _bands(study: Study, fit: FittedModel, balance: str, rng: np.random.Generator) -> list[Regime]:
     """Compare the spectrum of a balance's residual with that of its signal."""
-    i = one.axis.equations.index(balance)
+    i = study.axis.equations.index(balance)
     length = round(STRETCH * ROW_RATE)
     residual, signal = [], []
     used = (*fit.used_train, *fit.used_held_out)
-    for data, r, counts in zip(_records(one), (*fit.train, *fit.held_out), used, strict=True):
-        drive = data.averaged(_signal(one.axis, data, balance)[:, None])[:, 0]
+    for data, r, counts in zip(_records(study), (*fit.train, *fit.held_out), used, strict=True):
+        drive = data.averaged(_signal(study.axis, data, balance)[:, None])[:, 0]
         for first in range(0, data.m - length + 1, length):
             part = slice(first, first + length)
             mask = counts[i, part]
@@ -284,7 +286,7 @@ def _bands(one: Study, fit: Fitted, balance: str, rng: np.random.Generator) -> l
     if len(residual) < 6:
         return []
     R, S = np.array(residual), np.array(signal)
-    R -= _noise_spectrum(one, fit, i, length)
+    R -= _noise_spectrum(study, fit, i, length)
     if R.sum() <= 0:
         return []
     f = np.fft.rfftfreq(length, 1 / ROW_RATE)
@@ -300,22 +302,22 @@ def _bands(one: Study, fit: Fitted, balance: str, rng: np.random.Generator) -> l
     return found
 
 
-def _noise_spectrum(one: Study, fit: Fitted, i: int, length: int) -> FloatArray:
+def _noise_spectrum(study: Study, fit: FittedModel, i: int, length: int) -> FloatArray:
     """Return what the sensors' noise adds to the spectrum of balance `i`, (length // 2 + 1,)."""
-    data = _records(one)[0]
-    order = 2 if one.axis.equations[i] == "force" else 1
+    data = _records(study)[0]
+    order = 2 if study.axis.equations[i] == "force" else 1
     white = data.smooth(np.random.default_rng(0).standard_normal(data.N))
     for _ in range(order):
         white = data.derivative(white)
     rows = data.averaged(white[:, None])[:, 0]
     every = [rows[k : k + length] for k in range(0, data.m - length + 1, length)]
     shape = np.mean([_spectrum(part, np.ones(length, dtype=bool)) for part in every], axis=0)
-    variance = noise_variance(one.axis, fit.values, data)[i]
+    variance = noise_variance(study.axis, fit.values, data)[i]
     return np.asarray(shape * variance / np.var(rows))
 
 
-def _records(one: Study) -> Sequence[Smoothed]:
-    train, held = one.smoothed
+def _records(study: Study) -> Sequence[Smoothed]:
+    train, held = study.smoothed
     return (*train, *held)
 
 

@@ -14,7 +14,7 @@ from scipy.interpolate import BSpline
 from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.sparse import csr_array, diags_array, hstack, vstack
 
-from pneumo_casadi.diagnosis.locate.unknown_inputs import along_motion, signals_of
+from pneumo_casadi.diagnosis.locate.unknown_inputs import evaluate_dynamics, signals_of
 from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.estimation.equation_error.balance_functions import AlongMotion
 from pneumo_casadi.estimation.equation_error.residuals import linearised
@@ -25,7 +25,7 @@ from pneumo_casadi.parameters import FloatArray
 #: Distance of the knots of an unknown signal [s]: below it, rows do not tell.
 KNOTS = 0.032
 #: What a right model leaves of a balance's signal: the forms of flow map and friction.
-FORM = 5e-3
+MODEL_ERROR_SHARE = 5e-3
 RIDGE = 1e-6
 
 #: Which signals each hypothesis lets go free.
@@ -38,7 +38,7 @@ HYPOTHESES: Mapping[str, tuple[str, ...]] = {
     "pressures": ("p_P", "p_N"),
 }
 #: Hypotheses about sensors.
-SENSORS = ("position", "pressures")
+SENSOR_HYPOTHESES = ("position", "pressures")
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,37 +61,37 @@ class Signatures:
     @property
     def inputs(self) -> Mapping[str, float]:
         """Of the hypotheses about unknown inputs."""
-        return {name: value for name, value in self.left.items() if name not in SENSORS}
+        return {name: value for name, value in self.left.items() if name not in SENSOR_HYPOTHESES}
 
     @property
     def sensors(self) -> Mapping[str, float]:
         """Of the hypotheses about sensors."""
-        return {name: value for name, value in self.left.items() if name in SENSORS}
+        return {name: value for name, value in self.left.items() if name in SENSOR_HYPOTHESES}
 
 
-def signatures(one: Study, values: Mapping[str, float]) -> Signatures:
+def signatures(study: Study, values: Mapping[str, float]) -> Signatures:
     """Try every hypothesis on the held-out records (all, if none is held out).
 
     Parameters
     ----------
-    one : Study
+    study : Study
         With its nominal axis.
     values : mapping of str to float
         Nominal parameters as fitted; a refit of them is part of every hypothesis.
     """
-    train, held = one.smoothed
-    found = [_of_record(one, values, data) for data in held or train]
+    train, held = study.smoothed
+    found = [_record_signatures(study, values, data) for data in held or train]
     before = float(np.mean([single.before for single in found]))
     left = {name: float(np.mean([single.left[name] for single in found])) for name in found[0].left}
     return Signatures(before, left)
 
 
-def _of_record(one: Study, values: Mapping[str, float], data: Smoothed) -> Signatures:
-    axis = one.axis
+def _record_signatures(study: Study, values: Mapping[str, float], data: Smoothed) -> Signatures:
+    axis = study.axis
     theta = np.array([values[name] for name in axis.parameters.names])
-    _, A = along_motion(axis, theta, data)
+    _, A = evaluate_dynamics(axis, theta, data)
     lin = linearised(AlongMotion(axis), data, theta)
-    used = data.used(one.axis)
+    used = data.used(study.axis)
     scale = residual_floor(axis, values, data)
     r = np.concatenate([lin.r[i][rows] / scale[i] for i, rows in enumerate(used)])
     J = np.concatenate([lin.J[i][rows] / scale[i] for i, rows in enumerate(used)])
@@ -113,7 +113,7 @@ def _of_record(one: Study, values: Mapping[str, float], data: Smoothed) -> Signa
 def residual_floor(axis: Axis, values: Mapping[str, float], data: Smoothed) -> FloatArray:
     """Return what noise and a right model's misfit leave in each balance [Pa/s, Pa/s, N]."""
     signal = row_signals(axis, values, data)
-    return np.sqrt(noise_variance(axis, values, data) + (FORM * signal) ** 2)
+    return np.sqrt(noise_variance(axis, values, data) + (MODEL_ERROR_SHARE * signal) ** 2)
 
 
 def row_signals(axis: Axis, values: Mapping[str, float], data: Smoothed) -> FloatArray:
@@ -126,7 +126,7 @@ def row_signals(axis: Axis, values: Mapping[str, float], data: Smoothed) -> Floa
 def noise_variance(axis: Axis, values: Mapping[str, float], data: Smoothed) -> FloatArray:
     """Return the variance that the sensors' noise leaves in a row of each balance."""
     theta = np.array([values[name] for name in axis.parameters.names])
-    _, A = along_motion(axis, theta, data)
+    _, A = evaluate_dynamics(axis, theta, data)
     rate, acceleration = _row_gain(data, 1), _row_gain(data, 2)
     names, x = axis.motion_states, axis.outputs.index("x")
     noise = []

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from pneumo_casadi.diagnosis.prepare.study import Fitted, Study
+from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study
 from pneumo_casadi.estimation.equation_error.smoothed_motion import NOISE_MULTIPLE, SLOW, Smoothed
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.parameters import FloatArray
@@ -63,10 +63,10 @@ class UnknownInputs:
         return np.asarray(mean / self.signal**2)
 
 
-def inputs_of(one: Study, nominal: Fitted) -> tuple[UnknownInputs, ...]:
+def estimate_unknown_inputs(study: Study, nominal: FittedModel) -> tuple[UnknownInputs, ...]:
     """Estimate the unknown inputs of the records held out, or of all that there are."""
-    train, held = one.smoothed
-    return tuple(unknown_inputs(one.axis, nominal.values, data) for data in held or train)
+    train, held = study.smoothed
+    return tuple(unknown_inputs(study.axis, nominal.values, data) for data in held or train)
 
 
 def unknown_inputs(axis: Axis, values: Mapping[str, float], data: Smoothed) -> UnknownInputs:
@@ -97,7 +97,7 @@ def unknown_inputs(axis: Axis, values: Mapping[str, float], data: Smoothed) -> U
     theta = np.array([values[name] for name in axis.parameters.names])
     every = max(1, round(NODE / data.dt))
     h = every * data.dt
-    f, A = along_motion(axis, theta, data)
+    f, A = evaluate_dynamics(axis, theta, data)
     if axis.flow is None:  # a force is measured like the motion, and must be filtered alike
         f = np.stack([data.smooth(row) for row in f])
     K = data.N // every
@@ -107,7 +107,7 @@ def unknown_inputs(axis: Axis, values: Mapping[str, float], data: Smoothed) -> U
     B = _input_columns(axis, values, _blocks(data.x, every, K))
     moving = ~_slow_nodes(axis, data, every, K)
     R = data.noise**2 * _gain(data)
-    walk = _walks(axis, defect, B, R, moving, h)
+    walk = _random_walk_stds(axis, defect, B, R, moving, h)
     F, G = _discrete(slope, B, h)
     stick = (abs(values["F_c_plus"]) + abs(values["F_c_minus"])) / 2 / values["M"] * h
     w, std, xi = _smooth(axis, F, G, defect, R, walk**2 * h, ~moving, stick)
@@ -119,7 +119,9 @@ def unknown_inputs(axis: Axis, values: Mapping[str, float], data: Smoothed) -> U
     return UnknownInputs(t, w, std, nodes + xi, counts, signal, walk, axis.equations)
 
 
-def along_motion(axis: Axis, theta: FloatArray, data: Smoothed) -> tuple[FloatArray, FloatArray]:
+def evaluate_dynamics(
+    axis: Axis, theta: FloatArray, data: Smoothed
+) -> tuple[FloatArray, FloatArray]:
     """Return f (nx, N) and ∂f/∂x (nx, nx, N) of the nominal axis along the motion."""
     sym = axis.symbol.sym
     x, u = sym("x", len(axis.states)), sym("u", len(axis.inputs))
@@ -166,7 +168,7 @@ def _gain(data: Smoothed) -> float:
     return float(np.sum(data.smooth(impulse) ** 2))
 
 
-def _walks(
+def _random_walk_stds(
     axis: Axis,
     defect: FloatArray,
     B: FloatArray,
@@ -185,11 +187,11 @@ def _walks(
             r = np.where(moving[:-1], r, 0.0)
         measured = "x" if equation == "force" else state
         size = float(np.mean(1 / unit)) ** 2 * R[axis.outputs.index(measured)]
-        found.append(_whittle(r, size, 4 if equation == "force" else 2, h))
+        found.append(_random_walk_std(r, size, 4 if equation == "force" else 2, h))
     return np.array(found)
 
 
-def _whittle(r: FloatArray, noise: float, power: int, h: float) -> float:
+def _random_walk_std(r: FloatArray, noise: float, power: int, h: float) -> float:
     """Return the walk [1/√s] of residuals r with noise that was differenced once or twice."""
     P = np.abs(np.fft.rfft(r - r.mean())[1:]) ** 2 / r.size
     half = 2 * np.sin(np.pi * np.arange(1, P.size + 1) / r.size)

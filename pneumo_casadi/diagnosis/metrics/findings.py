@@ -22,7 +22,7 @@ class Value:
 
 
 @dataclass(frozen=True, slots=True)
-class Shrink:
+class Closure:
     """How far a gap closes: 1 - after/before, with an interval from a block bootstrap.
 
     Parameters
@@ -67,7 +67,7 @@ class Candidate:
         Effects in the order in which they were added.
     probability : float
         That these and no others are the cause.
-    shrink : Shrink or None
+    closure : Closure or None
         Of the held-out gap in the balances; None where the fit failed.
     explained : float
         Share of the squared residuals that the screen promises, 0 to 1.
@@ -81,7 +81,7 @@ class Candidate:
 
     names: tuple[str, ...]
     probability: float
-    shrink: Shrink | None
+    closure: Closure | None
     explained: float
     observable: float
     parameters: Mapping[str, Value] = field(default_factory=dict)
@@ -162,7 +162,7 @@ class Gap:
         windows of half a second.
     noise_floor : float
         What the sensors' noise alone leaves.
-    shrink : Shrink
+    closure : Closure
         Of this gap.
     views : mapping of str to mapping of str to mapping of str to float
         The same by view (``windows``, ``closed_loop``, ``balances``) and output or balance:
@@ -172,7 +172,7 @@ class Gap:
     before: float
     after: float
     noise_floor: float
-    shrink: Shrink
+    closure: Closure
     views: Mapping[str, Mapping[str, Mapping[str, float]]]
 
 

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pneumo_casadi.diagnosis.metrics.findings import Shrink
-from pneumo_casadi.diagnosis.prepare.study import Fitted, Study
+from pneumo_casadi.diagnosis.metrics.findings import Closure
+from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study
 from pneumo_casadi.estimation.equation_error.smoothed_motion import Smoothed
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.parameters import FloatArray
@@ -25,7 +25,7 @@ LEVELS = (0.025, 0.975)
 
 
 @dataclass(frozen=True, eq=False)
-class Yardstick:
+class BalanceLevels:
     """What residuals are measured by.
 
     Parameters
@@ -41,12 +41,12 @@ class Yardstick:
     signal: FloatArray
 
 
-def yardstick(one: Study) -> Yardstick:
+def balance_levels(study: Study) -> BalanceLevels:
     """Return noise and signal of the balances of the records held out."""
-    _, data = one.smoothed
-    noise = np.mean([_noise(one.axis, record) for record in data], axis=0)
-    signal = np.sqrt(np.mean([_signal(one.axis, record) ** 2 for record in data], axis=0))
-    return Yardstick(noise, signal)
+    _, data = study.smoothed
+    noise = np.mean([_noise(study.axis, record) for record in data], axis=0)
+    signal = np.sqrt(np.mean([_signal(study.axis, record) ** 2 for record in data], axis=0))
+    return BalanceLevels(noise, signal)
 
 
 def _noise(axis: Axis, data: Smoothed) -> FloatArray:
@@ -76,14 +76,14 @@ def _signal(axis: Axis, data: Smoothed) -> FloatArray:
     return np.asarray(np.std(rows, axis=0))
 
 
-def squares(fitted: Fitted, held_out: bool = True) -> tuple[FloatArray, FloatArray]:
+def squares(fitted: FittedModel, held_out: bool = True) -> tuple[FloatArray, FloatArray]:
     """Return squared residuals of all rows and whether they count, each (ne, m)."""
     parts = fitted.held_out if held_out else fitted.train
     used = fitted.used_held_out if held_out else fitted.used_train
     return np.hstack(parts) ** 2, np.hstack(used).astype(float)
 
 
-def _squares(fitted: Fitted, pooled: bool) -> tuple[FloatArray, FloatArray]:
+def _squares(fitted: FittedModel, pooled: bool) -> tuple[FloatArray, FloatArray]:
     if not pooled:
         return squares(fitted)
     both = [squares(fitted, held_out) for held_out in (True, False)]
@@ -91,20 +91,20 @@ def _squares(fitted: Fitted, pooled: bool) -> tuple[FloatArray, FloatArray]:
     return r2, used
 
 
-def size(fitted: Fitted, held_out: bool = True) -> FloatArray:
+def residual_rms(fitted: FittedModel, held_out: bool = True) -> FloatArray:
     """Return the root mean square residual of each balance, shape (ne,)."""
     r2, used = squares(fitted, held_out)
     return np.asarray(np.sqrt((r2 * used).sum(axis=1) / np.maximum(used.sum(axis=1), 1)))
 
 
-def gaps(rms: FloatArray, by: Yardstick) -> FloatArray:
+def gaps(rms: FloatArray, levels: BalanceLevels) -> FloatArray:
     """Return what lies above the noise floor in each balance, as a share of the signal."""
-    floor = BACKGROUND * by.noise
-    return np.asarray(np.sqrt(np.maximum(rms**2 - floor**2, 0)) / by.signal)
+    floor = BACKGROUND * levels.noise
+    return np.asarray(np.sqrt(np.maximum(rms**2 - floor**2, 0)) / levels.signal)
 
 
 def bootstrap_gain(
-    before: Fitted, after: Fitted, by: Yardstick, pooled: bool = False
+    before: FittedModel, after: FittedModel, levels: BalanceLevels, pooled: bool = False
 ) -> tuple[FloatArray, FloatArray]:
     """Return the gains of all balances and bootstrap replicates of them, (ne,) and (R, ne).
 
@@ -115,7 +115,7 @@ def bootstrap_gain(
     sums = [_block_sums(part * used) for part in (b, a)]
     counts = _block_sums(used)
     draws = _draws(counts.shape[1])
-    floor = by.noise**2
+    floor = levels.noise**2
 
     def gain(weights: FloatArray) -> FloatArray:
         n = np.maximum(counts @ weights.T, 1e-9)
@@ -126,14 +126,14 @@ def bootstrap_gain(
 
 
 def block_gain(
-    before: Fitted, after: Fitted, by: Yardstick, pooled: bool = False
+    before: FittedModel, after: FittedModel, levels: BalanceLevels, pooled: bool = False
 ) -> tuple[FloatArray, FloatArray]:
     """Return the mean over blocks of log(σ_before/σ_after), (ne,), and replicates, (R, ne)."""
     b, used = _squares(before, pooled)
     a, _ = _squares(after, pooled)
     counts = _block_sums(used)
     present = (counts > 0).astype(float)
-    n, floor = np.maximum(counts, 1), by.noise[:, None] ** 2
+    n, floor = np.maximum(counts, 1), levels.noise[:, None] ** 2
     one, other = (_block_sums(part * used) / n + floor for part in (b, a))
     logs = 0.5 * np.log(one / other) * present
 
@@ -143,7 +143,7 @@ def block_gain(
     return gain(np.ones((1, counts.shape[1])))[0], gain(_draws(counts.shape[1]))
 
 
-def balance_shrink(before: Fitted, after: Fitted, by: Yardstick) -> Shrink:
+def balance_closure(before: FittedModel, after: FittedModel, levels: BalanceLevels) -> Closure:
     """Return how far the held-out gap of the balances closes, over all of them.
 
     1 - G_after/G_before with G² the mean of the squared gaps, each as a share of its signal
@@ -153,20 +153,20 @@ def balance_shrink(before: Fitted, after: Fitted, by: Yardstick) -> Shrink:
     a, _ = squares(after)
     counts = _block_sums(used)
     sums = [_block_sums(part * used) for part in (b, a)]
-    unit = size(before) ** 2
-    floor = by.noise**2
+    unit = residual_rms(before) ** 2
+    floor = levels.noise**2
 
-    def shrink(weights: FloatArray) -> FloatArray:
+    def closure(weights: FloatArray) -> FloatArray:
         n = np.maximum(counts @ weights.T, 1e-9)
         one, other = (np.maximum((s @ weights.T) / n - floor[:, None], 0) for s in sums)
-        weight = (np.maximum(unit - floor, 0) / by.signal**2)[:, None]
-        scale = weight / by.signal[:, None] ** 2
+        weight = (np.maximum(unit - floor, 0) / levels.signal**2)[:, None]
+        scale = weight / levels.signal[:, None] ** 2
         total = np.maximum((scale * one).sum(axis=0), 1e-300)
         return np.asarray(1 - np.sqrt((scale * other).sum(axis=0) / total))
 
-    value = float(shrink(np.ones((1, counts.shape[1])))[0])
-    found = np.quantile(shrink(_draws(counts.shape[1])), LEVELS)
-    return Shrink(value, float(found[0]), float(found[1]))
+    value = float(closure(np.ones((1, counts.shape[1])))[0])
+    found = np.quantile(closure(_draws(counts.shape[1])), LEVELS)
+    return Closure(value, float(found[0]), float(found[1]))
 
 
 def _block_sums(rows: FloatArray) -> FloatArray:

@@ -5,9 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pneumo_casadi.diagnosis.metrics.findings import Gap, Shrink
-from pneumo_casadi.diagnosis.metrics.residual_size import Yardstick, balance_shrink, size
-from pneumo_casadi.diagnosis.prepare.study import Fitted, Study
+from pneumo_casadi.diagnosis.metrics.findings import Closure, Gap
+from pneumo_casadi.diagnosis.metrics.residual_size import (
+    BalanceLevels,
+    balance_closure,
+    residual_rms,
+)
+from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study
 from pneumo_casadi.errors import FitError, ModelError
 from pneumo_casadi.estimation.statistics import stated_or_estimated_noise
 from pneumo_casadi.model.axis import Axis
@@ -37,9 +41,9 @@ class Simulations:
     study: Study
 
     def __post_init__(self) -> None:
-        self._kept: list[tuple[Fitted, FloatArray | str]] = []
+        self._kept: list[tuple[FittedModel, FloatArray | str]] = []
 
-    def windows(self, fitted: Fitted, effects: Sequence[Effect]) -> FloatArray | str:
+    def windows(self, fitted: FittedModel, effects: Sequence[Effect]) -> FloatArray | str:
         """Return squared errors of every window, or why it cannot be simulated.
 
         Shape (windows, ny), in per cent of the signals squared; initial states estimated.
@@ -50,11 +54,11 @@ class Simulations:
         self.keep(fitted, self._simulated(fitted, effects))
         return self._kept[-1][1]
 
-    def keep(self, fitted: Fitted, windows: FloatArray | str) -> None:
+    def keep(self, fitted: FittedModel, windows: FloatArray | str) -> None:
         """Remember what was simulated elsewhere."""
         self._kept.append((fitted, windows))
 
-    def _simulated(self, fitted: Fitted, effects: Sequence[Effect]) -> FloatArray | str:
+    def _simulated(self, fitted: FittedModel, effects: Sequence[Effect]) -> FloatArray | str:
         axis = self._axis(fitted, effects)
         try:
             pairs = window_runs(axis, self.study.held_out, WINDOW)
@@ -67,7 +71,7 @@ class Simulations:
             found.append(np.mean(e.reshape(len(e), -1, L) ** 2, axis=2).T)
         return np.asarray(np.concatenate(found) / _sizes(self.study) ** 2 * 1e4)
 
-    def loop(self, fitted: Fitted, effects: Sequence[Effect]) -> dict[str, float] | str:
+    def loop(self, fitted: FittedModel, effects: Sequence[Effect]) -> dict[str, float] | str:
         """Return the gap of every output under the controller, or why there is none."""
         axis = self._axis(fitted, effects)
         try:
@@ -76,7 +80,7 @@ class Simulations:
             return str(error)
         return {n: _gap(errors[n].percent ** 2, errors[n].noise_percent) for n in axis.outputs}
 
-    def share(self, nominal: Fitted, fitted: Fitted, effects: Sequence[Effect]) -> float:
+    def share(self, nominal: FittedModel, fitted: FittedModel, effects: Sequence[Effect]) -> float:
         """Return the share of the windows' gap that a fit leaves; 1 if it cannot be simulated."""
         floor = np.array(list(_noise_percent(self.study).values()))
         before, after = self.windows(nominal, ()), self.windows(fitted, effects)
@@ -84,26 +88,30 @@ class Simulations:
             return 1.0
         return _rms_gap(after, floor) / max(_rms_gap(before, floor), 1e-12)
 
-    def _axis(self, fitted: Fitted, effects: Sequence[Effect]) -> Axis:
+    def _axis(self, fitted: FittedModel, effects: Sequence[Effect]) -> Axis:
         axis = self.study.axis.with_effects(*effects).with_parameters(dict(fitted.values))
         return axis.with_parameters({"v_s": V_S_SIMULATED})
 
 
 def simulated_gap(
-    done: Simulations, nominal: Fitted, final: Fitted, effects: Sequence[Effect], by: Yardstick
+    done: Simulations,
+    nominal: FittedModel,
+    final: FittedModel,
+    effects: Sequence[Effect],
+    levels: BalanceLevels,
 ) -> tuple[Gap, tuple[str, ...]]:
     """Return the gap before and after, and notes on what could not be simulated.
 
     Parameters
     ----------
-    nominal, final : Fitted
+    nominal, final : FittedModel
         Fits without and with effects.
     effects : sequence of Effect
         Those of `final`, in the order of its model.
     """
     one, models = done.study, ((nominal, ()), (final, effects))
     notes: list[str] = []
-    views: dict[str, View] = {"balances": _balances(one, nominal, final, by)}
+    views: dict[str, View] = {"balances": _balances(one, nominal, final, levels)}
     noise = _noise_percent(one)
     before, after = (done.windows(*model) for model in models)
     failed = [why for why in (before, after) if isinstance(why, str)]
@@ -122,29 +130,29 @@ def simulated_gap(
     if isinstance(before, str) or isinstance(after, str):
         shown = views["balances"]
         sizes = {k: _overall([v[k] for v in shown.values()]) for k in ("before", "after", "noise")}
-        shrink = balance_shrink(nominal, final, by)
-        found = Gap(sizes["before"], sizes["after"], sizes["noise"], shrink, views)
+        closure = balance_closure(nominal, final, levels)
+        found = Gap(sizes["before"], sizes["after"], sizes["noise"], closure, views)
         return found, (*notes, "the gap is that of the balances")
     floor = np.array(list(noise.values()))
-    shrink = _shrink(before, after, floor)
+    closure = _shrink(before, after, floor)
     gaps = _rms_gap(before, floor), _rms_gap(after, floor)
-    return Gap(*gaps, _overall(floor), shrink, views), tuple(notes)
+    return Gap(*gaps, _overall(floor), closure, views), tuple(notes)
 
 
-def _sizes(one: Study) -> FloatArray:
+def _sizes(study: Study) -> FloatArray:
     return np.array(
         [
-            np.std(np.concatenate([r[name] - r[name].mean() for r in one.held_out]))
-            for name in one.axis.outputs
+            np.std(np.concatenate([r[name] - r[name].mean() for r in study.held_out]))
+            for name in study.axis.outputs
         ]
     )
 
 
-def _noise_percent(one: Study) -> dict[str, float]:
-    sizes = _sizes(one)
+def _noise_percent(study: Study) -> dict[str, float]:
+    sizes = _sizes(study)
     return {
-        name: 100 * stated_or_estimated_noise(one.axis.bench, one.held_out, name) / float(s)
-        for name, s in zip(one.axis.outputs, sizes, strict=True)
+        name: 100 * stated_or_estimated_noise(study.axis.bench, study.held_out, name) / float(s)
+        for name, s in zip(study.axis.outputs, sizes, strict=True)
     }
 
 
@@ -161,15 +169,20 @@ def _view(
     }
 
 
-def _balances(one: Study, nominal: Fitted, final: Fitted, by: Yardstick) -> View:
-    b, a, n = (100 * part / by.signal for part in (size(nominal), size(final), by.noise))
+def _balances(
+    study: Study, nominal: FittedModel, final: FittedModel, levels: BalanceLevels
+) -> View:
+    b, a, n = (
+        100 * part / levels.signal
+        for part in (residual_rms(nominal), residual_rms(final), levels.noise)
+    )
     return {
         name: {
             "before": _gap(float(b[i] ** 2), float(n[i])),
             "after": _gap(float(a[i] ** 2), float(n[i])),
             "noise": float(n[i]),
         }
-        for i, name in enumerate(one.axis.equations)
+        for i, name in enumerate(study.axis.equations)
     }
 
 
@@ -185,7 +198,7 @@ def _rms_gap(squares: FloatArray, floor: FloatArray) -> float:
     return float(np.sqrt(np.mean(np.maximum(squares.mean(axis=0) - floor**2, 0))))
 
 
-def _shrink(before: FloatArray, after: FloatArray, floor: FloatArray) -> Shrink:
+def _shrink(before: FloatArray, after: FloatArray, floor: FloatArray) -> Closure:
     """Return the shrink with an interval from resampled windows, the same ones on both sides."""
     rng = np.random.default_rng(0)
     n = len(before)
@@ -197,4 +210,4 @@ def _shrink(before: FloatArray, after: FloatArray, floor: FloatArray) -> Shrink:
     drawn = 1 - found[1] / np.maximum(found[0], 1e-12)
     a, b = _rms_gap(before, floor), _rms_gap(after, floor)
     lower, upper = np.quantile(drawn, (0.025, 0.975))
-    return Shrink(1 - b / a if a > 0 else 0.0, float(lower), float(upper))
+    return Closure(1 - b / a if a > 0 else 0.0, float(lower), float(upper))

@@ -11,7 +11,7 @@ from zipfile import BadZipFile
 import numpy as np
 
 from pneumo_casadi import __version__
-from pneumo_casadi.diagnosis.prepare.study import Fitted, Study
+from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.runtime.atomic_files import atomic_file
 
@@ -32,19 +32,19 @@ class Store:
     token: str
 
     @classmethod
-    def of(cls, folder: Path, one: Study) -> "Store":
+    def of(cls, folder: Path, study: Study) -> "Store":
         """Return the store of a study in a folder."""
         folder.mkdir(parents=True, exist_ok=True)
         digest = hashlib.sha256()
-        for record in (*one.train, *one.held_out):
+        for record in (*study.train, *study.held_out):
             for name, values in sorted(record.channels.items()):
                 digest.update(name.encode())
                 digest.update(np.ascontiguousarray(values).tobytes())
-        known = one.flow_map
+        known = study.flow_map
         if known is not None:
             for part in (known.u, known.p, known.q_m, known.p_supply, known.p_ext):
                 digest.update(np.asarray(part, dtype=float).tobytes())
-        words = (__version__, one.axis.bench, one.axis.parameters.as_dict())
+        words = (__version__, study.axis.bench, study.axis.parameters.as_dict())
         digest.update(repr(words).encode())
         return cls(folder, digest.hexdigest())
 
@@ -54,7 +54,7 @@ class Store:
             digest.update(f"{effect.name} {_source(type(effect))}".encode())
         return self.folder / f"{digest.hexdigest()[:32]}.npz"
 
-    def read(self, effects: Sequence[Effect]) -> Fitted | None:
+    def read(self, effects: Sequence[Effect]) -> FittedModel | None:
         """Return a fit that is there, None where none is or the file is damaged."""
         path = self._path(effects)
         try:
@@ -64,7 +64,7 @@ class Store:
                 tuple(found[f"{name}_{i}"] for i in range(int(found[f"n_{name}"])))
                 for name in _PARTS
             ]
-            return Fitted(
+            return FittedModel(
                 tuple(effect.name for effect in effects),
                 dict(zip(found["names"].tolist(), found["values"].tolist(), strict=True)),
                 dict(zip(found["free"].tolist(), found["std"].tolist(), strict=True)),
@@ -78,7 +78,7 @@ class Store:
         except (OSError, KeyError, ValueError, BadZipFile):
             return None
 
-    def write(self, effects: Sequence[Effect], fitted: Fitted) -> None:
+    def write(self, effects: Sequence[Effect], fitted: FittedModel) -> None:
         """Keep a fit, by way of a temporary file."""
         content: dict[str, object] = {
             "names": np.array(list(fitted.values)),

@@ -25,12 +25,12 @@ from pneumo_casadi.valve import FlowMap
 #: Width of the smoothed sign of the velocity; slower rows are left out [m/s].
 V_S = 1e-3
 #: An effect that gains less log-likelihood than this is tried so many times larger too.
-LITTLE, LARGER = 1.0, (10.0, 100.0, 1000.0)
+MIN_GAIN, LARGER_STARTS = 1.0, (10.0, 100.0, 1000.0)
 #: Residuals of the flow map over those of its own fit, from which on it contradicts a shape of the
 #: valve: the shape is there to lower them.
-CONTRADICTED = 1.2
+MAX_MAP_RESIDUAL_RATIO = 1.2
 #: Another form of an effect must gain so much log-likelihood.
-FORM = 20.0
+MIN_FORM_GAIN = 20.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,11 +85,11 @@ class Study:
 
     @cached_property
     def least(self) -> FloatArray:
-        """Smallest residual of each balance that is told from none, in the units of `Fitted`."""
+        """Smallest residual of each balance that is told from none, in units of `FittedModel`."""
         return np.array([1e-5] if self.axis.flow is None else [10.0, 10.0, 1e-3])
 
 
-def study(
+def start_study(
     axis: Axis,
     flow_map: FlowMap | None,
     train: Sequence[Recording],
@@ -103,7 +103,7 @@ def study(
 
 
 @dataclass(frozen=True, eq=False)
-class Fitted:
+class FittedModel:
     """One fit of the balances as plain numbers.
 
     Parameters
@@ -133,13 +133,13 @@ class Fitted:
     converged: bool
 
 
-def fit(
-    one: Study,
+def fit_model(
+    study: Study,
     effects: Sequence[Effect],
     start: Mapping[str, float] | None = None,
     shapes: Sequence[Mapping[str, float]] = (),
     base: float | None = None,
-) -> Fitted:
+) -> FittedModel:
     """Fit the nominal axis with some effects to the balances.
 
     Parameters
@@ -152,73 +152,77 @@ def fit(
         Cost of the fit to be improved. Where nothing is gained on it, effects are tried larger
         too: a back pressure that leaves the valves choked is not felt at all.
     """
-    axis = one.axis.with_effects(*effects).at_starting_values()
+    axis = study.axis.with_effects(*effects).at_starting_values()
     known = {name: value for name, value in (start or {}).items() if name in axis.parameters}
     axis = axis.with_parameters(known)
-    found = min((_recovered(one, axis.with_parameters(s)) for s in shapes or ({},)), key=_cost)
-    if base is not None and effects and found.cost >= base - LITTLE:
+    found = min(
+        (_fit_with_recovery(study, axis.with_parameters(s)) for s in shapes or ({},)), key=_cost
+    )
+    if base is not None and effects and found.cost >= base - MIN_GAIN:
         new = [n for n in axis.parameters.free_names if "." in n and n not in known]
-        found = _larger(one, axis, new, found)
-    refuse_unbelievable(one, effects, found)
+        found = _fit_from_larger_starts(study, axis, new, found)
+    require_credible(study, effects, found)
     return found
 
 
-def _larger(one: Study, axis: Axis, names: Sequence[str], small: Fitted) -> Fitted:
+def _fit_from_larger_starts(
+    study: Study, axis: Axis, names: Sequence[str], small: FittedModel
+) -> FittedModel:
     """Return a fit from larger values of some parameters; the small one where none is better."""
     items = axis.parameters.select(names)
-    for factor in LARGER:
+    for factor in LARGER_STARTS:
         larger = np.clip(items.values * factor, items.lower, items.upper)
-        again = _fit(one, axis.with_parameters(dict(zip(names, larger.tolist(), strict=True))))
-        if again.cost < small.cost - LITTLE:
+        again = _fit(study, axis.with_parameters(dict(zip(names, larger.tolist(), strict=True))))
+        if again.cost < small.cost - MIN_GAIN:
             return again
     return small
 
 
-def _recovered(one: Study, axis: Axis) -> Fitted:
+def _fit_with_recovery(study: Study, axis: Axis) -> FittedModel:
     """Fit; where a chamber's parameter runs away to its bound, again from what geometry says.
 
     The bounds are a factor of 20 away from the geometry: who ends there got lost.
     """
-    found = _fit(one, axis)
+    found = _fit(study, axis)
     items = [item for item in axis.parameters if item.free and item.name.startswith("X_s")]
     if all(item.lower < found.values[item.name] < item.upper for item in items):
         return found
     geometry = {item.name: item.scale for item in items}
-    return min(found, _fit(one, axis.with_parameters(geometry)), key=_cost)
+    return min(found, _fit(study, axis.with_parameters(geometry)), key=_cost)
 
 
-def refined(one: Study, fitted: Fitted, effects: Sequence[Effect]) -> Fitted:
+def refine_model(study: Study, fitted: FittedModel, effects: Sequence[Effect]) -> FittedModel:
     """Return a fit that went on, with whole derivatives, then with all of its effects' parameters.
 
     Those held tell one form of an effect from another, a hole from a gap, and are asked for once
     the effect is known to be there; they stay held where they gain little. What is not to be
     believed is not taken.
     """
-    axis = one.axis.with_effects(*effects).with_parameters(dict(fitted.values))
+    axis = study.axis.with_effects(*effects).with_parameters(dict(fitted.values))
     if AlongMotion(axis).holding:
-        fitted = _better(one, effects, fitted, _fit(one, axis, whole=True), 0.0)
+        fitted = _better(study, effects, fitted, _fit(study, axis, whole=True), 0.0)
         axis = axis.with_parameters(dict(fitted.values))
     held = [n for n in axis.parameters.names if "." in n and n not in axis.parameters.free_names]
     if not held:
         return fitted
     released = axis.with_parameters(axis.parameters.release(*held))
-    return _better(one, effects, fitted, _fit(one, released), FORM)
+    return _better(study, effects, fitted, _fit(study, released), MIN_FORM_GAIN)
 
 
 def _better(
-    one: Study, effects: Sequence[Effect], fitted: Fitted, found: Fitted, gain: float
-) -> Fitted:
+    study: Study, effects: Sequence[Effect], fitted: FittedModel, found: FittedModel, gain: float
+) -> FittedModel:
     """Return what was found where it gains enough and is to be believed, else what was fitted."""
     if found.cost >= fitted.cost - gain:
         return fitted
     try:
-        refuse_unbelievable(one, effects, found)
+        require_credible(study, effects, found)
     except FitError:
         return fitted
     return found
 
 
-def refuse_unbelievable(one: Study, effects: Sequence[Effect], found: Fitted) -> None:
+def require_credible(study: Study, effects: Sequence[Effect], found: FittedModel) -> None:
     """Refuse a shape of the valve that its metered map does not show, and values out of range.
 
     Raises
@@ -234,29 +238,29 @@ def refuse_unbelievable(one: Study, effects: Sequence[Effect], found: Fitted) ->
                     f"{effect.name}.{name} = {value:.3g} is not to be believed, by physics it is "
                     f"{low:g} to {high:g}: something else is at work"
                 )
-    known = one.anchor_with(effects)
-    if known is None or known is one.anchor:
+    known = study.anchor_with(effects)
+    if known is None or known is study.anchor:
         return
-    axis = one.axis.with_effects(*effects).with_parameters(dict(found.values))
+    axis = study.axis.with_effects(*effects).with_parameters(dict(found.values))
     pull = map_pull(known, axis)
-    if pull.rms > CONTRADICTED:
+    if pull.rms > MAX_MAP_RESIDUAL_RATIO:
         raise FitError(
             f"the metered flow map contradicts it: with the shape that the motion asks for, its "
             f"residuals are {pull.rms:.1f} times those of its own fit"
         )
 
 
-def _cost(fitted: Fitted) -> float:
+def _cost(fitted: FittedModel) -> float:
     return fitted.cost
 
 
-def _fit(one: Study, axis: Axis, whole: bool = False) -> Fitted:
+def _fit(study: Study, axis: Axis, whole: bool = False) -> FittedModel:
     model = AlongMotion(axis)
-    train, held = one.smoothed
-    known = one.anchor_with(axis.effects)
-    found = fit_balances(model, train, known, axis.parameters.values, one.least, whole)
+    train, held = study.smoothed
+    known = study.anchor_with(axis.effects)
+    found = fit_balances(model, train, known, axis.parameters.values, study.least, whole)
     std = np.sqrt(np.maximum(np.diag(found.covariance), 0.0))  # against rounding
-    return Fitted(
+    return FittedModel(
         tuple(effect.name for effect in axis.effects),
         dict(zip(axis.parameters.names, found.theta.tolist(), strict=True)),
         dict(zip(model.free, std.tolist(), strict=True)),

@@ -18,7 +18,7 @@ LEAST_RATIO = 20.0
 LEAST_MOVING, SLOWEST = 0.05, 0.005
 
 
-def refuse_unusable(records: Sequence[Recording], channels: Sequence[str]) -> None:
+def require_usable(records: Sequence[Recording], channels: Sequence[str]) -> None:
     """Refuse records that are too short, made of noise, or of rest.
 
     Raises

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pneumo_casadi.diagnosis.prepare.study import Fitted, Study
+from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study
 from pneumo_casadi.estimation.equation_error.balance_functions import AlongMotion
 from pneumo_casadi.estimation.equation_error.residuals import directions, linearised
 from pneumo_casadi.estimation.output_error.solvers.bounded_step import bounded_minimum
@@ -54,7 +54,7 @@ class Direction:
 
 
 @dataclass(frozen=True, slots=True)
-class Screened:
+class ScreenResult:
     """What the screen promises of an effect.
 
     Parameters
@@ -88,11 +88,11 @@ class Background:
     Q: FloatArray
 
 
-def perturbation(one: Study, nominal: Fitted, effect: Effect) -> tuple[Direction, ...]:
+def perturbation(study: Study, nominal: FittedModel, effect: Effect) -> tuple[Direction, ...]:
     """Return the directions of an effect at the nominal fit, one for each point of its grid."""
-    axis = one.axis.with_effects(effect).with_parameters(dict(nominal.values)).at_null_values()
+    axis = study.axis.with_effects(effect).with_parameters(dict(nominal.values)).at_null_values()
     model = AlongMotion(axis)
-    first = _direction(one, model, nominal, {}, ())
+    first = _direction(study, model, nominal, {}, ())
     silent = [n for n, c in zip(model.own, first.columns.T, strict=True) if not np.any(c)]
     starting = axis.at_starting_values().parameters
     sizes = {n: starting[n].value - axis.parameters[n].value for n in model.own}
@@ -113,9 +113,9 @@ def perturbation(one: Study, nominal: Fitted, effect: Effect) -> tuple[Direction
         if all(v == axis.parameters[n].value for n, v in values.items()):
             found.append(_without(first, shapes, values))
         else:
-            found.append(_direction(one, model, nominal, values, shapes))
+            found.append(_direction(study, model, nominal, values, shapes))
         if model.n_z:
-            found.append(_direction(one, model, nominal, values, shapes, usual))
+            found.append(_direction(study, model, nominal, values, shapes, usual))
     return tuple(found)
 
 
@@ -126,9 +126,9 @@ def _without(one: Direction, shapes: Sequence[str], values: Mapping[str, float])
 
 
 def _direction(
-    one: Study,
+    study: Study,
     model: AlongMotion,
-    nominal: Fitted,
+    nominal: FittedModel,
     values: Mapping[str, float],
     shapes: Sequence[str],
     sizes: Mapping[str, float] | None = None,
@@ -136,12 +136,12 @@ def _direction(
     parameters = model.axis.parameters.with_values(values)
     names = tuple(name for name in model.own if name not in shapes)
     parts = [
-        directions(model, data, parameters.values, names, sizes)[data.used(one.axis)]
-        for data in one.smoothed[0]
+        directions(model, data, parameters.values, names, sizes)[data.used(study.axis)]
+        for data in study.smoothed[0]
     ]
     items = parameters.select(names)
-    rows = np.concatenate(parts) / _weights(one, nominal)[:, None]
-    known = one.anchor_with(model.axis.effects)
+    rows = np.concatenate(parts) / _weights(study, nominal)[:, None]
+    known = study.anchor_with(model.axis.effects)
     if known is not None:
         c = known.coefficients(parameters, parameters.values)
         rows = np.vstack([rows, known.rows(c, names)])
@@ -154,36 +154,36 @@ def _direction(
     )
 
 
-def _weights(one: Study, nominal: Fitted) -> FloatArray:
+def _weights(study: Study, nominal: FittedModel) -> FloatArray:
     """Return the standard deviation of every row that counts, record after record."""
     r = np.hstack(nominal.train)
     used = np.hstack(nominal.used_train)
-    sigma = np.sqrt((r**2 * used).sum(axis=1) / used.sum(axis=1) + one.least**2)
+    sigma = np.sqrt((r**2 * used).sum(axis=1) / used.sum(axis=1) + study.least**2)
     return np.concatenate(
         [np.broadcast_to(sigma[:, None], mask.shape)[mask] for mask in nominal.used_train]
     )
 
 
 def background(
-    one: Study, nominal: Fitted, fitted: Fitted, effects: Sequence[Effect] = ()
+    study: Study, nominal: FittedModel, fitted: FittedModel, effects: Sequence[Effect] = ()
 ) -> Background:
     """Linearise a fit and return its residuals with the space that a refit would absorb.
 
     Weighted as the nominal fit, so that directions need not be computed again.
     """
-    axis = one.axis.with_effects(*effects).with_parameters(dict(fitted.values))
+    axis = study.axis.with_effects(*effects).with_parameters(dict(fitted.values))
     model = AlongMotion(axis)
     theta = axis.parameters.values
     r, J = [], []
-    for data in one.smoothed[0]:
+    for data in study.smoothed[0]:
         found, mask = linearised(model, data, theta), data.used(axis)
         r.append(found.r[mask])
         J.append(found.J[mask])
-    weight = _weights(one, nominal)
+    weight = _weights(study, nominal)
     scales = axis.parameters.select(model.free).scales
     A = np.concatenate(J) * scales / weight[:, None]
     e = np.concatenate(r) / weight
-    known = one.anchor_with(effects)
+    known = study.anchor_with(effects)
     if known is not None:
         c = known.coefficients(axis.parameters, theta)
         A = np.vstack([A, known.rows(c, model.free) * scales])
@@ -193,19 +193,19 @@ def background(
     return Background(e, U[:, s > 1e-9 * s[0]])
 
 
-def screened(name: str, found: Sequence[Direction], behind: Background) -> Screened:
+def screened(name: str, found: Sequence[Direction], behind: Background) -> ScreenResult:
     """Return what an effect promises over a background."""
-    promises = [(*_promise(one, behind), one.values) for one in found]
+    promises = [(*_explained_and_observable(one, behind), one.values) for one in found]
     observable = max(seen for _, seen, _ in promises)
     promises.sort(key=lambda one: -one[0])
     starts: dict[tuple[bool, ...], Mapping[str, float]] = {}
     for _, _, values in promises:
         starts.setdefault(tuple(value < 0 for value in values.values()), values)
     felt = any(np.any(one.columns) for one in found)
-    return Screened(name, promises[0][0], observable, felt, tuple(starts.values()))
+    return ScreenResult(name, promises[0][0], observable, felt, tuple(starts.values()))
 
 
-def _promise(one: Direction, behind: Background) -> tuple[float, float]:
+def _explained_and_observable(one: Direction, behind: Background) -> tuple[float, float]:
     """Return the shares explained and observable of one direction."""
     e, Q, D = behind.e, behind.Q, one.columns
     gram = D.T @ D - (Q.T @ D).T @ (Q.T @ D)

@@ -4,13 +4,13 @@ import numpy as np
 
 from pneumo_casadi.diagnosis.metrics.residual_size import (
     COARSE_MAP,
-    Yardstick,
+    BalanceLevels,
     block_gain,
     bootstrap_gain,
     gaps,
-    size,
+    residual_rms,
 )
-from pneumo_casadi.diagnosis.prepare.study import Fitted
+from pneumo_casadi.diagnosis.prepare.study import FittedModel
 
 #: A gain of log σ in one balance that matters, on held-out data; see `accepted`.
 MATTERS = 0.05
@@ -23,7 +23,9 @@ SHARE = 0.1
 CERTAIN = 0.95
 
 
-def accepted(origin: Fitted, before: Fitted, after: Fitted, by: Yardstick) -> bool:
+def accepted(
+    origin: FittedModel, before: FittedModel, after: FittedModel, levels: BalanceLevels
+) -> bool:
     """Tell whether a model is better on held-out data by a size that matters.
 
     In at least one balance the held-out residuals, noise included, must shrink by a twentieth,
@@ -34,15 +36,15 @@ def accepted(origin: Fitted, before: Fitted, after: Fitted, by: Yardstick) -> bo
     decide, of all; and of the root mean square or, where a few large residuals decide, of the
     blocks' mean logarithms.
     """
-    first, one, other = (gaps(size(fit), by) for fit in (origin, before, after))
+    first, one, other = (gaps(residual_rms(fit), levels) for fit in (origin, before, after))
     enough = one - other > SHARE * first
     least = np.full(len(enough), MATTERS)
     if before is not origin:
         least[:-1] = FURTHER  # all but the force
-        enough[:-1] &= (size(before) > COARSE_MAP * by.noise)[:-1]
+        enough[:-1] &= (residual_rms(before) > COARSE_MAP * levels.noise)[:-1]
     for kind in (bootstrap_gain, block_gain):
-        gain, draws = kind(before, after, by)
-        _, pooled = kind(before, after, by, pooled=True)
+        gain, draws = kind(before, after, levels)
+        _, pooled = kind(before, after, levels, pooled=True)
         sure = np.maximum(*(np.quantile(one, 1 - CERTAIN, axis=0) for one in (draws, pooled)))
         if np.any((gain > least) & (sure > 0) & enough) and gain.sum() > 0:
             return True

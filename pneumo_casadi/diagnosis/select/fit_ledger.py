@@ -12,11 +12,11 @@ import numpy as np
 
 from pneumo_casadi.diagnosis.metrics.simulated_gap import Simulations
 from pneumo_casadi.diagnosis.prepare.fit_store import Store
-from pneumo_casadi.diagnosis.prepare.study import Fitted, Study, fit, refined
+from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study, fit_model, refine_model
 from pneumo_casadi.diagnosis.screen.screen import (
     Background,
     Direction,
-    Screened,
+    ScreenResult,
     perturbation,
     screened,
 )
@@ -42,7 +42,7 @@ class Failed:
 
 
 @dataclass(eq=False)
-class Searcher:
+class FitLedger:
     """Runs the fits of one study and remembers them.
 
     Parameters
@@ -55,11 +55,11 @@ class Searcher:
         Where the fits run; None for this process.
     store : Store or None
         Finished fits on disk.
-    fits, failures, directions, polished, settled
-        What is known so far; see `Search`.
+    fits, failures, directions, output_error_fits, gap_left
+        What is known so far; see `Selection`.
     alone : tuple of str
         Effects accepted alone, the best first.
-    trials : dict of tuple of str to (Fitted, float)
+    trials : dict of tuple of str to (FittedModel, float)
         Models refined by output error, and the share of the simulated gap that they leave.
     """
 
@@ -67,12 +67,12 @@ class Searcher:
     catalogue: Catalogue
     executor: Executor | None = None
     store: Store | None = None
-    fits: dict[Names, Fitted] = field(default_factory=dict)
+    fits: dict[Names, FittedModel] = field(default_factory=dict)
     failures: dict[Names, Failed] = field(default_factory=dict)
     directions: dict[str, tuple[Direction, ...]] = field(default_factory=dict)
-    polished: dict[Names, Fitted] = field(default_factory=dict)
-    settled: dict[Names, float] = field(default_factory=dict)
-    trials: dict[Names, tuple[Fitted, float]] = field(default_factory=dict)
+    output_error_fits: dict[Names, FittedModel] = field(default_factory=dict)
+    gap_left: dict[Names, float] = field(default_factory=dict)
+    trials: dict[Names, tuple[FittedModel, float]] = field(default_factory=dict)
     alone: Names = ()
 
     def __post_init__(self) -> None:
@@ -92,7 +92,7 @@ class Searcher:
     def run(self, job: Callable[..., object], *given: object) -> "Future[Any]":
         """Have the executor call ``job(study, *given)``; without one it is done at once."""
         if self.executor is not None:
-            return self.executor.submit(_elsewhere, self._packed, job, *given)
+            return self.executor.submit(_run_in_worker, self._packed, job, *given)
         done: Future[Any] = Future()
         try:
             done.set_result(job(self.study, *given))
@@ -100,7 +100,7 @@ class Searcher:
             done.set_exception(error)
         return done
 
-    def screen_all(self, nominal: Fitted) -> None:
+    def screen_all(self, nominal: FittedModel) -> None:
         """Work out the directions of all effects at the nominal fit."""
         jobs = {
             name: self.run(perturbation, nominal, self.catalogue[name]())
@@ -113,7 +113,7 @@ class Searcher:
             except FAULTS as error:
                 self.failures[(name,)] = Failed((name,), f"screen: {error}")
 
-    def over(self, behind: Background, without: Sequence[str] = ()) -> dict[str, Screened]:
+    def over(self, behind: Background, without: Sequence[str] = ()) -> dict[str, ScreenResult]:
         """Screen all effects but some over a background, the most promising first."""
         found = [
             screened(name, directions, behind)
@@ -132,7 +132,7 @@ class Searcher:
             effects = self.effects(key)
             kept = None if self.store is None else self.store.read(effects)
             if kept is None:
-                jobs[key] = self.run(fit, effects, *start)
+                jobs[key] = self.run(fit_model, effects, *start)
             else:
                 self.fits[key] = kept
         for key, job in jobs.items():
@@ -143,7 +143,7 @@ class Searcher:
             except FAULTS as error:
                 self.failures[key] = Failed(key, str(error))
 
-    def extensions(self, known: Names) -> dict[Names, Fitted]:
+    def extensions(self, known: Names) -> dict[Names, FittedModel]:
         """Return the fits of models with one effect more than the known ones."""
         return {
             key: fitted
@@ -153,22 +153,22 @@ class Searcher:
 
     def take(self, names: Names) -> None:
         """Settle on a model as it was tried."""
-        self.polished[names], self.settled[names] = self.trials[names]
+        self.output_error_fits[names], self.gap_left[names] = self.trials[names]
 
     def refine(self, names: Names) -> None:
         """Let the fit of a model go on to its minimum, in all its effects' parameters; once."""
         if names not in self._refined:
             self._refined.add(names)
-            self.fits[names] = refined(self.study, self.fits[names], self.effects(names))
+            self.fits[names] = refine_model(self.study, self.fits[names], self.effects(names))
 
 
 @one_thread
-def _elsewhere(packed: bytes, job: Callable[..., object], *given: object) -> object:
-    return job(_unpacked(hashlib.sha256(packed).hexdigest(), packed), *given)
+def _run_in_worker(packed: bytes, job: Callable[..., object], *given: object) -> object:
+    return job(_unpickled(hashlib.sha256(packed).hexdigest(), packed), *given)
 
 
 @lru_cache(maxsize=2)
-def _unpacked(token: str, packed: bytes) -> Study:
+def _unpickled(token: str, packed: bytes) -> Study:
     del token
     found: Study = pickle.loads(packed)
     return found

@@ -11,24 +11,28 @@ import numpy as np
 from pneumo_casadi.diagnosis.metrics.residual_size import (
     COARSE_MAP,
     NEAR_NULL,
-    Yardstick,
+    BalanceLevels,
+    balance_levels,
     gaps,
-    size,
-    yardstick,
+    residual_rms,
 )
 from pneumo_casadi.diagnosis.metrics.simulated_gap import Simulations
 from pneumo_casadi.diagnosis.prepare.fit_store import Store
-from pneumo_casadi.diagnosis.prepare.study import Fitted, Study, fit
-from pneumo_casadi.diagnosis.screen.screen import Screened, background
+from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study, fit_model
+from pneumo_casadi.diagnosis.screen.screen import ScreenResult, background
 from pneumo_casadi.diagnosis.select.acceptance import accepted
-from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue, Failed, Names, Searcher, Start
-from pneumo_casadi.diagnosis.select.plausibility import mended
-from pneumo_casadi.diagnosis.select.sensor_effects import beside_sensors, sensed, settled
+from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue, Failed, FitLedger, Names, Start
+from pneumo_casadi.diagnosis.select.plausibility import find_plausible_extension
+from pneumo_casadi.diagnosis.select.sensor_effects import (
+    closes_in_simulation,
+    extend_by_simulation,
+    find_sensor_extension,
+)
 from pneumo_casadi.estimation.equation_error.balance_functions import remembers
 from pneumo_casadi.runtime.progress import Progress, no_progress
 
 #: So many effects together at most.
-MOST = 3
+MAX_EFFECTS = 3
 #: Effects refitted in later rounds, in the order of the screen. In the first it is all of them: a
 #: line from the nominal fit does not lead to a large effect whose share of it points elsewhere.
 LATER_ROUNDS = 5
@@ -41,26 +45,26 @@ CONTRADICTED = 4
 
 
 @dataclass(frozen=True, eq=False)
-class Search:
+class Selection:
     """All that was fitted, and the path taken.
 
     Parameters
     ----------
-    nominal : Fitted
+    nominal : FittedModel
         Without effects.
-    fits : mapping of tuple of str to Fitted
+    fits : mapping of tuple of str to FittedModel
         Every model with effects, by their sorted names.
     failures : tuple of Failed
         Fits that did not come about.
-    screen : mapping of str to Screened
+    screen : mapping of str to ScreenResult
         What the screen said over the nominal model.
     path : tuple of tuple of str
         Models accepted one after another, the last one final; empty if none was.
-    by : Yardstick
+    levels : BalanceLevels
         Noise and signal of the held-out records.
-    polished : mapping of tuple of str to Fitted
-        Models that were taken as output error has refined them; see `beside_sensors`.
-    settled : mapping of tuple of str to float
+    output_error_fits : mapping of tuple of str to FittedModel
+        Models that were taken as output error has refined them; see `extend_by_simulation`.
+    gap_left : mapping of tuple of str to float
         Share of the simulated gap left by those, and by the final model.
     trials : mapping of tuple of str to float
         Share of the simulated gap left by every model that output error has refined.
@@ -68,14 +72,14 @@ class Search:
         Of the held-out records, those already done.
     """
 
-    nominal: Fitted
-    fits: Mapping[Names, Fitted]
+    nominal: FittedModel
+    fits: Mapping[Names, FittedModel]
     failures: tuple[Failed, ...]
-    screen: Mapping[str, Screened]
+    screen: Mapping[str, ScreenResult]
     path: tuple[Names, ...]
-    by: Yardstick
-    polished: Mapping[Names, Fitted]
-    settled: Mapping[Names, float]
+    levels: BalanceLevels
+    output_error_fits: Mapping[Names, FittedModel]
+    gap_left: Mapping[Names, float]
     trials: Mapping[Names, float]
     simulations: Simulations
 
@@ -85,20 +89,20 @@ class Search:
         return self.path[-1] if self.path else ()
 
     @property
-    def final(self) -> Fitted:
+    def final(self) -> FittedModel:
         """The final model."""
         if not self.path:
             return self.nominal
-        return self.polished.get(self.chosen, self.fits[self.chosen])
+        return self.output_error_fits.get(self.chosen, self.fits[self.chosen])
 
 
-def search(
-    one: Study,
+def select_effects(
+    study: Study,
     catalogue: Catalogue,
     executor: Executor | None = None,
     progress: Progress | None = None,
     keep: Path | None = None,
-) -> Search:
+) -> Selection:
     """Find the effects that close the held-out gap of a study.
 
     Parameters
@@ -107,110 +111,116 @@ def search(
         Folder of finished fits, see `Store`.
     """
     report = progress or no_progress
-    store = None if keep is None else Store.of(keep, one)
-    worker = Searcher(one, catalogue, executor, store)
+    store = None if keep is None else Store.of(keep, study)
+    worker = FitLedger(study, catalogue, executor, store)
     report("nominal model", 0.0)
-    nominal = fit(one, ())
-    by = yardstick(one)
+    nominal = fit_model(study, ())
+    levels = balance_levels(study)
     report("screening the catalogue", 0.1)
     worker.screen_all(nominal)
-    first = worker.over(background(one, nominal, nominal))
+    first = worker.over(background(study, nominal, nominal))
     report("refitting single effects", 0.3)
     _fit_beside(worker, (), nominal, first, list(first))
-    path = _forward(worker, nominal, by, report)
+    path = _forward(worker, nominal, levels, report)
     failures = tuple(worker.failures.values())
-    return Search(
+    return Selection(
         nominal,
         {k: fitted for k, (fitted, left) in worker.trials.items() if left < np.inf} | worker.fits,
         failures,
         first,
         path,
-        by,
-        worker.polished,
-        worker.settled,
+        levels,
+        worker.output_error_fits,
+        worker.gap_left,
         {key: share for key, (_, share) in worker.trials.items()},
         worker.simulations,
     )
 
 
 def _forward(
-    worker: Searcher, nominal: Fitted, by: Yardstick, report: Progress
+    ledger: FitLedger, nominal: FittedModel, levels: BalanceLevels, report: Progress
 ) -> tuple[Names, ...]:
     path: list[Names] = []
     current = nominal
-    for round_ in range(MOST):
+    for round_ in range(MAX_EFFECTS):
         known: Names = path[-1] if path else ()
         if round_:
             report(f"looking for effect {round_ + 1}", 0.4 + 0.15 * round_)
-            _extend(worker, nominal, current, known)
+            _extend(ledger, nominal, current, known)
         if round_ == 1:
-            _pair_up(worker)
+            _fit_pairs(ledger)
         options = [
             (fitted.cost, key)
-            for key, fitted in worker.fits.items()
+            for key, fitted in ledger.fits.items()
             if len(key) == round_ + 1
             and (round_ < 2 or len(set(key) & set(known)) >= round_)
-            and accepted(nominal, current, fitted, by)
-            and not _coarse(worker, current, known, key, by)
+            and accepted(nominal, current, fitted, levels)
+            and not _coarse(ledger, current, known, key, levels)
         ]
         if not round_:
-            worker.alone = tuple(key[0] for _, key in sorted(options))
-        mending = None if options else mended(worker, current, known)
-        if not options and mending is None:
-            more = sensed(worker, nominal, current, known, by)
+            ledger.alone = tuple(key[0] for _, key in sorted(options))
+        plausible = None if options else find_plausible_extension(ledger, current, known)
+        if not options and plausible is None:
+            more = find_sensor_extension(ledger, nominal, current, known, levels)
             path += [] if more is None else [more]
             break
-        best = mending or min(options)[1]
-        if round_ == 1 and mending is None:
-            best = _second_thoughts(worker, nominal, best, by, current)
+        best = plausible or min(options)[1]
+        if round_ == 1 and plausible is None:
+            best = _backtrack(ledger, nominal, best, levels, current)
         path.append(best)
-        worker.refine(best)
-        if settled(worker, nominal, best) or not np.any(gaps(size(worker.fits[best]), by)):
+        ledger.refine(best)
+        if closes_in_simulation(ledger, nominal, best) or not np.any(
+            gaps(residual_rms(ledger.fits[best]), levels)
+        ):
             break
-        if round_ and remembers(worker.effects(best)):
+        if round_ and remembers(ledger.effects(best)):
             break  # what the balances say while a sensor hides the motion goes no further
-        current = worker.fits[best]
+        current = ledger.fits[best]
     report("comparing simulations", 0.85)
-    taken = beside_sensors(worker, nominal, tuple(path), MOST)
-    if taken and taken[-1] not in worker.settled:
-        final, effects = worker.fits[taken[-1]], worker.effects(taken[-1])
-        worker.settled[taken[-1]] = worker.simulations.share(nominal, final, effects)
+    taken = extend_by_simulation(ledger, nominal, tuple(path), MAX_EFFECTS)
+    if taken and taken[-1] not in ledger.gap_left:
+        final, effects = ledger.fits[taken[-1]], ledger.effects(taken[-1])
+        ledger.gap_left[taken[-1]] = ledger.simulations.share(nominal, final, effects)
     return taken
 
 
-def _coarse(worker: Searcher, current: Fitted, known: Names, names: Names, by: Yardstick) -> bool:
+def _coarse(
+    ledger: FitLedger, current: FittedModel, known: Names, names: Names, levels: BalanceLevels
+) -> bool:
     """Tell whether what is added only draws anew a metered map whose rest is no more than coarse.
 
     Beside an effect in another balance the rest of the map may be all that is left to be gained:
     there it must be more than any coarse map leaves.
     """
     limit = NEAR_NULL if known else COARSE_MAP
-    coarse = bool(np.all((size(current) < limit * by.noise)[:-1]))  # the force has no map
+    coarse = bool(
+        np.all((residual_rms(current) < limit * levels.noise)[:-1])
+    )  # the force has no map
     added = [name for name in names if name not in known]
-    return coarse and all(effect.metered for effect in worker.effects(added))
+    return coarse and all(effect.metered for effect in ledger.effects(added))
 
 
-def _extend(worker: Searcher, nominal: Fitted, current: Fitted, known: Names) -> None:
+def _extend(ledger: FitLedger, nominal: FittedModel, current: FittedModel, known: Names) -> None:
     """Fit the most promising additions to a model."""
-    behind = background(worker.study, nominal, current, worker.effects(known))
-    screened = worker.over(behind, known)
+    behind = background(ledger.study, nominal, current, ledger.effects(known))
+    screened = ledger.over(behind, known)
     tried = list(screened)[:LATER_ROUNDS]
-    alone = [name for name in worker.alone if name in screened and name not in tried][:ALONE]
-    _fit_beside(worker, known, current, screened, (*tried, *alone))
+    alone = [name for name in ledger.alone if name in screened and name not in tried][:ALONE]
+    _fit_beside(ledger, known, current, screened, (*tried, *alone))
 
 
 def _fit_beside(
-    worker: Searcher,
+    ledger: FitLedger,
     known: Names,
-    current: Fitted,
-    screened: Mapping[str, Screened],
+    current: FittedModel,
+    screened: Mapping[str, ScreenResult],
     names: Sequence[str],
 ) -> None:
     """Fit a model with each of some effects more, and each that is not felt where it is small."""
     unfelt = [name for name, one in screened.items() if not one.felt]
-    worker.fit_all(
+    ledger.fit_all(
         {
-            worker.key((*known, name)): (
+            ledger.key((*known, name)): (
                 current.values,
                 screened[name].starts,
                 None if screened[name].felt else current.cost,
@@ -220,45 +230,45 @@ def _fit_beside(
     )
 
 
-def _pair_up(worker: Searcher) -> None:
+def _fit_pairs(ledger: FitLedger) -> None:
     """Fit the best effects in pairs, each beginning where it ended alone.
 
     A third effect may stand for two, and no pair with it is right; and where two that it stood for
     have another form than the usual, only that form shows it.
     """
     starts: dict[Names, Start] = {}
-    for one, other in combinations(worker.alone[:PAIRED], 2):
-        better, added = (worker.fits[name,] for name in (one, other))
+    for one, other in combinations(ledger.alone[:PAIRED], 2):
+        better, added = (ledger.fits[name,] for name in (one, other))
         own = {n: v for n, v in added.values.items() if n.startswith(f"{other}.")}
-        starts[worker.key((one, other))] = {**better.values, **own}, (), None
-    worker.fit_all(starts | _contradicted(worker))
-    pairs = [key for key in worker.fits if len(key) == 2]
+        starts[ledger.key((one, other))] = {**better.values, **own}, (), None
+    ledger.fit_all(starts | _starts_of_contradicted_shapes(ledger))
+    pairs = [key for key in ledger.fits if len(key) == 2]
     if pairs:
-        worker.refine(min(pairs, key=lambda key: worker.fits[key].cost))
+        ledger.refine(min(pairs, key=lambda key: ledger.fits[key].cost))
 
 
-def _contradicted(worker: Searcher) -> dict[Names, Start]:
+def _starts_of_contradicted_shapes(ledger: FitLedger) -> dict[Names, Start]:
     """Return starts of shapes of the valve beside the effects that fit best alone."""
-    refused = [k[0] for k in worker.failures if len(k) == 1 and worker.effects(k)[0].metered]
-    alone = sorted((f.cost, key) for key, f in worker.fits.items() if len(key) == 1)
+    refused = [k[0] for k in ledger.failures if len(k) == 1 and ledger.effects(k)[0].metered]
+    alone = sorted((f.cost, key) for key, f in ledger.fits.items() if len(key) == 1)
     return {
-        worker.key((name, other)): (worker.fits[other,].values, (), None)
+        ledger.key((name, other)): (ledger.fits[other,].values, (), None)
         for name in refused
         for _, (other,) in alone[:CONTRADICTED]
     }
 
 
-def _second_thoughts(
-    worker: Searcher, nominal: Fitted, pair: Names, by: Yardstick, single: Fitted
+def _backtrack(
+    ledger: FitLedger, nominal: FittedModel, pair: Names, levels: BalanceLevels, single: FittedModel
 ) -> Names:
     """Let each partner of a pair look for a better one: the first choice stood for two."""
     for name in pair:
-        alone = worker.fits.get((name,))
+        alone = ledger.fits.get((name,))
         if alone is not None and alone is not single:
-            _extend(worker, nominal, alone, (name,))
+            _extend(ledger, nominal, alone, (name,))
     options = [
         (fitted.cost, key)
-        for key, fitted in worker.fits.items()
-        if len(key) == 2 and accepted(nominal, single, fitted, by)
+        for key, fitted in ledger.fits.items()
+        if len(key) == 2 and accepted(nominal, single, fitted, levels)
     ]
     return min(options)[1]

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from pneumo_casadi.diagnosis.metrics.simulated_gap import V_S_SIMULATED, WINDOW
-from pneumo_casadi.diagnosis.prepare.study import Fitted, Study
+from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study
 from pneumo_casadi.errors import FitError, ModelError
 from pneumo_casadi.estimation.equation_error.balance_functions import AlongMotion
 from pneumo_casadi.estimation.equation_error.residuals import residuals
@@ -26,20 +26,22 @@ OPTIONS = OutputErrorOptions(
 )
 
 
-def polished(one: Study, fitted: Fitted, effects: Sequence[Effect]) -> Fitted:
+def refine_by_output_error(
+    study: Study, fitted: FittedModel, effects: Sequence[Effect]
+) -> FittedModel:
     """Refine a fit by output error over windows; return it as it was where that fails.
 
     The flow map is held where the balances have left it: windows of half a second say little of
     it, and the gauge stays where it is.
     """
-    axis = one.axis.with_effects(*effects).with_parameters(dict(fitted.values))
+    axis = study.axis.with_effects(*effects).with_parameters(dict(fitted.values))
     if axis.flow is not None:
         metered = [f"{e.name}.{p.name}" for e in effects if e.metered for p in e.parameters]
         held = (*axis.flow.parameters.names, *metered)
         axis = axis.with_parameters(axis.parameters.fix(*held))
     result: object
     try:
-        result = fit_output_error(axis, one.train, None, OPTIONS)
+        result = fit_output_error(axis, study.train, None, OPTIONS)
     except FitError as error:
         result = error.partial
     except ModelError:
@@ -47,9 +49,9 @@ def polished(one: Study, fitted: Fitted, effects: Sequence[Effect]) -> Fitted:
     if not isinstance(result, OutputErrorResult) or not np.isfinite(result.rms).all():
         return fitted
     values = result.parameters.as_dict() | {"v_s": fitted.values["v_s"]}
-    model = AlongMotion(one.axis.with_effects(*effects).with_parameters(values))
+    model = AlongMotion(study.axis.with_effects(*effects).with_parameters(values))
     theta = model.axis.parameters.values
-    train, held = one.smoothed
+    train, held = study.smoothed
     std = {name: result.std(name, robust=True) for name in result.estimate.names}
     return replace(
         fitted,

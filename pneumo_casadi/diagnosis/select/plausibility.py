@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from pneumo_casadi.diagnosis.checks.parameter_checks import checks_of
-from pneumo_casadi.diagnosis.metrics.residual_size import size
-from pneumo_casadi.diagnosis.prepare.study import Fitted
+from pneumo_casadi.diagnosis.checks.parameter_checks import check_fit
+from pneumo_casadi.diagnosis.metrics.residual_size import residual_rms
+from pneumo_casadi.diagnosis.prepare.study import FittedModel
 from pneumo_casadi.diagnosis.select.acceptance import MATTERS
-from pneumo_casadi.diagnosis.select.fit_ledger import Names, Searcher
+from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger, Names
 
 #: What an axis is known by; other checks have causes of their own.
 KNOWN_BY = {"S_P": "areas", "S_N": "areas", "S_N/S_P": "areas", "F_c": "friction", "M": "mass"}
@@ -16,7 +16,7 @@ WRONG = 2
 GAIN = 100.0
 
 
-def mended(worker: Searcher, current: Fitted, known: Names) -> Names | None:
+def find_plausible_extension(ledger: FitLedger, current: FittedModel, known: Names) -> Names | None:
     """Return a model with one more effect with which all parameters are possible, or None.
 
     What the form of a large effect misses is no second cause, so a further one is asked to close
@@ -26,23 +26,23 @@ def mended(worker: Searcher, current: Fitted, known: Names) -> Names | None:
 
     Parameters
     ----------
-    current : Fitted
+    current : FittedModel
         The best model so far, with the effects `known`.
     """
-    if not known or len(_wrong(worker, known, current)) < WRONG:
+    if not known or len(_wrong(ledger, known, current)) < WRONG:
         return None
     better = {
         key: fitted
-        for key, fitted in worker.extensions(known).items()
+        for key, fitted in ledger.extensions(known).items()
         if fitted.cost < current.cost - GAIN
-        and np.any(np.log(size(current) / size(fitted)) > MATTERS)
+        and np.any(np.log(residual_rms(current) / residual_rms(fitted)) > MATTERS)
     }
     for key in sorted(better, key=lambda key: better[key].cost):
-        if not _wrong(worker, key, better[key]):
+        if not _wrong(ledger, key, better[key]):
             return key
     return None
 
 
-def _wrong(worker: Searcher, names: Names, fitted: Fitted) -> set[str]:
-    checks = checks_of(worker.study, fitted, worker.effects(names))
+def _wrong(ledger: FitLedger, names: Names, fitted: FittedModel) -> set[str]:
+    checks = check_fit(ledger.study, fitted, ledger.effects(names))
     return {KNOWN_BY[one.name] for one in checks if one.name in KNOWN_BY and not one.agrees}

@@ -9,20 +9,25 @@ from dataclasses import replace
 
 import numpy as np
 
-from pneumo_casadi.diagnosis.metrics.residual_size import Yardstick, size
+from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels, residual_rms
 from pneumo_casadi.diagnosis.metrics.simulated_gap import Simulations
-from pneumo_casadi.diagnosis.prepare.study import FORM, Fitted, Study, refuse_unbelievable
-from pneumo_casadi.diagnosis.select.fit_ledger import FAULTS, Failed, Names, Searcher
-from pneumo_casadi.diagnosis.select.output_error_refinement import polished
+from pneumo_casadi.diagnosis.prepare.study import (
+    MIN_FORM_GAIN,
+    FittedModel,
+    Study,
+    require_credible,
+)
+from pneumo_casadi.diagnosis.select.fit_ledger import FAULTS, Failed, FitLedger, Names
+from pneumo_casadi.diagnosis.select.output_error_refinement import refine_by_output_error
 from pneumo_casadi.estimation.equation_error.balance_functions import remembers, senses
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.parameters import FloatArray
 
 #: A model that leaves less than this share of the simulated gap needs no further effect.
-SETTLED = 0.35
+CLOSED_SHARE_LEFT = 0.35
 #: An effect of a sensor is worth a simulation where the held-out residuals of some balance are so
 #: many times the noise, and accepted where it leaves less than this share of what was left.
-SENSED, CLOSED = 1.3, 0.7
+MIN_RESIDUAL_OVER_NOISE, CLOSED = 1.3, 0.7
 #: Beside a sensor an effect must close the first share of the simulated gap, which at least must be
 #: left; a third effect is sought where two leave more than the second.
 LEAST, UNEXPLAINED = 0.05, 0.5
@@ -30,160 +35,168 @@ LEAST, UNEXPLAINED = 0.05, 0.5
 TRIED = 3
 
 
-def sensed(
-    worker: Searcher, nominal: Fitted, current: Fitted, known: Names, by: Yardstick
+def find_sensor_extension(
+    ledger: FitLedger,
+    nominal: FittedModel,
+    current: FittedModel,
+    known: Names,
+    levels: BalanceLevels,
 ) -> Names | None:
     """Return a model with one more effect, of a sensor, that only simulations show to be better.
 
     Parameters
     ----------
-    current : Fitted
+    current : FittedModel
         The best model so far, with the effects `known`.
     """
-    fits = worker.extensions(known)
+    fits = ledger.extensions(known)
     best = min(fits, key=lambda key: fits[key].cost, default=None)
-    if best is None or np.all(size(current) < SENSED * by.noise):
+    if best is None or np.all(residual_rms(current) < MIN_RESIDUAL_OVER_NOISE * levels.noise):
         return None
-    effects, before = worker.effects(best), worker.effects(known)
-    if fits[best].cost > current.cost - FORM or not remembers(effects) or senses(before):
+    effects, before = ledger.effects(best), ledger.effects(known)
+    if fits[best].cost > current.cost - MIN_FORM_GAIN or not remembers(effects) or senses(before):
         return None
-    _try_all(worker, nominal, {best: fits[best]})
-    if worker.trials[best][1] > CLOSED * worker.simulations.share(nominal, current, before):
+    _refine_all(ledger, nominal, {best: fits[best]})
+    if ledger.trials[best][1] > CLOSED * ledger.simulations.share(nominal, current, before):
         return None
-    worker.take(best)
+    ledger.take(best)
     return best
 
 
-def settled(worker: Searcher, nominal: Fitted, names: Names) -> bool:
+def closes_in_simulation(ledger: FitLedger, nominal: FittedModel, names: Names) -> bool:
     """Tell whether a model with a sensor that remembers closes the gap once it is simulated."""
-    if not remembers(worker.effects(names)):
+    if not remembers(ledger.effects(names)):
         return False
-    _try_all(worker, nominal, {names: worker.fits[names]})
-    if worker.trials[names][1] < SETTLED:
-        worker.take(names)
+    _refine_all(ledger, nominal, {names: ledger.fits[names]})
+    if ledger.trials[names][1] < CLOSED_SHARE_LEFT:
+        ledger.take(names)
         return True
     return False
 
 
-def beside_sensors(
-    worker: Searcher, nominal: Fitted, path: tuple[Names, ...], most: int
+def extend_by_simulation(
+    ledger: FitLedger, nominal: FittedModel, path: tuple[Names, ...], max_effects: int
 ) -> tuple[Names, ...]:
     """Go on by simulations where a sensor that remembers was found, and return the path taken.
 
     Where what the balances say of further effects does not settle in simulations, what grows from
     the sensor alone is tried, and taken if it leaves no more.
     """
-    if not path or not remembers(worker.effects(path[-1])):
+    if not path or not remembers(ledger.effects(path[-1])):
         return path
-    _try_all(worker, nominal, {path[-1]: worker.fits[path[-1]]})
+    _refine_all(ledger, nominal, {path[-1]: ledger.fits[path[-1]]})
     first = path[-1]
-    if worker.trials[first][1] >= SETTLED:
-        alone = worker.key(n for n in first if remembers(worker.effects((n,))))
-        first = alone if alone in worker.fits else first
+    if ledger.trials[first][1] >= CLOSED_SHARE_LEFT:
+        alone = ledger.key(n for n in first if remembers(ledger.effects((n,))))
+        first = alone if alone in ledger.fits else first
     grown = [first]
-    while len(grown[-1]) < most:
-        more = _grown(worker, nominal, grown[-1])
+    while len(grown[-1]) < max_effects:
+        more = _extended(ledger, nominal, grown[-1])
         if more is None:
             break
         grown.append(more)
-    if len(grown) == 1 or worker.trials[grown[-1]][1] > worker.trials[path[-1]][1]:
+    if len(grown) == 1 or ledger.trials[grown[-1]][1] > ledger.trials[path[-1]][1]:
         return path
-    worker.take(grown[-1])
+    ledger.take(grown[-1])
     return (*(names for names in path if set(names) < set(first)), *grown)
 
 
-def _grown(worker: Searcher, nominal: Fitted, known: Names) -> Names | None:
+def _extended(ledger: FitLedger, nominal: FittedModel, known: Names) -> Names | None:
     """Return a model with one more effect that simulations show to be better, or None."""
-    _try_all(worker, nominal, {known: worker.fits[known]})
-    base, share = worker.trials[known]
+    _refine_all(ledger, nominal, {known: ledger.fits[known]})
+    base, share = ledger.trials[known]
     if share < (LEAST if len(known) == 1 else UNEXPLAINED):
         return None
-    keys = {name: worker.key((*known, name)) for name in _candidates(worker, known)}
+    keys = {name: ledger.key((*known, name)) for name in _candidates(ledger, known)}
     starts = {
-        key: _beside(worker, base, known, name)
+        key: _beside(ledger, base, known, name)
         for name, key in keys.items()
-        if key not in worker.failures  # refused with a reason
+        if key not in ledger.failures  # refused with a reason
     }
-    _try_all(worker, nominal, starts)
-    shares = {key: worker.trials[key][1] for key in starts}
+    _refine_all(ledger, nominal, starts)
+    shares = {key: ledger.trials[key][1] for key in starts}
     best = min(shares, key=lambda key: shares[key], default=None)
     if best is None or shares[best] > min(CLOSED * share, share - LEAST, 1.0):
         return None
-    _try_again(worker, nominal, best)
-    worker.fits.setdefault(best, worker.trials[best][0])
+    _refine_again(ledger, nominal, best)
+    ledger.fits.setdefault(best, ledger.trials[best][0])
     return best
 
 
-def _candidates(worker: Searcher, known: Names) -> Sequence[str]:
+def _candidates(ledger: FitLedger, known: Names) -> Sequence[str]:
     """Name what may act beside sensors: what fits say, and what these sensors are confused with.
 
     A fit along the smoothed motion may drive to nothing what acts in the motion that they hide.
     """
 
-    def best(fits: dict[Names, Fitted]) -> list[Names]:
+    def best(fits: dict[Names, FittedModel]) -> list[Names]:
         return sorted(fits, key=lambda key: fits[key].cost)[:TRIED]
 
-    alone = {key: f for key, f in worker.extensions(()).items() if not set(key) & set(known)}
-    names = {name for key in (*best(worker.extensions(known)), *best(alone)) for name in key}
-    for one in worker.effects(known):
+    alone = {key: f for key, f in ledger.extensions(()).items() if not set(key) & set(known)}
+    names = {name for key in (*best(ledger.extensions(known)), *best(alone)) for name in key}
+    for one in ledger.effects(known):
         if remembers((one,)):
-            names |= {n for n in one.confused_with if n in worker.catalogue}
-    made = {name: worker.catalogue[name]() for name in worker.key(names - set(known))}
+            names |= {n for n in one.confused_with if n in ledger.catalogue}
+    made = {name: ledger.catalogue[name]() for name in ledger.key(names - set(known))}
     # A refinement holds the flow map, and with it what is metered of a valve. A second sensor that
     # hides the motion is tried only where it gains in fits too: the first may stand for it.
     return [
         name
         for name, effect in made.items()
-        if not effect.metered and (_gains(worker, known, name) or not remembers((effect,)))
+        if not effect.metered and (_gains(ledger, known, name) or not remembers((effect,)))
     ]
 
 
-def _gains(worker: Searcher, known: Names, name: str) -> bool:
+def _gains(ledger: FitLedger, known: Names, name: str) -> bool:
     """Tell whether an effect more was fitted beside the known ones, and gained something."""
-    fitted = worker.fits.get(worker.key((*known, name)))
-    return fitted is not None and fitted.cost < worker.fits[known].cost - FORM
+    fitted = ledger.fits.get(ledger.key((*known, name)))
+    return fitted is not None and fitted.cost < ledger.fits[known].cost - MIN_FORM_GAIN
 
 
-def _beside(worker: Searcher, base: Fitted, known: Names, name: str) -> Fitted:
+def _beside(ledger: FitLedger, base: FittedModel, known: Names, name: str) -> FittedModel:
     """Return a fit with an effect more: as fitted where that gained something, or at its start."""
-    key = worker.key((*known, name))
-    axis = worker.study.axis.with_effects(*worker.effects(key)).at_starting_values()
+    key = ledger.key((*known, name))
+    axis = ledger.study.axis.with_effects(*ledger.effects(key)).at_starting_values()
     values = axis.with_parameters(dict(base.values)).parameters.as_dict()
-    if _gains(worker, known, name):
-        fitted = worker.fits[key].values
+    if _gains(ledger, known, name):
+        fitted = ledger.fits[key].values
         values |= {n: v for n, v in fitted.items() if n.startswith(f"{name}.")}
     return replace(base, effects=key, values=values)
 
 
-def _try_all(worker: Searcher, nominal: Fitted, starts: Mapping[Names, Fitted]) -> None:
+def _refine_all(
+    ledger: FitLedger, nominal: FittedModel, starts: Mapping[Names, FittedModel]
+) -> None:
     """Refine models by output error and simulate them, those that were not tried already."""
     jobs = {
-        key: worker.run(_tried, start, worker.effects(key))
+        key: ledger.run(_refine_and_simulate, start, ledger.effects(key))
         for key, start in starts.items()
-        if key not in worker.trials
+        if key not in ledger.trials
     }
     for key, job in jobs.items():
         try:
             better, windows = job.result()
         except FAULTS as error:
-            worker.trials[key] = starts[key], np.inf
-            if key not in worker.fits:
-                worker.failures[key] = Failed(key, f"refined by output error: {error}")
+            ledger.trials[key] = starts[key], np.inf
+            if key not in ledger.fits:
+                ledger.failures[key] = Failed(key, f"refined by output error: {error}")
             continue
-        worker.simulations.keep(better, windows)
-        share = worker.simulations.share(nominal, better, worker.effects(key))
-        worker.trials[key] = better, share
+        ledger.simulations.keep(better, windows)
+        share = ledger.simulations.share(nominal, better, ledger.effects(key))
+        ledger.trials[key] = better, share
 
 
-def _try_again(worker: Searcher, nominal: Fitted, names: Names) -> None:
+def _refine_again(ledger: FitLedger, nominal: FittedModel, names: Names) -> None:
     """Let a fit that may have been cut short go on from where it ended, if that leaves less."""
-    before = worker.trials.pop(names)
-    _try_all(worker, nominal, {names: before[0]})
-    worker.trials[names] = min(before, worker.trials[names], key=lambda one: one[1])
-    worker.failures.pop(names, None)  # where only the second refinement failed
+    before = ledger.trials.pop(names)
+    _refine_all(ledger, nominal, {names: before[0]})
+    ledger.trials[names] = min(before, ledger.trials[names], key=lambda one: one[1])
+    ledger.failures.pop(names, None)  # where only the second refinement failed
 
 
-def _tried(one: Study, start: Fitted, effects: Sequence[Effect]) -> tuple[Fitted, FloatArray | str]:
-    better = polished(one, start, effects)
-    refuse_unbelievable(one, effects, better)
-    return better, Simulations(one).windows(better, effects)
+def _refine_and_simulate(
+    study: Study, start: FittedModel, effects: Sequence[Effect]
+) -> tuple[FittedModel, FloatArray | str]:
+    better = refine_by_output_error(study, start, effects)
+    require_credible(study, effects, better)
+    return better, Simulations(study).windows(better, effects)

@@ -5,7 +5,7 @@ labels is written first, and the labels are opened once every verdict is on disk
 extra ``bench``.
 """
 
-from pneumo_casadi.evaluation.sealed_check.answer import Said, said
+from pneumo_casadi.evaluation.sealed_check.answer import Answer, read_answer
 from pneumo_casadi.evaluation.sealed_check.check import WithheldOptions, check_withheld
 from pneumo_casadi.evaluation.sealed_check.draw import Draw, Kind, Proportions, draw_cases
 from pneumo_casadi.evaluation.sealed_check.run import Diagnosing, real_diagnosis
@@ -13,19 +13,19 @@ from pneumo_casadi.evaluation.sealed_check.score import Judged, scored
 from pneumo_casadi.evaluation.sealed_check.tally import Calibration, Share, calibration
 
 __all__ = [
+    "Answer",
     "Calibration",
     "Diagnosing",
     "Draw",
     "Judged",
     "Kind",
     "Proportions",
-    "Said",
     "Share",
     "WithheldOptions",
     "calibration",
     "check_withheld",
     "draw_cases",
+    "read_answer",
     "real_diagnosis",
-    "said",
     "scored",
 ]

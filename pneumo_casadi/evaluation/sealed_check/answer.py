@@ -18,7 +18,7 @@ NAMING = ("effect", "ambiguous", "absorbed")
 
 
 @dataclass(frozen=True, slots=True)
-class Said:
+class Answer:
     """One verdict.
 
     Parameters
@@ -43,12 +43,12 @@ class Said:
     balance: str
 
 
-def said(verdict: Mapping[str, Any]) -> Said:
+def read_answer(verdict: Mapping[str, Any]) -> Answer:
     """Reduce the JSON of a diagnosis.
 
     Examples
     --------
-    >>> one = said({"verdict": "ambiguous", "ambiguous": ["hose", "valve_dynamics"]})
+    >>> one = read_answer({"verdict": "ambiguous", "ambiguous": ["hose", "valve_dynamics"]})
     >>> sorted(one.named), sorted(one.offered)
     (['hose'], ['hose', 'valve_dynamics'])
     """
@@ -61,7 +61,7 @@ def said(verdict: Mapping[str, Any]) -> Said:
     if word in NAMING:
         first = alike[:1] + list(ranking[:1] if word == "absorbed" else ())
         named = added or next(iter(first), named)
-    return Said(
+    return Answer(
         word,
         named,
         union([named, *alike]) if word in NAMING else frozenset(),

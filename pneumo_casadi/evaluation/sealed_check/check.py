@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from pneumo_casadi.evaluation.sealed_check.answer import said
+from pneumo_casadi.evaluation.sealed_check.answer import read_answer
 from pneumo_casadi.evaluation.sealed_check.draw import Draw, Kind, Proportions, draw_cases
 from pneumo_casadi.evaluation.sealed_check.measure import measure_one, rivals_of_one
 from pneumo_casadi.evaluation.sealed_check.run import (
@@ -103,7 +103,9 @@ def check_withheld(
     diagnose_cases(folder, left_out, diagnosing, executor, progress)
     labels, verdicts = opened(folder)
     measures = _measure(folder, labels, verdicts, options, executor, progress)
-    found = scored([Judged(one, said(verdicts[one.name]), measures[one.name]) for one in labels])
+    found = scored(
+        [Judged(one, read_answer(verdicts[one.name]), measures[one.name]) for one in labels]
+    )
     write_json(found, folder / SCORES)
     return found
 
@@ -119,7 +121,7 @@ def _measure(
     """Measure what is not measured yet, and return all of it by case."""
     sizes, rivals = {}, {}
     for one in draws:
-        case, named = folder / CASES / one.name, sorted(said(verdicts[one.name]).named)
+        case, named = folder / CASES / one.name, sorted(read_answer(verdicts[one.name]).named)
         sizes[one.name] = partial(
             measure_one, folder / MEASURES, case, one, named, options.duration, options.fs
         )

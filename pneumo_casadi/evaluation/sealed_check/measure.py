@@ -25,10 +25,10 @@ import numpy as np
 
 from pneumo_casadi.data import load_case
 from pneumo_casadi.diagnosis import applicable, prepare
-from pneumo_casadi.diagnosis.metrics.residual_size import size
-from pneumo_casadi.diagnosis.prepare.study import Fitted, Study, fit
-from pneumo_casadi.diagnosis.screen.screen import Screened, background
-from pneumo_casadi.diagnosis.select.fit_ledger import Searcher
+from pneumo_casadi.diagnosis.metrics.residual_size import residual_rms
+from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study, fit_model
+from pneumo_casadi.diagnosis.screen.screen import ScreenResult, background
+from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger
 from pneumo_casadi.effects import CATALOGUE
 from pneumo_casadi.errors import PneumoError
 from pneumo_casadi.evaluation.sealed_check.draw import Draw, make_twin
@@ -53,7 +53,7 @@ def measure_one(
     def figures() -> dict[str, Any]:
         with tempfile.TemporaryDirectory() as scratch:
             twin, _ = prepare(make_twin(draw, Path(scratch) / "twin", duration, fs))
-            floor = size(fit(twin, ()))
+            floor = residual_rms(fit_model(twin, ()))
         return measured(prepare(load_case(case))[0], floor, draw, named)
 
     _write(figures, folder, draw)
@@ -73,12 +73,12 @@ def _write(figures: Callable[[], dict[str, Any]], folder: Path, draw: Draw) -> N
     write_json(found, folder / f"{draw.name}.json")
 
 
-def measured(one: Study, floor: FloatArray, draw: Draw, named: Collection[str]) -> dict[str, Any]:
+def measured(study: Study, floor: FloatArray, draw: Draw, named: Collection[str]) -> dict[str, Any]:
     """Return the figures of one case.
 
     Parameters
     ----------
-    one : Study
+    study : Study
         The case.
     floor : (ne,) array
         Held-out residuals of the twin, root mean square.
@@ -87,17 +87,17 @@ def measured(one: Study, floor: FloatArray, draw: Draw, named: Collection[str]) 
     named : collection of str
         Effects that the verdict stands for.
     """
-    models = Models.of(one, draw.without)
-    before = size(models.nominal)
+    models = Models.of(study, draw.without)
+    before = residual_rms(models.nominal)
 
     def shrink(names: Iterable[str]) -> float | None:
         after = models.fitted(names)
-        return None if after is None else shrunk(before, size(after), floor)
+        return None if after is None else closure_above_twin(before, residual_rms(after), floor)
 
     knows = bool(draw.effects) and draw.listed
     return {
-        "rms": dict(zip(one.axis.equations, before.tolist(), strict=True)),
-        "twin_rms": dict(zip(one.axis.equations, floor.tolist(), strict=True)),
+        "rms": dict(zip(study.axis.equations, before.tolist(), strict=True)),
+        "twin_rms": dict(zip(study.axis.equations, floor.tolist(), strict=True)),
         "visible": bool(np.any(before > VISIBLE * floor)),
         "oracle_shrink": shrink(draw.effects) if knows else None,
         "named_shrink": shrink(named) if knows else None,
@@ -109,13 +109,13 @@ def gap(rms: FloatArray, floor: FloatArray) -> float:
     return float(np.sqrt(np.maximum((rms / floor) ** 2 - 1, 0.0).sum()))
 
 
-def shrunk(before: FloatArray, after: FloatArray, floor: FloatArray) -> float:
+def closure_above_twin(before: FloatArray, after: FloatArray, floor: FloatArray) -> float:
     """Return 1 − gap after/gap before; 0 where there is no gap before.
 
     Examples
     --------
     >>> floor = np.array([1.0, 1.0])
-    >>> shrunk(np.array([3.0, 1.0]), np.array([1.0, 0.9]), floor)
+    >>> closure_above_twin(np.array([3.0, 1.0]), np.array([1.0, 0.9]), floor)
     1.0
     """
     first = gap(before, floor)
@@ -128,27 +128,27 @@ class Models:
 
     Parameters
     ----------
-    worker : Searcher
+    worker : FitLedger
         Fits them.
-    nominal : Fitted
+    nominal : FittedModel
         Without effects.
-    screen : mapping of str to Screened
+    screen : mapping of str to ScreenResult
         Where the fits of single effects begin.
     """
 
-    worker: Searcher
-    nominal: Fitted
-    screen: Mapping[str, Screened]
+    worker: FitLedger
+    nominal: FittedModel
+    screen: Mapping[str, ScreenResult]
 
     @staticmethod
-    def of(one: Study, without: Collection[str] = ()) -> "Models":
+    def of(study: Study, without: Collection[str] = ()) -> "Models":
         """Fit the nominal model and screen a catalogue that lacks some effects."""
         given = {name: effect for name, effect in CATALOGUE.items() if name not in without}
-        worker, nominal = Searcher(one, applicable(one, given)), fit(one, ())
+        worker, nominal = FitLedger(study, applicable(study, given)), fit_model(study, ())
         worker.screen_all(nominal)
-        return Models(worker, nominal, worker.over(background(one, nominal, nominal)))
+        return Models(worker, nominal, worker.over(background(study, nominal, nominal)))
 
-    def fitted(self, names: Iterable[str]) -> Fitted | None:
+    def fitted(self, names: Iterable[str]) -> FittedModel | None:
         """Return the fit with some effects; None where there is none.
 
         Several effects begin at the best single one of them, the others as screened.

@@ -1,6 +1,6 @@
 """How good verdicts are, counted against the labels.
 
-Which cases a score is about, and when it is a hit (see `said` for *named*, *offered* and
+Which cases a score is about, and when it is a hit (see `read_answer` for *named*, *offered* and
 *ranking*):
 
 ==================  ==========================  ================================================
@@ -38,7 +38,7 @@ from typing import Any
 
 import numpy as np
 
-from pneumo_casadi.evaluation.sealed_check.answer import Said
+from pneumo_casadi.evaluation.sealed_check.answer import Answer
 from pneumo_casadi.evaluation.sealed_check.draw import Draw, Kind
 from pneumo_casadi.evaluation.sealed_check.tally import Share, calibration
 from pneumo_casadi.evaluation.sealed_check.true_balance import balances_of
@@ -55,14 +55,14 @@ class Judged:
     ----------
     draw : Draw
         The label.
-    said : Said
+    answer : Answer
         The verdict.
     measured : mapping
         See `measure`.
     """
 
     draw: Draw
-    said: Said
+    answer: Answer
     measured: Mapping[str, Any]
 
     @property
@@ -83,11 +83,11 @@ class Judged:
     @property
     def first_is_right(self) -> bool:
         """Whether the ranking begins with the causes."""
-        return self.draw.listed and bool(self.causes) and self.said.ranking[:1] == (self.causes,)
+        return self.draw.listed and bool(self.causes) and self.answer.ranking[:1] == (self.causes,)
 
     @property
     def shrink_ratio(self) -> float | None:
-        """Shrink with what was named, over the oracle's; None without an oracle."""
+        """Closure with what was named, over the oracle's; None without an oracle."""
         oracle, own = self.measured.get("oracle_shrink"), self.measured.get("named_shrink")
         if oracle is None or oracle <= 0:
             return None
@@ -97,57 +97,57 @@ class Judged:
         """Return the case as plain data."""
         return {
             **self.draw.as_dict(),
-            "verdict": self.said.verdict,
-            "named": sorted(self.said.named),
-            "offered": sorted(self.said.offered),
-            "ranking": [" + ".join(sorted(one)) for one in self.said.ranking[:3]],
-            "probability": self.said.probability,
-            "balance": self.said.balance,
+            "verdict": self.answer.verdict,
+            "named": sorted(self.answer.named),
+            "offered": sorted(self.answer.offered),
+            "ranking": [" + ".join(sorted(one)) for one in self.answer.ranking[:3]],
+            "probability": self.answer.probability,
+            "balance": self.answer.balance,
             "measured": {**self.measured, "by_error": self.measured.get("by_error", [])[:3]},
         }
 
 
 #: By score: which cases, and when it is a hit.
 SCORES: Mapping[str, tuple[Callable[[Judged], bool], Callable[[Judged], bool]]] = {
-    "right_first": (lambda c: c.kind is Kind.SINGLE, lambda c: c.said.named == c.causes),
+    "right_first": (lambda c: c.kind is Kind.SINGLE, lambda c: c.answer.named == c.causes),
     "ranked_first": (lambda c: c.kind is Kind.SINGLE, lambda c: c.first_is_right),
-    "first_three": (lambda c: c.kind is Kind.SINGLE, lambda c: c.causes in c.said.ranking[:3]),
-    "set_covers": (lambda c: c.kind is Kind.SINGLE, lambda c: c.causes <= c.said.offered),
+    "first_three": (lambda c: c.kind is Kind.SINGLE, lambda c: c.causes in c.answer.ranking[:3]),
+    "set_covers": (lambda c: c.kind is Kind.SINGLE, lambda c: c.causes <= c.answer.offered),
     "set_covers_given": (
-        lambda c: c.kind is Kind.SINGLE and bool(c.said.offered),
-        lambda c: c.causes <= c.said.offered,
+        lambda c: c.kind is Kind.SINGLE and bool(c.answer.offered),
+        lambda c: c.causes <= c.answer.offered,
     ),
-    "false_alarm": (lambda c: c.kind is Kind.NONE, lambda c: bool(c.said.named)),
-    "unknown_caught": (lambda c: c.kind in UNKNOWN_CAUSE, lambda c: c.said.verdict == "unknown"),
+    "false_alarm": (lambda c: c.kind is Kind.NONE, lambda c: bool(c.answer.named)),
+    "unknown_caught": (lambda c: c.kind in UNKNOWN_CAUSE, lambda c: c.answer.verdict == "unknown"),
     "unknown_caught_left_out": (
         lambda c: c.kind is Kind.LEFT_OUT,
-        lambda c: c.said.verdict == "unknown",
+        lambda c: c.answer.verdict == "unknown",
     ),
     "unknown_caught_never_listed": (
         lambda c: c.kind is Kind.NEVER_LISTED,
-        lambda c: c.said.verdict == "unknown",
+        lambda c: c.answer.verdict == "unknown",
     ),
-    "wrongly_named": (lambda c: c.kind in UNKNOWN_CAUSE, lambda c: bool(c.said.named)),
+    "wrongly_named": (lambda c: c.kind in UNKNOWN_CAUSE, lambda c: bool(c.answer.named)),
     "false_unknown": (
         lambda c: c.kind not in UNKNOWN_CAUSE,
-        lambda c: c.said.verdict == "unknown",
+        lambda c: c.answer.verdict == "unknown",
     ),
     "located": (
         lambda c: c.kind not in (Kind.NONE, Kind.ABSORBED),
-        lambda c: c.said.balance in balances_of(c.causes),
+        lambda c: c.answer.balance in balances_of(c.causes),
     ),
     "located_single": (
         lambda c: c.kind is Kind.SINGLE,
-        lambda c: c.said.balance in balances_of(c.causes),
+        lambda c: c.answer.balance in balances_of(c.causes),
     ),
-    "pair_one": (lambda c: c.kind is Kind.PAIR, lambda c: bool(c.said.named & c.causes)),
-    "pair_both": (lambda c: c.kind is Kind.PAIR, lambda c: c.said.named >= c.causes),
-    "absorbed_told": (lambda c: c.kind is Kind.ABSORBED, lambda c: c.causes <= c.said.offered),
+    "pair_one": (lambda c: c.kind is Kind.PAIR, lambda c: bool(c.answer.named & c.causes)),
+    "pair_both": (lambda c: c.kind is Kind.PAIR, lambda c: c.answer.named >= c.causes),
+    "absorbed_told": (lambda c: c.kind is Kind.ABSORBED, lambda c: c.causes <= c.answer.offered),
     "absorbed_misnamed": (
         lambda c: c.kind is Kind.ABSORBED,
-        lambda c: bool(c.said.named) and not c.causes <= c.said.offered,
+        lambda c: bool(c.answer.named) and not c.causes <= c.answer.offered,
     ),
-    "failed": (lambda c: True, lambda c: c.said.verdict == FAILED),
+    "failed": (lambda c: True, lambda c: c.answer.verdict == FAILED),
 }
 
 
@@ -163,7 +163,7 @@ def scored(cases: Sequence[Judged]) -> dict[str, Any]:
         "effects": per_effect(cases),
         "confusion": confusion(cases),
         "calibration": calibration(
-            [one.said.probability for one in cases], [one.first_is_right for one in cases]
+            [one.answer.probability for one in cases], [one.first_is_right for one in cases]
         ).as_dict(),
         "each": [one.as_dict() for one in cases],
     }
@@ -175,7 +175,7 @@ def scores_of(cases: Sequence[Judged]) -> dict[str, Any]:
         name: Share.among(hit(one) for one in cases if about(one)).as_dict()
         for name, (about, hit) in SCORES.items()
     }
-    sizes = [len(c.said.offered) for c in cases if c.kind is Kind.SINGLE and c.said.offered]
+    sizes = [len(c.answer.offered) for c in cases if c.kind is Kind.SINGLE and c.answer.offered]
     ratios = [c.shrink_ratio for c in cases if c.kind in (Kind.SINGLE, Kind.PAIR)]
     known = [ratio for ratio in ratios if ratio is not None]
     found["set_size"] = {"mean": float(np.mean(sizes)) if sizes else None, "of": len(sizes)}
@@ -231,8 +231,8 @@ def per_effect(cases: Sequence[Judged]) -> dict[str, Any]:
         cell = row.setdefault(severity, {"right_first": 0, "first_three": 0, "visible": 0, "of": 0})
         cell["of"] += 1
         cell["visible"] += int(bool(one.measured.get("visible")))
-        cell["right_first"] += int(one.said.named == one.causes)
-        cell["first_three"] += int(one.causes in one.said.ranking[:3])
+        cell["right_first"] += int(one.answer.named == one.causes)
+        cell["first_three"] += int(one.causes in one.answer.ranking[:3])
     return dict(sorted(found.items()))
 
 
@@ -243,8 +243,8 @@ def confusion(cases: Sequence[Judged]) -> dict[str, Any]:
         if one.kind is Kind.PAIR:
             continue
         row = next(iter(one.causes), "none") if one.draw.listed else one.kind.value
-        named = sorted(one.said.named)
-        column = one.said.verdict if not named else named[0] if len(named) == 1 else "several"
+        named = sorted(one.answer.named)
+        column = one.answer.verdict if not named else named[0] if len(named) == 1 else "several"
         counts[row, column] = counts.get((row, column), 0) + 1
     last = ("several", "absorbed", "ambiguous", "effect", "none", "unknown", FAILED)
     ends = (*(kind.value for kind in (Kind.NONE, *UNKNOWN_CAUSE)), *last)

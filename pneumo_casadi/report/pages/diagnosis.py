@@ -123,7 +123,7 @@ def _sections(
 
 
 def _facts(found: Diagnosis) -> list[tuple[str, str]]:
-    gap, shrink = found.gap, found.gap.shrink
+    gap, closure = found.gap, found.gap.closure
     facts = [("Where", place(found))]
     facts += [
         (
@@ -135,7 +135,7 @@ def _facts(found: Diagnosis) -> list[tuple[str, str]]:
     if found.effects:
         facts += [
             ("Error on held-out data", f"{percent(gap.before)} → {percent(gap.after)}"),
-            ("Closed", f"{whole(shrink.value)} ({between(shrink)})"),
+            ("Closed", f"{whole(closure.value)} ({between(closure)})"),
         ]
     else:
         facts.append(("Error on held-out data", percent(gap.before)))

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator, Mapping
 
-from pneumo_casadi.diagnosis import Candidate, Diagnosis, Shrink, Value
+from pneumo_casadi.diagnosis import Candidate, Closure, Diagnosis, Value
 from pneumo_casadi.report.tables.results import Table, exponent_of, interval_text
 
 #: Places in words.
@@ -150,9 +150,9 @@ def ranking_table(found: Diagnosis) -> Table:
 def _shrink(one: Candidate) -> tuple[str, str]:
     if one.failure:
         return "fit failed", ""
-    if one.shrink is None:
+    if one.closure is None:
         return "not fitted", ""
-    return whole(one.shrink.value), between(one.shrink)
+    return whole(one.closure.value), between(one.closure)
 
 
 def check_table(found: Diagnosis) -> Table:
@@ -251,15 +251,15 @@ def chance(probability: float) -> str:
     return "> 99 %" if probability > 0.99 else f"{100 * probability:.0f} %"
 
 
-def between(shrink: Shrink) -> str:
+def between(closure: Closure) -> str:
     """Return the interval of a shrink in whole per cent.
 
     Examples
     --------
-    >>> between(Shrink(0.9, 0.874, 0.926))
+    >>> between(Closure(0.9, 0.874, 0.926))
     '87 to 93 %'
     """
-    return f"{whole(shrink.lower).removesuffix(' %')} to {whole(shrink.upper)}"
+    return f"{whole(closure.lower).removesuffix(' %')} to {whole(closure.upper)}"
 
 
 def whole(share: float) -> str:

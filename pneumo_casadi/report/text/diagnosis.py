@@ -152,7 +152,7 @@ def size_title(found: Diagnosis) -> str:
 
 def size_sentences(found: Diagnosis) -> tuple[str, ...]:
     """Return how far the gap closes."""
-    gap, shrink = found.gap, found.gap.shrink
+    gap, closure = found.gap, found.gap.closure
     noise = f"Noise of the sensors alone leaves {percent(gap.noise_floor)}; it is taken off here."
     floor = (noise,) if gap.noise_floor > 0 else ()
     before = (
@@ -167,7 +167,7 @@ def size_sentences(found: Diagnosis) -> tuple[str, ...]:
         return f"{before}; with {which} by {percent(gap.after)}.", *floor
     return (
         f"{before}; with {joined([plain(e.name) for e in found.effects])} by {percent(gap.after)}.",
-        f"That closes {whole(shrink.value)} of the gap (95 % interval {between(shrink)}).",
+        f"That closes {whole(closure.value)} of the gap (95 % interval {between(closure)}).",
         *floor,
     )
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pneumo_casadi.diagnosis.diagnose import applicable, prepare
-from pneumo_casadi.diagnosis.prepare.study import fit, refined
+from pneumo_casadi.diagnosis.prepare.study import fit_model, refine_model
 from pneumo_casadi.effects import CATALOGUE
 from pneumo_casadi.estimation.equation_error.balance_functions import AlongMotion
 from pneumo_casadi.estimation.equation_error.residuals import linearised, residuals
@@ -68,16 +68,16 @@ def test_whole_derivatives_tell_what_states_make_of_nominal_parameters(one, name
 def test_a_fit_along_a_bent_valley_goes_on_to_its_end(one):
     # Opening and flow coefficients of a shaped valve nearly stand for one another.
     effect = applicable(one, CATALOGUE)["flow_map_shape"]()
-    nominal = fit(one, ())
-    found = fit(one, (effect,), nominal.values)
-    again = fit(one, (effect,), found.values)
+    nominal = fit_model(one, ())
+    found = fit_model(one, (effect,), nominal.values)
+    again = fit_model(one, (effect,), found.values)
     assert found.cost - again.cost < 0.01 * (nominal.cost - again.cost)
 
 
 def test_a_refined_fit_has_nothing_left_to_gain_where_states_hang_on_the_nominal_parameters(one):
     effect = applicable(one, CATALOGUE)["hose"]()
-    found = fit(one, (effect,), fit(one, ()).values)
-    once = refined(one, found, (effect,))
-    again = refined(one, once, (effect,))
+    found = fit_model(one, (effect,), fit_model(one, ()).values)
+    once = refine_model(one, found, (effect,))
+    again = refine_model(one, once, (effect,))
     assert once.cost < found.cost - 10  # what derivatives with held states leave
     assert once.cost - again.cost < 0.5

@@ -4,7 +4,7 @@ from concurrent.futures import Executor, Future
 
 import pytest
 
-from pneumo_casadi.evaluation.sealed_check import Judged, Kind, said
+from pneumo_casadi.evaluation.sealed_check import Judged, Kind, read_answer
 from pneumo_casadi.evaluation.sealed_check.draw import Draw
 
 
@@ -55,6 +55,6 @@ def judged():
     def make(kind, effects, content, **measured):
         names = effects.split() if effects else []
         draw = Draw("w001", Kind(kind), 1, dict.fromkeys(names, "medium"))
-        return Judged(draw, said(content), {"visible": bool(names), **measured})
+        return Judged(draw, read_answer(content), {"visible": bool(names), **measured})
 
     return make

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from pneumo_casadi.effects import CATALOGUE
 from pneumo_casadi.errors import ModelError
-from pneumo_casadi.evaluation.sealed_check import Share, calibration, said, scored
+from pneumo_casadi.evaluation.sealed_check import Share, calibration, read_answer, scored
 from pneumo_casadi.evaluation.sealed_check.true_balance import acting_in, balances_of
 from pneumo_casadi.virtual_bench import FORMS
 
@@ -162,9 +162,9 @@ def test_a_case_that_could_not_be_measured_counts_as_not_visible(told, judged):
 
 
 def test_a_verdict_that_says_little_is_read(told):
-    one = said({"verdict": "failed", "error": "x"})
+    one = read_answer({"verdict": "failed", "error": "x"})
     assert (one.named, one.offered, one.ranking, one.probability) == (set(), set(), (), 0.0)
-    one = said(told("ambiguous", "hose", ambiguous=["hose", "backlash + stribeck"]))
+    one = read_answer(told("ambiguous", "hose", ambiguous=["hose", "backlash + stribeck"]))
     assert one.named == {"hose"}
     assert one.offered == {"hose", "backlash", "stribeck"}
 

@@ -26,7 +26,7 @@ def diagnosis_figures(found: Diagnosis) -> Iterator[Drawn]:
             f"Gap on held-out data {' and '.join(gap_labels(found))}, in per cent of each signal, "
             "beyond the noise of the sensors; the black mark is that noise. " + _gap_words(found),
         )
-    if any(one.shrink is not None or one.probability > 0 for one in found.ranking):
+    if any(one.closure is not None or one.probability > 0 for one in found.ranking):
         yield Drawn(
             "ranking",
             ranking_figure(found),
@@ -87,5 +87,5 @@ def _gap_words(found: Diagnosis) -> str:
 
 def _ranking_words(found: Diagnosis) -> str:
     first = found.ranking[0]
-    closes = "" if first.shrink is None else f", closes {whole(first.shrink.value)}"
+    closes = "" if first.closure is None else f", closes {whole(first.closure.value)}"
     return f"First: {plain(first.label)}, probability {chance(first.probability)}{closes}."

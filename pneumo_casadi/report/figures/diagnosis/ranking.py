@@ -46,7 +46,7 @@ def draw_ranking(left: Axes, right: Axes, found: Diagnosis, most: int = DRAWN) -
     dress(left, "probability [%]")
     dress(right, "gap closed [%]")
     left.set_xlim(0, 104)
-    low = min((100 * one.shrink.lower for one in shown if one.shrink is not None), default=0.0)
+    low = min((100 * one.closure.lower for one in shown if one.closure is not None), default=0.0)
     right.set_xlim(max(min(low, 0.0), WORST) - 4, 104)
     right.axvline(0, color=BLACK, linewidth=0.6, zorder=1)
     left.set_yticks(y, labels, fontsize=SMALL)
@@ -61,12 +61,12 @@ def _first(found: Diagnosis, most: int) -> list[Candidate]:
 
 
 def _closing(axes: Axes, i: int, one: Candidate, colour: str) -> None:
-    if one.shrink is None:
+    if one.closure is None:
         axes.text(2, i, "not fitted", fontsize=SMALL - 0.5, va="center", color=BLACK)
         return
-    shrink = one.shrink
+    closure = one.closure
     value, low, high = (
-        max(100 * part, WORST) for part in (shrink.value, shrink.lower, shrink.upper)
+        max(100 * part, WORST) for part in (closure.value, closure.lower, closure.upper)
     )
     axes.hlines(i, low, high, color=colour, linewidth=2.4, zorder=2)
     marker = "o" if value > WORST else "<"

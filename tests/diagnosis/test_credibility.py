@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from pneumo_casadi.diagnosis import Verdict, diagnose
-from pneumo_casadi.diagnosis.decide.credibility import believed
+from pneumo_casadi.diagnosis.decide.credibility import review_verdict
 from pneumo_casadi.diagnosis.decide.verdict import Judgement
 from pneumo_casadi.diagnosis.diagnose import prepare
 from pneumo_casadi.diagnosis.metrics.findings import Check
-from pneumo_casadi.diagnosis.prepare.study import fit
+from pneumo_casadi.diagnosis.prepare.study import fit_model
 from pneumo_casadi.effects import CATALOGUE
 from pneumo_casadi.errors import FitError
 from pneumo_casadi.estimation.equation_error.balance_functions import AlongMotion
@@ -55,12 +55,12 @@ def test_two_leaks_are_named_although_a_shifted_null_fits_better_than_each(made_
 def test_half_a_heat_transfer_is_refused_with_a_reason(made_case):
     one, _ = prepare(made_case(12, leakage_P="large"))
     with pytest.raises(FitError, match=r"share = 0\.\d+ is not to be believed, .* 0\.85 to 1"):
-        fit(one, (CATALOGUE["heat_transfer"](),), fit(one, ()).values)
+        fit_model(one, (CATALOGUE["heat_transfer"](),), fit_model(one, ()).values)
 
 
 def test_a_fit_that_ran_away_begins_again_from_the_geometry(made_case, monkeypatch):
     one, _ = prepare(made_case(12, leakage_P="large"))
-    right, lost = fit(one, ()), one.axis.parameters["X_s5"].lower
+    right, lost = fit_model(one, ()), one.axis.parameters["X_s5"].lower
     begun = []
 
     def fake(one, axis):
@@ -70,7 +70,7 @@ def test_a_fit_that_ran_away_begins_again_from_the_geometry(made_case, monkeypat
         return right
 
     monkeypatch.setattr("pneumo_casadi.diagnosis.prepare.study._fit", fake)
-    assert fit(one, ()) is right
+    assert fit_model(one, ()) is right
     item = one.axis.parameters["X_s5"]
     assert begun == [item.value, item.scale]
 
@@ -106,7 +106,7 @@ def failing(*names, tolerances=2.0):
 )
 def test_a_faint_gap_without_a_name_is_told_by_the_ratio_of_the_areas(names, excess, expected):
     judgement = Judgement(Verdict.UNKNOWN, (), {}, 0.7, np.array([1.0, excess, 1.0]))
-    verdict, hidden = believed(judgement, failing(*names))
+    verdict, hidden = review_verdict(judgement, failing(*names))
     assert verdict is expected
     assert ("valve_mismatch" in hidden) is (expected is Verdict.ABSORBED)
 
@@ -124,13 +124,13 @@ def test_a_faint_gap_without_a_name_is_told_by_the_ratio_of_the_areas(names, exc
 @pytest.mark.parametrize("verdict", [Verdict.UNKNOWN, Verdict.EFFECT])
 def test_a_piston_N_far_from_its_size_is_another_valve_whatever_the_gap(names, expected, verdict):
     judgement = Judgement(verdict, (), {}, 0.2, np.array([1.0, 9.0, 1.0]))
-    found, hidden = believed(judgement, failing(*names, tolerances=4.0))
+    found, hidden = review_verdict(judgement, failing(*names, tolerances=4.0))
     assert found is expected
     assert hidden[:1] == (("valve_mismatch",) if expected is Verdict.ABSORBED else ())
 
 
 def test_an_effect_that_leaves_little_is_believed_beside_a_piston_that_is_off():
     judgement = Judgement(Verdict.EFFECT, (), {}, 0.05, np.array([1.0, 9.0, 1.0]))
-    found, hidden = believed(judgement, failing("S_N", "S_N/S_P", tolerances=4.0))
+    found, hidden = review_verdict(judgement, failing("S_N", "S_N/S_P", tolerances=4.0))
     assert found is Verdict.EFFECT
     assert hidden == ()

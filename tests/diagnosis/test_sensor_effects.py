@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from pneumo_casadi.diagnosis import diagnose
-from pneumo_casadi.diagnosis.select.fit_ledger import Searcher
+from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger
 from pneumo_casadi.diagnosis.select.forward_selection import _coarse
-from pneumo_casadi.diagnosis.select.plausibility import mended
-from pneumo_casadi.diagnosis.select.sensor_effects import _candidates, _try_again
+from pneumo_casadi.diagnosis.select.plausibility import find_plausible_extension
+from pneumo_casadi.diagnosis.select.sensor_effects import _candidates, _refine_again
 from pneumo_casadi.effects import CATALOGUE
 from pneumo_casadi.errors import FitError
 
@@ -37,19 +37,19 @@ def test_a_second_sensor_is_tried_where_it_gains_in_fits(cost, tried):
     """The first one may stand for it too: alone it is no reason to simulate both."""
     costs = {("position_delay",): 0.0, ("backlash",): 100.0, ("backlash", "position_delay"): cost}
     costs |= {(name, "position_delay"): 0.0 for name in ("hose", "stribeck", "elastic_load")}
-    worker = Searcher(None, CATALOGUE)
+    worker = FitLedger(None, CATALOGUE)
     worker.fits = {worker.key(key): SimpleNamespace(cost=value) for key, value in costs.items()}
     assert ("backlash" in _candidates(worker, ("position_delay",))) is tried
 
 
 def test_a_second_refinement_that_fails_leaves_the_first_and_no_failure(monkeypatch):
     names, first = ("backlash", "presliding"), SimpleNamespace(values={})
-    worker = Searcher(None, CATALOGUE)
+    worker = FitLedger(None, CATALOGUE)
     worker.trials[names] = first, 0.2
     failed = Future()
     failed.set_exception(FitError("ran away"))
     monkeypatch.setattr(worker, "run", lambda *given: failed)
-    _try_again(worker, None, names)
+    _refine_again(worker, None, names)
     assert worker.trials[names] == (first, 0.2)
     assert not worker.failures
 
@@ -65,7 +65,7 @@ def test_an_offset_that_settles_most_of_the_gap_does_not_hide_a_load(made_case):
     assert found == {"pressure_sensor_bias", "elastic_load"}
 
 
-class Worker(Searcher):
+class Worker(FitLedger):
     """Fits of two models; `wrong` parameters come out with the first one alone."""
 
     def __init__(self, monkeypatch, wrong, gain=500.0):
@@ -75,9 +75,9 @@ class Worker(Searcher):
         self.study, self.catalogue = None, {}
         told = {id(fitted): wrong, id(better): ()}
         module = "pneumo_casadi.diagnosis.select.plausibility"
-        monkeypatch.setattr(f"{module}.size", lambda fit: fit.rms)
+        monkeypatch.setattr(f"{module}.residual_rms", lambda fit: fit.rms)
         monkeypatch.setattr(
-            f"{module}.checks_of",
+            f"{module}.check_fit",
             lambda study, fit, effects: [
                 SimpleNamespace(name=name, agrees=False) for name in told[id(fit)]
             ],
@@ -98,8 +98,8 @@ class Worker(Searcher):
 )
 def test_an_effect_that_mends_impossible_parameters_counts(monkeypatch, wrong, gain, expected):
     worker = Worker(monkeypatch, wrong, gain)
-    assert mended(worker, worker.fits["one",], ("one",)) == expected
-    assert mended(worker, worker.fits["one",], ()) is None
+    assert find_plausible_extension(worker, worker.fits["one",], ("one",)) == expected
+    assert find_plausible_extension(worker, worker.fits["one",], ()) is None
 
 
 @pytest.mark.parametrize(
