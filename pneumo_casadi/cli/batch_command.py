@@ -39,7 +39,8 @@ def diagnose_many_command(
         with progress_bar() as report, processes(wanted) as executor:
             rows = diagnose_many(cases, executor, keep=keep, progress=report)
     out.print(_counted(rows), markup=False, soft_wrap=True)
-    out.print(f"tables: {keep / CSV}, {keep / PARQUET}", soft_wrap=True)
+    tables = [path for path in (keep / CSV, keep / PARQUET) if path.is_file()]
+    out.print(f"tables: {', '.join(map(str, tables))}", soft_wrap=True)
     failed = [row for row in rows if row.verdict == FAILED]
     if failed:
         first = failed[0]

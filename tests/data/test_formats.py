@@ -2,6 +2,7 @@
 
 import gzip
 import string
+import sys
 
 import numpy as np
 import pandas as pd
@@ -11,7 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from pneumo_casadi.data import Column, InputHold, read_recording
-from pneumo_casadi.errors import CaseError
+from pneumo_casadi.errors import CaseError, MissingExtraError
 
 ZERO = InputHold.ZERO
 same_folder = settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -158,6 +159,14 @@ def test_what_is_no_table_is_refused_with_its_name(tmp_path, name, content, mess
     with pytest.raises(CaseError, match=message) as caught:
         read_recording(path, ZERO)
     assert str(path) in str(caught.value)
+
+
+def test_without_pyarrow_a_parquet_file_names_the_extra(tmp_path, monkeypatch):
+    path = tmp_path / "a.parquet"
+    path.write_bytes(b"PAR1")
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    with pytest.raises(MissingExtraError, match=r"a\.parquet.*pneumo-casadi\[parquet\]"):
+        read_recording(path, ZERO)
 
 
 def test_a_file_that_is_not_there_is_named(tmp_path):

@@ -11,11 +11,9 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-import pyarrow
-import pyarrow.parquet
 
 from pneumo_casadi.data.readers.mat import read_mat
-from pneumo_casadi.errors import CaseError
+from pneumo_casadi.errors import CaseError, MissingExtraError
 from pneumo_casadi.parameters import FloatArray
 
 SUFFIXES = (".csv", ".csv.gz", ".mat", ".parquet")
@@ -204,6 +202,14 @@ def _check_last_row(path: Path, columns: Mapping[str, FloatArray]) -> None:
 
 
 def _read_parquet(path: Path, wanted: Container[str]) -> Table:
+    try:
+        import pyarrow
+        import pyarrow.parquet
+    except ImportError as error:
+        raise MissingExtraError(
+            f"{path}: reading Parquet needs pyarrow, which is not installed: "
+            "pip install 'pneumo-casadi[parquet]'; or export the file as CSV"
+        ) from error
     try:
         table = pyarrow.parquet.read_table(path)
     except (pyarrow.ArrowException, OSError) as error:

@@ -2,12 +2,11 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
-import pyarrow
-import pyarrow.parquet
 
 from pneumo_casadi.runtime.atomic_files import atomic_file
 
@@ -84,7 +83,9 @@ def row_of(record: Mapping[str, Any]) -> Row:
 
 
 def write_tables(rows: Sequence[Row], out: Path) -> None:
-    """Write ``cases.csv`` and ``cases.parquet`` into a folder, each whole or not at all.
+    """Write ``cases.csv`` into a folder, and ``cases.parquet`` where pyarrow is installed.
+
+    Each file is written whole or not at all. The columns are the same; CSV joins lists by `` + ``.
 
     Parameters
     ----------
@@ -98,20 +99,29 @@ def write_tables(rows: Sequence[Row], out: Path) -> None:
         frame[name] = [" + ".join(_written(item) for item in value) for value in frame[name]]
     with atomic_file(out / CSV) as draft:
         frame.to_csv(draft, index=False, float_format="%.10g", lineterminator="\n")
-    table = pyarrow.Table.from_pylist([asdict(row) for row in rows], schema=_SCHEMA)
-    with atomic_file(out / PARQUET) as draft:
+    if find_spec("pyarrow") is not None:
+        _write_parquet(rows, out / PARQUET)
+    else:  # one of an earlier run would contradict the CSV
+        (out / PARQUET).unlink(missing_ok=True)
+
+
+def _write_parquet(rows: Sequence[Row], path: Path) -> None:
+    import pyarrow
+    import pyarrow.parquet
+
+    text, number = pyarrow.string(), pyarrow.float64()
+    types = {
+        "effects": pyarrow.list_(text),
+        "probabilities": pyarrow.list_(number),
+        "alike": pyarrow.list_(text),
+    } | dict.fromkeys(("case", "verdict", "where", "error"), text)
+    schema = pyarrow.schema([(field.name, types.get(field.name, number)) for field in fields(Row)])
+    table = pyarrow.Table.from_pylist([asdict(row) for row in rows], schema=schema)
+    with atomic_file(path) as draft:
         pyarrow.parquet.write_table(table, draft)
 
 
 _LISTS = ("effects", "probabilities", "alike")
-_TYPES = {
-    "effects": pyarrow.list_(pyarrow.string()),
-    "probabilities": pyarrow.list_(pyarrow.float64()),
-    "alike": pyarrow.list_(pyarrow.string()),
-} | dict.fromkeys(("case", "verdict", "where", "error"), pyarrow.string())
-_SCHEMA = pyarrow.schema(
-    [(one.name, _TYPES.get(one.name, pyarrow.float64())) for one in fields(Row)]
-)
 
 
 def _written(item: str | float) -> str:

@@ -17,7 +17,8 @@ import pytest
 from pneumo_casadi.cli import app as cli
 from pneumo_casadi.cli.diagnose_command import processes
 from pneumo_casadi.errors import CaseError, PneumoError
-from pneumo_casadi.evaluation.batch import case_folders, diagnose_many
+from pneumo_casadi.evaluation.batch import CSV, PARQUET, Row, case_folders, diagnose_many
+from pneumo_casadi.evaluation.batch.table import write_tables
 
 needs_dask = pytest.mark.skipif(
     importlib.util.find_spec("distributed") is None,
@@ -75,6 +76,15 @@ def test_each_case_gets_a_record_and_a_row_in_both_tables(tmp_path, cases, fakes
     assert text["effects"][0] == "hose + stribeck" and text["probabilities"][0] == "0.9 + 0.7"
     assert list(table["effects"][0]) == ["hose", "stribeck"]
     assert list(table["probabilities"][0]) == [0.9, 0.7]
+
+
+def test_without_pyarrow_there_is_one_table_and_no_older_one(tmp_path, monkeypatch):
+    write_tables([Row("a", "none")], tmp_path)
+    assert (tmp_path / PARQUET).is_file()
+    monkeypatch.setattr("pneumo_casadi.evaluation.batch.table.find_spec", lambda name: None)
+    write_tables([Row("b", "none")], tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == [CSV]
+    assert pd.read_csv(tmp_path / CSV)["case"].tolist() == ["b"]
 
 
 def test_a_case_that_fails_is_a_row_and_the_others_go_on(tmp_path, cases, fakes):
