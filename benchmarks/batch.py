@@ -24,12 +24,12 @@ from provenance import made, write
 
 from pneumo_casadi.cli.diagnose_command import processes
 from pneumo_casadi.diagnosis import diagnose
-from pneumo_casadi.effects import CATALOGUE
+from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.evaluation.batch import Row, diagnose_many
 from pneumo_casadi.evaluation.batch.run import Diagnosing, real_diagnosis
 from pneumo_casadi.virtual_bench import make_case
 
-EFFECTS = ("spring_load", "stribeck", "heat_transfer", "leakage_P")
+SINGLE_EFFECTS = ("spring_load", "stribeck", "heat_transfer", "leakage_P")
 BAR_PERCENT = 5.0
 WORKERS = 2
 
@@ -48,7 +48,7 @@ def no_work(folder: Path) -> dict[str, Any]:
 
 def one_effect(folder: Path) -> dict[str, Any]:
     """Diagnose with a catalogue of one effect, for a quick run."""
-    return diagnose(folder, {EFFECTS[0]: CATALOGUE[EFFECTS[0]]}).as_dict()
+    return diagnose(folder, {SINGLE_EFFECTS[0]: EFFECTS[SINGLE_EFFECTS[0]]}).as_dict()
 
 
 @contextmanager
@@ -69,7 +69,7 @@ def make_cases(folder: Path, number: int, duration: float) -> list[Path]:
     """Record cases of random axes, one effect each in turn."""
     folders = [folder / f"b{seed:03d}" for seed in range(number)]
     for seed, one in enumerate(folders):
-        asked = {EFFECTS[seed % len(EFFECTS)]: "large"}
+        asked = {SINGLE_EFFECTS[seed % len(SINGLE_EFFECTS)]: "large"}
         make_case(one, seed, asked, duration=duration)
     return folders
 

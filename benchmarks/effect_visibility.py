@@ -40,7 +40,7 @@ from matplotlib.lines import Line2D
 
 from pneumo_casadi.diagnosis import prepare
 from pneumo_casadi.diagnosis.prepare.study import FittedModel, fit_model
-from pneumo_casadi.effects import CATALOGUE
+from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.report.figures.style import (
     BLUE,
     GREY,
@@ -73,13 +73,13 @@ def one_case(seed: int, duration: float, effect: str, refits: bool) -> dict[str,
         found: dict[str, Any] = {
             "sizes": {k: v for one in made.effects for k, v in one.parameters.items()},
             "absorbed_by": [name for one in made.effects for name in one.form.absorbed_by],
-            "listed": effect in CATALOGUE,
+            "listed": effect in EFFECTS,
             "nominal": told(study, before) | {"errors_percent": errors(before, made.axis.truth)},
             "gap": simulated_gaps(study, before, made.case),
             "motion_m": float(np.ptp(made.case.validate[0]["x"])),
         }
-        if refits and effect in CATALOGUE:
-            own = CATALOGUE[effect]()
+        if refits and effect in EFFECTS:
+            own = EFFECTS[effect]()
             after = refit(study, before, own)
             found["refit"] = told(study, after)
             found["refit"] |= {"errors_percent": errors(after, made.axis.truth)}

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 import provenance
 
-from pneumo_casadi.data import Case, Recording, load_emps
+from pneumo_casadi.data import Case, Recording, read_emps
 from pneumo_casadi.effects import AsymmetricViscousFriction
 from pneumo_casadi.estimation.wls import (
     Stick,
@@ -107,7 +107,7 @@ def main() -> None:
     """Run the benchmark from the command line."""
     arguments = _arguments()
     logging.disable(logging.WARNING)
-    case = load_emps(arguments.data)
+    case = read_emps(arguments.data)
     result = run(case, seconds=3.0 if arguments.quick else None)
     if arguments.json is None:
         print(json.dumps(result, indent=1))

@@ -20,7 +20,7 @@ import numpy as np
 import provenance
 import readme
 
-from pneumo_casadi.data import Case, Recording, load_emps
+from pneumo_casadi.data import Case, Recording, read_emps
 from pneumo_casadi.effects import AsymmetricViscousFriction
 from pneumo_casadi.estimation.output_error import (
     OutputErrorOptions,
@@ -92,7 +92,7 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="six seconds only")
     arguments = parser.parse_args()
     logging.disable(logging.WARNING)
-    result = run(load_emps(arguments.data), 6.0 if arguments.quick else None)
+    result = run(read_emps(arguments.data), 6.0 if arguments.quick else None)
     result |= provenance.made(None, arguments.quick)
     print(readme.emps_output_error(result))
     provenance.write(arguments.json, result)

@@ -25,10 +25,9 @@ import numpy as np
 import provenance
 import readme
 
-from pneumo_casadi.data import Bench, Case
+from pneumo_casadi.data import Bench, Case, read_case
 from pneumo_casadi.estimation.output_error import OutputErrorOptions, fit_output_error
 from pneumo_casadi.estimation.wls import fit_wls
-from pneumo_casadi.identification.identify import open_case
 from pneumo_casadi.model.servosystem import Servosystem
 from pneumo_casadi.report import paper
 from pneumo_casadi.report.figures.studies.flow_sensitivity import flow_sensitivity_figure
@@ -81,7 +80,7 @@ class Known:
 
 def load(folder: Path, name: str) -> Known:
     """Load a case by its name below the data folder."""
-    case = open_case(folder / name)
+    case = read_case(folder / name)
     bench = case.bench
     assert isinstance(bench, Bench) and case.flow_map_path is not None
     table = read_flow_map(case.flow_map_path, p_supply=bench.p_supply, p_ext=bench.p_ext)

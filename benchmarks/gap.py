@@ -19,7 +19,7 @@ import numpy as np
 import provenance
 
 from pneumo_casadi.data import Case
-from pneumo_casadi.effects import CATALOGUE
+from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.errors import FitError, ModelError
 from pneumo_casadi.estimation.output_error import (
     OutputErrorOptions,
@@ -88,7 +88,7 @@ def refit(effect: str, before: Fitted, start: Axis, case: Case, table: FlowMap |
     """Fit the axis with an effect: begun at the nominal fit, or at WLS where that fails."""
     bases = [start] if before.result is None else [before.result.axis, start]
     for base in bases:
-        axis = base.with_effects(CATALOGUE[effect]()).at_starting_values()
+        axis = base.with_effects(EFFECTS[effect]()).at_starting_values()
         found = output_error(axis, case, table)
         if not found.failure:
             break

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from scipy.signal import chirp, lfilter, square
 
-from pneumo_casadi.data import InputHold, Recording, load_case
+from pneumo_casadi.data import InputHold, Recording, read_case
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.servosystem import Servosystem
 from pneumo_casadi.model.simulation import simulate_closed_loop
@@ -38,7 +38,7 @@ class Truth:
 
 def truth(v_s: float = V_S) -> Truth:
     """Return the axis of Table 1 with the polynomials of the embedded flow map."""
-    case = load_case(Path(str(resources.files("pneumo_casadi"))) / "data" / "examples" / "table1")
+    case = read_case(Path(str(resources.files("pneumo_casadi"))) / "data" / "examples" / "table1")
     table = read_flow_map(case.flow_map_path)
     axis = Servosystem(case.bench, fit_polynomials(table)).with_parameters({**TABLE_1, "v_s": v_s})
     record = case.identify[0]

@@ -26,8 +26,7 @@ import provenance
 import readme
 from gap import VIEWS, VISIBLE, Fitted, closed, fit_figures, held_out, kept, nominal, refit
 
-from pneumo_casadi.data import Case
-from pneumo_casadi.identification.identify import open_case
+from pneumo_casadi.data import Case, read_case
 
 #: Bars: share of a visible gap that a refit closes, and error of the labelled quantities [%].
 CLOSED, WITHIN = 80.0, 30.0
@@ -91,7 +90,7 @@ QUANTITIES: Mapping[str, tuple[Quantity, ...]] = {
 def one_case(data: Path, labels: Mapping[str, Any], name: str) -> dict[str, Any]:
     """Return all figures of a practice case."""
     logging.disable(logging.WARNING)
-    case, truth = open_case(data / "practice" / name), labels[name]["truth"]
+    case, truth = read_case(data / "practice" / name), labels[name]["truth"]
     before, start, table = nominal(case)
     gap = held_out(before, case)
     found: dict[str, Any] = {

@@ -28,8 +28,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import provenance
 import readme
 
+from pneumo_casadi.data import read_case
 from pneumo_casadi.diagnosis import diagnose
-from pneumo_casadi.identification.identify import open_case
 
 WORKERS = 2
 GiB = 2**20  # ru_maxrss counts KiB
@@ -39,7 +39,7 @@ def one_case(folder: Path) -> dict[str, Any]:
     """Return the diagnosis of a case, with time and memory."""
     began = time.perf_counter()
     with ProcessPoolExecutor(WORKERS) as executor:
-        found = diagnose(open_case(folder), executor=executor).as_dict()
+        found = diagnose(read_case(folder), executor=executor).as_dict()
     own = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     each = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
     found["seconds"] = time.perf_counter() - began

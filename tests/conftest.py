@@ -19,11 +19,11 @@ settings.load_profile("claims")
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
 
+from pneumo_casadi.data import read_case  # noqa: E402
 from pneumo_casadi.identification.identify import (  # noqa: E402
     Identification,
     IdentifyOptions,
     identify,
-    open_case,
 )
 
 
@@ -68,6 +68,6 @@ def embedded() -> Path:
 @pytest.fixture(scope="session")
 def quick(embedded: Path) -> Identification:
     """An identification of a few seconds of record: quick to make, not to be trusted."""
-    case = open_case(embedded)
+    case = read_case(embedded)
     case = replace(case, validate=(case.validate[0].window(8.0, 10.0),))
     return identify(case, IdentifyOptions(start=10.0, end=13.0, windows=(0.5,)))

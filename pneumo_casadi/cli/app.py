@@ -17,9 +17,10 @@ from pneumo_casadi.cli.diagnose_command import diagnose_command
 from pneumo_casadi.cli.export_command import export
 from pneumo_casadi.cli.terminal import BAD_INPUT, OK, complain, guarded, out, progress_bar, show
 from pneumo_casadi.cli.withheld_command import withheld
+from pneumo_casadi.data import read_case
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.estimation.output_error import Method, OutputErrorOptions
-from pneumo_casadi.identification.identify import FlowForm, IdentifyOptions, identify, open_case
+from pneumo_casadi.identification.identify import FlowForm, IdentifyOptions, identify
 from pneumo_casadi.identification.result_file import (
     read_axis,
     result_dict,
@@ -35,7 +36,7 @@ from pneumo_casadi.report.pages.write import (
     write_validation,
 )
 from pneumo_casadi.report.tables.results import parameter_table, validation_table
-from pneumo_casadi.report.text.identification import render_caveats
+from pneumo_casadi.report.text.identification import render_warnings
 from pneumo_casadi.runtime.progress import progress_range
 from pneumo_casadi.validation import validate as validate_axis
 
@@ -169,7 +170,7 @@ def validate(
     with guarded(debug):
         if output is not None:
             check_replaceable(output, Kind.VALIDATION)
-        found = open_case(case)
+        found = read_case(case)
         axis = read_axis(parameters, found)
         if not found.validate:
             raise CaseError(f"{case}: no held-out record; add validate.csv or validate.csv.gz")
@@ -254,7 +255,7 @@ def _simulate(
         raise CaseError("simulate needs CASE and --parameters, or --bench to make a case")
     folder = output or Path("report") / f"{case.resolve().name}-simulation"
     check_replaceable(folder, Kind.SIMULATION)
-    found = open_case(case)
+    found = read_case(case)
     axis = read_axis(parameters, found)
     with progress_bar() as report:
         runs = simulate_case(axis, found, records, not open_loop, report)
@@ -278,7 +279,7 @@ def _identify(
         out.print()
         show(validation_table(found.validation))
     out.print()
-    out.print(render_caveats(found.caveats, min(out.width, 100)), markup=False, soft_wrap=True)
+    out.print(render_warnings(found.warnings, min(out.width, 100)), markup=False, soft_wrap=True)
     out.print(f"\nreport: {folder}/report.html", soft_wrap=True)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import typer
 
 from pneumo_casadi.cli.terminal import guarded, out, progress_bar
-from pneumo_casadi.data import Bench, Case
+from pneumo_casadi.data import Bench, Case, read_case
 from pneumo_casadi.design import (
     Criterion,
     Design,
@@ -20,14 +20,13 @@ from pneumo_casadi.design import (
     design_to_separate,
     recorded_reference,
 )
-from pneumo_casadi.effects import CATALOGUE
+from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.errors import CaseError, FitError
 from pneumo_casadi.estimation.output_error import OutputErrorResult, fit_output_error
 from pneumo_casadi.identification.identify import (
     FlowForm,
     IdentifyOptions,
     identify,
-    open_case,
     output_error_options,
 )
 from pneumo_casadi.identification.result_file import write_json
@@ -111,7 +110,7 @@ def design(
         check_replaceable(folder, Kind.DESIGN)
         asked = Asked(separate, criterion, duration, common, velocity, command, tries, seed, flow)
         with progress_bar() as report:
-            found, notes = designed(open_case(case), asked, report)
+            found, notes = designed(read_case(case), asked, report)
         write_design(found, folder, notes)
         if json_file is not None:
             write_json(found.as_dict(), json_file)
@@ -137,8 +136,8 @@ def designed(case: Case, asked: Asked, report: Progress) -> tuple[Design, list[s
     if not isinstance(case.bench, Bench):
         raise CaseError(f"{case.folder}: experiments are designed for servo axes only")
     for name in asked.separate or ():
-        if name != NONE and name not in CATALOGUE:
-            raise CaseError(f"no effect {name!r}; there are {', '.join(CATALOGUE)} and {NONE}")
+        if name != NONE and name not in EFFECTS:
+            raise CaseError(f"no effect {name!r}; there are {', '.join(EFFECTS)} and {NONE}")
     if asked.separate is not None and asked.separate[0] == asked.separate[1]:
         raise CaseError(f"{asked.separate[0]} cannot be told from itself; name two effects")
     options = IdentifyOptions(flow_form=asked.flow)
@@ -192,7 +191,7 @@ def _axes(
         if name == NONE:
             axes[name] = fit.axis
             continue
-        start = fit.axis.with_effects(CATALOGUE[name]()).at_starting_values(name)
+        start = fit.axis.with_effects(EFFECTS[name]()).at_starting_values(name)
         axes[name] = start
         try:
             found = fit_output_error(

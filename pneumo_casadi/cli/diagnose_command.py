@@ -12,11 +12,11 @@ from typing import Annotated, Any
 import typer
 
 from pneumo_casadi.cli.terminal import guarded, out, progress_bar
-from pneumo_casadi.data import Case
+from pneumo_casadi.data import Case, read_case
 from pneumo_casadi.diagnosis import DiagnosisOptions, diagnose
-from pneumo_casadi.effects import CATALOGUE
+from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.errors import CaseError
-from pneumo_casadi.identification.identify import IdentifyOptions, open_case
+from pneumo_casadi.identification.identify import IdentifyOptions
 from pneumo_casadi.identification.result_file import provenance, write_json
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.report.pages.diagnosis import write_diagnosis
@@ -71,7 +71,7 @@ def diagnose_command(
         folder = output or Path("report") / f"{case.resolve().name}-diagnosis"
         check_replaceable(folder, Kind.DIAGNOSIS)
         chosen = catalogue_without(without or ())
-        found_case = open_case(case)
+        found_case = read_case(case)
         with progress_bar() as report, processes(workers or default_workers()) as executor:
             found = diagnose(
                 found_case,
@@ -97,10 +97,10 @@ def catalogue_without(names: Sequence[str]) -> dict[str, type[Effect]]:
     CaseError
         If there is no such effect, or none is left.
     """
-    unknown = [name for name in names if name not in CATALOGUE]
+    unknown = [name for name in names if name not in EFFECTS]
     if unknown:
-        raise CaseError(f"--without: no effect {unknown[0]!r}; there are {', '.join(CATALOGUE)}")
-    found = {name: effect for name, effect in CATALOGUE.items() if name not in names}
+        raise CaseError(f"--without: no effect {unknown[0]!r}; there are {', '.join(EFFECTS)}")
+    found = {name: effect for name, effect in EFFECTS.items() if name not in names}
     if not found:
         raise CaseError("--without leaves no effect in the catalogue")
     return found

@@ -106,7 +106,7 @@ def guarded(debug: bool, kept: str = "nothing was written") -> Iterator[None]:
     logger.setLevel(logging.DEBUG if debug else logging.WARNING)
     try:
         with warnings.catch_warnings(), _interruption() as interrupted:
-            warnings.simplefilter("ignore", SamplingWarning)  # among the caveats
+            warnings.simplefilter("ignore", SamplingWarning)  # among the result's own warnings
             yield
     except (KeyboardInterrupt, Exception) as error:
         found = KeyboardInterrupt() if interrupted.is_set() else error

@@ -7,10 +7,10 @@ from pneumo_casadi.data.bench.controllers import (
     NestedController,
     ProportionalController,
 )
-from pneumo_casadi.data.case import Case, load_case
-from pneumo_casadi.data.case_folder import write_case
+from pneumo_casadi.data.case import Case
+from pneumo_casadi.data.case_folder import read_case, write_case
 from pneumo_casadi.data.checks.records import check_recording
-from pneumo_casadi.data.emps import load_emps
+from pneumo_casadi.data.emps import read_emps
 from pneumo_casadi.data.readers.column_map import column_map, read_columns
 from pneumo_casadi.data.readers.records import Column, read_recording
 from pneumo_casadi.data.recording.channels import UNITS, InputHold
@@ -31,10 +31,10 @@ __all__ = [
     "SensorNoise",
     "check_recording",
     "column_map",
-    "load_case",
-    "load_emps",
     "read_bench",
+    "read_case",
     "read_columns",
+    "read_emps",
     "read_recording",
     "write_case",
 ]

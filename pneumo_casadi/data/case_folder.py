@@ -1,4 +1,4 @@
-"""Case folders written whole or not at all."""
+"""Case folders: read, and written whole or not at all."""
 
 import gzip
 import json
@@ -12,14 +12,88 @@ import pandas as pd
 from numpy.typing import ArrayLike
 
 from pneumo_casadi.data.bench.bench import AnyBench
-from pneumo_casadi.data.bench.bench_file import bench_content
+from pneumo_casadi.data.bench.bench_file import bench_content, read_bench
 from pneumo_casadi.data.case import Case
+from pneumo_casadi.data.checks.records import check_recording
+from pneumo_casadi.data.emps import IDENTIFY as EMPS_FILE
+from pneumo_casadi.data.emps import read_emps
+from pneumo_casadi.data.readers.column_map import COLUMNS_FILE, read_columns
+from pneumo_casadi.data.readers.records import ColumnSpec, read_recording
+from pneumo_casadi.data.readers.tables import suffix_of
 from pneumo_casadi.data.recording.channels import UNITS, InputHold
 from pneumo_casadi.data.recording.recording import Recording
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.runtime.atomic_files import atomic_folder
 
 TIME_DECIMALS = 10
+
+
+def read_case(
+    folder: str | Path,
+    check: bool = True,
+    hold: InputHold = InputHold.ZERO,
+    columns: Mapping[str, ColumnSpec] | None = None,
+) -> Case:
+    """Read a case folder, or the EMPS benchmark where its files lie in the folder.
+
+    A case folder holds ``bench.json``, one or more records ``identify*`` and any number of records
+    ``validate*`` (.csv, .csv.gz, .mat, .parquet; in the order of their names), and
+    ``flow_map.csv`` where the valve was metered.
+
+    Parameters
+    ----------
+    folder : str or Path
+        The case folder.
+    check : bool, optional
+        Whether to hold the records against the bench (`check_recording`).
+    hold : InputHold, optional
+        A case folder's inputs are held at zero order unless you know better.
+    columns : mapping, optional
+        Names and units of columns that are not those of a case folder; see `read_recording`.
+        By default those that ``columns.json`` tells, where the folder holds one; see
+        `read_columns`.
+
+    Raises
+    ------
+    CaseError
+        If something is missing, cannot be read, or contradicts the bench.
+    """
+    folder = Path(folder)
+    if (folder / EMPS_FILE).is_file() and not (folder / "bench.json").exists():
+        return read_emps(folder)
+    if not folder.is_dir():
+        raise CaseError(f"{folder}: no such folder; give the folder that holds bench.json")
+    bench = read_bench(folder / "bench.json")
+    if columns is None and (folder / COLUMNS_FILE).is_file():
+        columns = read_columns(folder / COLUMNS_FILE)
+    records = {
+        role: tuple(read_recording(path, hold, columns) for path in _record_files(folder, role))
+        for role in ("identify", "validate")
+    }
+    notes: list[str] = []
+    if check:
+        for recording in (*records["identify"], *records["validate"]):
+            notes.extend(check_recording(recording, bench))
+    flow_map = folder / "flow_map.csv"
+    return Case(
+        folder,
+        bench,
+        records["identify"],
+        records["validate"],
+        flow_map if flow_map.is_file() else None,
+        tuple(notes),
+    )
+
+
+def _record_files(folder: Path, role: str) -> list[Path]:
+    files = sorted(path for path in folder.glob(f"{role}*") if suffix_of(path))
+    stems = [path.name.removesuffix(suffix_of(path)) for path in files]
+    twice = sorted({stem for stem in stems if stems.count(stem) > 1})
+    if twice:
+        raise CaseError(
+            f"{folder}: record {', '.join(twice)} stands there in two formats; keep one of them"
+        )
+    return files
 
 
 def write_case(
@@ -29,7 +103,7 @@ def write_case(
     validate: Sequence[Recording] = (),
     flow_map: str | Path | Mapping[str, ArrayLike] | None = None,
 ) -> Case:
-    """Write a case folder that `load_case` reads back, number for number.
+    """Write a case folder that `read_case` reads back, number for number.
 
     The folder appears in one step once everything is written; numbers have as many digits as
     they need.

@@ -26,8 +26,8 @@ U_MAX = 10.0
 CONSTANTS = {"kp": "k_p", "kv": "k_v", "gtau": "gain"}
 
 
-def load_emps(folder: str | Path) -> Case:
-    """Load the EMPS benchmark as a case of a force-driven axis.
+def read_emps(folder: str | Path) -> Case:
+    """Read the EMPS benchmark as a case of a force-driven axis.
 
     Channels: ``x`` (qm) and ``x_ref`` (qg) [m], ``F`` = gtau · vir [N]; the pulse record also
     has ``F_pulse`` = gtau · pulses_N [N]. ``F`` is the sum of controller and pulses already: a

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pneumo_casadi.data import Case, Recording
+from pneumo_casadi.data import Case, Recording, read_case
 from pneumo_casadi.diagnosis.checks.parameter_checks import check_fit
 from pneumo_casadi.diagnosis.decide.credibility import near_noise, review_verdict
 from pneumo_casadi.diagnosis.decide.result import Diagnosis, Verdict
@@ -24,15 +24,9 @@ from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study, start_stud
 from pneumo_casadi.diagnosis.prepare.usable_records import require_usable
 from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue, Names
 from pneumo_casadi.diagnosis.select.forward_selection import Selection, select_effects
-from pneumo_casadi.effects import CATALOGUE
+from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.errors import ModelError
-from pneumo_casadi.identification.identify import (
-    FlowForm,
-    IdentifyOptions,
-    make_axis,
-    open_case,
-    read_flow,
-)
+from pneumo_casadi.identification.identify import FlowForm, IdentifyOptions, make_axis, read_flow
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.effect import Effect, EffectFactory
 from pneumo_casadi.runtime.progress import Progress, no_progress, progress_range
@@ -103,10 +97,10 @@ def diagnose(
     began = time.perf_counter()
     options = options or DiagnosisOptions()
     report = progress or no_progress
-    case = case if isinstance(case, Case) else open_case(case)
+    case = case if isinstance(case, Case) else read_case(case)
     report("reading", 0.0)
     one, notes = prepare(case)
-    chosen = applicable(one, CATALOGUE if catalogue is None else catalogue)
+    chosen = applicable(one, EFFECTS if catalogue is None else catalogue)
     found = select_effects(one, chosen, executor, progress_range(report, 0.02, 0.8), options.keep)
     effects = tuple(chosen[name]() for name in found.chosen)
     judgement = judge(found, effects)

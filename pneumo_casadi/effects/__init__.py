@@ -38,7 +38,7 @@ from pneumo_casadi.effects.valve.valve_null_shift import ValveNullShift as Valve
 from pneumo_casadi.model.effect import Effect
 
 #: All effects, by name.
-CATALOGUE: dict[str, type[Effect]] = {
+EFFECTS: dict[str, type[Effect]] = {
     found.name: found
     for found in tuple(vars().values())
     if isinstance(found, type) and issubclass(found, Effect) and found is not Effect
@@ -53,4 +53,4 @@ def catalogue_table() -> tuple[EffectRow, ...]:
     >>> [row.equation for row in catalogue_table() if row.name == "stribeck"]
     ['F = ΔF exp(−(v/v_st)²) sign(v)']
     """
-    return tuple(effect_row(effect) for effect in CATALOGUE.values())
+    return tuple(effect_row(effect) for effect in EFFECTS.values())

@@ -10,8 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from pneumo_casadi.data import Bench, Case, Recording, load_case, load_emps
-from pneumo_casadi.data.emps import IDENTIFY as EMPS_FILE
+from pneumo_casadi.data import Bench, Case, Recording, read_case
 from pneumo_casadi.errors import CaseError, ModelError
 from pneumo_casadi.estimation.output_error import (
     OutputErrorOptions,
@@ -20,7 +19,7 @@ from pneumo_casadi.estimation.output_error import (
 )
 from pneumo_casadi.estimation.uncertainty import Identifiability, Optimum, identifiability
 from pneumo_casadi.estimation.wls import Prediction, WLSResult, cross_validate, fit_wls
-from pneumo_casadi.identification.warnings import Caveat, caveats_of
+from pneumo_casadi.identification.warnings import ResultWarning, result_warnings
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.servosystem import ForceAxis, Servosystem
 from pneumo_casadi.runtime.progress import Progress, no_progress, progress_range
@@ -117,7 +116,7 @@ class Identification:
         Simulations beside the held-out records; None where the case has none.
     truth : mapping of str to float, or None
         True parameters where they are known: ``truth.json`` in the case folder.
-    caveats : tuple of Caveat
+    warnings : tuple of ResultWarning
         What the reader must know before using the numbers.
     identifiability : Identifiability or None
         Where it was asked for.
@@ -135,7 +134,7 @@ class Identification:
     predictions: tuple[Prediction, ...]
     validation: Validation | None
     truth: Mapping[str, float] | None
-    caveats: tuple[Caveat, ...]
+    warnings: tuple[ResultWarning, ...]
     identifiability: Identifiability | None
     seconds: float
 
@@ -176,7 +175,7 @@ def identify(
     began = time.perf_counter()
     options = options or IdentifyOptions()
     report = progress or no_progress
-    case = case if isinstance(case, Case) else open_case(case)
+    case = case if isinstance(case, Case) else read_case(case)
     records = _cut(case.identify, options)
     report("flow map", _SHARES["flow"])
     flow_map, flow = read_flow(case, options)
@@ -210,7 +209,7 @@ def identify(
         predictions=predictions,
         validation=validation,
         truth=read_truth(case.folder),
-        caveats=caveats_of(case, records, flow_map, wls, result, validation),
+        warnings=result_warnings(case, records, flow_map, wls, result, validation),
         identifiability=(
             identifiability(Optimum(result, records, flow_map, chosen))
             if options.identifiability
@@ -220,14 +219,6 @@ def identify(
     )
     report("done", _SHARES["done"])
     return found
-
-
-def open_case(folder: str | Path) -> Case:
-    """Load a case folder, or the EMPS benchmark where its files lie in the folder."""
-    folder = Path(folder)
-    if (folder / EMPS_FILE).is_file() and not (folder / "bench.json").exists():
-        return load_emps(folder)
-    return load_case(folder)
 
 
 def read_flow(case: Case, options: IdentifyOptions) -> tuple[FlowMap | None, FlowModel | None]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from pneumo_casadi.data import Bench
 from pneumo_casadi.data.bench.bench_file import bench_content, bench_from_content
-from pneumo_casadi.effects import CATALOGUE
+from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.errors import CaseError, ModelError
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.effect import Effect
@@ -86,7 +86,7 @@ def axis_dict(axis: Axis) -> dict[str, Any]:
     True
     """
     for effect in axis.effects:
-        if type(effect) is not CATALOGUE.get(effect.name) or getattr(effect, "__dict__", None):
+        if type(effect) is not EFFECTS.get(effect.name) or getattr(effect, "__dict__", None):
             raise ModelError(
                 f"effect {effect.name} is not of the catalogue: a file cannot hold it; export "
                 "functions, C or FMU, which hold the equations"
@@ -186,11 +186,9 @@ def _flow(content: Mapping[str, Any], items: list[Parameter]) -> FlowModel:
 
 
 def _effect(name: Any) -> Effect:
-    if name not in CATALOGUE:
-        raise CaseError(
-            f"effect {name!r} is not of the catalogue; known are {', '.join(CATALOGUE)}"
-        )
-    return CATALOGUE[name]()
+    if name not in EFFECTS:
+        raise CaseError(f"effect {name!r} is not of the catalogue; known are {', '.join(EFFECTS)}")
+    return EFFECTS[name]()
 
 
 def _parameter(name: str, item: Mapping[str, Any]) -> Parameter:

@@ -52,7 +52,7 @@ def result_dict(found: Identification) -> dict[str, Any]:
     content = {
         "format": FORMAT,
         "case": found.case.name,
-        "caveats": [{"topic": item.topic, "text": item.text} for item in found.caveats],
+        "caveats": [{"topic": item.topic, "text": item.text} for item in found.warnings],
         "wls": found.wls.as_dict(),
         "output_error": output_error_dict(found.output_error, found),
         "flow": flow,

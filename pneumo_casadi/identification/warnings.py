@@ -32,7 +32,7 @@ GAP = 3.0
 
 
 @dataclass(frozen=True, slots=True)
-class Caveat:
+class ResultWarning:
     """One reason for caution.
 
     Parameters
@@ -48,15 +48,15 @@ class Caveat:
     text: str
 
 
-def caveats_of(
+def result_warnings(
     case: Case,
     records: Sequence[Recording],
     flow_map: FlowMap | None,
     wls: WLSResult,
     result: OutputErrorResult,
     validation: Validation | None,
-) -> tuple[Caveat, ...]:
-    """Collect the caveats of an identification, those that weigh most first."""
+) -> tuple[ResultWarning, ...]:
+    """Collect the warnings of an identification, those that weigh most first."""
     return (
         *_of_solution(result),
         *_of_intervals(case, result),
@@ -64,7 +64,7 @@ def caveats_of(
         *_of_physics(case, result),
         *_of_wls(wls),
         *_of_validation(validation),
-        *(Caveat("recording", note) for note in case.notes),
+        *(ResultWarning("recording", note) for note in case.notes),
     )
 
 
@@ -78,34 +78,36 @@ def inflation(result: OutputErrorResult) -> float:
     return float(np.max(robust[known] / ideal[known], initial=1.0))
 
 
-def _of_solution(result: OutputErrorResult) -> Iterator[Caveat]:
+def _of_solution(result: OutputErrorResult) -> Iterator[ResultWarning]:
     if result.status != "converged":
-        yield Caveat("output_error", f"The output-error fit has not converged: {result.status}.")
+        yield ResultWarning(
+            "output_error", f"The output-error fit has not converged: {result.status}."
+        )
     if len(result.stages) > 1:
-        yield Caveat(
+        yield ResultWarning(
             "output_error",
             f"The fit needed {len(result.stages)} stages (by way of short windows): the model may "
             "misfit the data, or the start was far off.",
         )
     for name in result.estimate.at_bound:
         value = result.parameters[name]
-        yield Caveat(
+        yield ResultWarning(
             "output_error",
             f"{name} lies at its bound {value.value:.4g} {value.unit}: the data push it further; "
             "its interval is one-sided and not given.",
         )
     if result.estimate.uninformed:
-        yield Caveat(
+        yield ResultWarning(
             "output_error",
             f"The data say nothing about {', '.join(result.estimate.uninformed)} (direction "
             f"{'; '.join(result.estimate.combinations)}): their intervals are infinite.",
         )
 
 
-def _of_intervals(case: Case, result: OutputErrorResult) -> Iterator[Caveat]:
+def _of_intervals(case: Case, result: OutputErrorResult) -> Iterator[ResultWarning]:
     factor = inflation(result)
     if factor > INFLATION:
-        yield Caveat(
+        yield ResultWarning(
             "intervals",
             "The output-error residuals are correlated in time: something the model lacks is left "
             f"in them. Intervals from `std`, which trusts them to be noise, are up to {factor:.1f} "
@@ -117,7 +119,7 @@ def _of_intervals(case: Case, result: OutputErrorResult) -> Iterator[Caveat]:
         stated = getattr(noise, name[0], 0.0) if noise is not None else 0.0
         if stated and sigma > EXCESS_NOISE * stated:
             unit = result.axis.unit(name)
-            yield Caveat(
+            yield ResultWarning(
                 "intervals",
                 f"The residual of {name} weighs as much as noise of {sigma:.3g} {unit} a sample, "
                 f"{sigma / stated:.1f} times what the bench states ({stated:.3g} {unit}): misfit "
@@ -127,7 +129,7 @@ def _of_intervals(case: Case, result: OutputErrorResult) -> Iterator[Caveat]:
 
 def _of_flow_map(
     records: Sequence[Recording], flow_map: FlowMap | None, result: OutputErrorResult
-) -> Iterator[Caveat]:
+) -> Iterator[ResultWarning]:
     if flow_map is None:
         return
     ranges = (
@@ -140,13 +142,13 @@ def _of_flow_map(
         values = np.concatenate([record[channel] for record in records])
         outside = float(np.mean((values < low) | (values > high)))
         if outside > OUTSIDE:
-            yield Caveat(
+            yield ResultWarning(
                 "flow_map",
                 f"{channel} runs from {values.min():.4g} to {values.max():.4g} {unit}, outside the "
                 f"metered {low:.4g} to {high:.4g} {unit} in {100 * outside:.2g} % of the samples: "
                 "there the flow is extrapolated.",
             )
-    yield Caveat(
+    yield ResultWarning(
         "flow_map",
         "No interval contains the accuracy of the flow meter: a map metered 1 % too high makes "
         "X_s1 ... X_s6 1 % too large, and no trajectory tells. What the form of the map cannot "
@@ -154,7 +156,7 @@ def _of_flow_map(
     )
     pull = result.map_pull
     if pull is not None and (pull.rms > MAP_PULL or abs(pull.scale - 1) > MAP_SCALE):
-        yield Caveat(
+        yield ResultWarning(
             "flow_map",
             f"The trajectories have pulled the flow map: its residuals are {pull.rms:.2f} times "
             f"those of its own fit and its overall scale is {pull.scale:.4f}. Map and trajectories "
@@ -162,11 +164,11 @@ def _of_flow_map(
         )
 
 
-def _of_physics(case: Case, result: OutputErrorResult) -> Iterator[Caveat]:
+def _of_physics(case: Case, result: OutputErrorResult) -> Iterator[ResultWarning]:
     low, high = K_RANGE
     for name in ("k_P", "k_N"):
         if name in result.derived and not low <= result.derived[name].value <= high:
-            yield Caveat(
+            yield ResultWarning(
                 "physics",
                 f"{name} = {result.derived[name].value:.3f} is not between {low:g} (isothermal) "
                 f"and {high:g} (adiabatic): an unmodelled effect may hide in the parameters.",
@@ -174,59 +176,59 @@ def _of_physics(case: Case, result: OutputErrorResult) -> Iterator[Caveat]:
     sheet = case.bench.datasheet.get("M_kg")
     M = result.parameters["M"].value
     if sheet and abs(M / sheet - 1) > DATASHEET:
-        yield Caveat(
+        yield ResultWarning(
             "physics", f"M = {M:.4g} kg is {100 * (M / sheet - 1):+.0f} % off the data sheet."
         )
     for chamber in "PN" if isinstance(case.bench, Bench) else "":
         geometric = getattr(case.bench, f"S_{chamber}")
         share = result.derived[f"S_{chamber}"].value / geometric - 1
         if abs(share) > DATASHEET:
-            yield Caveat(
+            yield ResultWarning(
                 "physics",
                 f"The area S_{chamber} that follows from the fit is {100 * share:+.0f} % off the "
                 "bench's: look for a wrong temperature, flow scale or leak.",
             )
     for name in ("F_c_plus", "F_c_minus"):
         if result.parameters[name].value < 0:
-            yield Caveat(
+            yield ResultWarning(
                 "physics",
                 f"{name} = {result.parameters[name].value:.3g} N is negative: friction carries a "
                 "constant force.",
             )
 
 
-def _of_wls(wls: WLSResult) -> Iterator[Caveat]:
+def _of_wls(wls: WLSResult) -> Iterator[ResultWarning]:
     for name in wls.out_of_bounds:
-        yield Caveat("wls", f"The WLS estimate of {name} is physically impossible.")
+        yield ResultWarning("wls", f"The WLS estimate of {name} is physically impossible.")
     weak = [
         f"{name} ({percent:.0f} %)"
         for name, percent in zip(wls.names, wls.relative_std_percent, strict=True)
         if percent >= REMOVABLE_PERCENT
     ]
     if weak:
-        yield Caveat(
+        yield ResultWarning(
             "wls",
             f"WLS knows {', '.join(weak)} to no better than {REMOVABLE_PERCENT:g} %: by eq. 17 "
             "they may be removed.",
         )
     ratio = float(np.max(wls.std_hac / wls.std))
     if ratio > INFLATION:
-        yield Caveat(
+        yield ResultWarning(
             "wls",
             "The WLS residuals are correlated: the standard deviations of eq. 16 are too small, by "
             f"a factor of up to {ratio:.1f}; `std_hac` allows for it, not for bias.",
         )
     if wls.plan.sampling_ratio < 100:
-        yield Caveat(
+        yield ResultWarning(
             "wls",
             f"Sampled at {wls.plan.sampling_ratio:.0f} times the bandwidth of the motion; eq. 14 "
             "asks for 100 times.",
         )
 
 
-def _of_validation(validation: Validation | None) -> Iterator[Caveat]:
+def _of_validation(validation: Validation | None) -> Iterator[ResultWarning]:
     if validation is None:
-        yield Caveat(
+        yield ResultWarning(
             "validation", "The case has no record held out: nothing tells how the axis predicts."
         )
         return
@@ -237,7 +239,7 @@ def _of_validation(validation: Validation | None) -> Iterator[Caveat]:
         if error.noise_percent and error.percent > GAP * error.noise_percent
     ]
     if gaps:
-        yield Caveat(
+        yield ResultWarning(
             "validation",
             f"On held-out records the free run parts from the measurement beyond the sensor noise "
             f"(noise → error: {', '.join(gaps)}).",

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from pneumo_casadi.cli import app as cli
-from pneumo_casadi.data import load_case
+from pneumo_casadi.data import read_case
 
 SHORT = ["--duration", "2", "--fs", "500"]
 
@@ -15,7 +15,7 @@ def test_simulate_writes_a_case_folder_and_the_labels_beside_it(tmp_path, capsys
     hidden = ["--effect", "stribeck:large", "--effect", "backlash", "--severity", "small"]
     arguments = ["simulate", "--bench", "--seed", "4", *hidden, *SHORT, "-o", str(folder)]
     assert cli.run([*arguments, "--json", str(labels)]) == 0
-    assert load_case(folder).identify[0].N == 1000
+    assert read_case(folder).identify[0].N == 1000
     found = json.loads(labels.read_text())
     assert [(one["name"], one["severity"]) for one in found["effects"]] == [
         ("stribeck", "large"),

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from pneumo_casadi.cli import app as cli
-from pneumo_casadi.data import load_case
+from pneumo_casadi.data import read_case
 from pneumo_casadi.virtual_bench import make_case
 
 
@@ -39,7 +39,7 @@ def test_a_design_is_written_whole_and_keeps_its_limits(case, tmp_path, capsys):
     text = (folder / "design.txt").read_text("utf-8")
     assert "designed/recorded" in text and text.strip().splitlines()[0] in capsys.readouterr().out
     # The record's reference and the designed one are for the same clock.
-    assert load_case(case).bench.sampling_frequency == pytest.approx(1 / found["sampling_period_s"])
+    assert read_case(case).bench.sampling_frequency == pytest.approx(1 / found["sampling_period_s"])
 
 
 @pytest.mark.parametrize(

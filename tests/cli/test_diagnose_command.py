@@ -12,7 +12,7 @@ import pytest
 from pneumo_casadi.cli import app as cli
 from pneumo_casadi.cli.diagnose_command import default_workers, processes
 from pneumo_casadi.cli.terminal import time_left
-from pneumo_casadi.effects import CATALOGUE
+from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.errors import FitError
 
 _spec = importlib.util.spec_from_file_location(
@@ -51,7 +51,7 @@ def test_a_recorded_axis_is_diagnosed_and_the_fits_are_kept(data_folder, tmp_pat
     for record in case.glob("*y*.csv.gz"):  # five seconds of each record
         frame = pd.read_csv(record)
         frame[frame["t_s"] < 5.0].to_csv(record, index=False)
-    others = [name for name in CATALOGUE if name not in ("spring_load", "stribeck")]
+    others = [name for name in EFFECTS if name not in ("spring_load", "stribeck")]
     leave_out = [word for name in others for word in ("--without", name)]
     folder, copy, keep = tmp_path / "out", tmp_path / "copy.json", tmp_path / "fits"
     arguments = ["--workers", "1", "--keep", str(keep), "--json", str(copy), "-o", str(folder)]
@@ -76,7 +76,7 @@ def test_what_is_asked_for_reaches_the_diagnosis(embedded, tmp_path, given):
     assert cli.run(["diagnose", str(embedded), "-o", str(folder), *arguments, "--workers=1"]) == 0
     ((case, catalogue, options, executor),) = given
     assert case.name == "table1"
-    assert set(CATALOGUE) - set(catalogue) == {"hose", "backlash"}
+    assert set(EFFECTS) - set(catalogue) == {"hose", "backlash"}
     assert options.keep == tmp_path / "fits"
     assert executor is None
     assert {path.name for path in folder.iterdir()} == FILES
@@ -86,7 +86,7 @@ def test_what_is_asked_for_reaches_the_diagnosis(embedded, tmp_path, given):
     ("arguments", "words"),
     [
         (["--without", "rust"], "no effect 'rust'"),
-        ([word for name in CATALOGUE for word in ("--without", name)], "leaves no effect"),
+        ([word for name in EFFECTS for word in ("--without", name)], "leaves no effect"),
         (["--workers", "0"], "--help"),
     ],
 )

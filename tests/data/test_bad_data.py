@@ -5,7 +5,7 @@ import re
 
 import pytest
 
-from pneumo_casadi.data import load_case
+from pneumo_casadi.data import read_case
 from pneumo_casadi.errors import CaseError
 
 COLUMNS = ["t_s", "u_P_V", "u_N_V", "p_P_Pa", "p_N_Pa", "x_m", "x_ref_m"]
@@ -180,7 +180,7 @@ SPOILT = {
 
 
 def test_a_good_case_loads_without_a_note(case_folder):
-    case = load_case(case_folder())
+    case = read_case(case_folder())
     assert case.notes == () and case.identify[0].N == 4000 and case.validate == ()
 
 
@@ -189,7 +189,7 @@ def test_spoilt_data_are_refused_with_place_value_unit_and_remedy(case_folder, n
     change, message = SPOILT[name]
     folder = case_folder(change)
     with pytest.raises(CaseError, match=message) as caught:
-        load_case(folder)
+        read_case(folder)
     assert str(folder / "identify.csv") in str(caught.value)
     assert "\n" not in str(caught.value)
 
@@ -200,7 +200,7 @@ def test_swapped_areas_are_told_by_the_mean_effort(case_folder):
     text = text.replace("S_P_m2", "S_?").replace("S_N_m2", "S_P_m2").replace("S_?", "S_N_m2")
     (folder / "bench.json").write_text(text)
     with pytest.raises(CaseError, match=r"`S_P` = 0\.000603 m² and `S_N` = 0\.000875 m².*swapped"):
-        load_case(folder)
+        read_case(folder)
 
 
 def test_gauge_pressures_within_range_are_noted(case_folder):
@@ -208,17 +208,17 @@ def test_gauge_pressures_within_range_are_noted(case_folder):
         for name in ("p_P_Pa", "p_N_Pa"):
             row[name] = float(row[name]) - 1e5
 
-    (note,) = load_case(case_folder(cells(gauge))).notes
+    (note,) = read_case(case_folder(cells(gauge))).notes
     assert re.search(r"mean effort is .* if the pressures are gauge; give absolute", note)
 
 
 def test_a_command_that_breaks_the_control_law_is_noted(case_folder):
-    notes = load_case(case_folder(cells(setting("u_N_V", 1.5), ROW))).notes
+    notes = read_case(case_folder(cells(setting("u_N_V", 1.5), ROW))).notes
     assert len(notes) == 1 and re.search(AT + r": `u_N` = 1\.5 V is not −`u_P`", notes[0])
 
 
 def test_checks_can_be_left_out(case_folder):
-    case = load_case(case_folder(cells(scaled(1e-5, "p_P_Pa"))), check=False)
+    case = read_case(case_folder(cells(scaled(1e-5, "p_P_Pa"))), check=False)
     assert case.identify[0]["p_P"].max() < 10
 
 
@@ -226,7 +226,7 @@ def test_an_empty_file_is_named(case_folder):
     folder = case_folder()
     (folder / "identify.csv").write_bytes(b"")
     with pytest.raises(CaseError, match=r"identify\.csv: the file is empty \(0 bytes\); copy"):
-        load_case(folder)
+        read_case(folder)
 
 
 def test_a_compressed_file_cut_short_is_named(case_folder, good_text):
@@ -235,43 +235,43 @@ def test_a_compressed_file_cut_short_is_named(case_folder, good_text):
     whole = gzip.compress(good_text.encode())
     (folder / "identify.csv.gz").write_bytes(whole[: len(whole) // 2])
     with pytest.raises(CaseError, match=r"identify\.csv\.gz: the compressed file is cut short"):
-        load_case(folder)
+        read_case(folder)
 
 
 def test_a_file_that_only_claims_to_be_compressed_is_named(case_folder, good_text):
     folder = case_folder()
     (folder / "identify.csv").rename(folder / "identify.csv.gz")
     with pytest.raises(CaseError, match=r"identify\.csv\.gz: the compressed file is .* damaged"):
-        load_case(folder)
+        read_case(folder)
 
 
 def test_a_last_number_cut_short_does_not_pass_for_another_number(case_folder, good_text):
     folder = case_folder()
     (folder / "identify.csv").write_text(good_text[:-4])
     with pytest.raises(CaseError, match=r"line 4001, the last one, .*fewer decimals.*cut short"):
-        load_case(folder)
+        read_case(folder)
 
 
 def test_a_missing_final_newline_alone_is_no_fault(case_folder, good_text):
     folder = case_folder()
     (folder / "identify.csv").write_text(good_text[:-1])
-    assert load_case(folder).identify[0].N == 4000
+    assert read_case(folder).identify[0].N == 4000
 
 
 def test_a_folder_without_a_record_says_what_to_add(case_folder):
     folder = case_folder()
     (folder / "identify.csv").unlink()
     with pytest.raises(CaseError, match=r"no record to identify on; add identify\.csv\.gz"):
-        load_case(folder)
+        read_case(folder)
 
 
 def test_a_record_in_two_formats_is_refused(case_folder, good_text):
     folder = case_folder()
     (folder / "identify.csv.gz").write_bytes(gzip.compress(good_text.encode()))
     with pytest.raises(CaseError, match="record identify stands there in two formats"):
-        load_case(folder)
+        read_case(folder)
 
 
 def test_a_missing_folder_is_named(tmp_path):
     with pytest.raises(CaseError, match=r"nowhere: no such folder"):
-        load_case(tmp_path / "nowhere")
+        read_case(tmp_path / "nowhere")

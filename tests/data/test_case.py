@@ -10,7 +10,7 @@ from pneumo_casadi.data import (
     InputHold,
     NestedController,
     Recording,
-    load_case,
+    read_case,
     write_case,
 )
 from pneumo_casadi.errors import CaseError
@@ -20,7 +20,7 @@ FLOW_MAP = {"u_V": [-1.0, 1.0], "p_Pa": [2e5, 3e5], "q_m_kg_per_s": [-1e-3, 1 / 
 
 def test_a_case_comes_back_number_for_number(tmp_path, bench, recording):
     write_case(tmp_path / "case", bench, [recording], [recording.window(0, 2)], FLOW_MAP)
-    case = load_case(tmp_path / "case")
+    case = read_case(tmp_path / "case")
     assert case.bench == bench and case.name == "case"
     assert case.flow_map_path == tmp_path / "case" / "flow_map.csv"
     for found, written in ((case.identify[0], recording), (case.validate[0], recording)):
@@ -32,7 +32,7 @@ def test_a_case_comes_back_number_for_number(tmp_path, bench, recording):
 def test_several_records_keep_their_order(tmp_path, bench, recording):
     parts = recording.split(duration=0.3)
     write_case(tmp_path / "case", bench, parts)
-    case = load_case(tmp_path / "case", check=False)
+    case = read_case(tmp_path / "case", check=False)
     assert [part["x"][0] for part in case.identify] == [part["x"][0] for part in parts]
     assert len(case.identify) == 14 and case.identify[1].t[0] == pytest.approx(0.3)
 
@@ -50,7 +50,7 @@ def test_a_force_driven_case_comes_back(tmp_path):
     channels = {"F": np.cos(t), "x": 0.1 * np.sin(t), "x_ref": 0.1 * np.sin(t)}
     recording = Recording(t, channels, "a", "memory", InputHold.ZERO)
     write_case(tmp_path / "case", bench, [recording])
-    case = load_case(tmp_path / "case")
+    case = read_case(tmp_path / "case")
     assert case.bench == bench and np.array_equal(case.identify[0]["F"], channels["F"])
 
 
@@ -60,7 +60,7 @@ def test_a_force_driven_axis_may_not_travel_beyond_its_stroke(tmp_path):
     channels = {"F": np.cos(t), "x": 0.1 * np.sin(t), "x_ref": 0.1 * np.sin(t)}
     write_case(tmp_path / "c", bench, [Recording(t, channels, "a", "memory", InputHold.ZERO)])
     with pytest.raises(CaseError, match=r"row \d+ .*travels 0\.175023 m, the stroke is 0\.15 m"):
-        load_case(tmp_path / "c")
+        read_case(tmp_path / "c")
 
 
 def test_a_write_that_fails_leaves_nothing(tmp_path, bench, recording, monkeypatch):

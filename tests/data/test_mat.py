@@ -11,7 +11,7 @@ from pneumo_casadi.data import (
     Column,
     InputHold,
     column_map,
-    load_case,
+    read_case,
     read_columns,
     read_recording,
 )
@@ -237,12 +237,12 @@ def test_a_case_folder_tells_its_columns_in_a_file(tmp_path, bench_json, recordi
     bench_json()
     classic(tmp_path / "identify.mat", own_names(recording))
     (tmp_path / "columns.json").write_text(json.dumps(MAPPING))
-    (found,) = load_case(tmp_path).identify
+    (found,) = read_case(tmp_path).identify
     for name in recording.names:
         assert np.allclose(found[name], recording[name], rtol=1e-12, atol=1e-15)
     # What is said in the call goes before the file.
     with pytest.raises(CaseError, match="no column `nothing`"):
-        load_case(tmp_path, columns={"nothing": Column("t")})
+        read_case(tmp_path, columns={"nothing": Column("t")})
 
 
 def test_a_variable_that_the_file_has_not_is_named_with_those_it_has(
@@ -252,7 +252,7 @@ def test_a_variable_that_the_file_has_not_is_named_with_those_it_has(
     classic(tmp_path / "identify.mat", own_names(recording))
     (tmp_path / "columns.json").write_text(json.dumps(MAPPING | {"p_P_Pa": ["log.p_A", "bar"]}))
     with pytest.raises(CaseError, match=r"identify\.mat: no column `log\.p_A`; .* log\.pA"):
-        load_case(tmp_path)
+        read_case(tmp_path)
 
 
 def test_a_wrong_unit_is_noticed_by_the_values(tmp_path, bench_json, recording):
@@ -260,4 +260,4 @@ def test_a_wrong_unit_is_noticed_by_the_values(tmp_path, bench_json, recording):
     classic(tmp_path / "identify.mat", own_names(recording))
     (tmp_path / "columns.json").write_text(json.dumps(MAPPING | {"p_P_Pa": ["log.pA", "kPa"]}))
     with pytest.raises(CaseError, match=r"identify\.mat.*p_P"):
-        load_case(tmp_path)
+        read_case(tmp_path)

@@ -5,7 +5,7 @@ import time
 import numpy as np
 import pytest
 
-from pneumo_casadi.data import check_recording, load_case, load_emps
+from pneumo_casadi.data import check_recording, read_case, read_emps
 from pneumo_casadi.data.checks.chambers import CLEAR, chamber_correlations
 from pneumo_casadi.errors import CaseError
 
@@ -16,7 +16,7 @@ pytestmark = pytest.mark.data
 def cases(data_folder):
     folders = [*sorted((data_folder / "practice").glob("p*")), data_folder / "table1"]
     assert len(folders) == 14
-    return [load_case(folder) for folder in folders]
+    return [read_case(folder) for folder in folders]
 
 
 def records(cases):
@@ -53,13 +53,13 @@ def test_pieces_of_four_seconds_raise_no_false_alarm(cases):
 
 def test_three_hundred_thousand_rows_load_in_two_seconds(data_folder):
     start = time.perf_counter()
-    case = load_case(data_folder / "practice" / "p13_none_5kHz_60s")  # two such records
+    case = read_case(data_folder / "practice" / "p13_none_5kHz_60s")  # two such records
     assert time.perf_counter() - start < 4.0
     assert case.identify[0].N == case.validate[0].N == 300_000
 
 
 def test_emps_is_the_published_record(data_folder):
-    case = load_emps(data_folder / "emps")
+    case = read_emps(data_folder / "emps")
     identify, validate = case.identify[0], case.validate[0]
     assert identify.N == validate.N == 24841 and case.notes == ()
     assert identify.dt == pytest.approx(1e-3, rel=1e-9)
@@ -68,7 +68,7 @@ def test_emps_is_the_published_record(data_folder):
 
 
 def test_the_emps_force_follows_its_control_law(data_folder):
-    case = load_emps(data_folder / "emps")
+    case = read_emps(data_folder / "emps")
     record, controller = case.identify[0], case.bench.controller
     v = np.gradient(record["x"], record.dt)
     law = controller.command(record["x_ref"], record["x"], v)[:, 0]

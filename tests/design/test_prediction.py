@@ -9,7 +9,7 @@ from pneumo_casadi.design.options import SimulationRate, recorded_reference, sim
 from pneumo_casadi.design.precision import PrecisionForecast, parameters_of_interest
 from pneumo_casadi.design.prediction import Fit, noise_free_map, project_refit, refit
 from pneumo_casadi.design.reference import make_reference
-from pneumo_casadi.effects import CATALOGUE
+from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.errors import FitError, ModelError
 from pneumo_casadi.estimation.output_error import OutputErrorOptions, fit_output_error
 from pneumo_casadi.report.pages.design import write_design
@@ -62,7 +62,7 @@ def test_an_axis_begins_where_it_rests(made, recorded):
 
 def test_a_projection_is_the_refit_to_first_order(made, sigma):
     axis = made.true_axis()
-    other = axis.with_effects(CATALOGUE["quadratic_drag"]()).at_starting_values()
+    other = axis.with_effects(EFFECTS["quadratic_drag"]()).at_starting_values()
     simulator = ExperimentSimulator(other, 1e-3)
     fit = Fit(axis, 1e-3, sigma, noise_free_map(axis, made.smooth_map()))
     run = simulator(make_reference((Part("squares", 1.0, (0.9, 0.3, 1.0)),), 1e-3, 1500, 0.15, 0.0))
@@ -115,7 +115,7 @@ def test_what_is_absorbed_whatever_the_axis_does_is_not_searched_for(made, recor
     axis = made.true_axis()
     axes = {
         "none": axis,
-        "constant_force": axis.with_effects(CATALOGUE["constant_force"]()).at_starting_values(),
+        "constant_force": axis.with_effects(EFFECTS["constant_force"]()).at_starting_values(),
     }
     options = DesignOptions(limits, 1.0, evaluations=20)
     with pytest.raises(ModelError, match="absorb"):
@@ -126,7 +126,7 @@ def test_an_effect_is_told_from_the_nominal_axis_and_written_down(
     made, recorded, limits, sigma, tmp_path
 ):
     axis = made.true_axis()
-    drag = axis.with_effects(CATALOGUE["quadratic_drag"]()).at_starting_values()
+    drag = axis.with_effects(EFFECTS["quadratic_drag"]()).at_starting_values()
     options = DesignOptions(limits, 2.0, evaluations=20)
     axes = {"quadratic_drag": drag, "none": axis}
     found = design_to_separate(axes, axis, [recorded], made.smooth_map(), sigma, options)

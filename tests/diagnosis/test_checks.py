@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from pneumo_casadi.data import load_case
+from pneumo_casadi.data import read_case
 from pneumo_casadi.data.bench.bench_file import read_bench
 from pneumo_casadi.diagnosis.checks.absorbed import absorbed_candidates
 from pneumo_casadi.diagnosis.checks.parameter_checks import check_fit, check_parameters
@@ -131,7 +131,7 @@ def test_fits_to_the_bench_tell_unequal_valves_and_notched_edges_from_nothing_wr
     tmp_path, effects, expected
 ):
     axis = replace(random_axis(11), F_c_plus=14.0, F_c_minus=18.0)
-    case = load_case(make_case(tmp_path / "case", 11, effects, duration=8.0, axis=axis).case.folder)
+    case = read_case(make_case(tmp_path / "case", 11, effects, duration=8.0, axis=axis).case.folder)
     table, flow = read_flow(case, IdentifyOptions())
     one = start_study(make_axis(case, flow), table, case.identify, case.validate)
     assert absorbed_candidates(check_fit(one, fit_model(one, ()))) == expected

@@ -11,7 +11,7 @@ from pneumo_casadi.diagnosis.decide.verdict import Judgement
 from pneumo_casadi.diagnosis.diagnose import prepare
 from pneumo_casadi.diagnosis.metrics.findings import Check
 from pneumo_casadi.diagnosis.prepare.study import fit_model
-from pneumo_casadi.effects import CATALOGUE
+from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.errors import FitError
 from pneumo_casadi.estimation.equation_error.balance_functions import AlongMotion
 from pneumo_casadi.estimation.equation_error.residuals import residuals
@@ -40,7 +40,7 @@ class Gain(Effect):
 
 def test_a_shifted_null_is_no_stand_in_for_a_leak_that_the_catalogue_lacks(made_case):
     case = made_case(12, leakage_P="large")
-    catalogue = {name: CATALOGUE[name] for name in FLOWS if name != "leakage_P"}
+    catalogue = {name: EFFECTS[name] for name in FLOWS if name != "leakage_P"}
     found = diagnose(case, catalogue)
     assert found.verdict is Verdict.UNKNOWN
     assert "valve_null_shift closes" in found.hint
@@ -48,14 +48,14 @@ def test_a_shifted_null_is_no_stand_in_for_a_leak_that_the_catalogue_lacks(made_
 
 def test_two_leaks_are_named_although_a_shifted_null_fits_better_than_each(made_case):
     case = made_case(12, leakage_P="large", leakage_N="medium")
-    found = diagnose(case, {name: CATALOGUE[name] for name in FLOWS})
+    found = diagnose(case, {name: EFFECTS[name] for name in FLOWS})
     assert {one.name for one in found.effects} == {"leakage_P", "leakage_N"}
 
 
 def test_half_a_heat_transfer_is_refused_with_a_reason(made_case):
     one, _ = prepare(made_case(12, leakage_P="large"))
     with pytest.raises(FitError, match=r"share = 0\.\d+ is not to be believed, .* 0\.85 to 1"):
-        fit_model(one, (CATALOGUE["heat_transfer"](),), fit_model(one, ()).values)
+        fit_model(one, (EFFECTS["heat_transfer"](),), fit_model(one, ()).values)
 
 
 def test_a_fit_that_ran_away_begins_again_from_the_geometry(made_case, monkeypatch):
@@ -81,7 +81,7 @@ def test_what_a_sensor_shows_too_much_is_taken_back_whatever_acts_beside(made_ca
     one, _ = prepare(case)
     (record,) = one.train
     shown = record.with_channels({"p_P": record["p_P"] * 1.2})
-    effects = tuple(CATALOGUE[name]() for name in beside)
+    effects = tuple(EFFECTS[name]() for name in beside)
     true = AlongMotion(one.axis.with_effects(*effects).at_starting_values())
     false = AlongMotion(one.axis.with_effects(*effects, Gain()).at_starting_values())
     false = AlongMotion(false.axis.with_parameters({"gain.g": 0.2}))

@@ -10,7 +10,7 @@ import pytest
 from pneumo_casadi.diagnosis import DiagnosisOptions, Verdict, diagnose, prepare
 from pneumo_casadi.diagnosis.prepare.fit_store import Store
 from pneumo_casadi.diagnosis.prepare.usable_records import require_usable
-from pneumo_casadi.effects import CATALOGUE
+from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.parameters import Parameter
@@ -18,7 +18,7 @@ from pneumo_casadi.valve import FlowMap
 
 #: Enough to be wrong with, and quick.
 SMALL = {
-    name: CATALOGUE[name]
+    name: EFFECTS[name]
     for name in (
         "stribeck",
         "quadratic_drag",

@@ -6,7 +6,7 @@ import pytest
 from pneumo_casadi.diagnosis.diagnose import prepare
 from pneumo_casadi.diagnosis.prepare.study import fit_model
 from pneumo_casadi.diagnosis.screen.screen import perturbation
-from pneumo_casadi.effects import CATALOGUE
+from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.estimation.equation_error.balance_functions import AlongMotion
 from pneumo_casadi.estimation.equation_error.residuals import residuals
 
@@ -19,8 +19,8 @@ def one(made_case):
 def test_an_effect_with_memory_is_screened_at_its_usual_size_too(one):
     """Play that is wider than most strokes of the command holds the spool; narrow play delays."""
     nominal = fit_model(one, ())
-    narrow, usual = perturbation(one, nominal, CATALOGUE["valve_hysteresis"]())
-    axis = one.axis.with_effects(CATALOGUE["valve_hysteresis"]())
+    narrow, usual = perturbation(one, nominal, EFFECTS["valve_hysteresis"]())
+    axis = one.axis.with_effects(EFFECTS["valve_hysteresis"]())
     axis = axis.with_parameters(dict(nominal.values)).at_null_values()
     model, name = AlongMotion(axis), "valve_hysteresis.h"
     h = axis.at_starting_values().parameters[name].value
@@ -43,4 +43,4 @@ def test_an_effect_with_memory_is_screened_at_its_usual_size_too(one):
 
 def test_an_effect_without_memory_is_screened_by_its_tangent_alone(one):
     nominal = fit_model(one, ())
-    assert len(perturbation(one, nominal, CATALOGUE["spring_load"]())) == 1
+    assert len(perturbation(one, nominal, EFFECTS["spring_load"]())) == 1

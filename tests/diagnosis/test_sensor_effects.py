@@ -11,12 +11,12 @@ from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger
 from pneumo_casadi.diagnosis.select.forward_selection import _coarse
 from pneumo_casadi.diagnosis.select.plausibility import find_plausible_extension
 from pneumo_casadi.diagnosis.select.sensor_effects import _candidates, _refine_again
-from pneumo_casadi.effects import CATALOGUE
+from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.errors import FitError
 
 
 def named(case, *catalogue):
-    return {one.name for one in diagnose(case, {n: CATALOGUE[n] for n in catalogue}).effects}
+    return {one.name for one in diagnose(case, {n: EFFECTS[n] for n in catalogue}).effects}
 
 
 def test_what_acts_while_a_play_is_crossed_is_found_by_simulation(made_case):
@@ -37,14 +37,14 @@ def test_a_second_sensor_is_tried_where_it_gains_in_fits(cost, tried):
     """The first one may stand for it too: alone it is no reason to simulate both."""
     costs = {("position_delay",): 0.0, ("backlash",): 100.0, ("backlash", "position_delay"): cost}
     costs |= {(name, "position_delay"): 0.0 for name in ("hose", "stribeck", "elastic_load")}
-    worker = FitLedger(None, CATALOGUE)
+    worker = FitLedger(None, EFFECTS)
     worker.fits = {worker.key(key): SimpleNamespace(cost=value) for key, value in costs.items()}
     assert ("backlash" in _candidates(worker, ("position_delay",))) is tried
 
 
 def test_a_second_refinement_that_fails_leaves_the_first_and_no_failure(monkeypatch):
     names, first = ("backlash", "presliding"), SimpleNamespace(values={})
-    worker = FitLedger(None, CATALOGUE)
+    worker = FitLedger(None, EFFECTS)
     worker.trials[names] = first, 0.2
     failed = Future()
     failed.set_exception(FitError("ran away"))
@@ -117,6 +117,6 @@ def test_an_effect_that_mends_impossible_parameters_counts(monkeypatch, wrong, g
 def test_a_coarse_map_is_no_shape_of_the_valve(excess, known, names, expected):
     residuals = (np.array([[1.0], [excess], [1.0]]),)
     current = SimpleNamespace(held_out=residuals, used_held_out=(np.ones((3, 1), bool),))
-    worker = SimpleNamespace(effects=lambda names: tuple(CATALOGUE[n]() for n in names))
+    worker = SimpleNamespace(effects=lambda names: tuple(EFFECTS[n]() for n in names))
     by = SimpleNamespace(noise=np.ones(3))
     assert _coarse(worker, current, known, names, by) is expected

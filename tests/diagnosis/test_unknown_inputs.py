@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneumo_casadi.data import load_case
+from pneumo_casadi.data import read_case
 from pneumo_casadi.diagnosis.locate.signatures import residual_floor
 from pneumo_casadi.diagnosis.locate.unknown_inputs import unknown_inputs
 from pneumo_casadi.diagnosis.prepare.study import fit_model, start_study
@@ -17,7 +17,7 @@ from pneumo_casadi.virtual_bench import make_case, random_axis
 def opened(folder, effects, duration=10.0):
     axis = replace(random_axis(5), F_c_plus=14.0, F_c_minus=18.0)
     made = make_case(folder / "case", 5, effects, duration=duration, axis=axis)
-    case = load_case(made.case.folder)
+    case = read_case(made.case.folder)
     table, flow = read_flow(case, IdentifyOptions())
     one = start_study(make_axis(case, flow), table, case.identify, case.validate)
     return one, fit_model(one, ()), made

@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pneumo_casadi.data import read_case
 from pneumo_casadi.diagnosis.locate.locate import balance_of_effect, locate, rival_sensor_effects
 from pneumo_casadi.diagnosis.locate.regimes import find_regimes, map_regimes
 from pneumo_casadi.diagnosis.locate.signatures import HYPOTHESES, Signatures, signatures
 from pneumo_casadi.diagnosis.prepare.study import fit_model, start_study
-from pneumo_casadi.effects import CATALOGUE
-from pneumo_casadi.identification.identify import IdentifyOptions, make_axis, open_case, read_flow
+from pneumo_casadi.effects import EFFECTS
+from pneumo_casadi.identification.identify import IdentifyOptions, make_axis, read_flow
 from pneumo_casadi.virtual_bench import make_case, random_axis
 
 
@@ -25,7 +26,7 @@ def bench(tmp_path_factory):
         if key not in known:
             folder = tmp_path_factory.mktemp("bench") / "case"
             made = make_case(folder, 5, effects, duration=10.0, axis=axis)
-            case = open_case(made.case.folder)
+            case = read_case(made.case.folder)
             table, flow = read_flow(case, IdentifyOptions())
             one = start_study(make_axis(case, flow), table, case.identify, case.validate)
             known[key] = one, fit_model(one, ())
@@ -66,7 +67,7 @@ def test_a_cause_that_no_effect_explains_is_found_by_inputs_and_signatures(
 def test_the_location_of_an_effect_is_where_it_acts(bench):
     one, nominal = bench(leakage_N="medium")
     leak, lag, spring = (
-        CATALOGUE[name]() for name in ("leakage_N", "pressure_sensor_lag", "spring_load")
+        EFFECTS[name]() for name in ("leakage_N", "pressure_sensor_lag", "spring_load")
     )
     fitted = fit_model(one, (leak,), nominal.values)
     found = locate(one, nominal, (leak,), fitted)
@@ -81,7 +82,7 @@ def test_the_location_of_an_effect_is_where_it_acts(bench):
 
 
 def test_an_effect_of_both_chambers_is_where_it_adds_more():
-    valve = CATALOGUE["valve_dynamics"]()
+    valve = EFFECTS["valve_dynamics"]()
     added = {"mass_flow_P": 0.2, "mass_flow_N": 0.3, "force": 0.9}
     assert balance_of_effect(valve, added) == "mass_flow_N"
 
@@ -154,6 +155,6 @@ def test_a_force_driven_axis_has_a_force_alone(emps_like):
 
 @pytest.fixture(scope="module")
 def emps_like(data_folder):
-    case = open_case(data_folder / "emps")
+    case = read_case(data_folder / "emps")
     one = start_study(make_axis(case, None), None, case.identify, case.validate)
     return one, fit_model(one, ())

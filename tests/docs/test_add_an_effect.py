@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pneumo_casadi.effects import CATALOGUE, effect_row
+from pneumo_casadi.effects import EFFECTS, effect_row
 from pneumo_casadi.model.axis import FORCE_DRIVEN, PNEUMATIC
 from pneumo_casadi.model.effect import JUNCTIONS, NOMINAL
 from pneumo_casadi.report.tables.effects import effect_markdown
@@ -42,7 +42,7 @@ def test_the_example_declares_what_the_catalogue_asks_for(ran):
     effect = ran["Bellows"]
     one = effect()
     assert all((one.equation, one.source, one.shows, one.separated_by))
-    assert set(one.confused_with) <= {*CATALOGUE, *NOMINAL}
+    assert set(one.confused_with) <= {*EFFECTS, *NOMINAL}
     for item in one.parameters:
         assert item.description and item.source and item.value == item.null
         assert np.isfinite([item.lower, item.upper]).all()

@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 import scipy.io
 
-from pneumo_casadi.data import load_case, read_bench
+from pneumo_casadi.data import read_bench, read_case
 from pneumo_casadi.data.bench.bench_file import BENCH_KEYS, CONTROLLERS, NOISE_KEYS
 from pneumo_casadi.data.readers.column_map import CONVERSIONS
 from pneumo_casadi.data.recording.channels import UNITS
@@ -42,7 +42,7 @@ def logged(record):
 def logs(embedded, tmp_path_factory):
     """Folder with the files that the page begins with, cut from the embedded record."""
     folder = tmp_path_factory.mktemp("logs")
-    case = load_case(embedded)
+    case = read_case(embedded)
     commands = ("u_P", "u_N")
     first = case.identify[0].window(10.0, 14.0).decimate(5, commands)
     logged(first).to_csv(folder / "run_1.csv", index=False)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pneumo_casadi.data import InputHold
-from pneumo_casadi.effects import CATALOGUE
+from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.estimation.output_error import OutputErrorOptions, fit_output_error
 from pneumo_casadi.model.axis import FORCE_DRIVEN, PNEUMATIC
 from pneumo_casadi.model.compilation import compile_functions
@@ -27,7 +27,7 @@ def fits(effect, kind):
     return there and (kind == "servo" or not effect.needs_chambers)
 
 
-CASES = [(name, kind) for name, effect in CATALOGUE.items() for kind in KINDS if fits(effect, kind)]
+CASES = [(name, kind) for name, effect in EFFECTS.items() for kind in KINDS if fits(effect, kind)]
 
 
 @pytest.fixture(scope="session")
@@ -38,14 +38,14 @@ def nominals(made):
 @pytest.fixture(scope="session")
 def members():
     """Effects of the catalogue by the kind of axis on which they belong."""
-    return {kind: [CATALOGUE[name] for name, on in CASES if on == kind] for kind in KINDS}
+    return {kind: [EFFECTS[name] for name, on in CASES if on == kind] for kind in KINDS}
 
 
 @pytest.fixture(scope="module", params=CASES, ids=" on ".join)
 def pair(request, nominals):
     """The axis with one effect at its null values, and the nominal axis."""
     name, kind = request.param
-    return nominals[kind].with_effects(CATALOGUE[name]()), nominals[kind]
+    return nominals[kind].with_effects(EFFECTS[name]()), nominals[kind]
 
 
 @dataclass(frozen=True)

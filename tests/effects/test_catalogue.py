@@ -10,28 +10,28 @@ import numpy as np
 import pytest
 
 import pneumo_casadi
-from pneumo_casadi.effects import CATALOGUE, catalogue_table
+from pneumo_casadi.effects import EFFECTS, catalogue_table
 from pneumo_casadi.model.effect import JUNCTIONS, NOMINAL, Effect
 
 PACKAGE = Path(pneumo_casadi.__file__).parent
 
 
-@pytest.mark.parametrize("effect", CATALOGUE.values(), ids=CATALOGUE)
+@pytest.mark.parametrize("effect", EFFECTS.values(), ids=EFFECTS)
 def test_an_effect_declares_what_it_is(effect, members):
     one = effect()
-    assert isinstance(one, Effect) and CATALOGUE[one.name] is effect
+    assert isinstance(one, Effect) and EFFECTS[one.name] is effect
     assert one.junctions and set(one.junctions) <= set(JUNCTIONS)
     assert one.parameters and one.__doc__
     for text in (one.equation, one.source, one.shows, one.separated_by):
         assert text and text == text.strip()
     assert one.confused_with and one.name not in one.confused_with
-    unknown = set(one.confused_with) - {*CATALOGUE, *NOMINAL}
+    unknown = set(one.confused_with) - {*EFFECTS, *NOMINAL}
     assert not unknown, f"{one.name} is confused with what is not in the catalogue: {unknown}"
     assert any(effect in some for some in members.values()), f"{one.name} fits no axis"
     assert all(state.unit and state.scale > 0 for state in one.states)
 
 
-@pytest.mark.parametrize("effect", CATALOGUE.values(), ids=CATALOGUE)
+@pytest.mark.parametrize("effect", EFFECTS.values(), ids=EFFECTS)
 def test_parameters_are_documented_and_their_bounds_bracket_null_and_start(effect):
     for item in effect.parameters:
         assert item.unit and item.description and item.source, item.name
@@ -51,7 +51,7 @@ def test_the_index_names_an_effect_once_and_no_other_file_but_its_own_does():
     """So a new one is a new file and a line."""
     index = PACKAGE / "effects" / "__init__.py"
     used = {path: names_in(path) for path in PACKAGE.rglob("*.py")}
-    for effect in CATALOGUE.values():
+    for effect in EFFECTS.values():
         own = Path(inspect.getfile(effect))
         naming = {path for path, names in used.items() if names[effect.__name__]}
         assert naming - {own} == {index}, effect.name
@@ -67,9 +67,9 @@ def names_in(path):
 
 def test_the_table_of_the_catalogue_holds_every_effect_as_it_declares_itself():
     rows = catalogue_table()
-    assert [row.name for row in rows] == list(CATALOGUE)
+    assert [row.name for row in rows] == list(EFFECTS)
     for row in rows:
-        effect = CATALOGUE[row.name]
+        effect = EFFECTS[row.name]
         assert row.junctions == effect().junctions and row.parameters == effect.parameters
         assert (row.equation, row.source) == (effect.equation, effect.source)
         assert (row.shows, row.confused_with) == (effect.shows, effect.confused_with)

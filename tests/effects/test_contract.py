@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pneumo_casadi.data import InputHold
-from pneumo_casadi.effects import CATALOGUE
+from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.model.axis import V_S_SHARP
 from pneumo_casadi.model.integration import Stepping, step_function, substeps_for
 
@@ -241,13 +241,13 @@ def test_a_record_holds_information_on_each_free_parameter_beside_the_others(
     assert max(known.values()) < 1, f"standard deviations in units of the scales: {known}"
 
 
-PASSIVE = [name for name, effect in CATALOGUE.items() if effect.passive]
+PASSIVE = [name for name, effect in EFFECTS.items() if effect.passive]
 
 
 @pytest.mark.parametrize("level", [0.0, 12.0], ids=["without friction", "with friction"])
 @pytest.mark.parametrize("name", PASSIVE)
 def test_passive_effects_give_back_no_more_energy_than_they_have_taken(name, level, made, drag):
-    axis = made.true_axis(CATALOGUE[name]()).at_starting_values()
+    axis = made.true_axis(EFFECTS[name]()).at_starting_values()
     axis = axis.with_parameters({"f_v": 0.0, "F_c_plus": level, "F_c_minus": level})
 
     def wobble(t):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pneumo_casadi.effects import CATALOGUE
+from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.estimation.output_error import OutputErrorOptions, fit_output_error
 from pneumo_casadi.estimation.wls import fit_wls
 from pneumo_casadi.model.effect import Effect, State
@@ -42,7 +42,7 @@ def test_it_is_simulated(made, own, pulled):
         simulate(a, u, record.dt, start) for a in (axis, made.true_force_axis(own()))
     )
     assert np.abs(pulled_back["x"] - nominal["x"]).max() > 1e-2
-    assert own.name not in CATALOGUE
+    assert own.name not in EFFECTS
 
 
 def test_it_joins_the_regression_because_it_is_linear(made, own, pulled):

@@ -1,4 +1,4 @@
-"""From a case folder to parameters: accuracy on the embedded record, caveats, result.json."""
+"""From a case folder to parameters: accuracy on the embedded record, warnings, result.json."""
 
 import json
 import math
@@ -8,18 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pneumo_casadi.data import read_case
 from pneumo_casadi.errors import CaseError, FitError
 from pneumo_casadi.estimation.output_error import OutputErrorOptions
-from pneumo_casadi.identification import warnings as caveats
 from pneumo_casadi.identification.identify import (
     FORCE_WINDOW,
     Identification,
     IdentifyOptions,
     identify,
-    open_case,
     read_truth,
 )
 from pneumo_casadi.identification.result_file import read_axis, result_dict, write_json
+from pneumo_casadi.identification.warnings import result_warnings
 
 #: Relative tolerances that the output-error fit must meet on the embedded record.
 TOLERANCES = {
@@ -71,9 +71,9 @@ def test_a_held_out_window_of_a_tenth_of_a_second_is_predicted_to_the_noise(demo
 
 
 def test_correlated_residuals_and_the_pulled_map_are_said_in_words(demo):
-    texts = {item.topic: item.text for item in demo.caveats}
+    texts = {item.topic: item.text for item in demo.warnings}
     assert "flow_map" in texts
-    assert any("correlated" in item.text for item in demo.caveats if item.topic == "intervals")
+    assert any("correlated" in item.text for item in demo.warnings if item.topic == "intervals")
 
 
 def test_progress_rises_from_nothing_to_one(embedded):
@@ -155,7 +155,7 @@ def test_json_with_a_value_that_json_cannot_hold_is_not_written(tmp_path):
 
 
 def test_a_servo_axis_without_a_flow_map_is_refused_with_a_remedy(embedded):
-    case = replace(open_case(embedded), flow_map_path=None)
+    case = replace(read_case(embedded), flow_map_path=None)
     with pytest.raises(CaseError, match=r"no flow_map\.csv.*meter"):
         identify(case)
 
@@ -182,25 +182,25 @@ def test_a_truth_that_is_no_number_is_named(tmp_path):
         read_truth(tmp_path)
 
 
-def test_pressures_outside_the_metered_range_are_a_caveat(quick):
+def test_pressures_outside_the_metered_range_are_a_warning(quick):
     table = quick.flow_map.select(quick.flow_map.p < 5e5)
-    found = caveats.caveats_of(
+    found = result_warnings(
         quick.case, quick.records, table, quick.wls, quick.output_error, quick.validation
     )
     assert any("p_N" in item.text and "extrapolated" in item.text for item in found)
 
 
-def test_a_parameter_at_its_bound_is_a_caveat(quick):
+def test_a_parameter_at_its_bound_is_a_warning(quick):
     estimate = replace(quick.output_error.estimate, at_bound=("f_v",))
     result = replace(quick.output_error, estimate=estimate)
-    found = caveats.caveats_of(
+    found = result_warnings(
         quick.case, quick.records, quick.flow_map, quick.wls, result, quick.validation
     )
     assert any(item.text.startswith("f_v lies at its bound") for item in found)
 
 
 def test_a_case_without_held_out_records_says_so(quick):
-    found = caveats.caveats_of(
+    found = result_warnings(
         quick.case, quick.records, quick.flow_map, quick.wls, quick.output_error, None
     )
     assert any(item.topic == "validation" and "held out" in item.text for item in found)

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from pneumo_casadi.effects import CATALOGUE, ValveMismatch
+from pneumo_casadi.effects import EFFECTS, ValveMismatch
 from pneumo_casadi.errors import CaseError, ModelError
 from pneumo_casadi.export import IdentifiedModel, identified_model, read_model, write_model
 from pneumo_casadi.identification.model_file import axis_dict, axis_from_dict
@@ -43,9 +43,9 @@ def test_a_valve_of_iso_6358_survives(made):
     assert np.array_equal(found.flow.covariance, axis.flow.covariance)
 
 
-@pytest.mark.parametrize("name", CATALOGUE)
+@pytest.mark.parametrize("name", EFFECTS)
 def test_every_effect_of_the_catalogue_survives(made, name):
-    effect = CATALOGUE[name]()
+    effect = EFFECTS[name]()
     make = made.true_force_axis if "drive" in effect.junctions else made.true_axis
     axis = make(effect).at_starting_values()
     assert same(through_json(axis), axis, np.random.default_rng(2))

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from pneumo_casadi.effects import CATALOGUE, catalogue_table, effect_row
+from pneumo_casadi.effects import EFFECTS, catalogue_table, effect_row
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.parameters import Parameter
 from pneumo_casadi.report.tables.effects import catalogue_markdown, effect_markdown
@@ -38,7 +38,7 @@ def test_no_table_row_of_the_page_is_broken():
         if line.startswith("|"):
             cells = line.replace("\\|", "").count("|") - 1
             widths[cells] = widths.get(cells, 0) + 1
-    effects, parameters = len(CATALOGUE), sum(len(row.parameters) for row in catalogue_table())
+    effects, parameters = len(EFFECTS), sum(len(row.parameters) for row in catalogue_table())
     assert widths == {3: effects + 2, 7: parameters + 2 * effects}
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from matplotlib.text import Text
 
-from pneumo_casadi.effects import CATALOGUE
+from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.estimation.uncertainty import Optimum, Profile, identifiability
 from pneumo_casadi.estimation.uncertainty.profile_path import End
 from pneumo_casadi.identification.identify import output_error_options
@@ -49,10 +49,10 @@ def all_correlations(quick):
 @pytest.fixture(scope="module")
 def matrix():
     """A sealed check in which every effect was drawn, and each was taken for the next once."""
-    rows = [*CATALOGUE, "none", "left_out", "never_listed"]
-    columns = [*CATALOGUE, "several", "none", "unknown", "failed", "absorbed"]
+    rows = [*EFFECTS, "none", "left_out", "never_listed"]
+    columns = [*EFFECTS, "several", "none", "unknown", "failed", "absorbed"]
     counts = 4 * np.array([[row == column for column in columns] for row in rows])
-    n = len(CATALOGUE)
+    n = len(EFFECTS)
     counts[:n, 1 : n + 1] += np.eye(n, dtype=int)
     bins = [{"stated": 0.9, "percent": 85.0, "interval": [70.0, 95.0]}]
     return withheld_figure(
@@ -153,10 +153,10 @@ def test_right_answers_lie_on_the_numbered_diagonal(matrix):
     at = {label.get_text(): tick for label, tick in
           zip(axes.get_xticklabels(), axes.get_xticks(), strict=True)}  # fmt: skip
     counts = {one.get_position(): one.get_text() for one in axes.texts}
-    for i, name in enumerate(CATALOGUE):
+    for i, name in enumerate(EFFECTS):
         assert axes.get_yticklabels()[i].get_text() == f"{name.replace('_', ' ')}  {i + 1}"
         assert counts[at[str(i + 1)], i] == "4"
-    assert counts[at["none"], len(CATALOGUE)] == "4"
+    assert counts[at["none"], len(EFFECTS)] == "4"
 
 
 def test_coefficients_of_the_flow_are_written_as_in_the_paper(all_correlations):

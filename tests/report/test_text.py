@@ -7,12 +7,12 @@ from dataclasses import replace
 import pytest
 
 from pneumo_casadi.errors import CaseError
-from pneumo_casadi.identification.warnings import Caveat
+from pneumo_casadi.identification.warnings import ResultWarning
 from pneumo_casadi.report.pages.identification import Picture, html_report
 from pneumo_casadi.report.pages.write import Kind, folder_in_one_step
 from pneumo_casadi.report.tables.paper import TABLE_1
 from pneumo_casadi.report.tables.results import interval_text, parameter_table
-from pneumo_casadi.report.text.identification import render, render_caveats, text_report
+from pneumo_casadi.report.text.identification import render, render_warnings, text_report
 
 PIXEL = b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR\x00\x00\x03\x20\x00\x00\x02\x58"
 
@@ -75,17 +75,17 @@ def test_columns_of_a_printed_table_line_up(quick):
     assert all(len(line) <= len(rule) for line in lines)
 
 
-def test_the_report_begins_with_the_caveats(quick):
+def test_the_report_begins_with_the_warnings(quick):
     text = text_report(quick)
     assert text.index("Before you use these numbers") < text.index("Identified parameters")
 
 
-def test_no_caveat_is_said_too():
-    assert "Nothing speaks against" in render_caveats(())
+def test_no_warning_is_said_too():
+    assert "Nothing speaks against" in render_warnings(())
 
 
 def test_the_page_stands_alone_and_escapes_what_it_shows(quick):
-    found = replace(quick, caveats=(Caveat("wls", "a < b & <script>"),))
+    found = replace(quick, warnings=(ResultWarning("wls", "a < b & <script>"),))
     picture = Picture("overview", PIXEL, "Flow map & parameters.")
     page = html_report(found, [picture], paper=True)
     assert '<html lang="en">' in page

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pneumo_casadi.effects import CATALOGUE
+from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.errors import PneumoError
 from pneumo_casadi.estimation.output_error import initial_states
 from pneumo_casadi.validation import loop_errors, validate, window_errors
@@ -16,7 +16,7 @@ def test_loop_and_windows_alone_err_as_in_a_whole_validation(quick):
 
 
 def test_a_leak_ends_the_free_run_and_not_the_closed_loop(quick):
-    leaky = quick.axis.with_effects(CATALOGUE["leakage_P"]())
+    leaky = quick.axis.with_effects(EFFECTS["leakage_P"]())
     leaky = leaky.with_parameters({"leakage_P.C": 5e-9})
     with pytest.raises(PneumoError, match=r"finite|no simulation"):
         validate(leaky, quick.case.validate, ())

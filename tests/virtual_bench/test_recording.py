@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneumo_casadi.data import load_case
+from pneumo_casadi.data import read_case
 from pneumo_casadi.errors import CaseError, MissingExtraError, ModelError
 from pneumo_casadi.virtual_bench import (
     IDEAL_SENSORS,
@@ -103,7 +103,7 @@ def test_parts_of_an_experiment_follow_each_other_by_their_shares(axis):
 
 def test_a_case_folder_loads_without_notes_and_holds_no_label(tmp_path):
     made = make_case(tmp_path / "a", 11, {"backlash": "large", "cogging": "small"})
-    case = load_case(tmp_path / "a")
+    case = read_case(tmp_path / "a")
     assert case.notes == ()
     assert case.validate[0].N == case.identify[0].N == 20000
     assert {p.name for p in (tmp_path / "a").iterdir()} == {

@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from pneumo_casadi.data import Case
-from pneumo_casadi.effects import CATALOGUE
+from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.virtual_bench import FORMS, Severity, make_case
 
@@ -177,7 +177,7 @@ def draw_cases(cases: int, seed: int, proportions: Proportions | None = None) ->
 
 
 def _effects_of(kind: Kind, count: int, rng: np.random.Generator) -> Iterator[dict[str, str]]:
-    listed = [name for name, form in FORMS.items() if form.listed and name in CATALOGUE]
+    listed = [name for name, form in FORMS.items() if form.listed and name in EFFECTS]
     shown = [name for name in listed if name not in HIDDEN]
     unlisted = [name for name, form in FORMS.items() if not form.listed]
     if kind is Kind.NONE:

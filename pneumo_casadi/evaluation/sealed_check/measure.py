@@ -23,13 +23,13 @@ from typing import Any
 
 import numpy as np
 
-from pneumo_casadi.data import load_case
+from pneumo_casadi.data import read_case
 from pneumo_casadi.diagnosis import applicable, prepare
 from pneumo_casadi.diagnosis.metrics.residual_size import residual_rms
 from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study, fit_model
 from pneumo_casadi.diagnosis.screen.screen import ScreenResult, background
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger
-from pneumo_casadi.effects import CATALOGUE
+from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.errors import PneumoError
 from pneumo_casadi.evaluation.sealed_check.draw import Draw, make_twin
 from pneumo_casadi.identification.result_file import write_json
@@ -54,7 +54,7 @@ def measure_one(
         with tempfile.TemporaryDirectory() as scratch:
             twin, _ = prepare(make_twin(draw, Path(scratch) / "twin", duration, fs))
             floor = residual_rms(fit_model(twin, ()))
-        return measured(prepare(load_case(case))[0], floor, draw, named)
+        return measured(prepare(read_case(case))[0], floor, draw, named)
 
     _write(figures, folder, draw)
 
@@ -62,7 +62,7 @@ def measure_one(
 @one_thread
 def rivals_of_one(folder: Path, case: Path, draw: Draw) -> None:
     """Write what simple rivals make of one case to ``folder/NAME.json``."""
-    _write(lambda: rivals(Models.of(prepare(load_case(case))[0], draw.without)), folder, draw)
+    _write(lambda: rivals(Models.of(prepare(read_case(case))[0], draw.without)), folder, draw)
 
 
 def _write(figures: Callable[[], dict[str, Any]], folder: Path, draw: Draw) -> None:
@@ -143,7 +143,7 @@ class Models:
     @staticmethod
     def of(study: Study, without: Collection[str] = ()) -> "Models":
         """Fit the nominal model and screen a catalogue that lacks some effects."""
-        given = {name: effect for name, effect in CATALOGUE.items() if name not in without}
+        given = {name: effect for name, effect in EFFECTS.items() if name not in without}
         worker, nominal = FitLedger(study, applicable(study, given)), fit_model(study, ())
         worker.screen_all(nominal)
         return Models(worker, nominal, worker.over(background(study, nominal, nominal)))

@@ -5,7 +5,7 @@ from typing import Any
 
 import casadi as ca
 
-from pneumo_casadi.effects import CATALOGUE
+from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.model.balances import write_balances
 from pneumo_casadi.model.effect import Effect
@@ -48,8 +48,8 @@ def balances_of(names: Iterable[str]) -> frozenset[str]:
     """
     found: frozenset[str] = frozenset()
     for name in names:
-        if name in CATALOGUE:
-            found |= acting_in(CATALOGUE[name]())
+        if name in EFFECTS:
+            found |= acting_in(EFFECTS[name]())
         elif name in UNLISTED:
             found |= UNLISTED[name]
         else:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from pneumo_casadi.diagnosis import Diagnosis, Verdict
-from pneumo_casadi.effects import CATALOGUE
+from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.identification.result_file import write_json
 from pneumo_casadi.report.figures.diagnosis import diagnosis_figures
 from pneumo_casadi.report.figures.style import png, svg
@@ -63,7 +63,7 @@ class _Section:
 def diagnosis_html(
     found: Diagnosis,
     pictures: Sequence[Picture],
-    catalogue: Catalogue = CATALOGUE,
+    catalogue: Catalogue = EFFECTS,
     provenance: Mapping[str, Any] | None = None,
 ) -> str:
     """Return a diagnosis as one HTML page that requests nothing.
@@ -148,7 +148,7 @@ def _facts(found: Diagnosis) -> list[tuple[str, str]]:
 def write_diagnosis(
     found: Diagnosis,
     folder: str | Path,
-    catalogue: Catalogue = CATALOGUE,
+    catalogue: Catalogue = EFFECTS,
     provenance: Mapping[str, Any] | None = None,
 ) -> Path:
     """Write a diagnosis into a folder.

@@ -2,7 +2,7 @@
 
 import sys
 
-from pneumo_casadi.effects import CATALOGUE, EffectRow, catalogue_table
+from pneumo_casadi.effects import EFFECTS, EffectRow, catalogue_table
 from pneumo_casadi.parameters import Parameter
 
 _HEAD = """\
@@ -12,7 +12,7 @@ Physics that the nominal axis leaves out, as the package has it. Each effect act
 the model (command → spool → supply, outlet → valve flow → line → chamber flow → chamber energy →
 force → output; the force-driven axis: drive → force → output), vanishes at the null values of its
 parameters, and adds its own states where it needs them. Any subset composes:
-`axis.with_effects(CATALOGUE["stribeck"]()).at_starting_values()`. An effect of your own is a
+`axis.with_effects(EFFECTS["stribeck"]()).at_starting_values()`. An effect of your own is a
 subclass of `Effect` and needs no registration.
 
 This page is made from the code: `python -m pneumo_casadi.report.tables.effects > docs/effects.md`.
@@ -71,7 +71,7 @@ def _parameter(one: Parameter) -> str:
 
 
 def _named(name: str) -> str:
-    if name in CATALOGUE:
+    if name in EFFECTS:
         return f"[{name}](#{name})"
     return f"`{name}`" if name.isidentifier() else name
 

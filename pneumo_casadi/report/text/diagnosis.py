@@ -4,7 +4,7 @@ import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 
 from pneumo_casadi.diagnosis import Diagnosis, EffectFound, Verdict
-from pneumo_casadi.effects import CATALOGUE
+from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.report.tables.diagnosis import (
     BALANCES,
@@ -89,7 +89,7 @@ def _goes(before: float, after: float) -> str:
     return f"{verb} from {percent(before)} to {percent(after)}"
 
 
-def cause_sentences(found: Diagnosis, catalogue: Catalogue = CATALOGUE) -> tuple[str, ...]:
+def cause_sentences(found: Diagnosis, catalogue: Catalogue = EFFECTS) -> tuple[str, ...]:
     """Return what was added to the model, one sentence an effect, with sizes ± 2σ."""
     return tuple(_cause(one, catalogue) for one in found.effects)
 
@@ -112,7 +112,7 @@ def _cause(one: EffectFound, catalogue: Catalogue) -> str:
     )
 
 
-def described_as(name: str, catalogue: Catalogue = CATALOGUE) -> str:
+def described_as(name: str, catalogue: Catalogue = EFFECTS) -> str:
     """Return what an effect is, in one sentence.
 
     Examples
@@ -127,12 +127,12 @@ def described_as(name: str, catalogue: Catalogue = CATALOGUE) -> str:
     return text.splitlines()[0].replace("`", "") if text else "An effect of your own."
 
 
-def where_sentences(found: Diagnosis, catalogue: Catalogue = CATALOGUE) -> tuple[str, ...]:
+def where_sentences(found: Diagnosis, catalogue: Catalogue = EFFECTS) -> tuple[str, ...]:
     """Return where the gap lies, in words."""
     return tuple(said_plainly(text, catalogue) for text in found.where.words)
 
 
-def said_plainly(text: str, catalogue: Catalogue = CATALOGUE) -> str:
+def said_plainly(text: str, catalogue: Catalogue = EFFECTS) -> str:
     """Return a sentence with the names of effects as one says them.
 
     Examples
@@ -140,7 +140,7 @@ def said_plainly(text: str, catalogue: Catalogue = CATALOGUE) -> str:
     >>> said_plainly("position_delay may be part of it; k_P is 1.2")
     'position delay may be part of it; k_P is 1.2'
     """
-    for name in sorted({*CATALOGUE, *catalogue}, key=len, reverse=True):
+    for name in sorted({*EFFECTS, *catalogue}, key=len, reverse=True):
         text = text.replace(name, plain(name))
     return text
 
@@ -172,7 +172,7 @@ def size_sentences(found: Diagnosis) -> tuple[str, ...]:
     )
 
 
-def alternative_sentences(found: Diagnosis, catalogue: Catalogue = CATALOGUE) -> tuple[str, ...]:
+def alternative_sentences(found: Diagnosis, catalogue: Catalogue = EFFECTS) -> tuple[str, ...]:
     """Return what else it could be, and what would tell."""
     odds_of = {one.label: one.probability for one in found.ranking}
     parts: list[str] = []
@@ -216,7 +216,7 @@ def place(found: Diagnosis) -> str:
     return BALANCES.get(found.where.balance, plain(found.where.balance))
 
 
-def summary_text(found: Diagnosis, catalogue: Catalogue = CATALOGUE) -> str:
+def summary_text(found: Diagnosis, catalogue: Catalogue = EFFECTS) -> str:
     """Return a diagnosis as plain text: sentences first, tables after them.
 
     Parameters

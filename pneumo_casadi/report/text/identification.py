@@ -4,7 +4,7 @@ import textwrap
 
 from pneumo_casadi.estimation.wls import format_table
 from pneumo_casadi.identification.identify import Identification
-from pneumo_casadi.identification.warnings import Caveat
+from pneumo_casadi.identification.warnings import ResultWarning
 from pneumo_casadi.report.tables.content import all_tables
 from pneumo_casadi.report.tables.results import Table
 
@@ -35,23 +35,23 @@ def render(table: Table) -> str:
     return "\n".join([*lines, *([""] if table.notes else []), *table.notes])
 
 
-def render_caveats(caveats: tuple[Caveat, ...], width: int = WIDTH) -> str:
-    """Return caveats as a list of wrapped lines; a single line where there are none."""
-    if not caveats:
+def render_warnings(warnings: tuple[ResultWarning, ...], width: int = WIDTH) -> str:
+    """Return warnings as a list of wrapped lines; a single line where there are none."""
+    if not warnings:
         return "Nothing speaks against these numbers."
     wrapped = [
         textwrap.fill(item.text, width, initial_indent="- ", subsequent_indent="  ")
-        for item in caveats
+        for item in warnings
     ]
     return "\n".join(["Before you use these numbers", "", *wrapped])
 
 
 def text_report(found: Identification, paper: bool = False) -> str:
-    """Return the whole result as text: caveats, tables, WLS as the paper prints it."""
+    """Return the whole result as text: warnings, tables, WLS as the paper prints it."""
     wls = format_table(found.wls, robust=True)
     parts = [
         f"Identification of {found.case.name}",
-        render_caveats(found.caveats),
+        render_warnings(found.warnings),
         *(render(table) for table in all_tables(found, paper)),
         "Weighted least squares, as the paper prints Table 1\n\n" + wls,
         "Filters\n\n" + found.wls.plan.describe(),

@@ -5,7 +5,7 @@ import pytest
 
 from pneumo_casadi.diagnosis.diagnose import applicable, prepare
 from pneumo_casadi.diagnosis.prepare.study import fit_model, refine_model
-from pneumo_casadi.effects import CATALOGUE
+from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.estimation.equation_error.balance_functions import AlongMotion
 from pneumo_casadi.estimation.equation_error.residuals import linearised, residuals
 
@@ -24,7 +24,7 @@ def one(made_case):
     ],
 )
 def test_derivatives_to_what_no_state_and_no_sensor_knows_are_exact(one, names, moved):
-    catalogue = applicable(one, CATALOGUE)
+    catalogue = applicable(one, EFFECTS)
     model = AlongMotion(
         one.axis.with_effects(*(catalogue[n]() for n in names)).at_starting_values()
     )
@@ -43,7 +43,7 @@ def test_derivatives_to_what_no_state_and_no_sensor_knows_are_exact(one, names, 
 
 @pytest.mark.parametrize("name", ["hose", "heat_transfer"])
 def test_whole_derivatives_tell_what_states_make_of_nominal_parameters(one, name):
-    effect = applicable(one, CATALOGUE)[name]()
+    effect = applicable(one, EFFECTS)[name]()
     model = AlongMotion(one.axis.with_effects(effect).at_starting_values())
     parameters, data = model.axis.parameters, one.smoothed[0][0]
     found = {w: linearised(model, data, parameters.values, w).J for w in (False, True)}
@@ -67,7 +67,7 @@ def test_whole_derivatives_tell_what_states_make_of_nominal_parameters(one, name
 
 def test_a_fit_along_a_bent_valley_goes_on_to_its_end(one):
     # Opening and flow coefficients of a shaped valve nearly stand for one another.
-    effect = applicable(one, CATALOGUE)["flow_map_shape"]()
+    effect = applicable(one, EFFECTS)["flow_map_shape"]()
     nominal = fit_model(one, ())
     found = fit_model(one, (effect,), nominal.values)
     again = fit_model(one, (effect,), found.values)
@@ -75,7 +75,7 @@ def test_a_fit_along_a_bent_valley_goes_on_to_its_end(one):
 
 
 def test_a_refined_fit_has_nothing_left_to_gain_where_states_hang_on_the_nominal_parameters(one):
-    effect = applicable(one, CATALOGUE)["hose"]()
+    effect = applicable(one, EFFECTS)["hose"]()
     found = fit_model(one, (effect,), fit_model(one, ()).values)
     once = refine_model(one, found, (effect,))
     again = refine_model(one, once, (effect,))

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pneumo_casadi.data import load_case, load_emps
+from pneumo_casadi.data import read_case, read_emps
 from pneumo_casadi.effects import AsymmetricViscousFriction
 from pneumo_casadi.estimation.wls import (
     Stick,
@@ -28,7 +28,7 @@ BENCHMARK = Path(__file__).parents[3] / "benchmarks" / "emps.py"
 @pytest.fixture(scope="module")
 def emps(data_folder):
     logging.disable(logging.WARNING)
-    yield load_emps(data_folder / "emps")
+    yield read_emps(data_folder / "emps")
     logging.disable(logging.NOTSET)
 
 
@@ -39,7 +39,7 @@ def benchmark(script):
 
 @pytest.fixture(scope="module")
 def table1(data_folder):
-    case = load_case(data_folder / "table1")
+    case = read_case(data_folder / "table1")
     return case, Servosystem(case.bench, fit_polynomials(read_flow_map(case.flow_map_path)))
 
 

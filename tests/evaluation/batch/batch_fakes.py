@@ -7,7 +7,7 @@ import uuid
 from pathlib import Path
 
 from pneumo_casadi.diagnosis import diagnose
-from pneumo_casadi.effects import CATALOGUE
+from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.errors import FitError
 
 
@@ -72,4 +72,4 @@ def killed_once(folder):
 
 def spring_load(folder: Path):
     """A real diagnosis with a catalogue of one."""
-    return diagnose(folder, {"spring_load": CATALOGUE["spring_load"]}).as_dict()
+    return diagnose(folder, {"spring_load": EFFECTS["spring_load"]}).as_dict()

@@ -7,7 +7,7 @@ import pytest
 
 from pneumo_casadi.cli import app as cli
 from pneumo_casadi.cli import withheld_command
-from pneumo_casadi.effects import CATALOGUE
+from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.evaluation.sealed_check import (
     Kind,
@@ -89,8 +89,8 @@ def test_a_diagnosis_that_always_says_stribeck_scores_as_it_must(
 
 
 def test_a_large_cause_shows_and_an_oracle_removes_more_than_another_effect(tmp_path, monkeypatch):
-    few = {name: CATALOGUE[name] for name in ("stribeck", "quadratic_drag", "drive_lag")}
-    monkeypatch.setattr(measure, "CATALOGUE", few)
+    few = {name: EFFECTS[name] for name in ("stribeck", "quadratic_drag", "drive_lag")}
+    monkeypatch.setattr(measure, "EFFECTS", few)
     draw = Draw("w001", Kind.SINGLE, 5, {"stribeck": "large"})
     case = make(draw, tmp_path / "case", **SHORT).folder
     measure_one(tmp_path, case, draw, ["quadratic_drag"], **SHORT)

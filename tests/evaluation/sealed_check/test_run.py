@@ -5,7 +5,7 @@ from functools import partial
 
 import pytest
 
-from pneumo_casadi.effects import CATALOGUE
+from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.errors import CaseError, FitError
 from pneumo_casadi.evaluation.sealed_check import run
 from pneumo_casadi.evaluation.sealed_check.run import diagnose_cases
@@ -18,7 +18,7 @@ NO_OPTIMUM = FitError("no optimum")
 @pytest.fixture
 def no_records(monkeypatch):
     """Hand over the folder instead of the records in it."""
-    monkeypatch.setattr(run, "load_case", lambda folder: folder)
+    monkeypatch.setattr(run, "read_case", lambda folder: folder)
 
 
 def fixed(case, catalogue, seen=None, fails=(), error=NO_OPTIMUM):
@@ -38,9 +38,9 @@ def test_every_case_gets_its_catalogue_and_one_verdict(tmp_path, no_records, in_
     seen = []
     diagnose(tmp_path, in_place, missing={"w002": ("hose",)}, seen=seen)
     assert dict(seen) == {
-        "w001": frozenset(CATALOGUE),
-        "w002": frozenset(CATALOGUE) - {"hose"},
-        "w003": frozenset(CATALOGUE),
+        "w001": frozenset(EFFECTS),
+        "w002": frozenset(EFFECTS) - {"hose"},
+        "w003": frozenset(EFFECTS),
     }
     assert [read_verdict(tmp_path, name)["case"] for name in NAMES] == list(NAMES)
 

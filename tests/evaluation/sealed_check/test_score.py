@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pneumo_casadi.effects import CATALOGUE
+from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.evaluation.sealed_check import Share, calibration, read_answer, scored
 from pneumo_casadi.evaluation.sealed_check.true_balance import acting_in, balances_of
@@ -196,9 +196,9 @@ def test_sure_and_right_is_calibrated_and_sure_and_wrong_is_not():
 def test_every_form_of_the_bench_acts_somewhere():
     for name in FORMS:
         assert balances_of([name]), name
-    assert acting_in(CATALOGUE["supply_droop"]()) == {"mass_flow_P", "mass_flow_N"}
-    assert acting_in(CATALOGUE["valve_mismatch"]()) == {"mass_flow_N"}
-    assert acting_in(CATALOGUE["elastic_load"]()) == {"force"}
-    assert acting_in(CATALOGUE["pressure_sensor_lag"]()) == {"measurement"}
+    assert acting_in(EFFECTS["supply_droop"]()) == {"mass_flow_P", "mass_flow_N"}
+    assert acting_in(EFFECTS["valve_mismatch"]()) == {"mass_flow_N"}
+    assert acting_in(EFFECTS["elastic_load"]()) == {"force"}
+    assert acting_in(EFFECTS["pressure_sensor_lag"]()) == {"measurement"}
     with pytest.raises(ModelError, match="rust"):
         balances_of(["rust"])
