@@ -16,7 +16,7 @@ from pneumo_casadi.diagnosis.metrics.simulated_gap import V_S_SIMULATED
 from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study, fit_model
 from pneumo_casadi.diagnosis.screen.screen import background, perturbation, screened
 from pneumo_casadi.diagnosis.select.output_error_refinement import refine_by_output_error
-from pneumo_casadi.estimation.equation_error.balance_functions import senses
+from pneumo_casadi.estimation.equation_error.balance_functions import any_sensor_effect
 from pneumo_casadi.model.effect import Effect
 
 #: Parameters of the nominal axis that an effect may move.
@@ -28,7 +28,7 @@ def refit(study: Study, before: FittedModel, effect: Effect) -> FittedModel:
     directions = perturbation(study, before, effect)
     starts = screened(effect.name, directions, background(study, before, before)).starts
     found = fit_model(study, (effect,), before.values, starts, before.cost)
-    return refine_by_output_error(study, found, (effect,)) if senses((effect,)) else found
+    return refine_by_output_error(study, found, (effect,)) if any_sensor_effect((effect,)) else found
 
 
 def simulated_gaps(

@@ -95,8 +95,8 @@ def precision(seed: int, duration: float, tries: int) -> dict[str, Any]:
         now, ordinary = before.result, made.case.identify[0]
         # What a bound holds in the ordinary fit the prediction takes for known; free in the
         # new one it would widen its neighbours.
-        held = now.axis.with_parameters(now.parameters.fix(*now.estimate.at_bound))
-        if now.estimate.at_bound:
+        held = now.axis.with_parameters(now.parameters.fix(*now.uncertainty.at_bound))
+        if now.uncertainty.at_bound:
             now = fitted(held, made.case, table)
         chosen = options(now.axis, table, ordinary, tries)
         reference = recorded_reference(ordinary)
@@ -110,7 +110,7 @@ def precision(seed: int, duration: float, tries: int) -> dict[str, Any]:
         "seconds": design.seconds,
         "sigma_ratio": (new.sigma / now.sigma).tolist(),
         "shares_of_limits": within(design, case.identify[0]),
-        "held_at_bounds": list(before.result.estimate.at_bound),
+        "held_at_bounds": list(before.result.uncertainty.at_bound),
         "parameters": {
             name: {
                 "predicted": design.precision.ratio(name),

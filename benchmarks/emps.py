@@ -25,7 +25,7 @@ import provenance
 from pneumo_casadi.data import Case, Recording, read_emps
 from pneumo_casadi.effects import AsymmetricViscousFriction
 from pneumo_casadi.estimation.wls import (
-    Stick,
+    StickPhases,
     WLSResult,
     cross_validate,
     fit_wls,
@@ -121,7 +121,7 @@ def run(case: Case, seconds: float | None = None) -> dict[str, Any]:
     wider = axis.with_effects(AsymmetricViscousFriction())
     recipe: dict[str, Any] = {
         "plan": PLAN,
-        "stick": Stick.KEEP,
+        "stick": StickPhases.KEEP,
         "pairing": InputPairing.SAMPLE,
     }
     fits = {

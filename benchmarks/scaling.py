@@ -34,7 +34,7 @@ from pneumo_casadi.estimation.output_error import OutputErrorOptions, fit_output
 from pneumo_casadi.estimation.output_error.fit import write_problem
 from pneumo_casadi.estimation.output_error.shooting.condensing import linearise
 from pneumo_casadi.estimation.output_error.shooting.problem import Problem
-from pneumo_casadi.estimation.output_error.solvers.bounded_step import moved, next_step
+from pneumo_casadi.estimation.output_error.solvers.bounded_step import apply_step, condensed_step
 from pneumo_casadi.estimation.wls import fit_wls
 from pneumo_casadi.model.compilation import call_with_arrays, compile_functions
 from pneumo_casadi.model.integration import THREADS
@@ -129,9 +129,9 @@ def iteration_and_sweep(
     times: tuple[list[float], list[float]] = ([], [])
     for _ in range(TURNS):
         began = time.perf_counter()
-        step = next_step(problem, at, start, sigma)
+        step = condensed_step(problem, at, start, sigma)
         assert step is not None
-        linearise(problem, moved(problem, start, step), sigma)
+        linearise(problem, apply_step(problem, start, step), sigma)
         times[0].append(time.perf_counter() - began)
         began = time.perf_counter()
         call_with_arrays(plain, start.x, data.w, theta, data.h)

@@ -45,7 +45,7 @@ def run(starts: int) -> dict[str, Any]:
         )
     own, *others = found.outcomes
     assert own.result is not None
-    names, std = own.result.estimate.names, own.result.estimate.std
+    names, std = own.result.uncertainty.names, own.result.uncertainty.std
     optimum = np.array([own.result.parameters[name].value for name in names])
     rows = []
     for outcome in others:

@@ -43,9 +43,9 @@ from rich.progress import track
 
 from pneumo_casadi.estimation.output_error import OutputErrorOptions, fit_output_error
 from pneumo_casadi.estimation.output_error.fit import write_problem
-from pneumo_casadi.estimation.output_error.information import estimate
-from pneumo_casadi.estimation.output_error.shooting.map_anchor import anchor
-from pneumo_casadi.estimation.output_error.shooting.problem import Unknowns, shoot
+from pneumo_casadi.estimation.output_error.information import estimate_uncertainty
+from pneumo_casadi.estimation.output_error.shooting.map_anchor import anchor_to_flow_map
+from pneumo_casadi.estimation.output_error.shooting.problem import Unknowns, shoot_segments
 from pneumo_casadi.estimation.statistics import delta_std, interval_factor
 from pneumo_casadi.estimation.wls import fit_wls
 
@@ -69,9 +69,9 @@ def one_seed(correlation: float, seed: int) -> dict[str, Any]:
     wls_std = dict(zip(wls.parameters.names, wls.std, strict=True))
     found = {
         "wls": {name: (wls.parameters[name].value, wls_std[name]) for name in TABLE_1},
-        "output_error": {n: (oe.parameters[n].value, oe.std(n)) for n in oe.estimate.names},
+        "output_error": {n: (oe.parameters[n].value, oe.std(n)) for n in oe.uncertainty.names},
         "output_error_robust": {
-            n: (oe.parameters[n].value, oe.std(n, robust=True)) for n in oe.estimate.names
+            n: (oe.parameters[n].value, oe.std(n, robust=True)) for n in oe.uncertainty.names
         },
         "output_error_printed": {},
         "iterations": oe.iterations,
@@ -99,11 +99,11 @@ def bound() -> dict[str, float]:
     # The bound knows the noise of the metering; the axis' flow was fitted to another table.
     exact = true.axis.flow(true.u, true.p)
     noise = NOISE_MAP * float(np.abs(exact).max())
-    problem = replace(problem, anchor=anchor(table, true.axis.flow, noise))
+    problem = replace(problem, anchor=anchor_to_flow_map(table, true.axis.flow, noise))
     start = problem.start()
-    nodes, _ = shoot(problem, start.theta, true.x_0[:, None])
+    nodes, _ = shoot_segments(problem, start.theta, true.x_0[:, None])
     sigma = np.array([NOISE_P, NOISE_P, NOISE_X])
-    found = estimate(problem, Unknowns(start.theta, nodes), sigma)
+    found = estimate_uncertainty(problem, Unknowns(start.theta, nodes), sigma)
     values = true.axis.parameters.as_dict()
     least = dict(zip(found.names, found.std.tolist(), strict=True))
     for k, (upper, lower) in RATIOS.items():

@@ -7,17 +7,17 @@ from functools import cached_property
 import numpy as np
 
 from pneumo_casadi.design.experiment import SimulatedExperiment
-from pneumo_casadi.estimation.output_error.information import information
+from pneumo_casadi.estimation.output_error.information import gauss_newton_information
 from pneumo_casadi.estimation.output_error.shooting.condensing import (
     Linearised,
     condense,
     linearise,
 )
 from pneumo_casadi.estimation.output_error.shooting.interval import IntervalFunctions
-from pneumo_casadi.estimation.output_error.shooting.map_anchor import Anchor, anchor
+from pneumo_casadi.estimation.output_error.shooting.map_anchor import Anchor, anchor_to_flow_map
 from pneumo_casadi.estimation.output_error.shooting.problem import Problem, Unknowns
 from pneumo_casadi.estimation.output_error.shooting.segments import Segment
-from pneumo_casadi.estimation.output_error.solvers.bounded_step import TRUST, moved, next_step
+from pneumo_casadi.estimation.output_error.solvers.bounded_step import TRUST, apply_step, condensed_step
 from pneumo_casadi.estimation.output_error.solvers.gauss_newton import solve_gauss_newton
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.integration import Stepping, substeps_for
@@ -72,7 +72,7 @@ class Fit:
         """The map's residuals, as far as its coefficients are free."""
         if self.flow_map is None or self.axis.flow is None:
             return None
-        found = anchor(self.flow_map, self.axis.flow, effects=self.axis.effects)
+        found = anchor_to_flow_map(self.flow_map, self.axis.flow, effects=self.axis.effects)
         return found if set(found.names) & set(self.axis.parameters.free_names) else None
 
     def problem(self, experiments: Sequence[SimulatedExperiment]) -> tuple[Problem, Unknowns]:
@@ -110,7 +110,7 @@ def information_of(fit: Fit, experiments: Sequence[SimulatedExperiment]) -> Floa
         Done by the fit's own axis, fitted together.
     """
     problem, point = fit.problem(experiments)
-    return information(problem, point, fit.sigma).matrix
+    return gauss_newton_information(problem, point, fit.sigma).matrix
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,7 +181,7 @@ def project_refit(fit: Fit, run: SimulatedExperiment, theta: FloatArray) -> Refi
     with np.errstate(all="ignore"):
         for _ in range(SWEEPS):
             at = linearise(problem, point, fit.sigma)
-            step = next_step(problem, at, point, fit.sigma) if at.finite else None
+            step = condensed_step(problem, at, point, fit.sigma) if at.finite else None
             if step is None:
                 return Refit(float("inf"), theta)
             square = _closed_square(problem, at, point, fit.sigma) - 2 * step.gain
@@ -190,7 +190,7 @@ def project_refit(fit: Fit, run: SimulatedExperiment, theta: FloatArray) -> Refi
             whole = float(np.abs(step.theta).max(initial=0.0)) < 0.99 * TRUST
             settled = whole and abs(distance - last) <= SETTLED * last
             last = distance
-            point = moved(problem, point, step)
+            point = apply_step(problem, point, step)
             if settled:
                 return Refit(distance, point.theta)
     return Refit(float("inf"), theta)
@@ -209,4 +209,4 @@ def _closed_square(problem: Problem, at: Linearised, point: Unknowns, sigma: Flo
 def noise_free_map(axis: Axis, table: FlowMap) -> FlowMap:
     """Return a metered map as the axis would have it, without noise, at the same points."""
     c = axis.parameters.select(axis.flow.parameters.names).values
-    return replace(table, q_m=table.q_m + anchor(table, axis.flow, sigma=1.0)(c))
+    return replace(table, q_m=table.q_m + anchor_to_flow_map(table, axis.flow, sigma=1.0)(c))

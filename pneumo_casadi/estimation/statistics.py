@@ -19,7 +19,7 @@ LOADING = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
-class Estimate:
+class ParameterUncertainty:
     """Covariance of estimated parameters, infinite where the data hold nothing.
 
     Parameters
@@ -78,7 +78,7 @@ def invert_information(
     names: Sequence[str],
     at_bound: Sequence[str] = (),
     scores: Sequence[Sequence[FloatArray]] | None = None,
-) -> Estimate:
+) -> ParameterUncertainty:
     """Turn information on scaled parameters into a covariance in SI units.
 
     Parameters
@@ -97,7 +97,7 @@ def invert_information(
 
     Returns
     -------
-    Estimate
+    ParameterUncertainty
 
     Examples
     --------
@@ -133,7 +133,7 @@ def invert_information(
         influence = [[(part[:, inside] / size) @ inverse for part in kind] for kind in scores]
         robust = in_units(long_run_covariance(influence))
     chosen = [names[i] for i in inside]
-    return Estimate(
+    return ParameterUncertainty(
         tuple(names),
         full,
         tuple(at_bound),

@@ -17,7 +17,7 @@ from pneumo_casadi.estimation.output_error import (
     OutputErrorResult,
     fit_output_error,
 )
-from pneumo_casadi.estimation.uncertainty import Identifiability, Optimum, identifiability
+from pneumo_casadi.estimation.uncertainty import Identifiability, Optimum, analyse_identifiability
 from pneumo_casadi.estimation.wls import Prediction, WLSResult, cross_validate, fit_wls
 from pneumo_casadi.identification.warnings import ResultWarning, result_warnings
 from pneumo_casadi.model.axis import Axis
@@ -211,7 +211,7 @@ def identify(
         truth=read_truth(case.folder),
         warnings=result_warnings(case, records, flow_map, wls, result, validation),
         identifiability=(
-            identifiability(Optimum(result, records, flow_map, chosen))
+            analyse_identifiability(Optimum(result, records, flow_map, chosen))
             if options.identifiability
             else None
         ),

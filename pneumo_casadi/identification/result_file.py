@@ -74,10 +74,10 @@ def output_error_dict(result: OutputErrorResult, found: Identification) -> dict[
     """Return an output-error fit as plain values."""
     flow = set() if found.flow is None else set(found.flow.parameters.names)
     own = [name for name in result.parameters.names if name not in flow and name != "v_s"]
-    correlation = result.estimate.correlation
-    names = [name for name in own if name in result.estimate.names]
-    at = [result.estimate.names.index(name) for name in names]
-    pull = result.map_pull
+    correlation = result.uncertainty.correlation
+    names = [name for name in own if name in result.uncertainty.names]
+    at = [result.uncertainty.names.index(name) for name in names]
+    pull = result.flow_map_deviation
     return {
         "status": result.status,
         "iterations": result.iterations,
@@ -110,9 +110,9 @@ def output_error_dict(result: OutputErrorResult, found: Identification) -> dict[
             "matrix": [[float(correlation[i, j]) for j in at] for i in at],
         },
         "map_pull": None if pull is None else {"rms": pull.rms, "scale": pull.scale},
-        "at_bound": list(result.estimate.at_bound),
-        "uninformed": list(result.estimate.uninformed),
-        "uninformed_directions": list(result.estimate.combinations),
+        "at_bound": list(result.uncertainty.at_bound),
+        "uninformed": list(result.uncertainty.uninformed),
+        "uninformed_directions": list(result.uncertainty.combinations),
     }
 
 
@@ -259,9 +259,9 @@ def _estimates(result: OutputErrorResult, names: Any) -> dict[str, dict[str, Any
             "unit": item.unit,
         }
         note = None
-        if name not in result.estimate.names:
+        if name not in result.uncertainty.names:
             note = "held fixed"
-        elif name in result.estimate.at_bound:
+        elif name in result.uncertainty.at_bound:
             note = "held by a bound; the interval is one-sided"
         elif not math.isfinite(entry["std"]):
             note = "the data say nothing about it"

@@ -73,7 +73,7 @@ def inflation(result: OutputErrorResult) -> float:
 
     The largest ratio of a robust to an ideal standard deviation; 1 where residuals are white.
     """
-    ideal, robust = result.estimate.std, result.estimate.std_robust
+    ideal, robust = result.uncertainty.std, result.uncertainty.std_robust
     known = np.isfinite(ideal) & (ideal > 0) & np.isfinite(robust)
     return float(np.max(robust[known] / ideal[known], initial=1.0))
 
@@ -89,18 +89,18 @@ def _of_solution(result: OutputErrorResult) -> Iterator[ResultWarning]:
             f"The fit needed {len(result.stages)} stages (by way of short windows): the model may "
             "misfit the data, or the start was far off.",
         )
-    for name in result.estimate.at_bound:
+    for name in result.uncertainty.at_bound:
         value = result.parameters[name]
         yield ResultWarning(
             "output_error",
             f"{name} lies at its bound {value.value:.4g} {value.unit}: the data push it further; "
             "its interval is one-sided and not given.",
         )
-    if result.estimate.uninformed:
+    if result.uncertainty.uninformed:
         yield ResultWarning(
             "output_error",
-            f"The data say nothing about {', '.join(result.estimate.uninformed)} (direction "
-            f"{'; '.join(result.estimate.combinations)}): their intervals are infinite.",
+            f"The data say nothing about {', '.join(result.uncertainty.uninformed)} (direction "
+            f"{'; '.join(result.uncertainty.combinations)}): their intervals are infinite.",
         )
 
 
@@ -154,7 +154,7 @@ def _of_flow_map(
         "X_s1 ... X_s6 1 % too large, and no trajectory tells. What the form of the map cannot "
         "follow shifts k_P, k_N, X_s2 and X_s5 first; compare another form.",
     )
-    pull = result.map_pull
+    pull = result.flow_map_deviation
     if pull is not None and (pull.rms > MAP_PULL or abs(pull.scale - 1) > MAP_SCALE):
         yield ResultWarning(
             "flow_map",

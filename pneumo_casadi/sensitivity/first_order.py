@@ -99,7 +99,7 @@ def map_sensitivity(result: OutputErrorResult, flow_map: FlowMap) -> MapSensitiv
         If the map's coefficients were not free, or nothing is known of a parameter.
     """
     flow: FlowModel = result.axis.flow
-    estimate = result.estimate
+    estimate = result.uncertainty
     finite = np.isfinite(np.diag(estimate.covariance))
     own = set(flow.parameters.names)
     c = [i for i, n in enumerate(estimate.names) if n in own and finite[i]]

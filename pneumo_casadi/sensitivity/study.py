@@ -246,7 +246,7 @@ def _wls_estimates(wls: WLSResult) -> Iterator[tuple[str, Estimate]]:
 
 def _estimates(result: OutputErrorResult) -> Iterator[tuple[str, Estimate]]:
     coefficients = set(result.axis.flow.parameters.names)
-    for name in result.estimate.names:
+    for name in result.uncertainty.names:
         if name not in coefficients:
             yield name, Estimate(result.parameters[name].value, result.std(name, robust=True))
     for name in POLYTROPIC:
@@ -255,9 +255,9 @@ def _estimates(result: OutputErrorResult) -> Iterator[tuple[str, Estimate]]:
 
 def _in_gauge(result: OutputErrorResult, X_s3: float) -> dict[str, Estimate]:
     """Return X_s1 ... X_s6 times the common factor that gives X_s3 this value, by delta method."""
-    at = [result.estimate.names.index(name) for name in CHAMBERS]
-    robust = result.estimate.covariance_robust
-    C = (result.estimate.covariance if robust is None else robust)[np.ix_(at, at)]
+    at = [result.uncertainty.names.index(name) for name in CHAMBERS]
+    robust = result.uncertainty.covariance_robust
+    C = (result.uncertainty.covariance if robust is None else robust)[np.ix_(at, at)]
     X = np.array([result.parameters[name].value for name in CHAMBERS])
     scale = X_s3 / X[2]
     found = {}

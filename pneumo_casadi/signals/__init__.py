@@ -12,7 +12,7 @@ from pneumo_casadi.signals.filtered_recording import (
     FilteredRecording,
     InputPairing,
     filter_recording,
-    plan_for,
+    plan_filters_for,
 )
 from pneumo_casadi.signals.zero_phase import (
     Distortion,
@@ -40,7 +40,7 @@ __all__ = [
     "parallel_decimate",
     "passband_edge",
     "plan_filters",
-    "plan_for",
+    "plan_filters_for",
     "power_bandwidth",
     "settling_samples",
     "white_noise_std",

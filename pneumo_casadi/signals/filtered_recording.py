@@ -93,7 +93,7 @@ class FilteredRecording:
         return where[name]
 
 
-def plan_for(recordings: Iterable[Recording], bound: float = 0.01) -> FilterPlan:
+def plan_filters_for(recordings: Iterable[Recording], bound: float = 0.01) -> FilterPlan:
     """Plan the filters for recordings that share a clock, from the fastest of them.
 
     Parameters

@@ -7,7 +7,12 @@ from pneumo_casadi.valve.iso6358 import FlowISO6358, fit_iso6358
 from pneumo_casadi.valve.orifice import Orifice, fit_orifice, orifice_expression, orifice_flow
 from pneumo_casadi.valve.polynomial_fit import fit_polynomials
 from pneumo_casadi.valve.polynomials import FlowPolynomials
-from pneumo_casadi.valve.projections import Projections, ResidualMap, projections, residual_map
+from pneumo_casadi.valve.projections import (
+    Projections,
+    ResidualMap,
+    map_residuals,
+    project_flow_map,
+)
 from pneumo_casadi.valve.spline import FlowSpline, fit_spline
 
 __all__ = [
@@ -26,10 +31,10 @@ __all__ = [
     "fit_polynomials",
     "fit_spline",
     "flow_function",
+    "map_residuals",
     "orifice_expression",
     "orifice_flow",
-    "projections",
+    "project_flow_map",
     "read_flow_map",
-    "residual_map",
     "select_degrees",
 ]

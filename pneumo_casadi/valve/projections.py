@@ -37,7 +37,7 @@ class ResidualMap:
         return float(100 * np.abs(self.residual).max() / self.q_max)
 
 
-def residual_map(table: FlowMap, model: FlowModel) -> ResidualMap:
+def map_residuals(table: FlowMap, model: FlowModel) -> ResidualMap:
     """Return the residuals of a model over a measured map (Fig. 3)."""
     return ResidualMap(table.u, table.p, model.residuals(table), table.q_max)
 
@@ -66,7 +66,7 @@ class Projections:
     p_closed: FloatArray
 
 
-def projections(table: FlowMap) -> Projections:
+def project_flow_map(table: FlowMap) -> Projections:
     """Return the three projections of a metered grid (Fig. 2).
 
     The zero of the flow is interpolated linearly between neighbouring pressures; where noise
@@ -80,7 +80,7 @@ def projections(table: FlowMap) -> Projections:
     Examples
     --------
     >>> table = FlowMap([-1, -1, 1, 1], [1e5, 7e5, 1e5, 7e5], [1e-4, -4e-3, 3e-3, -1e-3])
-    >>> projections(table).p_closed.round(-3)
+    >>> project_flow_map(table).p_closed.round(-3)
     array([115000., 550000.])
     """
     u, p, q_m = table.grid()

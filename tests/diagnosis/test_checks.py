@@ -11,7 +11,7 @@ from pneumo_casadi.diagnosis.checks.absorbed import absorbed_candidates
 from pneumo_casadi.diagnosis.checks.parameter_checks import check_fit, check_parameters
 from pneumo_casadi.diagnosis.prepare.study import fit_model, start_study
 from pneumo_casadi.effects import ElasticLoad
-from pneumo_casadi.estimation.output_error.result import MapPull
+from pneumo_casadi.estimation.output_error.result import FlowMapDeviation
 from pneumo_casadi.identification.identify import IdentifyOptions, make_axis, read_flow
 from pneumo_casadi.virtual_bench import make_case, random_axis
 
@@ -46,8 +46,8 @@ def hidden(axis, values, pull=None) -> tuple[str, ...]:
 
 def test_a_plausible_axis_passes_all_checks(axis):
     values = plausible(axis.bench)
-    assert failing(axis, values, MapPull(1.05, 1.0)) == {}
-    assert hidden(axis, values, MapPull(1.05, 1.0)) == ()
+    assert failing(axis, values, FlowMapDeviation(1.05, 1.0)) == {}
+    assert hidden(axis, values, FlowMapDeviation(1.05, 1.0)) == ()
 
 
 def test_a_valve_that_passes_less_is_named_with_the_per_cent(axis):
@@ -94,8 +94,8 @@ def test_mass_volume_index_and_map_each_tell_their_tale(axis):
     assert "smaller than its swept half" in small["V_P(0)"]
     assert hidden(axis, plausible(axis.bench, k=(1.55, 1.5))) == ("heat_transfer",)
     assert set(failing(axis, plausible(axis.bench, k=(1.0, 1.35)))) == {"k_P-k_N"}
-    assert set(failing(axis, base, MapPull(1.6, 1.0))) == {"flow map"}
-    assert set(failing(axis, base, MapPull(1.0, 1.05))) == {"flow scale"}
+    assert set(failing(axis, base, FlowMapDeviation(1.6, 1.0))) == {"flow map"}
+    assert set(failing(axis, base, FlowMapDeviation(1.0, 1.05))) == {"flow scale"}
 
 
 def test_what_was_weighed_is_the_piston_with_its_elastic_load(axis):

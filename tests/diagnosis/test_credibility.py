@@ -13,9 +13,9 @@ from pneumo_casadi.diagnosis.metrics.findings import Check
 from pneumo_casadi.diagnosis.prepare.study import fit_model
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.errors import FitError
-from pneumo_casadi.estimation.equation_error.balance_functions import AlongMotion
-from pneumo_casadi.estimation.equation_error.residuals import residuals
-from pneumo_casadi.estimation.equation_error.smoothed_motion import all_smoothed
+from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
+from pneumo_casadi.estimation.equation_error.residuals import balance_residuals
+from pneumo_casadi.estimation.equation_error.smoothed_motion import smooth_motions
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.parameters import Parameter
 
@@ -82,12 +82,12 @@ def test_what_a_sensor_shows_too_much_is_taken_back_whatever_acts_beside(made_ca
     (record,) = one.train
     shown = record.with_channels({"p_P": record["p_P"] * 1.2})
     effects = tuple(EFFECTS[name]() for name in beside)
-    true = AlongMotion(one.axis.with_effects(*effects).at_starting_values())
-    false = AlongMotion(one.axis.with_effects(*effects, Gain()).at_starting_values())
-    false = AlongMotion(false.axis.with_parameters({"gain.g": 0.2}))
-    (motion,), (distorted,) = all_smoothed(one.axis, [record]), all_smoothed(one.axis, [shown])
-    expected = residuals(true, motion, true.axis.parameters.values)
-    found = residuals(false, distorted, false.axis.parameters.values)
+    true = BalanceFunctions(one.axis.with_effects(*effects).at_starting_values())
+    false = BalanceFunctions(one.axis.with_effects(*effects, Gain()).at_starting_values())
+    false = BalanceFunctions(false.axis.with_parameters({"gain.g": 0.2}))
+    (motion,), (distorted,) = smooth_motions(one.axis, [record]), smooth_motions(one.axis, [shown])
+    expected = balance_residuals(true, motion, true.axis.parameters.values)
+    found = balance_residuals(false, distorted, false.axis.parameters.values)
     np.testing.assert_allclose(found, expected, atol=1e-3 * np.std(expected, axis=1).max())
 
 

@@ -7,8 +7,8 @@ from pneumo_casadi.diagnosis.diagnose import prepare
 from pneumo_casadi.diagnosis.prepare.study import fit_model
 from pneumo_casadi.diagnosis.screen.screen import perturbation
 from pneumo_casadi.effects import EFFECTS
-from pneumo_casadi.estimation.equation_error.balance_functions import AlongMotion
-from pneumo_casadi.estimation.equation_error.residuals import residuals
+from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
+from pneumo_casadi.estimation.equation_error.residuals import balance_residuals
 
 
 @pytest.fixture(scope="module")
@@ -22,13 +22,13 @@ def test_an_effect_with_memory_is_screened_at_its_usual_size_too(one):
     narrow, usual = perturbation(one, nominal, EFFECTS["valve_hysteresis"]())
     axis = one.axis.with_effects(EFFECTS["valve_hysteresis"]())
     axis = axis.with_parameters(dict(nominal.values)).at_null_values()
-    model, name = AlongMotion(axis), "valve_hysteresis.h"
+    model, name = BalanceFunctions(axis), "valve_hysteresis.h"
     h = axis.at_starting_values().parameters[name].value
     changes = []
     for size in (1e-3 * axis.parameters[name].scale, h):
         theta = axis.with_parameters({name: size}).parameters.values
         rows = [
-            (residuals(model, data, theta) - residuals(model, data, axis.parameters.values))[
+            (balance_residuals(model, data, theta) - balance_residuals(model, data, axis.parameters.values))[
                 data.used(one.axis)
             ]
             for data in one.smoothed[0]

@@ -14,7 +14,7 @@ from pneumo_casadi.effects import (
 )
 from pneumo_casadi.effects.valve.flow_map_shape import LocalFlowMapShape
 from pneumo_casadi.errors import ModelError
-from pneumo_casadi.estimation.output_error.shooting.map_anchor import anchor
+from pneumo_casadi.estimation.output_error.shooting.map_anchor import anchor_to_flow_map
 from pneumo_casadi.model.effect import Pair, Scope
 from pneumo_casadi.model.integration import Stepping, step_function
 from pneumo_casadi.valve import FlowMap, fit_polynomials
@@ -155,7 +155,7 @@ def test_a_bent_map_is_met_by_its_local_shape_and_not_by_polynomials(made):
     table = bent_map(made)
     flow = fit_polynomials(table, (5, 5, 5))
     shape = LocalFlowMapShape((3.0, 3.0))
-    known = anchor(table, flow, effects=(shape,))
+    known = anchor_to_flow_map(table, flow, effects=(shape,))
     assert known.names[len(flow.parameters) :] == tuple(
         f"flow_map_shape.{item.name}" for item in shape.parameters
     )
@@ -177,7 +177,9 @@ def test_a_bent_map_is_met_by_its_local_shape_and_not_by_polynomials(made):
 def test_effects_that_a_metered_valve_has_not_leave_the_map_alone(made):
     table = made.smooth_map()
     flow = fit_polynomials(table, (3, 3, 3))
-    assert anchor(table, flow, effects=(ValveDeadZone(),)).names == flow.parameters.names
+    assert (
+        anchor_to_flow_map(table, flow, effects=(ValveDeadZone(),)).names == flow.parameters.names
+    )
 
 
 def test_a_local_shape_is_zero_at_null_and_beyond_the_metered_commands():

@@ -110,7 +110,7 @@ def test_result_is_strict_json_with_the_promised_keys(demo):
 
 
 def test_a_standard_deviation_that_does_not_exist_is_null_with_a_note(quick):
-    estimate = quick.output_error.estimate
+    estimate = quick.output_error.uncertainty
     covariance = estimate.covariance.copy()
     at = estimate.names.index("f_v")
     covariance[at, at] = math.inf
@@ -191,7 +191,7 @@ def test_pressures_outside_the_metered_range_are_a_warning(quick):
 
 
 def test_a_parameter_at_its_bound_is_a_warning(quick):
-    estimate = replace(quick.output_error.estimate, at_bound=("f_v",))
+    estimate = replace(quick.output_error.uncertainty, at_bound=("f_v",))
     result = replace(quick.output_error, estimate=estimate)
     found = result_warnings(
         quick.case, quick.records, quick.flow_map, quick.wls, result, quick.validation

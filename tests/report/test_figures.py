@@ -12,8 +12,8 @@ import pytest
 from matplotlib.text import Text
 
 from pneumo_casadi.effects import EFFECTS
-from pneumo_casadi.estimation.uncertainty import Optimum, Profile, identifiability
-from pneumo_casadi.estimation.uncertainty.profile_path import End
+from pneumo_casadi.estimation.uncertainty import Optimum, Profile, analyse_identifiability
+from pneumo_casadi.estimation.uncertainty.profile_path import ProfileEnd
 from pneumo_casadi.identification.identify import output_error_options
 from pneumo_casadi.report.figures import figures_of
 from pneumo_casadi.report.figures.identification.flow_map import (
@@ -42,7 +42,7 @@ def drawn(quick):
 def all_correlations(quick):
     options = output_error_options(quick.case, quick.options)
     optimum = Optimum(quick.output_error, quick.records, quick.flow_map, options)
-    found = replace(quick, identifiability=identifiability(optimum))
+    found = replace(quick, identifiability=analyse_identifiability(optimum))
     return {item.name: item.figure for item in figures_of(found)}["all_correlations"]
 
 
@@ -68,7 +68,7 @@ def profile():
     """A parabola, walked as far as correlated residuals ask."""
     values = 17.0 + np.linspace(-9, 9, 9)
     costs = 0.5 * np.linspace(-9, 9, 9) ** 2
-    ends = (End.THRESHOLD, End.THRESHOLD)
+    ends = (ProfileEnd.THRESHOLD, ProfileEnd.THRESHOLD)
     return Profile("M", "kg", values, costs, ("converged",) * 9, 17.0, ends, 0.95, 1.0, 4.0)
 
 

@@ -193,9 +193,9 @@ def test_sensitivity_needs_free_coefficients_and_every_point(anchored, table):
     with pytest.raises(ModelError, match="no free coefficient phi_9"):
         sensitivity.shift_of_coefficients({"phi_9": 1.0})
     flow = anchored.axis.flow.parameters.names
-    kept = [i for i, name in enumerate(anchored.estimate.names) if name not in flow]
-    names = tuple(anchored.estimate.names[i] for i in kept)
-    covariance = anchored.estimate.covariance[np.ix_(kept, kept)]
+    kept = [i for i, name in enumerate(anchored.uncertainty.names) if name not in flow]
+    names = tuple(anchored.uncertainty.names[i] for i in kept)
+    covariance = anchored.uncertainty.covariance[np.ix_(kept, kept)]
     held = replace(
         anchored, estimate=replace(anchored.estimate, names=names, covariance=covariance)
     )

@@ -3,7 +3,7 @@ import pytest
 
 from pneumo_casadi.data import InputHold, Recording
 from pneumo_casadi.errors import CaseError
-from pneumo_casadi.signals import FilterPlan, InputPairing, filter_recording, plan_for
+from pneumo_casadi.signals import FilterPlan, InputPairing, filter_recording, plan_filters_for
 
 FS = 1e3
 PLAN = FilterPlan(FS, cutoff=100.0, factor=10)
@@ -87,7 +87,11 @@ def test_a_record_shorter_than_its_edges_is_refused():
 def test_the_plan_for_several_records_serves_the_fastest():
     t = np.arange(20_000) / FS
     slow, fast = (recording({"x": 0.1 * np.sin(2 * np.pi * f * t), "F": 0 * t}) for f in (1, 3))
-    assert plan_for([slow, fast]).f_dyn == plan_for([fast]).f_dyn > plan_for([slow]).f_dyn
+    assert (
+        plan_filters_for([slow, fast]).f_dyn
+        == plan_filters_for([fast]).f_dyn
+        > plan_filters_for([slow]).f_dyn
+    )
 
 
 def test_results_are_read_only():

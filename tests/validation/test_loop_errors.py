@@ -32,7 +32,7 @@ def test_windows_that_stick_end_where_they_would_with_all_others_at_work(quick, 
         given.append(x_0.shape[1])
         return shoot(problem, theta, x_0)
 
-    monkeypatch.setattr(initial_states, "shoot", counted)
+    monkeypatch.setattr(initial_states, "shoot_segments", counted)
     fewer = initial_states.estimate_initial_states(quick.axis, record, 0.2)
     assert min(given) < max(given)
     given.clear()

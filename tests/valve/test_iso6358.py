@@ -14,8 +14,8 @@ from pneumo_casadi.valve import (
     fit_polynomials,
     fit_spline,
     flow_function,
+    map_residuals,
     orifice_flow,
-    residual_map,
 )
 from pneumo_casadi.valve.orifice import LAMINAR_RATIO, RHO_ANR
 
@@ -161,7 +161,7 @@ def test_unknown_pressures_and_one_sided_maps_are_refused(spool_valve):
 def test_the_table1_valve_is_met_to_its_noise(table1):
     """0.10 % rms against 0.37 % of the polynomials: b 0.300, 0.303 and m 0.4997."""
     flow = fit_iso6358(table1)
-    view = residual_map(table1, flow)
+    view = map_residuals(table1, flow)
     assert view.rms_percent == pytest.approx(0.101, abs=0.003)
     assert view.max_percent < 0.35
     p, std = flow.parameters, np.sqrt(np.diag(flow.covariance))

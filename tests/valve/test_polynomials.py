@@ -12,7 +12,7 @@ from pneumo_casadi.valve import (
     edge_slopes,
     fit_polynomials,
     flow_function,
-    residual_map,
+    map_residuals,
     select_degrees,
 )
 
@@ -274,7 +274,7 @@ def test_too_many_folds_are_refused(spool_valve):
 def test_the_fit_of_the_paper_on_the_table1_map(table1):
     """Degrees (7, 7, 4) leave 0.37 % rms: the square-root fall to zero flow is no polynomial."""
     flow = fit_polynomials(table1)
-    view = residual_map(table1, flow)
+    view = map_residuals(table1, flow)
     assert view.rms_percent == pytest.approx(0.366, abs=0.005)
     assert view.max_percent == pytest.approx(2.21, abs=0.02)
     worst = view.p[np.argmax(np.abs(view.residual))]

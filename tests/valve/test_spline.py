@@ -6,7 +6,7 @@ import pytest
 from scipy.interpolate import NdBSpline
 
 from pneumo_casadi.errors import CaseError
-from pneumo_casadi.valve import FlowMap, fit_polynomials, fit_spline, flow_function, residual_map
+from pneumo_casadi.valve import FlowMap, fit_polynomials, fit_spline, flow_function, map_residuals
 
 RNG = np.random.default_rng(3)
 
@@ -102,7 +102,7 @@ def test_too_few_pressures_are_refused():
 
 def test_the_table1_map_is_met_to_its_noise(table1):
     flow = fit_spline(table1)
-    view = residual_map(table1, flow)
+    view = map_residuals(table1, flow)
     assert view.rms_percent == pytest.approx(0.0905, abs=0.003)
     assert view.max_percent < 0.35
     assert flow.sigma == pytest.approx(1.09e-5, rel=0.02)

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pneumo_casadi.errors import CaseError
-from pneumo_casadi.valve import FlowMap, projections, read_flow_map
+from pneumo_casadi.valve import FlowMap, project_flow_map, read_flow_map
 
 U = np.array([-1.0, -1.0, 1.0, 1.0])
 P = np.array([1e5, 7e5, 1e5, 7e5])
@@ -114,7 +114,7 @@ def test_arbitrary_bytes_raise_only_case_errors(tmp_path_factory, content):
 
 
 def test_the_closed_outlet_pressure_rises_from_exhaust_to_supply(spool_valve):
-    view = projections(spool_valve())
+    view = project_flow_map(spool_valve())
     assert view.q_m.shape == (21, 25)
     assert np.all(np.diff(view.p_closed) > 0)
     # Pressure gain at null: equal leakage of both edges meets well above the mean pressure.
@@ -122,6 +122,6 @@ def test_the_closed_outlet_pressure_rises_from_exhaust_to_supply(spool_valve):
 
 
 def test_a_flow_without_zero_has_no_closed_outlet_pressure():
-    view = projections(FlowMap(U, P, [0.0, -4e-3, 3e-3, 1e-4]))
+    view = project_flow_map(FlowMap(U, P, [0.0, -4e-3, 3e-3, 1e-4]))
     assert view.p_closed[0] == 1e5
     assert np.isnan(view.p_closed[1])

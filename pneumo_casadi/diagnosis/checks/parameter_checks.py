@@ -14,7 +14,7 @@ from pneumo_casadi.diagnosis.checks.static_map import map_misfit_of
 from pneumo_casadi.diagnosis.checks.static_map import map_pull_of as map_pull_of
 from pneumo_casadi.diagnosis.metrics.findings import Check
 from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study
-from pneumo_casadi.estimation.output_error.result import MapPull
+from pneumo_casadi.estimation.output_error.result import FlowMapDeviation
 from pneumo_casadi.identification.warnings import K_RANGE, MAP_SCALE
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.effect import Effect
@@ -75,7 +75,7 @@ def check_parameters(
     axis: Axis,
     values: Mapping[str, float],
     std: Mapping[str, float],
-    map_pull: MapPull | None = None,
+    flow_map_deviation: FlowMapDeviation | None = None,
     map_misfit: float | None = None,
 ) -> tuple[Check, ...]:
     """Hold fitted parameters against what the bench and physics say of them.
@@ -87,7 +87,7 @@ def check_parameters(
     values, std : mapping of str to float
         Parameters (eq. 9) and the standard deviations of the free ones; one that is not named
         was held.
-    map_pull : MapPull, optional
+    flow_map_deviation : FlowMapDeviation, optional
         What the fit did to the flow map; see `map_pull_of`.
     map_misfit : float, optional
         What the form of the flow map leaves; see `map_misfit_of`.
@@ -118,7 +118,7 @@ def check_parameters(
         found += _volumes(axis.bench, known)
     found += _mass(axis, known)
     found += _friction(known)
-    found += _flow_map(map_pull)
+    found += _flow_map(flow_map_deviation)
     found += _map_form(map_misfit)
     return tuple(found)
 
@@ -293,7 +293,7 @@ def _friction(known: _Known) -> Iterator[Check]:
     )
 
 
-def _flow_map(pull: MapPull | None) -> Iterator[Check]:
+def _flow_map(pull: FlowMapDeviation | None) -> Iterator[Check]:
     if pull is None:
         return
     text = f"The fit leaves {pull.rms:.2f} times the residual of the flow map's own fit"

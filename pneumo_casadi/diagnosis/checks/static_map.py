@@ -5,13 +5,13 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from pneumo_casadi.diagnosis.prepare.study import Study
-from pneumo_casadi.estimation.output_error.result import MapPull, map_pull
+from pneumo_casadi.estimation.output_error.result import FlowMapDeviation, flow_map_deviation
 from pneumo_casadi.model.effect import Effect
 
 
 def map_pull_of(
     study: Study, values: Mapping[str, float], effects: Sequence[Effect] = ()
-) -> MapPull | None:
+) -> FlowMapDeviation | None:
     """Return how far the flow coefficients among `values` leave the metered points.
 
     None without a map.
@@ -19,7 +19,7 @@ def map_pull_of(
     anchor = study.anchor_with(effects)
     if anchor is None or not all(name in values for name in anchor.names):
         return None
-    return map_pull(anchor, study.axis.with_effects(*effects).with_parameters(dict(values)))
+    return flow_map_deviation(anchor, study.axis.with_effects(*effects).with_parameters(dict(values)))
 
 
 def map_misfit_of(study: Study) -> float | None:

@@ -14,8 +14,8 @@ from pneumo_casadi.diagnosis.locate.signatures import (
 from pneumo_casadi.diagnosis.locate.unknown_inputs import UnknownInputs, estimate_unknown_inputs
 from pneumo_casadi.diagnosis.metrics.findings import Regime, Where
 from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study
-from pneumo_casadi.estimation.equation_error.balance_functions import AlongMotion
-from pneumo_casadi.estimation.equation_error.residuals import residuals
+from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
+from pneumo_casadi.estimation.equation_error.residuals import balance_residuals
 from pneumo_casadi.model.effect import Effect
 
 #: What forms of flow maps and friction laws leave on a right axis, as a share of the signal.
@@ -165,7 +165,7 @@ def rival_sensor_effects(found: Signatures) -> tuple[str, ...]:
 
 def _added(study: Study, cause: Sequence[Effect], fitted: FittedModel) -> dict[str, float]:
     """Return what the first effect adds to each balance, as a share of its signal's energy."""
-    model = AlongMotion(study.axis.with_effects(*cause))
+    model = BalanceFunctions(study.axis.with_effects(*cause))
     parameters = model.axis.parameters
     theta = np.array([fitted.values[name] for name in parameters.names])
     without = theta.copy()
@@ -175,7 +175,7 @@ def _added(study: Study, cause: Sequence[Effect], fitted: FittedModel) -> dict[s
     train, held = study.smoothed
     shares = []
     for data in held or train:
-        change = residuals(model, data, theta) - residuals(model, data, without)
+        change = balance_residuals(model, data, theta) - balance_residuals(model, data, without)
         mean = np.sum(change**2 * data.used(study.axis), axis=1) / data.m
         shares.append(mean / row_signals(study.axis, fitted.values, data) ** 2)
     return dict(zip(study.axis.equations, np.mean(shares, axis=0).tolist(), strict=True))

@@ -14,7 +14,7 @@ from pneumo_casadi.estimation.equation_error.smoothed_motion import (
     NOISE_MULTIPLE,
     ROW_RATE,
     SLOW,
-    Smoothed,
+    SmoothedMotion,
 )
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.parameters import FloatArray
@@ -163,7 +163,7 @@ def _all_rows(study: Study, fit: FittedModel) -> Iterator[_Rows]:
         yield _Rows(balance, r, known)
 
 
-def _averaged(axis: Axis, data: Smoothed) -> dict[str, FloatArray]:
+def _averaged(axis: Axis, data: SmoothedMotion) -> dict[str, FloatArray]:
     """Return what went on in every row, by name."""
     names = (*axis.motion_states, *axis.inputs)
     v = data.x[axis.motion_states.index("v")]
@@ -174,7 +174,7 @@ def _averaged(axis: Axis, data: Smoothed) -> dict[str, FloatArray]:
     return dict(zip((*names, "t", "reversal", *rates), found, strict=True))
 
 
-def _after_reversal(v: FloatArray, data: Smoothed) -> FloatArray:
+def _after_reversal(v: FloatArray, data: SmoothedMotion) -> FloatArray:
     """Return 1 within `REVERSAL` after the velocity has changed its sign."""
     direction = np.where(np.abs(v) > max(SLOW, NOISE_MULTIPLE * data.velocity_noise), np.sign(v), 0)
     moving = np.flatnonzero(direction)
@@ -316,12 +316,12 @@ def _noise_spectrum(study: Study, fit: FittedModel, i: int, length: int) -> Floa
     return np.asarray(shape * variance / np.var(rows))
 
 
-def _records(study: Study) -> Sequence[Smoothed]:
+def _records(study: Study) -> Sequence[SmoothedMotion]:
     train, held = study.smoothed
     return (*train, *held)
 
 
-def _signal(axis: Axis, data: Smoothed, balance: str) -> FloatArray:
+def _signal(axis: Axis, data: SmoothedMotion, balance: str) -> FloatArray:
     if balance != "force":
         return np.asarray(data.dx[axis.motion_states.index(f"p_{balance[-1]}")])
     if axis.flow is None:

@@ -16,9 +16,9 @@ from scipy.sparse import csr_array, diags_array, hstack, vstack
 
 from pneumo_casadi.diagnosis.locate.unknown_inputs import evaluate_dynamics, signals_of
 from pneumo_casadi.diagnosis.prepare.study import Study
-from pneumo_casadi.estimation.equation_error.balance_functions import AlongMotion
-from pneumo_casadi.estimation.equation_error.residuals import linearised
-from pneumo_casadi.estimation.equation_error.smoothed_motion import ROW_RATE, Smoothed
+from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
+from pneumo_casadi.estimation.equation_error.residuals import linearise_residuals
+from pneumo_casadi.estimation.equation_error.smoothed_motion import ROW_RATE, SmoothedMotion
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.parameters import FloatArray
 
@@ -86,11 +86,11 @@ def signatures(study: Study, values: Mapping[str, float]) -> Signatures:
     return Signatures(before, left)
 
 
-def _record_signatures(study: Study, values: Mapping[str, float], data: Smoothed) -> Signatures:
+def _record_signatures(study: Study, values: Mapping[str, float], data: SmoothedMotion) -> Signatures:
     axis = study.axis
     theta = np.array([values[name] for name in axis.parameters.names])
     _, A = evaluate_dynamics(axis, theta, data)
-    lin = linearised(AlongMotion(axis), data, theta)
+    lin = linearise_residuals(BalanceFunctions(axis), data, theta)
     used = data.used(study.axis)
     scale = residual_floor(axis, values, data)
     r = np.concatenate([lin.r[i][rows] / scale[i] for i, rows in enumerate(used)])
@@ -110,20 +110,20 @@ def _record_signatures(study: Study, values: Mapping[str, float], data: Smoothed
     return Signatures(_left(r, J, []), left)
 
 
-def residual_floor(axis: Axis, values: Mapping[str, float], data: Smoothed) -> FloatArray:
+def residual_floor(axis: Axis, values: Mapping[str, float], data: SmoothedMotion) -> FloatArray:
     """Return what noise and a right model's misfit leave in each balance [Pa/s, Pa/s, N]."""
     signal = row_signals(axis, values, data)
     return np.sqrt(noise_variance(axis, values, data) + (MODEL_ERROR_SHARE * signal) ** 2)
 
 
-def row_signals(axis: Axis, values: Mapping[str, float], data: Smoothed) -> FloatArray:
+def row_signals(axis: Axis, values: Mapping[str, float], data: SmoothedMotion) -> FloatArray:
     """Return the root mean square of what each balance drives, ṗ or force [Pa/s, Pa/s, N]."""
     theta = np.array([values[name] for name in axis.parameters.names])
     rates = [np.std(data.dx[axis.motion_states.index(name)]) for name in axis.outputs[:-1]]
     return np.array([*rates, signals_of(axis, theta, data)[-1]])
 
 
-def noise_variance(axis: Axis, values: Mapping[str, float], data: Smoothed) -> FloatArray:
+def noise_variance(axis: Axis, values: Mapping[str, float], data: SmoothedMotion) -> FloatArray:
     """Return the variance that the sensors' noise leaves in a row of each balance."""
     theta = np.array([values[name] for name in axis.parameters.names])
     _, A = evaluate_dynamics(axis, theta, data)
@@ -137,7 +137,7 @@ def noise_variance(axis: Axis, values: Mapping[str, float], data: Smoothed) -> F
     return np.array(noise)
 
 
-def _row_gain(data: Smoothed, order: int) -> float:
+def _row_gain(data: SmoothedMotion, order: int) -> float:
     """Return the variance that white noise leaves in a row of its derivative."""
     values = np.zeros(data.N)
     values[data.N // 2] = 1.0
@@ -149,7 +149,7 @@ def _row_gain(data: Smoothed, order: int) -> float:
 
 
 def _columns(
-    axis: Axis, values: Mapping[str, float], data: Smoothed, A: FloatArray
+    axis: Axis, values: Mapping[str, float], data: SmoothedMotion, A: FloatArray
 ) -> dict[str, list[Any]]:
     """Return the rows of every balance for each signal's spline, by name of the signal.
 

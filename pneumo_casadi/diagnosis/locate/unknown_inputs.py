@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study
-from pneumo_casadi.estimation.equation_error.smoothed_motion import NOISE_MULTIPLE, SLOW, Smoothed
+from pneumo_casadi.estimation.equation_error.smoothed_motion import NOISE_MULTIPLE, SLOW, SmoothedMotion
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.parameters import FloatArray
 
@@ -69,7 +69,7 @@ def estimate_unknown_inputs(study: Study, nominal: FittedModel) -> tuple[Unknown
     return tuple(unknown_inputs(study.axis, nominal.values, data) for data in held or train)
 
 
-def unknown_inputs(axis: Axis, values: Mapping[str, float], data: Smoothed) -> UnknownInputs:
+def unknown_inputs(axis: Axis, values: Mapping[str, float], data: SmoothedMotion) -> UnknownInputs:
     """Estimate the unknown inputs of one record.
 
     Parameters
@@ -78,7 +78,7 @@ def unknown_inputs(axis: Axis, values: Mapping[str, float], data: Smoothed) -> U
         Nominal.
     values : mapping of str to float
         Its parameters as fitted.
-    data : Smoothed
+    data : SmoothedMotion
         The record.
 
     Returns
@@ -120,7 +120,7 @@ def unknown_inputs(axis: Axis, values: Mapping[str, float], data: Smoothed) -> U
 
 
 def evaluate_dynamics(
-    axis: Axis, theta: FloatArray, data: Smoothed
+    axis: Axis, theta: FloatArray, data: SmoothedMotion
 ) -> tuple[FloatArray, FloatArray]:
     """Return f (nx, N) and ∂f/∂x (nx, nx, N) of the nominal axis along the motion."""
     sym = axis.symbol.sym
@@ -153,7 +153,7 @@ def _input_columns(axis: Axis, values: Mapping[str, float], x: FloatArray) -> Fl
     return B
 
 
-def _slow_nodes(axis: Axis, data: Smoothed, every: int, K: int) -> NDArray[np.bool_]:
+def _slow_nodes(axis: Axis, data: SmoothedMotion, every: int, K: int) -> NDArray[np.bool_]:
     limit = max(SLOW, NOISE_MULTIPLE * data.velocity_noise)
     slow = np.abs(data.x[axis.motion_states.index("v")]) < limit
     near = np.asarray(slow[: K * every].reshape(K, every).any(axis=1))
@@ -161,7 +161,7 @@ def _slow_nodes(axis: Axis, data: Smoothed, every: int, K: int) -> NDArray[np.bo
     return wide
 
 
-def _gain(data: Smoothed) -> float:
+def _gain(data: SmoothedMotion) -> float:
     """Return which share of a white noise's variance the filter leaves."""
     impulse = np.zeros(data.N)
     impulse[data.N // 2] = 1.0
@@ -298,7 +298,7 @@ def _scales(axis: Axis, R: FloatArray, G: FloatArray, Q: FloatArray) -> FloatArr
     return np.concatenate([size, 10 * np.sqrt(Q)])
 
 
-def signals_of(axis: Axis, theta: FloatArray, data: Smoothed) -> FloatArray:
+def signals_of(axis: Axis, theta: FloatArray, data: SmoothedMotion) -> FloatArray:
     """Return the root mean square of each balance's own terms [kg/s, kg/s, N]."""
     rows = []
     if axis.flow is not None:

@@ -6,7 +6,7 @@ import numpy as np
 
 from pneumo_casadi.diagnosis.metrics.findings import Closure
 from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study
-from pneumo_casadi.estimation.equation_error.smoothed_motion import Smoothed
+from pneumo_casadi.estimation.equation_error.smoothed_motion import SmoothedMotion
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.parameters import FloatArray
 
@@ -49,7 +49,7 @@ def balance_levels(study: Study) -> BalanceLevels:
     return BalanceLevels(noise, signal)
 
 
-def _noise(axis: Axis, data: Smoothed) -> FloatArray:
+def _noise(axis: Axis, data: SmoothedMotion) -> FloatArray:
     """Pass unit noise through the filters, and scale it."""
     N = min(data.N, 4096)
     e = np.random.default_rng(0).normal(size=N)
@@ -67,7 +67,7 @@ def _noise(axis: Axis, data: Smoothed) -> FloatArray:
     return np.array([gain[1] * p_P, gain[1] * p_N, float(force)])
 
 
-def _signal(axis: Axis, data: Smoothed) -> FloatArray:
+def _signal(axis: Axis, data: SmoothedMotion) -> FloatArray:
     if axis.flow is None:
         return np.array([float(np.std(data.averaged(data.u.T))) / axis.parameters["M"].value])
     c = axis.constants

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from pneumo_casadi.data import Recording
 from pneumo_casadi.errors import FitError
-from pneumo_casadi.estimation.equation_error.balance_functions import AlongMotion
+from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
 from pneumo_casadi.estimation.equation_error.fit import fit_balances
-from pneumo_casadi.estimation.equation_error.residuals import residuals
-from pneumo_casadi.estimation.equation_error.smoothed_motion import Smoothed, all_smoothed
-from pneumo_casadi.estimation.output_error.result import map_pull
-from pneumo_casadi.estimation.output_error.shooting.map_anchor import Anchor, anchor
+from pneumo_casadi.estimation.equation_error.residuals import balance_residuals
+from pneumo_casadi.estimation.equation_error.smoothed_motion import SmoothedMotion, smooth_motions
+from pneumo_casadi.estimation.output_error.result import flow_map_deviation
+from pneumo_casadi.estimation.output_error.shooting.map_anchor import Anchor, anchor_to_flow_map
 from pneumo_casadi.estimation.wls import fit_wls
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.effect import Effect
@@ -61,9 +61,9 @@ class Study:
         return {name: self.__dict__[name] for name in kept}
 
     @cached_property
-    def smoothed(self) -> tuple[tuple[Smoothed, ...], tuple[Smoothed, ...]]:
+    def smoothed(self) -> tuple[tuple[SmoothedMotion, ...], tuple[SmoothedMotion, ...]]:
         """Records to fit and records held out, smoothed."""
-        return all_smoothed(self.axis, self.train), all_smoothed(self.axis, self.held_out)
+        return smooth_motions(self.axis, self.train), smooth_motions(self.axis, self.held_out)
 
     @property
     def anchor(self) -> Anchor | None:
@@ -76,7 +76,7 @@ class Study:
             return None
         key = tuple(effect.name for effect in effects if effect.metered)
         if key not in self._anchors:
-            self._anchors[key] = anchor(self.flow_map, self.axis.flow, effects=effects)
+            self._anchors[key] = anchor_to_flow_map(self.flow_map, self.axis.flow, effects=effects)
         return self._anchors[key]
 
     @cached_property
@@ -199,7 +199,7 @@ def refine_model(study: Study, fitted: FittedModel, effects: Sequence[Effect]) -
     believed is not taken.
     """
     axis = study.axis.with_effects(*effects).with_parameters(dict(fitted.values))
-    if AlongMotion(axis).holding:
+    if BalanceFunctions(axis).state_dependent:
         fitted = _better(study, effects, fitted, _fit(study, axis, whole=True), 0.0)
         axis = axis.with_parameters(dict(fitted.values))
     held = [n for n in axis.parameters.names if "." in n and n not in axis.parameters.free_names]
@@ -242,7 +242,7 @@ def require_credible(study: Study, effects: Sequence[Effect], found: FittedModel
     if known is None or known is study.anchor:
         return
     axis = study.axis.with_effects(*effects).with_parameters(dict(found.values))
-    pull = map_pull(known, axis)
+    pull = flow_map_deviation(known, axis)
     if pull.rms > MAX_MAP_RESIDUAL_RATIO:
         raise FitError(
             f"the metered flow map contradicts it: with the shape that the motion asks for, its "
@@ -255,7 +255,7 @@ def _cost(fitted: FittedModel) -> float:
 
 
 def _fit(study: Study, axis: Axis, whole: bool = False) -> FittedModel:
-    model = AlongMotion(axis)
+    model = BalanceFunctions(axis)
     train, held = study.smoothed
     known = study.anchor_with(axis.effects)
     found = fit_balances(model, train, known, axis.parameters.values, study.least, whole)
@@ -266,7 +266,7 @@ def _fit(study: Study, axis: Axis, whole: bool = False) -> FittedModel:
         dict(zip(model.free, std.tolist(), strict=True)),
         found.cost,
         found.residuals,
-        tuple(residuals(model, data, found.theta) for data in held),
+        tuple(balance_residuals(model, data, found.theta) for data in held),
         tuple(data.used(axis) for data in train),
         tuple(data.used(axis) for data in held),
         found.converged,

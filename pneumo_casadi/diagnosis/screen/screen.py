@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study
-from pneumo_casadi.estimation.equation_error.balance_functions import AlongMotion
-from pneumo_casadi.estimation.equation_error.residuals import directions, linearised
+from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
+from pneumo_casadi.estimation.equation_error.residuals import effect_derivatives, linearise_residuals
 from pneumo_casadi.estimation.output_error.solvers.bounded_step import bounded_minimum
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.parameters import FloatArray
@@ -91,13 +91,13 @@ class Background:
 def perturbation(study: Study, nominal: FittedModel, effect: Effect) -> tuple[Direction, ...]:
     """Return the directions of an effect at the nominal fit, one for each point of its grid."""
     axis = study.axis.with_effects(effect).with_parameters(dict(nominal.values)).at_null_values()
-    model = AlongMotion(axis)
+    model = BalanceFunctions(axis)
     first = _direction(study, model, nominal, {}, ())
-    silent = [n for n, c in zip(model.own, first.columns.T, strict=True) if not np.any(c)]
+    silent = [n for n, c in zip(model.effect_parameters, first.columns.T, strict=True) if not np.any(c)]
     starting = axis.at_starting_values().parameters
-    sizes = {n: starting[n].value - axis.parameters[n].value for n in model.own}
+    sizes = {n: starting[n].value - axis.parameters[n].value for n in model.effect_parameters}
     usual = {name: size for name, size in sizes.items() if size != 0}
-    if len(silent) == len(model.own):  # felt at no size near null: nothing to choose a shape by
+    if len(silent) == len(model.effect_parameters):  # felt at no size near null: nothing to choose a shape by
         return (first,)
     shapes = tuple(n for n in silent if starting[n].value != 0)
     starts = [starting[n].value for n in shapes]
@@ -127,16 +127,16 @@ def _without(one: Direction, shapes: Sequence[str], values: Mapping[str, float])
 
 def _direction(
     study: Study,
-    model: AlongMotion,
+    model: BalanceFunctions,
     nominal: FittedModel,
     values: Mapping[str, float],
     shapes: Sequence[str],
     sizes: Mapping[str, float] | None = None,
 ) -> Direction:
     parameters = model.axis.parameters.with_values(values)
-    names = tuple(name for name in model.own if name not in shapes)
+    names = tuple(name for name in model.effect_parameters if name not in shapes)
     parts = [
-        directions(model, data, parameters.values, names, sizes)[data.used(study.axis)]
+        effect_derivatives(model, data, parameters.values, names, sizes)[data.used(study.axis)]
         for data in study.smoothed[0]
     ]
     items = parameters.select(names)
@@ -172,11 +172,11 @@ def background(
     Weighted as the nominal fit, so that directions need not be computed again.
     """
     axis = study.axis.with_effects(*effects).with_parameters(dict(fitted.values))
-    model = AlongMotion(axis)
+    model = BalanceFunctions(axis)
     theta = axis.parameters.values
     r, J = [], []
     for data in study.smoothed[0]:
-        found, mask = linearised(model, data, theta), data.used(axis)
+        found, mask = linearise_residuals(model, data, theta), data.used(axis)
         r.append(found.r[mask])
         J.append(found.J[mask])
     weight = _weights(study, nominal)

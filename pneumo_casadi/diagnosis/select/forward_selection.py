@@ -28,7 +28,7 @@ from pneumo_casadi.diagnosis.select.sensor_effects import (
     extend_by_simulation,
     find_sensor_extension,
 )
-from pneumo_casadi.estimation.equation_error.balance_functions import remembers
+from pneumo_casadi.estimation.equation_error.balance_functions import any_sensor_memory
 from pneumo_casadi.runtime.progress import Progress, no_progress
 
 #: So many effects together at most.
@@ -173,7 +173,7 @@ def _forward(
             gaps(residual_rms(ledger.fits[best]), levels)
         ):
             break
-        if round_ and remembers(ledger.effects(best)):
+        if round_ and any_sensor_memory(ledger.effects(best)):
             break  # what the balances say while a sensor hides the motion goes no further
         current = ledger.fits[best]
     report("comparing simulations", 0.85)

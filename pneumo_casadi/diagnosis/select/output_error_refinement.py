@@ -12,8 +12,8 @@ import numpy as np
 from pneumo_casadi.diagnosis.metrics.simulated_gap import V_S_SIMULATED, WINDOW
 from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study
 from pneumo_casadi.errors import FitError, ModelError
-from pneumo_casadi.estimation.equation_error.balance_functions import AlongMotion
-from pneumo_casadi.estimation.equation_error.residuals import residuals
+from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
+from pneumo_casadi.estimation.equation_error.residuals import balance_residuals
 from pneumo_casadi.estimation.output_error import (
     OutputErrorOptions,
     OutputErrorResult,
@@ -49,14 +49,14 @@ def refine_by_output_error(
     if not isinstance(result, OutputErrorResult) or not np.isfinite(result.rms).all():
         return fitted
     values = result.parameters.as_dict() | {"v_s": fitted.values["v_s"]}
-    model = AlongMotion(study.axis.with_effects(*effects).with_parameters(values))
+    model = BalanceFunctions(study.axis.with_effects(*effects).with_parameters(values))
     theta = model.axis.parameters.values
     train, held = study.smoothed
-    std = {name: result.std(name, robust=True) for name in result.estimate.names}
+    std = {name: result.std(name, robust=True) for name in result.uncertainty.names}
     return replace(
         fitted,
         values=values,
         std={**fitted.std, **{k: v for k, v in std.items() if np.isfinite(v)}},
-        train=tuple(residuals(model, data, theta) for data in train),
-        held_out=tuple(residuals(model, data, theta) for data in held),
+        train=tuple(balance_residuals(model, data, theta) for data in train),
+        held_out=tuple(balance_residuals(model, data, theta) for data in held),
     )

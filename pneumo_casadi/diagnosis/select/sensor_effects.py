@@ -19,7 +19,7 @@ from pneumo_casadi.diagnosis.prepare.study import (
 )
 from pneumo_casadi.diagnosis.select.fit_ledger import FAULTS, Failed, FitLedger, Names
 from pneumo_casadi.diagnosis.select.output_error_refinement import refine_by_output_error
-from pneumo_casadi.estimation.equation_error.balance_functions import remembers, senses
+from pneumo_casadi.estimation.equation_error.balance_functions import any_sensor_memory, any_sensor_effect
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.parameters import FloatArray
 
@@ -54,7 +54,7 @@ def find_sensor_extension(
     if best is None or np.all(residual_rms(current) < MIN_RESIDUAL_OVER_NOISE * levels.noise):
         return None
     effects, before = ledger.effects(best), ledger.effects(known)
-    if fits[best].cost > current.cost - MIN_FORM_GAIN or not remembers(effects) or senses(before):
+    if fits[best].cost > current.cost - MIN_FORM_GAIN or not any_sensor_memory(effects) or any_sensor_effect(before):
         return None
     _refine_all(ledger, nominal, {best: fits[best]})
     if ledger.trials[best][1] > CLOSED * ledger.simulations.share(nominal, current, before):
@@ -65,7 +65,7 @@ def find_sensor_extension(
 
 def closes_in_simulation(ledger: FitLedger, nominal: FittedModel, names: Names) -> bool:
     """Tell whether a model with a sensor that remembers closes the gap once it is simulated."""
-    if not remembers(ledger.effects(names)):
+    if not any_sensor_memory(ledger.effects(names)):
         return False
     _refine_all(ledger, nominal, {names: ledger.fits[names]})
     if ledger.trials[names][1] < CLOSED_SHARE_LEFT:
@@ -82,12 +82,12 @@ def extend_by_simulation(
     Where what the balances say of further effects does not settle in simulations, what grows from
     the sensor alone is tried, and taken if it leaves no more.
     """
-    if not path or not remembers(ledger.effects(path[-1])):
+    if not path or not any_sensor_memory(ledger.effects(path[-1])):
         return path
     _refine_all(ledger, nominal, {path[-1]: ledger.fits[path[-1]]})
     first = path[-1]
     if ledger.trials[first][1] >= CLOSED_SHARE_LEFT:
-        alone = ledger.key(n for n in first if remembers(ledger.effects((n,))))
+        alone = ledger.key(n for n in first if any_sensor_memory(ledger.effects((n,))))
         first = alone if alone in ledger.fits else first
     grown = [first]
     while len(grown[-1]) < max_effects:
@@ -135,7 +135,7 @@ def _candidates(ledger: FitLedger, known: Names) -> Sequence[str]:
     alone = {key: f for key, f in ledger.extensions(()).items() if not set(key) & set(known)}
     names = {name for key in (*best(ledger.extensions(known)), *best(alone)) for name in key}
     for one in ledger.effects(known):
-        if remembers((one,)):
+        if any_sensor_memory((one,)):
             names |= {n for n in one.confused_with if n in ledger.catalogue}
     made = {name: ledger.catalogue[name]() for name in ledger.key(names - set(known))}
     # A refinement holds the flow map, and with it what is metered of a valve. A second sensor that
@@ -143,7 +143,7 @@ def _candidates(ledger: FitLedger, known: Names) -> Sequence[str]:
     return [
         name
         for name, effect in made.items()
-        if not effect.metered and (_gains(ledger, known, name) or not remembers((effect,)))
+        if not effect.metered and (_gains(ledger, known, name) or not any_sensor_memory((effect,)))
     ]
 
 

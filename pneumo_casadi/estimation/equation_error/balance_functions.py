@@ -42,7 +42,7 @@ class _FlowAt:
 
 
 @dataclass(frozen=True, eq=False)
-class AlongMotion:
+class BalanceFunctions:
     """What an axis says of a motion that is given.
 
     All functions take columns ``x (n,), dx (n,), u (nu,), z (nz,), c (nc,), θ (nθ,)``: nominal
@@ -108,7 +108,7 @@ class AlongMotion:
         if axis.flow is None:
             r = r / theta[axis.parameters.index("M")]
         y = ca.vertcat(*(written.output[name] for name in axis.outputs))
-        exact = [axis.parameters.index(name) for name in self.exact]
+        exact = [axis.parameters.index(name) for name in self.analytic]
         J = ca.jacobian(r, theta)[:, exact]
         r, y = ca.densify(r), ca.densify(y)
         one = ca.Function("one_residual", symbols, [r, y])
@@ -141,17 +141,17 @@ class AlongMotion:
         return ca.Function("step", [z, x, x_1, dx, dx_1, u, h, c, theta], [ca.densify(end)])
 
     @property
-    def nominal(self) -> tuple[str, ...]:
+    def nominal_parameters(self) -> tuple[str, ...]:
         """Free parameters of the axis without its effects."""
         return tuple(name for name in self.axis.parameters.free_names if "." not in name)
 
     @property
-    def own(self) -> tuple[str, ...]:
+    def effect_parameters(self) -> tuple[str, ...]:
         """Free parameters of the effects."""
         return tuple(name for name in self.axis.parameters.free_names if "." in name)
 
     @cached_property
-    def _felt(self) -> frozenset[str]:
+    def _state_parameters(self) -> frozenset[str]:
         """Free parameters that states of the effects or sensors hang on."""
         (*_, theta), written, at_rest = self._written
         states = self.axis.states[len(self.axis.motion_states) :]
@@ -162,28 +162,31 @@ class AlongMotion:
         return frozenset(n for n in self.axis.parameters.free_names if felt[index(n)])
 
     @property
-    def exact(self) -> tuple[str, ...]:
+    def analytic(self) -> tuple[str, ...]:
         """Free parameters of the axis, and those of effects that no state and no sensor knows.
 
         Derivatives to these are written out, states held: they need no other motion of the states,
-        or leave out what that would add (`holding`).
+        or leave out what that would add (`state_dependent`).
         """
-        return (*self.nominal, *(name for name in self.own if name not in self._felt))
+        return (
+            *self.nominal_parameters,
+            *(name for name in self.effect_parameters if name not in self._state_parameters),
+        )
 
     @property
-    def moved(self) -> tuple[str, ...]:
+    def by_difference(self) -> tuple[str, ...]:
         """Free parameters of effects that states or sensors hang on as well."""
-        return tuple(name for name in self.own if name in self._felt)
+        return tuple(name for name in self.effect_parameters if name in self._state_parameters)
 
     @property
-    def holding(self) -> tuple[str, ...]:
+    def state_dependent(self) -> tuple[str, ...]:
         """Free parameters of the axis whose derivatives leave out what states make of them."""
-        return tuple(name for name in self.nominal if name in self._felt)
+        return tuple(name for name in self.nominal_parameters if name in self._state_parameters)
 
     @property
     def free(self) -> tuple[str, ...]:
         """All free parameters, in the order of every Jacobian."""
-        return (*self.exact, *self.moved)
+        return (*self.analytic, *self.by_difference)
 
     @property
     def rest(self) -> ca.Function:
@@ -201,7 +204,7 @@ class AlongMotion:
         """``-> (r, y, ∂r/∂θ_exact (ne, n N))``, as `residual`."""
         return self._repeated(self._functions[1], N // STRETCH, "map", 1)
 
-    def steps(self, N: int, B: int) -> ca.Function:
+    def effect_states(self, N: int, B: int) -> ca.Function:
         """Return N samples of the effects' states, for B motions side by side."""
         return self._repeated(self._functions[3], N // STRETCH, "mapaccum", B)
 
@@ -217,12 +220,12 @@ class AlongMotion:
         return {}
 
 
-def senses(effects: Sequence[Effect]) -> bool:
+def any_sensor_effect(effects: Sequence[Effect]) -> bool:
     """Tell whether some effect changes what a sensor shows of the motion."""
     return any("output" in effect.junctions for effect in effects)
 
 
-def remembers(effects: Sequence[Effect]) -> bool:
+def any_sensor_memory(effects: Sequence[Effect]) -> bool:
     """Tell whether some effect makes a sensor show what has been, which a smoothed motion hides."""
     return any("output" in effect.junctions and effect.states for effect in effects)
 

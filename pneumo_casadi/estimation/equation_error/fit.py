@@ -10,9 +10,9 @@ from functools import cached_property
 
 import numpy as np
 
-from pneumo_casadi.estimation.equation_error.balance_functions import AlongMotion
-from pneumo_casadi.estimation.equation_error.residuals import linearised, residuals
-from pneumo_casadi.estimation.equation_error.smoothed_motion import Smoothed
+from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
+from pneumo_casadi.estimation.equation_error.residuals import balance_residuals, linearise_residuals
+from pneumo_casadi.estimation.equation_error.smoothed_motion import SmoothedMotion
 from pneumo_casadi.estimation.output_error.shooting.map_anchor import Anchor
 from pneumo_casadi.estimation.output_error.solvers.bounded_step import bounded_minimum
 from pneumo_casadi.parameters import FloatArray
@@ -56,8 +56,8 @@ class BalanceFit:
 class _Problem:
     """The cost of parameters, and its linearisation."""
 
-    model: AlongMotion
-    data: Sequence[Smoothed]
+    model: BalanceFunctions
+    data: Sequence[SmoothedMotion]
     anchor: Anchor | None
     sigma_least: FloatArray
     whole: bool
@@ -84,7 +84,7 @@ class _Problem:
         return np.asarray(self.weights.sum(axis=1))
 
     def residuals(self, theta: FloatArray) -> tuple[FloatArray, ...]:
-        return tuple(residuals(self.model, one, theta) for one in self.data)
+        return tuple(balance_residuals(self.model, one, theta) for one in self.data)
 
     def pull(self, theta: FloatArray) -> FloatArray:
         if self.anchor is None:
@@ -104,7 +104,7 @@ class _Problem:
 
     def linearised(self, theta: FloatArray) -> tuple[FloatArray, FloatArray, float]:
         """Return derivatives by the scaled free parameters, weighted residuals, and the cost."""
-        parts = [linearised(self.model, one, theta, self.whole) for one in self.data]
+        parts = [linearise_residuals(self.model, one, theta, self.whole) for one in self.data]
         r = [part.r for part in parts]
         weights = self.weights / self.sigma(r)[:, None]
         e = (np.hstack(r) * weights).ravel()
@@ -123,8 +123,8 @@ class _Problem:
 
 
 def fit_balances(
-    model: AlongMotion,
-    data: Sequence[Smoothed],
+    model: BalanceFunctions,
+    data: Sequence[SmoothedMotion],
     anchor: Anchor | None,
     theta: FloatArray,
     sigma_least: FloatArray,
@@ -140,7 +140,7 @@ def fit_balances(
         What the sensors' noise alone leaves in each balance.
     whole : bool
         Whether derivatives tell all that the effects' states make of the nominal parameters, see
-        `linearised`: without, a fit may end short of the minimum.
+        `linearise_residuals`: without, a fit may end short of the minimum.
     """
     problem = _Problem(model, data, anchor, sigma_least, whole)
     damping, converged = 1e-6, False

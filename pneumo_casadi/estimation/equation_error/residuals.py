@@ -7,11 +7,11 @@ import numpy as np
 
 from pneumo_casadi.estimation.equation_error.balance_functions import (
     STRETCH,
-    AlongMotion,
-    remembers,
-    senses,
+    BalanceFunctions,
+    any_sensor_effect,
+    any_sensor_memory,
 )
-from pneumo_casadi.estimation.equation_error.smoothed_motion import Smoothed
+from pneumo_casadi.estimation.equation_error.smoothed_motion import SmoothedMotion
 from pneumo_casadi.model.compilation import call_with_arrays
 from pneumo_casadi.parameters import FloatArray
 
@@ -27,30 +27,32 @@ Motion = tuple[FloatArray, FloatArray]
 
 
 @dataclass(frozen=True, eq=False)
-class Residuals:
+class LinearisedResiduals:
     """Residuals of the balances at every row of a record.
 
     Parameters
     ----------
     r : (ne, m) array
-        In the units of `AlongMotion.residual`.
+        In the units of `BalanceFunctions.residual`.
     J : (ne, m, n) array
-        Derivatives to the free parameters, in the order of `AlongMotion.free`.
+        Derivatives to the free parameters, in the order of `BalanceFunctions.free`.
     """
 
     r: FloatArray
     J: FloatArray
 
 
-def residuals(model: AlongMotion, data: Smoothed, theta: FloatArray) -> FloatArray:
+def balance_residuals(
+    model: BalanceFunctions, data: SmoothedMotion, theta: FloatArray
+) -> FloatArray:
     """Return the decimated residuals at some parameters, shape (ne, m)."""
     (r,) = _undecimated(model, data, [theta])
     return data.averaged(r.T).T
 
 
-def linearised(
-    model: AlongMotion, data: Smoothed, theta: FloatArray, whole: bool = False
-) -> Residuals:
+def linearise_residuals(
+    model: BalanceFunctions, data: SmoothedMotion, theta: FloatArray, whole: bool = False
+) -> LinearisedResiduals:
     """Return residuals and derivatives at some parameters.
 
     Those to the nominal parameters hold the effects' states, and are exact where these do not hang
@@ -58,8 +60,8 @@ def linearised(
     others they are differences over a thousandth of their scale. With `whole`, so are those to
     nominal parameters that states hang on, at the price of one motion of the states for each.
     """
-    holding = model.holding if whole else ()
-    variants, steps = _moved(model, theta, (*model.moved, *holding), {})
+    holding = model.state_dependent if whole else ()
+    variants, steps = _perturbed(model, theta, (*model.by_difference, *holding), {})
     found = _undecimated(model, data, variants, jacobian=True)
     r, J = found[0], found[-1]
     ne, N = r.shape
@@ -69,14 +71,14 @@ def linearised(
     m = len(low)
     moved = low[:, ne : ne * (1 + len(steps))].reshape(m, len(steps), ne).transpose(2, 0, 1)
     exact = low[:, ne * (1 + len(steps)) :].reshape(m, -1, ne).transpose(2, 0, 1)
-    own = len(model.moved)
-    exact[:, :, [model.exact.index(name) for name in holding]] = moved[:, :, own:]
-    return Residuals(low[:, :ne].T, np.concatenate([exact, moved[:, :, :own]], axis=2))
+    own = len(model.by_difference)
+    exact[:, :, [model.analytic.index(name) for name in holding]] = moved[:, :, own:]
+    return LinearisedResiduals(low[:, :ne].T, np.concatenate([exact, moved[:, :, :own]], axis=2))
 
 
-def directions(
-    model: AlongMotion,
-    data: Smoothed,
+def effect_derivatives(
+    model: BalanceFunctions,
+    data: SmoothedMotion,
     theta: FloatArray,
     names: Sequence[str],
     sizes: Mapping[str, float] | None = None,
@@ -85,7 +87,7 @@ def directions(
 
     With `sizes`, the quotients over steps of those sizes by name.
     """
-    variants, steps = _moved(model, theta, names, sizes or {})
+    variants, steps = _perturbed(model, theta, names, sizes or {})
     found = _undecimated(model, data, variants)
     columns = [(one - found[0]).T / h for one, h in zip(found[1:], steps, strict=True)]
     ne, k = len(found[0]), len(names)
@@ -93,8 +95,8 @@ def directions(
     return low.reshape(data.m, k, ne).transpose(2, 0, 1)
 
 
-def _moved(
-    model: AlongMotion,
+def _perturbed(
+    model: BalanceFunctions,
     theta: FloatArray,
     names: Sequence[str],
     sizes: Mapping[str, float],
@@ -115,11 +117,14 @@ def _moved(
 
 
 def _undecimated(
-    model: AlongMotion, data: Smoothed, variants: Sequence[FloatArray], jacobian: bool = False
+    model: BalanceFunctions,
+    data: SmoothedMotion,
+    variants: Sequence[FloatArray],
+    jacobian: bool = False,
 ) -> list[FloatArray]:
     """Return r (ne, N) for every variant of θ, and last the Jacobian of the first (N, ne n)."""
     motions = _true_motions(model, data, variants)
-    states = own_states(model, data, variants, motions)
+    states = simulate_effect_states(model, data, variants, motions)
     found: list[FloatArray] = []
     last: list[FloatArray] = []
     for i, (theta, z, (x, dx)) in enumerate(zip(variants, states, motions, strict=True)):
@@ -135,11 +140,11 @@ def _undecimated(
 
 
 def _true_motions(
-    model: AlongMotion, data: Smoothed, variants: Sequence[FloatArray]
+    model: BalanceFunctions, data: SmoothedMotion, variants: Sequence[FloatArray]
 ) -> list[Motion]:
     """Take back what the sensors distort, for every variant of θ."""
     axis = model.axis
-    sensors = [f"{effect.name}." for effect in axis.effects if senses((effect,))]
+    sensors = [f"{effect.name}." for effect in axis.effects if any_sensor_effect((effect,))]
     own = [i for i, n in enumerate(axis.parameters.names) if n.startswith(tuple(sensors))]
     # A sensor knows no parameters but its own, whatever else variants differ in.
     distinct = {theta[own].tobytes(): theta for theta in variants}
@@ -149,14 +154,18 @@ def _true_motions(
 
 
 def _without_sensors(
-    model: AlongMotion, data: Smoothed, variants: Sequence[FloatArray]
+    model: BalanceFunctions, data: SmoothedMotion, variants: Sequence[FloatArray]
 ) -> list[Motion]:
     motions = [(data.x, data.dx)] * len(variants)
     effects = model.axis.effects
     states = [np.zeros((model.n_z, data.N))] * len(variants)
-    for _ in range(CORRECTIONS if senses(effects) else 0):
+    for _ in range(CORRECTIONS if any_sensor_effect(effects) else 0):
         # What a sensor without memory shows hangs on no state: running them would be idle.
-        states = own_states(model, data, variants, motions) if remembers(effects) else states
+        states = (
+            simulate_effect_states(model, data, variants, motions)
+            if any_sensor_memory(effects)
+            else states
+        )
         last = motions
         motions = [
             _corrected(model, data, theta, z, motion)
@@ -168,7 +177,7 @@ def _without_sensors(
 
 
 def _distance(
-    model: AlongMotion, data: Smoothed, one: Sequence[Motion], other: Sequence[Motion]
+    model: BalanceFunctions, data: SmoothedMotion, one: Sequence[Motion], other: Sequence[Motion]
 ) -> float:
     """Return by how much motions differ at most, in units of the sensors' noise."""
     rows = [model.axis.motion_states.index(name) for name in model.axis.outputs]
@@ -178,9 +187,9 @@ def _distance(
     return float(np.max(np.max(apart, axis=0) / np.maximum(data.noise, 1e-300)))
 
 
-def own_states(
-    model: AlongMotion,
-    data: Smoothed,
+def simulate_effect_states(
+    model: BalanceFunctions,
+    data: SmoothedMotion,
     variants: Sequence[FloatArray],
     motions: Sequence[Motion],
 ) -> list[FloatArray]:
@@ -209,14 +218,14 @@ def own_states(
         np.tile(C, B),
         np.hstack([np.tile(theta[:, None], T) for theta in variants]),
     )
-    found = call_with_arrays(model.steps(N, B), *given)[1].reshape(model.n_z, B, N)
+    found = call_with_arrays(model.effect_states(N, B), *given)[1].reshape(model.n_z, B, N)
     z[:, 1:, :] = found.transpose(0, 2, 1)[:, :-1]
     return [z[:, :, i] for i in range(B)]
 
 
 def _corrected(
-    model: AlongMotion,
-    data: Smoothed,
+    model: BalanceFunctions,
+    data: SmoothedMotion,
     theta: FloatArray,
     z: FloatArray,
     motion: Motion,
@@ -240,7 +249,7 @@ def _corrected(
     return x_new, dx_new
 
 
-def _repeated(model: AlongMotion, theta: FloatArray, n: int) -> tuple[FloatArray, FloatArray]:
+def _repeated(model: BalanceFunctions, theta: FloatArray, n: int) -> tuple[FloatArray, FloatArray]:
     c = np.array(list(model.constants.values()))
     count = n // STRETCH
     return np.tile(c[:, None], count), np.tile(theta[:, None], count)

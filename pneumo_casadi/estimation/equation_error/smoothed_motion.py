@@ -32,7 +32,7 @@ SLOW, NOISE_MULTIPLE = 2e-3, 4.0
 
 
 @dataclass(frozen=True, eq=False)
-class Smoothed:
+class SmoothedMotion:
     """One record as smoothed states, derivatives and the inputs around each sample.
 
     Parameters
@@ -101,7 +101,7 @@ class Smoothed:
 _ORDER = 4
 
 
-def smoothed(axis: Axis, record: Recording) -> Smoothed:
+def smooth_motion(axis: Axis, record: Recording) -> SmoothedMotion:
     """Smooth a record for an axis.
 
     Raises
@@ -124,7 +124,7 @@ def smoothed(axis: Axis, record: Recording) -> Smoothed:
     x, dx, u = (_thinned(part, thin) for part in (x, dx, u))
     slow = np.abs(x[names.index("v")]) < max(SLOW, NOISE_MULTIPLE * found.velocity_noise)
     weak = _windows(x.shape[1], max(1, round(1 / dt / ROW_RATE)))
-    return Smoothed(
+    return SmoothedMotion(
         found.t[: x.shape[1] * thin : thin],
         x,
         dx,
@@ -156,6 +156,6 @@ def _windows(N: int, every: int) -> Any:
     return csr_array((values, (rows, columns.ravel())), shape=(first.size, N))
 
 
-def all_smoothed(axis: Axis, records: Sequence[Recording]) -> tuple[Smoothed, ...]:
+def smooth_motions(axis: Axis, records: Sequence[Recording]) -> tuple[SmoothedMotion, ...]:
     """Smooth several records."""
-    return tuple(smoothed(axis, record) for record in records)
+    return tuple(smooth_motion(axis, record) for record in records)

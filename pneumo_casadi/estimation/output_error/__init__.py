@@ -3,21 +3,26 @@
 from pneumo_casadi.estimation.output_error.fit import fit_output_error
 from pneumo_casadi.estimation.output_error.multistart import (
     MultiStart,
-    Outcome,
+    StartOutcome,
     fit_from_many_starts,
 )
 from pneumo_casadi.estimation.output_error.options import Method, OutputErrorOptions
-from pneumo_casadi.estimation.output_error.result import Derived, MapPull, OutputErrorResult, Stage
+from pneumo_casadi.estimation.output_error.result import (
+    DerivedQuantity,
+    FlowMapDeviation,
+    OutputErrorResult,
+    Stage,
+)
 
 __all__ = [
-    "Derived",
-    "MapPull",
+    "DerivedQuantity",
+    "FlowMapDeviation",
     "Method",
     "MultiStart",
-    "Outcome",
     "OutputErrorOptions",
     "OutputErrorResult",
     "Stage",
+    "StartOutcome",
     "fit_from_many_starts",
     "fit_output_error",
 ]

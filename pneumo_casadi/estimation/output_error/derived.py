@@ -35,7 +35,7 @@ class Quantity:
         return np.asarray(self.function(theta)[1].full(), dtype=float).ravel()
 
 
-def quantity(axis: Axis, name: str) -> Quantity:
+def find_quantity(axis: Axis, name: str) -> Quantity:
     """Return a parameter or derived quantity of an axis by its name.
 
     Raises
@@ -47,7 +47,7 @@ def quantity(axis: Axis, name: str) -> Quantity:
         theta = ca.SX.sym("theta", len(axis.parameters))
         item = axis.parameters[name]
         return _quantity(name, item.unit, theta[axis.parameters.index(name)], theta)
-    derived = derived_of(axis)
+    derived = derived_quantities(axis)
     if name not in derived:
         raise ModelError(
             f"no parameter and no derived quantity {name!r}; derived are {', '.join(derived)}"
@@ -55,7 +55,7 @@ def quantity(axis: Axis, name: str) -> Quantity:
     return derived[name]
 
 
-def derived_of(axis: Axis) -> dict[str, Quantity]:
+def derived_quantities(axis: Axis) -> dict[str, Quantity]:
     """Return all derived quantities of an axis.
 
     Of each chamber k = X_s3/X_s2, V(0) = X_s1 k r T, the area S = X_s3 r T, the dead length
@@ -69,7 +69,7 @@ def derived_of(axis: Axis) -> dict[str, Quantity]:
     >>> from pneumo_casadi.model.servosystem import ForceAxis
     >>> axis = ForceAxis(ForceBench(1e3, 0.5, NestedController(30.0, 60.0, 1.0, 60.0)))
     >>> axis = axis.with_parameters({"F_c_plus": 12.0, "F_c_minus": 17.0})
-    >>> {name: item(axis.parameters.values) for name, item in derived_of(axis).items()}
+    >>> {name: item(axis.parameters.values) for name, item in derived_quantities(axis).items()}
     {'F_c': 14.5, 'F_offset': -2.5}
     """
     theta = ca.SX.sym("theta", len(axis.parameters))

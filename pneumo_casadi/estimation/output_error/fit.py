@@ -9,18 +9,18 @@ import numpy as np
 
 from pneumo_casadi.data import Recording
 from pneumo_casadi.errors import FitError, ModelError
-from pneumo_casadi.estimation.output_error.information import estimate
-from pneumo_casadi.estimation.output_error.options import Method, OutputErrorOptions, ladder
+from pneumo_casadi.estimation.output_error.information import estimate_uncertainty
+from pneumo_casadi.estimation.output_error.options import Method, OutputErrorOptions, plan_stages
 from pneumo_casadi.estimation.output_error.result import (
     OutputErrorResult,
     Stage,
-    derived_quantities,
-    map_pull,
+    evaluate_derived_quantities,
+    flow_map_deviation,
 )
 from pneumo_casadi.estimation.output_error.shooting.interval import IntervalFunctions
-from pneumo_casadi.estimation.output_error.shooting.map_anchor import anchor
+from pneumo_casadi.estimation.output_error.shooting.map_anchor import anchor_to_flow_map
 from pneumo_casadi.estimation.output_error.shooting.problem import Problem
-from pneumo_casadi.estimation.output_error.shooting.segments import cut
+from pneumo_casadi.estimation.output_error.shooting.segments import cut_segments
 from pneumo_casadi.estimation.output_error.solvers.gauss_newton import solve_gauss_newton
 from pneumo_casadi.estimation.output_error.solvers.ipopt import IpoptSolver
 from pneumo_casadi.estimation.output_error.solvers.solution import Solution, new_sigma
@@ -88,7 +88,7 @@ def fit_output_error(
     sigma = np.array([stated_or_estimated_noise(axis.bench, records, c) for c in axis.outputs])
     stages: list[Stage] = []
     parameters = axis.parameters
-    rungs = ladder(options)
+    rungs = plan_stages(options)
     dt = records[0].dt
     for i, rung in enumerate(rungs):
         share = i / len(rungs)
@@ -162,11 +162,11 @@ def write_problem(
     n = max(1, round(options.block / dt))
     stepping = Stepping(dt, hold, _substeps(axis, options, dt))
     model = SampledAxis(axis, stepping, axis.bench.controller if options.closed_loop else None)
-    segments = cut(model, records, n, options.window, options.interval)
+    segments = cut_segments(model, records, n, options.window, options.interval)
     functions = IntervalFunctions(model, n, segments[0].per, parameters.free_names)
     known = None
     if flow_map is not None and axis.flow is not None:
-        known = anchor(flow_map, axis.flow, effects=axis.effects)
+        known = anchor_to_flow_map(flow_map, axis.flow, effects=axis.effects)
         if not set(known.names) & set(parameters.free_names):
             known = None
     problem = Problem(model, parameters, segments, functions, known)
@@ -236,7 +236,7 @@ def _solve(
 def _result(problem: Problem, solution: Solution, stages: tuple[Stage, ...]) -> OutputErrorResult:
     point, sigma = solution.point, solution.sigma
     axis = problem.axis.with_parameters(problem.parameters.with_values(point.theta))
-    found = estimate(problem, point, sigma)
+    found = estimate_uncertainty(problem, point, sigma)
     own_states = len(problem.axis.states)
     return OutputErrorResult(
         axis,
@@ -245,10 +245,10 @@ def _result(problem: Problem, solution: Solution, stages: tuple[Stage, ...]) -> 
         sigma,
         np.sqrt(np.mean((problem.y - solution.m) ** 2, axis=1)),
         found,
-        derived_quantities(axis, found),
+        evaluate_derived_quantities(axis, found),
         stages,
         problem.segments,
         tuple(np.split(solution.m, np.cumsum([s.K for s in problem.segments])[:-1], axis=1)),
         tuple(point.x[:own_states, i] for i in problem.firsts),
-        None if problem.anchor is None else map_pull(problem.anchor, axis),
+        None if problem.anchor is None else flow_map_deviation(problem.anchor, axis),
     )

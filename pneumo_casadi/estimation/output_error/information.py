@@ -6,14 +6,14 @@ import numpy as np
 
 from pneumo_casadi.estimation.output_error.shooting.condensing import (
     anchor_normal_equations,
+    block_scores,
     condense,
     eliminate,
     linearise,
-    scores,
 )
 from pneumo_casadi.estimation.output_error.shooting.map_anchor import Anchor
 from pneumo_casadi.estimation.output_error.shooting.problem import Problem, Unknowns
-from pneumo_casadi.estimation.statistics import Estimate, invert_information
+from pneumo_casadi.estimation.statistics import ParameterUncertainty, invert_information
 from pneumo_casadi.parameters import FloatArray
 
 #: How near to a bound, in scaled units, a parameter counts as held by it.
@@ -39,7 +39,7 @@ class Information:
     scores: tuple[tuple[FloatArray, ...], ...]
 
 
-def information(problem: Problem, point: Unknowns, sigma: FloatArray) -> Information:
+def gauss_newton_information(problem: Problem, point: Unknowns, sigma: FloatArray) -> Information:
     """Return the information at a point of the problem.
 
     Parameters
@@ -65,7 +65,7 @@ def information(problem: Problem, point: Unknowns, sigma: FloatArray) -> Informa
         before = before + np.diag(condensed.H)[free_states:]
         total = total + condensed.H[free_states:, free_states:] - coupled @ to_theta
         # Windows of one record follow each other: misfit may last longer than one of them.
-        found = scores(problem, linear, i, condensed)
+        found = block_scores(problem, linear, i, condensed)
         own = rows.setdefault(problem.segments[i].record, [])
         own.append(found[:, free_states:] - found[:, :free_states] @ to_theta)
     # What the initial states have taken away but for rounding is no information.
@@ -76,7 +76,9 @@ def information(problem: Problem, point: Unknowns, sigma: FloatArray) -> Informa
     return Information(total * np.outer(left, left), tuple(kinds))
 
 
-def estimate(problem: Problem, point: Unknowns, sigma: FloatArray) -> Estimate:
+def estimate_uncertainty(
+    problem: Problem, point: Unknowns, sigma: FloatArray
+) -> ParameterUncertainty:
     """Return the covariance of the free parameters at a solution.
 
     Parameters at a bound are named and left out: their interval is one-sided.
@@ -84,7 +86,7 @@ def estimate(problem: Problem, point: Unknowns, sigma: FloatArray) -> Estimate:
     free = problem.parameters.with_values(point.theta).select(problem.free)
     gap = np.minimum(free.values - free.lower, free.upper - free.values) / free.scales
     at_bound = [name for name, near in zip(free.names, gap < AT_BOUND, strict=True) if near]
-    found = information(problem, point, sigma)
+    found = gauss_newton_information(problem, point, sigma)
     scales = problem.free_scales
     return invert_information(found.matrix, scales, free.names, at_bound, found.scores)
 

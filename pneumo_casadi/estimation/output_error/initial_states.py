@@ -8,8 +8,8 @@ from pneumo_casadi.data import Recording
 from pneumo_casadi.errors import FitError
 from pneumo_casadi.estimation.output_error.shooting.condensing import condense, linearise
 from pneumo_casadi.estimation.output_error.shooting.interval import IntervalFunctions
-from pneumo_casadi.estimation.output_error.shooting.problem import Problem, Unknowns, shoot
-from pneumo_casadi.estimation.output_error.shooting.segments import cut
+from pneumo_casadi.estimation.output_error.shooting.problem import Problem, Unknowns, shoot_segments
+from pneumo_casadi.estimation.output_error.shooting.segments import cut_segments
 from pneumo_casadi.estimation.statistics import stated_or_estimated_noise
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.integration import Stepping, substeps_for
@@ -90,7 +90,7 @@ def estimate_initial_states(
 def _problem(axis: Axis, record: Recording, window: float | None) -> Problem:
     model = SampledAxis(axis, Stepping(record.dt, record.hold, substeps_for(axis, record.dt)))
     n = max(1, round(BLOCK / record.dt))
-    segments = cut(model, [record], n, window, INTERVAL)
+    segments = cut_segments(model, [record], n, window, INTERVAL)
     whole = tuple(segment for segment in segments if segment.K == segments[0].K)
     functions = IntervalFunctions(model, n, whole[0].per, ())
     return Problem(model, axis.parameters.fix(), whole, functions, None)
@@ -98,7 +98,7 @@ def _problem(axis: Axis, record: Recording, window: float | None) -> Problem:
 
 def _costs(problem: Problem, x_0: FloatArray, sigma: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return nodes (nx, B, intervals) and the cost of each window (B,), infinite if not finite."""
-    nodes, m = shoot(problem, problem.parameters.values, x_0)
+    nodes, m = shoot_segments(problem, problem.parameters.values, x_0)
     with np.errstate(over="ignore", invalid="ignore"):  # a trial may run away: then it costs inf
         squares = ((problem.y - m) / sigma[:, None]) ** 2
         cost = 0.5 * problem.n * squares.reshape(len(m), x_0.shape[1], -1).sum(axis=(0, 2))

@@ -22,7 +22,7 @@ SAME = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
-class Outcome:
+class StartOutcome:
     """Where one start has led.
 
     Parameters
@@ -50,7 +50,7 @@ class Outcome:
 class MultiStart:
     """All outcomes, in the order of the draws; the first started where the axis stood."""
 
-    outcomes: tuple[Outcome, ...]
+    outcomes: tuple[StartOutcome, ...]
 
     @property
     def best(self) -> OutputErrorResult:
@@ -107,13 +107,16 @@ def fit_from_many_starts(
     if starts < 1:
         raise ModelError(f"{starts} starts: at least one is needed")
     rng = np.random.default_rng(seed)
-    begins = [axis.parameters, *(drawn(axis.parameters, spread, rng) for _ in range(starts - 1))]
+    begins = [
+        axis.parameters,
+        *(draw_parameters(axis.parameters, spread, rng) for _ in range(starts - 1)),
+    ]
     run = partial(_outcome, axis, tuple(records), flow_map, options)
     mapped = map(run, begins) if executor is None else executor.map(run, begins)
     return MultiStart(tuple(mapped))
 
 
-def drawn(parameters: Parameters, spread: float, rng: np.random.Generator) -> Parameters:
+def draw_parameters(parameters: Parameters, spread: float, rng: np.random.Generator) -> Parameters:
     """Return parameters with every free one moved at random, see `fit_from_many_starts`."""
     mask, values = parameters.free_mask, parameters.values
     factor = rng.uniform(-spread, spread, values.size)
@@ -128,11 +131,11 @@ def _outcome(
     flow_map: FlowMap | None,
     options: OutputErrorOptions | None,
     start: Parameters,
-) -> Outcome:
+) -> StartOutcome:
     began = time.perf_counter()
     try:
         result = fit_output_error(axis.with_parameters(start), records, flow_map, options)
     except (FitError, ModelError) as error:
-        return Outcome(start, str(error), float("inf"), time.perf_counter() - began, None)
+        return StartOutcome(start, str(error), float("inf"), time.perf_counter() - began, None)
     seconds = time.perf_counter() - began
-    return Outcome(start, result.status, result.stages[-1].cost, seconds, result)
+    return StartOutcome(start, result.status, result.stages[-1].cost, seconds, result)

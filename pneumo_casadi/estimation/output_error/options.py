@@ -76,7 +76,7 @@ class OutputErrorOptions:
 
 
 @dataclass(frozen=True, slots=True)
-class Rung:
+class StagePlan:
     """One stage: its options and whether its solution is the answer."""
 
     name: str
@@ -85,7 +85,7 @@ class Rung:
     last: bool
 
 
-def ladder(options: OutputErrorOptions) -> tuple[Rung, ...]:
+def plan_stages(options: OutputErrorOptions) -> tuple[StagePlan, ...]:
     """Return the stages in order: as asked for first, and a gentler way for when that fails.
 
     The gentler way, where it is wanted, goes through short windows, in which no trajectory can
@@ -93,9 +93,9 @@ def ladder(options: OutputErrorOptions) -> tuple[Rung, ...]:
     """
     horizon = "whole record" if options.window is None else f"windows of {options.window:g} s"
 
-    def rungs(window: float | None, widths: Sequence[float], where: str) -> list[Rung]:
+    def rungs(window: float | None, widths: Sequence[float], where: str) -> list[StagePlan]:
         return [
-            Rung(
+            StagePlan(
                 f"{where}, friction width {width * 1e3:g} mm/s",
                 replace(options, window=window, widths=(width,)),
                 refine=options.reweight and window == options.window,

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pneumo_casadi.estimation.output_error.derived import derived_of
+from pneumo_casadi.estimation.output_error.derived import derived_quantities
 from pneumo_casadi.estimation.output_error.shooting.map_anchor import Anchor
 from pneumo_casadi.estimation.output_error.shooting.segments import Segment
-from pneumo_casadi.estimation.statistics import Estimate, delta_std, interval_factor
+from pneumo_casadi.estimation.statistics import ParameterUncertainty, delta_std, interval_factor
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.parameters import FloatArray, Parameters
 
@@ -43,7 +43,7 @@ class Stage:
 
 
 @dataclass(frozen=True, slots=True)
-class Derived:
+class DerivedQuantity:
     """A quantity computed from parameters, with its standard deviations.
 
     Parameters
@@ -51,7 +51,7 @@ class Derived:
     value, std : float
         In `unit`; `std` takes residuals for white noise.
     std_robust : float
-        The same where residuals may be correlated, see `Estimate`.
+        The same where residuals may be correlated, see `ParameterUncertainty`.
     unit : str
         SI unit.
     """
@@ -63,7 +63,7 @@ class Derived:
 
 
 @dataclass(frozen=True, slots=True)
-class MapPull:
+class FlowMapDeviation:
     """How far the trajectories have pulled the flow map from its measured points.
 
     Parameters
@@ -78,13 +78,13 @@ class MapPull:
     scale: float
 
 
-def map_pull(anchor: Anchor, axis: Axis) -> MapPull:
+def flow_map_deviation(anchor: Anchor, axis: Axis) -> FlowMapDeviation:
     """Return how far an axis' parameters have left the metered points of its flow map."""
     c = axis.parameters.select(anchor.names).values
     residual, own = anchor(c), anchor(anchor.fitted)
     measured = -anchor(np.zeros_like(c))
     scale = float((residual + measured) @ measured / (measured @ measured))
-    return MapPull(float(np.sqrt(np.sum(residual**2) / np.sum(own**2))), scale)
+    return FlowMapDeviation(float(np.sqrt(np.sum(residual**2) / np.sum(own**2))), scale)
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,10 +103,11 @@ class OutputErrorResult:
         Standard deviation of one sample of each output, as estimated [Pa, Pa, m].
     rms : (ny,) array
         Root mean square of the residuals of block means [Pa, Pa, m].
-    estimate : Estimate
+    uncertainty : ParameterUncertainty
         Covariance of the free parameters and what the data say nothing about.
-    derived : dict of str to Derived
-        k, V(0), areas, dead volumes and dead lengths of both chambers, F_c; see `derived_of`.
+    derived : dict of str to DerivedQuantity
+        k, V(0), areas, dead volumes and dead lengths of both chambers, F_c; see
+        `derived_quantities`.
     stages : tuple of Stage
         Every solve on the way.
     segments : tuple of Segment
@@ -115,7 +116,7 @@ class OutputErrorResult:
         Mean outputs of the model, by segment.
     initial_states : tuple of (nx,) arrays
         By segment.
-    map_pull : MapPull or None
+    flow_map_deviation : FlowMapDeviation or None
         None without an anchor.
     """
 
@@ -124,13 +125,13 @@ class OutputErrorResult:
     cost: float
     sigma: FloatArray
     rms: FloatArray
-    estimate: Estimate
-    derived: Mapping[str, Derived]
+    uncertainty: ParameterUncertainty
+    derived: Mapping[str, DerivedQuantity]
     stages: tuple[Stage, ...]
     segments: tuple[Segment, ...]
     fitted: tuple[FloatArray, ...]
     initial_states: tuple[FloatArray, ...]
-    map_pull: MapPull | None
+    flow_map_deviation: FlowMapDeviation | None
 
     @property
     def parameters(self) -> Parameters:
@@ -145,16 +146,16 @@ class OutputErrorResult:
     def std(self, name: str, robust: bool = False) -> float:
         """Return a parameter's standard deviation; 0 if it was held, infinite if uninformed.
 
-        With `robust`, correlated residuals count (see `Estimate`). Derived quantities go by
-        their names too; an unknown name raises `ModelError`.
+        With `robust`, correlated residuals count (see `ParameterUncertainty`). Derived quantities
+        go by their names too; an unknown name raises `ModelError`.
         """
         if name in self.derived:
             return self.derived[name].std_robust if robust else self.derived[name].std
-        if name not in self.estimate.names:
+        if name not in self.uncertainty.names:
             self.parameters[name]  # an unknown name is an error, not a certainty
             return 0.0
-        std = self.estimate.std_robust if robust else self.estimate.std
-        return float(std[self.estimate.names.index(name)])
+        std = self.uncertainty.std_robust if robust else self.uncertainty.std
+        return float(std[self.uncertainty.names.index(name)])
 
     def interval(self, name: str, level: float = 0.95, robust: bool = False) -> tuple[float, float]:
         """Return the interval of a parameter at `level`, on request the robust one."""
@@ -163,15 +164,17 @@ class OutputErrorResult:
         return value - half, value + half
 
 
-def derived_quantities(axis: Axis, estimate: Estimate) -> dict[str, Derived]:
-    """Return `derived_of` an axis with standard deviations by the delta method."""
+def evaluate_derived_quantities(
+    axis: Axis, estimate: ParameterUncertainty
+) -> dict[str, DerivedQuantity]:
+    """Return `derived_quantities` an axis with standard deviations by the delta method."""
     theta = axis.parameters.values
     columns = [axis.parameters.index(name) for name in estimate.names]
     found = {}
-    for name, item in derived_of(axis).items():
+    for name, item in derived_quantities(axis).items():
         gradient = item.gradient(theta)[columns]
         std = delta_std(gradient, estimate.covariance)
         robust = estimate.covariance_robust
         wider = std if robust is None else delta_std(gradient, robust)
-        found[name] = Derived(item(theta), std, wider, item.unit)
+        found[name] = DerivedQuantity(item(theta), std, wider, item.unit)
     return found

@@ -9,7 +9,7 @@ from pneumo_casadi.estimation.uncertainty.collinearity import (
 from pneumo_casadi.estimation.uncertainty.identifiability import (
     Direction,
     Identifiability,
-    identifiability,
+    analyse_identifiability,
 )
 from pneumo_casadi.estimation.uncertainty.optimum import Optimum
 from pneumo_casadi.estimation.uncertainty.profile import (
@@ -17,23 +17,23 @@ from pneumo_casadi.estimation.uncertainty.profile import (
     profile_likelihood,
     profile_likelihoods,
 )
-from pneumo_casadi.estimation.uncertainty.profile_path import End
+from pneumo_casadi.estimation.uncertainty.profile_path import ProfileEnd
 from pneumo_casadi.estimation.uncertainty.replicates import Replicate
 
 __all__ = [
     "Bootstrap",
     "CollinearGroup",
     "Direction",
-    "End",
     "Identifiability",
     "IntervalKind",
     "Optimum",
     "Profile",
+    "ProfileEnd",
     "Replicate",
+    "analyse_identifiability",
     "block_bootstrap",
     "collinear_groups",
     "correlated_clusters",
-    "identifiability",
     "profile_likelihood",
     "profile_likelihoods",
 ]

@@ -11,7 +11,7 @@ from pneumo_casadi.estimation.output_error.shooting.problem import Problem
 from pneumo_casadi.parameters import FloatArray
 
 
-def held_at(problem: Problem, item: Quantity, value: float, width: float) -> Problem:
+def hold_quantity(problem: Problem, item: Quantity, value: float, width: float) -> Problem:
     """Return the problem with the residual (g(θ) - value)/width beside those of the flow map.
 
     A width far below what the data can tell makes it a constraint. Parameters and ratios of
@@ -32,7 +32,7 @@ def held_at(problem: Problem, item: Quantity, value: float, width: float) -> Pro
     return replace(problem, anchor=Anchor(residual, names, start))
 
 
-def metered_again(anchor: Anchor, shift: FloatArray) -> Anchor:
+def shift_measured_flows(anchor: Anchor, shift: FloatArray) -> Anchor:
     """Return the flow map's residuals as if each point had been measured `shift` σ lower."""
     c = ca.MX.sym("c", len(anchor.names))
     r, J = anchor.residual(c)

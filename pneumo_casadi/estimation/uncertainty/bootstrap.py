@@ -11,15 +11,15 @@ from pathlib import Path
 import numpy as np
 
 from pneumo_casadi.errors import FitError, ModelError
-from pneumo_casadi.estimation.output_error.derived import quantity
-from pneumo_casadi.estimation.statistics import Estimate, delta_std, interval_factor
-from pneumo_casadi.estimation.uncertainty.added_residuals import metered_again
-from pneumo_casadi.estimation.uncertainty.optimum import Optimum, solve
+from pneumo_casadi.estimation.output_error.derived import find_quantity
+from pneumo_casadi.estimation.statistics import ParameterUncertainty, delta_std, interval_factor
+from pneumo_casadi.estimation.uncertainty.added_residuals import shift_measured_flows
+from pneumo_casadi.estimation.uncertainty.optimum import Optimum, solve_from
 from pneumo_casadi.estimation.uncertainty.replicates import Replicate, ReplicateFolder, fingerprint
 from pneumo_casadi.estimation.uncertainty.resampling import (
     block_length,
-    circular_blocks,
-    kept_in_blocks,
+    draw_circular_blocks,
+    retained_variance,
 )
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.parameters import FloatArray
@@ -49,7 +49,7 @@ class Bootstrap:
     ----------
     axis : Axis
         With the estimates from the data.
-    estimate : Estimate
+    uncertainty : ParameterUncertainty
         Covariance by Gauss-Newton; tells what has no interval at all.
     replicates : tuple of Replicate
         All of them, failures included.
@@ -60,7 +60,7 @@ class Bootstrap:
     """
 
     axis: Axis
-    estimate: Estimate
+    uncertainty: ParameterUncertainty
     replicates: tuple[Replicate, ...]
     lengths: dict[str, int]
     seed: int
@@ -77,8 +77,8 @@ class Bootstrap:
 
     def values(self, name: str) -> FloatArray:
         """Return a parameter or derived quantity in each converged replicate, shape (B,)."""
-        item, theta = quantity(self.axis, name), self.axis.parameters.values
-        columns = [self.axis.parameters.index(n) for n in self.estimate.names]
+        item, theta = find_quantity(self.axis, name), self.axis.parameters.values
+        columns = [self.axis.parameters.index(n) for n in self.uncertainty.names]
         found = []
         for row in self.estimates:
             theta[columns] = row
@@ -90,9 +90,9 @@ class Bootstrap:
 
         Refits do not move what the data say nothing about: its replicates scatter too little.
         """
-        columns = [self.axis.parameters.index(n) for n in self.estimate.names]
-        gradient = quantity(self.axis, name).gradient(self.axis.parameters.values)[columns]
-        return bool(np.isfinite(delta_std(gradient, self.estimate.covariance)))
+        columns = [self.axis.parameters.index(n) for n in self.uncertainty.names]
+        gradient = find_quantity(self.axis, name).gradient(self.axis.parameters.values)[columns]
+        return bool(np.isfinite(delta_std(gradient, self.uncertainty.covariance)))
 
     def std(self, name: str) -> float:
         """Return the standard deviation over the replicates; infinite without information."""
@@ -111,7 +111,7 @@ class Bootstrap:
         if not self.informed(name):
             return -np.inf, np.inf
         if kind is IntervalKind.STANDARD_ERROR:
-            value = quantity(self.axis, name)(self.axis.parameters.values)
+            value = find_quantity(self.axis, name)(self.axis.parameters.values)
             half = interval_factor(level) * self.std(name)
             return value - half, value + half
         values, needed = self.values(name), int(np.ceil(2 / (1 - level)))
@@ -175,7 +175,7 @@ def block_bootstrap(
     scaled by 1/√(1 - p/b) for what p fitted values have taken out of them, b being the number of
     blocks drawn: correlated noise holds no more independent values than that, and the fit takes
     out of it what is as slow as the motion. Likewise by 1/√k for the correlation that the ends of
-    blocks cut, k being the share of a slow sum's variance that survives (`kept_in_blocks`).
+    blocks cut, k being the share of a slow sum's variance that survives (`retained_variance`).
 
     So replicates scatter, on average over the noise, as fits to new noise do, unless noise is so
     slow and the record so short that the fit has taken its slow part altogether. One record tells
@@ -196,7 +196,7 @@ def block_bootstrap(
     records = [record.name for record in optimum.records]
     result = Bootstrap(
         optimum.result.axis,
-        optimum.result.estimate,
+        optimum.result.uncertainty,
         tuple(done[i] for i in range(replicates)),
         dict(zip([*records, "flow map"], plan.lengths, strict=False)),
         seed,
@@ -242,13 +242,13 @@ class _Plan:
     def fingerprint(self, optimum: Optimum) -> str:
         result = optimum.result
         arrays = [*self.residuals, result.sigma, result.parameters.values]
-        return fingerprint(arrays, [self.lengths, self.seed, result.estimate.names])
+        return fingerprint(arrays, [self.lengths, self.seed, result.uncertainty.names])
 
-    def drawn(self, index: int) -> list[FloatArray]:
+    def draw_residuals(self, index: int) -> list[FloatArray]:
         """Return the residuals of one replicate."""
         rng = np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(index,)))
         return [
-            e[:, circular_blocks(rng, e.shape[1], length)]
+            e[:, draw_circular_blocks(rng, e.shape[1], length)]
             for e, length in zip(self.residuals, self.lengths, strict=True)
         ]
 
@@ -266,7 +266,7 @@ def _scaled(e: FloatArray, length: int, lost: float, ends: bool = True) -> Float
     """Centre residuals, give back what the fit has taken out and, if told, what blocks cut."""
     left = np.full(len(e), 1 - min(lost, MOST_LOST))
     if ends:
-        left *= np.maximum(kept_in_blocks(e, length), 1 - MOST_LOST)
+        left *= np.maximum(retained_variance(e, length), 1 - MOST_LOST)
     scaled: FloatArray = (e - e.mean(axis=1, keepdims=True)) / np.sqrt(left)[:, None]
     return scaled
 
@@ -286,7 +286,7 @@ def _refits(
 @one_thread
 def _refit(optimum: Optimum, plan: _Plan, index: int) -> Replicate:
     problem, result = optimum.problem, optimum.result
-    drawn = plan.drawn(index)
+    drawn = plan.draw_residuals(index)
     segments, used = [], [0] * len(drawn)
     for segment, fitted in zip(problem.segments, result.fitted, strict=True):
         first = used[segment.record]
@@ -296,9 +296,9 @@ def _refit(optimum: Optimum, plan: _Plan, index: int) -> Replicate:
     anchor = problem.anchor
     if anchor is not None:
         shift = drawn[-1][0] - problem.anchor_residuals(optimum.point.theta)
-        anchor = metered_again(anchor, shift)
+        anchor = shift_measured_flows(anchor, shift)
     synthetic = replace(problem, segments=tuple(segments), anchor=anchor)
-    solution = solve(optimum, synthetic, optimum.point)
+    solution = solve_from(optimum, synthetic, optimum.point)
     values = solution.point.theta[optimum.columns]
     return Replicate(
         index,

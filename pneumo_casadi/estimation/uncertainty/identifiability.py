@@ -106,7 +106,7 @@ class Identifiability:
 
 
 @one_thread
-def identifiability(
+def analyse_identifiability(
     optimum: Optimum, collinearity: float = 10.0, correlation: float = 0.95
 ) -> Identifiability:
     """Tell which parameters, and which combinations of them, the data of a fit fix.
@@ -130,8 +130,8 @@ def identifiability(
     the rows of Vᵀ are the directions. What a record informs counts its own initial states as
     unknown.
     """
-    names, estimate = optimum.names, optimum.result.estimate
-    inside = [i for i, name in enumerate(names) if name not in estimate.at_bound]
+    names, uncertainty = optimum.names, optimum.result.uncertainty
+    inside = [i for i, name in enumerate(names) if name not in uncertainty.at_bound]
     H = optimum.information
     singular_values, directions = _directions(H[np.ix_(inside, inside)], [names[i] for i in inside])
     sources, parts = _sources(optimum)
@@ -140,14 +140,14 @@ def identifiability(
     return Identifiability(
         names,
         optimum.sizes,
-        estimate.std,
-        estimate.at_bound,
-        estimate.uninformed,
+        uncertainty.std,
+        uncertainty.at_bound,
+        uncertainty.uninformed,
         singular_values,
         directions,
-        estimate.correlation,
+        uncertainty.correlation,
         collinear_groups(H[np.ix_(inside, inside)], [names[i] for i in inside], collinearity),
-        correlated_clusters(estimate.correlation, names, correlation),
+        correlated_clusters(uncertainty.correlation, names, correlation),
         sources,
         share,
         np.array([_growth(optimum, parts, i) for i in range(len(parts))]),
@@ -183,11 +183,11 @@ def _sources(optimum: Optimum) -> tuple[tuple[str, ...], list[FloatArray]]:
 
 def _growth(optimum: Optimum, parts: list[FloatArray], left_out: int) -> FloatArray:
     """Return std without one source over std with all of them."""
-    at_bound = optimum.result.estimate.at_bound
+    at_bound = optimum.result.uncertainty.at_bound
     rest = np.sum([part for i, part in enumerate(parts) if i != left_out], axis=0)
     rest = rest + np.zeros_like(parts[0])  # with one source nothing is left
     without = invert_information(rest, optimum.sizes, optimum.names, at_bound).std
-    std = optimum.result.estimate.std
+    std = optimum.result.uncertainty.std
     finite = np.isfinite(std)
     found: FloatArray = np.where(finite, without / np.where(finite, std, 1.0), 1.0)
     return found

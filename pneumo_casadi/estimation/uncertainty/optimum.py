@@ -14,9 +14,9 @@ import numpy as np
 from pneumo_casadi.data import Recording
 from pneumo_casadi.errors import FitError, ModelError
 from pneumo_casadi.estimation.output_error import OutputErrorOptions, OutputErrorResult
-from pneumo_casadi.estimation.output_error.derived import Quantity, quantity
+from pneumo_casadi.estimation.output_error.derived import Quantity, find_quantity
 from pneumo_casadi.estimation.output_error.fit import write_problem
-from pneumo_casadi.estimation.output_error.information import information
+from pneumo_casadi.estimation.output_error.information import gauss_newton_information
 from pneumo_casadi.estimation.output_error.shooting.condensing import anchor_normal_equations
 from pneumo_casadi.estimation.output_error.shooting.problem import Problem, Unknowns
 from pneumo_casadi.estimation.output_error.solvers.gauss_newton import solve_gauss_newton
@@ -74,7 +74,7 @@ class Optimum:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the fitted parameters."""
-        return self.result.estimate.names
+        return self.result.uncertainty.names
 
     @property
     def columns(self) -> list[int]:
@@ -92,14 +92,14 @@ class Optimum:
         """Return a fitted parameter, or a derived quantity, by its name."""
         if name in self.result.parameters and name not in self.names:
             raise ModelError(f"parameter {name} was held fixed in the fit: release it there")
-        return quantity(self.result.axis, name)
+        return find_quantity(self.result.axis, name)
 
     def std(self, item: Quantity, robust: bool = False) -> float:
         """Return the standard deviation of a quantity by the delta method."""
-        estimate = self.result.estimate
-        covariance = estimate.covariance_robust if robust else estimate.covariance
+        uncertainty = self.result.uncertainty
+        covariance = uncertainty.covariance_robust if robust else uncertainty.covariance
         if covariance is None:
-            covariance = estimate.covariance
+            covariance = uncertainty.covariance
         gradient = item.gradient(self.result.parameters.values)
         return delta_std(gradient[self.columns], covariance)
 
@@ -125,11 +125,11 @@ class Optimum:
     def solution(self) -> Solution:
         """The optimum found again, states included."""
         start = replace(self.problem.start(), theta=self.result.parameters.values)
-        solution = solve(self, self.problem, start)
+        solution = solve_from(self, self.problem, start)
         if solution.status != "converged":
             raise FitError(f"the optimum was not found again: {solution.status}", self.result)
         apart = np.abs(solution.point.theta - self.result.parameters.values)[self.columns]
-        std = np.fmax(self.result.estimate.std, self.result.estimate.std_robust)
+        std = np.fmax(self.result.uncertainty.std, self.result.uncertainty.std_robust)
         if np.any(apart > AGAIN * std):
             raise ModelError(
                 "the fit's optimum is not that of these data: parameters move by more than "
@@ -149,7 +149,7 @@ class Optimum:
     @cached_property
     def information(self) -> FloatArray:
         """Information on the fitted parameters in units of `sizes`, initial states eliminated."""
-        found = information(self.problem, self.point, self.result.sigma).matrix
+        found = gauss_newton_information(self.problem, self.point, self.result.sigma).matrix
         return self._scaled(self.problem, found)
 
     def information_of(self, record: int) -> FloatArray:
@@ -163,14 +163,16 @@ class Optimum:
         for name in self.names:
             held = held.bounded(name, held[name].value, held[name].value)
         part = replace(self.problem, segments=own, anchor=None, parameters=held)
-        solution = solve(self, part, replace(part.start(), theta=self.point.theta))
+        solution = solve_from(self, part, replace(part.start(), theta=self.point.theta))
         if solution.status != "converged":
             raise FitError(
                 f"record {self.records[record].name}: no initial state at the optimum "
                 f"({solution.status})",
                 self.result,
             )
-        return self._scaled(part, information(part, solution.point, self.result.sigma).matrix)
+        return self._scaled(
+            part, gauss_newton_information(part, solution.point, self.result.sigma).matrix
+        )
 
     def information_of_map(self) -> FloatArray:
         """Return what the flow map alone says, in units of `sizes`; zeros without one."""
@@ -191,7 +193,7 @@ class Optimum:
         return write_problem(axis, self.records, self.flow_map, self.options)
 
 
-def solve(optimum: Optimum, problem: Problem, point: Unknowns) -> Solution:
+def solve_from(optimum: Optimum, problem: Problem, point: Unknowns) -> Solution:
     """Solve a problem from a point with the noise held at the fit's estimate.
 
     Where the start does not lead to an optimum, smoothed measurements are tried instead of its

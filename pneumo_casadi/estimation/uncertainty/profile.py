@@ -10,7 +10,13 @@ import numpy as np
 from pneumo_casadi.errors import FitError, ModelError
 from pneumo_casadi.estimation.statistics import interval_factor
 from pneumo_casadi.estimation.uncertainty.optimum import Optimum
-from pneumo_casadi.estimation.uncertainty.profile_path import End, Point, Walk, crossing, inflation
+from pneumo_casadi.estimation.uncertainty.profile_path import (
+    ProfileEnd,
+    ProfilePoint,
+    ProfileTrace,
+    find_crossing,
+    robust_ratio,
+)
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.runtime.threads import one_thread
 
@@ -46,7 +52,7 @@ class Profile:
     costs: FloatArray
     statuses: tuple[str, ...]
     estimate: float
-    ends: tuple[End, End]
+    ends: tuple[ProfileEnd, ProfileEnd]
     level: float
     std: float
     std_robust: float
@@ -80,8 +86,10 @@ class Profile:
         level = self.level if level is None else level
         if not 0 < level <= self.level:
             raise ModelError(f"the profile of {self.name} was taken for levels up to {self.level}")
-        z = interval_factor(level) * (inflation(self.std, self.std_robust) if robust else 1.0)
-        low, high = (crossing(self.values - self.estimate, self.root, side) for side in (-z, z))
+        z = interval_factor(level) * (robust_ratio(self.std, self.std_robust) if robust else 1.0)
+        low, high = (
+            find_crossing(self.values - self.estimate, self.root, side) for side in (-z, z)
+        )
         return self.estimate + low, self.estimate + high
 
     def gauss_newton(self, level: float | None = None, robust: bool = False) -> tuple[float, float]:
@@ -135,27 +143,27 @@ def profile_likelihood(optimum: Optimum, name: str, level: float = 0.95) -> Prof
         If some value costs less than the estimate: the fit was not at its optimum. ``.partial``
         holds the profile.
     """
-    walk = Walk.begin(optimum, optimum.quantity(name), level)
-    downwards, first = walk.side(-1.0)
-    upwards, last = walk.side(1.0)
-    points = [*reversed(downwards), Point(walk.estimate, walk.cost, "converged"), *upwards]
+    trace = ProfileTrace.begin(optimum, optimum.quantity(name), level)
+    downwards, first = trace.trace_side(-1.0)
+    upwards, last = trace.trace_side(1.0)
+    points = [*reversed(downwards), ProfilePoint(trace.estimate, trace.cost, "converged"), *upwards]
     found = Profile(
         name,
-        walk.item.unit,
+        trace.item.unit,
         np.array([point.value for point in points]),
         np.array([point.cost for point in points]),
         tuple(point.status for point in points),
-        walk.estimate,
+        trace.estimate,
         (first, last),
         level,
-        walk.std,
-        walk.std_robust,
+        trace.std,
+        trace.std_robust,
     )
     at = int(np.argmin(found.costs))
-    if 2 * (walk.cost - found.costs[at]) > LOWER:
+    if 2 * (trace.cost - found.costs[at]) > LOWER:
         raise FitError(
             f"profile of {name}: cost {found.costs[at]:.8g} at {found.values[at]:g} is below "
-            f"{walk.cost:.8g} at the estimate; fit again from there",
+            f"{trace.cost:.8g} at the estimate; fit again from there",
             found,
         )
     return found

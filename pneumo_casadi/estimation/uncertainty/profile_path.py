@@ -10,8 +10,8 @@ from scipy.interpolate import PchipInterpolator
 from pneumo_casadi.estimation.output_error.derived import Quantity
 from pneumo_casadi.estimation.output_error.shooting.problem import Unknowns
 from pneumo_casadi.estimation.statistics import interval_factor
-from pneumo_casadi.estimation.uncertainty.added_residuals import held_at
-from pneumo_casadi.estimation.uncertainty.optimum import Optimum, solve
+from pneumo_casadi.estimation.uncertainty.added_residuals import hold_quantity
+from pneumo_casadi.estimation.uncertainty.optimum import Optimum, solve_from
 from pneumo_casadi.parameters import FloatArray
 
 logger = logging.getLogger(__name__)
@@ -28,7 +28,7 @@ NEAR = 0.2
 HELD = 1e-3
 
 
-class End(Enum):
+class ProfileEnd(Enum):
     """Why a side of a profile ends."""
 
     THRESHOLD = "the cost has risen to the threshold"
@@ -38,7 +38,7 @@ class End(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Point:
+class ProfilePoint:
     """One refit: the value held, the cost (infinite if it failed) and the status."""
 
     value: float
@@ -47,7 +47,7 @@ class Point:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Walk:
+class ProfileTrace:
     """From the estimate outwards.
 
     Parameters
@@ -79,12 +79,12 @@ class Walk:
     direction: FloatArray
 
     @classmethod
-    def begin(cls, optimum: Optimum, item: Quantity, level: float) -> "Walk":
+    def begin(cls, optimum: Optimum, item: Quantity, level: float) -> "ProfileTrace":
         """Return the walk over a quantity as far as a level needs."""
         theta, parameters = optimum.point.theta, optimum.result.parameters
         std, std_robust = optimum.std(item), optimum.std(item, robust=True)
         z = interval_factor(level)
-        end = z * max(1.0, inflation(std, std_robust))
+        end = z * max(1.0, robust_ratio(std, std_robust))
         gradient = item.gradient(theta)[optimum.columns]
         size = float(np.abs(gradient) @ optimum.sizes)
         bounds = (-np.inf, np.inf)
@@ -98,17 +98,17 @@ class Walk:
             *(z, end, first, size, bounds, direction),
         )
 
-    def side(self, sign: float) -> tuple[list[Point], End]:
+    def trace_side(self, sign: float) -> tuple[list[ProfilePoint], ProfileEnd]:
         """Return the points of one side, from the estimate outwards, and why it ends."""
-        points: list[Point] = []
+        points: list[ProfilePoint] = []
         at, value, root = self.optimum.point, self.estimate, 0.0
         step, halvings = self.first, 0
         bound = self.bounds[1 if sign > 0 else 0]
         while len(points) < MOST_POINTS:
             if value == bound:
-                return _outwards(points, sign), End.BOUND
+                return _outwards(points, sign), ProfileEnd.BOUND
             if abs(value - self.estimate) >= REACH * self.size:
-                return _outwards(points, sign), End.FLAT
+                return _outwards(points, sign), ProfileEnd.FLAT
             target = sign * min(sign * (value + sign * step), sign * bound)
             point, found = self.refit(at, target)
             points.append(point)
@@ -116,32 +116,36 @@ class Walk:
                 logger.warning("profile of %s at %g: %s", self.item.name, target, point.status)
                 halvings, step = halvings + 1, abs(target - value) / 2
                 if halvings > HALVINGS:
-                    return _outwards(points, sign), End.FAILED
+                    return _outwards(points, sign), ProfileEnd.FAILED
                 continue
             rise = float(np.sqrt(2 * max(0.0, point.cost - self.cost)))
             if rise >= self.end:
-                points += self.sharpened(at, [Point(self.estimate, self.cost, ""), *points], sign)
-                return _outwards(points, sign), End.THRESHOLD
+                points += self.refine_crossings(
+                    at, [ProfilePoint(self.estimate, self.cost, ""), *points], sign
+                )
+                return _outwards(points, sign), ProfileEnd.THRESHOLD
             gain, moved = rise - root, abs(target - value)
             wanted = moved * (self.end / POINTS) / gain if gain > 0 else np.inf
             step = float(np.clip(wanted, moved / GROWTH, GROWTH * moved))
             at, value, root = found, target, rise
-        return _outwards(points, sign), End.FLAT
+        return _outwards(points, sign), ProfileEnd.FLAT
 
-    def sharpened(self, at: Unknowns, points: list[Point], sign: float) -> list[Point]:
+    def refine_crossings(
+        self, at: Unknowns, points: list[ProfilePoint], sign: float
+    ) -> list[ProfilePoint]:
         """Return refits where the points say that the thresholds are crossed."""
         found = []
         for z in sorted({self.z, self.end}):
             moved = np.array([point.value - self.estimate for point in points])
             rise = np.array([point.cost - self.cost for point in points])
             roots = sign * np.sqrt(2 * np.maximum(rise, 0.0))
-            distance = crossing(moved, roots, sign * z)
+            distance = find_crossing(moved, roots, sign * z)
             # A point very near says as much, and noise of two costs is no slope.
             if np.abs(moved - distance).min() > NEAR * self.first:
                 found.append(self.refit(at, self.estimate + distance)[0])
         return [point for point in found if point.status == "converged"]
 
-    def refit(self, at: Unknowns, target: float) -> tuple[Point, Unknowns | None]:
+    def refit(self, at: Unknowns, target: float) -> tuple[ProfilePoint, Unknowns | None]:
         """Hold the quantity at a value and fit the rest, from a neighbour's solution."""
         optimum, width = self.optimum, HELD * self.first
         theta = at.theta.copy()
@@ -150,24 +154,24 @@ class Walk:
         lower, upper = optimum.result.parameters.lower, optimum.result.parameters.upper
         theta[free] = np.clip(moved, lower[free], upper[free])
         problem = optimum.refined(optimum.problem, theta)
-        held = held_at(problem, self.item, target, width)
-        solution = solve(optimum, held, replace(at, theta=theta))
+        held = hold_quantity(problem, self.item, target, width)
+        solution = solve_from(optimum, held, replace(at, theta=theta))
         if solution.status != "converged":
-            return Point(target, np.inf, solution.status), None
+            return ProfilePoint(target, np.inf, solution.status), None
         if abs(self.item(solution.point.theta) - target) > 10 * width:
-            return Point(target, np.inf, "out of reach within the bounds"), None
+            return ProfilePoint(target, np.inf, "out of reach within the bounds"), None
         cost = optimum.cost(problem, solution)
-        return Point(target, cost, "converged"), solution.point
+        return ProfilePoint(target, cost, "converged"), solution.point
 
 
-def _outwards(points: list[Point], sign: float) -> list[Point]:
+def _outwards(points: list[ProfilePoint], sign: float) -> list[ProfilePoint]:
     """Sort the points of a side: after a failed refit shorter steps were taken."""
     return sorted(points, key=lambda point: sign * point.value)
 
 
 def _direction(optimum: Optimum, gradient: FloatArray) -> FloatArray:
     """Return dθ/dg along the profile, from the covariance where there is one."""
-    covariance = optimum.result.estimate.covariance
+    covariance = optimum.result.uncertainty.covariance
     known = np.isfinite(np.diag(covariance))
     if np.all(known[gradient != 0]):
         along: FloatArray = np.where(known[:, None] & known, covariance, 0.0) @ gradient
@@ -177,12 +181,12 @@ def _direction(optimum: Optimum, gradient: FloatArray) -> FloatArray:
     return found
 
 
-def inflation(std: float, robust: float) -> float:
+def robust_ratio(std: float, robust: float) -> float:
     """Return how much wider correlated residuals make an interval; 1 without an interval."""
     return robust / std if 0 < std < np.inf and np.isfinite(robust) else 1.0
 
 
-def crossing(moved: FloatArray, roots: FloatArray, z: float) -> float:
+def find_crossing(moved: FloatArray, roots: FloatArray, z: float) -> float:
     """Return how far from the estimate the root is z, infinite if it never is."""
     sign = float(np.sign(z))
     good = np.isfinite(roots) & (sign * moved >= 0)

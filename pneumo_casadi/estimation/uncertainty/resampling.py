@@ -39,7 +39,7 @@ def block_length(residuals: FloatArray) -> int:
     return int(min(longest, max(1, np.ceil(LONGER * wanted))))
 
 
-def kept_in_blocks(residuals: FloatArray, length: int) -> FloatArray:
+def retained_variance(residuals: FloatArray, length: int) -> FloatArray:
     """Return how much of the variance of slow sums survives where blocks cut correlation.
 
     Two residuals h steps apart are in one block of length L with probability 1 - h/L. What is lost
@@ -61,7 +61,7 @@ def kept_in_blocks(residuals: FloatArray, length: int) -> FloatArray:
     --------
     >>> e = np.random.default_rng(0).normal(size=4000)
     >>> slow = np.convolve(e, np.ones(20), "valid")[None]
-    >>> [round(float(kept_in_blocks(slow, length)[0]), 2) for length in (1, 20, 134)]
+    >>> [round(float(retained_variance(slow, length)[0]), 2) for length in (1, 20, 134)]
     [0.05, 0.66, 0.95]
     """
     kept = []
@@ -108,14 +108,14 @@ def _correlation(e: FloatArray) -> FloatArray:
     return found
 
 
-def circular_blocks(rng: np.random.Generator, K: int, length: int) -> np.ndarray:
+def draw_circular_blocks(rng: np.random.Generator, K: int, length: int) -> np.ndarray:
     """Return K indices in blocks of successive ones, the end joined to the start.
 
     Politis and Romano (1992): every residual is drawn equally often, those at the ends too.
 
     Examples
     --------
-    >>> circular_blocks(np.random.default_rng(1), 6, 3)
+    >>> draw_circular_blocks(np.random.default_rng(1), 6, 3)
     array([2, 3, 4, 3, 4, 5])
     """
     starts = rng.integers(0, K, size=-(-K // length))

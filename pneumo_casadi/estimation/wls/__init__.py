@@ -6,13 +6,13 @@ from pneumo_casadi.estimation.wls.base_parameters import (
     structural_base,
 )
 from pneumo_casadi.estimation.wls.cross_validation import Prediction, cross_validate
-from pneumo_casadi.estimation.wls.derived import Derived, linear_combinations, ratios
+from pneumo_casadi.estimation.wls.derived import DerivedEstimates, linear_combinations, ratios
 from pneumo_casadi.estimation.wls.fit import fit_wls
 from pneumo_casadi.estimation.wls.linear import LinearFit, LinearSystem, solve_wls, stack_systems
 from pneumo_casadi.estimation.wls.regressor import (
     LinearModel,
     Observation,
-    Stick,
+    StickPhases,
     evaluate_regressor,
     observe,
 )
@@ -21,14 +21,14 @@ from pneumo_casadi.estimation.wls.table import format_table, results_table
 
 __all__ = [
     "BaseParameters",
-    "Derived",
+    "DerivedEstimates",
     "LinearFit",
     "LinearModel",
     "LinearSystem",
     "Observation",
     "Prediction",
     "Removal",
-    "Stick",
+    "StickPhases",
     "WLSResult",
     "base_parameters",
     "cross_validate",

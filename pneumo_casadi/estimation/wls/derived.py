@@ -28,7 +28,7 @@ class Estimates(Protocol):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Derived:
+class DerivedEstimates:
     """Values derived from estimates.
 
     Parameters
@@ -63,7 +63,7 @@ def linear_combinations(
     combinations: Mapping[str, Mapping[str, float]],
     *,
     covariance: FloatArray | None = None,
-) -> Derived:
+) -> DerivedEstimates:
     """Derive linear combinations of estimates with their exact covariance A C Aᵀ.
 
     Parameters
@@ -91,7 +91,7 @@ def linear_combinations(
             row[_position(estimates, parameter, name)] += coefficient
     C = estimates.covariance if covariance is None else covariance
     values = A @ estimates.estimate
-    return Derived(tuple(combinations), read_only(values), read_only(A @ C @ A.T))
+    return DerivedEstimates(tuple(combinations), read_only(values), read_only(A @ C @ A.T))
 
 
 def ratios(
@@ -99,7 +99,7 @@ def ratios(
     pairs: Mapping[str, tuple[str, str]],
     *,
     covariance: FloatArray | None = None,
-) -> Derived:
+) -> DerivedEstimates:
     """Derive ratios of estimates, with the covariance of the delta method.
 
     Parameters
@@ -130,7 +130,7 @@ def ratios(
         G[i, a] += 1 / X[b]
         G[i, b] -= X[a] / X[b] ** 2
     C = estimates.covariance if covariance is None else covariance
-    return Derived(tuple(pairs), read_only(values), read_only(G @ C @ G.T))
+    return DerivedEstimates(tuple(pairs), read_only(values), read_only(G @ C @ G.T))
 
 
 def _position(estimates: Estimates, parameter: str, name: str) -> int:

@@ -8,17 +8,17 @@ import numpy as np
 
 from pneumo_casadi.data import Recording
 from pneumo_casadi.errors import FitError, ModelError
-from pneumo_casadi.estimation.wls.derived import Derived, ratios
+from pneumo_casadi.estimation.wls.derived import DerivedEstimates, ratios
 from pneumo_casadi.estimation.wls.linear import (
     LinearFit,
     LinearSystem,
     solve_wls,
     stack_systems,
 )
-from pneumo_casadi.estimation.wls.regressor import LinearModel, Observation, Stick, observe
+from pneumo_casadi.estimation.wls.regressor import LinearModel, Observation, StickPhases, observe
 from pneumo_casadi.estimation.wls.result import Removal, WLSResult, total_error_percent
 from pneumo_casadi.parameters import FloatArray, Parameters
-from pneumo_casadi.signals import FilterPlan, InputPairing, plan_for
+from pneumo_casadi.signals import FilterPlan, InputPairing, plan_filters_for
 
 _T = TypeVar("_T")
 
@@ -35,7 +35,7 @@ def fit_wls(
     *,
     names: Sequence[str] | None = None,
     plan: FilterPlan | None = None,
-    stick: Stick = Stick.OMIT,
+    stick: StickPhases = StickPhases.OMIT,
     velocity_threshold: float | None = None,
     pairing: InputPairing | None = None,
     equation_std: Mapping[str, float] | None = None,
@@ -55,8 +55,8 @@ def fit_wls(
     names : sequence of str, optional
         Parameters to estimate; by default all free ones that enter linearly.
     plan : FilterPlan, optional
-        Both filters; by default planned from the records (`plan_for`).
-    stick : Stick, optional
+        Both filters; by default planned from the records (`plan_filters_for`).
+    stick : StickPhases, optional
         Treatment of samples at rest in the force balance.
     velocity_threshold : float, optional
         Below it a sample counts as at rest [m/s]; by default tied to the velocity's noise.
@@ -85,7 +85,7 @@ def fit_wls(
     if not recordings:
         raise ModelError("no record to fit")
     chosen = tuple(names) if names is not None else tuple(model.regressor_names)
-    plan = plan or plan_for(recordings)
+    plan = plan or plan_filters_for(recordings)
     observations = [
         observe(model, rec, chosen, plan, velocity_threshold=velocity_threshold, pairing=pairing)
         for rec in recordings
@@ -162,7 +162,7 @@ def _at_estimates(
     return Parameters(items), tuple(outside)
 
 
-def _polytropic(fit: LinearFit) -> Derived | None:
+def _polytropic(fit: LinearFit) -> DerivedEstimates | None:
     known = {
         name: pair for name, pair in POLYTROPIC.items() if all(part in fit.names for part in pair)
     }

@@ -57,7 +57,7 @@ class LinearModel(Protocol):
         """Return the CasADi function (x, dx, u) -> (Y, W)."""
 
 
-class Stick(Enum):
+class StickPhases(Enum):
     """What to do with samples at which the axis hardly moves, in the force balance.
 
     At standstill static friction takes any value between -F_c⁻ and F_c⁺, but the regressor of
@@ -110,17 +110,17 @@ class Observation:
     source: str
     dropped: tuple[int, int]
 
-    def weights(self, stick: Stick) -> FloatArray:
+    def weights(self, stick: StickPhases) -> FloatArray:
         """Return the weight of each row of each equation, shape (ne, m)."""
         weight = np.ones_like(self.Y)
         force = self.equations.index("force")
-        if stick is Stick.OMIT:
+        if stick is StickPhases.OMIT:
             weight[force] = self.moving >= 1.0
-        elif stick is Stick.WEIGHT:
+        elif stick is StickPhases.WEIGHT:
             weight[force] = self.moving**2
         return weight
 
-    def system(self, stick: Stick) -> LinearSystem:
+    def system(self, stick: StickPhases) -> LinearSystem:
         """Return the rows that count as a linear system."""
         weight = self.weights(stick)
         ne, m = self.Y.shape

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from pneumo_casadi.estimation.wls.base_parameters import BaseParameters
-from pneumo_casadi.estimation.wls.derived import Derived
+from pneumo_casadi.estimation.wls.derived import DerivedEstimates
 from pneumo_casadi.estimation.wls.linear import LinearFit
-from pneumo_casadi.estimation.wls.regressor import LinearModel, Stick
+from pneumo_casadi.estimation.wls.regressor import LinearModel, StickPhases
 from pneumo_casadi.parameters import FloatArray, Parameters
 from pneumo_casadi.signals import FilterPlan, InputPairing
 
@@ -57,7 +57,7 @@ class WLSResult:
         Estimates that the physics excludes.
     plan : FilterPlan
         Both filters.
-    stick : Stick
+    stick : StickPhases
         Treatment of samples at rest.
     velocity_threshold : mapping of str to float
         Per record, below which a sample counts as at rest [m/s].
@@ -78,11 +78,11 @@ class WLSResult:
     removed: tuple[Removal, ...]
     out_of_bounds: tuple[str, ...]
     plan: FilterPlan
-    stick: Stick
+    stick: StickPhases
     velocity_threshold: Mapping[str, float]
     rows_dropped: Mapping[str, int]
     samples_dropped: Mapping[str, tuple[int, int]]
-    derived: Derived | None
+    derived: DerivedEstimates | None
     model: LinearModel = field(repr=False)
     pairing: InputPairing | None = None
 

@@ -150,7 +150,7 @@ def wls_half_width(found: Identification, name: str) -> float:
 def output_error_half_width(found: Identification, name: str) -> float | None:
     """Return 2σ of an output-error estimate, the wider of ideal and robust; None without one."""
     result = found.output_error
-    if name not in result.estimate.names or name in result.estimate.at_bound:
+    if name not in result.uncertainty.names or name in result.uncertainty.at_bound:
         return None
     return 2 * max(result.std(name), result.std(name, robust=True))
 

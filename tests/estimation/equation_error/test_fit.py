@@ -6,8 +6,8 @@ import pytest
 from pneumo_casadi.diagnosis.diagnose import applicable, prepare
 from pneumo_casadi.diagnosis.prepare.study import fit_model, refine_model
 from pneumo_casadi.effects import EFFECTS
-from pneumo_casadi.estimation.equation_error.balance_functions import AlongMotion
-from pneumo_casadi.estimation.equation_error.residuals import linearised, residuals
+from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
+from pneumo_casadi.estimation.equation_error.residuals import linearise_residuals, balance_residuals
 
 
 @pytest.fixture(scope="module")
@@ -25,18 +25,18 @@ def one(made_case):
 )
 def test_derivatives_to_what_no_state_and_no_sensor_knows_are_exact(one, names, moved):
     catalogue = applicable(one, EFFECTS)
-    model = AlongMotion(
+    model = BalanceFunctions(
         one.axis.with_effects(*(catalogue[n]() for n in names)).at_starting_values()
     )
-    assert model.moved == moved
+    assert model.by_difference == moved
     parameters, data = model.axis.parameters, one.smoothed[0][0]
-    J = linearised(model, data, parameters.values).J
-    for name in set(model.own) - set(moved):
+    J = linearise_residuals(model, data, parameters.values).J
+    for name in set(model.effect_parameters) - set(moved):
         at, h = parameters.index(name), 1e-4 * parameters[name].scale
         below, above = parameters.values.copy(), parameters.values.copy()
         below[at] -= h
         above[at] += h
-        expected = (residuals(model, data, above) - residuals(model, data, below)) / (2 * h)
+        expected = (balance_residuals(model, data, above) - balance_residuals(model, data, below)) / (2 * h)
         found = J[:, :, model.free.index(name)]
         assert np.linalg.norm(found - expected) <= 0.01 * np.linalg.norm(expected), name
 
@@ -44,22 +44,22 @@ def test_derivatives_to_what_no_state_and_no_sensor_knows_are_exact(one, names, 
 @pytest.mark.parametrize("name", ["hose", "heat_transfer"])
 def test_whole_derivatives_tell_what_states_make_of_nominal_parameters(one, name):
     effect = applicable(one, EFFECTS)[name]()
-    model = AlongMotion(one.axis.with_effects(effect).at_starting_values())
+    model = BalanceFunctions(one.axis.with_effects(effect).at_starting_values())
     parameters, data = model.axis.parameters, one.smoothed[0][0]
-    found = {w: linearised(model, data, parameters.values, w).J for w in (False, True)}
-    assert model.holding
+    found = {w: linearise_residuals(model, data, parameters.values, w).J for w in (False, True)}
+    assert model.state_dependent
     left_out = 0.0
     for i, nominal in enumerate(model.free):
         at, h = parameters.index(nominal), 1e-3 * parameters[nominal].scale
         below, above = parameters.values.copy(), parameters.values.copy()
         below[at] = max(below[at] - h, parameters[nominal].lower)
         above[at] += h
-        change = residuals(model, data, above) - residuals(model, data, below)
+        change = balance_residuals(model, data, above) - balance_residuals(model, data, below)
         expected = change / (above[at] - below[at])
         size = np.linalg.norm(expected)
         off = {w: np.linalg.norm(J[:, :, i] - expected) for w, J in found.items()}
         assert off[True] <= 0.02 * size, nominal
-        if nominal not in model.holding:
+        if nominal not in model.state_dependent:
             assert off[False] == off[True], nominal
         left_out = max(left_out, off[False] / max(size, 1e-300))
     assert left_out > 0.05  # held states would not do

@@ -41,9 +41,9 @@ def force_record(made):
 
 
 def chi2_share(result, truth):
-    names = result.estimate.names
+    names = result.uncertainty.names
     d = np.array([result.parameters[n].value - truth[n] for n in names])
-    return stats.chi2.sf(d @ np.linalg.solve(result.estimate.covariance, d), d.size)
+    return stats.chi2.sf(d @ np.linalg.solve(result.uncertainty.covariance, d), d.size)
 
 
 def options(made, v_s, **more):
@@ -72,7 +72,7 @@ def test_a_nested_loop_with_pulses_gives_back_the_truth(made, force_record):
     assert 1e-3 < chi2_share(result, made.FORCE_TRUE) < 1 - 1e-3
     ipopt = fit_output_error(begin, [force_record], options=replace(chosen, method=Method.IPOPT))
     apart = ipopt.parameters.values - result.parameters.values
-    assert np.abs(apart[:4] / result.estimate.std).max() < 0.01
+    assert np.abs(apart[:4] / result.uncertainty.std).max() < 0.01
     assert result.initial_states[0].size == 2
 
 

@@ -46,10 +46,10 @@ def test_the_covariance_is_that_of_a_finite_difference_jacobian_of_the_record(
     axis = made.free_only(axis, *names)
     options = OutputErrorOptions(widths=(made.TRUE["v_s"],), block=4e-3)
     result = fit_output_error(axis, [made.recorded(axis, u, x, 0)], None, options)
-    wanted = brute_force(made, result, u, result.estimate.names, result.sigma)
+    wanted = brute_force(made, result, u, result.uncertainty.names, result.sigma)
     size = np.sqrt(np.diag(wanted))
-    np.testing.assert_allclose(result.estimate.std, size, rtol=2e-3)
-    found = result.estimate.correlation
+    np.testing.assert_allclose(result.uncertainty.std, size, rtol=2e-3)
+    found = result.uncertainty.correlation
     np.testing.assert_allclose(found, wanted / np.outer(size, size), atol=2e-3)
 
 
@@ -61,8 +61,8 @@ def test_the_map_adds_its_own_information(made, servo, start):
     begin = made.free_only(begin, *names)
     options = OutputErrorOptions(widths=(made.TRUE["v_s"],))
     alone = np.linalg.inv(begin.flow.covariance)
-    both = np.linalg.inv(fit_output_error(begin, [record], table, options).estimate.covariance)
-    data = np.linalg.inv(fit_output_error(begin, [record], None, options).estimate.covariance)
+    both = np.linalg.inv(fit_output_error(begin, [record], table, options).uncertainty.covariance)
+    data = np.linalg.inv(fit_output_error(begin, [record], None, options).uncertainty.covariance)
     size = np.sqrt(np.outer(np.diag(both), np.diag(both)))
     np.testing.assert_allclose(both / size, (alone + data) / size, atol=0.03)
 
@@ -75,12 +75,12 @@ def test_monte_carlo_scatters_as_the_covariance_says(made, force):
     runs = [
         fit_output_error(axis, [made.recorded(axis, u, x, s)], None, options) for s in range(100)
     ]
-    estimates = np.array([[r.parameters[n].value for n in r.estimate.names] for r in runs])
-    reported = np.mean([r.estimate.covariance for r in runs], axis=0)
+    estimates = np.array([[r.parameters[n].value for n in r.uncertainty.names] for r in runs])
+    reported = np.mean([r.uncertainty.covariance for r in runs], axis=0)
     np.testing.assert_allclose(
         estimates.std(axis=0, ddof=1) / np.sqrt(np.diag(reported)), 1.0, atol=0.25
     )
-    truth = [made.FORCE_TRUE[n] for n in runs[0].estimate.names]
+    truth = [made.FORCE_TRUE[n] for n in runs[0].uncertainty.names]
     bias = (estimates.mean(axis=0) - truth) / np.sqrt(np.diag(reported)) * np.sqrt(len(runs))
     assert np.all(np.abs(bias) < 4)
     found = np.corrcoef(estimates.T)
@@ -100,18 +100,18 @@ def test_robust_intervals_equal_the_plain_ones_on_white_noise_and_widen_on_colou
         np.arange(len(u)) / made.FS, channels, "coloured", "made", made.InputHold.ZERO
     )
     coloured = fit_output_error(axis, [record], None, options)
-    share = white.estimate.std_robust / white.estimate.std
+    share = white.uncertainty.std_robust / white.uncertainty.std
     assert np.all((share > 0.5) & (share < 1.7))
-    assert np.all(coloured.estimate.std_robust > 1.5 * coloured.estimate.std)
+    assert np.all(coloured.uncertainty.std_robust > 1.5 * coloured.uncertainty.std)
     d = np.array(
-        [coloured.parameters[n].value - made.FORCE_TRUE[n] for n in coloured.estimate.names]
+        [coloured.parameters[n].value - made.FORCE_TRUE[n] for n in coloured.uncertainty.names]
     )
-    assert np.all(np.abs(d) < 5 * coloured.estimate.std_robust)
+    assert np.all(np.abs(d) < 5 * coloured.uncertainty.std_robust)
 
 
 def test_derived_quantities_carry_the_covariance_through_their_own_gradients(made, fitted):
     """Values by eq. 9-11, standard deviations by finite differences of the same formulas."""
-    names, bench = fitted.estimate.names, made.BENCH
+    names, bench = fitted.uncertainty.names, made.BENCH
     rT = bench.r * bench.T
     formulas = {
         "k_P": lambda p: p["X_s3"] / p["X_s2"],
@@ -138,7 +138,7 @@ def test_derived_quantities_carry_the_covariance_through_their_own_gradients(mad
                 (formula(values | {n: values[n] + h}) - formula(values | {n: values[n] - h}))
                 / (2 * h)
             )
-        estimate, found, g = fitted.estimate, fitted.derived[name], np.array(gradient)
+        estimate, found, g = fitted.uncertainty, fitted.derived[name], np.array(gradient)
         for std, C in (
             (found.std, estimate.covariance),
             (found.std_robust, estimate.covariance_robust),

@@ -29,7 +29,7 @@ def test_flow_and_chambers_free_without_a_map_are_refused(made, start, short):
         fit_output_error(begin, [short], None, options(made))
     held = begin.with_parameters(begin.parameters.fix(*begin.flow.parameters.names))
     result = fit_output_error(held, [short], None, options(made))
-    assert result.map_pull is None and "X_s1" in result.estimate.names
+    assert result.flow_map_deviation is None and "X_s1" in result.uncertainty.names
 
 
 def test_without_the_refusal_the_gauge_would_be_an_uninformed_direction(
@@ -76,7 +76,7 @@ def test_a_parameter_at_its_bound_is_named(made, force, method):
     p = axis.parameters.with_values({"f_v": 15.0}).bounded("f_v", 0.0, 20.0)
     record = made.recorded(axis, u, x, 0)
     result = fit_output_error(axis.with_parameters(p), [record], None, options(made, method=method))
-    assert result.estimate.at_bound == ("f_v",)
+    assert result.uncertainty.at_bound == ("f_v",)
     assert result.parameters["f_v"].value == pytest.approx(20.0, abs=1e-6)
     inside = axis.with_parameters(p.with_values({"f_v": 20.0}).fix("f_v"))
     held = fit_output_error(inside, [record], None, options(made, method=method))
@@ -95,22 +95,22 @@ def test_forward_motion_says_nothing_about_friction_backward(made, force, method
     assert x[1].min() > 0.15
     record = made.recorded(axis, u, x, 0)
     result = fit_output_error(axis, [record], None, options(made, method=method))
-    assert result.estimate.uninformed == ("F_c_minus",)
+    assert result.uncertainty.uninformed == ("F_c_minus",)
     assert result.std("F_c_minus") == np.inf
     assert result.interval("F_c_minus") == (-np.inf, np.inf)
-    assert "F_c_minus" in result.estimate.combinations[0]
+    assert "F_c_minus" in result.uncertainty.combinations[0]
     assert result.derived["F_c"].std == np.inf and result.derived["F_offset"].std == np.inf
     for name in ("M", "f_v", "F_c_plus"):
         apart = result.parameters[name].value - made.FORCE_TRUE[name]
         assert 0 < result.std(name) < np.inf and abs(apart) < 4 * result.std(name)
-    assert np.isfinite(result.estimate.correlation).all()
+    assert np.isfinite(result.uncertainty.correlation).all()
 
 
 def test_a_record_at_rest_says_nothing(made, force):
     axis = force[0].with_parameters({"F_c_plus": 14.0, "F_c_minus": 14.0})
     record = made.recorded(axis, np.zeros((1000, 1)), np.zeros((2, 1000)), 0)
     result = fit_output_error(axis, [record], None, options(made))
-    assert {"f_v", "F_c_plus", "F_c_minus"} <= set(result.estimate.uninformed)
+    assert {"f_v", "F_c_plus", "F_c_minus"} <= set(result.uncertainty.uninformed)
     # The noise on the first velocity may tell of the mass, but no more than nothing.
     assert result.std("M") > result.parameters["M"].value
 
@@ -129,8 +129,8 @@ def test_two_parameters_that_do_the_same_are_told_as_one_combination(made, force
     axis, u, x = force
     record = made.recorded(axis, u, x, 0)
     result = fit_output_error(axis.with_effects(Twin()), [record], None, options(made))
-    assert set(result.estimate.uninformed) == {"f_v", "twin.f_v"}
-    (combination,) = result.estimate.combinations
+    assert set(result.uncertainty.uninformed) == {"f_v", "twin.f_v"}
+    (combination,) = result.uncertainty.combinations
     assert "f_v" in combination and "twin.f_v" in combination
     total = result.parameters["f_v"].value + result.parameters["twin.f_v"].value
     assert total == pytest.approx(made.FORCE_TRUE["f_v"], rel=1e-3)
@@ -148,7 +148,7 @@ def test_a_hopeless_fit_raises_with_the_partial_result(made, force, method):
     assert partial.status != "converged"
     assert partial.stages and all(stage.cost >= 0 for stage in partial.stages)
     assert {s.status for s in partial.stages} != {"converged"}
-    assert set(partial.estimate.names) == {"M", "f_v", "F_c_plus", "F_c_minus"}
+    assert set(partial.uncertainty.names) == {"M", "f_v", "F_c_plus", "F_c_minus"}
 
 
 def test_who_wants_no_recovery_gets_the_stages_asked_for_and_no_others(made, force):
@@ -202,9 +202,9 @@ def test_the_pull_on_the_map_counts_from_the_map_s_own_fit(made, servo, start, f
 
     wanted = rms(result.parameters) / rms(begin.parameters)
     assert wanted > 1
-    assert result.map_pull.rms == pytest.approx(wanted, rel=1e-9)
-    assert result.map_pull.rms == pytest.approx(fitted.map_pull.rms, rel=1e-3)
-    assert result.map_pull.scale == pytest.approx(1.0, abs=2e-3)
+    assert result.flow_map_deviation.rms == pytest.approx(wanted, rel=1e-9)
+    assert result.flow_map_deviation.rms == pytest.approx(fitted.flow_map_deviation.rms, rel=1e-3)
+    assert result.flow_map_deviation.scale == pytest.approx(1.0, abs=2e-3)
 
 
 def test_a_map_of_another_scale_pulls_the_chambers_along(made, servo, start):

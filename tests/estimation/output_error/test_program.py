@@ -8,11 +8,15 @@ from pneumo_casadi.estimation.output_error import OutputErrorOptions
 from pneumo_casadi.estimation.output_error.fit import write_problem
 from pneumo_casadi.estimation.output_error.shooting.condensing import (
     anchor_normal_equations,
+    block_scores,
     condense,
     linearise,
-    scores,
 )
-from pneumo_casadi.estimation.output_error.shooting.problem import Unknowns, shoot, values
+from pneumo_casadi.estimation.output_error.shooting.problem import (
+    Unknowns,
+    evaluate_intervals,
+    shoot_segments,
+)
 from pneumo_casadi.estimation.output_error.solvers.ipopt import _at_rounding, pack, program, unpack
 
 KINDS = ("servo", "lag", "windows", "force", "one interval")
@@ -91,7 +95,7 @@ def test_the_hessian_is_that_of_the_linearised_residuals(case):
 
     def residuals(a):
         point = unpack(problem, a, problem.parameters.values)
-        e = np.sqrt(problem.n) * values(problem, point)[1] / sigma[:, None]
+        e = np.sqrt(problem.n) * evaluate_intervals(problem, point)[1] / sigma[:, None]
         return np.concatenate([e.ravel(), problem.anchor_residuals(point.theta)])
 
     J = central(residuals, z, 1e-6)
@@ -107,7 +111,7 @@ def test_the_cost_of_the_program_is_the_cost_of_the_problem_per_residual(case):
     count = problem.n_blocks * problem.n * len(problem.axis.outputs)
     count += problem.anchor.n if problem.anchor else 0
     f = float(symbolic(written)(z, p)[0])
-    m = values(problem, point)[1]
+    m = evaluate_intervals(problem, point)[1]
     assert f * count == pytest.approx(problem.cost(point.theta, m, sigma), rel=1e-10)
     by_hand = 0.5 * np.sum(problem.n * ((problem.y - m) / sigma[:, None]) ** 2)
     if problem.anchor:
@@ -159,7 +163,7 @@ def test_condensed_derivatives_are_those_of_the_whole_simulation(case):
     condensed = condense(problem, at, sigma)[0]
     np.testing.assert_allclose(condensed.H, J.T @ J, atol=2e-4 * np.abs(condensed.H).max())
     np.testing.assert_allclose(condensed.g, J.T @ e, atol=2e-4 * np.abs(J.T @ e).max())
-    by_block = scores(problem, at, 0, condensed)
+    by_block = block_scores(problem, at, 0, condensed)
     assert by_block.shape == (K, z.size)
     np.testing.assert_allclose(by_block.sum(axis=0), condensed.g, rtol=1e-6, atol=1e-8)
 
@@ -197,7 +201,7 @@ def test_the_map_pulls_with_the_slope_of_its_squares(case):
 def test_intervals_evaluate_alike_one_by_one_and_all_together(case):
     problem, *_ = case
     first, data, B, n = problem.start(), problem.data, problem.functions.blocks, problem.n
-    ends, m = values(problem, first)
+    ends, m = evaluate_intervals(problem, first)
     for k in (0, problem.I - 1):
         w, h = data.w[:, k * B * n : (k + 1) * B * n], data.h[:, k * B : (k + 1) * B]
         end, y = problem.functions.value(first.x[:, k], w, first.theta, h)
@@ -211,7 +215,7 @@ def test_shooting_goes_through_the_nodes_of_a_simulation(case):
     problem, *_ = case
     first = problem.start()
     x_0 = first.x[:, list(problem.firsts)]
-    nodes, m = shoot(problem, first.theta, x_0)
+    nodes, m = shoot_segments(problem, first.theta, x_0)
     wanted, outputs = simulated(problem, list(x_0.T), first.theta)
     np.testing.assert_allclose(nodes, wanted, rtol=1e-12)
     np.testing.assert_allclose(m, outputs, rtol=1e-12)

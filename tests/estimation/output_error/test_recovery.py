@@ -17,16 +17,16 @@ def seeds(fit):
 
 
 def deviations(result, truth):
-    names = result.estimate.names
+    names = result.uncertainty.names
     return np.array([result.parameters[n].value - truth[n] for n in names])
 
 
 def assert_same(one, other, share):
     """Assert two fits equal within a share of a standard deviation."""
-    names = one.estimate.names
+    names = one.uncertainty.names
     apart = np.array([one.parameters[n].value - other.parameters[n].value for n in names])
-    worst = np.abs(apart / one.estimate.std).max()
-    assert worst < share, dict(zip(names, apart / one.estimate.std, strict=True))
+    worst = np.abs(apart / one.uncertainty.std).max()
+    assert worst < share, dict(zip(names, apart / one.uncertainty.std, strict=True))
 
 
 def test_the_truth_lies_within_the_reported_covariance_over_seeds(servo, seeds):
@@ -35,13 +35,13 @@ def test_the_truth_lies_within_the_reported_covariance_over_seeds(servo, seeds):
     for result in seeds:
         d = deviations(result, truth)
         assert d.size == 22
-        chi2 += d @ np.linalg.solve(result.estimate.covariance, d)
+        chi2 += d @ np.linalg.solve(result.uncertainty.covariance, d)
     assert 1e-3 < stats.chi2.sf(chi2, 22 * len(seeds)) < 1 - 1e-3
 
 
 def test_each_parameter_scatters_as_its_standard_deviation_says(servo, seeds):
     truth = servo[0].parameters.as_dict()
-    z = np.array([deviations(r, truth) / r.estimate.std for r in seeds])
+    z = np.array([deviations(r, truth) / r.uncertainty.std for r in seeds])
     low, high = stats.chi2.ppf([1e-4, 1 - 1e-4], len(seeds))
     squares = (z**2).sum(axis=0)
     assert np.all((squares > low) & (squares < high)), squares
@@ -77,7 +77,7 @@ def test_ipopt_and_gauss_newton_find_the_same_optimum(fit, fitted):
     assert ipopt.status == "converged"
     assert ipopt.cost == pytest.approx(fitted.cost, rel=1e-6)
     assert_same(fitted, ipopt, 1e-3)
-    np.testing.assert_allclose(ipopt.estimate.std, fitted.estimate.std, rtol=1e-3)
+    np.testing.assert_allclose(ipopt.uncertainty.std, fitted.uncertainty.std, rtol=1e-3)
 
 
 @pytest.mark.parametrize("seed", [0, 1])
@@ -90,22 +90,22 @@ def test_starts_30_percent_off_reach_the_same_optimum(made, servo, start, fit, s
     options = OutputErrorOptions(widths=(made.TRUE["v_s"],))
     result = fit_output_error(begin, [made.recorded(axis, u, x, 0)], table, options)
     assert_same(fit(), result, 0.02)
-    assert result.map_pull.rms == pytest.approx(fit().map_pull.rms, rel=1e-3)
+    assert result.flow_map_deviation.rms == pytest.approx(fit().flow_map_deviation.rms, rel=1e-3)
 
 
 @pytest.mark.parametrize("block", [1e-3, 5e-3, 1e-2])
 def test_the_length_of_blocks_does_not_matter(fit, fitted, block):
     result = fit(block=block)
     assert_same(fitted, result, 0.3)
-    np.testing.assert_allclose(result.estimate.std, fitted.estimate.std, rtol=0.12)
+    np.testing.assert_allclose(result.uncertainty.std, fitted.uncertainty.std, rtol=0.12)
 
 
 def test_windows_cost_information_and_bias_nothing(servo, fit, fitted):
     result = fit(window=0.5)
     assert len(result.segments) == 4 and len(result.initial_states) == 4
-    assert np.all(result.estimate.std > 0.98 * fitted.estimate.std)
+    assert np.all(result.uncertainty.std > 0.98 * fitted.uncertainty.std)
     d = deviations(result, servo[0].parameters.as_dict())
-    chi2 = d @ np.linalg.solve(result.estimate.covariance, d)
+    chi2 = d @ np.linalg.solve(result.uncertainty.covariance, d)
     assert stats.chi2.sf(chi2, d.size) > 1e-4
 
 
@@ -134,7 +134,7 @@ def test_two_records_hold_twice_the_information_of_one(made, servo, start):
     options = OutputErrorOptions(widths=(made.TRUE["v_s"],))
     one = fit_output_error(begin, [record], None, options)
     two = fit_output_error(begin, [record, record], None, options)
-    np.testing.assert_allclose(two.estimate.std * np.sqrt(2), one.estimate.std, rtol=5e-3)
+    np.testing.assert_allclose(two.uncertainty.std * np.sqrt(2), one.uncertainty.std, rtol=5e-3)
     assert_same(one, two, 0.05)
     assert len(two.fitted) == 2 and two.fitted[0].shape == one.fitted[0].shape
 
@@ -173,7 +173,9 @@ def test_outputs_shifted_by_one_sample_fit_measurably_worse(made, servo, fit, fi
         moved = moved.shifted(channel, by)
     result = fit(record=moved)
     assert result.sigma[2] > 1.1 * fitted.sigma[2]
-    assert np.abs(deviations(result, servo[0].parameters.as_dict()) / result.estimate.std).max() > 8
+    assert (
+        np.abs(deviations(result, servo[0].parameters.as_dict()) / result.uncertainty.std).max() > 8
+    )
 
 
 def test_linear_and_zero_hold_are_not_confused(made, start, servo):
@@ -187,9 +189,9 @@ def test_linear_and_zero_hold_are_not_confused(made, start, servo):
     wrong = fit_output_error(begin, [held], table, options)
     truth = axis.parameters.as_dict()
     d = deviations(right, truth)
-    assert stats.chi2.sf(d @ np.linalg.solve(right.estimate.covariance, d), d.size) > 1e-3
+    assert stats.chi2.sf(d @ np.linalg.solve(right.uncertainty.covariance, d), d.size) > 1e-3
     d = deviations(wrong, truth)
-    assert stats.chi2.sf(d @ np.linalg.solve(wrong.estimate.covariance, d), d.size) < 1e-6
+    assert stats.chi2.sf(d @ np.linalg.solve(wrong.uncertainty.covariance, d), d.size) < 1e-6
 
 
 def test_effects_with_and_without_states_are_recovered_with_the_axis(made, start):
@@ -207,8 +209,8 @@ def test_effects_with_and_without_states_are_recovered_with_the_axis(made, start
     )
     truth = axis.parameters.as_dict()
     d = deviations(result, truth)
-    assert {*values} <= {*result.estimate.names}
-    chi2 = d @ np.linalg.solve(result.estimate.covariance, d)
+    assert {*values} <= {*result.uncertainty.names}
+    chi2 = d @ np.linalg.solve(result.uncertainty.covariance, d)
     assert 1e-3 < stats.chi2.sf(chi2, d.size) < 1 - 1e-4
     assert result.parameters["valve_lag.tau"].value == pytest.approx(8e-3, rel=0.05)
 
@@ -225,8 +227,8 @@ def test_a_spline_map_serves_a_fit_with_one_gain(made):
         OutputErrorOptions(widths=(made.TRUE["v_s"],)),
     )
     d = deviations(result, axis.parameters.as_dict())
-    assert "flow_gain" in result.estimate.names
-    assert stats.chi2.sf(d @ np.linalg.solve(result.estimate.covariance, d), d.size) > 1e-3
+    assert "flow_gain" in result.uncertainty.names
+    assert stats.chi2.sf(d @ np.linalg.solve(result.uncertainty.covariance, d), d.size) > 1e-3
 
 
 @pytest.mark.parametrize("method", list(Method))
@@ -238,8 +240,8 @@ def test_the_force_axis_gives_back_its_mass_and_friction(made, force, method):
     for seed in range(runs):
         result = fit_output_error(begin, [made.recorded(axis, u, x, seed)], options=options)
         d = deviations(result, made.FORCE_TRUE)
-        chi2 += d @ np.linalg.solve(result.estimate.covariance, d)
-        assert result.map_pull is None and set(result.derived) == {"F_c", "F_offset"}
+        chi2 += d @ np.linalg.solve(result.uncertainty.covariance, d)
+        assert result.flow_map_deviation is None and set(result.derived) == {"F_c", "F_offset"}
         assert np.all(np.abs(d / [18.0, 25.0, 12.0, 17.0]) < 1e-3)
     assert 1e-3 < stats.chi2.sf(chi2, 4 * runs) < 1 - 1e-3
 

@@ -13,12 +13,14 @@ from pneumo_casadi.estimation.output_error import (
     fit_output_error,
 )
 from pneumo_casadi.estimation.output_error.fit import write_problem
-from pneumo_casadi.estimation.output_error.multistart import drawn
-from pneumo_casadi.estimation.output_error.shooting.problem import shoot
+from pneumo_casadi.estimation.output_error.multistart import draw_parameters
+from pneumo_casadi.estimation.output_error.shooting.problem import shoot_segments
 from pneumo_casadi.estimation.output_error.solvers import bounded_step as steps
 from pneumo_casadi.estimation.output_error.solvers import levenberg_marquardt as damping
 from pneumo_casadi.estimation.output_error.solvers.gauss_newton import solve_gauss_newton
-from pneumo_casadi.estimation.output_error.solvers.levenberg_marquardt import damped_steps
+from pneumo_casadi.estimation.output_error.solvers.levenberg_marquardt import (
+    solve_levenberg_marquardt,
+)
 
 
 @pytest.fixture(scope="module")
@@ -34,11 +36,11 @@ def test_starts_half_off_in_every_parameter_reach_the_same_optimum(problem_of):
     found = fit_from_many_starts(*problem_of, starts=6, spread=0.5, seed=1)
     assert len(found.outcomes) == 6 and found.agreeing == 6
     assert found.outcomes[0].start == problem_of[0].parameters
-    best, std = found.best, found.best.estimate.std
+    best, std = found.best, found.best.uncertainty.std
     for outcome in found.outcomes:
         assert outcome.status == "converged" and outcome.seconds > 0
-        values = [outcome.result.parameters[n].value for n in best.estimate.names]
-        wanted = [best.parameters[n].value for n in best.estimate.names]
+        values = [outcome.result.parameters[n].value for n in best.uncertainty.names]
+        wanted = [best.parameters[n].value for n in best.uncertainty.names]
         assert np.abs((np.array(values) - wanted) / std).max() < 0.01
         assert outcome.cost == pytest.approx(found.outcomes[0].cost, rel=1e-6)
 
@@ -53,7 +55,7 @@ def test_who_runs_the_starts_does_not_matter(problem_of):
 
 def test_draws_stay_within_bounds_and_move_free_parameters_only(problem_of):
     parameters = problem_of[0].parameters.fix("M")
-    moved = drawn(parameters, 0.5, np.random.default_rng(0))
+    moved = draw_parameters(parameters, 0.5, np.random.default_rng(0))
     assert moved["M"] == parameters["M"] and moved["v_s"] == parameters["v_s"]
     factor = moved.values / np.where(parameters.values == 0, np.nan, parameters.values)
     assert np.nanmin(factor) > 0.49 and np.nanmax(factor) < 1.51
@@ -67,11 +69,11 @@ def test_where_no_step_helps_a_fit_has_not_converged(problem_of, monkeypatch):
     start = problem.start()
 
     def uphill(problem, point, step, share=1.0):
-        return steps.moved(problem, point, step, -0.3)
+        return steps.apply_step(problem, point, step, -0.3)
 
-    monkeypatch.setattr(damping, "moved", uphill)
+    monkeypatch.setattr(damping, "apply_step", uphill)
     sigma = np.array([150.0, 150.0, 1.5e-5])
-    found = damped_steps(problem, (start,), sigma, True, 150, 1e-3)
+    found = solve_levenberg_marquardt(problem, (start,), sigma, True, 150, 1e-3)
     assert found.status == "no step helps"
 
 
@@ -107,12 +109,12 @@ def test_damped_steps_reach_the_optimum_of_full_ones_and_never_climb(made, probl
     problem = write_problem(begin, records, table, options)
     sigma = np.array([150.0, 150.0, 1.5e-5])
     start = problem.start()
-    _, m = shoot(problem, start.theta, start.x[:, :1])
+    _, m = shoot_segments(problem, start.theta, start.x[:, :1])
     before = problem.cost(start.theta, m, sigma)
     full = solve_gauss_newton(problem, start, sigma, reweight=False)
     costs = []
     for limit in (1, 3, 60):
-        found = damped_steps(problem, (start,), sigma, False, limit, 1e-3)
+        found = solve_levenberg_marquardt(problem, (start,), sigma, False, limit, 1e-3)
         costs.append(problem.cost(found.point.theta, found.m, sigma))
     assert before >= costs[0] >= costs[1] >= costs[2]
     assert found.status == "converged"

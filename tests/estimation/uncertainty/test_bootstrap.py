@@ -11,8 +11,8 @@ from scipy.signal import lfilter
 
 from pneumo_casadi.errors import CaseError, FitError, ModelError
 from pneumo_casadi.estimation.uncertainty import IntervalKind, block_bootstrap, bootstrap
-from pneumo_casadi.estimation.uncertainty.optimum import solve
-from pneumo_casadi.estimation.uncertainty.resampling import block_length, circular_blocks
+from pneumo_casadi.estimation.uncertainty.optimum import solve_from
+from pneumo_casadi.estimation.uncertainty.resampling import block_length, draw_circular_blocks
 
 #: Replicates whose scatter is judged: it is known to 1/√(2 B) itself.
 B = 200
@@ -30,7 +30,7 @@ def test_on_white_noise_replicates_scatter_as_the_covariance_says(white, replica
     share = [replicates.std(name) / white.result.std(name) for name in white.names]
     np.testing.assert_allclose(share, 1.0, atol=4 / np.sqrt(2 * B))
     found = np.corrcoef(replicates.estimates.T)
-    np.testing.assert_allclose(found, white.result.estimate.correlation, atol=4 / np.sqrt(B))
+    np.testing.assert_allclose(found, white.result.uncertainty.correlation, atol=4 / np.sqrt(B))
     derived = white.result.derived["F_c"]
     assert replicates.std("F_c") / derived.std == pytest.approx(1.0, abs=4 / np.sqrt(2 * B))
     low, high = replicates.interval("M")
@@ -49,14 +49,14 @@ def test_on_coloured_noise_they_scatter_as_fits_to_new_noise_do(coloured, slowly
     for seed in range(1000, 1000 + B):
         e = slow(seed)[: fitted.size * segment.n].reshape(1, -1, segment.n).mean(axis=2)
         disturbed = replace(problem, segments=(replace(segment, y=fitted + e),))
-        found.append(solve(coloured, disturbed, coloured.point).point.theta[coloured.columns])
+        found.append(solve_from(coloured, disturbed, coloured.point).point.theta[coloured.columns])
     true = np.std(found, axis=0, ddof=1)
     claimed, robust = [], []
     for seed in range(DRAWS):
         fit = slowly_disturbed(seed)
         replicates = block_bootstrap(fit, 10, seed=seed)
         claimed.append([replicates.std(name) for name in fit.names])
-        robust.append(fit.result.estimate.std_robust)
+        robust.append(fit.result.uncertainty.std_robust)
     claimed, robust = (np.sqrt(np.mean(np.square(s), axis=0)) for s in (claimed, robust))
     np.testing.assert_allclose(claimed / true, 1.0, atol=0.2)
     assert np.all((claimed > 0.7 * robust) & (claimed < 1.3 * robust))
@@ -83,7 +83,7 @@ def test_scaled_blocks_make_up_for_their_ends_and_for_what_a_fit_took(rho):
         left = (e - Q @ (Q.T @ e))[None]
         length = block_length(left)
         scaled = bootstrap._scaled(left, length, p * length / K)[0]
-        drawn += [Q.T @ scaled[circular_blocks(rng, K, length)] for _ in range(5)]
+        drawn += [Q.T @ scaled[draw_circular_blocks(rng, K, length)] for _ in range(5)]
     scatter = np.sqrt(np.mean(np.square(drawn)) / np.mean(np.diag(true)))
     assert scatter == pytest.approx(1.0, abs=0.05)
 
@@ -184,7 +184,7 @@ def test_windows_and_records_keep_their_own_residuals(made, motion, forward, opt
     plan = bootstrap._Plan.make(fitted, 0.02, 0)
     assert plan.lengths == (4, 4)
     assert [e.shape[1] for e in plan.residuals] == [199, 99]
-    drawn = plan.drawn(0)
+    drawn = plan.draw_residuals(0)
     for e, own in zip(drawn, plan.residuals, strict=True):
         assert set(e[0]) <= set(own[0])
     assert np.std(drawn[0]) > 10 * np.std(drawn[1])
@@ -194,7 +194,7 @@ def test_windows_and_records_keep_their_own_residuals(made, motion, forward, opt
 def test_all_channels_are_drawn_together(anchored):
     plan = bootstrap._Plan.make(anchored, None, 0)
     own = {tuple(column) for column in plan.residuals[0].T}
-    assert {tuple(column) for column in plan.drawn(7)[0].T} <= own
+    assert {tuple(column) for column in plan.draw_residuals(7)[0].T} <= own
 
 
 def test_blocks_grow_with_correlation_and_every_residual_is_drawn_equally_often():
@@ -209,5 +209,5 @@ def test_blocks_grow_with_correlation_and_every_residual_is_drawn_equally_often(
         wanted = 2 * (1.5 * (2 * rho / (1 - rho**2)) ** 2 * e.size) ** (1 / 3)
         assert 0.5 * wanted <= lengths[-1] <= 1.7 * wanted + 2
     assert lengths == sorted(lengths) and lengths[0] <= 2
-    drawn = np.concatenate([circular_blocks(rng, 10, 4) for _ in range(4000)])
+    drawn = np.concatenate([draw_circular_blocks(rng, 10, 4) for _ in range(4000)])
     np.testing.assert_allclose(np.bincount(drawn) / drawn.size, 0.1, atol=0.01)

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from pneumo_casadi.estimation.uncertainty import (
+    analyse_identifiability,
     block_bootstrap,
     collinear_groups,
-    identifiability,
     profile_likelihoods,
 )
 from pneumo_casadi.model.effect import Effect
@@ -43,7 +43,7 @@ def both(made, motion, forward, optimum):
 
 @pytest.fixture(scope="module")
 def two_records(both):
-    return identifiability(both)
+    return analyse_identifiability(both)
 
 
 def test_a_parameter_is_informed_by_the_record_that_excites_it(two_records):
@@ -65,7 +65,7 @@ def test_what_records_say_adds_up_to_what_the_fit_knows(both, two_records):
         sum(parts), both.information, atol=1e-6 * np.abs(both.information).max()
     )
     covariance = np.linalg.inv(sum(parts)) * np.outer(both.sizes, both.sizes)
-    np.testing.assert_allclose(np.sqrt(np.diag(covariance)), both.result.estimate.std, rtol=1e-4)
+    np.testing.assert_allclose(np.sqrt(np.diag(covariance)), both.result.uncertainty.std, rtol=1e-4)
     s = two_records.singular_values
     assert np.all(np.diff(s) <= 0) and two_records.condition == pytest.approx(s[0] / s[-1])
     np.testing.assert_allclose(s**2, np.linalg.eigvalsh(both.information)[::-1], rtol=1e-6)
@@ -75,7 +75,7 @@ def test_what_records_say_adds_up_to_what_the_fit_knows(both, two_records):
 
 
 def test_one_record_is_all_there_is(white):
-    found = identifiability(white)
+    found = analyse_identifiability(white)
     assert found.sources == ("made",) and np.all(found.share == 1.0)
     assert np.all(np.isinf(found.std_without))
     assert not found.weak() and not found.at_bound and not found.uninformed
@@ -83,7 +83,7 @@ def test_one_record_is_all_there_is(white):
 
 def test_the_gauge_is_named_where_its_anchor_is_weak(servo):
     """All flows and all X_s times one constant change no trajectory."""
-    strong, weak = (identifiability(servo(noise)) for noise in (1.0, 200.0))
+    strong, weak = (analyse_identifiability(servo(noise)) for noise in (1.0, 200.0))
     assert not strong.weak(0.02)
     gauge = weak.weak(0.02)[0]
     parts = [gauge.weights[name] for name in CHAMBERS]
@@ -102,7 +102,7 @@ def test_the_gauge_is_named_where_its_anchor_is_weak(servo):
 def test_pairs_made_collinear_are_named(made, motion, optimum):
     axis, u, x = motion
     record = made.recorded(axis, u, x, 0)
-    nearly = identifiability(optimum(axis.with_effects(Drag(0.3)), [record]))
+    nearly = analyse_identifiability(optimum(axis.with_effects(Drag(0.3)), [record]))
     pair = nearly.collinear[0]
     assert [group for group in nearly.collinear if len(group.names) == 2] == [pair]
     assert pair.names == ("f_v", "drag.c") and 10 < pair.index < 1000
@@ -114,7 +114,9 @@ def test_pairs_made_collinear_are_named(made, motion, optimum):
 
 def test_parameters_that_do_the_same_have_no_interval(made, motion, optimum):
     axis, u, x = motion
-    found = identifiability(optimum(axis.with_effects(Drag(0.0)), [made.recorded(axis, u, x, 0)]))
+    found = analyse_identifiability(
+        optimum(axis.with_effects(Drag(0.0)), [made.recorded(axis, u, x, 0)])
+    )
     assert set(found.uninformed) == {"f_v", "drag.c"} and found.condition == np.inf
     at = [found.names.index(name) for name in ("f_v", "drag.c")]
     assert np.all(np.isinf(found.std[at])) and np.isfinite(found.std[0])
@@ -128,7 +130,7 @@ def test_parameters_that_do_the_same_have_no_interval(made, motion, optimum):
 def test_a_parameter_at_its_bound_has_no_interval(made, motion, optimum):
     axis, u, x = motion
     p = axis.parameters.with_values({"f_v": 15.0}).bounded("f_v", 0.0, 20.0)
-    found = identifiability(
+    found = analyse_identifiability(
         optimum(axis.with_parameters(p), [made.recorded(axis, u[:600], x[:, :600], 0)])
     )
     assert found.at_bound == ("f_v",) and found.singular_values.size == 3

@@ -9,8 +9,8 @@ import pytest
 from pneumo_casadi.errors import FitError, ModelError
 from pneumo_casadi.estimation.output_error import fit_output_error
 from pneumo_casadi.estimation.uncertainty import (
-    End,
     Optimum,
+    ProfileEnd,
     profile_likelihood,
     profile_likelihoods,
 )
@@ -26,7 +26,7 @@ def test_where_the_problem_is_nearly_linear_profiles_are_the_gauss_newton_interv
 ):
     assert set(profiles) == set(white.names)
     for name, found in profiles.items():
-        assert found.ends == (End.THRESHOLD, End.THRESHOLD)
+        assert found.ends == (ProfileEnd.THRESHOLD, ProfileEnd.THRESHOLD)
         assert found.ratio == pytest.approx((1.0, 1.0), abs=2e-3), name
         assert np.all(np.diff(found.values) > 0) and set(found.statuses) == {"converged"}
         for level in (0.5, 0.9):
@@ -46,7 +46,7 @@ def test_a_derived_quantity_is_profiled_like_a_parameter(white):
 
 def test_a_ratio_of_chamber_parameters_is_profiled_beside_a_flow_map(anchored):
     found = profile_likelihood(anchored, "k_P")
-    assert found.ends == (End.THRESHOLD, End.THRESHOLD)
+    assert found.ends == (ProfileEnd.THRESHOLD, ProfileEnd.THRESHOLD)
     assert found.std_robust != found.std
     assert found.ratio == pytest.approx((1.0, 1.0), abs=0.03)
     # k ~ 1/X_s2 is convex in what the data see: the upper side is the longer one.
@@ -87,7 +87,7 @@ def test_what_the_data_say_nothing_about_has_an_infinite_interval(one_way):
     for name in ("F_c_minus", "F_c"):
         found = profile_likelihood(one_way, name)
         assert found.interval() == (-np.inf, np.inf) == found.interval(robust=True)
-        assert found.ends == (End.FLAT, End.FLAT) and found.ratio == (1.0, 1.0)
+        assert found.ends == (ProfileEnd.FLAT, ProfileEnd.FLAT) and found.ratio == (1.0, 1.0)
         assert np.ptp(found.costs) < 1e-3
     informed = profile_likelihood(one_way, "f_v")
     assert np.isfinite(informed.interval()).all()
@@ -99,7 +99,7 @@ def test_a_side_that_ends_at_a_bound_is_open(made, motion, optimum):
     record = made.recorded(loose, u[:300], x[:, :300], 2)
     fitted = optimum(made.free_only(loose, "M", "f_v"), [record], reweight=False)
     found = profile_likelihood(fitted, "f_v")
-    assert found.ends == (End.BOUND, End.THRESHOLD)
+    assert found.ends == (ProfileEnd.BOUND, ProfileEnd.THRESHOLD)
     assert found.values[0] == 0.0 and found.costs[0] > found.costs.min()
     low, high = found.interval()
     assert low == -np.inf and found.estimate < high < np.inf
@@ -143,9 +143,9 @@ def test_a_refit_that_fails_is_on_record_and_leaves_its_side_open(white, monkeyp
         heavy = point.theta[0] > white.result.parameters["M"].value + 0.8 * white.result.std("M")
         return replace(solution, status="no step helps") if heavy else solution
 
-    monkeypatch.setattr(walk, "solve", failing)
+    monkeypatch.setattr(walk, "solve_from", failing)
     found = profile_likelihood(white, "M")
-    assert found.ends == (End.THRESHOLD, End.FAILED)
+    assert found.ends == (ProfileEnd.THRESHOLD, ProfileEnd.FAILED)
     assert found.interval()[0] > 0 and found.interval()[1] == np.inf
     failed = [s for s in found.statuses if s != "converged"]
     assert failed and set(failed) == {"no step helps"}

@@ -12,7 +12,7 @@ import pytest
 from pneumo_casadi.data import read_case, read_emps
 from pneumo_casadi.effects import AsymmetricViscousFriction
 from pneumo_casadi.estimation.wls import (
-    Stick,
+    StickPhases,
     cross_validate,
     fit_wls,
     linear_combinations,
@@ -107,7 +107,7 @@ def test_the_simulated_loop_errs_no_more_than_the_authors(emps, benchmark):
         axis,
         emps.identify,
         plan=benchmark.PLAN,
-        stick=Stick.KEEP,
+        stick=StickPhases.KEEP,
         pairing=InputPairing.SAMPLE,
     )
     for name, record in (("identification", emps.identify[0]), ("pulses", emps.validate[0])):
@@ -122,7 +122,7 @@ def test_pairing_force_with_its_hold_predicts_the_pulses_better(emps):
     plan = FilterPlan(1e3, cutoff=100.0, factor=10, f_dyn=20.0)
     error = {}
     for pairing in InputPairing:
-        fit = fit_wls(axis, emps.identify, plan=plan, stick=Stick.KEEP, pairing=pairing)
+        fit = fit_wls(axis, emps.identify, plan=plan, stick=StickPhases.KEEP, pairing=pairing)
         error[pairing] = cross_validate(fit, emps.validate)[0].relative_error_percent["force"]
     assert error[InputPairing.MEAN_OF_HOLDS] < 4.7 < 5.8 < error[InputPairing.SAMPLE]
 

@@ -6,7 +6,7 @@ import pytest
 
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.estimation.wls import (
-    Stick,
+    StickPhases,
     cross_validate,
     evaluate_regressor,
     fit_wls,
@@ -56,12 +56,12 @@ def test_samples_at_rest_ruin_friction_unless_left_out_or_down_weighted(made):
     rec = made.record_with_rests()
     truth = np.array([made.TRUE[name] for name in ("f_v", "F_c_plus", "F_c_minus")])
     worst = {}
-    for stick in Stick:
+    for stick in StickPhases:
         fit = fit_wls(made.Eq7(), rec, plan=PLAN, stick=stick)
         worst[stick] = np.abs(fit.estimate[7:] / truth - 1).max()
-    assert worst[Stick.OMIT] < 0.03
-    assert worst[Stick.WEIGHT] < 0.06
-    assert worst[Stick.KEEP] > 0.2
+    assert worst[StickPhases.OMIT] < 0.03
+    assert worst[StickPhases.WEIGHT] < 0.06
+    assert worst[StickPhases.KEEP] > 0.2
 
 
 def test_what_was_left_out_is_counted(made):

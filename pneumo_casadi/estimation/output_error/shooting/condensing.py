@@ -151,7 +151,9 @@ def eliminate(H: FloatArray, g: FloatArray, first: int) -> tuple[FloatArray, Flo
     return inverse @ H[:first, first:], inverse @ g[:first]
 
 
-def scores(problem: Problem, at: Linearised, segment: int, condensed: Condensed) -> FloatArray:
+def block_scores(
+    problem: Problem, at: Linearised, segment: int, condensed: Condensed
+) -> FloatArray:
     """Return Jᵀe of every block of a segment in scaled (x_0, θ_free), shape (K, n).
 
     The defects must be closed: scores are those of a simulation.

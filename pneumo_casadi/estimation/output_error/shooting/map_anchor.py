@@ -62,7 +62,7 @@ class Anchor:
         return found
 
 
-def anchor(
+def anchor_to_flow_map(
     table: FlowMap, flow: Any, sigma: float | None = None, effects: Sequence[Effect] = ()
 ) -> Anchor:
     """Anchor the coefficients of `flow` to the measured `table`.

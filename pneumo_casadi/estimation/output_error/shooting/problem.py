@@ -180,7 +180,7 @@ class Problem:
         return 0.5 * float(self.n * np.sum(e**2) + np.sum(g**2))
 
 
-def values(problem: Problem, point: Unknowns) -> tuple[FloatArray, FloatArray]:
+def evaluate_intervals(problem: Problem, point: Unknowns) -> tuple[FloatArray, FloatArray]:
     """Return ends (nx, I) of all intervals and mean outputs (ny, n_blocks)."""
     data = problem.data
     theta = np.tile(point.theta[:, None], problem.I)
@@ -188,7 +188,9 @@ def values(problem: Problem, point: Unknowns) -> tuple[FloatArray, FloatArray]:
     return ends, m[:, data.real]
 
 
-def shoot(problem: Problem, theta: FloatArray, x_0: FloatArray) -> tuple[FloatArray, FloatArray]:
+def shoot_segments(
+    problem: Problem, theta: FloatArray, x_0: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Simulate every segment from its initial state, all segments side by side.
 
     Parameters

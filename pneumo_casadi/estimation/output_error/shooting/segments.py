@@ -82,7 +82,7 @@ def measured_states(axis: Axis, record: Recording, parameters: Parameters) -> Fl
     return np.asarray(full, dtype=float)
 
 
-def cut(
+def cut_segments(
     model: SampledAxis,
     records: Sequence[Recording],
     n: int,

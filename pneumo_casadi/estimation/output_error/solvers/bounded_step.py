@@ -42,7 +42,7 @@ class Step:
     gain: float
 
 
-def next_step(
+def condensed_step(
     problem: Problem, at: Linearised, point: Unknowns, sigma: FloatArray, damping: float = 0.0
 ) -> Step | None:
     """Eliminate the initial states, solve for the parameters, and go back to all nodes.
@@ -83,7 +83,7 @@ def next_step(
     return Step(theta, np.hstack(moves), size, gain)
 
 
-def moved(problem: Problem, point: Unknowns, step: Step, share: float = 1.0) -> Unknowns:
+def apply_step(problem: Problem, point: Unknowns, step: Step, share: float = 1.0) -> Unknowns:
     """Return the point a share of a step further, parameters kept within their bounds."""
     mask, parameters = problem.parameters.free_mask, problem.parameters
     theta = point.theta.copy()

@@ -2,15 +2,17 @@
 
 Nodes need not satisfy the dynamics on the way: a start from measured states survives where single
 shooting from the same parameters would drift away. Where full steps do not contract, as under
-gross misfit, the nodes are closed and damped steps go on (`damped_steps`).
+gross misfit, the nodes are closed and damped steps go on (`solve_levenberg_marquardt`).
 """
 
 import numpy as np
 
 from pneumo_casadi.estimation.output_error.shooting.condensing import Linearised, linearise
 from pneumo_casadi.estimation.output_error.shooting.problem import Problem, Unknowns
-from pneumo_casadi.estimation.output_error.solvers.bounded_step import moved, next_step
-from pneumo_casadi.estimation.output_error.solvers.levenberg_marquardt import damped_steps
+from pneumo_casadi.estimation.output_error.solvers.bounded_step import apply_step, condensed_step
+from pneumo_casadi.estimation.output_error.solvers.levenberg_marquardt import (
+    solve_levenberg_marquardt,
+)
 from pneumo_casadi.estimation.output_error.solvers.solution import Solution, misfit, new_sigma
 from pneumo_casadi.parameters import FloatArray
 
@@ -63,9 +65,9 @@ def solve_gauss_newton(
         return full
     left = max_iterations - full.iterations
     # σ of a point that does not fit says nothing: the stated noise begins again.
-    return damped_steps(problem, (full.point, first), sigma, reweight, left, tolerance).after(
-        full.iterations
-    )
+    return solve_levenberg_marquardt(
+        problem, (full.point, first), sigma, reweight, left, tolerance
+    ).after(full.iterations)
 
 
 def _full_steps(
@@ -82,10 +84,10 @@ def _full_steps(
         return Solution(point, at.m, sigma, reason, 0)
     sizes: list[float] = []
     for iteration in range(1, max_iterations + 1):
-        step = next_step(problem, at, point, sigma)
+        step = condensed_step(problem, at, point, sigma)
         if step is None:
             return Solution(point, at.m, sigma, "the model ran away from the data", iteration)
-        trial = moved(problem, point, step)
+        trial = apply_step(problem, point, step)
         found = linearise(problem, trial, sigma)
         if not found.finite:
             return Solution(point, at.m, sigma, "the model ran away from the data", iteration)

@@ -12,7 +12,11 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from pneumo_casadi.estimation.output_error.shooting.problem import Problem, Unknowns, values
+from pneumo_casadi.estimation.output_error.shooting.problem import (
+    Problem,
+    Unknowns,
+    evaluate_intervals,
+)
 from pneumo_casadi.estimation.output_error.solvers.solution import Solution
 from pneumo_casadi.parameters import FloatArray
 
@@ -118,7 +122,7 @@ class IpoptSolver:
         good = status in ("Solve_Succeeded", "Solved_To_Acceptable_Level") or _at_rounding(stats)
         return Solution(
             ended,
-            values(self.problem, ended)[1],
+            evaluate_intervals(self.problem, ended)[1],
             sigma,
             "converged" if good else str(status).replace("_", " ").lower(),
             int(stats["iter_count"]),

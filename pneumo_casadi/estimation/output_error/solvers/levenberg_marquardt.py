@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from pneumo_casadi.estimation.output_error.shooting.condensing import linearise
-from pneumo_casadi.estimation.output_error.shooting.problem import Problem, Unknowns, shoot
-from pneumo_casadi.estimation.output_error.solvers.bounded_step import moved, next_step
+from pneumo_casadi.estimation.output_error.shooting.problem import Problem, Unknowns, shoot_segments
+from pneumo_casadi.estimation.output_error.solvers.bounded_step import apply_step, condensed_step
 from pneumo_casadi.estimation.output_error.solvers.solution import Solution, misfit, residual_sigma
 from pneumo_casadi.parameters import FloatArray
 
@@ -19,7 +19,7 @@ ACCEPT, TRUSTED = 1e-3, 0.5
 PATIENCE, LITTLE = 10, 0.05
 
 
-def damped_steps(
+def solve_levenberg_marquardt(
     problem: Problem,
     starts: Sequence[Unknowns],
     sigma: FloatArray,
@@ -49,7 +49,7 @@ def damped_steps(
         if at is None:
             sigma = residual_sigma(problem, m) if reweight else sigma
             at = linearise(problem, point, sigma)
-        step = next_step(problem, at, point, sigma, damping)
+        step = condensed_step(problem, at, point, sigma, damping)
         if step is None:
             return Solution(point, m, sigma, "the model ran away from the data", iteration)
         # What is promised counts against the misfit: with σ far below the residuals, a
@@ -61,7 +61,7 @@ def damped_steps(
         stalled = slow and step.gain < LITTLE * unit
         if settled or stalled:
             return Solution(point, m, sigma, "converged", iteration)
-        trial = _closed(problem, moved(problem, point, step), sigma, reweight)
+        trial = _closed(problem, apply_step(problem, point, step), sigma, reweight)
         share = (cost - trial[2]) / max(step.gain, 1e-300)
         if share > ACCEPT:
             point, m, cost = trial
@@ -85,7 +85,7 @@ def _closed(
     ½ Σ_y N log(mean square of e_y) with the flow map's squares: alternating between σ and
     parameters would creep under gross misfit.
     """
-    nodes, m = shoot(problem, point.theta, point.x[:, list(problem.firsts)])
+    nodes, m = shoot_segments(problem, point.theta, point.x[:, list(problem.firsts)])
     closed = Unknowns(point.theta, nodes)
     with np.errstate(over="ignore", invalid="ignore"):
         if reweight:

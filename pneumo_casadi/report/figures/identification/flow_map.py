@@ -18,7 +18,7 @@ from pneumo_casadi.report.figures.style import (
     dress,
     new_figure,
 )
-from pneumo_casadi.valve import FlowMap, FlowModel, Projections, projections, residual_map
+from pneumo_casadi.valve import FlowMap, FlowModel, Projections, map_residuals, project_flow_map
 
 G_PER_S, BAR = 1e3, 1e-5
 #: Curves in a projection.
@@ -30,7 +30,7 @@ def flow_map_figure(table: FlowMap, model: FlowModel) -> Figure:
 
     Points of the table are grey dots, the fitted form is drawn in lines.
     """
-    measured = projections(table) if table.is_grid else None
+    measured = project_flow_map(table) if table.is_grid else None
     fine = _on_grid(table, model)
     figure = new_figure(108.0)
     grid = figure.add_gridspec(2, 2)
@@ -45,7 +45,7 @@ def flow_map_figure(table: FlowMap, model: FlowModel) -> Figure:
 
 def residual_map_figure(table: FlowMap, model: FlowModel) -> Figure:
     """Draw measured minus fitted flow over the map (Fig. 3)."""
-    found = residual_map(table, model)
+    found = map_residuals(table, model)
     figure = new_figure(60.0)
     axes = figure.add_subplot()
     limit = float(np.abs(found.residual).max()) * G_PER_S
@@ -73,7 +73,7 @@ def _on_grid(table: FlowMap, model: FlowModel) -> Projections:
     p = np.linspace(*table.p_range, 61)
     U, P = np.meshgrid(u, p, indexing="ij")
     flow = FlowMap(U.ravel(), P.ravel(), model(U, P).ravel(), table.p_supply, table.p_ext)
-    return projections(flow)
+    return project_flow_map(flow)
 
 
 def _surface(axes: Any, fine: Projections) -> None:

@@ -10,7 +10,7 @@ from matplotlib.lines import Line2D
 
 from pneumo_casadi.estimation.statistics import interval_factor
 from pneumo_casadi.estimation.uncertainty import Identifiability, Profile
-from pneumo_casadi.estimation.uncertainty.profile_path import inflation
+from pneumo_casadi.estimation.uncertainty.profile_path import robust_ratio
 from pneumo_casadi.report.figures.identification.parameters import matrix_figure
 from pneumo_casadi.report.figures.style import (
     BLACK,
@@ -62,7 +62,7 @@ def _draw(axes: Axes, profile: Profile) -> None:
         d, np.abs(profile.root[good]), color=SIMULATED, linewidth=LINE, marker="o", markersize=2.5
     )
     white = interval_factor(profile.level)
-    correlated = white * inflation(profile.std, profile.std_robust)
+    correlated = white * robust_ratio(profile.std, profile.std_robust)
     axes.axhline(white, color=BLACK, linewidth=0.7, linestyle=":")
     if np.isfinite(correlated):
         axes.axhline(correlated, color=BLACK, linewidth=0.7, linestyle="--")

@@ -64,7 +64,7 @@ def draw_forest(axes: Axes, found: Identification) -> None:
 
 def correlation_figure(found: Identification) -> Figure:
     """Draw the correlations of the output-error estimates, flow coefficients left out."""
-    estimate = found.output_error.estimate
+    estimate = found.output_error.uncertainty
     names = [n for n in found.wls.names if n in estimate.names]
     at = [estimate.names.index(n) for n in names]
     return matrix_figure(estimate.correlation[np.ix_(at, at)], names)
