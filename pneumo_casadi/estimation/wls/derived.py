@@ -78,7 +78,7 @@ def linear_combinations(
 
     Returns
     -------
-    Derived
+    DerivedEstimates
 
     Raises
     ------
@@ -114,7 +114,7 @@ def ratios(
 
     Returns
     -------
-    Derived
+    DerivedEstimates
 
     Raises
     ------

@@ -65,7 +65,7 @@ class WLSResult:
         Decimated rows of each equation that were left out.
     samples_dropped : mapping of str to (int, int)
         Per record, raw samples dropped at front and back for the edges of the filter.
-    derived : Derived or None
+    derived : DerivedEstimates or None
         Polytropic coefficients k_P and k_N, where the axis has chambers.
     model : LinearModel
         Whose regressor was used.
