@@ -28,7 +28,9 @@ def refit(study: Study, before: FittedModel, effect: Effect) -> FittedModel:
     directions = perturbation(study, before, effect)
     starts = screened(effect.name, directions, background(study, before, before)).starts
     found = fit_model(study, (effect,), before.values, starts, before.cost)
-    return refine_by_output_error(study, found, (effect,)) if any_sensor_effect((effect,)) else found
+    return (
+        refine_by_output_error(study, found, (effect,)) if any_sensor_effect((effect,)) else found
+    )
 
 
 def simulated_gaps(

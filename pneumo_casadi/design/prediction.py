@@ -17,7 +17,11 @@ from pneumo_casadi.estimation.output_error.shooting.interval import IntervalFunc
 from pneumo_casadi.estimation.output_error.shooting.map_anchor import Anchor, anchor_to_flow_map
 from pneumo_casadi.estimation.output_error.shooting.problem import Problem, Unknowns
 from pneumo_casadi.estimation.output_error.shooting.segments import Segment
-from pneumo_casadi.estimation.output_error.solvers.bounded_step import TRUST, apply_step, condensed_step
+from pneumo_casadi.estimation.output_error.solvers.bounded_step import (
+    TRUST,
+    apply_step,
+    condensed_step,
+)
 from pneumo_casadi.estimation.output_error.solvers.gauss_newton import solve_gauss_newton
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.integration import Stepping, substeps_for

@@ -19,7 +19,9 @@ def map_pull_of(
     anchor = study.anchor_with(effects)
     if anchor is None or not all(name in values for name in anchor.names):
         return None
-    return flow_map_deviation(anchor, study.axis.with_effects(*effects).with_parameters(dict(values)))
+    return flow_map_deviation(
+        anchor, study.axis.with_effects(*effects).with_parameters(dict(values))
+    )
 
 
 def map_misfit_of(study: Study) -> float | None:

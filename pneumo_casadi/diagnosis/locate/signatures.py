@@ -86,7 +86,9 @@ def signatures(study: Study, values: Mapping[str, float]) -> Signatures:
     return Signatures(before, left)
 
 
-def _record_signatures(study: Study, values: Mapping[str, float], data: SmoothedMotion) -> Signatures:
+def _record_signatures(
+    study: Study, values: Mapping[str, float], data: SmoothedMotion
+) -> Signatures:
     axis = study.axis
     theta = np.array([values[name] for name in axis.parameters.names])
     _, A = evaluate_dynamics(axis, theta, data)

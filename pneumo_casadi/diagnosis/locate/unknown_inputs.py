@@ -14,7 +14,11 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study
-from pneumo_casadi.estimation.equation_error.smoothed_motion import NOISE_MULTIPLE, SLOW, SmoothedMotion
+from pneumo_casadi.estimation.equation_error.smoothed_motion import (
+    NOISE_MULTIPLE,
+    SLOW,
+    SmoothedMotion,
+)
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.parameters import FloatArray
 

@@ -15,7 +15,10 @@ import numpy as np
 
 from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study
 from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
-from pneumo_casadi.estimation.equation_error.residuals import effect_derivatives, linearise_residuals
+from pneumo_casadi.estimation.equation_error.residuals import (
+    effect_derivatives,
+    linearise_residuals,
+)
 from pneumo_casadi.estimation.output_error.solvers.bounded_step import bounded_minimum
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.parameters import FloatArray
@@ -93,11 +96,12 @@ def perturbation(study: Study, nominal: FittedModel, effect: Effect) -> tuple[Di
     axis = study.axis.with_effects(effect).with_parameters(dict(nominal.values)).at_null_values()
     model = BalanceFunctions(axis)
     first = _direction(study, model, nominal, {}, ())
-    silent = [n for n, c in zip(model.effect_parameters, first.columns.T, strict=True) if not np.any(c)]
+    names = model.effect_parameters
+    silent = [n for n, c in zip(names, first.columns.T, strict=True) if not np.any(c)]
     starting = axis.at_starting_values().parameters
-    sizes = {n: starting[n].value - axis.parameters[n].value for n in model.effect_parameters}
+    sizes = {n: starting[n].value - axis.parameters[n].value for n in names}
     usual = {name: size for name, size in sizes.items() if size != 0}
-    if len(silent) == len(model.effect_parameters):  # felt at no size near null: nothing to choose a shape by
+    if len(silent) == len(names):  # felt at no size near null: nothing to choose a shape by
         return (first,)
     shapes = tuple(n for n in silent if starting[n].value != 0)
     starts = [starting[n].value for n in shapes]

@@ -19,7 +19,10 @@ from pneumo_casadi.diagnosis.prepare.study import (
 )
 from pneumo_casadi.diagnosis.select.fit_ledger import FAULTS, Failed, FitLedger, Names
 from pneumo_casadi.diagnosis.select.output_error_refinement import refine_by_output_error
-from pneumo_casadi.estimation.equation_error.balance_functions import any_sensor_memory, any_sensor_effect
+from pneumo_casadi.estimation.equation_error.balance_functions import (
+    any_sensor_effect,
+    any_sensor_memory,
+)
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.parameters import FloatArray
 
@@ -54,7 +57,11 @@ def find_sensor_extension(
     if best is None or np.all(residual_rms(current) < MIN_RESIDUAL_OVER_NOISE * levels.noise):
         return None
     effects, before = ledger.effects(best), ledger.effects(known)
-    if fits[best].cost > current.cost - MIN_FORM_GAIN or not any_sensor_memory(effects) or any_sensor_effect(before):
+    if (
+        fits[best].cost > current.cost - MIN_FORM_GAIN
+        or not any_sensor_memory(effects)
+        or any_sensor_effect(before)
+    ):
         return None
     _refine_all(ledger, nominal, {best: fits[best]})
     if ledger.trials[best][1] > CLOSED * ledger.simulations.share(nominal, current, before):
