@@ -28,9 +28,10 @@ def test_an_effect_with_memory_is_screened_at_its_usual_size_too(one):
     for size in (1e-3 * axis.parameters[name].scale, h):
         theta = axis.with_parameters({name: size}).parameters.values
         rows = [
-            (balance_residuals(model, data, theta) - balance_residuals(model, data, axis.parameters.values))[
-                data.used(one.axis)
-            ]
+            (
+                balance_residuals(model, data, theta)
+                - balance_residuals(model, data, axis.parameters.values)
+            )[data.used(one.axis)]
             for data in one.smoothed[0]
         ]
         changes.append(np.concatenate(rows))

@@ -7,7 +7,7 @@ from pneumo_casadi.diagnosis.diagnose import applicable, prepare
 from pneumo_casadi.diagnosis.prepare.study import fit_model, refine_model
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
-from pneumo_casadi.estimation.equation_error.residuals import linearise_residuals, balance_residuals
+from pneumo_casadi.estimation.equation_error.residuals import balance_residuals, linearise_residuals
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +36,9 @@ def test_derivatives_to_what_no_state_and_no_sensor_knows_are_exact(one, names, 
         below, above = parameters.values.copy(), parameters.values.copy()
         below[at] -= h
         above[at] += h
-        expected = (balance_residuals(model, data, above) - balance_residuals(model, data, below)) / (2 * h)
+        expected = (
+            balance_residuals(model, data, above) - balance_residuals(model, data, below)
+        ) / (2 * h)
         found = J[:, :, model.free.index(name)]
         assert np.linalg.norm(found - expected) <= 0.01 * np.linalg.norm(expected), name
 
