@@ -16,7 +16,7 @@ _spec = importlib.util.spec_from_file_location("guide", Path(__file__).with_name
 guide = importlib.util.module_from_spec(_spec)
 _spec.loader.exec_module(guide)
 
-PAGE = Path(__file__).resolve().parent.parent.parent / "docs" / "add_an_effect.md"
+PAGE = Path(__file__).resolve().parent.parent.parent / "docs" / "how_to" / "add_an_effect.md"
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +60,7 @@ def test_every_junction_is_told_with_what_passes_and_on_which_axis():
 
 
 def test_the_files_and_commands_of_the_catalogue_are_there():
-    root = PAGE.parent.parent
+    root = PAGE.parents[2]
     text = PAGE.read_text("utf-8")
     assert (root / "pneumo_casadi/effects/__init__.py").is_file()
     for name in re.findall(r"tests/[\w/]+(?:\.py)?", text):
@@ -74,6 +74,6 @@ def test_the_files_and_commands_of_the_catalogue_are_there():
 
 
 def test_links_of_all_pages_lead_somewhere():
-    for page in PAGE.parent.glob("*.md"):
+    for page in PAGE.parents[1].rglob("*.md"):
         for target in re.findall(r"\]\((?!http)([^)#]+)", page.read_text("utf-8")):
             assert (page.parent / target).exists(), (page.name, target)

@@ -8,7 +8,7 @@ import pytest
 
 import pneumo_casadi
 
-PAGE = Path(__file__).resolve().parent.parent.parent / "docs" / "troubleshooting.md"
+PAGE = Path(__file__).resolve().parent.parent.parent / "docs" / "how_to" / "troubleshooting.md"
 QUOTED = re.compile(r"``(.+?)``")
 
 

@@ -21,7 +21,7 @@ _spec = importlib.util.spec_from_file_location("guide", Path(__file__).with_name
 guide = importlib.util.module_from_spec(_spec)
 _spec.loader.exec_module(guide)
 
-PAGE = Path(__file__).resolve().parent.parent.parent / "docs" / "your_data.md"
+PAGE = Path(__file__).resolve().parent.parent.parent / "docs" / "how_to" / "your_data.md"
 
 
 def logged(record):

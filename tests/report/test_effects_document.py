@@ -1,4 +1,4 @@
-"""docs/effects.md is the catalogue, and says all of it."""
+"""docs/reference/effects.md is the catalogue, and says all of it."""
 
 from pathlib import Path
 
@@ -9,12 +9,12 @@ from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.parameters import Parameter
 from pneumo_casadi.report.tables.effects import catalogue_markdown, effect_markdown
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "effects.md"
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "effects.md"
 
 
 def test_the_page_is_made_from_the_catalogue():
     assert PAGE.read_text("utf-8") == catalogue_markdown(), (
-        "docs/effects.md is stale: python -m pneumo_casadi.report.tables.effects > docs/effects.md"
+        "stale: python -m pneumo_casadi.report.tables.effects > docs/reference/effects.md"
     )
 
 

@@ -47,7 +47,7 @@ def read_bench(path: str | Path) -> AnyBench:
     Parameters
     ----------
     path : path
-        The file; its fields are described in ``docs/your_data.md``.
+        The file; its fields are described in ``docs/how_to/your_data.md``.
 
     Returns
     -------

@@ -15,7 +15,7 @@ parameters, and adds its own states where it needs them. Any subset composes:
 `axis.with_effects(EFFECTS["stribeck"]()).at_starting_values()`. An effect of your own is a
 subclass of `Effect` and needs no registration.
 
-This page is made from the code: `python -m pneumo_casadi.report.tables.effects > docs/effects.md`.
+This page is generated: `python -m pneumo_casadi.report.tables.effects > docs/reference/effects.md`.
 A parameter marked *held* is not estimated unless released.
 """
 
