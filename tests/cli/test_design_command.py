@@ -19,6 +19,7 @@ def case(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_a_design_is_written_whole_and_keeps_its_limits(case, tmp_path, capsys):
     folder, copy = tmp_path / "next", tmp_path / "copy.json"
     limits = ["--common", "0.05", "--velocity", "0.6", "--duration", "2"]

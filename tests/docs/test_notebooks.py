@@ -24,6 +24,7 @@ def test_outputs_are_stripped_and_the_last_cell_asserts(path):
     assert "assert " in cells[-1].source
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)

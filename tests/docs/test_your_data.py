@@ -68,6 +68,7 @@ def ran(logs):
         return guide.run(PAGE, logs)
 
 
+@pytest.mark.slow
 def test_every_block_runs_and_the_axis_is_identified(ran, logs):
     result = json.loads((logs / "report" / "my_axis" / "result.json").read_text("utf-8"))
     assert result["output_error"]["status"] == "converged"
@@ -75,6 +76,7 @@ def test_every_block_runs_and_the_axis_is_identified(ran, logs):
     assert (logs / "report" / "my_axis" / "report.html").is_file()
 
 
+@pytest.mark.slow
 def test_the_late_command_was_brought_back(ran):
     first, second = ran["case"].identify[0], ran["on_time"]
     assert np.abs(first["u_P"][: second.N] - second["u_P"]).max() < 1e-4
@@ -87,6 +89,7 @@ def test_the_log_shown_is_the_beginning_of_the_file(logs):
     assert shown.splitlines() == lines[:2]
 
 
+@pytest.mark.slow
 def test_the_bench_shown_is_minimal_but_for_what_is_called_optional(logs, ran):
     path = logs / "my_axis" / "bench.json"
     content = json.loads(path.read_text("utf-8"))
