@@ -1,5 +1,6 @@
 """Recordings of an axis: bench, channels, case folders, and the checks at the door."""
 
+from pneumo_casadi.data.bench.axis_kind import FORCE_DRIVEN, PNEUMATIC, AxisKind, Balance
 from pneumo_casadi.data.bench.bench import AnyBench, Bench, ForceBench, SensorNoise
 from pneumo_casadi.data.bench.bench_file import read_bench
 from pneumo_casadi.data.bench.controllers import (
@@ -17,8 +18,12 @@ from pneumo_casadi.data.recording.channels import UNITS, InputHold
 from pneumo_casadi.data.recording.recording import Recording
 
 __all__ = [
+    "FORCE_DRIVEN",
+    "PNEUMATIC",
     "UNITS",
     "AnyBench",
+    "AxisKind",
+    "Balance",
     "Bench",
     "Case",
     "Column",

@@ -7,11 +7,12 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from pneumo_casadi.data import Bench
 from pneumo_casadi.design.reference import Reference
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.model.axis import Axis
+from pneumo_casadi.model.balances import external_force, pressure_force
 from pneumo_casadi.model.compilation import compile_functions
+from pneumo_casadi.model.effect import Pair
 from pneumo_casadi.model.integration import Stepping, accumulate, step_function, substeps_for
 from pneumo_casadi.model.sampled_axis import SampledAxis
 from pneumo_casadi.parameters import FloatArray
@@ -151,7 +152,7 @@ class ExperimentSimulator:
     dt: float
 
     def __post_init__(self) -> None:
-        if not isinstance(self.axis.bench, Bench):
+        if not self.axis.kind.gas_chambers:
             raise ModelError(
                 "experiments are designed for a servo axis; a force-driven one is not supported"
             )
@@ -199,11 +200,10 @@ class ExperimentSimulator:
         Valves that are commanded apart by ±δ let through nothing at pressures that rise with the
         command; δ is that at which these balance the piston.
         """
-        bench, theta = self.axis.bench, self.axis.parameters.values
-        assert isinstance(bench, Bench)
-        p = np.linspace(bench.p_ext, bench.p_supply, GRID)
+        constants, theta = self.axis.constants, self.axis.parameters.values
+        p = np.linspace(constants["p_ext"], constants["p_supply"], GRID)
         # Close to zero, where the pressure gain is large, commands lie close together.
-        delta = bench.controller.u_max * np.linspace(-1.0, 1.0, GRID) ** 3
+        delta = self.axis.bench.controller.u_max * np.linspace(-1.0, 1.0, GRID) ** 3
         all_p, all_delta = (part.ravel() for part in np.meshgrid(p, delta, indexing="ij"))
         nominal = np.vstack([all_p, all_p, 0 * all_p, 0 * all_p])
         u = np.vstack([all_delta, -all_delta])
@@ -211,7 +211,7 @@ class ExperimentSimulator:
         states = self.axis.rest.map(all_p.size)(nominal, u, columns)
         rates = np.asarray(self.axis.rhs.map(all_p.size)(states, u, columns), dtype=float)
         still = [_zero(p, rate.reshape(GRID, GRID)) for rate in rates[:2]]
-        force = bench.S_P * still[0] - bench.S_N * still[1] - (bench.S_P - bench.S_N) * bench.p_ext
+        force = pressure_force(Pair(*still), constants) - external_force(constants)
         at = float(np.interp(0.0, force, delta))
         return float(np.interp(at, delta, still[0])), float(np.interp(at, delta, still[1]))
 

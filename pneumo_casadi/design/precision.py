@@ -93,7 +93,7 @@ class PrecisionForecast:
 
 def parameters_of_interest(axis: Axis) -> tuple[str, ...]:
     """Return the free parameters without those of the flow map."""
-    flow = set() if axis.flow is None else set(axis.flow.parameters.names)
+    flow = set(axis.flow_parameters)
     return tuple(name for name in axis.parameters.free_names if name not in flow)
 
 

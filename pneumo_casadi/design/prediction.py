@@ -74,7 +74,7 @@ class Fit:
     @cached_property
     def anchor(self) -> Anchor | None:
         """The map's residuals, as far as its coefficients are free."""
-        if self.flow_map is None or self.axis.flow is None:
+        if self.flow_map is None or not self.axis.kind.needs_flow_map:
             return None
         found = anchor_to_flow_map(self.flow_map, self.axis.flow, effects=self.axis.effects)
         return found if set(found.names) & set(self.axis.parameters.free_names) else None

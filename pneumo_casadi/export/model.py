@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from pneumo_casadi.data import Bench
 from pneumo_casadi.errors import CaseError, ModelError
 from pneumo_casadi.identification.identify import Identification
 from pneumo_casadi.identification.model_file import axis_dict, axis_from_dict
@@ -195,10 +194,11 @@ def description(model: IdentifiedModel) -> dict[str, Any]:
 
 def balanced_state(axis: Axis) -> FloatArray:
     """Return the state of `IdentifiedModel.start`."""
-    bench, nominal = axis.bench, [0.0, 0.0]
-    if isinstance(bench, Bench):
-        p_N = (bench.p_supply + bench.p_ext) / 2
-        p_P = bench.p_ext + bench.S_N / bench.S_P * (p_N - bench.p_ext)
+    constants, nominal = axis.constants, [0.0, 0.0]
+    if axis.kind.gas_chambers:
+        p_ext, p_supply = constants["p_ext"], constants["p_supply"]
+        p_N = (p_supply + p_ext) / 2
+        p_P = p_ext + constants["S_N"] / constants["S_P"] * (p_N - p_ext)
         nominal = [p_P, p_N, 0.0, 0.0]
     full = axis.rest(nominal, np.zeros(len(axis.inputs)), axis.parameters.values)
     return np.asarray(full, dtype=float).ravel()

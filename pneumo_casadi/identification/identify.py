@@ -21,7 +21,7 @@ from pneumo_casadi.estimation.uncertainty import Identifiability, Optimum, analy
 from pneumo_casadi.estimation.wls import Prediction, WLSResult, cross_validate, fit_wls
 from pneumo_casadi.identification.warnings import ResultWarning, result_warnings
 from pneumo_casadi.model.axis import Axis
-from pneumo_casadi.model.servosystem import ForceAxis, Servosystem
+from pneumo_casadi.model.servosystem import nominal_axis
 from pneumo_casadi.runtime.progress import Progress, no_progress, progress_range
 from pneumo_casadi.runtime.threads import one_thread
 from pneumo_casadi.validation import Validation, validate
@@ -234,7 +234,7 @@ def read_flow(case: Case, options: IdentifyOptions) -> tuple[FlowMap | None, Flo
     CaseError
         If a servo axis has no flow map.
     """
-    if not isinstance(case.bench, Bench):
+    if not isinstance(case.bench, Bench):  # no valves: nothing was metered
         return None, None
     if case.flow_map_path is None:
         raise CaseError(
@@ -252,18 +252,17 @@ def read_flow(case: Case, options: IdentifyOptions) -> tuple[FlowMap | None, Flo
 
 
 def make_axis(case: Case, flow: FlowModel | None) -> Axis:
-    """Make the nominal axis of a case, servo or force-driven."""
-    if not isinstance(case.bench, Bench):
-        return ForceAxis(case.bench)
-    if flow is None:
-        raise ModelError(f"{case.folder}: a servo axis needs the static flow of its valve")
-    return Servosystem(case.bench, flow)
+    """Make the nominal axis of a case, of the kind that its bench says."""
+    try:
+        return nominal_axis(case.bench, flow)
+    except ModelError as error:
+        raise ModelError(f"{case.folder}: {error}") from None
 
 
 def output_error_options(case: Case, options: IdentifyOptions) -> OutputErrorOptions:
     """Return the set-up of the output-error fit for a case."""
     chosen = options.output_error or OutputErrorOptions()
-    drifts = not (isinstance(case.bench, Bench) or chosen.closed_loop)
+    drifts = case.bench.kind.drifts_in_open_loop and not chosen.closed_loop
     if chosen.window is None and drifts:
         return replace(chosen, window=FORCE_WINDOW)
     return chosen

@@ -10,13 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from pneumo_casadi.data import Bench
 from pneumo_casadi.data.bench.bench_file import bench_content, bench_from_content
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.errors import CaseError, ModelError
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.effect import Effect
-from pneumo_casadi.model.servosystem import ForceAxis, Servosystem
+from pneumo_casadi.model.servosystem import nominal_axis
 from pneumo_casadi.parameters import FloatArray, Parameter, Parameters
 from pneumo_casadi.valve import FlowISO6358, FlowModel, FlowPolynomials, FlowSpline
 
@@ -93,7 +92,7 @@ def axis_dict(axis: Axis) -> dict[str, Any]:
             )
     return {
         "bench": bench_content(axis.bench),
-        "flow": None if axis.flow is None else _flow_dict(axis.flow),
+        "flow": _flow_dict(axis.flow) if axis.kind.needs_flow_map else None,
         "effects": [effect.name for effect in axis.effects],
         "parameters": {
             item.name: {
@@ -122,13 +121,7 @@ def axis_from_dict(content: Any) -> Axis:
         items = [_parameter(name, item) for name, item in content["parameters"].items()]
         effects = [_effect(name) for name in content["effects"]]
         flow = None if content["flow"] is None else _flow(content["flow"], items)
-        if isinstance(bench, Bench) != (flow is not None):
-            raise CaseError("a servo axis has a flow map, a force-driven axis has none")
-        axis = (
-            Servosystem(bench, flow, effects)
-            if isinstance(bench, Bench) and flow is not None
-            else ForceAxis(bench, effects)  # type: ignore[arg-type]
-        )
+        axis = nominal_axis(bench, flow, effects)
         given = {item.name: item for item in items}
         odd = sorted(given.keys() ^ set(axis.parameters.names))
         if odd:

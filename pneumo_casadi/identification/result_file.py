@@ -72,7 +72,7 @@ def result_dict(found: Identification) -> dict[str, Any]:
 
 def output_error_dict(result: OutputErrorResult, found: Identification) -> dict[str, Any]:
     """Return an output-error fit as plain values."""
-    flow = set() if found.flow is None else set(found.flow.parameters.names)
+    flow = set(result.axis.flow_parameters)
     own = [name for name in result.parameters.names if name not in flow and name != "v_s"]
     correlation = result.uncertainty.correlation
     names = [name for name in own if name in result.uncertainty.names]

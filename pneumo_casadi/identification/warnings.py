@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pneumo_casadi.data import Bench, Case, Recording
+from pneumo_casadi.data import Case, Recording
 from pneumo_casadi.estimation.output_error import OutputErrorResult
 from pneumo_casadi.estimation.wls import WLSResult
 from pneumo_casadi.validation import Validation
@@ -179,7 +179,7 @@ def _of_physics(case: Case, result: OutputErrorResult) -> Iterator[ResultWarning
         yield ResultWarning(
             "physics", f"M = {M:.4g} kg is {100 * (M / sheet - 1):+.0f} % off the data sheet."
         )
-    for chamber in "PN" if isinstance(case.bench, Bench) else "":
+    for chamber in case.bench.kind.gas_chambers:
         geometric = getattr(case.bench, f"S_{chamber}")
         share = result.derived[f"S_{chamber}"].value / geometric - 1
         if abs(share) > DATASHEET:

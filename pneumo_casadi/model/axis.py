@@ -1,160 +1,31 @@
-"""The axis as CasADi functions: parameters, right-hand side, outputs, regressor."""
+"""The axis as CasADi functions: right-hand side, outputs, regressor."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from pneumo_casadi.data import Bench, ForceBench
 from pneumo_casadi.errors import ModelError
-from pneumo_casadi.model.balances import Balances, write_balances
-from pneumo_casadi.model.effect import JUNCTIONS, Effect, Expression
-from pneumo_casadi.parameters import FloatArray, Parameter, Parameters
-
-#: Junctions of an axis with chambers, and of one driven by a force.
-PNEUMATIC = frozenset(JUNCTIONS) - {"drive"}
-FORCE_DRIVEN = frozenset({"drive", "force", "output"})
+from pneumo_casadi.model.axis_description import AxisDescription
+from pneumo_casadi.model.balances import Balances, driving_force, write_balances
+from pneumo_casadi.model.effect import Expression
+from pneumo_casadi.parameters import FloatArray, Parameters
 
 #: Width that makes tanh the sign function for every velocity that a sensor can tell from zero.
 V_S_SHARP = 1e-12
 
-_SCALES = {"p_P": 1e5, "p_N": 1e5, "x": 0.1, "v": 0.5}
-_UNITS = {"p_P": "Pa", "p_N": "Pa", "x": "m", "v": "m/s", "u_P": "V", "u_N": "V", "F": "N"}
 
-
-@dataclass(frozen=True, eq=False)
-class Axis:
+class Axis(AxisDescription):
     """An axis with its effects, ready to be simulated and fitted.
 
-    Use `Servosystem` or `ForceAxis` to make one.
+    Use `Servosystem`, `ForceAxis` or `make_axis` to make one.
 
     Parameters
     ----------
-    bench : Bench or ForceBench
-        Geometry and constants.
-    flow : flow model or None
-        Static map of the two identical valves; None leaves the chambers out.
-    effects : tuple of Effect
-        Folded in this order at each junction.
-    parameters : Parameters
-        Nominal parameters (eq. 9), the friction width ``v_s``, the coefficients of the flow map
-        and those of the effects as ``"effect.name"``.
+    bench, flow, effects, parameters
+        See `AxisDescription`.
     """
-
-    bench: Bench | ForceBench
-    flow: Any
-    effects: tuple[Effect, ...]
-    parameters: Parameters
-
-    def __post_init__(self) -> None:
-        names = [effect.name for effect in self.effects]
-        if len(set(names)) < len(names):
-            raise ModelError(f"an effect is named twice: {', '.join(names)}")
-        allowed = PNEUMATIC if self.flow is not None else FORCE_DRIVEN
-        for effect in self.effects:
-            missing = [j for j in effect.junctions if j not in allowed]
-            if missing:
-                kind = "a servo axis" if self.flow is not None else "a force-driven axis"
-                raise ModelError(
-                    f"effect {effect.name} acts at {', '.join(missing)}, which {kind} has not"
-                )
-            if effect.needs_chambers and self.flow is None:
-                raise ModelError(
-                    f"effect {effect.name} needs pressures, which a force-driven axis has not"
-                )
-
-    def __getstate__(self) -> dict[str, Any]:
-        kept = ("bench", "flow", "effects", "parameters")
-        return {name: self.__dict__[name] for name in kept}
-
-    def with_effects(self, *effects: Effect) -> "Axis":
-        """Return the axis with further effects, at their null values."""
-        added = Parameters(item for effect in effects for item in _effect_parameters(effect))
-        return replace(self, effects=(*self.effects, *effects), parameters=self.parameters + added)
-
-    def with_parameters(self, parameters: Parameters | Mapping[str, float]) -> "Axis":
-        """Return the axis with other parameter values, bounds or freedom (matched by name)."""
-        if not isinstance(parameters, Parameters):
-            return replace(self, parameters=self.parameters.with_values(parameters))
-        new = {item.name: item for item in parameters}
-        return replace(
-            self, parameters=Parameters(new.get(item.name, item) for item in self.parameters)
-        )
-
-    def at_null_values(self) -> "Axis":
-        """Return the axis with all its effects where they vanish, as far as bounds allow."""
-        nulls = {item.name: item.null for item in self.parameters if item.null is not None}
-        items = self.parameters.select(nulls)
-        inside = np.clip(list(nulls.values()), items.lower, items.upper)
-        return self.with_parameters(dict(zip(nulls, inside.tolist(), strict=True)))
-
-    def at_starting_values(self, *names: str) -> "Axis":
-        """Return the axis with the named effects (all, if none is named) where a fit starts."""
-        chosen = names or tuple(effect.name for effect in self.effects)
-        unknown = set(chosen) - {effect.name for effect in self.effects}
-        if unknown:
-            raise ModelError(f"the axis has no effect {', '.join(sorted(unknown))}")
-        starts = {
-            item.name: item.start
-            for item in self.parameters
-            if item.start is not None and item.name.split(".")[0] in chosen
-        }
-        return self.with_parameters(starts)
-
-    def started_at(self, parameters: Parameters) -> "Axis":
-        """Return the axis with values from another estimate, moved into this axis' bounds.
-
-        Weighted least squares knows no bounds; output error must start within them.
-        """
-        known = [item.name for item in parameters if item.name in self.parameters]
-        mine = self.parameters.select(known)
-        inside = np.clip(parameters.select(known).values, mine.lower, mine.upper)
-        return self.with_parameters(dict(zip(known, inside.tolist(), strict=True)))
-
-    @property
-    def motion_states(self) -> tuple[str, ...]:
-        """States of the nominal axis."""
-        return ("p_P", "p_N", "x", "v") if self.flow is not None else ("x", "v")
-
-    @property
-    def states(self) -> tuple[str, ...]:
-        """All states, those of the effects last as ``"effect.state"``."""
-        extra = (f"{e.name}.{state.name}" for e in self.effects for state in e.states)
-        return (*self.motion_states, *extra)
-
-    @property
-    def inputs(self) -> tuple[str, ...]:
-        """Input channels."""
-        return ("u_P", "u_N") if self.flow is not None else ("F",)
-
-    @property
-    def outputs(self) -> tuple[str, ...]:
-        """Measured channels."""
-        return ("p_P", "p_N", "x") if self.flow is not None else ("x",)
-
-    @property
-    def equations(self) -> tuple[str, ...]:
-        """Balances in residual form, in order."""
-        chambers = ("mass_flow_P", "mass_flow_N") if self.flow is not None else ()
-        return (*chambers, "force")
-
-    @property
-    def state_scales(self) -> FloatArray:
-        """Sizes by which an optimiser divides the states, shape (nx,)."""
-        extra = [state.scale for effect in self.effects for state in effect.states]
-        return np.array([*(_SCALES[name] for name in self.motion_states), *extra])
-
-    def unit(self, channel: str) -> str:
-        """Return the unit of a state, input or output of the nominal axis."""
-        return _UNITS[channel]
-
-    @property
-    def symbol(self) -> Any:
-        """CasADi type in which the model can be written: SX unless the flow map needs MX."""
-        return ca.MX if getattr(self.flow, "symbol", "SX") == "MX" else ca.SX
 
     def balances(
         self,
@@ -176,7 +47,7 @@ class Axis:
 
         def write(known: Mapping[str, Expression]) -> Balances:
             return write_balances(
-                known, rates, u_by_name, theta, self.constants, self.effects, self.flow
+                self.kind, known, rates, u_by_name, theta, self.constants, self.effects, self.flow
             )
 
         if not at_rest or self.states == self.motion_states:
@@ -187,14 +58,6 @@ class Axis:
         for _ in self.effects:
             settled = dict(write(states | settled).rest)
         return write(states | settled)
-
-    @property
-    def constants(self) -> dict[str, float]:
-        """Geometry, pressures and gas of the bench, as far as the axis has them [SI]."""
-        if isinstance(self.bench, ForceBench):
-            return {} if self.bench.stroke is None else {"stroke": self.bench.stroke}
-        names = ("S_P", "S_N", "p_ext", "p_supply", "T", "r", "stroke")
-        return {name: getattr(self.bench, name) for name in names}
 
     def _symbols(self) -> tuple[Expression, Expression, Expression]:
         sym = self.symbol.sym
@@ -218,9 +81,9 @@ class Axis:
         r = ca.vertcat(*(written.residual[name] for name in self.equations))
         inertia = -ca.jacobian(r, dx)
         rest = ca.substitute(r, dx, ca.DM.zeros(dx.shape))
-        for i, state in enumerate([*self.outputs[:-1], "v"]):
+        for i, balance in enumerate(self.kind.balances):
             # Each balance holds one derivative, linearly: r = r|₀ - inertia · derivative.
-            rates[state] = rest[i] / inertia[i, self.states.index(state)]
+            rates[balance.state] = rest[i] / inertia[i, self.states.index(balance.state)]
         f = ca.vertcat(*(rates[name] for name in self.states))
         if ca.depends_on(f, dx):
             raise ModelError("an effect couples the derivatives of several states; solve it there")
@@ -241,6 +104,13 @@ class Axis:
         written = self.balances(x, self.symbol(x.shape[0], 1), u, self._named(theta))
         q_m = ca.vertcat(*written.q_m)
         return ca.Function("valve_flow", [x, u, theta], [q_m], ["x", "u", "theta"], ["q_m"])
+
+    def driving_force(self, x: FloatArray, u: FloatArray) -> FloatArray:
+        """Return S_P p_P - S_N p_N - F_ext, or F [N], (N,), of states (nx, N), inputs (nu, N)."""
+        signals = dict(zip(self.motion_states, x, strict=False)) | dict(
+            zip(self.inputs, u, strict=True)
+        )
+        return np.asarray(driving_force(self.kind, signals, self.constants))
 
     @cached_property
     def rest(self) -> ca.Function:
@@ -313,7 +183,7 @@ class Axis:
         ones before them: a shape parameter inside a column is held at its value instead, and
         one that only a sensor knows is no business of the balances.
         """
-        flow = set(self.flow.parameters.names) if self.flow is not None else set()
+        flow = set(self.flow_parameters)
         lagging = {effect.name for effect in self.effects if effect.states}
         x, u, theta = self._symbols()
         dx = self.symbol.sym("dx", len(self.states))
@@ -336,7 +206,3 @@ def _dependence(expression: Expression, vector: Expression) -> list[int]:
     """Return the elements of a symbolic vector on which an expression depends."""
     pattern = ca.jacobian_sparsity(ca.vec(expression), vector)
     return sorted(set(pattern.get_col()))
-
-
-def _effect_parameters(effect: Effect) -> list[Parameter]:
-    return [replace(item, name=f"{effect.name}.{item.name}") for item in effect.parameters]

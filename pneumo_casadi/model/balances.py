@@ -9,6 +9,7 @@ from typing import Any
 
 import casadi as ca
 
+from pneumo_casadi.data import AxisKind
 from pneumo_casadi.model.effect import Effect, Expression, Pair, Scope, Supply
 
 #: Least pressure at a port of the valve, whatever an effect makes of it [Pa].
@@ -60,6 +61,7 @@ class _Fold:
 
 
 def write_balances(
+    kind: AxisKind,
     x: Mapping[str, Expression],
     dx: Mapping[str, Expression],
     u: Mapping[str, Expression],
@@ -70,16 +72,18 @@ def write_balances(
 ) -> Balances:
     """Write eq. 1-4 of the axis with its effects as residuals.
 
-    With chambers (`flow` given)::
+    On an axis with chambers::
 
         0 = q_mP - (X_s1 + X_s2 x) ṗ_P - X_s3 p_P ẋ
         0 = q_mN - (X_s4 - X_s5 x) ṗ_N + X_s6 p_N ẋ
-        0 = S_P p_P - S_N p_N - (S_P - S_N) p_ext - M ẍ - F_f(ẋ)
+        0 = S_P p_P - S_N p_N - F_ext - M ẍ - F_f(ẋ)
 
-    and without: 0 = F - M ẍ - F_f(ẋ).
+    and on one driven by a force: 0 = F - M ẍ - F_f(ẋ).
 
     Parameters
     ----------
+    kind : AxisKind
+        Which states, inputs and balances there are.
     x, dx : mapping of str to Expression
         States and their derivatives: ``p_P, p_N`` [Pa] (with chambers), ``x`` [m], ``v`` [m/s],
         and the effects' states as ``"effect.state"``. A missing effect state is at rest.
@@ -93,21 +97,16 @@ def write_balances(
         In the order in which they are folded.
     flow : flow model, optional
         Static map of the valves with ``parameters``, ``expression(u, p, theta)`` and, where an
-        effect changes the port pressures, ``expression_at``.
+        effect changes the port pressures, ``expression_at``. Needed with chambers.
 
     Returns
     -------
     Balances
     """
-    chambers = flow is not None
-    p = Pair(x["p_P"], x["p_N"]) if chambers else Pair(0.0, 0.0)
-    # tanh instead of sign: v_s is lowered step by step in a fit; WLS puts it to almost zero.
-    direction = ca.tanh(x["v"] / theta["v_s"])
-    friction = (
-        theta["f_v"] * x["v"]
-        + theta["F_c_plus"] * (1 + direction) / 2
-        - theta["F_c_minus"] * (1 - direction) / 2
-    )
+    signals = {**u, **x}
+    p = Pair(signals["p_P"], signals["p_N"]) if kind.chambers else Pair(0.0, 0.0)
+    direction = smoothed_sign(x["v"], theta["v_s"])
+    friction = friction_force(x["v"], direction, theta)
     nominal = {**{k: val for k, val in theta.items() if "." not in k}, **constants}
     common = Scope(x["x"], x["v"], p, direction, friction, nominal)
     owns = [_own(effect, x, theta) for effect in effects]
@@ -115,28 +114,15 @@ def write_balances(
 
     residual: dict[str, Expression] = {}
     q_m = Pair(0.0, 0.0)
-    if chambers:
+    if kind.gas_chambers:
         q_m = _valve_flow(fold, u, p, theta, constants, flow)
         q = fold.through("chamber_flow", fold.through("line", q_m))
         q = fold.through("chamber_energy", q)
-        residual["mass_flow_P"] = (
-            q.P
-            - (theta["X_s1"] + theta["X_s2"] * x["x"]) * dx["p_P"]
-            - theta["X_s3"] * p.P * x["v"]
-        )
-        residual["mass_flow_N"] = (
-            q.N
-            - (theta["X_s4"] - theta["X_s5"] * x["x"]) * dx["p_N"]
-            + theta["X_s6"] * p.N * x["v"]
-        )
-        S_P, S_N = constants["S_P"], constants["S_N"]
-        effort = S_P * p.P - S_N * p.N - (S_P - S_N) * constants["p_ext"]
-    else:
-        effort = fold.through("drive", u["F"])
-    residual["force"] = fold.through("force", effort - friction) - theta["M"] * dx["v"]
+        residual |= mass_flow_residuals(q, p, x, dx, theta)
+    driving = fold.through("drive", driving_force(kind, signals, constants))
+    residual["force"] = fold.through("force", driving - friction) - theta["M"] * dx["v"]
 
-    y = {"p_P": p.P, "p_N": p.N, "x": x["x"]} if chambers else {"x": x["x"]}
-    output = fold.through("output", y)
+    output = fold.through("output", {name: signals[name] for name in kind.outputs})
     rates: dict[str, Expression] = {}
     rest: dict[str, Expression] = {}
     for effect, entering, scope in zip(effects, fold.entering, fold.scopes, strict=True):
@@ -144,6 +130,79 @@ def write_balances(
             rates |= _full(effect, effect.rates(entering, scope))
             rest |= _full(effect, effect.rest(entering, scope))
     return Balances(residual, rates, rest, output, q_m)
+
+
+def mass_flow_residuals(
+    q: Pair,
+    p: Pair,
+    x: Mapping[str, Expression],
+    dx: Mapping[str, Expression],
+    theta: Mapping[str, Expression],
+) -> dict[str, Expression]:
+    """Return the residuals of both mass flow balances of eq. 1 [kg/s].
+
+    ``q`` is the flow that raises the pressures: k r T / V (q_m ∓ S/(r T) p ẋ) = ṗ, written with
+    the parameters of eq. 10 and 11.
+    """
+    P, N = chamber_capacities(x["x"], theta)
+    return {
+        "mass_flow_P": q.P - P * dx["p_P"] - theta["X_s3"] * p.P * x["v"],
+        "mass_flow_N": q.N - N * dx["p_N"] + theta["X_s6"] * p.N * x["v"],
+    }
+
+
+def chamber_capacities(x: Expression, theta: Mapping[str, Expression]) -> Pair:
+    """Return V_P(x)/(k_P r T) and V_N(x)/(k_N r T) [kg/Pa].
+
+    Eq. 3: V_P(x) = V_P(0) + S_P x and V_N(x) = V_N(0) - S_N x.
+    """
+    return Pair(theta["X_s1"] + theta["X_s2"] * x, theta["X_s4"] - theta["X_s5"] * x)
+
+
+def driving_force(
+    kind: AxisKind, signals: Mapping[str, Expression], constants: Mapping[str, Expression]
+) -> Expression:
+    """Return what moves the mass of the nominal axis: S_P p_P - S_N p_N - F_ext, or F [N]."""
+    if kind.chambers:
+        p = Pair(signals["p_P"], signals["p_N"])
+        return pressure_force(p, constants) - external_force(constants)
+    return signals["F"]
+
+
+def pressure_force(p: Pair, constants: Mapping[str, Expression]) -> Expression:
+    """Return the force of the chamber pressures on the piston, S_P p_P - S_N p_N [N] (eq. 1)."""
+    return constants["S_P"] * p.P - constants["S_N"] * p.N
+
+
+def external_force(constants: Mapping[str, Expression]) -> Expression:
+    """Return the force of the ambient pressure on the rod [N].
+
+    Eq. 2: F_ext = (S_P - S_N) p_ext.
+    """
+    return (constants["S_P"] - constants["S_N"]) * constants["p_ext"]
+
+
+def friction_force(
+    v: Expression, direction: Expression, theta: Mapping[str, Expression]
+) -> Expression:
+    """Return the friction force, positive against motion in +x [N].
+
+    Eq. 4: F_f = f_v ẋ + F_c⁺ for ẋ > 0 and f_v ẋ - F_c⁻ for ẋ < 0, with `direction` in place of
+    the sign of ẋ.
+    """
+    return (
+        theta["f_v"] * v
+        + theta["F_c_plus"] * (1 + direction) / 2
+        - theta["F_c_minus"] * (1 - direction) / 2
+    )
+
+
+def smoothed_sign(v: Expression, v_s: Expression) -> Expression:
+    """Return tanh(ẋ/v_s), between -1 and 1.
+
+    A derivative is needed at ẋ = 0. Fits lower v_s in stages; WLS sets it almost to zero.
+    """
+    return ca.tanh(v / v_s)
 
 
 def _valve_flow(

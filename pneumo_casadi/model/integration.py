@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from pneumo_casadi.data import ForceBench, InputHold
+from pneumo_casadi.data import InputHold
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.effect import Expression
@@ -59,8 +59,8 @@ def substeps_for(axis: Axis, dt: float) -> int:
 
 def _fastest_rate(axis: Axis) -> float:
     """Return the largest magnitude of the axis' poles at mid-stroke and standstill [1/s]."""
-    bench, theta = axis.bench, axis.parameters.values
-    pressures = [] if isinstance(bench, ForceBench) else [(bench.p_supply + bench.p_ext) / 2] * 2
+    constants, theta = axis.constants, axis.parameters.values
+    pressures = [(constants["p_supply"] + constants["p_ext"]) / 2 for _ in axis.kind.gas_chambers]
     u = np.zeros(len(axis.inputs))
     at_rest = axis.rest([*pressures, 0.0, 0.0], u, theta)
     x = axis.symbol.sym("x", len(axis.states))

@@ -1,8 +1,9 @@
-"""The two axes that can be made: two valves and a cylinder, or a known force."""
+"""The axes that can be made: two valves and a cylinder, or a known force."""
 
 from collections.abc import Iterable
 
-from pneumo_casadi.data import Bench, ForceBench
+from pneumo_casadi.data import AnyBench, Bench, ForceBench
+from pneumo_casadi.errors import ModelError
 from pneumo_casadi.model.axis import V_S_SHARP, Axis
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.parameters import Parameter, Parameters
@@ -44,6 +45,31 @@ def ForceAxis(bench: ForceBench, effects: Iterable[Effect] = ()) -> Axis:
     return Axis(bench, None, (), Parameters(_motion_parameters(bench))).with_effects(*effects)
 
 
+def nominal_axis(bench: AnyBench, flow: FlowModel | None, effects: Iterable[Effect] = ()) -> Axis:
+    """Make the axis of the kind that its bench says.
+
+    Parameters
+    ----------
+    bench : Bench or ForceBench
+        Geometry and constants.
+    flow : flow model or None
+        Static map of the valves where this kind of axis has valves.
+    effects : iterable of Effect, optional
+        Physics to add to the nominal axis, at null values.
+
+    Raises
+    ------
+    ModelError
+        If a flow map is missing, or there are no valves to which it could belong.
+    """
+    if isinstance(bench, Bench) and flow is not None:
+        return Servosystem(bench, flow, effects)
+    if isinstance(bench, ForceBench) and flow is None:
+        return ForceAxis(bench, effects)
+    verb = "needs" if bench.kind.needs_flow_map else "has no"
+    raise ModelError(f"a {bench.kind.title} {verb} static flow map of its valves")
+
+
 def _chamber_parameters(bench: Bench) -> list[Parameter]:
     rT = bench.r * bench.T
     length = 1.1 * bench.stroke / 2
@@ -68,7 +94,7 @@ def _chamber_parameters(bench: Bench) -> list[Parameter]:
     return found
 
 
-def _motion_parameters(bench: Bench | ForceBench) -> list[Parameter]:
+def _motion_parameters(bench: AnyBench) -> list[Parameter]:
     M = bench.datasheet.get("M_kg", 10.0)
     return [
         Parameter("M", M, "kg", lower=M / 100, upper=M * 100, description="moving mass"),

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pneumo_casadi.data import FORCE_DRIVEN, PNEUMATIC
 from pneumo_casadi.effects import EFFECTS, effect_row
-from pneumo_casadi.model.axis import FORCE_DRIVEN, PNEUMATIC
 from pneumo_casadi.model.effect import JUNCTIONS, NOMINAL
 from pneumo_casadi.report.tables.effects import effect_markdown
 
@@ -56,7 +56,10 @@ def test_every_junction_is_told_with_what_passes_and_on_which_axis():
     assert [row[0] for row in rows] == list(JUNCTIONS)
     for name, passes, pneumatic, force_driven in rows:
         assert passes.replace("`", "") == JUNCTIONS[name]
-        assert (bool(pneumatic), bool(force_driven)) == (name in PNEUMATIC, name in FORCE_DRIVEN)
+        assert (bool(pneumatic), bool(force_driven)) == (
+            name in PNEUMATIC.junctions,
+            name in FORCE_DRIVEN.junctions,
+        )
 
 
 def test_the_files_and_commands_of_the_catalogue_are_there():

@@ -6,10 +6,9 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from pneumo_casadi.data import InputHold
+from pneumo_casadi.data import FORCE_DRIVEN, PNEUMATIC, InputHold
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.estimation.output_error import OutputErrorOptions, fit_output_error
-from pneumo_casadi.model.axis import FORCE_DRIVEN, PNEUMATIC
 from pneumo_casadi.model.compilation import compile_functions
 from pneumo_casadi.model.integration import Stepping, step_function
 
@@ -18,7 +17,7 @@ FINE = 8
 
 
 KINDS = {"servo": "true_axis", "force-driven": "true_force_axis"}
-JUNCTIONS_OF = {"servo": PNEUMATIC, "force-driven": FORCE_DRIVEN}
+JUNCTIONS_OF = {"servo": PNEUMATIC.junctions, "force-driven": FORCE_DRIVEN.junctions}
 
 
 def fits(effect, kind):
@@ -128,7 +127,7 @@ def _closed_loop(axis, x_ref, period):
         [step_function(axis, Stepping(period, InputHold.ZERO, FINE)), axis.output]
     )
     theta, law = axis.parameters.values, axis.bench.controller
-    still = [3.5e5, 4.7e5, 0.0, 0.0] if axis.flow is not None else [0.0, 0.0]
+    still = [3.5e5, 4.7e5, 0.0, 0.0] if axis.kind.chambers else [0.0, 0.0]
     x = axis.rest(still, np.zeros(len(axis.inputs)), theta).full().ravel()
     all_u, all_x = [], []
     for wanted in x_ref:

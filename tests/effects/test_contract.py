@@ -226,7 +226,7 @@ def test_a_record_holds_information_on_each_free_parameter_beside_the_others(
 ):
     """Freed in an output-error fit at its start, an effect has a finite covariance."""
     axis, nominal = pair
-    kind = "servo" if axis.flow is not None else "force-driven"
+    kind = "servo" if axis.kind.chambers else "force-driven"
     u, x_0 = commanded[kind]
     added = [item for item in started.parameters.items[len(nominal.parameters) :] if item.free]
     columns = []

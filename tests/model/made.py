@@ -124,7 +124,7 @@ def true_force_axis(*effects):
 def states(axis, rng):
     """A random state (nx,) and input (nu,) within the axis' reach."""
     motion = [rng.uniform(-0.15, 0.15), rng.uniform(-0.5, 0.5)]
-    if axis.flow is None:
+    if not axis.kind.chambers:
         return np.array(motion), rng.uniform(-100, 100, 1)
     u = rng.uniform(-2, 2, 2)
     extra = [u[0] + 0.3, u[1] - 0.2][: len(axis.states) - 4]
@@ -151,7 +151,7 @@ def controlled(axis, N, seed=0, substeps=20):
     (step,) = compile_functions([step_function(axis, Stepping(1 / FS, InputHold.ZERO, substeps))])
     theta, law = axis.parameters.values, axis.bench.controller
     x_ref = reference(np.arange(N) / FS, seed)
-    if axis.flow is None:
+    if not axis.kind.chambers:
         x = np.array([0.0, 0.0])
     else:
         x = np.array([3.5e5, 4.7e5, 0.0, 0.0, *([0.0] * (len(axis.states) - 4))])

@@ -6,6 +6,7 @@ from types import MappingProxyType
 from typing import Any, ClassVar
 
 from pneumo_casadi.data.bench import quantities
+from pneumo_casadi.data.bench.axis_kind import FORCE_DRIVEN, PNEUMATIC, AxisKind
 from pneumo_casadi.data.bench.controllers import (
     Controller,
     NestedController,
@@ -106,8 +107,7 @@ class Bench:
     datasheet: Mapping[str, float] = field(default_factory=dict)
     noise: SensorNoise | None = None
 
-    inputs: ClassVar[tuple[str, ...]] = ("u_P", "u_N")
-    outputs: ClassVar[tuple[str, ...]] = ("p_P", "p_N", "x")
+    kind: ClassVar[AxisKind] = PNEUMATIC
 
     def __post_init__(self) -> None:
         _check(
@@ -165,7 +165,7 @@ class ForceBench:
 
     Examples
     --------
-    >>> ForceBench(1000.0, None, NestedController(160.18, 243.45, 35.15, 10.0)).inputs
+    >>> ForceBench(1000.0, None, NestedController(160.18, 243.45, 35.15, 10.0)).kind.inputs
     ('F',)
     """
 
@@ -175,8 +175,7 @@ class ForceBench:
     datasheet: Mapping[str, float] = field(default_factory=dict)
     noise: SensorNoise | None = None
 
-    inputs: ClassVar[tuple[str, ...]] = ("F",)
-    outputs: ClassVar[tuple[str, ...]] = ("x",)
+    kind: ClassVar[AxisKind] = FORCE_DRIVEN
 
     def __post_init__(self) -> None:
         _check(self, {"sampling_frequency": quantities.FREQUENCY})

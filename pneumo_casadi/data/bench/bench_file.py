@@ -24,6 +24,11 @@ BENCH_KEYS = {
     "r_J_per_kg_K": "r",
 }
 FORCE_BENCH_KEYS = {"sampling_frequency_Hz": "sampling_frequency", "stroke_m": "stroke"}
+#: ``"axis"`` of the file -> class of the bench, and its keys with the attributes they become.
+BENCH_CLASSES: dict[str, tuple[type[Bench] | type[ForceBench], dict[str, str]]] = {
+    Bench.kind.name: (Bench, BENCH_KEYS),
+    ForceBench.kind.name: (ForceBench, FORCE_BENCH_KEYS),
+}
 CONTROLLERS: dict[str, tuple[type[Any], dict[str, str]]] = {
     "proportional": (ProportionalController, {"gain_V_per_m": "gain", "u_max_V": "u_max"}),
     "nested": (
@@ -69,8 +74,8 @@ def read_bench(path: str | Path) -> AnyBench:
 
 def bench_content(bench: AnyBench) -> dict[str, Any]:
     """Return what `bench.json` holds for a bench; `read_bench` gives the same bench back."""
-    keys = BENCH_KEYS if isinstance(bench, Bench) else FORCE_BENCH_KEYS
-    content: dict[str, Any] = {"axis": "pneumatic" if isinstance(bench, Bench) else "force"}
+    _, keys = BENCH_CLASSES[bench.kind.name]
+    content: dict[str, Any] = {"axis": bench.kind.name}
     content |= {key: getattr(bench, name) for key, name in keys.items()}
     for kind, (make, names) in CONTROLLERS.items():
         if isinstance(bench.controller, make):
@@ -110,10 +115,10 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 def bench_from_content(content: dict[str, Any]) -> AnyBench:
     """Return the bench that `bench_content` has described; errors as in `read_bench`."""
-    axis = content.get("axis", "pneumatic")
-    if axis not in ("pneumatic", "force"):
-        raise CaseError(f"`axis`: got {axis!r}; write 'pneumatic' or 'force'")
-    keys = BENCH_KEYS if axis == "pneumatic" else FORCE_BENCH_KEYS
+    kind = content.get("axis", Bench.kind.name)
+    if not isinstance(kind, str) or kind not in BENCH_CLASSES:
+        raise CaseError(f"`axis`: got {kind!r}; write {' or '.join(map(repr, BENCH_CLASSES))}")
+    bench_class, keys = BENCH_CLASSES[kind]
     optional = {"axis", "datasheet", "sensor_noise", "comment"}
     _check_keys("", content, {*keys, "controller"}, optional)
     values = {name: content[key] for key, name in keys.items()}
@@ -123,7 +128,7 @@ def bench_from_content(content: dict[str, Any]) -> AnyBench:
         "datasheet": _section("datasheet", content.get("datasheet", {})),
         "noise": None if noise is None else _noise(_section("sensor_noise", noise)),
     }
-    return Bench(**values, **parts) if axis == "pneumatic" else ForceBench(**values, **parts)
+    return bench_class(**values, **parts)
 
 
 def _section(name: str, value: Any) -> dict[str, Any]:
@@ -134,7 +139,7 @@ def _section(name: str, value: Any) -> dict[str, Any]:
 
 def _controller(content: dict[str, Any]) -> Controller:
     kind = content.get("type")
-    if kind not in CONTROLLERS:
+    if not isinstance(kind, str) or kind not in CONTROLLERS:
         raise CaseError(f"`controller.type`: got {kind!r}; write one of {', '.join(CONTROLLERS)}")
     make, keys = CONTROLLERS[kind]
     _check_keys("controller.", content, {*keys, "type"}, {"law"})

@@ -51,7 +51,7 @@ def check_recording(recording: Recording, bench: AnyBench) -> tuple[str, ...]:
 
 
 def _check_channels(recording: Recording, bench: AnyBench) -> None:
-    needed = (*bench.inputs, *bench.outputs, "x_ref")
+    needed = (*bench.kind.inputs, *bench.kind.outputs, "x_ref")
     missing = [f"`{name}_{UNITS[name]}`" for name in needed if name not in recording]
     if missing:
         raise CaseError(

@@ -28,11 +28,11 @@ def check_sensors(recording: Recording, bench: AnyBench) -> tuple[str, ...]:
         If a channel is constant, a noisy sensor stands still for a tenth of the record, or
         positions and the control law differ by a factor of a thousand.
     """
-    for channel in (*bench.outputs, *bench.inputs):
+    for channel in (*bench.kind.outputs, *bench.kind.inputs):
         _check_alive(recording, channel)
     notes: list[str] = []
     if bench.noise is not None:
-        for channel in bench.outputs:
+        for channel in bench.kind.outputs:
             notes += _check_frozen(recording, channel, bench.noise)
     if isinstance(bench.controller, ProportionalController):
         notes += _check_law(recording, bench.controller)

@@ -112,7 +112,7 @@ def check_parameters(
     """
     known = _Known(values, std)
     found: list[Check] = []
-    if isinstance(axis.bench, Bench):
+    if isinstance(axis.bench, Bench):  # its areas and volumes are checked
         found += _areas(axis.bench, known)
         found += _polytropic(known)
         found += _volumes(axis.bench, known)

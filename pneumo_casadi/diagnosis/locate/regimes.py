@@ -122,10 +122,10 @@ def _same(one: Regime, other: Regime) -> bool:
 def map_regimes(study: Study, fit: FittedModel) -> tuple[RegimeMap, ...]:
     """Return every balance's residual over command, velocity, position, pressures and time."""
     units = {"u": "V", "v": "m/s", "x": "m", "p": "Pa", "t": "s", "F": "N"}
-    force = "m/s2" if study.axis.flow is None else "N"
+    units_of = {b.name: b.equation_error_unit for b in study.axis.kind.balances}
     found = []
     for rows in _all_rows(study, fit):
-        own = force if rows.balance == "force" else "Pa/s"
+        own = units_of[rows.balance]
         for name in _quantities(study.axis, rows.balance):
             values = rows.at[name]
             edges = np.unique(np.quantile(values, np.linspace(0, 1, BINS + 1)))
@@ -324,9 +324,7 @@ def _records(study: Study) -> Sequence[SmoothedMotion]:
 def _signal(axis: Axis, data: SmoothedMotion, balance: str) -> FloatArray:
     if balance != "force":
         return np.asarray(data.dx[axis.motion_states.index(f"p_{balance[-1]}")])
-    if axis.flow is None:
-        return np.asarray(data.u[0])
-    return np.asarray(axis.constants["S_P"] * data.x[0] - axis.constants["S_N"] * data.x[1])
+    return axis.driving_force(data.x, data.u)
 
 
 def _spectrum(values: FloatArray, mask: NDArray[np.bool_]) -> FloatArray:

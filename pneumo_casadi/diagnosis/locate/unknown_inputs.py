@@ -102,7 +102,7 @@ def unknown_inputs(axis: Axis, values: Mapping[str, float], data: SmoothedMotion
     every = max(1, round(NODE / data.dt))
     h = every * data.dt
     f, A = evaluate_dynamics(axis, theta, data)
-    if axis.flow is None:  # a force is measured like the motion, and must be filtered alike
+    if axis.kind.measured_inputs:  # filtered like the motion
         f = np.stack([data.smooth(row) for row in f])
     K = data.N // every
     nodes = data.x[:, : K * every : every]
@@ -305,11 +305,7 @@ def _scales(axis: Axis, R: FloatArray, G: FloatArray, Q: FloatArray) -> FloatArr
 def signals_of(axis: Axis, theta: FloatArray, data: SmoothedMotion) -> FloatArray:
     """Return the root mean square of each balance's own terms [kg/s, kg/s, N]."""
     rows = []
-    if axis.flow is not None:
+    if axis.kind.gas_chambers:
         rows += list(np.asarray(axis.valve_flow.map(data.N)(data.x, data.u, theta)))
-        c = axis.constants
-        p_P, p_N = data.x[0], data.x[1]
-        rows.append(c["S_P"] * p_P - c["S_N"] * p_N - (c["S_P"] - c["S_N"]) * c["p_ext"])
-    else:
-        rows.append(data.u[0])
+    rows.append(axis.driving_force(data.x, data.u))
     return np.asarray(np.sqrt(np.mean(np.square(rows), axis=1)))

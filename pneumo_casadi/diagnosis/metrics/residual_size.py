@@ -58,22 +58,29 @@ def _noise(axis: Axis, data: SmoothedMotion) -> FloatArray:
     rate = data.derivative(level)
     bend = data.derivative(rate)
     gain = [float(np.std(weak @ one)) for one in (level, rate, bend)]
-    M = axis.parameters["M"].value
-    if axis.flow is None:
-        return np.array([gain[2] * data.noise[0]])
-    p_P, p_N, x = data.noise
-    c = axis.constants
-    force = np.hypot(M * gain[2] * x, np.hypot(c["S_P"] * p_P, c["S_N"] * p_N) * gain[0])
-    return np.array([gain[1] * p_P, gain[1] * p_N, float(force)])
+    noise = dict(zip(axis.outputs, data.noise, strict=True))
+    c, M = axis.constants, axis.parameters["M"].value
+    areas = [c[f"S_{chamber}"] * noise[f"p_{chamber}"] for chamber in axis.kind.gas_chambers]
+    force = np.hypot(M * gain[2] * noise["x"], float(np.linalg.norm(areas)) * gain[0])
+    return np.array(
+        [
+            gain[1] * noise[balance.state]
+            if balance.chamber
+            else force / (M if balance.over_inertia else 1.0)
+            for balance in axis.kind.balances
+        ]
+    )
 
 
 def _signal(axis: Axis, data: SmoothedMotion) -> FloatArray:
-    if axis.flow is None:
-        return np.array([float(np.std(data.averaged(data.u.T))) / axis.parameters["M"].value])
-    c = axis.constants
-    effort = c["S_P"] * data.x[0] - c["S_N"] * data.x[1]
-    rows = data.averaged(np.column_stack([data.dx[0], data.dx[1], effort]))
-    return np.asarray(np.std(rows, axis=0))
+    rows = [
+        data.dx[axis.motion_states.index(balance.state)]
+        if balance.chamber
+        else axis.driving_force(data.x, data.u)
+        / (axis.parameters["M"].value if balance.over_inertia else 1.0)
+        for balance in axis.kind.balances
+    ]
+    return np.asarray(np.std(data.averaged(np.column_stack(rows)), axis=0))
 
 
 def squares(fitted: FittedModel, held_out: bool = True) -> tuple[FloatArray, FloatArray]:

@@ -72,7 +72,7 @@ class Study:
 
     def anchor_with(self, effects: Sequence[Effect]) -> Anchor | None:
         """Residuals of the flow map of a valve that has some effects; None without a map."""
-        if self.flow_map is None or self.axis.flow is None:
+        if self.flow_map is None or not self.axis.kind.needs_flow_map:
             return None
         key = tuple(effect.name for effect in effects if effect.metered)
         if key not in self._anchors:
@@ -86,7 +86,7 @@ class Study:
     @cached_property
     def least(self) -> FloatArray:
         """Smallest residual of each balance that is told from none, in units of `FittedModel`."""
-        return np.array([1e-5] if self.axis.flow is None else [10.0, 10.0, 1e-3])
+        return np.array([balance.resolution for balance in self.axis.kind.balances])
 
 
 def start_study(

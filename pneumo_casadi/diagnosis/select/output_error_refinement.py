@@ -35,10 +35,10 @@ def refine_by_output_error(
     it, and the gauge stays where it is.
     """
     axis = study.axis.with_effects(*effects).with_parameters(dict(fitted.values))
-    if axis.flow is not None:
+    if axis.kind.needs_flow_map:
         metered = [f"{e.name}.{p.name}" for e in effects if e.metered for p in e.parameters]
-        held = (*axis.flow.parameters.names, *metered)
-        axis = axis.with_parameters(axis.parameters.fix(*held))
+        fixed = (*axis.flow_parameters, *metered)
+        axis = axis.with_parameters(axis.parameters.fix(*fixed))
     result: object
     try:
         result = fit_output_error(axis, study.train, None, OPTIONS)

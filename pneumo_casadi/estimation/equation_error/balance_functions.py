@@ -85,10 +85,12 @@ class BalanceFunctions:
         rates = {name: dx[i] for i, name in enumerate(axis.motion_states)}
         inputs = {name: u[i] for i, name in enumerate(axis.inputs)}
         named = {name: theta[i] for i, name in enumerate(axis.parameters.names)}
-        flow = None if axis.flow is None else _FlowAt(axis.flow, constants)
+        flow = _FlowAt(axis.flow, constants) if axis.kind.needs_flow_map else None
 
         def write(known: Mapping[str, Any]) -> Balances:
-            return write_balances(known, rates, inputs, named, constants, axis.effects, flow)
+            return write_balances(
+                axis.kind, known, rates, inputs, named, constants, axis.effects, flow
+            )
 
         settled: dict[str, Any] = dict.fromkeys(own, 0.0)
         for _ in axis.effects:
@@ -103,10 +105,9 @@ class BalanceFunctions:
         r = ca.vertcat(*(written.residual[name] for name in axis.equations))
         # Mass flows over the capacity that takes them, [Pa/s], and a force whose gain is free over
         # the mass, [m/s²]: a common scale of a balance must not make its residuals small.
-        for i, _ in enumerate(axis.outputs[:-1]):
-            r[i] = r[i] / -ca.jacobian(r[i], symbols[1])[i]
-        if axis.flow is None:
-            r = r / theta[axis.parameters.index("M")]
+        for i, balance in enumerate(axis.kind.balances):
+            if balance.over_inertia:
+                r[i] = r[i] / -ca.jacobian(r[i], symbols[1])[axis.kind.states.index(balance.state)]
         y = ca.vertcat(*(written.output[name] for name in axis.outputs))
         exact = [axis.parameters.index(name) for name in self.analytic]
         J = ca.jacobian(r, theta)[:, exact]

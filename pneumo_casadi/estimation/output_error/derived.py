@@ -75,7 +75,7 @@ def derived_quantities(axis: Axis) -> dict[str, Quantity]:
     theta = ca.SX.sym("theta", len(axis.parameters))
     at = {name: theta[i] for i, name in enumerate(axis.parameters.names)}
     written = []
-    if axis.flow is not None:
+    if axis.kind.gas_chambers:
         constants = axis.constants
         rT, middle = constants["r"] * constants["T"], constants["stroke"] / 2
         for chamber, first in (("P", 1), ("N", 4)):

@@ -165,7 +165,7 @@ def write_problem(
     segments = cut_segments(model, records, n, options.window, options.interval)
     functions = IntervalFunctions(model, n, segments[0].per, parameters.free_names)
     known = None
-    if flow_map is not None and axis.flow is not None:
+    if flow_map is not None and axis.kind.needs_flow_map:
         known = anchor_to_flow_map(flow_map, axis.flow, effects=axis.effects)
         if not set(known.names) & set(parameters.free_names):
             known = None
@@ -196,9 +196,9 @@ def _substeps(axis: Axis, options: OutputErrorOptions, dt: float) -> int:
 
 
 def _refuse_free_gauge(axis: Axis, parameters: Parameters, flow_map: FlowMap | None) -> None:
-    if axis.flow is None or flow_map is not None:
+    if not axis.kind.needs_flow_map or flow_map is not None:
         return
-    coefficients = set(axis.flow.parameters.names)
+    coefficients = set(axis.flow_parameters)
     chambers = {f"X_s{i}" for i in range(1, 7)}
     free = set(parameters.free_names)
     if free >= coefficients | chambers:

@@ -5,6 +5,7 @@ from typing import Any
 
 import casadi as ca
 
+from pneumo_casadi.data import PNEUMATIC
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.model.balances import write_balances
@@ -23,9 +24,7 @@ UNLISTED = {
     "flow_drift": _FLOWS,
     "pressure_crosstalk": frozenset({MEASUREMENT}),
 }
-_STATES = ("p_P", "p_N", "x", "v")
 _NOMINAL = (*(f"X_s{i}" for i in range(1, 7)), "M", "f_v", "F_c_plus", "F_c_minus", "v_s")
-_CONSTANTS = ("S_P", "S_N", "p_ext", "p_supply", "T", "r", "stroke")
 
 
 def balances_of(names: Iterable[str]) -> frozenset[str]:
@@ -62,13 +61,15 @@ def acting_in(effect: Effect) -> frozenset[str]:
     sym: Any = ca.SX.sym
     own = [f"{effect.name}.{item.name}" for item in effect.parameters]
     own += [f"{effect.name}.{item.name}" for item in effect.states]
-    symbols: dict[str, Any] = {name: sym(name) for name in (*_STATES, *_NOMINAL, *_CONSTANTS, *own)}
+    known = (*PNEUMATIC.states, *_NOMINAL, *PNEUMATIC.constants, *own)
+    symbols: dict[str, Any] = {name: sym(name) for name in known}
     written = write_balances(
+        PNEUMATIC,
         symbols,
-        {name: sym(f"d{name}") for name in _STATES},
-        {"u_P": sym("u_P"), "u_N": sym("u_N")},
+        {name: sym(f"d{name}") for name in PNEUMATIC.states},
+        {name: sym(name) for name in PNEUMATIC.inputs},
         symbols,
-        {name: symbols[name] for name in _CONSTANTS},
+        {name: symbols[name] for name in PNEUMATIC.constants},
         (effect,),
         _AnyFlow(),
     )

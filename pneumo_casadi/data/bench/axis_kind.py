@@ -1,0 +1,149 @@
+"""The kinds of axis: states, inputs, outputs, balances and junctions of each, defined once.
+
+Everything that depends on the kind of an axis asks its `AxisKind` (``bench.kind``,
+``axis.kind``). A further kind is one entry here, its balances in `model/balances.py` and its
+keys in `bench_file.py`.
+"""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Balance:
+    """One balance of eq. 1; it determines the rate of one state.
+
+    Parameters
+    ----------
+    name : str
+        In results: ``mass_flow_P``, ``mass_flow_N`` or ``force``.
+    unit : str
+        SI unit of its residual.
+    state : str
+        State whose rate it determines.
+    chamber : str, optional
+        Chamber whose mass it balances; empty for the force balance.
+    over_inertia : bool, optional
+        Whether an equation-error fit divides the residual by the factor of the rate. It must
+        where a common scale of all terms is free: it would shrink the residual.
+    equation_error_unit : str, optional
+        Unit of the residual in an equation-error fit; by default `unit`.
+    resolution : float, optional
+        Smallest residual of an equation-error fit that is told from zero [equation_error_unit].
+    """
+
+    name: str
+    unit: str
+    state: str
+    chamber: str = ""
+    over_inertia: bool = False
+    equation_error_unit: str = ""
+    resolution: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not self.equation_error_unit:
+            object.__setattr__(self, "equation_error_unit", self.unit)
+
+
+@dataclass(frozen=True, slots=True)
+class AxisKind:
+    """What an axis of this kind has.
+
+    Parameters
+    ----------
+    name : str
+        Value of ``"axis"`` in ``bench.json``.
+    title : str
+        What messages call it.
+    states, inputs, outputs : tuple of str
+        Symbols of the nominal axis, in order; units and sizes are in `UNITS` and `SCALES`.
+    balances : tuple of Balance
+        In the order of the residuals.
+    junctions : frozenset of str
+        Junctions at which effects may act.
+    chambers : tuple of str, optional
+        Chambers whose pressure is known, be it a state or an input.
+    constants : tuple of str, optional
+        Attributes of the bench that the model uses; one that is None is left out.
+    measured_inputs : bool, optional
+        Whether the inputs are measured signals; otherwise they are commands, known exactly.
+
+    Examples
+    --------
+    >>> PNEUMATIC.gas_chambers, FORCE_DRIVEN.gas_chambers
+    (('P', 'N'), ())
+    >>> [balance.name for balance in FORCE_DRIVEN.balances]
+    ['force']
+    """
+
+    name: str
+    title: str
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    balances: tuple[Balance, ...]
+    junctions: frozenset[str]
+    chambers: tuple[str, ...] = ()
+    constants: tuple[str, ...] = ()
+    measured_inputs: bool = False
+
+    @property
+    def gas_chambers(self) -> tuple[str, ...]:
+        """Chambers whose mass flow is balanced, so that their pressures are states."""
+        return tuple(balance.chamber for balance in self.balances if balance.chamber)
+
+    @property
+    def needs_flow_map(self) -> bool:
+        """Whether the model needs the static flow of the valves (eq. 12)."""
+        return bool(self.gas_chambers)
+
+    @property
+    def drifts_in_open_loop(self) -> bool:
+        """Whether the position is no more than the double integral of the inputs."""
+        return not self.gas_chambers
+
+
+#: SI units of states, inputs and outputs of the nominal axes.
+UNITS = {"p_P": "Pa", "p_N": "Pa", "x": "m", "v": "m/s", "u_P": "V", "u_N": "V", "F": "N"}
+#: Sizes by which an optimiser divides states [SI].
+SCALES = {"p_P": 1e5, "p_N": 1e5, "x": 0.1, "v": 0.5}
+
+PNEUMATIC = AxisKind(
+    name="pneumatic",
+    title="servo axis",
+    states=("p_P", "p_N", "x", "v"),
+    inputs=("u_P", "u_N"),
+    outputs=("p_P", "p_N", "x"),
+    balances=(
+        Balance("mass_flow_P", "kg/s", "p_P", "P", True, "Pa/s", 10.0),
+        Balance("mass_flow_N", "kg/s", "p_N", "N", True, "Pa/s", 10.0),
+        Balance("force", "N", "v", resolution=1e-3),
+    ),
+    junctions=frozenset(
+        {
+            "command",
+            "spool",
+            "supply",
+            "outlet",
+            "valve_flow",
+            "line",
+            "chamber_flow",
+            "chamber_energy",
+            "force",
+            "output",
+        }
+    ),
+    chambers=("P", "N"),
+    constants=("S_P", "S_N", "p_ext", "p_supply", "T", "r", "stroke"),
+)
+
+FORCE_DRIVEN = AxisKind(
+    name="force",
+    title="force-driven axis",
+    states=("x", "v"),
+    inputs=("F",),
+    outputs=("x",),
+    balances=(Balance("force", "N", "v", "", True, "m/s2", 1e-5),),
+    junctions=frozenset({"drive", "force", "output"}),
+    constants=("stroke",),
+    measured_inputs=True,
+)
