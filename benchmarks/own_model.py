@@ -12,7 +12,7 @@ from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.servosystem import Servosystem
 from pneumo_casadi.model.simulation import simulate_closed_loop
 from pneumo_casadi.parameters import FloatArray
-from pneumo_casadi.report import paper
+from pneumo_casadi.report.tables import paper
 from pneumo_casadi.valve import FlowMap, fit_polynomials, read_flow_map
 
 RATE = 1000.0

@@ -13,7 +13,7 @@ from typing import Any
 import provenance
 
 from pneumo_casadi.identification.identify import IdentifyOptions, identify
-from pneumo_casadi.report import paper
+from pneumo_casadi.report.tables import paper
 
 SEED = 0
 TRUTH = {name: value for name, (value, _) in paper.TABLE_1.items()}

@@ -42,7 +42,7 @@ class AxisDescription:
             raise ModelError(f"an effect is named twice: {', '.join(names)}")
         kind = self.kind
         if (self.flow is not None) != kind.needs_flow_map:
-            verb = "needs" if kind.needs_flow_map else "has no"
+            verb = "needs the" if kind.needs_flow_map else "has no"
             raise ModelError(f"a {kind.title} {verb} static flow map of its valves")
         for effect in self.effects:
             missing = [j for j in effect.junctions if j not in kind.junctions]

@@ -66,7 +66,7 @@ def nominal_axis(bench: AnyBench, flow: FlowModel | None, effects: Iterable[Effe
         return Servosystem(bench, flow, effects)
     if isinstance(bench, ForceBench) and flow is None:
         return ForceAxis(bench, effects)
-    verb = "needs" if bench.kind.needs_flow_map else "has no"
+    verb = "needs the" if bench.kind.needs_flow_map else "has no"
     raise ModelError(f"a {bench.kind.title} {verb} static flow map of its valves")
 
 

@@ -75,7 +75,7 @@ def test_an_effect_of_ones_own_is_refused_with_the_way_out(made):
         (lambda c: c.update(effects=["os.system"]), "'os.system' is not of the catalogue"),
         (lambda c: c["flow"].update(form="__import__"), "'__import__'; known are polynomials"),
         (lambda c: c["flow"].update(degrees=[3, 3]), "no model of an axis"),
-        (lambda c: c.update(flow=None), "a servo axis has a flow map"),
+        (lambda c: c.update(flow=None), "a servo axis needs the static flow"),
     ],
 )
 def test_what_is_no_model_is_told(models, change, message):
