@@ -29,8 +29,8 @@ from pneumo_casadi.data import Bench, Case, read_case
 from pneumo_casadi.estimation.output_error import OutputErrorOptions, fit_output_error
 from pneumo_casadi.estimation.wls import fit_wls
 from pneumo_casadi.model.servosystem import Servosystem
-from pneumo_casadi.report.tables import paper
 from pneumo_casadi.report.figures.studies.flow_sensitivity import flow_sensitivity_figure
+from pneumo_casadi.report.tables import paper
 from pneumo_casadi.sensitivity import (
     Estimate,
     FlowSensitivity,

@@ -180,8 +180,8 @@ def identify(
     report("flow map", _SHARES["flow"])
     flow_map, flow = read_flow(case, options)
     axis = make_axis(case, flow)
-    if not options.refine_flow and flow is not None:
-        axis = axis.with_parameters(axis.parameters.fix(*flow.parameters.names))
+    if not options.refine_flow:
+        axis = axis.with_parameters(axis.parameters.fix(*axis.flow_parameters))
     report("weighted least squares", _SHARES["wls"])
     wls = fit_wls(axis, records)
     chosen = output_error_options(case, options)
