@@ -3,6 +3,14 @@
 from pneumo_casadi.valve.degree_selection import DegreeSelection, select_degrees
 from pneumo_casadi.valve.flow_map import FlowMap, read_flow_map
 from pneumo_casadi.valve.flow_model import FlowModel, edge_slopes, flow_function
+from pneumo_casadi.valve.form_selection import (
+    PAPER_DEGREES,
+    FlowForm,
+    FormError,
+    FormSelection,
+    Reason,
+    choose_flow_form,
+)
 from pneumo_casadi.valve.iso6358 import FlowISO6358, fit_iso6358
 from pneumo_casadi.valve.orifice import Orifice, fit_orifice, orifice_expression, orifice_flow
 from pneumo_casadi.valve.polynomial_fit import fit_polynomials
@@ -16,15 +24,21 @@ from pneumo_casadi.valve.projections import (
 from pneumo_casadi.valve.spline import FlowSpline, fit_spline
 
 __all__ = [
+    "PAPER_DEGREES",
     "DegreeSelection",
+    "FlowForm",
     "FlowISO6358",
     "FlowMap",
     "FlowModel",
     "FlowPolynomials",
     "FlowSpline",
+    "FormError",
+    "FormSelection",
     "Orifice",
     "Projections",
+    "Reason",
     "ResidualMap",
+    "choose_flow_form",
     "edge_slopes",
     "fit_iso6358",
     "fit_orifice",

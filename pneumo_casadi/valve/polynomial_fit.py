@@ -42,6 +42,15 @@ def fit_polynomials(
     CaseError
         If the points do not determine the coefficients, or supply pressures are mixed.
     """
+    flow = solve_polynomials(table, degrees, weights)
+    warn_of_rising_edges(flow, table)
+    return flow
+
+
+def solve_polynomials(
+    table: FlowMap, degrees: Degrees, weights: ArrayLike | None = None
+) -> FlowPolynomials:
+    """Return what `fit_polynomials` fits, without its warning."""
     check_degrees(degrees)
     table.require_one_supply()
     w = _normalised_weights(weights, table)
@@ -68,7 +77,7 @@ def fit_polynomials(
     residuals = root * (table.q_m - D @ theta)
     dof = table.n - len(theta)
     sigma = float(np.sqrt(residuals @ residuals / dof))
-    flow = FlowPolynomials(
+    return FlowPolynomials(
         degrees=(degrees[0], degrees[1], degrees[2]),
         p_range=table.p_range,
         u_range=table.u_range,
@@ -77,8 +86,6 @@ def fit_polynomials(
         sigma=sigma,
         dof=dof,
     )
-    warn_of_rising_edges(flow, table)
-    return flow
 
 
 def _solve(A: FloatArray, y: FloatArray) -> tuple[FloatArray | None, FloatArray]:

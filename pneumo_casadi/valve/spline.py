@@ -144,6 +144,15 @@ def fit_spline(
     CaseError
         If fewer than four pressures were metered.
     """
+    flow, _ = smooth_map(table, segments_u, segments_p, smoothing)
+    warn_of_rising_edges(flow, table)
+    return flow
+
+
+def smooth_map(
+    table: FlowMap, segments_u: int = 2, segments_p: int = 24, smoothing: float | None = None
+) -> tuple[FlowSpline, float]:
+    """Return what `fit_spline` fits, without its warning, and the smoothing λ that was taken."""
     table.require_one_supply()
     pressures = np.unique(table.p)
     if pressures.size < 4:
@@ -156,7 +165,7 @@ def fit_spline(
     shape = (len(knots_u) - degree_u - 1, len(knots_p) - degree_p - 1)
     B = _tensor(_basis(table.u, knots_u, degree_u, 0), _basis(table.p, knots_p, degree_p, 0))
     penalty = _roughness(knots_u, degree_u, knots_p, degree_p)
-    coefficients, effective = _smooth(B, table.q_m, penalty, smoothing)
+    coefficients, effective, smoothing = _smooth(B, table.q_m, penalty, smoothing)
     fitted = B @ coefficients
     dof = table.n - effective
     sigma = float(np.sqrt(np.sum((table.q_m - fitted) ** 2) / dof))
@@ -179,8 +188,7 @@ def fit_spline(
         sigma,
         dof,
     )
-    warn_of_rising_edges(flow, table)
-    return flow
+    return flow, smoothing
 
 
 def _clamped(sites: FloatArray, segments: int, degree: int) -> FloatArray:
@@ -234,13 +242,13 @@ def _roughness(
 
 def _smooth(
     B: FloatArray, q: FloatArray, penalty: FloatArray, smoothing: float | None
-) -> tuple[FloatArray, float]:
-    """Coefficients and effective number of coefficients, the smoothing chosen by GCV."""
+) -> tuple[FloatArray, float, float]:
+    """Coefficients, their effective number, and the smoothing, chosen by GCV unless given."""
     n = len(q)
     # The smallest weight also settles coefficients that no point reaches.
     candidates = np.geomspace(1e-12, 1.0, 37) if smoothing is None else np.array([smoothing])
     A, rhs = B.T @ B / n, B.T @ q / n
-    best: tuple[float, FloatArray, float] | None = None
+    best: tuple[float, FloatArray, float, float] | None = None
     for weight in candidates:
         M = A + weight * penalty + 1e-14 * np.trace(A) / len(A) * np.eye(len(A))
         solved = np.linalg.solve(M, np.column_stack([rhs, A]))
@@ -249,13 +257,13 @@ def _smooth(
             continue
         score = n * float(np.sum((q - B @ coefficients) ** 2)) / (n - effective) ** 2
         if best is None or score < best[0]:
-            best = (score, coefficients, effective)
+            best = (score, coefficients, effective, float(weight))
     if best is None:
         raise CaseError(
             f"{n} points leave no residual to judge the spline by; use fewer segments or more "
             "smoothing"
         )
-    return best[1], best[2]
+    return best[1:]
 
 
 def _extended(knots: FloatArray, C: FloatArray, degree: int) -> tuple[FloatArray, FloatArray]:
