@@ -38,8 +38,8 @@ from pneumo_casadi.design import (
 )
 from pneumo_casadi.diagnosis import Diagnosis, diagnose
 from pneumo_casadi.estimation.output_error import OutputErrorOptions, OutputErrorResult
-from pneumo_casadi.identification.identify import FlowForm
 from pneumo_casadi.runtime.progress import no_progress
+from pneumo_casadi.valve import FlowForm
 from pneumo_casadi.virtual_bench import Excitation, SyntheticCase, make_case, record
 
 FS, DURATION, COMMON = 1000.0, 6.0, 0.1

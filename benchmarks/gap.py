@@ -27,10 +27,10 @@ from pneumo_casadi.estimation.output_error import (
     fit_output_error,
 )
 from pneumo_casadi.estimation.wls import fit_wls
-from pneumo_casadi.identification.identify import FlowForm, IdentifyOptions, make_axis, read_flow
+from pneumo_casadi.identification.identify import IdentifyOptions, make_axis, read_flow
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.validation import loop_errors, window_errors
-from pneumo_casadi.valve import FlowMap
+from pneumo_casadi.valve import FlowForm, FlowMap
 
 #: Length of the open-loop windows on the held-out record [s].
 WINDOW = 0.5

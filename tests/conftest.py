@@ -25,6 +25,7 @@ from pneumo_casadi.identification.identify import (  # noqa: E402
     IdentifyOptions,
     identify,
 )
+from pneumo_casadi.valve import FlowForm  # noqa: E402
 
 
 @pytest.fixture(scope="session")
@@ -70,7 +71,9 @@ def quick(embedded: Path) -> Identification:
     """An identification of a few seconds of record: quick to make, not to be trusted."""
     case = read_case(embedded)
     case = replace(case, validate=(case.validate[0].window(8.0, 10.0),))
-    return identify(case, IdentifyOptions(start=10.0, end=13.0, windows=(0.5,)))
+    return identify(
+        case, IdentifyOptions(FlowForm.POLYNOMIALS, start=10.0, end=13.0, windows=(0.5,))
+    )
 
 
 @pytest.fixture(scope="session")

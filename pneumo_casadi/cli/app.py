@@ -15,12 +15,13 @@ from pneumo_casadi.cli.bench_command import record_case
 from pneumo_casadi.cli.design_command import design
 from pneumo_casadi.cli.diagnose_command import diagnose_command
 from pneumo_casadi.cli.export_command import export
+from pneumo_casadi.cli.flow_option import Degrees, Flow, FlowOption, degrees_of
 from pneumo_casadi.cli.terminal import BAD_INPUT, OK, complain, guarded, out, progress_bar, show
 from pneumo_casadi.cli.withheld_command import withheld
 from pneumo_casadi.data import read_case
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.estimation.output_error import Method, OutputErrorOptions
-from pneumo_casadi.identification.identify import FlowForm, IdentifyOptions, identify
+from pneumo_casadi.identification.identify import IdentifyOptions, identify
 from pneumo_casadi.identification.result_file import (
     read_axis,
     result_dict,
@@ -39,6 +40,7 @@ from pneumo_casadi.report.tables.results import parameter_table, validation_tabl
 from pneumo_casadi.report.text.identification import render_warnings
 from pneumo_casadi.runtime.progress import progress_range
 from pneumo_casadi.validation import validate as validate_axis
+from pneumo_casadi.valve import PAPER_DEGREES, FlowForm
 
 app = typer.Typer(
     help="Identify pneumatic servo axes: from recordings to physical parameters with intervals.",
@@ -94,7 +96,8 @@ def demo(
     (WLS), output error (OE), the truth and Table 1 side by side.
     """
     with guarded(debug), _embedded_case() as folder:
-        _identify(folder, IdentifyOptions(), output or Path("report/demo"), json_file, paper=True)
+        as_published = IdentifyOptions(FlowForm.POLYNOMIALS, PAPER_DEGREES)
+        _identify(folder, as_published, output or Path("report/demo"), json_file, paper=True)
 
 
 @app.command("identify")
@@ -104,11 +107,8 @@ def identify_command(
     json_file: Json = None,
     start: Start = None,
     end: End = None,
-    flow: Annotated[FlowForm, typer.Option(help="Form of the flow map.")] = FlowForm.POLYNOMIALS,
-    degrees: Annotated[
-        tuple[int, int, int],
-        typer.Option(help="Degrees of the flow polynomials φ, ψ(u > 0), ψ(u < 0)."),
-    ] = (7, 7, 4),
+    flow: Flow = FlowOption.AUTO,
+    degrees: Degrees = None,
     fixed_map: Annotated[
         bool, typer.Option("--fixed-map", help="Keep the flow map as metered.")
     ] = False,
@@ -139,8 +139,8 @@ def identify_command(
     """
     with guarded(debug):
         options = IdentifyOptions(
-            flow_form=flow,
-            degrees=degrees,
+            flow_form=flow.form,
+            degrees=degrees_of(degrees),
             refine_flow=not fixed_map,
             start=start,
             end=end,

@@ -8,6 +8,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
+from pneumo_casadi.cli.flow_option import Flow, FlowOption
 from pneumo_casadi.cli.terminal import guarded, out, progress_bar
 from pneumo_casadi.data import Bench, Case, read_case
 from pneumo_casadi.design import (
@@ -24,7 +25,6 @@ from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.errors import CaseError, FitError
 from pneumo_casadi.estimation.output_error import OutputErrorResult, fit_output_error
 from pneumo_casadi.identification.identify import (
-    FlowForm,
     IdentifyOptions,
     identify,
     output_error_options,
@@ -34,7 +34,7 @@ from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.report.pages.design import design_text, write_design
 from pneumo_casadi.report.pages.write import Kind, check_replaceable
 from pneumo_casadi.runtime.progress import Progress, progress_range
-from pneumo_casadi.valve import FlowMap
+from pneumo_casadi.valve import FlowForm, FlowMap
 
 #: The axis without effects, among those to be told apart.
 NONE = "none"
@@ -54,7 +54,7 @@ class Asked:
     command: float | None
     tries: int | None
     seed: int
-    flow: FlowForm
+    flow: FlowForm | None
 
 
 def design(
@@ -86,7 +86,7 @@ def design(
         float | None,
         typer.Option(help="Largest command [V]; by default as far as the flow map was metered."),
     ] = None,
-    flow: Annotated[FlowForm, typer.Option(help="Form of the flow map.")] = FlowForm.POLYNOMIALS,
+    flow: Flow = FlowOption.AUTO,
     tries: Annotated[
         int | None, typer.Option(min=20, help="References tried; by default some 240 or 60.")
     ] = None,
@@ -108,7 +108,9 @@ def design(
     with guarded(debug):
         folder = output or Path("report") / f"{case.resolve().name}-design"
         check_replaceable(folder, Kind.DESIGN)
-        asked = Asked(separate, criterion, duration, common, velocity, command, tries, seed, flow)
+        asked = Asked(
+            separate, criterion, duration, common, velocity, command, tries, seed, flow.form
+        )
         with progress_bar() as report:
             found, notes = designed(read_case(case), asked, report)
         write_design(found, folder, notes)

@@ -11,6 +11,7 @@ from typing import Annotated, Any
 
 import typer
 
+from pneumo_casadi.cli.flow_option import Degrees, Flow, FlowOption, degrees_of
 from pneumo_casadi.cli.terminal import guarded, out, progress_bar
 from pneumo_casadi.data import Case, read_case
 from pneumo_casadi.diagnosis import DiagnosisOptions, diagnose
@@ -58,6 +59,8 @@ def diagnose_command(
             metavar="FOLDER", help="Keep finished fits here; interrupted work goes on from them."
         ),
     ] = None,
+    flow: Flow = FlowOption.AUTO,
+    degrees: Degrees = None,
     debug: Annotated[bool, typer.Option("--debug", help="Show tracebacks and the log.")] = False,
 ) -> None:
     """Diagnose an axis: where simulation and reality part, why, and how far the gap closes.
@@ -76,7 +79,7 @@ def diagnose_command(
             found = diagnose(
                 found_case,
                 chosen,
-                DiagnosisOptions(keep=keep),
+                DiagnosisOptions(keep, flow.form, degrees_of(degrees)),
                 progress_range(report, 0.0, 0.97),
                 executor,
             )

@@ -26,11 +26,17 @@ from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue, Names
 from pneumo_casadi.diagnosis.select.forward_selection import Selection, select_effects
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.errors import ModelError
-from pneumo_casadi.identification.identify import FlowForm, IdentifyOptions, make_axis, read_flow
+from pneumo_casadi.identification.identify import (
+    IdentifyOptions,
+    make_axis,
+    read_flow,
+    resolve_flow_form,
+)
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.effect import Effect, EffectFactory
 from pneumo_casadi.runtime.progress import Progress, no_progress, progress_range
 from pneumo_casadi.runtime.threads import one_thread
+from pneumo_casadi.valve import FlowForm
 
 logger = logging.getLogger(__name__)
 
@@ -49,9 +55,15 @@ class DiagnosisOptions:
     keep : path, optional
         Folder that keeps finished fits: interrupted work is taken up again there. Refinements by
         output error, a few seconds each, are made anew.
+    flow_form : FlowForm, optional
+        Form of the flow map; by default the one that `choose_flow_form` finds.
+    degrees : tuple of int, optional
+        Degrees of the flow polynomials (eq. 12), as in `IdentifyOptions`.
     """
 
     keep: Path | None = None
+    flow_form: FlowForm | None = None
+    degrees: tuple[int, int, int] | None = None
 
 
 @one_thread
@@ -99,7 +111,10 @@ def diagnose(
     report = progress or no_progress
     case = case if isinstance(case, Case) else read_case(case)
     report("reading", 0.0)
-    one, notes = prepare(case)
+    flow_options, flow_selection = resolve_flow_form(
+        case, IdentifyOptions(flow_form=options.flow_form, degrees=options.degrees)
+    )
+    one, notes = prepare(case, flow_options)
     chosen = applicable(one, EFFECTS if catalogue is None else catalogue)
     found = select_effects(one, chosen, executor, progress_range(report, 0.02, 0.8), options.keep)
     effects = tuple(chosen[name]() for name in found.chosen)
@@ -140,11 +155,19 @@ def diagnose(
         fitted=_values(one.axis.with_effects(*shown), final),
         seconds=time.perf_counter() - began,
         evidence=collect_evidence(one, inputs, found.nominal, final if shown else None),
+        flow_selection=flow_selection,
     )
 
 
-def prepare(case: Case) -> tuple[Study, tuple[str, ...]]:
+def prepare(case: Case, options: IdentifyOptions | None = None) -> tuple[Study, tuple[str, ...]]:
     """Check the records of a case, fit its flow map and start a study; with notes.
+
+    Parameters
+    ----------
+    case : Case
+        What was measured.
+    options : IdentifyOptions, optional
+        Form of the flow map.
 
     Returns
     -------
@@ -164,8 +187,7 @@ def prepare(case: Case) -> tuple[Study, tuple[str, ...]]:
         cuts = [(r, float(r.t[0] + (1 - HELD_OUT) * r.duration)) for r in train]
         held = [r.window(cut, float(r.t[-1]) + r.dt) for r, cut in cuts]
         train = [r.window(float(r.t[0]), cut) for r, cut in cuts]
-    # The polynomials of eq. 12 cannot follow a valve near null; what they miss looks like effects.
-    table, flow = read_flow(case, IdentifyOptions(flow_form=FlowForm.ISO6358))
+    table, flow = read_flow(case, options or IdentifyOptions())
     axis = make_axis(case, flow)
     require_usable((*train, *held), axis.outputs)
     return start_study(axis, table, train, held), tuple(notes)

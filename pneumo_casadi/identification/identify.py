@@ -5,7 +5,6 @@ import logging
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from enum import Enum
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -26,8 +25,12 @@ from pneumo_casadi.runtime.progress import Progress, no_progress, progress_range
 from pneumo_casadi.runtime.threads import one_thread
 from pneumo_casadi.validation import Validation, validate
 from pneumo_casadi.valve import (
+    PAPER_DEGREES,
+    FlowForm,
     FlowMap,
     FlowModel,
+    FormSelection,
+    choose_flow_form,
     fit_iso6358,
     fit_polynomials,
     fit_spline,
@@ -45,27 +48,17 @@ FORCE_WINDOW = 0.5
 _SHARES = {"flow": 0.0, "wls": 0.02, "output_error": 0.08, "validation": 0.65, "done": 1.0}
 
 
-class FlowForm(Enum):
-    """How the static flow map is written."""
-
-    POLYNOMIALS = "polynomials"
-    """Eq. 12 of the paper."""
-    SPLINE = "spline"
-    """Smoothing spline; only its gain is refined by the output-error fit."""
-    ISO6358 = "iso6358"
-    """Two metering edges of ISO 6358."""
-
-
 @dataclass(frozen=True, slots=True)
 class IdentifyOptions:
     """What may be chosen in an identification.
 
     Parameters
     ----------
-    flow_form : FlowForm
-        Form of the flow map.
-    degrees : tuple of int
-        Degrees of φ, ψ (u > 0) and ψ (u < 0) in eq. 12.
+    flow_form : FlowForm, optional
+        Form of the flow map; by default the one that `choose_flow_form` finds.
+    degrees : tuple of int, optional
+        Degrees of φ, ψ (u > 0) and ψ (u < 0) in eq. 12; by default chosen by cross-validation, or
+        (7, 7, 4) as in the paper where `flow_form` asks for the polynomials.
     refine_flow : bool
         Whether the coefficients of the flow map are refined together with the parameters,
         anchored by its measured points.
@@ -80,8 +73,8 @@ class IdentifyOptions:
         Whether it is worked out what informs each parameter, and what stands for what.
     """
 
-    flow_form: FlowForm = FlowForm.POLYNOMIALS
-    degrees: tuple[int, int, int] = (7, 7, 4)
+    flow_form: FlowForm | None = None
+    degrees: tuple[int, int, int] | None = None
     refine_flow: bool = True
     start: float | None = None
     end: float | None = None
@@ -99,13 +92,15 @@ class Identification:
     case : Case
         What was measured.
     options : IdentifyOptions
-        What was chosen.
+        What was chosen, with the form of the flow map that was used.
     records : tuple of Recording
         Those used, cut as the options ask.
     flow_map : FlowMap or None
         Measured static map; None for a force-driven axis.
     flow : FlowModel or None
         The form fitted to the map alone, before any trajectory is seen.
+    flow_selection : FormSelection or None
+        How that form was chosen; None for a force-driven axis.
     wls : WLSResult
         Weighted least squares.
     output_error : OutputErrorResult
@@ -129,6 +124,7 @@ class Identification:
     records: tuple[Recording, ...]
     flow_map: FlowMap | None
     flow: FlowModel | None
+    flow_selection: FormSelection | None
     wls: WLSResult
     output_error: OutputErrorResult
     predictions: tuple[Prediction, ...]
@@ -178,6 +174,7 @@ def identify(
     case = case if isinstance(case, Case) else read_case(case)
     records = _cut(case.identify, options)
     report("flow map", _SHARES["flow"])
+    options, selection = resolve_flow_form(case, options)
     flow_map, flow = read_flow(case, options)
     axis = make_axis(case, flow)
     if not options.refine_flow:
@@ -204,12 +201,13 @@ def identify(
         records=records,
         flow_map=flow_map,
         flow=flow,
+        flow_selection=selection,
         wls=wls,
         output_error=result,
         predictions=predictions,
         validation=validation,
         truth=read_truth(case.folder),
-        warnings=result_warnings(case, records, flow_map, wls, result, validation),
+        warnings=result_warnings(case, records, flow_map, wls, result, validation, selection),
         identifiability=(
             analyse_identifiability(Optimum(result, records, flow_map, chosen))
             if options.identifiability
@@ -221,8 +219,34 @@ def identify(
     return found
 
 
+def resolve_flow_form(
+    case: Case, options: IdentifyOptions
+) -> tuple[IdentifyOptions, FormSelection | None]:
+    """Return the options with the form of the flow map decided, and how it was chosen.
+
+    Returns
+    -------
+    tuple
+        Options whose `flow_form` is not None, and the selection; the options as they are and None
+        for a force-driven axis.
+
+    Raises
+    ------
+    CaseError
+        If a servo axis has no flow map, or no form can be fitted to it.
+    """
+    if not isinstance(case.bench, Bench):
+        return options, None
+    if options.flow_form is not None:
+        selection = FormSelection.given(options.flow_form, options.degrees)
+    else:
+        table = _read_table(case, case.bench)
+        selection = choose_flow_form(table, T=case.bench.T, degrees=options.degrees)
+    return replace(options, flow_form=selection.chosen, degrees=selection.degrees), selection
+
+
 def read_flow(case: Case, options: IdentifyOptions) -> tuple[FlowMap | None, FlowModel | None]:
-    """Read the flow map of a servo axis and fit the form asked for.
+    """Read the flow map of a servo axis and fit the form asked for, or the one chosen.
 
     Returns
     -------
@@ -236,19 +260,24 @@ def read_flow(case: Case, options: IdentifyOptions) -> tuple[FlowMap | None, Flo
     """
     if not isinstance(case.bench, Bench):  # no valves: nothing was metered
         return None, None
+    chosen, _ = resolve_flow_form(case, options)
+    assert chosen.flow_form is not None
+    fits: dict[FlowForm, Callable[[FlowMap], FlowModel]] = {
+        FlowForm.POLYNOMIALS: partial(fit_polynomials, degrees=chosen.degrees or PAPER_DEGREES),
+        FlowForm.SPLINE: fit_spline,
+        FlowForm.ISO6358: partial(fit_iso6358, T=case.bench.T),
+    }
+    table = _read_table(case, case.bench)
+    return table, fits[chosen.flow_form](table)
+
+
+def _read_table(case: Case, bench: Bench) -> FlowMap:
     if case.flow_map_path is None:
         raise CaseError(
             f"{case.folder}: no flow_map.csv; a servo axis cannot be identified without the "
             "static flow of its valve: meter q_m(u, p), columns u_V,p_Pa,q_m_kg_per_s"
         )
-    bench = case.bench
-    table = read_flow_map(case.flow_map_path, p_supply=bench.p_supply, p_ext=bench.p_ext)
-    fits: dict[FlowForm, Callable[[FlowMap], FlowModel]] = {
-        FlowForm.POLYNOMIALS: partial(fit_polynomials, degrees=options.degrees),
-        FlowForm.SPLINE: fit_spline,
-        FlowForm.ISO6358: partial(fit_iso6358, T=bench.T),
-    }
-    return table, fits[options.flow_form](table)
+    return read_flow_map(case.flow_map_path, p_supply=bench.p_supply, p_ext=bench.p_ext)
 
 
 def make_axis(case: Case, flow: FlowModel | None) -> Axis:

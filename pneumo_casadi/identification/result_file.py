@@ -18,7 +18,6 @@ from pneumo_casadi.data import Case
 from pneumo_casadi.errors import CaseError, ModelError
 from pneumo_casadi.estimation.output_error import OutputErrorResult
 from pneumo_casadi.identification.identify import (
-    FlowForm,
     Identification,
     IdentifyOptions,
     make_axis,
@@ -29,6 +28,7 @@ from pneumo_casadi.identification.model_file import axis_dict
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.runtime.atomic_files import atomic_file
 from pneumo_casadi.validation import Error, Validation
+from pneumo_casadi.valve import FlowForm
 
 #: Of the format; raised when a reader of the old one would misread the new.
 FORMAT = 1
@@ -41,10 +41,12 @@ def result_dict(found: Identification) -> dict[str, Any]:
     is None, with a ``note`` beside it.
     """
     flow = None
-    if found.flow is not None:
+    if found.flow is not None and found.flow_selection is not None:
+        degrees = found.flow_selection.degrees
         flow = {
-            "form": found.options.flow_form.value,
-            "degrees": list(found.options.degrees),
+            "form": found.flow_selection.chosen.value,
+            "degrees": None if degrees is None else list(degrees),
+            "selection": found.flow_selection.as_dict(),
             "p_range": list(found.flow.p_range),
             "sigma": found.flow.sigma,
             "parameters": _estimates(found.output_error, found.flow.parameters.names),
@@ -143,8 +145,8 @@ def provenance(case: Case, options: IdentifyOptions) -> dict[str, Any]:
         "seeds": {},  # no random number enters an identification
         "sha256": {path.name: sha256(path) for path in _data_files(case)},
         "options": {
-            "flow_form": options.flow_form.value,
-            "degrees": list(options.degrees),
+            "flow_form": None if options.flow_form is None else options.flow_form.value,
+            "degrees": None if options.degrees is None else list(options.degrees),
             "refine_flow": options.refine_flow,
             "start": options.start,
             "end": options.end,
@@ -199,9 +201,7 @@ def read_axis(path: str | Path, case: Case) -> Axis:
         values = {str(name): float(item["value"]) for name, item in estimates.items()}
         options = IdentifyOptions()
         if flow is not None:
-            first, second, third = (int(degree) for degree in flow["degrees"])
-            form = FlowForm(flow["form"])
-            options = IdentifyOptions(flow_form=form, degrees=(first, second, third))
+            options = IdentifyOptions(FlowForm(flow["form"]), _degrees(flow["degrees"]))
         expected = content["provenance"]["sha256"].get("flow_map.csv")
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise CaseError(
@@ -222,6 +222,13 @@ def read_axis(path: str | Path, case: Case) -> Axis:
             f"{', '.join(unknown + missing)}"
         )
     return axis.with_parameters(values)
+
+
+def _degrees(content: Any) -> tuple[int, int, int] | None:
+    if content is None:  # a form without degrees
+        return None
+    first, second, third = (int(degree) for degree in content)
+    return first, second, third
 
 
 def _model(axis: Axis) -> dict[str, Any] | None:

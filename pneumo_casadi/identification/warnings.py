@@ -9,7 +9,7 @@ from pneumo_casadi.data import Case, Recording
 from pneumo_casadi.estimation.output_error import OutputErrorResult
 from pneumo_casadi.estimation.wls import WLSResult
 from pneumo_casadi.validation import Validation
-from pneumo_casadi.valve import FlowMap
+from pneumo_casadi.valve import FlowMap, FormSelection
 
 #: Intervals that are this much too narrow are worth a word.
 INFLATION = 1.5
@@ -19,6 +19,11 @@ EXCESS_NOISE = 1.2
 REMOVABLE_PERCENT = 10.0
 #: Residuals of the flow map over those of its own fit from which its pull is reported.
 MAP_PULL = 1.3
+#: Held-out error of the chosen form of the flow map from which it is reported [% of the largest
+#: flow]: what a flow meter is good for.
+MAP_MISFIT = 1.0
+#: Held-out error of another form over that of the chosen one from which they are said to differ.
+FORMS_DIFFER = 2.0
 #: Common factor of all flows that no metering can excuse.
 MAP_SCALE = 0.02
 #: Parameter over data sheet value from which the two are said to disagree.
@@ -55,12 +60,14 @@ def result_warnings(
     wls: WLSResult,
     result: OutputErrorResult,
     validation: Validation | None,
+    selection: FormSelection | None = None,
 ) -> tuple[ResultWarning, ...]:
     """Collect the warnings of an identification, those that weigh most first."""
     return (
         *_of_solution(result),
         *_of_intervals(case, result),
         *_of_flow_map(records, flow_map, result),
+        *_of_flow_form(selection),
         *_of_physics(case, result),
         *_of_wls(wls),
         *_of_validation(validation),
@@ -152,7 +159,7 @@ def _of_flow_map(
         "flow_map",
         "No interval contains the accuracy of the flow meter: a map metered 1 % too high makes "
         "X_s1 ... X_s6 1 % too large, and no trajectory tells. What the form of the map cannot "
-        "follow shifts k_P, k_N, X_s2 and X_s5 first; compare another form.",
+        "follow shifts k_P, k_N, X_s2 and X_s5 first.",
     )
     pull = result.flow_map_deviation
     if pull is not None and (pull.rms > MAP_PULL or abs(pull.scale - 1) > MAP_SCALE):
@@ -161,6 +168,30 @@ def _of_flow_map(
             f"The trajectories have pulled the flow map: its residuals are {pull.rms:.2f} times "
             f"those of its own fit and its overall scale is {pull.scale:.4f}. Map and trajectories "
             "disagree beyond the map's own misfit.",
+        )
+
+
+def _of_flow_form(selection: FormSelection | None) -> Iterator[ResultWarning]:
+    if selection is None:
+        return
+    compared = {e.form.value: e.percent for e in selection.candidates if e.percent is not None}
+    if selection.chosen.value not in compared:
+        return
+    error = compared[selection.chosen.value]
+    if error > MAP_MISFIT:
+        yield ResultWarning(
+            "flow_map",
+            f"No form follows the flow map: the best, {selection.chosen.value}, misses withheld "
+            f"points by {error:.2g} % of the largest flow. Meter the map more densely, or look for "
+            "scatter in it.",
+        )
+    worse = [f"{name} {e:.2g} %" for name, e in compared.items() if e > FORMS_DIFFER * error]
+    if worse:
+        yield ResultWarning(
+            "flow_map",
+            f"The forms of the flow map differ: {selection.chosen.value} misses withheld points by "
+            f"{error:.2g} % of the largest flow, {', '.join(worse)}. X_s2, X_s5, k_P and k_N "
+            "depend most on the form.",
         )
 
 

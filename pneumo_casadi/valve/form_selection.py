@@ -48,6 +48,7 @@ class Reason(Enum):
     EQUALLY_WELL = "preferred among forms within one standard error of the least held-out error"
     ONLY_FORM = "the only form that the map determines"
     TOO_FEW_POINTS = "too few metered points for a comparison"
+    GIVEN = "given by hand"
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +88,7 @@ class FormSelection:
     reason : Reason
         Why it was chosen.
     candidates : tuple of FormError
-        All forms compared, in the order of preference.
+        All forms compared, in the order of preference; the form itself where it was given.
     folds : int
         Number of folds; 0 where no comparison was possible.
     """
@@ -108,6 +109,12 @@ class FormSelection:
         compared = {e.form: e.percent for e in self.candidates if e.percent is not None}
         return min(compared, key=compared.__getitem__) if compared else None
 
+    @classmethod
+    def given(cls, form: FlowForm, degrees: Degrees | None = None) -> "FormSelection":
+        """Return the selection of a form that was given by hand: nothing is compared."""
+        shown = (degrees or PAPER_DEGREES) if form is FlowForm.POLYNOMIALS else None
+        return cls(form, Reason.GIVEN, (FormError(form, shown),), 0)
+
     def error_of(self, form: FlowForm) -> FormError:
         """Return the held-out error of a form."""
         return next(error for error in self.candidates if error.form is form)
@@ -116,7 +123,7 @@ class FormSelection:
         """Return the comparison as plain values."""
         return {
             "chosen": self.chosen.value,
-            "reason": self.reason.value,
+            "reason": self.reason.name.lower(),
             "folds": self.folds,
             "candidates": [
                 {

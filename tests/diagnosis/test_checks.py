@@ -13,6 +13,7 @@ from pneumo_casadi.diagnosis.prepare.study import fit_model, start_study
 from pneumo_casadi.effects import ElasticLoad
 from pneumo_casadi.estimation.output_error.result import FlowMapDeviation
 from pneumo_casadi.identification.identify import IdentifyOptions, make_axis, read_flow
+from pneumo_casadi.valve import FlowForm
 from pneumo_casadi.virtual_bench import make_case, random_axis
 
 STD = 2e-4
@@ -132,6 +133,6 @@ def test_fits_to_the_bench_tell_unequal_valves_and_notched_edges_from_nothing_wr
 ):
     axis = replace(random_axis(11), F_c_plus=14.0, F_c_minus=18.0)
     case = read_case(make_case(tmp_path / "case", 11, effects, duration=8.0, axis=axis).case.folder)
-    table, flow = read_flow(case, IdentifyOptions())
+    table, flow = read_flow(case, IdentifyOptions(FlowForm.POLYNOMIALS))
     one = start_study(make_axis(case, flow), table, case.identify, case.validate)
     assert absorbed_candidates(check_fit(one, fit_model(one, ()))) == expected

@@ -11,6 +11,7 @@ from pneumo_casadi.diagnosis.locate.signatures import residual_floor
 from pneumo_casadi.diagnosis.locate.unknown_inputs import unknown_inputs
 from pneumo_casadi.diagnosis.prepare.study import fit_model, start_study
 from pneumo_casadi.identification.identify import IdentifyOptions, make_axis, read_flow
+from pneumo_casadi.valve import FlowForm
 from pneumo_casadi.virtual_bench import make_case, random_axis
 
 
@@ -18,7 +19,7 @@ def opened(folder, effects, duration=10.0):
     axis = replace(random_axis(5), F_c_plus=14.0, F_c_minus=18.0)
     made = make_case(folder / "case", 5, effects, duration=duration, axis=axis)
     case = read_case(made.case.folder)
-    table, flow = read_flow(case, IdentifyOptions())
+    table, flow = read_flow(case, IdentifyOptions(FlowForm.POLYNOMIALS))
     one = start_study(make_axis(case, flow), table, case.identify, case.validate)
     return one, fit_model(one, ()), made
 

@@ -12,6 +12,7 @@ from pneumo_casadi.diagnosis.locate.signatures import HYPOTHESES, Signatures, si
 from pneumo_casadi.diagnosis.prepare.study import fit_model, start_study
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.identification.identify import IdentifyOptions, make_axis, read_flow
+from pneumo_casadi.valve import FlowForm
 from pneumo_casadi.virtual_bench import make_case, random_axis
 
 
@@ -27,7 +28,7 @@ def bench(tmp_path_factory):
             folder = tmp_path_factory.mktemp("bench") / "case"
             made = make_case(folder, 5, effects, duration=10.0, axis=axis)
             case = read_case(made.case.folder)
-            table, flow = read_flow(case, IdentifyOptions())
+            table, flow = read_flow(case, IdentifyOptions(FlowForm.POLYNOMIALS))
             one = start_study(make_axis(case, flow), table, case.identify, case.validate)
             known[key] = one, fit_model(one, ())
         return known[key]

@@ -20,6 +20,7 @@ from pneumo_casadi.identification.identify import (
 )
 from pneumo_casadi.identification.result_file import read_axis, result_dict, write_json
 from pneumo_casadi.identification.warnings import result_warnings
+from pneumo_casadi.valve import FlowForm
 
 #: Relative tolerances that the output-error fit must meet on the embedded record.
 TOLERANCES = {
@@ -33,7 +34,7 @@ TOLERANCES = {
 
 @pytest.fixture(scope="module")
 def demo(embedded: Path) -> Identification:
-    return identify(embedded)
+    return identify(embedded, IdentifyOptions(FlowForm.POLYNOMIALS))
 
 
 @pytest.mark.parametrize("name", TOLERANCES)
@@ -80,7 +81,7 @@ def test_progress_rises_from_nothing_to_one(embedded):
     shares: list[float] = []
     identify(
         embedded,
-        IdentifyOptions(start=10.0, end=12.0, refine_flow=False, windows=()),
+        IdentifyOptions(FlowForm.POLYNOMIALS, start=10.0, end=12.0, refine_flow=False, windows=()),
         lambda text, share: shares.append(share),
     )
     assert shares == sorted(shares)
@@ -117,7 +118,7 @@ def test_a_standard_deviation_that_does_not_exist_is_null_with_a_note(quick):
     changed = replace(
         estimate, covariance=covariance, covariance_robust=covariance, at_bound=("M",)
     )
-    found = replace(quick, output_error=replace(quick.output_error, estimate=changed))
+    found = replace(quick, output_error=replace(quick.output_error, uncertainty=changed))
     parameters = result_dict(found)["output_error"]["parameters"]
     assert parameters["f_v"]["std"] is None
     assert "nothing" in parameters["f_v"]["note"]
@@ -169,7 +170,10 @@ def test_the_start_is_clipped_to_the_bounds_of_the_model(quick):
 
 def test_a_fit_that_fails_carries_its_partial_result(embedded):
     options = IdentifyOptions(
-        start=10.0, end=12.0, output_error=OutputErrorOptions(max_iterations=1)
+        FlowForm.POLYNOMIALS,
+        start=10.0,
+        end=12.0,
+        output_error=OutputErrorOptions(max_iterations=1),
     )
     with pytest.raises(FitError) as caught:
         identify(embedded, options)
@@ -192,7 +196,7 @@ def test_pressures_outside_the_metered_range_are_a_warning(quick):
 
 def test_a_parameter_at_its_bound_is_a_warning(quick):
     estimate = replace(quick.output_error.uncertainty, at_bound=("f_v",))
-    result = replace(quick.output_error, estimate=estimate)
+    result = replace(quick.output_error, uncertainty=estimate)
     found = result_warnings(
         quick.case, quick.records, quick.flow_map, quick.wls, result, quick.validation
     )

@@ -14,6 +14,7 @@ from pneumo_casadi.diagnosis.metrics.findings import (
     Value,
     Where,
 )
+from pneumo_casadi.valve import FormSelection
 
 
 class Verdict(Enum):
@@ -65,6 +66,8 @@ class Diagnosis:
         Time taken.
     evidence : Evidence or None
         Curves for figures: unknown inputs over time, residuals over what went on.
+    flow_selection : FormSelection or None
+        How the form of the flow map was chosen; None for a force-driven axis.
     """
 
     case: str
@@ -82,6 +85,7 @@ class Diagnosis:
     fitted: Mapping[str, Value]
     seconds: float
     evidence: Evidence | None = None
+    flow_selection: FormSelection | None = None
 
     def as_dict(self) -> dict[str, Any]:
         """Return everything as plain data, the keys of the design first."""
@@ -158,6 +162,9 @@ class Diagnosis:
             ],
             "notes": list(self.notes),
             "parameters": {"nominal": _values(self.nominal), "fitted": _values(self.fitted)},
+            "flow_selection": (
+                None if self.flow_selection is None else self.flow_selection.as_dict()
+            ),
             "case": self.case,
             "seconds": self.seconds,
         }

@@ -24,6 +24,7 @@ from pneumo_casadi.report.tables.diagnosis import (
     regime_table,
     whole,
 )
+from pneumo_casadi.report.tables.flow_form import flow_form_tables
 from pneumo_casadi.report.tables.results import Table
 from pneumo_casadi.report.text.diagnosis import (
     VERDICTS,
@@ -118,6 +119,7 @@ def _sections(
             checks=check_sentences(found), tables=[check_table(found)],
         ),
         _Section("parameters", "Parameters", tables=[fitted_table(found)]),
+        _Section("flow_form", "Flow map", tables=flow_form_tables(found.flow_selection)),
         _Section("notes", "Notes", found.notes),
     ]  # fmt: skip
 

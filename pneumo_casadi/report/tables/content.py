@@ -1,6 +1,7 @@
 """What every report of an identification holds, whatever its form."""
 
 from pneumo_casadi.identification.identify import Identification
+from pneumo_casadi.report.tables.flow_form import flow_form_tables
 from pneumo_casadi.report.tables.identifiability import identifiability_tables
 from pneumo_casadi.report.tables.results import Table, tables_of
 
@@ -8,4 +9,4 @@ from pneumo_casadi.report.tables.results import Table, tables_of
 def all_tables(found: Identification, paper: bool = False) -> tuple[Table, ...]:
     """Return all tables of an identification, identifiability last where it was asked for."""
     extra = () if found.identifiability is None else identifiability_tables(found.identifiability)
-    return (*tables_of(found, paper), *extra)
+    return (*tables_of(found, paper), *flow_form_tables(found.flow_selection), *extra)

@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator, Mapping
 
 from pneumo_casadi.diagnosis import Candidate, Closure, Diagnosis, Value
+from pneumo_casadi.report.tables.flow_form import flow_form_tables
 from pneumo_casadi.report.tables.results import Table, exponent_of, interval_text
 
 #: Places in words.
@@ -45,6 +46,7 @@ def diagnosis_tables(found: Diagnosis) -> tuple[Table, ...]:
         ranking_table(found),
         check_table(found),
         fitted_table(found),
+        *flow_form_tables(found.flow_selection),
     )
     return tuple(table for table in tables if table.rows)
 
