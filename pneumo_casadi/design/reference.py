@@ -260,7 +260,7 @@ def make_reference(
 
     Examples
     --------
-    >>> found = drawn((Part("squares", 1.0, (0.5, 0.5, 2.0)),), 0.5, 6, 0.2, 0.0)
+    >>> found = make_reference((Part("squares", 1.0, (0.5, 0.5, 2.0)),), 0.5, 6, 0.2, 0.0)
     >>> found.x_ref
     array([ 0.1,  0.1, -0.1, -0.1,  0.1,  0.1])
     """

@@ -1,6 +1,7 @@
 """FMU of FMI 3.0: co-simulation and model exchange, with sources and a binary for this platform."""
 
 import hashlib
+import importlib.util
 import io
 import json
 import logging
@@ -12,6 +13,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from string import Template
 
+from pneumo_casadi.errors import MissingExtraError
 from pneumo_casadi.export.c_code import NAME, c_sources, template, values
 from pneumo_casadi.export.fmi_xml import build_description, model_description
 from pneumo_casadi.export.folder import write_files
@@ -46,6 +48,11 @@ def write_fmu(model: IdentifiedModel, folder: str | Path) -> Path:
     Path
         The FMU. Without a C compiler it holds sources only, and a warning is logged. Equal
         models, compilers and versions give equal files.
+
+    Raises
+    ------
+    MissingExtraError
+        If the package `fmpy` is not installed; it supplies the headers of the FMI standard.
     """
     content = fmu_files(model)
     binary = _binary({name: text for name, text in content.items() if name.startswith("sources/")})
@@ -55,14 +62,20 @@ def write_fmu(model: IdentifiedModel, folder: str | Path) -> Path:
 
 
 def fmu_files(model: IdentifiedModel) -> dict[str, str]:
-    """Return the text files of the FMU by their path in it, without any binary."""
+    """Return the text files of the FMU by their path in it, without any binary.
+
+    Raises
+    ------
+    MissingExtraError
+        If the package `fmpy` is not installed.
+    """
     found = values(model)
     found["nominals"] = ", ".join(repr(value) for value in model.axis.state_scales.tolist())
     sources = c_sources(model)
     content = model_description(model, "") + "".join(sources.values())
     token = hashlib.sha256(content.encode("utf-8")).hexdigest()
     glue = Template(template("fmi3.c.in")).substitute(found, token=token)
-    sources = {**sources, "fmi3.c": glue, **{name: template(name) for name in _HEADERS}}
+    sources = {**sources, "fmi3.c": glue, **fmi_headers()}
     told = json.dumps(description(model), indent=1, ensure_ascii=False, allow_nan=False)
     return {
         "modelDescription.xml": model_description(model, token),
@@ -70,6 +83,25 @@ def fmu_files(model: IdentifiedModel) -> dict[str, str]:
         "sources/buildDescription.xml": build_description([f"{NAME}.c", "fmi3.c"]),
         **{f"sources/{name}": text for name, text in sources.items()},
     }
+
+
+def fmi_headers() -> dict[str, str]:
+    """Return the C headers of FMI 3.0 by name, as the installed package `fmpy` holds them.
+
+    Raises
+    ------
+    MissingExtraError
+        If the package is not installed, or comes without the headers.
+    """
+    package = importlib.util.find_spec("fmpy")  # looked up, not imported: it is slow to load
+    folders = package.submodule_search_locations if package is not None else None
+    files = [Path(folder) / "c-code" / name for folder in folders or () for name in _HEADERS]
+    if not files or not all(file.is_file() for file in files):
+        raise MissingExtraError(
+            "an FMU needs the C headers of the FMI standard, which the package fmpy supplies: "
+            "pip install 'pneumo-casadi[export]'"
+        )
+    return {file.name: file.read_text("utf-8") for file in files}
 
 
 def _binary(sources: Mapping[str, str]) -> dict[str, bytes]:

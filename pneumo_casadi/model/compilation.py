@@ -94,7 +94,7 @@ def compile_functions(functions: Sequence[ca.Function]) -> tuple[ca.Function, ..
     --------
     >>> import casadi as ca
     >>> x = ca.SX.sym("x")
-    >>> (square,) = compiled([ca.Function("square", [x], [x**2])])
+    >>> (square,) = compile_functions([ca.Function("square", [x], [x**2])])
     >>> float(square(3))
     9.0
     """
@@ -153,7 +153,7 @@ def call_with_arrays(f: ca.Function, *given: FloatArray) -> tuple[FloatArray, ..
     Examples
     --------
     >>> x = ca.SX.sym("x", 2)
-    >>> called(ca.Function("double", [x], [2 * x]), np.array([1.0, 2.0]))[0].ravel()
+    >>> call_with_arrays(ca.Function("double", [x], [2 * x]), np.array([1.0, 2.0]))[0].ravel()
     array([2., 4.])
     """
     buffer: Any

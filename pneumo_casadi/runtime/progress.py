@@ -15,7 +15,7 @@ def progress_range(report: Progress, first: float, last: float, prefix: str = ""
 
     Examples
     --------
-    >>> part(lambda text, share: print(text, share), 0.5, 1.0)("fitting", 0.5)
+    >>> progress_range(lambda text, share: print(text, share), 0.5, 1.0)("fitting", 0.5)
     fitting 0.75
     """
     return lambda text, share: report(prefix + text, first + (last - first) * share)

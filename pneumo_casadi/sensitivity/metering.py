@@ -35,7 +35,7 @@ class MeteringErrors:
     Examples
     --------
     >>> table = FlowMap([-1, 1, 1], [4e5, 4e5, 5e5], [-4e-3, 4e-3, 3e-3])
-    >>> Metering(gain_filling=0.01).of(table).q_m.tolist()
+    >>> MeteringErrors(gain_filling=0.01).of(table).q_m.tolist()
     [-0.004, 0.00404, 0.00303]
     """
 

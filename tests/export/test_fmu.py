@@ -1,5 +1,6 @@
 """The FMU is valid and simulates in fmpy as the package does."""
 
+import importlib.util
 import io
 import shutil
 import subprocess
@@ -8,6 +9,7 @@ import zipfile
 import numpy as np
 import pytest
 
+from pneumo_casadi.errors import MissingExtraError
 from pneumo_casadi.export import write_fmu
 from pneumo_casadi.model.simulation import simulate
 
@@ -168,6 +170,16 @@ def test_without_a_compiler_the_sources_remain_and_it_is_said(
     assert "sources/axis.c" in names and not [n for n in names if n.startswith("binaries/")]
     assert "holds sources only" in caplog.text
     assert validation.validate_fmu(str(path)) == []
+
+
+def test_without_fmpy_the_message_names_the_extra(models, tmp_path, monkeypatch):
+    find_spec = importlib.util.find_spec
+    monkeypatch.setattr(
+        "importlib.util.find_spec", lambda name: None if name == "fmpy" else find_spec(name)
+    )
+    with pytest.raises(MissingExtraError, match=r"pneumo-casadi\[export\]"):
+        write_fmu(models["force"], tmp_path)
+    assert not list(tmp_path.iterdir())
 
 
 def test_outputs_do_not_claim_to_hang_on_inputs(models, fmus):

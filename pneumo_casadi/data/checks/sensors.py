@@ -44,7 +44,7 @@ def quantisation_step(values: FloatArray) -> float:
 
     Examples
     --------
-    >>> quantum(np.array([0.0, 0.5, 0.5, 2.0]))
+    >>> quantisation_step(np.array([0.0, 0.5, 0.5, 2.0]))
     0.5
     """
     steps = np.abs(np.diff(values))
