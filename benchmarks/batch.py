@@ -22,11 +22,11 @@ from typing import Any
 
 from provenance import made, write
 
-from pneumo_casadi.cli.diagnose_command import processes
 from pneumo_casadi.diagnosis import diagnose
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.evaluation.batch import Row, diagnose_many
 from pneumo_casadi.evaluation.batch.run import Diagnosing, real_diagnosis
+from pneumo_casadi.runtime.processes import processes
 from pneumo_casadi.virtual_bench import make_case
 
 SINGLE_EFFECTS = ("spring_load", "stribeck", "heat_transfer", "leakage_P")

@@ -26,19 +26,19 @@ import gap
 import numpy as np
 import provenance
 
-from pneumo_casadi.cli.design_command import Asked, designed
 from pneumo_casadi.data import Case, Recording
 from pneumo_casadi.design import (
-    Criterion,
     Design,
     DesignOptions,
+    ExperimentRequest,
     default_limits,
+    design_experiment,
     design_for_precision,
     recorded_reference,
 )
 from pneumo_casadi.diagnosis import Diagnosis, diagnose
 from pneumo_casadi.estimation.output_error import OutputErrorOptions, OutputErrorResult
-from pneumo_casadi.runtime.progress import no_progress
+from pneumo_casadi.identification.identify import IdentifyOptions, identify
 from pneumo_casadi.valve import FlowForm
 from pneumo_casadi.virtual_bench import Excitation, SyntheticCase, make_case, record
 
@@ -129,18 +129,10 @@ def separation(seed: int, duration: float, tries: int) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as scratch:
         made = make_case(Path(scratch) / "case", seed, {HIDDEN: SEVERITY}, duration=duration)
         before = diagnose(made.case)
-        asked = Asked(
-            separate=(HIDDEN, WRONG),
-            criterion=Criterion.D,
-            duration=None,
-            common=COMMON,
-            velocity=None,
-            command=None,
-            tries=tries,
-            seed=0,
-            flow=FlowForm.ISO6358,
-        )
-        design, notes = designed(made.case, asked, no_progress)
+        options = IdentifyOptions(flow_form=FlowForm.ISO6358)
+        found = identify(replace(made.case, validate=()), options)
+        request = ExperimentRequest(separate=(HIDDEN, WRONG), common=COMMON, tries=tries)
+        design = design_experiment(found, request)
         case = again(made, design, seed)
         after = diagnose(case)
     return {
@@ -148,7 +140,7 @@ def separation(seed: int, duration: float, tries: int) -> dict[str, Any]:
         "sizes": dict(made.effects[0].parameters),
         "wrong": WRONG,
         "distances": [one.as_dict() for one in design.distances],
-        "notes": notes,
+        "notes": list(design.notes),
         "seconds": design.seconds,
         "shares_of_limits": within(design, case.identify[0]),
         "said": [said(before), said(after)],

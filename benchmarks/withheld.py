@@ -21,7 +21,7 @@ from pathlib import Path
 
 import provenance
 
-from pneumo_casadi.cli.withheld_command import check
+from pneumo_casadi.cli.withheld import check
 from pneumo_casadi.report.figures.studies.withheld import withheld_figure
 from pneumo_casadi.report.figures.style import png
 from pneumo_casadi.report.tables.sealed_check import withheld_table

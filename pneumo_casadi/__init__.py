@@ -1,3 +1,125 @@
-"""Optimal estimation for pneumatic servo axes, from recordings to parameters with intervals."""
+"""Identify pneumatic servo axes, and diagnose where simulation and measurement disagree.
+
+``import pneumo_casadi as pc`` gives the names below; each is imported when it is first used, and
+so are the subpackages (``pc.valve``, ``pc.virtual_bench``, ...).
+
+Examples
+--------
+>>> import pneumo_casadi as pc
+>>> case = pc.example_case()
+>>> case.name, len(case.identify), len(case.validate)
+('table1', 1, 1)
+"""
 
 __version__ = "0.1.0"
+
+#: The public names, by the module that defines them.
+_SOURCES = {
+    "data": ("Case", "Recording", "example_case", "read_case", "write_case"),
+    "design": ("Design", "DesignOptions", "design_experiment"),
+    "diagnosis": ("Diagnosis",),
+    "diagnosis.diagnose": ("diagnose",),
+    "effects": ("EFFECTS",),
+    "errors": ("CaseError", "FitError", "ModelError", "PneumoError"),
+    "estimation.output_error": ("OutputErrorOptions", "OutputErrorResult", "fit_output_error"),
+    "estimation.wls": ("WLSResult", "fit_wls"),
+    "export": ("export_model", "read_model"),
+    "identification.identify": ("Identification", "IdentifyOptions", "identify"),
+    "model.effect": ("Effect",),
+    "model.servosystem": ("Servosystem",),
+    "model.simulation": ("simulate", "simulate_closed_loop"),
+    "parameters": ("Parameter",),
+    "report.pages.report": ("write_report",),
+    "validation": ("Validation", "validate"),
+    "virtual_bench": ("make_case",),
+}
+_MODULE_OF = {name: module for module, names in _SOURCES.items() for name in names}
+_MODULE_OF["plot"] = "report.plot"
+_SUBPACKAGES = (
+    "data", "design", "diagnosis", "effects", "errors", "estimation", "evaluation", "export",
+    "identification", "model", "parameters", "report", "sensitivity", "signals", "validation",
+    "valve", "virtual_bench",
+)  # fmt: skip
+
+__all__ = [
+    "EFFECTS",
+    "Case",
+    "CaseError",
+    "Design",
+    "DesignOptions",
+    "Diagnosis",
+    "Effect",
+    "FitError",
+    "Identification",
+    "IdentifyOptions",
+    "ModelError",
+    "OutputErrorOptions",
+    "OutputErrorResult",
+    "Parameter",
+    "PneumoError",
+    "Recording",
+    "Servosystem",
+    "Validation",
+    "WLSResult",
+    "__version__",
+    "design_experiment",
+    "diagnose",
+    "example_case",
+    "export_model",
+    "fit_output_error",
+    "fit_wls",
+    "identify",
+    "make_case",
+    "plot",
+    "read_case",
+    "read_model",
+    "simulate",
+    "simulate_closed_loop",
+    "validate",
+    "write_case",
+    "write_report",
+]
+
+TYPE_CHECKING = False  # as in `typing`, whose import would take longer than all of this
+if TYPE_CHECKING:
+    from pneumo_casadi.data import Case, Recording, example_case, read_case, write_case
+    from pneumo_casadi.design import Design, DesignOptions, design_experiment
+    from pneumo_casadi.diagnosis import Diagnosis
+    from pneumo_casadi.diagnosis.diagnose import diagnose
+    from pneumo_casadi.effects import EFFECTS
+    from pneumo_casadi.errors import CaseError, FitError, ModelError, PneumoError
+    from pneumo_casadi.estimation.output_error import (
+        OutputErrorOptions,
+        OutputErrorResult,
+        fit_output_error,
+    )
+    from pneumo_casadi.estimation.wls import WLSResult, fit_wls
+    from pneumo_casadi.export import export_model, read_model
+    from pneumo_casadi.identification.identify import Identification, IdentifyOptions, identify
+    from pneumo_casadi.model.effect import Effect
+    from pneumo_casadi.model.servosystem import Servosystem
+    from pneumo_casadi.model.simulation import simulate, simulate_closed_loop
+    from pneumo_casadi.parameters import Parameter
+    from pneumo_casadi.report import plot as plot
+    from pneumo_casadi.report.pages.report import write_report
+    from pneumo_casadi.validation import Validation, validate
+    from pneumo_casadi.virtual_bench import make_case
+
+
+def __getattr__(name: str) -> object:
+    """Import a public name or a subpackage when it is first used."""
+    from importlib import import_module
+
+    if name in _SUBPACKAGES:
+        return import_module(f"{__name__}.{name}")
+    if name not in _MODULE_OF:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    module = import_module(f"{__name__}.{_MODULE_OF[name]}")
+    value = module if name == "plot" else getattr(module, name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    """Return the public names and the subpackages, for completion in editors and shells."""
+    return sorted({*__all__, *_SUBPACKAGES})

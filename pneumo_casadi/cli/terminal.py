@@ -1,91 +1,56 @@
-"""The terminal: tables, a progress bar, errors in one line, Ctrl-C."""
+"""The terminal: text, tables, a progress bar, errors in one line, Ctrl-C."""
 
 import logging
+import shutil
 import signal
+import sys
+import traceback
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from threading import Event, current_thread, main_thread
 from types import FrameType
+from typing import TYPE_CHECKING
 
 import typer
-from rich.console import Console
-from rich.logging import RichHandler
-from rich.progress import (
-    BarColumn,
-    Progress,
-    ProgressColumn,
-    SpinnerColumn,
-    Task,
-    TextColumn,
-    TimeElapsedColumn,
-)
-from rich.text import Text
 
 from pneumo_casadi.errors import FitError, PneumoError
-from pneumo_casadi.report.tables.results import Table
-from pneumo_casadi.report.text.identification import render
-from pneumo_casadi.signals.filter_plan import SamplingWarning
+
+if TYPE_CHECKING:
+    from pneumo_casadi.report.tables.results import Table
 
 OK, FIT_FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
-#: Of the time left nothing is said before this share of the work is done.
-TELLING = 0.05
 
-out = Console(highlight=False)
-err = Console(stderr=True, highlight=False)
+def say(text: str = "") -> None:
+    """Print text as it is on standard output."""
+    typer.echo(text)
 
 
-def show(table: Table) -> None:
+def width() -> int:
+    """Return the width of the terminal in characters."""
+    return shutil.get_terminal_size().columns
+
+
+def show(table: "Table") -> None:
     """Print a table; where the terminal is narrow, without the columns that can be worked out."""
-    if sum(table.widths) + 2 * len(table.widths) > out.width:
+    from pneumo_casadi.report.text.identification import render
+
+    if sum(table.widths) + 2 * len(table.widths) > width():
         table = table.without("OE - truth")
-    out.print(render(table), markup=False, soft_wrap=True)
+    say(render(table))
 
 
 @contextmanager
 def progress_bar() -> Iterator[Callable[[str, float], None]]:
     """Yield a callback that moves a progress bar on standard error."""
-    columns = (
-        SpinnerColumn(),
-        BarColumn(bar_width=30),
-        TimeElapsedColumn(),
-        _TimeLeft(),
-        TextColumn("{task.description}"),
-    )
-    with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as bar:
-        task = bar.add_task("reading", total=1.0, end=None)
+    if not sys.stderr.isatty():
+        yield lambda text, share: None
+        return
+    from pneumo_casadi.cli.bar import shown_bar
 
-        def report(text: str, share: float) -> None:
-            elapsed = bar.tasks[0].elapsed or 0.0
-            left = time_left(elapsed, share)
-            end = None if left is None else elapsed + left
-            bar.update(task, description=text, completed=share, end=end)
-
+    with shown_bar() as report:
         yield report
-
-
-def time_left(elapsed: float, share: float) -> float | None:
-    """Return how long the rest of some work takes if it goes on at its pace [s].
-
-    None while too little is done to tell.
-
-    Examples
-    --------
-    >>> time_left(30.0, 0.75)
-    10.0
-    """
-    return elapsed * (1 - share) / share if share >= TELLING else None
-
-
-class _TimeLeft(ProgressColumn):
-    """Time left as of the last report, counted down since."""
-
-    def render(self, task: Task) -> Text:
-        end = task.fields.get("end")
-        if end is None:
-            return Text("")
-        return Text(f"about {max(end - (task.elapsed or 0.0), 1.0):.0f} s left")
 
 
 @contextmanager
@@ -99,7 +64,9 @@ def guarded(debug: bool, kept: str = "nothing was written") -> Iterator[None]:
     kept : str, optional
         What to say of the work done when it is interrupted.
     """
-    handler = RichHandler(console=err, show_path=False, show_time=False)
+    from pneumo_casadi.signals.filter_plan import SamplingWarning
+
+    handler = logging.StreamHandler()
     logger = logging.getLogger("pneumo_casadi")
     level = logger.level
     logger.addHandler(handler)
@@ -108,13 +75,13 @@ def guarded(debug: bool, kept: str = "nothing was written") -> Iterator[None]:
         with warnings.catch_warnings(), _interruption() as interrupted:
             warnings.simplefilter("ignore", SamplingWarning)  # among the result's own warnings
             yield
-    except (KeyboardInterrupt, Exception) as error:
-        found = KeyboardInterrupt() if interrupted.is_set() else error
-        if not isinstance(found, KeyboardInterrupt | PneumoError | OSError):
+    except (KeyboardInterrupt, Exception) as raised:
+        error = KeyboardInterrupt() if interrupted.is_set() else raised
+        if not isinstance(error, KeyboardInterrupt | PneumoError | OSError):
             raise  # a defect
         if debug:
-            err.print_exception()
-        raise typer.Exit(explain(found, kept)) from None
+            traceback.print_exc()
+        raise typer.Exit(explain(error, kept)) from None
     finally:
         logger.removeHandler(handler)
         logger.setLevel(level)
@@ -153,4 +120,4 @@ def explain(error: BaseException, kept: str) -> int:
 
 def complain(message: str) -> None:
     """Print an error as one line on standard error."""
-    err.print(f"error: {' '.join(message.split())}", markup=False, soft_wrap=True)
+    typer.echo(f"error: {' '.join(message.split())}", err=True)

@@ -9,7 +9,7 @@ from pneumo_casadi.data.bench.controllers import (
     ProportionalController,
 )
 from pneumo_casadi.data.case import Case
-from pneumo_casadi.data.case_folder import read_case, write_case
+from pneumo_casadi.data.case_folder import EXAMPLE, example_case, read_case, write_case
 from pneumo_casadi.data.checks.records import check_recording
 from pneumo_casadi.data.emps import read_emps
 from pneumo_casadi.data.readers.column_map import column_map, read_columns
@@ -18,6 +18,7 @@ from pneumo_casadi.data.recording.channels import UNITS, InputHold
 from pneumo_casadi.data.recording.recording import Recording
 
 __all__ = [
+    "EXAMPLE",
     "FORCE_DRIVEN",
     "PNEUMATIC",
     "UNITS",
@@ -36,6 +37,7 @@ __all__ = [
     "SensorNoise",
     "check_recording",
     "column_map",
+    "example_case",
     "read_bench",
     "read_case",
     "read_columns",

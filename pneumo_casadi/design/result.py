@@ -126,6 +126,8 @@ class Design:
         Where it was designed to tell effects apart.
     seconds : float
         Time that it took.
+    notes : tuple of str
+        What its reader must know.
     """
 
     reference: Reference
@@ -136,6 +138,7 @@ class Design:
     precision: Precision | None
     distances: tuple[Distance, ...]
     seconds: float
+    notes: tuple[str, ...] = ()
 
     @property
     def smallest(self) -> tuple[float, float]:
@@ -175,6 +178,7 @@ class Design:
             "evaluations_within_limits_from": len(self.history) - len(finite) + 1,
             "seed": self.options.seed,
             "seconds": self.seconds,
+            "notes": list(self.notes),
         }
 
 

@@ -6,6 +6,7 @@ from pneumo_casadi.export.casadi_functions import (
     read_functions,
     write_functions,
 )
+from pneumo_casadi.export.export import Format, export_model
 from pneumo_casadi.export.fmu import write_fmu
 from pneumo_casadi.export.linear import (
     LinearAxis,
@@ -24,9 +25,11 @@ from pneumo_casadi.export.model import (
 
 __all__ = [
     "ExportedFunctions",
+    "Format",
     "IdentifiedModel",
     "LinearAxis",
     "OperatingPoint",
+    "export_model",
     "identified_model",
     "linearise",
     "model_dict",

@@ -15,8 +15,8 @@ from pneumo_casadi import __version__
 from pneumo_casadi.cli import app as cli
 from pneumo_casadi.errors import FitError
 from pneumo_casadi.identification.result_file import result_dict, write_json
-from pneumo_casadi.report.figures import figures_of
-from pneumo_casadi.report.pages.write import write_report
+from pneumo_casadi.report.pages.identification_figures import figures_of
+from pneumo_casadi.report.pages.report import write_report
 
 
 @pytest.fixture(scope="session")
@@ -192,7 +192,9 @@ def test_parameters_that_are_no_result_are_exit_code_2(embedded, tmp_path, capsy
 def test_identify_leaves_a_report_and_prints_table_and_warnings(
     quick, tmp_path, capsys, monkeypatch
 ):
-    monkeypatch.setattr(cli, "identify", lambda case, options, progress: quick)
+    monkeypatch.setattr(
+        "pneumo_casadi.identification.identify.identify", lambda case, options, progress: quick
+    )
     out = tmp_path / "out"
     assert cli.run(["identify", "anything", "-o", str(out), "--paper"]) == 0
     assert {path.name for path in out.iterdir()} == {

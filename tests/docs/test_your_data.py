@@ -15,7 +15,7 @@ from pneumo_casadi.data import read_bench, read_case
 from pneumo_casadi.data.bench.bench_file import BENCH_KEYS, CONTROLLERS, NOISE_KEYS
 from pneumo_casadi.data.readers.column_map import CONVERSIONS
 from pneumo_casadi.data.recording.channels import UNITS
-from pneumo_casadi.report.figures import figures_of
+from pneumo_casadi.report.pages.identification_figures import figures_of
 
 _spec = importlib.util.spec_from_file_location("guide", Path(__file__).with_name("guide.py"))
 guide = importlib.util.module_from_spec(_spec)

@@ -15,10 +15,10 @@ from matplotlib.text import Text
 from pneumo_casadi.diagnosis import Value, Verdict
 from pneumo_casadi.diagnosis.metrics.findings import Closure
 from pneumo_casadi.errors import CaseError
-from pneumo_casadi.report.figures.diagnosis import diagnosis_figures
 from pneumo_casadi.report.figures.diagnosis.ranking import ranking_figure
 from pneumo_casadi.report.figures.style import COLUMN, MM, PAGE, svg
 from pneumo_casadi.report.pages.diagnosis import diagnosis_html, write_diagnosis
+from pneumo_casadi.report.pages.diagnosis_figures import diagnosis_figures
 from pneumo_casadi.report.pages.identification import Picture
 from pneumo_casadi.report.tables.diagnosis import (
     check_table,

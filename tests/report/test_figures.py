@@ -15,7 +15,6 @@ from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.estimation.uncertainty import Optimum, Profile, analyse_identifiability
 from pneumo_casadi.estimation.uncertainty.profile_path import ProfileEnd
 from pneumo_casadi.identification.identify import output_error_options
-from pneumo_casadi.report.figures import figures_of
 from pneumo_casadi.report.figures.identification.flow_map import (
     flow_map_figure,
     residual_map_figure,
@@ -23,6 +22,7 @@ from pneumo_casadi.report.figures.identification.flow_map import (
 from pneumo_casadi.report.figures.identification.identifiability import profile_figure
 from pneumo_casadi.report.figures.studies.withheld import withheld_figure
 from pneumo_casadi.report.figures.style import COLUMN, MM, PAGE, png, symbol
+from pneumo_casadi.report.pages.identification_figures import figures_of
 from pneumo_casadi.valve import fit_polynomials
 
 #: Figures whose vertical axis holds names.

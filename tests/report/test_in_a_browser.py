@@ -10,10 +10,10 @@ import matplotlib.image
 import numpy as np
 import pytest
 
-from pneumo_casadi.report.figures import figures_of
 from pneumo_casadi.report.figures.style import png
 from pneumo_casadi.report.pages.diagnosis import write_diagnosis
 from pneumo_casadi.report.pages.identification import Picture, html_report
+from pneumo_casadi.report.pages.identification_figures import figures_of
 
 playwright = pytest.importorskip(
     "playwright.sync_api", reason="playwright is not installed: pip install '.[browser]'"

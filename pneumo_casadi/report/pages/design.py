@@ -1,6 +1,5 @@
 """A designed experiment as text and files."""
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +16,7 @@ from pneumo_casadi.report.text.identification import render
 UNITS = {"position": "m", "velocity": "m/s", "p_min": "Pa", "p_max": "Pa", "command": "V"}
 
 
-def write_design(design: Design, folder: str | Path, notes: Sequence[str] = ()) -> Path:
+def write_design(design: Design, folder: str | Path) -> Path:
     """Write a design into a folder: reference, prediction as JSON and text, figure.
 
     Parameters
@@ -26,8 +25,6 @@ def write_design(design: Design, folder: str | Path, notes: Sequence[str] = ()) 
         What was designed.
     folder : path
         Folder to make. One that holds an earlier design is replaced as a whole.
-    notes : sequence of str, optional
-        Further lines for the reader.
 
     Returns
     -------
@@ -42,8 +39,8 @@ def write_design(design: Design, folder: str | Path, notes: Sequence[str] = ()) 
     with folder_in_one_step(folder, Kind.DESIGN) as draft:
         frame = reference_frame(design)
         frame.to_csv(draft / "reference.csv", index=False, lineterminator="\n")
-        write_json(design.as_dict() | {"notes": list(notes)}, draft / "design.json")
-        (draft / "design.txt").write_text(design_text(design, notes) + "\n", "utf-8")
+        write_json(design.as_dict(), draft / "design.json")
+        (draft / "design.txt").write_text(design_text(design) + "\n", "utf-8")
         (draft / "design.png").write_bytes(png(design_figure(design)))
     return Path(folder)
 
@@ -60,7 +57,7 @@ def reference_frame(design: Design) -> pd.DataFrame:
     return pd.DataFrame(columns)
 
 
-def design_text(design: Design, notes: Sequence[str] = ()) -> str:
+def design_text(design: Design) -> str:
     """Return a design as text: what is gained, what to do, how near the limits are."""
     gained = (
         precision_table(design.precision)
@@ -68,7 +65,7 @@ def design_text(design: Design, notes: Sequence[str] = ()) -> str:
         else distance_table(design)
     )
     parts = [render(gained), render(parts_table(design)), render(limits_table(design))]
-    return "\n\n\n".join([*parts, *(["\n".join(notes)] if notes else [])])
+    return "\n\n\n".join([*parts, *(["\n".join(design.notes)] if design.notes else [])])
 
 
 def precision_table(found: Precision) -> Table:

@@ -13,10 +13,9 @@ from pneumo_casadi.identification.trajectory_file import (
     trajectory_frame,
     write_frames,
 )
-from pneumo_casadi.model.axis import Axis
-from pneumo_casadi.report.figures import Drawn, figures_of, validation_figures
 from pneumo_casadi.report.figures.style import png
 from pneumo_casadi.report.pages.identification import Picture, html_report
+from pneumo_casadi.report.pages.identification_figures import Drawn, figures_of, validation_figures
 from pneumo_casadi.report.tables.results import validation_table
 from pneumo_casadi.report.text.identification import render, text_report
 from pneumo_casadi.runtime.atomic_files import atomic_folder
@@ -38,8 +37,8 @@ class Kind(Enum):
     DESIGN = ("design.json", "design.txt", "design.png", "reference.csv")
 
 
-def write_report(
-    found: Identification,
+def write_identification(
+    identification: Identification,
     folder: str | Path,
     paper: bool = False,
     progress: Progress | None = None,
@@ -48,7 +47,7 @@ def write_report(
 
     Parameters
     ----------
-    found : Identification
+    identification : Identification
         What was identified.
     folder : path
         Folder to make. One that holds an earlier report is replaced as a whole.
@@ -69,21 +68,21 @@ def write_report(
     """
     report = progress or no_progress
     with folder_in_one_step(folder, Kind.IDENTIFICATION) as draft:
-        write_json(result_dict(found), draft / "result.json")
-        (draft / "table.txt").write_text(text_report(found, paper), "utf-8")
+        write_json(result_dict(identification), draft / "result.json")
+        (draft / "table.txt").write_text(text_report(identification, paper), "utf-8")
         report("figures", 0.1)
-        pictures = _save(figures_of(found), draft / "figures")
-        (draft / "report.html").write_text(html_report(found, pictures, paper), "utf-8")
+        pictures = _save(figures_of(identification), draft / "figures")
+        (draft / "report.html").write_text(html_report(identification, pictures, paper), "utf-8")
     report("done", 1.0)
     return Path(folder)
 
 
-def write_validation(validation: Validation, axis: Axis, folder: str | Path) -> Path:
+def write_validation(validation: Validation, folder: str | Path) -> Path:
     """Write errors and figures of a validation on its own into a folder."""
     with folder_in_one_step(folder, Kind.VALIDATION) as draft:
         write_json({"validation": validation_dict(validation)}, draft / "result.json")
         (draft / "table.txt").write_text(render(validation_table(validation)) + "\n", "utf-8")
-        _save(validation_figures(validation, axis), draft / "figures")
+        _save(validation_figures(validation), draft / "figures")
     return Path(folder)
 
 

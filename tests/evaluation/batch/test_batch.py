@@ -15,10 +15,10 @@ import pandas as pd
 import pytest
 
 from pneumo_casadi.cli import app as cli
-from pneumo_casadi.cli.diagnose_command import processes
 from pneumo_casadi.errors import CaseError, PneumoError
 from pneumo_casadi.evaluation.batch import CSV, PARQUET, Row, case_folders, diagnose_many
 from pneumo_casadi.evaluation.batch.table import write_tables
+from pneumo_casadi.runtime.processes import processes
 
 needs_dask = pytest.mark.skipif(
     importlib.util.find_spec("distributed") is None,
@@ -233,7 +233,7 @@ def test_the_command_counts_verdicts_and_tells_of_failures(
     def run(many, *arguments, **keywords):
         return diagnose_many(many, *arguments, **keywords, diagnosing=fakes.broken)
 
-    monkeypatch.setattr("pneumo_casadi.cli.batch_command.diagnose_many", run)
+    monkeypatch.setattr("pneumo_casadi.evaluation.batch.diagnose_many", run)
     out = tmp_path / "out"
     assert cli.run(["diagnose-many", str(tmp_path / "data"), "-o", str(out), "--workers=1"]) == 1
     told = capsys.readouterr()

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from pneumo_casadi.cli import app as cli
-from pneumo_casadi.cli import withheld_command
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.evaluation.sealed_check import (
@@ -113,7 +112,7 @@ def test_a_case_that_cannot_be_measured_says_why(tmp_path):
 
 
 def test_the_command_prints_the_scores_and_writes_them(tmp_path, monkeypatch, told, judged, capsys):
-    from pneumo_casadi.evaluation import sealed_check as withheld
+    from pneumo_casadi.evaluation import sealed_check
 
     cases = [
         judged("single", "hose", told("effect", "hose"), by_error=["hose"], by_aic=["hose"]),
@@ -124,9 +123,9 @@ def test_the_command_prints_the_scores_and_writes_them(tmp_path, monkeypatch, to
     def in_no_time(folder, options, executor, progress):
         asked.append(options)
         folder.mkdir(exist_ok=True)
-        return withheld.scored(cases)
+        return sealed_check.scored(cases)
 
-    monkeypatch.setattr(withheld, "check_withheld", in_no_time)
+    monkeypatch.setattr(sealed_check, "check_withheld", in_no_time)
     folder, file = tmp_path / "out", tmp_path / "scores.json"
     given = ["withheld", "--cases", "2", "-o", str(folder), "--json", str(file)]
     assert cli.run(given) == 0
@@ -135,7 +134,7 @@ def test_the_command_prints_the_scores_and_writes_them(tmp_path, monkeypatch, to
     assert (folder / "withheld.png").stat().st_size > 10_000
     assert cli.run(given) == 0
     assert asked[0] == asked[1], "called again, it goes on with the seed of the folder"
-    (folder / withheld_command.SEED_FILE).write_text("seven")
+    (folder / "seed.txt").write_text("seven")
     assert cli.run(given) == 2
 
 

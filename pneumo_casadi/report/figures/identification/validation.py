@@ -1,8 +1,9 @@
-"""Simulations beside a record that no fit has seen, and what parts them."""
+"""Simulations beside a record that no fit has seen, and their differences."""
+
+from collections.abc import Mapping
 
 from matplotlib.figure import Figure
 
-from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.report.figures.style import (
     CLOSED,
     HEAD,
@@ -17,21 +18,23 @@ from pneumo_casadi.report.figures.style import (
     new_figure,
     thin,
 )
-from pneumo_casadi.validation import Run
+from pneumo_casadi.validation import Error, Run
 
 #: Errors are averaged over blocks of this length [s], so that they show beside the noise.
 AVERAGED = 0.02
 
 
-def validation_figure(run: Run, axis: Axis, noise: dict[str, float]) -> Figure:
+def validation_figure(run: Run, errors: Mapping[str, Error]) -> Figure:
     """Draw a held-out record, its free runs, and their errors.
 
     Parameters
     ----------
-    noise : dict of str to float
-        Standard deviation of each output's sensor [SI]; the band of ±2σ is drawn with the error.
+    run : Run
+        Record and simulations.
+    errors : mapping of str to Error
+        Of each output; the band of ±2σ of its sensor is drawn with the error.
     """
-    outputs = axis.outputs
+    outputs = tuple(errors)
     figure = new_figure(18.0 + 42.0 * len(outputs), head=HEAD)
     ratios = [2, 1.2] * len(outputs)
     axes_of = figure.subplots(
@@ -42,8 +45,8 @@ def validation_figure(run: Run, axis: Axis, noise: dict[str, float]) -> Figure:
         simulations.append(("closed loop", run.closed_loop, CLOSED, "--"))
     for i, name in enumerate(outputs):
         above, below = axes_of[2 * i], axes_of[2 * i + 1]
-        label, factor = axis_label(name, axis.unit(name))
-        error_label, error_factor = axis_label("error", axis.unit(name), error=True)
+        label, factor = axis_label(name, errors[name].unit)
+        error_label, error_factor = axis_label("error", errors[name].unit, error=True)
         t, y = thin(run.record.t, run.record[name])
         above.plot(t, y * factor, color=MEASURED, linewidth=2.2, label="measured")
         for text, trajectory, colour, dashes in simulations:
@@ -52,8 +55,9 @@ def validation_figure(run: Run, axis: Axis, noise: dict[str, float]) -> Figure:
             e = run.record[name] - trajectory[name]
             time, mean = block_means(run.record.t, e, AVERAGED)
             below.plot(time, mean * error_factor, color=colour, linewidth=LINE)
-        if name in noise:
-            band = 2 * noise[name] * error_factor
+        if errors[name].percent and errors[name].noise_percent:
+            noise = errors[name].rms * errors[name].noise_percent / errors[name].percent
+            band = 2 * noise * error_factor
             below.axhspan(-band, band, color="#dddddd", linewidth=0, zorder=0.5)
         dress(above, None, label)
         dress(below, None, error_label)

@@ -10,10 +10,11 @@ import pandas as pd
 import pytest
 
 from pneumo_casadi.cli import app as cli
-from pneumo_casadi.cli.diagnose_command import default_workers, processes
-from pneumo_casadi.cli.terminal import time_left
+from pneumo_casadi.cli.bar import time_left
+from pneumo_casadi.cli.diagnose import default_workers
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.errors import FitError
+from pneumo_casadi.runtime.processes import processes
 
 _spec = importlib.util.spec_from_file_location(
     "diagnoses", Path(__file__).parents[1] / "report" / "diagnoses.py"
@@ -40,7 +41,7 @@ def given(monkeypatch):
         progress("screening", 0.5)
         return made.EFFECT
 
-    monkeypatch.setattr("pneumo_casadi.cli.diagnose_command.diagnose", diagnose)
+    monkeypatch.setattr("pneumo_casadi.diagnosis.diagnose.diagnose", diagnose)
     return asked
 
 
@@ -123,7 +124,7 @@ def test_a_diagnosis_that_ends_early_leaves_nothing_but_its_fits(
     def fail(*given):
         raise error
 
-    monkeypatch.setattr("pneumo_casadi.cli.diagnose_command.diagnose", fail)
+    monkeypatch.setattr("pneumo_casadi.diagnosis.diagnose.diagnose", fail)
     arguments = ["--workers", "1", "--keep", str(tmp_path / "fits"), "-o", str(tmp_path / "out")]
     assert cli.run(["diagnose", str(embedded), *arguments]) == code
     assert words in error_line(capsys)

@@ -1,20 +1,17 @@
-"""What ``withheld`` does: the sealed check from the command line."""
+"""The command ``withheld``: the sealed check of the diagnosis."""
 
 import secrets
-import signal
-from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from pneumo_casadi.cli.terminal import guarded, out, progress_bar, show
+from pneumo_casadi.cli.options import Debug, Json
+from pneumo_casadi.cli.terminal import guarded, progress_bar, say, show
 from pneumo_casadi.errors import CaseError
-from pneumo_casadi.identification.result_file import write_json
-from pneumo_casadi.report.figures.studies.withheld import withheld_figure
-from pneumo_casadi.report.figures.style import png
-from pneumo_casadi.report.tables.sealed_check import withheld_table
-from pneumo_casadi.runtime.progress import Progress
+
+if TYPE_CHECKING:
+    from pneumo_casadi.runtime.progress import Progress
 
 SEED_FILE = "seed.txt"
 
@@ -34,10 +31,8 @@ def withheld(
     rivals: Annotated[
         int | None, typer.Option(min=0, help="Ask simple rivals of so many cases; default: all.")
     ] = None,
-    json_file: Annotated[
-        Path | None, typer.Option("--json", metavar="FILE", help="Also write the scores here.")
-    ] = None,
-    debug: Annotated[bool, typer.Option("--debug", help="Show tracebacks and the log.")] = False,
+    json_file: Json = None,
+    debug: Debug = False,
 ) -> None:
     """Check the diagnosis on cases whose causes are withheld from it.
 
@@ -46,14 +41,19 @@ def withheld(
     where it was when it is called again with the same folder.
     """
     with guarded(debug, f"what was finished is in {output}: call it again to go on"):
+        from pneumo_casadi.identification.result_file import write_json
+        from pneumo_casadi.report.figures.studies.withheld import withheld_figure
+        from pneumo_casadi.report.figures.style import png
+        from pneumo_casadi.report.tables.sealed_check import withheld_table
+
         with progress_bar() as report:
-            found = check(output, cases, seed, workers, duration, report, rivals)
-        show(withheld_table(found))
+            scores = check(output, cases, seed, workers, duration, report, rivals)
+        show(withheld_table(scores))
         target = output / "withheld.png"
-        target.write_bytes(png(withheld_figure(found)))
+        target.write_bytes(png(withheld_figure(scores)))
         if json_file is not None:
-            write_json(found, json_file)
-        out.print(f"\nscores: {output / 'scores.json'}\nfigure: {target}", soft_wrap=True)
+            write_json(scores, json_file)
+        say(f"\nscores: {output / 'scores.json'}\nfigure: {target}")
 
 
 def check(
@@ -62,7 +62,7 @@ def check(
     seed: int | None,
     workers: int,
     duration: float,
-    report: Progress,
+    report: "Progress",
     rivals: int | None = None,
 ) -> dict[str, Any]:
     """Run the sealed check in a folder and return its scores.
@@ -91,25 +91,23 @@ def check(
     MissingExtraError
         If numba is not installed.
     """
+    from concurrent.futures import ProcessPoolExecutor
+
     from pneumo_casadi.evaluation.sealed_check import (  # needs the extra `bench`
         WithheldOptions,
         check_withheld,
     )
+    from pneumo_casadi.runtime.processes import ignore_interrupts
 
     chosen = _seed_of(folder) if seed is None else seed
-    with ProcessPoolExecutor(workers, initializer=_leave_interruption_to_the_parent) as executor:
-        found = check_withheld(
+    with ProcessPoolExecutor(workers, initializer=ignore_interrupts) as executor:
+        scores = check_withheld(
             folder,
             WithheldOptions(cases, chosen, duration=duration, rivals=rivals),
             executor,
             progress=report,
         )
-    return {**found, "seed": chosen, "duration_seconds": duration}
-
-
-def _leave_interruption_to_the_parent() -> None:
-    """Let Ctrl-C end the check after the cases in work, whose verdicts are kept."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    return {**scores, "seed": chosen, "duration_seconds": duration}
 
 
 def _seed_of(folder: Path) -> int:

@@ -1,19 +1,17 @@
-"""What ``diagnose-many`` does: a folder of cases, one row each."""
+"""The command ``diagnose-many``: a folder of cases, one row each."""
 
 import os
 from collections import Counter
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from pneumo_casadi.cli.diagnose_command import processes
-from pneumo_casadi.cli.terminal import FIT_FAILED, complain, guarded, out, progress_bar
-from pneumo_casadi.evaluation.batch import CSV, FAILED, PARQUET, Row, case_folders, diagnose_many
+from pneumo_casadi.cli.options import Debug
+from pneumo_casadi.cli.terminal import FIT_FAILED, complain, guarded, progress_bar, say
 
 
-def diagnose_many_command(
+def diagnose_many(
     folder: Annotated[
         Path, typer.Argument(metavar="FOLDER", help="Folder whose folders are cases.")
     ],
@@ -24,7 +22,7 @@ def diagnose_many_command(
     workers: Annotated[
         int | None, typer.Option(min=1, help="Cases at a time; by default one a processor.")
     ] = None,
-    debug: Annotated[bool, typer.Option("--debug", help="Show tracebacks and the log.")] = False,
+    debug: Debug = False,
 ) -> None:
     """Diagnose all cases of a folder: one row each in cases.csv and cases.parquet.
 
@@ -34,20 +32,19 @@ def diagnose_many_command(
     """
     keep = output or Path("report") / f"{folder.resolve().name}-cases"
     with guarded(debug, f"what was finished is in {keep}: call it again to go on"):
+        from pneumo_casadi.evaluation.batch import CSV, FAILED, PARQUET, case_folders, diagnose_many
+        from pneumo_casadi.runtime.processes import processes
+
         cases = case_folders(folder)
         wanted = min(workers or os.cpu_count() or 1, len(cases))
         with progress_bar() as report, processes(wanted) as executor:
             rows = diagnose_many(cases, executor, keep=keep, progress=report)
-    out.print(_counted(rows), markup=False, soft_wrap=True)
+    counted = Counter(row.verdict for row in rows).most_common()
+    say(f"{len(rows)} cases: " + ", ".join(f"{verdict} {n}" for verdict, n in counted))
     tables = [path for path in (keep / CSV, keep / PARQUET) if path.is_file()]
-    out.print(f"tables: {', '.join(map(str, tables))}", soft_wrap=True)
+    say(f"tables: {', '.join(map(str, tables))}")
     failed = [row for row in rows if row.verdict == FAILED]
     if failed:
         first = failed[0]
         complain(f"{len(failed)} of {len(rows)} cases failed; {first.case}: {first.error}")
         raise typer.Exit(FIT_FAILED)
-
-
-def _counted(rows: Sequence[Row]) -> str:
-    counted = Counter(row.verdict for row in rows).most_common()
-    return f"{len(rows)} cases: " + ", ".join(f"{verdict} {n}" for verdict, n in counted)

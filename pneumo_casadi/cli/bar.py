@@ -1,0 +1,65 @@
+"""The progress bar; imported where one is shown, for rich takes its time."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    Progress,
+    ProgressColumn,
+    SpinnerColumn,
+    Task,
+    TextColumn,
+    TimeElapsedColumn,
+)
+from rich.text import Text
+
+#: The time left is told once this share of the work is done.
+TELLING = 0.05
+
+
+@contextmanager
+def shown_bar() -> Iterator[Callable[[str, float], None]]:
+    """Yield a callback that moves a progress bar on standard error."""
+    columns = (
+        SpinnerColumn(),
+        BarColumn(bar_width=30),
+        TimeElapsedColumn(),
+        _TimeLeft(),
+        TextColumn("{task.description}"),
+    )
+    console = Console(stderr=True, highlight=False)
+    with Progress(*columns, console=console, transient=True) as bar:
+        task = bar.add_task("reading", total=1.0, end=None)
+
+        def report(text: str, share: float) -> None:
+            elapsed = bar.tasks[0].elapsed or 0.0
+            left = time_left(elapsed, share)
+            end = None if left is None else elapsed + left
+            bar.update(task, description=text, completed=share, end=end)
+
+        yield report
+
+
+def time_left(elapsed: float, share: float) -> float | None:
+    """Return how long the rest of some work takes if it goes on at its pace [s].
+
+    None while too little is done to tell.
+
+    Examples
+    --------
+    >>> time_left(30.0, 0.75)
+    10.0
+    """
+    return elapsed * (1 - share) / share if share >= TELLING else None
+
+
+class _TimeLeft(ProgressColumn):
+    """Time left as of the last report, counted down since."""
+
+    def render(self, task: Task) -> Text:
+        end = task.fields.get("end")
+        if end is None:
+            return Text("")
+        return Text(f"about {max(end - (task.elapsed or 0.0), 1.0):.0f} s left")

@@ -1,0 +1,88 @@
+"""The command ``design``: a reference for the next experiment, and its predicted gain."""
+
+from typing import Annotated
+
+import typer
+
+from pneumo_casadi.cli.options import (
+    CasePath,
+    CriterionName,
+    Debug,
+    Flow,
+    FlowOption,
+    Json,
+    Output,
+    report_folder,
+)
+from pneumo_casadi.cli.terminal import guarded, progress_bar, say
+
+
+def design(
+    case: CasePath,
+    separate: Annotated[
+        tuple[str, str] | None,
+        typer.Option(
+            metavar="EFFECT EFFECT", help="Tell these two apart; `none` is the nominal axis."
+        ),
+    ] = None,
+    criterion: Annotated[
+        CriterionName,
+        typer.Option(help="Of the covariance: volume (D), mean (A), worst direction (E)."),
+    ] = "D",
+    duration: Annotated[
+        float | None, typer.Option(help="Length [s]; by default that of the record.")
+    ] = None,
+    common: Annotated[
+        float,
+        typer.Option(help="Largest command that may be added to both valves alike [V]."),
+    ] = 0.0,
+    velocity: Annotated[
+        float | None,
+        typer.Option(help="Fastest motion [m/s]; by default 1.5 times that of the records."),
+    ] = None,
+    command: Annotated[
+        float | None,
+        typer.Option(help="Largest command [V]; by default as far as the flow map was measured."),
+    ] = None,
+    flow: Flow = FlowOption.AUTO,
+    tries: Annotated[
+        int | None, typer.Option(min=20, help="References tried; by default some 240 or 60.")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Of the search.")] = 0,
+    output: Output = None,
+    json_file: Json = None,
+    debug: Debug = False,
+) -> None:
+    """Design the next experiment: for small standard errors, or to tell two effects apart.
+
+    CASE is identified first; its record is what the design is compared with. FOLDER (default:
+    report/CASE-design) gets reference.csv (t_s, x_ref_m and, with --common, u_common_V to be
+    added to the command of both valves), design.txt, design.json and design.png.
+    """
+    with guarded(debug):
+        from dataclasses import replace
+
+        from pneumo_casadi.data import read_case
+        from pneumo_casadi.design import Criterion, ExperimentRequest, design_experiment
+        from pneumo_casadi.identification.identify import IdentifyOptions, identify
+        from pneumo_casadi.identification.result_file import write_json
+        from pneumo_casadi.report.pages.design import design_text, write_design
+        from pneumo_casadi.report.pages.write import Kind, check_replaceable
+        from pneumo_casadi.runtime.progress import progress_range
+
+        folder = report_folder(output, case, "-design")
+        check_replaceable(folder, Kind.DESIGN)
+        request = ExperimentRequest(
+            separate, Criterion(criterion), duration, common, velocity, command, tries, seed
+        )
+        read = replace(read_case(case), validate=())
+        options = IdentifyOptions(flow_form=flow.form)
+        with progress_bar() as report:
+            result = identify(read, options, progress_range(report, 0.0, 0.3))
+            rest = progress_range(report, 0.3, 1.0, "design: ")
+            designed = design_experiment(result, request, rest)
+        write_design(designed, folder)
+        if json_file is not None:
+            write_json(designed.as_dict(), json_file)
+        say(design_text(designed))
+        say(f"\nreference: {folder}/reference.csv")

@@ -1,0 +1,123 @@
+"""The command ``diagnose``: where simulation and measurement disagree, and why."""
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from pneumo_casadi.cli.options import (
+    CasePath,
+    Debug,
+    Degrees,
+    Flow,
+    FlowOption,
+    Json,
+    Output,
+    degrees_of,
+    report_folder,
+)
+from pneumo_casadi.cli.terminal import guarded, progress_bar, say
+from pneumo_casadi.errors import CaseError
+
+if TYPE_CHECKING:
+    from pneumo_casadi.data import Case
+    from pneumo_casadi.model.effect import Effect
+
+#: More processes than this do not help: one part after another waits for the last fit.
+MOST_WORKERS = 4
+
+
+def diagnose(
+    case: CasePath,
+    output: Output = None,
+    json_file: Json = None,
+    workers: Annotated[
+        int | None,
+        typer.Option(min=1, help="Fits at a time; by default one a processor, four at most."),
+    ] = None,
+    without: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="EFFECT", help="Leave this effect out of the catalogue; may be repeated."
+        ),
+    ] = None,
+    keep: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FOLDER", help="Keep finished fits here; interrupted work goes on from them."
+        ),
+    ] = None,
+    flow: Flow = FlowOption.AUTO,
+    degrees: Degrees = None,
+    debug: Debug = False,
+) -> None:
+    """Diagnose an axis: where simulation and measurement disagree, and which effect explains it.
+
+    Verdicts: an effect of the catalogue (or several), several that the data cannot tell apart, one
+    that hides in the parameters, an unknown one, or nothing wrong. FOLDER (default:
+    report/CASE-diagnosis) gets report.html, summary.txt, diagnosis.json and figures.
+    """
+    kept = "nothing was written" if keep is None else f"finished fits are in {keep}"
+    with guarded(debug, kept):
+        from pneumo_casadi.data import read_case
+        from pneumo_casadi.diagnosis import DiagnosisOptions
+        from pneumo_casadi.diagnosis.diagnose import diagnose
+        from pneumo_casadi.identification.result_file import write_json
+        from pneumo_casadi.report.pages.diagnosis import write_diagnosis
+        from pneumo_casadi.report.pages.write import Kind, check_replaceable
+        from pneumo_casadi.report.text.diagnosis import summary_text
+        from pneumo_casadi.runtime.processes import processes
+        from pneumo_casadi.runtime.progress import progress_range
+
+        folder = report_folder(output, case, "-diagnosis")
+        check_replaceable(folder, Kind.DIAGNOSIS)
+        effects = effects_without(without or ())
+        read = read_case(case)
+        with progress_bar() as report, processes(workers or default_workers()) as executor:
+            options = DiagnosisOptions(keep, flow.form, degrees_of(degrees))
+            result = diagnose(read, effects, options, progress_range(report, 0.0, 0.97), executor)
+            report("report", 0.97)
+            origin = origin_of(read, without or ())
+            write_diagnosis(result, folder, effects, origin)
+        if json_file is not None:
+            write_json(result.as_dict() | {"provenance": origin}, json_file)
+        say(summary_text(result, effects))
+        say(f"report: {folder}/report.html")
+
+
+def effects_without(names: Sequence[str]) -> "dict[str, type[Effect]]":
+    """Return the catalogue of effects without some of them.
+
+    Raises
+    ------
+    CaseError
+        If there is no such effect, or none is left.
+    """
+    from pneumo_casadi.effects import EFFECTS
+
+    unknown = [name for name in names if name not in EFFECTS]
+    if unknown:
+        raise CaseError(f"--without: no effect {unknown[0]!r}; there are {', '.join(EFFECTS)}")
+    effects = {name: effect for name, effect in EFFECTS.items() if name not in names}
+    if not effects:
+        raise CaseError("--without leaves no effect in the catalogue")
+    return effects
+
+
+def origin_of(case: "Case", without: Sequence[str]) -> dict[str, Any]:
+    """Return what is needed to repeat a diagnosis: versions, hashes of the data, options."""
+    from pneumo_casadi.identification.identify import IdentifyOptions
+    from pneumo_casadi.identification.result_file import provenance
+
+    known = provenance(case, IdentifyOptions())
+    left_out = list(dict.fromkeys(without))
+    return {key: known[key] for key in ("versions", "platform", "sha256")} | {
+        "options": {"without": left_out}
+    }
+
+
+def default_workers() -> int:
+    """Return how many fits run at a time by default."""
+    return min(os.cpu_count() or 1, MOST_WORKERS)

@@ -1,0 +1,127 @@
+"""The commands ``identify`` and ``demo``."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from pneumo_casadi.cli.options import (
+    CasePath,
+    Debug,
+    Degrees,
+    Flow,
+    FlowOption,
+    Json,
+    Output,
+    degrees_of,
+    report_folder,
+)
+from pneumo_casadi.cli.terminal import guarded, progress_bar, say, show, width
+
+if TYPE_CHECKING:
+    from pneumo_casadi.identification.identify import IdentifyOptions
+
+Start = Annotated[
+    float | None, typer.Option("--start", help="Identify on the records from this time on [s].")
+]
+End = Annotated[
+    float | None, typer.Option("--end", help="Identify on the records up to this time [s].")
+]
+
+
+def demo(
+    output: Output = Path("report/demo"), json_file: Json = None, debug: Debug = False
+) -> None:
+    """Identify an embedded record whose true parameters are known, and write the report.
+
+    The axis has the parameters of the paper's Table 1; the table shows weighted least squares
+    (WLS), output error (OE), the truth and Table 1 side by side.
+    """
+    with guarded(debug):
+        from pneumo_casadi.data import EXAMPLE
+        from pneumo_casadi.identification.identify import IdentifyOptions
+        from pneumo_casadi.valve import PAPER_DEGREES, FlowForm
+
+        as_published = IdentifyOptions(FlowForm.POLYNOMIALS, PAPER_DEGREES)
+        _identify(EXAMPLE, as_published, output or Path("report/demo"), json_file, paper=True)
+
+
+def identify(
+    case: CasePath,
+    output: Output = None,
+    json_file: Json = None,
+    start: Start = None,
+    end: End = None,
+    flow: Flow = FlowOption.AUTO,
+    degrees: Degrees = None,
+    fixed_map: Annotated[
+        bool, typer.Option("--fixed-map", help="Keep the flow map as measured.")
+    ] = False,
+    window: Annotated[
+        float | None,
+        typer.Option(help="Longest stretch with one initial state [s]; default: whole record."),
+    ] = None,
+    ipopt: Annotated[
+        bool, typer.Option("--ipopt", help="Solve with IPOPT (slower, same optimum).")
+    ] = False,
+    closed_loop: Annotated[
+        bool,
+        typer.Option("--closed-loop", help="Simulate the controller instead of taking u as is."),
+    ] = False,
+    identifiability: Annotated[
+        bool,
+        typer.Option("--identifiability", help="Report what informs each parameter."),
+    ] = False,
+    paper: Annotated[
+        bool, typer.Option("--paper", help="Set the paper's Table 1 beside the result.")
+    ] = False,
+    debug: Debug = False,
+) -> None:
+    """Identify an axis: weighted least squares, output error, held-out validation.
+
+    CASE holds bench.json, identify*.csv[.gz], validate*.csv[.gz] and flow_map.csv (or is the
+    folder of the EMPS benchmark). The report goes to report/CASE unless --output says otherwise.
+    """
+    with guarded(debug):
+        from pneumo_casadi.estimation.output_error import Method, OutputErrorOptions
+        from pneumo_casadi.identification.identify import IdentifyOptions
+
+        options = IdentifyOptions(
+            flow_form=flow.form,
+            degrees=degrees_of(degrees),
+            refine_flow=not fixed_map,
+            start=start,
+            end=end,
+            identifiability=identifiability,
+            output_error=OutputErrorOptions(
+                method=Method.IPOPT if ipopt else Method.GAUSS_NEWTON,
+                window=window,
+                closed_loop=closed_loop,
+            ),
+        )
+        _identify(case, options, report_folder(output, case), json_file, paper)
+
+
+def _identify(
+    case: Path, options: "IdentifyOptions", folder: Path, json_file: Path | None, paper: bool
+) -> None:
+    from pneumo_casadi.identification.identify import identify
+    from pneumo_casadi.identification.result_file import result_dict, write_json
+    from pneumo_casadi.report.pages.write import Kind, check_replaceable, write_identification
+    from pneumo_casadi.report.tables.results import parameter_table, validation_table
+    from pneumo_casadi.report.text.identification import render_warnings
+    from pneumo_casadi.runtime.progress import progress_range
+
+    check_replaceable(folder, Kind.IDENTIFICATION)
+    with progress_bar() as report:
+        result = identify(case, options, progress_range(report, 0.0, 0.8))
+        write_identification(result, folder, paper, progress_range(report, 0.8, 1.0))
+    if json_file is not None:
+        write_json(result_dict(result), json_file)
+    show(parameter_table(result, paper))
+    if result.validation is not None:
+        say()
+        show(validation_table(result.validation))
+    say()
+    say(render_warnings(result.warnings, min(width(), 100)))
+    say(f"\nreport: {folder}/report.html")

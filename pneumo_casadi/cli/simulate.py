@@ -1,0 +1,92 @@
+"""The command ``simulate``: records of a case, or a random axis of the virtual bench."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from pneumo_casadi.cli.bench import record_case
+from pneumo_casadi.cli.options import Debug, Json, Output, RecordSetName, report_folder
+from pneumo_casadi.cli.terminal import guarded, progress_bar, say
+from pneumo_casadi.errors import CaseError
+
+
+def simulate(
+    case: Annotated[
+        Path | None,
+        typer.Argument(metavar="CASE", help="Folder with bench.json and records."),
+    ] = None,
+    parameters: Annotated[
+        Path | None,
+        typer.Option("--parameters", "-p", help="result.json written by identify."),
+    ] = None,
+    output: Output = None,
+    json_file: Json = None,
+    open_loop: Annotated[
+        bool,
+        typer.Option(
+            "--open-loop/--closed-loop", help="Recorded inputs, or the controller on x_ref."
+        ),
+    ] = False,
+    records: Annotated[
+        RecordSetName, typer.Option(help="Whose reference, inputs and initial state are taken.")
+    ] = "validate",
+    bench: Annotated[
+        bool, typer.Option("--bench", help="Record a random axis on the virtual bench instead.")
+    ] = False,
+    seed: Annotated[int, typer.Option(min=0, help="Bench: of axis, sizes, noise.")] = 0,
+    effect: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME[:SEVERITY]", help="Bench: hidden effect; may be repeated."),
+    ] = None,
+    severity: Annotated[str, typer.Option(help="Bench: small, medium or large.")] = "medium",
+    fs: Annotated[float, typer.Option(help="Bench: sampling frequency [Hz].")] = 1000.0,
+    duration: Annotated[float, typer.Option(help="Bench: length of each record [s].")] = 20.0,
+    debug: Debug = False,
+) -> None:
+    """Simulate the axis on the records of CASE and write CSV files in case-folder columns.
+
+    One file a record goes to FOLDER/simulation (default: report/CASE-simulation). With --bench,
+    FOLDER becomes a case folder instead (default: report/bench-SEED), recorded on a random axis
+    by the virtual bench, which shares no equation with the model; the labels go to --json.
+    """
+    with guarded(debug):
+        from pneumo_casadi.identification.result_file import write_json
+
+        content: dict[str, Any]
+        if bench:
+            if case is not None or parameters is not None:
+                raise CaseError("--bench makes an axis of its own: leave out CASE and --parameters")
+            folder = output or Path("report") / f"bench-{seed}"
+            content = record_case(folder, seed, effect or [], severity, fs, duration, json_file)
+            say(str(folder))
+        else:
+            content = {"files": _simulate(case, parameters, output, records, not open_loop)}
+        if json_file is not None:
+            write_json(content, json_file)
+
+
+def _simulate(
+    case: Path | None,
+    parameters: Path | None,
+    output: Path | None,
+    records: RecordSetName,
+    closed_loop: bool,
+) -> list[str]:
+    from pneumo_casadi.data import read_case
+    from pneumo_casadi.identification.result_file import read_axis
+    from pneumo_casadi.identification.trajectory_file import RecordSet, simulate_case
+    from pneumo_casadi.report.pages.write import Kind, check_replaceable, write_simulations
+
+    if case is None or parameters is None:
+        raise CaseError("simulate needs CASE and --parameters, or --bench to make a case")
+    folder = report_folder(output, case, "-simulation")
+    check_replaceable(folder, Kind.SIMULATION)
+    read = read_case(case)
+    axis = read_axis(parameters, read)
+    with progress_bar() as report:
+        runs = simulate_case(axis, read, RecordSet(records), closed_loop, report)
+    paths = [str(path) for path in write_simulations(runs, folder)]
+    for path in paths:
+        say(path)
+    return paths

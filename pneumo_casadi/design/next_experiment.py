@@ -1,0 +1,176 @@
+"""The next experiment of an identified axis: for precision, or to tell two effects apart."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pneumo_casadi.data import Bench, Recording
+from pneumo_casadi.design.criterion import Criterion
+from pneumo_casadi.design.options import DesignOptions, default_limits, recorded_reference
+from pneumo_casadi.design.precision import design_for_precision
+from pneumo_casadi.design.result import Design
+from pneumo_casadi.design.separation import design_to_separate
+from pneumo_casadi.effects import EFFECTS
+from pneumo_casadi.errors import CaseError, FitError
+from pneumo_casadi.estimation.output_error import OutputErrorResult, fit_output_error
+from pneumo_casadi.identification.identify import Identification, output_error_options
+from pneumo_casadi.model.axis import Axis
+from pneumo_casadi.runtime.progress import Progress, no_progress, progress_range
+from pneumo_casadi.valve import FlowMap
+
+#: The axis without effects, among those to be told apart.
+NONE = "none"
+#: References tried for ten seconds of experiment; fewer for longer ones, so that time is kept.
+PRECISION_TRIES, SEPARATION_TRIES, FEWEST = 240, 60, 40
+
+
+@dataclass(frozen=True, slots=True)
+class ExperimentRequest:
+    """What the next experiment is for, and what it may use.
+
+    Parameters
+    ----------
+    separate : tuple of (str, str), optional
+        Two effects of the catalogue to tell apart; ``"none"`` is the axis without effects. By
+        default the experiment is designed for small standard errors.
+    criterion : Criterion
+        Of the covariance: volume (D), mean (A) or worst direction (E).
+    duration : float, optional
+        Length [s]; by default that of the first record.
+    common : float
+        Largest command that may be added to both valves alike [V].
+    velocity : float, optional
+        Fastest motion [m/s]; by default 1.5 times that of the records.
+    command : float, optional
+        Largest command [V]; by default as far as the flow map was measured.
+    tries : int, optional
+        References tried; by default 240 for precision and 60 to separate, fewer for long ones.
+    seed : int
+        Of the search.
+    """
+
+    separate: tuple[str, str] | None = None
+    criterion: Criterion = Criterion.D
+    duration: float | None = None
+    common: float = 0.0
+    velocity: float | None = None
+    command: float | None = None
+    tries: int | None = None
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        for name in self.separate or ():
+            if name != NONE and name not in EFFECTS:
+                raise CaseError(f"no effect {name!r}; there are {', '.join(EFFECTS)} and {NONE}")
+        if self.separate is not None and self.separate[0] == self.separate[1]:
+            raise CaseError(f"{self.separate[0]} cannot be told from itself; name two effects")
+
+
+def design_experiment(
+    identification: Identification,
+    request: ExperimentRequest | None = None,
+    progress: Progress | None = None,
+) -> Design:
+    """Design the next experiment of an identified servo axis.
+
+    References (sines, steps, chirps, ...) are tried on the identified model within limits that
+    follow from bench and records. The best one either makes the standard errors of an
+    output-error fit small, or tells two effects apart.
+
+    Parameters
+    ----------
+    identification : Identification
+        Of a servo axis with a flow map, see `identify`.
+    request : ExperimentRequest, optional
+        What differs from the default: small standard errors (D), duration of the first record.
+    progress : callable, optional
+        Called as ``progress(text, share)``.
+
+    Returns
+    -------
+    Design
+        Reference x_ref [m] at the bench's sampling frequency, its predicted gain, and notes.
+
+    Raises
+    ------
+    CaseError
+        If the axis is no servo axis with a flow map, or an effect is unknown.
+    FitError
+        If no reference keeps the limits.
+
+    Examples
+    --------
+    >>> import pneumo_casadi as pc
+    >>> request = pc.design.ExperimentRequest(separate=("stribeck", "none"), duration=4.0)
+    >>> request.criterion.value
+    'D'
+
+    ``pc.design_experiment(pc.identify(case), request)`` then gives the design.
+    """
+    request = request or ExperimentRequest()
+    case, fit = identification.case, identification.output_error
+    flow_map, records = identification.flow_map, identification.records
+    if not isinstance(case.bench, Bench) or flow_map is None:
+        raise CaseError(f"{case.folder}: experiments are designed for servo axes only")
+    options = _options(case.bench, records, flow_map, request)
+    recorded = [recorded_reference(record) for record in records]
+    report = progress or no_progress
+    notes: list[str] = []
+    if request.separate is None:
+        design = design_for_precision(
+            fit.axis, recorded, flow_map, fit.sigma, options, request.criterion, progress=report
+        )
+    else:
+        axes = {name: _axis_with(name, identification, notes) for name in request.separate}
+        stage = progress_range(report, 0.15, 1.0)
+        design = design_to_separate(axes, fit.axis, recorded, flow_map, fit.sigma, options, stage)
+    if design.gain < 1:
+        notes.append(
+            "No reference tried does better than what was recorded: allow more speed, pressure, "
+            "time or a common mode, or try more references."
+        )
+    return replace(design, notes=tuple(notes))
+
+
+def _options(
+    bench: Bench, records: Sequence[Recording], flow_map: FlowMap, request: ExperimentRequest
+) -> DesignOptions:
+    limits = default_limits(bench, records, float(np.abs(flow_map.u).max()), request.common)
+    if request.velocity is not None:
+        limits = replace(limits, velocity=request.velocity)
+    if request.command is not None:
+        limits = replace(limits, command=request.command)
+    duration = request.duration or records[0].duration
+    most = PRECISION_TRIES if request.separate is None else SEPARATION_TRIES
+    tries = request.tries or max(FEWEST, round(most * min(1.0, 10.0 / duration)))
+    return DesignOptions(limits, duration, evaluations=tries, seed=request.seed)
+
+
+def _axis_with(name: str, identification: Identification, notes: list[str]) -> Axis:
+    """Return the axis with an effect as a refit of the records finds it."""
+    fit = identification.output_error
+    if name == NONE:
+        return fit.axis
+    start = fit.axis.with_effects(EFFECTS[name]()).at_starting_values(name)
+    options = output_error_options(identification.case, identification.options)
+    try:
+        refit = fit_output_error(start, identification.records, identification.flow_map, options)
+    except FitError:
+        notes.append(f"{name}: the records do not fit; designed at its starting values.")
+        return start
+    if _informed(refit, name):
+        return refit.axis
+    notes.append(f"{name}: the records show none of it; designed at its starting values.")
+    return start
+
+
+def _informed(fit: OutputErrorResult, name: str) -> bool:
+    """Tell whether one of an effect's sizes lies three standard deviations from its null value."""
+    sizes = (item for item in fit.parameters if item.name.startswith(f"{name}."))
+    return any(
+        item.start is not None
+        and item.null is not None
+        and abs(item.value - item.null) > 3 * fit.std(item.name)
+        for item in sizes
+    )

@@ -1,0 +1,91 @@
+"""The figures of a diagnosis, in order, with what goes with them."""
+
+from collections.abc import Iterator
+
+from pneumo_casadi.diagnosis import Diagnosis
+from pneumo_casadi.diagnosis.locate.evidence import Evidence
+from pneumo_casadi.report.figures.diagnosis.dashboard import dashboard_figure
+from pneumo_casadi.report.figures.diagnosis.gap import gap_figure, gap_labels
+from pneumo_casadi.report.figures.diagnosis.ranking import ranking_figure
+from pneumo_casadi.report.figures.diagnosis.regimes import regime_figure
+from pneumo_casadi.report.figures.diagnosis.unknown_inputs import unknown_input_figure
+from pneumo_casadi.report.figures.diagnosis.where import where_figure
+from pneumo_casadi.report.pages.identification_figures import Drawn
+from pneumo_casadi.report.tables.diagnosis import chance, has_after, percent, plain, whole
+
+#: A balance is drawn in detail from this share of what all lack.
+SHARE = 0.1
+
+
+def diagnosis_figures(found: Diagnosis) -> Iterator[Drawn]:
+    """Draw all figures of a diagnosis, in order; curves where it carries its evidence."""
+    if found.gap.views:
+        yield Drawn(
+            "gap",
+            gap_figure(found),
+            f"Gap on held-out data {' and '.join(gap_labels(found))}, in per cent of each signal, "
+            "beyond the noise of the sensors; the black mark is that noise. " + _gap_words(found),
+        )
+    if any(one.closure is not None or one.probability > 0 for one in found.ranking):
+        yield Drawn(
+            "ranking",
+            ranking_figure(found),
+            "The most probable causes, and how much of the held-out gap in the balances each one "
+            "closes, with its 95 % interval. " + _ranking_words(found),
+        )
+    if any(found.where.shares.values()) or found.where.regimes:
+        yield Drawn(
+            "where",
+            where_figure(found),
+            "Share of each balance in what the model without effects lacks; below, the parts of "
+            "the record that hold more of the gap than of the time (of a frequency band: than of "
+            "the signal).",
+        )
+    if found.evidence is not None:
+        yield from _curves(found, found.evidence)
+    if found.gap.views and found.ranking and any(found.where.shares.values()):
+        yield Drawn(
+            "dashboard",
+            dashboard_figure(found),
+            "The diagnosis at a glance: gap, most probable causes, place, and what the balance "
+            f"that is hit most lacks. {_gap_words(found)} {_ranking_words(found)}",
+        )
+
+
+def _curves(found: Diagnosis, evidence: Evidence) -> Iterator[Drawn]:
+    several = len(evidence.inputs) > 1
+    for i, inputs in enumerate(evidence.inputs, 1):
+        which = f", held-out record {i}" if several else ""
+        yield Drawn(
+            f"unknown_inputs_{i}" if several else "unknown_inputs",
+            unknown_input_figure(inputs, found.where.shares),
+            f"What the balances lack over time{which}: the unknown input of each, with a band of "
+            "±2σ. Where the model is right the band covers zero. Grey: the axis sticks, and "
+            "friction takes any force.",
+        )
+    shares, labels = found.where.shares, gap_labels(found)
+    for balance in sorted(shares, key=lambda name: -shares[name]):
+        before = [one for one in evidence.before if one.balance == balance]
+        after = [one for one in evidence.after if one.balance == balance]
+        if before and shares[balance] >= SHARE:
+            yield Drawn(
+                f"regimes_{balance}",
+                regime_figure(before, after, labels),
+                f"Mean residual of the {plain(balance)} balance over what went on, with bands of "
+                f"±2σ, {' and '.join(labels[: 2 if after else 1])}. A flat line at zero is a "
+                "complete model.",
+            )
+
+
+def _gap_words(found: Diagnosis) -> str:
+    """Say the figure's main numbers, for those who do not see it."""
+    gap = found.gap
+    if not has_after(found):
+        return f"Over all outputs: {percent(gap.before)}."
+    return f"Over all outputs: {percent(gap.before)} before, {percent(gap.after)} after."
+
+
+def _ranking_words(found: Diagnosis) -> str:
+    first = found.ranking[0]
+    closes = "" if first.closure is None else f", closes {whole(first.closure.value)}"
+    return f"First: {plain(first.label)}, probability {chance(first.probability)}{closes}."

@@ -1,0 +1,130 @@
+"""The figures of an identification, in the order of its report, with their captions."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from matplotlib.figure import Figure
+
+from pneumo_casadi.identification.identify import Identification
+from pneumo_casadi.report.figures.identification.cross_validation import cross_validation_figure
+from pneumo_casadi.report.figures.identification.flow_map import (
+    flow_map_figure,
+    residual_map_figure,
+)
+from pneumo_casadi.report.figures.identification.identifiability import clustered_correlation_figure
+from pneumo_casadi.report.figures.identification.overview import overview_figure
+from pneumo_casadi.report.figures.identification.parameters import correlation_figure, forest_figure
+from pneumo_casadi.report.figures.identification.regressor import regressor_figure
+from pneumo_casadi.report.figures.identification.residuals import fit_figure, residual_figure
+from pneumo_casadi.report.figures.identification.validation import validation_figure
+from pneumo_casadi.validation import Validation
+
+
+@dataclass(frozen=True, slots=True)
+class Drawn:
+    """A figure with what goes with it.
+
+    Parameters
+    ----------
+    name : str
+        Of its file, without suffix.
+    figure : matplotlib.figure.Figure
+        The drawing.
+    caption : str
+        What it shows and what to look for.
+    """
+
+    name: str
+    figure: Figure
+    caption: str
+
+
+def figures_of(found: Identification) -> Iterator[Drawn]:
+    """Draw all figures of an identification, in the order of the report.
+
+    Yields
+    ------
+    Drawn
+        One figure with its name and caption.
+    """
+    if found.validation is not None and found.flow_map is not None:
+        yield Drawn(
+            "overview",
+            overview_figure(found),
+            "Flow map, held-out prediction and parameters at a glance.",
+        )
+    yield Drawn(
+        "parameters",
+        forest_figure(found),
+        "Estimates with intervals of ±2σ that allow for correlated residuals, "
+        + ("relative to the true parameters." if found.truth else "relative to output error."),
+    )
+    if found.validation is not None:
+        yield from validation_figures(found.validation)
+    if found.flow_map is not None and found.flow is not None:
+        yield Drawn(
+            "flow_map",
+            flow_map_figure(found.flow_map, found.flow),
+            "Static flow map of the valve: surface and its three projections (as Fig. 2 of the "
+            "paper); dots are metered, lines fitted.",
+        )
+        yield Drawn(
+            "residual_map",
+            residual_map_figure(found.flow_map, found.flow),
+            "What the fitted form leaves of the metered map (as Fig. 3).",
+        )
+    yield Drawn(
+        "regressor",
+        regressor_figure(found.wls, found.records[0]),
+        "Weighted least squares on a record of the fit: measured sides of the balances and W X̂; "
+        "below, the residuals, with a band of ±2σ. Rows at rest are left out: friction at rest is "
+        "no function of the velocity.",
+    )
+    for prediction in found.predictions:
+        yield Drawn(
+            f"cross_validation_{prediction.name}",
+            cross_validation_figure(prediction),
+            "Flows and effort predicted by weighted least squares on a held-out record (as "
+            "Figs. 4 and 5). None is drawn at rest, where friction is no function of the velocity.",
+        )
+    yield Drawn(
+        "output_error",
+        fit_figure(found.output_error, found.records),
+        "Outputs measured and as fitted by output error.",
+    )
+    yield Drawn(
+        "residuals",
+        residual_figure(found.output_error, found.records),
+        "Residuals of the output-error fit and their autocorrelation. A complete model leaves "
+        "white residuals, inside the band.",
+    )
+    yield Drawn(
+        "correlations",
+        correlation_figure(found),
+        "Correlations of the output-error estimates.",
+    )
+    if found.identifiability is not None:
+        yield Drawn(
+            "all_correlations",
+            clustered_correlation_figure(found.identifiability),
+            "Correlations of all estimates, the flow map's coefficients among them; those that "
+            "make up for each other stand side by side.",
+        )
+
+
+def validation_figures(validation: Validation) -> Iterator[Drawn]:
+    """Draw each held-out record beside its simulations.
+
+    Yields
+    ------
+    Drawn
+        One figure a record, with its name and caption.
+    """
+    for run in validation.runs:
+        yield Drawn(
+            f"validation_{run.record.name}",
+            validation_figure(run, validation.open_loop),
+            f"Held-out record {run.record.name}: simulations over the whole record with the "
+            "recorded inputs (open loop) and under the recorded controller (closed loop); below, "
+            "measured minus simulated, averaged over 20 ms; the band is ±2σ of one sensor sample.",
+        )

@@ -1,0 +1,63 @@
+"""The report of any result."""
+
+from pathlib import Path
+
+from pneumo_casadi.design import Design
+from pneumo_casadi.diagnosis import Diagnosis
+from pneumo_casadi.errors import ModelError
+from pneumo_casadi.identification.identify import Identification
+from pneumo_casadi.report.pages.design import write_design
+from pneumo_casadi.report.pages.diagnosis import write_diagnosis
+from pneumo_casadi.report.pages.write import write_identification, write_validation
+from pneumo_casadi.validation import Validation
+
+
+def write_report(
+    result: Identification | Diagnosis | Design | Validation, folder: str | Path
+) -> Path:
+    """Write the report of a result into a folder.
+
+    Parameters
+    ----------
+    result : Identification, Diagnosis, Design or Validation
+        What to report.
+    folder : path
+        Folder to make. One that holds an earlier report of the same kind is replaced as a whole.
+
+    Returns
+    -------
+    Path
+        The folder. An identification gives ``report.html``, ``result.json``, ``table.txt`` and
+        ``figures``; a diagnosis ``report.html``, ``diagnosis.json``, ``summary.txt`` and
+        ``figures``; a design ``reference.csv``, ``design.json``, ``design.txt`` and
+        ``design.png``; a validation ``result.json``, ``table.txt`` and ``figures``.
+
+    Raises
+    ------
+    CaseError
+        If the folder holds anything but an earlier report of this kind.
+    ModelError
+        If the result is of another type.
+
+    Examples
+    --------
+    With ``result = pc.identify(pc.example_case())``:
+
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     report = pc.write_report(result, folder + "/report")
+    ...     sorted(path.name for path in report.iterdir())
+    ['figures', 'report.html', 'result.json', 'table.txt']
+    """
+    if isinstance(result, Identification):
+        return write_identification(result, folder)
+    if isinstance(result, Diagnosis):
+        return write_diagnosis(result, folder)
+    if isinstance(result, Design):
+        return write_design(result, folder)
+    if isinstance(result, Validation):
+        return write_validation(result, folder)
+    raise ModelError(
+        f"no report of a {type(result).__name__}; there is one of an Identification, a Diagnosis, "
+        "a Design and a Validation"
+    )
