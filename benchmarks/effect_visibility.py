@@ -32,7 +32,7 @@ from typing import Any
 
 import numpy as np
 import provenance
-import readme
+import tables
 from balance_gap import MOVABLE, refit, simulated_gaps, told
 from gap import VIEWS, VISIBLE, closed, kept
 from matplotlib.figure import Figure
@@ -242,7 +242,7 @@ def main() -> None:
     refits = not arguments.verdicts
     result = run(seeds, names, duration, refits, arguments.workers, arguments.keep)
     result |= provenance.made(None, arguments.quick) | {"seed": seeds}
-    print(readme.effect_visibility(result))
+    print(tables.effect_visibility(result))
     provenance.write(arguments.json, result)
     if arguments.figure is not None:
         arguments.figure.write_bytes(png(draw(result)))

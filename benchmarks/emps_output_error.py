@@ -18,7 +18,7 @@ from typing import Any
 import emps
 import numpy as np
 import provenance
-import readme
+import tables
 
 from pneumo_casadi.data import Case, Recording, read_emps
 from pneumo_casadi.effects import AsymmetricViscousFriction
@@ -94,7 +94,7 @@ def main() -> None:
     logging.disable(logging.WARNING)
     result = run(read_emps(arguments.data), 6.0 if arguments.quick else None)
     result |= provenance.made(None, arguments.quick)
-    print(readme.emps_output_error(result))
+    print(tables.emps_output_error(result))
     provenance.write(arguments.json, result)
 
 

@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 import provenance
-import readme
+import tables
 
 from pneumo_casadi.data import Bench, Case, read_case
 from pneumo_casadi.estimation.output_error import OutputErrorOptions, fit_output_error
@@ -331,8 +331,8 @@ def main() -> None:
         result = run(arguments.data, executor, seeds, arguments.quick)
     result |= provenance.made(0, arguments.quick)  # seeds of the map's noise count from 0
     provenance.write(arguments.json, result)
-    print(readme.flow_forms(result))
-    print(readme.flow_metering(result))
+    print(tables.flow_forms(result))
+    print(tables.flow_metering(result))
     if arguments.figure is not None:
         flow_sensitivity_figure(result).savefig(arguments.figure)
 

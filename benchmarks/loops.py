@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 import own_model
 import provenance
-import readme
+import tables
 from scipy.signal import butter, sosfilt
 
 from pneumo_casadi.data import InputHold, Recording
@@ -122,7 +122,7 @@ def main() -> None:
     one_seed(SITUATIONS[0], 0)  # compiles what all processes then load
     result = run(4 if arguments.quick else 60)
     result |= provenance.made(SEED, arguments.quick)
-    print(readme.loops(result))
+    print(tables.loops(result))
     provenance.write(arguments.json, result)
 
 

@@ -30,7 +30,7 @@ from typing import Any
 
 import numpy as np
 import provenance
-import readme
+import tables.speed
 from numpy.polynomial import Chebyshev, Polynomial
 from own_model import DURATION, NOISE_P, NOISE_X, TABLE_1, V_S, record_with_noise, truth
 from peer_tools.estimation import Estimation
@@ -237,7 +237,7 @@ def main() -> None:
         "solvers": solvers,
         **provenance.made(SEED, arguments.quick),
     }
-    print(readme.tools(tools), readme.tools(solvers), sep="\n\n")
+    print(tables.speed.tools(tools), tables.speed.tools(solvers), sep="\n\n")
     print(f"speed-up over {result['fastest_peer']}: {result['speed_up_over_fastest_peer']}")
     provenance.write(arguments.json, result)
 

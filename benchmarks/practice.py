@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 import provenance
-import readme
+import tables
 from gap import VIEWS, VISIBLE, Fitted, closed, fit_figures, held_out, kept, nominal, refit
 
 from pneumo_casadi.data import Case, read_case
@@ -214,7 +214,7 @@ def main() -> None:
         arguments.keep.mkdir(parents=True, exist_ok=True)
     result = run(arguments.data, names, arguments.workers, arguments.keep)
     result |= provenance.made(None, arguments.quick)
-    print(readme.practice(result))
+    print(tables.practice(result))
     provenance.write(arguments.json, result)
 
 

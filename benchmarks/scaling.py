@@ -27,7 +27,7 @@ import casadi as ca
 import numpy as np
 import own_model
 import provenance
-import readme
+import tables
 
 from pneumo_casadi.data import InputHold, Recording
 from pneumo_casadi.estimation.output_error import OutputErrorOptions, fit_output_error, interval
@@ -224,7 +224,7 @@ def main() -> None:
         return
     result = run((2.0, 4.0) if arguments.quick else LENGTHS)
     result |= provenance.made(SEED, arguments.quick)
-    print(readme.scaling(result))
+    print(tables.scaling(result))
     provenance.write(arguments.json, result)
 
 

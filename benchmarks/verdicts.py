@@ -26,7 +26,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import provenance
-import readme
+import tables
 
 from pneumo_casadi.data import read_case
 from pneumo_casadi.diagnosis import diagnose
@@ -106,7 +106,7 @@ def main() -> None:
         "longest_s": max(one["seconds"] for one in cases.values()),
         "peak_GiB": max(one["peak_GiB"] for one in cases.values()),
     }
-    print(readme.verdicts(result))
+    print(tables.verdicts(result))
     print({key: value for key, value in result.items() if key != "cases"})
     provenance.write(arguments.json, result | told)
 

@@ -25,7 +25,7 @@ from typing import Any
 
 import numpy as np
 import provenance
-import readme
+import tables
 from matplotlib.figure import Figure
 from own_model import (
     NOISE_MAP,
@@ -209,7 +209,7 @@ def main() -> None:
     with ProcessPoolExecutor(max_workers=os.cpu_count()) as executor:
         result = run(range(4 if arguments.quick else arguments.seeds), executor)
     result |= provenance.made(SEED, arguments.quick)
-    print(readme.coverage(result))
+    print(tables.coverage(result))
     provenance.write(arguments.json, result)
     if arguments.figure is not None:
         draw(result).savefig(arguments.figure, dpi=200)

@@ -1,0 +1,42 @@
+"""Tables of the result pages: one function a table, from a result to Markdown."""
+
+from collections.abc import Callable
+
+from tables.diagnosis import (
+    bench_sanity,
+    designs,
+    effect_visibility,
+    practice,
+    verdicts,
+    withheld,
+    withheld_effects,
+)
+from tables.estimation import coverage, emps, emps_output_error, loops, starts, truth
+from tables.flow import flow_answer, flow_forms, flow_metering
+from tables.headlines import headlines
+from tables.speed import batch, peers, scaling, solvers
+
+#: Tables by name: the function, and the committed results that it takes.
+TABLES: dict[str, tuple[Callable[..., str], *tuple[str, ...]]] = {
+    "coverage": (coverage, "wls_vs_output_error"),
+    "truth": (truth, "table1"),
+    "emps": (emps, "emps"),
+    "flow_answer": (flow_answer, "flow_sensitivity"),
+    "flow_forms": (flow_forms, "flow_sensitivity"),
+    "flow_metering": (flow_metering, "flow_sensitivity"),
+    "loops": (loops, "loops"),
+    "peers": (peers, "peers"),
+    "solvers": (solvers, "peers"),
+    "starts": (starts, "starts"),
+    "scaling": (scaling, "scaling"),
+    "emps_output_error": (emps_output_error, "emps_output_error"),
+    "bench_sanity": (bench_sanity, "bench_sanity"),
+    "practice": (practice, "practice"),
+    "effect_visibility": (effect_visibility, "effect_visibility"),
+    "verdicts": (verdicts, "practice_verdicts"),
+    "batch": (batch, "batch"),
+    "designs": (designs, "design"),
+    "withheld": (withheld, "withheld"),
+    "withheld_effects": (withheld_effects, "withheld"),
+    "headlines": (headlines, "table1", "wls_vs_output_error", "withheld", "peers"),
+}

@@ -1,0 +1,73 @@
+"""The five headline figures of the README, from the committed results."""
+
+from collections.abc import Mapping
+from typing import Any
+
+
+def headlines(
+    table1: Mapping[str, Any],
+    coverage: Mapping[str, Any],
+    check: Mapping[str, Any],
+    peers: Mapping[str, Any],
+) -> str:
+    """Return the list of headline figures."""
+    sentences = (
+        largest_error(table1),
+        coverage_range(coverage),
+        named_alone(check),
+        false_alarms(check),
+        speed_up(peers),
+    )
+    return "\n".join(f"- {sentence}." for sentence in sentences)
+
+
+def largest_error(result: Mapping[str, Any]) -> str:
+    """Largest error of output error and of WLS on independent data of known truth."""
+    worst = {
+        key: max(abs(row[f"{key}_error_percent"]) for row in result["parameters"].values())
+        for key in ("wls", "output_error")
+    }
+    return (
+        f"Known truth, independent equations: every parameter within {worst['output_error']:.1f} % "
+        f"by output error, within {worst['wls']:.1f} % by WLS (`python benchmarks/table1.py`)"
+    )
+
+
+def coverage_range(result: Mapping[str, Any]) -> str:
+    """Coverage of the printed 95 % intervals under white and under coloured noise."""
+    rows = [*result["output_error_robust"].values()]
+    rows += result["coloured"]["output_error_robust"].values()
+    shares = [row["coverage_percent"] for row in rows]
+    return (
+        f"95 % intervals cover the truth in {min(shares):.1f} to {max(shares):.1f} % of "
+        f"{result['replicates']:,} records (`python benchmarks/wls_vs_output_error.py`)"
+    )
+
+
+def named_alone(result: Mapping[str, Any]) -> str:
+    """How often a visible hidden effect is named, and nothing else."""
+    share = result["scores"]["visible"]["right_first"]
+    return (
+        f"Hidden effects: {share['hits']} of {share['of']} visible ones named, and nothing else "
+        "(`python benchmarks/withheld.py --cases 160`)"
+    )
+
+
+def false_alarms(result: Mapping[str, Any]) -> str:
+    """Return false alarms and causes outside the catalogue, of the same check."""
+    alarm, unknown = (result["scores"]["all"][key] for key in ("false_alarm", "unknown_caught"))
+    return (
+        f"Same check: {alarm['hits']} false alarms in {alarm['of']} cases without an effect; "
+        f"{unknown['hits']} of {unknown['of']} causes outside the catalogue called `unknown`"
+    )
+
+
+def speed_up(result: Mapping[str, Any]) -> str:
+    """Our time beside that of the fastest other tool that reaches the optimum."""
+    ours = result["tools"]["pneumo_casadi"]
+    seconds = ours["build_s"] + ours["solve_s"]
+    return (
+        f"{result['samples']:,} samples fitted in {seconds:.1f} s, "
+        f"{result['speed_up_over_fastest_peer']:.0f} times faster than "
+        f"{result['fastest_peer']} (`python benchmarks/peers.py`)"
+    )

@@ -1,0 +1,37 @@
+"""Configuration of the documentation site; `build.py` runs it."""
+
+import sys
+from pathlib import Path
+
+from pneumo_casadi import __version__
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+project = "pneumo_casadi"
+author = "The pneumo_casadi authors"
+copyright = author
+release = version = __version__
+
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "mathml"]
+html_theme = "furo"
+html_title = f"pneumo_casadi {__version__}"
+html_math_renderer = "mathml"
+html_static_path = ["static"]
+html_css_files = ["site.css"]
+html_show_sphinx = False
+html_copy_source = False
+exclude_patterns = ["static"]
+suppress_warnings = ["myst.header"]
+
+myst_enable_extensions = ["dollarmath"]
+myst_heading_anchors = 3
+nb_execution_timeout = 300
+nb_execution_raise_on_error = True
+nb_merge_streams = True
+
+default_role = "py:obj"
+autodoc_member_order = "bysource"
+autodoc_typehints = "none"
+napoleon_google_docstring = False
+napoleon_use_rtype = False
+napoleon_preprocess_types = False
