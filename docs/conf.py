@@ -21,7 +21,7 @@ html_css_files = ["site.css"]
 html_show_sphinx = False
 html_copy_source = False
 exclude_patterns = ["static"]
-suppress_warnings = ["myst.header"]
+suppress_warnings = ["myst.header", "ref.python"]  # `N` is a shape, not a link
 
 myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 3

@@ -85,7 +85,7 @@ def settling_samples(
 ) -> int:
     """Return after how many samples the edge transient of the filter has died out.
 
-    The transient decays at least like the slowest pole, |z|ⁿ; n is the first sample at which
+    The transient decays at least like the slowest pole, ``|z|ⁿ``; n is the first sample at which
     this is below `tolerance`, plus two for a second central difference.
 
     Parameters

@@ -35,7 +35,7 @@ class BaseParameters:
     combination : (n_base, n_dependent) array
         Coefficients of the dependent parameters in each base parameter.
     diagonal : (n,) array
-        |R_ii| of the scaled and pivoted QR factorisation, in the order of the pivots.
+        ``|R_ii|`` of the scaled and pivoted QR factorisation, in the order of the pivots.
     """
 
     names: tuple[str, ...]

@@ -134,7 +134,7 @@ class LinearFit:
 
     @property
     def relative_std_percent(self) -> FloatArray:
-        """100 σ / |X̂| (eq. 17), shape (n,); infinite where the estimate is zero."""
+        """100 σ / ``|X̂|`` (eq. 17), shape (n,); infinite where the estimate is zero."""
         with np.errstate(divide="ignore"):
             return np.asarray(100 * self.std / np.abs(self.estimate))
 

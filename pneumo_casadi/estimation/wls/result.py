@@ -123,7 +123,7 @@ class WLSResult:
 
     @property
     def relative_std_percent(self) -> FloatArray:
-        """100 σ / |X̂| (eq. 17), shape (n,)."""
+        """100 σ / ``|X̂|`` (eq. 17), shape (n,)."""
         return self.fit.relative_std_percent
 
     @property

@@ -81,7 +81,7 @@ class Calibration:
     bins : tuple of Bin
         By rising probability, of equal numbers.
     error : float or None
-        Expected calibration error: the mean of |stated − true| over the bins, weighted by their
+        Expected calibration error: the mean of ``|stated − true|`` over the bins, weighted by their
         cases; None without cases.
     """
 

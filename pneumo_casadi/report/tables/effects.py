@@ -32,7 +32,10 @@ def catalogue_markdown() -> str:
     overview = [
         "| effect | acts at | shows in |",
         "| --- | --- | --- |",
-        *(f"| [{r.name}](#{r.name}) | {', '.join(r.junctions)} | {_cell(r.shows)} |" for r in rows),
+        *(
+            f"| [{r.name}](#{r.name.lower()}) | {', '.join(r.junctions)} | {_cell(r.shows)} |"
+            for r in rows
+        ),
     ]
     return "\n".join([_HEAD, *overview, "", *map(effect_markdown, rows)])
 
@@ -72,7 +75,7 @@ def _parameter(one: Parameter) -> str:
 
 def _named(name: str) -> str:
     if name in EFFECTS:
-        return f"[{name}](#{name})"
+        return f"[{name}](#{name.lower()})"
     return f"`{name}`" if name.isidentifier() else name
 
 

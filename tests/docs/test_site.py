@@ -1,0 +1,71 @@
+"""The site builds without a warning, names every public object, and asks no other host."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("myst_nb", reason="myst_nb is not installed: pip install '.[docs]'")
+pytest.importorskip("furo", reason="furo is not installed: pip install '.[docs]'")
+
+ROOT = Path(__file__).resolve().parents[2]
+#: What a page loads by itself; a link that a reader follows is not among it.
+LOADED = re.compile(
+    r"""<(?:script|img|iframe|source)\b[^>]*\bsrc=["']?(?:https?:)?//"""
+    r"""|<link\b(?![^>]*rel=["']?(?:canonical|license))[^>]*\bhref=["']?(?:https?:)?//"""
+    r"""|(?:url\(|@import)\s*["']?(?:https?:)?//""",
+)
+
+
+@pytest.fixture(scope="module")
+def site(script, tmp_path_factory):
+    """Folder of the site, built without executing the notebooks; warnings fail the build."""
+    output = tmp_path_factory.mktemp("site") / "docs"
+    assert script(ROOT / "docs" / "build.py").build(output, execute=False) == 0
+    return output
+
+
+@pytest.mark.slow
+def test_no_page_and_no_style_asks_another_host(site):
+    files = [path for path in site.rglob("*") if path.suffix in (".html", ".css")]
+    assert len(files) > 40
+    asking = {path.name: LOADED.findall(path.read_text("utf-8")) for path in files}
+    assert not {name: found for name, found in asking.items() if found}
+
+
+def test_a_request_to_another_host_would_be_noticed():
+    for text in (
+        '<script async src="https://cdn.example/x.js">',
+        '<link rel="stylesheet" href="//fonts.example/a.css">',
+        "@import url(https://fonts.example/a.css)",
+    ):
+        assert LOADED.search(text), text
+    assert not LOADED.search('<a href="https://example.org">')
+
+
+@pytest.mark.slow
+def test_every_public_name_has_its_place(site):
+    import pneumo_casadi
+
+    pages = "".join(path.read_text("utf-8") for path in (site / "reference").glob("*.html"))
+    names = [name for name in pneumo_casadi.__all__ if name not in ("__version__", "plot")]
+    assert not [
+        name for name in names if not re.search(rf'id="pneumo_casadi\.[\w.]*{name}"', pages)
+    ]
+
+
+@pytest.mark.slow
+def test_formulas_are_drawn_by_the_browser(site):
+    page = (site / "explanation" / "model.html").read_text("utf-8")
+    assert page.count("<math ") > 10 and "<mfrac>" in page
+    assert "\\frac" not in page and "mathjax" not in page.lower()
+
+
+@pytest.mark.slow
+def test_every_command_is_documented(site):
+    from pneumo_casadi.cli.app import app
+
+    page = (site / "reference" / "command_line.html").read_text("utf-8")
+    for command in app.registered_commands:
+        name = command.name or command.callback.__name__.replace("_", "-")
+        assert f"pneumo-casadi {name}" in page, name
