@@ -85,7 +85,8 @@ def row_of(record: Mapping[str, Any]) -> Row:
 def write_tables(rows: Sequence[Row], out: Path) -> None:
     """Write ``cases.csv`` into a folder, and ``cases.parquet`` where pyarrow is installed.
 
-    Each file is written whole or not at all. The columns are the same; CSV joins lists with plus signs.
+    Each file is written whole or not at all. Both have the same columns; in the CSV the items of
+    a list are joined by plus signs.
 
     Parameters
     ----------
