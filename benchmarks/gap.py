@@ -1,10 +1,8 @@
 """The gap to measurement on a held-out record, before and after a refit with a named effect.
 
-The gap of an output is what of its error lies above the noise floor, √(rms² − noise²), in per cent
-of the signal's standard deviation. The gap of a view (closed loop, or windows of 0.5 s in open
-loop) is the root mean square over p_P, p_N and x. The share closed is 1 − gap after / gap before.
-Initial states are estimated, in closed loop from the first 2 s: where a play or a reservoir stands
-at the start is not measured.
+Gap and closure are those of `pneumo_casadi.metrics`, in per cent; the gap of a view (closed loop,
+or windows of 0.5 s in open loop) is that of p_P, p_N and x together. Initial states are estimated,
+in closed loop from the first 2 s: where a play or a reservoir stands at the start is not measured.
 """
 
 import json
@@ -15,7 +13,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import provenance
 
 from pneumo_casadi.data import Case
@@ -28,6 +25,7 @@ from pneumo_casadi.estimation.output_error import (
 )
 from pneumo_casadi.estimation.wls import fit_wls
 from pneumo_casadi.identification.identify import IdentifyOptions, make_axis, read_flow
+from pneumo_casadi.metrics import closure, combined_gap
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.validation import loop_errors, window_errors
 from pneumo_casadi.valve import FlowForm, FlowMap
@@ -119,15 +117,15 @@ def gaps(axis: Axis, case: Case) -> dict[str, Any] | None:
     for view, errors in shown.items():
         outputs = {
             name: {
-                "gap_percent": math.sqrt(max(one.percent**2 - one.noise_percent**2, 0.0)),
+                "gap_percent": one.gap_percent,
                 "noise_percent": one.noise_percent,
                 "rms": one.rms,
             }
             for name, one in errors.items()
             if name in axis.outputs
         }
-        gaps = [one["gap_percent"] for one in outputs.values()]
-        views[view] = {"gap_percent": float(np.sqrt(np.mean(np.square(gaps)))), **outputs}
+        overall = combined_gap([one["gap_percent"] for one in outputs.values()])
+        views[view] = {"gap_percent": overall, **outputs}
     return views
 
 
@@ -148,7 +146,7 @@ def closed(before: Mapping[str, Any] | None, after: Mapping[str, Any] | None) ->
 
 def share_closed(before: float, after: float) -> float | None:
     """Return the share of one gap that is closed [%]; None where there was none."""
-    return None if before == 0 else 100 * (1 - after / before)
+    return None if before == 0 else 100 * closure(before, after)
 
 
 def fit_figures(fit: Fitted) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from pneumo_casadi.data import Recording
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.estimation.output_error.initial_states import estimate_initial_states
 from pneumo_casadi.estimation.output_error.shooting.segments import measured_states
-from pneumo_casadi.estimation.statistics import stated_or_estimated_noise
+from pneumo_casadi.metrics import gap, output_noise, signal_std
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.integration import held_inputs
 from pneumo_casadi.model.sampled_axis import disturbance_of
@@ -52,6 +52,11 @@ class Error:
     rms: float
     percent: float
     noise_percent: float
+
+    @property
+    def gap_percent(self) -> float:
+        """Error above the noise floor in per cent of the signal; see `pneumo_casadi.metrics`."""
+        return float(gap(self.percent**2, self.noise_percent))
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,12 +234,11 @@ def _errors(
     records = [record for record, _, _ in pairs]
     for channel in channels:
         e = np.concatenate([record[channel][rows] - run[channel] for record, rows, run in pairs])
-        signal = np.concatenate([r[channel] - r[channel].mean() for r in records])
-        size = float(np.std(signal))
+        std = signal_std(records, channel)
         rms = float(np.sqrt(np.mean(e**2)))
         noise = 0.0
         if channel in axis.outputs:
-            noise = stated_or_estimated_noise(axis.bench, records, channel)
-        share = 100 / size if size > 0 else np.inf
+            noise = output_noise(axis, records, channel)
+        share = 100 / std if std > 0 else np.inf
         found[channel] = Error(axis.unit(channel), rms, rms * share, noise * share)
     return found

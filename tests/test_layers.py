@@ -21,6 +21,7 @@ LAYERS = [
     ["model"],
     ["effects"],
     ["estimation"],
+    ["metrics"],
     ["validation"],
     ["sensitivity"],
     ["identification"],

@@ -121,7 +121,8 @@ def diagnose(
     judgement = judge(found, effects)
     report("parameters and location", 0.82)
     checks = check_fit(one, found.final, effects)
-    verdict, hidden = review_verdict(judgement, checks)
+    known: Catalogue = {**EFFECTS, **chosen}
+    verdict, hidden = review_verdict(judgement, checks, known)
     named = verdict in (Verdict.EFFECT, Verdict.AMBIGUOUS)
     apart = named or verdict is Verdict.UNKNOWN or not near_noise(judgement)
     inputs = estimate_unknown_inputs(one, found.nominal)
@@ -132,6 +133,7 @@ def diagnose(
         found.final if named else None,
         gap=apart,
         inputs=inputs,
+        catalogue=known,
     )
     report("simulating the held-out record", 0.88)
     final = found.final if apart else found.nominal

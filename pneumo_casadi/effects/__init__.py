@@ -37,11 +37,18 @@ from pneumo_casadi.effects.valve.valve_mismatch import ValveMismatch as ValveMis
 from pneumo_casadi.effects.valve.valve_null_shift import ValveNullShift as ValveNullShift
 from pneumo_casadi.model.effect import Effect
 
-#: All effects, by name.
+#: All effects, by name. Models and results list effects in this order, that of the files' names
+#: whatever their folders.
 EFFECTS: dict[str, type[Effect]] = {
-    found.name: found
-    for found in tuple(vars().values())
-    if isinstance(found, type) and issubclass(found, Effect) and found is not Effect
+    effect.name: effect
+    for effect in sorted(
+        (
+            item
+            for item in tuple(vars().values())
+            if isinstance(item, type) and issubclass(item, Effect) and item is not Effect
+        ),
+        key=lambda effect: effect.__module__.rpartition(".")[2],
+    )
 }
 
 

@@ -16,6 +16,7 @@ from types import MappingProxyType
 from typing import Any, ClassVar, NamedTuple
 
 from pneumo_casadi.errors import ModelError
+from pneumo_casadi.model.absorption import PARAMETER_CHECKS, Absorption
 from pneumo_casadi.parameters import Parameter
 
 #: A CasADi scalar expression (``casadi.SX`` or ``casadi.MX``), or a number.
@@ -153,6 +154,12 @@ class Effect:
     one_form : bool
         Whether no other form of it is known, as of an offset: a true one leaves next to nothing
         of its gap. Hysteresis or friction may follow other laws than the catalogue's.
+    sensors : tuple of str
+        Outputs (``"p_P"``, ``"p_N"``, ``"x"``) whose sensors show something else with the effect;
+        empty for an effect of the axis itself. They are what `output` changes.
+    absorbed_by : Absorption or None
+        Which checks of the parameters fail if a refit of the nominal axis absorbs the effect, so
+        that trajectories show no gap; None for an effect that no parameter can take up.
     masses : tuple of str
         Parameters that are part of the moving mass [kg]: who weighs it weighs them too.
     metered : bool
@@ -190,6 +197,8 @@ class Effect:
     passive: ClassVar[bool] = False
     credible: ClassVar[Mapping[str, tuple[float, float]]] = MappingProxyType({})
     one_form: ClassVar[bool] = False
+    sensors: ClassVar[tuple[str, ...]] = ()
+    absorbed_by: ClassVar[Absorption | None] = None
     masses: ClassVar[tuple[str, ...]] = ()
     metered: ClassVar[bool] = False
     needs_chambers: ClassVar[bool] = False
@@ -208,6 +217,13 @@ class Effect:
         if strange:
             raise ModelError(
                 f"effect {cls.name}: credible names no parameter: {', '.join(strange)}"
+            )
+        known = () if cls.absorbed_by is None else cls.absorbed_by.names
+        strange = sorted(set(known) - set(PARAMETER_CHECKS))
+        if strange:
+            raise ModelError(
+                f"effect {cls.name}: absorbed_by names no check: {', '.join(strange)}; there are "
+                f"{', '.join(PARAMETER_CHECKS)}"
             )
 
     @property

@@ -10,7 +10,7 @@ from pneumo_casadi.data.bench.bench_file import read_bench
 from pneumo_casadi.diagnosis.checks.absorbed import absorbed_candidates
 from pneumo_casadi.diagnosis.checks.parameter_checks import check_fit, check_parameters
 from pneumo_casadi.diagnosis.prepare.study import fit_model, start_study
-from pneumo_casadi.effects import ElasticLoad
+from pneumo_casadi.effects import EFFECTS, ElasticLoad
 from pneumo_casadi.estimation.output_error.result import FlowMapDeviation
 from pneumo_casadi.identification.identify import IdentifyOptions, make_axis, read_flow
 from pneumo_casadi.valve import FlowForm
@@ -42,7 +42,7 @@ def failing(axis, values, pull=None) -> dict[str, str]:
 
 def hidden(axis, values, pull=None) -> tuple[str, ...]:
     std = {name: STD * abs(value) for name, value in values.items()}
-    return absorbed_candidates(check_parameters(axis, values, std, pull))
+    return absorbed_candidates(check_parameters(axis, values, std, pull), EFFECTS)
 
 
 def test_a_plausible_axis_passes_all_checks(axis):
@@ -135,4 +135,4 @@ def test_fits_to_the_bench_tell_unequal_valves_and_notched_edges_from_nothing_wr
     case = read_case(make_case(tmp_path / "case", 11, effects, duration=8.0, axis=axis).case.folder)
     table, flow = read_flow(case, IdentifyOptions(FlowForm.POLYNOMIALS))
     one = start_study(make_axis(case, flow), table, case.identify, case.validate)
-    assert absorbed_candidates(check_fit(one, fit_model(one, ()))) == expected
+    assert absorbed_candidates(check_fit(one, fit_model(one, ())), EFFECTS) == expected

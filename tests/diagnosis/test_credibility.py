@@ -106,7 +106,7 @@ def failing(*names, tolerances=2.0):
 )
 def test_a_faint_gap_without_a_name_is_told_by_the_ratio_of_the_areas(names, excess, expected):
     judgement = Judgement(Verdict.UNKNOWN, (), {}, 0.7, np.array([1.0, excess, 1.0]))
-    verdict, hidden = review_verdict(judgement, failing(*names))
+    verdict, hidden = review_verdict(judgement, failing(*names), EFFECTS)
     assert verdict is expected
     assert ("valve_mismatch" in hidden) is (expected is Verdict.ABSORBED)
 
@@ -124,13 +124,13 @@ def test_a_faint_gap_without_a_name_is_told_by_the_ratio_of_the_areas(names, exc
 @pytest.mark.parametrize("verdict", [Verdict.UNKNOWN, Verdict.EFFECT])
 def test_a_piston_N_far_from_its_size_is_another_valve_whatever_the_gap(names, expected, verdict):
     judgement = Judgement(verdict, (), {}, 0.2, np.array([1.0, 9.0, 1.0]))
-    found, hidden = review_verdict(judgement, failing(*names, tolerances=4.0))
+    found, hidden = review_verdict(judgement, failing(*names, tolerances=4.0), EFFECTS)
     assert found is expected
     assert hidden[:1] == (("valve_mismatch",) if expected is Verdict.ABSORBED else ())
 
 
 def test_an_effect_that_leaves_little_is_believed_beside_a_piston_that_is_off():
     judgement = Judgement(Verdict.EFFECT, (), {}, 0.05, np.array([1.0, 9.0, 1.0]))
-    found, hidden = review_verdict(judgement, failing("S_N", "S_N/S_P", tolerances=4.0))
+    found, hidden = review_verdict(judgement, failing("S_N", "S_N/S_P", tolerances=4.0), EFFECTS)
     assert found is Verdict.EFFECT
     assert hidden == ()

@@ -104,9 +104,9 @@ def with_values(opened):
 
 def test_sensors_are_rivals_only_where_they_explain_about_as_much():
     left = {"mass_flows": 1.0, "force": 30.0, "position": 2.0, "pressures": 8.0}
-    assert rival_sensor_effects(Signatures(40.0, left)) == ("position_delay", "backlash")
+    assert rival_sensor_effects(Signatures(40.0, left), EFFECTS) == ("position_delay", "backlash")
     # A gap that is hardly larger than noise has no signature.
-    assert rival_sensor_effects(Signatures(3.0, left)) == ()
+    assert rival_sensor_effects(Signatures(3.0, left), EFFECTS) == ()
 
 
 def test_regimes_say_where_a_spring_acts_and_are_silent_where_nothing_does(bench):

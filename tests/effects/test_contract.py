@@ -7,7 +7,10 @@ import pytest
 
 from pneumo_casadi.data import InputHold
 from pneumo_casadi.effects import EFFECTS
+from pneumo_casadi.errors import ModelError
+from pneumo_casadi.model.absorption import Absorption
 from pneumo_casadi.model.axis import V_S_SHARP
+from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.model.integration import Stepping, step_function, substeps_for
 
 #: Most Runge-Kutta steps per millisecond that an effect may ask for where a fit starts.
@@ -150,6 +153,25 @@ def test_only_declared_states_and_parameters_are_added(pair):
     assert axis.states == (*nominal.states, *states)
     assert axis.parameters.names == (*nominal.parameters.names, *names)
     assert axis.rhs.size1_out(0) == len(axis.states)
+
+
+def test_an_effect_names_the_sensors_that_it_changes(pair, started, made):
+    axis, nominal = pair
+    rng, changed = np.random.default_rng(11), set()
+    for _ in range(10):
+        full, u = drawn(started, nominal, made, rng)
+        shown = started.output(full, u, started.parameters.values).full().ravel()
+        plain = nominal.output(full[: len(nominal.states)], u, nominal.parameters.values).full()
+        off = np.abs(shown - plain.ravel()) > 1e-9 * np.abs(plain.ravel())
+        changed |= {name for name, differs in zip(axis.outputs, off, strict=True) if differs}
+    (effect,) = axis.effects
+    assert changed == set(effect.sensors) & set(axis.outputs)
+    assert bool(effect.sensors) == ("output" in effect.junctions)
+
+
+def test_an_effect_that_names_no_check_of_parameters_is_refused():
+    with pytest.raises(ModelError, match="absorbed_by names no check: mass; there are S_N/S_P"):
+        type("Heavy", (Effect,), {"name": "heavy", "absorbed_by": Absorption(("mass",))})
 
 
 def test_an_axis_with_effects_survives_pickling(pair, made):

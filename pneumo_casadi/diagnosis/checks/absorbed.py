@@ -1,46 +1,36 @@
-"""Effects that may hide in the parameters, told by the checks that fail."""
+"""Effects that a refit may have absorbed, named by the parameter checks that fail."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from pneumo_casadi.diagnosis.metrics.findings import Check
+from pneumo_casadi.model.absorption import PARAMETER_CHECKS
+from pneumo_casadi.model.effect import EffectFactory
 
 
-def absorbed_candidates(checks: Sequence[Check]) -> tuple[str, ...]:
-    """Name the effects that may hide in the parameters, the most likely first.
+def absorbed_candidates(
+    checks: Sequence[Check], catalogue: Mapping[str, EffectFactory]
+) -> tuple[str, ...]:
+    """Name the effects that the parameters may have absorbed, the most likely first.
 
     Parameters
     ----------
     checks : sequence of Check
         From `check_parameters`.
+    catalogue : mapping of str to effect class
+        Effects; each declares in `Effect.absorbed_by` which checks fail if it is absorbed.
 
     Examples
     --------
-    >>> absorbed_candidates(())
-    ()
+    >>> from pneumo_casadi.effects import EFFECTS
+    >>> heavy = Check("M", 20.0, 0.1, 17.0, 0.85, "kg", False, "")
+    >>> absorbed_candidates([heavy], EFFECTS)
+    ('elastic_load',)
     """
-    failed = {check.name: check for check in checks if not check.agrees}
-    found: list[str] = []
-    if "S_N/S_P" in failed:
-        # A valve of other gain scales X_s4 ... X_s6 alike: k_N and V_N(0) stay what they were.
-        alone = not {"k_N", "k_P", "k_P-k_N", "V_N(0)", "V_P(0)"} & failed.keys()
-        too_large = failed["S_N/S_P"].value > failed["S_N/S_P"].expected
-        leak = "leakage_N" if too_large else "leakage_P"
-        found += ["valve_mismatch"] if alone else [leak, "valve_mismatch"]
-    if "F_c" in failed:
-        found += ["constant_force", "pressure_sensor_bias"]
-    if "map form" in failed:
-        found += ["flow_map_shape"]
-    elif {"S_P", "S_N"} <= failed.keys() and "S_N/S_P" not in failed:
-        found += ["supply_droop"]
-    if {"k_P", "k_N", "k_P-k_N"} & failed.keys():
-        found += ["heat_transfer"]
-    if any(
-        name in failed and failed[name].value > failed[name].expected
-        for name in ("V_P(0)", "V_N(0)")
-    ):
-        found += ["hose"]
-    if "M" in failed:
-        found += ["elastic_load"]
-    if "flow map" in failed or "flow scale" in failed:
-        found += ["valve_null_shift"]
-    return tuple(dict.fromkeys(found))
+    failed = {check.name: check.value > check.expected for check in checks if not check.agrees}
+    shown = {}
+    for name, factory in catalogue.items():
+        absorption = factory().absorbed_by
+        check = None if absorption is None else absorption.first_failed(failed)
+        if check is not None:
+            shown[name] = PARAMETER_CHECKS.index(check)
+    return tuple(sorted(shown, key=lambda name: shown[name]))

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from math import hypot
 
 from pneumo_casadi.data import Bench
-from pneumo_casadi.diagnosis.checks.absorbed import absorbed_candidates as absorbed_candidates
 from pneumo_casadi.diagnosis.checks.static_map import map_misfit_of
 from pneumo_casadi.diagnosis.checks.static_map import map_pull_of as map_pull_of
 from pneumo_casadi.diagnosis.metrics.findings import Check

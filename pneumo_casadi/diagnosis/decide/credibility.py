@@ -1,6 +1,6 @@
 """Whether a verdict is to be believed, by the parameters that come with it."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -8,6 +8,7 @@ from pneumo_casadi.diagnosis.checks.absorbed import absorbed_candidates
 from pneumo_casadi.diagnosis.decide.result import Verdict
 from pneumo_casadi.diagnosis.decide.verdict import Judgement
 from pneumo_casadi.diagnosis.metrics.findings import Check
+from pneumo_casadi.model.effect import EffectFactory
 
 #: Areas of the pistons among the checks.
 AREAS = ("S_P", "S_N", "S_N/S_P")
@@ -24,7 +25,7 @@ def near_noise(judgement: Judgement) -> bool:
 
 
 def review_verdict(
-    judgement: Judgement, checks: Sequence[Check]
+    judgement: Judgement, checks: Sequence[Check], catalogue: Mapping[str, EffectFactory]
 ) -> tuple[Verdict, tuple[str, ...]]:
     """Hold the verdict against the parameters; return it with what may hide in them.
 
@@ -39,6 +40,8 @@ def review_verdict(
         From `judge`.
     checks : sequence of Check
         From `check_fit`, of the final model.
+    catalogue : mapping of str to effect class
+        Effects that may hide in the parameters.
 
     Returns
     -------
@@ -46,7 +49,7 @@ def review_verdict(
         The verdict, and the effects that may hide in the parameters, the most likely first.
     """
     verdict = judgement.verdict
-    hidden = absorbed_candidates(checks)
+    hidden = absorbed_candidates(checks, catalogue)
     wrong = {one.name for one in checks if not one.agrees}
     wrong_area = bool(wrong & set(AREAS))
     # A cause in no list may spoil both areas alike; one beside the other is a matter of the valves.

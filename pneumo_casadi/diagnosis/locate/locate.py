@@ -14,9 +14,10 @@ from pneumo_casadi.diagnosis.locate.signatures import (
 from pneumo_casadi.diagnosis.locate.unknown_inputs import UnknownInputs, estimate_unknown_inputs
 from pneumo_casadi.diagnosis.metrics.findings import Regime, Where
 from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study
+from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
 from pneumo_casadi.estimation.equation_error.residuals import balance_residuals
-from pneumo_casadi.model.effect import Effect
+from pneumo_casadi.model.effect import Effect, EffectFactory
 
 #: What forms of flow maps and friction laws leave on a right axis, as a share of the signal.
 MODEL_ERROR = {"mass_flow_P": 0.01, "mass_flow_N": 0.01, "force": 0.015}
@@ -27,12 +28,6 @@ SENSOR, RIVAL = 0.7, 3.0
 SIGNAL = 1.7
 #: Share of the residuals that a rival must not leave.
 UNEXPLAINED = 0.15
-
-#: Sensor errors in the catalogue and beyond that a hypothesis stands for.
-SENSOR_EFFECTS: Mapping[str, tuple[str, ...]] = {
-    "position": ("position_delay", "backlash"),
-    "pressures": ("pressure_sensor_lag", "pressure_sensor_bias"),
-}
 #: Regimes shown at most.
 REGIMES = 5
 #: What in a regime's name points to which junction.
@@ -58,6 +53,7 @@ def locate(
     fitted: FittedModel | None = None,
     gap: bool | None = None,
     inputs: Sequence[UnknownInputs] | None = None,
+    catalogue: Mapping[str, EffectFactory] = EFFECTS,
 ) -> Where:
     """Say where simulation and reality part.
 
@@ -76,6 +72,8 @@ def locate(
         one there is, be it small. By default unknown inputs decide.
     inputs : sequence of UnknownInputs, optional
         From `estimate_unknown_inputs`, where they are known already.
+    catalogue : mapping of str to effect class, optional
+        Effects that may be named as sensor errors that look the same.
 
     Returns
     -------
@@ -104,7 +102,7 @@ def locate(
         junction = _junction(balance, telling)
     # A sensor's error shows in every balance, another cause where it acts.
     here = [r for r in telling if balance in (r.balance, "measurement")][:REGIMES]
-    rivals = () if balance in ("measurement", "none") else rival_sensor_effects(found)
+    rivals = () if balance in ("measurement", "none") else rival_sensor_effects(found, catalogue)
     there = [effect.name for effect in cause if _acts_at(effect) == junction]
     words = _words(balance, energy, here, rivals, found, there)
     return Where(balance, junction, tuple(here), shares, rivals, words)
@@ -151,8 +149,14 @@ def _weighed(left: Mapping[str, float]) -> list[float]:
     return [value * SIGNAL ** len(HYPOTHESES[name]) for name, value in left.items()]
 
 
-def rival_sensor_effects(found: Signatures) -> tuple[str, ...]:
-    """Name the sensor effects whose signature fits the residuals about as well, the best first."""
+def rival_sensor_effects(
+    found: Signatures, catalogue: Mapping[str, EffectFactory]
+) -> tuple[str, ...]:
+    """Name the sensor effects whose signature fits the residuals about as well, the best first.
+
+    Among effects of the same sensor those with more states come first: their errors follow the
+    motion more freely.
+    """
     best = min(found.inputs.values())
     close = {
         name: value
@@ -160,7 +164,13 @@ def rival_sensor_effects(found: Signatures) -> tuple[str, ...]:
         if value < RIVAL * best and value < UNEXPLAINED * found.before
     }
     order = sorted(close, key=lambda name: close[name])
-    return tuple(effect for name in order for effect in SENSOR_EFFECTS[name])
+    made = sorted((make() for make in catalogue.values()), key=lambda effect: -len(effect.states))
+    return tuple(
+        effect.name
+        for hypothesis in order
+        for effect in made
+        if effect.sensors and set(effect.sensors) <= set(HYPOTHESES[hypothesis])
+    )
 
 
 def _added(study: Study, cause: Sequence[Effect], fitted: FittedModel) -> dict[str, float]:

@@ -18,7 +18,8 @@ from pneumo_casadi.diagnosis.locate.unknown_inputs import evaluate_dynamics, sig
 from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
 from pneumo_casadi.estimation.equation_error.residuals import linearise_residuals
-from pneumo_casadi.estimation.equation_error.smoothed_motion import ROW_RATE, SmoothedMotion
+from pneumo_casadi.estimation.equation_error.smoothed_motion import SmoothedMotion
+from pneumo_casadi.metrics import balance_noise, exact_row_gains
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.parameters import FloatArray
 
@@ -129,25 +130,13 @@ def noise_variance(axis: Axis, values: Mapping[str, float], data: SmoothedMotion
     """Return the variance that the sensors' noise leaves in a row of each balance."""
     theta = np.array([values[name] for name in axis.parameters.names])
     _, A = evaluate_dynamics(axis, theta, data)
-    rate, acceleration = _row_gain(data, 1), _row_gain(data, 2)
-    names, x = axis.motion_states, axis.outputs.index("x")
-    noise = []
-    for i, name in enumerate(axis.outputs[:-1]):
-        through_v = np.mean(A[names.index(name), names.index("v")] ** 2)
-        noise.append((data.noise[i] ** 2 + through_v * data.noise[x] ** 2) * rate)
-    noise.append((values["M"] * data.noise[x]) ** 2 * acceleration)
-    return np.array(noise)
-
-
-def _row_gain(data: SmoothedMotion, order: int) -> float:
-    """Return the variance that white noise leaves in a row of its derivative."""
-    values = np.zeros(data.N)
-    values[data.N // 2] = 1.0
-    values = data.smooth(values)
-    for _ in range(order):
-        values = data.derivative(values)
-    stride = max(1, round(1 / (ROW_RATE * data.dt)))
-    return float(np.sum(data.averaged(values[:, None]) ** 2)) * stride
+    v = axis.motion_states.index("v")
+    slopes = [
+        float(np.sqrt(np.mean(A[axis.motion_states.index(name), v] ** 2)))
+        for name in axis.outputs[:-1]
+    ]
+    noise = balance_noise(axis, data, exact_row_gains(data), values["M"], velocity_slopes=slopes)
+    return noise**2
 
 
 def _columns(

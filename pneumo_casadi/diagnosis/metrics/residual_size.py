@@ -7,6 +7,14 @@ import numpy as np
 from pneumo_casadi.diagnosis.metrics.findings import Closure
 from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study
 from pneumo_casadi.estimation.equation_error.smoothed_motion import SmoothedMotion
+from pneumo_casadi.metrics import (
+    balance_noise,
+    closure,
+    closure_interval,
+    gap,
+    resampling_weights,
+    sampled_row_gains,
+)
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.parameters import FloatArray
 
@@ -20,8 +28,6 @@ COARSE_MAP = 1.5
 #: Mass flow residuals over the noise floor up to which a coarse map may be all there is to them:
 #: two axes of the virtual bench without any effect in these balances had 1.8.
 NEAR_NULL = 1.9
-#: Bounds of the intervals [1].
-LEVELS = (0.025, 0.975)
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,26 +56,10 @@ def balance_levels(study: Study) -> BalanceLevels:
 
 
 def _noise(axis: Axis, data: SmoothedMotion) -> FloatArray:
-    """Pass unit noise through the filters, and scale it."""
-    N = min(data.N, 4096)
-    e = np.random.default_rng(0).normal(size=N)
-    weak = data.weak[: max(1, data.m * N // data.N - 4), :N]
-    level = data.smooth(e)
-    rate = data.derivative(level)
-    bend = data.derivative(rate)
-    gain = [float(np.std(weak @ one)) for one in (level, rate, bend)]
-    noise = dict(zip(axis.outputs, data.noise, strict=True))
-    c, M = axis.constants, axis.parameters["M"].value
-    areas = [c[f"S_{chamber}"] * noise[f"p_{chamber}"] for chamber in axis.kind.gas_chambers]
-    force = np.hypot(M * gain[2] * noise["x"], float(np.linalg.norm(areas)) * gain[0])
-    return np.array(
-        [
-            gain[1] * noise[balance.state]
-            if balance.chamber
-            else force / (M if balance.over_inertia else 1.0)
-            for balance in axis.kind.balances
-        ]
-    )
+    gains, M = sampled_row_gains(data), axis.parameters["M"].value
+    inertia = M if any(balance.over_inertia for balance in axis.kind.balances) else 1.0
+    areas = [axis.constants[f"S_{chamber}"] / inertia for chamber in axis.kind.gas_chambers]
+    return balance_noise(axis, data, gains, M / inertia, areas)
 
 
 def _signal(axis: Axis, data: SmoothedMotion) -> FloatArray:
@@ -105,9 +95,8 @@ def residual_rms(fitted: FittedModel, held_out: bool = True) -> FloatArray:
 
 
 def gaps(rms: FloatArray, levels: BalanceLevels) -> FloatArray:
-    """Return what lies above the noise floor in each balance, as a share of the signal."""
-    floor = BACKGROUND * levels.noise
-    return np.asarray(np.sqrt(np.maximum(rms**2 - floor**2, 0)) / levels.signal)
+    """Return the gap of each balance beyond what a right model leaves; see `metrics.gap`."""
+    return gap(rms**2, levels.noise, levels.signal, margin=BACKGROUND)
 
 
 def bootstrap_gain(
@@ -121,7 +110,7 @@ def bootstrap_gain(
     a, _ = _squares(after, pooled)
     sums = [_block_sums(part * used) for part in (b, a)]
     counts = _block_sums(used)
-    draws = _draws(counts.shape[1])
+    draws = resampling_weights(counts.shape[1], REPLICATES)
     floor = levels.noise**2
 
     def gain(weights: FloatArray) -> FloatArray:
@@ -147,42 +136,30 @@ def block_gain(
     def gain(weights: FloatArray) -> FloatArray:
         return np.asarray((logs @ weights.T / np.maximum(present @ weights.T, 1e-9)).T)
 
-    return gain(np.ones((1, counts.shape[1])))[0], gain(_draws(counts.shape[1]))
+    return gain(np.ones((1, counts.shape[1])))[0], gain(
+        resampling_weights(counts.shape[1], REPLICATES)
+    )
 
 
 def balance_closure(before: FittedModel, after: FittedModel, levels: BalanceLevels) -> Closure:
-    """Return how far the held-out gap of the balances closes, over all of them.
+    """Return the closure of the held-out gap of all balances.
 
-    1 - G_after/G_before with G² the mean of the squared gaps, each as a share of its signal
-    weighted by what it was without any effect: the balance with the gap decides.
+    Each squared gap counts in proportion to what it was before: the balance with the gap decides.
     """
     b, used = squares(before)
     a, _ = squares(after)
     counts = _block_sums(used)
-    sums = [_block_sums(part * used) for part in (b, a)]
-    unit = residual_rms(before) ** 2
-    floor = levels.noise**2
-
-    def closure(weights: FloatArray) -> FloatArray:
-        n = np.maximum(counts @ weights.T, 1e-9)
-        one, other = (np.maximum((s @ weights.T) / n - floor[:, None], 0) for s in sums)
-        weight = (np.maximum(unit - floor, 0) / levels.signal**2)[:, None]
-        scale = weight / levels.signal[:, None] ** 2
-        total = np.maximum((scale * one).sum(axis=0), 1e-300)
-        return np.asarray(1 - np.sqrt((scale * other).sum(axis=0) / total))
-
-    value = float(closure(np.ones((1, counts.shape[1])))[0])
-    found = np.quantile(closure(_draws(counts.shape[1])), LEVELS)
-    return Closure(value, float(found[0]), float(found[1]))
+    old, new = (_block_sums(part * used) for part in (b, a))
+    importance = gap(residual_rms(before) ** 2, levels.noise, levels.signal) ** 2 / levels.signal**2
+    overall = [
+        float(np.sqrt(importance @ gap(residual_rms(fit) ** 2, levels.noise) ** 2))
+        for fit in (before, after)
+    ]
+    interval = closure_interval(old, new, counts, levels.noise, importance, REPLICATES)
+    return Closure(closure(*overall), *interval)
 
 
 def _block_sums(rows: FloatArray) -> FloatArray:
     blocks = max(1, rows.shape[1] // BLOCK)
     edges = np.linspace(0, rows.shape[1], blocks + 1).astype(int)[:-1]
     return np.asarray(np.add.reduceat(rows, edges, axis=1))
-
-
-def _draws(blocks: int) -> FloatArray:
-    """Return how often each block is drawn in each replicate, shape (R, blocks)."""
-    rng = np.random.default_rng(0)
-    return np.asarray(rng.multinomial(blocks, np.full(blocks, 1 / blocks), size=REPLICATES), float)

@@ -13,7 +13,15 @@ from pneumo_casadi.diagnosis.metrics.residual_size import (
 )
 from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study
 from pneumo_casadi.errors import FitError, ModelError
-from pneumo_casadi.estimation.statistics import stated_or_estimated_noise
+from pneumo_casadi.metrics import (
+    closure,
+    closure_interval,
+    combined_gap,
+    gap,
+    output_noise,
+    signal_std,
+)
+from pneumo_casadi.metrics.gap import SMALLEST_GAP
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.parameters import FloatArray
@@ -69,7 +77,7 @@ class Simulations:
             L = round(WINDOW / record.dt)
             e = np.stack([record[name][rows] - run[name] for name in axis.outputs])
             found.append(np.mean(e.reshape(len(e), -1, L) ** 2, axis=2).T)
-        return np.asarray(np.concatenate(found) / _sizes(self.study) ** 2 * 1e4)
+        return np.asarray(np.concatenate(found) / _signal_stds(self.study) ** 2 * 1e4)
 
     def loop(self, fitted: FittedModel, effects: Sequence[Effect]) -> dict[str, float] | str:
         """Return the gap of every output under the controller, or why there is none."""
@@ -78,7 +86,7 @@ class Simulations:
             errors = loop_errors(axis, self.study.held_out)
         except (FitError, ModelError) as error:
             return str(error)
-        return {n: _gap(errors[n].percent ** 2, errors[n].noise_percent) for n in axis.outputs}
+        return {name: errors[name].gap_percent for name in axis.outputs}
 
     def share(self, nominal: FittedModel, fitted: FittedModel, effects: Sequence[Effect]) -> float:
         """Return the share of the windows' gap that a fit leaves; 1 if it cannot be simulated."""
@@ -86,7 +94,7 @@ class Simulations:
         before, after = self.windows(nominal, ()), self.windows(fitted, effects)
         if isinstance(before, str) or isinstance(after, str):
             return 1.0
-        return _rms_gap(after, floor) / max(_rms_gap(before, floor), 1e-12)
+        return _overall_gap(after, floor) / max(_overall_gap(before, floor), SMALLEST_GAP)
 
     def _axis(self, fitted: FittedModel, effects: Sequence[Effect]) -> Axis:
         axis = self.study.axis.with_effects(*effects).with_parameters(dict(fitted.values))
@@ -129,30 +137,26 @@ def simulated_gap(
             }
     if isinstance(before, str) or isinstance(after, str):
         shown = views["balances"]
-        sizes = {k: _overall([v[k] for v in shown.values()]) for k in ("before", "after", "noise")}
-        closure = balance_closure(nominal, final, levels)
-        found = Gap(sizes["before"], sizes["after"], sizes["noise"], closure, views)
+        sizes = {
+            k: combined_gap([v[k] for v in shown.values()]) for k in ("before", "after", "noise")
+        }
+        balances = balance_closure(nominal, final, levels)
+        found = Gap(sizes["before"], sizes["after"], sizes["noise"], balances, views)
         return found, (*notes, "the gap is that of the balances")
     floor = np.array(list(noise.values()))
-    closure = _shrink(before, after, floor)
-    gaps = _rms_gap(before, floor), _rms_gap(after, floor)
-    return Gap(*gaps, _overall(floor), closure, views), tuple(notes)
+    closed = _closure(before, after, floor)
+    gaps = _overall_gap(before, floor), _overall_gap(after, floor)
+    return Gap(*gaps, combined_gap(floor), closed, views), tuple(notes)
 
 
-def _sizes(study: Study) -> FloatArray:
-    return np.array(
-        [
-            np.std(np.concatenate([r[name] - r[name].mean() for r in study.held_out]))
-            for name in study.axis.outputs
-        ]
-    )
+def _signal_stds(study: Study) -> FloatArray:
+    return np.array([signal_std(study.held_out, name) for name in study.axis.outputs])
 
 
 def _noise_percent(study: Study) -> dict[str, float]:
-    sizes = _sizes(study)
     return {
-        name: 100 * stated_or_estimated_noise(study.axis.bench, study.held_out, name) / float(s)
-        for name, s in zip(study.axis.outputs, sizes, strict=True)
+        name: 100 * output_noise(study.axis, study.held_out, name) / std
+        for name, std in zip(study.axis.outputs, _signal_stds(study).tolist(), strict=True)
     }
 
 
@@ -161,8 +165,8 @@ def _view(
 ) -> View:
     return {
         name: {
-            "before": _gap(float(before[:, i].mean()), noise[name]),
-            "after": _gap(float(after[:, i].mean()), noise[name]),
+            "before": float(gap(before[:, i].mean(), noise[name])),
+            "after": float(gap(after[:, i].mean(), noise[name])),
             "noise": noise[name],
         }
         for i, name in enumerate(outputs)
@@ -178,36 +182,22 @@ def _balances(
     )
     return {
         name: {
-            "before": _gap(float(b[i] ** 2), float(n[i])),
-            "after": _gap(float(a[i] ** 2), float(n[i])),
+            "before": float(gap(b[i] ** 2, n[i])),
+            "after": float(gap(a[i] ** 2, n[i])),
             "noise": float(n[i]),
         }
         for i, name in enumerate(study.axis.equations)
     }
 
 
-def _gap(mean_square: float, noise: float) -> float:
-    return float(np.sqrt(max(mean_square - noise**2, 0.0)))
+def _overall_gap(squares: FloatArray, floor: FloatArray) -> float:
+    return combined_gap(gap(squares.mean(axis=0), floor))
 
 
-def _overall(values: Sequence[float] | FloatArray) -> float:
-    return float(np.sqrt(np.mean(np.square(values))))
-
-
-def _rms_gap(squares: FloatArray, floor: FloatArray) -> float:
-    return float(np.sqrt(np.mean(np.maximum(squares.mean(axis=0) - floor**2, 0))))
-
-
-def _shrink(before: FloatArray, after: FloatArray, floor: FloatArray) -> Closure:
-    """Return the shrink with an interval from resampled windows, the same ones on both sides."""
-    rng = np.random.default_rng(0)
-    n = len(before)
-    weights = rng.multinomial(n, np.full(n, 1 / n), size=REPLICATES) / n
-    found = []
-    for squares in (before, after):
-        excess = np.maximum(weights @ squares - floor**2, 0)
-        found.append(np.sqrt(excess.mean(axis=1)))
-    drawn = 1 - found[1] / np.maximum(found[0], 1e-12)
-    a, b = _rms_gap(before, floor), _rms_gap(after, floor)
-    lower, upper = np.quantile(drawn, (0.025, 0.975))
-    return Closure(1 - b / a if a > 0 else 0.0, float(lower), float(upper))
+def _closure(before: FloatArray, after: FloatArray, floor: FloatArray) -> Closure:
+    """Return the closure with its interval from resampled windows."""
+    outputs = np.ones(before.shape[1])
+    interval = closure_interval(
+        before.T, after.T, np.ones_like(before.T), floor, outputs, REPLICATES
+    )
+    return Closure(closure(_overall_gap(before, floor), _overall_gap(after, floor)), *interval)

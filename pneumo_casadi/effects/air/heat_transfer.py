@@ -6,6 +6,7 @@ from typing import Any
 
 import casadi as ca
 
+from pneumo_casadi.model.absorption import Absorption
 from pneumo_casadi.model.effect import Effect, Expression, Pair, Scope, State
 from pneumo_casadi.parameters import Parameter
 
@@ -39,6 +40,7 @@ class HeatTransfer(Effect):
     """
 
     name = "heat_transfer"
+    absorbed_by = Absorption(("k_P", "k_N", "k_P-k_N"))
     equation = "q −→ q + s ((T/T₀ − 1) min(q, 0) + (γ − 1) h A(x) (T₀ − T)/(γ r T₀)), c_v m Ṫ = …"
     source = (
         "Carneiro and Almeida (2006), Proc. IMechE I 220, 10.1243/09596518JSCE203; "

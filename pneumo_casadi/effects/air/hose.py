@@ -7,6 +7,7 @@ from typing import Any
 import casadi as ca
 
 from pneumo_casadi.effects.common.regular_lag import numerator
+from pneumo_casadi.model.absorption import Absorption, Deviation
 from pneumo_casadi.model.effect import Effect, Expression, Pair, Scope, State
 from pneumo_casadi.parameters import Parameter
 
@@ -31,6 +32,7 @@ class Hose(Effect):
     """
 
     name = "hose"
+    absorbed_by = Absorption(("V_P(0)", "V_N(0)"), Deviation.ABOVE)
     equation = (
         "p_h² = p² + 2 r T R q|q|, q/q_valve = (1 + 2ζns + n²s²)/(1 + 2ζms + m²s²), m = n + D"
     )

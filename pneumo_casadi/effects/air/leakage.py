@@ -1,5 +1,6 @@
 """Leaks: past the piston seal from chamber to chamber, and from either chamber to the outside."""
 
+from pneumo_casadi.model.absorption import Absorption, Deviation
 from pneumo_casadi.model.effect import Effect, Expression, Pair, Scope
 from pneumo_casadi.parameters import Parameter
 from pneumo_casadi.valve.orifice import RHO_ANR, orifice_expression
@@ -79,6 +80,9 @@ class LeakageP(Effect):
     """Leak from chamber P to the outside, through a fitting or the front cap."""
 
     name = "leakage_P"
+    absorbed_by = Absorption(
+        ("S_N/S_P",), Deviation.BELOW, also=("k_P", "k_N", "k_P-k_N", "V_P(0)", "V_N(0)")
+    )
     equation = "q_P −= C ρ₀ √(T₀/T) p_P ω(p_ext/p_P)"
     source = SOURCE
     shows = "mass flow balance of chamber P, one sign, in proportion to p_P"
@@ -96,6 +100,9 @@ class LeakageN(Effect):
     """Leak from chamber N to the outside, through a fitting or the rod seal."""
 
     name = "leakage_N"
+    absorbed_by = Absorption(
+        ("S_N/S_P",), Deviation.ABOVE, also=("k_P", "k_N", "k_P-k_N", "V_P(0)", "V_N(0)")
+    )
     equation = "q_N −= C ρ₀ √(T₀/T) p_N ω(p_ext/p_N)"
     source = SOURCE
     shows = "mass flow balance of chamber N, one sign, in proportion to p_N"

@@ -5,6 +5,7 @@ from typing import Any
 
 import casadi as ca
 
+from pneumo_casadi.model.absorption import Absorption
 from pneumo_casadi.model.effect import Effect, Expression, Pair, Scope, State, Supply
 from pneumo_casadi.parameters import Parameter
 from pneumo_casadi.valve.orifice import orifice_expression
@@ -29,6 +30,7 @@ class SupplyDroop(Effect):
     """
 
     name = "supply_droop"
+    absorbed_by = Absorption(("S_P",), also=("S_N",), unless=("S_N/S_P", "map form"))
     equation = "p_s = p_supply − d, ḋ = r T/V (Σ max(q_m, 0) − C ρ₀ √(T₀/T) p_supply ω(p_s))"
     source = "mass balance of the reservoir; ISO 6358-1:2013 for the regulator, linear below 5 %"
     shows = "both mass flow balances while a chamber fills, longest after large steps"

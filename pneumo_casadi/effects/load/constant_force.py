@@ -1,5 +1,6 @@
 """Constant force: a tilted axis, a hanging weight."""
 
+from pneumo_casadi.model.absorption import Absorption
 from pneumo_casadi.model.effect import Effect, Expression, Scope
 from pneumo_casadi.parameters import Parameter
 
@@ -11,6 +12,7 @@ class ConstantForce(Effect):
     """
 
     name = "constant_force"
+    absorbed_by = Absorption(("F_c",))
     equation = "F = F_0, in +x"
     source = "weight of the moving mass on a tilted axis, M g sin(tilt)"
     shows = "force balance, always; in the parameters only, as F_c_plus − F_c_minus"

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from pneumo_casadi.model.absorption import Absorption
 from pneumo_casadi.model.effect import Effect, Expression, Scope, State
 from pneumo_casadi.parameters import Parameter
 
@@ -21,6 +22,7 @@ class ElasticLoad(Effect):
     """
 
     name = "elastic_load"
+    absorbed_by = Absorption(("M",))
     equation = "m_2 ẍ_2 = −m_2 ω² (x_2 − x) − 2 m_2 ζ ω (ẋ_2 − ẋ) = −F, ω = 2π f"
     source = "two-mass oscillator, Den Hartog (1956), Mechanical Vibrations, ch. 3"
     shows = "force balance, in one band of frequencies"

@@ -23,6 +23,7 @@ class PositionDelay(Effect):
     """
 
     name = "position_delay"
+    sensors = ("x",)
     equation = "y_x(t) = x(t − T)"
     source = "Padé approximant; Baker, Graves-Morris (1996), Padé Approximants"
     shows = "measured position, in proportion to the velocity"

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from pneumo_casadi.effects.common.regular_lag import lag_rate, lagged
+from pneumo_casadi.model.absorption import Absorption
 from pneumo_casadi.model.effect import Effect, Expression, Scope, State
 from pneumo_casadi.parameters import Parameter
 
@@ -12,6 +13,7 @@ class PressureSensorLag(Effect):
     """First-order lag of both pressure sensors, by their tubing or filters."""
 
     name = "pressure_sensor_lag"
+    sensors = ("p_P", "p_N")
     equation = "τ ẏ_p + y_p = p, in both chambers"
     source = "pneumatic line as a lag; Andersen (1967), Analysis and Design of Pneumatic Systems"
     shows = "measured pressures, when they change fast"
@@ -56,6 +58,8 @@ class PressureSensorBias(Effect):
     """
 
     name = "pressure_sensor_bias"
+    sensors = ("p_P", "p_N")
+    absorbed_by = Absorption(("F_c",))
     equation = "y_pP = p_P + b_P, y_pN = p_N + b_N"
     source = "zero error of a pressure transmitter, IEC 61298-2"
     shows = "measured pressures, always; in the parameters as a force S_P b_P − S_N b_N"

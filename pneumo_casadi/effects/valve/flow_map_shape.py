@@ -6,6 +6,7 @@ from itertools import pairwise
 import casadi as ca
 
 from pneumo_casadi.errors import ModelError
+from pneumo_casadi.model.absorption import Absorption
 from pneumo_casadi.model.effect import Effect, EffectFactory, Expression, Pair, Scope
 from pneumo_casadi.parameters import Parameter
 
@@ -26,6 +27,7 @@ class FlowMapShape(Effect):
     """
 
     name = "flow_map_shape"
+    absorbed_by = Absorption(("map form",))
     equation = "u −→ u + c⁺ max(u, 0)² − c⁻ min(u, 0)²; on a metered valve, u −→ u + h(u)"
     source = "residuals of eq. 12 at the measured static map"
     shows = "both mass flow balances at large or small openings; residuals of the static map"

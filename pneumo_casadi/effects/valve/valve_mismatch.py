@@ -2,6 +2,7 @@
 
 from types import MappingProxyType
 
+from pneumo_casadi.model.absorption import Absorption
 from pneumo_casadi.model.effect import Effect, Pair, Scope
 from pneumo_casadi.parameters import Parameter
 
@@ -15,6 +16,7 @@ class ValveMismatch(Effect):
     """
 
     name = "valve_mismatch"
+    absorbed_by = Absorption(("S_N/S_P",))
     equation = "u_N −→ (1 + ε) u_N"
     source = "scatter of spool amplifiers and port windows, data sheets"
     shows = "not in trajectories: X_s4 to X_s6 move together, X_s6 departs from S_N/(r T)"

@@ -6,10 +6,10 @@ and noise without an effect.
 
 - A cause is *visible* where the residual of the nominal axis on the held-out record exceeds that
   of the twin `VISIBLE` times in some balance.
-- The gap is √Σ max((rms/rms of the twin)² − 1, 0) over the balances of the held-out record, and a
-  shrink is 1 − gap after/gap before. The oracle's is that of the axis with the true effects; it is
-  compared with that of the axis with the effects named. Neither uses figures that the diagnosis
-  states.
+- The gap is that of all balances of the held-out record, in units of the residuals of the twin,
+  which are its noise floor (`pneumo_casadi.metrics`). The oracle's closure is that of the axis with
+  the true effects; it is compared with that of the axis with the effects named. Neither uses
+  figures that the diagnosis states.
 - Rivals see the training record alone: the ranking of single effects by training error, and forward
   selection by AIC. The cost of a fit is a concentrated negative log-likelihood L, AIC/2 = L + n.
   After its first step the selection goes on among the `BEAM` best only.
@@ -33,6 +33,7 @@ from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.errors import PneumoError
 from pneumo_casadi.evaluation.sealed_check.draw import Draw, make_twin
 from pneumo_casadi.identification.result_file import write_json
+from pneumo_casadi.metrics import closure, combined_gap, gap
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.runtime.threads import one_thread
 
@@ -104,13 +105,8 @@ def measured(study: Study, floor: FloatArray, draw: Draw, named: Collection[str]
     }
 
 
-def gap(rms: FloatArray, floor: FloatArray) -> float:
-    """Return what of the residuals lies above those of the twin, in units of these."""
-    return float(np.sqrt(np.maximum((rms / floor) ** 2 - 1, 0.0).sum()))
-
-
 def closure_above_twin(before: FloatArray, after: FloatArray, floor: FloatArray) -> float:
-    """Return 1 − gap after/gap before; 0 where there is no gap before.
+    """Return the closure of the gap of all balances, the residuals of the twin being the noise.
 
     Examples
     --------
@@ -118,8 +114,7 @@ def closure_above_twin(before: FloatArray, after: FloatArray, floor: FloatArray)
     >>> closure_above_twin(np.array([3.0, 1.0]), np.array([1.0, 0.9]), floor)
     1.0
     """
-    first = gap(before, floor)
-    return 1.0 - gap(after, floor) / first if first > 0 else 0.0
+    return closure(*(combined_gap(gap((rms / floor) ** 2, 1.0)) for rms in (before, after)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,62 @@
+"""Noise floor, gap and closure."""
+
+import numpy as np
+import pytest
+
+from pneumo_casadi.metrics import closure, closure_interval, combined_gap, gap, resampling_weights
+
+
+def test_errors_of_pure_noise_leave_no_gap_and_model_error_adds_to_noise_in_squares():
+    assert gap(0.9, 1.0) == 0.0
+    assert gap(np.array([1.0, 5.0]), 1.0, signal=4.0) == pytest.approx([0.0, 0.5])
+
+
+def test_a_margin_widens_the_floor():
+    assert gap(1.1**2, 1.0, margin=1.1) == pytest.approx(0.0, abs=1e-7)
+    assert gap(1.2**2, 1.0, margin=1.1) == pytest.approx(np.sqrt(1.44 - 1.21))
+
+
+def test_the_gap_of_several_channels_is_their_root_mean_square():
+    assert combined_gap([0.0, 3.0, 0.0]) == pytest.approx(np.sqrt(3.0))
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "expected"),
+    [(2.0, 0.5, 0.75), (2.0, 2.0, 0.0), (2.0, 3.0, -0.5), (0.0, 1.0, 0.0)],
+)
+def test_closure(before, after, expected):
+    assert closure(before, after) == pytest.approx(expected)
+
+
+def interval(before, after, noise=0.0, importance=(1.0,)):
+    ones = np.ones_like(before)
+    return closure_interval(before, after, ones, np.array([noise]), np.array(importance), 2000)
+
+
+def test_blocks_that_close_alike_leave_no_uncertainty():
+    errors = np.random.default_rng(1).exponential(size=(1, 50))
+    assert interval(errors, errors / 4) == pytest.approx((0.5, 0.5))
+
+
+def test_the_interval_covers_the_closure_as_often_as_it_says():
+    """Independent errors before and after with a true closure of one half."""
+    rng = np.random.default_rng(2)
+    covered = 0
+    for _ in range(200):
+        before, after = rng.exponential(4.0, (1, 60)), rng.exponential(1.0, (1, 60))
+        lower, upper = interval(before, after)
+        covered += lower < 0.5 < upper
+    assert 0.88 < covered / 200 < 0.99
+
+
+def test_channels_without_importance_do_not_count():
+    before, after = np.full((2, 10), 4.0), np.array([[1.0] * 10, [400.0] * 10])
+    ones = np.ones((2, 10))
+    ends = closure_interval(before, after, ones, np.zeros(2), np.array([1.0, 0.0]), 100)
+    assert ends == pytest.approx((0.5, 0.5))
+
+
+def test_every_replicate_draws_as_many_blocks_as_there_are():
+    weights = resampling_weights(7, 50)
+    assert weights.shape == (50, 7)
+    assert set(weights.sum(axis=1)) == {7.0}
