@@ -37,6 +37,7 @@ from pneumo_casadi.design import (
     recorded_reference,
 )
 from pneumo_casadi.diagnosis import Diagnosis, diagnose
+from pneumo_casadi.diagnosis.metrics.findings import joined_names
 from pneumo_casadi.estimation.output_error import OutputErrorOptions, OutputErrorResult
 from pneumo_casadi.identification.identify import IdentifyOptions, identify
 from pneumo_casadi.valve import FlowForm
@@ -153,7 +154,7 @@ def said(found: Diagnosis) -> dict[str, Any]:
     return {
         "verdict": found.verdict.value,
         "effects": [one.name for one in found.effects],
-        "ambiguous": list(found.ambiguous),
+        "ambiguous": [joined_names(names) for names in found.ambiguous],
         "probability": {name: known.get(name, 0.0) for name in (HIDDEN, WRONG)},
     }
 

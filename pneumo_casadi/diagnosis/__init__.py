@@ -1,30 +1,34 @@
-"""Diagnosis: where simulation and reality part, which effect causes it, how far the gap closes."""
+"""Diagnosis: where simulation and measurement disagree, which effect causes it, what it closes."""
 
 from pneumo_casadi.diagnosis.decide.result import (
     Diagnosis,
     Verdict,
 )
 from pneumo_casadi.diagnosis.diagnose import DiagnosisOptions, applicable, diagnose, prepare
+from pneumo_casadi.diagnosis.metrics.balance import Balance
 from pneumo_casadi.diagnosis.metrics.findings import (
     Candidate,
     Check,
     Closure,
     EffectFound,
     Gap,
-    Regime,
     Value,
     Where,
 )
+from pneumo_casadi.diagnosis.metrics.regime import Condition, Regime, RegimeKind
 
 __all__ = [
+    "Balance",
     "Candidate",
     "Check",
     "Closure",
+    "Condition",
     "Diagnosis",
     "DiagnosisOptions",
     "EffectFound",
     "Gap",
     "Regime",
+    "RegimeKind",
     "Value",
     "Verdict",
     "Where",

@@ -17,7 +17,13 @@ from pneumo_casadi.diagnosis.decide.verdict import Judgement, judge
 from pneumo_casadi.diagnosis.locate.evidence import collect_evidence
 from pneumo_casadi.diagnosis.locate.locate import locate
 from pneumo_casadi.diagnosis.locate.unknown_inputs import estimate_unknown_inputs
-from pneumo_casadi.diagnosis.metrics.findings import Candidate, EffectFound, Value, Where
+from pneumo_casadi.diagnosis.metrics.findings import (
+    Candidate,
+    EffectFound,
+    Value,
+    Where,
+    joined_names,
+)
 from pneumo_casadi.diagnosis.metrics.residual_size import balance_closure
 from pneumo_casadi.diagnosis.metrics.simulated_gap import simulated_gap
 from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study, start_study
@@ -140,7 +146,7 @@ def diagnose(
     shown = effects if final is found.final else ()
     gap, more = simulated_gap(found.simulations, found.nominal, final, shown, found.levels)
     report("done", 1.0)
-    alike = tuple(" + ".join(names) for names in judgement.alike) if named else hidden
+    alike = judgement.alike if named else tuple((name,) for name in hidden)
     return Diagnosis(
         case=case.name,
         verdict=verdict,
@@ -152,7 +158,7 @@ def diagnose(
         experiment=_experiment(alike, chosen),
         hint=_hint(where, found, judgement) if verdict is Verdict.UNKNOWN else "",
         checks=checks,
-        notes=(*notes, *more, *(f"{' + '.join(f.effects)}: {f.reason}" for f in found.failures)),
+        notes=(*notes, *more, *(f"{joined_names(f.effects)}: {f.reason}" for f in found.failures)),
         nominal=_values(one.axis, found.nominal),
         fitted=_values(one.axis.with_effects(*shown), final),
         seconds=time.perf_counter() - began,
@@ -301,12 +307,12 @@ def _ranking(
     return (*absorbed, *(replace(one, probability=left * one.probability) for one in rest))
 
 
-def _experiment(alike: Sequence[str], catalogue: Catalogue) -> str:
+def _experiment(alike: Sequence[Names], catalogue: Catalogue) -> str:
     """Return what would tell the members of a set apart."""
     if len(alike) < 2:
         return ""
-    names = {part for label in alike for part in label.split(" + ")}
-    common = set.intersection(*(set(label.split(" + ")) for label in alike))
+    names = set().union(*alike)
+    common = set(alike[0]).intersection(*alike[1:])
     told = [
         f"{name}: {catalogue[name]().separated_by}"
         for name in sorted(names - common)
@@ -320,7 +326,7 @@ def _hint(where: Where, selection: Selection, judgement: Judgement) -> str:
     if where.regimes:
         parts.append("most " + ", ".join(one.name for one in where.regimes[:2]))
     if selection.path:
-        label = " + ".join(selection.chosen)
+        label = joined_names(selection.chosen)
         closure = balance_closure(selection.nominal, selection.final, selection.levels)
         parts.append(
             f"{label} closes {100 * closure.value:.0f} % of it ({100 * closure.lower:.0f} to "

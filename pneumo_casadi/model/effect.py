@@ -12,6 +12,7 @@ parameters and extra states, and never knows the model; the model never knows an
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from enum import StrEnum
 from types import MappingProxyType
 from typing import Any, ClassVar, NamedTuple
 
@@ -37,19 +38,37 @@ class Supply(NamedTuple):
     p_ext: Expression
 
 
-#: The junctions in the order of the physics, with what passes through each of them.
+class Junction(StrEnum):
+    """Where an effect can act, in the order of the physics."""
+
+    COMMAND = "command"
+    SPOOL = "spool"
+    SUPPLY = "supply"
+    OUTLET = "outlet"
+    VALVE_FLOW = "valve_flow"
+    LINE = "line"
+    CHAMBER_FLOW = "chamber_flow"
+    CHAMBER_ENERGY = "chamber_energy"
+    DRIVE = "drive"
+    FORCE = "force"
+    OUTPUT = "output"
+
+
+#: What passes through each junction.
 JUNCTIONS: Mapping[str, str] = {
-    "command": "voltage sent to each valve [V] (Pair)",
-    "spool": "opening of each valve, as the voltage that holds it there [V] (Pair)",
-    "supply": "supply and exhaust pressure at the valves [Pa] (Supply)",
-    "outlet": "pressure that each valve works against [Pa] (Pair)",
-    "valve_flow": "mass flow through each valve, into the axis [kg/s] (Pair)",
-    "line": "mass flow that arrives at each chamber [kg/s] (Pair)",
-    "chamber_flow": "net mass flow into each chamber, leaks included [kg/s] (Pair)",
-    "chamber_energy": "mass flow that would raise the pressure alike, heat included [kg/s] (Pair)",
-    "drive": "force of the drive on the force-driven axis [N]",
-    "force": "sum of the forces on the moving mass, inertia excepted [N]",
-    "output": "what the sensors show: {'p_P': Pa, 'p_N': Pa, 'x': m}",
+    Junction.COMMAND: "voltage sent to each valve [V] (Pair)",
+    Junction.SPOOL: "opening of each valve, as the voltage that holds it there [V] (Pair)",
+    Junction.SUPPLY: "supply and exhaust pressure at the valves [Pa] (Supply)",
+    Junction.OUTLET: "pressure that each valve works against [Pa] (Pair)",
+    Junction.VALVE_FLOW: "mass flow through each valve, into the axis [kg/s] (Pair)",
+    Junction.LINE: "mass flow that arrives at each chamber [kg/s] (Pair)",
+    Junction.CHAMBER_FLOW: "net mass flow into each chamber, leaks included [kg/s] (Pair)",
+    Junction.CHAMBER_ENERGY: (
+        "mass flow that would raise the pressure alike, heat included [kg/s] (Pair)"
+    ),
+    Junction.DRIVE: "force of the drive on the force-driven axis [N]",
+    Junction.FORCE: "sum of the forces on the moving mass, inertia excepted [N]",
+    Junction.OUTPUT: "what the sensors show: {'p_P': Pa, 'p_N': Pa, 'x': m}",
 }
 
 
@@ -230,7 +249,7 @@ class Effect:
     def junctions(self) -> tuple[str, ...]:
         """Junctions that this effect overrides, in the order of the physics."""
         own = type(self)
-        return tuple(j for j in JUNCTIONS if getattr(own, j) is not getattr(Effect, j))
+        return tuple(str(j) for j in Junction if getattr(own, j) is not getattr(Effect, j))
 
     @classmethod
     def on_metered(cls, low: float, high: float) -> "EffectFactory":

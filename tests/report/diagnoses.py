@@ -5,13 +5,16 @@ from dataclasses import replace
 import numpy as np
 
 from pneumo_casadi.diagnosis import (
+    Balance,
     Candidate,
     Check,
     Closure,
+    Condition,
     Diagnosis,
     EffectFound,
     Gap,
     Regime,
+    RegimeKind,
     Value,
     Verdict,
     Where,
@@ -19,6 +22,7 @@ from pneumo_casadi.diagnosis import (
 from pneumo_casadi.diagnosis.locate.evidence import Evidence
 from pneumo_casadi.diagnosis.locate.regimes import RegimeMap
 from pneumo_casadi.diagnosis.locate.unknown_inputs import UnknownInputs
+from pneumo_casadi.model.effect import Junction
 
 BALANCES = ("mass_flow_P", "mass_flow_N", "force")
 
@@ -48,9 +52,9 @@ EFFECT = Diagnosis(
     effects=(EffectFound("stribeck", 0.97, SIZE),),
     ranking=(STRIBECK, DRAG, SILENT, FAILED),
     where=Where(
-        "force",
-        "force",
-        (Regime("near standstill (|v| < 10 mm/s)", "force", 0.71, 0.12, 0.001),),
+        Balance.FORCE,
+        Junction.FORCE,
+        (Regime(Condition(RegimeKind.STANDSTILL, upper=0.01), Balance.FORCE, 0.71, 0.12, 0.001),),
         {"mass_flow_P": 0.03, "mass_flow_N": 0.05, "force": 0.92},
         (),
         ("Simulation and reality part in the force on the piston.",),
@@ -71,7 +75,7 @@ EFFECT = Diagnosis(
 AMBIGUOUS = replace(
     EFFECT,
     verdict=Verdict.AMBIGUOUS,
-    ambiguous=("stribeck", "presliding"),
+    ambiguous=(("stribeck",), ("presliding",)),
     ranking=(replace(STRIBECK, probability=0.55), replace(STRIBECK, names=("presliding",))),
     experiment="creep at three or more speeds",
 )
@@ -79,13 +83,13 @@ NONE = replace(
     EFFECT,
     verdict=Verdict.NONE,
     effects=(),
-    where=Where("none", "", (), dict.fromkeys(BALANCES, 0.0), (), ("No more than usual.",)),
+    where=Where(Balance.NONE, None, (), dict.fromkeys(BALANCES, 0.0), (), ("No more than usual.",)),
     gap=Gap(0.3, 0.3, 0.5, Closure(0.0, 0.0, 0.0), _views(1.0)),
     ranking=(replace(DRAG, probability=0.03), FAILED),
     fitted=NOMINAL,
 )
 ABSORBED = replace(
-    NONE, verdict=Verdict.ABSORBED, ambiguous=("valve_mismatch",), ranking=(SILENT, DRAG)
+    NONE, verdict=Verdict.ABSORBED, ambiguous=(("valve_mismatch",),), ranking=(SILENT, DRAG)
 )
 UNKNOWN = replace(
     EFFECT,

@@ -13,6 +13,7 @@ from pneumo_casadi.diagnosis.metrics.findings import (
     Gap,
     Value,
     Where,
+    joined_names,
 )
 from pneumo_casadi.valve import FormSelection
 
@@ -50,8 +51,9 @@ class Diagnosis:
         Location.
     gap : Gap
         Before and after.
-    ambiguous : tuple of str
-        Names that the data cannot tell apart, the most probable first.
+    ambiguous : tuple of tuple of str
+        Models, each by the names of its effects, that the data cannot tell apart, the most
+        probable first.
     experiment : str
         What would tell them apart; empty where nothing is open.
     hint : str
@@ -76,7 +78,7 @@ class Diagnosis:
     ranking: tuple[Candidate, ...]
     where: Where
     gap: Gap
-    ambiguous: tuple[str, ...]
+    ambiguous: tuple[tuple[str, ...], ...]
     experiment: str
     hint: str
     checks: tuple[Check, ...]
@@ -116,13 +118,13 @@ class Diagnosis:
                 for one in self.ranking
             ],
             "where": {
-                "balance": self.where.balance,
-                "junction": self.where.junction,
+                "balance": self.where.balance.value,
+                "junction": "" if self.where.junction is None else self.where.junction.value,
                 "regimes": [one.name for one in self.where.regimes],
                 "regime_details": [
                     {
                         "name": one.name,
-                        "balance": one.balance,
+                        "balance": one.balance.value,
                         "share": one.share,
                         "time": one.time,
                         "p_value": one.p_value,
@@ -144,7 +146,7 @@ class Diagnosis:
                     for view, outputs in self.gap.views.items()
                 },
             },
-            "ambiguous": list(self.ambiguous),
+            "ambiguous": [joined_names(names) for names in self.ambiguous],
             "experiment": self.experiment,
             "hint": self.hint,
             "checks": [

@@ -12,12 +12,14 @@ from pneumo_casadi.diagnosis.locate.signatures import (
     signatures,
 )
 from pneumo_casadi.diagnosis.locate.unknown_inputs import UnknownInputs, estimate_unknown_inputs
-from pneumo_casadi.diagnosis.metrics.findings import Regime, Where
+from pneumo_casadi.diagnosis.metrics.balance import Balance
+from pneumo_casadi.diagnosis.metrics.findings import Where
+from pneumo_casadi.diagnosis.metrics.regime import Regime, RegimeKind
 from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
 from pneumo_casadi.estimation.equation_error.residuals import balance_residuals
-from pneumo_casadi.model.effect import Effect, EffectFactory
+from pneumo_casadi.model.effect import Effect, EffectFactory, Junction
 
 #: What forms of flow maps and friction laws leave on a right axis, as a share of the signal.
 MODEL_ERROR = {"mass_flow_P": 0.01, "mass_flow_N": 0.01, "force": 0.015}
@@ -30,20 +32,15 @@ SIGNAL = 1.7
 UNEXPLAINED = 0.15
 #: Regimes shown at most.
 REGIMES = 5
-#: What in a regime's name points to which junction.
-_CLUES = {
-    "near null": "spool",
-    "flow into": "supply",
-    "filling": "supply",
-    "flow out": "outlet",
-    "emptying": "outlet",
+_WORDS: Mapping[str, str] = {
+    Balance.MASS_FLOW_P: "the mass flow into chamber P",
+    Balance.MASS_FLOW_N: "the mass flow into chamber N",
+    Balance.FORCE: "the force on the piston",
+    Balance.MEASUREMENT: "a sensor",
 }
-_WORDS = {
-    "mass_flow_P": "the mass flow into chamber P",
-    "mass_flow_N": "the mass flow into chamber N",
-    "force": "the force on the piston",
-    "measurement": "a sensor",
-}
+
+#: Of what a regime takes up a share, where it is not the time.
+_WHOLE = {RegimeKind.BAND: "its signal"}
 
 
 def locate(
@@ -96,13 +93,17 @@ def locate(
         )
         junction = _acts_at(cause[0])
     elif gap is False:
-        balance, junction = "none", ""
+        balance, junction = Balance.NONE, None
     else:
         balance = balance_of_gap(shares, found)
         junction = _junction(balance, telling)
     # A sensor's error shows in every balance, another cause where it acts.
-    here = [r for r in telling if balance in (r.balance, "measurement")][:REGIMES]
-    rivals = () if balance in ("measurement", "none") else rival_sensor_effects(found, catalogue)
+    here = [r for r in telling if balance in (r.balance, Balance.MEASUREMENT)][:REGIMES]
+    rivals = (
+        ()
+        if balance in (Balance.MEASUREMENT, Balance.NONE)
+        else rival_sensor_effects(found, catalogue)
+    )
     there = [effect.name for effect in cause if _acts_at(effect) == junction]
     words = _words(balance, energy, here, rivals, found, there)
     return Where(balance, junction, tuple(here), shares, rivals, words)
@@ -115,7 +116,7 @@ def above_form(energy: Mapping[str, float]) -> dict[str, float]:
     return {name: value / total if total > 0 else 0.0 for name, value in excess.items()}
 
 
-def balance_of_effect(cause: Effect, added: Mapping[str, float]) -> str:
+def balance_of_effect(cause: Effect, added: Mapping[str, float]) -> Balance:
     """Return the balance, or ``measurement``, in which an effect acts.
 
     Parameters
@@ -125,23 +126,23 @@ def balance_of_effect(cause: Effect, added: Mapping[str, float]) -> str:
         between chambers.
     """
     junctions = set(cause.junctions)
-    if junctions <= {"output"}:
-        return "measurement"
-    if junctions <= {"force", "drive", "output"}:
-        return "force"
-    if junctions & {"force", "drive"}:
-        return max(added, key=lambda name: added[name])
-    flows = {name: value for name, value in added.items() if name != "force"}
-    return max(flows, key=lambda name: flows[name])
+    if junctions <= {Junction.OUTPUT}:
+        return Balance.MEASUREMENT
+    if junctions <= {Junction.FORCE, Junction.DRIVE, Junction.OUTPUT}:
+        return Balance.FORCE
+    if junctions & {Junction.FORCE, Junction.DRIVE}:
+        return Balance(max(added, key=lambda name: added[name]))
+    flows = {name: value for name, value in added.items() if name != Balance.FORCE}
+    return Balance(max(flows, key=lambda name: flows[name]))
 
 
-def balance_of_gap(shares: Mapping[str, float], found: Signatures) -> str:
+def balance_of_gap(shares: Mapping[str, float], found: Signatures) -> Balance:
     """Return where the gap lies when no effect explains it: by unknown inputs and signatures."""
     if not any(shares.values()):
-        return "none"
+        return Balance.NONE
     if min(_weighed(found.sensors)) < SENSOR * min(_weighed(found.inputs)):
-        return "measurement"
-    return max(shares, key=lambda name: shares[name])
+        return Balance.MEASUREMENT
+    return Balance(max(shares, key=lambda name: shares[name]))
 
 
 def _weighed(left: Mapping[str, float]) -> list[float]:
@@ -191,25 +192,26 @@ def _added(study: Study, cause: Sequence[Effect], fitted: FittedModel) -> dict[s
     return dict(zip(study.axis.equations, np.mean(shares, axis=0).tolist(), strict=True))
 
 
-def _acts_at(effect: Effect) -> str:
+def _acts_at(effect: Effect) -> Junction | None:
     """Return the junction at which an effect acts: not one where it only reads a flow."""
-    found = [name for name in effect.junctions if name not in ("valve_flow", "outlet")]
-    return next(iter(found or effect.junctions), "")
+    readable = (Junction.VALVE_FLOW, Junction.OUTLET)
+    acting = [name for name in effect.junctions if name not in readable]
+    name = next(iter(acting or effect.junctions), None)
+    return None if name is None else Junction(name)
 
 
-def _junction(balance: str, regimes: Sequence[Regime]) -> str:
+def _junction(balance: Balance, regimes: Sequence[Regime]) -> Junction | None:
     """Return the junction that a balance and its strongest regimes point to."""
-    if balance in ("force", "measurement", "none"):
-        return {"force": "force", "measurement": "output", "none": ""}[balance]
-    for regime in (one for one in regimes if one.balance == balance):
-        for clue, junction in _CLUES.items():
-            if clue in regime.name:
-                return junction
-    return "chamber_flow"
+    if balance is Balance.NONE:
+        return None
+    if balance in (Balance.FORCE, Balance.MEASUREMENT):
+        return Junction.FORCE if balance is Balance.FORCE else Junction.OUTPUT
+    pointed = (r.condition.kind.junction for r in regimes if r.balance is balance)
+    return next((junction for junction in pointed if junction), Junction.CHAMBER_FLOW)
 
 
 def _words(
-    balance: str,
+    balance: Balance,
     energy: Mapping[str, float],
     regimes: Sequence[Regime],
     rivals: Sequence[str],
@@ -220,9 +222,9 @@ def _words(
     sizes = {name: 100 * value**0.5 for name, value in energy.items()}
     each = ", ".join(f"{_WORDS[name]} {size:.1f} %" for name, size in sizes.items())
     sentences = [f"What the balances lack, against their own signals: {each}."]
-    if balance == "none":
+    if balance is Balance.NONE:
         return (*sentences, "No more than flow maps and friction laws usually leave.")
-    if balance == "measurement":
+    if balance is Balance.MEASUREMENT:
         best = min(found.sensors, key=lambda name: found.sensors[name])
         shown = (
             f"an error of the {best} sensor alone explains"
@@ -241,7 +243,7 @@ def _words(
         sentences.append(f"That is where {' and '.join(cause)} {act}.")
     sentences += [
         f"{100 * one.share:.0f} % of the gap in {_WORDS[one.balance]} is found here: {one.name} "
-        f"({100 * one.time:.0f} % of {'its signal' if one.name.endswith('Hz') else 'the time'})."
+        f"({100 * one.time:.0f} % of {_WHOLE.get(one.condition.kind, 'the time')})."
         for one in regimes[:3]
     ]
     if rivals:

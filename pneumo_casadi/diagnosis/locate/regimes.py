@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneumo_casadi.diagnosis.locate.signatures import noise_variance, residual_floor
-from pneumo_casadi.diagnosis.metrics.findings import Regime
+from pneumo_casadi.diagnosis.metrics.balance import Balance
+from pneumo_casadi.diagnosis.metrics.regime import Condition, Regime, RegimeKind
 from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study
 from pneumo_casadi.estimation.equation_error.smoothed_motion import (
     NOISE_MULTIPLE,
@@ -75,7 +76,7 @@ class RegimeMap:
 class _Rows:
     """Residuals of one balance with what went on in their rows."""
 
-    balance: str
+    balance: Balance
     r: FloatArray
     at: Mapping[str, FloatArray]
 
@@ -160,7 +161,7 @@ def _all_rows(study: Study, fit: FittedModel) -> Iterator[_Rows]:
             name: np.concatenate([a[name][u[i]] for a, u in zip(at, used, strict=True)])
             for name in at[0]
         }
-        yield _Rows(balance, r, known)
+        yield _Rows(Balance(balance), r, known)
 
 
 def _averaged(axis: Axis, data: SmoothedMotion) -> dict[str, FloatArray]:
@@ -188,8 +189,8 @@ def _after_reversal(v: FloatArray, data: SmoothedMotion) -> FloatArray:
 def _tested(rows: _Rows, axis: Axis, rng: np.random.Generator) -> list[Regime]:
     """Test all regimes of one balance."""
     inside = {
-        name: mask
-        for name, mask in _partition(rows, axis)
+        condition: mask
+        for condition, mask in _partition(rows, axis)
         if FEWEST <= mask.sum() <= rows.r.size - FEWEST
     }
     square = rows.r**2
@@ -207,60 +208,59 @@ def _tested(rows: _Rows, axis: Axis, rng: np.random.Generator) -> list[Regime]:
         shuffled = np.concatenate([square[order], square[count * length :]])
         reached += masks @ shuffled / square.sum() >= shares
     return [
-        Regime(name, rows.balance, float(share), float(mask.mean()), float(hits / (SHUFFLES + 1)))
-        for name, share, mask, hits in zip(inside, shares, masks, reached, strict=True)
+        Regime(
+            condition, rows.balance, float(share), float(mask.mean()), float(hits / (SHUFFLES + 1))
+        )
+        for condition, share, mask, hits in zip(inside, shares, masks, reached, strict=True)
     ]
 
 
-def _partition(rows: _Rows, axis: Axis) -> Iterator[tuple[str, NDArray[np.bool_]]]:
-    at = rows.at
+def _partition(rows: _Rows, axis: Axis) -> Iterator[tuple[Condition, NDArray[np.bool_]]]:
+    at, kind = rows.at, RegimeKind
     v, x, t = at["v"], at["x"], at["t"]
     speed = np.abs(v)
     fast = float(np.quantile(speed, 0.99))
-    yield "near standstill (|v| < 10 mm/s)", speed < 0.01
-    yield f"slow motion (|v| < {250 * fast:.0f} mm/s)", speed < 0.25 * fast
-    yield f"fast motion (|v| > {500 * fast:.0f} mm/s)", speed > 0.5 * fast
-    yield "moving in +x", v > 0
-    yield "moving in −x", v < 0
+    yield Condition(kind.STANDSTILL, upper=0.01), speed < 0.01
+    yield Condition(kind.SLOW, upper=0.25 * fast), speed < 0.25 * fast
+    yield Condition(kind.FAST, lower=0.5 * fast), speed > 0.5 * fast
+    yield Condition(kind.FORWARD), v > 0
+    yield Condition(kind.BACKWARD), v < 0
     low, high = np.quantile(x, [0.002, 0.998])
     where = (x - low) / max(high - low, 1e-12)
-    yield "lower third of the travel", where < 1 / 3
-    yield "middle third of the travel", (where >= 1 / 3) & (where <= 2 / 3)
-    yield "upper third of the travel", where > 2 / 3
-    yield "near the ends of the travel", np.abs(where - 0.5) > 0.4
-    yield "within 50 ms after a reversal", at["reversal"] > 0.25
+    yield Condition(kind.LOWER_THIRD), where < 1 / 3
+    yield Condition(kind.MIDDLE_THIRD), (where >= 1 / 3) & (where <= 2 / 3)
+    yield Condition(kind.UPPER_THIRD), where > 2 / 3
+    yield Condition(kind.TRAVEL_ENDS), np.abs(where - 0.5) > 0.4
+    yield Condition(kind.AFTER_REVERSAL, upper=REVERSAL), at["reversal"] > 0.25
     first, last = t.min(), t.max()
-    yield "first third of the record", t < first + (last - first) / 3
-    yield "last third of the record", t > last - (last - first) / 3
-    if rows.balance == "force":
-        if "p_P" in at:
-            mean = at["p_P"] + at["p_N"]
-            yield "high pressures in both chambers", mean > np.quantile(mean, 0.75)
-            yield "low pressures in both chambers", mean < np.quantile(mean, 0.25)
-        return
-    yield from _valve_regimes(rows, axis)
+    yield Condition(kind.FIRST_THIRD), t < first + (last - first) / 3
+    yield Condition(kind.LAST_THIRD), t > last - (last - first) / 3
+    if rows.balance is not Balance.FORCE:
+        yield from _valve_regimes(rows, axis)
+    elif "p_P" in at:
+        mean = at["p_P"] + at["p_N"]
+        yield Condition(kind.HIGH_PRESSURES), mean > np.quantile(mean, 0.75)
+        yield Condition(kind.LOW_PRESSURES), mean < np.quantile(mean, 0.25)
 
 
-def _valve_regimes(rows: _Rows, axis: Axis) -> Iterator[tuple[str, NDArray[np.bool_]]]:
-    chamber = rows.balance[-1]
+def _valve_regimes(rows: _Rows, axis: Axis) -> Iterator[tuple[Condition, NDArray[np.bool_]]]:
+    chamber, kind = rows.balance[-1], RegimeKind
     u, p, rate = (rows.at[f"{name}_{chamber}"] for name in ("u", "p", "dp"))
     size, span = np.abs(u), float(np.quantile(np.abs(u), 0.99))
-    yield f"valve {chamber} filling (u > 0)", u > 0
-    yield f"valve {chamber} emptying (u < 0)", u < 0
-    yield f"valve {chamber} near null (|u| < {0.1 * span:.2g} V)", size < 0.1 * span
-    yield (
-        f"valve {chamber} half open ({0.1 * span:.2g} V < |u| < {0.5 * span:.2g} V)",
-        (size >= 0.1 * span) & (size <= 0.5 * span),
-    )
-    yield f"valve {chamber} wide open (|u| > {0.5 * span:.2g} V)", size > 0.5 * span
-    yield f"pressure {chamber} rising", rate > 0
-    yield f"pressure {chamber} falling", rate < 0
+    near, half = 0.1 * span, 0.5 * span
+    yield Condition(kind.FILLING, chamber=chamber), u > 0
+    yield Condition(kind.EMPTYING, chamber=chamber), u < 0
+    yield Condition(kind.NEAR_NULL, upper=near, chamber=chamber), size < near
+    yield Condition(kind.HALF_OPEN, near, half, chamber), (size >= near) & (size <= half)
+    yield Condition(kind.WIDE_OPEN, lower=half, chamber=chamber), size > half
+    yield Condition(kind.PRESSURE_RISING, chamber=chamber), rate > 0
+    yield Condition(kind.PRESSURE_FALLING, chamber=chamber), rate < 0
     supply, ambient = axis.constants["p_supply"], axis.constants["p_ext"]
     into, out = (_critical(axis, edge) for edge in ("supply", "exhaust"))
-    yield f"choked flow into chamber {chamber}", (u > 0) & (p < into * supply)
-    yield f"flow into chamber {chamber}, not choked", (u > 0) & (p >= into * supply)
-    yield f"choked flow out of chamber {chamber}", (u < 0) & (ambient < out * p)
-    yield f"flow out of chamber {chamber}, not choked", (u < 0) & (ambient >= out * p)
+    yield Condition(kind.CHOKED_INFLOW, chamber=chamber), (u > 0) & (p < into * supply)
+    yield Condition(kind.UNCHOKED_INFLOW, chamber=chamber), (u > 0) & (p >= into * supply)
+    yield Condition(kind.CHOKED_OUTFLOW, chamber=chamber), (u < 0) & (ambient < out * p)
+    yield Condition(kind.UNCHOKED_OUTFLOW, chamber=chamber), (u < 0) & (ambient >= out * p)
 
 
 def _critical(axis: Axis, edge: str) -> float:
@@ -269,7 +269,9 @@ def _critical(axis: Axis, edge: str) -> float:
     return values.get(f"b_{edge}", CRITICAL)
 
 
-def _bands(study: Study, fit: FittedModel, balance: str, rng: np.random.Generator) -> list[Regime]:
+def _bands(
+    study: Study, fit: FittedModel, balance: Balance, rng: np.random.Generator
+) -> list[Regime]:
     """Compare the spectrum of a balance's residual with that of its signal."""
     i = study.axis.equations.index(balance)
     length = round(STRETCH * ROW_RATE)
@@ -297,8 +299,8 @@ def _bands(study: Study, fit: FittedModel, balance: str, rng: np.random.Generato
         excess = (R[:, inside].sum(axis=1) - usual * R.sum(axis=1)) / R.sum()
         signs = rng.choice([-1.0, 1.0], size=(SHUFFLES, excess.size))
         p = (1 + np.sum(signs @ excess >= excess.sum())) / (SHUFFLES + 1)
-        text = f"above {low:g} Hz" if np.isinf(high) else f"between {low:g} and {high:g} Hz"
-        found.append(Regime(text, balance, float(share), float(usual), float(p)))
+        band = Condition(RegimeKind.BAND, low, high)
+        found.append(Regime(band, balance, float(share), float(usual), float(p)))
     return found
 
 

@@ -1,7 +1,22 @@
-"""What a diagnosis is made of: candidates, places, gaps and checks, each with its figures."""
+"""What a diagnosis is made of: candidates, locations, gaps and checks, each with its figures."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+
+from pneumo_casadi.diagnosis.metrics.balance import Balance
+from pneumo_casadi.diagnosis.metrics.regime import Regime
+from pneumo_casadi.model.effect import Junction
+
+
+def joined_names(names: Sequence[str]) -> str:
+    """Return the names of effects that act together as one label of a JSON result or a table.
+
+    Examples
+    --------
+    >>> joined_names(("stribeck", "hose"))
+    'stribeck + hose'
+    """
+    return " + ".join(names)
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +74,7 @@ class EffectFound:
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """One line of the ranking: an effect, or several joined by ``+``.
+    """One line of the ranking: an effect, or several together.
 
     Parameters
     ----------
@@ -89,50 +104,20 @@ class Candidate:
 
     @property
     def label(self) -> str:
-        """The names joined by a plus."""
-        return " + ".join(self.names)
-
-
-@dataclass(frozen=True, slots=True)
-class Regime:
-    """A part of the record in which the gap is larger or smaller than elsewhere.
-
-    Parameters
-    ----------
-    name : str
-        In words: ``"near standstill"``, ``"u < 0"``, ``"while chamber P fills"``.
-    balance : str
-        Where: ``mass_flow_P``, ``mass_flow_N`` or ``force``.
-    share : float
-        Of that balance's squared residual.
-    time : float
-        Share of the record spent there.
-    p_value : float
-        Chance of such a difference, residuals shuffled in blocks.
-    """
-
-    name: str
-    balance: str
-    share: float
-    time: float
-    p_value: float
-
-    @property
-    def ratio(self) -> float:
-        """Mean square there over the mean square everywhere."""
-        return self.share / self.time if self.time > 0 else 0.0
+        """The names as JSON results and tables show them."""
+        return joined_names(self.names)
 
 
 @dataclass(frozen=True, slots=True)
 class Where:
-    """Where simulation and reality part.
+    """Where simulation and measurement disagree.
 
     Parameters
     ----------
-    balance : str
-        ``mass_flow_P``, ``mass_flow_N``, ``force``, ``measurement``, or ``none``.
-    junction : str
-        Of the effect found, or that which the regimes point to; empty if none.
+    balance : Balance
+        In which balance, or in what the sensors show.
+    junction : Junction or None
+        Of the effect found, or that which the regimes point to.
     regimes : tuple of Regime
         The most telling ones, the strongest first.
     shares : mapping of str to float
@@ -143,8 +128,8 @@ class Where:
         Sentences for a reader.
     """
 
-    balance: str
-    junction: str
+    balance: Balance
+    junction: Junction | None
     regimes: tuple[Regime, ...]
     shares: Mapping[str, float]
     rivals: tuple[str, ...]

@@ -4,6 +4,7 @@ import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 
 from pneumo_casadi.diagnosis import Diagnosis, EffectFound, Verdict
+from pneumo_casadi.diagnosis.metrics.findings import joined_names
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.report.tables.diagnosis import (
@@ -52,7 +53,7 @@ def headline(found: Diagnosis) -> str:
         verb = "explains" if len(found.effects) == 1 else "together explain"
         return f"{_capital(names)} {verb} the gap between simulation and reality: {fall}."
     if found.verdict is Verdict.AMBIGUOUS:
-        names = joined([plain(label) for label in found.ambiguous], "or")
+        names = joined([plain(joined_names(names)) for names in found.ambiguous], "or")
         added = joined([plain(one.name) for one in found.effects])
         return (
             f"The gap has one of these causes, and the data cannot tell which: {names}; "
@@ -60,7 +61,7 @@ def headline(found: Diagnosis) -> str:
             + f"{_goes(gap.before, gap.after)} of the signals."
         )
     if found.verdict is Verdict.ABSORBED:
-        names = joined([plain(label) for label in found.ambiguous], "or")
+        names = joined([plain(joined_names(names)) for names in found.ambiguous], "or")
         hidden = f": {names} may hide there" if names else ""
         if found.where.balance != "none":
             return (
@@ -174,12 +175,12 @@ def size_sentences(found: Diagnosis) -> tuple[str, ...]:
 
 def alternative_sentences(found: Diagnosis, catalogue: Catalogue = EFFECTS) -> tuple[str, ...]:
     """Return what else it could be, and what would tell."""
-    odds_of = {one.label: one.probability for one in found.ranking}
+    odds_of = {one.names: one.probability for one in found.ranking}
     parts: list[str] = []
-    for label in found.ambiguous:
-        meaning = " ".join(described_as(name, catalogue) for name in label.split(" + "))
-        odds = f" (probability {chance(odds_of[label])})" if label in odds_of else ""
-        parts.append(f"{_capital(plain(label))}{odds}: {meaning}")
+    for names in found.ambiguous:
+        meaning = " ".join(described_as(name, catalogue) for name in names)
+        odds = f" (probability {chance(odds_of[names])})" if names in odds_of else ""
+        parts.append(f"{_capital(plain(joined_names(names)))}{odds}: {meaning}")
     if not found.ambiguous and found.verdict is Verdict.EFFECT:
         others = [one for one in found.ranking if set(one.names) != {e.name for e in found.effects}]
         close = [one for one in others if one.probability >= WORTH_NAMING][:3]
