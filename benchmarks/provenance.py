@@ -1,25 +1,19 @@
 """What every committed result says of its making, and how it is written."""
 
-import importlib.metadata
 import json
-import os
-import platform
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from pneumo_casadi import __version__
 from pneumo_casadi.runtime.atomic_files import atomic_file
+from pneumo_casadi.runtime.provenance import machine, package_versions
 
 
 def made(seed: int | None, quick: bool, *packages: str) -> dict[str, Any]:
     """Return machine, versions and seed of a result."""
-    names = ("casadi", "numpy", "scipy", *packages)
-    versions = {"python": platform.python_version(), "pneumo_casadi": __version__}
-    versions |= {name: importlib.metadata.version(name) for name in names}
     return {
-        "machine": f"{platform.machine()} {platform.system()}, {os.cpu_count()} CPUs",
-        "versions": versions,
+        "machine": machine(),
+        "versions": package_versions(("casadi", "numpy", "scipy", *packages)),
         "seed": seed,
         "quick": quick,
     }

@@ -64,7 +64,7 @@ def diagnose(
         from pneumo_casadi.data import read_case
         from pneumo_casadi.diagnosis import DiagnosisOptions
         from pneumo_casadi.diagnosis.diagnose import diagnose
-        from pneumo_casadi.identification.result_file import write_json
+        from pneumo_casadi.runtime.json_files import write_json
         from pneumo_casadi.report.pages.diagnosis import write_diagnosis
         from pneumo_casadi.report.pages.write import Kind, check_replaceable
         from pneumo_casadi.report.text.diagnosis import summary_text
@@ -108,14 +108,9 @@ def effects_without(names: Sequence[str]) -> "dict[str, type[Effect]]":
 
 def origin_of(case: "Case", without: Sequence[str]) -> dict[str, Any]:
     """Return what is needed to repeat a diagnosis: versions, hashes of the data, options."""
-    from pneumo_casadi.identification.identify import IdentifyOptions
-    from pneumo_casadi.identification.result_file import provenance
+    from pneumo_casadi.runtime.provenance import provenance
 
-    known = provenance(case, IdentifyOptions())
-    left_out = list(dict.fromkeys(without))
-    return {key: known[key] for key in ("versions", "platform", "sha256")} | {
-        "options": {"without": left_out}
-    }
+    return provenance(case.files, {"without": list(dict.fromkeys(without))})
 
 
 def default_workers() -> int:

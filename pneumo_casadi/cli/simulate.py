@@ -51,7 +51,7 @@ def simulate(
     by the virtual bench, which shares no equation with the model; the labels go to --json.
     """
     with guarded(debug):
-        from pneumo_casadi.identification.result_file import write_json
+        from pneumo_casadi.runtime.json_files import write_json
 
         content: dict[str, Any]
         if bench:

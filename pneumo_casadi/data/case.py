@@ -48,3 +48,12 @@ class Case:
     def name(self) -> str:
         """Name of the folder."""
         return self.folder.name
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """Files that it was read from, in order; those that are no longer there are left out."""
+        records = {Path(record.source) for record in (*self.identify, *self.validate)}
+        candidates = {self.folder / "bench.json", self.folder / "columns.json", *records}
+        if self.flow_map_path is not None:
+            candidates.add(self.flow_map_path)
+        return tuple(sorted(path for path in candidates if path.is_file()))

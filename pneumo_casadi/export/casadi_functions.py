@@ -16,6 +16,7 @@ from pneumo_casadi.export.folder import write_files
 from pneumo_casadi.export.model import FORMAT, IdentifiedModel, description
 from pneumo_casadi.model.integration import Stepping, step_function
 from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.runtime.json_files import json_text
 
 SIDECAR = "functions.json"
 _KIND = "pneumo_casadi functions"
@@ -87,7 +88,7 @@ def write_functions(model: IdentifiedModel, folder: str | Path) -> tuple[Path, .
             "result": dict([_RESULTS[name]]),
         }
     sidecar = {"kind": _KIND, **description(model), "functions": told}
-    files[SIDECAR] = json.dumps(sidecar, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    files[SIDECAR] = json_text(sidecar)
     return write_files(files, folder)
 
 

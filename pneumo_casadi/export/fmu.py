@@ -3,7 +3,6 @@
 import hashlib
 import importlib.util
 import io
-import json
 import logging
 import platform
 import subprocess
@@ -19,6 +18,7 @@ from pneumo_casadi.export.fmi_xml import build_description, model_description
 from pneumo_casadi.export.folder import write_files
 from pneumo_casadi.export.model import IdentifiedModel, description
 from pneumo_casadi.model.compilation import compiler
+from pneumo_casadi.runtime.json_files import json_text
 
 logger = logging.getLogger(__name__)
 
@@ -76,10 +76,9 @@ def fmu_files(model: IdentifiedModel) -> dict[str, str]:
     token = hashlib.sha256(content.encode("utf-8")).hexdigest()
     glue = Template(template("fmi3.c.in")).substitute(found, token=token)
     sources = {**sources, "fmi3.c": glue, **fmi_headers()}
-    told = json.dumps(description(model), indent=1, ensure_ascii=False, allow_nan=False)
     return {
         "modelDescription.xml": model_description(model, token),
-        "resources/model.json": told + "\n",
+        "resources/model.json": json_text(description(model)),
         "sources/buildDescription.xml": build_description([f"{NAME}.c", "fmi3.c"]),
         **{f"sources/{name}": text for name, text in sources.items()},
     }

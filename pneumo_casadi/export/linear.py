@@ -1,7 +1,6 @@
 """Linearisation at an operating point: ẋ = A x + B u, y = C x + D u in small deviations."""
 
 import io
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +15,7 @@ from pneumo_casadi.export.folder import write_files
 from pneumo_casadi.export.model import IdentifiedModel, balanced_state, description, identifier
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.runtime.json_files import json_text
 
 #: Within this time a rate of one state scale a second counts; a rest is found to 1e-9 of it [s].
 _TIME = 0.1
@@ -194,7 +194,7 @@ def write_state_space(
     for kind in ("states", "inputs", "outputs"):
         arrays[kind] = np.array(getattr(found, kind), dtype=object)
     scipy.io.savemat(buffer, arrays, oned_as="column")
-    text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    text = json_text(content)
     return write_files({"axis_ss.json": text, "axis_ss.mat": buffer.getvalue()}, folder)
 
 

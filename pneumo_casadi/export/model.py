@@ -13,10 +13,11 @@ import numpy as np
 from pneumo_casadi.errors import CaseError, ModelError
 from pneumo_casadi.identification.identify import Identification
 from pneumo_casadi.identification.model_file import axis_dict, axis_from_dict
-from pneumo_casadi.identification.result_file import result_dict, write_json
+from pneumo_casadi.identification.result_file import result_dict
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.integration import substeps_for
 from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.runtime.json_files import write_json
 
 #: Of axis.json; raised when a reader of the old one would misread the new.
 FORMAT = 1

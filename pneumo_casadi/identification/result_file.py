@@ -1,19 +1,11 @@
 """`result.json`: an identification as strict JSON, written whole, read back to an axis."""
 
-import hashlib
 import json
 import math
-import platform
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import casadi
-import numpy as np
-import pandas as pd
-import scipy
-
-from pneumo_casadi import __version__
 from pneumo_casadi.data import Case
 from pneumo_casadi.errors import CaseError, ModelError
 from pneumo_casadi.estimation.output_error import OutputErrorResult
@@ -26,7 +18,8 @@ from pneumo_casadi.identification.identify import (
 )
 from pneumo_casadi.identification.model_file import axis_dict
 from pneumo_casadi.model.axis import Axis
-from pneumo_casadi.runtime.atomic_files import atomic_file
+from pneumo_casadi.runtime.json_files import without_infinities
+from pneumo_casadi.runtime.provenance import provenance, sha256
 from pneumo_casadi.validation import Error, Validation
 from pneumo_casadi.valve import FlowForm
 
@@ -65,11 +58,11 @@ def result_dict(found: Identification) -> dict[str, Any]:
             for p in found.predictions
         },
         "truth": None if found.truth is None else dict(found.truth),
-        "provenance": provenance(found.case, found.options),
+        "provenance": identification_provenance(found.case, found.options),
         "seconds": found.seconds,
     }
-    finite: dict[str, Any] = _finite(content)
-    return finite
+    plain: dict[str, Any] = without_infinities(content)
+    return plain
 
 
 def output_error_dict(result: OutputErrorResult, found: Identification) -> dict[str, Any]:
@@ -129,22 +122,12 @@ def validation_dict(validation: Validation) -> dict[str, Any]:
     }
 
 
-def provenance(case: Case, options: IdentifyOptions) -> dict[str, Any]:
-    """Return what is needed to repeat a result: options, versions, hashes of the data."""
+def identification_provenance(case: Case, options: IdentifyOptions) -> dict[str, Any]:
+    """Return what is needed to repeat an identification: options, versions, hashes of the data."""
     chosen = output_error_options(case, options)
-    return {
-        "versions": {
-            "python": platform.python_version(),
-            "pneumo_casadi": __version__,
-            "casadi": casadi.CasadiMeta.version(),
-            "numpy": np.__version__,
-            "scipy": scipy.__version__,
-            "pandas": pd.__version__,
-        },
-        "platform": platform.platform(),
-        "seeds": {},  # no random number enters an identification
-        "sha256": {path.name: sha256(path) for path in _data_files(case)},
-        "options": {
+    return provenance(
+        case.files,
+        {
             "flow_form": None if options.flow_form is None else options.flow_form.value,
             "degrees": None if options.degrees is None else list(options.degrees),
             "refine_flow": options.refine_flow,
@@ -160,19 +143,8 @@ def provenance(case: Case, options: IdentifyOptions) -> dict[str, Any]:
             "max_iterations": chosen.max_iterations,
             "validation_windows": list(options.windows),
         },
-    }
-
-
-def sha256(path: Path) -> str:
-    """Return the hash of a file's content."""
-    return hashlib.sha256(path.read_bytes()).hexdigest()
-
-
-def write_json(content: Mapping[str, Any], path: str | Path) -> None:
-    """Write strict JSON in one step: the file is there whole, or not at all."""
-    text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-    with atomic_file(path) as draft:
-        draft.write_text(text, encoding="utf-8")
+        seeds={},  # no random number enters an identification
+    )
 
 
 def read_axis(path: str | Path, case: Case) -> Axis:
@@ -288,22 +260,3 @@ def _errors(errors: Mapping[str, Error]) -> dict[str, dict[str, Any]]:
         }
         for name, error in errors.items()
     }
-
-
-def _finite(value: Any) -> Any:
-    """Return plain values with None for every number that JSON cannot hold."""
-    if isinstance(value, Mapping):
-        return {str(key): _finite(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
-
-
-def _data_files(case: Case) -> list[Path]:
-    sources = {Path(record.source) for record in (*case.identify, *case.validate)}
-    candidates = {case.folder / "bench.json", case.folder / "columns.json", *sources}
-    if case.flow_map_path is not None:
-        candidates.add(case.flow_map_path)
-    return sorted(path for path in candidates if path.is_file())

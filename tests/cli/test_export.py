@@ -6,7 +6,8 @@ import pytest
 
 from pneumo_casadi.cli import app as cli
 from pneumo_casadi.export import read_functions, read_model
-from pneumo_casadi.identification.result_file import result_dict, write_json
+from pneumo_casadi.identification.result_file import result_dict
+from pneumo_casadi.runtime.json_files import write_json
 
 FILES = {
     "json": {"axis.json"},

@@ -9,8 +9,9 @@ from pneumo_casadi.effects import EFFECTS, ValveMismatch
 from pneumo_casadi.errors import CaseError, ModelError
 from pneumo_casadi.export import IdentifiedModel, identified_model, read_model, write_model
 from pneumo_casadi.identification.model_file import axis_dict, axis_from_dict
-from pneumo_casadi.identification.result_file import result_dict, write_json
+from pneumo_casadi.identification.result_file import result_dict
 from pneumo_casadi.model.servosystem import Servosystem
+from pneumo_casadi.runtime.json_files import write_json
 from pneumo_casadi.valve import fit_iso6358
 
 

@@ -18,8 +18,9 @@ from pneumo_casadi.identification.identify import (
     identify,
     read_truth,
 )
-from pneumo_casadi.identification.result_file import read_axis, result_dict, write_json
+from pneumo_casadi.identification.result_file import read_axis, result_dict
 from pneumo_casadi.identification.warnings import result_warnings
+from pneumo_casadi.runtime.json_files import write_json
 from pneumo_casadi.valve import FlowForm
 
 #: Relative tolerances that the output-error fit must meet on the embedded record.

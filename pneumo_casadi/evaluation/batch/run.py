@@ -20,8 +20,9 @@ from pneumo_casadi.data.emps import IDENTIFY as EMPS_FILE
 from pneumo_casadi.diagnosis import diagnose
 from pneumo_casadi.errors import CaseError, PneumoError
 from pneumo_casadi.evaluation.batch.table import FAILED, Row, row_of, write_tables
-from pneumo_casadi.identification.result_file import sha256, write_json
+from pneumo_casadi.runtime.json_files import write_json
 from pneumo_casadi.runtime.progress import Progress, no_progress
+from pneumo_casadi.runtime.provenance import sha256
 
 #: From a case folder to the JSON of a diagnosis. It must be importable, so that it can be sent to
 #: another process.

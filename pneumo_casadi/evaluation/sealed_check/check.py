@@ -21,7 +21,7 @@ from pneumo_casadi.evaluation.sealed_check.run import (
 )
 from pneumo_casadi.evaluation.sealed_check.score import Judged, scored
 from pneumo_casadi.evaluation.sealed_check.seal import opened, seal
-from pneumo_casadi.identification.result_file import write_json
+from pneumo_casadi.runtime.json_files import write_json
 from pneumo_casadi.runtime.progress import Progress
 
 MEASURES, RIVALS, SCORES = "measures", "rivals", "scores.json"

@@ -15,7 +15,7 @@ from typing import Any
 
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.evaluation.sealed_check.draw import Draw
-from pneumo_casadi.identification.result_file import write_json
+from pneumo_casadi.runtime.json_files import write_json
 
 SEAL, LABELS, OPENED, VERDICTS = "seal.json", "labels.sealed", "opened.json", "verdicts"
 

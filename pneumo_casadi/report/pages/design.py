@@ -6,12 +6,12 @@ import numpy as np
 import pandas as pd
 
 from pneumo_casadi.design import COMMON, KINDS, Design, Part, Precision
-from pneumo_casadi.identification.result_file import write_json
 from pneumo_casadi.report.figures.studies.design import design_figure
 from pneumo_casadi.report.figures.style import png
 from pneumo_casadi.report.pages.write import Kind, folder_in_one_step
 from pneumo_casadi.report.tables.results import Table, exponent_of, value_text
 from pneumo_casadi.report.text.identification import render
+from pneumo_casadi.runtime.json_files import write_json
 
 UNITS = {"position": "m", "velocity": "m/s", "p_min": "Pa", "p_max": "Pa", "command": "V"}
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from pneumo_casadi.diagnosis import Diagnosis, Verdict
 from pneumo_casadi.effects import EFFECTS
-from pneumo_casadi.identification.result_file import write_json
+from pneumo_casadi.runtime.json_files import write_json
 from pneumo_casadi.report.figures.style import png, svg
 from pneumo_casadi.report.pages.diagnosis_figures import diagnosis_figures
 from pneumo_casadi.report.pages.identification import Picture, page

@@ -10,7 +10,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from pneumo_casadi.estimation.output_error import OutputErrorResult
 from pneumo_casadi.estimation.wls import format_table
 from pneumo_casadi.identification.identify import Identification
-from pneumo_casadi.identification.result_file import provenance
+from pneumo_casadi.identification.result_file import identification_provenance
 from pneumo_casadi.report.tables.content import all_tables
 from pneumo_casadi.report.tables.results import Table
 
@@ -95,7 +95,7 @@ def html_report(found: Identification, pictures: list[Picture], paper: bool = Fa
         pictures=pictures,
         wls=format_table(found.wls, robust=True),
         plan=found.wls.plan.describe(),
-        provenance=provenance(found.case, found.options),
+        provenance=identification_provenance(found.case, found.options),
     )
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.identification.identify import Identification
-from pneumo_casadi.identification.result_file import result_dict, validation_dict, write_json
+from pneumo_casadi.identification.result_file import result_dict, validation_dict
 from pneumo_casadi.identification.trajectory_file import (
     RecordSimulation,
     trajectory_frame,
@@ -19,6 +19,7 @@ from pneumo_casadi.report.pages.identification_figures import Drawn, figures_of,
 from pneumo_casadi.report.tables.results import validation_table
 from pneumo_casadi.report.text.identification import render, text_report
 from pneumo_casadi.runtime.atomic_files import atomic_folder
+from pneumo_casadi.runtime.json_files import write_json
 from pneumo_casadi.runtime.progress import Progress, no_progress
 from pneumo_casadi.validation import Validation
 

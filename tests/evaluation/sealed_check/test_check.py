@@ -18,11 +18,11 @@ from pneumo_casadi.evaluation.sealed_check import (
 )
 from pneumo_casadi.evaluation.sealed_check.draw import Draw, make
 from pneumo_casadi.evaluation.sealed_check.measure import measure_one, rivals_of_one
-from pneumo_casadi.identification.result_file import write_json
 from pneumo_casadi.report.figures.studies.withheld import withheld_figure
 from pneumo_casadi.report.figures.style import png
 from pneumo_casadi.report.tables.sealed_check import withheld_table
 from pneumo_casadi.report.text.identification import render
+from pneumo_casadi.runtime.json_files import write_json
 
 SHORT = {"duration": 4.0, "fs": 500.0}
 OPTIONS = WithheldOptions(3, 3, Proportions(1, 0, 1, 0, 0, 1), **SHORT)

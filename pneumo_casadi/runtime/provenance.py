@@ -1,0 +1,66 @@
+"""Where a result comes from: versions, machine, options and hashes of the data."""
+
+import hashlib
+import importlib.metadata
+import os
+import platform
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from pneumo_casadi import __version__
+
+#: Packages whose versions every result names.
+PACKAGES = ("casadi", "numpy", "scipy", "pandas")
+
+
+def provenance(
+    files: Iterable[Path],
+    options: Mapping[str, Any],
+    seeds: Mapping[str, int] | None = None,
+) -> dict[str, Any]:
+    """Return what is needed to repeat a result.
+
+    Parameters
+    ----------
+    files : iterable of Path
+        Data that it was made from.
+    options : mapping
+        How it was made, as plain values.
+    seeds : mapping of str to int, optional
+        Of the random numbers; left out if None.
+
+    Returns
+    -------
+    dict
+        ``versions``, ``platform``, ``sha256`` by name of the file, ``options``, and ``seeds``.
+    """
+    content = {"versions": package_versions(), "platform": platform.platform()}
+    if seeds is not None:
+        content["seeds"] = dict(seeds)
+    return content | {
+        "sha256": {path.name: sha256(path) for path in files},
+        "options": dict(options),
+    }
+
+
+def package_versions(packages: Iterable[str] = PACKAGES) -> dict[str, str]:
+    """Return the versions of Python, of this package and of others.
+
+    Examples
+    --------
+    >>> list(package_versions(["numpy"]))
+    ['python', 'pneumo_casadi', 'numpy']
+    """
+    own = {"python": platform.python_version(), "pneumo_casadi": __version__}
+    return own | {name: importlib.metadata.version(name) for name in packages}
+
+
+def machine() -> str:
+    """Return processor architecture, operating system and number of processors."""
+    return f"{platform.machine()} {platform.system()}, {os.cpu_count()} CPUs"
+
+
+def sha256(path: Path) -> str:
+    """Return the hash of a file's content as hexadecimal digits."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()
