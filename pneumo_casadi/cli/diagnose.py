@@ -64,10 +64,10 @@ def diagnose(
         from pneumo_casadi.data import read_case
         from pneumo_casadi.diagnosis import DiagnosisOptions
         from pneumo_casadi.diagnosis.diagnose import diagnose
-        from pneumo_casadi.runtime.json_files import write_json
         from pneumo_casadi.report.pages.diagnosis import write_diagnosis
         from pneumo_casadi.report.pages.write import Kind, check_replaceable
         from pneumo_casadi.report.text.diagnosis import summary_text
+        from pneumo_casadi.runtime.json_files import write_json
         from pneumo_casadi.runtime.processes import processes
         from pneumo_casadi.runtime.progress import progress_range
 

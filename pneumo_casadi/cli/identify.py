@@ -107,10 +107,10 @@ def _identify(
 ) -> None:
     from pneumo_casadi.identification.identify import identify
     from pneumo_casadi.identification.result_file import result_dict
-    from pneumo_casadi.runtime.json_files import write_json
     from pneumo_casadi.report.pages.write import Kind, check_replaceable, write_identification
     from pneumo_casadi.report.tables.results import parameter_table, validation_table
     from pneumo_casadi.report.text.identification import render_warnings
+    from pneumo_casadi.runtime.json_files import write_json
     from pneumo_casadi.runtime.progress import progress_range
 
     check_replaceable(folder, Kind.IDENTIFICATION)

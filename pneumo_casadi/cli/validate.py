@@ -19,9 +19,9 @@ def validate(
     with guarded(debug):
         from pneumo_casadi.data import read_case
         from pneumo_casadi.identification.result_file import read_axis, validation_dict
-        from pneumo_casadi.runtime.json_files import write_json
         from pneumo_casadi.report.pages.write import Kind, check_replaceable, write_validation
         from pneumo_casadi.report.tables.results import validation_table
+        from pneumo_casadi.runtime.json_files import write_json
         from pneumo_casadi.validation import validate
 
         if output is not None:

@@ -41,10 +41,10 @@ def withheld(
     where it was when it is called again with the same folder.
     """
     with guarded(debug, f"what was finished is in {output}: call it again to go on"):
-        from pneumo_casadi.runtime.json_files import write_json
         from pneumo_casadi.report.figures.studies.withheld import withheld_figure
         from pneumo_casadi.report.figures.style import png
         from pneumo_casadi.report.tables.sealed_check import withheld_table
+        from pneumo_casadi.runtime.json_files import write_json
 
         with progress_bar() as report:
             scores = check(output, cases, seed, workers, duration, report, rivals)

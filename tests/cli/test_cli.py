@@ -15,9 +15,9 @@ from pneumo_casadi import __version__
 from pneumo_casadi.cli import app as cli
 from pneumo_casadi.errors import FitError
 from pneumo_casadi.identification.result_file import result_dict
-from pneumo_casadi.runtime.json_files import write_json
 from pneumo_casadi.report.pages.identification_figures import figures_of
 from pneumo_casadi.report.pages.report import write_report
+from pneumo_casadi.runtime.json_files import write_json
 
 
 @pytest.fixture(scope="session")

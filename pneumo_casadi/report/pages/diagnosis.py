@@ -7,7 +7,6 @@ from typing import Any
 
 from pneumo_casadi.diagnosis import Diagnosis, Verdict
 from pneumo_casadi.effects import EFFECTS
-from pneumo_casadi.runtime.json_files import write_json
 from pneumo_casadi.report.figures.style import png, svg
 from pneumo_casadi.report.pages.diagnosis_figures import diagnosis_figures
 from pneumo_casadi.report.pages.identification import Picture, page
@@ -39,6 +38,7 @@ from pneumo_casadi.report.text.diagnosis import (
     summary_text,
     where_sentences,
 )
+from pneumo_casadi.runtime.json_files import write_json
 
 #: Colour of the bar beside a verdict; the words say the same.
 _COLOURS = {Verdict.NONE: "#009E73", Verdict.EFFECT: "#0072B2"}
