@@ -32,7 +32,6 @@ from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.errors import PneumoError
 from pneumo_casadi.evaluation.sealed_check.draw import Draw, make_twin
-from pneumo_casadi.runtime.json_files import write_json
 from pneumo_casadi.metrics import closure, combined_gap, gap
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.runtime.json_files import write_json
