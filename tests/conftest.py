@@ -78,17 +78,17 @@ def quick(embedded: Path) -> Identification:
 
 @pytest.fixture(scope="session")
 def made_case(tmp_path_factory):
-    """Return a function that records a case with hidden effects, 8 s each way at 1 kHz."""
+    """Return a function that records a case with hidden effects each way at 1 kHz."""
     pytest.importorskip("numba")
     from pneumo_casadi.virtual_bench import make_case
 
     known = {}
 
-    def make(seed, **effects):
-        key = (seed, *sorted(effects.items()))
+    def make(seed, duration=8.0, **effects):
+        key = (seed, duration, *sorted(effects.items()))
         if key not in known:
             folder = tmp_path_factory.mktemp("bench") / "case"
-            known[key] = make_case(folder, seed, effects, duration=8.0).case
+            known[key] = make_case(folder, seed, effects, duration=duration).case
         return known[key]
 
     return make

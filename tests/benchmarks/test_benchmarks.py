@@ -108,6 +108,9 @@ def test_designed_experiments_keep_their_promise_on_the_bench():
         assert one["gain"] > 1.2
         for name, errors in one["parameters"].items():
             assert errors["real"] == pytest.approx(errors["predicted"], rel=0.3), (axis, name)
+        shares = one["shares_of_limits"]
+        assert shares["position"] <= 1 and shares["command"] <= 1, axis
+        assert shares["p_min"] >= 1 and shares["p_max"] <= 1, axis
 
 
 def test_a_designed_experiment_resolves_what_the_ordinary_record_leaves_open():

@@ -45,6 +45,7 @@ def given(monkeypatch):
     return asked
 
 
+@pytest.mark.slow
 @pytest.mark.data
 def test_a_recorded_axis_is_diagnosed_and_the_fits_are_kept(data_folder, tmp_path, capsys):
     source, case = data_folder / "practice" / "p04_spring_load", tmp_path / "case"
@@ -138,6 +139,7 @@ def test_a_folder_of_another_kind_is_refused_before_any_work(embedded, tmp_path,
     assert not given
 
 
+@pytest.mark.slow
 def test_fits_share_the_processors(monkeypatch):
     monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
     with processes(2) as executor:

@@ -122,6 +122,7 @@ def test_what_is_absorbed_whatever_the_axis_does_is_not_searched_for(made, recor
         design_to_separate(axes, axis, [recorded], made.smooth_map(), sigma, options)
 
 
+@pytest.mark.slow
 def test_an_effect_is_told_from_the_nominal_axis_and_written_down(
     made, recorded, limits, sigma, tmp_path
 ):

@@ -38,6 +38,7 @@ class Gain(Effect):
         return {**y, "p_P": y["p_P"] * (1 + at["g"])}
 
 
+@pytest.mark.slow
 def test_a_shifted_null_is_no_stand_in_for_a_leak_that_the_catalogue_lacks(made_case):
     case = made_case(12, leakage_P="large")
     catalogue = {name: EFFECTS[name] for name in FLOWS if name != "leakage_P"}
@@ -46,6 +47,7 @@ def test_a_shifted_null_is_no_stand_in_for_a_leak_that_the_catalogue_lacks(made_
     assert "valve_null_shift closes" in found.hint
 
 
+@pytest.mark.slow
 def test_two_leaks_are_named_although_a_shifted_null_fits_better_than_each(made_case):
     case = made_case(12, leakage_P="large", leakage_N="medium")
     found = diagnose(case, {name: EFFECTS[name] for name in FLOWS})

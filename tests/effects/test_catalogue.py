@@ -108,6 +108,7 @@ def test_any_two_effects_compose_and_their_order_matters_only_at_a_shared_juncti
     assert ordered > 20
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["servo", "force-driven"])
 def test_the_whole_catalogue_at_once_is_nominal_at_null_and_finite_at_its_start(
     made, nominals, members, kind

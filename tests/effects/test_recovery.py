@@ -37,6 +37,7 @@ ABSORBING = {ConstantForce: "F_c_minus", GainError: "M"}
 LEVEL = 4.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("effects", TOGETHER, ids=lambda some: " ".join(e.name for e in some))
 def test_effects_are_recovered_within_their_intervals_beside_the_nominal_parameters(
     recover, effects

@@ -128,6 +128,7 @@ def test_the_robust_covariance_is_the_sandwich_of_all_scores():
     np.testing.assert_allclose(found.covariance_robust, 9 * wanted, rtol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("share", "ideal", "robust"), [(0.0, 0.92, 0.92), (0.3, 0.0, 0.82)])
 def test_robust_intervals_cover_where_weak_slow_misfit_hides_in_noise(share, ideal, robust):
     rng = np.random.default_rng(7)
@@ -176,6 +177,7 @@ def test_what_a_fit_takes_from_the_residuals_is_counted_by_the_information_of_th
     assert counted.mean() == pytest.approx(1.0, abs=0.02)
 
 
+@pytest.mark.slow
 def test_intervals_cover_where_noise_correlates_and_another_kind_of_data_does_not():
     rng = np.random.default_rng(12)
     K, p, runs, correlation = 2000, 6, 200, 0.64

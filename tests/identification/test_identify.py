@@ -38,18 +38,21 @@ def demo(embedded: Path) -> Identification:
     return identify(embedded, IdentifyOptions(FlowForm.POLYNOMIALS))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", TOLERANCES)
 def test_output_error_recovers_the_true_parameters_of_the_embedded_record(demo, name):
     truth = demo.truth[name]
     assert demo.axis.parameters[name].value == pytest.approx(truth, rel=TOLERANCES[name])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("k", "top", "bottom"), [("k_P", "X_s3", "X_s2"), ("k_N", "X_s6", "X_s5")])
 def test_output_error_recovers_the_polytropic_coefficients(demo, k, top, bottom):
     true = demo.truth[top] / demo.truth[bottom]
     assert demo.output_error.derived[k].value == pytest.approx(true, abs=0.02)
 
 
+@pytest.mark.slow
 def test_truth_lies_within_four_robust_standard_deviations(demo):
     result = demo.output_error
     far = {
@@ -60,6 +63,7 @@ def test_truth_lies_within_four_robust_standard_deviations(demo):
     assert max(far.values()) < 4, far
 
 
+@pytest.mark.slow
 def test_output_error_improves_on_weighted_least_squares(demo):
     def worst(values):
         return max(abs(values[n].value / true - 1) for n, true in demo.truth.items())
@@ -67,11 +71,13 @@ def test_output_error_improves_on_weighted_least_squares(demo):
     assert worst(demo.axis.parameters) < 0.3 * worst(demo.wls.parameters)
 
 
+@pytest.mark.slow
 def test_a_held_out_window_of_a_tenth_of_a_second_is_predicted_to_the_noise(demo):
     for name, error in demo.validation.windows[0.1].items():
         assert error.percent < 1.1 * error.noise_percent, name
 
 
+@pytest.mark.slow
 def test_correlated_residuals_and_the_pulled_map_are_said_in_words(demo):
     texts = {item.topic: item.text for item in demo.warnings}
     assert "flow_map" in texts
@@ -90,6 +96,7 @@ def test_progress_rises_from_nothing_to_one(embedded):
     assert shares[-1] == 1.0
 
 
+@pytest.mark.slow
 def test_result_is_strict_json_with_the_promised_keys(demo):
     content = json.loads(json.dumps(result_dict(demo), allow_nan=False))
     for name in TOLERANCES:

@@ -140,6 +140,7 @@ def test_a_tight_box_cuts_nothing_off(drawn):
         np.testing.assert_array_equal(*both, err_msg=name)
 
 
+@pytest.mark.slow
 def test_letters_are_legible_and_cover_no_others(drawn, all_correlations, matrix):
     figures = {name: item.figure for name, item in drawn.items()}
     for name, figure in (figures | {"all": all_correlations, "matrix": matrix}).items():

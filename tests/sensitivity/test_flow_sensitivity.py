@@ -68,6 +68,7 @@ def relative_shift(row, reference, estimator="output_error"):
     return {name: found[name].value / plain[name].value - 1 for name in plain}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("treatment", [Treatment.FIXED, Treatment.ANCHORED])
 def test_a_gain_error_of_the_map_moves_all_X_s_by_itself_and_nothing_else(study, treatment):
     with_gain, plain = (study.row("3-3-3", treatment, m) for m in (GAIN, MeteringErrors()))
@@ -78,6 +79,7 @@ def test_a_gain_error_of_the_map_moves_all_X_s_by_itself_and_nothing_else(study,
     assert with_gain.held_out == pytest.approx(plain.held_out, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_weighted_least_squares_answers_a_gain_error_in_the_same_way(study):
     rows = [study.row("3-3-3", Treatment.FIXED, m) for m in (GAIN, MeteringErrors())]
     shift = relative_shift(*rows, "wls")
@@ -85,6 +87,7 @@ def test_weighted_least_squares_answers_a_gain_error_in_the_same_way(study):
         assert moved == pytest.approx(GAIN.gain if name in CHAMBERS else 0.0, abs=1e-8), name
 
 
+@pytest.mark.slow
 def test_without_the_map_trajectories_give_all_ratios(study, made):
     row = study.row("3-3-3", Treatment.LEFT_OUT)
     S_rT = made.BENCH.S_P / (made.BENCH.r * made.BENCH.T)
@@ -98,11 +101,13 @@ def test_without_the_map_trajectories_give_all_ratios(study, made):
         assert one.std < 0.05 * value, name
 
 
+@pytest.mark.slow
 def test_a_map_left_out_moves_nothing(study):
     rows = [study.row("3-3-3", Treatment.LEFT_OUT, m) for m in (FILLING, MeteringErrors())]
     assert max(map(abs, relative_shift(*rows).values())) < 1e-4
 
 
+@pytest.mark.slow
 def test_rows_keep_their_order_and_failures_their_place(study):
     assert [row.variant for row in study.rows] == [
         Variant(form, metering, treatment)
@@ -133,6 +138,7 @@ def test_a_fit_that_fails_keeps_its_row_and_its_weighted_least_squares(
     assert row.wls["M"].value == pytest.approx(made.TRUE["M"], rel=0.05)
 
 
+@pytest.mark.slow
 def test_other_processes_find_the_same(study, made, record, table, options):
     with ProcessPoolExecutor(1) as executor:
         other = flow_sensitivity(
@@ -145,6 +151,7 @@ def test_other_processes_find_the_same(study, made, record, table, options):
         assert row.output_error == same.output_error
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("treatment", [Treatment.FIXED, Treatment.ANCHORED])
 @pytest.mark.parametrize("metering", [GAIN, FILLING])
 def test_first_order_tells_what_refitting_finds(study, anchored, table, treatment, metering):
@@ -220,6 +227,7 @@ def test_a_study_of_nothing_is_refused(made, record, table):
         flow_sensitivity(made.BENCH, [record], table, {})
 
 
+@pytest.mark.slow
 def test_one_gain_has_no_shape_to_free(made, record, table, options):
     fixed, left_out = flow_sensitivity(
         made.BENCH, [record], table, {"spline": partial(fit_spline, segments_p=6)},

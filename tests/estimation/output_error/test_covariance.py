@@ -67,6 +67,7 @@ def test_the_map_adds_its_own_information(made, servo, start):
     np.testing.assert_allclose(both / size, (alone + data) / size, atol=0.03)
 
 
+@pytest.mark.slow
 def test_monte_carlo_scatters_as_the_covariance_says(made, force):
     axis, u, x = force
     u, x = u[:300], x[:, :300]

@@ -162,6 +162,7 @@ def test_who_wants_no_recovery_gets_the_stages_asked_for_and_no_others(made, for
         assert len(caught.value.partial.stages) == (4 if recover else 1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 def test_a_model_that_runs_away_is_a_failed_fit_and_no_numerical_accident(made, servo, method):
     """Beyond the end of the stroke the volume is negative and pressures explode."""

@@ -29,6 +29,7 @@ def assert_same(one, other, share):
     assert worst < share, dict(zip(names, apart / one.uncertainty.std, strict=True))
 
 
+@pytest.mark.slow
 def test_the_truth_lies_within_the_reported_covariance_over_seeds(servo, seeds):
     truth = servo[0].parameters.as_dict()
     chi2 = 0.0

@@ -32,6 +32,7 @@ def problem_of(made, servo, start):
     return begin, [record], table, OutputErrorOptions(widths=(made.TRUE["v_s"],))
 
 
+@pytest.mark.slow
 def test_starts_half_off_in_every_parameter_reach_the_same_optimum(problem_of):
     found = fit_from_many_starts(*problem_of, starts=6, spread=0.5, seed=1)
     assert len(found.outcomes) == 6 and found.agreeing == 6
@@ -90,6 +91,7 @@ def test_a_force_axis_is_found_from_friction_of_another_size(made):
         assert abs(result.parameters[name].value - truth) < 5 * result.std(name), name
 
 
+@pytest.mark.slow
 def test_starts_that_fail_are_told_and_none_left_is_an_error(problem_of):
     begin, records, table, _ = problem_of
     hurried = OutputErrorOptions(widths=(5e-3,), max_iterations=1)
@@ -121,6 +123,7 @@ def test_damped_steps_reach_the_optimum_of_full_ones_and_never_climb(made, probl
     assert costs[2] == pytest.approx(problem.cost(full.point.theta, full.m, sigma), rel=1e-5)
 
 
+@pytest.mark.slow
 def test_gross_misfit_converges_all_the_same(made, start):
     """A stick force that the model lacks, three times its friction, over the whole record."""
     axis = made.true_axis(Stribeck()).with_parameters(

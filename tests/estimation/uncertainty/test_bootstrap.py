@@ -25,6 +25,7 @@ def replicates(white):
     return block_bootstrap(white, B)
 
 
+@pytest.mark.slow
 def test_on_white_noise_replicates_scatter_as_the_covariance_says(white, replicates):
     assert replicates.lengths == {"made": 1} and not replicates.failures
     share = [replicates.std(name) / white.result.std(name) for name in white.names]
@@ -39,6 +40,7 @@ def test_on_white_noise_replicates_scatter_as_the_covariance_says(white, replica
     assert high - low == pytest.approx(normal[1] - normal[0], rel=0.3)
 
 
+@pytest.mark.slow
 def test_on_coloured_noise_they_scatter_as_fits_to_new_noise_do(coloured, slowly_disturbed, slow):
     """Averaged over noises: a dozen blocks, all that one record has, tell their scatter to 22 %.
 
@@ -62,6 +64,7 @@ def test_on_coloured_noise_they_scatter_as_fits_to_new_noise_do(coloured, slowly
     assert np.all((claimed > 0.7 * robust) & (claimed < 1.3 * robust))
 
 
+@pytest.mark.slow
 def test_blocks_of_a_given_length_are_taken_at_their_word(coloured):
     found = block_bootstrap(coloured, B // 2)
     assert found.lengths["slow"] > 5  # blocks of the fit, of 5 samples each
@@ -88,6 +91,7 @@ def test_scaled_blocks_make_up_for_their_ends_and_for_what_a_fit_took(rho):
     assert scatter == pytest.approx(1.0, abs=0.05)
 
 
+@pytest.mark.slow
 def test_the_noise_of_the_flow_map_scatters_too(anchored):
     count = 80
     found = block_bootstrap(anchored, count)
@@ -105,6 +109,7 @@ def test_replicates_do_not_depend_on_who_computes_them(white, replicates):
     assert threads.replicates == replicates.replicates[:25]
 
 
+@pytest.mark.slow
 def test_replicates_come_back_from_other_processes(white, replicates):
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(1, context) as executor:

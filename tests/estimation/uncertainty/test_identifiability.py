@@ -150,6 +150,7 @@ def test_three_parameters_of_one_plane_are_a_triple_and_no_pair():
     assert group.index == pytest.approx(1 / np.linalg.svd(normal)[1][-1], rel=1e-6)
 
 
+@pytest.mark.slow
 def test_uncertainty_is_printed_and_drawn(white, one_way, two_records):
     tables = {t.title: render(t) for t in identifiability_tables(two_records)}
     first = tables["What informs each parameter"]

@@ -139,6 +139,7 @@ def test_asymmetric_friction_halves_the_error_by_one_effect_linear_in_its_parame
     assert combined.values[0] == pytest.approx(234.0, abs=5.0)
 
 
+@pytest.mark.slow
 @pytest.mark.data
 def test_the_benchmark_writes_its_figures(data_folder, tmp_path):
     target = tmp_path / "emps.json"
