@@ -8,7 +8,7 @@ import numpy as np
 from scipy import stats
 
 from pneumo_casadi.data import Recording
-from pneumo_casadi.estimation.long_run_covariance import long_run_covariance
+from pneumo_casadi.estimation.robust_covariance import batch_sandwich
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.signals import white_noise_std
 
@@ -130,8 +130,8 @@ def invert_information(
     full = in_units(inverse)
     robust = None
     if scores is not None:
-        influence = [[(part[:, inside] / size) @ inverse for part in kind] for kind in scores]
-        robust = in_units(long_run_covariance(influence))
+        equilibrated = [[part[:, inside] / size for part in source] for source in scores]
+        robust = in_units(batch_sandwich(inverse, equilibrated))
     chosen = [names[i] for i in inside]
     return ParameterUncertainty(
         tuple(names),

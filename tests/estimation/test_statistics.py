@@ -5,8 +5,8 @@ import pytest
 from scipy import signal, stats
 
 from pneumo_casadi.data import InputHold, Recording, SensorNoise
-from pneumo_casadi.estimation import long_run_covariance as long_run
-from pneumo_casadi.estimation.long_run_covariance import long_run_covariance
+from pneumo_casadi.estimation import robust_covariance
+from pneumo_casadi.estimation.robust_covariance import batch_sandwich
 from pneumo_casadi.estimation.statistics import (
     autocorrelation,
     interval_factor,
@@ -124,7 +124,7 @@ def test_the_robust_covariance_is_the_sandwich_of_all_scores():
     rows = np.linspace(0.5, 2.0, len(J))[:, None] * J
     found = invert_information(H, np.full(4, 3.0), NAMES, scores=[[rows], [0.5 * rows]])
     inverse = np.linalg.inv(H)
-    wanted = long_run_covariance([[rows @ inverse], [0.5 * rows @ inverse]])
+    wanted = batch_sandwich(inverse, [[rows], [0.5 * rows]])
     np.testing.assert_allclose(found.covariance_robust, 9 * wanted, rtol=1e-9)
 
 
@@ -143,7 +143,7 @@ def test_robust_intervals_cover_where_weak_slow_misfit_hides_in_noise(share, ide
         e = e - x @ theta
         stds = [
             np.sqrt(np.diag(inverse) * e.var()),
-            np.sqrt(np.diag(long_run_covariance([[(x * e[:, None]) @ inverse]]))),
+            np.sqrt(np.diag(batch_sandwich(inverse, [[x * e[:, None]]]))),
         ]
         covered += [np.abs(theta) < 1.96 * std for std in stds]
     assert np.all(covered[0] / runs >= ideal) and np.all(covered[1] / runs >= robust)
@@ -168,8 +168,8 @@ def test_what_a_fit_takes_from_the_residuals_is_counted_by_the_information_of_th
     for _ in range(runs):
         rows, _ = left_by_a_fit(x, rng.normal(size=K))
         sums = np.add.reduceat(rows, np.arange(0, K, length), axis=0)
-        root, inverse = long_run._roots(rows)
-        (square,) = long_run._squares([rows @ inverse], [length])
+        root, inverse = robust_covariance._roots(rows)
+        (square,) = robust_covariance._squares([rows @ inverse], [length])
         plain += (sums**2).sum(axis=0) / runs / wanted
         counted += ((sums**2).sum(axis=0) + np.sum(root * (square @ root), axis=0)) / runs / wanted
     n = K // length
@@ -191,7 +191,7 @@ def test_intervals_cover_where_noise_correlates_and_another_kind_of_data_does_no
         white = rng.normal(size=K + 100) * np.sqrt(1 - correlation**2)
         slow = signal.lfilter([1.0], [1.0, -correlation], white)[100:]
         rows, error = left_by_a_fit(both, np.concatenate([slow, rng.normal(size=400)]))
-        found = long_run_covariance([[rows[:K]], [rows[K:]]])
+        found = batch_sandwich(np.eye(p), [[rows[:K]], [rows[K:]]])
         covered += np.abs(error) < 1.96 * np.sqrt(np.diag(found))
     assert np.all(np.abs(covered / runs - 0.95) < 4 * np.sqrt(0.95 * 0.05 / runs))
     assert covered.mean() / runs == pytest.approx(0.95, abs=0.02)
@@ -200,7 +200,7 @@ def test_intervals_cover_where_noise_correlates_and_another_kind_of_data_does_no
 def test_vectors_without_spread_in_some_directions_have_none_there():
     rows = np.random.default_rng(5).normal(size=(100, 3)) @ np.diag([1.0, 1e-9, 0.0])
     rows = np.column_stack([rows, rows[:, 0]])
-    found = long_run_covariance([[rows]])
+    found = batch_sandwich(np.eye(4), [[rows]])
     assert found[2, 2] == 0 and np.all(np.isfinite(found))
     assert found[0, 0] == pytest.approx(found[3, 3]) == pytest.approx(found[0, 3])
     assert found[1, 1] == pytest.approx(1e-18 * found[0, 0], rel=0.5)
@@ -209,7 +209,7 @@ def test_vectors_without_spread_in_some_directions_have_none_there():
 def test_records_are_independent_of_each_other_and_of_their_order():
     rng = np.random.default_rng(3)
     parts = [np.cumsum(rng.normal(size=(n, 2)), axis=0) for n in (300, 500, 400)]
-    first, second = long_run_covariance([parts]), long_run_covariance([parts[::-1]])
+    first, second = batch_sandwich(np.eye(2), [parts]), batch_sandwich(np.eye(2), [parts[::-1]])
     np.testing.assert_allclose(first, second, rtol=1e-9)
     assert np.all(np.linalg.eigvalsh(first) > 0)
 

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from scipy import linalg
 
 from pneumo_casadi.errors import FitError, ModelError
+from pneumo_casadi.estimation.robust_covariance import default_lags, newey_west_sandwich
 from pneumo_casadi.estimation.wls.arrays import read_only
 from pneumo_casadi.estimation.wls.base_parameters import TOLERANCE, BaseParameters, base_parameters
-from pneumo_casadi.estimation.wls.newey_west import default_lags, score_covariance
 from pneumo_casadi.parameters import FloatArray
 
 IntArray = NDArray[np.intp]
@@ -245,13 +245,13 @@ def _statistics(system: LinearSystem, solution: _Solution, sigma: FloatArray) ->
     free = np.count_nonzero(system.row_weight) - len(system.names)
     scale = float(weighted @ weighted) / free
     used = system.row_weight > 0
-    meat = score_covariance((W * weighted[:, None])[used], system.instant[used])
+    scores, instant = (W * weighted[:, None])[used], system.instant[used]
     errors, rows = _by_equation(system, residual)
     return LinearFit(
         names=system.names,
         estimate=read_only(solution.estimate),
         covariance=read_only(scale * solution.inverse),
-        covariance_hac=read_only(solution.inverse @ meat @ solution.inverse),
+        covariance_hac=read_only(newey_west_sandwich(solution.inverse, scores, instant)),
         condition_number=solution.condition,
         residual_std=dict(zip(system.equations, map(float, sigma), strict=True)),
         relative_error_percent=errors,
