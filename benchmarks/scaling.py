@@ -34,7 +34,7 @@ from pneumo_casadi.estimation.output_error import OutputErrorOptions, fit_output
 from pneumo_casadi.estimation.output_error.fit import write_problem
 from pneumo_casadi.estimation.output_error.shooting.condensing import linearise
 from pneumo_casadi.estimation.output_error.shooting.problem import Problem
-from pneumo_casadi.estimation.output_error.solvers.bounded_step import apply_step, condensed_step
+from pneumo_casadi.estimation.output_error.solvers.condensed_step import apply_step, condensed_step
 from pneumo_casadi.estimation.wls import fit_wls
 from pneumo_casadi.model.compilation import call_with_arrays, compile_functions
 from pneumo_casadi.model.integration import THREADS

@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from pneumo_casadi.design.experiment import SimulatedExperiment
+from pneumo_casadi.estimation.flow_map_anchor import Anchor, anchor_to_flow_map
 from pneumo_casadi.estimation.output_error.information import gauss_newton_information
 from pneumo_casadi.estimation.output_error.shooting.condensing import (
     Linearised,
@@ -14,15 +15,14 @@ from pneumo_casadi.estimation.output_error.shooting.condensing import (
     linearise,
 )
 from pneumo_casadi.estimation.output_error.shooting.interval import IntervalFunctions
-from pneumo_casadi.estimation.output_error.shooting.map_anchor import Anchor, anchor_to_flow_map
 from pneumo_casadi.estimation.output_error.shooting.problem import Problem, Unknowns
 from pneumo_casadi.estimation.output_error.shooting.segments import Segment
-from pneumo_casadi.estimation.output_error.solvers.bounded_step import (
+from pneumo_casadi.estimation.output_error.solvers.condensed_step import (
     TRUST,
     apply_step,
     condensed_step,
 )
-from pneumo_casadi.estimation.output_error.solvers.gauss_newton import solve_gauss_newton
+from pneumo_casadi.estimation.output_error.solvers.multiple_shooting import solve_gauss_newton
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.integration import Stepping, substeps_for
 from pneumo_casadi.model.sampled_axis import SampledAxis

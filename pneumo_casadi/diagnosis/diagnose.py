@@ -109,8 +109,8 @@ def diagnose(
     Notes
     -----
     The nominal model and each candidate are fitted to the balances along the smoothed motion, a
-    least-squares problem that cannot run away; see `fit_balances`. Verdicts rest on records that
-    no fit has seen.
+    least-squares problem that cannot run away; see `fit_equation_error`. Verdicts rest on records
+    that no fit has seen.
     """
     began = time.perf_counter()
     options = options or DiagnosisOptions()

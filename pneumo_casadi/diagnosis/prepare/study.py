@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 from pneumo_casadi.data import Recording
 from pneumo_casadi.errors import FitError
 from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
-from pneumo_casadi.estimation.equation_error.fit import fit_balances
-from pneumo_casadi.estimation.equation_error.residuals import balance_residuals
+from pneumo_casadi.estimation.equation_error.fit import default_residual_floor, fit_equation_error
 from pneumo_casadi.estimation.equation_error.smoothed_motion import SmoothedMotion, smooth_motions
+from pneumo_casadi.estimation.flow_map_anchor import Anchor, anchor_to_flow_map
 from pneumo_casadi.estimation.output_error.result import flow_map_deviation
-from pneumo_casadi.estimation.output_error.shooting.map_anchor import Anchor, anchor_to_flow_map
 from pneumo_casadi.estimation.wls import fit_wls
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.effect import Effect
@@ -86,7 +85,7 @@ class Study:
     @cached_property
     def least(self) -> FloatArray:
         """Smallest residual of each balance that is told from none, in units of `FittedModel`."""
-        return np.array([balance.resolution for balance in self.axis.kind.balances])
+        return default_residual_floor(self.axis)
 
 
 def start_study(
@@ -113,7 +112,7 @@ class FittedModel:
     values, std : mapping of str to float
         All parameters; standard deviations of the free ones.
     cost : float
-        See `BalanceFit`.
+        See `EquationErrorResult`.
     train, held_out : tuple of (ne, m) array
         Residuals by record [Pa/s, Pa/s, N], of a force-driven axis over the mass [m/s²].
     used_train, used_held_out : tuple of (ne, m) array of bool
@@ -255,19 +254,22 @@ def _cost(fitted: FittedModel) -> float:
 
 
 def _fit(study: Study, axis: Axis, whole: bool = False) -> FittedModel:
-    model = BalanceFunctions(axis)
-    train, held = study.smoothed
-    known = study.anchor_with(axis.effects)
-    found = fit_balances(model, train, known, axis.parameters.values, study.least, whole)
-    std = np.sqrt(np.maximum(np.diag(found.covariance), 0.0))  # against rounding
+    train, held_out = study.smoothed
+    result = fit_equation_error(
+        axis,
+        train,
+        study.anchor_with(axis.effects),
+        residual_floor=study.least,
+        state_derivatives=whole,
+    )
     return FittedModel(
         tuple(effect.name for effect in axis.effects),
-        dict(zip(axis.parameters.names, found.theta.tolist(), strict=True)),
-        dict(zip(model.free, std.tolist(), strict=True)),
-        found.cost,
-        found.residuals,
-        tuple(balance_residuals(model, data, found.theta) for data in held),
-        tuple(data.used(axis) for data in train),
-        tuple(data.used(axis) for data in held),
-        found.converged,
+        result.parameters.as_dict(),
+        result.std,
+        result.cost,
+        result.residuals,
+        tuple(result.residuals_of(motion) for motion in held_out),
+        result.used,
+        tuple(motion.used(axis) for motion in held_out),
+        result.converged,
     )

@@ -19,7 +19,7 @@ from pneumo_casadi.estimation.equation_error.residuals import (
     effect_derivatives,
     linearise_residuals,
 )
-from pneumo_casadi.estimation.output_error.solvers.bounded_step import bounded_minimum
+from pneumo_casadi.estimation.gauss_newton import minimise_in_box
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.parameters import FloatArray
 
@@ -222,6 +222,6 @@ def _explained_and_observable(one: Direction, behind: Background) -> tuple[float
         return 0.0, observable
     step = np.zeros(len(whole))
     both = np.ix_(seen, seen)
-    step[seen] = bounded_minimum(gram[both], -slope[seen], one.lower[seen], one.upper[seen])
+    step[seen] = minimise_in_box(gram[both], -slope[seen], one.lower[seen], one.upper[seen])
     gain = -(2 * slope @ step + step @ gram @ step) / float(e @ e)
     return max(float(gain), 0.0), observable

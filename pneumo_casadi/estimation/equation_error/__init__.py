@@ -1,1 +1,21 @@
-"""Equation error: parameters fitted to the balances along the smoothed measured motion."""
+"""Equation error: parameters from the residuals of the balances along the smoothed motion."""
+
+from pneumo_casadi.estimation.equation_error.fit import (
+    EquationErrorResult,
+    default_residual_floor,
+    fit_equation_error,
+)
+from pneumo_casadi.estimation.equation_error.smoothed_motion import (
+    SmoothedMotion,
+    smooth_motion,
+    smooth_motions,
+)
+
+__all__ = [
+    "EquationErrorResult",
+    "SmoothedMotion",
+    "default_residual_floor",
+    "fit_equation_error",
+    "smooth_motion",
+    "smooth_motions",
+]

@@ -9,6 +9,7 @@ import numpy as np
 
 from pneumo_casadi.data import Recording
 from pneumo_casadi.errors import FitError, ModelError
+from pneumo_casadi.estimation.flow_map_anchor import anchor_to_flow_map
 from pneumo_casadi.estimation.output_error.information import estimate_uncertainty
 from pneumo_casadi.estimation.output_error.options import Method, OutputErrorOptions, plan_stages
 from pneumo_casadi.estimation.output_error.result import (
@@ -18,11 +19,10 @@ from pneumo_casadi.estimation.output_error.result import (
     flow_map_deviation,
 )
 from pneumo_casadi.estimation.output_error.shooting.interval import IntervalFunctions
-from pneumo_casadi.estimation.output_error.shooting.map_anchor import anchor_to_flow_map
 from pneumo_casadi.estimation.output_error.shooting.problem import Problem
 from pneumo_casadi.estimation.output_error.shooting.segments import cut_segments
-from pneumo_casadi.estimation.output_error.solvers.gauss_newton import solve_gauss_newton
 from pneumo_casadi.estimation.output_error.solvers.ipopt import IpoptSolver
+from pneumo_casadi.estimation.output_error.solvers.multiple_shooting import solve_gauss_newton
 from pneumo_casadi.estimation.output_error.solvers.solution import Solution, new_sigma
 from pneumo_casadi.estimation.statistics import stated_or_estimated_noise
 from pneumo_casadi.model.axis import Axis

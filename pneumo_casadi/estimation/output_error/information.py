@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pneumo_casadi.estimation.flow_map_anchor import Anchor
 from pneumo_casadi.estimation.output_error.shooting.condensing import (
     anchor_normal_equations,
     block_scores,
@@ -11,7 +12,6 @@ from pneumo_casadi.estimation.output_error.shooting.condensing import (
     eliminate,
     linearise,
 )
-from pneumo_casadi.estimation.output_error.shooting.map_anchor import Anchor
 from pneumo_casadi.estimation.output_error.shooting.problem import Problem, Unknowns
 from pneumo_casadi.estimation.statistics import ParameterUncertainty, invert_information
 from pneumo_casadi.parameters import FloatArray

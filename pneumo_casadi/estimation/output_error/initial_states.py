@@ -6,6 +6,7 @@ import numpy as np
 
 from pneumo_casadi.data import Recording
 from pneumo_casadi.errors import FitError
+from pneumo_casadi.estimation.gauss_newton import Damping
 from pneumo_casadi.estimation.output_error.shooting.condensing import condense, linearise
 from pneumo_casadi.estimation.output_error.shooting.interval import IntervalFunctions
 from pneumo_casadi.estimation.output_error.shooting.problem import Problem, Unknowns, shoot_segments
@@ -26,8 +27,8 @@ ITERATIONS = 15
 SETTLED = 1e-4
 #: Share of its windows still at work below which a problem is written anew for these alone.
 SHRUNK = 0.75
-#: Damping to begin with, and the factors by which it falls and grows.
-DAMPING, FALL, GROW = 1e-3, 0.2, 10.0
+#: Any step that lowers the cost of a window is accepted.
+DAMPING = Damping(start=1e-3, accept=0.0, trust=0.0, fall=0.2, grow=10.0, most=1e8)
 
 
 def estimate_initial_states(
@@ -36,7 +37,8 @@ def estimate_initial_states(
     """Estimate the state at the start of a record, or of each whole window, by output error.
 
     Every window is a least-squares problem of its own in its initial state, solved by damped
-    steps that only ever lower its cost, all windows side by side.
+    Gauss-Newton steps. All windows are simulated side by side, which is why the loop of
+    `estimation.gauss_newton` is written here for arrays of problems.
 
     Parameters
     ----------
@@ -65,7 +67,7 @@ def estimate_initial_states(
     if not np.isfinite(cost).all():
         start = segments[int(np.argmin(np.isfinite(cost)))].first * record.dt
         raise FitError(f"{record.name}: no simulation from the measured state at t = {start:g} s")
-    damping = np.full(cost.size, DAMPING)
+    damping = np.full(cost.size, DAMPING.start)
     active = np.ones(cost.size, dtype=bool)
     at = np.arange(cost.size)  # the windows of `problem`
     for _ in range(ITERATIONS):
@@ -77,8 +79,8 @@ def estimate_initial_states(
         x_0[:, at[better]] = ahead[:, better]
         nodes[:, at[better]] = trial[:, better]
         cost[at[better]] = new[better]
-        damping[at] *= np.where(better, FALL, GROW)
-        active[at] &= ~small & (damping[at] < 1e8)
+        damping[at] = DAMPING.after(damping[at], np.where(better, 1.0, -1.0))
+        active[at] &= ~small & (damping[at] < DAMPING.most)
         if not active.any():
             break
         if np.count_nonzero(active) < SHRUNK * at.size:  # some stick, most settle at once

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pneumo_casadi.estimation.flow_map_anchor import Anchor
 from pneumo_casadi.estimation.output_error.derived import derived_quantities
-from pneumo_casadi.estimation.output_error.shooting.map_anchor import Anchor
 from pneumo_casadi.estimation.output_error.shooting.segments import Segment
 from pneumo_casadi.estimation.statistics import ParameterUncertainty, delta_std, interval_factor
 from pneumo_casadi.model.axis import Axis

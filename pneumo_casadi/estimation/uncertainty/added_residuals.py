@@ -5,8 +5,8 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 
+from pneumo_casadi.estimation.flow_map_anchor import Anchor
 from pneumo_casadi.estimation.output_error.derived import Quantity
-from pneumo_casadi.estimation.output_error.shooting.map_anchor import Anchor
 from pneumo_casadi.estimation.output_error.shooting.problem import Problem
 from pneumo_casadi.parameters import FloatArray
 

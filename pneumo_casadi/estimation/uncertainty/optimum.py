@@ -19,7 +19,7 @@ from pneumo_casadi.estimation.output_error.fit import write_problem
 from pneumo_casadi.estimation.output_error.information import gauss_newton_information
 from pneumo_casadi.estimation.output_error.shooting.condensing import anchor_normal_equations
 from pneumo_casadi.estimation.output_error.shooting.problem import Problem, Unknowns
-from pneumo_casadi.estimation.output_error.solvers.gauss_newton import solve_gauss_newton
+from pneumo_casadi.estimation.output_error.solvers.multiple_shooting import solve_gauss_newton
 from pneumo_casadi.estimation.output_error.solvers.solution import Solution
 from pneumo_casadi.estimation.statistics import delta_std
 from pneumo_casadi.model.integration import substeps_for

@@ -15,12 +15,12 @@ from pneumo_casadi.estimation.output_error import (
 from pneumo_casadi.estimation.output_error.fit import write_problem
 from pneumo_casadi.estimation.output_error.multistart import draw_parameters
 from pneumo_casadi.estimation.output_error.shooting.problem import shoot_segments
-from pneumo_casadi.estimation.output_error.solvers import bounded_step as steps
+from pneumo_casadi.estimation.output_error.solvers import condensed_step as steps
 from pneumo_casadi.estimation.output_error.solvers import levenberg_marquardt as damping
-from pneumo_casadi.estimation.output_error.solvers.gauss_newton import solve_gauss_newton
 from pneumo_casadi.estimation.output_error.solvers.levenberg_marquardt import (
     solve_levenberg_marquardt,
 )
+from pneumo_casadi.estimation.output_error.solvers.multiple_shooting import solve_gauss_newton
 
 
 @pytest.fixture(scope="module")

@@ -13,6 +13,7 @@ from pneumo_casadi.estimation.uncertainty import (
     ProfileEnd,
     profile_likelihood,
     profile_likelihoods,
+    profile_path,
 )
 
 
@@ -134,16 +135,14 @@ def test_a_lower_cost_than_that_of_the_fit_is_an_error(white, monkeypatch):
 
 
 def test_a_refit_that_fails_is_on_record_and_leaves_its_side_open(white, monkeypatch):
-    from pneumo_casadi.estimation.uncertainty import walk
-
-    solve = walk.solve
+    solve = profile_path.solve_from
 
     def failing(optimum, problem, point):
         solution = solve(optimum, problem, point)
         heavy = point.theta[0] > white.result.parameters["M"].value + 0.8 * white.result.std("M")
         return replace(solution, status="no step helps") if heavy else solution
 
-    monkeypatch.setattr(walk, "solve_from", failing)
+    monkeypatch.setattr(profile_path, "solve_from", failing)
     found = profile_likelihood(white, "M")
     assert found.ends == (ProfileEnd.THRESHOLD, ProfileEnd.FAILED)
     assert found.interval()[0] > 0 and found.interval()[1] == np.inf

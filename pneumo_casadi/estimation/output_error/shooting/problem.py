@@ -12,8 +12,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from pneumo_casadi.estimation.flow_map_anchor import Anchor
 from pneumo_casadi.estimation.output_error.shooting.interval import IntervalFunctions
-from pneumo_casadi.estimation.output_error.shooting.map_anchor import Anchor
 from pneumo_casadi.estimation.output_error.shooting.segments import Segment
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.compilation import call_with_arrays

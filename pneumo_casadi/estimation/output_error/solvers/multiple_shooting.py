@@ -9,7 +9,7 @@ import numpy as np
 
 from pneumo_casadi.estimation.output_error.shooting.condensing import Linearised, linearise
 from pneumo_casadi.estimation.output_error.shooting.problem import Problem, Unknowns
-from pneumo_casadi.estimation.output_error.solvers.bounded_step import apply_step, condensed_step
+from pneumo_casadi.estimation.output_error.solvers.condensed_step import apply_step, condensed_step
 from pneumo_casadi.estimation.output_error.solvers.levenberg_marquardt import (
     solve_levenberg_marquardt,
 )
