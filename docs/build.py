@@ -33,7 +33,7 @@ STAGES = {
     "export": ("Export", ("export",)),
     "evaluation": ("Many cases, sealed check", ("evaluation.batch", "evaluation.sealed_check")),
     "virtual_bench": ("Virtual bench", ("virtual_bench",)),
-    "report": ("Reports and figures", ("report",)),
+    "report": ("Reports and figures", ("report", "report.plot")),
 }
 
 

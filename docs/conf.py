@@ -1,7 +1,9 @@
 """Configuration of the documentation site; `build.py` runs it."""
 
+import re
 import sys
 from pathlib import Path
+from typing import Any
 
 from pneumo_casadi import __version__
 
@@ -35,3 +37,13 @@ autodoc_typehints = "none"
 napoleon_google_docstring = False
 napoleon_use_rtype = False
 napoleon_preprocess_types = False
+
+
+def setup(app: Any) -> None:
+    """Let numbered references stand as text: their numbers repeat from docstring to docstring."""
+    app.connect("autodoc-process-docstring", _plain_references)
+
+
+def _plain_references(*arguments: Any) -> None:
+    lines = arguments[-1]
+    lines[:] = [re.sub(r"(?:^\.\. (?=\[))|(?<=\[\d\])_", "", line) for line in lines]
