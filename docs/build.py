@@ -11,6 +11,7 @@ import shutil
 import sys
 import tempfile
 from importlib import import_module
+from importlib.resources import files
 from pathlib import Path
 
 from sphinx.cmd.build import build_main
@@ -93,6 +94,8 @@ def collect(source: Path) -> None:
     for notebook in (ROOT / "notebooks").glob("*.ipynb"):
         shutil.copy(notebook, source / "tutorials")
     shutil.copy(ROOT / "CHANGELOG.md", source / "changelog.md")
+    formulas = files("sphinx-mathjax-offline") / "static" / "mathjax" / "tex-svg.js"
+    (source / "static" / "tex-svg.js").write_bytes(formulas.read_bytes())
     for page in source.rglob("*.md"):
         text = page.read_text("utf-8").replace("../../notebooks/", "../tutorials/")
         text = text.replace("../../CHANGELOG.md", "../changelog.md")

@@ -1,23 +1,22 @@
 """Configuration of the documentation site; `build.py` runs it."""
 
 import re
-import sys
-from pathlib import Path
 from typing import Any
 
 from pneumo_casadi import __version__
-
-sys.path.insert(0, str(Path(__file__).parent))
 
 project = "pneumo_casadi"
 author = "The pneumo_casadi authors"
 copyright = author
 release = version = __version__
 
-extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "mathml"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.mathjax"]
 html_theme = "furo"
 html_title = f"pneumo_casadi {__version__}"
-html_math_renderer = "mathml"
+mathjax_path = "tex-svg.js"  # copied by build.py; letters are paths, so no font is loaded
+mathjax3_config = {
+    "options": {"enableMenu": False, "enableSpeech": False, "enableBraille": False},
+}
 html_static_path = ["static"]
 html_css_files = ["site.css"]
 html_show_sphinx = False
