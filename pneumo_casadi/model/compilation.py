@@ -19,6 +19,7 @@ import casadi as ca
 import numpy as np
 
 from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.runtime.cache import FOLDER, cache_folder
 
 logger = logging.getLogger(__name__)
 
@@ -27,28 +28,8 @@ logger = logging.getLogger(__name__)
 FAST = ("-O3", "-march=native", "-fno-math-errno", "-fno-trapping-math")
 #: What every compiler understands, for those that refuse `FAST`.
 PLAIN = ("-O2",)
-#: Environment variable that switches compilation off ("0") or names the cache folder.
-SWITCH, FOLDER = "PNEUMO_CASADI_COMPILE", "PNEUMO_CASADI_CACHE"
-
-
-def cache_folder() -> Path:
-    """Return the folder of compiled functions, made by this user and for this user only."""
-    base = os.environ.get(FOLDER)
-    if base:
-        folder = Path(base)
-    else:
-        home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-        folder = Path(home) / "pneumo_casadi"
-    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-    if hasattr(os, "getuid"):
-        # Libraries in it are loaded and run: nobody else may be able to put one there.
-        state = folder.stat()
-        if state.st_uid != os.getuid() or state.st_mode & 0o022:
-            raise PermissionError(
-                f"{folder}: others may write to it; make it yours alone (chmod 700), or name "
-                f"another folder in {FOLDER}"
-            )
-    return folder
+#: Environment variable that switches compilation off ("0").
+SWITCH = "PNEUMO_CASADI_COMPILE"
 
 
 @cache
@@ -108,7 +89,7 @@ def compile_functions(functions: Sequence[ca.Function]) -> tuple[ca.Function, ..
     for attempt in range(2):
         try:
             path = cache_folder() / f"{key.hexdigest()[:32]}.so"
-            if not _whole(path) and not _build(cc, code, path):
+            if not _is_intact(path) and not _build(cc, code, path):
                 return tuple(functions)
         except OSError as error:
             logger.warning(
@@ -214,7 +195,7 @@ def _build(cc: str, code: str, path: Path) -> bool:
     return True
 
 
-def _whole(path: Path) -> bool:
+def _is_intact(path: Path) -> bool:
     """Tell whether a library is there as it was built: its last bytes are the hash of the rest.
 
     Loading one that a full disk or a crash has cut short would end the process.

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from pneumo_casadi.model import compilation
-from pneumo_casadi.model.compilation import cache_folder, compile_functions, compiler
+from pneumo_casadi.model.compilation import compile_functions, compiler
+from pneumo_casadi.runtime.cache import FOLDER, cache_folder
 
 
 def function(name="curve", factor=1.0):
@@ -29,7 +30,7 @@ def outer():
 @pytest.fixture
 def cache(tmp_path, monkeypatch):
     """An empty cache of its own, and a compiler that is looked for anew."""
-    monkeypatch.setenv(compilation.FOLDER, str(tmp_path / "cache"))
+    monkeypatch.setenv(FOLDER, str(tmp_path / "cache"))
     monkeypatch.delenv(compilation.SWITCH, raising=False)
     compiler.cache_clear()
     yield tmp_path / "cache"
@@ -149,7 +150,7 @@ def test_a_cache_that_cannot_be_written_leaves_the_functions_as_they_are(
 ):
     blocked = tmp_path / "file"
     blocked.write_text("in the way")
-    monkeypatch.setenv(compilation.FOLDER, str(blocked / "cache"))
+    monkeypatch.setenv(FOLDER, str(blocked / "cache"))
     f = function()
     with caplog.at_level(logging.WARNING):
         assert compile_functions([f])[0] is f

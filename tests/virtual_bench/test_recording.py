@@ -135,7 +135,7 @@ def test_random_axes_are_plausible_and_differ():
     axes = [random_axis(seed) for seed in range(20)]
     assert len({axis.M for axis in axes}) == 20
     for axis in axes:
-        assert axis.described(1000.0, axis.M).stroke > 0.3
+        assert axis.bench_description(1000.0, axis.M).stroke > 0.3
         assert 1.0 < axis.truth["X_s3"] / axis.truth["X_s2"] < 1.4
 
 
@@ -148,15 +148,15 @@ def test_without_numba_one_error_names_the_extra(monkeypatch):
 
 def test_kernels_are_not_cached_where_others_may_write(tmp_path, monkeypatch, caplog):
     monkeypatch.setenv("PNEUMO_CASADI_CACHE", str(tmp_path))
-    folder = jit.cache_folder()
+    folder = jit.kernel_cache()
     assert folder is not None
     assert folder.parent == tmp_path
     folder.chmod(0o777)
-    assert jit.cache_folder() is None
+    assert jit.kernel_cache() is None
     assert "others may write" in caplog.text
     monkeypatch.setenv("PNEUMO_CASADI_CACHE", str(tmp_path / "file"))
     (tmp_path / "file").write_text("")
-    assert jit.cache_folder() is None
+    assert jit.kernel_cache() is None
 
 
 def test_the_bench_runs_without_casadi_ever_being_loaded():

@@ -7,12 +7,12 @@ them. It lies in the user's cache, so the package may be read-only.
 
 import hashlib
 import logging
-import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
 from pneumo_casadi.errors import MissingExtraError
+from pneumo_casadi.runtime.cache import FOLDER, cache_folder
 
 try:
     import numba
@@ -26,9 +26,6 @@ logger = logging.getLogger(__name__)
 
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
-#: Environment variable that names the cache folder of the package.
-FOLDER = "PNEUMO_CASADI_CACHE"
-
 
 def kernel(function: Kernel) -> Kernel:
     """Compile a function that other kernels call; it is compiled into them."""
@@ -37,7 +34,7 @@ def kernel(function: Kernel) -> Kernel:
 
 def entry(function: Kernel) -> Kernel:
     """Compile a function that Python calls, and keep the machine code for the next process."""
-    folder = cache_folder()
+    folder = kernel_cache()
     if folder is None:
         return kernel(function)
     config: Any = numba.config
@@ -52,21 +49,12 @@ def entry(function: Kernel) -> Kernel:
         config.CACHE_DIR = before
 
 
-def cache_folder() -> Path | None:
+def kernel_cache() -> Path | None:
     """Return the folder of the compiled kernels, None where none is this user's alone."""
-    home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    base = Path(os.environ.get(FOLDER) or Path(home) / "pneumo_casadi")
     sources = sorted(Path(__file__).parent.rglob("*.py"))
     key = hashlib.sha256(b"\0".join(path.read_bytes() for path in sources)).hexdigest()
-    folder = base / f"bench-{key[:16]}"
     try:
-        base.mkdir(mode=0o700, parents=True, exist_ok=True)
-        folder.mkdir(mode=0o700, exist_ok=True)
-        state = folder.stat()
+        return cache_folder(f"bench-{key[:16]}")
     except OSError as error:
         logger.warning("kernels are not cached (%s); set %s to a folder of yours", error, FOLDER)
         return None
-    if hasattr(os, "getuid") and (state.st_uid != os.getuid() or state.st_mode & 0o022):
-        logger.warning("kernels are not cached: others may write to %s", folder)
-        return None
-    return folder
