@@ -1,0 +1,310 @@
+"""Decision rules on small cases made by hand: every threshold is met from both sides.
+
+Balances are those of the servo axis: two mass flows and the force. Noise floors are one, so that
+residuals are in units of them.
+"""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from pneumo_casadi.diagnosis import Balance, Check, Verdict
+from pneumo_casadi.diagnosis.checks.absorbed import absorbed_candidates
+from pneumo_casadi.diagnosis.decide.credibility import near_noise, review_verdict
+from pneumo_casadi.diagnosis.decide.verdict import Judgement, judge, missed_gain, unexplained
+from pneumo_casadi.diagnosis.locate.locate import balance_of_gap, rival_sensor_effects
+from pneumo_casadi.diagnosis.locate.signatures import Signatures
+from pneumo_casadi.diagnosis.metrics.residual_size import BACKGROUND, BalanceLevels
+from pneumo_casadi.diagnosis.prepare.study import FittedModel
+from pneumo_casadi.diagnosis.select.acceptance import accepted
+from pneumo_casadi.diagnosis.select.forward_selection import Selection
+from pneumo_casadi.effects import EFFECTS
+
+LEVELS = BalanceLevels(np.ones(3), np.full(3, 100.0))
+ROWS = 640  # twenty blocks of the bootstrap
+
+
+def fitted(*rms, cost=0.0, rows=None):
+    """A fit whose residuals have these root mean squares in every block, held out or not."""
+    r = np.outer(rms, np.ones(ROWS)) if rows is None else rows
+    used = np.ones(r.shape, dtype=bool)
+    return FittedModel((), {}, {}, cost, (r,), (r,), (used,), (used,), True)
+
+
+def with_gap(gap):
+    """The residual that leaves a gap [noise floors] above what a right model leaves."""
+    return float(np.hypot(gap, BACKGROUND))
+
+
+def selected(nominal, fits=None, path=(), **given):
+    return Selection(
+        nominal, fits or {}, (), {}, path, LEVELS, given.get("refined", {}),
+        given.get("gap_left", {}), given.get("trials", {}), None,
+    )  # fmt: skip
+
+
+ONE = (("stribeck",),)
+
+
+# Acceptance.
+
+
+@pytest.mark.parametrize(
+    ("origin", "before", "after", "expected"),
+    [
+        # A gain of log σ of one twentieth, near the noise where little closes much of the gap.
+        ((1, 1, 1.3), None, (1, 1, 1.1894), True),
+        ((1, 1, 1.3), None, (1, 1, 1.2057), False),
+        # A tenth of the first gap.
+        ((1, 1, with_gap(10)), None, (1, 1, with_gap(8.9)), True),
+        ((1, 1, with_gap(10)), None, (1, 1, with_gap(9.1)), False),
+        ((1, 1, with_gap(30)), (1, 1, with_gap(10)), (1, 1, with_gap(7.2)), False),
+        # A further effect in a mass flow must gain twice as much ...
+        ((2.2, 1, 1), (2.0, 1, 1), (1.7403, 1, 1), True),
+        ((2.2, 1, 1), (2.0, 1, 1), (1.7775, 1, 1), False),
+        ((1, 1, 2.2), (1, 1, 2.0), (1, 1, 1.7775), True),  # the force need not
+        # ... on residuals that are more than what a coarse map leaves.
+        ((1.8, 1, 1), (1.55, 1, 1), (1, 1, 1), True),
+        ((1.8, 1, 1), (1.45, 1, 1), (1, 1, 1), False),
+        # What another balance loses counts.
+        ((1, 1, 10), None, (4, 4, 8), False),
+    ],
+)
+def test_a_model_is_accepted(origin, before, after, expected):
+    first = fitted(*origin)
+    current = first if before is None else fitted(*before)
+    assert accepted(first, current, fitted(*after), LEVELS) is expected
+
+
+@pytest.mark.parametrize(("better", "expected"), [(20, True), (12, True), (5, False), (1, False)])
+def test_a_gain_in_few_blocks_is_not_sure(better, expected):
+    """Blocks in which the residual falls from 3 to 1.5; in the others it grows from 3 to 3.6."""
+    before, after = np.ones((3, ROWS)), np.ones((3, ROWS))
+    before[2], after[2] = 3.0, 3.6
+    after[2, : better * ROWS // 20] = 1.5
+    current = fitted(rows=before)
+    assert accepted(current, current, fitted(rows=after), LEVELS) is expected
+
+
+# Verdict.
+
+
+@pytest.mark.parametrize(
+    ("rms", "expected"),
+    [
+        ((1, 1, 1.45), Verdict.NONE),
+        ((1, 1, 1.55), Verdict.UNKNOWN),
+        ((1.55, 1, 1), Verdict.UNKNOWN),
+    ],
+)
+def test_a_gap_without_an_accepted_effect_is_unknown_where_it_is_visible(rms, expected):
+    assert judge(selected(fitted(*rms)), ()).verdict is expected
+
+
+@pytest.mark.parametrize(
+    ("nominal", "final", "expected"),
+    [
+        ((0, 0, 10), (0, 0, 4.5), 0.45),
+        ((0, 0, 10), (0, 0, 0), 0.0),
+        ((8, 0, 10), (4, 0, 1), 0.5),  # the worst balance counts
+        ((3.3, 0, 10), (3.3, 0, 1), 1.0),  # a third of the largest gap is one
+        ((2.7, 0, 10), (2.7, 0, 1), 0.1),  # a quarter is not
+        ((0, 0, 0), (0, 0, 0), 0.0),
+    ],
+)
+def test_what_is_unexplained_is_the_share_left_in_the_worst_balance(nominal, final, expected):
+    before, after = (fitted(*map(with_gap, gaps)) for gaps in (nominal, final))
+    assert unexplained(selected(before, {ONE[0]: after}, ONE)) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(("flow", "expected"), [(2.0, 1.0), (1.8, 0.0)])
+def test_a_mass_flow_near_what_a_coarse_map_leaves_does_not_count_beside_another(flow, expected):
+    before, after = fitted(flow, 1, with_gap(4)), fitted(flow, 1, 1)
+    assert unexplained(selected(before, {ONE[0]: after}, ONE)) == pytest.approx(expected)
+
+
+def test_where_simulations_decide_it_is_their_share():
+    before, after = fitted(1, 1, 10), fitted(1, 1, 10)
+    given = {"fits": {ONE[0]: after}, "path": ONE}
+    assert unexplained(selected(before, **given, gap_left={ONE[0]: 0.34})) == 0.34
+    assert unexplained(selected(before, **given, gap_left={ONE[0]: 0.36})) == pytest.approx(1.0)
+    pair = ("backlash", "stribeck")
+    refined = {"fits": {pair: after}, "path": (pair,), "refined": {pair: after}}
+    assert unexplained(selected(before, **refined, gap_left={pair: 0.8})) == 0.8
+
+
+@pytest.mark.parametrize(
+    ("left", "one_form", "nominal", "expected"),
+    [
+        (0.45, False, 40.0, Verdict.EFFECT),
+        (0.55, False, 40.0, Verdict.UNKNOWN),
+        # An offset has no other form: what it leaves has another cause.
+        (0.07, True, 40.0, Verdict.EFFECT),
+        (0.09, True, 40.0, Verdict.UNKNOWN),
+        # ... where what is left is clear.
+        (0.2, True, 5 * np.sqrt(2.65**2 - BACKGROUND**2), Verdict.UNKNOWN),
+        (0.2, True, 5 * np.sqrt(2.35**2 - BACKGROUND**2), Verdict.EFFECT),
+    ],
+)
+def test_an_effect_that_leaves_too_much_is_not_the_cause(left, one_form, nominal, expected):
+    before = fitted(1, 1, with_gap(nominal), cost=100.0)
+    after = fitted(1, 1, with_gap(left * nominal))
+    effects = (SimpleNamespace(one_form=one_form),)
+    assert judge(selected(before, {ONE[0]: after}, ONE), effects).verdict is expected
+
+
+@pytest.mark.parametrize(
+    ("final", "expected"),
+    [
+        (1.25, 0.97),  # clean
+        (with_gap(1.0), 0.97 - 1.5 * 0.1),
+        (with_gap(2.0), 0.75),
+        (1.35, 0.97 - 1.5 * np.sqrt(1.35**2 - BACKGROUND**2) / 10),
+    ],
+)
+def test_the_probability_falls_with_what_is_left(final, expected):
+    before, after = fitted(1, 1, with_gap(10.0)), fitted(1, 1, final)
+    judgement = judge(selected(before, {ONE[0]: after}, ONE), ())
+    assert judgement.probability[ONE[0]] == pytest.approx(expected)
+
+
+def rivals(ratio):
+    """Two effects; the second one's weight is `ratio` of the first one's."""
+    missed = -np.log(ratio) / 25.0
+    fits = {("stribeck",): fitted(1, 1, 1.0), ("presliding",): fitted(1, 1, 10.0**missed)}
+    return selected(fitted(1, 1, 10.0), fits, ONE)
+
+
+@pytest.mark.parametrize(
+    ("ratio", "expected", "alike"),
+    [(0.6, Verdict.EFFECT, 2), (0.75, Verdict.AMBIGUOUS, 2), (0.13, Verdict.EFFECT, 2),
+     (0.10, Verdict.EFFECT, 1)],
+)  # fmt: skip
+def test_an_effect_with_a_close_rival_is_ambiguous(ratio, expected, alike):
+    judgement = judge(rivals(ratio), ())
+    assert judgement.verdict is expected
+    assert len(judgement.alike) == alike
+    assert judgement.alike[0] == ("stribeck",)
+    assert sum(judgement.probability.values()) == pytest.approx(0.97)
+
+
+def test_the_best_guess_of_an_unknown_cause_has_little_probability():
+    before, after = fitted(1, 1, 10), fitted(1, 1, 9)
+    judgement = judge(selected(before, {ONE[0]: after}, ONE), ())
+    assert judgement.verdict is Verdict.UNKNOWN
+    assert judgement.probability == {ONE[0]: pytest.approx(0.08)}
+
+
+@pytest.mark.parametrize(
+    ("other", "expected"),
+    [((1, 1, 1), 0.0), ((1, 1, 10), 1.0), ((1, 1, 10**0.5), 0.5), ((0.1, 1, 10**0.5), 0.5)],
+)
+def test_a_rival_misses_the_share_of_the_gain_that_it_lacks(other, expected):
+    """What it gains in another balance does not count."""
+    fits = {("stribeck",): fitted(1, 1, 1), ("hose",): fitted(*other)}
+    selection = selected(fitted(1, 1, 10), fits, ONE)
+    assert missed_gain(selection, ("stribeck",), ("hose",)) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(("share", "expected"), [(0.2, 0.0), (0.4, 0.5), (0.6, 1.0), (None, 1.0)])
+def test_beside_a_sensor_simulations_say_what_a_rival_misses(share, expected):
+    best, other = ("backlash", "stribeck"), ("backlash", "hose")
+    trials = {("backlash",): 0.6, best: 0.2} | ({} if share is None else {other: share})
+    selection = selected(fitted(1, 1, 10), {}, (best,), refined={best: None}, trials=trials)
+    assert missed_gain(selection, best, other) == pytest.approx(expected)
+
+
+# Credibility.
+
+
+def failing(*names, tolerances=2.0):
+    value = 1.0 + 0.05 * tolerances
+    return tuple(Check(name, value, 0.0, 1.0, 0.05, "1", False, "") for name in names)
+
+
+def judged(verdict, left=0.0, excess=9.0):
+    return Judgement(verdict, (), {}, left, np.array([1.0, 1.0, excess]))
+
+
+@pytest.mark.parametrize(("excess", "expected"), [(5.5, True), (6.5, False)])
+def test_a_gap_is_near_the_noise_up_to_six_times(excess, expected):
+    assert near_noise(judged(Verdict.NONE, excess=excess)) is expected
+
+
+@pytest.mark.parametrize(
+    ("verdict", "left", "excess", "checks", "expected"),
+    [
+        (Verdict.EFFECT, 0.11, 9, failing("M"), Verdict.UNKNOWN),
+        (Verdict.EFFECT, 0.09, 9, failing("M"), Verdict.EFFECT),
+        (Verdict.AMBIGUOUS, 0.11, 9, failing("M"), Verdict.UNKNOWN),
+        (Verdict.EFFECT, 0.2, 9, failing("S_P", tolerances=3.3), Verdict.UNKNOWN),
+        (Verdict.EFFECT, 0.2, 9, failing("S_P", tolerances=2.7), Verdict.EFFECT),
+        (Verdict.EFFECT, 0.2, 9, failing("k_P"), Verdict.EFFECT),
+        (Verdict.EFFECT, 0.0, 5.5, failing("S_N/S_P"), Verdict.ABSORBED),
+        (Verdict.EFFECT, 0.0, 6.5, failing("S_N/S_P"), Verdict.EFFECT),
+        (Verdict.NONE, 0.0, 1.0, failing("M"), Verdict.ABSORBED),
+        (Verdict.NONE, 0.0, 1.0, (), Verdict.NONE),
+    ],
+)
+def test_parameters_that_the_axis_cannot_have_change_a_verdict(
+    verdict, left, excess, checks, expected
+):
+    assert review_verdict(judged(verdict, left, excess), checks, EFFECTS)[0] is expected
+
+
+@pytest.mark.parametrize(
+    ("above", "below", "expected"),
+    [
+        (("S_N/S_P",), (), ("valve_mismatch",)),
+        (("S_N/S_P", "k_N"), (), ("leakage_N", "valve_mismatch", "heat_transfer")),
+        (("k_N",), ("S_N/S_P",), ("leakage_P", "valve_mismatch", "heat_transfer")),
+        (("F_c",), (), ("constant_force", "pressure_sensor_bias")),
+        (("S_P", "S_N"), (), ("supply_droop",)),
+        (("S_P", "S_N", "map form"), (), ("flow_map_shape",)),
+        (("S_P",), (), ()),
+        (("V_N(0)",), (), ("hose",)),
+        ((), ("V_N(0)",), ()),
+        (("M", "flow map", "F_c"), (), ("constant_force", "pressure_sensor_bias", "elastic_load",
+                                       "valve_null_shift")),
+    ],
+)  # fmt: skip
+def test_failed_checks_name_what_the_parameters_may_have_absorbed(above, below, expected):
+    checks = (*failing(*above), *failing(*below, tolerances=-2.0))
+    assert absorbed_candidates(checks, EFFECTS) == expected
+
+
+# Location.
+
+
+@pytest.mark.parametrize(
+    ("position", "expected"), [(0.65, Balance.MEASUREMENT), (0.75, Balance.FORCE)]
+)
+def test_a_sensor_is_to_blame_where_its_error_explains_clearly_more(position, expected):
+    shares = {"mass_flow_P": 0.1, "mass_flow_N": 0.1, "force": 0.8}
+    left = {"force": 1.0, "position": position}
+    assert balance_of_gap(shares, Signatures(20.0, left)) is expected
+
+
+@pytest.mark.parametrize(
+    ("flows", "expected"), [(0.65, Balance.FORCE), (0.35, Balance.MEASUREMENT)]
+)
+def test_hypotheses_with_two_free_signals_pay_for_the_second(flows, expected):
+    """Both mass flows leave less than a position error, which needs one signal only."""
+    shares = {"mass_flow_P": 0.1, "mass_flow_N": 0.1, "force": 0.8}
+    left = {"force": 9.0, "mass_flows": 1.0, "position": 1.7 * 0.7 * flows / 0.5}
+    assert balance_of_gap(shares, Signatures(20.0, left)) is expected
+
+
+def test_without_a_gap_there_is_no_location():
+    shares = dict.fromkeys(("mass_flow_P", "mass_flow_N", "force"), 0.0)
+    assert balance_of_gap(shares, Signatures(1.0, {})) is Balance.NONE
+
+
+@pytest.mark.parametrize(
+    ("before", "position", "named"), [(100, 2.8, True), (100, 3.2, False), (20, 2.8, True),
+                                      (17, 2.8, False)],
+)  # fmt: skip
+def test_a_sensor_that_explains_about_as_much_is_a_rival(before, position, named):
+    left = {"force": 1.0, "position": position}
+    assert bool(rival_sensor_effects(Signatures(before, left), EFFECTS)) is named
