@@ -120,49 +120,57 @@ def diagnose(
     flow_options, flow_selection = resolve_flow_form(
         case, IdentifyOptions(flow_form=options.flow_form, degrees=options.degrees)
     )
-    one, notes = prepare(case, flow_options)
-    chosen = applicable(one, EFFECTS if catalogue is None else catalogue)
-    found = select_effects(one, chosen, executor, progress_range(report, 0.02, 0.8), options.keep)
-    effects = tuple(chosen[name]() for name in found.chosen)
-    judgement = judge(found, effects)
+    study, notes = prepare(case, flow_options)
+    chosen = applicable(study, EFFECTS if catalogue is None else catalogue)
+    selection = select_effects(
+        study, chosen, executor, progress_range(report, 0.02, 0.8), options.keep
+    )
+    effects = tuple(chosen[name]() for name in selection.chosen)
+    judgement = judge(selection, effects)
     report("parameters and location", 0.82)
-    checks = check_fit(one, found.final, effects)
+    checks = check_fit(study, selection.final, effects)
     known: Catalogue = {**EFFECTS, **chosen}
     verdict, hidden = review_verdict(judgement, checks, known)
     named = verdict in (Verdict.EFFECT, Verdict.AMBIGUOUS)
     apart = named or verdict is Verdict.UNKNOWN or not near_noise(judgement)
-    inputs = estimate_unknown_inputs(one, found.nominal)
+    inputs = estimate_unknown_inputs(study, selection.nominal)
     where = locate(
-        one,
-        found.nominal,
-        _in_order(found, effects) if named else (),
-        found.final if named else None,
+        study,
+        selection.nominal,
+        _in_order(selection, effects) if named else (),
+        selection.final if named else None,
         gap=apart,
         inputs=inputs,
         catalogue=known,
     )
     report("simulating the held-out record", 0.88)
-    final = found.final if apart else found.nominal
-    shown = effects if final is found.final else ()
-    gap, more = simulated_gap(found.simulations, found.nominal, final, shown, found.levels)
+    final = selection.final if apart else selection.nominal
+    shown = effects if final is selection.final else ()
+    gap, more = simulated_gap(
+        selection.simulations, selection.nominal, final, shown, selection.levels
+    )
     report("done", 1.0)
     alike = judgement.alike if named else tuple((name,) for name in hidden)
     return Diagnosis(
         case=case.name,
         verdict=verdict,
-        effects=_found(one, found, judgement, chosen) if named else (),
-        ranking=_ranking(one, found, judgement, hidden, chosen),
+        effects=_found(study, selection, judgement, chosen) if named else (),
+        ranking=_ranking(study, selection, judgement, hidden, chosen),
         where=where,
         gap=gap,
         ambiguous=alike if len(alike) > 1 or hidden else (),
         experiment=_experiment(alike, chosen),
-        hint=_hint(where, found, judgement) if verdict is Verdict.UNKNOWN else "",
+        hint=_hint(where, selection, judgement) if verdict is Verdict.UNKNOWN else "",
         checks=checks,
-        notes=(*notes, *more, *(f"{joined_names(f.effects)}: {f.reason}" for f in found.failures)),
-        nominal=_values(one.axis, found.nominal),
-        fitted=_values(one.axis.with_effects(*shown), final),
+        notes=(
+            *notes,
+            *more,
+            *(f"{joined_names(f.effects)}: {f.reason}" for f in selection.failures),
+        ),
+        nominal=_values(study.axis, selection.nominal),
+        fitted=_values(study.axis.with_effects(*shown), final),
         seconds=time.perf_counter() - began,
-        evidence=collect_evidence(one, inputs, found.nominal, final if shown else None),
+        evidence=collect_evidence(study, inputs, selection.nominal, final if shown else None),
         flow_selection=flow_selection,
     )
 
@@ -203,7 +211,7 @@ def prepare(case: Case, options: IdentifyOptions | None = None) -> tuple[Study, 
 
 def applicable(study: Study, catalogue: Catalogue) -> dict[str, EffectFactory]:
     """Return the effects of a catalogue that an axis can have, as its metered valve shows them."""
-    found = {}
+    chosen = {}
     for name, effect in catalogue.items():
         if study.flow_map is not None and isinstance(effect, type) and issubclass(effect, Effect):
             effect = effect.on_metered(float(study.flow_map.u.min()), float(study.flow_map.u.max()))
@@ -211,8 +219,8 @@ def applicable(study: Study, catalogue: Catalogue) -> dict[str, EffectFactory]:
             study.axis.with_effects(effect())
         except ModelError:
             continue
-        found[name] = effect
-    return found
+        chosen[name] = effect
+    return chosen
 
 
 def _values(axis: Axis, fitted: FittedModel) -> dict[str, Value]:
@@ -302,9 +310,20 @@ def _ranking(
         Candidate((name,), HIDDEN * float(share), None, 0.0, 0.0)
         for name, share in zip(hidden, shares / shares.sum(), strict=True)
     ]
-    rest = [one for one in ranked if not (len(one.names) == 1 and one.names[0] in hidden)]
-    left = (1.0 - HIDDEN) / max(1.0, sum(one.probability for one in rest)) if hidden else 1.0
-    return (*absorbed, *(replace(one, probability=left * one.probability) for one in rest))
+    rest = [
+        candidate
+        for candidate in ranked
+        if not (len(candidate.names) == 1 and candidate.names[0] in hidden)
+    ]
+    left = (
+        (1.0 - HIDDEN) / max(1.0, sum(candidate.probability for candidate in rest))
+        if hidden
+        else 1.0
+    )
+    return (
+        *absorbed,
+        *(replace(candidate, probability=left * candidate.probability) for candidate in rest),
+    )
 
 
 def _experiment(alike: Sequence[Names], catalogue: Catalogue) -> str:
@@ -324,7 +343,7 @@ def _experiment(alike: Sequence[Names], catalogue: Catalogue) -> str:
 def _hint(where: Where, selection: Selection, judgement: Judgement) -> str:
     parts = [f"what is missing acts in {where.balance.replace('_', ' ')}"]
     if where.regimes:
-        parts.append("most " + ", ".join(one.name for one in where.regimes[:2]))
+        parts.append("most " + ", ".join(regime.name for regime in where.regimes[:2]))
     if selection.path:
         label = joined_names(selection.chosen)
         closure = balance_closure(selection.nominal, selection.final, selection.levels)

@@ -110,28 +110,28 @@ def check_parameters(
     than 4; a load or tilt of 10.0 N in +x would look the same.'
     """
     known = _Known(values, std)
-    found: list[Check] = []
+    checks: list[Check] = []
     if isinstance(axis.bench, Bench):  # its areas and volumes are checked
-        found += _areas(axis.bench, known)
-        found += _polytropic(known)
-        found += _volumes(axis.bench, known)
-    found += _mass(axis, known)
-    found += _friction(known)
-    found += _flow_map(flow_map_deviation)
-    found += _map_form(map_misfit)
-    return tuple(found)
+        checks += _areas(axis.bench, known)
+        checks += _polytropic(known)
+        checks += _volumes(axis.bench, known)
+    checks += _mass(axis, known)
+    checks += _friction(known)
+    checks += _flow_map(flow_map_deviation)
+    checks += _map_form(map_misfit)
+    return tuple(checks)
 
 
 def _within(
     name: str,
-    found: tuple[float, float],
+    estimate: tuple[float, float],
     expected: float,
     tolerance: float,
     unit: str,
     texts: tuple[str, str],
 ) -> Check:
     """Return a check with the text for agreement or for the opposite."""
-    value, std = found
+    value, std = estimate
     agrees = abs(value - expected) <= tolerance + SIGMAS * std
     text = texts[0] if agrees else texts[1]
     return Check(name, value, std, expected, tolerance, unit, bool(agrees), text)

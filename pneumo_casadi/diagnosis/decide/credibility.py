@@ -50,14 +50,16 @@ def review_verdict(
     """
     verdict = judgement.verdict
     hidden = absorbed_candidates(checks, catalogue)
-    wrong = {one.name for one in checks if not one.agrees}
+    wrong = {check.name for check in checks if not check.agrees}
     wrong_area = bool(wrong & set(AREAS))
     # A cause in no list may spoil both areas alike; one beside the other is a matter of the valves.
     hides = "S_N/S_P" in wrong if verdict is Verdict.UNKNOWN else wrong_area
     if verdict is Verdict.NONE or (near_noise(judgement) and hides):
         return (Verdict.ABSORBED, hidden) if hidden else (verdict, ())
-    areas = [one for one in checks if one.name in AREAS]
-    far = {one.name for one in areas if abs(one.value - one.expected) > FAR * one.tolerance}
+    areas = [check for check in checks if check.name in AREAS]
+    far = {
+        check.name for check in areas if abs(check.value - check.expected) > FAR * check.tolerance
+    }
     doubtful = bool(far or "M" in wrong) and judgement.unexplained > DOUBTFUL
     if doubtful and verdict in (Verdict.EFFECT, Verdict.AMBIGUOUS):
         verdict = Verdict.UNKNOWN

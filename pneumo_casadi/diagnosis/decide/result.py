@@ -174,5 +174,6 @@ class Diagnosis:
 
 def _values(values: Mapping[str, Value]) -> dict[str, dict[str, Any]]:
     return {
-        name: {"value": one.value, "std": one.std, "unit": one.unit} for name, one in values.items()
+        name: {"value": value.value, "std": value.std, "unit": value.unit}
+        for name, value in values.items()
     }

@@ -85,7 +85,7 @@ def locate(
     if gap and not any(shares.values()):
         total = sum(value / MODEL_ERROR[name] ** 2 for name, value in energy.items())
         shares = {name: value / MODEL_ERROR[name] ** 2 / total for name, value in energy.items()}
-    found = signatures(study, nominal.values)
+    evidence = signatures(study, nominal.values)
     telling = find_regimes(study, nominal)
     if cause:
         balance = balance_of_effect(
@@ -95,17 +95,17 @@ def locate(
     elif gap is False:
         balance, junction = Balance.NONE, None
     else:
-        balance = balance_of_gap(shares, found)
+        balance = balance_of_gap(shares, evidence)
         junction = _junction(balance, telling)
     # A sensor's error shows in every balance, another cause where it acts.
     here = [r for r in telling if balance in (r.balance, Balance.MEASUREMENT)][:REGIMES]
     rivals = (
         ()
         if balance in (Balance.MEASUREMENT, Balance.NONE)
-        else rival_sensor_effects(found, catalogue)
+        else rival_sensor_effects(evidence, catalogue)
     )
     there = [effect.name for effect in cause if _acts_at(effect) == junction]
-    words = _words(balance, energy, here, rivals, found, there)
+    words = _words(balance, energy, here, rivals, evidence, there)
     return Where(balance, junction, tuple(here), shares, rivals, words)
 
 
@@ -136,11 +136,11 @@ def balance_of_effect(cause: Effect, added: Mapping[str, float]) -> Balance:
     return Balance(max(flows, key=lambda name: flows[name]))
 
 
-def balance_of_gap(shares: Mapping[str, float], found: Signatures) -> Balance:
+def balance_of_gap(shares: Mapping[str, float], evidence: Signatures) -> Balance:
     """Return where the gap lies when no effect explains it: by unknown inputs and signatures."""
     if not any(shares.values()):
         return Balance.NONE
-    if min(_weighed(found.sensors)) < SENSOR * min(_weighed(found.inputs)):
+    if min(_weighed(evidence.sensors)) < SENSOR * min(_weighed(evidence.inputs)):
         return Balance.MEASUREMENT
     return Balance(max(shares, key=lambda name: shares[name]))
 
@@ -151,18 +151,18 @@ def _weighed(left: Mapping[str, float]) -> list[float]:
 
 
 def rival_sensor_effects(
-    found: Signatures, catalogue: Mapping[str, EffectFactory]
+    evidence: Signatures, catalogue: Mapping[str, EffectFactory]
 ) -> tuple[str, ...]:
     """Name the sensor effects whose signature fits the residuals about as well, the best first.
 
     Among effects of the same sensor those with more states come first: their errors follow the
     motion more freely.
     """
-    best = min(found.inputs.values())
+    best = min(evidence.inputs.values())
     close = {
         name: value
-        for name, value in found.sensors.items()
-        if value < RIVAL * best and value < UNEXPLAINED * found.before
+        for name, value in evidence.sensors.items()
+        if value < RIVAL * best and value < UNEXPLAINED * evidence.before
     }
     order = sorted(close, key=lambda name: close[name])
     made = sorted((make() for make in catalogue.values()), key=lambda effect: -len(effect.states))
@@ -215,7 +215,7 @@ def _words(
     energy: Mapping[str, float],
     regimes: Sequence[Regime],
     rivals: Sequence[str],
-    found: Signatures,
+    evidence: Signatures,
     cause: Sequence[str],
 ) -> tuple[str, ...]:
     """Say it in sentences."""
@@ -225,13 +225,13 @@ def _words(
     if balance is Balance.NONE:
         return (*sentences, "No more than flow maps and friction laws usually leave.")
     if balance is Balance.MEASUREMENT:
-        best = min(found.sensors, key=lambda name: found.sensors[name])
+        best = min(evidence.sensors, key=lambda name: evidence.sensors[name])
         shown = (
             f"an error of the {best} sensor alone explains"
             if best == "position"
             else "errors of the pressures alone explain"
         )
-        share = 100 * max(0.0, 1 - found.sensors[best] / found.before)
+        share = 100 * max(0.0, 1 - evidence.sensors[best] / evidence.before)
         sentences.append(
             f"Simulation and reality part in what a sensor shows: {shown} "
             f"{share:.0f} % of all residuals."
@@ -242,9 +242,9 @@ def _words(
         act = "acts" if len(cause) == 1 else "act"
         sentences.append(f"That is where {' and '.join(cause)} {act}.")
     sentences += [
-        f"{100 * one.share:.0f} % of the gap in {_WORDS[one.balance]} is found here: {one.name} "
-        f"({100 * one.time:.0f} % of {_WHOLE.get(one.condition.kind, 'the time')})."
-        for one in regimes[:3]
+        f"{100 * regime.share:.0f} % of the gap in {_WORDS[regime.balance]} is found here: "
+        f"{regime.name} ({100 * regime.time:.0f} % of {_WHOLE.get(regime.condition.kind, 'the time')})."
+        for regime in regimes[:3]
     ]
     if rivals:
         sentences.append(

@@ -101,30 +101,30 @@ def find_regimes(study: Study, fit: FittedModel, seed: int = 0) -> tuple[Regime,
         of the balance's own signal in it.
     """
     rng = np.random.default_rng(seed)
-    found: list[Regime] = []
+    regimes: list[Regime] = []
     floor = np.mean(
         [residual_floor(study.axis, fit.values, data) for data in _records(study)], axis=0
     )
     for rows, least in zip(_all_rows(study, fit), floor, strict=True):
         if np.mean(rows.r**2) > (FLOORS * least) ** 2:
-            found += _tested(rows, study.axis, rng)
-            found += _bands(study, fit, rows.balance, rng)
-    telling = [r for r in found if r.ratio > RATIO and r.p_value < P_VALUE]
+            regimes += _tested(rows, study.axis, rng)
+            regimes += _bands(study, fit, rows.balance, rng)
+    telling = [r for r in regimes if r.ratio > RATIO and r.p_value < P_VALUE]
     telling.sort(key=lambda r: -r.share * np.log(min(r.ratio, RATIO_CAP)))
     return tuple(r for i, r in enumerate(telling) if not any(_same(r, s) for s in telling[:i]))
 
 
-def _same(one: Regime, other: Regime) -> bool:
+def _same(regime: Regime, other: Regime) -> bool:
     """Whether two regimes of a balance are the same part of the record, but for a few rows."""
-    close = abs(one.share - other.share) < SAME and abs(one.time - other.time) < SAME
-    return close and one.balance == other.balance
+    close = abs(regime.share - other.share) < SAME and abs(regime.time - other.time) < SAME
+    return close and regime.balance == other.balance
 
 
 def map_regimes(study: Study, fit: FittedModel) -> tuple[RegimeMap, ...]:
     """Return every balance's residual over command, velocity, position, pressures and time."""
     units = {"u": "V", "v": "m/s", "x": "m", "p": "Pa", "t": "s", "F": "N"}
     units_of = {b.name: b.equation_error_unit for b in study.axis.kind.balances}
-    found = []
+    maps = []
     for rows in _all_rows(study, fit):
         own = units_of[rows.balance]
         for name in _quantities(study.axis, rows.balance):
@@ -138,8 +138,8 @@ def map_regimes(study: Study, fit: FittedModel) -> tuple[RegimeMap, ...]:
             square = np.bincount(bins, rows.r**2, edges.size - 1) / count
             # Windows are four rows long: that many rows share one measurement.
             band = 2 * np.sqrt(np.maximum(square - mean**2, 0.0) * 4 / count)
-            found.append(RegimeMap(name, units[name[0]], rows.balance, edges, mean, band, own))
-    return tuple(found)
+            maps.append(RegimeMap(name, units[name[0]], rows.balance, edges, mean, band, own))
+    return tuple(maps)
 
 
 def _quantities(axis: Axis, balance: str) -> tuple[str, ...]:
@@ -171,8 +171,8 @@ def _averaged(axis: Axis, data: SmoothedMotion) -> dict[str, FloatArray]:
     columns = [*data.x, *data.u, data.t, _after_reversal(v, data)]
     columns += [data.dx[i] for i, _ in enumerate(axis.outputs[:-1])]
     rates = tuple(f"d{name}" for name in axis.outputs[:-1])
-    found = data.averaged(np.array(columns).T).T
-    return dict(zip((*names, "t", "reversal", *rates), found, strict=True))
+    averages = data.averaged(np.array(columns).T).T
+    return dict(zip((*names, "t", "reversal", *rates), averages, strict=True))
 
 
 def _after_reversal(v: FloatArray, data: SmoothedMotion) -> FloatArray:
@@ -180,10 +180,10 @@ def _after_reversal(v: FloatArray, data: SmoothedMotion) -> FloatArray:
     direction = np.where(np.abs(v) > max(SLOW, NOISE_MULTIPLE * data.velocity_noise), np.sign(v), 0)
     moving = np.flatnonzero(direction)
     turns = moving[1:][direction[moving][1:] != direction[moving][:-1]]
-    found = np.zeros(v.size)
+    after = np.zeros(v.size)
     for turn in turns:
-        found[turn : turn + round(REVERSAL / data.dt)] = 1.0
-    return found
+        after[turn : turn + round(REVERSAL / data.dt)] = 1.0
+    return after
 
 
 def _tested(rows: _Rows, axis: Axis, rng: np.random.Generator) -> list[Regime]:
@@ -292,7 +292,7 @@ def _bands(
     if R.sum() <= 0:
         return []
     f = np.fft.rfftfreq(length, 1 / ROW_RATE)
-    found = []
+    regimes = []
     for low, high in pairwise(BANDS):
         inside = (f >= low) & (f < high)
         share, usual = R[:, inside].sum() / R.sum(), S[:, inside].sum() / S.sum()
@@ -300,8 +300,8 @@ def _bands(
         signs = rng.choice([-1.0, 1.0], size=(SHUFFLES, excess.size))
         p = (1 + np.sum(signs @ excess >= excess.sum())) / (SHUFFLES + 1)
         band = Condition(RegimeKind.BAND, low, high)
-        found.append(Regime(band, balance, float(share), float(usual), float(p)))
-    return found
+        regimes.append(Regime(band, balance, float(share), float(usual), float(p)))
+    return regimes
 
 
 def _noise_spectrum(study: Study, fit: FittedModel, i: int, length: int) -> FloatArray:

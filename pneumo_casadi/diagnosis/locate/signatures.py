@@ -81,9 +81,11 @@ def signatures(study: Study, values: Mapping[str, float]) -> Signatures:
         Nominal parameters as fitted; a refit of them is part of every hypothesis.
     """
     train, held = study.smoothed
-    found = [_record_signatures(study, values, data) for data in held or train]
-    before = float(np.mean([single.before for single in found]))
-    left = {name: float(np.mean([single.left[name] for single in found])) for name in found[0].left}
+    records = [_record_signatures(study, values, data) for data in held or train]
+    before = float(np.mean([single.before for single in records]))
+    left = {
+        name: float(np.mean([single.left[name] for single in records])) for name in records[0].left
+    }
     return Signatures(before, left)
 
 
@@ -153,7 +155,7 @@ def _columns(
     S = [spline, step @ spline, step @ (step @ spline)]
     scale = [*(1.0 for _ in axis.outputs[:-1]), values["M"]]
     states = [*axis.outputs[:-1], "v"]
-    found: dict[str, list[Any]] = {}
+    columns: dict[str, list[Any]] = {}
     for sensor in axis.outputs:
         parts = []
         for own, size in zip(states, scale, strict=True):
@@ -166,11 +168,11 @@ def _columns(
             if own == "v" and sensor == "x":
                 total = total - size * S[2]
             parts.append(csr_array(data.weak @ total))
-        found[sensor] = parts
+        columns[sensor] = parts
     rows = csr_array(data.weak @ spline)
     for i, equation in enumerate(axis.equations):
-        found[equation] = [rows if i == j else 0 * rows for j in range(len(axis.equations))]
-    return found
+        columns[equation] = [rows if i == j else 0 * rows for j in range(len(axis.equations))]
+    return columns
 
 
 def _spline(N: int, every: int) -> Any:

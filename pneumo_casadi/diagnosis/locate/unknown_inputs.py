@@ -182,7 +182,7 @@ def _random_walk_stds(
 ) -> FloatArray:
     """Return the walk of each input that makes its balance's residuals most likely, (ne,)."""
     names = axis.motion_states
-    found = []
+    stds = []
     for i, equation in enumerate(axis.equations):
         state = {"force": "v", "mass_flow_P": "p_P", "mass_flow_N": "p_N"}[equation]
         unit = B[:-1, names.index(state), i]
@@ -191,8 +191,8 @@ def _random_walk_stds(
             r = np.where(moving[:-1], r, 0.0)
         measured = "x" if equation == "force" else state
         size = float(np.mean(1 / unit)) ** 2 * R[axis.outputs.index(measured)]
-        found.append(_random_walk_std(r, size, 4 if equation == "force" else 2, h))
-    return np.array(found)
+        stds.append(_random_walk_std(r, size, 4 if equation == "force" else 2, h))
+    return np.array(stds)
 
 
 def _random_walk_std(r: FloatArray, noise: float, power: int, h: float) -> float:

@@ -115,8 +115,8 @@ def bootstrap_gain(
 
     def gain(weights: FloatArray) -> FloatArray:
         n = np.maximum(counts @ weights.T, 1e-9)
-        one, other = ((s @ weights.T) / n + floor[:, None] for s in sums)
-        return np.asarray(0.5 * np.log(one / other).T)
+        old, new = ((s @ weights.T) / n + floor[:, None] for s in sums)
+        return np.asarray(0.5 * np.log(old / new).T)
 
     return gain(np.ones((1, counts.shape[1])))[0], gain(draws)
 
@@ -130,8 +130,8 @@ def block_gain(
     counts = _block_sums(used)
     present = (counts > 0).astype(float)
     n, floor = np.maximum(counts, 1), levels.noise[:, None] ** 2
-    one, other = (_block_sums(part * used) / n + floor for part in (b, a))
-    logs = 0.5 * np.log(one / other) * present
+    old, new = (_block_sums(part * used) / n + floor for part in (b, a))
+    logs = 0.5 * np.log(old / new) * present
 
     def gain(weights: FloatArray) -> FloatArray:
         return np.asarray((logs @ weights.T / np.maximum(present @ weights.T, 1e-9)).T)

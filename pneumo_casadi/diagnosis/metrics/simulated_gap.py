@@ -56,9 +56,9 @@ class Simulations:
 
         Shape (windows, ny), in per cent of the signals squared; initial states estimated.
         """
-        for known, found in self._kept:
+        for known, squares in self._kept:
             if known is fitted:
-                return found
+                return squares
         self.keep(fitted, self._simulated(fitted, effects))
         return self._kept[-1][1]
 
@@ -72,12 +72,12 @@ class Simulations:
             pairs = window_runs(axis, self.study.held_out, WINDOW)
         except (FitError, ModelError) as error:
             return str(error)
-        found = []
+        squares = []
         for record, rows, run in pairs:
             L = round(WINDOW / record.dt)
             e = np.stack([record[name][rows] - run[name] for name in axis.outputs])
-            found.append(np.mean(e.reshape(len(e), -1, L) ** 2, axis=2).T)
-        return np.asarray(np.concatenate(found) / _signal_stds(self.study) ** 2 * 1e4)
+            squares.append(np.mean(e.reshape(len(e), -1, L) ** 2, axis=2).T)
+        return np.asarray(np.concatenate(squares) / _signal_stds(self.study) ** 2 * 1e4)
 
     def loop(self, fitted: FittedModel, effects: Sequence[Effect]) -> dict[str, float] | str:
         """Return the gap of every output under the controller, or why there is none."""
@@ -117,23 +117,23 @@ def simulated_gap(
     effects : sequence of Effect
         Those of `final`, in the order of its model.
     """
-    one, models = done.study, ((nominal, ()), (final, effects))
+    study, models = done.study, ((nominal, ()), (final, effects))
     notes: list[str] = []
-    views: dict[str, View] = {"balances": _balances(one, nominal, final, levels)}
-    noise = _noise_percent(one)
+    views: dict[str, View] = {"balances": _balances(study, nominal, final, levels)}
+    noise = _noise_percent(study)
     before, after = (done.windows(*model) for model in models)
     failed = [why for why in (before, after) if isinstance(why, str)]
     notes += [f"windows of {WINDOW:g} s cannot be simulated: {why}" for why in failed]
     if not isinstance(before, str) and not isinstance(after, str):
-        views["windows"] = _view(one.axis.outputs, before, after, noise)
-    if one.axis.bench.controller is not None and all("x_ref" in r for r in one.held_out):
+        views["windows"] = _view(study.axis.outputs, before, after, noise)
+    if study.axis.bench.controller is not None and all("x_ref" in r for r in study.held_out):
         loops = [done.loop(*model) for model in models]
         notes += [f"the closed loop cannot be simulated: {w}" for w in loops if isinstance(w, str)]
         b, a = loops
         if not isinstance(b, str) and not isinstance(a, str):
             views["closed_loop"] = {
                 name: {"before": b[name], "after": a[name], "noise": noise[name]}
-                for name in one.axis.outputs
+                for name in study.axis.outputs
             }
     if isinstance(before, str) or isinstance(after, str):
         shown = views["balances"]
@@ -141,8 +141,8 @@ def simulated_gap(
             k: combined_gap([v[k] for v in shown.values()]) for k in ("before", "after", "noise")
         }
         balances = balance_closure(nominal, final, levels)
-        found = Gap(sizes["before"], sizes["after"], sizes["noise"], balances, views)
-        return found, (*notes, "the gap is that of the balances")
+        balance_gap = Gap(sizes["before"], sizes["after"], sizes["noise"], balances, views)
+        return balance_gap, (*notes, "the gap is that of the balances")
     floor = np.array(list(noise.values()))
     closed = _closure(before, after, floor)
     gaps = _overall_gap(before, floor), _overall_gap(after, floor)

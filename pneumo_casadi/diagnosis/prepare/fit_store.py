@@ -59,21 +59,21 @@ class Store:
         path = self._path(effects)
         try:
             with np.load(path, allow_pickle=False) as held:
-                found = dict(held)
+                arrays = dict(held)
             parts: list[Any] = [
-                tuple(found[f"{name}_{i}"] for i in range(int(found[f"n_{name}"])))
+                tuple(arrays[f"{name}_{i}"] for i in range(int(arrays[f"n_{name}"])))
                 for name in _PARTS
             ]
             return FittedModel(
                 tuple(effect.name for effect in effects),
-                dict(zip(found["names"].tolist(), found["values"].tolist(), strict=True)),
-                dict(zip(found["free"].tolist(), found["std"].tolist(), strict=True)),
-                float(found["cost"]),
+                dict(zip(arrays["names"].tolist(), arrays["values"].tolist(), strict=True)),
+                dict(zip(arrays["free"].tolist(), arrays["std"].tolist(), strict=True)),
+                float(arrays["cost"]),
                 parts[0],
                 parts[1],
                 parts[2],
                 parts[3],
-                bool(found["converged"]),
+                bool(arrays["converged"]),
             )
         except (OSError, KeyError, ValueError, BadZipFile):
             return None

@@ -154,14 +154,14 @@ def fit_model(
     axis = study.axis.with_effects(*effects).at_starting_values()
     known = {name: value for name, value in (start or {}).items() if name in axis.parameters}
     axis = axis.with_parameters(known)
-    found = min(
+    fitted = min(
         (_fit_with_recovery(study, axis.with_parameters(s)) for s in shapes or ({},)), key=_cost
     )
-    if base is not None and effects and found.cost >= base - MIN_GAIN:
+    if base is not None and effects and fitted.cost >= base - MIN_GAIN:
         new = [n for n in axis.parameters.free_names if "." in n and n not in known]
-        found = _fit_from_larger_starts(study, axis, new, found)
-    require_credible(study, effects, found)
-    return found
+        fitted = _fit_from_larger_starts(study, axis, new, fitted)
+    require_credible(study, effects, fitted)
+    return fitted
 
 
 def _fit_from_larger_starts(
@@ -182,12 +182,12 @@ def _fit_with_recovery(study: Study, axis: Axis) -> FittedModel:
 
     The bounds are a factor of 20 away from the geometry: who ends there got lost.
     """
-    found = _fit(study, axis)
+    fitted = _fit(study, axis)
     items = [item for item in axis.parameters if item.free and item.name.startswith("X_s")]
-    if all(item.lower < found.values[item.name] < item.upper for item in items):
-        return found
+    if all(item.lower < fitted.values[item.name] < item.upper for item in items):
+        return fitted
     geometry = {item.name: item.scale for item in items}
-    return min(found, _fit(study, axis.with_parameters(geometry)), key=_cost)
+    return min(fitted, _fit(study, axis.with_parameters(geometry)), key=_cost)
 
 
 def refine_model(study: Study, fitted: FittedModel, effects: Sequence[Effect]) -> FittedModel:
@@ -209,19 +209,23 @@ def refine_model(study: Study, fitted: FittedModel, effects: Sequence[Effect]) -
 
 
 def _better(
-    study: Study, effects: Sequence[Effect], fitted: FittedModel, found: FittedModel, gain: float
+    study: Study,
+    effects: Sequence[Effect],
+    fitted: FittedModel,
+    candidate: FittedModel,
+    gain: float,
 ) -> FittedModel:
     """Return what was found where it gains enough and is to be believed, else what was fitted."""
-    if found.cost >= fitted.cost - gain:
+    if candidate.cost >= fitted.cost - gain:
         return fitted
     try:
-        require_credible(study, effects, found)
+        require_credible(study, effects, candidate)
     except FitError:
         return fitted
-    return found
+    return candidate
 
 
-def require_credible(study: Study, effects: Sequence[Effect], found: FittedModel) -> None:
+def require_credible(study: Study, effects: Sequence[Effect], fitted: FittedModel) -> None:
     """Refuse a shape of the valve that its metered map does not show, and values out of range.
 
     Raises
@@ -231,7 +235,7 @@ def require_credible(study: Study, effects: Sequence[Effect], found: FittedModel
     """
     for effect in effects:
         for name, (low, high) in effect.credible.items():
-            value = found.values[f"{effect.name}.{name}"]
+            value = fitted.values[f"{effect.name}.{name}"]
             if not low <= value <= high:
                 raise FitError(
                     f"{effect.name}.{name} = {value:.3g} is not to be believed, by physics it is "
@@ -240,7 +244,7 @@ def require_credible(study: Study, effects: Sequence[Effect], found: FittedModel
     known = study.anchor_with(effects)
     if known is None or known is study.anchor:
         return
-    axis = study.axis.with_effects(*effects).with_parameters(dict(found.values))
+    axis = study.axis.with_effects(*effects).with_parameters(dict(fitted.values))
     pull = flow_map_deviation(known, axis)
     if pull.rms > MAX_MAP_RESIDUAL_RATIO:
         raise FitError(

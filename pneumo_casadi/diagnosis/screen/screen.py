@@ -105,7 +105,7 @@ def perturbation(study: Study, nominal: FittedModel, effect: Effect) -> tuple[Di
         return (first,)
     shapes = tuple(n for n in silent if starting[n].value != 0)
     starts = [starting[n].value for n in shapes]
-    found = []
+    grid = []
     grids = [SIGNED_GRID if axis.parameters[n].lower < 0 else GRID for n in shapes]
     for factors in itertools.product(*grids):
         values = {
@@ -115,18 +115,20 @@ def perturbation(study: Study, nominal: FittedModel, effect: Effect) -> tuple[Di
             for name, start, f in zip(shapes, starts, factors, strict=True)
         }
         if all(v == axis.parameters[n].value for n, v in values.items()):
-            found.append(_without(first, shapes, values))
+            grid.append(_without(first, shapes, values))
         else:
-            found.append(_direction(study, model, nominal, values, shapes))
+            grid.append(_direction(study, model, nominal, values, shapes))
         if model.n_z:
-            found.append(_direction(study, model, nominal, values, shapes, usual))
-    return tuple(found)
+            grid.append(_direction(study, model, nominal, values, shapes, usual))
+    return tuple(grid)
 
 
-def _without(one: Direction, shapes: Sequence[str], values: Mapping[str, float]) -> Direction:
-    kept = [i for i, name in enumerate(one.names) if name not in shapes]
-    names = tuple(one.names[i] for i in kept)
-    return Direction(values, names, one.columns[:, kept], one.lower[kept], one.upper[kept])
+def _without(direction: Direction, shapes: Sequence[str], values: Mapping[str, float]) -> Direction:
+    kept = [i for i, name in enumerate(direction.names) if name not in shapes]
+    names = tuple(direction.names[i] for i in kept)
+    return Direction(
+        values, names, direction.columns[:, kept], direction.lower[kept], direction.upper[kept]
+    )
 
 
 def _direction(
@@ -180,9 +182,9 @@ def background(
     theta = axis.parameters.values
     r, J = [], []
     for data in study.smoothed[0]:
-        found, mask = linearise_residuals(model, data, theta), data.used(axis)
-        r.append(found.r[mask])
-        J.append(found.J[mask])
+        linear, mask = linearise_residuals(model, data, theta), data.used(axis)
+        r.append(linear.r[mask])
+        J.append(linear.J[mask])
     weight = _weights(study, nominal)
     scales = axis.parameters.select(model.free).scales
     A = np.concatenate(J) * scales / weight[:, None]
@@ -197,21 +199,24 @@ def background(
     return Background(e, U[:, s > 1e-9 * s[0]])
 
 
-def screened(name: str, found: Sequence[Direction], behind: Background) -> ScreenResult:
+def screened(name: str, candidates: Sequence[Direction], behind: Background) -> ScreenResult:
     """Return what an effect promises over a background."""
-    promises = [(*_explained_and_observable(one, behind), one.values) for one in found]
+    promises = [
+        (*_explained_and_observable(direction, behind), direction.values)
+        for direction in candidates
+    ]
     observable = max(seen for _, seen, _ in promises)
-    promises.sort(key=lambda one: -one[0])
+    promises.sort(key=lambda direction: -direction[0])
     starts: dict[tuple[bool, ...], Mapping[str, float]] = {}
     for _, _, values in promises:
         starts.setdefault(tuple(value < 0 for value in values.values()), values)
-    felt = any(np.any(one.columns) for one in found)
+    felt = any(np.any(direction.columns) for direction in candidates)
     return ScreenResult(name, promises[0][0], observable, felt, tuple(starts.values()))
 
 
-def _explained_and_observable(one: Direction, behind: Background) -> tuple[float, float]:
+def _explained_and_observable(direction: Direction, behind: Background) -> tuple[float, float]:
     """Return the shares explained and observable of one direction."""
-    e, Q, D = behind.e, behind.Q, one.columns
+    e, Q, D = behind.e, behind.Q, direction.columns
     gram = D.T @ D - (Q.T @ D).T @ (Q.T @ D)
     slope = D.T @ e - (Q.T @ D).T @ (Q.T @ e)
     whole = np.diag(D.T @ D)
@@ -222,6 +227,8 @@ def _explained_and_observable(one: Direction, behind: Background) -> tuple[float
         return 0.0, observable
     step = np.zeros(len(whole))
     both = np.ix_(seen, seen)
-    step[seen] = minimise_in_box(gram[both], -slope[seen], one.lower[seen], one.upper[seen])
+    step[seen] = minimise_in_box(
+        gram[both], -slope[seen], direction.lower[seen], direction.upper[seen]
+    )
     gain = -(2 * slope @ step + step @ gram @ step) / float(e @ e)
     return max(float(gain), 0.0), observable

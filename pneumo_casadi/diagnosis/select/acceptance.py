@@ -36,8 +36,8 @@ def accepted(
     decide, of all; and of the root mean square or, where a few large residuals decide, of the
     blocks' mean logarithms.
     """
-    first, one, other = (gaps(residual_rms(fit), levels) for fit in (origin, before, after))
-    enough = one - other > SHARE * first
+    first, old, new = (gaps(residual_rms(fit), levels) for fit in (origin, before, after))
+    enough = old - new > SHARE * first
     least = np.full(len(enough), MATTERS)
     if before is not origin:
         least[:-1] = FURTHER  # all but the force
@@ -45,7 +45,7 @@ def accepted(
     for kind in (bootstrap_gain, block_gain):
         gain, draws = kind(before, after, levels)
         _, pooled = kind(before, after, levels, pooled=True)
-        sure = np.maximum(*(np.quantile(one, 1 - CERTAIN, axis=0) for one in (draws, pooled)))
+        sure = np.maximum(*(np.quantile(gains, 1 - CERTAIN, axis=0) for gains in (draws, pooled)))
         if np.any((gain > least) & (sure > 0) & enough) and gain.sum() > 0:
             return True
     return False

@@ -115,13 +115,13 @@ class FitLedger:
 
     def over(self, behind: Background, without: Sequence[str] = ()) -> dict[str, ScreenResult]:
         """Screen all effects but some over a background, the most promising first."""
-        found = [
+        results = [
             screened(name, directions, behind)
             for name, directions in self.directions.items()
             if name not in without
         ]
-        found.sort(key=lambda one: -one.explained)
-        return {one.name: one for one in found}
+        results.sort(key=lambda result: -result.explained)
+        return {result.name: result for result in results}
 
     def fit_all(self, models: Mapping[Names, Start]) -> None:
         """Fit models from their starts, those that are not known already."""
@@ -170,5 +170,5 @@ def _run_in_worker(packed: bytes, job: Callable[..., object], *given: object) ->
 @lru_cache(maxsize=2)
 def _unpickled(token: str, packed: bytes) -> Study:
     del token
-    found: Study = pickle.loads(packed)
-    return found
+    study: Study = pickle.loads(packed)
+    return study

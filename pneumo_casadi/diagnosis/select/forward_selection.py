@@ -112,28 +112,28 @@ def select_effects(
     """
     report = progress or no_progress
     store = None if keep is None else Store.of(keep, study)
-    worker = FitLedger(study, catalogue, executor, store)
+    ledger = FitLedger(study, catalogue, executor, store)
     report("nominal model", 0.0)
     nominal = fit_model(study, ())
     levels = balance_levels(study)
     report("screening the catalogue", 0.1)
-    worker.screen_all(nominal)
-    first = worker.over(background(study, nominal, nominal))
+    ledger.screen_all(nominal)
+    first = ledger.over(background(study, nominal, nominal))
     report("refitting single effects", 0.3)
-    _fit_beside(worker, (), nominal, first, list(first))
-    path = _forward(worker, nominal, levels, report)
-    failures = tuple(worker.failures.values())
+    _fit_beside(ledger, (), nominal, first, list(first))
+    path = _forward(ledger, nominal, levels, report)
+    failures = tuple(ledger.failures.values())
     return Selection(
         nominal,
-        {k: fitted for k, (fitted, left) in worker.trials.items() if left < np.inf} | worker.fits,
+        {k: fitted for k, (fitted, left) in ledger.trials.items() if left < np.inf} | ledger.fits,
         failures,
         first,
         path,
         levels,
-        worker.output_error_fits,
-        worker.gap_left,
-        {key: share for key, (_, share) in worker.trials.items()},
-        worker.simulations,
+        ledger.output_error_fits,
+        ledger.gap_left,
+        {key: share for key, (_, share) in ledger.trials.items()},
+        ledger.simulations,
     )
 
 
@@ -217,7 +217,7 @@ def _fit_beside(
     names: Sequence[str],
 ) -> None:
     """Fit a model with each of some effects more, and each that is not felt where it is small."""
-    unfelt = [name for name, one in screened.items() if not one.felt]
+    unfelt = [name for name, result in screened.items() if not result.felt]
     ledger.fit_all(
         {
             ledger.key((*known, name)): (
@@ -237,10 +237,10 @@ def _fit_pairs(ledger: FitLedger) -> None:
     have another form than the usual, only that form shows it.
     """
     starts: dict[Names, Start] = {}
-    for one, other in combinations(ledger.alone[:PAIRED], 2):
-        better, added = (ledger.fits[name,] for name in (one, other))
-        own = {n: v for n, v in added.values.items() if n.startswith(f"{other}.")}
-        starts[ledger.key((one, other))] = {**better.values, **own}, (), None
+    for first, second in combinations(ledger.alone[:PAIRED], 2):
+        better, added = (ledger.fits[name,] for name in (first, second))
+        own = {n: v for n, v in added.values.items() if n.startswith(f"{second}.")}
+        starts[ledger.key((first, second))] = {**better.values, **own}, (), None
     ledger.fit_all(starts | _starts_of_contradicted_shapes(ledger))
     pairs = [key for key in ledger.fits if len(key) == 2]
     if pairs:

@@ -45,4 +45,4 @@ def find_plausible_extension(ledger: FitLedger, current: FittedModel, known: Nam
 
 def _wrong(ledger: FitLedger, names: Names, fitted: FittedModel) -> set[str]:
     checks = check_fit(ledger.study, fitted, ledger.effects(names))
-    return {KNOWN_BY[one.name] for one in checks if one.name in KNOWN_BY and not one.agrees}
+    return {KNOWN_BY[check.name] for check in checks if check.name in KNOWN_BY and not check.agrees}

@@ -141,9 +141,9 @@ def _candidates(ledger: FitLedger, known: Names) -> Sequence[str]:
 
     alone = {key: f for key, f in ledger.extensions(()).items() if not set(key) & set(known)}
     names = {name for key in (*best(ledger.extensions(known)), *best(alone)) for name in key}
-    for one in ledger.effects(known):
-        if any_sensor_memory((one,)):
-            names |= {n for n in one.confused_with if n in ledger.catalogue}
+    for effect in ledger.effects(known):
+        if any_sensor_memory((effect,)):
+            names |= {n for n in effect.confused_with if n in ledger.catalogue}
     made = {name: ledger.catalogue[name]() for name in ledger.key(names - set(known))}
     # A refinement holds the flow map, and with it what is metered of a valve. A second sensor that
     # hides the motion is tried only where it gains in fits too: the first may stand for it.
@@ -197,7 +197,7 @@ def _refine_again(ledger: FitLedger, nominal: FittedModel, names: Names) -> None
     """Let a fit that may have been cut short go on from where it ended, if that leaves less."""
     before = ledger.trials.pop(names)
     _refine_all(ledger, nominal, {names: before[0]})
-    ledger.trials[names] = min(before, ledger.trials[names], key=lambda one: one[1])
+    ledger.trials[names] = min(before, ledger.trials[names], key=lambda trial: trial[1])
     ledger.failures.pop(names, None)  # where only the second refinement failed
 
 

@@ -105,9 +105,9 @@ def diagnose_many(
     for row in _rows(paths, out, diagnosing, executor):
         rows[row.case] = row
         report(f"diagnosed {len(rows)} of {len(paths)}", len(rows) / len(paths))
-    found = tuple(rows[path.name] for path in paths)
-    write_tables(found, out)
-    return found
+    table = tuple(rows[path.name] for path in paths)
+    write_tables(table, out)
+    return table
 
 
 def case_folders(folder: str | Path) -> tuple[Path, ...]:
@@ -121,14 +121,14 @@ def case_folders(folder: str | Path) -> tuple[Path, ...]:
     folder = Path(folder)
     if not folder.is_dir():
         raise CaseError(f"{folder}: no such folder; give the folder that holds the case folders")
-    found = sorted(
+    folders = sorted(
         path
         for path in folder.iterdir()
         if (path / "bench.json").is_file() or (path / EMPS_FILE).is_file()
     )
-    if not found:
+    if not folders:
         raise CaseError(f"{folder}: no case in it; each case is a folder with bench.json")
-    return tuple(found)
+    return tuple(folders)
 
 
 def diagnose_one(folder: Path, out: Path, diagnosing: Diagnosing, call: str = "") -> Row:

@@ -69,8 +69,8 @@ def row_of(record: Mapping[str, Any]) -> Row:
     return Row(
         case=case,
         verdict=diagnosis["verdict"],
-        effects=tuple(one["name"] for one in effects),
-        probabilities=tuple(one["probability"] for one in effects),
+        effects=tuple(effect["name"] for effect in effects),
+        probabilities=tuple(effect["probability"] for effect in effects),
         alike=tuple(diagnosis["ambiguous"]),
         where=diagnosis["where"]["balance"],
         gap_before_percent=gap["before"],

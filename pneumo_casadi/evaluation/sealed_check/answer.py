@@ -54,8 +54,8 @@ def read_answer(verdict: Mapping[str, Any]) -> Answer:
     """
     word = str(verdict["verdict"])
     candidates = list(verdict.get("ranking") or ())
-    ranking = tuple(effects_in(one["name"]) for one in candidates)
-    added = frozenset(str(one["name"]) for one in verdict.get("effects") or ())
+    ranking = tuple(effects_in(item["name"]) for item in candidates)
+    added = frozenset(str(item["name"]) for item in verdict.get("effects") or ())
     alike = [effects_in(label) for label in verdict.get("ambiguous") or ()]
     named: frozenset[str] = frozenset()
     if word in NAMING:

@@ -99,15 +99,15 @@ def check_withheld(
     draws = draw_cases(options.cases, options.seed, options.proportions)
     seal(folder, draws, options.duration, options.fs)
     make_cases(folder, draws, options.duration, options.fs, executor, progress)
-    left_out = {one.name: one.without for one in draws}
+    left_out = {draw.name: draw.without for draw in draws}
     diagnose_cases(folder, left_out, diagnosing, executor, progress)
     labels, verdicts = opened(folder)
     measures = _measure(folder, labels, verdicts, options, executor, progress)
-    found = scored(
-        [Judged(one, read_answer(verdicts[one.name]), measures[one.name]) for one in labels]
+    scores = scored(
+        [Judged(draw, read_answer(verdicts[draw.name]), measures[draw.name]) for draw in labels]
     )
-    write_json(found, folder / SCORES)
-    return found
+    write_json(scores, folder / SCORES)
+    return scores
 
 
 def _measure(
@@ -120,20 +120,20 @@ def _measure(
 ) -> dict[str, dict[str, Any]]:
     """Measure what is not measured yet, and return all of it by case."""
     sizes, rivals = {}, {}
-    for one in draws:
-        case, named = folder / CASES / one.name, sorted(read_answer(verdicts[one.name]).named)
-        sizes[one.name] = partial(
-            measure_one, folder / MEASURES, case, one, named, options.duration, options.fs
+    for draw in draws:
+        case, named = folder / CASES / draw.name, sorted(read_answer(verdicts[draw.name]).named)
+        sizes[draw.name] = partial(
+            measure_one, folder / MEASURES, case, draw, named, options.duration, options.fs
         )
-        if one.kind in ASKED_OF_RIVALS:
-            rivals[one.name] = partial(rivals_of_one, folder / RIVALS, case, one)
+        if draw.kind in ASKED_OF_RIVALS:
+            rivals[draw.name] = partial(rivals_of_one, folder / RIVALS, case, draw)
     asked = dict(list(rivals.items())[: options.rivals])
-    found: dict[str, dict[str, Any]] = {one.name: {} for one in draws}
+    measures: dict[str, dict[str, Any]] = {draw.name: {} for draw in draws}
     for text, name, tasks in (("measuring", MEASURES, sizes), ("asking rivals", RIVALS, asked)):
         target = folder / name
         missing = {k: v for k, v in tasks.items() if not (target / f"{k}.json").is_file()}
         in_turn(text, missing, executor, progress)
         for key in tasks:
             known = json.loads((target / f"{key}.json").read_text("utf-8"))
-            found[key] = known | found[key]
-    return found
+            measures[key] = known | measures[key]
+    return measures

@@ -69,7 +69,7 @@ class Proportions:
     never_listed: float = 15.0
 
     def __post_init__(self) -> None:
-        values = [getattr(self, one.name) for one in fields(self)]
+        values = [getattr(self, field.name) for field in fields(self)]
         if min(values) < 0 or sum(values) <= 0:
             raise CaseError(f"proportions {values}: none may be negative, and one must be positive")
 
@@ -196,13 +196,13 @@ def _effects_of(kind: Kind, count: int, rng: np.random.Generator) -> Iterator[di
             chosen = _cycled(names, count, rng)
             yield from ({name: _any(severities, rng)} for name in chosen)
         else:
-            yield from ({name: one.value} for name, one in _cycled(options, count, rng))
+            yield from ({name: severity.value} for name, severity in _cycled(options, count, rng))
 
 
 def _pairs(names: Sequence[str], count: int, rng: np.random.Generator) -> Iterator[dict[str, str]]:
     for _ in range(count):
-        one, two = rng.choice(len(names), 2, replace=False)
-        yield {names[i]: _any(STRONG, rng) for i in sorted((int(one), int(two)))}
+        first, second = rng.choice(len(names), 2, replace=False)
+        yield {names[i]: _any(STRONG, rng) for i in sorted((int(first), int(second)))}
 
 
 def _any(severities: Sequence[Severity], rng: np.random.Generator) -> str:
@@ -211,10 +211,10 @@ def _any(severities: Sequence[Severity], rng: np.random.Generator) -> str:
 
 def _cycled(options: Sequence[T], count: int, rng: np.random.Generator) -> list[T]:
     """Return options in random order, all of them before any comes again."""
-    found: list[T] = []
-    while len(found) < count:
-        found += [options[i] for i in rng.permutation(len(options))]
-    return found[:count]
+    chosen: list[T] = []
+    while len(chosen) < count:
+        chosen += [options[i] for i in rng.permutation(len(options))]
+    return chosen[:count]
 
 
 def make(draw: Draw, folder: str | Path, duration: float = 20.0, fs: float = 1000.0) -> Case:

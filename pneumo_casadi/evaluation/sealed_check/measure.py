@@ -68,10 +68,10 @@ def rivals_of_one(folder: Path, case: Path, draw: Draw) -> None:
 
 def _write(figures: Callable[[], dict[str, Any]], folder: Path, draw: Draw) -> None:
     try:
-        found = figures()
+        content = figures()
     except (PneumoError, np.linalg.LinAlgError) as error:
-        found = {"failure": f"{type(error).__name__}: {error}"}
-    write_json(found, folder / f"{draw.name}.json")
+        content = {"failure": f"{type(error).__name__}: {error}"}
+    write_json(content, folder / f"{draw.name}.json")
 
 
 def measured(study: Study, floor: FloatArray, draw: Draw, named: Collection[str]) -> dict[str, Any]:
@@ -123,7 +123,7 @@ class Models:
 
     Parameters
     ----------
-    worker : FitLedger
+    ledger : FitLedger
         Fits them.
     nominal : FittedModel
         Without effects.
@@ -131,7 +131,7 @@ class Models:
         Where the fits of single effects begin.
     """
 
-    worker: FitLedger
+    ledger: FitLedger
     nominal: FittedModel
     screen: Mapping[str, ScreenResult]
 
@@ -139,43 +139,43 @@ class Models:
     def of(study: Study, without: Collection[str] = ()) -> "Models":
         """Fit the nominal model and screen a catalogue that lacks some effects."""
         given = {name: effect for name, effect in EFFECTS.items() if name not in without}
-        worker, nominal = FitLedger(study, applicable(study, given)), fit_model(study, ())
-        worker.screen_all(nominal)
-        return Models(worker, nominal, worker.over(background(study, nominal, nominal)))
+        ledger, nominal = FitLedger(study, applicable(study, given)), fit_model(study, ())
+        ledger.screen_all(nominal)
+        return Models(ledger, nominal, ledger.over(background(study, nominal, nominal)))
 
     def fitted(self, names: Iterable[str]) -> FittedModel | None:
         """Return the fit with some effects; None where there is none.
 
         Several effects begin at the best single one of them, the others as screened.
         """
-        key = self.worker.key(names)
+        key = self.ledger.key(names)
         if not key:
             return self.nominal
-        if key not in self.worker.fits and key not in self.worker.failures:
+        if key not in self.ledger.fits and key not in self.ledger.failures:
             origin = self.nominal
             if len(key) > 1:
                 alone = [fit for fit in (self.fitted((name,)) for name in key) if fit is not None]
                 origin = min(alone, key=lambda fit: fit.cost, default=origin)
             screened = [self.screen[name].starts for name in key if name in self.screen]
             if len(key) == 1:
-                self.worker.fit_all(
+                self.ledger.fit_all(
                     {key: (origin.values, screened[0] if screened else (), origin.cost)}
                 )
             else:
                 begin = {k: v for starts in screened for k, v in starts[0].items()}
-                self.worker.fit_all({key: ({**begin, **origin.values}, (), origin.cost)})
-        return self.worker.fits.get(key)
+                self.ledger.fit_all({key: ({**begin, **origin.values}, (), origin.cost)})
+        return self.ledger.fits.get(key)
 
 
 def rivals(models: Models) -> dict[str, Any]:
     """Return what ranking by training error, and forward selection by AIC, make of a case."""
 
     def criterion(names: tuple[str, ...]) -> float:
-        found = models.fitted(names)
-        return np.inf if found is None else found.cost + len(found.std)
+        fitted = models.fitted(names)
+        return np.inf if fitted is None else fitted.cost + len(fitted.std)
 
-    single = {name: criterion((name,)) for name in models.worker.catalogue}
-    costs = {names[0]: fit.cost for names, fit in models.worker.fits.items() if len(names) == 1}
+    single = {name: criterion((name,)) for name in models.ledger.catalogue}
+    costs = {names[0]: fit.cost for names, fit in models.ledger.fits.items() if len(names) == 1}
     return {
         "by_error": sorted(costs, key=lambda name: costs[name]),
         "by_aic": forward(single, criterion(()), criterion),
@@ -205,10 +205,10 @@ def forward(
     best, beam = without, sorted(single, key=lambda name: single[name])[:BEAM]
     while len(chosen) < MOST:
         rest = [name for name in beam if name not in chosen]
-        found = {n: single[n] if not chosen else cost((*chosen, n)) for n in rest}
-        name = min(found, key=lambda key: found[key], default=None)
-        if name is None or not found[name] < best:
+        costs = {n: single[n] if not chosen else cost((*chosen, n)) for n in rest}
+        name = min(costs, key=lambda key: costs[key], default=None)
+        if name is None or not costs[name] < best:
             break
         chosen.append(name)
-        best = found[name]
+        best = costs[name]
     return chosen

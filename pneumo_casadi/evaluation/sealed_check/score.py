@@ -100,7 +100,7 @@ class Judged:
             "verdict": self.answer.verdict,
             "named": sorted(self.answer.named),
             "offered": sorted(self.answer.offered),
-            "ranking": [" + ".join(sorted(one)) for one in self.answer.ranking[:3]],
+            "ranking": [" + ".join(sorted(names)) for names in self.answer.ranking[:3]],
             "probability": self.answer.probability,
             "balance": self.answer.balance,
             "measured": {**self.measured, "by_error": self.measured.get("by_error", [])[:3]},

@@ -42,8 +42,8 @@ class Share:
         """Ends of the interval [1]; everything where nothing was counted."""
         if self.of == 0:
             return 0.0, 1.0
-        found = stats.binomtest(self.hits, self.of).proportion_ci(method="wilson")
-        return float(found.low), float(found.high)
+        interval = stats.binomtest(self.hits, self.of).proportion_ci(method="wilson")
+        return float(interval.low), float(interval.high)
 
     def as_dict(self) -> dict[str, Any]:
         """Return counts, percentage (None of nothing) and interval [%]."""

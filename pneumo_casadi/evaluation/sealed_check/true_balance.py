@@ -45,15 +45,15 @@ def balances_of(names: Iterable[str]) -> frozenset[str]:
     >>> sorted(balances_of(["position_delay"]))
     ['measurement']
     """
-    found: frozenset[str] = frozenset()
+    balances: frozenset[str] = frozenset()
     for name in names:
         if name in EFFECTS:
-            found |= acting_in(EFFECTS[name]())
+            balances |= acting_in(EFFECTS[name]())
         elif name in UNLISTED:
-            found |= UNLISTED[name]
+            balances |= UNLISTED[name]
         else:
             raise ModelError(f"no effect {name!r}: its balance is unknown")
-    return found
+    return balances
 
 
 def acting_in(effect: Effect) -> frozenset[str]:
@@ -74,10 +74,10 @@ def acting_in(effect: Effect) -> frozenset[str]:
         _AnyFlow(),
     )
     mine = ca.vertcat(*(symbols[name] for name in own))
-    found = {name for name, r in written.residual.items() if ca.depends_on(r, mine)}
+    balances = {name for name, r in written.residual.items() if ca.depends_on(r, mine)}
     if any(ca.depends_on(y, mine) for y in written.output.values()):
-        found.add(MEASUREMENT)
-    return frozenset(found)
+        balances.add(MEASUREMENT)
+    return frozenset(balances)
 
 
 class _AnyFlow:
