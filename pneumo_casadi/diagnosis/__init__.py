@@ -5,7 +5,6 @@ from pneumo_casadi.diagnosis.decide.result import (
     Verdict,
 )
 from pneumo_casadi.diagnosis.diagnose import DiagnosisOptions, applicable, diagnose, prepare
-from pneumo_casadi.diagnosis.metrics.balance import Balance
 from pneumo_casadi.diagnosis.metrics.findings import (
     Candidate,
     Check,
@@ -15,10 +14,10 @@ from pneumo_casadi.diagnosis.metrics.findings import (
     Value,
     Where,
 )
+from pneumo_casadi.diagnosis.metrics.location import Location
 from pneumo_casadi.diagnosis.metrics.regime import Condition, Regime, RegimeKind
 
 __all__ = [
-    "Balance",
     "Candidate",
     "Check",
     "Closure",
@@ -27,6 +26,7 @@ __all__ = [
     "DiagnosisOptions",
     "EffectFound",
     "Gap",
+    "Location",
     "Regime",
     "RegimeKind",
     "Value",

@@ -77,7 +77,6 @@ def exact_row_gains(data: SmoothedMotion) -> RowGains:
 
 
 def balance_noise(
-    axis: Axis,
     data: SmoothedMotion,
     gains: RowGains,
     mass: float,
@@ -88,10 +87,8 @@ def balance_noise(
 
     Parameters
     ----------
-    axis : Axis
-        Its last output is the position, those before are the pressures.
     data : SmoothedMotion
-        Record with the noise of its sensors.
+        Record with the noise of its sensors: the pressures, if any, and the position.
     gains : RowGains
         From `sampled_row_gains` or `exact_row_gains`.
     mass : float

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pneumo_casadi.diagnosis import Balance, Check, Verdict
+from pneumo_casadi.diagnosis import Check, Location, Verdict
 from pneumo_casadi.diagnosis.checks.absorbed import absorbed_candidates
 from pneumo_casadi.diagnosis.decide.credibility import near_noise, review_verdict
 from pneumo_casadi.diagnosis.decide.verdict import Judgement, judge, missed_gain, unexplained
@@ -278,7 +278,7 @@ def test_failed_checks_name_what_the_parameters_may_have_absorbed(above, below, 
 
 
 @pytest.mark.parametrize(
-    ("position", "expected"), [(0.65, Balance.MEASUREMENT), (0.75, Balance.FORCE)]
+    ("position", "expected"), [(0.65, Location.MEASUREMENT), (0.75, Location.FORCE)]
 )
 def test_a_sensor_is_to_blame_where_its_error_explains_clearly_more(position, expected):
     shares = {"mass_flow_P": 0.1, "mass_flow_N": 0.1, "force": 0.8}
@@ -287,7 +287,7 @@ def test_a_sensor_is_to_blame_where_its_error_explains_clearly_more(position, ex
 
 
 @pytest.mark.parametrize(
-    ("flows", "expected"), [(0.65, Balance.FORCE), (0.35, Balance.MEASUREMENT)]
+    ("flows", "expected"), [(0.65, Location.FORCE), (0.35, Location.MEASUREMENT)]
 )
 def test_hypotheses_with_two_free_signals_pay_for_the_second(flows, expected):
     """Both mass flows leave less than a position error, which needs one signal only."""
@@ -298,7 +298,7 @@ def test_hypotheses_with_two_free_signals_pay_for_the_second(flows, expected):
 
 def test_without_a_gap_there_is_no_location():
     shares = dict.fromkeys(("mass_flow_P", "mass_flow_N", "force"), 0.0)
-    assert balance_of_gap(shares, Signatures(1.0, {})) is Balance.NONE
+    assert balance_of_gap(shares, Signatures(1.0, {})) is Location.NONE
 
 
 @pytest.mark.parametrize(

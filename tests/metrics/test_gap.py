@@ -1,9 +1,19 @@
 """Noise floor, gap and closure."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
-from pneumo_casadi.metrics import closure, closure_interval, combined_gap, gap, resampling_weights
+from pneumo_casadi.metrics import (
+    RowGains,
+    balance_noise,
+    closure,
+    closure_interval,
+    combined_gap,
+    gap,
+    resampling_weights,
+)
 
 
 def test_errors_of_pure_noise_leave_no_gap_and_model_error_adds_to_noise_in_squares():
@@ -60,3 +70,23 @@ def test_every_replicate_draws_as_many_blocks_as_there_are():
     weights = resampling_weights(7, 50)
     assert weights.shape == (50, 7)
     assert set(weights.sum(axis=1)) == {7.0}
+
+
+def test_the_noise_floor_of_balances_has_each_sensor_through_its_filter():
+    servo = SimpleNamespace(noise=np.array([100.0, 50.0, 1e-5]))
+    gains = RowGains(level=0.5, rate=10.0, acceleration=2000.0)
+    assert balance_noise(servo, gains, mass=15.0) == pytest.approx([1000.0, 500.0, 0.3])
+    with_pressures = balance_noise(servo, gains, mass=15.0, areas=(8e-3, 0.0))
+    assert with_pressures == pytest.approx([1000.0, 500.0, 0.5])
+    with_velocity = balance_noise(servo, gains, 15.0, velocity_slopes=(7.5e6, 0.0))
+    assert with_velocity == pytest.approx([1250.0, 500.0, 0.3])
+    driven = SimpleNamespace(noise=np.array([1e-5]))
+    assert balance_noise(driven, gains, mass=1.0) == pytest.approx([0.02])
+
+
+def test_the_floor_of_a_servo_axis_is_a_force_that_of_a_force_driven_one_an_acceleration():
+    from pneumo_casadi.data.bench.axis_kind import FORCE_DRIVEN, PNEUMATIC
+    from pneumo_casadi.diagnosis.metrics.residual_size import force_row_scale
+
+    assert force_row_scale(PNEUMATIC, 15.0) == 1.0
+    assert force_row_scale(FORCE_DRIVEN, 15.0) == 15.0

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 
 from pneumo_casadi.diagnosis import (
-    Balance,
     Candidate,
     Check,
     Closure,
@@ -13,6 +12,7 @@ from pneumo_casadi.diagnosis import (
     Diagnosis,
     EffectFound,
     Gap,
+    Location,
     Regime,
     RegimeKind,
     Value,
@@ -52,9 +52,9 @@ EFFECT = Diagnosis(
     effects=(EffectFound("stribeck", 0.97, SIZE),),
     ranking=(STRIBECK, DRAG, SILENT, FAILED),
     where=Where(
-        Balance.FORCE,
+        Location.FORCE,
         Junction.FORCE,
-        (Regime(Condition(RegimeKind.STANDSTILL, upper=0.01), Balance.FORCE, 0.71, 0.12, 0.001),),
+        (Regime(Condition(RegimeKind.STANDSTILL, upper=0.01), Location.FORCE, 0.71, 0.12, 0.001),),
         {"mass_flow_P": 0.03, "mass_flow_N": 0.05, "force": 0.92},
         (),
         ("Simulation and reality part in the force on the piston.",),
@@ -83,7 +83,9 @@ NONE = replace(
     EFFECT,
     verdict=Verdict.NONE,
     effects=(),
-    where=Where(Balance.NONE, None, (), dict.fromkeys(BALANCES, 0.0), (), ("No more than usual.",)),
+    where=Where(
+        Location.NONE, None, (), dict.fromkeys(BALANCES, 0.0), (), ("No more than usual.",)
+    ),
     gap=Gap(0.3, 0.3, 0.5, Closure(0.0, 0.0, 0.0), _views(1.0)),
     ranking=(replace(DRAG, probability=0.03), FAILED),
     fitted=NOMINAL,

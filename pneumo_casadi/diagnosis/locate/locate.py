@@ -12,8 +12,8 @@ from pneumo_casadi.diagnosis.locate.signatures import (
     signatures,
 )
 from pneumo_casadi.diagnosis.locate.unknown_inputs import UnknownInputs, estimate_unknown_inputs
-from pneumo_casadi.diagnosis.metrics.balance import Balance
 from pneumo_casadi.diagnosis.metrics.findings import Where
+from pneumo_casadi.diagnosis.metrics.location import Location
 from pneumo_casadi.diagnosis.metrics.regime import Regime, RegimeKind
 from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study
 from pneumo_casadi.effects import EFFECTS
@@ -33,10 +33,10 @@ UNEXPLAINED = 0.15
 #: Regimes shown at most.
 REGIMES = 5
 _WORDS: Mapping[str, str] = {
-    Balance.MASS_FLOW_P: "the mass flow into chamber P",
-    Balance.MASS_FLOW_N: "the mass flow into chamber N",
-    Balance.FORCE: "the force on the piston",
-    Balance.MEASUREMENT: "a sensor",
+    Location.MASS_FLOW_P: "the mass flow into chamber P",
+    Location.MASS_FLOW_N: "the mass flow into chamber N",
+    Location.FORCE: "the force on the piston",
+    Location.MEASUREMENT: "a sensor",
 }
 
 #: Of what a regime takes up a share, where it is not the time.
@@ -93,15 +93,15 @@ def locate(
         )
         junction = _acts_at(cause[0])
     elif gap is False:
-        balance, junction = Balance.NONE, None
+        balance, junction = Location.NONE, None
     else:
         balance = balance_of_gap(shares, evidence)
         junction = _junction(balance, telling)
     # A sensor's error shows in every balance, another cause where it acts.
-    here = [r for r in telling if balance in (r.balance, Balance.MEASUREMENT)][:REGIMES]
+    here = [r for r in telling if balance in (r.balance, Location.MEASUREMENT)][:REGIMES]
     rivals = (
         ()
-        if balance in (Balance.MEASUREMENT, Balance.NONE)
+        if balance in (Location.MEASUREMENT, Location.NONE)
         else rival_sensor_effects(evidence, catalogue)
     )
     there = [effect.name for effect in cause if _acts_at(effect) == junction]
@@ -116,7 +116,7 @@ def above_form(energy: Mapping[str, float]) -> dict[str, float]:
     return {name: value / total if total > 0 else 0.0 for name, value in excess.items()}
 
 
-def balance_of_effect(cause: Effect, added: Mapping[str, float]) -> Balance:
+def balance_of_effect(cause: Effect, added: Mapping[str, float]) -> Location:
     """Return the balance, or ``measurement``, in which an effect acts.
 
     Parameters
@@ -127,22 +127,22 @@ def balance_of_effect(cause: Effect, added: Mapping[str, float]) -> Balance:
     """
     junctions = set(cause.junctions)
     if junctions <= {Junction.OUTPUT}:
-        return Balance.MEASUREMENT
+        return Location.MEASUREMENT
     if junctions <= {Junction.FORCE, Junction.DRIVE, Junction.OUTPUT}:
-        return Balance.FORCE
+        return Location.FORCE
     if junctions & {Junction.FORCE, Junction.DRIVE}:
-        return Balance(max(added, key=lambda name: added[name]))
-    flows = {name: value for name, value in added.items() if name != Balance.FORCE}
-    return Balance(max(flows, key=lambda name: flows[name]))
+        return Location(max(added, key=lambda name: added[name]))
+    flows = {name: value for name, value in added.items() if name != Location.FORCE}
+    return Location(max(flows, key=lambda name: flows[name]))
 
 
-def balance_of_gap(shares: Mapping[str, float], evidence: Signatures) -> Balance:
+def balance_of_gap(shares: Mapping[str, float], evidence: Signatures) -> Location:
     """Return where the gap lies when no effect explains it: by unknown inputs and signatures."""
     if not any(shares.values()):
-        return Balance.NONE
+        return Location.NONE
     if min(_weighed(evidence.sensors)) < SENSOR * min(_weighed(evidence.inputs)):
-        return Balance.MEASUREMENT
-    return Balance(max(shares, key=lambda name: shares[name]))
+        return Location.MEASUREMENT
+    return Location(max(shares, key=lambda name: shares[name]))
 
 
 def _weighed(left: Mapping[str, float]) -> list[float]:
@@ -200,18 +200,18 @@ def _acts_at(effect: Effect) -> Junction | None:
     return None if name is None else Junction(name)
 
 
-def _junction(balance: Balance, regimes: Sequence[Regime]) -> Junction | None:
+def _junction(balance: Location, regimes: Sequence[Regime]) -> Junction | None:
     """Return the junction that a balance and its strongest regimes point to."""
-    if balance is Balance.NONE:
+    if balance is Location.NONE:
         return None
-    if balance in (Balance.FORCE, Balance.MEASUREMENT):
-        return Junction.FORCE if balance is Balance.FORCE else Junction.OUTPUT
+    if balance in (Location.FORCE, Location.MEASUREMENT):
+        return Junction.FORCE if balance is Location.FORCE else Junction.OUTPUT
     pointed = (r.condition.kind.junction for r in regimes if r.balance is balance)
     return next((junction for junction in pointed if junction), Junction.CHAMBER_FLOW)
 
 
 def _words(
-    balance: Balance,
+    balance: Location,
     energy: Mapping[str, float],
     regimes: Sequence[Regime],
     rivals: Sequence[str],
@@ -222,9 +222,9 @@ def _words(
     sizes = {name: 100 * value**0.5 for name, value in energy.items()}
     each = ", ".join(f"{_WORDS[name]} {size:.1f} %" for name, size in sizes.items())
     sentences = [f"What the balances lack, against their own signals: {each}."]
-    if balance is Balance.NONE:
+    if balance is Location.NONE:
         return (*sentences, "No more than flow maps and friction laws usually leave.")
-    if balance is Balance.MEASUREMENT:
+    if balance is Location.MEASUREMENT:
         best = min(evidence.sensors, key=lambda name: evidence.sensors[name])
         shown = (
             f"an error of the {best} sensor alone explains"
@@ -243,7 +243,8 @@ def _words(
         sentences.append(f"That is where {' and '.join(cause)} {act}.")
     sentences += [
         f"{100 * regime.share:.0f} % of the gap in {_WORDS[regime.balance]} is found here: "
-        f"{regime.name} ({100 * regime.time:.0f} % of {_WHOLE.get(regime.condition.kind, 'the time')})."
+        f"{regime.name} ({100 * regime.time:.0f} % of "
+        f"{_WHOLE.get(regime.condition.kind, 'the time')})."
         for regime in regimes[:3]
     ]
     if rivals:

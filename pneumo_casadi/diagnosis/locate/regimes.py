@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneumo_casadi.diagnosis.locate.signatures import noise_variance, residual_floor
-from pneumo_casadi.diagnosis.metrics.balance import Balance
+from pneumo_casadi.diagnosis.metrics.location import Location
 from pneumo_casadi.diagnosis.metrics.regime import Condition, Regime, RegimeKind
 from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study
 from pneumo_casadi.estimation.equation_error.smoothed_motion import (
@@ -76,7 +76,7 @@ class RegimeMap:
 class _Rows:
     """Residuals of one balance with what went on in their rows."""
 
-    balance: Balance
+    balance: Location
     r: FloatArray
     at: Mapping[str, FloatArray]
 
@@ -161,7 +161,7 @@ def _all_rows(study: Study, fit: FittedModel) -> Iterator[_Rows]:
             name: np.concatenate([a[name][u[i]] for a, u in zip(at, used, strict=True)])
             for name in at[0]
         }
-        yield _Rows(Balance(balance), r, known)
+        yield _Rows(Location(balance), r, known)
 
 
 def _averaged(axis: Axis, data: SmoothedMotion) -> dict[str, FloatArray]:
@@ -235,7 +235,7 @@ def _partition(rows: _Rows, axis: Axis) -> Iterator[tuple[Condition, NDArray[np.
     first, last = t.min(), t.max()
     yield Condition(kind.FIRST_THIRD), t < first + (last - first) / 3
     yield Condition(kind.LAST_THIRD), t > last - (last - first) / 3
-    if rows.balance is not Balance.FORCE:
+    if rows.balance is not Location.FORCE:
         yield from _valve_regimes(rows, axis)
     elif "p_P" in at:
         mean = at["p_P"] + at["p_N"]
@@ -270,7 +270,7 @@ def _critical(axis: Axis, edge: str) -> float:
 
 
 def _bands(
-    study: Study, fit: FittedModel, balance: Balance, rng: np.random.Generator
+    study: Study, fit: FittedModel, balance: Location, rng: np.random.Generator
 ) -> list[Regime]:
     """Compare the spectrum of a balance's residual with that of its signal."""
     i = study.axis.equations.index(balance)

@@ -137,7 +137,7 @@ def noise_variance(axis: Axis, values: Mapping[str, float], data: SmoothedMotion
         float(np.sqrt(np.mean(A[axis.motion_states.index(name), v] ** 2)))
         for name in axis.outputs[:-1]
     ]
-    noise = balance_noise(axis, data, exact_row_gains(data), values["M"], velocity_slopes=slopes)
+    noise = balance_noise(data, exact_row_gains(data), values["M"], velocity_slopes=slopes)
     return noise**2
 
 

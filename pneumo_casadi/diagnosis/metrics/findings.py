@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from pneumo_casadi.diagnosis.metrics.balance import Balance
+from pneumo_casadi.diagnosis.metrics.location import Location
 from pneumo_casadi.diagnosis.metrics.regime import Regime
 from pneumo_casadi.model.effect import Junction
 
@@ -114,7 +114,7 @@ class Where:
 
     Parameters
     ----------
-    balance : Balance
+    balance : Location
         In which balance, or in what the sensors show.
     junction : Junction or None
         Of the effect found, or that which the regimes point to.
@@ -128,7 +128,7 @@ class Where:
         Sentences for a reader.
     """
 
-    balance: Balance
+    balance: Location
     junction: Junction | None
     regimes: tuple[Regime, ...]
     shares: Mapping[str, float]

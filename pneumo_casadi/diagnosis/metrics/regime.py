@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from enum import Enum
 from math import inf, isinf
 
-from pneumo_casadi.diagnosis.metrics.balance import Balance
+from pneumo_casadi.diagnosis.metrics.location import Location
 from pneumo_casadi.model.effect import Junction
 
 
@@ -105,7 +105,7 @@ class Regime:
     ----------
     condition : Condition
         When.
-    balance : Balance
+    balance : Location
         Which balance fails.
     share : float
         Of that balance's squared residual.
@@ -116,7 +116,7 @@ class Regime:
     """
 
     condition: Condition
-    balance: Balance
+    balance: Location
     share: float
     time: float
     p_value: float

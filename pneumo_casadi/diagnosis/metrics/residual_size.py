@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pneumo_casadi.data.bench.axis_kind import AxisKind
 from pneumo_casadi.diagnosis.metrics.findings import Closure
 from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study
 from pneumo_casadi.estimation.equation_error.smoothed_motion import SmoothedMotion
@@ -57,9 +58,15 @@ def balance_levels(study: Study) -> BalanceLevels:
 
 def _noise(axis: Axis, data: SmoothedMotion) -> FloatArray:
     gains, M = sampled_row_gains(data), axis.parameters["M"].value
-    inertia = M if any(balance.over_inertia for balance in axis.kind.balances) else 1.0
-    areas = [axis.constants[f"S_{chamber}"] / inertia for chamber in axis.kind.gas_chambers]
-    return balance_noise(axis, data, gains, M / inertia, areas)
+    scale = force_row_scale(axis.kind, M)
+    areas = [axis.constants[f"S_{chamber}"] / scale for chamber in axis.kind.gas_chambers]
+    return balance_noise(data, gains, M / scale, areas)
+
+
+def force_row_scale(kind: AxisKind, mass: float) -> float:
+    """Return what the force balance of an equation-error fit is divided by: the mass, or 1."""
+    (force,) = (balance for balance in kind.balances if not balance.chamber)
+    return mass if force.over_inertia else 1.0
 
 
 def _signal(axis: Axis, data: SmoothedMotion) -> FloatArray:

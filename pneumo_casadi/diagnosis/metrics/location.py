@@ -3,7 +3,7 @@
 from enum import StrEnum
 
 
-class Balance(StrEnum):
+class Location(StrEnum):
     """A balance of the axis, what its sensors show, or none; values are those of JSON results."""
 
     MASS_FLOW_P = "mass_flow_P"
