@@ -287,12 +287,12 @@ def test_a_sensor_is_to_blame_where_its_error_explains_clearly_more(position, ex
 
 
 @pytest.mark.parametrize(
-    ("flows", "expected"), [(0.65, Location.FORCE), (0.35, Location.MEASUREMENT)]
+    ("position", "expected"), [(1.1, Location.MEASUREMENT), (1.3, Location.FORCE)]
 )
-def test_hypotheses_with_two_free_signals_pay_for_the_second(flows, expected):
-    """Both mass flows leave less than a position error, which needs one signal only."""
+def test_hypotheses_with_two_free_signals_pay_for_the_second(position, expected):
+    """A position error leaves more than two unknown flows do, but needs one signal only."""
     shares = {"mass_flow_P": 0.1, "mass_flow_N": 0.1, "force": 0.8}
-    left = {"force": 9.0, "mass_flows": 1.0, "position": 1.7 * 0.7 * flows / 0.5}
+    left = {"force": 9.0, "mass_flows": 1.0, "position": position}
     assert balance_of_gap(shares, Signatures(20.0, left)) is expected
 
 
