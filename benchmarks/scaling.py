@@ -30,8 +30,9 @@ import provenance
 import tables
 
 from pneumo_casadi.data import InputHold, Recording
-from pneumo_casadi.estimation.output_error import OutputErrorOptions, fit_output_error, interval
+from pneumo_casadi.estimation.output_error import OutputErrorOptions, fit_output_error
 from pneumo_casadi.estimation.output_error.fit import write_problem
+from pneumo_casadi.estimation.output_error.shooting import interval
 from pneumo_casadi.estimation.output_error.shooting.condensing import linearise
 from pneumo_casadi.estimation.output_error.shooting.problem import Problem
 from pneumo_casadi.estimation.output_error.solvers.condensed_step import apply_step, condensed_step

@@ -1,5 +1,6 @@
 """``pneumo-casadi diagnose``: a folder with a verdict, or one line that says why not."""
 
+import importlib
 import importlib.util
 import json
 import os
@@ -22,6 +23,8 @@ _spec = importlib.util.spec_from_file_location(
 made = importlib.util.module_from_spec(_spec)
 _spec.loader.exec_module(made)
 
+#: The module; as an attribute of its package the name is the function's.
+MODULE = importlib.import_module("pneumo_casadi.diagnosis.diagnose")
 FILES = {"diagnosis.json", "report.html", "summary.txt", "figures"}
 
 
@@ -41,7 +44,7 @@ def given(monkeypatch):
         progress("screening", 0.5)
         return made.EFFECT
 
-    monkeypatch.setattr("pneumo_casadi.diagnosis.diagnose.diagnose", diagnose)
+    monkeypatch.setattr(MODULE, "diagnose", diagnose)
     return asked
 
 
@@ -125,7 +128,7 @@ def test_a_diagnosis_that_ends_early_leaves_nothing_but_its_fits(
     def fail(*given):
         raise error
 
-    monkeypatch.setattr("pneumo_casadi.diagnosis.diagnose.diagnose", fail)
+    monkeypatch.setattr(MODULE, "diagnose", fail)
     arguments = ["--workers", "1", "--keep", str(tmp_path / "fits"), "-o", str(tmp_path / "out")]
     assert cli.run(["diagnose", str(embedded), *arguments]) == code
     assert words in error_line(capsys)
