@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from pneumo_casadi.data import Recording
@@ -23,6 +24,7 @@ from pneumo_casadi.model.simulation import (
     stepping_for,
 )
 from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.runtime.presentation import Presentable
 from pneumo_casadi.runtime.progress import Progress, no_progress
 
 #: The initial state of a free run is estimated from so much of its beginning [s].
@@ -68,8 +70,8 @@ class Run:
     closed_loop: Trajectory | None
 
 
-@dataclass(frozen=True, eq=False)
-class Validation:
+@dataclass(frozen=True, eq=False, repr=False)
+class Validation(Presentable):
     """Errors of an axis on held-out records.
 
     Parameters
@@ -91,6 +93,28 @@ class Validation:
     closed_loop: Mapping[str, Error] | None
     windows: Mapping[float, Mapping[str, Error]]
     runs: tuple[Run, ...]
+
+    @property
+    def headline(self) -> str:
+        """Held-out records."""
+        names = ", ".join(run.record.name for run in self.runs)
+        return f"Validation on {len(self.runs)} held-out records ({names})"
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return one row an output and simulation: rms [SI], per cent of signal, sensor noise."""
+        views: dict[str, Mapping[str, Error]] = {
+            f"windows of {length:g} s": errors for length, errors in self.windows.items()
+        }
+        views["open loop"] = self.open_loop
+        if self.closed_loop is not None:
+            views["closed loop"] = self.closed_loop
+        rows = [
+            (view, name, error.rms, error.percent, error.noise_percent, error.unit)
+            for view, errors in views.items()
+            for name, error in errors.items()
+        ]
+        columns = ["simulation", "output", "rms", "percent", "noise_percent", "unit"]
+        return pd.DataFrame(rows, columns=columns).set_index(["simulation", "output"])
 
 
 def validate(
@@ -123,6 +147,15 @@ def validate(
         If there is no record, or a simulation leaves the finite numbers.
     FitError
         If the initial states cannot be estimated.
+
+    Examples
+    --------
+    With ``result = pc.identify(pc.example_case())``:
+
+    >>> held_out = result.case.validate[0].window(8.0, 9.0)
+    >>> validation = pc.validate(result.axis, [held_out], windows=(0.5,))
+    >>> validation.open_loop["x"].unit, validation.open_loop["x"].rms < 1e-3
+    ('m', True)
     """
     if not records:
         raise ModelError("validation: no record; a fit is not validated on its own data")

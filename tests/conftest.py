@@ -3,8 +3,6 @@
 import importlib.util
 import os
 import sys
-from dataclasses import replace
-from importlib import resources
 from pathlib import Path
 
 import pytest
@@ -18,14 +16,6 @@ settings.load_profile("claims")
 # product of small matrices takes a hundred times as long. They are counted when NumPy is loaded.
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
-
-from pneumo_casadi.data import read_case  # noqa: E402
-from pneumo_casadi.identification.identify import (  # noqa: E402
-    Identification,
-    IdentifyOptions,
-    identify,
-)
-from pneumo_casadi.valve import FlowForm  # noqa: E402
 
 
 @pytest.fixture(scope="session")
@@ -58,22 +48,6 @@ def script():
 def made(script):
     """Module with small axes of known truth: tests need no import from each other."""
     return script(Path(__file__).parent / "model" / "made.py")
-
-
-@pytest.fixture(scope="session")
-def embedded() -> Path:
-    """Folder of the embedded record whose true parameters are known."""
-    return Path(str(resources.files("pneumo_casadi") / "data" / "examples" / "table1"))
-
-
-@pytest.fixture(scope="session")
-def quick(embedded: Path) -> Identification:
-    """An identification of a few seconds of record: quick to make, not to be trusted."""
-    case = read_case(embedded)
-    case = replace(case, validate=(case.validate[0].window(8.0, 10.0),))
-    return identify(
-        case, IdentifyOptions(FlowForm.POLYNOMIALS, start=10.0, end=13.0, windows=(0.5,))
-    )
 
 
 @pytest.fixture(scope="session")

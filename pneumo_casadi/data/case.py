@@ -3,13 +3,16 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+import pandas as pd
+
 from pneumo_casadi.data.bench.bench import AnyBench
 from pneumo_casadi.data.recording.recording import Recording
 from pneumo_casadi.errors import CaseError
+from pneumo_casadi.runtime.presentation import Presentable
 
 
-@dataclass(frozen=True, slots=True)
-class Case:
+@dataclass(frozen=True, slots=True, repr=False)
+class Case(Presentable):
     """All that was measured on one axis.
 
     Parameters
@@ -57,3 +60,26 @@ class Case:
         if self.flow_map_path is not None:
             candidates.add(self.flow_map_path)
         return tuple(sorted(path for path in candidates if path.is_file()))
+
+    @property
+    def headline(self) -> str:
+        """Name, kind of axis, and whether its valve was measured."""
+        mapped = "no flow map" if self.flow_map_path is None else f"{self.flow_map_path.name}"
+        notes = f", {len(self.notes)} notes" if self.notes else ""
+        return f"Case {self.name}: {type(self.bench).__name__}, {mapped}{notes}"
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return one row a record: what it is for, its length and its channels."""
+        rows = [
+            {
+                "record": record.name,
+                "use": use,
+                "duration_s": record.duration,
+                "rows": record.N,
+                "rate_Hz": 1 / record.dt,
+                "channels": " ".join(record.names),
+            }
+            for use, records in (("identify", self.identify), ("validate", self.validate))
+            for record in records
+        ]
+        return pd.DataFrame(rows).set_index("record")

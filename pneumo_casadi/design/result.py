@@ -5,12 +5,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from pneumo_casadi.design.criterion import Criterion
 from pneumo_casadi.design.experiment import SimulatedExperiment
 from pneumo_casadi.design.options import DesignOptions
 from pneumo_casadi.design.reference import Part, Reference
 from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.runtime.presentation import Presentable
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,8 +105,8 @@ class Distance:
         }
 
 
-@dataclass(frozen=True, eq=False)
-class Design:
+@dataclass(frozen=True, eq=False, repr=False)
+class Design(Presentable):
     """A designed experiment and what is predicted of it.
 
     Parameters
@@ -139,6 +141,30 @@ class Design:
     distances: tuple[Distance, ...]
     seconds: float
     notes: tuple[str, ...] = ()
+
+    @property
+    def headline(self) -> str:
+        """Length of the reference and its predicted gain."""
+        what = "standard errors" if self.precision is not None else "distance of the effects"
+        return (
+            f"Design of {self.reference.duration:g} s: {what} {self.gain:.3g} times better than "
+            "with the recorded reference"
+        )
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return the prediction: standard errors [SI] by parameter, or distances by pair."""
+        if self.precision is None:
+            pairs = [item.as_dict() for item in self.distances]
+            return pd.DataFrame(pairs).set_index(["truth", "fitted"])
+        predicted = self.precision
+        columns = {
+            "value": predicted.values,
+            "std_now": predicted.now,
+            "std_designed": predicted.designed,
+            "std_both": predicted.together,
+            "unit": list(predicted.units),
+        }
+        return pd.DataFrame(columns, index=pd.Index(predicted.names, name="parameter"))
 
     @property
     def smallest(self) -> tuple[float, float]:

@@ -111,6 +111,15 @@ def diagnose(
     The nominal model and each candidate are fitted to the balances along the smoothed motion, a
     least-squares problem that cannot run away; see `fit_equation_error`. Verdicts rest on records
     that no fit has seen.
+
+    Examples
+    --------
+    >>> import pneumo_casadi as pc
+    >>> few = {name: pc.EFFECTS[name] for name in ("stribeck", "quadratic_drag")}
+    >>> [effect.name for effect in few.values()]
+    ['stribeck', 'quadratic_drag']
+
+    ``pc.diagnose(case, few)`` then tries these two alone; by default it tries all.
     """
     began = time.perf_counter()
     options = options or DiagnosisOptions()

@@ -63,12 +63,12 @@ def export_model(
 
     Examples
     --------
+    With ``result = pc.identify(pc.example_case())``:
+
     >>> import tempfile
-    >>> from pneumo_casadi.export import export_model
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     files = export_model(getfixture("identified_model"), folder, "json")
-    ...     [path.name for path in files]
-    ['axis.json']
+    ...     [path.name for path in pc.export_model(result, folder, "ss", at={"x": 0.1})]
+    ['axis_ss.json', 'axis_ss.mat']
     """
     try:
         chosen = Format(format)

@@ -104,6 +104,17 @@ def read_model(path: str | Path) -> IdentifiedModel:
     ------
     CaseError
         If there is no such file, or it holds no model.
+
+    Examples
+    --------
+    With ``result = pc.identify(pc.example_case())``:
+
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     (file,) = pc.export_model(result, folder, "json")
+    ...     model = pc.read_model(file)
+    >>> model.name, model.axis.parameters.as_dict() == result.axis.parameters.as_dict()
+    ('table1', True)
     """
     path = Path(path)
     if path.is_dir():

@@ -9,6 +9,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
+
 from pneumo_casadi.data import Bench, Case, Recording, read_case
 from pneumo_casadi.errors import CaseError, ModelError
 from pneumo_casadi.estimation.output_error import (
@@ -21,6 +23,7 @@ from pneumo_casadi.estimation.wls import Prediction, WLSResult, cross_validate, 
 from pneumo_casadi.identification.warnings import ResultWarning, result_warnings
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.servosystem import nominal_axis
+from pneumo_casadi.runtime.presentation import Presentable
 from pneumo_casadi.runtime.progress import Progress, no_progress, progress_range
 from pneumo_casadi.runtime.threads import one_thread
 from pneumo_casadi.validation import Validation, validate
@@ -83,8 +86,8 @@ class IdentifyOptions:
     identifiability: bool = False
 
 
-@dataclass(frozen=True, eq=False)
-class Identification:
+@dataclass(frozen=True, eq=False, repr=False)
+class Identification(Presentable):
     """An axis identified from a case, with all that a report needs.
 
     Parameters
@@ -139,6 +142,31 @@ class Identification:
         """The identified axis."""
         return self.output_error.axis
 
+    @property
+    def headline(self) -> str:
+        """Case, status of the fit, and how many warnings there are."""
+        fit = self.output_error
+        return (
+            f"Identification of {self.case.name}: output error {fit.status}, cost {fit.cost:.5g}; "
+            f"{len(self.warnings)} warnings (see .warnings)"
+        )
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return one row a parameter: WLS and output error with robust std, truth if known [SI]."""
+        wls, fit = self.wls.to_frame(), self.output_error.overview()
+        frame = pd.DataFrame(
+            {
+                "wls": wls["estimate"],
+                "wls_std": wls["std_hac"],
+                "output_error": fit["estimate"].reindex(wls.index),
+                "output_error_std": fit["std_robust"].reindex(wls.index),
+                "unit": wls["unit"],
+            }
+        )
+        if self.truth is not None:
+            frame.insert(4, "truth", pd.Series(dict(self.truth)).reindex(frame.index))
+        return frame
+
 
 @one_thread
 def identify(
@@ -167,6 +195,15 @@ def identify(
         If the case cannot be read, or a servo axis has no flow map.
     FitError
         If a fit fails; ``.partial`` holds its result as far as it got.
+
+    Examples
+    --------
+    With ``result = pc.identify(pc.example_case())``:
+
+    >>> result.output_error.status, round(result.output_error.parameters["M"].value, 1)
+    ('converged', 16.9)
+    >>> result.to_frame().columns[:4].tolist()
+    ['wls', 'wls_std', 'output_error', 'output_error_std']
     """
     began = time.perf_counter()
     options = options or IdentifyOptions()

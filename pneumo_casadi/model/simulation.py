@@ -166,6 +166,17 @@ def simulate_closed_loop(
     ------
     ModelError
         If there is no controller, or the simulation leaves the finite numbers.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pneumo_casadi.data import ForceBench, NestedController
+    >>> from pneumo_casadi.model.servosystem import ForceAxis
+    >>> bench = ForceBench(1e3, None, NestedController(30.0, 60.0, 1.0, 60.0))
+    >>> axis = ForceAxis(bench).with_parameters({"M": 1.0, "f_v": 1.0})
+    >>> run = simulate_closed_loop(axis, np.full(2001, 0.1), 1e-3, [0.0, 0.0])
+    >>> bool(abs(run["x"][-1] - 0.1) < 0.03)
+    True
     """
     controller = controller or axis.bench.controller
     if controller is None:

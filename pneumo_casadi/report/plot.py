@@ -8,7 +8,7 @@ With ``result = pc.identify(pc.example_case())``:
 
 >>> figure = pc.plot.parameters(result)
 >>> [axes.get_xlabel() for axes in figure.axes]
-['relative to truth [%]']
+['deviation from truth [%]']
 """
 
 from collections.abc import Sequence

@@ -89,6 +89,15 @@ def make_case(
         If the folder is not empty, or duration and frequency make no record.
     ModelError
         If an effect, severity or quantity is unknown.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import pneumo_casadi as pc
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     made = pc.make_case(folder, 1, {"stribeck": "medium"}, fs=500.0, duration=2.0)
+    >>> [effect["name"] for effect in made.labels["effects"]], made.case.identify[0].N
+    (['stribeck'], 1000)
     """
     if not (fs > 0 and duration * fs >= 2):
         raise CaseError(f"{folder}: {duration:g} s at {fs:g} Hz is no record; give at least 2 rows")

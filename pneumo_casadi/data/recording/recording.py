@@ -7,16 +7,18 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import ArrayLike
 
-from pneumo_casadi.data.recording.channels import InputHold, checked, read_only
+from pneumo_casadi.data.recording.channels import UNITS, InputHold, checked, read_only
 from pneumo_casadi.data.recording.clock import sample_time, uniform
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.runtime.presentation import Presentable
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Recording:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Recording(Presentable):
     """Channels sampled at the same instants of a uniform clock.
 
     The inputs u[k] act from t[k] to t[k+1] as `hold` says; the outputs y[k] belong to the
@@ -114,11 +116,26 @@ class Recording:
     def __contains__(self, channel: object) -> bool:
         return channel == "t" or channel in self.channels
 
-    def __repr__(self) -> str:
+    @property
+    def headline(self) -> str:
+        """Name, length, sampling and hold."""
         return (
-            f"Recording({self.name!r}: {self.N} rows of {self.dt:.6g} s, "
-            f"{', '.join(self.channels)}, hold {self.hold.value})"
+            f"Recording {self.name}: {self.N} rows of {self.dt:.6g} s, {self.duration:.4g} s, "
+            f"hold {self.hold.value}"
         )
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return the samples, one column a channel with its unit, as in a case folder."""
+        columns = {"t_s": self.t}
+        columns |= {
+            f"{name}_{UNITS[name]}" if name in UNITS else name: self[name] for name in self.names
+        }
+        return pd.DataFrame(columns)
+
+    def overview(self) -> pd.DataFrame:
+        """Return least, mean and largest value of each channel."""
+        frame = self.to_frame().drop(columns="t_s")
+        return frame.agg(["min", "mean", "max"]).T
 
     def __reduce__(self) -> tuple[Any, ...]:
         parts = (self.t, dict(self.channels), self.name, self.source, self.hold)

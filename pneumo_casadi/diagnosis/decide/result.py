@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Any
 
+import pandas as pd
+
 from pneumo_casadi.diagnosis.locate.evidence import Evidence
 from pneumo_casadi.diagnosis.metrics.findings import (
     Candidate,
@@ -15,7 +17,11 @@ from pneumo_casadi.diagnosis.metrics.findings import (
     Where,
     joined_names,
 )
+from pneumo_casadi.runtime.presentation import Presentable
 from pneumo_casadi.valve import FormSelection
+
+#: Lines of the ranking that a summary shows.
+MOST_SHOWN = 8
 
 
 class Verdict(Enum):
@@ -33,8 +39,8 @@ class Verdict(Enum):
     """No gap that matters."""
 
 
-@dataclass(frozen=True, eq=False)
-class Diagnosis:
+@dataclass(frozen=True, eq=False, repr=False)
+class Diagnosis(Presentable):
     """What is said of a case.
 
     Parameters
@@ -88,6 +94,35 @@ class Diagnosis:
     seconds: float
     evidence: Evidence | None = None
     flow_selection: FormSelection | None = None
+
+    @property
+    def headline(self) -> str:
+        """Verdict, effects and the error on held-out data before and after."""
+        names = " + ".join(item.name for item in self.effects)
+        verdict = f"{self.verdict.value} ({names})" if names else self.verdict.value
+        return (
+            f"Diagnosis of {self.case}: {verdict}; error "
+            f"on held-out data {self.gap.before:.3g} % -> {self.gap.after:.3g} % of the signals"
+        )
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return the ranking: probability, and the share of the error that each one removes."""
+        rows = [
+            (
+                item.label,
+                item.probability,
+                None if item.closure is None else item.closure.value,
+                None if item.closure is None else item.closure.lower,
+                None if item.closure is None else item.closure.upper,
+            )
+            for item in self.ranking
+        ]
+        columns = ["effects", "probability", "closure", "closure_lower", "closure_upper"]
+        return pd.DataFrame(rows, columns=columns).set_index("effects")
+
+    def overview(self) -> pd.DataFrame:
+        """Return the first lines of the ranking."""
+        return self.to_frame().head(MOST_SHOWN)
 
     def as_dict(self) -> dict[str, Any]:
         """Return everything as plain data, the keys of the design first."""

@@ -80,6 +80,17 @@ def fit_output_error(
         changes no trajectory), or nothing is free.
     FitError
         If a stage does not converge; ``.partial`` holds the result as far as it got.
+
+    Examples
+    --------
+    With ``result = pc.identify(pc.example_case())``, refitted to one second with the flow map
+    held:
+
+    >>> fixed = result.flow.parameters.names
+    >>> start = result.axis.with_parameters(result.axis.parameters.fix(*fixed))
+    >>> fit = pc.fit_output_error(start, [result.records[0].window(10.0, 11.0)])
+    >>> fit.status, round(fit.parameters["M"].value, 1)
+    ('converged', 16.9)
     """
     options = options or OutputErrorOptions()
     report = progress or no_progress

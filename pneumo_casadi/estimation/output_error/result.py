@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 
 from pneumo_casadi.estimation.flow_map_anchor import Anchor
 from pneumo_casadi.estimation.output_error.derived import derived_quantities
@@ -11,6 +12,7 @@ from pneumo_casadi.estimation.output_error.shooting.segments import Segment
 from pneumo_casadi.estimation.statistics import ParameterUncertainty, delta_std, interval_factor
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.parameters import FloatArray, Parameters
+from pneumo_casadi.runtime.presentation import Presentable
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,8 +89,8 @@ def flow_map_deviation(anchor: Anchor, axis: Axis) -> FlowMapDeviation:
     return FlowMapDeviation(float(np.sqrt(np.sum(residual**2) / np.sum(own**2))), scale)
 
 
-@dataclass(frozen=True, eq=False)
-class OutputErrorResult:
+@dataclass(frozen=True, eq=False, repr=False)
+class OutputErrorResult(Presentable):
     """Parameters that minimise the output error, with their intervals.
 
     Parameters
@@ -142,6 +144,38 @@ class OutputErrorResult:
     def iterations(self) -> int:
         """Iterations over all stages."""
         return sum(stage.iterations for stage in self.stages)
+
+    @property
+    def headline(self) -> str:
+        """Status, iterations, cost and what is estimated."""
+        return (
+            f"Output error: {self.status} after {self.iterations} iterations, cost "
+            f"{self.cost:.5g}, {len(self.uncertainty.names)} parameters fitted"
+        )
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return one row a parameter or derived quantity: estimate and standard deviations [SI].
+
+        The coefficients of the flow map come last. A parameter that was held has std 0.
+        """
+        flow = set() if self.axis.flow is None else set(self.axis.flow.parameters.names)
+        own = [item for item in self.parameters if item.name not in flow]
+        coefficients = [item for item in self.parameters if item.name in flow]
+        rows = [
+            (item.name, item.value, self.std(item.name), self.std(item.name, True), item.unit)
+            for item in (*own, *coefficients)
+        ]
+        rows[len(own) : len(own)] = [
+            (name, item.value, item.std, item.std_robust, item.unit)
+            for name, item in self.derived.items()
+        ]
+        columns = ["parameter", "estimate", "std", "std_robust", "unit"]
+        return pd.DataFrame(rows, columns=columns).set_index("parameter")
+
+    def overview(self) -> pd.DataFrame:
+        """Return the table without the coefficients of the flow map."""
+        flow = [] if self.axis.flow is None else list(self.axis.flow.parameters.names)
+        return self.to_frame().drop(index=flow)
 
     def std(self, name: str, robust: bool = False) -> float:
         """Return a parameter's standard deviation; 0 if it was held, infinite if uninformed.

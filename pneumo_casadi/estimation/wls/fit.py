@@ -80,6 +80,16 @@ def fit_wls(
         If a record lacks a channel or is too short for the filters.
     ModelError
         If there is no record.
+
+    Examples
+    --------
+    >>> import pneumo_casadi as pc
+    >>> case = pc.example_case()
+    >>> flow_map = pc.valve.read_flow_map(case.flow_map_path)
+    >>> axis = pc.Servosystem(case.bench, pc.valve.fit_polynomials(flow_map, (7, 7, 4)))
+    >>> fit = pc.fit_wls(axis, case.identify)
+    >>> round(fit.parameters["M"].value, 1)
+    16.9
     """
     recordings = (records,) if isinstance(records, Recording) else tuple(records)
     if not recordings:

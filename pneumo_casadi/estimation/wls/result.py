@@ -5,12 +5,14 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from pneumo_casadi.estimation.wls.base_parameters import BaseParameters
 from pneumo_casadi.estimation.wls.derived import DerivedEstimates
 from pneumo_casadi.estimation.wls.linear import LinearFit
 from pneumo_casadi.estimation.wls.regressor import LinearModel, StickPhases
 from pneumo_casadi.parameters import FloatArray, Parameters
+from pneumo_casadi.runtime.presentation import Presentable
 from pneumo_casadi.signals import FilterPlan, InputPairing
 
 
@@ -35,8 +37,8 @@ class Removal:
     error_after: float
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class WLSResult:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class WLSResult(Presentable):
     """What weighted least squares found, with its statistics.
 
     Two covariances are kept. `covariance` is eq. 16, as the paper prints it: right where the
@@ -150,6 +152,26 @@ class WLSResult:
     def base(self) -> BaseParameters:
         """Base parameters of the observation matrix."""
         return self.fit.base
+
+    @property
+    def headline(self) -> str:
+        """Parameters, rows, condition number and relative error."""
+        return (
+            f"Weighted least squares: {len(self.names)} parameters from "
+            f"{sum(self.rows_used.values())} rows, condition number {self.condition_number:.3g}, "
+            f"relative error {self.total_error_percent:.3g} %"
+        )
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return one row a parameter: estimate, both standard deviations [SI] and %σ_r."""
+        columns = {
+            "estimate": self.estimate,
+            "std": self.std,
+            "std_hac": self.std_hac,
+            "relative_std_percent": self.relative_std_percent,
+            "unit": list(self.parameters.units),
+        }
+        return pd.DataFrame(columns, index=pd.Index(self.names, name="parameter"))
 
     def as_dict(self) -> dict[str, Any]:
         """Return parameters, derived quantities and errors as plain values, ready for JSON."""

@@ -1,0 +1,39 @@
+"""What tests and the examples of docstrings share."""
+
+import os
+
+for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):  # before any import of numpy
+    os.environ.setdefault(_name, "1")
+
+from dataclasses import replace  # noqa: E402
+from pathlib import Path  # noqa: E402
+
+import pytest  # noqa: E402
+
+import pneumo_casadi as pc  # noqa: E402
+
+
+@pytest.fixture(scope="session")
+def embedded() -> Path:
+    """Folder of the embedded record whose true parameters are known."""
+    return pc.data.EXAMPLE
+
+
+@pytest.fixture(scope="session")
+def quick():
+    """Return an identification of a few seconds of record: quick to make, not to be trusted."""
+    case = pc.example_case()
+    case = replace(case, validate=(case.validate[0].window(8.0, 10.0),))
+    return pc.identify(
+        case,
+        pc.IdentifyOptions(pc.valve.FlowForm.POLYNOMIALS, start=10.0, end=13.0, windows=(0.5,)),
+    )
+
+
+@pytest.fixture(autouse=True)
+def names_of_examples(request, doctest_namespace):
+    """Give `pc`, and the shared `result` where an example uses it, to the docstrings."""
+    if isinstance(request.node, pytest.DoctestItem):
+        doctest_namespace["pc"] = pc
+        if any("result" in example.source for example in request.node.dtest.examples):
+            doctest_namespace["result"] = request.getfixturevalue("quick")

@@ -1,0 +1,52 @@
+"""Results show themselves briefly: repr, HTML, summary, table."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pneumo_casadi.runtime.presentation import LONGEST_REPR, Presentable
+
+
+@pytest.fixture
+def results(quick):
+    case = quick.case
+    return [case, case.identify[0], quick, quick.wls, quick.output_error, quick.validation]
+
+
+def test_a_repr_is_short_and_says_what_it_is(results):
+    for result in results:
+        assert 40 < len(repr(result)) < 1200, repr(result)
+        assert result.summary().startswith(result.headline)
+        assert repr(result).startswith(result.headline.splitlines()[0])
+
+
+def test_notebooks_get_a_table(results):
+    for result in results:
+        html = result._repr_html_()
+        assert "<table" in html and result.headline.split(":")[0] in html
+
+
+def test_tables_hold_the_numbers(quick):
+    frame = quick.to_frame()
+    assert list(frame.index) == list(quick.wls.names)
+    assert frame.loc["M", "output_error"] == quick.output_error.parameters["M"].value
+    assert frame.loc["M", "output_error_std"] == quick.output_error.std("M", robust=True)
+    assert frame.loc["M", "truth"] == quick.truth["M"]
+    assert np.array_equal(quick.wls.to_frame()["estimate"], quick.wls.estimate)
+    fit = quick.output_error.to_frame()
+    assert fit.loc["k_P", "estimate"] == quick.output_error.derived["k_P"].value
+    errors = quick.validation.to_frame()
+    assert errors.loc[("open loop", "x"), "rms"] == quick.validation.open_loop["x"].rms
+    record = quick.case.identify[0]
+    assert np.array_equal(record.to_frame()["x_m"], record["x"])
+
+
+def test_a_long_table_is_cut_in_the_repr_and_whole_in_the_summary():
+    class Long(Presentable):
+        headline = "many rows"
+
+        def to_frame(self):
+            return pd.DataFrame({"value": np.arange(500.0)})
+
+    assert len(repr(Long())) <= LONGEST_REPR + 2 and repr(Long()).endswith("…")
+    assert Long().summary().count("\n") == 501
