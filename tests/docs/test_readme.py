@@ -1,9 +1,12 @@
 """README and result pages say what the committed results say; names and links in them exist."""
 
+import ast
 import re
 from pathlib import Path
 
 import pytest
+
+import pneumo_casadi as pc
 
 ROOT = Path(__file__).resolve().parents[2]
 README = ROOT / "README.md"
@@ -39,6 +42,21 @@ def test_every_picture_and_link_of_the_readme_exists():
     assert targets
     for target in targets:
         assert (ROOT / target).exists(), target
+
+
+def test_the_python_of_the_readme_uses_names_that_exist():
+    (code,) = re.findall(r"^```python\n(.*?)^```$", README.read_text("utf-8"), re.M | re.S)
+    used = {
+        ast.unparse(node) for node in ast.walk(ast.parse(code)) if isinstance(node, ast.Attribute)
+    }
+    public = {name for name in used if re.fullmatch(r"pc(\.\w+)+", name)}
+    assert len(public) >= 6
+    for name in public:
+        item = pc
+        for part in name.split(".")[1:]:
+            item = getattr(item, part)
+    for name in ("summary", "to_frame"):
+        assert hasattr(pc.Identification, name)
 
 
 def test_each_install_command_stands_once():
