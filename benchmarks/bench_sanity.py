@@ -90,7 +90,9 @@ def differences(
     order = [layout.GAS_P, layout.GAS_N, layout.X, layout.V]
     states = found.states[:, order]
     truth: Mapping[str, float] = {**axis.truth, "v_s": v_s, "M": mass or axis.M}
-    bench = replace(axis.described(FS, axis.M), S_P=axis.S_P, S_N=axis.S_N, p_supply=axis.p_supply)
+    bench = replace(
+        axis.bench_description(FS, axis.M), S_P=axis.S_P, S_N=axis.S_N, p_supply=axis.p_supply
+    )
     model = Servosystem(bench, known_flow(axis)).with_parameters(truth)
     simulated = simulate(model, found.rows[:, :2], 1 / FS, states[0])
     # The simulation goes on for one sample more, over which the last input is held.
