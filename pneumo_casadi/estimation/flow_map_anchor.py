@@ -1,7 +1,7 @@
 """The measured flow map as part of the estimation: it fixes the scale of all flows.
 
 Multiplying both flow polynomials and X_s1 ... X_s6 by one constant leaves every trajectory
-unchanged. Freed together they need an anchor, and the only honest one is the measured map.
+unchanged. Where they are free together, the measured map has to fix their common scale.
 """
 
 from collections.abc import Mapping, Sequence
@@ -54,12 +54,12 @@ class Anchor:
 
     def rows(self, c: FloatArray, free: Sequence[str]) -> FloatArray:
         """Return the derivatives to the parameters `free`, (n, len(free)); zero for no c."""
-        found = np.zeros((self.n, len(free)))
+        derivatives = np.zeros((self.n, len(free)))
         slopes = self.jacobian(c)
         for column, name in enumerate(self.names):
             if name in free:
-                found[:, free.index(name)] = slopes[:, column]
-        return found
+                derivatives[:, free.index(name)] = slopes[:, column]
+        return derivatives
 
 
 def anchor_to_flow_map(

@@ -1,4 +1,4 @@
-"""Covariance, intervals and what can be said of a parameter at all."""
+"""Covariance and intervals of estimated parameters, and which of them the data inform."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ LOADING = 1e-3
 
 @dataclass(frozen=True, slots=True)
 class ParameterUncertainty:
-    """Covariance of estimated parameters, infinite where the data hold nothing.
+    """Covariance of estimated parameters, infinite where the data hold no information.
 
     Parameters
     ----------
@@ -32,12 +32,12 @@ class ParameterUncertainty:
     at_bound : tuple of str
         Parameters held by a bound; their interval is one-sided and not given here.
     uninformed : tuple of str
-        Parameters in a direction about which the data say nothing.
+        Parameters with a part in a direction without information.
     combinations : tuple of str
         Those directions, written out.
     covariance_robust : (n, n) array or None
-        The same without the belief that residuals are white and as large as σ says: the
-        sandwich H⁻¹ Σ H⁻¹. It knows correlated residuals, not the bias of a wrong model.
+        The same for residuals of any size and correlation, see `robust_covariance`. It does not
+        include the bias of a wrong model.
     """
 
     names: tuple[str, ...]
@@ -52,24 +52,24 @@ class ParameterUncertainty:
         """Standard deviations that allow for correlated residuals, shape (n,)."""
         if self.covariance_robust is None:
             return self.std
-        found: FloatArray = np.sqrt(np.diag(self.covariance_robust))
-        return found
+        std: FloatArray = np.sqrt(np.diag(self.covariance_robust))
+        return std
 
     @property
     def std(self) -> FloatArray:
         """Standard deviations, shape (n,)."""
-        found: FloatArray = np.sqrt(np.diag(self.covariance))
-        return found
+        std: FloatArray = np.sqrt(np.diag(self.covariance))
+        return std
 
     @property
     def correlation(self) -> FloatArray:
         """Correlation matrix, shape (n, n); zero where a variance is zero or infinite."""
         std = self.std
         usable = np.isfinite(std) & (std > 0)
-        found = np.eye(std.size)
+        correlation = np.eye(std.size)
         inside = np.ix_(usable, usable)
-        found[inside] = self.covariance[inside] / np.outer(std[usable], std[usable])
-        return found
+        correlation[inside] = self.covariance[inside] / np.outer(std[usable], std[usable])
+        return correlation
 
 
 def invert_information(
@@ -200,6 +200,6 @@ def autocorrelation(residual: FloatArray, lags: int) -> FloatArray:
     """Return the autocorrelation at lags 0 ... `lags`, shape (lags + 1,), biased estimate."""
     e = residual - residual.mean()
     spectrum = np.fft.rfft(e, 2 * e.size)
-    found = np.fft.irfft(np.abs(spectrum) ** 2)[: lags + 1]
-    scaled: FloatArray = found / found[0]
-    return scaled
+    covariance = np.fft.irfft(np.abs(spectrum) ** 2)[: lags + 1]
+    correlation: FloatArray = covariance / covariance[0]
+    return correlation

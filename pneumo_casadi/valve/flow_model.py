@@ -194,14 +194,14 @@ def warn_of_rising_edges(model: FlowModel, table: FlowMap) -> None:
     # A tenth of the mean slope of the map: below it the sign is a matter of noise.
     tolerance = 0.1 * table.q_max / (model.p_range[1] - model.p_range[0])
     rising = edge_slopes(model, commands) > tolerance
-    for edge, p, found in zip(("lower", "upper"), model.p_range, rising.T, strict=True):
-        if found.any():
+    for edge, p, rises in zip(("lower", "upper"), model.p_range, rising.T, strict=True):
+        if rises.any():
             logger.warning(
                 "%s: at the %s edge (p = %.4g Pa) the fitted flow rises with pressure for u from "
                 "%.2g to %.2g V; keep chamber pressures inside the map or change the fit",
                 table.source,
                 edge,
                 p,
-                commands[found].min(),
-                commands[found].max(),
+                commands[rises].min(),
+                commands[rises].max(),
             )

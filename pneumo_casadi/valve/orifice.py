@@ -124,12 +124,16 @@ def orifice_flow(
     >>> round(float(orifice_flow(2e-8, 0.3, 0.5, 7e5, 1e5)), 5)
     0.01659
     """
-    one, two = np.broadcast_arrays(np.asarray(p_1, dtype=float), np.asarray(p_2, dtype=float))
-    if not one.size:
-        return np.zeros(one.shape)
-    theta = np.tile([[C], [b], [m]], (1, one.size))
-    q = _orifice_functions()[0](theta, one.reshape(1, -1), two.reshape(1, -1), T, laminar_ratio)
-    return np.asarray(q, dtype=float).reshape(one.shape)
+    upstream, downstream = np.broadcast_arrays(
+        np.asarray(p_1, dtype=float), np.asarray(p_2, dtype=float)
+    )
+    if not upstream.size:
+        return np.zeros(upstream.shape)
+    theta = np.tile([[C], [b], [m]], (1, upstream.size))
+    q = _orifice_functions()[0](
+        theta, upstream.reshape(1, -1), downstream.reshape(1, -1), T, laminar_ratio
+    )
+    return np.asarray(q, dtype=float).reshape(upstream.shape)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -189,19 +193,27 @@ def fit_orifice(
     FitError
         If the least-squares iteration stalls; ``partial`` holds its result.
     """
-    one, two, q = (np.array(values, dtype=float) for values in (p_1, p_2, q_m))
-    if not (one.ndim == 1 and one.shape == two.shape == q.shape and one.size > 3):
+    upstream, downstream, q = (np.array(values, dtype=float) for values in (p_1, p_2, q_m))
+    if not (
+        upstream.ndim == 1 and upstream.shape == downstream.shape == q.shape and upstream.size > 3
+    ):
         raise CaseError(
             f"p_1, p_2 and q_m must be vectors of one length, at least 4, got shapes "
-            f"{one.shape}, {two.shape}, {q.shape}"
+            f"{upstream.shape}, {downstream.shape}, {q.shape}"
         )
     # Curves are metered down to vacuum; only a value that cannot be Pa is refused.
-    if not (np.isfinite([one, two, q]).all() and one.min() >= P_PLAUSIBLE[0] and two.min() >= 0):
+    if not (
+        np.isfinite([upstream, downstream, q]).all()
+        and upstream.min() >= P_PLAUSIBLE[0]
+        and downstream.min() >= 0
+    ):
         raise CaseError(
-            f"p_1 from {one.min():g} Pa, p_2 from {two.min():g} Pa: expected finite absolute "
-            "pressures in Pa and flows in kg/s; is it in bar, psi or a gauge pressure?"
+            f"p_1 from {upstream.min():g} Pa, p_2 from {downstream.min():g} Pa: expected finite "
+            "absolute pressures in Pa and flows in kg/s; is it in bar, psi or a gauge pressure?"
         )
-    start = np.abs(q).max() / (np.maximum(one, two).max() * RHO_ANR * np.sqrt(T_ANR / T))
+    start = np.abs(q).max() / (
+        np.maximum(upstream, downstream).max() * RHO_ANR * np.sqrt(T_ANR / T)
+    )
     guess = Parameters(
         [
             Parameter("C", start, "m³/(s Pa)", lower=0.0, scale=start, source="ISO 6358-1:2013"),
@@ -210,7 +222,7 @@ def fit_orifice(
         ]
     )
     function, jacobian = _orifice_functions()
-    fixed = (one.reshape(1, -1), two.reshape(1, -1), T, laminar_ratio)
+    fixed = (upstream.reshape(1, -1), downstream.reshape(1, -1), T, laminar_ratio)
 
     def residuals(theta: FloatArray) -> FloatArray:
         flows = np.asarray(function(np.tile(theta[:, None], (1, q.size)), *fixed), dtype=float)

@@ -136,16 +136,16 @@ class FlowPolynomials:
         """
         phi, plus, minus = (theta[part] for part in parts(self.degrees).values())
 
-        def along(coefficients: Any, pressure: Any) -> Any:
+        def continued(coefficients: Any, pressure: Any) -> Any:
             basis = _basis(pressure, self.p_range, max(self.degrees), ca.fmax, ca.fmin)
             return _combine(basis, coefficients)
 
-        ends = (along(phi, self.p_range[0]), along(phi, self.p_range[1]))
+        ends = (continued(phi, self.p_range[0]), continued(phi, self.p_range[1]))
         return (
-            along(phi, p)
+            continued(phi, p)
             + leakage_change(ends, p, self.p_range, filling, emptying)
-            + filling * along(plus, p / filling) * ca.fmax(u, 0.0)
-            + emptying * along(minus, p / emptying) * ca.fmin(u, 0.0)
+            + filling * continued(plus, p / filling) * ca.fmax(u, 0.0)
+            + emptying * continued(minus, p / emptying) * ca.fmin(u, 0.0)
         )
 
     def design_matrix(self, u: ArrayLike, p: ArrayLike) -> FloatArray:

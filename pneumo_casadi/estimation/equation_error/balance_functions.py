@@ -43,7 +43,7 @@ class _FlowAt:
 
 @dataclass(frozen=True, eq=False)
 class BalanceFunctions:
-    """What an axis says of a motion that is given.
+    """Residuals of the balances of an axis along a given motion.
 
     All functions take columns ``x (n,), dx (n,), u (nu,), z (nz,), c (nc,), θ (nθ,)``: nominal
     states and derivatives, inputs, states of the effects, constants and parameters.
@@ -59,11 +59,11 @@ class BalanceFunctions:
     @property
     def constants(self) -> dict[str, float]:
         """Numbers that the functions take at run time, by name."""
-        found = dict(self.axis.constants)
+        constants = dict(self.axis.constants)
         if isinstance(self.axis.flow, FlowISO6358):
-            found["flow_p_supply"] = self.axis.flow.p_supply
-            found["flow_p_ext"] = self.axis.flow.p_ext
-        return found
+            constants["flow_p_supply"] = self.axis.flow.p_supply
+            constants["flow_p_ext"] = self.axis.flow.p_ext
+        return constants
 
     @property
     def n_z(self) -> int:
@@ -112,11 +112,11 @@ class BalanceFunctions:
         exact = [axis.parameters.index(name) for name in self.analytic]
         J = ca.jacobian(r, theta)[:, exact]
         r, y = ca.densify(r), ca.densify(y)
-        one = ca.Function("one_residual", symbols, [r, y])
-        both = ca.Function("one_jacobian", symbols, [r, y, ca.densify(J)])
+        residual = ca.Function("one_residual", symbols, [r, y])
+        with_jacobian = ca.Function("one_jacobian", symbols, [r, y, ca.densify(J)])
         functions = [
-            _stretch("residual", one, STRETCH, False),
-            _stretch("residual_and_jacobian", both, STRETCH, False),
+            _stretch("residual", residual, STRETCH, False),
+            _stretch("residual_and_jacobian", with_jacobian, STRETCH, False),
         ]
         if self.n_z:
             rest = ca.vertcat(*(at_rest.rest[name] for name in axis.states[-self.n_z :]))
@@ -153,7 +153,7 @@ class BalanceFunctions:
 
     @cached_property
     def _state_parameters(self) -> frozenset[str]:
-        """Free parameters that states of the effects or sensors hang on."""
+        """Free parameters on which states of the effects or sensors depend."""
         (*_, theta), written, at_rest = self._written
         states = self.axis.states[len(self.axis.motion_states) :]
         known = [*(written.rates[name] for name in states), *(at_rest.rest[n] for n in states)]
@@ -164,10 +164,10 @@ class BalanceFunctions:
 
     @property
     def analytic(self) -> tuple[str, ...]:
-        """Free parameters of the axis, and those of effects that no state and no sensor knows.
+        """Free parameters with analytic derivatives, the states of the effects held.
 
-        Derivatives to these are written out, states held: they need no other motion of the states,
-        or leave out what that would add (`state_dependent`).
+        Those of the nominal axis, and those of effects on which no state and no sensor depends.
+        For `state_dependent` ones the derivatives leave out the change of the states.
         """
         return (
             *self.nominal_parameters,
@@ -176,12 +176,12 @@ class BalanceFunctions:
 
     @property
     def by_difference(self) -> tuple[str, ...]:
-        """Free parameters of effects that states or sensors hang on as well."""
+        """Free parameters of effects on which states or sensors depend as well."""
         return tuple(name for name in self.effect_parameters if name in self._state_parameters)
 
     @property
     def state_dependent(self) -> tuple[str, ...]:
-        """Free parameters of the axis whose derivatives leave out what states make of them."""
+        """Nominal free parameters on which states of the effects depend."""
         return tuple(name for name in self.nominal_parameters if name in self._state_parameters)
 
     @property
@@ -212,8 +212,8 @@ class BalanceFunctions:
     def _repeated(self, f: ca.Function, count: int, how: str, B: int) -> ca.Function:
         key = (f.name(), count, B)
         if key not in self._kept:
-            one = f if count == 1 else f.map(count) if how == "map" else f.mapaccum("all", count)
-            self._kept[key] = one.map(B) if B > 1 else one
+            chain = f if count == 1 else f.map(count) if how == "map" else f.mapaccum("all", count)
+            self._kept[key] = chain.map(B) if B > 1 else chain
         return self._kept[key]
 
     @cached_property
@@ -222,12 +222,12 @@ class BalanceFunctions:
 
 
 def any_sensor_effect(effects: Sequence[Effect]) -> bool:
-    """Tell whether some effect changes what a sensor shows of the motion."""
+    """Tell whether an effect acts on a measured output."""
     return any("output" in effect.junctions for effect in effects)
 
 
 def any_sensor_memory(effects: Sequence[Effect]) -> bool:
-    """Tell whether some effect makes a sensor show what has been, which a smoothed motion hides."""
+    """Tell whether an effect with states acts on a measured output."""
     return any("output" in effect.junctions and effect.states for effect in effects)
 
 
@@ -240,7 +240,7 @@ def _stretch(name: str, f: ca.Function, K: int, accumulates: bool) -> ca.Functio
         for i, (rows, columns) in enumerate(shapes)
     ]
     many = f.mapaccum("chain", K) if accumulates else f.map(K)
-    found = many.call([*given[:-2], *(ca.repmat(one, 1, K) for one in given[-2:])])
+    outputs = many.call([*given[:-2], *(ca.repmat(symbol, 1, K) for symbol in given[-2:])])
     if accumulates:  # the state at the end first, which the next stretch begins with
-        found = [found[0][:, -1], found[0]]
-    return ca.Function(name, given, found)
+        outputs = [outputs[0][:, -1], outputs[0]]
+    return ca.Function(name, given, outputs)

@@ -1,4 +1,4 @@
-"""Residuals of the balances along a smoothed motion, with the effects' own states run along."""
+"""Residuals of the balances along a smoothed motion; states of the effects are simulated."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -15,11 +15,11 @@ from pneumo_casadi.estimation.equation_error.smoothed_motion import SmoothedMoti
 from pneumo_casadi.model.compilation import call_with_arrays
 from pneumo_casadi.parameters import FloatArray
 
-#: How often what a sensor distorts is taken back, each time to one order more.
+#: Iterations that invert the effects of sensors, each accurate to one order more.
 CORRECTIONS = 6
-#: Corrections end once they move nothing by more than this share of the sensors' noise.
+#: The iterations end once they change no signal by more than this share of its noise.
 UNCHANGED = 1e-4
-#: Step of difference quotients, in units of a parameter's scale.
+#: Step of difference quotients, in units of the scale of a parameter.
 DIFFERENCE = 1e-3
 
 #: Nominal states and their derivatives, each (n, N).
@@ -55,18 +55,19 @@ def linearise_residuals(
 ) -> LinearisedResiduals:
     """Return residuals and derivatives at some parameters.
 
-    Those to the nominal parameters hold the effects' states, and are exact where these do not hang
-    on them. Those to parameters of effects that no state and no sensor knows are exact; to the
-    others they are differences over a thousandth of their scale. With `whole`, so are those to
-    nominal parameters that states hang on, at the price of one motion of the states for each.
+    Derivatives to the nominal parameters hold the states of the effects, and are exact where these
+    states do not depend on them. Derivatives to parameters of effects are exact where no state and
+    no sensor depends on them, and difference quotients otherwise. With `whole`, difference
+    quotients are also used for nominal parameters on which states depend, at the price of one
+    simulation of the states for each.
     """
     holding = model.state_dependent if whole else ()
     variants, steps = _perturbed(model, theta, (*model.by_difference, *holding), {})
-    found = _undecimated(model, data, variants, jacobian=True)
-    r, J = found[0], found[-1]
+    residuals = _undecimated(model, data, variants, jacobian=True)
+    r, J = residuals[0], residuals[-1]
     ne, N = r.shape
     columns = [r.T.reshape(N, ne)]
-    columns += [(one - r).T / h for one, h in zip(found[1:-1], steps, strict=True)]
+    columns += [(perturbed - r).T / h for perturbed, h in zip(residuals[1:-1], steps, strict=True)]
     low = data.averaged(np.concatenate([*columns, J.reshape(N, -1)], axis=1))
     m = len(low)
     moved = low[:, ne : ne * (1 + len(steps))].reshape(m, len(steps), ne).transpose(2, 0, 1)
@@ -88,9 +89,11 @@ def effect_derivatives(
     With `sizes`, the quotients over steps of those sizes by name.
     """
     variants, steps = _perturbed(model, theta, names, sizes or {})
-    found = _undecimated(model, data, variants)
-    columns = [(one - found[0]).T / h for one, h in zip(found[1:], steps, strict=True)]
-    ne, k = len(found[0]), len(names)
+    residuals = _undecimated(model, data, variants)
+    columns = [
+        (perturbed - residuals[0]).T / h for perturbed, h in zip(residuals[1:], steps, strict=True)
+    ]
+    ne, k = len(residuals[0]), len(names)
     low = data.averaged(np.concatenate(columns, axis=1)) if k else np.zeros((data.m, 0))
     return low.reshape(data.m, k, ne).transpose(2, 0, 1)
 
@@ -101,7 +104,7 @@ def _perturbed(
     names: Sequence[str],
     sizes: Mapping[str, float],
 ) -> tuple[list[FloatArray], list[float]]:
-    """Return θ and what it is with each of some parameters moved, and by how much."""
+    """Return θ, copies of it with one parameter perturbed each, and the perturbations."""
     parameters = model.axis.parameters
     variants, steps = [theta], []
     for name in names:
@@ -125,31 +128,31 @@ def _undecimated(
     """Return r (ne, N) for every variant of θ, and last the Jacobian of the first (N, ne n)."""
     motions = _true_motions(model, data, variants)
     states = simulate_effect_states(model, data, variants, motions)
-    found: list[FloatArray] = []
-    last: list[FloatArray] = []
+    residuals: list[FloatArray] = []
+    jacobians: list[FloatArray] = []
     for i, (theta, z, (x, dx)) in enumerate(zip(variants, states, motions, strict=True)):
         given = (x, dx, data.u, z, *_repeated(model, theta, data.N))
         if jacobian and i == 0:
             r, _, slope = call_with_arrays(model.residual_and_jacobian(data.N), *given)
             # Columns of one sample lie side by side: (ne, n N) in Fortran's order.
-            last = [slope.reshape(-1, data.N, order="F").T]
+            jacobians = [slope.reshape(-1, data.N, order="F").T]
         else:
             r, _ = call_with_arrays(model.residual(data.N), *given)
-        found.append(r)
-    return found + last
+        residuals.append(r)
+    return residuals + jacobians
 
 
 def _true_motions(
     model: BalanceFunctions, data: SmoothedMotion, variants: Sequence[FloatArray]
 ) -> list[Motion]:
-    """Take back what the sensors distort, for every variant of θ."""
+    """Return the motions with the effects of sensors inverted, for every variant of θ."""
     axis = model.axis
     sensors = [f"{effect.name}." for effect in axis.effects if any_sensor_effect((effect,))]
     own = [i for i, n in enumerate(axis.parameters.names) if n.startswith(tuple(sensors))]
-    # A sensor knows no parameters but its own, whatever else variants differ in.
+    # A sensor effect depends on its own parameters alone: equal variants share a motion.
     distinct = {theta[own].tobytes(): theta for theta in variants}
-    found = _without_sensors(model, data, list(distinct.values()))
-    known = dict(zip(distinct, found, strict=True))
+    corrected = _without_sensors(model, data, list(distinct.values()))
+    known = dict(zip(distinct, corrected, strict=True))
     return [known[theta[own].tobytes()] for theta in variants]
 
 
@@ -160,7 +163,7 @@ def _without_sensors(
     effects = model.axis.effects
     states = [np.zeros((model.n_z, data.N))] * len(variants)
     for _ in range(CORRECTIONS if any_sensor_effect(effects) else 0):
-        # What a sensor without memory shows hangs on no state: running them would be idle.
+        # A sensor effect without states needs no simulation of them.
         states = (
             simulate_effect_states(model, data, variants, motions)
             if any_sensor_memory(effects)
@@ -177,12 +180,12 @@ def _without_sensors(
 
 
 def _distance(
-    model: BalanceFunctions, data: SmoothedMotion, one: Sequence[Motion], other: Sequence[Motion]
+    model: BalanceFunctions, data: SmoothedMotion, first: Sequence[Motion], second: Sequence[Motion]
 ) -> float:
-    """Return by how much motions differ at most, in units of the sensors' noise."""
+    """Return the largest difference of two sets of motions, in units of the sensors' noise."""
     rows = [model.axis.motion_states.index(name) for name in model.axis.outputs]
     apart = [
-        np.abs(a[rows] - b[rows]).max(axis=1) for (a, _), (b, _) in zip(one, other, strict=True)
+        np.abs(a[rows] - b[rows]).max(axis=1) for (a, _), (b, _) in zip(first, second, strict=True)
     ]
     return float(np.max(np.max(apart, axis=0) / np.maximum(data.noise, 1e-300)))
 
@@ -193,7 +196,7 @@ def simulate_effect_states(
     variants: Sequence[FloatArray],
     motions: Sequence[Motion],
 ) -> list[FloatArray]:
-    """Run the effects' states along the motions, one (nz, N) array a variant of θ."""
+    """Simulate the states of the effects along the motions; (nz, N) for each variant of θ."""
     N, B = data.N, len(variants)
     if not model.n_z:
         return [np.zeros((0, N))] * B
@@ -218,8 +221,8 @@ def simulate_effect_states(
         np.tile(C, B),
         np.hstack([np.tile(theta[:, None], T) for theta in variants]),
     )
-    found = call_with_arrays(model.effect_states(N, B), *given)[1].reshape(model.n_z, B, N)
-    z[:, 1:, :] = found.transpose(0, 2, 1)[:, :-1]
+    after_each = call_with_arrays(model.effect_states(N, B), *given)[1].reshape(model.n_z, B, N)
+    z[:, 1:, :] = after_each.transpose(0, 2, 1)[:, :-1]
     return [z[:, :, i] for i in range(B)]
 
 
@@ -230,7 +233,7 @@ def _corrected(
     z: FloatArray,
     motion: Motion,
 ) -> Motion:
-    """Return the motion that the sensors would show as measured, one order better."""
+    """Return a motion that the sensors show more nearly as it was measured."""
     axis = model.axis
     x, dx = motion
     given = (x, dx, data.u, z, *_repeated(model, theta, data.N))

@@ -1,8 +1,8 @@
-"""The measured motion, smoothed: what the balances are held against.
+"""The measured motion, smoothed, along which the balances are evaluated.
 
-With laboratory noise (some 100 Pa, some 10 µm) filtered measurements are the true states but for
-a fraction of a per cent, in the band in which an axis moves. Along them every balance can be
-evaluated on its own, without simulating the others.
+With laboratory noise (some 100 Pa, some 10 µm) filtered measurements are the true states to
+a fraction of a per cent in the band in which an axis moves. Every balance can be evaluated along
+them on its own, without simulating the others.
 """
 
 from collections.abc import Sequence
@@ -81,9 +81,9 @@ class SmoothedMotion:
 
     def used(self, axis: Axis) -> NDArray[np.bool_]:
         """Return which rows of each balance count, shape (ne, m): force only in motion."""
-        found = np.ones((len(axis.equations), self.m), dtype=bool)
-        found[axis.equations.index("force")] = self.moving
-        return found
+        rows = np.ones((len(axis.equations), self.m), dtype=bool)
+        rows[axis.equations.index("force")] = self.moving
+        return rows
 
     def averaged(self, columns: FloatArray) -> FloatArray:
         """Average columns (N, n) over the windows, (m, n)."""
@@ -111,10 +111,10 @@ def smooth_motion(axis: Axis, record: Recording) -> SmoothedMotion:
     """
     fs = 1 / record.dt
     plan = FilterPlan(sampling_frequency=fs, cutoff=min(CUTOFF, 0.4 * fs))
-    found = filter_recording(record, plan, InputPairing.SAMPLE)
+    filtered = filter_recording(record, plan, InputPairing.SAMPLE)
     names = axis.motion_states
-    x, dx = found.stack_states(names), found.stack_derivatives(names)
-    (u,) = found.stack_inputs(axis.inputs)
+    x, dx = filtered.stack_states(names), filtered.stack_derivatives(names)
+    (u,) = filtered.stack_inputs(axis.inputs)
     # An input held from its sample to the next belongs to the middle of that step.
     if record.hold is InputHold.ZERO:
         x, dx, u = (x[:, 1:] + x[:, :-1]) / 2, (dx[:, 1:] + dx[:, :-1]) / 2, u[:, :-1]
@@ -122,10 +122,10 @@ def smooth_motion(axis: Axis, record: Recording) -> SmoothedMotion:
     thin = max(1, int(fs / RATE))
     dt = thin * record.dt
     x, dx, u = (_thinned(part, thin) for part in (x, dx, u))
-    slow = np.abs(x[names.index("v")]) < max(SLOW, NOISE_MULTIPLE * found.velocity_noise)
+    slow = np.abs(x[names.index("v")]) < max(SLOW, NOISE_MULTIPLE * filtered.velocity_noise)
     weak = _windows(x.shape[1], max(1, round(1 / dt / ROW_RATE)))
     return SmoothedMotion(
-        found.t[: x.shape[1] * thin : thin],
+        filtered.t[: x.shape[1] * thin : thin],
         x,
         dx,
         u,
@@ -133,7 +133,7 @@ def smooth_motion(axis: Axis, record: Recording) -> SmoothedMotion:
         (weak @ slow.astype(float)) == 0,
         dt,
         np.array([white_noise_std(record[name]) for name in axis.outputs]) / thin**0.5,
-        found.velocity_noise,
+        filtered.velocity_noise,
         record.name,
     )
 

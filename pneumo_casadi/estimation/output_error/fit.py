@@ -146,9 +146,9 @@ def fit_output_error(
     )
     raise FitError(
         f"output error: {solution.status} in stage {rung.name!r} after {solution.iterations} "
-        f"{tried}. The model may lack what the axis does, or map and bench may not "
-        "belong to it; fit shorter windows (window=0.25, --window 0.25), which bear more misfit, "
-        "and look where they part",
+        f"{tried}. The model may omit dynamics that the data show, or map and bench may "
+        "not belong to the axis; fit shorter windows (window=0.25, --window 0.25), which tolerate "
+        "more misfit, and see where model and measurement disagree",
         result,
     )
 
@@ -247,7 +247,7 @@ def _solve(
 def _result(problem: Problem, solution: Solution, stages: tuple[Stage, ...]) -> OutputErrorResult:
     point, sigma = solution.point, solution.sigma
     axis = problem.axis.with_parameters(problem.parameters.with_values(point.theta))
-    found = estimate_uncertainty(problem, point, sigma)
+    uncertainty = estimate_uncertainty(problem, point, sigma)
     own_states = len(problem.axis.states)
     return OutputErrorResult(
         axis,
@@ -255,8 +255,8 @@ def _result(problem: Problem, solution: Solution, stages: tuple[Stage, ...]) -> 
         problem.cost(point.theta, solution.m, sigma),
         sigma,
         np.sqrt(np.mean((problem.y - solution.m) ** 2, axis=1)),
-        found,
-        evaluate_derived_quantities(axis, found),
+        uncertainty,
+        evaluate_derived_quantities(axis, uncertainty),
         stages,
         problem.segments,
         tuple(np.split(solution.m, np.cumsum([s.K for s in problem.segments])[:-1], axis=1)),

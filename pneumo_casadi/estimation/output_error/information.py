@@ -1,4 +1,4 @@
-"""What the data say about the parameters: Gauss-Newton information and covariance."""
+"""Gauss-Newton information on the parameters and their covariance."""
 
 from dataclasses import dataclass
 
@@ -56,7 +56,7 @@ def gauss_newton_information(problem: Problem, point: Unknowns, sigma: FloatArra
     total, _ = anchor_normal_equations(problem, point.theta)
     before = np.diag(total).copy()
     linear = linearise(problem, point, sigma)
-    if not linear.finite:  # a trajectory that ran away says nothing
+    if not linear.finite:  # a trajectory that diverged holds no information
         return Information(0 * total, ((np.zeros((1, len(total))),),))
     rows: dict[int, list[FloatArray]] = {}
     for i, condensed in enumerate(condense(problem, linear, sigma)):
@@ -65,12 +65,12 @@ def gauss_newton_information(problem: Problem, point: Unknowns, sigma: FloatArra
         before = before + np.diag(condensed.H)[free_states:]
         total = total + condensed.H[free_states:, free_states:] - coupled @ to_theta
         # Windows of one record follow each other: misfit may last longer than one of them.
-        found = block_scores(problem, linear, i, condensed)
+        rows_of_segment = block_scores(problem, linear, i, condensed)
         own = rows.setdefault(problem.segments[i].record, [])
-        own.append(found[:, free_states:] - found[:, :free_states] @ to_theta)
+        own.append(rows_of_segment[:, free_states:] - rows_of_segment[:, :free_states] @ to_theta)
     # What the initial states have taken away but for rounding is no information.
     left = (np.diag(total) > CANCELLED * before).astype(float)
-    kinds = [tuple(np.concatenate(found) * left for found in rows.values())]
+    kinds = [tuple(np.concatenate(rows_of_segment) * left for rows_of_segment in rows.values())]
     if problem.anchor is not None:
         kinds.append((_map_scores(problem, problem.anchor, point.theta) * left,))
     return Information(total * np.outer(left, left), tuple(kinds))
@@ -86,9 +86,9 @@ def estimate_uncertainty(
     free = problem.parameters.with_values(point.theta).select(problem.free)
     gap = np.minimum(free.values - free.lower, free.upper - free.values) / free.scales
     at_bound = [name for name, near in zip(free.names, gap < AT_BOUND, strict=True) if near]
-    found = gauss_newton_information(problem, point, sigma)
+    information = gauss_newton_information(problem, point, sigma)
     scales = problem.free_scales
-    return invert_information(found.matrix, scales, free.names, at_bound, found.scores)
+    return invert_information(information.matrix, scales, free.names, at_bound, information.scores)
 
 
 def _map_scores(problem: Problem, anchor: Anchor, theta: FloatArray) -> FloatArray:

@@ -23,7 +23,7 @@ SAME = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class StartOutcome:
-    """Where one start has led.
+    """Result of one start.
 
     Parameters
     ----------
@@ -55,18 +55,18 @@ class MultiStart:
     @property
     def best(self) -> OutputErrorResult:
         """Result of the lowest cost."""
-        found = min(self.outcomes, key=lambda one: one.cost)
-        if found.result is None:
-            raise FitError(f"none of {len(self.outcomes)} starts converged: {found.status}", None)
-        return found.result
+        best = min(self.outcomes, key=lambda outcome: outcome.cost)
+        if best.result is None:
+            raise FitError(f"none of {len(self.outcomes)} starts converged: {best.status}", None)
+        return best.result
 
     @property
     def agreeing(self) -> int:
         """Number of starts that reached the lowest cost."""
-        least = min(one.cost for one in self.outcomes)
+        least = min(outcome.cost for outcome in self.outcomes)
         if not np.isfinite(least):
             return 0
-        return sum(one.cost <= least * (1 + SAME) for one in self.outcomes)
+        return sum(outcome.cost <= least * (1 + SAME) for outcome in self.outcomes)
 
 
 def fit_from_many_starts(

@@ -13,7 +13,7 @@ RECOVERY_WINDOW = 0.5
 
 
 class Method(Enum):
-    """Who solves the output-error problem; both find the same optimum."""
+    """Solver of the output-error problem; both find the same optimum."""
 
     GAUSS_NEWTON = "condensed Gauss-Newton"
     IPOPT = "IPOPT with a Gauss-Newton Hessian"

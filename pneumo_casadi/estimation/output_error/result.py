@@ -66,12 +66,12 @@ class DerivedQuantity:
 
 @dataclass(frozen=True, slots=True)
 class FlowMapDeviation:
-    """How far the trajectories have pulled the flow map from its measured points.
+    """Distance of the fitted flow map from its measured points.
 
     Parameters
     ----------
     rms : float
-        Residuals of the map over those of its own fit; 1 where the data leave it alone.
+        Residuals of the map over those of its own fit; 1 where the trajectories do not change it.
     scale : float
         Best common factor between the fitted and the measured map.
     """
@@ -81,7 +81,7 @@ class FlowMapDeviation:
 
 
 def flow_map_deviation(anchor: Anchor, axis: Axis) -> FlowMapDeviation:
-    """Return how far an axis' parameters have left the metered points of its flow map."""
+    """Return the distance of an axis' flow coefficients from the measured points of its map."""
     c = axis.parameters.select(anchor.names).values
     residual, own = anchor(c), anchor(anchor.fitted)
     measured = -anchor(np.zeros_like(c))
@@ -204,11 +204,11 @@ def evaluate_derived_quantities(
     """Return `derived_quantities` an axis with standard deviations by the delta method."""
     theta = axis.parameters.values
     columns = [axis.parameters.index(name) for name in estimate.names]
-    found = {}
+    derived = {}
     for name, item in derived_quantities(axis).items():
         gradient = item.gradient(theta)[columns]
         std = delta_std(gradient, estimate.covariance)
         robust = estimate.covariance_robust
         wider = std if robust is None else delta_std(gradient, robust)
-        found[name] = DerivedQuantity(item(theta), std, wider, item.unit)
-    return found
+        derived[name] = DerivedQuantity(item(theta), std, wider, item.unit)
+    return derived

@@ -1,4 +1,4 @@
-"""How sure an output-error fit is of what it found: profiles, bootstrap, identifiability."""
+"""Uncertainty of an output-error fit: profile likelihood, bootstrap, identifiability."""
 
 from pneumo_casadi.estimation.uncertainty.bootstrap import Bootstrap, IntervalKind, block_bootstrap
 from pneumo_casadi.estimation.uncertainty.collinearity import (

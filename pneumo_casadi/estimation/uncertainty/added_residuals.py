@@ -1,4 +1,4 @@
-"""Residuals added to a problem: a quantity held at a value, a flow map metered once more."""
+"""Changed residuals of a problem: a quantity held at a value, measured flows shifted."""
 
 from dataclasses import replace
 
@@ -19,8 +19,8 @@ def hold_quantity(problem: Problem, item: Quantity, value: float, width: float) 
     """
     names = problem.parameters.names
     theta = ca.MX.sym("theta", len(names))
-    found, gradient = item.function(theta)
-    rows, slopes = [(found - value) / width], [ca.densify(gradient / width)]
+    quantity, gradient = item.function(theta)
+    rows, slopes = [(quantity - value) / width], [ca.densify(gradient / width)]
     if problem.anchor is not None:
         at = [names.index(name) for name in problem.anchor.names]
         r, J = problem.anchor.residual(theta[at])

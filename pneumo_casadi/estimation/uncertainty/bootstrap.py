@@ -79,11 +79,11 @@ class Bootstrap:
         """Return a parameter or derived quantity in each converged replicate, shape (B,)."""
         item, theta = find_quantity(self.axis, name), self.axis.parameters.values
         columns = [self.axis.parameters.index(n) for n in self.uncertainty.names]
-        found = []
+        values = []
         for row in self.estimates:
             theta[columns] = row
-            found.append(item(theta))
-        return np.array(found)
+            values.append(item(theta))
+        return np.array(values)
 
     def informed(self, name: str) -> bool:
         """Tell whether the data inform a quantity, none of its parameters being at a bound.
@@ -191,8 +191,8 @@ def block_bootstrap(
     missing = [i for i in range(replicates) if i not in done]
     tasks = [missing[i : i + TASK] for i in range(0, len(missing), TASK)]
     run = map if executor is None else executor.map
-    found: Iterable[list[Replicate]] = run(partial(_refits, optimum, plan, store), tasks)
-    done |= {replicate.index: replicate for part in found for replicate in part}
+    refits: Iterable[list[Replicate]] = run(partial(_refits, optimum, plan, store), tasks)
+    done |= {replicate.index: replicate for part in refits for replicate in part}
     records = [record.name for record in optimum.records]
     result = Bootstrap(
         optimum.result.axis,
@@ -274,13 +274,13 @@ def _scaled(e: FloatArray, length: int, lost: float, ends: bool = True) -> Float
 def _refits(
     optimum: Optimum, plan: _Plan, store: ReplicateFolder | None, indices: Sequence[int]
 ) -> list[Replicate]:
-    found = []
+    made = []
     for index in indices:
         replicate = _refit(optimum, plan, index)
         if store is not None:
             store.write(replicate)
-        found.append(replicate)
-    return found
+        made.append(replicate)
+    return made
 
 
 @one_thread

@@ -59,12 +59,12 @@ def collinear_groups(
     size = np.sqrt(np.maximum(np.diag(information), 0.0))
     known = [int(i) for i in np.flatnonzero(size > 0)]
     pairs = _indices(information, size, list(combinations(known, 2)))
-    found = [(pair, index) for pair, index in pairs.items() if index > limit]
+    groups = [(pair, index) for pair, index in pairs.items() if index > limit]
     for members, index in _indices(information, size, list(combinations(known, 3))).items():
         if index > max(limit, ADDS * max(pairs[pair] for pair in combinations(members, 2))):
-            found.append((members, index))
-    found.sort(key=lambda item: -item[1])
-    return tuple(CollinearGroup(tuple(names[i] for i in at), value) for at, value in found)
+            groups.append((members, index))
+    groups.sort(key=lambda item: -item[1])
+    return tuple(CollinearGroup(tuple(names[i] for i in at), value) for at, value in groups)
 
 
 def _indices(

@@ -161,14 +161,14 @@ def _directions(
     values, vectors = np.linalg.eigh(information)
     s = np.sqrt(np.maximum(values[::-1], 0.0))
     s = np.where(s > NOTHING * s.max(initial=0.0), s, 0.0)
-    found = []
+    directions = []
     for value, vector in zip(s, vectors[:, ::-1].T, strict=True):
         order = np.argsort(-np.abs(vector), kind="stable")
         signed = vector * np.sign(vector[order[0]])
         large = [i for i in order if abs(vector[i]) >= NAMED * abs(vector[order[0]])]
         weights = {names[i]: float(signed[i]) for i in large}
-        found.append(Direction(float(1 / value) if value > 0 else float("inf"), weights))
-    return s, tuple(found)
+        directions.append(Direction(float(1 / value) if value > 0 else float("inf"), weights))
+    return s, tuple(directions)
 
 
 def _sources(optimum: Optimum) -> tuple[tuple[str, ...], list[FloatArray]]:
@@ -189,5 +189,5 @@ def _growth(optimum: Optimum, parts: list[FloatArray], left_out: int) -> FloatAr
     without = invert_information(rest, optimum.sizes, optimum.names, at_bound).std
     std = optimum.result.uncertainty.std
     finite = np.isfinite(std)
-    found: FloatArray = np.where(finite, without / np.where(finite, std, 1.0), 1.0)
-    return found
+    growth: FloatArray = np.where(finite, without / np.where(finite, std, 1.0), 1.0)
+    return growth

@@ -85,8 +85,8 @@ class Optimum:
     def sizes(self) -> FloatArray:
         """Size of each fitted parameter: its value or its scale, whichever is larger."""
         chosen = self.result.parameters.select(self.names)
-        found: FloatArray = np.maximum(np.abs(chosen.values), chosen.scales)
-        return found
+        sizes: FloatArray = np.maximum(np.abs(chosen.values), chosen.scales)
+        return sizes
 
     def quantity(self, name: str) -> Quantity:
         """Return a fitted parameter, or a derived quantity, by its name."""
@@ -149,8 +149,8 @@ class Optimum:
     @cached_property
     def information(self) -> FloatArray:
         """Information on the fitted parameters in units of `sizes`, initial states eliminated."""
-        found = gauss_newton_information(self.problem, self.point, self.result.sigma).matrix
-        return self._scaled(self.problem, found)
+        matrix = gauss_newton_information(self.problem, self.point, self.result.sigma).matrix
+        return self._scaled(self.problem, matrix)
 
     def information_of(self, record: int) -> FloatArray:
         """Return what one record alone says, its own initial states eliminated.
@@ -181,8 +181,8 @@ class Optimum:
 
     def _scaled(self, problem: Problem, matrix: FloatArray) -> FloatArray:
         change = self.sizes / problem.free_scales
-        found: FloatArray = matrix * np.outer(change, change)
-        return found
+        scaled: FloatArray = matrix * np.outer(change, change)
+        return scaled
 
     def refined(self, problem: Problem, theta: FloatArray) -> Problem:
         """Return the problem, written with finer steps where θ (friction above all) needs them."""

@@ -61,8 +61,8 @@ class Profile:
     def root(self) -> FloatArray:
         """±√(2 (cost - least cost)), shape (n,): a straight line where Gauss-Newton is exact."""
         rise = np.maximum(0.0, self.costs - float(self.costs[self.values == self.estimate][0]))
-        found: FloatArray = np.where(self.values < self.estimate, -1.0, 1.0) * np.sqrt(2 * rise)
-        return found
+        root: FloatArray = np.where(self.values < self.estimate, -1.0, 1.0) * np.sqrt(2 * rise)
+        return root
 
     def interval(self, level: float | None = None, robust: bool = False) -> tuple[float, float]:
         """Return where twice the cost has risen by the quantile of χ² with one degree of freedom.
@@ -102,15 +102,15 @@ class Profile:
     def ratio(self) -> tuple[float, float]:
         """Length of each side of the interval over that of the Gauss-Newton one.
 
-        (1, 1) says that the covariance tells all; NaN never: a side that is infinite in both
-        counts as 1.
+        (1, 1) where the covariance is exact. A side that is infinite in both counts as 1, so that
+        it is never NaN.
         """
-        found = []
+        ratios = []
         for own, other in zip(self.interval(), self.gauss_newton(), strict=True):
             both = np.isinf(own) and np.isinf(other)
             ratio = 1.0 if both else abs(own - self.estimate) / abs(other - self.estimate)
-            found.append(float(ratio))
-        return found[0], found[1]
+            ratios.append(float(ratio))
+        return ratios[0], ratios[1]
 
 
 @one_thread
@@ -147,7 +147,7 @@ def profile_likelihood(optimum: Optimum, name: str, level: float = 0.95) -> Prof
     downwards, first = trace.trace_side(-1.0)
     upwards, last = trace.trace_side(1.0)
     points = [*reversed(downwards), ProfilePoint(trace.estimate, trace.cost, "converged"), *upwards]
-    found = Profile(
+    profile = Profile(
         name,
         trace.item.unit,
         np.array([point.value for point in points]),
@@ -159,14 +159,14 @@ def profile_likelihood(optimum: Optimum, name: str, level: float = 0.95) -> Prof
         trace.std,
         trace.std_robust,
     )
-    at = int(np.argmin(found.costs))
-    if 2 * (trace.cost - found.costs[at]) > LOWER:
+    at = int(np.argmin(profile.costs))
+    if 2 * (trace.cost - profile.costs[at]) > LOWER:
         raise FitError(
-            f"profile of {name}: cost {found.costs[at]:.8g} at {found.values[at]:g} is below "
+            f"profile of {name}: cost {profile.costs[at]:.8g} at {profile.values[at]:g} is below "
             f"{trace.cost:.8g} at the estimate; fit again from there",
-            found,
+            profile,
         )
-    return found
+    return profile
 
 
 def profile_likelihoods(

@@ -1,4 +1,4 @@
-"""The walk along a profile: one quantity held ever further away, all else fitted again."""
+"""The points of a profile: one quantity held at values ever further from its estimate."""
 
 import logging
 from dataclasses import dataclass, replace
@@ -48,7 +48,7 @@ class ProfilePoint:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ProfileTrace:
-    """From the estimate outwards.
+    """Traces a profile from the estimate outwards, on either side.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ class ProfileTrace:
     bounds : (float, float)
         Of a parameter; infinite for derived quantities, whose parameters are bounded.
     direction : (n_free,) array
-        How the fitted parameters go along with the quantity, to first order.
+        Change of the fitted parameters with the quantity, to first order.
     """
 
     optimum: Optimum
@@ -80,7 +80,7 @@ class ProfileTrace:
 
     @classmethod
     def begin(cls, optimum: Optimum, item: Quantity, level: float) -> "ProfileTrace":
-        """Return the walk over a quantity as far as a level needs."""
+        """Return the trace of a quantity, as far as a level needs."""
         theta, parameters = optimum.point.theta, optimum.result.parameters
         std, std_robust = optimum.std(item), optimum.std(item, robust=True)
         z = interval_factor(level)
@@ -110,9 +110,9 @@ class ProfileTrace:
             if abs(value - self.estimate) >= REACH * self.size:
                 return _outwards(points, sign), ProfileEnd.FLAT
             target = sign * min(sign * (value + sign * step), sign * bound)
-            point, found = self.refit(at, target)
+            point, refitted = self.refit(at, target)
             points.append(point)
-            if found is None:
+            if refitted is None:
                 logger.warning("profile of %s at %g: %s", self.item.name, target, point.status)
                 halvings, step = halvings + 1, abs(target - value) / 2
                 if halvings > HALVINGS:
@@ -127,23 +127,23 @@ class ProfileTrace:
             gain, moved = rise - root, abs(target - value)
             wanted = moved * (self.end / POINTS) / gain if gain > 0 else np.inf
             step = float(np.clip(wanted, moved / GROWTH, GROWTH * moved))
-            at, value, root = found, target, rise
+            at, value, root = refitted, target, rise
         return _outwards(points, sign), ProfileEnd.FLAT
 
     def refine_crossings(
         self, at: Unknowns, points: list[ProfilePoint], sign: float
     ) -> list[ProfilePoint]:
-        """Return refits where the points say that the thresholds are crossed."""
-        found = []
+        """Return refits at the values where the thresholds are crossed by interpolation."""
+        refits = []
         for z in sorted({self.z, self.end}):
             moved = np.array([point.value - self.estimate for point in points])
             rise = np.array([point.cost - self.cost for point in points])
             roots = sign * np.sqrt(2 * np.maximum(rise, 0.0))
             distance = find_crossing(moved, roots, sign * z)
-            # A point very near says as much, and noise of two costs is no slope.
+            # A point very near is as good, and two costs that close give no slope.
             if np.abs(moved - distance).min() > NEAR * self.first:
-                found.append(self.refit(at, self.estimate + distance)[0])
-        return [point for point in found if point.status == "converged"]
+                refits.append(self.refit(at, self.estimate + distance)[0])
+        return [point for point in refits if point.status == "converged"]
 
     def refit(self, at: Unknowns, target: float) -> tuple[ProfilePoint, Unknowns | None]:
         """Hold the quantity at a value and fit the rest, from a neighbour's solution."""
@@ -174,11 +174,11 @@ def _direction(optimum: Optimum, gradient: FloatArray) -> FloatArray:
     covariance = optimum.result.uncertainty.covariance
     known = np.isfinite(np.diag(covariance))
     if np.all(known[gradient != 0]):
-        along: FloatArray = np.where(known[:, None] & known, covariance, 0.0) @ gradient
+        change: FloatArray = np.where(known[:, None] & known, covariance, 0.0) @ gradient
     else:
-        along = gradient * optimum.sizes**2
-    found: FloatArray = along / float(gradient @ along)
-    return found
+        change = gradient * optimum.sizes**2
+    direction: FloatArray = change / float(gradient @ change)
+    return direction
 
 
 def robust_ratio(std: float, robust: float) -> float:

@@ -104,8 +104,8 @@ def _correlation(e: FloatArray) -> FloatArray:
         last = int(lag)
     M = min(2 * last, most)
     taper = np.minimum(1.0, 2 * (1 - np.arange(M + 1) / max(M, 1)))
-    found: FloatArray = taper * rho[: M + 1]
-    return found
+    tapered: FloatArray = taper * rho[: M + 1]
+    return tapered
 
 
 def draw_circular_blocks(rng: np.random.Generator, K: int, length: int) -> np.ndarray:
@@ -119,5 +119,5 @@ def draw_circular_blocks(rng: np.random.Generator, K: int, length: int) -> np.nd
     array([2, 3, 4, 3, 4, 5])
     """
     starts = rng.integers(0, K, size=-(-K // length))
-    found: np.ndarray = ((starts[:, None] + np.arange(length)) % K).ravel()[:K]
-    return found
+    indices: np.ndarray = ((starts[:, None] + np.arange(length)) % K).ravel()[:K]
+    return indices

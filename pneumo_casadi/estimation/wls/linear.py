@@ -229,12 +229,12 @@ def _solve(system: LinearSystem, sigma: FloatArray, tolerance: float) -> _Soluti
 
 def _equation_std(system: LinearSystem, solution: _Solution) -> FloatArray:
     rho = (system.Y - system.W @ solution.estimate) * system.row_weight
-    found = []
+    std = []
     for e in range(len(system.equations)):
         mine = (system.equation == e) & (system.row_weight > 0)
         free = np.count_nonzero(mine) - float(np.sum(solution.leverage[mine]))
-        found.append(np.linalg.norm(rho[mine]) / np.sqrt(max(free, 1.0)))
-    return np.array(found)
+        std.append(np.linalg.norm(rho[mine]) / np.sqrt(max(free, 1.0)))
+    return np.array(std)
 
 
 def _statistics(system: LinearSystem, solution: _Solution, sigma: FloatArray) -> LinearFit:

@@ -1,4 +1,4 @@
-"""What weighted least squares found: estimates with statistics, and how they were obtained."""
+"""Result of weighted least squares: estimates with statistics, and how they were obtained."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -39,7 +39,7 @@ class Removal:
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class WLSResult(Presentable):
-    """What weighted least squares found, with its statistics.
+    """Estimates of weighted least squares with their statistics.
 
     Two covariances are kept. `covariance` is eq. 16, as the paper prints it: right where the
     decimated residuals are white. The parallel low-pass removes fast noise, but not what the

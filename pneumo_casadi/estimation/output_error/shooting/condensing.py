@@ -115,12 +115,14 @@ def condense(problem: Problem, at: Linearised, sigma: FloatArray) -> tuple[Conde
     S = at.S * scale / size[:, None]
     d = np.zeros((problem.I, size.size))
     d[problem.joined] = (at.defects / size[:, None]).T
-    found = []
+    condensed = []
     with np.errstate(all="ignore"):  # a diverging trial step is found and halved
         for first, segment in zip(problem.firsts, problem.segments, strict=True):
             span = slice(first, first + segment.intervals)
-            found.append(_condense(S[span], H[span], g[span], d[span], len(problem.axis.states)))
-    return tuple(found)
+            condensed.append(
+                _condense(S[span], H[span], g[span], d[span], len(problem.axis.states))
+            )
+    return tuple(condensed)
 
 
 def _condense(
@@ -164,9 +166,9 @@ def block_scores(
     cut = problem.segments[segment]
     own = at.scores[before : before + cut.K] * scale
     node = np.arange(cut.K) // cut.per
-    found = np.einsum("kx,kxn->kn", own[:, :nx], condensed.T[node])
-    found[:, found.shape[1] - len(problem.free) :] += own[:, nx:]
-    return np.asarray(found)
+    scores = np.einsum("kx,kxn->kn", own[:, :nx], condensed.T[node])
+    scores[:, scores.shape[1] - len(problem.free) :] += own[:, nx:]
+    return np.asarray(scores)
 
 
 def anchor_normal_equations(problem: Problem, theta: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -85,8 +85,8 @@ def _sensitivity(model: SampledAxis, n: int, blocks: int, free: Sequence[str]) -
     nothing = [ca.MX.zeros(m, m) for _ in range(ny)]
     start = [x, ca.MX(_identity(model.nx, m)), ca.MX.zeros(m, ny), *nothing]
     end, S, Jte, *JtJ, means, scores = chain.call([*start, W, H, Y, theta, weight])
-    found = [end, means, S, ca.horzcat(*JtJ), Jte, scores]
-    return ca.Function("interval_sensitivity", [x, W, theta, H, Y, weight], found)
+    outputs = [end, means, S, ca.horzcat(*JtJ), Jte, scores]
+    return ca.Function("interval_sensitivity", [x, W, theta, H, Y, weight], outputs)
 
 
 def _normal_block(model: SampledAxis, n: int, free: Sequence[str]) -> ca.Function:
@@ -139,8 +139,8 @@ def _sample(model: SampledAxis, free: Sequence[str] | None = None) -> ca.Functio
     output = _along("outputs", axis.output, axis, at, m, False)
     kept: list[ca.MX] = []
     if moving:
-        found = _along("loop", model.feedback, axis, at, m, False).call([*state, w, theta])
-        u_of, kept = _constant([part[:nu, :] for part in found]), [p[nu:, :] for p in found]
+        feedback = _along("loop", model.feedback, axis, at, m, False).call([*state, w, theta])
+        u_of, kept = _constant([part[:nu, :] for part in feedback]), [p[nu:, :] for p in feedback]
     else:
         between = inputs_between(w, nu, model.stepping)
         u_of = _fed(between)

@@ -68,10 +68,10 @@ def measured_states(axis: Axis, record: Recording, parameters: Parameters) -> Fl
         )
 
     def smooth(channel: str, derivative: int = 0) -> FloatArray:
-        found: FloatArray = savgol_filter(
+        values: FloatArray = savgol_filter(
             record[channel], length, 2, deriv=derivative, delta=record.dt, mode="interp"
         )
-        return found
+        return values
 
     motion = [smooth(name) for name in axis.outputs[:-1]]
     states = np.vstack([*motion, smooth("x"), smooth("x", 1)])

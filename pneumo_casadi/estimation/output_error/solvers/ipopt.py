@@ -39,14 +39,14 @@ def pack(problem: Problem, point: Unknowns) -> FloatArray:
 
 def unpack(problem: Problem, z: FloatArray, theta: FloatArray) -> Unknowns:
     """Return the point of scaled unknowns, the fixed parameters taken from `theta`."""
-    found = np.asarray(z, dtype=float).ravel() * scales(problem)
+    unknowns = np.asarray(z, dtype=float).ravel() * scales(problem)
     parameters = problem.parameters
     mask = parameters.free_mask
     full = theta.copy()
     n = int(mask.sum())
     # An interior-point method relaxes bounds by about 1e-8; a parameter may not.
-    full[mask] = np.clip(found[:n], parameters.lower[mask], parameters.upper[mask])
-    return Unknowns(full, found[n:].reshape(problem.model.nx, -1, order="F"))
+    full[mask] = np.clip(unknowns[:n], parameters.lower[mask], parameters.upper[mask])
+    return Unknowns(full, unknowns[n:].reshape(problem.model.nx, -1, order="F"))
 
 
 def bounds(problem: Problem) -> tuple[FloatArray, FloatArray]:
@@ -113,12 +113,12 @@ class IpoptSolver:
         lower, upper = bounds(self.problem)
         p = np.concatenate([point.theta, 1 / sigma**2])
         z = pack(self.problem, point)
-        found = self.solver(x0=z, p=p, lbx=lower, ubx=upper, lbg=0.0, ubg=0.0)
+        answer = self.solver(x0=z, p=p, lbx=lower, ubx=upper, lbg=0.0, ubg=0.0)
         stats = self.solver.stats()
         status = stats["return_status"]
         if status == "User_Requested_Stop":
             raise KeyboardInterrupt
-        ended = unpack(self.problem, found["x"], point.theta)
+        ended = unpack(self.problem, answer["x"], point.theta)
         good = status in ("Solve_Succeeded", "Solved_To_Acceptable_Level") or _at_rounding(stats)
         return Solution(
             ended,
@@ -205,11 +205,11 @@ def _symbols(problem: Problem) -> _Written:
     size = scales(problem)
     z = ca.MX.sym("z", size.size)
     p = ca.MX.sym("p", n_theta + len(problem.axis.outputs))
-    found = z * ca.DM(size)
+    unknowns = z * ca.DM(size)
     place = ca.DM(np.eye(n_theta)[:, parameters.free_mask])
     fixed = ca.DM((~parameters.free_mask).astype(float))
-    theta = p[:n_theta] * fixed + place @ found[:n_free]
-    x = ca.reshape(found[n_free:], problem.model.nx, problem.I)
+    theta = p[:n_theta] * fixed + place @ unknowns[:n_free]
+    x = ca.reshape(unknowns[n_free:], problem.model.nx, problem.I)
     return _Written(z, p, theta, x, problem.n * p[n_theta:], place)
 
 

@@ -1,8 +1,10 @@
 """Multiple shooting by condensed Gauss-Newton steps (Bock 1987).
 
-Nodes need not satisfy the dynamics on the way: a start from measured states survives where single
-shooting from the same parameters would drift away. Where full steps do not contract, as under
-gross misfit, the nodes are closed and damped steps go on (`solve_levenberg_marquardt`).
+The nodes need not satisfy the dynamics before the end: a start from measured states converges
+where single shooting from the same parameters would diverge. Full steps without damping are another
+algorithm than `estimation.gauss_newton`, since the first of them must be allowed to raise the cost.
+Where they do not contract, as under gross misfit, the nodes are closed and damped steps follow
+(`solve_levenberg_marquardt`).
 """
 
 import numpy as np
@@ -88,10 +90,10 @@ def _full_steps(
         if step is None:
             return Solution(point, at.m, sigma, "the model ran away from the data", iteration)
         trial = apply_step(problem, point, step)
-        found = linearise(problem, trial, sigma)
-        if not found.finite:
+        ahead = linearise(problem, trial, sigma)
+        if not ahead.finite:
             return Solution(point, at.m, sigma, "the model ran away from the data", iteration)
-        point, at = trial, found
+        point, at = trial, ahead
         sizes.append(step.size)
         # In standard deviations that count the misfit: with σ far below the residuals, a step
         # of many nominal deviations may still change nothing that the data could tell.

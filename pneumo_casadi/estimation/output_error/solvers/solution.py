@@ -45,8 +45,8 @@ def residual_sigma(problem: Problem, m: FloatArray) -> FloatArray:
     e = problem.y - m
     fitted = len(problem.free) + len(problem.axis.states) * len(problem.segments)
     dof = max(1.0, e.shape[1] - fitted / e.shape[0])
-    found: FloatArray = np.sqrt(problem.n * np.sum(e**2, axis=1) / dof)
-    return found
+    sigma: FloatArray = np.sqrt(problem.n * np.sum(e**2, axis=1) / dof)
+    return sigma
 
 
 def new_sigma(problem: Problem, m: FloatArray, sigma: FloatArray) -> FloatArray | None:
