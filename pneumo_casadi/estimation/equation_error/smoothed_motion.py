@@ -104,6 +104,17 @@ _ORDER = 4
 def smooth_motion(axis: Axis, record: Recording) -> SmoothedMotion:
     """Smooth a record for an axis.
 
+    Parameters
+    ----------
+    axis : Axis
+        Tells which states and inputs are needed.
+    record : Recording
+        Raw measurements.
+
+    Returns
+    -------
+    SmoothedMotion
+
     Raises
     ------
     CaseError
@@ -157,5 +168,18 @@ def _windows(N: int, every: int) -> Any:
 
 
 def smooth_motions(axis: Axis, records: Sequence[Recording]) -> tuple[SmoothedMotion, ...]:
-    """Smooth several records."""
+    """Smooth several records for an axis.
+
+    Parameters
+    ----------
+    axis : Axis
+        Tells which states and inputs are needed.
+    records : sequence of Recording
+        Raw measurements.
+
+    Returns
+    -------
+    tuple of SmoothedMotion
+        In the order of the records.
+    """
     return tuple(smooth_motion(axis, record) for record in records)
