@@ -30,6 +30,15 @@ def Servosystem(bench: Bench, flow: FlowModel, effects: Iterable[Effect] = ()) -
     Axis
         With starting values from the geometry (k = 1.2, a tenth of the stroke as dead length)
         and bounds a factor of twenty to each side of them.
+
+    Examples
+    --------
+    >>> import pneumo_casadi as pc
+    >>> case = pc.example_case()
+    >>> flow_map = pc.valve.read_flow_map(case.flow_map_path)
+    >>> axis = pc.Servosystem(case.bench, pc.valve.fit_polynomials(flow_map, (7, 7, 4)))
+    >>> axis.states
+    ('p_P', 'p_N', 'x', 'v')
     """
     nominal = Parameters([*_chamber_parameters(bench), *_motion_parameters(bench)])
     axis = Axis(bench, flow, (), nominal + flow.parameters)
