@@ -19,6 +19,7 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -54,13 +55,16 @@ def chamber_parameters(true: Mapping[str, float], rT: float) -> dict[str, float]
 
 def names_of(data: Path) -> list[str]:
     """Return the names of all cases."""
-    folders = [
-        folder.relative_to(data).as_posix()
+    groups = [
+        [
+            folder.relative_to(data).as_posix()
+            for folder in sorted((data / group).iterdir())
+            if folder.is_dir() and not folder.name.endswith("60s")
+        ]
         for group in ("practice", "practice_more")
-        for folder in sorted((data / group).iterdir())
-        if folder.is_dir() and not folder.name.endswith("60s")
     ]
-    return folders + [f"bench/{seed}" for seed in SEEDS]
+    groups.append([f"bench/{seed}" for seed in SEEDS])
+    return [name for names in zip_longest(*groups) for name in names if name]
 
 
 def load(data: Path, name: str, scratch: Path) -> tuple[Case, dict[str, float]]:
@@ -220,8 +224,8 @@ def main() -> None:
             fits = {form: fit["output_error"] for form, fit in case["forms"].items()}
             told = {form: fit and round(fit["rms_error_percent"], 2) for form, fit in fits.items()}
             print(f"{name}: {case['selection']['chosen']}, X_s off by [%] {told}", flush=True)
-    result = {"seconds_of_record": SECONDS, "cases": cases, "summary": summarised(cases)}
-    provenance.write(arguments.json, result | provenance.made(SEEDS[0], arguments.quick))
+            result = {"seconds_of_record": SECONDS, "cases": cases, "summary": summarised(cases)}
+            provenance.write(arguments.json, result | provenance.made(SEEDS[0], arguments.quick))
     print(json.dumps(result["summary"], indent=1))
 
 
