@@ -7,9 +7,10 @@ import pytest
 
 from pneumo_casadi.data import read_case
 from pneumo_casadi.identification.identify import IdentifyOptions, read_flow, resolve_flow_form
-from pneumo_casadi.identification.result_file import read_axis, result_dict, write_json
+from pneumo_casadi.identification.result_file import read_axis, result_dict
 from pneumo_casadi.identification.warnings import result_warnings
 from pneumo_casadi.report.tables.flow_form import flow_form_tables
+from pneumo_casadi.runtime.json_files import write_json
 from pneumo_casadi.valve import (
     FlowForm,
     FlowISO6358,
