@@ -24,17 +24,20 @@ STAGES = {
     "data": ("Data: cases, recordings, files", ("data",)),
     "signals": ("Signals: filters, derivatives, decimation", ("signals",)),
     "valve": ("Valve: the static flow map", ("valve",)),
-    "model": ("Model: axis, effects, simulation", ("parameters", "model", "effects")),
+    "model": (
+        "Model: axis, effects, simulation",
+        ("parameters", "model", "model.effect", "model.servosystem", "model.simulation", "effects"),
+    ),
     "wls": ("Weighted least squares", ("estimation.wls",)),
     "output_error": ("Output error", ("estimation.output_error",)),
     "uncertainty": ("Uncertainty", ("estimation.uncertainty",)),
-    "identification": ("Identification and validation", ("identification", "validation")),
+    "identification": ("Identification and validation", ("identification.identify", "validation")),
     "diagnosis": ("Diagnosis", ("diagnosis",)),
     "design": ("Design of experiments, sensitivity", ("design", "sensitivity")),
     "export": ("Export", ("export",)),
     "evaluation": ("Many cases, sealed check", ("evaluation.batch", "evaluation.sealed_check")),
     "virtual_bench": ("Virtual bench", ("virtual_bench",)),
-    "report": ("Reports and figures", ("report", "report.plot")),
+    "report": ("Reports and figures", ("report.pages.report", "report.plot")),
 }
 
 
