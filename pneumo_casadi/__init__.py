@@ -13,16 +13,17 @@ Examples
 
 __version__ = "0.1.0"
 
-#: The public names, by the module that defines them.
+#: The public names, by the module that defines them. Classes that a user only receives, and the
+#: exceptions, stay in their subpackages: ``pc.errors.CaseError``, ``pc.diagnosis.Verdict``.
 _SOURCES = {
     "data": ("Case", "Recording", "example_case", "read_case", "write_case"),
-    "design": ("Design", "DesignOptions", "design_experiment"),
+    "design": ("ExperimentRequest", "design_experiment"),
     "diagnosis": ("Diagnosis",),
     "diagnosis.diagnose": ("diagnose",),
     "effects": ("EFFECTS",),
-    "errors": ("CaseError", "FitError", "ModelError", "PneumoError"),
-    "estimation.output_error": ("OutputErrorOptions", "OutputErrorResult", "fit_output_error"),
-    "estimation.wls": ("WLSResult", "fit_wls"),
+    "estimation.equation_error": ("fit_equation_error",),
+    "estimation.output_error": ("OutputErrorOptions", "fit_output_error"),
+    "estimation.wls": ("fit_wls",),
     "export": ("export_model", "read_model"),
     "identification.identify": ("Identification", "IdentifyOptions", "identify"),
     "model.effect": ("Effect",),
@@ -30,42 +31,35 @@ _SOURCES = {
     "model.simulation": ("simulate", "simulate_closed_loop"),
     "parameters": ("Parameter",),
     "report.pages.report": ("write_report",),
-    "validation": ("Validation", "validate"),
+    "validation": ("validate",),
     "virtual_bench": ("make_case",),
 }
 _MODULE_OF = {name: module for module, names in _SOURCES.items() for name in names}
 _MODULE_OF["plot"] = "report.plot"
 _SUBPACKAGES = (
     "data", "design", "diagnosis", "effects", "errors", "estimation", "evaluation", "export",
-    "identification", "model", "parameters", "report", "sensitivity", "signals", "validation",
-    "valve", "virtual_bench",
+    "identification", "metrics", "model", "parameters", "report", "sensitivity", "signals",
+    "validation", "valve", "virtual_bench",
 )  # fmt: skip
 
 __all__ = [
     "EFFECTS",
     "Case",
-    "CaseError",
-    "Design",
-    "DesignOptions",
     "Diagnosis",
     "Effect",
-    "FitError",
+    "ExperimentRequest",
     "Identification",
     "IdentifyOptions",
-    "ModelError",
     "OutputErrorOptions",
-    "OutputErrorResult",
     "Parameter",
-    "PneumoError",
     "Recording",
     "Servosystem",
-    "Validation",
-    "WLSResult",
     "__version__",
     "design_experiment",
     "diagnose",
     "example_case",
     "export_model",
+    "fit_equation_error",
     "fit_output_error",
     "fit_wls",
     "identify",
@@ -83,17 +77,13 @@ __all__ = [
 TYPE_CHECKING = False  # as in `typing`, whose import would take longer than all of this
 if TYPE_CHECKING:
     from pneumo_casadi.data import Case, Recording, example_case, read_case, write_case
-    from pneumo_casadi.design import Design, DesignOptions, design_experiment
+    from pneumo_casadi.design import ExperimentRequest, design_experiment
     from pneumo_casadi.diagnosis import Diagnosis
     from pneumo_casadi.diagnosis.diagnose import diagnose
     from pneumo_casadi.effects import EFFECTS
-    from pneumo_casadi.errors import CaseError, FitError, ModelError, PneumoError
-    from pneumo_casadi.estimation.output_error import (
-        OutputErrorOptions,
-        OutputErrorResult,
-        fit_output_error,
-    )
-    from pneumo_casadi.estimation.wls import WLSResult, fit_wls
+    from pneumo_casadi.estimation.equation_error import fit_equation_error
+    from pneumo_casadi.estimation.output_error import OutputErrorOptions, fit_output_error
+    from pneumo_casadi.estimation.wls import fit_wls
     from pneumo_casadi.export import export_model, read_model
     from pneumo_casadi.identification.identify import Identification, IdentifyOptions, identify
     from pneumo_casadi.model.effect import Effect
@@ -102,7 +92,7 @@ if TYPE_CHECKING:
     from pneumo_casadi.parameters import Parameter
     from pneumo_casadi.report import plot as plot
     from pneumo_casadi.report.pages.report import write_report
-    from pneumo_casadi.validation import Validation, validate
+    from pneumo_casadi.validation import validate
     from pneumo_casadi.virtual_bench import make_case
 
 

@@ -34,6 +34,13 @@ class Case(Presentable):
     ------
     CaseError
         If there is no record to identify on.
+
+    Examples
+    --------
+    >>> import pneumo_casadi as pc
+    >>> case = pc.example_case()
+    >>> case.to_frame()["duration_s"].round(1).to_dict()
+    {'identify': 10.0, 'validate': 8.0}
     """
 
     folder: Path

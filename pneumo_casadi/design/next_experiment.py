@@ -48,6 +48,17 @@ class ExperimentRequest:
         References tried; by default 240 for precision and 60 to separate, fewer for long ones.
     seed : int
         Of the search.
+
+    Raises
+    ------
+    CaseError
+        If an effect is not in the catalogue, or is to be separated from itself.
+
+    Examples
+    --------
+    >>> request = ExperimentRequest(separate=("stribeck", "none"), duration=4.0)
+    >>> request.criterion.value, request.common
+    ('D', 0.0)
     """
 
     separate: tuple[str, str] | None = None
@@ -101,12 +112,11 @@ def design_experiment(
 
     Examples
     --------
-    >>> import pneumo_casadi as pc
-    >>> request = pc.design.ExperimentRequest(separate=("stribeck", "none"), duration=4.0)
-    >>> request.criterion.value
-    'D'
+    With ``result = pc.identify(pc.example_case())``, one second from ten references:
 
-    ``pc.design_experiment(pc.identify(case), request)`` then gives the design.
+    >>> design = pc.design_experiment(result, pc.ExperimentRequest(duration=1.0, tries=10))
+    >>> design.reference.x_ref.shape, design.gain > 1
+    ((5000,), True)
     """
     request = request or ExperimentRequest()
     case, fit = identification.case, identification.output_error

@@ -76,6 +76,15 @@ class Diagnosis(Presentable):
         Curves for figures: unknown inputs over time, residuals over what went on.
     flow_selection : FormSelection or None
         How the form of the flow map was chosen; None for a force-driven axis.
+
+    Examples
+    --------
+    With ``diagnosis = pc.diagnose(pc.example_case())``:
+
+    >>> print(diagnosis.summary().splitlines()[0])
+    Diagnosis of table1: none; error on held-out data ... % -> ... % of the signals
+    >>> diagnosis.to_frame().columns[:2].tolist()
+    ['probability', 'closure']
     """
 
     case: str

@@ -55,6 +55,14 @@ class OutputErrorOptions:
     ------
     ModelError
         If a length or a width is not positive.
+
+    Examples
+    --------
+    Windows of half a second, and one width of the smoothed friction:
+
+    >>> options = OutputErrorOptions(window=0.5, widths=(3e-4,))
+    >>> options.method.value, options.closed_loop
+    ('condensed Gauss-Newton', False)
     """
 
     method: Method = Method.GAUSS_NEWTON
