@@ -55,7 +55,7 @@ def test_without_truth_there_is_no_column_for_it(quick):
 
 def test_a_parameter_at_a_bound_has_no_interval(quick):
     estimate = replace(quick.output_error.uncertainty, at_bound=("f_v",))
-    found = replace(quick, output_error=replace(quick.output_error, estimate=estimate))
+    found = replace(quick, output_error=replace(quick.output_error, uncertainty=estimate))
     row = next(row for row in parameter_table(found).rows if row[0] == "f_v")
     assert "±" not in row[3]
 

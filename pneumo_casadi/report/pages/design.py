@@ -68,19 +68,19 @@ def design_text(design: Design) -> str:
     return "\n\n\n".join([*parts, *(["\n".join(design.notes)] if design.notes else [])])
 
 
-def precision_table(found: Precision) -> Table:
+def precision_table(precision: Precision) -> Table:
     """Return predicted standard errors, in per cent of the values, and their ratio."""
     rows = []
-    for i, name in enumerate(found.names):
-        value = found.values[i]
+    for i, name in enumerate(precision.names):
+        value = precision.values[i]
         exponent = exponent_of(value)
         shown = value_text(value, exponent, 4) + (f"e{exponent}" if exponent else "")
-        columns = (found.now[i], found.designed[i], found.together[i])
+        columns = (precision.now[i], precision.designed[i], precision.together[i])
         percent = [f"{100 * std / abs(value):.4f}" if value else "" for std in columns]
-        rows.append((name, shown, found.units[i], *percent, f"{found.ratio(name):.2f}"))
-    ratio = found.after / found.before
-    sizes = [f"{100 * size:.4f}" for size in (found.before, found.after, found.both)]
-    rows.append((f"criterion {found.criterion.value}", "", "", *sizes, f"{ratio:.2f}"))
+        rows.append((name, shown, precision.units[i], *percent, f"{precision.ratio(name):.2f}"))
+    ratio = precision.after / precision.before
+    sizes = [f"{100 * size:.4f}" for size in (precision.before, precision.after, precision.both)]
+    rows.append((f"criterion {precision.criterion.value}", "", "", *sizes, f"{ratio:.2f}"))
     return Table(
         "Predicted standard errors [%]",
         ("", "value", "unit", "recorded", "designed", "both", "designed/recorded"),
@@ -92,8 +92,14 @@ def precision_table(found: Precision) -> Table:
 def distance_table(design: Design) -> Table:
     """Return refitted distances before and after."""
     rows = [
-        (one.truth, one.fitted, f"{one.before:.1f}", f"{one.after:.1f}", _verdict(one.hidden))
-        for one in design.distances
+        (
+            distance.truth,
+            distance.fitted,
+            f"{distance.before:.1f}",
+            f"{distance.after:.1f}",
+            _verdict(distance.hidden),
+        )
+        for distance in design.distances
     ]
     samples = design.distances[0].samples
     return Table(
@@ -125,8 +131,8 @@ def parts_table(design: Design) -> Table:
 
 def _numbers(part: Part) -> str:
     return ", ".join(
-        f"{one.name} {value:.3g}" + ("" if one.unit == "1" else f" {one.unit}")
-        for one, value in zip(KINDS[part.kind].numbers, part.values, strict=True)
+        f"{number.name} {value:.3g}" + ("" if number.unit == "1" else f" {number.unit}")
+        for number, value in zip(KINDS[part.kind].numbers, part.values, strict=True)
     )
 
 

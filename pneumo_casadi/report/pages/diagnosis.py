@@ -62,7 +62,7 @@ class _Section:
 
 
 def diagnosis_html(
-    found: Diagnosis,
+    diagnosis: Diagnosis,
     pictures: Sequence[Picture],
     catalogue: Catalogue = EFFECTS,
     provenance: Mapping[str, Any] | None = None,
@@ -71,7 +71,7 @@ def diagnosis_html(
 
     Parameters
     ----------
-    found : Diagnosis
+    diagnosis : Diagnosis
         What was found.
     pictures : sequence of Picture
         Its figures.
@@ -80,75 +80,77 @@ def diagnosis_html(
     provenance : mapping, optional
         ``versions``, ``sha256`` and ``options``.
     """
-    sections = [one for one in _sections(found, pictures, catalogue) if not one.empty]
+    sections = [
+        section for section in _sections(diagnosis, pictures, catalogue) if not section.empty
+    ]
     return page(
         "diagnosis.html.jinja",
-        found=found,
-        verdict=VERDICTS[found.verdict],
-        colour=_COLOURS.get(found.verdict, _OTHER),
-        headline=headline(found),
-        facts=_facts(found),
+        diagnosis=diagnosis,
+        verdict=VERDICTS[diagnosis.verdict],
+        colour=_COLOURS.get(diagnosis.verdict, _OTHER),
+        headline=headline(diagnosis),
+        facts=_facts(diagnosis),
         sections=sections,
         provenance=provenance or {},
     )
 
 
 def _sections(
-    found: Diagnosis, pictures: Sequence[Picture], catalogue: Catalogue
+    diagnosis: Diagnosis, pictures: Sequence[Picture], catalogue: Catalogue
 ) -> list[_Section]:
     def drawn(*starts: str) -> list[Picture]:
-        return [one for one in pictures if one.name.startswith(starts)]
+        return [picture for picture in pictures if picture.name.startswith(starts)]
 
     return [
         _Section(
-            "where", "Where", where_sentences(found, catalogue), drawn("where", "unknown_inputs"),
-            [regime_table(found)],
+            "where", "Where", where_sentences(diagnosis, catalogue),
+            drawn("where", "unknown_inputs"), [regime_table(diagnosis)],
         ),
         _Section(
-            "which", "Which effect", cause_sentences(found, catalogue), drawn("ranking"),
-            [ranking_table(found)],
+            "which", "Which effect", cause_sentences(diagnosis, catalogue), drawn("ranking"),
+            [ranking_table(diagnosis)],
         ),
         _Section(
-            "size", size_title(found), size_sentences(found), drawn("gap"),
-            [gap_table(found)],
+            "size", size_title(diagnosis), size_sentences(diagnosis), drawn("gap"),
+            [gap_table(diagnosis)],
         ),
-        _Section("else", "What else it could be", alternative_sentences(found, catalogue)),
+        _Section("else", "What else it could be", alternative_sentences(diagnosis, catalogue)),
         _Section("shape", "Residuals over what went on", pictures=drawn("regimes")),
         _Section(
             "checks", "Parameters against geometry and data sheet",
-            checks=check_sentences(found), tables=[check_table(found)],
+            checks=check_sentences(diagnosis), tables=[check_table(diagnosis)],
         ),
-        _Section("parameters", "Parameters", tables=[fitted_table(found)]),
-        _Section("flow_form", "Flow map", tables=flow_form_tables(found.flow_selection)),
-        _Section("notes", "Notes", found.notes),
+        _Section("parameters", "Parameters", tables=[fitted_table(diagnosis)]),
+        _Section("flow_form", "Flow map", tables=flow_form_tables(diagnosis.flow_selection)),
+        _Section("notes", "Notes", diagnosis.notes),
     ]  # fmt: skip
 
 
-def _facts(found: Diagnosis) -> list[tuple[str, str]]:
-    gap, closure = found.gap, found.gap.closure
-    facts = [("Where", place(found))]
+def _facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
+    gap, closure = diagnosis.gap, diagnosis.gap.closure
+    facts = [("Where", place(diagnosis))]
     facts += [
         (
-            "Cause" if one is found.effects[0] else "and",
-            f"{plain(one.name)}, probability {chance(one.probability)}",
+            "Cause" if effect is diagnosis.effects[0] else "and",
+            f"{plain(effect.name)}, probability {chance(effect.probability)}",
         )
-        for one in found.effects
+        for effect in diagnosis.effects
     ]
-    if found.effects:
+    if diagnosis.effects:
         facts += [
             ("Error on held-out data", f"{percent(gap.before)} → {percent(gap.after)}"),
             ("Closed", f"{whole(closure.value)} ({between(closure)})"),
         ]
     else:
         facts.append(("Error on held-out data", percent(gap.before)))
-    wrong = sum(not one.agrees for one in found.checks)
-    if found.checks:
-        facts.append(("Checks of parameters", f"{wrong} of {len(found.checks)} contradict"))
+    wrong = sum(not check.agrees for check in diagnosis.checks)
+    if diagnosis.checks:
+        facts.append(("Checks of parameters", f"{wrong} of {len(diagnosis.checks)} contradict"))
     return facts
 
 
 def write_diagnosis(
-    found: Diagnosis,
+    diagnosis: Diagnosis,
     folder: str | Path,
     catalogue: Catalogue = EFFECTS,
     provenance: Mapping[str, Any] | None = None,
@@ -157,7 +159,7 @@ def write_diagnosis(
 
     Parameters
     ----------
-    found : Diagnosis
+    diagnosis : Diagnosis
         What was found.
     folder : path
         Folder to make. One that holds an earlier diagnosis is replaced as a whole.
@@ -179,15 +181,15 @@ def write_diagnosis(
     """
     known = {"provenance": dict(provenance)} if provenance else {}
     with folder_in_one_step(folder, Kind.DIAGNOSIS) as draft:
-        write_json(found.as_dict() | known, draft / "diagnosis.json")
-        (draft / "summary.txt").write_text(summary_text(found, catalogue), "utf-8")
+        write_json(diagnosis.as_dict() | known, draft / "diagnosis.json")
+        (draft / "summary.txt").write_text(summary_text(diagnosis, catalogue), "utf-8")
         (draft / "figures").mkdir()
         pictures = []
-        for drawn in diagnosis_figures(found):
+        for drawn in diagnosis_figures(diagnosis):
             picture = Picture(drawn.name, svg(drawn.figure), drawn.caption)
             (draft / "figures" / f"{drawn.name}.png").write_bytes(png(drawn.figure))
             (draft / "figures" / f"{drawn.name}.svg").write_bytes(picture.content)
             pictures.append(picture)
-        html = diagnosis_html(found, pictures, catalogue, provenance)
+        html = diagnosis_html(diagnosis, pictures, catalogue, provenance)
         (draft / "report.html").write_text(html, "utf-8")
     return Path(folder)

@@ -17,56 +17,60 @@ from pneumo_casadi.report.tables.diagnosis import chance, has_after, percent, pl
 SHARE = 0.1
 
 
-def diagnosis_figures(found: Diagnosis) -> Iterator[Drawn]:
+def diagnosis_figures(diagnosis: Diagnosis) -> Iterator[Drawn]:
     """Draw all figures of a diagnosis, in order; curves where it carries its evidence."""
-    if found.gap.views:
+    if diagnosis.gap.views:
         yield Drawn(
             "gap",
-            gap_figure(found),
-            f"Gap on held-out data {' and '.join(gap_labels(found))}, in per cent of each signal, "
-            "beyond the noise of the sensors; the black mark is that noise. " + _gap_words(found),
+            gap_figure(diagnosis),
+            f"Gap on held-out data {' and '.join(gap_labels(diagnosis))}, in per cent of each "
+            "signal, beyond the noise of the sensors; the black mark is that noise. "
+            + _gap_words(diagnosis),
         )
-    if any(one.closure is not None or one.probability > 0 for one in found.ranking):
+    if any(
+        candidate.closure is not None or candidate.probability > 0
+        for candidate in diagnosis.ranking
+    ):
         yield Drawn(
             "ranking",
-            ranking_figure(found),
+            ranking_figure(diagnosis),
             "The most probable causes, and how much of the held-out gap in the balances each one "
-            "closes, with its 95 % interval. " + _ranking_words(found),
+            "closes, with its 95 % interval. " + _ranking_words(diagnosis),
         )
-    if any(found.where.shares.values()) or found.where.regimes:
+    if any(diagnosis.where.shares.values()) or diagnosis.where.regimes:
         yield Drawn(
             "where",
-            where_figure(found),
+            where_figure(diagnosis),
             "Share of each balance in what the model without effects lacks; below, the parts of "
             "the record that hold more of the gap than of the time (of a frequency band: than of "
             "the signal).",
         )
-    if found.evidence is not None:
-        yield from _curves(found, found.evidence)
-    if found.gap.views and found.ranking and any(found.where.shares.values()):
+    if diagnosis.evidence is not None:
+        yield from _curves(diagnosis, diagnosis.evidence)
+    if diagnosis.gap.views and diagnosis.ranking and any(diagnosis.where.shares.values()):
         yield Drawn(
             "dashboard",
-            dashboard_figure(found),
+            dashboard_figure(diagnosis),
             "The diagnosis at a glance: gap, most probable causes, place, and what the balance "
-            f"that is hit most lacks. {_gap_words(found)} {_ranking_words(found)}",
+            f"that is hit most lacks. {_gap_words(diagnosis)} {_ranking_words(diagnosis)}",
         )
 
 
-def _curves(found: Diagnosis, evidence: Evidence) -> Iterator[Drawn]:
+def _curves(diagnosis: Diagnosis, evidence: Evidence) -> Iterator[Drawn]:
     several = len(evidence.inputs) > 1
     for i, inputs in enumerate(evidence.inputs, 1):
         which = f", held-out record {i}" if several else ""
         yield Drawn(
             f"unknown_inputs_{i}" if several else "unknown_inputs",
-            unknown_input_figure(inputs, found.where.shares),
+            unknown_input_figure(inputs, diagnosis.where.shares),
             f"What the balances lack over time{which}: the unknown input of each, with a band of "
             "±2σ. Where the model is right the band covers zero. Grey: the axis sticks, and "
             "friction takes any force.",
         )
-    shares, labels = found.where.shares, gap_labels(found)
+    shares, labels = diagnosis.where.shares, gap_labels(diagnosis)
     for balance in sorted(shares, key=lambda name: -shares[name]):
-        before = [one for one in evidence.before if one.balance == balance]
-        after = [one for one in evidence.after if one.balance == balance]
+        before = [regime for regime in evidence.before if regime.balance == balance]
+        after = [regime for regime in evidence.after if regime.balance == balance]
         if before and shares[balance] >= SHARE:
             yield Drawn(
                 f"regimes_{balance}",
@@ -77,15 +81,15 @@ def _curves(found: Diagnosis, evidence: Evidence) -> Iterator[Drawn]:
             )
 
 
-def _gap_words(found: Diagnosis) -> str:
+def _gap_words(diagnosis: Diagnosis) -> str:
     """Say the figure's main numbers, for those who do not see it."""
-    gap = found.gap
-    if not has_after(found):
+    gap = diagnosis.gap
+    if not has_after(diagnosis):
         return f"Over all outputs: {percent(gap.before)}."
     return f"Over all outputs: {percent(gap.before)} before, {percent(gap.after)} after."
 
 
-def _ranking_words(found: Diagnosis) -> str:
-    first = found.ranking[0]
+def _ranking_words(diagnosis: Diagnosis) -> str:
+    first = diagnosis.ranking[0]
     closes = "" if first.closure is None else f", closes {whole(first.closure.value)}"
     return f"First: {plain(first.label)}, probability {chance(first.probability)}{closes}."

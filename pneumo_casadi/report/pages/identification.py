@@ -74,12 +74,14 @@ class Picture:
         return round(float(first.group(1)) * _POINT), round(float(height.group(1)) * _POINT)
 
 
-def html_report(found: Identification, pictures: list[Picture], paper: bool = False) -> str:
+def html_report(
+    identification: Identification, pictures: list[Picture], paper: bool = False
+) -> str:
     """Return the report of an identification as one HTML page.
 
     Parameters
     ----------
-    found : Identification
+    identification : Identification
         What was identified.
     pictures : list of Picture
         Its figures, in order.
@@ -88,14 +90,14 @@ def html_report(found: Identification, pictures: list[Picture], paper: bool = Fa
     """
     return page(
         "report.html.jinja",
-        found=found,
-        result=found.output_error,
-        tables=all_tables(found, paper),
-        stages=_stages(found.output_error),
+        identification=identification,
+        result=identification.output_error,
+        tables=all_tables(identification, paper),
+        stages=_stages(identification.output_error),
         pictures=pictures,
-        wls=format_table(found.wls, robust=True),
-        plan=found.wls.plan.describe(),
-        provenance=identification_provenance(found.case, found.options),
+        wls=format_table(identification.wls, robust=True),
+        plan=identification.wls.plan.describe(),
+        provenance=identification_provenance(identification.case, identification.options),
     )
 
 

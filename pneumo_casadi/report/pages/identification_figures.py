@@ -39,7 +39,7 @@ class Drawn:
     caption: str
 
 
-def figures_of(found: Identification) -> Iterator[Drawn]:
+def figures_of(identification: Identification) -> Iterator[Drawn]:
     """Draw all figures of an identification, in the order of the report.
 
     Yields
@@ -47,40 +47,44 @@ def figures_of(found: Identification) -> Iterator[Drawn]:
     Drawn
         One figure with its name and caption.
     """
-    if found.validation is not None and found.flow_map is not None:
+    if identification.validation is not None and identification.flow_map is not None:
         yield Drawn(
             "overview",
-            overview_figure(found),
+            overview_figure(identification),
             "Flow map, held-out prediction and parameters at a glance.",
         )
     yield Drawn(
         "parameters",
-        forest_figure(found),
+        forest_figure(identification),
         "Estimates with intervals of ±2σ that allow for correlated residuals, "
-        + ("relative to the true parameters." if found.truth else "relative to output error."),
+        + (
+            "relative to the true parameters."
+            if identification.truth
+            else "relative to output error."
+        ),
     )
-    if found.validation is not None:
-        yield from validation_figures(found.validation)
-    if found.flow_map is not None and found.flow is not None:
+    if identification.validation is not None:
+        yield from validation_figures(identification.validation)
+    if identification.flow_map is not None and identification.flow is not None:
         yield Drawn(
             "flow_map",
-            flow_map_figure(found.flow_map, found.flow),
+            flow_map_figure(identification.flow_map, identification.flow),
             "Static flow map of the valve: surface and its three projections (as Fig. 2 of the "
             "paper); dots are metered, lines fitted.",
         )
         yield Drawn(
             "residual_map",
-            residual_map_figure(found.flow_map, found.flow),
+            residual_map_figure(identification.flow_map, identification.flow),
             "What the fitted form leaves of the metered map (as Fig. 3).",
         )
     yield Drawn(
         "regressor",
-        regressor_figure(found.wls, found.records[0]),
+        regressor_figure(identification.wls, identification.records[0]),
         "Weighted least squares on a record of the fit: measured sides of the balances and W X̂; "
         "below, the residuals, with a band of ±2σ. Rows at rest are left out: friction at rest is "
         "no function of the velocity.",
     )
-    for prediction in found.predictions:
+    for prediction in identification.predictions:
         yield Drawn(
             f"cross_validation_{prediction.name}",
             cross_validation_figure(prediction),
@@ -89,24 +93,24 @@ def figures_of(found: Identification) -> Iterator[Drawn]:
         )
     yield Drawn(
         "output_error",
-        fit_figure(found.output_error, found.records),
+        fit_figure(identification.output_error, identification.records),
         "Outputs measured and as fitted by output error.",
     )
     yield Drawn(
         "residuals",
-        residual_figure(found.output_error, found.records),
+        residual_figure(identification.output_error, identification.records),
         "Residuals of the output-error fit and their autocorrelation. A complete model leaves "
         "white residuals, inside the band.",
     )
     yield Drawn(
         "correlations",
-        correlation_figure(found),
+        correlation_figure(identification),
         "Correlations of the output-error estimates.",
     )
-    if found.identifiability is not None:
+    if identification.identifiability is not None:
         yield Drawn(
             "all_correlations",
-            clustered_correlation_figure(found.identifiability),
+            clustered_correlation_figure(identification.identifiability),
             "Correlations of all estimates, the flow map's coefficients among them; those that "
             "make up for each other stand side by side.",
         )

@@ -6,7 +6,15 @@ from pneumo_casadi.report.tables.identifiability import identifiability_tables
 from pneumo_casadi.report.tables.results import Table, tables_of
 
 
-def all_tables(found: Identification, paper: bool = False) -> tuple[Table, ...]:
+def all_tables(identification: Identification, paper: bool = False) -> tuple[Table, ...]:
     """Return all tables of an identification, identifiability last where it was asked for."""
-    extra = () if found.identifiability is None else identifiability_tables(found.identifiability)
-    return (*tables_of(found, paper), *flow_form_tables(found.flow_selection), *extra)
+    extra = (
+        ()
+        if identification.identifiability is None
+        else identifiability_tables(identification.identifiability)
+    )
+    return (
+        *tables_of(identification, paper),
+        *flow_form_tables(identification.flow_selection),
+        *extra,
+    )

@@ -38,20 +38,20 @@ SHOWN = 12
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
-def diagnosis_tables(found: Diagnosis) -> tuple[Table, ...]:
+def diagnosis_tables(diagnosis: Diagnosis) -> tuple[Table, ...]:
     """Return all tables of a diagnosis that have something to show, in order."""
     tables = (
-        gap_table(found),
-        regime_table(found),
-        ranking_table(found),
-        check_table(found),
-        fitted_table(found),
-        *flow_form_tables(found.flow_selection),
+        gap_table(diagnosis),
+        regime_table(diagnosis),
+        ranking_table(diagnosis),
+        check_table(diagnosis),
+        fitted_table(diagnosis),
+        *flow_form_tables(diagnosis.flow_selection),
     )
     return tuple(table for table in tables if table.rows)
 
 
-def gap_table(found: Diagnosis) -> Table:
+def gap_table(diagnosis: Diagnosis) -> Table:
     """Return the held-out gap by view and output, before and after."""
     rows = [
         (
@@ -60,55 +60,55 @@ def gap_table(found: Diagnosis) -> Table:
             _closed(values["before"], values["after"]),
             percent(values["noise"]),
         )
-        for view, name, values in gap_rows(found)
+        for view, name, values in gap_rows(diagnosis)
     ]
     table = Table(
         "Gap on held-out data, in % of the signal",
-        ("", "without effects", with_what(found), "closed", "noise"),
+        ("", "without effects", with_what(diagnosis), "closed", "noise"),
         tuple(rows),
         ("What the sensors' noise alone leaves is taken off.",),
     )
-    return table if has_after(found) else table.without(with_what(found), "closed")
+    return table if has_after(diagnosis) else table.without(with_what(diagnosis), "closed")
 
 
-def has_after(found: Diagnosis) -> bool:
+def has_after(diagnosis: Diagnosis) -> bool:
     """Whether the gap was simulated with effects too."""
-    return bool(found.effects) or found.gap.after != found.gap.before
+    return bool(diagnosis.effects) or diagnosis.gap.after != diagnosis.gap.before
 
 
-def nearest(found: Diagnosis) -> tuple[str, ...]:
+def nearest(diagnosis: Diagnosis) -> tuple[str, ...]:
     """Name the effects of the model that came nearest where none is the cause."""
-    new = [name.partition(".")[0] for name in found.fitted if name not in found.nominal]
+    new = [name.partition(".")[0] for name in diagnosis.fitted if name not in diagnosis.nominal]
     return tuple(dict.fromkeys(new))
 
 
-def with_what(found: Diagnosis) -> str:
+def with_what(diagnosis: Diagnosis) -> str:
     """Return what the model with effects is called."""
-    if found.effects:
-        return "with it" if len(found.effects) == 1 else "with them"
+    if diagnosis.effects:
+        return "with it" if len(diagnosis.effects) == 1 else "with them"
     return "with the nearest"
 
 
-def gap_rows(found: Diagnosis) -> Iterator[tuple[str, str, Mapping[str, float]]]:
+def gap_rows(diagnosis: Diagnosis) -> Iterator[tuple[str, str, Mapping[str, float]]]:
     """Yield view, output or balance, and its gap, in the order in which they are shown."""
-    views = found.gap.views
+    views = diagnosis.gap.views
     for view in (*VIEWS, *(name for name in views if name not in VIEWS)):
         for name, values in views.get(view, {}).items():
             yield view, name, values
 
 
-def regime_table(found: Diagnosis) -> Table:
+def regime_table(diagnosis: Diagnosis) -> Table:
     """Return the regimes in which the gap is larger than elsewhere."""
     rows = [
         (
-            f"{one.name}",
-            _short(one.balance),
-            whole(one.share),
-            whole(one.time),
-            f"{one.ratio:.2g}",
-            "< 0.001" if one.p_value <= 1e-3 else f"{one.p_value:.2g}",
+            f"{regime.name}",
+            _short(regime.balance),
+            whole(regime.share),
+            whole(regime.time),
+            f"{regime.ratio:.2g}",
+            "< 0.001" if regime.p_value <= 1e-3 else f"{regime.p_value:.2g}",
         )
-        for one in found.where.regimes
+        for regime in diagnosis.where.regimes
     ]
     return Table(
         "Where in the record the gap is found",
@@ -121,19 +121,19 @@ def regime_table(found: Diagnosis) -> Table:
     )
 
 
-def ranking_table(found: Diagnosis) -> Table:
+def ranking_table(diagnosis: Diagnosis) -> Table:
     """Return the most probable candidates, and those whose fit failed."""
-    first = [one for one in found.ranking if not one.failure]
-    failed = [one for one in found.ranking if one.failure]
+    first = [candidate for candidate in diagnosis.ranking if not candidate.failure]
+    failed = [candidate for candidate in diagnosis.ranking if candidate.failure]
     rows = [
         (
-            plain(one.label),
-            chance(one.probability),
-            *_shrink(one),
-            whole(one.explained),
-            whole(one.observable),
+            plain(candidate.label),
+            chance(candidate.probability),
+            *_shrink(candidate),
+            whole(candidate.explained),
+            whole(candidate.observable),
         )
-        for one in (*first[:SHOWN], *failed)
+        for candidate in (*first[:SHOWN], *failed)
     ]
     left = len(first) - len(first[:SHOWN])
     return Table(
@@ -149,28 +149,28 @@ def ranking_table(found: Diagnosis) -> Table:
     )
 
 
-def _shrink(one: Candidate) -> tuple[str, str]:
-    if one.failure:
+def _shrink(candidate: Candidate) -> tuple[str, str]:
+    if candidate.failure:
         return "fit failed", ""
-    if one.closure is None:
+    if candidate.closure is None:
         return "not fitted", ""
-    return whole(one.closure.value), between(one.closure)
+    return whole(candidate.closure.value), between(candidate.closure)
 
 
-def check_table(found: Diagnosis) -> Table:
+def check_table(diagnosis: Diagnosis) -> Table:
     """Return the parameters beside what geometry and data sheet say of them."""
     rows = []
-    for one in found.checks:
-        unit, factor = READ.get(one.unit, (one.unit, 1.0))
-        value = Value(one.value * factor, one.std * factor, "")
-        expected, tolerance = one.expected * factor, one.tolerance * factor
+    for check in diagnosis.checks:
+        unit, factor = READ.get(check.unit, (check.unit, 1.0))
+        value = Value(check.value * factor, check.std * factor, "")
+        expected, tolerance = check.expected * factor, check.tolerance * factor
         rows.append(
             (
-                one.name,
+                check.name,
                 unit,
                 quantity(value, held=""),
                 f"{expected:.4g} ± {tolerance:.2g}",
-                "yes" if one.agrees else "NO",
+                "yes" if check.agrees else "NO",
             )
         )
     return Table(
@@ -180,18 +180,18 @@ def check_table(found: Diagnosis) -> Table:
     )
 
 
-def fitted_table(found: Diagnosis) -> Table:
+def fitted_table(diagnosis: Diagnosis) -> Table:
     """Return all parameters without and with the effects found."""
-    names = list(dict.fromkeys([*found.fitted, *found.nominal]))
-    both = [(name, found.nominal.get(name), found.fitted.get(name)) for name in names]
+    names = list(dict.fromkeys([*diagnosis.fitted, *diagnosis.nominal]))
+    both = [(name, diagnosis.nominal.get(name), diagnosis.fitted.get(name)) for name in names]
     rows = [
         (name, (without or with_ or Value(0.0, 0.0, "")).unit, *map(_cell, (without, with_)))
         for name, without, with_ in both
     ]
     title = "Fitted parameters ± 2σ"
-    if not has_after(found):
+    if not has_after(diagnosis):
         return Table(title, ("", "unit", "found"), tuple(row[:3] for row in rows))
-    return Table(title, ("", "unit", "without effects", with_what(found)), tuple(rows))
+    return Table(title, ("", "unit", "without effects", with_what(diagnosis)), tuple(rows))
 
 
 def _cell(value: Value | None) -> str:

@@ -45,7 +45,7 @@ def effect_markdown(row: EffectRow) -> str:
     confused = ", ".join(map(_named, row.confused_with))
     items = [
         ("Acts at", ", ".join(row.junctions)),
-        ("Extra states", ", ".join(f"`{one.name}` [{one.unit}]" for one in row.states)),
+        ("Extra states", ", ".join(f"`{state.name}` [{state.unit}]" for state in row.states)),
         ("Shows in", row.shows),
         ("Confused with", confused),
         ("Separated by", row.separated_by),
@@ -58,17 +58,17 @@ def effect_markdown(row: EffectRow) -> str:
     return "\n".join([*lines, *map(_parameter, row.parameters), ""])
 
 
-def _parameter(one: Parameter) -> str:
-    start = one.value if one.start is None else one.start
-    null = "" if one.null is None else f"{one.null:g}"
+def _parameter(parameter: Parameter) -> str:
+    start = parameter.value if parameter.start is None else parameter.start
+    null = "" if parameter.null is None else f"{parameter.null:g}"
     cells = [
-        f"`{one.name}`" + ("" if one.free else " (*held*)"),
-        one.unit,
-        f"{one.lower:g} to {one.upper:g}",
+        f"`{parameter.name}`" + ("" if parameter.free else " (*held*)"),
+        parameter.unit,
+        f"{parameter.lower:g} to {parameter.upper:g}",
         null,
         f"{start:g}",
-        _cell(one.description),
-        _cell(one.source),
+        _cell(parameter.description),
+        _cell(parameter.source),
     ]
     return f"| {' | '.join(cells)} |"
 

@@ -12,12 +12,12 @@ from pneumo_casadi.report.tables.results import Table, exponent_of, value_text
 PARTS, GROUPS = 6, 10
 
 
-def identifiability_tables(found: Identifiability) -> tuple[Table, ...]:
+def identifiability_tables(identifiability: Identifiability) -> tuple[Table, ...]:
     """Return what a report says of identifiability.
 
     Parameters
     ----------
-    found : Identifiability
+    identifiability : Identifiability
         From `identifiability`.
 
     Returns
@@ -26,27 +26,28 @@ def identifiability_tables(found: Identifiability) -> tuple[Table, ...]:
         Parameters with the source of their information; the directions known worst; groups of
         parameters that one another make up for.
     """
-    return _parameter_table(found), _direction_table(found), _group_table(found)
+    return (
+        _parameter_table(identifiability),
+        _direction_table(identifiability),
+        _group_table(identifiability),
+    )
 
 
-def _parameter_table(found: Identifiability) -> Table:
+def _parameter_table(identifiability: Identifiability) -> Table:
     rows = []
-    for j, name in enumerate(found.names):
-        relative = float(found.std[j] / found.sizes[j])
-        why = "at its bound" if name in found.at_bound else "no information"
+    for j, name in enumerate(identifiability.names):
+        relative = float(identifiability.std[j] / identifiability.sizes[j])
+        why = "at its bound" if name in identifiability.at_bound else "no information"
         rows.append(
             (
                 name,
                 _percent(relative) if math.isfinite(relative) else f"∞ ({why})",
-                *(
-                    f"{100 * found.share[i, j]:.0f} % (×{_factor(found.std_without[i, j])})"
-                    for i in range(len(found.sources))
-                ),
+                *(_source(identifiability, i, j) for i in range(len(identifiability.sources))),
             )
         )
     return Table(
         "What informs each parameter",
-        ("", "std / size", *found.sources),
+        ("", "std / size", *identifiability.sources),
         tuple(rows),
         (
             "Per source: its share of the information on the parameter, all others known; in "
@@ -56,28 +57,35 @@ def _parameter_table(found: Identifiability) -> Table:
     )
 
 
-def _direction_table(found: Identifiability) -> Table:
-    weak = found.weak()
-    shown: Sequence[Direction] = weak or found.directions[-3:][::-1]
+def _source(identifiability: Identifiability, i: int, j: int) -> str:
+    growth = _factor(identifiability.std_without[i, j])
+    return f"{100 * identifiability.share[i, j]:.0f} % (×{growth})"
+
+
+def _direction_table(identifiability: Identifiability) -> Table:
+    weak = identifiability.weak()
+    shown: Sequence[Direction] = weak or identifiability.directions[-3:][::-1]
     rows = tuple((_combination(d.weights), _percent(d.relative_std)) for d in shown)
     title = "Combinations known to no better than 10 %" if weak else "Combinations known worst"
     return Table(
         title,
         ("combination, in parameters over their size", "std"),
         rows,
-        (f"Condition of the scaled sensitivities: {found.condition:.3g}.",),
+        (f"Condition of the scaled sensitivities: {identifiability.condition:.3g}.",),
     )
 
 
-def _group_table(found: Identifiability) -> Table:
+def _group_table(identifiability: Identifiability) -> Table:
     rows = [
         (", ".join(group.names), "collinear", f"γ = {group.index:.3g}")
-        for group in found.collinear[:GROUPS]
+        for group in identifiability.collinear[:GROUPS]
     ]
-    left = len(found.collinear) - GROUPS
+    left = len(identifiability.collinear) - GROUPS
     if left > 0:
         rows.append((f"and {left} groups more", "collinear", ""))
-    rows += [(", ".join(cluster), "correlated", "|ρ| > 0.95") for cluster in found.clusters]
+    rows += [
+        (", ".join(cluster), "correlated", "|ρ| > 0.95") for cluster in identifiability.clusters
+    ]
     return Table(
         "Parameters that make up for each other",
         ("parameters", "how", "measure"),

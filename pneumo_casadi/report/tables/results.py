@@ -98,12 +98,12 @@ def interval_text(value: float, half: float | None, exponent: int = 0) -> str:
     return f"{value_text(value, exponent, decimals)} ± {scaled:.{decimals}f}"
 
 
-def parameter_table(found: Identification, paper: bool = False) -> Table:
+def parameter_table(identification: Identification, paper: bool = False) -> Table:
     """Return WLS, output error, truth where known, and on request the paper's Table 1.
 
     Parameters
     ----------
-    found : Identification
+    identification : Identification
         What was identified.
     paper : bool, optional
         Whether to add Table 1 of the paper.
@@ -114,19 +114,19 @@ def parameter_table(found: Identification, paper: bool = False) -> Table:
         One row a parameter, values ± 2σ with a common power of ten taken out; below them the
         polytropic coefficients.
     """
-    truth = dict(found.truth or {})
+    truth = dict(identification.truth or {})
     rows = []
-    for name in found.wls.names:
-        item = found.output_error.parameters[name]
-        at = found.wls.names.index(name)
+    for name in identification.wls.names:
+        item = identification.output_error.parameters[name]
+        at = identification.wls.names.index(name)
         pairs = {
-            "wls": (float(found.wls.estimate[at]), wls_half_width(found, name)),
-            "oe": (item.value, output_error_half_width(found, name)),
+            "wls": (float(identification.wls.estimate[at]), wls_half_width(identification, name)),
+            "oe": (item.value, output_error_half_width(identification, name)),
         }
         rows.append(_row(name, item.unit, pairs, truth, TABLE_1, paper))
     for name in ("k_P", "k_N"):
-        if name in found.output_error.derived:
-            rows.append(_derived_row(found, name, truth, paper))
+        if name in identification.output_error.derived:
+            rows.append(_derived_row(identification, name, truth, paper))
     columns = ["", "unit", "WLS", "output error", "truth", "OE - truth", "Table 1"]
     table = Table(
         "Identified parameters, estimate ± 2σ",
@@ -141,15 +141,15 @@ def parameter_table(found: Identification, paper: bool = False) -> Table:
     return table.without(*absent, *([] if paper else ["Table 1"]))
 
 
-def wls_half_width(found: Identification, name: str) -> float:
+def wls_half_width(identification: Identification, name: str) -> float:
     """Return 2σ of a WLS estimate: the wider of eq. 16 and HAC."""
-    at = found.wls.names.index(name)
-    return 2 * max(float(found.wls.std[at]), float(found.wls.std_hac[at]))
+    at = identification.wls.names.index(name)
+    return 2 * max(float(identification.wls.std[at]), float(identification.wls.std_hac[at]))
 
 
-def output_error_half_width(found: Identification, name: str) -> float | None:
+def output_error_half_width(identification: Identification, name: str) -> float | None:
     """Return 2σ of an output-error estimate, the wider of ideal and robust; None without one."""
-    result = found.output_error
+    result = identification.output_error
     if name not in result.uncertainty.names or name in result.uncertainty.at_bound:
         return None
     return 2 * max(result.std(name), result.std(name, robust=True))
@@ -179,16 +179,16 @@ def _row(
 
 
 def _derived_row(
-    found: Identification, name: str, truth: Mapping[str, float], paper: bool
+    identification: Identification, name: str, truth: Mapping[str, float], paper: bool
 ) -> tuple[str, ...]:
-    item = found.output_error.derived[name]
+    item = identification.output_error.derived[name]
     top, bottom = ("X_s3", "X_s2") if name == "k_P" else ("X_s6", "X_s5")
     true = truth[top] / truth[bottom] if {top, bottom} <= truth.keys() else None
     wls = ""
-    if {top, bottom} <= set(found.wls.names):
+    if {top, bottom} <= set(identification.wls.names):
         pair = {name: (top, bottom)}
-        ideal = ratios(found.wls, pair)
-        hac = ratios(found.wls, pair, covariance=found.wls.covariance_hac)
+        ideal = ratios(identification.wls, pair)
+        hac = ratios(identification.wls, pair, covariance=identification.wls.covariance_hac)
         half = 2 * max(float(ideal.std[0]), float(hac.std[0]))
         wls = interval_text(float(ideal.values[0]), half)
     return (
@@ -236,9 +236,9 @@ def _noise_text(error: Error) -> str:
     return f"{noise * factor:.3g} ({error.noise_percent:.2g} %)"
 
 
-def tables_of(found: Identification, paper: bool = False) -> Sequence[Table]:
+def tables_of(identification: Identification, paper: bool = False) -> Sequence[Table]:
     """Return all tables of a report, in order."""
-    tables = [parameter_table(found, paper)]
-    if found.validation is not None:
-        tables.append(validation_table(found.validation))
+    tables = [parameter_table(identification, paper)]
+    if identification.validation is not None:
+        tables.append(validation_table(identification.validation))
     return tables

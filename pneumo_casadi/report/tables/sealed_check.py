@@ -42,12 +42,12 @@ def withheld_table(result: Mapping[str, Any]) -> Table:
         Shares with Wilson's intervals (95 %), then sizes and ratios, then rivals.
     """
     both = [result["scores"]["all"], result["scores"]["visible"]]
-    rows = [(text, *(share_text(one[key]) for one in both)) for key, text in SHARES]
+    rows = [(text, *(share_text(score[key]) for score in both)) for key, text in SHARES]
     rows += [
-        ("mean size of the set", *(_number(one["set_size"], "mean") for one in both)),
+        ("mean size of the set", *(_number(score["set_size"], "mean") for score in both)),
         (
             "median shrink over an oracle's",
-            *(_number(one["shrink_of_oracle"], "median") for one in both),
+            *(_number(score["shrink_of_oracle"], "median") for score in both),
         ),
     ]
     error = result["calibration"]["expected_calibration_error"]
@@ -72,10 +72,10 @@ def _rivals(both: list[Mapping[str, Any]]) -> list[tuple[str, ...]]:
         ("forward_aic", "pair_both", "forward AIC: both of a pair"),
         ("forward_aic", "false_alarm", "forward AIC: false alarms"),
     )
-    rows = [(text, *(share_text(one[rival][key]) for one in both)) for rival, key, text in kept]
+    rows = [(text, *(share_text(group[rival][key]) for group in both)) for rival, key, text in kept]
     for key, text in (("right_first", "chance: first"), ("first_three", "chance: among three")):
-        found = [one["chance"][f"{key}_percent"] for one in both]
-        rows.append((text, *("-" if one is None else f"{one:.1f}" for one in found)))
+        percents = [group["chance"][f"{key}_percent"] for group in both]
+        rows.append((text, *("-" if percent is None else f"{percent:.1f}" for percent in percents)))
     return rows
 
 

@@ -41,29 +41,30 @@ TOLD = 4
 OUTSIDE = 0.1
 
 
-def headline(found: Diagnosis) -> str:
+def headline(diagnosis: Diagnosis) -> str:
     """Return the verdict in one sentence."""
-    gap = found.gap
+    gap = diagnosis.gap
+    them = "it" if len(diagnosis.effects) == 1 else "them"
     fall = (
-        f"with {'it' if len(found.effects) == 1 else 'them'} in the model the error on held-out "
-        f"data {_goes(gap.before, gap.after)} of the signals"
+        f"with {them} in the model the error on held-out data "
+        f"{_goes(gap.before, gap.after)} of the signals"
     )
-    if found.verdict is Verdict.EFFECT:
-        names = joined([plain(one.name) for one in found.effects])
-        verb = "explains" if len(found.effects) == 1 else "together explain"
+    if diagnosis.verdict is Verdict.EFFECT:
+        names = joined([plain(effect.name) for effect in diagnosis.effects])
+        verb = "explains" if len(diagnosis.effects) == 1 else "together explain"
         return f"{_capital(names)} {verb} the gap between simulation and reality: {fall}."
-    if found.verdict is Verdict.AMBIGUOUS:
-        names = joined([plain(joined_names(names)) for names in found.ambiguous], "or")
-        added = joined([plain(one.name) for one in found.effects])
+    if diagnosis.verdict is Verdict.AMBIGUOUS:
+        names = joined([plain(joined_names(names)) for names in diagnosis.ambiguous], "or")
+        added = joined([plain(effect.name) for effect in diagnosis.effects])
         return (
             f"The gap has one of these causes, and the data cannot tell which: {names}; "
             + (f"with {added} in the model the error on held-out data " if added else "it ")
             + f"{_goes(gap.before, gap.after)} of the signals."
         )
-    if found.verdict is Verdict.ABSORBED:
-        names = joined([plain(joined_names(names)) for names in found.ambiguous], "or")
+    if diagnosis.verdict is Verdict.ABSORBED:
+        names = joined([plain(joined_names(names)) for names in diagnosis.ambiguous], "or")
         hidden = f": {names} may hide there" if names else ""
-        if found.where.balance != "none":
+        if diagnosis.where.balance != "none":
             return (
                 f"The simulation errs on held-out data by {percent(gap.before)} of the signals, "
                 f"and its parameters contradict geometry or data sheet{hidden}."
@@ -72,13 +73,13 @@ def headline(found: Diagnosis) -> str:
             "The simulation follows the records, but with parameters that contradict geometry or "
             f"data sheet{hidden}."
         )
-    if found.verdict is Verdict.UNKNOWN:
+    if diagnosis.verdict is Verdict.UNKNOWN:
         return (
             "Something is missing in the model that no effect of the catalogue explains, alone or "
             f"together; the error on held-out data is {percent(gap.before)} of the signals."
         )
-    wrong = sum(not one.agrees for one in found.checks)
-    but = f", but {wrong} of {len(found.checks)} checks of parameters fail" if wrong else ""
+    wrong = sum(not check.agrees for check in diagnosis.checks)
+    but = f", but {wrong} of {len(diagnosis.checks)} checks of parameters fail" if wrong else ""
     return (
         "Nothing is wrong that matters: beyond noise, simulation and held-out data differ by "
         f"{percent(gap.before)} of the signals{but}."
@@ -90,26 +91,26 @@ def _goes(before: float, after: float) -> str:
     return f"{verb} from {percent(before)} to {percent(after)}"
 
 
-def cause_sentences(found: Diagnosis, catalogue: Catalogue = EFFECTS) -> tuple[str, ...]:
+def cause_sentences(diagnosis: Diagnosis, catalogue: Catalogue = EFFECTS) -> tuple[str, ...]:
     """Return what was added to the model, one sentence an effect, with sizes ± 2σ."""
-    return tuple(_cause(one, catalogue) for one in found.effects)
+    return tuple(_cause(effect, catalogue) for effect in diagnosis.effects)
 
 
-def _cause(one: EffectFound, catalogue: Catalogue) -> str:
-    known = catalogue.get(one.name)
+def _cause(effect: EffectFound, catalogue: Catalogue) -> str:
+    known = catalogue.get(effect.name)
     described = {item.name: item.description for item in known().parameters} if known else {}
-    largest = sorted(one.parameters, key=lambda name: -abs(one.parameters[name].value))[:TOLD]
+    largest = sorted(effect.parameters, key=lambda name: -abs(effect.parameters[name].value))[:TOLD]
     sizes = [
         f"{name} = {quantity(value)}" + (f" ({described[name]})" if name in described else "")
-        for name, value in one.parameters.items()
-        if len(one.parameters) <= TOLD or name in largest
+        for name, value in effect.parameters.items()
+        if len(effect.parameters) <= TOLD or name in largest
     ]
-    if len(one.parameters) > TOLD:
-        sizes.append(f"and {len(one.parameters) - TOLD} smaller")
+    if len(effect.parameters) > TOLD:
+        sizes.append(f"and {len(effect.parameters) - TOLD} smaller")
     size = f" Its size: {'; '.join(sizes)}." if sizes else ""
     return (
-        f"{_capital(plain(one.name))} (probability {chance(one.probability)}): "
-        f"{described_as(one.name, catalogue)}{size}"
+        f"{_capital(plain(effect.name))} (probability {chance(effect.probability)}): "
+        f"{described_as(effect.name, catalogue)}{size}"
     )
 
 
@@ -128,9 +129,9 @@ def described_as(name: str, catalogue: Catalogue = EFFECTS) -> str:
     return text.splitlines()[0].replace("`", "") if text else "An effect of your own."
 
 
-def where_sentences(found: Diagnosis, catalogue: Catalogue = EFFECTS) -> tuple[str, ...]:
+def where_sentences(diagnosis: Diagnosis, catalogue: Catalogue = EFFECTS) -> tuple[str, ...]:
     """Return where the gap lies, in words."""
-    return tuple(said_plainly(text, catalogue) for text in found.where.words)
+    return tuple(said_plainly(text, catalogue) for text in diagnosis.where.words)
 
 
 def said_plainly(text: str, catalogue: Catalogue = EFFECTS) -> str:
@@ -146,101 +147,109 @@ def said_plainly(text: str, catalogue: Catalogue = EFFECTS) -> str:
     return text
 
 
-def size_title(found: Diagnosis) -> str:
+def size_title(diagnosis: Diagnosis) -> str:
     """Return the heading of what is said of the gap's size."""
-    return "How far the gap closes" if has_after(found) else "How large the gap is"
+    return "How far the gap closes" if has_after(diagnosis) else "How large the gap is"
 
 
-def size_sentences(found: Diagnosis) -> tuple[str, ...]:
+def size_sentences(diagnosis: Diagnosis) -> tuple[str, ...]:
     """Return how far the gap closes."""
-    gap, closure = found.gap, found.gap.closure
+    gap, closure = diagnosis.gap, diagnosis.gap.closure
     noise = f"Noise of the sensors alone leaves {percent(gap.noise_floor)}; it is taken off here."
     floor = (noise,) if gap.noise_floor > 0 else ()
     before = (
         f"On data that no fit has seen, the model without effects is off by {percent(gap.before)} "
         "of the signals"
     )
-    if not has_after(found):
+    if not has_after(diagnosis):
         return f"{before}.", *floor
-    if not found.effects:
-        names = joined([plain(name) for name in nearest(found)])
+    if not diagnosis.effects:
+        names = joined([plain(name) for name in nearest(diagnosis)])
         which = f"{names}, the nearest of the catalogue," if names else "the nearest of them"
         return f"{before}; with {which} by {percent(gap.after)}.", *floor
+    names = joined([plain(effect.name) for effect in diagnosis.effects])
     return (
-        f"{before}; with {joined([plain(e.name) for e in found.effects])} by {percent(gap.after)}.",
+        f"{before}; with {names} by {percent(gap.after)}.",
         f"That closes {whole(closure.value)} of the gap (95 % interval {between(closure)}).",
         *floor,
     )
 
 
-def alternative_sentences(found: Diagnosis, catalogue: Catalogue = EFFECTS) -> tuple[str, ...]:
+def alternative_sentences(diagnosis: Diagnosis, catalogue: Catalogue = EFFECTS) -> tuple[str, ...]:
     """Return what else it could be, and what would tell."""
-    odds_of = {one.names: one.probability for one in found.ranking}
+    odds_of = {candidate.names: candidate.probability for candidate in diagnosis.ranking}
     parts: list[str] = []
-    for names in found.ambiguous:
+    for names in diagnosis.ambiguous:
         meaning = " ".join(described_as(name, catalogue) for name in names)
         odds = f" (probability {chance(odds_of[names])})" if names in odds_of else ""
         parts.append(f"{_capital(plain(joined_names(names)))}{odds}: {meaning}")
-    if not found.ambiguous and found.verdict is Verdict.EFFECT:
-        others = [one for one in found.ranking if set(one.names) != {e.name for e in found.effects}]
-        close = [one for one in others if one.probability >= WORTH_NAMING][:3]
+    if not diagnosis.ambiguous and diagnosis.verdict is Verdict.EFFECT:
+        cause = {effect.name for effect in diagnosis.effects}
+        others = [candidate for candidate in diagnosis.ranking if set(candidate.names) != cause]
+        close = [candidate for candidate in others if candidate.probability >= WORTH_NAMING][:3]
         parts += [
-            f"Next in the ranking: {plain(one.label)}, probability {chance(one.probability)}."
-            for one in close
+            f"Next in the ranking: {plain(candidate.label)}, "
+            f"probability {chance(candidate.probability)}."
+            for candidate in close
         ]
         if not close:
             parts.append("No other effect of the catalogue explains these data.")
-    outside = 1 - sum(one.probability for one in found.ranking)
-    if found.effects and outside > OUTSIDE:
+    outside = 1 - sum(candidate.probability for candidate in diagnosis.ranking)
+    if diagnosis.effects and outside > OUTSIDE:
         parts.append(f"That the cause is none of the catalogue has probability {chance(outside)}.")
-    if found.verdict is Verdict.UNKNOWN and found.hint:
-        parts.append(f"A hint: {said_plainly(found.hint, catalogue)}.")
-    sure = found.verdict is Verdict.EFFECT and min(e.probability for e in found.effects) > SURE
-    if found.where.rivals and not sure:
+    if diagnosis.verdict is Verdict.UNKNOWN and diagnosis.hint:
+        parts.append(f"A hint: {said_plainly(diagnosis.hint, catalogue)}.")
+    sure = diagnosis.verdict is Verdict.EFFECT and all(
+        effect.probability > SURE for effect in diagnosis.effects
+    )
+    if diagnosis.where.rivals and not sure:
         parts.append(
             "Before you look for a cause in the axis, check the sensors: "
-            f"{joined([plain(name) for name in found.where.rivals], 'or')} would look much the "
+            f"{joined([plain(name) for name in diagnosis.where.rivals], 'or')} would look much the "
             "same."
         )
-    if found.experiment:
-        parts.append(f"An experiment that would tell: {plain(found.experiment)}.")
+    if diagnosis.experiment:
+        parts.append(f"An experiment that would tell: {plain(diagnosis.experiment)}.")
     return tuple(parts)
 
 
-def check_sentences(found: Diagnosis) -> tuple[tuple[bool, str], ...]:
+def check_sentences(diagnosis: Diagnosis) -> tuple[tuple[bool, str], ...]:
     """Return each check of the parameters: whether it agrees, and its text; failures first."""
-    return tuple((one.agrees, one.text) for one in sorted(found.checks, key=lambda one: one.agrees))
+    return tuple(
+        (check.agrees, check.text)
+        for check in sorted(diagnosis.checks, key=lambda check: check.agrees)
+    )
 
 
-def place(found: Diagnosis) -> str:
+def place(diagnosis: Diagnosis) -> str:
     """Return where the gap lies, in a few words."""
-    return BALANCES.get(found.where.balance, plain(found.where.balance))
+    return BALANCES.get(diagnosis.where.balance, plain(diagnosis.where.balance))
 
 
-def summary_text(found: Diagnosis, catalogue: Catalogue = EFFECTS) -> str:
+def summary_text(diagnosis: Diagnosis, catalogue: Catalogue = EFFECTS) -> str:
     """Return a diagnosis as plain text: sentences first, tables after them.
 
     Parameters
     ----------
-    found : Diagnosis
+    diagnosis : Diagnosis
         What was found.
     catalogue : mapping of str to effect class, optional
         Where the effects are described.
     """
-    checks = [f"{'ok ' if ok else 'NOT'}  {text}" for ok, text in check_sentences(found)]
+    checks = [f"{'ok ' if ok else 'NOT'}  {text}" for ok, text in check_sentences(diagnosis)]
     sections = [
-        ("Where", where_sentences(found, catalogue)),
-        ("Which effect", cause_sentences(found, catalogue)),
-        (size_title(found), size_sentences(found)),
-        ("What else it could be", alternative_sentences(found, catalogue)),
+        ("Where", where_sentences(diagnosis, catalogue)),
+        ("Which effect", cause_sentences(diagnosis, catalogue)),
+        (size_title(diagnosis), size_sentences(diagnosis)),
+        ("What else it could be", alternative_sentences(diagnosis, catalogue)),
         ("Parameters against geometry and data sheet", checks),
-        ("Notes", found.notes),
+        ("Notes", diagnosis.notes),
     ]
-    title = f"Diagnosis of {found.case}: {VERDICTS[found.verdict]}"
-    head = [title, "=" * len(title), "", textwrap.fill(headline(found), WIDTH)]
+    title = f"Diagnosis of {diagnosis.case}: {VERDICTS[diagnosis.verdict]}"
+    head = [title, "=" * len(title), "", textwrap.fill(headline(diagnosis), WIDTH)]
     body = [line for name, sentences in sections for line in _section(name, sentences)]
-    tables = [render(table) for table in diagnosis_tables(found)]
-    end = f"Took {found.seconds:.0f} s."
+    tables = [render(table) for table in diagnosis_tables(diagnosis)]
+    end = f"Took {diagnosis.seconds:.0f} s."
     return "\n".join([*head, *body]) + "\n\n\n" + "\n\n\n".join([*tables, end]) + "\n"
 
 

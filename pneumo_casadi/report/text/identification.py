@@ -46,14 +46,14 @@ def render_warnings(warnings: tuple[ResultWarning, ...], width: int = WIDTH) -> 
     return "\n".join(["Before you use these numbers", "", *wrapped])
 
 
-def text_report(found: Identification, paper: bool = False) -> str:
+def text_report(identification: Identification, paper: bool = False) -> str:
     """Return the whole result as text: warnings, tables, WLS as the paper prints it."""
-    wls = format_table(found.wls, robust=True)
+    wls = format_table(identification.wls, robust=True)
     parts = [
-        f"Identification of {found.case.name}",
-        render_warnings(found.warnings),
-        *(render(table) for table in all_tables(found, paper)),
+        f"Identification of {identification.case.name}",
+        render_warnings(identification.warnings),
+        *(render(table) for table in all_tables(identification, paper)),
         "Weighted least squares, as the paper prints Table 1\n\n" + wls,
-        "Filters\n\n" + found.wls.plan.describe(),
+        "Filters\n\n" + identification.wls.plan.describe(),
     ]
     return "\n\n\n".join(parts) + "\n"

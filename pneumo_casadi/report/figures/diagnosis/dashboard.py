@@ -20,9 +20,9 @@ LETTERS, LINE_HEIGHT, ROWS = 112, 3.8, 88.0
 CAUSES, REGIMES = 6, 3
 
 
-def dashboard_figure(found: Diagnosis) -> Figure:
+def dashboard_figure(diagnosis: Diagnosis) -> Figure:
     """Draw the verdict, the gap, the first causes and what the balance that is hit most lacks."""
-    lines = textwrap.wrap(headline(found), LETTERS)
+    lines = textwrap.wrap(headline(diagnosis), LETTERS)
     top = LINE_HEIGHT * len(lines) + 1.0
     height = ROWS + top + HEAD
     figure = new_figure(height, PAGE, top + HEAD)
@@ -32,29 +32,29 @@ def dashboard_figure(found: Diagnosis) -> Figure:
     text.set_in_layout(False)
     grid = figure.add_gridspec(2, 3, width_ratios=(1.15, 1, 0.8), height_ratios=(1.1, 1))
     gap = figure.add_subplot(grid[0, 0])
-    view = next(name for name in (*VIEWS, *found.gap.views) if name in found.gap.views)
-    draw_gap(gap, view, found.gap.views[view], gap_labels(found))
+    view = next(name for name in (*VIEWS, *diagnosis.gap.views) if name in diagnosis.gap.views)
+    draw_gap(gap, view, diagnosis.gap.views[view], gap_labels(diagnosis))
     legend_above(gap, 3)
     left = figure.add_subplot(grid[0, 1])
     right = figure.add_subplot(grid[0, 2], sharey=left)
     right.tick_params(labelleft=False)
-    draw_ranking(left, right, found, CAUSES)
-    draw_shares(figure.add_subplot(grid[1, 0]), found.where.shares)
-    _details(figure.add_subplot(grid[1, 1:]), found)
+    draw_ranking(left, right, diagnosis, CAUSES)
+    draw_shares(figure.add_subplot(grid[1, 0]), diagnosis.where.shares)
+    _details(figure.add_subplot(grid[1, 1:]), diagnosis)
     return figure
 
 
-def _details(axes: Axes, found: Diagnosis) -> None:
+def _details(axes: Axes, diagnosis: Diagnosis) -> None:
     """Draw what the first balance lacks over time; without curves, when it lacks most."""
-    shares = found.where.shares
+    shares = diagnosis.where.shares
     first = max(shares, key=lambda name: shares[name])
-    if found.evidence is not None and found.evidence.inputs:
-        draw_unknown_input(axes, found.evidence.inputs[0], first)
+    if diagnosis.evidence is not None and diagnosis.evidence.inputs:
+        draw_unknown_input(axes, diagnosis.evidence.inputs[0], first)
         axes.set_xlabel("$t$ [s]", fontsize=TEXT, labelpad=2)
         title = f"what the {plain(first)} balance lacks, ±2σ"
         axes.set_title(title, fontsize=SMALL, pad=2)
-    elif found.where.regimes:
-        draw_regimes(axes, found.where.regimes[:REGIMES])
+    elif diagnosis.where.regimes:
+        draw_regimes(axes, diagnosis.where.regimes[:REGIMES])
         legend = axes.get_legend()
         assert legend is not None
         legend.set_in_layout(True)  # there are other panels above it

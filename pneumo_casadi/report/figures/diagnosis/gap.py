@@ -27,16 +27,16 @@ from pneumo_casadi.report.tables.diagnosis import VIEWS, has_after, percent, pla
 BEFORE, AFTER = ORANGE, BLUE
 
 
-def gap_figure(found: Diagnosis) -> Figure:
+def gap_figure(diagnosis: Diagnosis) -> Figure:
     """Draw the gap before and after, one panel a view."""
-    views = [name for name in (*VIEWS, *found.gap.views) if name in found.gap.views]
+    views = [name for name in (*VIEWS, *diagnosis.gap.views) if name in diagnosis.gap.views]
     views = list(dict.fromkeys(views))
-    counts = [len(found.gap.views[name]) for name in views]
+    counts = [len(diagnosis.gap.views[name]) for name in views]
     height = sum(ROW * 1.4 * n + REST + 2 for n in counts) + HEAD
     figure = new_figure(height, head=HEAD)
     panels = figure.subplots(len(views), 1, squeeze=False, height_ratios=counts)[:, 0]
     for axes, view in zip(panels, views, strict=True):
-        draw_gap(axes, view, found.gap.views[view], gap_labels(found))
+        draw_gap(axes, view, diagnosis.gap.views[view], gap_labels(diagnosis))
     legend_above(panels[0], 3)
     return figure
 
@@ -49,17 +49,17 @@ def draw_gap(
     both = len(labels) == 2
     kinds = [("before", BEFORE, -0.2), ("after", AFTER, 0.2)]
     thick = 0.36 if both else 0.6
-    noise = [one["noise"] for one in outputs.values()]
-    largest = max(max(one["before"], one["after"], one["noise"]) for one in outputs.values())
+    noise = [gap["noise"] for gap in outputs.values()]
+    largest = max(max(gap["before"], gap["after"], gap["noise"]) for gap in outputs.values())
     for label, (key, colour, shift) in zip(labels, kinds, strict=False):
         at = y + (shift if both else 0.0)
-        values = [one[key] for one in outputs.values()]
+        values = [gap[key] for gap in outputs.values()]
         axes.barh(at, values, thick, color=colour, label=label, zorder=2)
-        for place, value, mark in zip(at, values, noise, strict=True):
+        for row, value, mark in zip(at, values, noise, strict=True):
             # Beyond the mark where the number would stand on it.
             end = mark if value <= mark < value + 0.13 * largest else value
             axes.annotate(
-                percent(value).removesuffix(" %"), (end, place), (2, -0.4),
+                percent(value).removesuffix(" %"), (end, row), (2, -0.4),
                 textcoords="offset points", va="center", fontsize=SMALL - 1.0, zorder=4,
             )  # fmt: skip
     axes.vlines(noise, y - 0.42, y + 0.42, color=BLACK, linewidth=1.2, label="noise", zorder=3)
@@ -72,9 +72,9 @@ def draw_gap(
     axes.tick_params(axis="y", length=0)
 
 
-def gap_labels(found: Diagnosis) -> list[str]:
+def gap_labels(diagnosis: Diagnosis) -> list[str]:
     """Name the bars: without effects, and with effects where that was simulated."""
-    if not has_after(found):
+    if not has_after(diagnosis):
         return ["without effects"]
     several = {0: "with the nearest", 1: "with the effect found"}
-    return ["without effects", several.get(len(found.effects), "with the effects found")]
+    return ["without effects", several.get(len(diagnosis.effects), "with the effects found")]

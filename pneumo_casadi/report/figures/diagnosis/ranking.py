@@ -24,29 +24,30 @@ DRAWN = 8
 WORST = -100.0
 
 
-def ranking_figure(found: Diagnosis) -> Figure:
+def ranking_figure(diagnosis: Diagnosis) -> Figure:
     """Draw the first candidates: probability, and the share of the gap that each closes."""
-    figure = new_figure(ROW * len(_first(found, DRAWN)) + REST + 2)
+    figure = new_figure(ROW * len(_first(diagnosis, DRAWN)) + REST + 2)
     left, right = figure.subplots(1, 2, sharey=True)
-    draw_ranking(left, right, found)
+    draw_ranking(left, right, diagnosis)
     return figure
 
 
-def draw_ranking(left: Axes, right: Axes, found: Diagnosis, most: int = DRAWN) -> None:
+def draw_ranking(left: Axes, right: Axes, diagnosis: Diagnosis, most: int = DRAWN) -> None:
     """Draw the first candidates into given axes that share their rows."""
-    shown = _first(found, most)
+    shown = _first(diagnosis, most)
     y = np.arange(len(shown))
-    named = {one.name for one in found.effects}
-    for i, one in enumerate(shown):
-        colour = BLUE if set(one.names) == named else GREY
-        left.barh(i, 100 * one.probability, 0.62, color=colour, zorder=2)
-        write_at_bar(left, 100 * one.probability, i, chance(one.probability), colour)
-        _closing(right, i, one, colour)
-    labels = [_lines(one.label) for one in shown]
+    named = {effect.name for effect in diagnosis.effects}
+    for i, candidate in enumerate(shown):
+        colour = BLUE if set(candidate.names) == named else GREY
+        left.barh(i, 100 * candidate.probability, 0.62, color=colour, zorder=2)
+        write_at_bar(left, 100 * candidate.probability, i, chance(candidate.probability), colour)
+        _closing(right, i, candidate, colour)
+    labels = [_lines(candidate.label) for candidate in shown]
     dress(left, "probability [%]")
     dress(right, "gap closed [%]")
     left.set_xlim(0, 104)
-    low = min((100 * one.closure.lower for one in shown if one.closure is not None), default=0.0)
+    closures = [candidate.closure for candidate in shown if candidate.closure is not None]
+    low = min((100 * closure.lower for closure in closures), default=0.0)
     right.set_xlim(max(min(low, 0.0), WORST) - 4, 104)
     right.axvline(0, color=BLACK, linewidth=0.6, zorder=1)
     left.set_yticks(y, labels, fontsize=SMALL)
@@ -56,15 +57,15 @@ def draw_ranking(left: Axes, right: Axes, found: Diagnosis, most: int = DRAWN) -
         axes.tick_params(axis="y", length=0)
 
 
-def _first(found: Diagnosis, most: int) -> list[Candidate]:
-    return [one for one in found.ranking if not one.failure][:most]
+def _first(diagnosis: Diagnosis, most: int) -> list[Candidate]:
+    return [candidate for candidate in diagnosis.ranking if not candidate.failure][:most]
 
 
-def _closing(axes: Axes, i: int, one: Candidate, colour: str) -> None:
-    if one.closure is None:
+def _closing(axes: Axes, i: int, candidate: Candidate, colour: str) -> None:
+    if candidate.closure is None:
         axes.text(2, i, "not fitted", fontsize=SMALL - 0.5, va="center", color=BLACK)
         return
-    closure = one.closure
+    closure = candidate.closure
     value, low, high = (
         max(100 * part, WORST) for part in (closure.value, closure.lower, closure.upper)
     )

@@ -50,14 +50,14 @@ def regime_figure(
     figure = new_figure(8.0 + 29.0 * rows, head=HEAD)
     panels = figure.subplots(rows, _COLUMNS, sharey=True, squeeze=False)
     unit, factor = _RESIDUALS[before[0].residual_unit]
-    with_effects = {one.name: one for one in after}
+    with_effects = {regime_map.name: regime_map for regime_map in after}
     flat = panels.ravel()
-    for axes, one in zip(flat, before, strict=False):
-        _steps(axes, one, factor, ORANGE, labels[0])
-        if one.name in with_effects:
-            _steps(axes, with_effects[one.name], factor, BLUE, labels[1])
+    for axes, regime_map in zip(flat, before, strict=False):
+        _steps(axes, regime_map, factor, ORANGE, labels[0])
+        if regime_map.name in with_effects:
+            _steps(axes, with_effects[regime_map.name], factor, BLUE, labels[1])
         axes.axhline(0, color=BLACK, linewidth=0.5, zorder=1)
-        dress(axes, quantity_label(one.name))
+        dress(axes, quantity_label(regime_map.name))
     for axes in flat[len(before) :]:
         axes.set_axis_off()
     for row in panels:
@@ -79,9 +79,9 @@ def quantity_label(name: str) -> str:
     return f"{symbol.replace('_0', '_' + name[-1])} [{unit}]"
 
 
-def _steps(axes: Axes, one: RegimeMap, factor: float, colour: str, label: str) -> None:
-    edges = one.edges * _QUANTITIES[one.name[0]][2]
-    mean, band = one.mean * factor, one.band * factor
+def _steps(axes: Axes, regime_map: RegimeMap, factor: float, colour: str, label: str) -> None:
+    edges = regime_map.edges * _QUANTITIES[regime_map.name[0]][2]
+    mean, band = regime_map.mean * factor, regime_map.band * factor
     low, high = (np.append(side, side[-1]) for side in (mean - band, mean + band))
     axes.fill_between(edges, low, high, step="post", color=colour, alpha=0.3, linewidth=0)
     axes.stairs(mean, edges, color=colour, linewidth=1.0, baseline=None, label=label, zorder=3)

@@ -24,9 +24,9 @@ from pneumo_casadi.report.figures.style import (
 from pneumo_casadi.report.tables.diagnosis import percent
 
 
-def where_figure(found: Diagnosis) -> Figure:
+def where_figure(diagnosis: Diagnosis) -> Figure:
     """Draw the share of each balance, and regimes with their shares of gap and time."""
-    shares, regimes = found.where.shares, found.where.regimes
+    shares, regimes = diagnosis.where.shares, diagnosis.where.regimes
     heights = [ROW * len(shares) + REST]
     if regimes:
         heights.append(ROW * 2.2 * len(regimes) + REST)
@@ -44,12 +44,12 @@ def where_figure(found: Diagnosis) -> Figure:
 def draw_regimes(axes: Axes, regimes: Sequence[Regime]) -> None:
     """Draw the parts of the record that hold more of the gap than of the time."""
     y = np.arange(len(regimes), dtype=float)
-    share, time = ([100 * getattr(one, key) for one in regimes] for key in ("share", "time"))
+    share, time = ([100 * getattr(regime, key) for regime in regimes] for key in ("share", "time"))
     axes.barh(y + 0.02, share, 0.22, color=VERMILION, label="of the gap", zorder=2)
     axes.barh(y + 0.26, time, 0.22, color=GREY, label="of the time", zorder=2)
-    for i, one in enumerate(regimes):
+    for i, regime in enumerate(regimes):
         # Names are too long to stand beside the bars in a column.
-        text = f"{one.name}, {symbol(one.balance)}"
+        text = f"{regime.name}, {symbol(regime.balance)}"
         axes.text(0.6, i - 0.26, text, fontsize=SMALL, va="center", zorder=3)
     dress(axes, "share [%]")
     axes.set_yticks([])
@@ -62,7 +62,7 @@ def draw_regimes(axes: Axes, regimes: Sequence[Regime]) -> None:
 def draw_shares(axes: Axes, shares: Mapping[str, float]) -> None:
     """Draw the share of each balance in what all of them lack."""
     y = np.arange(len(shares))
-    axes.barh(y, [100 * one for one in shares.values()], 0.6, color=BLUE, zorder=2)
+    axes.barh(y, [100 * share for share in shares.values()], 0.6, color=BLUE, zorder=2)
     for i, share in enumerate(shares.values()):
         write_at_bar(axes, 100 * share, i, percent(100 * share))
     dress(axes, "share of what the balances lack [%]")

@@ -45,24 +45,26 @@ def flow_map_figure(table: FlowMap, model: FlowModel) -> Figure:
 
 def residual_map_figure(table: FlowMap, model: FlowModel) -> Figure:
     """Draw measured minus fitted flow over the map (Fig. 3)."""
-    found = map_residuals(table, model)
+    residuals = map_residuals(table, model)
     figure = new_figure(60.0)
     axes = figure.add_subplot()
-    limit = float(np.abs(found.residual).max()) * G_PER_S
+    limit = float(np.abs(residuals.residual).max()) * G_PER_S
     norm = Normalize(-limit, limit)
     if table.is_grid:
         u, p, _ = table.grid()
-        order = np.lexsort((found.p, found.u))
-        values = found.residual[order].reshape(u.size, p.size).T * G_PER_S
+        order = np.lexsort((residuals.p, residuals.u))
+        values = residuals.residual[order].reshape(u.size, p.size).T * G_PER_S
         axes.pcolormesh(u, p * BAR, values, norm=norm, cmap="PuOr", shading="nearest")
     else:
-        axes.scatter(found.u, found.p * BAR, 6, found.residual * G_PER_S, norm=norm, cmap="PuOr")
+        values = residuals.residual * G_PER_S
+        axes.scatter(residuals.u, residuals.p * BAR, 6, values, norm=norm, cmap="PuOr")
     bar = figure.colorbar(ScalarMappable(norm, "PuOr"), ax=axes, pad=0.02)
     bar.set_label(r"measured − fitted $q_m$ [g/s]", fontsize=TEXT)
     bar.ax.tick_params(labelsize=SMALL, width=0.6, length=2.5)
     dress(axes, "$u$ [V]", "$p$ [bar]")
     axes.set_title(
-        f"rms {found.rms_percent:.2g} %, largest {found.max_percent:.2g} % of the largest flow",
+        f"rms {residuals.rms_percent:.2g} %, largest {residuals.max_percent:.2g} % "
+        "of the largest flow",
         fontsize=TEXT,
     )
     return figure

@@ -81,9 +81,9 @@ def _legend(axes: Axes, level: float) -> None:
     legend_above(axes, 4, [Line2D([], [], label=label, **style) for label, style in kinds])
 
 
-def clustered_correlation_figure(found: Identifiability) -> Figure:
+def clustered_correlation_figure(identifiability: Identifiability) -> Figure:
     """Draw the correlations of all estimates, those of a cluster side by side."""
-    first = [name for cluster in found.clusters for name in cluster]
-    names = [*first, *(name for name in found.names if name not in first)]
-    at = [found.names.index(name) for name in names]
-    return matrix_figure(found.correlation[np.ix_(at, at)], names)
+    first = [name for cluster in identifiability.clusters for name in cluster]
+    names = [*first, *(name for name in identifiability.names if name not in first)]
+    at = [identifiability.names.index(name) for name in names]
+    return matrix_figure(identifiability.correlation[np.ix_(at, at)], names)

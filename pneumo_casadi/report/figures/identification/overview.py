@@ -29,15 +29,20 @@ from pneumo_casadi.valve import FlowMap, FlowModel
 CURVES = 7
 
 
-def overview_figure(found: Identification) -> Figure:
+def overview_figure(identification: Identification) -> Figure:
     """Draw flow map, held-out position and parameters of a servo axis side by side."""
-    assert found.flow_map is not None and found.flow is not None and found.validation is not None
+    table, flow, validation = (
+        identification.flow_map,
+        identification.flow,
+        identification.validation,
+    )
+    assert table is not None and flow is not None and validation is not None
     figure = new_figure(66.0, PAGE, HEAD)
     grid = figure.add_gridspec(2, 3, width_ratios=(0.85, 1.25, 1.05), height_ratios=(2, 1))
-    _flow(figure.add_subplot(grid[:, 0]), found.flow_map, found.flow)
+    _flow(figure.add_subplot(grid[:, 0]), table, flow)
     above = figure.add_subplot(grid[0, 1])
-    _position(above, figure.add_subplot(grid[1, 1], sharex=above), found.validation.runs[0])
-    draw_forest(figure.add_subplot(grid[:, 2]), found)
+    _position(above, figure.add_subplot(grid[1, 1], sharex=above), validation.runs[0])
+    draw_forest(figure.add_subplot(grid[:, 2]), identification)
     return figure
 
 

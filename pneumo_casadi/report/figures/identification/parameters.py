@@ -32,24 +32,24 @@ FEW = 16
 LUMA = np.array([0.299, 0.587, 0.114])
 
 
-def forest_figure(found: Identification) -> Figure:
+def forest_figure(identification: Identification) -> Figure:
     """Draw WLS and output-error estimates ± 2σ, in per cent of the truth (or of output error)."""
     figure = new_figure(78.0, head=HEAD)
-    draw_forest(figure.add_subplot(), found)
+    draw_forest(figure.add_subplot(), identification)
     return figure
 
 
-def draw_forest(axes: Axes, found: Identification) -> None:
+def draw_forest(axes: Axes, identification: Identification) -> None:
     """Draw the forest plot into given axes."""
-    truth = found.truth or {}
-    names = list(found.wls.names)
-    result = found.output_error
+    truth = identification.truth or {}
+    names = list(identification.wls.names)
+    result = identification.output_error
     base = {n: truth.get(n) or result.parameters[n].value or 1.0 for n in names}
     wls = [
-        (float(value), wls_half_width(found, n))
-        for n, value in zip(names, found.wls.estimate, strict=True)
+        (float(value), wls_half_width(identification, n))
+        for n, value in zip(names, identification.wls.estimate, strict=True)
     ]
-    oe = [(result.parameters[n].value, output_error_half_width(found, n)) for n in names]
+    oe = [(result.parameters[n].value, output_error_half_width(identification, n)) for n in names]
     references = [base[n] for n in names]
     _points(axes, wls, references, -0.16, WLS, "s", "WLS")
     _points(axes, oe, references, 0.16, SIMULATED, "o", "output error")
@@ -62,10 +62,10 @@ def draw_forest(axes: Axes, found: Identification) -> None:
     legend_above(axes, 3)
 
 
-def correlation_figure(found: Identification) -> Figure:
+def correlation_figure(identification: Identification) -> Figure:
     """Draw the correlations of the output-error estimates, flow coefficients left out."""
-    estimate = found.output_error.uncertainty
-    names = [n for n in found.wls.names if n in estimate.names]
+    estimate = identification.output_error.uncertainty
+    names = [n for n in identification.wls.names if n in estimate.names]
     at = [estimate.names.index(n) for n in names]
     return matrix_figure(estimate.correlation[np.ix_(at, at)], names)
 

@@ -67,32 +67,33 @@ def _trajectories(panels: list[Axes], design: Design) -> None:
         axes.legend(fontsize=SMALL, frameon=False, loc="upper right", ncols=2, borderaxespad=0.1)
 
 
-def _errors(axes: Axes, found: Precision) -> None:
-    at = np.arange(len(found.names))[::-1]
-    unit = np.where(found.values == 0, 1.0, np.abs(found.values))
+def _errors(axes: Axes, precision: Precision) -> None:
+    at = np.arange(len(precision.names))[::-1]
+    unit = np.where(precision.values == 0, 1.0, np.abs(precision.values))
     shown = (
-        (found.now, "recorded", GREY, "s"),
-        (found.designed, "designed", BLUE, "o"),
-        (found.together, "both", BLACK, "|"),
+        (precision.now, "recorded", GREY, "s"),
+        (precision.designed, "designed", BLUE, "o"),
+        (precision.together, "both", BLACK, "|"),
     )
     for values, name, colour, marker in shown:
         percent = 100 * values / unit
         axes.plot(percent, at, marker, color=colour, markersize=3.5, label=name)
-    axes.set_yticks(at, [symbol(name) for name in found.names])
+    axes.set_yticks(at, [symbol(name) for name in precision.names])
     _finished(axes, "standard error [%]", len(at))
 
 
 def _distances(axes: Axes, design: Design) -> None:
     at = np.arange(len(design.distances))[::-1]
     for values, name, colour, marker in (
-        ([one.before for one in design.distances], "recorded", GREY, "s"),
-        ([one.after for one in design.distances], "designed", BLUE, "o"),
+        ([distance.before for distance in design.distances], "recorded", GREY, "s"),
+        ([distance.after for distance in design.distances], "designed", BLUE, "o"),
     ):
         shown = np.maximum(values, 1e-2)  # a logarithmic axis has no zero
         axes.plot(shown, at, marker, color=colour, markersize=3.5, label=name)
     noise = float(np.sqrt(design.distances[0].samples))
     axes.axvline(noise, color=ORANGE, linewidth=0.8, label="noise")
-    names = [f"{one.truth} as {one.fitted}".replace("_", " ") for one in design.distances]
+    pairs = [f"{distance.truth} as {distance.fitted}" for distance in design.distances]
+    names = [pair.replace("_", " ") for pair in pairs]
     axes.set_yticks(at, names)
     _finished(axes, "refitted distance [standard deviations]", len(at))
 

@@ -97,10 +97,10 @@ def _errors(axes: Axes, rows: list[dict[str, Any]], forms: list[str], name: str)
             mine = key == "wls" or row["treatment"] == key
             if not mine or row[estimator] is None:
                 continue
-            one = row[estimator][name]
+            estimate = row[estimator][name]
             at.append(forms.index(row["form"]) + shift)
-            values.append(one["error_percent"])
-            bars.append(2 * one["std_percent"] if one["std_percent"] is not None else 0.0)
+            values.append(estimate["error_percent"])
+            bars.append(2 * (estimate["std_percent"] or 0.0))
         axes.errorbar(
             at, values, yerr=bars, fmt=marker, color=colour, markersize=3.2, linewidth=0.9,
             capsize=1.5, label=text,

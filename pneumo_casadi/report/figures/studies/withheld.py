@@ -43,13 +43,13 @@ def withheld_figure(result: Mapping[str, Any]) -> Figure:
     return figure
 
 
-def confusion_matrix(axes: Axes, found: Mapping[str, Any]) -> None:
+def confusion_matrix(axes: Axes, confusion: Mapping[str, Any]) -> None:
     """Draw counts, shaded by their share of the row: right answers lie on the numbered diagonal.
 
     Columns carry the numbers of the rows; effects that were never true share a column.
     """
-    rows: Sequence[str] = found["rows"]
-    columns, counts = _other_joined(rows, found["columns"], found["counts"])
+    rows: Sequence[str] = confusion["rows"]
+    columns, counts = _other_joined(rows, confusion["columns"], confusion["counts"])
     shares = counts / np.maximum(counts.sum(axis=1, keepdims=True), 1.0)
     edges = np.concatenate([[0.0], np.cumsum([_wide(name) for name in columns])])
     at = (edges[:-1] + edges[1:]) / 2
@@ -108,19 +108,19 @@ def _other_joined(
     return [*(columns[j] for j in order), "other", *(columns[j] for j in last)], np.hstack(joined)
 
 
-def calibration_plot(axes: Axes, found: Mapping[str, Any]) -> None:
+def calibration_plot(axes: Axes, calibration: Mapping[str, Any]) -> None:
     """Draw how often the first of the ranking was right over its stated probability."""
     axes.plot([0, 100], [0, 100], color=GREY, linewidth=0.7, zorder=1)
-    bins = found["bins"]
+    bins = calibration["bins"]
     if bins:
-        x = np.array([100 * one["stated"] for one in bins])
-        y = np.array([one["percent"] for one in bins])
-        ends = np.array([one["interval"] for one in bins]).T
+        x = np.array([100 * group["stated"] for group in bins])
+        y = np.array([group["percent"] for group in bins])
+        ends = np.array([group["interval"] for group in bins]).T
         axes.errorbar(
             x, y, yerr=np.maximum(np.abs(ends - y), 0.0), fmt="o", color=BLUE, markersize=3.2,
             linewidth=0.8, capsize=1.5, zorder=2,
         )  # fmt: skip
-    error = found["expected_calibration_error"]
+    error = calibration["expected_calibration_error"]
     if error is not None:
         axes.text(
             0.98, 0.05, f"expected calibration error {error:.3f}", transform=axes.transAxes,
