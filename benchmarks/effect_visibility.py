@@ -38,7 +38,7 @@ from gap import VIEWS, VISIBLE, closed, kept
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from pneumo_casadi.diagnosis import prepare
+from pneumo_casadi.diagnosis import prepare_study
 from pneumo_casadi.diagnosis.prepare.study import FittedModel, fit_model
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.report.figures.style import (
@@ -68,7 +68,7 @@ def one_case(seed: int, duration: float, effect: str, refits: bool) -> dict[str,
     with tempfile.TemporaryDirectory() as scratch:
         asked = {} if effect == NONE else {effect: "medium"}
         made = make_case(Path(scratch) / "case", seed, asked, duration=duration)
-        study, _ = prepare(made.case)
+        study, _ = prepare_study(made.case)
         before = fit_model(study, ())
         found: dict[str, Any] = {
             "sizes": {k: v for one in made.effects for k, v in one.parameters.items()},

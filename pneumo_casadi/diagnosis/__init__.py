@@ -4,7 +4,7 @@ from pneumo_casadi.diagnosis.decide.result import (
     Diagnosis,
     Verdict,
 )
-from pneumo_casadi.diagnosis.diagnose import DiagnosisOptions, applicable, diagnose, prepare
+from pneumo_casadi.diagnosis.diagnose import DiagnosisOptions, diagnose
 from pneumo_casadi.diagnosis.metrics.findings import (
     Candidate,
     Check,
@@ -16,6 +16,7 @@ from pneumo_casadi.diagnosis.metrics.findings import (
 )
 from pneumo_casadi.diagnosis.metrics.location import Location
 from pneumo_casadi.diagnosis.metrics.regime import Condition, Regime, RegimeKind
+from pneumo_casadi.diagnosis.prepare.prepare_study import applicable, prepare_study
 
 __all__ = [
     "Candidate",
@@ -34,5 +35,5 @@ __all__ = [
     "Where",
     "applicable",
     "diagnose",
-    "prepare",
+    "prepare_study",
 ]

@@ -5,10 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneumo_casadi.diagnosis import Verdict, diagnose
+from pneumo_casadi.diagnosis import Verdict, diagnose, prepare_study
 from pneumo_casadi.diagnosis.decide.credibility import review_verdict
 from pneumo_casadi.diagnosis.decide.verdict import Judgement
-from pneumo_casadi.diagnosis.diagnose import prepare
 from pneumo_casadi.diagnosis.metrics.findings import Check
 from pneumo_casadi.diagnosis.prepare.study import fit_model
 from pneumo_casadi.effects import EFFECTS
@@ -55,13 +54,13 @@ def test_two_leaks_are_named_although_a_shifted_null_fits_better_than_each(made_
 
 
 def test_half_a_heat_transfer_is_refused_with_a_reason(made_case):
-    one, _ = prepare(made_case(12, leakage_P="large"))
+    one, _ = prepare_study(made_case(12, leakage_P="large"))
     with pytest.raises(FitError, match=r"share = 0\.\d+ is not to be believed, .* 0\.85 to 1"):
         fit_model(one, (EFFECTS["heat_transfer"](),), fit_model(one, ()).values)
 
 
 def test_a_fit_that_ran_away_begins_again_from_the_geometry(made_case, monkeypatch):
-    one, _ = prepare(made_case(12, leakage_P="large"))
+    one, _ = prepare_study(made_case(12, leakage_P="large"))
     right, lost = fit_model(one, ()), one.axis.parameters["X_s5"].lower
     begun = []
 
@@ -80,7 +79,7 @@ def test_a_fit_that_ran_away_begins_again_from_the_geometry(made_case, monkeypat
 @pytest.mark.parametrize("beside", [(), ("hose",)])
 def test_what_a_sensor_shows_too_much_is_taken_back_whatever_acts_beside(made_case, beside):
     case = made_case(12, leakage_P="large")
-    one, _ = prepare(case)
+    one, _ = prepare_study(case)
     (record,) = one.train
     shown = record.with_channels({"p_P": record["p_P"] * 1.2})
     effects = tuple(EFFECTS[name]() for name in beside)

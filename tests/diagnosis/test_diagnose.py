@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneumo_casadi.diagnosis import DiagnosisOptions, Verdict, diagnose, prepare
+from pneumo_casadi.diagnosis import DiagnosisOptions, Verdict, diagnose, prepare_study
 from pneumo_casadi.diagnosis.prepare.fit_store import Store
 from pneumo_casadi.diagnosis.prepare.usable_records import require_usable
 from pneumo_casadi.effects import EFFECTS
@@ -153,10 +153,10 @@ def test_interrupted_work_goes_on_from_what_was_fitted(made_case, tmp_path, monk
 
 def test_kept_fits_of_another_flow_map_are_not_taken(made_case, tmp_path):
     case = made_case(3, stribeck="medium")
-    one, _ = prepare(case)
+    one, _ = prepare_study(case)
     table = one.flow_map
     other = replace(one, flow_map=FlowMap(table.u, table.p, 1.001 * table.q_m, table.p_supply))
-    assert Store.of(tmp_path, one).token == Store.of(tmp_path, prepare(case)[0]).token
+    assert Store.of(tmp_path, one).token == Store.of(tmp_path, prepare_study(case)[0]).token
     assert Store.of(tmp_path, one).token != Store.of(tmp_path, other).token
 
 

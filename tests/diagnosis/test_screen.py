@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pneumo_casadi.diagnosis.diagnose import prepare
+from pneumo_casadi.diagnosis import prepare_study
 from pneumo_casadi.diagnosis.prepare.study import fit_model
 from pneumo_casadi.diagnosis.screen.screen import perturbation
 from pneumo_casadi.effects import EFFECTS
@@ -13,7 +13,7 @@ from pneumo_casadi.estimation.equation_error.residuals import balance_residuals
 
 @pytest.fixture(scope="module")
 def one(made_case):
-    return prepare(made_case(12, flow_map_shape="large"))[0]
+    return prepare_study(made_case(12, flow_map_shape="large"))[0]
 
 
 def test_an_effect_with_memory_is_screened_at_its_usual_size_too(one):

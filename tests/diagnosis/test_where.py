@@ -7,7 +7,8 @@ import pytest
 
 from pneumo_casadi.data import read_case
 from pneumo_casadi.diagnosis.locate.locate import balance_of_effect, locate, rival_sensor_effects
-from pneumo_casadi.diagnosis.locate.regimes import find_regimes, map_regimes
+from pneumo_casadi.diagnosis.locate.regime_maps import map_regimes
+from pneumo_casadi.diagnosis.locate.regimes import find_regimes
 from pneumo_casadi.diagnosis.locate.signatures import HYPOTHESES, Signatures, signatures
 from pneumo_casadi.diagnosis.metrics.regime import RegimeKind
 from pneumo_casadi.diagnosis.prepare.study import fit_model, start_study

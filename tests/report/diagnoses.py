@@ -20,7 +20,7 @@ from pneumo_casadi.diagnosis import (
     Where,
 )
 from pneumo_casadi.diagnosis.locate.evidence import Evidence
-from pneumo_casadi.diagnosis.locate.regimes import RegimeMap
+from pneumo_casadi.diagnosis.locate.regime_maps import RegimeMap
 from pneumo_casadi.diagnosis.locate.unknown_inputs import UnknownInputs
 from pneumo_casadi.model.effect import Junction
 

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from pneumo_casadi.diagnosis.locate.regimes import RegimeMap, map_regimes
+from pneumo_casadi.diagnosis.locate.regime_maps import RegimeMap, map_regimes
 from pneumo_casadi.diagnosis.locate.unknown_inputs import UnknownInputs
 from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study
 

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from pneumo_casadi.diagnosis.locate.model_error import UNKNOWN_INPUT_ERROR
 from pneumo_casadi.diagnosis.locate.regimes import find_regimes
 from pneumo_casadi.diagnosis.locate.signatures import (
     HYPOTHESES,
@@ -21,8 +22,6 @@ from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFun
 from pneumo_casadi.estimation.equation_error.residuals import balance_residuals
 from pneumo_casadi.model.effect import Effect, EffectFactory, Junction
 
-#: What forms of flow maps and friction laws leave on a right axis, as a share of the signal.
-MODEL_ERROR = {"mass_flow_P": 0.01, "mass_flow_N": 0.01, "force": 0.015}
 #: Left by a sensor's error over left by the best unknown input: below, the sensor is the place;
 #: above the second, it is out of the question.
 SENSOR, RIVAL = 0.7, 3.0
@@ -83,8 +82,10 @@ def locate(
     )
     shares = above_form(energy)
     if gap and not any(shares.values()):
-        total = sum(value / MODEL_ERROR[name] ** 2 for name, value in energy.items())
-        shares = {name: value / MODEL_ERROR[name] ** 2 / total for name, value in energy.items()}
+        total = sum(value / UNKNOWN_INPUT_ERROR[name] ** 2 for name, value in energy.items())
+        shares = {
+            name: value / UNKNOWN_INPUT_ERROR[name] ** 2 / total for name, value in energy.items()
+        }
     evidence = signatures(study, nominal.values)
     telling = find_regimes(study, nominal)
     if cause:
@@ -111,7 +112,9 @@ def locate(
 
 def above_form(energy: Mapping[str, float]) -> dict[str, float]:
     """Return shares of the energies beyond what a right model leaves; zeros if there is none."""
-    excess = {name: max(value - MODEL_ERROR[name] ** 2, 0.0) for name, value in energy.items()}
+    excess = {
+        name: max(value - UNKNOWN_INPUT_ERROR[name] ** 2, 0.0) for name, value in energy.items()
+    }
     total = sum(excess.values())
     return {name: value / total if total > 0 else 0.0 for name, value in excess.items()}
 

@@ -14,7 +14,8 @@ from scipy.interpolate import BSpline
 from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.sparse import csr_array, diags_array, hstack, vstack
 
-from pneumo_casadi.diagnosis.locate.unknown_inputs import evaluate_dynamics, signals_of
+from pneumo_casadi.diagnosis.locate.model_error import RESIDUAL_ERROR
+from pneumo_casadi.diagnosis.locate.nominal_dynamics import evaluate_dynamics, signals_of
 from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
 from pneumo_casadi.estimation.equation_error.residuals import linearise_residuals
@@ -25,8 +26,6 @@ from pneumo_casadi.parameters import FloatArray
 
 #: Distance of the knots of an unknown signal [s]: below it, rows do not tell.
 KNOTS = 0.032
-#: What a right model leaves of a balance's signal: the forms of flow map and friction.
-MODEL_ERROR_SHARE = 5e-3
 RIDGE = 1e-6
 
 #: Which signals each hypothesis lets go free.
@@ -118,7 +117,7 @@ def _record_signatures(
 def residual_floor(axis: Axis, values: Mapping[str, float], data: SmoothedMotion) -> FloatArray:
     """Return what noise and a right model's misfit leave in each balance [Pa/s, Pa/s, N]."""
     signal = row_signals(axis, values, data)
-    return np.sqrt(noise_variance(axis, values, data) + (MODEL_ERROR_SHARE * signal) ** 2)
+    return np.sqrt(noise_variance(axis, values, data) + (RESIDUAL_ERROR * signal) ** 2)
 
 
 def row_signals(axis: Axis, values: Mapping[str, float], data: SmoothedMotion) -> FloatArray:

@@ -65,6 +65,12 @@ class Study:
         return smooth_motions(self.axis, self.train), smooth_motions(self.axis, self.held_out)
 
     @property
+    def all_smoothed(self) -> tuple[SmoothedMotion, ...]:
+        """All records smoothed, those to fit first."""
+        train, held_out = self.smoothed
+        return (*train, *held_out)
+
+    @property
     def anchor(self) -> Anchor | None:
         """Residuals of the flow map."""
         return self.anchor_with(())
@@ -81,11 +87,6 @@ class Study:
     @cached_property
     def _anchors(self) -> dict[tuple[str, ...], Anchor]:
         return {}
-
-    @cached_property
-    def least(self) -> FloatArray:
-        """Smallest residual of each balance that is told from none, in units of `FittedModel`."""
-        return default_residual_floor(self.axis)
 
 
 def start_study(
@@ -263,7 +264,7 @@ def _fit(study: Study, axis: Axis, whole: bool = False) -> FittedModel:
         axis,
         train,
         study.anchor_with(axis.effects),
-        residual_floor=study.least,
+        residual_floor=default_residual_floor(study.axis),
         state_derivatives=whole,
     )
     return FittedModel(

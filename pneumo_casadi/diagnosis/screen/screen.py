@@ -15,6 +15,7 @@ import numpy as np
 
 from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study
 from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
+from pneumo_casadi.estimation.equation_error.fit import default_residual_floor
 from pneumo_casadi.estimation.equation_error.residuals import (
     effect_derivatives,
     linearise_residuals,
@@ -164,7 +165,9 @@ def _weights(study: Study, nominal: FittedModel) -> FloatArray:
     """Return the standard deviation of every row that counts, record after record."""
     r = np.hstack(nominal.train)
     used = np.hstack(nominal.used_train)
-    sigma = np.sqrt((r**2 * used).sum(axis=1) / used.sum(axis=1) + study.least**2)
+    sigma = np.sqrt(
+        (r**2 * used).sum(axis=1) / used.sum(axis=1) + default_residual_floor(study.axis) ** 2
+    )
     return np.concatenate(
         [np.broadcast_to(sigma[:, None], mask.shape)[mask] for mask in nominal.used_train]
     )

@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from pneumo_casadi.data import read_case
-from pneumo_casadi.diagnosis import applicable, prepare
+from pneumo_casadi.diagnosis import applicable, prepare_study
 from pneumo_casadi.diagnosis.metrics.residual_size import residual_rms
 from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study, fit_model
 from pneumo_casadi.diagnosis.screen.screen import ScreenResult, background
@@ -53,9 +53,9 @@ def measure_one(
 
     def figures() -> dict[str, Any]:
         with tempfile.TemporaryDirectory() as scratch:
-            twin, _ = prepare(make_twin(draw, Path(scratch) / "twin", duration, fs))
+            twin, _ = prepare_study(make_twin(draw, Path(scratch) / "twin", duration, fs))
             floor = residual_rms(fit_model(twin, ()))
-        return measured(prepare(read_case(case))[0], floor, draw, named)
+        return measured(prepare_study(read_case(case))[0], floor, draw, named)
 
     _write(figures, folder, draw)
 
@@ -63,7 +63,7 @@ def measure_one(
 @one_thread
 def rivals_of_one(folder: Path, case: Path, draw: Draw) -> None:
     """Write what simple rivals make of one case to ``folder/NAME.json``."""
-    _write(lambda: rivals(Models.of(prepare(read_case(case))[0], draw.without)), folder, draw)
+    _write(lambda: rivals(Models.of(prepare_study(read_case(case))[0], draw.without)), folder, draw)
 
 
 def _write(figures: Callable[[], dict[str, Any]], folder: Path, draw: Draw) -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pneumo_casadi.diagnosis.diagnose import applicable, prepare
+from pneumo_casadi.diagnosis import applicable, prepare_study
 from pneumo_casadi.diagnosis.prepare.study import fit_model, refine_model
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
@@ -12,7 +12,7 @@ from pneumo_casadi.estimation.equation_error.residuals import balance_residuals,
 
 @pytest.fixture(scope="module")
 def one(made_case):
-    return prepare(made_case(12, flow_map_shape="large"))[0]
+    return prepare_study(made_case(12, flow_map_shape="large"))[0]
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from pneumo_casadi.diagnosis.locate.regimes import RegimeMap
+from pneumo_casadi.diagnosis.locate.regime_maps import RegimeMap
 from pneumo_casadi.report.figures.style import (
     BLACK,
     BLUE,

@@ -1,0 +1,127 @@
+"""The effects found and the ranking of all models fitted, with their parameters."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from pneumo_casadi.diagnosis.decide.verdict import Judgement
+from pneumo_casadi.diagnosis.metrics.findings import (
+    Candidate,
+    EffectFound,
+    Value,
+)
+from pneumo_casadi.diagnosis.metrics.residual_size import balance_closure
+from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study
+from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue, Names
+from pneumo_casadi.diagnosis.select.forward_selection import Selection
+from pneumo_casadi.model.axis import Axis
+from pneumo_casadi.model.effect import Effect
+
+#: Probability that what hides in the parameters is among those that can: 14 of 16 on the bench.
+ABSORBED_PROBABILITY = 0.8
+
+
+def parameter_values(axis: Axis, fitted: FittedModel) -> dict[str, Value]:
+    """Return all parameters of a fit with standard deviation and unit."""
+    return {
+        item.name: Value(fitted.values[item.name], fitted.std.get(item.name, 0.0), item.unit)
+        for item in axis.parameters
+    }
+
+
+def _own(study: Study, fitted: FittedModel, names: Names, catalogue: Catalogue) -> dict[str, Value]:
+    """Return the parameters of a model's effects by their full names."""
+    axis = study.axis.with_effects(*(catalogue[name]() for name in names))
+    return {name: value for name, value in parameter_values(axis, fitted).items() if "." in name}
+
+
+def _short(own: Mapping[str, Value], effect: str) -> dict[str, Value]:
+    """Return the parameters of one effect by their short names."""
+    prefix = f"{effect}."
+    return {n.removeprefix(prefix): value for n, value in own.items() if n.startswith(prefix)}
+
+
+def _labelled(names: Names, own: Mapping[str, Value]) -> Mapping[str, Value]:
+    """Return the parameters as a ranking shows them: short where one effect stands alone."""
+    return _short(own, names[0]) if len(names) == 1 else own
+
+
+def effects_found(
+    study: Study, selection: Selection, judgement: Judgement, catalogue: Catalogue
+) -> tuple[EffectFound, ...]:
+    """Return the effects in the order in which they were added."""
+    own = _own(study, selection.final, selection.chosen, catalogue)
+    return tuple(
+        EffectFound(
+            name,
+            min(1.0, sum(p for names, p in judgement.probability.items() if name in names)),
+            _short(own, name),
+        )
+        for name in _order(selection)
+    )
+
+
+def _order(selection: Selection) -> list[str]:
+    order: list[str] = []
+    for names in selection.path:
+        order += [name for name in names if name not in order]
+    return [name for name in order if name in selection.chosen]
+
+
+def in_order_added(selection: Selection, effects: Sequence[Effect]) -> tuple[Effect, ...]:
+    """Return the effects of the final model in the order in which they were added."""
+    by_name = {effect.name: effect for effect in effects}
+    return tuple(by_name[name] for name in _order(selection))
+
+
+def rank_candidates(
+    study: Study,
+    selection: Selection,
+    judgement: Judgement,
+    hidden: Sequence[str],
+    catalogue: Catalogue,
+) -> tuple[Candidate, ...]:
+    """Rank all models fitted; ahead of them what may hide in the parameters."""
+    ranked = [
+        Candidate(
+            names,
+            judgement.probability.get(names, 0.0),
+            balance_closure(selection.nominal, fitted, selection.levels),
+            selection.screen[names[0]].explained if names[0] in selection.screen else 0.0,
+            min(
+                (selection.screen[n].observable for n in names if n in selection.screen),
+                default=0.0,
+            ),
+            _labelled(names, _own(study, fitted, names, catalogue)),
+        )
+        for names, fitted in ({**selection.fits, selection.chosen: selection.final}).items()
+        if names
+    ]
+    ranked.sort(key=lambda c: (-c.probability, selection.fits[c.names].cost))
+    for name, screened in selection.screen.items():
+        if (name,) not in selection.fits and all(name not in f.effects for f in selection.failures):
+            ranked.append(Candidate((name,), 0.0, None, screened.explained, screened.observable))
+    ranked += [
+        Candidate(failed.effects, 0.0, None, 0.0, 0.0, {}, failed.reason)
+        for failed in selection.failures
+    ]
+    shares = 1.0 / np.arange(1.0, len(hidden) + 1) ** 2  # the most likely first
+    absorbed = [
+        Candidate((name,), ABSORBED_PROBABILITY * float(share), None, 0.0, 0.0)
+        for name, share in zip(hidden, shares / shares.sum(), strict=True)
+    ]
+    rest = [
+        candidate
+        for candidate in ranked
+        if not (len(candidate.names) == 1 and candidate.names[0] in hidden)
+    ]
+    left = (
+        (1.0 - ABSORBED_PROBABILITY) / max(1.0, sum(candidate.probability for candidate in rest))
+        if hidden
+        else 1.0
+    )
+    return (
+        *absorbed,
+        *(replace(candidate, probability=left * candidate.probability) for candidate in rest),
+    )

@@ -1,0 +1,67 @@
+"""From a case to a study: records checked and split, flow map fitted, effects that suit."""
+
+from collections.abc import Mapping, Sequence
+
+from pneumo_casadi.data import Case, Recording
+from pneumo_casadi.diagnosis.prepare.study import Study, start_study
+from pneumo_casadi.diagnosis.prepare.usable_records import require_usable
+from pneumo_casadi.errors import ModelError
+from pneumo_casadi.identification.identify import (
+    IdentifyOptions,
+    make_axis,
+    read_flow,
+)
+from pneumo_casadi.model.effect import Effect, EffectFactory
+
+#: Share of a record that is held out where a case has no validation record.
+HELD_OUT = 0.4
+
+
+def prepare_study(
+    case: Case, options: IdentifyOptions | None = None
+) -> tuple[Study, tuple[str, ...]]:
+    """Check the records of a case, fit its flow map and start a study; with notes.
+
+    Parameters
+    ----------
+    case : Case
+        What was measured.
+    options : IdentifyOptions, optional
+        Form of the flow map.
+
+    Returns
+    -------
+    tuple
+        The study, and what a reader must know of its records (tuple of str).
+
+    Raises
+    ------
+    CaseError
+        If a record is too short or shows no motion.
+    """
+    notes: list[str] = []
+    train: Sequence[Recording] = case.identify
+    held: Sequence[Recording] = case.validate
+    if not held:
+        notes.append(f"no validation record: the last {100 * HELD_OUT:.0f} % of each are held out")
+        cuts = [(r, float(r.t[0] + (1 - HELD_OUT) * r.duration)) for r in train]
+        held = [r.window(cut, float(r.t[-1]) + r.dt) for r, cut in cuts]
+        train = [r.window(float(r.t[0]), cut) for r, cut in cuts]
+    table, flow = read_flow(case, options or IdentifyOptions())
+    axis = make_axis(case, flow)
+    require_usable((*train, *held), axis.outputs)
+    return start_study(axis, table, train, held), tuple(notes)
+
+
+def applicable(study: Study, catalogue: Mapping[str, EffectFactory]) -> dict[str, EffectFactory]:
+    """Return the effects of a catalogue that an axis can have, as its metered valve shows them."""
+    chosen = {}
+    for name, effect in catalogue.items():
+        if study.flow_map is not None and isinstance(effect, type) and issubclass(effect, Effect):
+            effect = effect.on_metered(float(study.flow_map.u.min()), float(study.flow_map.u.max()))
+        try:
+            study.axis.with_effects(effect())
+        except ModelError:
+            continue
+        chosen[name] = effect
+    return chosen
