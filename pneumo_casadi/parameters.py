@@ -106,13 +106,13 @@ class Parameters:
     _index: Mapping[str, int] = field(repr=False, compare=False)
 
     def __init__(self, items: Iterable[Parameter] = ()) -> None:
-        found = tuple(items)
-        index = {item.name: position for position, item in enumerate(found)}
-        if len(index) < len(found):
-            names = [item.name for item in found]
+        parameters = tuple(items)
+        index = {item.name: position for position, item in enumerate(parameters)}
+        if len(index) < len(parameters):
+            names = [item.name for item in parameters]
             twice = sorted({name for name in names if names.count(name) > 1})
             raise ModelError(f"parameter named twice: {', '.join(twice)}")
-        object.__setattr__(self, "items", found)
+        object.__setattr__(self, "items", parameters)
         object.__setattr__(self, "_index", index)
 
     def __len__(self) -> int:

@@ -242,8 +242,8 @@ def window_runs(
     pairs: list[tuple[Recording, Rows, Trajectory]] = []
     for record in records:
         L = round(window / record.dt)
-        found = estimate_initial_states(axis, record, window)
-        starts = [(first, x_0) for first, x_0 in found if first + L < record.N]
+        states = estimate_initial_states(axis, record, window)
+        starts = [(first, x_0) for first, x_0 in states if first + L < record.N]
         w = held_inputs(record.stack(axis.inputs), record.hold)
         stretches = np.stack([w[:, first : first + L] for first, _ in starts])
         x_0 = np.stack([x for _, x in starts], axis=1)
@@ -263,7 +263,7 @@ def _errors(
     channels: Sequence[str],
     pairs: Sequence[tuple[Recording, Rows, Trajectory]],
 ) -> dict[str, Error]:
-    found = {}
+    errors = {}
     records = [record for record, _, _ in pairs]
     for channel in channels:
         e = np.concatenate([record[channel][rows] - run[channel] for record, rows, run in pairs])
@@ -273,5 +273,5 @@ def _errors(
         if channel in axis.outputs:
             noise = output_noise(axis, records, channel)
         share = 100 / std if std > 0 else np.inf
-        found[channel] = Error(axis.unit(channel), rms, rms * share, noise * share)
-    return found
+        errors[channel] = Error(axis.unit(channel), rms, rms * share, noise * share)
+    return errors

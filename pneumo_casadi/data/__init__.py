@@ -12,8 +12,8 @@ from pneumo_casadi.data.case import Case
 from pneumo_casadi.data.case_folder import EXAMPLE, example_case, read_case, write_case
 from pneumo_casadi.data.checks.records import check_recording
 from pneumo_casadi.data.emps import read_emps
-from pneumo_casadi.data.readers.column_map import column_map, read_columns
-from pneumo_casadi.data.readers.records import Column, read_recording
+from pneumo_casadi.data.readers.columns import Column, column_map, read_columns
+from pneumo_casadi.data.readers.recordings import read_recording
 from pneumo_casadi.data.recording.channels import UNITS, InputHold
 from pneumo_casadi.data.recording.recording import Recording
 

@@ -17,8 +17,8 @@ from pneumo_casadi.data.case import Case
 from pneumo_casadi.data.checks.records import check_recording
 from pneumo_casadi.data.emps import IDENTIFY as EMPS_FILE
 from pneumo_casadi.data.emps import read_emps
-from pneumo_casadi.data.readers.column_map import COLUMNS_FILE, read_columns
-from pneumo_casadi.data.readers.records import ColumnSpec, read_recording
+from pneumo_casadi.data.readers.columns import COLUMNS_FILE, ColumnSpec, read_columns
+from pneumo_casadi.data.readers.recordings import read_recording
 from pneumo_casadi.data.readers.tables import suffix_of
 from pneumo_casadi.data.recording.channels import UNITS, InputHold
 from pneumo_casadi.data.recording.recording import Recording

@@ -13,7 +13,8 @@ from pneumo_casadi.data.bench.bench import ForceBench
 from pneumo_casadi.data.bench.controllers import NestedController
 from pneumo_casadi.data.case import Case
 from pneumo_casadi.data.checks.records import check_recording
-from pneumo_casadi.data.readers.records import Column, read_recording
+from pneumo_casadi.data.readers.columns import Column
+from pneumo_casadi.data.readers.recordings import read_recording
 from pneumo_casadi.data.readers.tables import read_table
 from pneumo_casadi.data.recording.channels import InputHold
 from pneumo_casadi.data.recording.recording import Recording

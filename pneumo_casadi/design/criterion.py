@@ -25,7 +25,7 @@ class Criterion(Enum):
         Examples
         --------
         >>> C = np.diag([1e-4, 4e-4])
-        >>> [round(one.of(C), 4) for one in Criterion]
+        >>> [round(criterion.of(C), 4) for criterion in Criterion]
         [0.0141, 0.0158, 0.02]
         """
         if not np.isfinite(relative).all():

@@ -128,7 +128,7 @@ class SimulatedExperiment:
             (limits.p_min - most["p_min"]) / span,
             (most["p_max"] - limits.p_max) / span,
         )
-        return min(RAN_AWAY, float(sum(max(0.0, one) for one in beyond)))
+        return min(RAN_AWAY, float(sum(max(0.0, share) for share in beyond)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,8 +174,8 @@ class ExperimentSimulator:
         u_max = axis.bench.controller.u_max
         u = ca.fmin(ca.fmax(u, -u_max), u_max)
         following = step_function(axis, model.stepping)(x, u, theta)
-        found = [following, x, u, axis.output(x, u, theta)]
-        return compile_functions([ca.Function("experiment_step", [x, w, theta], found)])[0]
+        results = [following, x, u, axis.output(x, u, theta)]
+        return compile_functions([ca.Function("experiment_step", [x, w, theta], results)])[0]
 
     def __call__(self, reference: Reference) -> SimulatedExperiment:
         """Simulate a reference from where it was begun, or after settling on its first values."""
@@ -218,5 +218,5 @@ class ExperimentSimulator:
 
 def _zero(p: FloatArray, rates: FloatArray) -> FloatArray:
     """Return, column by column, the pressure at which a falling rate is zero, or the nearest."""
-    found = [float(np.interp(0.0, -column, p)) for column in rates.T]
-    return np.array(found)
+    pressures = [float(np.interp(0.0, -column, p)) for column in rates.T]
+    return np.array(pressures)

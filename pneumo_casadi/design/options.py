@@ -176,7 +176,7 @@ def default_limits(
 
 
 def feasible_finalists(
-    found: SearchResult, options: DesignOptions, axes: Mapping[str, Axis], clock: SimulationRate
+    search: SearchResult, options: DesignOptions, axes: Mapping[str, Axis], clock: SimulationRate
 ) -> list[tuple[Candidate, Mapping[str, SimulatedExperiment]]]:
     """Return the finalists that keep the limits on every axis at the bench's own rate.
 
@@ -189,15 +189,15 @@ def feasible_finalists(
         name: ExperimentSimulator(clock.smoothed(axis), clock.dt) for name, axis in axes.items()
     }
     kept: list[tuple[Candidate, Mapping[str, SimulatedExperiment]]] = []
-    for one in found.finalists:
-        reference = options.make_reference(options.space.parts(one.z), clock.dt)
+    for candidate in search.finalists:
+        reference = options.make_reference(options.space.parts(candidate.z), clock.dt)
         runs = {name: simulator(reference) for name, simulator in simulators.items()}
         if all(run.excess(options.limits) == 0.0 for run in runs.values()):
-            kept.append((one, runs))
+            kept.append((candidate, runs))
     if not kept:
         raise FitError(
             "design: no reference that was tried keeps the limits; the tamest exceeds them by "
-            f"{100 * found.least_excess:.2g} %. Allow more speed, pressure or command, or try "
+            f"{100 * search.least_excess:.2g} %. Allow more speed, pressure or command, or try "
             "more references"
         )
     return kept

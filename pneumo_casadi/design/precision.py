@@ -80,9 +80,9 @@ class PrecisionForecast:
         parameters = self.axis.parameters
         scales = parameters.scales[parameters.free_mask]
         information = information_of(self.fit, runs)
-        found = invert_information(information, scales, parameters.free_names, self.at_bound)
+        inversion = invert_information(information, scales, parameters.free_names, self.at_bound)
         at = [parameters.free_names.index(name) for name in self.names]
-        return found.covariance[np.ix_(at, at)]
+        return inversion.covariance[np.ix_(at, at)]
 
     def size(self, covariance: FloatArray, criterion: Criterion) -> float:
         """Return the criterion of a covariance in shares of the parameters' values."""
@@ -159,15 +159,15 @@ def design_for_precision(
         return 0.0, float(np.log(size)) if size > 0 else float("inf")
 
     report("writing and compiling", 0.0)
-    found = search(
+    outcome = search(
         evaluate, space, options.evaluations, options.seed, lambda text, s: report(text, 0.9 * s)
     )
     report("judging the best", 0.9)
     judged = []
-    for candidate, runs in feasible_finalists(found, options, {"": axis}, fine.clock):
+    for candidate, runs in feasible_finalists(outcome, options, {"": axis}, fine.clock):
         covariance = fine.covariance([runs[""]])
         judged.append((fine.size(covariance, criterion), candidate, runs, covariance))
-    after, best, runs, designed = min(judged, key=lambda one: one[0])
+    after, best, runs, designed = min(judged, key=lambda item: item[0])
     before = [fine.run(reference) for reference in recorded]
     now, both = fine.covariance(before), fine.covariance([*before, runs[""]])
     interest = axis.parameters.select(chosen)
@@ -177,7 +177,7 @@ def design_for_precision(
         space.parts(best.z),
         options,
         {"nominal": runs[""]},
-        found.history,
+        outcome.history,
         Precision(
             chosen,
             tuple(item.unit for item in interest),

@@ -61,7 +61,7 @@ class Fit:
     def model(self) -> SampledAxis:
         """The axis with inputs as recorded."""
         plain = self.axis.at_null_values()
-        substeps = max(substeps_for(one, self.dt) for one in (self.axis, plain))
+        substeps = max(substeps_for(axis, self.dt) for axis in (self.axis, plain))
         return SampledAxis(self.axis, Stepping(self.dt, substeps=substeps))
 
     @cached_property
@@ -76,18 +76,18 @@ class Fit:
         """The map's residuals, as far as its coefficients are free."""
         if self.flow_map is None or not self.axis.kind.needs_flow_map:
             return None
-        found = anchor_to_flow_map(self.flow_map, self.axis.flow, effects=self.axis.effects)
-        return found if set(found.names) & set(self.axis.parameters.free_names) else None
+        anchor = anchor_to_flow_map(self.flow_map, self.axis.flow, effects=self.axis.effects)
+        return anchor if set(anchor.names) & set(self.axis.parameters.free_names) else None
 
     def problem(self, experiments: Sequence[SimulatedExperiment]) -> tuple[Problem, Unknowns]:
         """Return the problem of fitting experiments without noise, and where it starts.
 
         Nodes start on the simulated states; effects that the experiments' axis has not, at rest.
         """
-        segments = tuple(self._segment(i, one) for i, one in enumerate(experiments))
+        segments = tuple(self._segment(i, experiment) for i, experiment in enumerate(experiments))
         own = self.axis.parameters
-        found = Problem(self.model, own, segments, self.functions, self.anchor)
-        return found, found.start()
+        problem = Problem(self.model, own, segments, self.functions, self.anchor)
+        return problem, problem.start()
 
     def _segment(self, number: int, run: SimulatedExperiment) -> Segment:
         n, per = self.functions.n, self.functions.blocks
@@ -153,10 +153,10 @@ def refit(fit: Fit, run: SimulatedExperiment, theta: FloatArray | None = None) -
     if theta is not None:
         point = Unknowns(theta.copy(), point.x)
     with np.errstate(all="ignore"):  # trial steps that diverge are found and shortened
-        found = solve_gauss_newton(problem, point, fit.sigma, False)
-        cost = problem.cost(found.point.theta, found.m, fit.sigma)
+        solution = solve_gauss_newton(problem, point, fit.sigma, False)
+        cost = problem.cost(solution.point.theta, solution.m, fit.sigma)
     distance = float(np.sqrt(2 * cost)) if np.isfinite(cost) else float("inf")
-    return Refit(distance, found.point.theta)
+    return Refit(distance, solution.point.theta)
 
 
 def project_refit(fit: Fit, run: SimulatedExperiment, theta: FloatArray) -> Refit:
@@ -204,9 +204,9 @@ def _closed_square(problem: Problem, at: Linearised, point: Unknowns, sigma: Flo
     """Return the sum of squares with the defects closed to first order, nothing else moved."""
     nx = problem.model.nx
     total = 2 * problem.cost(point.theta, at.m, sigma)
-    for one in condense(problem, at, sigma):
-        total -= 2 * float(np.sum(one.g_k[:, :nx] * one.c))
-        total += float(np.einsum("ki,kij,kj", one.c, one.H_k[:, :nx, :nx], one.c))
+    for segment in condense(problem, at, sigma):
+        total -= 2 * float(np.sum(segment.g_k[:, :nx] * segment.c))
+        total += float(np.einsum("ki,kij,kj", segment.c, segment.H_k[:, :nx, :nx], segment.c))
     return total
 
 

@@ -97,8 +97,8 @@ class Part:
         """Return the part as plain data."""
         numbers = KINDS[self.kind].numbers
         named = {
-            one.name: {"value": value, "unit": one.unit}
-            for one, value in zip(numbers, self.values, strict=True)
+            number.name: {"value": value, "unit": number.unit}
+            for number, value in zip(numbers, self.values, strict=True)
         }
         return {"kind": self.kind, "share": self.share, "numbers": named}
 
@@ -131,8 +131,8 @@ class Reference:
     @property
     def t(self) -> FloatArray:
         """Time [s], shape (N,)."""
-        found: FloatArray = self.dt * np.arange(self.x_ref.size, dtype=float)
-        return found
+        t: FloatArray = self.dt * np.arange(self.x_ref.size, dtype=float)
+        return t
 
     @property
     def duration(self) -> float:
@@ -179,8 +179,8 @@ def creep(t: FloatArray, slowest: float, fastest: float) -> FloatArray:
 def holds(t: FloatArray, spread: float) -> FloatArray:
     """Go to places on both sides of the middle and stay there."""
     levels = spread * np.array([0.0, 1.0, -0.5, 0.5, -1.0])
-    place = np.minimum((t / max(t[-1], 1e-9) * PLACES).astype(int), PLACES - 1)
-    return np.asarray(levels[place], dtype=float)
+    index = np.minimum((t / max(t[-1], 1e-9) * PLACES).astype(int), PLACES - 1)
+    return np.asarray(levels[index], dtype=float)
 
 
 def common_mode_steps(t: FloatArray, step: float, offset: float, period: float) -> FloatArray:
@@ -260,8 +260,8 @@ def make_reference(
 
     Examples
     --------
-    >>> found = make_reference((Part("squares", 1.0, (0.5, 0.5, 2.0)),), 0.5, 6, 0.2, 0.0)
-    >>> found.x_ref
+    >>> reference = make_reference((Part("squares", 1.0, (0.5, 0.5, 2.0)),), 0.5, 6, 0.2, 0.0)
+    >>> reference.x_ref
     array([ 0.1,  0.1, -0.1, -0.1,  0.1,  0.1])
     """
     motions = [part for part in parts if part.kind != COMMON]

@@ -169,8 +169,8 @@ class Design(Presentable):
     @property
     def smallest(self) -> tuple[float, float]:
         """Smallest refitted distance before and after, of the pairs that can be told apart."""
-        shown = [one for one in self.distances if not one.hidden]
-        return min(one.before for one in shown), min(one.after for one in shown)
+        shown = [distance for distance in self.distances if not distance.hidden]
+        return min(distance.before for distance in shown), min(distance.after for distance in shown)
 
     @property
     def gain(self) -> float:
@@ -199,7 +199,7 @@ class Design(Presentable):
             "extremes": self.extremes,
             "gain": _number(self.gain),
             "precision": None if self.precision is None else self.precision.as_dict(),
-            "distances": [one.as_dict() for one in self.distances],
+            "distances": [distance.as_dict() for distance in self.distances],
             "evaluations": len(self.history),
             "evaluations_within_limits_from": len(self.history) - len(finite) + 1,
             "seed": self.options.seed,

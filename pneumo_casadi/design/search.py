@@ -100,5 +100,5 @@ def search(
         polish=False,
         seed=np.random.default_rng([seed, 1]),
     )
-    seen.sort(key=lambda one: one.value)
+    seen.sort(key=lambda candidate: candidate.value)
     return SearchResult(tuple(seen[:FINALISTS]), min(excesses), tuple(history))

@@ -54,10 +54,10 @@ class EffectPair:
     def refit(self, reference: Reference, theta: FloatArray | None = None) -> Refit:
         """Return the refit to the end under a reference; the better of two starts, if two."""
         run = self.simulator(reference)
-        found = refit(self.fit, run)
+        first = refit(self.fit, run)
         if theta is None:
-            return found
-        return min(found, refit(self.fit, run, theta), key=lambda one: one.distance)
+            return first
+        return min(first, refit(self.fit, run, theta), key=lambda refitted: refitted.distance)
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,13 +100,13 @@ class SeparationProblem:
 
     def shown(self, reference: Reference) -> frozenset[str]:
         """Return the effects that the nominal parameters do not absorb under a reference."""
-        found = set()
+        names = set()
         for name, axis in self.axes.items():
             if axis.effects:
                 pair = self._pair(name, "nominal", self.nominal)
                 if pair.refit(reference).distance > VISIBLE_DISTANCE:
-                    found.add(name)
-        return frozenset(found)
+                    names.add(name)
+        return frozenset(names)
 
 
 @one_thread
@@ -183,7 +183,7 @@ def design_to_separate(
         new = {
             pair: project_refit(pair.fit, runs[pair.truth], near[pair].theta) for pair in visible
         }
-        least = min(one.distance for one in new.values())
+        least = min(refitted.distance for refitted in new.values())
         if not np.isfinite(least):
             return 0.0, float("inf")
         if least > most[0]:
@@ -191,17 +191,17 @@ def design_to_separate(
             near.update(new)
         return 0.0, -float(np.log(max(least, 1e-12)))
 
-    found = search(
+    outcome = search(
         evaluate, options.space, options.evaluations, options.seed,
         lambda text, s: report(text, 0.2 + 0.6 * s),
     )  # fmt: skip
     report("refitting the best", 0.8)
     judged = []
-    for candidate, runs in feasible_finalists(found, options, axes, fine):
+    for candidate, runs in feasible_finalists(outcome, options, axes, fine):
         reference = options.make_reference(options.space.parts(candidate.z), coarse.dt)
         new = {pair: pair.refit(reference, old[pair].theta).distance for pair in problem.pairs}
         judged.append((min(new[pair] for pair in visible), candidate, runs, new))
-    _, best, runs, new = max(judged, key=lambda one: one[0])
+    _, best, runs, new = max(judged, key=lambda item: item[0])
     reference = next(iter(runs.values())).reference
     samples = len(sigma) * reference.x_ref.size
     report("done", 1.0)
@@ -210,7 +210,7 @@ def design_to_separate(
         options.space.parts(best.z),
         options,
         runs,
-        found.history,
+        outcome.history,
         None,
         tuple(
             Distance(

@@ -53,12 +53,15 @@ class Space:
     @property
     def names(self) -> tuple[str, ...]:
         """What each number of a point is."""
-        found = []
+        names = []
         for kind in self.kinds:
-            found += [f"{kind}.weight", *(f"{kind}.{one.name}" for one in KINDS[kind].numbers)]
+            names += [
+                f"{kind}.weight",
+                *(f"{kind}.{number.name}" for number in KINDS[kind].numbers),
+            ]
         if self.common:
-            found += [f"{COMMON}.{one.name}" for one in KINDS[COMMON].numbers]
-        return tuple(found)
+            names += [f"{COMMON}.{number.name}" for number in KINDS[COMMON].numbers]
+        return tuple(names)
 
     @property
     def start(self) -> FloatArray:
@@ -68,35 +71,35 @@ class Space:
 
     def point(self, weights: dict[str, float]) -> FloatArray:
         """Return the point with these weights and all numbers where they start."""
-        found: list[float] = []
+        values: list[float] = []
         for kind in self.kinds:
-            starts = [one.share(one.start) for one in KINDS[kind].numbers]
-            found += [weights.get(kind, 0.0), *starts]
+            starts = [number.share(number.start) for number in KINDS[kind].numbers]
+            values += [weights.get(kind, 0.0), *starts]
         if self.common:
-            found += [one.share(one.start) for one in KINDS[COMMON].numbers]
-        return np.array(found)
+            values += [number.share(number.start) for number in KINDS[COMMON].numbers]
+        return np.array(values)
 
     def parts(self, z: Sequence[float] | FloatArray) -> tuple[Part, ...]:
         """Return the parts that a point stands for; those too short are left out."""
         values = np.clip(np.asarray(z, dtype=float), 0.0, 1.0)
-        at, found = 0, []
+        at, drawn = 0, []
         for kind in self.kinds:
             numbers = KINDS[kind].numbers
             own = values[at + 1 : at + 1 + len(numbers)]
-            scaled = tuple(one.at(float(v)) for one, v in zip(numbers, own, strict=True))
-            found.append(Part(kind, float(values[at]), scaled))
+            scaled = tuple(number.at(float(v)) for number, v in zip(numbers, own, strict=True))
+            drawn.append(Part(kind, float(values[at]), scaled))
             at += 1 + len(numbers)
-        total = sum(part.share for part in found)
+        total = sum(part.share for part in drawn)
         if total <= 0:
-            found, total = [Part(one.kind, 1.0, one.values) for one in found], len(found)
-        long = [part for part in found if part.share / total * self.duration >= SHORTEST]
-        kept = long or [max(found, key=lambda part: part.share)]
+            drawn, total = [Part(part.kind, 1.0, part.values) for part in drawn], len(drawn)
+        long = [part for part in drawn if part.share / total * self.duration >= SHORTEST]
+        kept = long or [max(drawn, key=lambda part: part.share)]
         whole = sum(part.share for part in kept)
-        parts = [Part(one.kind, one.share / whole, one.values) for one in kept]
+        parts = [Part(part.kind, part.share / whole, part.values) for part in kept]
         if self.common:
             numbers = KINDS[COMMON].numbers
             own = values[at:]
-            scaled = tuple(one.at(float(v)) for one, v in zip(numbers, own, strict=True))
+            scaled = tuple(number.at(float(v)) for number, v in zip(numbers, own, strict=True))
             if scaled[0] or scaled[1]:
                 parts.append(Part(COMMON, 1.0, scaled))
         return tuple(parts)

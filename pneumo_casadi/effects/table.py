@@ -45,15 +45,15 @@ class EffectRow:
 
 def effect_row(effect: type[Effect] | Effect) -> EffectRow:
     """Return an effect, of the catalogue or not, as a row."""
-    one = effect() if isinstance(effect, type) else effect
+    instance = effect() if isinstance(effect, type) else effect
     return EffectRow(
-        one.name,
-        one.equation,
-        one.junctions,
-        one.states,
-        one.parameters,
-        one.shows,
-        one.confused_with,
-        one.separated_by,
-        one.source,
+        instance.name,
+        instance.equation,
+        instance.junctions,
+        instance.states,
+        instance.parameters,
+        instance.shows,
+        instance.confused_with,
+        instance.separated_by,
+        instance.source,
     )

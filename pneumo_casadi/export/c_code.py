@@ -36,8 +36,11 @@ def write_c(model: IdentifiedModel, folder: str | Path) -> tuple[Path, ...]:
 
 def c_sources(model: IdentifiedModel) -> dict[str, str]:
     """Return ``axis.c`` and ``axis.h`` by name."""
-    found = values(model)
-    return {f"{NAME}.c": _fill("axis.c", found), f"{NAME}.h": _fill("axis.h", found)}
+    substitutions = values(model)
+    return {
+        f"{NAME}.c": _fill("axis.c", substitutions),
+        f"{NAME}.h": _fill("axis.h", substitutions),
+    }
 
 
 def template(name: str) -> str:
@@ -89,8 +92,8 @@ def values(model: IdentifiedModel) -> dict[str, Any]:
     }
 
 
-def _fill(name: str, found: dict[str, Any]) -> str:
-    return Template(template(f"{name}.in")).substitute(found)
+def _fill(name: str, substitutions: dict[str, Any]) -> str:
+    return Template(template(f"{name}.in")).substitute(substitutions)
 
 
 def _renamed(f: ca.Function, name: str) -> ca.Function:

@@ -77,17 +77,17 @@ def write_functions(model: IdentifiedModel, folder: str | Path) -> tuple[Path, .
         The four files.
     """
     files: dict[str, str | bytes] = {}
-    told: dict[str, Any] = {}
+    entries: dict[str, Any] = {}
     for name, f in _bound(model).items():
         content = _saved(f)
         files[f"{name}.casadi"] = content
-        told[name] = {
+        entries[name] = {
             "file": f"{name}.casadi",
             "sha256": hashlib.sha256(content).hexdigest(),
             "arguments": {"x": "states", "u": "inputs"},
             "result": dict([_RESULTS[name]]),
         }
-    sidecar = {"kind": _KIND, **description(model), "functions": told}
+    sidecar = {"kind": _KIND, **description(model), "functions": entries}
     files[SIDECAR] = json_text(sidecar)
     return write_files(files, folder)
 
@@ -124,15 +124,15 @@ def read_functions(folder: str | Path) -> ExportedFunctions:
         start = np.array([float(content["start"][name]) for name in names["states"]])
         if not (dt > 0 and np.isfinite([dt, *start]).all()):
             raise ValueError(f"dt_s {dt}, start {start.tolist()}")
-        told = {name: content["functions"][name] for name in _RESULTS}
-        hashes = {name: str(item["sha256"]) for name, item in told.items()}
+        entries = {name: content["functions"][name] for name in _RESULTS}
+        hashes = {name: str(item["sha256"]) for name, item in entries.items()}
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise CaseError(
             f"{path}: not a sidecar of exported functions ({type(error).__name__}: {error}); "
             "export again"
         ) from None
-    found = {name: _load(folder / f"{name}.casadi", hashes[name]) for name in _RESULTS}
-    for name, f in found.items():
+    functions = {name: _load(folder / f"{name}.casadi", hashes[name]) for name in _RESULTS}
+    for name, f in functions.items():
         expected = [len(names["states"]), len(names["inputs"]), len(names[_RESULTS[name][1]])]
         shape = [f.numel_in(i) for i in range(f.n_in())] + [f.numel_out(0)]
         if shape != expected:
@@ -141,9 +141,9 @@ def read_functions(folder: str | Path) -> ExportedFunctions:
                 f"{expected}; export again"
             )
     return ExportedFunctions(
-        rhs=found["rhs"],
-        step=found["step"],
-        output=found["output"],
+        rhs=functions["rhs"],
+        step=functions["step"],
+        output=functions["output"],
         states=names["states"],
         inputs=names["inputs"],
         outputs=names["outputs"],

@@ -42,20 +42,20 @@ class Variable:
 def variables(model: IdentifiedModel) -> list[Variable]:
     """Return all variables in the order of their value references, as in ``fmi3.c``."""
     axis, units, nm = model.axis, model.units, len(model.axis.motion_states)
-    found = [Variable("time", "s", "independent")]
-    found += [Variable(n, unit, "input", start=0.0) for n, unit in units["inputs"].items()]
-    found += [
+    items = [Variable("time", "s", "independent")]
+    items += [Variable(n, unit, "input", start=0.0) for n, unit in units["inputs"].items()]
+    items += [
         Variable(n, unit, "output", initial="calculated", description="what the sensor shows")
         for n, unit in units["outputs"].items()
     ]
-    first = len(found)
+    first = len(items)
     for i, (name, unit) in enumerate(units["states"].items()):
         # The states of effects start at rest unless they are given.
         initial = "exact" if i < nm else "approx"
         start = float(model.start[i])
-        found.append(Variable(f"state.{name}", unit, "local", initial=initial, start=start))
+        items.append(Variable(f"state.{name}", unit, "local", initial=initial, start=start))
     for i, (name, unit) in enumerate(units["states"].items()):
-        found.append(
+        items.append(
             Variable(
                 f"der(state.{name})",
                 rate_unit(unit),
@@ -64,7 +64,7 @@ def variables(model: IdentifiedModel) -> list[Variable]:
                 derivative=first + i,
             )
         )
-    found += [
+    items += [
         Variable(
             item.name,
             item.unit,
@@ -77,7 +77,7 @@ def variables(model: IdentifiedModel) -> list[Variable]:
         )
         for item in axis.parameters
     ]
-    return found
+    return items
 
 
 def model_description(model: IdentifiedModel, token: str) -> str:
@@ -98,13 +98,13 @@ def model_description(model: IdentifiedModel, token: str) -> str:
     }
     ET.SubElement(root, "ModelExchange", shared)
     ET.SubElement(root, "CoSimulation", shared | {"canHandleVariableCommunicationStepSize": "true"})
-    found = variables(model)
-    _units(root, sorted({item.unit for item in found}))
+    items = variables(model)
+    _units(root, sorted({item.unit for item in items}))
     ET.SubElement(root, "DefaultExperiment", startTime="0", stepSize=repr(model.dt))
     listed = ET.SubElement(root, "ModelVariables")
-    for reference, item in enumerate(found):
+    for reference, item in enumerate(items):
         ET.SubElement(listed, "Float64", _attributes(item, reference))
-    _structure(root, model, found)
+    _structure(root, model, items)
     return _text(root)
 
 
@@ -147,11 +147,11 @@ def base_units(unit: str) -> dict[str, int] | None:
     above, _, below = unit.translate(_POWERS).partition("/")
     for part, sign in ((above, 1), (below.strip("()"), -1)):
         for factor in part.split():
-            found = re.fullmatch(r"([A-Za-z]+|1)(\d*)", factor)
-            if found is None or found[1] not in _BASE:
+            match = re.fullmatch(r"([A-Za-z]+|1)(\d*)", factor)
+            if match is None or match[1] not in _BASE:
                 return None
-            for base, exponent in _BASE[found[1]].items():
-                total[base] = total.get(base, 0) + sign * exponent * int(found[2] or 1)
+            for base, exponent in _BASE[match[1]].items():
+                total[base] = total.get(base, 0) + sign * exponent * int(match[2] or 1)
     return {base: exponent for base, exponent in total.items() if exponent}
 
 
@@ -165,7 +165,7 @@ def _units(root: ET.Element, names: Sequence[str]) -> None:
 
 
 def _attributes(item: Variable, reference: int) -> dict[str, str]:
-    found = {
+    required = {
         "name": item.name,
         "valueReference": str(reference),
         "causality": item.causality,
@@ -178,12 +178,12 @@ def _attributes(item: Variable, reference: int) -> dict[str, str]:
         "derivative": None if item.derivative is None else str(item.derivative),
         "description": item.description or None,
     }
-    return found | {key: value for key, value in optional.items() if value is not None}
+    return required | {key: value for key, value in optional.items() if value is not None}
 
 
-def _structure(root: ET.Element, model: IdentifiedModel, found: Sequence[Variable]) -> None:
+def _structure(root: ET.Element, model: IdentifiedModel, items: Sequence[Variable]) -> None:
     structure = ET.SubElement(root, "ModelStructure")
-    references = {item.name: i for i, item in enumerate(found)}
+    references = {item.name: i for i, item in enumerate(items)}
     for tag, f, names in (
         ("Output", model.axis.output, model.axis.outputs),
         ("ContinuousStateDerivative", model.axis.rhs, _derivatives(model)),
@@ -196,7 +196,7 @@ def _structure(root: ET.Element, model: IdentifiedModel, found: Sequence[Variabl
                 "dependencies": " ".join(map(str, sorted(depends))),
             }
             ET.SubElement(structure, tag, attributes)
-    for reference, item in enumerate(found):
+    for reference, item in enumerate(items):
         if item.initial in ("calculated", "approx"):
             ET.SubElement(structure, "InitialUnknown", valueReference=str(reference))
 

@@ -69,12 +69,12 @@ def fmu_files(model: IdentifiedModel) -> dict[str, str]:
     MissingExtraError
         If the package `fmpy` is not installed.
     """
-    found = values(model)
-    found["nominals"] = ", ".join(repr(value) for value in model.axis.state_scales.tolist())
+    substitutions = values(model)
+    substitutions["nominals"] = ", ".join(repr(value) for value in model.axis.state_scales.tolist())
     sources = c_sources(model)
     content = model_description(model, "") + "".join(sources.values())
     token = hashlib.sha256(content.encode("utf-8")).hexdigest()
-    glue = Template(template("fmi3.c.in")).substitute(found, token=token)
+    glue = Template(template("fmi3.c.in")).substitute(substitutions, token=token)
     sources = {**sources, "fmi3.c": glue, **fmi_headers()}
     return {
         "modelDescription.xml": model_description(model, token),

@@ -184,15 +184,15 @@ def write_state_space(
     tuple of Path
         Both files.
     """
-    found = linearise(model.axis, operating_point(model.axis, given))
-    matrices = {name: getattr(found, name).tolist() for name in "ABCD"}
-    point = {"x": found.point.x.tolist(), "u": found.point.u.tolist()}
+    linear = linearise(model.axis, operating_point(model.axis, given))
+    matrices = {name: getattr(linear, name).tolist() for name in "ABCD"}
+    point = {"x": linear.point.x.tolist(), "u": linear.point.u.tolist()}
     content = {**description(model), **matrices, "operating_point": point}
     buffer: Any = io.BytesIO()
-    arrays = {name: getattr(found, name) for name in "ABCD"}
-    arrays |= {"x0": found.point.x[:, None], "u0": found.point.u[:, None]}
+    arrays = {name: getattr(linear, name) for name in "ABCD"}
+    arrays |= {"x0": linear.point.x[:, None], "u0": linear.point.u[:, None]}
     for kind in ("states", "inputs", "outputs"):
-        arrays[kind] = np.array(getattr(found, kind), dtype=object)
+        arrays[kind] = np.array(getattr(linear, kind), dtype=object)
     scipy.io.savemat(buffer, arrays, oned_as="column")
     text = json_text(content)
     return write_files({"axis_ss.json": text, "axis_ss.mat": buffer.getvalue()}, folder)
@@ -204,8 +204,8 @@ def _jacobians(axis: Axis) -> ca.Function:
     x, u = sym("x", len(axis.states)), sym("u", len(axis.inputs))
     theta = sym("theta", len(axis.parameters))
     rows = [axis.rhs(x, u, theta), axis.output(x, u, theta)]
-    found = [ca.densify(ca.jacobian(row, by)) for row in rows for by in (x, u)]
-    return ca.Function("jacobians", [x, u, theta], found)
+    jacobians = [ca.densify(ca.jacobian(row, by)) for row in rows for by in (x, u)]
+    return ca.Function("jacobians", [x, u, theta], jacobians)
 
 
 def _search(axis: Axis, held: Mapping[str, float]) -> OperatingPoint:

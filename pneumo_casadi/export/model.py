@@ -85,9 +85,9 @@ class IdentifiedModel:
         }
 
 
-def identified_model(found: Identification) -> IdentifiedModel:
+def identified_model(identification: Identification) -> IdentifiedModel:
     """Return the model that an identification has found."""
-    return _of_result(result_dict(found), found.axis)
+    return _of_result(result_dict(identification), identification.axis)
 
 
 def read_model(path: str | Path) -> IdentifiedModel:

@@ -237,7 +237,7 @@ def identify(
     report("weighted least squares", _SHARES["wls"])
     wls = fit_wls(axis, records)
     chosen = output_error_options(case, options)
-    result = fit_output_error(
+    fit = fit_output_error(
         axis.started_at(wls.parameters),
         records,
         flow_map,
@@ -249,8 +249,8 @@ def identify(
     if case.validate:
         predictions = cross_validate(wls, case.validate)
         stage = progress_range(report, _SHARES["validation"], _SHARES["done"], "validation: ")
-        validation = validate(result.axis, case.validate, options.windows, stage)
-    found = Identification(
+        validation = validate(fit.axis, case.validate, options.windows, stage)
+    identification = Identification(
         case=case,
         options=options,
         records=records,
@@ -258,20 +258,20 @@ def identify(
         flow=flow,
         flow_selection=selection,
         wls=wls,
-        output_error=result,
+        output_error=fit,
         predictions=predictions,
         validation=validation,
         truth=read_truth(case.folder),
-        warnings=result_warnings(case, records, flow_map, wls, result, validation, selection),
+        warnings=result_warnings(case, records, flow_map, wls, fit, validation, selection),
         identifiability=(
-            analyse_identifiability(Optimum(result, records, flow_map, chosen))
+            analyse_identifiability(Optimum(fit, records, flow_map, chosen))
             if options.identifiability
             else None
         ),
         seconds=time.perf_counter() - began,
     )
     report("done", _SHARES["done"])
-    return found
+    return identification
 
 
 def resolve_flow_form(

@@ -155,13 +155,13 @@ def _flow_dict(flow: FlowModel) -> dict[str, Any]:
             f"flow map {type(flow).__name__} is your own: a file cannot hold it; export "
             "functions, C or FMU, which hold the equations"
         )
-    found: dict[str, Any] = {"form": form}
+    content: dict[str, Any] = {"form": form}
     for name in _PARTS[form]:
         value = getattr(flow, name)
-        found[name] = np.asarray(value).tolist() if not np.isscalar(value) else value
-    found["parameters"] = list(flow.parameters.names)
-    found["covariance"] = [[_finite(float(value)) for value in row] for row in flow.covariance]
-    return found
+        content[name] = np.asarray(value).tolist() if not np.isscalar(value) else value
+    content["parameters"] = list(flow.parameters.names)
+    content["covariance"] = [[_finite(float(value)) for value in row] for row in flow.covariance]
+    return content
 
 
 def _flow(content: Mapping[str, Any], items: list[Parameter]) -> FlowModel:

@@ -27,52 +27,56 @@ from pneumo_casadi.valve import FlowForm
 FORMAT = 1
 
 
-def result_dict(found: Identification) -> dict[str, Any]:
+def result_dict(identification: Identification) -> dict[str, Any]:
     """Return an identification as plain values: no NaN, no infinity.
 
     A standard deviation that does not exist (no information, a bound, a parameter held fixed)
     is None, with a ``note`` beside it.
     """
     flow = None
-    if found.flow is not None and found.flow_selection is not None:
-        degrees = found.flow_selection.degrees
+    if identification.flow is not None and identification.flow_selection is not None:
+        degrees = identification.flow_selection.degrees
         flow = {
-            "form": found.flow_selection.chosen.value,
+            "form": identification.flow_selection.chosen.value,
             "degrees": None if degrees is None else list(degrees),
-            "selection": found.flow_selection.as_dict(),
-            "p_range": list(found.flow.p_range),
-            "sigma": found.flow.sigma,
-            "parameters": _estimates(found.output_error, found.flow.parameters.names),
+            "selection": identification.flow_selection.as_dict(),
+            "p_range": list(identification.flow.p_range),
+            "sigma": identification.flow.sigma,
+            "parameters": _estimates(
+                identification.output_error, identification.flow.parameters.names
+            ),
         }
     content = {
         "format": FORMAT,
-        "case": found.case.name,
-        "caveats": [{"topic": item.topic, "text": item.text} for item in found.warnings],
-        "wls": found.wls.as_dict(),
-        "output_error": output_error_dict(found.output_error, found),
+        "case": identification.case.name,
+        "caveats": [{"topic": item.topic, "text": item.text} for item in identification.warnings],
+        "wls": identification.wls.as_dict(),
+        "output_error": output_error_dict(identification.output_error, identification),
         "flow": flow,
-        "model": _model(found.axis),
-        "validation": None if found.validation is None else validation_dict(found.validation),
+        "model": _model(identification.axis),
+        "validation": None
+        if identification.validation is None
+        else validation_dict(identification.validation),
         "cross_validation": {
             p.name: {"relative_error_percent": dict(p.relative_error_percent)}
-            for p in found.predictions
+            for p in identification.predictions
         },
-        "truth": None if found.truth is None else dict(found.truth),
-        "provenance": identification_provenance(found.case, found.options),
-        "seconds": found.seconds,
+        "truth": None if identification.truth is None else dict(identification.truth),
+        "provenance": identification_provenance(identification.case, identification.options),
+        "seconds": identification.seconds,
     }
     plain: dict[str, Any] = without_infinities(content)
     return plain
 
 
-def output_error_dict(result: OutputErrorResult, found: Identification) -> dict[str, Any]:
+def output_error_dict(result: OutputErrorResult, identification: Identification) -> dict[str, Any]:
     """Return an output-error fit as plain values."""
     flow = set(result.axis.flow_parameters)
     own = [name for name in result.parameters.names if name not in flow and name != "v_s"]
     correlation = result.uncertainty.correlation
     names = [name for name in own if name in result.uncertainty.names]
     at = [result.uncertainty.names.index(name) for name in names]
-    pull = result.flow_map_deviation
+    deviation = result.flow_map_deviation
     return {
         "status": result.status,
         "iterations": result.iterations,
@@ -104,7 +108,7 @@ def output_error_dict(result: OutputErrorResult, found: Identification) -> dict[
             "names": names,
             "matrix": [[float(correlation[i, j]) for j in at] for i in at],
         },
-        "map_pull": None if pull is None else {"rms": pull.rms, "scale": pull.scale},
+        "map_pull": None if deviation is None else {"rms": deviation.rms, "scale": deviation.scale},
         "at_bound": list(result.uncertainty.at_bound),
         "uninformed": list(result.uncertainty.uninformed),
         "uninformed_directions": list(result.uncertainty.combinations),
@@ -228,7 +232,7 @@ def _read(path: Path) -> Any:
 
 
 def _estimates(result: OutputErrorResult, names: Any) -> dict[str, dict[str, Any]]:
-    found = {}
+    estimates = {}
     for name in names:
         item = result.parameters[name]
         entry: dict[str, Any] = {
@@ -246,8 +250,8 @@ def _estimates(result: OutputErrorResult, names: Any) -> dict[str, dict[str, Any
             note = "the data say nothing about it"
         if note is not None:
             entry |= {"std": None, "std_robust": None, "note": note}
-        found[name] = entry
-    return found
+        estimates[name] = entry
+    return estimates
 
 
 def _errors(errors: Mapping[str, Error]) -> dict[str, dict[str, Any]]:

@@ -65,12 +65,12 @@ def simulate_case(
     if not chosen:
         raise CaseError(f"{case.folder}: no record {records.value}.csv to simulate")
     report = progress or no_progress
-    found = []
+    simulations = []
     for i, record in enumerate(chosen):
         report(f"simulating {record.name}", i / len(chosen))
         run = loop_run(axis, record) if closed_loop else free_run(axis, record)
-        found.append(RecordSimulation(record, run))
-    return tuple(found)
+        simulations.append(RecordSimulation(record, run))
+    return tuple(simulations)
 
 
 def trajectory_frame(simulated: RecordSimulation) -> pd.DataFrame:

@@ -161,13 +161,13 @@ def _of_flow_map(
         "X_s1 ... X_s6 1 % too large, and no trajectory tells. What the form of the map cannot "
         "follow shifts k_P, k_N, X_s2 and X_s5 first.",
     )
-    pull = result.flow_map_deviation
-    if pull is not None and (pull.rms > MAP_PULL or abs(pull.scale - 1) > MAP_SCALE):
+    deviation = result.flow_map_deviation
+    if deviation is not None and (deviation.rms > MAP_PULL or abs(deviation.scale - 1) > MAP_SCALE):
         yield ResultWarning(
             "flow_map",
-            f"The trajectories have pulled the flow map: its residuals are {pull.rms:.2f} times "
-            f"those of its own fit and its overall scale is {pull.scale:.4f}. Map and trajectories "
-            "disagree beyond the map's own misfit.",
+            "The trajectories have moved the flow map: its residuals are "
+            f"{deviation.rms:.2f} times those of its own fit, and its overall scale is "
+            f"{deviation.scale:.4f}. Map and trajectories disagree beyond the map's own misfit.",
         )
 
 

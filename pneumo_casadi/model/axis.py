@@ -191,15 +191,15 @@ class Axis(AxisDescription):
         J = ca.jacobian(ca.vertcat(*written.residual.values()), theta)
         names = self.parameters.names
         chosen = [n for n in self.parameters.free_names if n not in flow and n != "v_s"]
-        found = [n for n in chosen if "." not in n]
+        kept = [n for n in chosen if "." not in n]
         for name in chosen:
             column = J[:, self.parameters.index(name)]
             if "." not in name or name.split(".")[0] in lagging or column.nnz() == 0:
                 continue
             seen = {names[i] for i in _dependence(column, theta)}
-            if not seen & {*found, name}:
-                found.append(name)
-        return tuple(found)
+            if not seen & {*kept, name}:
+                kept.append(name)
+        return tuple(kept)
 
 
 def _dependence(expression: Expression, vector: Expression) -> list[int]:

@@ -38,9 +38,9 @@ def compiler() -> str | None:
     if os.environ.get(SWITCH) == "0":
         return None
     for name in (os.environ.get("CC", ""), "gcc", "cc", "clang"):
-        found = shutil.which(name) if name else None
-        if found:
-            return found
+        path = shutil.which(name) if name else None
+        if path:
+            return path
     logger.warning(
         "no C compiler found: functions run interpreted, several times slower; "
         "install gcc or clang, or set %s=0 to silence this",
@@ -141,17 +141,17 @@ def call_with_arrays(f: ca.Function, *given: FloatArray) -> tuple[FloatArray, ..
     run: Any
     buffer, run = f.buffer()
     kept: list[Any] = [np.asarray(a, dtype=float).ravel("F") for a in given]
-    found: list[Any] = [np.empty(f.nnz_out(i)) for i in range(f.n_out())]
+    results: list[Any] = [np.empty(f.nnz_out(i)) for i in range(f.n_out())]
     for i, array in enumerate(kept):
         if array.size != f.nnz_in(i):
             raise ValueError(
                 f"{f.name()}: input {i} has {array.size} values, expected {f.nnz_in(i)}"
             )
         buffer.set_arg(i, memoryview(array))
-    for i, array in enumerate(found):
+    for i, array in enumerate(results):
         buffer.set_res(i, memoryview(array))
     run()
-    return tuple(a.reshape(f.size_out(i), order="F") for i, a in enumerate(found))
+    return tuple(a.reshape(f.size_out(i), order="F") for i, a in enumerate(results))
 
 
 @cache

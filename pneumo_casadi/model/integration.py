@@ -51,10 +51,10 @@ def substeps_for(axis: Axis, dt: float) -> int:
     if rate <= ONE_STEP:
         return 1
     # Few different counts, so that a little more friction seldom asks for other steps.
-    steps = 2
-    while steps < rate:
-        steps = steps * 3 // 2 if steps & (steps - 1) == 0 else steps * 4 // 3
-    return steps
+    count = 2
+    while count < rate:
+        count = count * 3 // 2 if count & (count - 1) == 0 else count * 4 // 3
+    return count
 
 
 def _fastest_rate(axis: Axis) -> float:
@@ -181,8 +181,8 @@ def accumulate(
         if n not in chunks:
             chunks[n] = _chunk(f, n, len(streams), theta, B)
         given = [np.hstack(list(stream[:, :, first : first + n])) for stream in streams]
-        found = chunks[n].call([x, *given])
-        for part, value in zip(parts, found, strict=True):
+        results = chunks[n].call([x, *given])
+        for part, value in zip(parts, results, strict=True):
             array = np.asarray(value.full(), dtype=float)
             part.append(array.reshape(len(array), B, n).transpose(1, 0, 2))
         x = parts[0][-1][:, :, -1].T
@@ -193,8 +193,8 @@ def _chunk(f: ca.Function, n: int, streams: int, theta: FloatArray, B: int) -> c
     x = ca.MX.sym("x", f.size1_in(0))
     given = [ca.MX.sym(f"s{i}", f.size1_in(1 + i), n) for i in range(streams)]
     chain = f.mapaccum("chain", n)
-    found = chain.call([x, *given, ca.repmat(ca.DM(theta), 1, n)])
-    chunk = ca.Function("chunk", [x, *given], found)
+    results = chain.call([x, *given, ca.repmat(ca.DM(theta), 1, n)])
+    chunk = ca.Function("chunk", [x, *given], results)
     if B == 1:
         return chunk
     side_by_side: ca.Function = chunk.map(B, "thread", THREADS)

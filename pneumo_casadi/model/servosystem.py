@@ -82,14 +82,14 @@ def nominal_axis(bench: AnyBench, flow: FlowModel | None, effects: Iterable[Effe
 def _chamber_parameters(bench: Bench) -> list[Parameter]:
     rT = bench.r * bench.T
     length = 1.1 * bench.stroke / 2
-    found = []
+    parameters = []
     for chamber, S, first in (("P", bench.S_P, 1), ("N", bench.S_N, 4)):
         guesses = (S * length / (1.2 * rT), S / (1.2 * rT), S / rT)
         rT_k = f"(k_{chamber} r T)"
         texts = (f"V_{chamber}(0)/{rT_k}", f"S_{chamber}/{rT_k}", f"S_{chamber}/(r T)")
         units = ("kg/Pa", "kg/(Pa m)", "kg/(Pa m)")
         for offset, (guess, text, unit) in enumerate(zip(guesses, texts, units, strict=True)):
-            found.append(
+            parameters.append(
                 Parameter(
                     f"X_s{first + offset}",
                     guess,
@@ -100,7 +100,7 @@ def _chamber_parameters(bench: Bench) -> list[Parameter]:
                     source="eq. 10" if chamber == "P" else "eq. 11",
                 )
             )
-    return found
+    return parameters
 
 
 def _motion_parameters(bench: AnyBench) -> list[Parameter]:

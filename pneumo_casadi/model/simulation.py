@@ -53,8 +53,8 @@ class Trajectory:
         rows = ((self.outputs, self.y), (self.states, self.x), (self.inputs, self.u))
         for names, values in rows:
             if name in names:
-                found: FloatArray = values[names.index(name)]
-                return found
+                signal: FloatArray = values[names.index(name)]
+                return signal
         raise KeyError(name)
 
 
@@ -200,10 +200,10 @@ def _closed_step(model: SampledAxis) -> ca.Function:
     nx, nu = len(axis.states), len(axis.inputs)
     state, reference, added = sym("state", model.nx), sym("x_ref"), sym("added", nu)
     theta = sym("theta", len(axis.parameters))
-    found = model.feedback(state, ca.vertcat(reference, added), theta)
-    x, u = state[:nx], found[:nu]
+    output = model.feedback(state, ca.vertcat(reference, added), theta)
+    x, u = state[:nx], output[:nu]
     ahead = step_function(axis, model.stepping)(x, u, theta)
-    following = ca.vertcat(ahead, found[nu:])
+    following = ca.vertcat(ahead, output[nu:])
     step = ca.Function("closed_step", [state, reference, added, theta], [following, x, u])
     return compile_functions([step])[0]
 

@@ -57,8 +57,8 @@ class MeteringErrors:
         q = table.q_m
         one_way = np.where(q > 0, self.gain_filling, self.gain_exhaust)
         drawn = np.random.default_rng(self.seed).normal(size=table.n)
-        found: FloatArray = q * ((1 + self.gain) * (1 + one_way) - 1)
-        return found + self.noise * table.q_max * drawn
+        systematic: FloatArray = q * ((1 + self.gain) * (1 + one_way) - 1)
+        return systematic + self.noise * table.q_max * drawn
 
     def of(self, table: FlowMap) -> FlowMap:
         """Return the table as it would have been metered."""

@@ -68,9 +68,9 @@ class FlowSensitivity:
                 "map_error_used": row.map_error_used,
             }
             for key, estimates in (("wls", row.wls), ("output_error", row.output_error)):
-                for name, one in estimates.items():
-                    line[f"{key}.{name}"] = one.value
-                    line[f"{key}.{name}.std"] = one.std
+                for name, estimate in estimates.items():
+                    line[f"{key}.{name}"] = estimate.value
+                    line[f"{key}.{name}.std"] = estimate.std
             lines.append(line)
         return pd.DataFrame(lines)
 
@@ -160,8 +160,8 @@ def flow_sensitivity(
     ]  # fmt: skip
     rows: list[Row] = []
     results = map(_work, jobs) if executor is None else executor.map(_work, jobs)
-    for i, (job, found) in enumerate(zip(jobs, results, strict=True)):
-        rows += found
+    for i, (job, variants) in enumerate(zip(jobs, results, strict=True)):
+        rows += variants
         report(f"{job.form}, {job.metering}", (i + 1) / len(jobs))
     return FlowSensitivity(tuple(rows))
 
@@ -195,14 +195,14 @@ def _row(job: _Job, variant: Variant, table: FlowMap, axis: Axis, wls: WLSResult
     except PneumoError as error:
         seconds = time.perf_counter() - began
         return Row(variant, str(error), from_wls, {}, *errors, seconds=seconds)
-    found = dict(_estimates(result))
+    estimates = dict(_estimates(result))
     if variant.treatment is Treatment.LEFT_OUT:
-        found |= _in_gauge(result, job.bench.S_P / (job.bench.r * job.bench.T))
+        estimates |= _in_gauge(result, job.bench.S_P / (job.bench.r * job.bench.T))
     return Row(
         variant,
         result.status,
         from_wls,
-        found,
+        estimates,
         *errors,
         dict(zip(axis.outputs, result.rms.tolist(), strict=True)),
         held_out,
@@ -260,13 +260,13 @@ def _in_gauge(result: OutputErrorResult, X_s3: float) -> dict[str, Estimate]:
     C = (result.uncertainty.covariance if robust is None else robust)[np.ix_(at, at)]
     X = np.array([result.parameters[name].value for name in CHAMBERS])
     scale = X_s3 / X[2]
-    found = {}
+    estimates = {}
     for i, name in enumerate(CHAMBERS):
         ratio = X[i] / X[2]
         variance = C[i, i] - 2 * ratio * C[i, 2] + ratio**2 * C[2, 2] if i != 2 else 0.0
         std = scale * math.sqrt(max(0.0, variance)) if np.isfinite(variance) else math.inf
-        found[name] = Estimate(float(scale * X[i]), std)
-    return found
+        estimates[name] = Estimate(float(scale * X[i]), std)
+    return estimates
 
 
 def _root_mean_square(e: FloatArray) -> float:

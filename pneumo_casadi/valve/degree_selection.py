@@ -166,9 +166,9 @@ def _labels(values: FloatArray, folds: int) -> NDArray[np.int64]:
     """Fold of each point by its column; -1 for the outermost columns, which stay in every fit."""
     order = np.argsort(values, kind="stable")
     # Values that repeat to within a thousandth of the range belong to one column.
-    steps = np.diff(values[order]) > 1e-3 * max(np.ptp(values), np.finfo(float).tiny)
+    jumps = np.diff(values[order]) > 1e-3 * max(np.ptp(values), np.finfo(float).tiny)
     column = np.empty(len(values), dtype=np.int64)
-    column[order] = np.r_[0, np.cumsum(steps)]
+    column[order] = np.r_[0, np.cumsum(jumps)]
     label = (column - 1) % folds
     label[(column == 0) | (column == column.max())] = -1
     return label

@@ -66,14 +66,14 @@ def solve_polynomials(
         ]
     )
     root = np.sqrt(w)
-    solution, inverse = _solve(root[:, None] * D * (size / q_rms), root * table.q_m / q_rms)
+    solution, covariance_root = _solve(root[:, None] * D * (size / q_rms), root * table.q_m / q_rms)
     if solution is None:
         raise CaseError(
             f"{table.source}: the points do not determine all {D.shape[1]} coefficients of degrees "
             f"{degrees}; spread the pressures or lower the degrees"
         )
     theta = solution * size
-    inverse = inverse * (size / q_rms)[:, None]
+    covariance_root = covariance_root * (size / q_rms)[:, None]
     residuals = root * (table.q_m - D @ theta)
     dof = table.n - len(theta)
     sigma = float(np.sqrt(residuals @ residuals / dof))
@@ -82,7 +82,7 @@ def solve_polynomials(
         p_range=table.p_range,
         u_range=table.u_range,
         parameters=_parameters(theta, size, degrees),
-        covariance=sigma**2 * inverse @ inverse.T,
+        covariance=sigma**2 * covariance_root @ covariance_root.T,
         sigma=sigma,
         dof=dof,
     )

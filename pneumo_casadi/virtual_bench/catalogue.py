@@ -32,15 +32,15 @@ EffectRequest = Severity | str | Mapping[str, float]
 
 
 def effects_for(
-    axis: VirtualAxis, asked: Mapping[str, EffectRequest], seed: int | None = None
+    axis: VirtualAxis, requests: Mapping[str, EffectRequest], seed: int | None = None
 ) -> tuple[VirtualEffect, ...]:
-    """Return the effects asked for.
+    """Return the requested effects of an axis.
 
     Parameters
     ----------
     axis : VirtualAxis
         Whose scales count.
-    asked : mapping
+    requests : mapping
         By name of the effect: a `Severity` or its value, or quantities [SI] by name.
     seed : int, optional
         Where given, sizes at a severity are scattered by up to 20 % and signs are drawn.
@@ -53,20 +53,20 @@ def effects_for(
     Examples
     --------
     >>> from pneumo_casadi.virtual_bench import random_axis
-    >>> (found,) = effects_for(random_axis(1), {"backlash": "medium"})
-    >>> found.parameters["gap"], found.form.listed
+    >>> (effect,) = effects_for(random_axis(1), {"backlash": "medium"})
+    >>> effect.parameters["gap"], effect.form.listed
     (0.0004, True)
     """
-    found = []
-    for name, wanted in asked.items():
+    effects = []
+    for name, request in requests.items():
         if name not in FORMS:
             raise ModelError(f"the bench has no effect {name!r}; there are {', '.join(FORMS)}")
         form = FORMS[name]
-        if isinstance(wanted, Mapping):
-            found.append(effect_from_quantities(form, wanted, axis))
+        if isinstance(request, Mapping):
+            effects.append(effect_from_quantities(form, request, axis))
         else:
-            found.append(effect_at_severity(form, severity_of(wanted), axis, seed))
-    return tuple(found)
+            effects.append(effect_at_severity(form, severity_of(request), axis, seed))
+    return tuple(effects)
 
 
 def severity_of(wanted: Severity | str) -> Severity:

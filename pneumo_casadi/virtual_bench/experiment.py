@@ -123,9 +123,9 @@ def _squares(axis: VirtualAxis, t: FloatArray, rng: np.random.Generator) -> Draw
 
 def _chirp_and_squares(axis: VirtualAxis, t: FloatArray, rng: np.random.Generator) -> Drawn:
     half = t.size // 2
-    one, _ = _chirp(axis, t[:half], rng)
-    two, _ = _squares(axis, t[: t.size - half], rng)
-    return np.concatenate([one, two]), _still(t)
+    chirp, _ = _chirp(axis, t[:half], rng)
+    squares, _ = _squares(axis, t[: t.size - half], rng)
+    return np.concatenate([chirp, squares]), _still(t)
 
 
 def _multisine(axis: VirtualAxis, t: FloatArray, rng: np.random.Generator) -> Drawn:
@@ -146,9 +146,9 @@ def _steps(axis: VirtualAxis, t: FloatArray, rng: np.random.Generator) -> Drawn:
 
 def _multisine_and_steps(axis: VirtualAxis, t: FloatArray, rng: np.random.Generator) -> Drawn:
     cut = round(0.6 * t.size)
-    one, _ = _multisine(axis, t[:cut], rng)
-    two, _ = _steps(axis, t[: t.size - cut], rng)
-    return np.concatenate([one, two]), _still(t)
+    multisine, _ = _multisine(axis, t[:cut], rng)
+    levels, _ = _steps(axis, t[: t.size - cut], rng)
+    return np.concatenate([multisine, levels]), _still(t)
 
 
 def _creep(axis: VirtualAxis, t: FloatArray, rng: np.random.Generator) -> Drawn:

@@ -81,9 +81,11 @@ def sanity(axis: VirtualAxis | None = None, seed: int = 0, duration: float = 4.0
     )
 
 
-def mass_error(axis: VirtualAxis, found: Run, hose: float = 0.0, diameter: float = 6e-3) -> float:
+def mass_error(
+    axis: VirtualAxis, simulated: Run, hose: float = 0.0, diameter: float = 6e-3
+) -> float:
     """Return the gap in the balance of mass, of the mean content; hoses of these sizes [m]."""
-    states = found.states
+    states = simulated.states
     cell = pi * diameter**2 / 4 * hose / layout.CELLS
     lines = states[:, [*range(LINE_P, LINE_P + 3), *range(LINE_N, LINE_N + 3)]].sum(axis=1)
     content = states[:, [layout.MASS_P, layout.MASS_N]].sum(axis=1)
@@ -91,12 +93,12 @@ def mass_error(axis: VirtualAxis, found: Run, hose: float = 0.0, diameter: float
     return _gap(content - states[:, layout.IN_MASS]) / float(content.mean())
 
 
-def energy_error(axis: VirtualAxis, found: Run) -> float:
+def energy_error(axis: VirtualAxis, simulated: Run) -> float:
     """Return the gap in the balance of energy, of the largest change that passed the boundary.
 
     Only with the energy balance of the chambers, effect ``heat_transfer``.
     """
-    y = found.states
+    y = simulated.states
     inside = y[:, [layout.GAS_P, layout.GAS_N]].sum(axis=1) + axis.M / 2 * y[:, layout.V] ** 2
     ambient = (axis.S_P - axis.S_N) * axis.p_ext * y[:, layout.X]
     lost = y[:, layout.LOST_WORK] + y[:, layout.LOST_IMPACT]
@@ -108,8 +110,8 @@ def step_errors(axis: VirtualAxis, drive: Excitation) -> list[float]:
     """Return the largest errors of the position with `STEPS`, by the motion."""
 
     def position(step: float) -> FloatArray:
-        found = simulate_axis(axis, drive, (), FS, step=step).states[:, layout.X]
-        return np.asarray(found)
+        x = simulate_axis(axis, drive, (), FS, step=step).states[:, layout.X]
+        return np.asarray(x)
 
     reference = position(STEPS[-1] / 8)
     motion = float(np.ptp(reference))

@@ -105,7 +105,7 @@ def simulate_axis(
         If the run leaves the finite numbers.
     """
     N, dt = drive.x_ref.size, 1.0 / fs
-    steps = max(1, ceil(dt / (step or longest_step(effects)) - 1e-9))
+    substeps = max(1, ceil(dt / (step or longest_step(effects)) - 1e-9))
     par = kernel_parameters(axis, effects)
     sigma = np.array([axis.sensors.p_noise, axis.sensors.p_noise, axis.sensors.x_noise])
     noise = np.random.default_rng([seed, 4]).standard_normal((N, 3)) * sigma
@@ -117,7 +117,7 @@ def simulate_axis(
     if not abs(begin[0]) <= half:
         raise ModelError(f"start at x = {begin[0]:g} m: beyond the end stop at {half:g} m")
     run(
-        par, begin, drive.x_ref, drive.common, noise, dt, steps, round(settling * fs),
+        par, begin, drive.x_ref, drive.common, noise, dt, substeps, round(settling * fs),
         rows, states, modes,
     )  # fmt: skip
     bad = ~np.isfinite(rows).all(axis=1)
@@ -163,15 +163,15 @@ def record(
         With u_P, u_N, p_P, p_N, x and x_ref; u[k] is held from t[k] on, y[k] belongs to t[k].
     """
     drive = experiment.excitation(axis, fs, duration, seed)
-    found = simulate_axis(axis, drive, effects, fs, seed, keep_states=False)
+    simulated = simulate_axis(axis, drive, effects, fs, seed, keep_states=False)
     channels = {
-        channel: np.round(found.rows[:, i], decimals)
+        channel: np.round(simulated.rows[:, i], decimals)
         if axis.sensors.u_quantum
-        else found.rows[:, i]
+        else simulated.rows[:, i]
         for i, (channel, decimals) in enumerate(DECIMALS.items())
     }
     return Recording(
-        found.t, {**channels, "x_ref": drive.x_ref}, name, "virtual bench", InputHold.ZERO
+        simulated.t, {**channels, "x_ref": drive.x_ref}, name, "virtual bench", InputHold.ZERO
     )
 
 

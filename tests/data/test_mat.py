@@ -199,13 +199,13 @@ def test_a_wrong_entry_is_told_with_its_variable_and_unit(tmp_path, entries, mes
             read_columns(tmp_path / "columns.json")
 
 
-def test_the_example_of_the_readme_is_a_columns_file(tmp_path):
-    text = (Path(__file__).parents[2] / "README.md").read_text("utf-8")
-    example = text.split("```json\n")[1].split("```")[0]
+def test_the_example_of_the_guide_is_a_columns_file(tmp_path):
+    text = (Path(__file__).parents[2] / "docs" / "how_to" / "your_data.md").read_text("utf-8")
+    example = text.split("columns.json -->\n```json\n")[1].split("```")[0]
     (tmp_path / "columns.json").write_text(example)
-    found = read_columns(tmp_path / "columns.json")
-    assert found["log.pA"] == (Column("p_P", 1e5, 101325.0),)
-    assert {c.channel for c in found["log.u"]} == {"u_P", "u_N"}
+    columns = read_columns(tmp_path / "columns.json")
+    assert columns["pA"] == (Column("p_P", 1e5, 1e5),)
+    assert {column.channel for column in columns["valve"]} == {"u_P", "u_N"}
 
 
 @pytest.mark.parametrize("text", ["", "[1]", "{'t_s': 'time'}"])

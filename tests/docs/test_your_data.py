@@ -13,7 +13,7 @@ import scipy.io
 
 from pneumo_casadi.data import read_bench, read_case
 from pneumo_casadi.data.bench.bench_file import BENCH_KEYS, CONTROLLERS, NOISE_KEYS
-from pneumo_casadi.data.readers.column_map import CONVERSIONS
+from pneumo_casadi.data.readers.units import SI_FACTORS
 from pneumo_casadi.data.recording.channels import UNITS
 from pneumo_casadi.report.pages.identification_figures import figures_of
 
@@ -112,5 +112,5 @@ def test_every_field_channel_and_unit_is_named():
     assert not [name for name in fields if name not in text]
     assert not [name for name, unit in UNITS.items() if f"`{name}_{unit}`" not in text]
     listed = re.search(r"^Units: (.+?)\.", text, re.MULTILINE | re.DOTALL)[1]
-    known = [unit for units in CONVERSIONS.values() for unit in units]
+    known = [unit for units in SI_FACTORS.values() for unit in units]
     assert sorted(re.findall(r"\w+", listed)) == sorted(known)

@@ -38,11 +38,11 @@ def check_chambers(recording: Recording, bench: Bench) -> tuple[str, ...]:
     signs = chamber_correlations(recording)
     if signs is None or np.abs(signs).min() < CLEAR:
         return (f"{recording.source}: too short or too quiet to tell the chambers apart",)
-    found = f"{recording.source}: rows 1 to {recording.N}: {_measured(signs)}"
+    finding = f"{recording.source}: rows 1 to {recording.N}: {_measured(signs)}"
     command, motion = np.sign(signs[:, 0]), np.sign(signs[:, 1]) * [-1, 1]
     if not (command == command[0]).all() or not (motion == motion[0]).all():
         raise CaseError(
-            f"{found}: the chambers contradict each other; are "
+            f"{finding}: the chambers contradict each other; are "
             "`p_P_Pa` and `p_N_Pa` two sensors, `u_P_V` and `u_N_V` two valves?"
         )
     remedy = {
@@ -51,7 +51,7 @@ def check_chambers(recording: Recording, bench: Bench) -> tuple[str, ...]:
         (1.0, -1.0): "does `x_m` count the wrong way? It must grow as chamber P opens",
     }.get((float(command[0]), float(motion[0])))
     if remedy:
-        raise CaseError(f"{found}, against eq. 1; {remedy}")
+        raise CaseError(f"{finding}, against eq. 1; {remedy}")
     return _check_areas(recording, bench)
 
 
@@ -116,19 +116,19 @@ def _check_areas(recording: Recording, bench: Bench) -> tuple[str, ...]:
         force = S_P * (p_P + offset) - S_N * (p_N + offset) - (S_P - S_N) * bench.p_ext
         return force / (bench.p_supply * max(S_P, S_N))
 
-    found = effort(bench.S_P, bench.S_N)
+    as_given = effort(bench.S_P, bench.S_N)
     swapped = effort(bench.S_N, bench.S_P)
     gauge = effort(bench.S_P, bench.S_N, bench.p_ext)
-    if abs(found) > max(LARGE_EFFORT, OUTWEIGHS * abs(swapped)):
+    if abs(as_given) > max(LARGE_EFFORT, OUTWEIGHS * abs(swapped)):
         raise CaseError(
             f"{recording.source}: the mean effort S_P p_P − S_N p_N − (S_P − S_N) p_ext is "
-            f"{100 * found:.1f} % of the supply force, and {100 * swapped:.1f} % with the areas "
+            f"{100 * as_given:.1f} % of the supply force, and {100 * swapped:.1f} % with the areas "
             f"swapped; are `S_P` = {bench.S_P:g} m² and `S_N` = {bench.S_N:g} m² of the bench "
             "swapped? If a constant load explains it, load with check=False"
         )
-    if abs(found) > max(LARGE_EFFORT / 4, OUTWEIGHS * abs(gauge)):
+    if abs(as_given) > max(LARGE_EFFORT / 4, OUTWEIGHS * abs(gauge)):
         return (
-            f"{recording.source}: the mean effort is {100 * found:.1f} % of the supply force, and "
-            f"{100 * gauge:.1f} % if the pressures are gauge; give absolute pressures",
+            f"{recording.source}: the mean effort is {100 * as_given:.1f} % of the supply force, "
+            f"and {100 * gauge:.1f} % if the pressures are gauge; give absolute pressures",
         )
     return ()

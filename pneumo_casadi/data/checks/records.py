@@ -67,14 +67,14 @@ def _check_channels(recording: Recording, bench: AnyBench) -> None:
 
 
 def _check_clock(recording: Recording, bench: AnyBench) -> None:
-    found, expected = recording.sampling_frequency, bench.sampling_frequency
-    if abs(found / expected - 1) <= CLOCK_TOLERANCE:
+    recorded, expected = recording.sampling_frequency, bench.sampling_frequency
+    if abs(recorded / expected - 1) <= CLOCK_TOLERANCE:
         return
-    if abs(found * 1e3 / expected - 1) <= CLOCK_TOLERANCE:
+    if abs(recorded * 1e3 / expected - 1) <= CLOCK_TOLERANCE:
         remedy = "is `t` in ms?"
     else:
         remedy = "correct `t` or the bench's `sampling_frequency`"
     raise CaseError(
-        f"{recording.source}: `t` steps by {recording.dt:.6g} s, that is {found:.6g} Hz, but the "
-        f"bench samples at {expected:.6g} Hz; {remedy}"
+        f"{recording.source}: `t` steps by {recording.dt:.6g} s, that is {recorded:.6g} Hz, but "
+        f"the bench samples at {expected:.6g} Hz; {remedy}"
     )

@@ -47,8 +47,8 @@ def quantisation_step(values: FloatArray) -> float:
     >>> quantisation_step(np.array([0.0, 0.5, 0.5, 2.0]))
     0.5
     """
-    steps = np.abs(np.diff(values))
-    moved = steps[steps > 1e-12 * np.abs(values).max()]
+    differences = np.abs(np.diff(values))
+    moved = differences[differences > 1e-12 * np.abs(values).max()]
     return float(moved.min()) if moved.size else 0.0
 
 

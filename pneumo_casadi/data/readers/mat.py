@@ -46,7 +46,7 @@ def read_mat(path: Path, wanted: Container[str]) -> tuple[dict[str, FloatArray],
     hdf5 = header.startswith(b"MATLAB") and header[124:] in (b"\x00\x02IM", b"\x02\x00MI")
     reader = _read_hdf5 if hdf5 else _read_classic
     try:
-        found = reader(path)
+        vectors = reader(path)
     except CaseError:
         raise
     except Exception as error:  # a damaged file may raise anything from the parser
@@ -54,9 +54,9 @@ def read_mat(path: Path, wanted: Container[str]) -> tuple[dict[str, FloatArray],
             f"{path}: not a readable MAT file ({' '.join(str(error).split())}); save it again "
             "with '-v7'"
         ) from None
-    leaves = [name.rpartition(".")[2] for name in found]
+    leaves = [name.rpartition(".")[2] for name in vectors]
     columns, names = {}, []
-    for (name, values), leaf in zip(found.items(), leaves, strict=True):
+    for (name, values), leaf in zip(vectors.items(), leaves, strict=True):
         short = name not in wanted and leaf in wanted and leaves.count(leaf) == 1
         names.append(leaf if short else name)
         if names[-1] in wanted and values is not None:

@@ -149,10 +149,10 @@ def _header(path: Path, text: bytes) -> list[str]:
 
 
 def _bad_row(path: Path, header: list[str], error: Exception) -> CaseError:
-    found = re.search(r"in line (\d+), saw (\d+)", str(error))
-    if not found:
+    match = re.search(r"in line (\d+), saw (\d+)", str(error))
+    if not match:
         return CaseError(f"{path}: {_one_line(error)}; export it again")
-    line, cells = (int(group) for group in found.groups())
+    line, cells = (int(group) for group in match.groups())
     return CaseError(
         f"{path}: row {line - CSV_FIRST_LINE + 1} (line {line}) has {cells} cells, line 1 names "
         f"{len(header)} columns; mend the row"

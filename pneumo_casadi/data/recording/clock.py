@@ -46,31 +46,31 @@ def sample_time(t: FloatArray, where: Callable[[int], str]) -> float:
     pneumo_casadi.errors.CaseError: row 4: `t` jumps from 0.2 s to 0.5 s: 2 samples of 0.1 s are
     lost; cut the record there and give the parts as separate files
     """
-    steps = np.diff(t)
-    _check_forward(t, steps, where)
-    dt = _typical(steps)
+    intervals = np.diff(t)
+    _check_forward(t, intervals, where)
+    dt = _typical(intervals)
     rounding = _rounding(t, dt)
-    _check_steps(t, steps, dt, rounding, where)
+    _check_steps(t, intervals, dt, rounding, where)
     _check_wander(t, rounding, where)
     return _slope(t)
 
 
-def _check_forward(t: FloatArray, steps: FloatArray, where: Callable[[int], str]) -> None:
-    wrong = np.flatnonzero(steps <= 0)
+def _check_forward(t: FloatArray, intervals: FloatArray, where: Callable[[int], str]) -> None:
+    wrong = np.flatnonzero(intervals <= 0)
     if wrong.size:
         k = int(wrong[0]) + 1
-        verb = "repeats" if steps[k - 1] == 0 else "runs backward from"
+        verb = "repeats" if intervals[k - 1] == 0 else "runs backward from"
         raise CaseError(
             f"{where(k)}: `t` {verb} {t[k - 1]:.9g} s"
-            + ("" if steps[k - 1] == 0 else f" to {t[k]:.9g} s")
+            + ("" if intervals[k - 1] == 0 else f" to {t[k]:.9g} s")
             + "; remove the repeated rows, or write t with more decimals"
         )
 
 
-def _typical(steps: FloatArray) -> float:
+def _typical(intervals: FloatArray) -> float:
     """Return the mean of the steps near the median: jumps do not move it, rounding averages out."""
-    median = np.median(steps)
-    return float(steps[np.abs(steps - median) < 0.6 * median].mean())
+    median = np.median(intervals)
+    return float(intervals[np.abs(intervals - median) < 0.6 * median].mean())
 
 
 def _rounding(t: FloatArray, dt: float) -> float:
@@ -85,24 +85,24 @@ def _rounding(t: FloatArray, dt: float) -> float:
 
 
 def _check_steps(
-    t: FloatArray, steps: FloatArray, dt: float, rounding: float, where: Callable[[int], str]
+    t: FloatArray, intervals: FloatArray, dt: float, rounding: float, where: Callable[[int], str]
 ) -> None:
-    wrong = np.flatnonzero(np.abs(steps - dt) > JITTER * dt + rounding)
+    wrong = np.flatnonzero(np.abs(intervals - dt) > JITTER * dt + rounding)
     if not wrong.size:
         return
     k = int(wrong[0]) + 1
-    lost = round(float(steps[k - 1]) / dt) - 1
+    lost = round(float(intervals[k - 1]) / dt) - 1
     # Long steps all over are the way the clock goes or is rounded, not lost samples.
-    rare = wrong.size <= max(1, RARE * steps.size)
-    if rare and steps[k - 1] > 1.5 * dt:
+    rare = wrong.size <= max(1, RARE * intervals.size)
+    if rare and intervals[k - 1] > 1.5 * dt:
         raise CaseError(
             f"{where(k)}: `t` jumps from {t[k - 1]:.9g} s to {t[k]:.9g} s: {lost} "
             f"sample{'s' if lost > 1 else ''} of {dt:.6g} s {'are' if lost > 1 else 'is'} lost; "
             "cut the record there and give the parts as separate files"
         )
     raise CaseError(
-        f"{where(k)}: `t` steps by {steps[k - 1]:.6g} s where {dt:.4g} s is usual: the clock is "
-        "irregular; resample to a uniform clock, or write t with more decimals"
+        f"{where(k)}: `t` steps by {intervals[k - 1]:.6g} s where {dt:.4g} s is usual: the clock "
+        "is irregular; resample to a uniform clock, or write t with more decimals"
     )
 
 

@@ -92,11 +92,11 @@ class Hose(Effect):
     def rates(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
         """Let the air in the hose swing; g is m dq/dt."""
         _, m = _times(at)
-        found = {}
+        rates = {}
         for c, q in (("P", entering["line"].P), ("N", entering["line"].N)):
-            found[f"q_{c}"] = at[f"g_{c}"] / m
-            found[f"g_{c}"] = (q - at[f"q_{c}"] - 2 * at["zeta"] * at[f"g_{c}"]) / m
-        return found
+            rates[f"q_{c}"] = at[f"g_{c}"] / m
+            rates[f"g_{c}"] = (q - at[f"q_{c}"] - 2 * at["zeta"] * at[f"g_{c}"]) / m
+        return rates
 
     def outlet(self, p: Pair, at: Scope) -> Pair:
         """Add the pressure that the hose takes."""

@@ -52,7 +52,7 @@ class FlowMapShape(Effect):
 
     def spool(self, u: Pair, at: Scope) -> Pair:
         """Bend the opening."""
-        return Pair(*(_bent(one, at) for one in u))
+        return Pair(*(_bent(command, at) for command in u))
 
     @classmethod
     def on_metered(cls, low: float, high: float) -> EffectFactory:
@@ -101,7 +101,7 @@ class LocalFlowMapShape(FlowMapShape):
 
     def spool(self, u: Pair, at: Scope) -> Pair:
         """Correct the opening."""
-        return Pair(*(one + self.height(one, at) for one in u))
+        return Pair(*(command + self.height(command, at) for command in u))
 
     def height(self, u: Expression, at: Scope) -> Expression:
         """Return h(u) [V]."""

@@ -78,19 +78,21 @@ class ValveDynamics(Effect):
         """Let each spool follow its command."""
         u = entering["spool"]
         slew = at["slew"]
-        found = {}
+        rates = {}
         for c, command in (("P", u.P), ("N", u.N)):
             g = at[f"g_{c}"]
-            found[f"w_{c}"] = g / (1 + (slew * g) ** 2) ** 0.5
-            found[f"g_{c}"] = _acceleration(command, c, at)
-        return found
+            rates[f"w_{c}"] = g / (1 + (slew * g) ** 2) ** 0.5
+            rates[f"g_{c}"] = _acceleration(command, c, at)
+        return rates
 
     def spool(self, u: Pair, at: Scope) -> Pair:
         """Return (1 + n s)² w, which is the command where τ = 0."""
-        n, found = numerator(at["tau"]), []
+        n, positions = numerator(at["tau"]), []
         for c, command in (("P", u.P), ("N", u.N)):
-            found.append(at[f"w_{c}"] + 2 * n * at[f"g_{c}"] + n**2 * _acceleration(command, c, at))
-        return Pair(*found)
+            positions.append(
+                at[f"w_{c}"] + 2 * n * at[f"g_{c}"] + n**2 * _acceleration(command, c, at)
+            )
+        return Pair(*positions)
 
 
 def _acceleration(u: Expression, c: str, at: Scope) -> Expression:

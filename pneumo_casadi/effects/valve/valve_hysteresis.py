@@ -70,22 +70,22 @@ class ValveHysteresis(Effect):
 
     def rates(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
         """Draw the memories along where the command has left their plays."""
-        found = {}
+        rates = {}
         for c, u in zip("PN", entering["spool"], strict=True):
             for i, h in enumerate(_half_widths(at), 1):
                 e = at[f"z_{c}{i}"] - u
-                found[f"z_{c}{i}"] = -(e - _clip(e, h)) / TAU_MEMORY
-        return found
+                rates[f"z_{c}{i}"] = -(e - _clip(e, h)) / TAU_MEMORY
+        return rates
 
     def spool(self, u: Pair, at: Scope) -> Pair:
         """Hold the spool within the plays."""
-        found = []
+        positions = []
         for c, command in zip("PN", u, strict=True):
             within = [
                 _clip(at[f"z_{c}{i}"] - command, h) for i, h in enumerate(_half_widths(at), 1)
             ]
-            found.append(command + sum(within) / 2)
-        return Pair(*found)
+            positions.append(command + sum(within) / 2)
+        return Pair(*positions)
 
 
 def _half_widths(at: Scope) -> tuple[Expression, Expression]:

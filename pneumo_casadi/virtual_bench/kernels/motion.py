@@ -26,8 +26,10 @@ def applied_force(t: float, y: FloatArray, p_P: float, p_N: float, par: Any) -> 
         F -= par.spring_load_k * x * (1.0 + 0.5 * (x / par.half) ** 2)
     if par.elastic_load_m_2 > 0.0:
         omega = 2.0 * pi * par.elastic_load_f
-        pull = omega * omega * (y[X_2] - x) + 2.0 * par.elastic_load_zeta * omega * (y[V_2] - v)
-        F += par.elastic_load_m_2 * pull
+        acceleration = omega * omega * (y[X_2] - x) + 2.0 * par.elastic_load_zeta * omega * (
+            y[V_2] - v
+        )
+        F += par.elastic_load_m_2 * acceleration
     if par.cogging_A > 0.0:
         F += par.cogging_A * sin(2.0 * pi * x / par.cogging_pitch)
     if par.vibration_A > 0.0:

@@ -39,8 +39,8 @@ def port_rates(y: FloatArray, dy: FloatArray, par: Any, q_in: float, q_out: floa
     rT = par.r * par.T
     if par.supply_droop_volume > 0.0:
         dy[P_SUPPLY] = rT / par.supply_droop_volume * (y[Q_REGULATOR] - q_in)
-        asked = max(par.supply_droop_G * (par.p_supply - y[P_SUPPLY]), 0.0)
-        dy[Q_REGULATOR] = (asked - y[Q_REGULATOR]) / TAU_REGULATOR
+        demand = max(par.supply_droop_G * (par.p_supply - y[P_SUPPLY]), 0.0)
+        dy[Q_REGULATOR] = (demand - y[Q_REGULATOR]) / TAU_REGULATOR
     if par.exhaust_restriction_C > 0.0:
         away = restriction(
             par.exhaust_restriction_C, 0.3, 0.5, y[P_EXHAUST], par.T, par.p_ext, par.T

@@ -67,15 +67,17 @@ def control(
 @entry
 def run(
     par: Any, start: FloatArray, x_ref: FloatArray, common: FloatArray, noise: FloatArray,
-    dt: float, steps: int, settling: int, rows: FloatArray, states: FloatArray, modes: FloatArray,
+    dt: float, substeps: int, settling: int, rows: FloatArray, states: FloatArray,
+    modes: FloatArray,
 ) -> None:  # fmt: skip
     """Run the axis under its controller.
 
-    `start` is (x, p_P, p_N); x_ref, common (N,) and noise (N, 3) belong to the samples, `dt` [s]
-    apart and `steps` steps each. The loop runs `settling` samples on the first reference before
-    the record. Fills rows (N, ROW), and states (N, SIZE) and modes (N,) where they have rows.
+    `start` is (x, p_P, p_N). x_ref, common (N,) and noise (N, 3) are given for each sample; the
+    samples are `dt` [s] apart and are integrated in `substeps` steps. Before the record the loop
+    runs for `settling` samples at the first reference. The function fills `rows` (N, ROW), and
+    `states` (N, SIZE) and `modes` (N,) as far as they have rows.
     """
-    h = dt / steps
+    h = dt / substeps
     y = initial_state(start[0], start[1], start[2], par)
     bristles, work = np.zeros(BRISTLES + 1), np.zeros((4, SIZE))
     bristles[BRISTLES] = y[X]
@@ -95,7 +97,7 @@ def run(
             states[k] = y
             modes[k] = mode
         spool_targets(k * dt, row[:2], plays, target, par)
-        for i in range(steps):
+        for i in range(substeps):
             mode = advance(k * dt + i * h, h, y, par, mode, target, bristles, work)
             now += 1
             observe(y, par, memory, past, now, h, shown)

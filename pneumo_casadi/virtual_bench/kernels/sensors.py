@@ -34,12 +34,12 @@ def sensor_values(y: FloatArray, par: Any, memory: FloatArray, past: FloatArray,
 
 
 @kernel
-def delayed(past: FloatArray, now: int, steps: float) -> Any:
-    """Return the position `steps` steps ago [m]; between two of them on the straight line."""
-    whole = int(steps)
-    part = steps - whole
-    one, two = past[(now - whole) % past.size], past[(now - whole - 1) % past.size]
-    return (1.0 - part) * one + part * two
+def delayed(past: FloatArray, now: int, delay: float) -> Any:
+    """Return the position `delay` steps ago [m], interpolated linearly between two steps."""
+    whole = int(delay)
+    part = delay - whole
+    newer, older = past[(now - whole) % past.size], past[(now - whole - 1) % past.size]
+    return (1.0 - part) * newer + part * older
 
 
 @kernel

@@ -121,10 +121,10 @@ def tap_rates(at: int, p: float, y: FloatArray, dy: FloatArray, par: Any) -> Non
 
 
 @kernel
-def copy(one: FloatArray, other: FloatArray) -> None:
+def copy(source: FloatArray, target: FloatArray) -> None:
     """Write a state (SIZE,) over another."""
     for i in range(SIZE):
-        other[i] = one[i]
+        target[i] = source[i]
 
 
 @kernel

@@ -1,29 +1,60 @@
-"""Columns under other names and units: a mapping, or ``columns.json`` in a case folder."""
+"""From a column of a file to a channel in SI units: its name, unit, scale and offset.
+
+The conversion of a column stands in ``columns.json`` of a case folder (`read_columns`), or is given
+as a mapping (`column_map`); `Column.to_si` applies it.
+"""
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from pneumo_casadi.data.bench.quantities import LENGTHS, PRESSURES
-from pneumo_casadi.data.readers.records import COLUMNS, Column
+from pneumo_casadi.data.readers.units import SI_FACTORS
 from pneumo_casadi.data.recording.channels import UNITS
 from pneumo_casadi.errors import CaseError
+from pneumo_casadi.parameters import FloatArray
 
 COLUMNS_FILE = "columns.json"
 
-CONVERSIONS: Mapping[str, Mapping[str, float]] = MappingProxyType(
-    {
-        "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0},
-        "V": {"V": 1.0, "mV": 1e-3},
-        "Pa": {"Pa": 1.0, "hPa": 100.0} | {unit: scale for unit, (scale, _) in PRESSURES.items()},
-        "m": {"m": 1.0, "um": 1e-6} | {unit: scale for unit, (scale, _) in LENGTHS.items()},
-        "N": {"N": 1.0, "kN": 1e3},
-    }
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """The channel that a column of a file holds, and its conversion to SI units.
+
+    Parameters
+    ----------
+    channel : str
+        Symbol of the channel, for example ``"p_P"``.
+    scale, offset : float, optional
+        SI value = scale · value + offset.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> gauge_bar = Column("p_P", scale=1e5, offset=1.013e5)  # to absolute Pa
+    >>> float(gauge_bar.to_si(np.array([6.0]))[0])
+    701300.0
+    """
+
+    channel: str
+    scale: float = 1.0
+    offset: float = 0.0
+
+    def to_si(self, values: FloatArray) -> FloatArray:
+        """Return the values of the column in SI units, for example bar as Pa."""
+        return self.scale * values + self.offset
+
+
+COLUMNS: Mapping[str, Column] = MappingProxyType(
+    {f"{channel}_{unit}": Column(channel) for channel, unit in UNITS.items()}
 )
-"""SI unit of a channel -> units that it may be given in, with their size in it."""
+"""Columns of a case folder: symbol and SI unit, as in ``p_P_Pa``."""
+
+#: A channel whose unit is SI already, a channel with its conversion, or several of these.
+ColumnSpec = str | Column | Sequence[Column]
 
 _KEYS = ("column", "unit", "scale", "offset")
 
@@ -58,15 +89,15 @@ def column_map(entries: Mapping[str, Any]) -> dict[str, tuple[Column, ...]]:
     >>> [column.channel for column in one_command["u"]]
     ['u_P', 'u_N']
     """
-    found: dict[str, tuple[Column, ...]] = {}
+    columns: dict[str, tuple[Column, ...]] = {}
     for ours, entry in entries.items():
         if ours not in COLUMNS:
             raise CaseError(
                 f"`{ours}` is no column of a case folder; known are {', '.join(COLUMNS)}"
             )
         theirs, column = _column(ours, entry)
-        found[theirs] = (*found.get(theirs, ()), column)
-    return found
+        columns[theirs] = (*columns.get(theirs, ()), column)
+    return columns
 
 
 def read_columns(path: str | Path) -> dict[str, tuple[Column, ...]]:
@@ -122,7 +153,7 @@ def _column(ours: str, entry: Any) -> tuple[str, Column]:
     channel = COLUMNS[ours].channel
     scale = _number(ours, "scale", parts.get("scale", 1.0))
     if "unit" in parts:
-        units = CONVERSIONS[UNITS[channel]]
+        units = SI_FACTORS[UNITS[channel]]
         if parts["unit"] not in units:
             raise CaseError(
                 f"`{ours}`: unit {parts['unit']!r} of variable `{parts['column']}` is unknown; "

@@ -1,51 +1,17 @@
-"""From a file of columns to a `Recording` in SI units."""
+"""A recording from a file of columns: the columns are named, and converted to SI units."""
 
 import logging
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from types import MappingProxyType
 
-from pneumo_casadi.data.bench.quantities import LENGTHS, PRESSURES
+from pneumo_casadi.data.readers.columns import COLUMNS, Column, ColumnSpec
 from pneumo_casadi.data.readers.tables import Table, read_table, suffix_of
+from pneumo_casadi.data.readers.units import SI_FACTORS
 from pneumo_casadi.data.recording.channels import UNITS, InputHold
 from pneumo_casadi.data.recording.recording import Recording
 from pneumo_casadi.errors import CaseError
 
 log = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True, slots=True)
-class Column:
-    """What a column of a file is: SI value = scale · value + offset.
-
-    Parameters
-    ----------
-    channel : str
-        Symbol of the channel, for example ``"p_P"``.
-    scale, offset : float, optional
-        Conversion to SI units.
-
-    Examples
-    --------
-    >>> Column("p_P", scale=1e5, offset=1.013e5)  # bar, gauge -> Pa, absolute
-    Column(channel='p_P', scale=100000.0, offset=101300.0)
-    """
-
-    channel: str
-    scale: float = 1.0
-    offset: float = 0.0
-
-
-COLUMNS: Mapping[str, Column] = MappingProxyType(
-    {f"{channel}_{unit}": Column(channel) for channel, unit in UNITS.items()}
-)
-"""Columns of a case folder: symbol and SI unit, as in ``p_P_Pa``."""
-
-#: What a column of a file is taken for: a channel in SI units, a conversion, or several of them.
-ColumnSpec = str | Column | Sequence[Column]
-
-FOREIGN_UNITS = {"ms": (1e-3, 0.0), "us": (1e-6, 0.0), "mV": (1e-3, 0.0), **PRESSURES, **LENGTHS}
 
 
 def read_recording(
@@ -85,8 +51,7 @@ def read_recording(
     table = read_table(path, {*COLUMNS, *(columns or {})})
     meaning = _assign_columns(table, columns or {})
     channels = {
-        column.channel: column.scale * table.columns[file_name] + column.offset
-        for file_name, column in meaning
+        column.channel: column.to_si(table.columns[file_name]) for file_name, column in meaning
     }
     if "t" not in channels:
         raise CaseError(_no_column(table, "t"))
@@ -101,7 +66,7 @@ def _assign_columns(table: Table, columns: Mapping[str, ColumnSpec]) -> list[tup
             raise CaseError(
                 f"{table.path}: no column `{name}`; the file has {', '.join(table.names)}"
             )
-    meaning = [(name, column) for name, entry in columns.items() for column in _columns(entry)]
+    meaning = [(name, column) for name, entry in columns.items() for column in _as_columns(entry)]
     taken = {column.channel for _, column in meaning}
     for name in table.names:
         if name in columns:
@@ -111,14 +76,14 @@ def _assign_columns(table: Table, columns: Mapping[str, ColumnSpec]) -> list[tup
             continue
         _refuse_foreign_unit(table, name)
         log.info("%s: column `%s` is not used", table.path, name)
-    found = [column.channel for _, column in meaning]
-    twice = sorted({channel for channel in found if found.count(channel) > 1})
+    channels = [column.channel for _, column in meaning]
+    twice = sorted({channel for channel in channels if channels.count(channel) > 1})
     if twice:
         raise CaseError(f"{table.path}: two columns for channel {', '.join(twice)}; name one")
     return meaning
 
 
-def _columns(entry: ColumnSpec) -> Sequence[Column]:
+def _as_columns(entry: ColumnSpec) -> Sequence[Column]:
     if isinstance(entry, str):
         return (Column(entry),)
     return (entry,) if isinstance(entry, Column) else entry
@@ -127,12 +92,12 @@ def _columns(entry: ColumnSpec) -> Sequence[Column]:
 def _refuse_foreign_unit(table: Table, name: str) -> None:
     """Refuse a column such as ``p_P_bar``, which must not be passed over as unknown."""
     channel, _, unit = name.rpartition("_")
-    if channel in UNITS and unit in FOREIGN_UNITS:
-        scale, _ = FOREIGN_UNITS[unit]
+    factors = SI_FACTORS[UNITS[channel]] if channel in UNITS else {}
+    if unit in factors and unit != UNITS[channel]:
         raise CaseError(
             f"{table.path}: column `{name}` is in {unit}, expected `{channel}_{UNITS[channel]}`; "
             f"convert it, or read it with columns={{'{name}': Column('{channel}', "
-            f"scale={scale:g})}}"
+            f"scale={factors[unit]:g})}}"
         )
 
 
