@@ -8,7 +8,7 @@ from pathlib import Path
 from pneumo_casadi.data import Case, read_case
 from pneumo_casadi.diagnosis.checks.parameter_checks import check_fit
 from pneumo_casadi.diagnosis.decide.conclusions import separating_experiment, unknown_hint
-from pneumo_casadi.diagnosis.decide.credibility import near_noise, review_verdict
+from pneumo_casadi.diagnosis.decide.decide_verdict import decide_verdict
 from pneumo_casadi.diagnosis.decide.ranking import (
     effects_found,
     in_order_added,
@@ -16,7 +16,6 @@ from pneumo_casadi.diagnosis.decide.ranking import (
     rank_candidates,
 )
 from pneumo_casadi.diagnosis.decide.result import Diagnosis, Verdict
-from pneumo_casadi.diagnosis.decide.verdict import judge
 from pneumo_casadi.diagnosis.locate.evidence import collect_evidence
 from pneumo_casadi.diagnosis.locate.locate import locate
 from pneumo_casadi.diagnosis.locate.unknown_inputs import estimate_unknown_inputs
@@ -124,41 +123,41 @@ def diagnose(
         study, chosen, executor, progress_range(report, 0.02, 0.8), options.keep
     )
     effects = tuple(chosen[name]() for name in selection.chosen)
-    judgement = judge(selection, effects)
     report("parameters and location", 0.82)
     checks = check_fit(study, selection.final, effects)
     known: Catalogue = {**EFFECTS, **chosen}
-    verdict, hidden = review_verdict(judgement, checks, known)
-    named = verdict in (Verdict.EFFECT, Verdict.AMBIGUOUS)
-    apart = named or verdict is Verdict.UNKNOWN or not near_noise(judgement)
+    decision = decide_verdict(selection, effects, checks, known)
     inputs = estimate_unknown_inputs(study, selection.nominal)
     where = locate(
         study,
         selection.nominal,
-        in_order_added(selection, effects) if named else (),
-        selection.final if named else None,
-        gap=apart,
+        in_order_added(selection, effects) if decision.names_effects else (),
+        selection.final if decision.names_effects else None,
+        gap=decision.has_gap,
         inputs=inputs,
         catalogue=known,
     )
     report("simulating the held-out record", 0.88)
-    final = selection.final if apart else selection.nominal
+    final = selection.final if decision.has_gap else selection.nominal
     shown = effects if final is selection.final else ()
     gap, more = simulated_gap(
         selection.simulations, selection.nominal, final, shown, selection.levels
     )
     report("done", 1.0)
-    alike = judgement.alike if named else tuple((name,) for name in hidden)
+    judgement, alternatives = decision.judgement, decision.alternatives
+    unknown = decision.verdict is Verdict.UNKNOWN
     return Diagnosis(
         case=case.name,
-        verdict=verdict,
-        effects=effects_found(study, selection, judgement, chosen) if named else (),
-        ranking=rank_candidates(study, selection, judgement, hidden, chosen),
+        verdict=decision.verdict,
+        effects=effects_found(study, selection, judgement, chosen)
+        if decision.names_effects
+        else (),
+        ranking=rank_candidates(study, selection, judgement, decision.absorbed, chosen),
         where=where,
         gap=gap,
-        ambiguous=alike if len(alike) > 1 or hidden else (),
-        experiment=separating_experiment(alike, chosen),
-        hint=unknown_hint(where, selection, judgement) if verdict is Verdict.UNKNOWN else "",
+        ambiguous=alternatives if len(alternatives) > 1 or decision.absorbed else (),
+        experiment=separating_experiment(alternatives, chosen),
+        hint=unknown_hint(where, selection, judgement) if unknown else "",
         checks=checks,
         notes=(
             *notes,

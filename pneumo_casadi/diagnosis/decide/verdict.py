@@ -1,4 +1,4 @@
-"""From the search to a verdict: probabilities, sets that cannot be told apart, what is unknown."""
+"""From the selection to a verdict: probabilities, and models that fit the data equally well."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from pneumo_casadi.diagnosis.decide.result import Verdict
+from pneumo_casadi.diagnosis.decide.unknown import CLEAR_RESIDUAL, VISIBLE, is_unknown
 from pneumo_casadi.diagnosis.metrics.residual_size import (
-    COARSE_MAP,
     NEAR_NULL,
     gaps,
     residual_rms,
@@ -20,26 +20,20 @@ from pneumo_casadi.diagnosis.select.sensor_effects import CLOSED_SHARE_LEFT
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.parameters import FloatArray
 
-#: Held-out residuals over the noise floor from which a balance has a gap that calls for a cause.
-VISIBLE = COARSE_MAP
-#: Gaps below this share of the largest, in units of their noise floors, are a rest.
-MAIN = 0.3
-#: A gap of which more than this share is left after the best effects has another cause.
-LEFT = 0.5
-#: The same where no effect found could have another form, and residuals over the noise floor from
-#: which that counts: true offsets and leaks leave a twentieth, what is taken for them a tenth.
-LEFT_BY_ONE_FORM, CLEAR = 0.08, 2.5
-#: Probability of the best guess where nothing in the catalogue explains the gap: of 38 such on
+#: Gaps below this share of the largest, in units of their noise floors, are ignored as residual
+#: misfit.
+MAIN_GAP_SHARE = 0.3
+#: Probability of the best model if no effect of the catalogue explains the gap. Of 38 such cases on
 #: the virtual bench, most of them with the cause taken out of the catalogue, one was right.
-GUESS = 0.08
-#: Residuals over the noise floor up to which a model leaves nothing to be explained.
+UNKNOWN_CAUSE_PROBABILITY = 0.08
+#: Residuals over the noise floor up to which a model explains the data completely.
 CLEAN = 1.3
-#: How fast an alternative loses credit with the share of the gain that it misses.
+#: Rate at which the weight of an alternative falls with the share of the gain that it misses.
 SHARPNESS = 25.0
-#: An alternative is in the set that cannot be told apart from this probability on ...
-IN_SET = 0.10
-#: ... and the first one is the verdict from this share of all that the catalogue gets.
-SURE = 0.6
+#: Least probability of a model of the ambiguous set.
+MIN_PROBABILITY_IN_SET = 0.10
+#: Least share of the catalogue's total probability for a verdict of one model alone.
+MIN_SHARE_OF_ONE_MODEL = 0.6
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,9 +43,9 @@ class Judgement:
     Parameters
     ----------
     verdict : Verdict
-        In one word; ``absorbed`` is decided by the parameters, not here.
+        Without the parameter checks; see `review_verdict`.
     alike : tuple of tuple of str
-        Models that explain the data about as well, the best first.
+        Models that explain the data about equally well, the best first.
     probability : mapping of tuple of str to float
         Of every model fitted.
     unexplained : float
@@ -68,34 +62,34 @@ class Judgement:
 
 
 def judge(selection: Selection, effects: Sequence[Effect]) -> Judgement:
-    """Weigh what the search found, given the effects of its final model."""
+    """Return the verdict of a selection, given the effects of its final model."""
     excess = residual_rms(selection.nominal) / selection.levels.noise
     left = unexplained(selection)
-    if not selection.path or left > LEFT or _another(selection, effects, left):
+    if is_unknown(left, bool(selection.path), _one_form_residual(selection, effects)):
         verdict = Verdict.UNKNOWN if np.any(excess > VISIBLE) else Verdict.NONE
-        weights = _weights(selection, selection.chosen, GUESS)
+        weights = _weights(selection, selection.chosen, UNKNOWN_CAUSE_PROBABILITY)
         return Judgement(verdict, (), weights, left, excess)
     trust = _trust(left, selection)
     weights = _weights(selection, selection.chosen, trust)
     order = sorted(weights, key=lambda key: -weights[key])
-    alike = tuple(key for key in order if weights[key] >= IN_SET)
-    sure = weights[selection.chosen] >= SURE * trust
+    alike = tuple(key for key in order if weights[key] >= MIN_PROBABILITY_IN_SET)
+    sure = weights[selection.chosen] >= MIN_SHARE_OF_ONE_MODEL * trust
     return Judgement(Verdict.EFFECT if sure else Verdict.AMBIGUOUS, alike, weights, left, excess)
 
 
-def _another(selection: Selection, effects: Sequence[Effect], left: float) -> bool:
-    """Tell whether effects that have one form only leave what no other form could explain."""
-    clear = bool(np.any(residual_rms(selection.final) > CLEAR * selection.levels.noise))
-    return clear and left > LEFT_BY_ONE_FORM and all(effect.one_form for effect in effects)
+def _one_form_residual(selection: Selection, effects: Sequence[Effect]) -> bool:
+    """Return whether effects with one form only leave residuals clearly above the noise."""
+    clear = np.any(residual_rms(selection.final) > CLEAR_RESIDUAL * selection.levels.noise)
+    return bool(clear) and all(effect.one_form for effect in effects)
 
 
 def unexplained(selection: Selection) -> float:
-    """Return the share of the held-out gap that is left, in the balance with the largest rest.
+    """Return the share of the held-out gap that the final model leaves, in the worst balance.
 
-    Balances with a gap that is small beside the largest do not count, nor mass flows near what a
-    coarse map leaves beside a balance with more: what is left there is told as a rest, not as a
-    reason to doubt. Nor do residuals of effects of sensors, whose gap shows only in simulations:
-    where these have settled it, or have found what acts beside a sensor, it is their share.
+    Balances whose gap is small compared with the largest are ignored. So are mass flow balances
+    near the misfit of a coarse flow map, if another balance has a larger gap. The gap of a sensor
+    effect is visible in simulations only: if simulations have decided the selection, the share of
+    the simulated gap is returned.
     """
     simulated = selection.gap_left.get(selection.chosen, 1.0)
     if simulated < CLOSED_SHARE_LEFT or (
@@ -105,7 +99,7 @@ def unexplained(selection: Selection) -> float:
     before, after = (
         _above(residual_rms(fit), selection) for fit in (selection.nominal, selection.final)
     )
-    main = before > max(MAIN * float(before.max(initial=0.0)), 1e-12)
+    main = before > max(MAIN_GAP_SHARE * float(before.max(initial=0.0)), 1e-12)
     coarse = residual_rms(selection.nominal) < NEAR_NULL * selection.levels.noise
     coarse[-1] = False  # the force has no map
     if np.any(main & ~coarse):
@@ -122,17 +116,17 @@ def _above(rms: FloatArray, selection: Selection) -> FloatArray:
 
 
 def _trust(left: float, selection: Selection) -> float:
-    """Return the probability that the cause is in the catalogue, from what stays unexplained.
+    """Return the probability that the cause is in the catalogue, from the share left.
 
-    Of 134 causes named on the virtual bench, 98 % were right where no balance kept more than what
-    filters and noise leave, 95 % where under a twentieth was left, 72 % where more was.
+    Of 134 causes named on the virtual bench, 98 % were right if no balance kept more than filters
+    and noise leave, 95 % if less than a twentieth of the gap was left, 72 % if more was left.
     """
     clean = bool(np.all(residual_rms(selection.final) < CLEAN * selection.levels.noise))
     return float(np.clip(0.97 - (0.0 if clean else 1.5 * left), 0.75, 0.97))
 
 
 def _weights(selection: Selection, best: Names, trust: float) -> dict[Names, float]:
-    """Share out the trust among models of the size of the best one."""
+    """Distribute a probability among the models with as many effects as the best one."""
     if not best:
         fits = {key: fit for key, fit in selection.fits.items() if len(key) == 1}
         gain = {k: max(selection.nominal.cost - f.cost, 0.0) for k, f in fits.items()}
@@ -150,11 +144,11 @@ def _weights(selection: Selection, best: Names, trust: float) -> dict[Names, flo
 
 
 def missed_gain(selection: Selection, best: Names, other: Names) -> float:
-    """Return the share of the gain that a model of the same size misses.
+    """Return the share of the best model's gain that another model of the same size misses.
 
-    Of the gain of those effects in which the two differ, balance by balance: a weak effect beside
-    a strong one must not be lost in the strong one's gain, and what helps another balance is no
-    rival but may come beside.
+    Only the gain of those effects counts in which the two models differ, so that a strong effect
+    of both does not hide the difference between two weak ones. It counts balance by balance: a
+    gain in another balance does not replace the missing one.
     """
     if other == best:
         return 0.0
@@ -168,7 +162,7 @@ def missed_gain(selection: Selection, best: Names, other: Names) -> float:
 
 
 def _missed_simulated_gain(selection: Selection, best: Names, other: Names) -> float:
-    """Return the same where simulations have decided; a model not refined has gained nothing."""
+    """Return the missed share of the gain in simulations; a model not simulated has no gain."""
     common = tuple(name for name in best if name in other)
     before = selection.trials.get(common, 1.0)
     gain = max(before - selection.trials[best], 1e-9)

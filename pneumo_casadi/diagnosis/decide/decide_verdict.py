@@ -1,0 +1,75 @@
+"""The verdict of a diagnosis, from the selection and the parameter checks."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from pneumo_casadi.diagnosis.decide.credibility import near_noise, review_verdict
+from pneumo_casadi.diagnosis.decide.result import Verdict
+from pneumo_casadi.diagnosis.decide.verdict import Judgement, judge
+from pneumo_casadi.diagnosis.metrics.findings import Check
+from pneumo_casadi.diagnosis.select.fit_ledger import Names
+from pneumo_casadi.diagnosis.select.forward_selection import Selection
+from pneumo_casadi.model.effect import Effect, EffectFactory
+
+
+@dataclass(frozen=True, slots=True)
+class Decision:
+    """A verdict with its grounds.
+
+    Parameters
+    ----------
+    verdict : Verdict
+        Final.
+    judgement : Judgement
+        Verdict and probabilities before the parameter checks.
+    absorbed : tuple of str
+        Effects that the parameters may have absorbed, the most likely first.
+    """
+
+    verdict: Verdict
+    judgement: Judgement
+    absorbed: tuple[str, ...]
+
+    @property
+    def names_effects(self) -> bool:
+        """Whether the effects of the final model are the verdict."""
+        return self.verdict in (Verdict.EFFECT, Verdict.AMBIGUOUS)
+
+    @property
+    def has_gap(self) -> bool:
+        """Whether simulation and measurement disagree by more than noise."""
+        with_gap = self.names_effects or self.verdict is Verdict.UNKNOWN
+        return with_gap or not near_noise(self.judgement)
+
+    @property
+    def alternatives(self) -> tuple[Names, ...]:
+        """Models among which the data cannot decide, the most probable first."""
+        if self.names_effects:
+            return self.judgement.alike
+        return tuple((name,) for name in self.absorbed)
+
+
+def decide_verdict(
+    selection: Selection,
+    effects: Sequence[Effect],
+    checks: Sequence[Check],
+    catalogue: Mapping[str, EffectFactory],
+) -> Decision:
+    """Return the verdict: from the selection first, then reviewed by the parameter checks.
+
+    `is_unknown` decides in both stages when the verdict is ``unknown``.
+
+    Parameters
+    ----------
+    selection : Selection
+        From `select_effects`.
+    effects : sequence of Effect
+        Those of its final model.
+    checks : sequence of Check
+        From `check_fit`, of that model.
+    catalogue : mapping of str to effect class
+        Effects that the parameters may have absorbed.
+    """
+    judgement = judge(selection, effects)
+    verdict, absorbed = review_verdict(judgement, checks, catalogue)
+    return Decision(verdict, judgement, absorbed)

@@ -1,0 +1,53 @@
+"""When the verdict is ``unknown``: the one place where that is decided."""
+
+from pneumo_casadi.diagnosis.metrics.residual_size import COARSE_MAP
+
+#: Held-out residuals over the noise floor from which a balance has a gap that calls for a cause.
+VISIBLE = COARSE_MAP
+#: Share of the gap that the best effects may leave; more has another cause.
+MAX_SHARE_LEFT = 0.5
+#: The same where every effect of the model has one form only, and residuals over the noise floor
+#: from which that counts: true offsets and leaks leave a twentieth, what is taken for them a tenth.
+MAX_SHARE_LEFT_BY_ONE_FORM, CLEAR_RESIDUAL = 0.08, 2.5
+#: The same where the fitted parameters contradict geometry or data sheet.
+MAX_SHARE_LEFT_IMPLAUSIBLE = 0.1
+
+
+def is_unknown(
+    share_left: float,
+    accepted: bool = True,
+    one_form_residual: bool = False,
+    implausible: bool = False,
+) -> bool:
+    """Decide whether the cause of a gap is unknown.
+
+    It is unknown if no effect was accepted, or if the effects of the final model leave too much of
+    the gap. Less may be left if these effects have one form only, so that no other form of them
+    could explain the remainder, and if the fitted parameters are implausible. `judge` asks without
+    the parameters, `review_verdict` with them.
+
+    Parameters
+    ----------
+    share_left : float
+        Share of the held-out gap that the final model leaves in its worst balance; see
+        `unexplained`.
+    accepted : bool, optional
+        Whether the selection accepted an effect.
+    one_form_residual : bool, optional
+        Whether all effects have one form only, and some balance keeps residuals above
+        `CLEAR_RESIDUAL` noise floors.
+    implausible : bool, optional
+        Whether mass or piston areas contradict geometry or data sheet.
+
+    Examples
+    --------
+    >>> is_unknown(0.3), is_unknown(0.6), is_unknown(0.0, accepted=False)
+    (False, True, True)
+    >>> is_unknown(0.3, one_form_residual=True), is_unknown(0.3, implausible=True)
+    (True, True)
+    """
+    if not accepted or share_left > MAX_SHARE_LEFT:
+        return True
+    if one_form_residual and share_left > MAX_SHARE_LEFT_BY_ONE_FORM:
+        return True
+    return implausible and share_left > MAX_SHARE_LEFT_IMPLAUSIBLE
