@@ -41,19 +41,21 @@ def withheld(
     where it was when it is called again with the same folder.
     """
     with guarded(debug, f"what was finished is in {output}: call it again to go on"):
-        from pneumo_casadi.report.figures.studies.withheld import withheld_figure
-        from pneumo_casadi.report.figures.style import png
+        from pneumo_casadi.report.pages.drawing import can_draw
         from pneumo_casadi.report.tables.sealed_check import withheld_table
         from pneumo_casadi.runtime.json_files import write_json
 
         with progress_bar() as report:
             scores = check(output, cases, seed, workers, duration, report, rivals)
         show(withheld_table(scores))
-        target = output / "withheld.png"
-        target.write_bytes(png(withheld_figure(scores)))
+        if can_draw():
+            from pneumo_casadi.report.figures.studies.withheld import withheld_figure
+            from pneumo_casadi.report.figures.style import png
+
+            (output / "withheld.png").write_bytes(png(withheld_figure(scores)))
         if json_file is not None:
             write_json(scores, json_file)
-        say(f"\nscores: {output / 'scores.json'}\nfigure: {target}")
+        say(f"\nscores: {output / 'scores.json'}")
 
 
 def check(

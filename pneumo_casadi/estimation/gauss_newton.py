@@ -36,7 +36,7 @@ class Damping:
     trust : float
         Share above which λ falls.
     fall, grow : float
-        Factors of λ after a trusted and after a rejected step.
+        λ is divided by `fall` after a trusted step, and multiplied by `grow` after a rejected one.
     least, most : float
         λ never falls below `least`; beyond `most` no step helps.
     least_after_rejection : float
@@ -60,11 +60,11 @@ class Damping:
 
         Examples
         --------
-        >>> schedule = Damping(start=1e-3, accept=0.1, trust=0.5, fall=0.2, grow=5.0)
+        >>> schedule = Damping(start=1e-3, accept=0.1, trust=0.5, fall=5.0, grow=5.0)
         >>> schedule.after(np.full(3, 1.0), np.array([0.9, 0.3, -2.0]))
         array([0.2, 1. , 5. ])
         """
-        fallen = np.maximum(self.least, damping * self.fall)
+        fallen = np.maximum(self.least, damping / self.fall)
         risen = np.maximum(damping * self.grow, self.least_after_rejection)
         rejected = ~(np.asarray(share) > self.accept)  # a share that is no number is rejected
         return np.where(share > self.trust, fallen, np.where(rejected, risen, damping))

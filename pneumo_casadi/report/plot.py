@@ -13,8 +13,6 @@ With ``result = pc.identify(pc.example_case())``:
 
 from collections.abc import Sequence
 
-from matplotlib.figure import Figure
-
 from pneumo_casadi.data import UNITS, Recording
 from pneumo_casadi.design import Design
 from pneumo_casadi.diagnosis import Diagnosis
@@ -38,7 +36,15 @@ from pneumo_casadi.report.figures.identification.regressor import regressor_figu
 from pneumo_casadi.report.figures.identification.residuals import fit_figure, residual_figure
 from pneumo_casadi.report.figures.identification.validation import validation_figure
 from pneumo_casadi.report.figures.studies.design import design_figure
-from pneumo_casadi.report.figures.style import LINE, MEASURED, axis_label, dress, new_figure, thin
+from pneumo_casadi.report.figures.style import (
+    LINE,
+    MEASURED,
+    Figure,
+    axis_label,
+    dress,
+    new_figure,
+    thin,
+)
 from pneumo_casadi.validation import Validation
 from pneumo_casadi.valve import FlowMap, FlowModel
 

@@ -31,7 +31,8 @@ def result(quick, tmp_path_factory) -> Path:
 def one_figure(monkeypatch):
     """Draw one figure only: what is tested is the folder."""
     monkeypatch.setattr(
-        "pneumo_casadi.report.pages.write.figures_of", lambda found: islice(figures_of(found), 1)
+        "pneumo_casadi.report.pages.identification_figures.figures_of",
+        lambda found: islice(figures_of(found), 1),
     )
 
 

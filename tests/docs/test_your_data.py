@@ -62,7 +62,7 @@ def logs(embedded, tmp_path_factory):
 def ran(logs):
     with pytest.MonkeyPatch.context() as patch:  # one figure: figures have tests of their own
         patch.setattr(
-            "pneumo_casadi.report.pages.write.figures_of",
+            "pneumo_casadi.report.pages.identification_figures.figures_of",
             lambda found: islice(figures_of(found), 1),
         )
         return guide.run(PAGE, logs)

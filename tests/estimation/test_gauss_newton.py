@@ -9,7 +9,7 @@ from scipy.optimize import least_squares, lsq_linear
 
 from pneumo_casadi.estimation.gauss_newton import Damping, Status, minimise, minimise_in_box
 
-SCHEDULE = Damping(start=1e-3, accept=1e-3, trust=0.5, fall=0.2, grow=5.0, most=1e9)
+SCHEDULE = Damping(start=1e-3, accept=1e-3, trust=0.5, fall=5.0, grow=5.0, most=1e9)
 
 
 @dataclass(frozen=True)

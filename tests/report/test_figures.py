@@ -23,6 +23,7 @@ from pneumo_casadi.report.figures.identification.identifiability import profile_
 from pneumo_casadi.report.figures.studies.withheld import withheld_figure
 from pneumo_casadi.report.figures.style import COLUMN, MM, PAGE, png, symbol
 from pneumo_casadi.report.pages.identification_figures import figures_of
+from pneumo_casadi.report.pages.write import write_identification
 from pneumo_casadi.valve import fit_polynomials
 
 #: Figures whose vertical axis holds names.
@@ -217,3 +218,28 @@ def test_a_scattered_flow_map_is_drawn_too(quick):
     model = fit_polynomials(table)
     assert png(flow_map_figure(table, model)).startswith(b"\x89PNG")
     assert png(residual_map_figure(table, model)).startswith(b"\x89PNG")
+
+
+def test_without_matplotlib_a_report_has_its_tables_and_names_the_extra(
+    quick, tmp_path, monkeypatch, caplog
+):
+    monkeypatch.setattr("pneumo_casadi.report.pages.drawing.find_spec", lambda name: None)
+    folder = write_identification(quick, tmp_path / "report")
+    assert list((folder / "figures").iterdir()) == []
+    page = (folder / "report.html").read_text("utf-8")
+    assert "<img" not in page
+    assert "pneumo-casadi[plot]" in page and "pneumo-casadi[plot]" in caplog.text
+    assert "X_s1" in page
+
+
+def test_plots_without_matplotlib_name_the_extra():
+    code = (
+        "import sys; sys.modules['matplotlib'] = None\n"
+        "import importlib.util as u; known = u.find_spec\n"
+        "u.find_spec = lambda name, *a: None if name == 'matplotlib' else known(name, *a)\n"
+        "import pneumo_casadi as pc\n"
+        "try:\n    pc.plot\n"
+        "except pc.errors.MissingExtraError as error:\n    print(error)\n"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert "pip install 'pneumo-casadi[plot]'" in run.stdout

@@ -28,7 +28,7 @@ SETTLED = 1e-4
 #: Share of its windows still at work below which a problem is written anew for these alone.
 SHRUNK = 0.75
 #: Any step that lowers the cost of a window is accepted.
-DAMPING = Damping(start=1e-3, accept=0.0, trust=0.0, fall=0.2, grow=10.0, most=1e8)
+DAMPING = Damping(start=1e-3, accept=0.0, trust=0.0, fall=5.0, grow=10.0, most=1e8)
 
 
 def estimate_initial_states(

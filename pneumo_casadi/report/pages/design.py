@@ -6,8 +6,7 @@ import numpy as np
 import pandas as pd
 
 from pneumo_casadi.design import COMMON, KINDS, Design, Part, Precision
-from pneumo_casadi.report.figures.studies.design import design_figure
-from pneumo_casadi.report.figures.style import png
+from pneumo_casadi.report.pages.drawing import can_draw
 from pneumo_casadi.report.pages.write import Kind, folder_in_one_step
 from pneumo_casadi.report.tables.results import Table, exponent_of, value_text
 from pneumo_casadi.report.text.identification import render
@@ -41,7 +40,11 @@ def write_design(design: Design, folder: str | Path) -> Path:
         frame.to_csv(draft / "reference.csv", index=False, lineterminator="\n")
         write_json(design.as_dict(), draft / "design.json")
         (draft / "design.txt").write_text(design_text(design) + "\n", "utf-8")
-        (draft / "design.png").write_bytes(png(design_figure(design)))
+        if can_draw():
+            from pneumo_casadi.report.figures.studies.design import design_figure
+            from pneumo_casadi.report.figures.style import png
+
+            (draft / "design.png").write_bytes(png(design_figure(design)))
     return Path(folder)
 
 

@@ -7,8 +7,7 @@ from typing import Any
 
 from pneumo_casadi.diagnosis import Diagnosis, Verdict
 from pneumo_casadi.effects import EFFECTS
-from pneumo_casadi.report.figures.style import png, svg
-from pneumo_casadi.report.pages.diagnosis_figures import diagnosis_figures
+from pneumo_casadi.report.pages.drawing import can_draw
 from pneumo_casadi.report.pages.identification import Picture, page
 from pneumo_casadi.report.pages.write import Kind, folder_in_one_step
 from pneumo_casadi.report.tables.diagnosis import (
@@ -183,13 +182,23 @@ def write_diagnosis(
     with folder_in_one_step(folder, Kind.DIAGNOSIS) as draft:
         write_json(diagnosis.as_dict() | known, draft / "diagnosis.json")
         (draft / "summary.txt").write_text(summary_text(diagnosis, catalogue), "utf-8")
-        (draft / "figures").mkdir()
-        pictures = []
-        for drawn in diagnosis_figures(diagnosis):
-            picture = Picture(drawn.name, svg(drawn.figure), drawn.caption)
-            (draft / "figures" / f"{drawn.name}.png").write_bytes(png(drawn.figure))
-            (draft / "figures" / f"{drawn.name}.svg").write_bytes(picture.content)
-            pictures.append(picture)
+        pictures = _save_figures(diagnosis, draft / "figures")
         html = diagnosis_html(diagnosis, pictures, catalogue, provenance)
         (draft / "report.html").write_text(html, "utf-8")
     return Path(folder)
+
+
+def _save_figures(diagnosis: Diagnosis, folder: Path) -> list[Picture]:
+    """Save the figures as PNG and SVG; none without matplotlib."""
+    folder.mkdir()
+    if not can_draw():
+        return []
+    from pneumo_casadi.report.pages.diagnosis_figures import diagnosis_figures
+
+    pictures = []
+    for drawn in diagnosis_figures(diagnosis):
+        picture = Picture(drawn.name, drawn.svg(), drawn.caption)
+        (folder / f"{drawn.name}.png").write_bytes(drawn.png())
+        (folder / f"{drawn.name}.svg").write_bytes(picture.content)
+        pictures.append(picture)
+    return pictures

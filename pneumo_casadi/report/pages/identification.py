@@ -11,6 +11,7 @@ from pneumo_casadi.estimation.output_error import OutputErrorResult
 from pneumo_casadi.estimation.wls import format_table
 from pneumo_casadi.identification.identify import Identification
 from pneumo_casadi.identification.result_file import identification_provenance
+from pneumo_casadi.report.pages.drawing import NOT_DRAWN, can_draw
 from pneumo_casadi.report.tables.content import all_tables
 from pneumo_casadi.report.tables.results import Table
 
@@ -110,6 +111,7 @@ def page(template: str, **content: Any) -> str:
         trim_blocks=True,
         finalize=_unbroken,
     )
+    content["not_drawn"] = "" if can_draw() else NOT_DRAWN
     return environment.get_template(template).render(**content).lstrip()
 
 

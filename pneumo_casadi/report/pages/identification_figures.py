@@ -3,8 +3,6 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from matplotlib.figure import Figure
-
 from pneumo_casadi.identification.identify import Identification
 from pneumo_casadi.report.figures.identification.cross_validation import cross_validation_figure
 from pneumo_casadi.report.figures.identification.flow_map import (
@@ -17,6 +15,7 @@ from pneumo_casadi.report.figures.identification.parameters import correlation_f
 from pneumo_casadi.report.figures.identification.regressor import regressor_figure
 from pneumo_casadi.report.figures.identification.residuals import fit_figure, residual_figure
 from pneumo_casadi.report.figures.identification.validation import validation_figure
+from pneumo_casadi.report.figures.style import Figure, png, svg
 from pneumo_casadi.validation import Validation
 
 
@@ -37,6 +36,14 @@ class Drawn:
     name: str
     figure: Figure
     caption: str
+
+    def png(self) -> bytes:
+        """Return the figure as a PNG file."""
+        return png(self.figure)
+
+    def svg(self) -> bytes:
+        """Return the figure as an SVG file."""
+        return svg(self.figure)
 
 
 def figures_of(identification: Identification) -> Iterator[Drawn]:

@@ -4,6 +4,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from enum import Enum
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.identification.identify import Identification
@@ -13,15 +14,17 @@ from pneumo_casadi.identification.trajectory_file import (
     trajectory_frame,
     write_frames,
 )
-from pneumo_casadi.report.figures.style import png
+from pneumo_casadi.report.pages.drawing import can_draw
 from pneumo_casadi.report.pages.identification import Picture, html_report
-from pneumo_casadi.report.pages.identification_figures import Drawn, figures_of, validation_figures
 from pneumo_casadi.report.tables.results import validation_table
 from pneumo_casadi.report.text.identification import render, text_report
 from pneumo_casadi.runtime.atomic_files import atomic_folder
 from pneumo_casadi.runtime.json_files import write_json
 from pneumo_casadi.runtime.progress import Progress, no_progress
 from pneumo_casadi.validation import Validation
+
+if TYPE_CHECKING:
+    from pneumo_casadi.report.pages.identification_figures import Drawn
 
 
 class Kind(Enum):
@@ -72,7 +75,7 @@ def write_identification(
         write_json(result_dict(identification), draft / "result.json")
         (draft / "table.txt").write_text(text_report(identification, paper), "utf-8")
         report("figures", 0.1)
-        pictures = _save(figures_of(identification), draft / "figures")
+        pictures = _save(_figures_of(identification), draft / "figures")
         (draft / "report.html").write_text(html_report(identification, pictures, paper), "utf-8")
     report("done", 1.0)
     return Path(folder)
@@ -83,7 +86,7 @@ def write_validation(validation: Validation, folder: str | Path) -> Path:
     with folder_in_one_step(folder, Kind.VALIDATION) as draft:
         write_json({"validation": validation_dict(validation)}, draft / "result.json")
         (draft / "table.txt").write_text(render(validation_table(validation)) + "\n", "utf-8")
-        _save(validation_figures(validation), draft / "figures")
+        _save(_figures_of(validation), draft / "figures")
     return Path(folder)
 
 
@@ -114,11 +117,22 @@ def check_replaceable(folder: str | Path, kind: Kind) -> None:
         )
 
 
-def _save(figures: Iterable[Drawn], folder: Path) -> list[Picture]:
+def _figures_of(result: Identification | Validation) -> "Iterable[Drawn]":
+    """Return the figures of a result; none without matplotlib."""
+    if not can_draw():
+        return ()
+    from pneumo_casadi.report.pages.identification_figures import figures_of, validation_figures
+
+    if isinstance(result, Validation):
+        return validation_figures(result)
+    return figures_of(result)
+
+
+def _save(figures: "Iterable[Drawn]", folder: Path) -> list[Picture]:
     folder.mkdir()
     pictures = []
     for drawn in figures:
-        picture = Picture(drawn.name, png(drawn.figure), drawn.caption)
+        picture = Picture(drawn.name, drawn.png(), drawn.caption)
         (folder / f"{picture.name}.png").write_bytes(picture.content)
         pictures.append(picture)
     return pictures

@@ -20,7 +20,7 @@ from pneumo_casadi.estimation.output_error.solvers.condensed_step import (
 from pneumo_casadi.estimation.output_error.solvers.solution import Solution, misfit, residual_sigma
 from pneumo_casadi.parameters import FloatArray
 
-DAMPING = Damping(start=1e-3, accept=1e-3, trust=0.5, fall=0.2, grow=5.0, least=1e-9, most=1e9)
+DAMPING = Damping(start=1e-3, accept=1e-3, trust=0.5, fall=5.0, grow=5.0, least=1e-9, most=1e9)
 #: A small step counts as converged only where λ is at most this multiple of its start.
 MAX_SETTLED_DAMPING = 100.0
 #: Where sticking makes the cost rough, the iteration ends once so many accepted steps together

@@ -1,0 +1,16 @@
+"""Whether figures can be drawn: matplotlib is an extra."""
+
+import logging
+from importlib.util import find_spec
+
+NOT_DRAWN = "no figures: matplotlib is not installed; pip install 'pneumo-casadi[plot]'"
+
+log = logging.getLogger(__name__)
+
+
+def can_draw() -> bool:
+    """Tell whether matplotlib is installed, without importing it; if not, log the remedy."""
+    if find_spec("matplotlib") is not None:
+        return True
+    log.warning(NOT_DRAWN)
+    return False
