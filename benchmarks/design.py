@@ -39,7 +39,8 @@ from pneumo_casadi.design import (
 from pneumo_casadi.diagnosis import Diagnosis, diagnose
 from pneumo_casadi.diagnosis.metrics.findings import joined_names
 from pneumo_casadi.estimation.output_error import OutputErrorOptions, OutputErrorResult
-from pneumo_casadi.identification.identify import IdentifyOptions, identify
+from pneumo_casadi.identification.identify import identify
+from pneumo_casadi.identification.options import IdentifyOptions
 from pneumo_casadi.valve import FlowForm
 from pneumo_casadi.virtual_bench import Excitation, SyntheticCase, make_case, record
 

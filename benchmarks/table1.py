@@ -11,7 +11,8 @@ from typing import Any
 
 import provenance
 
-from pneumo_casadi.identification.identify import IdentifyOptions, identify
+from pneumo_casadi.identification.identify import identify
+from pneumo_casadi.identification.options import IdentifyOptions
 from pneumo_casadi.report.tables import paper
 from pneumo_casadi.valve import PAPER_DEGREES, FlowForm
 

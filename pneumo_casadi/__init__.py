@@ -25,7 +25,9 @@ _SOURCES = {
     "estimation.output_error": ("OutputErrorOptions", "fit_output_error"),
     "estimation.wls": ("fit_wls",),
     "export": ("export_model", "read_model"),
-    "identification.identify": ("Identification", "IdentifyOptions", "identify"),
+    "identification.identify": ("identify",),
+    "identification.options": ("IdentifyOptions",),
+    "identification.result": ("Identification",),
     "model.effect": ("Effect",),
     "model.servosystem": ("Servosystem",),
     "model.simulation": ("simulate", "simulate_closed_loop"),
@@ -85,7 +87,9 @@ if TYPE_CHECKING:
     from pneumo_casadi.estimation.output_error import OutputErrorOptions, fit_output_error
     from pneumo_casadi.estimation.wls import fit_wls
     from pneumo_casadi.export import export_model, read_model
-    from pneumo_casadi.identification.identify import Identification, IdentifyOptions, identify
+    from pneumo_casadi.identification.identify import identify
+    from pneumo_casadi.identification.options import IdentifyOptions
+    from pneumo_casadi.identification.result import Identification
     from pneumo_casadi.model.effect import Effect
     from pneumo_casadi.model.servosystem import Servosystem
     from pneumo_casadi.model.simulation import simulate, simulate_closed_loop

@@ -64,7 +64,8 @@ def design(
 
         from pneumo_casadi.data import read_case
         from pneumo_casadi.design import Criterion, ExperimentRequest, design_experiment
-        from pneumo_casadi.identification.identify import IdentifyOptions, identify
+        from pneumo_casadi.identification.identify import identify
+        from pneumo_casadi.identification.options import IdentifyOptions
         from pneumo_casadi.report.pages.design import design_text, write_design
         from pneumo_casadi.report.pages.write import Kind, check_replaceable
         from pneumo_casadi.runtime.json_files import write_json

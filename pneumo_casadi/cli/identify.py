@@ -19,7 +19,7 @@ from pneumo_casadi.cli.options import (
 from pneumo_casadi.cli.terminal import guarded, progress_bar, say, show, width
 
 if TYPE_CHECKING:
-    from pneumo_casadi.identification.identify import IdentifyOptions
+    from pneumo_casadi.identification.options import IdentifyOptions
 
 Start = Annotated[
     float | None, typer.Option("--start", help="Identify on the records from this time on [s].")
@@ -39,7 +39,7 @@ def demo(
     """
     with guarded(debug):
         from pneumo_casadi.data import EXAMPLE
-        from pneumo_casadi.identification.identify import IdentifyOptions
+        from pneumo_casadi.identification.options import IdentifyOptions
         from pneumo_casadi.valve import PAPER_DEGREES, FlowForm
 
         as_published = IdentifyOptions(FlowForm.POLYNOMIALS, PAPER_DEGREES)
@@ -84,7 +84,7 @@ def identify(
     """
     with guarded(debug):
         from pneumo_casadi.estimation.output_error import Method, OutputErrorOptions
-        from pneumo_casadi.identification.identify import IdentifyOptions
+        from pneumo_casadi.identification.options import IdentifyOptions
 
         options = IdentifyOptions(
             flow_form=flow.form,

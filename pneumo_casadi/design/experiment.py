@@ -12,8 +12,8 @@ from pneumo_casadi.errors import ModelError
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.balances import external_force, pressure_force
 from pneumo_casadi.model.compilation import compile_functions
-from pneumo_casadi.model.effect import Pair
 from pneumo_casadi.model.integration import Stepping, accumulate, step_function, substeps_for
+from pneumo_casadi.model.junctions import Pair
 from pneumo_casadi.model.sampled_axis import SampledAxis
 from pneumo_casadi.parameters import FloatArray
 

@@ -14,7 +14,8 @@ from pneumo_casadi.design.separation import design_to_separate
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.errors import CaseError, FitError
 from pneumo_casadi.estimation.output_error import OutputErrorResult, fit_output_error
-from pneumo_casadi.identification.identify import Identification, output_error_options
+from pneumo_casadi.identification.options import output_error_options
+from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.runtime.progress import Progress, no_progress, progress_range
 from pneumo_casadi.valve import FlowMap

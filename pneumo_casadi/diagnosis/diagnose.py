@@ -27,10 +27,8 @@ from pneumo_casadi.diagnosis.prepare.prepare_study import applicable, prepare_st
 from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue
 from pneumo_casadi.diagnosis.select.forward_selection import select_effects
 from pneumo_casadi.effects import EFFECTS
-from pneumo_casadi.identification.identify import (
-    IdentifyOptions,
-    resolve_flow_form,
-)
+from pneumo_casadi.identification.flow_form import resolve_flow_form
+from pneumo_casadi.identification.options import IdentifyOptions
 from pneumo_casadi.runtime.progress import Progress, no_progress, progress_range
 from pneumo_casadi.runtime.threads import one_thread
 from pneumo_casadi.valve import FlowForm

@@ -11,7 +11,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from pneumo_casadi.model.effect import Effect, Expression, Pair, Scope
+from pneumo_casadi.model.effect import Effect, Scope
+from pneumo_casadi.model.junctions import Expression, Pair
 from pneumo_casadi.parameters import FloatArray, Parameters
 from pneumo_casadi.valve import FlowMap
 

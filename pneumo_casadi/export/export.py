@@ -10,7 +10,7 @@ from pneumo_casadi.export.casadi_functions import write_functions
 from pneumo_casadi.export.fmu import write_fmu
 from pneumo_casadi.export.linear import write_state_space
 from pneumo_casadi.export.model import IdentifiedModel, identified_model, read_model, write_model
-from pneumo_casadi.identification.identify import Identification
+from pneumo_casadi.identification.result import Identification
 
 
 class Format(Enum):

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from pneumo_casadi.errors import CaseError, ModelError
-from pneumo_casadi.identification.identify import Identification
 from pneumo_casadi.identification.model_file import axis_dict, axis_from_dict
+from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.identification.result_file import result_dict
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.integration import substeps_for

@@ -3,187 +3,34 @@
 import json
 import logging
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
-import pandas as pd
-
-from pneumo_casadi.data import Bench, Case, Recording, read_case
+from pneumo_casadi.data import Case, Recording, read_case
 from pneumo_casadi.errors import CaseError, ModelError
 from pneumo_casadi.estimation.output_error import (
-    OutputErrorOptions,
-    OutputErrorResult,
     fit_output_error,
 )
-from pneumo_casadi.estimation.uncertainty import Identifiability, Optimum, analyse_identifiability
-from pneumo_casadi.estimation.wls import Prediction, WLSResult, cross_validate, fit_wls
-from pneumo_casadi.identification.warnings import ResultWarning, result_warnings
+from pneumo_casadi.estimation.uncertainty import Optimum, analyse_identifiability
+from pneumo_casadi.estimation.wls import Prediction, cross_validate, fit_wls
+from pneumo_casadi.identification.flow_form import read_flow, resolve_flow_form
+from pneumo_casadi.identification.options import IdentifyOptions, output_error_options
+from pneumo_casadi.identification.result import Identification
+from pneumo_casadi.identification.warnings import result_warnings
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.servosystem import nominal_axis
-from pneumo_casadi.runtime.presentation import Presentable
 from pneumo_casadi.runtime.progress import Progress, no_progress, progress_range
 from pneumo_casadi.runtime.threads import one_thread
-from pneumo_casadi.validation import Validation, validate
+from pneumo_casadi.validation import validate
 from pneumo_casadi.valve import (
-    PAPER_DEGREES,
-    FlowForm,
-    FlowMap,
     FlowModel,
-    FormSelection,
-    choose_flow_form,
-    fit_iso6358,
-    fit_polynomials,
-    fit_spline,
-    read_flow_map,
 )
 
 logger = logging.getLogger(__name__)
 
 
-#: A force-driven axis has no chambers to hold it: over a whole record its open-loop position
-#: drifts away with the square of the time, so it is fitted over windows of this length [s].
-FORCE_WINDOW = 0.5
-
 #: Shares of the work at which the stages begin.
 _SHARES = {"flow": 0.0, "wls": 0.02, "output_error": 0.08, "validation": 0.65, "done": 1.0}
-
-
-@dataclass(frozen=True, slots=True)
-class IdentifyOptions:
-    """What may be chosen in an identification.
-
-    Parameters
-    ----------
-    flow_form : FlowForm, optional
-        Form of the flow map; by default the one that `choose_flow_form` finds.
-    degrees : tuple of int, optional
-        Degrees of φ, ψ (u > 0) and ψ (u < 0) in eq. 12; by default chosen by cross-validation, or
-        (7, 7, 4) as in the paper where `flow_form` asks for the polynomials.
-    refine_flow : bool
-        Whether the coefficients of the flow map are refined together with the parameters,
-        anchored by its measured points.
-    start, end : float, optional
-        Part of each record to identify on [s, on its own clock]; by default all of it.
-    output_error : OutputErrorOptions, optional
-        Set-up of the output-error fit; by default whole records, or windows of 0.5 s for a
-        force-driven axis in open loop.
-    windows : tuple of float
-        Lengths of the validation windows [s].
-    identifiability : bool
-        Whether it is worked out what informs each parameter, and what stands for what.
-
-    Examples
-    --------
-    Eq. 12 with the degrees of the paper, on ten seconds of each record:
-
-    >>> options = IdentifyOptions(FlowForm.POLYNOMIALS, degrees=(7, 7, 4), start=5.0, end=15.0)
-    >>> options.refine_flow, options.windows
-    (True, (0.1, 0.5, 2.0))
-    """
-
-    flow_form: FlowForm | None = None
-    degrees: tuple[int, int, int] | None = None
-    refine_flow: bool = True
-    start: float | None = None
-    end: float | None = None
-    output_error: OutputErrorOptions | None = None
-    windows: tuple[float, ...] = (0.1, 0.5, 2.0)
-    identifiability: bool = False
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Identification(Presentable):
-    """An axis identified from a case, with all that a report needs.
-
-    Parameters
-    ----------
-    case : Case
-        What was measured.
-    options : IdentifyOptions
-        What was chosen, with the form of the flow map that was used.
-    records : tuple of Recording
-        Those used, cut as the options ask.
-    flow_map : FlowMap or None
-        Measured static map; None for a force-driven axis.
-    flow : FlowModel or None
-        The form fitted to the map alone, before any trajectory is seen.
-    flow_selection : FormSelection or None
-        How that form was chosen; None for a force-driven axis.
-    wls : WLSResult
-        Weighted least squares.
-    output_error : OutputErrorResult
-        Output error, started from `wls`.
-    predictions : tuple of Prediction
-        Flows and effort predicted by `wls` on the held-out records.
-    validation : Validation or None
-        Simulations beside the held-out records; None where the case has none.
-    truth : mapping of str to float, or None
-        True parameters where they are known: ``truth.json`` in the case folder.
-    warnings : tuple of ResultWarning
-        What the reader must know before using the numbers.
-    identifiability : Identifiability or None
-        Where it was asked for.
-    seconds : float
-        Time that it took.
-
-    Examples
-    --------
-    With ``result = pc.identify(pc.example_case())``:
-
-    >>> print(result.summary().splitlines()[0])
-    Identification of table1: output error converged, cost ...; ... warnings (see .warnings)
-    >>> frame = result.to_frame()
-    >>> bool(abs(frame.output_error["M"] / frame.truth["M"] - 1) < 0.01)
-    True
-    """
-
-    case: Case
-    options: IdentifyOptions
-    records: tuple[Recording, ...]
-    flow_map: FlowMap | None
-    flow: FlowModel | None
-    flow_selection: FormSelection | None
-    wls: WLSResult
-    output_error: OutputErrorResult
-    predictions: tuple[Prediction, ...]
-    validation: Validation | None
-    truth: Mapping[str, float] | None
-    warnings: tuple[ResultWarning, ...]
-    identifiability: Identifiability | None
-    seconds: float
-
-    @property
-    def axis(self) -> Axis:
-        """The identified axis."""
-        return self.output_error.axis
-
-    @property
-    def headline(self) -> str:
-        """Case, status of the fit, and how many warnings there are."""
-        fit = self.output_error
-        return (
-            f"Identification of {self.case.name}: output error {fit.status}, cost {fit.cost:.5g}; "
-            f"{len(self.warnings)} warnings (see .warnings)"
-        )
-
-    def to_frame(self) -> pd.DataFrame:
-        """Return one row a parameter: WLS and output error with robust std, truth if known [SI]."""
-        wls, fit = self.wls.to_frame(), self.output_error.overview()
-        frame = pd.DataFrame(
-            {
-                "wls": wls["estimate"],
-                "wls_std": wls["std_hac"],
-                "output_error": fit["estimate"].reindex(wls.index),
-                "output_error_std": fit["std_robust"].reindex(wls.index),
-                "unit": wls["unit"],
-            }
-        )
-        if self.truth is not None:
-            frame.insert(4, "truth", pd.Series(dict(self.truth)).reindex(frame.index))
-        return frame
 
 
 @one_thread
@@ -274,82 +121,12 @@ def identify(
     return identification
 
 
-def resolve_flow_form(
-    case: Case, options: IdentifyOptions
-) -> tuple[IdentifyOptions, FormSelection | None]:
-    """Return the options with the form of the flow map decided, and how it was chosen.
-
-    Returns
-    -------
-    tuple
-        Options whose `flow_form` is not None, and the selection; the options as they are and None
-        for a force-driven axis.
-
-    Raises
-    ------
-    CaseError
-        If a servo axis has no flow map, or no form can be fitted to it.
-    """
-    if not isinstance(case.bench, Bench):
-        return options, None
-    if options.flow_form is not None:
-        selection = FormSelection.given(options.flow_form, options.degrees)
-    else:
-        table = _read_table(case, case.bench)
-        selection = choose_flow_form(table, T=case.bench.T, degrees=options.degrees)
-    return replace(options, flow_form=selection.chosen, degrees=selection.degrees), selection
-
-
-def read_flow(case: Case, options: IdentifyOptions) -> tuple[FlowMap | None, FlowModel | None]:
-    """Read the flow map of a servo axis and fit the form asked for, or the one chosen.
-
-    Returns
-    -------
-    tuple
-        Measured table and fitted model; None and None for a force-driven axis.
-
-    Raises
-    ------
-    CaseError
-        If a servo axis has no flow map.
-    """
-    if not isinstance(case.bench, Bench):  # no valves: nothing was metered
-        return None, None
-    chosen, _ = resolve_flow_form(case, options)
-    assert chosen.flow_form is not None
-    fits: dict[FlowForm, Callable[[FlowMap], FlowModel]] = {
-        FlowForm.POLYNOMIALS: partial(fit_polynomials, degrees=chosen.degrees or PAPER_DEGREES),
-        FlowForm.SPLINE: fit_spline,
-        FlowForm.ISO6358: partial(fit_iso6358, T=case.bench.T),
-    }
-    table = _read_table(case, case.bench)
-    return table, fits[chosen.flow_form](table)
-
-
-def _read_table(case: Case, bench: Bench) -> FlowMap:
-    if case.flow_map_path is None:
-        raise CaseError(
-            f"{case.folder}: no flow_map.csv; a servo axis cannot be identified without the "
-            "static flow of its valve: meter q_m(u, p), columns u_V,p_Pa,q_m_kg_per_s"
-        )
-    return read_flow_map(case.flow_map_path, p_supply=bench.p_supply, p_ext=bench.p_ext)
-
-
 def make_axis(case: Case, flow: FlowModel | None) -> Axis:
     """Make the nominal axis of a case, of the kind that its bench says."""
     try:
         return nominal_axis(case.bench, flow)
     except ModelError as error:
         raise ModelError(f"{case.folder}: {error}") from None
-
-
-def output_error_options(case: Case, options: IdentifyOptions) -> OutputErrorOptions:
-    """Return the set-up of the output-error fit for a case."""
-    chosen = options.output_error or OutputErrorOptions()
-    drifts = case.bench.kind.drifts_in_open_loop and not chosen.closed_loop
-    if chosen.window is None and drifts:
-        return replace(chosen, window=FORCE_WINDOW)
-    return chosen
 
 
 def read_truth(folder: Path) -> dict[str, float] | None:

@@ -9,14 +9,11 @@ from typing import Any
 from pneumo_casadi.data import Case
 from pneumo_casadi.errors import CaseError, ModelError
 from pneumo_casadi.estimation.output_error import OutputErrorResult
-from pneumo_casadi.identification.identify import (
-    Identification,
-    IdentifyOptions,
-    make_axis,
-    output_error_options,
-    read_flow,
-)
+from pneumo_casadi.identification.flow_form import read_flow
+from pneumo_casadi.identification.identify import make_axis
 from pneumo_casadi.identification.model_file import axis_dict
+from pneumo_casadi.identification.options import IdentifyOptions, output_error_options
+from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.runtime.json_files import without_infinities
 from pneumo_casadi.runtime.provenance import provenance, sha256

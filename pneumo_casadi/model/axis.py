@@ -9,7 +9,7 @@ import numpy as np
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.model.axis_description import AxisDescription
 from pneumo_casadi.model.balances import Balances, driving_force, write_balances
-from pneumo_casadi.model.effect import Expression
+from pneumo_casadi.model.junctions import Expression
 from pneumo_casadi.parameters import FloatArray, Parameters
 
 #: Width that makes tanh the sign function for every velocity that a sensor can tell from zero.

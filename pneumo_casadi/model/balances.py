@@ -10,7 +10,8 @@ from typing import Any
 import casadi as ca
 
 from pneumo_casadi.data import AxisKind
-from pneumo_casadi.model.effect import Effect, Expression, Pair, Scope, Supply
+from pneumo_casadi.model.effect import Effect, Scope
+from pneumo_casadi.model.junctions import Expression, Pair, Supply
 
 #: Least pressure at a port of the valve, whatever an effect makes of it [Pa].
 P_LEAST = 1e3

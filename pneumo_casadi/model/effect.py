@@ -1,76 +1,18 @@
-"""Effects: physics that the nominal axis leaves out, and the junctions where it can act.
+"""The base class of effects: physics that the nominal axis leaves out.
 
-The model passes its running values along the physics::
-
-    command -> spool -> supply, outlet -> valve_flow -> line -> chamber_flow
-            -> chamber_energy -> force -> output
-
-(the force-driven axis: ``drive -> force -> output``). At each junction the value is folded
-through all effects in order. An effect overrides only the junctions it changes, declares its
-parameters and extra states, and never knows the model; the model never knows an effect by name.
+An effect overrides the junctions (see `junctions`) that it changes, and declares its parameters and
+extra states. Effects do not import the model, and the model does not name any effect.
 """
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from enum import StrEnum
 from types import MappingProxyType
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.model.absorption import PARAMETER_CHECKS, Absorption
+from pneumo_casadi.model.junctions import Expression, Junction, Pair, Supply
 from pneumo_casadi.parameters import Parameter
-
-#: A CasADi scalar expression (``casadi.SX`` or ``casadi.MX``), or a number.
-Expression = Any
-
-
-class Pair(NamedTuple):
-    """One value for each chamber."""
-
-    P: Expression
-    N: Expression
-
-
-class Supply(NamedTuple):
-    """Absolute pressures at the valves' ports [Pa]."""
-
-    p_supply: Expression
-    p_ext: Expression
-
-
-class Junction(StrEnum):
-    """Where an effect can act, in the order of the physics."""
-
-    COMMAND = "command"
-    SPOOL = "spool"
-    SUPPLY = "supply"
-    OUTLET = "outlet"
-    VALVE_FLOW = "valve_flow"
-    LINE = "line"
-    CHAMBER_FLOW = "chamber_flow"
-    CHAMBER_ENERGY = "chamber_energy"
-    DRIVE = "drive"
-    FORCE = "force"
-    OUTPUT = "output"
-
-
-#: What passes through each junction.
-JUNCTIONS: Mapping[str, str] = {
-    Junction.COMMAND: "voltage sent to each valve [V] (Pair)",
-    Junction.SPOOL: "opening of each valve, as the voltage that holds it there [V] (Pair)",
-    Junction.SUPPLY: "supply and exhaust pressure at the valves [Pa] (Supply)",
-    Junction.OUTLET: "pressure that each valve works against [Pa] (Pair)",
-    Junction.VALVE_FLOW: "mass flow through each valve, into the axis [kg/s] (Pair)",
-    Junction.LINE: "mass flow that arrives at each chamber [kg/s] (Pair)",
-    Junction.CHAMBER_FLOW: "net mass flow into each chamber, leaks included [kg/s] (Pair)",
-    Junction.CHAMBER_ENERGY: (
-        "mass flow that would raise the pressure alike, heat included [kg/s] (Pair)"
-    ),
-    Junction.DRIVE: "force of the drive on the force-driven axis [N]",
-    Junction.FORCE: "sum of the forces on the moving mass, inertia excepted [N]",
-    Junction.OUTPUT: "what the sensors show: {'p_P': Pa, 'p_N': Pa, 'x': m}",
-}
-
 
 #: What an effect can be confused with on the nominal axis: parameters, and the flow map.
 NOMINAL: tuple[str, ...] = (

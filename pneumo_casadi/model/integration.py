@@ -9,7 +9,7 @@ import numpy as np
 from pneumo_casadi.data import InputHold
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.model.axis import Axis
-from pneumo_casadi.model.effect import Expression
+from pneumo_casadi.model.junctions import Expression
 from pneumo_casadi.parameters import FloatArray
 
 #: Threads among which blocks and stretches are shared.

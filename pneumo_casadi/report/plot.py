@@ -18,7 +18,7 @@ from pneumo_casadi.design import Design
 from pneumo_casadi.diagnosis import Diagnosis
 from pneumo_casadi.diagnosis.locate.evidence import Evidence
 from pneumo_casadi.errors import ModelError
-from pneumo_casadi.identification.identify import Identification
+from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.report.figures.diagnosis.dashboard import dashboard_figure
 from pneumo_casadi.report.figures.diagnosis.gap import gap_figure, gap_labels
 from pneumo_casadi.report.figures.diagnosis.ranking import ranking_figure

@@ -8,6 +8,7 @@ from types import MappingProxyType
 import numpy as np
 
 from pneumo_casadi.data import InputHold, Recording
+from pneumo_casadi.data.bench.axis_kind import INPUTS, OUTPUTS
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.signals.bandwidth import power_bandwidth, white_noise_std
@@ -171,7 +172,7 @@ def _states(
 ) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
     states: dict[str, FloatArray] = {}
     derivatives: dict[str, FloatArray] = {}
-    for name in (n for n in ("p_P", "p_N", "x") if n in recording.channels):
+    for name in (n for n in OUTPUTS if n in recording.channels):
         states[name] = zero_phase_lowpass(
             recording[name], plan.cutoff, plan.sampling_frequency, plan.order
         )
@@ -182,7 +183,7 @@ def _states(
 
 
 def _inputs(recording: Recording, pairing: InputPairing) -> list[dict[str, FloatArray]]:
-    after = {n: recording[n] for n in ("u_P", "u_N", "F") if n in recording.channels}
+    after = {n: recording[n] for n in INPUTS if n in recording.channels}
     if pairing is InputPairing.SAMPLE:
         return [after]
     # Nothing is known of the input before the first sample: it is taken to have stood already.

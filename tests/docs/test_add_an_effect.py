@@ -9,7 +9,8 @@ import pytest
 
 from pneumo_casadi.data import FORCE_DRIVEN, PNEUMATIC
 from pneumo_casadi.effects import EFFECTS, effect_row
-from pneumo_casadi.model.effect import JUNCTIONS, NOMINAL
+from pneumo_casadi.model.effect import NOMINAL
+from pneumo_casadi.model.junctions import JUNCTIONS
 from pneumo_casadi.report.tables.effects import effect_markdown
 
 _spec = importlib.util.spec_from_file_location("guide", Path(__file__).with_name("guide.py"))

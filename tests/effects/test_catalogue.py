@@ -11,7 +11,8 @@ import pytest
 
 import pneumo_casadi
 from pneumo_casadi.effects import EFFECTS, catalogue_table
-from pneumo_casadi.model.effect import JUNCTIONS, NOMINAL, Effect
+from pneumo_casadi.model.effect import NOMINAL, Effect
+from pneumo_casadi.model.junctions import JUNCTIONS
 
 PACKAGE = Path(pneumo_casadi.__file__).parent
 

@@ -11,13 +11,9 @@ import pytest
 from pneumo_casadi.data import read_case
 from pneumo_casadi.errors import CaseError, FitError
 from pneumo_casadi.estimation.output_error import OutputErrorOptions
-from pneumo_casadi.identification.identify import (
-    FORCE_WINDOW,
-    Identification,
-    IdentifyOptions,
-    identify,
-    read_truth,
-)
+from pneumo_casadi.identification.identify import identify, read_truth
+from pneumo_casadi.identification.options import FORCE_WINDOW, IdentifyOptions
+from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.identification.result_file import read_axis, result_dict
 from pneumo_casadi.identification.warnings import result_warnings
 from pneumo_casadi.runtime.json_files import write_json

@@ -13,7 +13,8 @@ from pneumo_casadi.effects import (
     ValveDynamics,
 )
 from pneumo_casadi.errors import ModelError
-from pneumo_casadi.model.effect import Effect, Pair, State
+from pneumo_casadi.model.effect import Effect, State
+from pneumo_casadi.model.junctions import Pair
 from pneumo_casadi.parameters import Parameter, Parameters
 
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from pneumo_casadi.effects import AsymmetricViscousFriction, Stribeck
-from pneumo_casadi.model.effect import Effect, Supply
+from pneumo_casadi.model.effect import Effect
+from pneumo_casadi.model.junctions import Supply
 from pneumo_casadi.parameters import Parameter
 
 

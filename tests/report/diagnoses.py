@@ -22,7 +22,7 @@ from pneumo_casadi.diagnosis import (
 from pneumo_casadi.diagnosis.locate.evidence import Evidence
 from pneumo_casadi.diagnosis.locate.regime_maps import RegimeMap
 from pneumo_casadi.diagnosis.locate.unknown_inputs import UnknownInputs
-from pneumo_casadi.model.effect import Junction
+from pneumo_casadi.model.junctions import Junction
 
 BALANCES = ("mass_flow_P", "mass_flow_N", "force")
 

@@ -14,7 +14,7 @@ from matplotlib.text import Text
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.estimation.uncertainty import Optimum, Profile, analyse_identifiability
 from pneumo_casadi.estimation.uncertainty.profile_path import ProfileEnd
-from pneumo_casadi.identification.identify import output_error_options
+from pneumo_casadi.identification.options import output_error_options
 from pneumo_casadi.report.figures.identification.flow_map import (
     flow_map_figure,
     residual_map_figure,

@@ -147,3 +147,8 @@ FORCE_DRIVEN = AxisKind(
     constants=("stroke",),
     measured_inputs=True,
 )
+
+KINDS = (PNEUMATIC, FORCE_DRIVEN)
+#: Outputs and inputs of all kinds: the channels that a recording of an unknown axis may have.
+OUTPUTS = tuple(dict.fromkeys(name for kind in KINDS for name in kind.outputs))
+INPUTS = tuple(dict.fromkeys(name for kind in KINDS for name in kind.inputs))

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from pneumo_casadi.data.recording.channels import UNITS, InputHold, checked, read_only
 from pneumo_casadi.data.recording.clock import sample_time, uniform
+from pneumo_casadi.data.recording.parts import part_edges
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.runtime.presentation import Presentable
@@ -208,19 +209,7 @@ class Recording(Presentable):
         >>> [part["x"] for part in rec.split(2)]
         [array([0., 1.]), array([2., 3., 4.])]
         """
-        if (parts is None) == (duration is None):
-            raise CaseError(f"{self.name}: split into a number of parts or by a duration [s]")
-        if parts is not None:
-            if not 1 <= parts <= self.N // 2:
-                raise CaseError(
-                    f"{self.name}: {self.N} rows do not give {parts} parts of two rows or more"
-                )
-            edges = [round(self.N * part / parts) for part in range(parts + 1)]
-        else:
-            rows = round((duration or 0.0) / self.dt)
-            if rows < 2:
-                raise CaseError(f"{self.name}: {duration} s is less than two rows of {self.dt:g} s")
-            edges = [*range(0, self.N - 1, rows), self.N]  # a last single row joins its neighbour
+        edges = part_edges(self.name, self.N, self.dt, parts, duration)
         return tuple(
             self._rows(first, last, f"{self.name}[{part}]")
             for part, (first, last) in enumerate(pairwise(edges))

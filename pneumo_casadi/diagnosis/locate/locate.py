@@ -20,7 +20,8 @@ from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
 from pneumo_casadi.estimation.equation_error.residuals import balance_residuals
-from pneumo_casadi.model.effect import Effect, EffectFactory, Junction
+from pneumo_casadi.model.effect import Effect, EffectFactory
+from pneumo_casadi.model.junctions import Junction
 
 #: Left by a sensor's error over left by the best unknown input: below, the sensor is the place;
 #: above the second, it is out of the question.

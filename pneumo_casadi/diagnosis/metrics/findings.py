@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 from pneumo_casadi.diagnosis.metrics.location import Location
 from pneumo_casadi.diagnosis.metrics.regime import Regime
-from pneumo_casadi.model.effect import Junction
+from pneumo_casadi.model.junctions import Junction
 
 
 def joined_names(names: Sequence[str]) -> str:

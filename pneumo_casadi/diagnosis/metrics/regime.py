@@ -6,7 +6,7 @@ from enum import Enum
 from math import inf, isinf
 
 from pneumo_casadi.diagnosis.metrics.location import Location
-from pneumo_casadi.model.effect import Junction
+from pneumo_casadi.model.junctions import Junction
 
 
 class RegimeKind(Enum):

@@ -5,7 +5,8 @@ from typing import Any
 
 import casadi as ca
 
-from pneumo_casadi.model.effect import Effect, Expression, Pair, Scope, State, Supply
+from pneumo_casadi.model.effect import Effect, Scope, State
+from pneumo_casadi.model.junctions import Expression, Pair, Supply
 from pneumo_casadi.parameters import Parameter
 
 

@@ -7,7 +7,8 @@ from typing import Any
 import casadi as ca
 
 from pneumo_casadi.model.absorption import Absorption
-from pneumo_casadi.model.effect import Effect, Expression, Pair, Scope, State
+from pneumo_casadi.model.effect import Effect, Scope, State
+from pneumo_casadi.model.junctions import Expression, Pair
 from pneumo_casadi.parameters import Parameter
 
 #: Ratio of specific heats of air.

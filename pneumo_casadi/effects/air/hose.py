@@ -8,7 +8,8 @@ import casadi as ca
 
 from pneumo_casadi.effects.common.regular_lag import numerator
 from pneumo_casadi.model.absorption import Absorption, Deviation
-from pneumo_casadi.model.effect import Effect, Expression, Pair, Scope, State
+from pneumo_casadi.model.effect import Effect, Scope, State
+from pneumo_casadi.model.junctions import Expression, Pair
 from pneumo_casadi.parameters import Parameter
 
 #: The pressure at the valve is at least this share of that in the chamber.

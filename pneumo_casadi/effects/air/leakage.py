@@ -1,7 +1,8 @@
 """Leaks: past the piston seal from chamber to chamber, and from either chamber to the outside."""
 
 from pneumo_casadi.model.absorption import Absorption, Deviation
-from pneumo_casadi.model.effect import Effect, Expression, Pair, Scope
+from pneumo_casadi.model.effect import Effect, Scope
+from pneumo_casadi.model.junctions import Expression, Pair
 from pneumo_casadi.parameters import Parameter
 from pneumo_casadi.valve.orifice import RHO_ANR, orifice_expression
 

@@ -6,7 +6,8 @@ from typing import Any
 import casadi as ca
 
 from pneumo_casadi.model.absorption import Absorption
-from pneumo_casadi.model.effect import Effect, Expression, Pair, Scope, State, Supply
+from pneumo_casadi.model.effect import Effect, Scope, State
+from pneumo_casadi.model.junctions import Expression, Pair, Supply
 from pneumo_casadi.parameters import Parameter
 from pneumo_casadi.valve.orifice import orifice_expression
 

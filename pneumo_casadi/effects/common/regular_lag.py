@@ -1,6 +1,6 @@
 """Lags and swings that are regular where they vanish, for all effects that hold one."""
 
-from pneumo_casadi.model.effect import Expression
+from pneumo_casadi.model.junctions import Expression
 
 #: Time constant of the numerator [s]. It keeps the null value regular: at tau = 0 pole and
 #: zero cancel, the axis is the nominal one, and the derivative to tau is that of a true lag.

@@ -1,6 +1,7 @@
 """Asymmetric viscous friction: another slope in each direction of motion."""
 
-from pneumo_casadi.model.effect import Effect, Expression, Scope
+from pneumo_casadi.model.effect import Effect, Scope
+from pneumo_casadi.model.junctions import Expression
 from pneumo_casadi.parameters import Parameter
 
 

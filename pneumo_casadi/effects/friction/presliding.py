@@ -5,7 +5,8 @@ from typing import Any
 
 import casadi as ca
 
-from pneumo_casadi.model.effect import Effect, Expression, Scope, State
+from pneumo_casadi.model.effect import Effect, Scope, State
+from pneumo_casadi.model.junctions import Expression
 from pneumo_casadi.parameters import Parameter
 
 #: Way over which friction builds up in the numerator [m]: at distance = 0 pole and zero cancel.

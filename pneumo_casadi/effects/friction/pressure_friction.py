@@ -1,6 +1,7 @@
 """Pressure friction: seals press harder on the wall under pressure."""
 
-from pneumo_casadi.model.effect import Effect, Expression, Scope
+from pneumo_casadi.model.effect import Effect, Scope
+from pneumo_casadi.model.junctions import Expression
 from pneumo_casadi.parameters import Parameter
 
 

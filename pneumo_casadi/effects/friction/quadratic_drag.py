@@ -2,7 +2,8 @@
 
 import casadi as ca
 
-from pneumo_casadi.model.effect import Effect, Expression, Scope
+from pneumo_casadi.model.effect import Effect, Scope
+from pneumo_casadi.model.junctions import Expression
 from pneumo_casadi.parameters import Parameter
 
 

@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 
 from pneumo_casadi.model.absorption import Absorption
-from pneumo_casadi.model.effect import Effect, Expression, Scope, State
+from pneumo_casadi.model.effect import Effect, Scope, State
+from pneumo_casadi.model.junctions import Expression
 from pneumo_casadi.parameters import Parameter
 
 

@@ -1,6 +1,7 @@
 """Spring load: a hose, a cable or a spring that pulls back to mid-stroke."""
 
-from pneumo_casadi.model.effect import Effect, Expression, Scope
+from pneumo_casadi.model.effect import Effect, Scope
+from pneumo_casadi.model.junctions import Expression
 from pneumo_casadi.parameters import Parameter
 
 

@@ -5,7 +5,8 @@ from typing import Any
 
 import casadi as ca
 
-from pneumo_casadi.model.effect import Effect, Expression, Scope, State
+from pneumo_casadi.model.effect import Effect, Scope, State
+from pneumo_casadi.model.junctions import Expression
 from pneumo_casadi.parameters import Parameter
 
 #: Time in which the offset comes back to the edge of the play [s]: a stiff, damped contact.

@@ -3,7 +3,8 @@
 from collections.abc import Mapping
 from typing import Any
 
-from pneumo_casadi.model.effect import Effect, Expression, Scope, State
+from pneumo_casadi.model.effect import Effect, Scope, State
+from pneumo_casadi.model.junctions import Expression
 from pneumo_casadi.parameters import Parameter
 
 #: Added to the delay in the denominator [s]: without delay, pole and zero cancel.

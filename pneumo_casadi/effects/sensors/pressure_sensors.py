@@ -5,7 +5,8 @@ from typing import Any
 
 from pneumo_casadi.effects.common.regular_lag import lag_rate, lagged
 from pneumo_casadi.model.absorption import Absorption
-from pneumo_casadi.model.effect import Effect, Expression, Scope, State
+from pneumo_casadi.model.effect import Effect, Scope, State
+from pneumo_casadi.model.junctions import Expression
 from pneumo_casadi.parameters import Parameter
 
 

@@ -7,7 +7,8 @@ import casadi as ca
 
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.model.absorption import Absorption
-from pneumo_casadi.model.effect import Effect, EffectFactory, Expression, Pair, Scope
+from pneumo_casadi.model.effect import Effect, EffectFactory, Scope
+from pneumo_casadi.model.junctions import Expression, Pair
 from pneumo_casadi.parameters import Parameter
 
 SOURCE = "port windows, rectangular to round: up to 10 % of the flow at half opening"

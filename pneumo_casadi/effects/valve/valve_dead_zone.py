@@ -2,7 +2,8 @@
 
 import casadi as ca
 
-from pneumo_casadi.model.effect import Effect, Expression, Pair, Scope
+from pneumo_casadi.model.effect import Effect, Scope
+from pneumo_casadi.model.junctions import Expression, Pair
 from pneumo_casadi.parameters import Parameter
 
 #: Width over which an edge opens [V]; keeps derivatives smooth and cancels at a zone of zero.

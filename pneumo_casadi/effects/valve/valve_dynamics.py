@@ -4,7 +4,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from pneumo_casadi.effects.common.regular_lag import numerator
-from pneumo_casadi.model.effect import Effect, Expression, Pair, Scope, State
+from pneumo_casadi.model.effect import Effect, Scope, State
+from pneumo_casadi.model.junctions import Expression, Pair
 from pneumo_casadi.parameters import Parameter
 
 

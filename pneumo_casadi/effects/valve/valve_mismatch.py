@@ -3,7 +3,8 @@
 from types import MappingProxyType
 
 from pneumo_casadi.model.absorption import Absorption
-from pneumo_casadi.model.effect import Effect, Pair, Scope
+from pneumo_casadi.model.effect import Effect, Scope
+from pneumo_casadi.model.junctions import Pair
 from pneumo_casadi.parameters import Parameter
 
 

@@ -1,7 +1,8 @@
 """Valve null shift: the command at which a valve is closed is not zero."""
 
 from pneumo_casadi.model.absorption import Absorption
-from pneumo_casadi.model.effect import Effect, Pair, Scope
+from pneumo_casadi.model.effect import Effect, Scope
+from pneumo_casadi.model.junctions import Pair
 from pneumo_casadi.parameters import Parameter
 
 

@@ -14,7 +14,8 @@ import casadi as ca
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.balances import Balances, write_balances
 from pneumo_casadi.model.compilation import compile_functions
-from pneumo_casadi.model.effect import Effect, Expression
+from pneumo_casadi.model.effect import Effect
+from pneumo_casadi.model.junctions import Expression
 from pneumo_casadi.valve import FlowISO6358
 
 #: Coefficient of the Rosenbrock method ROS2, L-stable (Verwer et al. 1999, SIAM J. Sci. Comput.).

@@ -158,7 +158,7 @@ class OutputErrorResult(Presentable):
 
         The coefficients of the flow map come last. A parameter that was held has std 0.
         """
-        flow = set() if self.axis.flow is None else set(self.axis.flow.parameters.names)
+        flow = set(self.axis.flow_parameters)
         own = [item for item in self.parameters if item.name not in flow]
         coefficients = [item for item in self.parameters if item.name in flow]
         rows = [
@@ -174,8 +174,7 @@ class OutputErrorResult(Presentable):
 
     def overview(self) -> pd.DataFrame:
         """Return the table without the coefficients of the flow map."""
-        flow = [] if self.axis.flow is None else list(self.axis.flow.parameters.names)
-        return self.to_frame().drop(index=flow)
+        return self.to_frame().drop(index=list(self.axis.flow_parameters))
 
     def std(self, name: str, robust: bool = False) -> float:
         """Return a parameter's standard deviation; 0 if it was held, infinite if uninformed.

@@ -9,7 +9,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from pneumo_casadi.estimation.output_error import OutputErrorResult
 from pneumo_casadi.estimation.wls import format_table
-from pneumo_casadi.identification.identify import Identification
+from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.identification.result_file import identification_provenance
 from pneumo_casadi.report.pages.drawing import NOT_DRAWN, can_draw
 from pneumo_casadi.report.tables.content import all_tables

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from pneumo_casadi.identification.identify import Identification
+from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.report.figures.identification.cross_validation import cross_validation_figure
 from pneumo_casadi.report.figures.identification.flow_map import (
     flow_map_figure,

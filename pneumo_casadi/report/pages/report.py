@@ -5,7 +5,7 @@ from pathlib import Path
 from pneumo_casadi.design import Design
 from pneumo_casadi.diagnosis import Diagnosis
 from pneumo_casadi.errors import ModelError
-from pneumo_casadi.identification.identify import Identification
+from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.report.pages.design import write_design
 from pneumo_casadi.report.pages.diagnosis import write_diagnosis
 from pneumo_casadi.report.pages.write import write_identification, write_validation

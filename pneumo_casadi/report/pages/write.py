@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pneumo_casadi.errors import CaseError
-from pneumo_casadi.identification.identify import Identification
+from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.identification.result_file import result_dict, validation_dict
 from pneumo_casadi.identification.trajectory_file import (
     RecordSimulation,

@@ -1,6 +1,6 @@
 """What every report of an identification holds, whatever its form."""
 
-from pneumo_casadi.identification.identify import Identification
+from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.report.tables.flow_form import flow_form_tables
 from pneumo_casadi.report.tables.identifiability import identifiability_tables
 from pneumo_casadi.report.tables.results import Table, tables_of

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from pneumo_casadi.estimation.wls import ratios
-from pneumo_casadi.identification.identify import Identification
+from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.report.tables.paper import TABLE_1
 from pneumo_casadi.validation import Error, Validation
 

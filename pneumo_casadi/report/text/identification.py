@@ -3,7 +3,7 @@
 import textwrap
 
 from pneumo_casadi.estimation.wls import format_table
-from pneumo_casadi.identification.identify import Identification
+from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.identification.warnings import ResultWarning
 from pneumo_casadi.report.tables.content import all_tables
 from pneumo_casadi.report.tables.results import Table

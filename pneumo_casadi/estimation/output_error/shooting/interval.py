@@ -13,8 +13,8 @@ import casadi as ca
 import numpy as np
 
 from pneumo_casadi.model.compilation import compile_functions
-from pneumo_casadi.model.effect import Expression
 from pneumo_casadi.model.integration import inputs_between, runge_kutta
+from pneumo_casadi.model.junctions import Expression
 from pneumo_casadi.model.sampled_axis import SampledAxis
 
 

@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from pneumo_casadi.identification.identify import Identification
+from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.report.figures.identification.parameters import draw_forest
 from pneumo_casadi.report.figures.identification.validation import AVERAGED
 from pneumo_casadi.report.figures.style import (

@@ -1,0 +1,82 @@
+"""The static flow of a case: its measured map, and the model of eq. 12 or another form."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+
+from pneumo_casadi.data import Bench, Case
+from pneumo_casadi.errors import CaseError
+from pneumo_casadi.identification.options import IdentifyOptions
+from pneumo_casadi.valve import (
+    PAPER_DEGREES,
+    FlowForm,
+    FlowMap,
+    FlowModel,
+    FormSelection,
+    choose_flow_form,
+    fit_iso6358,
+    fit_polynomials,
+    fit_spline,
+    read_flow_map,
+)
+
+
+def resolve_flow_form(
+    case: Case, options: IdentifyOptions
+) -> tuple[IdentifyOptions, FormSelection | None]:
+    """Return the options with the form of the flow map decided, and how it was chosen.
+
+    Returns
+    -------
+    tuple
+        Options whose `flow_form` is not None, and the selection; the options as they are and None
+        for a force-driven axis.
+
+    Raises
+    ------
+    CaseError
+        If a servo axis has no flow map, or no form can be fitted to it.
+    """
+    if not isinstance(case.bench, Bench):
+        return options, None
+    if options.flow_form is not None:
+        selection = FormSelection.given(options.flow_form, options.degrees)
+    else:
+        table = _read_table(case, case.bench)
+        selection = choose_flow_form(table, T=case.bench.T, degrees=options.degrees)
+    return replace(options, flow_form=selection.chosen, degrees=selection.degrees), selection
+
+
+def read_flow(case: Case, options: IdentifyOptions) -> tuple[FlowMap | None, FlowModel | None]:
+    """Read the flow map of a servo axis and fit the form asked for, or the one chosen.
+
+    Returns
+    -------
+    tuple
+        Measured table and fitted model; None and None for a force-driven axis.
+
+    Raises
+    ------
+    CaseError
+        If a servo axis has no flow map.
+    """
+    if not isinstance(case.bench, Bench):  # no valves: nothing was metered
+        return None, None
+    chosen, _ = resolve_flow_form(case, options)
+    assert chosen.flow_form is not None
+    fits: dict[FlowForm, Callable[[FlowMap], FlowModel]] = {
+        FlowForm.POLYNOMIALS: partial(fit_polynomials, degrees=chosen.degrees or PAPER_DEGREES),
+        FlowForm.SPLINE: fit_spline,
+        FlowForm.ISO6358: partial(fit_iso6358, T=case.bench.T),
+    }
+    table = _read_table(case, case.bench)
+    return table, fits[chosen.flow_form](table)
+
+
+def _read_table(case: Case, bench: Bench) -> FlowMap:
+    if case.flow_map_path is None:
+        raise CaseError(
+            f"{case.folder}: no flow_map.csv; a servo axis cannot be identified without the "
+            "static flow of its valve: meter q_m(u, p), columns u_V,p_Pa,q_m_kg_per_s"
+        )
+    return read_flow_map(case.flow_map_path, p_supply=bench.p_supply, p_ext=bench.p_ext)

@@ -1,0 +1,63 @@
+"""Options of an identification."""
+
+from dataclasses import dataclass, replace
+
+from pneumo_casadi.data import Case
+from pneumo_casadi.estimation.output_error import OutputErrorOptions
+from pneumo_casadi.valve import FlowForm
+
+#: A force-driven axis has no chambers to hold it: over a whole record its open-loop position
+#: drifts away with the square of the time, so it is fitted over windows of this length [s].
+FORCE_WINDOW = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class IdentifyOptions:
+    """What may be chosen in an identification.
+
+    Parameters
+    ----------
+    flow_form : FlowForm, optional
+        Form of the flow map; by default the one that `choose_flow_form` finds.
+    degrees : tuple of int, optional
+        Degrees of φ, ψ (u > 0) and ψ (u < 0) in eq. 12; by default chosen by cross-validation, or
+        (7, 7, 4) as in the paper where `flow_form` asks for the polynomials.
+    refine_flow : bool
+        Whether the coefficients of the flow map are refined together with the parameters,
+        anchored by its measured points.
+    start, end : float, optional
+        Part of each record to identify on [s, on its own clock]; by default all of it.
+    output_error : OutputErrorOptions, optional
+        Set-up of the output-error fit; by default whole records, or windows of 0.5 s for a
+        force-driven axis in open loop.
+    windows : tuple of float
+        Lengths of the validation windows [s].
+    identifiability : bool
+        Whether it is worked out what informs each parameter, and what stands for what.
+
+    Examples
+    --------
+    Eq. 12 with the degrees of the paper, on ten seconds of each record:
+
+    >>> options = IdentifyOptions(FlowForm.POLYNOMIALS, degrees=(7, 7, 4), start=5.0, end=15.0)
+    >>> options.refine_flow, options.windows
+    (True, (0.1, 0.5, 2.0))
+    """
+
+    flow_form: FlowForm | None = None
+    degrees: tuple[int, int, int] | None = None
+    refine_flow: bool = True
+    start: float | None = None
+    end: float | None = None
+    output_error: OutputErrorOptions | None = None
+    windows: tuple[float, ...] = (0.1, 0.5, 2.0)
+    identifiability: bool = False
+
+
+def output_error_options(case: Case, options: IdentifyOptions) -> OutputErrorOptions:
+    """Return the set-up of the output-error fit for a case."""
+    chosen = options.output_error or OutputErrorOptions()
+    drifts = case.bench.kind.drifts_in_open_loop and not chosen.closed_loop
+    if chosen.window is None and drifts:
+        return replace(chosen, window=FORCE_WINDOW)
+    return chosen
