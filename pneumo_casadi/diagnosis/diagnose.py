@@ -7,8 +7,7 @@ from pathlib import Path
 
 from pneumo_casadi.data import Case, read_case
 from pneumo_casadi.diagnosis.checks.parameter_checks import check_fit
-from pneumo_casadi.diagnosis.decide.conclusions import separating_experiment, unknown_hint
-from pneumo_casadi.diagnosis.decide.decide_verdict import decide_verdict
+from pneumo_casadi.diagnosis.decide.decide_verdict import Decision, decide_verdict
 from pneumo_casadi.diagnosis.decide.ranking import (
     effects_found,
     in_order_added,
@@ -20,12 +19,15 @@ from pneumo_casadi.diagnosis.locate.evidence import collect_evidence
 from pneumo_casadi.diagnosis.locate.locate import locate
 from pneumo_casadi.diagnosis.locate.unknown_inputs import estimate_unknown_inputs
 from pneumo_casadi.diagnosis.metrics.findings import (
+    Where,
     joined_names,
 )
+from pneumo_casadi.diagnosis.metrics.residual_size import balance_closure
 from pneumo_casadi.diagnosis.metrics.simulated_gap import simulated_gap
 from pneumo_casadi.diagnosis.prepare.prepare_study import applicable, prepare_study
 from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue
-from pneumo_casadi.diagnosis.select.forward_selection import select_effects
+from pneumo_casadi.diagnosis.select.forward_selection import Selection, select_effects
+from pneumo_casadi.diagnosis.wording.conclusions import separating_experiment, unknown_hint
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.identification.flow_form import resolve_flow_form
 from pneumo_casadi.identification.options import IdentifyOptions
@@ -62,7 +64,7 @@ def diagnose(
     progress: Progress | None = None,
     executor: Executor | None = None,
 ) -> Diagnosis:
-    """Say where simulation and reality part, which effect causes it, and how far the gap closes.
+    """Say where model and measurement disagree, which effect causes it, and what it explains.
 
     Parameters
     ----------
@@ -126,11 +128,12 @@ def diagnose(
     known: Catalogue = {**EFFECTS, **chosen}
     decision = decide_verdict(selection, effects, checks, known)
     inputs = estimate_unknown_inputs(study, selection.nominal)
+    named = decision.names_effects
     where = locate(
         study,
         selection.nominal,
-        in_order_added(selection, effects) if decision.names_effects else (),
-        selection.final if decision.names_effects else None,
+        in_order_added(selection, effects) if named else (),
+        selection.final if named else None,
         gap=decision.has_gap,
         inputs=inputs,
         catalogue=known,
@@ -143,28 +146,34 @@ def diagnose(
     )
     report("done", 1.0)
     judgement, alternatives = decision.judgement, decision.alternatives
-    unknown = decision.verdict is Verdict.UNKNOWN
     return Diagnosis(
         case=case.name,
         verdict=decision.verdict,
-        effects=effects_found(study, selection, judgement, chosen)
-        if decision.names_effects
-        else (),
+        effects=effects_found(study, selection, judgement, chosen) if named else (),
         ranking=rank_candidates(study, selection, judgement, decision.absorbed, chosen),
         where=where,
         gap=gap,
         ambiguous=alternatives if len(alternatives) > 1 or decision.absorbed else (),
         experiment=separating_experiment(alternatives, chosen),
-        hint=unknown_hint(where, selection, judgement) if unknown else "",
+        hint=_hint(where, selection, decision),
         checks=checks,
-        notes=(
-            *notes,
-            *more,
-            *(f"{joined_names(f.effects)}: {f.reason}" for f in selection.failures),
-        ),
+        notes=(*notes, *more, *_failures(selection)),
         nominal=parameter_values(study.axis, selection.nominal),
         fitted=parameter_values(study.axis.with_effects(*shown), final),
         seconds=time.perf_counter() - began,
         evidence=collect_evidence(study, inputs, selection.nominal, final if shown else None),
         flow_selection=flow_selection,
     )
+
+
+def _hint(where: Where, selection: Selection, decision: Decision) -> str:
+    if decision.verdict is not Verdict.UNKNOWN:
+        return ""
+    closure = None
+    if selection.path:
+        closure = balance_closure(selection.nominal, selection.final, selection.levels)
+    return unknown_hint(where, selection.chosen, closure, decision.judgement.unexplained)
+
+
+def _failures(selection: Selection) -> tuple[str, ...]:
+    return tuple(f"{joined_names(fit.effects)}: {fit.reason}" for fit in selection.failures)

@@ -1,4 +1,4 @@
-"""Where simulation and reality part."""
+"""Where model and measurement disagree."""
 
 from dataclasses import replace
 
@@ -12,6 +12,7 @@ from pneumo_casadi.diagnosis.locate.regimes import find_regimes
 from pneumo_casadi.diagnosis.locate.signatures import HYPOTHESES, Signatures, signatures
 from pneumo_casadi.diagnosis.metrics.regime import RegimeKind
 from pneumo_casadi.diagnosis.prepare.study import fit_model, start_study
+from pneumo_casadi.diagnosis.wording.location_sentences import location_sentences
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.identification.flow_form import read_flow
 from pneumo_casadi.identification.identify import make_axis
@@ -66,7 +67,7 @@ def test_a_cause_that_no_effect_explains_is_found_by_inputs_and_signatures(
         assert found.shares[balance] > 0.9
         assert found.shares[balance] <= 1.0
     assert sum(found.shares.values()) == pytest.approx(1.0)
-    assert any("part in" in sentence for sentence in found.words)
+    assert any("disagree in" in sentence for sentence in location_sentences(found))
 
 
 def test_the_location_of_an_effect_is_where_it_acts(bench):
@@ -77,7 +78,7 @@ def test_the_location_of_an_effect_is_where_it_acts(bench):
     fitted = fit_model(one, (leak,), nominal.values)
     found = locate(one, nominal, (leak,), fitted)
     assert (found.balance, found.junction) == ("mass_flow_N", "chamber_flow")
-    assert "leakage_N" in " ".join(found.words)
+    assert "leakage_N" in " ".join(location_sentences(found))
     # Beside another effect that mends more elsewhere it stays where it is.
     spring_too = fit_model(one, (leak, spring), nominal.values)
     assert locate(one, nominal, (leak, spring), spring_too).balance == "mass_flow_N"

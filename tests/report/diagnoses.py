@@ -57,7 +57,7 @@ EFFECT = Diagnosis(
         (Regime(Condition(RegimeKind.STANDSTILL, upper=0.01), Location.FORCE, 0.71, 0.12, 0.001),),
         {"mass_flow_P": 0.03, "mass_flow_N": 0.05, "force": 0.92},
         (),
-        ("Simulation and reality part in the force on the piston.",),
+        {"mass_flow_P": 0.004, "mass_flow_N": 0.006, "force": 0.11},
     ),
     gap=Gap(12.7, 0.64, 0.5, Closure(0.95, 0.93, 0.96), _views(0.05)),
     ambiguous=(),
@@ -83,9 +83,7 @@ NONE = replace(
     EFFECT,
     verdict=Verdict.NONE,
     effects=(),
-    where=Where(
-        Location.NONE, None, (), dict.fromkeys(BALANCES, 0.0), (), ("No more than usual.",)
-    ),
+    where=Where(Location.NONE, None, (), dict.fromkeys(BALANCES, 0.0), ()),
     gap=Gap(0.3, 0.3, 0.5, Closure(0.0, 0.0, 0.0), _views(1.0)),
     ranking=(replace(DRAG, probability=0.03), FAILED),
     fitted=NOMINAL,

@@ -1,4 +1,4 @@
-"""The static flow map: what a fit did to it, and what its form cannot follow."""
+"""The static flow map: how a fit changed it, and which part of it its form cannot follow."""
 
 from collections.abc import Mapping, Sequence
 
@@ -9,7 +9,7 @@ from pneumo_casadi.estimation.output_error.result import FlowMapDeviation, flow_
 from pneumo_casadi.model.effect import Effect
 
 
-def map_pull_of(
+def map_deviation(
     study: Study, values: Mapping[str, float], effects: Sequence[Effect] = ()
 ) -> FlowMapDeviation | None:
     """Return how far the flow coefficients among `values` leave the metered points.
@@ -24,13 +24,13 @@ def map_pull_of(
     )
 
 
-def map_misfit_of(study: Study) -> float | None:
-    """Return what of the flow map its form cannot follow, over the greatest flow.
+def map_misfit(study: Study) -> float | None:
+    """Return the part of the flow map that its form cannot follow, over the greatest flow.
 
-    The root mean square of that part of the map's own residuals which is a parabola of third
-    degree in pressure at each command. Polynomials that are affine in the command (eq. 12) leave
-    none but where the opening is not in proportion to it. None where no command was metered at
-    six pressures.
+    The root mean square of the part of the map's own residuals that is a cubic polynomial in
+    pressure at each command. Polynomials that are affine in the command (eq. 12) leave such a part
+    only if the opening is not proportional to the command. None if no command was metered at six
+    pressures or more.
     """
     anchor, table = study.anchor, study.flow_map
     if anchor is None or table is None:

@@ -17,6 +17,7 @@ from pneumo_casadi.diagnosis.metrics.findings import (
     Where,
     joined_names,
 )
+from pneumo_casadi.diagnosis.wording.location_sentences import location_sentences
 from pneumo_casadi.runtime.presentation import Presentable
 from pneumo_casadi.valve import FormSelection
 
@@ -177,7 +178,7 @@ class Diagnosis(Presentable):
                 ],
                 "shares": dict(self.where.shares),
                 "rivals": list(self.where.rivals),
-                "words": list(self.where.words),
+                "words": list(location_sentences(self.where)),
             },
             "gap": {
                 "before": self.gap.before,

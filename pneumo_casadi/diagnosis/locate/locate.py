@@ -13,9 +13,9 @@ from pneumo_casadi.diagnosis.locate.signatures import (
     signatures,
 )
 from pneumo_casadi.diagnosis.locate.unknown_inputs import UnknownInputs, estimate_unknown_inputs
-from pneumo_casadi.diagnosis.metrics.findings import Where
+from pneumo_casadi.diagnosis.metrics.findings import SensorError, Where
 from pneumo_casadi.diagnosis.metrics.location import Location
-from pneumo_casadi.diagnosis.metrics.regime import Regime, RegimeKind
+from pneumo_casadi.diagnosis.metrics.regime import Regime
 from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
@@ -32,15 +32,6 @@ SIGNAL = 1.7
 UNEXPLAINED = 0.15
 #: Regimes shown at most.
 REGIMES = 5
-_WORDS: Mapping[str, str] = {
-    Location.MASS_FLOW_P: "the mass flow into chamber P",
-    Location.MASS_FLOW_N: "the mass flow into chamber N",
-    Location.FORCE: "the force on the piston",
-    Location.MEASUREMENT: "a sensor",
-}
-
-#: Of what a regime takes up a share, where it is not the time.
-_WHOLE = {RegimeKind.BAND: "its signal"}
 
 
 def locate(
@@ -106,9 +97,16 @@ def locate(
         if balance in (Location.MEASUREMENT, Location.NONE)
         else rival_sensor_effects(evidence, catalogue)
     )
-    there = [effect.name for effect in cause if _acts_at(effect) == junction]
-    words = _words(balance, energy, here, rivals, evidence, there)
-    return Where(balance, junction, tuple(here), shares, rivals, words)
+    return Where(
+        balance,
+        junction,
+        tuple(here),
+        shares,
+        rivals,
+        {name: value**0.5 for name, value in energy.items()},
+        _sensor_error(evidence) if balance is Location.MEASUREMENT else None,
+        tuple(effect.name for effect in cause if _acts_at(effect) == junction),
+    )
 
 
 def above_form(energy: Mapping[str, float]) -> dict[str, float]:
@@ -214,45 +212,8 @@ def _junction(balance: Location, regimes: Sequence[Regime]) -> Junction | None:
     return next((junction for junction in pointed if junction), Junction.CHAMBER_FLOW)
 
 
-def _words(
-    balance: Location,
-    energy: Mapping[str, float],
-    regimes: Sequence[Regime],
-    rivals: Sequence[str],
-    evidence: Signatures,
-    cause: Sequence[str],
-) -> tuple[str, ...]:
-    """Say it in sentences."""
-    sizes = {name: 100 * value**0.5 for name, value in energy.items()}
-    each = ", ".join(f"{_WORDS[name]} {size:.1f} %" for name, size in sizes.items())
-    sentences = [f"What the balances lack, against their own signals: {each}."]
-    if balance is Location.NONE:
-        return (*sentences, "No more than flow maps and friction laws usually leave.")
-    if balance is Location.MEASUREMENT:
-        best = min(evidence.sensors, key=lambda name: evidence.sensors[name])
-        shown = (
-            f"an error of the {best} sensor alone explains"
-            if best == "position"
-            else "errors of the pressures alone explain"
-        )
-        share = 100 * max(0.0, 1 - evidence.sensors[best] / evidence.before)
-        sentences.append(
-            f"Simulation and reality part in what a sensor shows: {shown} "
-            f"{share:.0f} % of all residuals."
-        )
-    else:
-        sentences.append(f"Simulation and reality part in {_WORDS[balance]}.")
-    if cause:
-        act = "acts" if len(cause) == 1 else "act"
-        sentences.append(f"That is where {' and '.join(cause)} {act}.")
-    sentences += [
-        f"{100 * regime.share:.0f} % of the gap in {_WORDS[regime.balance]} is found here: "
-        f"{regime.name} ({100 * regime.time:.0f} % of "
-        f"{_WHOLE.get(regime.condition.kind, 'the time')})."
-        for regime in regimes[:3]
-    ]
-    if rivals:
-        sentences.append(
-            f"Errors of sensors would look much the same: {', '.join(rivals)}. Check the sensors."
-        )
-    return tuple(sentences)
+def _sensor_error(evidence: Signatures) -> SensorError:
+    """Return the sensor whose error explains most of the residuals."""
+    left = evidence.sensors
+    sensor = min(left, key=lambda name: left[name])
+    return SensorError(sensor, max(0.0, 1 - left[sensor] / evidence.before))

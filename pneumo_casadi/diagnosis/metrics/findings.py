@@ -109,6 +109,22 @@ class Candidate:
 
 
 @dataclass(frozen=True, slots=True)
+class SensorError:
+    """A sensor error that could explain the residuals.
+
+    Parameters
+    ----------
+    sensor : str
+        ``"position"`` or ``"pressures"``.
+    explained : float
+        Share of all squared residuals that an error of this sensor alone explains [1].
+    """
+
+    sensor: str
+    explained: float
+
+
+@dataclass(frozen=True, slots=True)
 class Where:
     """Where simulation and measurement disagree.
 
@@ -124,8 +140,12 @@ class Where:
         Energy of the unknown input in each balance, in units of its noise floor, as shares.
     rivals : tuple of str
         Sensor effects that could look the same.
-    words : tuple of str
-        Sentences for a reader.
+    unknown_inputs : mapping of str to float, optional
+        Unknown input of each balance over the balance's own signal, root mean squares [1].
+    sensor_error : SensorError or None, optional
+        The best hypothesis about sensors; None unless the balance is ``measurement``.
+    effects : tuple of str, optional
+        Effects of the verdict that act at the junction.
     """
 
     balance: Location
@@ -133,7 +153,9 @@ class Where:
     regimes: tuple[Regime, ...]
     shares: Mapping[str, float]
     rivals: tuple[str, ...]
-    words: tuple[str, ...]
+    unknown_inputs: Mapping[str, float] = field(default_factory=dict)
+    sensor_error: SensorError | None = None
+    effects: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

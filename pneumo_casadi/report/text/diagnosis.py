@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from pneumo_casadi.diagnosis import Diagnosis, EffectFound, Verdict
 from pneumo_casadi.diagnosis.metrics.findings import joined_names
+from pneumo_casadi.diagnosis.wording.location_sentences import location_sentences
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.report.tables.diagnosis import (
@@ -131,7 +132,7 @@ def described_as(name: str, catalogue: Catalogue = EFFECTS) -> str:
 
 def where_sentences(diagnosis: Diagnosis, catalogue: Catalogue = EFFECTS) -> tuple[str, ...]:
     """Return where the gap lies, in words."""
-    return tuple(said_plainly(text, catalogue) for text in diagnosis.where.words)
+    return tuple(said_plainly(text, catalogue) for text in location_sentences(diagnosis.where))
 
 
 def said_plainly(text: str, catalogue: Catalogue = EFFECTS) -> str:

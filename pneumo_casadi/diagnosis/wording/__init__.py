@@ -1,0 +1,1 @@
+"""Sentences of a diagnosis, made from its figures: results, JSON and reports quote them."""
