@@ -46,11 +46,11 @@ def record_case(
 
     if labels is not None and folder.resolve() in labels.resolve().parents:
         raise CaseError(f"{labels}: the labels must not lie in the case folder; choose another")
-    asked: dict[str, str] = {}
+    requests: dict[str, str] = {}
     for text in effects:
         name, _, own = text.partition(":")
-        if name in asked:
-            raise CaseError(f"effect {name} is asked for twice; name it once")
-        asked[name] = own or severity
-    made = make_case(folder, seed, asked, fs=fs, duration=duration)
+        if name in requests:
+            raise CaseError(f"effect {name} is given twice; name it once")
+        requests[name] = own or severity
+    made = make_case(folder, seed, requests, fs=fs, duration=duration)
     return {"folder": str(folder), **made.labels}

@@ -62,16 +62,20 @@ def linearise_residuals(
     simulation of the states for each.
     """
     holding = model.state_dependent if whole else ()
-    variants, steps = _perturbed(model, theta, (*model.by_difference, *holding), {})
+    variants, step_sizes = _perturbed(model, theta, (*model.by_difference, *holding), {})
     residuals = _undecimated(model, data, variants, jacobian=True)
     r, J = residuals[0], residuals[-1]
     ne, N = r.shape
     columns = [r.T.reshape(N, ne)]
-    columns += [(perturbed - r).T / h for perturbed, h in zip(residuals[1:-1], steps, strict=True)]
+    columns += [
+        (perturbed - r).T / h for perturbed, h in zip(residuals[1:-1], step_sizes, strict=True)
+    ]
     low = data.averaged(np.concatenate([*columns, J.reshape(N, -1)], axis=1))
     m = len(low)
-    moved = low[:, ne : ne * (1 + len(steps))].reshape(m, len(steps), ne).transpose(2, 0, 1)
-    exact = low[:, ne * (1 + len(steps)) :].reshape(m, -1, ne).transpose(2, 0, 1)
+    moved = (
+        low[:, ne : ne * (1 + len(step_sizes))].reshape(m, len(step_sizes), ne).transpose(2, 0, 1)
+    )
+    exact = low[:, ne * (1 + len(step_sizes)) :].reshape(m, -1, ne).transpose(2, 0, 1)
     own = len(model.by_difference)
     exact[:, :, [model.analytic.index(name) for name in holding]] = moved[:, :, own:]
     return LinearisedResiduals(low[:, :ne].T, np.concatenate([exact, moved[:, :, :own]], axis=2))
@@ -88,10 +92,11 @@ def effect_derivatives(
 
     With `sizes`, the quotients over steps of those sizes by name.
     """
-    variants, steps = _perturbed(model, theta, names, sizes or {})
+    variants, step_sizes = _perturbed(model, theta, names, sizes or {})
     residuals = _undecimated(model, data, variants)
     columns = [
-        (perturbed - residuals[0]).T / h for perturbed, h in zip(residuals[1:], steps, strict=True)
+        (perturbed - residuals[0]).T / h
+        for perturbed, h in zip(residuals[1:], step_sizes, strict=True)
     ]
     ne, k = len(residuals[0]), len(names)
     low = data.averaged(np.concatenate(columns, axis=1)) if k else np.zeros((data.m, 0))
@@ -106,7 +111,7 @@ def _perturbed(
 ) -> tuple[list[FloatArray], list[float]]:
     """Return θ, copies of it with one parameter perturbed each, and the perturbations."""
     parameters = model.axis.parameters
-    variants, steps = [theta], []
+    variants, step_sizes = [theta], []
     for name in names:
         item, at = parameters[name], parameters.index(name)
         h = sizes.get(name, DIFFERENCE * item.scale)
@@ -115,8 +120,8 @@ def _perturbed(
         moved = theta.copy()
         moved[at] += h
         variants.append(moved)
-        steps.append(h)
-    return variants, steps
+        step_sizes.append(h)
+    return variants, step_sizes
 
 
 def _undecimated(

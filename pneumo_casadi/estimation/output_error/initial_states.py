@@ -115,8 +115,8 @@ def _damped_steps(
     flat = nodes.reshape(len(nodes), -1)
     at = linearise(problem, Unknowns(problem.parameters.values, flat), sigma)
     scale = problem.axis.state_scales
-    steps = []
+    columns = []
     for segment, weight in zip(condense(problem, at, sigma), damping, strict=True):
         ridge = weight * np.diag(segment.H) + 1e-9 * np.trace(segment.H)
-        steps.append(np.linalg.solve(segment.H + np.diag(ridge), segment.g) * scale)
-    return np.stack(steps, axis=1)
+        columns.append(np.linalg.solve(segment.H + np.diag(ridge), segment.g) * scale)
+    return np.stack(columns, axis=1)

@@ -79,8 +79,8 @@ class OutputErrorOptions:
         window = np.inf if self.window is None else self.window
         lengths = {"block": self.block, "window": window, "interval": self.interval}
         if not (self.widths and all(v > 0 for v in (*lengths.values(), *self.widths))):
-            told = ", ".join(f"{name} {value:g} s" for name, value in lengths.items())
-            raise ModelError(f"{told} and friction widths {self.widths} m/s must be positive")
+            listed = ", ".join(f"{name} {value:g} s" for name, value in lengths.items())
+            raise ModelError(f"{listed} and friction widths {self.widths} m/s must be positive")
 
 
 @dataclass(frozen=True, slots=True)

@@ -159,7 +159,7 @@ class _Written:
     theta: ca.MX
     x: ca.MX
     weight: ca.MX
-    place: ca.DM
+    selection: ca.DM
 
 
 def program(problem: Problem) -> Program:
@@ -183,7 +183,7 @@ def program(problem: Problem) -> Program:
         c_at = [parameters.index(name) for name in problem.anchor.names]
         r, J = problem.anchor.residual(at.theta[c_at])
         # Columns of fixed coefficients fall out through `place`.
-        J_free = J @ at.place[c_at, :] @ ca.diag(ca.DM(problem.free_scales))
+        J_free = J @ at.selection[c_at, :] @ ca.diag(ca.DM(problem.free_scales))
         f = f + 0.5 * ca.sumsqr(r)
         map_gradient, map_hessian, n_map = J_free.T @ r, J_free.T @ J_free, problem.anchor.n
     count = problem.n_blocks * problem.n * ny + n_map
@@ -206,11 +206,11 @@ def _symbols(problem: Problem) -> _Written:
     z = ca.MX.sym("z", size.size)
     p = ca.MX.sym("p", n_theta + len(problem.axis.outputs))
     unknowns = z * ca.DM(size)
-    place = ca.DM(np.eye(n_theta)[:, parameters.free_mask])
+    selection = ca.DM(np.eye(n_theta)[:, parameters.free_mask])
     fixed = ca.DM((~parameters.free_mask).astype(float))
-    theta = p[:n_theta] * fixed + place @ unknowns[:n_free]
+    theta = p[:n_theta] * fixed + selection @ unknowns[:n_free]
     x = ca.reshape(unknowns[n_free:], problem.model.nx, problem.I)
-    return _Written(z, p, theta, x, problem.n * p[n_theta:], place)
+    return _Written(z, p, theta, x, problem.n * p[n_theta:], selection)
 
 
 def _defects(problem: Problem, ends: ca.MX, x: ca.MX) -> ca.MX:
