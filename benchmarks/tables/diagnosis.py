@@ -48,21 +48,27 @@ def withheld(result: Mapping[str, Any]) -> str:
     def figures(key: str, name: str) -> list[str]:
         return [f"{entry[key][name]:.2f}" for entry in both]
 
-    body.append(["mean size of the set offered", *figures("set_size", "mean"), "≤ 1.5"])
-    body.append(["median shrink over an oracle's", *figures("shrink_of_oracle", "median"), "≥ 0.9"])
+    body.append(["mean number of possible causes named", *figures("set_size", "mean"), "≤ 1.5"])
+    body.append(
+        [
+            "gap reduction relative to the true effect, median",
+            *figures("shrink_of_oracle", "median"),
+            "≥ 0.9",
+        ]
+    )
     error = result["calibration"]["expected_calibration_error"]
     body.append(["expected calibration error", f"{error:.3f}", "", "≤ 0.08"])
     for rival, key, text in (
-        ("training_error", "right_first", "rival, ranking by training error: first"),
-        ("forward_aic", "right_first", "rival, forward AIC: named, and nothing else"),
-        ("forward_aic", "pair_both", "rival, forward AIC: both of a pair"),
-        ("forward_aic", "false_alarm", "rival, forward AIC: false alarms"),
+        ("training_error", "right_first", "alternative, ranking by training error: first"),
+        ("forward_aic", "right_first", "alternative, forward AIC: named, and nothing else"),
+        ("forward_aic", "pair_both", "alternative, forward AIC: both of a pair"),
+        ("forward_aic", "false_alarm", "alternative, forward AIC: false alarms"),
     ):
         shares = (result["rivals"][scope][rival][key] for scope in SCOPES)
         body.append([text, *map(share_text, shares), ""])
     chance = [result["rivals"][scope]["chance"]["right_first_percent"] for scope in SCOPES]
-    body.append(["rival, chance: first", *(f"{share:.1f}" for share in chance), ""])
-    return rows(["% (95 % interval) count", "all", "visible", "asked"], body)
+    body.append(["alternative, random ranking: first", *(f"{share:.1f}" for share in chance), ""])
+    return rows(["% (95 % interval) count", "all", "visible", "target"], body)
 
 
 def withheld_effects(result: Mapping[str, Any]) -> str:

@@ -1,4 +1,4 @@
-"""The command line: one module a command, put together here."""
+"""The command line, put together from one module per command."""
 
 import sys
 from collections.abc import Sequence
@@ -18,8 +18,8 @@ from pneumo_casadi.cli.validate import validate
 from pneumo_casadi.cli.withheld import withheld
 
 app = typer.Typer(
-    help="Identify pneumatic servo axes: from recordings to physical parameters with intervals.",
-    epilog="Exit codes: 0 done, 1 a fit failed, 2 bad input or usage, 130 interrupted.",
+    help="Identify physical parameters of pneumatic servo axes from recordings, with intervals.",
+    epilog="Exit codes: 0 success, 1 a fit failed, 2 bad input or usage, 130 interrupted.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
@@ -38,7 +38,7 @@ def _common(
         typer.Option("--version", callback=_version, is_eager=True, help="Show the version."),
     ] = False,
 ) -> None:
-    """Identify pneumatic servo axes: from recordings to physical parameters with intervals."""
+    """Identify physical parameters of pneumatic servo axes from recordings, with intervals."""
 
 
 for _command in (

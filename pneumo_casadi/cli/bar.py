@@ -1,4 +1,4 @@
-"""The progress bar; imported where one is shown, for rich takes its time."""
+"""The progress bar; imported only where one is shown, because rich is slow to import."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -15,8 +15,8 @@ from rich.progress import (
 )
 from rich.text import Text
 
-#: The time left is told once this share of the work is done.
-TELLING = 0.05
+#: The time left is shown once this share of the work is done.
+SHOWN_FROM = 0.05
 
 
 @contextmanager
@@ -45,14 +45,14 @@ def shown_bar() -> Iterator[Callable[[str, float], None]]:
 def time_left(elapsed: float, share: float) -> float | None:
     """Return how long the rest of some work takes if it goes on at its pace [s].
 
-    None while too little is done to tell.
+    None while too little is done for an estimate.
 
     Examples
     --------
     >>> time_left(30.0, 0.75)
     10.0
     """
-    return elapsed * (1 - share) / share if share >= TELLING else None
+    return elapsed * (1 - share) / share if share >= SHOWN_FROM else None
 
 
 class _TimeLeft(ProgressColumn):

@@ -46,11 +46,11 @@ def record_case(
 
     if labels is not None and folder.resolve() in labels.resolve().parents:
         raise CaseError(f"{labels}: the labels must not lie in the case folder; choose another")
-    requests: dict[str, str] = {}
+    severities: dict[str, str] = {}
     for text in effects:
         name, _, own = text.partition(":")
-        if name in requests:
-            raise CaseError(f"effect {name} is given twice; name it once")
-        requests[name] = own or severity
-    made = make_case(folder, seed, requests, fs=fs, duration=duration)
+        if name in severities:
+            raise CaseError(f"effect {name} is given twice; give it once")
+        severities[name] = own or severity
+    made = make_case(folder, seed, severities, fs=fs, duration=duration)
     return {"folder": str(folder), **made.labels}

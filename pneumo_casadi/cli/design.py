@@ -22,40 +22,47 @@ def design(
     separate: Annotated[
         tuple[str, str] | None,
         typer.Option(
-            metavar="EFFECT EFFECT", help="Tell these two apart; `none` is the nominal axis."
+            metavar="EFFECT EFFECT",
+            help="Design to distinguish these two effects; none: the nominal axis.",
         ),
     ] = None,
     criterion: Annotated[
         CriterionName,
-        typer.Option(help="Of the covariance: volume (D), mean (A), worst direction (E)."),
+        typer.Option(
+            help="Criterion of the covariance: determinant (D), trace (A), largest eigenvalue (E)."
+        ),
     ] = "D",
     duration: Annotated[
-        float | None, typer.Option(help="Length [s]; by default that of the record.")
+        float | None,
+        typer.Option(help="Duration of the reference [s]; default: that of the record."),
     ] = None,
     common: Annotated[
         float,
-        typer.Option(help="Largest command that may be added to both valves alike [V]."),
+        typer.Option(help="Largest command added to both valves in common [V]."),
     ] = 0.0,
     velocity: Annotated[
         float | None,
-        typer.Option(help="Fastest motion [m/s]; by default 1.5 times that of the records."),
+        typer.Option(help="Largest velocity [m/s]; default: 1.5 times that of the records."),
     ] = None,
     command: Annotated[
         float | None,
-        typer.Option(help="Largest command [V]; by default as far as the flow map was measured."),
+        typer.Option(help="Largest command [V]; default: range of the flow map."),
     ] = None,
     flow: Flow = FlowOption.AUTO,
     tries: Annotated[
-        int | None, typer.Option(min=20, help="References tried; by default some 240 or 60.")
+        int | None,
+        typer.Option(
+            min=20, help="Number of references tried; default: about 240, or 60 with --separate."
+        ),
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of the search.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the search.")] = 0,
     output: Output = None,
     json_file: Json = None,
     debug: Debug = False,
 ) -> None:
-    """Design the next experiment: for small standard errors, or to tell two effects apart.
+    """Design the next experiment: for small standard errors, or to distinguish two effects.
 
-    CASE is identified first; its record is what the design is compared with. FOLDER (default:
+    CASE is identified first, and the design is compared with its record. FOLDER (default:
     report/CASE-design) gets reference.csv (t_s, x_ref_m and, with --common, u_common_V to be
     added to the command of both valves), design.txt, design.json and design.png.
     """

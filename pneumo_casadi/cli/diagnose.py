@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from pneumo_casadi.data import Case
     from pneumo_casadi.model.effect import Effect
 
-#: More processes than this do not help: one part after another waits for the last fit.
+#: More processes than this do not help: each stage waits for its last fit.
 MOST_WORKERS = 4
 
 
@@ -35,29 +35,30 @@ def diagnose(
     json_file: Json = None,
     workers: Annotated[
         int | None,
-        typer.Option(min=1, help="Fits at a time; by default one a processor, four at most."),
+        typer.Option(min=1, help="Fits in parallel; default: one per processor, at most four."),
     ] = None,
     without: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="EFFECT", help="Leave this effect out of the catalogue; may be repeated."
+            metavar="EFFECT", help="Leave this effect out of the catalogue; can be repeated."
         ),
     ] = None,
     keep: Annotated[
         Path | None,
         typer.Option(
-            metavar="FOLDER", help="Keep finished fits here; interrupted work goes on from them."
+            metavar="FOLDER", help="Store finished fits here, to resume an interrupted diagnosis."
         ),
     ] = None,
     flow: Flow = FlowOption.AUTO,
     degrees: Degrees = None,
     debug: Debug = False,
 ) -> None:
-    """Diagnose an axis: where simulation and measurement disagree, and which effect explains it.
+    """Diagnose an axis: where model and measurement disagree, and which effect explains it.
 
-    Verdicts: an effect of the catalogue (or several), several that the data cannot tell apart, one
-    that hides in the parameters, an unknown one, or nothing wrong. FOLDER (default:
-    report/CASE-diagnosis) gets report.html, summary.txt, diagnosis.json and figures.
+    Verdicts: effect (one or more effects of the catalogue), ambiguous (several explain the data
+    equally well), absorbed (the parameters contradict geometry or data sheet), unknown (no effect
+    of the catalogue explains the data), none. FOLDER (default: report/CASE-diagnosis) gets
+    report.html, summary.txt, diagnosis.json and figures.
     """
     kept = "nothing was written" if keep is None else f"finished fits are in {keep}"
     with guarded(debug, kept):

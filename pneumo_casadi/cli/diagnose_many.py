@@ -13,25 +13,27 @@ from pneumo_casadi.cli.terminal import FIT_FAILED, complain, guarded, progress_b
 
 def diagnose_many(
     folder: Annotated[
-        Path, typer.Argument(metavar="FOLDER", help="Folder whose folders are cases.")
+        Path, typer.Argument(metavar="FOLDER", help="Folder that contains case folders.")
     ],
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", metavar="FOLDER", help="Where records and tables go."),
+        typer.Option(
+            "--output", "-o", metavar="FOLDER", help="Output folder for records and tables."
+        ),
     ] = None,
     workers: Annotated[
-        int | None, typer.Option(min=1, help="Cases at a time; by default one a processor.")
+        int | None, typer.Option(min=1, help="Cases in parallel; default: one per processor.")
     ] = None,
     debug: Debug = False,
 ) -> None:
-    """Diagnose all cases of a folder: one row each in cases.csv and cases.parquet.
+    """Diagnose all cases of a folder, one row per case in cases.csv and cases.parquet.
 
     FOLDER (default: report/FOLDER-cases) gets the tables and cases/CASE.json, the whole diagnosis.
-    Interrupted, or called again with more cases, it goes on where it was; cases whose data have
-    changed are diagnosed anew. A case that fails has its error in its row (exit code 1).
+    Called again after an interruption or with more cases, it resumes; cases with changed data are
+    diagnosed again. A case that fails has its error in its row (exit code 1).
     """
     keep = output or Path("report") / f"{folder.resolve().name}-cases"
-    with guarded(debug, f"what was finished is in {keep}: call it again to go on"):
+    with guarded(debug, f"finished cases are in {keep}; run the same command again to resume"):
         from pneumo_casadi.evaluation.batch import CSV, FAILED, PARQUET, case_folders, diagnose_many
         from pneumo_casadi.runtime.processes import processes
 

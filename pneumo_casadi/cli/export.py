@@ -14,32 +14,32 @@ def export(
     result: Annotated[
         Path, typer.Argument(metavar="RESULT", help="Folder or result.json written by identify.")
     ],
-    kind: Annotated[FormatName, typer.Option("--format", "-f", help="What to write.")],
+    kind: Annotated[FormatName, typer.Option("--format", "-f", help="Format of the files.")],
     output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="FOLDER", help="Where the files go.")
+        Path, typer.Option("--output", "-o", metavar="FOLDER", help="Output folder.")
     ],
     at: Annotated[
         list[str] | None,
         typer.Option(
             "--at",
             metavar="NAME=VALUE",
-            help="Operating point of --format ss: a state or input in SI units; repeat it. What is "
-            "not named is found such that the axis rests.",
+            help="Operating point of --format ss: a state or input in SI units; can be repeated. "
+            "The others are computed for equilibrium.",
         ),
     ] = None,
     debug: Debug = False,
 ) -> None:
     """Write an identified model for other tools: json, casadi, c, fmu or ss (state space).
 
-    The result holds all that is needed; the case folder may be gone. Files of an earlier export
-    in FOLDER are replaced, others are left alone.
+    The case folder is not needed. Files of an earlier export in FOLDER are replaced, others are
+    kept.
     """
     with guarded(debug):
         from pneumo_casadi.export import export_model
 
         point = _point(at or [])
         if point and kind != "ss":
-            raise CaseError(f"--at is for --format ss alone, not for {kind}")
+            raise CaseError(f"--at applies to --format ss only, not to {kind}")
         for path in export_model(result, output, kind, point):
             say(str(path))
 
@@ -53,6 +53,8 @@ def _point(texts: list[str]) -> dict[str, float]:
         except ValueError:
             number = float("nan")
         if not equals or number != number or name in point:
-            raise CaseError(f"--at {text}: write a name once, as x=0.1, a number in SI units")
+            raise CaseError(
+                f"--at {text}: expected NAME=VALUE in SI units, as x=0.1, each name once"
+            )
         point[name] = number
     return point

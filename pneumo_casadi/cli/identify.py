@@ -32,10 +32,11 @@ End = Annotated[
 def demo(
     output: Output = Path("report/demo"), json_file: Json = None, debug: Debug = False
 ) -> None:
-    """Identify an embedded record whose true parameters are known, and write the report.
+    """Identify the example record, whose true parameters are known, and write the report.
 
-    The axis has the parameters of the paper's Table 1; the table shows weighted least squares
-    (WLS), output error (OE), the truth and Table 1 side by side.
+    The simulated axis has the parameters of Table 1 of the paper (Identification of physical
+    parameters of a pneumatic servosystem, IFAC 2005). The table shows weighted least squares (WLS),
+    output error (OE), truth and Table 1.
     """
     with guarded(debug):
         from pneumo_casadi.data import EXAMPLE
@@ -55,29 +56,36 @@ def identify(
     flow: Flow = FlowOption.AUTO,
     degrees: Degrees = None,
     fixed_map: Annotated[
-        bool, typer.Option("--fixed-map", help="Keep the flow map as measured.")
+        bool, typer.Option("--fixed-map", help="Do not refine the flow map.")
     ] = False,
     window: Annotated[
         float | None,
-        typer.Option(help="Longest stretch with one initial state [s]; default: whole record."),
+        typer.Option(
+            help="Length of shooting windows with own initial states [s]; default: whole record."
+        ),
     ] = None,
     ipopt: Annotated[
         bool, typer.Option("--ipopt", help="Solve with IPOPT (slower, same optimum).")
     ] = False,
     closed_loop: Annotated[
         bool,
-        typer.Option("--closed-loop", help="Simulate the controller instead of taking u as is."),
+        typer.Option(
+            "--closed-loop", help="Simulate the controller instead of using the recorded u."
+        ),
     ] = False,
     identifiability: Annotated[
         bool,
-        typer.Option("--identifiability", help="Report what informs each parameter."),
+        typer.Option(
+            "--identifiability", help="Report the sources of information on each parameter."
+        ),
     ] = False,
     paper: Annotated[
-        bool, typer.Option("--paper", help="Set the paper's Table 1 beside the result.")
+        bool,
+        typer.Option("--paper", help="Show Table 1 of the paper (IFAC 2005) beside the result."),
     ] = False,
     debug: Debug = False,
 ) -> None:
-    """Identify an axis: weighted least squares, output error, held-out validation.
+    """Identify an axis: weighted least squares, output error, validation on held-out records.
 
     CASE holds bench.json, identify*.csv[.gz], validate*.csv[.gz] and flow_map.csv (or is the
     folder of the EMPS benchmark). The report goes to report/CASE unless --output says otherwise.

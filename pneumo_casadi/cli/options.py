@@ -22,10 +22,12 @@ Parameters = Annotated[
     Path, typer.Option("--parameters", "-p", help="result.json written by identify.")
 ]
 Output = Annotated[
-    Path | None, typer.Option("--output", "-o", metavar="FOLDER", help="Where the report goes.")
+    Path | None,
+    typer.Option("--output", "-o", metavar="FOLDER", help="Output folder of the report."),
 ]
 Json = Annotated[
-    Path | None, typer.Option("--json", metavar="FILE", help="Also write the result here as JSON.")
+    Path | None,
+    typer.Option("--json", metavar="FILE", help="Also write the result to this JSON file."),
 ]
 Debug = Annotated[bool, typer.Option("--debug", help="Show tracebacks and the log.")]
 CriterionName = Literal["D", "A", "E"]
@@ -34,7 +36,7 @@ FormatName = Literal["json", "casadi", "c", "fmu", "ss"]
 
 
 def report_folder(output: Path | None, case: Path, suffix: str = "") -> Path:
-    """Return where a report goes: as asked, or a folder of the case's name below ``report``."""
+    """Return the folder of a report: as given, or named after the case below ``report``."""
     return output or Path("report") / f"{case.resolve().name}{suffix}"
 
 
@@ -57,7 +59,8 @@ class FlowOption(Enum):
 Flow = Annotated[
     FlowOption,
     typer.Option(
-        "--flow", help="Form of the flow map; auto: the one with the least held-out error on it."
+        "--flow",
+        help="Form of the flow map; auto: the form with the smallest cross-validation error.",
     ),
 ]
 Degrees = Annotated[

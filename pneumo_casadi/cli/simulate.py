@@ -25,30 +25,35 @@ def simulate(
     open_loop: Annotated[
         bool,
         typer.Option(
-            "--open-loop/--closed-loop", help="Recorded inputs, or the controller on x_ref."
+            "--open-loop/--closed-loop",
+            help="Apply the recorded inputs, or simulate the controller on x_ref.",
         ),
     ] = False,
     records: Annotated[
-        RecordSetName, typer.Option(help="Whose reference, inputs and initial state are taken.")
+        RecordSetName, typer.Option(help="Records that give reference, inputs and initial state.")
     ] = "validate",
     bench: Annotated[
-        bool, typer.Option("--bench", help="Record a random axis on the virtual bench instead.")
+        bool, typer.Option("--bench", help="Record a random axis of the virtual bench instead.")
     ] = False,
-    seed: Annotated[int, typer.Option(min=0, help="Bench: of axis, sizes, noise.")] = 0,
+    seed: Annotated[
+        int, typer.Option(min=0, help="Bench: seed of axis, effect sizes and noise.")
+    ] = 0,
     effect: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME[:SEVERITY]", help="Bench: hidden effect; may be repeated."),
+        typer.Option(metavar="NAME[:SEVERITY]", help="Bench: hidden effect; can be repeated."),
     ] = None,
-    severity: Annotated[str, typer.Option(help="Bench: small, medium or large.")] = "medium",
+    severity: Annotated[
+        str, typer.Option(help="Bench: default severity (small, medium or large).")
+    ] = "medium",
     fs: Annotated[float, typer.Option(help="Bench: sampling frequency [Hz].")] = 1000.0,
     duration: Annotated[float, typer.Option(help="Bench: length of each record [s].")] = 20.0,
     debug: Debug = False,
 ) -> None:
-    """Simulate the axis on the records of CASE and write CSV files in case-folder columns.
+    """Simulate the axis on the records of CASE and write CSV files with the same columns.
 
-    One file a record goes to FOLDER/simulation (default: report/CASE-simulation). With --bench,
+    One file per record goes to FOLDER/simulation (default: report/CASE-simulation). With --bench,
     FOLDER becomes a case folder instead (default: report/bench-SEED), recorded on a random axis
-    by the virtual bench, which shares no equation with the model; the labels go to --json.
+    of the virtual bench, whose equations are independent of the model; the labels go to --json.
     """
     with guarded(debug):
         from pneumo_casadi.runtime.json_files import write_json
@@ -56,7 +61,7 @@ def simulate(
         content: dict[str, Any]
         if bench:
             if case is not None or parameters is not None:
-                raise CaseError("--bench makes an axis of its own: leave out CASE and --parameters")
+                raise CaseError("--bench generates its own axis: leave out CASE and --parameters")
             folder = output or Path("report") / f"bench-{seed}"
             content = record_case(folder, seed, effect or [], severity, fs, duration, json_file)
             say(str(folder))

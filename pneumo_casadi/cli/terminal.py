@@ -33,7 +33,7 @@ def width() -> int:
 
 
 def show(table: "Table") -> None:
-    """Print a table; where the terminal is narrow, without the columns that can be worked out."""
+    """Print a table; on a narrow terminal without the column of differences."""
     from pneumo_casadi.report.text.identification import render
 
     if sum(table.widths) + 2 * len(table.widths) > width():
@@ -110,7 +110,7 @@ def _interruption() -> Iterator[Event]:
 
 
 def explain(error: BaseException, kept: str) -> int:
-    """Say in one line what went wrong and return the exit code."""
+    """Print an error in one line and return the exit code."""
     if isinstance(error, KeyboardInterrupt):
         complain(f"interrupted; {kept}")
         return INTERRUPTED

@@ -12,7 +12,7 @@ def validate(
     json_file: Json = None,
     debug: Debug = False,
 ) -> None:
-    """Compare simulations with the held-out records of CASE, parameters as identified before.
+    """Compare simulations with identified parameters with the held-out records of CASE.
 
     Open loop and closed loop over whole records, and windows of 0.1, 0.5 and 2 s.
     """

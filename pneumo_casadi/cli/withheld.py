@@ -19,28 +19,33 @@ SEED_FILE = "seed.txt"
 def withheld(
     output: Annotated[
         Path,
-        typer.Option("--output", "-o", metavar="FOLDER", help="Where cases and verdicts go."),
+        typer.Option(
+            "--output", "-o", metavar="FOLDER", help="Output folder for cases and verdicts."
+        ),
     ],
     cases: Annotated[int, typer.Option(min=1, help="Number of cases.")] = 160,
     seed: Annotated[
         int | None,
-        typer.Option(min=0, help="Of the draw; by default one that nobody knows before."),
+        typer.Option(min=0, help="Seed of the random cases; default: random."),
     ] = None,
-    workers: Annotated[int, typer.Option(min=1, help="Cases at a time.")] = 1,
-    duration: Annotated[float, typer.Option(help="Of each record [s].")] = 20.0,
+    workers: Annotated[int, typer.Option(min=1, help="Cases in parallel.")] = 1,
+    duration: Annotated[float, typer.Option(help="Length of each record [s].")] = 20.0,
     rivals: Annotated[
-        int | None, typer.Option(min=0, help="Ask simple rivals of so many cases; default: all.")
+        int | None,
+        typer.Option(
+            min=0, help="Number of cases for the simple alternative methods; default: all."
+        ),
     ] = None,
     json_file: Json = None,
     debug: Debug = False,
 ) -> None:
-    """Check the diagnosis on cases whose causes are withheld from it.
+    """Check the diagnosis on random cases whose causes it does not know (sealed check).
 
     The virtual bench draws axes and effects; the hash of the labels is written before any case is
-    diagnosed, and the labels are opened once every verdict is on disk. Interrupted, it goes on
-    where it was when it is called again with the same folder.
+    diagnosed, and the labels are opened once every verdict is on disk. Called again with the same
+    folder, it resumes.
     """
-    with guarded(debug, f"what was finished is in {output}: call it again to go on"):
+    with guarded(debug, f"finished cases are in {output}; run the same command again to resume"):
         from pneumo_casadi.report.pages.drawing import can_draw
         from pneumo_casadi.report.tables.sealed_check import withheld_table
         from pneumo_casadi.runtime.json_files import write_json
@@ -119,7 +124,7 @@ def _seed_of(folder: Path) -> int:
         try:
             return int(path.read_text("utf-8"))
         except ValueError:
-            raise CaseError(f"{path}: no whole number; give --seed") from None
+            raise CaseError(f"{path}: not an integer; give --seed") from None
     drawn = secrets.randbits(48)
     folder.mkdir(parents=True, exist_ok=True)
     path.write_text(f"{drawn}\n", encoding="utf-8")

@@ -71,7 +71,9 @@ def test_a_recorded_axis_is_diagnosed_and_the_fits_are_kept(data_folder, tmp_pat
     assert json.loads(copy.read_text("utf-8"))["ranking"] == found["ranking"]
     assert any(keep.glob("*.npz"))
     printed = capsys.readouterr().out
-    assert "Spring load explains the gap" in " ".join(printed.split())
+    assert "Spring load explains the difference between model and measurement" in " ".join(
+        printed.split()
+    )
     assert (folder / "summary.txt").read_text("utf-8").strip() in printed
 
 

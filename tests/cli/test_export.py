@@ -54,10 +54,10 @@ def test_an_operating_point_can_be_named(result, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["-f", "ss", "--at", "v"], "--at v: write a name once, as x=0.1"),
+        (["-f", "ss", "--at", "v"], "--at v: expected NAME=VALUE in SI units, as x=0.1"),
         (["-f", "ss", "--at", "v=fast"], "--at v=fast"),
         (["-f", "ss", "--at", "w=1"], "no state or input w"),
-        (["-f", "c", "--at", "v=1"], "--at is for --format ss alone"),
+        (["-f", "c", "--at", "v=1"], "--at applies to --format ss only"),
         (["-f", "simulink"], "--help"),
     ],
 )

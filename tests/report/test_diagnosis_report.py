@@ -25,9 +25,9 @@ from pneumo_casadi.report.tables.diagnosis import (
     diagnosis_tables,
     fitted_table,
     gap_table,
-    quantity,
     ranking_table,
 )
+from pneumo_casadi.report.tables.quantities import quantity
 from pneumo_casadi.report.text.diagnosis import (
     alternative_sentences,
     cause_sentences,
@@ -91,19 +91,17 @@ def test_what_cannot_be_told_apart_comes_with_the_experiment():
 
 def test_what_is_left_for_causes_outside_the_catalogue_is_said():
     doubtful = replace(made.EFFECT, ranking=(replace(made.STRIBECK, probability=0.7),))
-    assert "none of the catalogue has probability 30 %" in " ".join(alternative_sentences(doubtful))
-    assert "none of the catalogue" not in " ".join(alternative_sentences(made.EFFECT))
+    assert "the cause is not in the catalogue is 30 %" in " ".join(alternative_sentences(doubtful))
+    assert "not in the catalogue" not in " ".join(alternative_sentences(made.EFFECT))
 
 
 def test_the_hint_of_an_unknown_cause_and_rival_sensors_are_said():
     found = replace(made.UNKNOWN, where=replace(made.UNKNOWN.where, rivals=("backlash",)))
     text = summary_text(found)
-    assert made.UNKNOWN.hint in text and "backlash would look much the same" in text.replace(
+    assert made.UNKNOWN.hint in text and "backlash would give a similar error" in text.replace(
         "\n ", ""
     )
-    assert "with stribeck, the nearest of the catalogue, by 9.1 %" in " ".join(
-        size_sentences(found)
-    )
+    assert "with stribeck, the best candidate, it is 9.1 %" in " ".join(size_sentences(found))
 
 
 def test_an_effect_of_ones_own_needs_no_description():
@@ -113,17 +111,17 @@ def test_an_effect_of_ones_own_needs_no_description():
 
 
 def test_nothing_wrong_does_not_hide_a_check_that_fails():
-    assert "1 of 2 checks of parameters fail" in headline(made.NONE)
+    assert "1 of 2 parameter checks fail" in headline(made.NONE)
     assert "fail" not in headline(replace(made.NONE, checks=made.NONE.checks[:1]))
-    assert "How large the gap is" in summary_text(made.NONE)
+    assert "Size of the gap" in summary_text(made.NONE)
 
 
 def test_a_cause_in_the_parameters_does_not_talk_a_gap_away():
-    assert "follows the records" in headline(made.ABSORBED)
+    assert "agrees with the records" in headline(made.ABSORBED)
     apart = headline(replace(made.ABSORBED, where=made.UNKNOWN.where, gap=made.UNKNOWN.gap))
-    assert "follows" not in apart
-    assert "errs on held-out data by 13 % of the signals" in apart
-    assert "valve mismatch may hide there" in apart
+    assert "agrees" not in apart
+    assert "error of the simulation on held-out data is 13 % of the signals" in apart
+    assert "valve mismatch may be the cause" in apart
 
 
 def test_contradicting_checks_come_first():
@@ -154,9 +152,10 @@ def test_every_view_and_output_has_its_row():
 
 
 def test_without_effects_nothing_is_said_of_an_after():
-    assert gap_table(made.NONE).columns == ("", "without effects", "noise")
-    assert fitted_table(made.NONE).columns == ("", "unit", "found")
-    assert not any("closes" in text for text in size_sentences(made.NONE))
+    assert gap_table(made.NONE).columns == ("", "without effects", "sensor noise")
+    assert fitted_table(made.NONE).columns == ("", "estimate")
+    assert any("reduction" in text for text in size_sentences(made.EFFECT))
+    assert not any("reduction" in text for text in size_sentences(made.NONE))
 
 
 def test_checks_are_printed_in_units_that_people_read():
@@ -171,6 +170,9 @@ def test_checks_are_printed_in_units_that_people_read():
         (Value(0.5, 0.0, "1"), "0.500 (not fitted)"),
         (Value(-1.0, float("nan"), "1"), "-1.000 ± ∞"),
         (Value(3.49e-9, 3e-12, "kg/Pa"), "(3.4900 ± 0.0060)·10⁻⁹ kg/Pa"),
+        (Value(6.69e-4, 4.365e-4, "V"), "669 ± 873 µV"),
+        (Value(-4e-6, 1e-7, "m"), "-4.00 ± 0.20 µm"),
+        (Value(2.5e8, 0.0, "Pa"), "250.000 MPa (not fitted)"),
     ],
 )
 def test_a_value_has_unit_and_interval(value, text):
@@ -218,7 +220,7 @@ def test_the_dashboard_says_the_verdict_and_shows_what_there_is(drawn):
     assert figure.texts[0].get_text().replace("\n", " ") == headline(made.EFFECT)
     labels = [axes.get_xlabel() for axes in figure.axes]
     assert labels[1:] == [
-        *("probability [%]", "gap closed [%]", "share of what the balances lack [%]", "$t$ [s]")
+        *("probability [%]", "gap reduction [%]", "share of the unknown inputs [%]", "$t$ [s]")
     ]
     without = {one.name: one for one in diagnosis_figures(made.EFFECT)}["dashboard"]
     assert without.figure.axes[-1].get_xlabel() == "share [%]"  # regimes where there are no curves
@@ -234,15 +236,15 @@ def test_the_headline_of_a_dashboard_stays_on_it(verdict):
     assert text.y0 > legend.get_window_extent().y1
 
 
-def test_what_is_only_the_nearest_is_not_called_found():
-    """Where no effect is the cause, the curves of a second model are those of the nearest."""
+def test_a_model_that_is_only_the_best_candidate_is_not_called_found():
+    """If no effect is the cause, the curves of a second model are those of the best candidate."""
     found = replace(made.UNKNOWN, evidence=made.evidence())
     for one in diagnosis_figures(found):
         texts = [text.get_text() for text in one.figure.findobj(Text)]
         assert not any("found" in text for text in (*texts, one.caption)), one.name
     names = {one.name: one for one in diagnosis_figures(found)}
     for name in ("gap", "regimes_force"):
-        assert "without effects and with the nearest" in names[name].caption
+        assert "without effects and with the best candidate" in names[name].caption
 
 
 def test_while_the_axis_sticks_no_unknown_force_is_drawn(drawn):

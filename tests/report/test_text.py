@@ -11,7 +11,7 @@ from pneumo_casadi.identification.warnings import ResultWarning
 from pneumo_casadi.report.pages.identification import Picture, html_report
 from pneumo_casadi.report.pages.write import Kind, folder_in_one_step
 from pneumo_casadi.report.tables.paper import TABLE_1
-from pneumo_casadi.report.tables.results import interval_text, parameter_table
+from pneumo_casadi.report.tables.results import interval_text, parameter_table, with_symbols
 from pneumo_casadi.report.text.identification import render, render_warnings, text_report
 
 PIXEL = b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR\x00\x00\x03\x20\x00\x00\x02\x58"
@@ -42,7 +42,8 @@ def test_wls_output_error_truth_and_the_paper_stand_side_by_side(quick):
         "OE - truth",
         "Table 1",
     )
-    assert [row[0] for row in table.rows] == [*TABLE_1, "k_P", "k_N"]
+    assert [row[0] for row in table.rows] == [*map(with_symbols, TABLE_1), "k_P", "k_N"]
+    assert {"F_c⁺", "F_c⁻"} <= {row[0] for row in table.rows}
     mass = dict(zip(table.columns, table.rows[6], strict=True))
     assert mass["truth"] == "16.9"
     assert mass["Table 1"] == "16.900 ± 0.074"
@@ -81,16 +82,16 @@ def test_the_report_begins_with_the_warnings(quick):
 
 
 def test_no_warning_is_said_too():
-    assert "Nothing speaks against" in render_warnings(())
+    assert render_warnings(()) == "No warnings."
 
 
 def test_the_page_stands_alone_and_escapes_what_it_shows(quick):
-    found = replace(quick, warnings=(ResultWarning("wls", "a < b & <script>"),))
+    found = replace(quick, warnings=(ResultWarning("wls", "a < b & <script>: `std` of F_c_plus"),))
     picture = Picture("overview", PIXEL, "Flow map & parameters.")
     page = html_report(found, [picture], paper=True)
     assert '<html lang="en">' in page
     assert "<script>" not in page
-    assert "a &lt; b &amp; &lt;script&gt;" in page
+    assert "a &lt; b &amp; &lt;script&gt;: <code>std</code> of F_c⁺" in page
     assert not re.search(r"(src|href)=\"(?!data:)", page)
     assert 'alt="Flow map &amp; parameters."' in page
     assert 'width="800" height="600"' in page

@@ -24,32 +24,34 @@ def location_sentences(where: Where) -> tuple[str, ...]:
     >>> where = Where(Location.FORCE, None, (), {"force": 1.0}, (), {"force": 0.042})
     >>> for sentence in location_sentences(where):
     ...     print(sentence)
-    What the balances lack, against their own signals: the force on the piston 4.2 %.
+    Unknown inputs of the balances, relative to their signals: the force on the piston 4.2 %.
     Model and measurement disagree in the force on the piston.
     """
     sizes = ", ".join(
         f"{_QUANTITIES[name]} {100 * size:.1f} %" for name, size in where.unknown_inputs.items()
     )
-    sentences = [f"What the balances lack, against their own signals: {sizes}."]
+    sentences = [f"Unknown inputs of the balances, relative to their signals: {sizes}."]
     if where.balance is Location.NONE:
-        return (*sentences, "No more than flow maps and friction laws usually leave.")
+        return (*sentences, "Flow maps and friction laws usually leave as much.")
     disagree = "Model and measurement disagree in"
     if where.sensor_error is not None:
-        sentences.append(f"{disagree} what a sensor shows: {_sensor_clause(where.sensor_error)}.")
+        sentences.append(
+            f"{disagree} the reading of a sensor: {_sensor_clause(where.sensor_error)}."
+        )
     else:
         sentences.append(f"{disagree} {_QUANTITIES[where.balance]}.")
     if where.effects:
         act = "acts" if len(where.effects) == 1 else "act"
-        sentences.append(f"That is where {' and '.join(where.effects)} {act}.")
+        sentences.append(f"{' and '.join(where.effects)} {act} there.")
     for regime in where.regimes[:MAX_REGIMES]:
         whole = "its signal" if regime.condition.kind is RegimeKind.BAND else "the time"
         sentences.append(
-            f"{100 * regime.share:.0f} % of the gap in {_QUANTITIES[regime.balance]} is found "
-            f"here: {regime.name} ({100 * regime.time:.0f} % of {whole})."
+            f"{100 * regime.share:.0f} % of the squared residual in {_QUANTITIES[regime.balance]} "
+            f"occurs under the condition: {regime.name} ({100 * regime.time:.0f} % of {whole})."
         )
     if where.rivals:
         sentences.append(
-            f"Errors of sensors would look much the same: {', '.join(where.rivals)}. Check the "
+            f"Sensor errors would give a similar result: {', '.join(where.rivals)}. Check the "
             "sensors."
         )
     return tuple(sentences)

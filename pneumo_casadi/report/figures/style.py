@@ -27,7 +27,7 @@ DPI = 220
 #: Okabe and Ito (2008): distinct with every common colour vision.
 BLACK, GREY = "#000000", "#8c8c8c"
 BLUE, ORANGE, GREEN, VERMILION, SKY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#56B4E9"
-#: Who is who in every figure.
+#: Colours of the curves in all figures.
 MEASURED, SIMULATED, CLOSED, WLS, TRUTH = GREY, BLUE, VERMILION, ORANGE, BLACK
 
 TEXT, SMALL = 8.0, 7.0
@@ -69,7 +69,7 @@ SYMBOLS = {
     "F": r"$F$",
     "mass_flow_P": r"$q_{mP}$",
     "mass_flow_N": r"$q_{mN}$",
-    "force": "effort",
+    "force": "pressure force",
 }
 UNITS = {"mass_flow_P": "kg/s", "mass_flow_N": "kg/s", "force": "N"}
 
@@ -174,7 +174,7 @@ def thin(*arrays: FloatArray) -> Sequence[FloatArray]:
 
 
 def block_means(t: FloatArray, e: FloatArray, seconds: float) -> tuple[FloatArray, FloatArray]:
-    """Return means over blocks of so many seconds: what is left of an error beside noise."""
+    """Return means over blocks of so many seconds: which averages the noise."""
     n = max(1, round(seconds / float(t[1] - t[0])))
     K = t.size // n
     if K < 2:

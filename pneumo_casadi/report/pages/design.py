@@ -61,7 +61,7 @@ def reference_frame(design: Design) -> pd.DataFrame:
 
 
 def design_text(design: Design) -> str:
-    """Return a design as text: what is gained, what to do, how near the limits are."""
+    """Return a design as text: predicted precision, parts of the reference, limits."""
     gained = (
         precision_table(design.precision)
         if design.precision is not None
@@ -88,7 +88,7 @@ def precision_table(precision: Precision) -> Table:
         "Predicted standard errors [%]",
         ("", "value", "unit", "recorded", "designed", "both", "designed/recorded"),
         tuple(rows),
-        ("The model's own bias is not in them; both: a fit to the two records together.",),
+        ("Without the bias of an incomplete model. Both: one fit to the two records together.",),
     )
 
 
@@ -106,22 +106,22 @@ def distance_table(design: Design) -> Table:
     ]
     samples = design.distances[0].samples
     return Table(
-        "What is left of one effect when the other is fitted to it [standard deviations]",
-        ("there", "fitted", "recorded", "designed", ""),
+        "Residual of one effect after the other is fitted to it [standard deviations]",
+        ("true effect", "fitted effect", "recorded", "designed", ""),
         tuple(rows),
         (
-            f"Noise alone leaves √{samples} = {samples**0.5:.0f}; half the square of a distance is "
-            "the log-likelihood between the two.",
+            f"Noise alone gives √{samples} = {samples**0.5:.0f}. Half the square of a distance is "
+            "the expected difference of the log-likelihoods.",
         ),
     )
 
 
 def _verdict(hidden: bool) -> str:
-    return "absorbed by nominal parameters" if hidden else ""
+    return "compensated by nominal parameters" if hidden else ""
 
 
 def parts_table(design: Design) -> Table:
-    """Return what the reference is made of."""
+    """Return the parts of the reference."""
     begin, rows = 0.0, []
     for part in design.parts:
         whole = part.kind == COMMON
@@ -129,7 +129,7 @@ def parts_table(design: Design) -> Table:
         first = 0.0 if whole else begin
         rows.append((part.kind, f"{first:.1f} … {first + length:.1f}", _numbers(part)))
         begin += 0.0 if whole else length
-    return Table("What to do", ("", "from … to, s", "numbers"), tuple(rows))
+    return Table("Parts of the reference", ("", "from … to [s]", "settings"), tuple(rows))
 
 
 def _numbers(part: Part) -> str:
@@ -146,5 +146,9 @@ def limits_table(design: Design) -> Table:
         (name, unit, f"{design.extremes[name]:.4g}", f"{getattr(limits, name):.4g}")
         for name, unit in UNITS.items()
     ]
-    notes = ("Amplitudes are shares of the position allowed, steps of the common mode allowed.",)
-    return Table("Extremes, as simulated", ("", "unit", "extreme", "limit"), tuple(rows), notes)
+    notes = (
+        "Amplitudes are shares of the allowed position range, steps of the allowed common command.",
+    )
+    return Table(
+        "Simulated extremes and limits", ("", "unit", "extreme", "limit"), tuple(rows), notes
+    )

@@ -11,18 +11,14 @@ from pneumo_casadi.report.pages.drawing import can_draw
 from pneumo_casadi.report.pages.identification import Picture, page
 from pneumo_casadi.report.pages.write import Kind, folder_in_one_step
 from pneumo_casadi.report.tables.diagnosis import (
-    between,
-    chance,
     check_table,
     fitted_table,
     gap_table,
-    percent,
-    plain,
     ranking_table,
     regime_table,
-    whole,
 )
 from pneumo_casadi.report.tables.flow_form import flow_form_tables
+from pneumo_casadi.report.tables.quantities import between, chance, percent, plain, whole
 from pneumo_casadi.report.tables.results import Table
 from pneumo_casadi.report.text.diagnosis import (
     VERDICTS,
@@ -31,7 +27,7 @@ from pneumo_casadi.report.text.diagnosis import (
     cause_sentences,
     check_sentences,
     headline,
-    place,
+    location_text,
     size_sentences,
     size_title,
     summary_text,
@@ -71,7 +67,7 @@ def diagnosis_html(
     Parameters
     ----------
     diagnosis : Diagnosis
-        What was found.
+        The diagnosis.
     pictures : sequence of Picture
         Its figures.
     catalogue : mapping of str to effect class, optional
@@ -102,24 +98,24 @@ def _sections(
 
     return [
         _Section(
-            "where", "Where", where_sentences(diagnosis, catalogue),
+            "where", "Where model and measurement disagree", where_sentences(diagnosis, catalogue),
             drawn("where", "unknown_inputs"), [regime_table(diagnosis)],
         ),
         _Section(
-            "which", "Which effect", cause_sentences(diagnosis, catalogue), drawn("ranking"),
+            "which", "Candidate causes", cause_sentences(diagnosis, catalogue), drawn("ranking"),
             [ranking_table(diagnosis)],
         ),
         _Section(
             "size", size_title(diagnosis), size_sentences(diagnosis), drawn("gap"),
             [gap_table(diagnosis)],
         ),
-        _Section("else", "What else it could be", alternative_sentences(diagnosis, catalogue)),
-        _Section("shape", "Residuals over what went on", pictures=drawn("regimes")),
+        _Section("else", "Other possible causes", alternative_sentences(diagnosis, catalogue)),
+        _Section("shape", "Residuals over the operating conditions", pictures=drawn("regimes")),
         _Section(
-            "checks", "Parameters against geometry and data sheet",
+            "checks", "Parameters compared with geometry and data sheet",
             checks=check_sentences(diagnosis), tables=[check_table(diagnosis)],
         ),
-        _Section("parameters", "Parameters", tables=[fitted_table(diagnosis)]),
+        _Section("parameters", "Fitted parameters", tables=[fitted_table(diagnosis)]),
         _Section("flow_form", "Flow map", tables=flow_form_tables(diagnosis.flow_selection)),
         _Section("notes", "Notes", diagnosis.notes),
     ]  # fmt: skip
@@ -127,7 +123,7 @@ def _sections(
 
 def _facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
     gap, closure = diagnosis.gap, diagnosis.gap.closure
-    facts = [("Where", place(diagnosis))]
+    facts = [("Where", location_text(diagnosis))]
     facts += [
         (
             "Cause" if effect is diagnosis.effects[0] else "and",
@@ -138,13 +134,13 @@ def _facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
     if diagnosis.effects:
         facts += [
             ("Error on held-out data", f"{percent(gap.before)} → {percent(gap.after)}"),
-            ("Closed", f"{whole(closure.value)} ({between(closure)})"),
+            ("Reduction", f"{whole(closure.value)} ({between(closure)})"),
         ]
     else:
         facts.append(("Error on held-out data", percent(gap.before)))
     wrong = sum(not check.agrees for check in diagnosis.checks)
     if diagnosis.checks:
-        facts.append(("Checks of parameters", f"{wrong} of {len(diagnosis.checks)} contradict"))
+        facts.append(("Parameter checks", f"{wrong} of {len(diagnosis.checks)} fail"))
     return facts
 
 
@@ -159,7 +155,7 @@ def write_diagnosis(
     Parameters
     ----------
     diagnosis : Diagnosis
-        What was found.
+        The diagnosis.
     folder : path
         Folder to make. One that holds an earlier diagnosis is replaced as a whole.
     catalogue : mapping of str to effect class, optional

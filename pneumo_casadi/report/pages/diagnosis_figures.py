@@ -1,4 +1,4 @@
-"""The figures of a diagnosis, in order, with what goes with them."""
+"""The figures of a diagnosis with their captions, in the order of the report."""
 
 from collections.abc import Iterator
 
@@ -11,9 +11,10 @@ from pneumo_casadi.report.figures.diagnosis.regimes import regime_figure
 from pneumo_casadi.report.figures.diagnosis.unknown_inputs import unknown_input_figure
 from pneumo_casadi.report.figures.diagnosis.where import where_figure
 from pneumo_casadi.report.pages.identification_figures import Drawn
-from pneumo_casadi.report.tables.diagnosis import chance, has_after, percent, plain, whole
+from pneumo_casadi.report.tables.diagnosis import has_after
+from pneumo_casadi.report.tables.quantities import chance, percent, plain, whole
 
-#: A balance is drawn in detail from this share of what all lack.
+#: A balance is drawn in detail from this share of the unknown inputs.
 SHARE = 0.1
 
 
@@ -23,9 +24,9 @@ def diagnosis_figures(diagnosis: Diagnosis) -> Iterator[Drawn]:
         yield Drawn(
             "gap",
             gap_figure(diagnosis),
-            f"Gap on held-out data {' and '.join(gap_labels(diagnosis))}, in per cent of each "
-            "signal, beyond the noise of the sensors; the black mark is that noise. "
-            + _gap_words(diagnosis),
+            "Gap (error of the simulation beyond the sensor noise) on held-out data, "
+            f"{' and '.join(gap_labels(diagnosis))}, in per cent of each signal; the black mark is "
+            "the sensor noise. " + _gap_words(diagnosis),
         )
     if any(
         candidate.closure is not None or candidate.probability > 0
@@ -34,16 +35,16 @@ def diagnosis_figures(diagnosis: Diagnosis) -> Iterator[Drawn]:
         yield Drawn(
             "ranking",
             ranking_figure(diagnosis),
-            "The most probable causes, and how much of the held-out gap in the balances each one "
-            "closes, with its 95 % interval. " + _ranking_words(diagnosis),
+            "The most probable causes, and the share of the held-out gap in the balances that each "
+            "removes, with its 95 % interval. " + _ranking_words(diagnosis),
         )
     if any(diagnosis.where.shares.values()) or diagnosis.where.regimes:
         yield Drawn(
             "where",
             where_figure(diagnosis),
-            "Share of each balance in what the model without effects lacks; below, the parts of "
-            "the record that hold more of the gap than of the time (of a frequency band: than of "
-            "the signal).",
+            "Share of each balance in the unknown inputs of the model without effects; below, the "
+            "conditions with a larger share of the residual than of the time (for a frequency "
+            "band: than of the signal).",
         )
     if diagnosis.evidence is not None:
         yield from _curves(diagnosis, diagnosis.evidence)
@@ -51,8 +52,9 @@ def diagnosis_figures(diagnosis: Diagnosis) -> Iterator[Drawn]:
         yield Drawn(
             "dashboard",
             dashboard_figure(diagnosis),
-            "The diagnosis at a glance: gap, most probable causes, place, and what the balance "
-            f"that is hit most lacks. {_gap_words(diagnosis)} {_ranking_words(diagnosis)}",
+            "Summary of the diagnosis: gap, most probable causes, affected balances, and the "
+            f"unknown input of the most affected one. {_gap_words(diagnosis)} "
+            f"{_ranking_words(diagnosis)}",
         )
 
 
@@ -63,9 +65,9 @@ def _curves(diagnosis: Diagnosis, evidence: Evidence) -> Iterator[Drawn]:
         yield Drawn(
             f"unknown_inputs_{i}" if several else "unknown_inputs",
             unknown_input_figure(inputs, diagnosis.where.shares),
-            f"What the balances lack over time{which}: the unknown input of each, with a band of "
-            "±2σ. Where the model is right the band covers zero. Grey: the axis sticks, and "
-            "friction takes any force.",
+            f"Unknown input of each balance over time{which}, with a band of ±2σ. Where the model "
+            "is right the band covers zero. Grey: the axis sticks, and static friction balances "
+            "any force.",
         )
     shares, labels = diagnosis.where.shares, gap_labels(diagnosis)
     for balance in sorted(shares, key=lambda name: -shares[name]):
@@ -75,14 +77,14 @@ def _curves(diagnosis: Diagnosis, evidence: Evidence) -> Iterator[Drawn]:
             yield Drawn(
                 f"regimes_{balance}",
                 regime_figure(before, after, labels),
-                f"Mean residual of the {plain(balance)} balance over what went on, with bands of "
-                f"±2σ, {' and '.join(labels[: 2 if after else 1])}. A flat line at zero is a "
-                "complete model.",
+                f"Mean residual of the {plain(balance)} balance over the operating conditions, "
+                f"with bands of ±2σ, {' and '.join(labels[: 2 if after else 1])}. "
+                "A complete model gives a flat line at zero.",
             )
 
 
 def _gap_words(diagnosis: Diagnosis) -> str:
-    """Say the figure's main numbers, for those who do not see it."""
+    """Return the main numbers of the figure, for readers who cannot see it."""
     gap = diagnosis.gap
     if not has_after(diagnosis):
         return f"Over all outputs: {percent(gap.before)}."
@@ -91,5 +93,5 @@ def _gap_words(diagnosis: Diagnosis) -> str:
 
 def _ranking_words(diagnosis: Diagnosis) -> str:
     first = diagnosis.ranking[0]
-    closes = "" if first.closure is None else f", closes {whole(first.closure.value)}"
-    return f"First: {plain(first.label)}, probability {chance(first.probability)}{closes}."
+    removed = "" if first.closure is None else f", reduction {whole(first.closure.value)}"
+    return f"First: {plain(first.label)}, probability {chance(first.probability)}{removed}."

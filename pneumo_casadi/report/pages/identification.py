@@ -1,4 +1,4 @@
-"""The report as one HTML file: everything embedded, nothing requested."""
+"""The report as one HTML file with all figures embedded."""
 
 import base64
 import re
@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup, escape
 
 from pneumo_casadi.estimation.output_error import OutputErrorResult
 from pneumo_casadi.estimation.wls import format_table
@@ -13,11 +14,13 @@ from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.identification.result_file import identification_provenance
 from pneumo_casadi.report.pages.drawing import NOT_DRAWN, can_draw
 from pneumo_casadi.report.tables.content import all_tables
-from pneumo_casadi.report.tables.results import Table
+from pneumo_casadi.report.tables.results import Table, with_symbols
 
 #: Size of an SVG file, in points: what Matplotlib writes into its first tag.
 _SVG_SIZE = re.compile(rb'<svg[^>]*?\bwidth="([\d.]+)pt"[^>]*', re.DOTALL)
 _SVG_HEIGHT = re.compile(rb'\bheight="([\d.]+)pt"')
+#: Code in a sentence.
+_CODE = re.compile("`([^`]+)`")
 #: CSS pixels a point.
 _POINT = 96 / 72
 
@@ -103,7 +106,7 @@ def html_report(
 
 
 def page(template: str, **content: Any) -> str:
-    """Return a template of this package, filled in; all text is escaped."""
+    """Return a filled-in template of this package; all text is escaped."""
     environment = Environment(
         loader=PackageLoader("pneumo_casadi", "report/pages/templates"),
         autoescape=True,
@@ -112,7 +115,14 @@ def page(template: str, **content: Any) -> str:
         finalize=_unbroken,
     )
     content["not_drawn"] = "" if can_draw() else NOT_DRAWN
+    environment.filters["marked"] = _marked
     return environment.get_template(template).render(**content).lstrip()
+
+
+def _marked(text: str) -> Markup:
+    """Return a sentence with `code` as HTML code and parameters as symbols."""
+    escaped = str(escape(_unbroken(with_symbols(text))))
+    return Markup(_CODE.sub(r"<code>\1</code>", escaped))
 
 
 def _unbroken(value: Any) -> Any:
@@ -125,4 +135,4 @@ def _stages(result: OutputErrorResult) -> Table:
         (stage.name, stage.status, str(stage.iterations), f"{stage.cost:.6g}")
         for stage in result.stages
     ]
-    return Table("Every solve on the way", ("stage", "status", "iterations", "cost"), tuple(rows))
+    return Table("All solves", ("stage", "status", "iterations", "cost"), tuple(rows))

@@ -21,7 +21,7 @@ from pneumo_casadi.validation import Validation
 
 @dataclass(frozen=True, slots=True)
 class Drawn:
-    """A figure with what goes with it.
+    """A figure with its caption.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ class Drawn:
     figure : matplotlib.figure.Figure
         The drawing.
     caption : str
-        What it shows and what to look for.
+        What it shows.
     """
 
     name: str
@@ -58,12 +58,12 @@ def figures_of(identification: Identification) -> Iterator[Drawn]:
         yield Drawn(
             "overview",
             overview_figure(identification),
-            "Flow map, held-out prediction and parameters at a glance.",
+            "Summary: flow map, simulation of a held-out record, parameters.",
         )
     yield Drawn(
         "parameters",
         forest_figure(identification),
-        "Estimates with intervals of ±2σ that allow for correlated residuals, "
+        "Estimates with intervals of ±2σ that include the correlation of the residuals, "
         + (
             "relative to the true parameters."
             if identification.truth
@@ -77,31 +77,31 @@ def figures_of(identification: Identification) -> Iterator[Drawn]:
             "flow_map",
             flow_map_figure(identification.flow_map, identification.flow),
             "Static flow map of the valve: surface and its three projections (as Fig. 2 of the "
-            "paper); dots are metered, lines fitted.",
+            "paper); dots: measured, lines: fitted.",
         )
         yield Drawn(
             "residual_map",
             residual_map_figure(identification.flow_map, identification.flow),
-            "What the fitted form leaves of the metered map (as Fig. 3).",
+            "Residuals of the fitted flow map (as Fig. 3 of the paper).",
         )
     yield Drawn(
         "regressor",
         regressor_figure(identification.wls, identification.records[0]),
-        "Weighted least squares on a record of the fit: measured sides of the balances and W X̂; "
-        "below, the residuals, with a band of ±2σ. Rows at rest are left out: friction at rest is "
-        "no function of the velocity.",
+        "Weighted least squares on a record of the fit: left side Y of the balances (eq. 13) and "
+        "W X̂; below, the residuals with a band of ±2σ. Rows at rest are left out because static "
+        "friction is not a function of the velocity.",
     )
     for prediction in identification.predictions:
         yield Drawn(
             f"cross_validation_{prediction.name}",
             cross_validation_figure(prediction),
-            "Flows and effort predicted by weighted least squares on a held-out record (as "
-            "Figs. 4 and 5). None is drawn at rest, where friction is no function of the velocity.",
+            "Mass flows and pressure force predicted by weighted least squares on a held-out "
+            "record (as Figs. 4 and 5 of the paper). Rows at rest are left out.",
         )
     yield Drawn(
         "output_error",
         fit_figure(identification.output_error, identification.records),
-        "Outputs measured and as fitted by output error.",
+        "Measured outputs and the output-error fit.",
     )
     yield Drawn(
         "residuals",
@@ -118,8 +118,8 @@ def figures_of(identification: Identification) -> Iterator[Drawn]:
         yield Drawn(
             "all_correlations",
             clustered_correlation_figure(identification.identifiability),
-            "Correlations of all estimates, the flow map's coefficients among them; those that "
-            "make up for each other stand side by side.",
+            "Correlations of all estimates, the flow map's coefficients among them; parameters "
+            "that compensate each other are adjacent.",
         )
 
 

@@ -1,41 +1,41 @@
 """The tables of a diagnosis."""
 
-import math
 from collections.abc import Iterator, Mapping
 
-from pneumo_casadi.diagnosis import Candidate, Closure, Diagnosis, Value
+from pneumo_casadi.diagnosis import Candidate, Diagnosis, Value
 from pneumo_casadi.report.tables.flow_form import flow_form_tables
-from pneumo_casadi.report.tables.results import Table, exponent_of, interval_text
+from pneumo_casadi.report.tables.quantities import (
+    DISPLAY_UNITS,
+    between,
+    chance,
+    percent,
+    plain,
+    quantity,
+    whole,
+)
+from pneumo_casadi.report.tables.results import Table, with_symbols
 
-#: Places in words.
+#: Balances in words.
 BALANCES = {
     "mass_flow_P": "mass flow into chamber P",
     "mass_flow_N": "mass flow into chamber N",
     "force": "force on the piston",
-    "measurement": "what a sensor shows",
-    "none": "nowhere",
+    "measurement": "reading of a sensor",
+    "none": "none",
 }
-#: Ways of looking at the gap, in the order in which they are shown.
+#: How the gap is measured, in the order in which the views are shown.
 VIEWS = {
     "windows": "open loop, windows of 0.5 s",
     "closed_loop": "closed loop",
-    "balances": "balances along the measured motion",
+    "balances": "residuals of the balances",
 }
-#: Units in which people read, with the factor from SI.
-READ = {
-    "m": ("mm", 1e3),
-    "m/s": ("mm/s", 1e3),
-    "m2": ("cm²", 1e4),
-    "s": ("ms", 1e3),
-    "Pa": ("kPa", 1e-3),
-    "kg/s": ("g/s", 1e3),
-    "m³/(s Pa)": ("l/(s bar)", 1e8),
-    "N s2/m2": ("N s²/m²", 1.0),
-    "1": ("", 1.0),
-}
+#: The gap, defined where it first appears in a report.
+GAP_DEFINITION = (
+    "Gap: error of the simulation on held-out data beyond the sensor noise, in per cent of the "
+    "signal's standard deviation."
+)
 #: Candidates shown; the JSON file has them all.
 SHOWN = 12
-_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def diagnosis_tables(diagnosis: Diagnosis) -> tuple[Table, ...]:
@@ -52,41 +52,44 @@ def diagnosis_tables(diagnosis: Diagnosis) -> tuple[Table, ...]:
 
 
 def gap_table(diagnosis: Diagnosis) -> Table:
-    """Return the held-out gap by view and output, before and after."""
+    """Return the gap by view and output, without effects and with them."""
     rows = [
         (
             f"{VIEWS.get(view, plain(view))}: {_short(name)}",
             *(percent(values[key]) for key in ("before", "after")),
-            _closed(values["before"], values["after"]),
+            _share_removed(values["before"], values["after"]),
             percent(values["noise"]),
         )
         for view, name, values in gap_rows(diagnosis)
     ]
     table = Table(
-        "Gap on held-out data, in % of the signal",
-        ("", "without effects", with_what(diagnosis), "closed", "noise"),
+        "Gap on held-out data",
+        ("", "without effects", with_what(diagnosis), "reduction", "sensor noise"),
         tuple(rows),
-        ("What the sensors' noise alone leaves is taken off.",),
+        (
+            GAP_DEFINITION,
+            "Residuals of the balances: left minus right side of eq. 1 along the measured motion.",
+        ),
     )
-    return table if has_after(diagnosis) else table.without(with_what(diagnosis), "closed")
+    return table if has_after(diagnosis) else table.without(with_what(diagnosis), "reduction")
 
 
 def has_after(diagnosis: Diagnosis) -> bool:
-    """Whether the gap was simulated with effects too."""
+    """Return whether the gap was simulated with effects too."""
     return bool(diagnosis.effects) or diagnosis.gap.after != diagnosis.gap.before
 
 
 def nearest(diagnosis: Diagnosis) -> tuple[str, ...]:
-    """Name the effects of the model that came nearest where none is the cause."""
+    """Return the effects of the best candidate where no effect is the cause."""
     new = [name.partition(".")[0] for name in diagnosis.fitted if name not in diagnosis.nominal]
     return tuple(dict.fromkeys(new))
 
 
 def with_what(diagnosis: Diagnosis) -> str:
-    """Return what the model with effects is called."""
+    """Return the name of the model with effects."""
     if diagnosis.effects:
-        return "with it" if len(diagnosis.effects) == 1 else "with them"
-    return "with the nearest"
+        return "with the effect" if len(diagnosis.effects) == 1 else "with the effects"
+    return "with the best candidate"
 
 
 def gap_rows(diagnosis: Diagnosis) -> Iterator[tuple[str, str, Mapping[str, float]]]:
@@ -98,7 +101,7 @@ def gap_rows(diagnosis: Diagnosis) -> Iterator[tuple[str, str, Mapping[str, floa
 
 
 def regime_table(diagnosis: Diagnosis) -> Table:
-    """Return the regimes in which the gap is larger than elsewhere."""
+    """Return the conditions under which the residual of a balance is large."""
     rows = [
         (
             f"{regime.name}",
@@ -111,12 +114,13 @@ def regime_table(diagnosis: Diagnosis) -> Table:
         for regime in diagnosis.where.regimes
     ]
     return Table(
-        "Where in the record the gap is found",
-        ("regime", "balance", "of the gap", "of the time", "ratio", "p"),
+        "Conditions under which the residual is large",
+        ("condition", "balance", "share of residual", "share of time", "ratio", "p"),
         tuple(rows),
         (
-            "Of a frequency band, for the time: its share of the balance's own signal.",
-            "p: chance of such a share with the residuals shuffled in blocks.",
+            "Share of residual: of the squared residual of the balance. For a frequency band, "
+            "share of time is the share of the signal.",
+            "p: probability of such a share if the residuals are shuffled in blocks.",
         ),
     )
 
@@ -129,7 +133,7 @@ def ranking_table(diagnosis: Diagnosis) -> Table:
         (
             plain(candidate.label),
             chance(candidate.probability),
-            *_shrink(candidate),
+            *_reduction(candidate),
             whole(candidate.explained),
             whole(candidate.observable),
         )
@@ -138,18 +142,18 @@ def ranking_table(diagnosis: Diagnosis) -> Table:
     left = len(first) - len(first[:SHOWN])
     return Table(
         "Candidates",
-        ("", "probability", "closes", "95 % interval", "promised", "observable"),
+        ("", "probability", "reduction", "95 % interval", "predicted", "identifiable"),
         tuple(rows),
         (
-            "Closes: of the held-out gap in the balances.",
-            "Promised: of the squared residuals, by the screen before any refit.",
-            "Observable: share of its influence that a refit without it does not take up.",
-            *((f"{left} more are in diagnosis.json.",) if left else ()),
+            "Reduction: share of the held-out gap in the balances that the candidate removes.",
+            "Predicted: the same for the squared residuals, by the linearised model before a fit.",
+            "Identifiable: share of its influence that the other parameters cannot reproduce.",
+            *((f"{left} further candidates are in diagnosis.json.",) if left else ()),
         ),
     )
 
 
-def _shrink(candidate: Candidate) -> tuple[str, str]:
+def _reduction(candidate: Candidate) -> tuple[str, str]:
     if candidate.failure:
         return "fit failed", ""
     if candidate.closure is None:
@@ -158,10 +162,10 @@ def _shrink(candidate: Candidate) -> tuple[str, str]:
 
 
 def check_table(diagnosis: Diagnosis) -> Table:
-    """Return the parameters beside what geometry and data sheet say of them."""
+    """Return the parameters beside the values expected from geometry and data sheet."""
     rows = []
     for check in diagnosis.checks:
-        unit, factor = READ.get(check.unit, (check.unit, 1.0))
+        unit, factor = DISPLAY_UNITS.get(check.unit, (check.unit, 1.0))
         value = Value(check.value * factor, check.std * factor, "")
         expected, tolerance = check.expected * factor, check.tolerance * factor
         rows.append(
@@ -174,8 +178,8 @@ def check_table(diagnosis: Diagnosis) -> Table:
             )
         )
     return Table(
-        "Parameters against geometry and data sheet",
-        ("", "unit", "found ± 2σ", "expected", "agrees"),
+        "Parameters compared with geometry and data sheet",
+        ("", "unit", "estimate ± 2σ", "expected", "agrees"),
         tuple(rows),
     )
 
@@ -184,111 +188,20 @@ def fitted_table(diagnosis: Diagnosis) -> Table:
     """Return all parameters without and with the effects found."""
     names = list(dict.fromkeys([*diagnosis.fitted, *diagnosis.nominal]))
     both = [(name, diagnosis.nominal.get(name), diagnosis.fitted.get(name)) for name in names]
-    rows = [
-        (name, (without or with_ or Value(0.0, 0.0, "")).unit, *map(_cell, (without, with_)))
-        for name, without, with_ in both
-    ]
+    rows = [(with_symbols(name), *map(_cell, (without, with_))) for name, without, with_ in both]
     title = "Fitted parameters ± 2σ"
     if not has_after(diagnosis):
-        return Table(title, ("", "unit", "found"), tuple(row[:3] for row in rows))
-    return Table(title, ("", "unit", "without effects", with_what(diagnosis)), tuple(rows))
+        return Table(title, ("", "estimate"), tuple(row[:2] for row in rows))
+    return Table(title, ("", "without effects", with_what(diagnosis)), tuple(rows))
 
 
 def _cell(value: Value | None) -> str:
-    return "" if value is None else quantity(Value(value.value, value.std, ""))
-
-
-def quantity(value: Value, held: str = " (not fitted)") -> str:
-    """Return a value ± 2σ in a unit that people read.
-
-    Parameters
-    ----------
-    value : Value
-        In SI units.
-    held : str, optional
-        What is added to a value that has no standard deviation.
-
-    Examples
-    --------
-    >>> quantity(Value(0.0213, 0.0004, "m/s"))
-    '21.30 ± 0.80 mm/s'
-    >>> quantity(Value(3.49e-9, 0.0, "kg/Pa"))
-    '3.490·10⁻⁹ kg/Pa (not fitted)'
-    """
-    unit, factor = READ.get(value.unit, (value.unit, 1.0))
-    size, half = value.value * factor, 2 * value.std * factor
-    exponent = exponent_of(size)
-    text = interval_text(size, math.inf if math.isnan(half) else half or None, exponent)
-    if exponent:
-        power = f"·10{str(exponent).translate(_SUPERSCRIPTS)}"
-        text = f"({text}){power}" if half else f"{text}{power}"
-    return f"{text} {unit}".rstrip() + ("" if half else held)
-
-
-def percent(value: float) -> str:
-    """Return per cent with as many digits as one reads.
-
-    Examples
-    --------
-    >>> percent(0.0011), percent(3.14), percent(31.4), percent(314.0), percent(1e-7)
-    ('0.0011 %', '3.1 %', '31 %', '314 %', '0 %')
-    """
-    return f"{value:.0f} %" if abs(value) >= 9.95 else f"{_small(value)} %"
-
-
-def _small(value: float) -> str:
-    return "0" if abs(value) < 5e-5 else f"{value:#.2g}"
-
-
-def chance(probability: float) -> str:
-    """Return a probability in whole per cent; what rounds to never or always is no such thing.
-
-    Examples
-    --------
-    >>> chance(0.974), chance(1e-9), chance(0.9999)
-    ('97 %', '< 1 %', '> 99 %')
-    """
-    if probability < 0.01:
-        return "< 1 %"
-    return "> 99 %" if probability > 0.99 else f"{100 * probability:.0f} %"
-
-
-def between(closure: Closure) -> str:
-    """Return the interval of a shrink in whole per cent.
-
-    Examples
-    --------
-    >>> between(Closure(0.9, 0.874, 0.926))
-    '87 to 93 %'
-    """
-    return f"{whole(closure.lower).removesuffix(' %')} to {whole(closure.upper)}"
-
-
-def whole(share: float) -> str:
-    """Return a share in whole per cent.
-
-    Examples
-    --------
-    >>> whole(-0.001)
-    '0 %'
-    """
-    return f"{round(100 * share)} %"
-
-
-def plain(name: str) -> str:
-    """Return a name of the catalogue, or several, without underscores.
-
-    Examples
-    --------
-    >>> plain("leakage_P + valve_dead_zone")
-    'leakage P + valve dead zone'
-    """
-    return name.replace("_", " ")
+    return "" if value is None else quantity(value)
 
 
 def _short(name: str) -> str:
-    return {"mass_flow_P": "flow P", "mass_flow_N": "flow N"}.get(name, name)
+    return {"mass_flow_P": "mass flow P", "mass_flow_N": "mass flow N"}.get(name, name)
 
 
-def _closed(before: float, after: float) -> str:
+def _share_removed(before: float, after: float) -> str:
     return "" if before <= 0 else whole(1 - after / before)

@@ -6,14 +6,20 @@ from collections.abc import Mapping, Sequence
 from pneumo_casadi.estimation.output_error import OutputErrorResult
 from pneumo_casadi.estimation.statistics import interval_factor
 from pneumo_casadi.estimation.uncertainty import Bootstrap, Direction, Identifiability, Profile
-from pneumo_casadi.report.tables.results import Table, exponent_of, value_text
+from pneumo_casadi.report.tables.results import (
+    Table,
+    exponent_of,
+    scaled_unit,
+    value_text,
+    with_symbols,
+)
 
 #: Parts of a direction, and collinear groups, that are printed.
 PARTS, GROUPS = 6, 10
 
 
 def identifiability_tables(identifiability: Identifiability) -> tuple[Table, ...]:
-    """Return what a report says of identifiability.
+    """Return the tables of identifiability.
 
     Parameters
     ----------
@@ -23,8 +29,8 @@ def identifiability_tables(identifiability: Identifiability) -> tuple[Table, ...
     Returns
     -------
     tuple of Table
-        Parameters with the source of their information; the directions known worst; groups of
-        parameters that one another make up for.
+        Parameters with the sources of their information; the least certain combinations; groups
+        of parameters that compensate each other.
     """
     return (
         _parameter_table(identifiability),
@@ -40,19 +46,19 @@ def _parameter_table(identifiability: Identifiability) -> Table:
         why = "at its bound" if name in identifiability.at_bound else "no information"
         rows.append(
             (
-                name,
+                with_symbols(name),
                 _percent(relative) if math.isfinite(relative) else f"∞ ({why})",
                 *(_source(identifiability, i, j) for i in range(len(identifiability.sources))),
             )
         )
     return Table(
-        "What informs each parameter",
-        ("", "std / size", *identifiability.sources),
+        "Sources of information on each parameter",
+        ("", "relative std", *identifiability.sources),
         tuple(rows),
         (
-            "Per source: its share of the information on the parameter, all others known; in "
-            "brackets by how much the standard",
-            "deviation grows without it, all others estimated.",
+            "Per source: its share of the information on the parameter, all others known; in",
+            "brackets the factor by which the standard deviation grows without the source, all",
+            "others estimated.",
         ),
     )
 
@@ -66,31 +72,35 @@ def _direction_table(identifiability: Identifiability) -> Table:
     weak = identifiability.weak()
     shown: Sequence[Direction] = weak or identifiability.directions[-3:][::-1]
     rows = tuple((_combination(d.weights), _percent(d.relative_std)) for d in shown)
-    title = "Combinations known to no better than 10 %" if weak else "Combinations known worst"
+    title = (
+        "Parameter combinations with a relative standard deviation above 10 %"
+        if weak
+        else "Least certain parameter combinations"
+    )
     return Table(
         title,
-        ("combination, in parameters over their size", "std"),
+        ("combination of relative parameters", "std"),
         rows,
-        (f"Condition of the scaled sensitivities: {identifiability.condition:.3g}.",),
+        (f"Condition number of the scaled sensitivities: {identifiability.condition:.3g}.",),
     )
 
 
 def _group_table(identifiability: Identifiability) -> Table:
     rows = [
-        (", ".join(group.names), "collinear", f"γ = {group.index:.3g}")
+        (_symbols(group.names), "collinear", f"γ = {group.index:.3g}")
         for group in identifiability.collinear[:GROUPS]
     ]
     left = len(identifiability.collinear) - GROUPS
     if left > 0:
-        rows.append((f"and {left} groups more", "collinear", ""))
+        rows.append((f"and {left} further groups", "collinear", ""))
     rows += [
-        (", ".join(cluster), "correlated", "|ρ| > 0.95") for cluster in identifiability.clusters
+        (_symbols(cluster), "correlated", "|ρ| > 0.95") for cluster in identifiability.clusters
     ]
     return Table(
-        "Parameters that make up for each other",
-        ("parameters", "how", "measure"),
+        "Parameters that compensate each other",
+        ("parameters", "relation", "measure"),
         tuple(rows) or (("none", "", ""),),
-        ("γ: collinearity index (Brun, Reichert and Künsch 2001); 5 to 20 counts as critical.",),
+        ("γ: collinearity index (Brun, Reichert and Künsch 2001); 5 to 20 is critical.",),
     )
 
 
@@ -126,16 +136,29 @@ def interval_table(
         if bootstrap is not None:
             pairs.append(bootstrap.interval(name, level))
         unit = "" if profile.unit == "1" else profile.unit
-        heading = unit if e == 0 else f"1e{e} {unit}"
         value = value_text(profile.estimate, e, decimals)
-        rows.append((name, heading, value, *(_pair(pair, e, decimals) for pair in pairs)))
+        rows.append(
+            (
+                with_symbols(name),
+                scaled_unit(unit, e),
+                value,
+                *(_pair(pair, e, decimals) for pair in pairs),
+            )
+        )
     columns = ["", "unit", "estimate", "Gauss-Newton", "robust", "profile", "profile, robust"]
     return Table(
         f"Intervals at {100 * level:g} %",
         (*columns, *(["bootstrap"] if bootstrap is not None else [])),
         tuple(rows),
-        ("Robust: correlated residuals count. A profile that stays open is infinite.",),
+        (
+            "Robust: includes the correlation of the residuals. ∞: the profile does not reach the "
+            "threshold.",
+        ),
     )
+
+
+def _symbols(names: Sequence[str]) -> str:
+    return ", ".join(map(with_symbols, names))
 
 
 def _decimals(half: float, exponent: int) -> int:
@@ -161,7 +184,7 @@ def _combination(weights: Mapping[str, float]) -> str:
     >>> _combination({"X_s1": 0.8, "X_s2": -0.6})
     '+0.80 X_s1 -0.60 X_s2'
     """
-    parts = [f"{weight:+.2f} {name}" for name, weight in weights.items()]
+    parts = [f"{weight:+.2f} {with_symbols(name)}" for name, weight in weights.items()]
     return " ".join(parts[:PARTS]) + (f" and {len(parts) - PARTS} more" * (len(parts) > PARTS))
 
 

@@ -1,6 +1,7 @@
 """Tables of results: estimates side by side, errors on held-out records."""
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -9,8 +10,23 @@ from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.report.tables.paper import TABLE_1
 from pneumo_casadi.validation import Error, Validation
 
-#: Units in which people read, with the factor from SI.
+#: SI unit -> unit of display and factor.
 DISPLAY = {"m": ("mm", 1e3), "Pa": ("kPa", 1e-3)}
+
+
+SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+#: What Table 1 is, below the tables that show it.
+PAPER = (
+    'Table 1: estimates ± 2σ of "Identification of physical parameters of a pneumatic '
+    'servosystem" (IFAC 2005), on the bench of its authors.'
+)
+_SYMBOLS = {
+    "F_c_plus": "F_c⁺",
+    "F_c_minus": "F_c⁻",
+    "psi_plus": "ψ⁺",
+    "psi_minus": "ψ⁻",
+    "phi": "φ",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,13 +114,37 @@ def interval_text(value: float, half: float | None, exponent: int = 0) -> str:
     return f"{value_text(value, exponent, decimals)} ± {scaled:.{decimals}f}"
 
 
+def with_symbols(text: str) -> str:
+    """Return a text with the names of parameters as symbols of the equations.
+
+    Examples
+    --------
+    >>> with_symbols("F_c_plus"), with_symbols("psi_minus_2"), with_symbols("M")
+    ('F_c⁺', 'ψ⁻_2', 'M')
+    """
+    for plain, symbol in _SYMBOLS.items():
+        text = re.sub(rf"\b{plain}(?=\b|_\d)", symbol, text)
+    return text
+
+
+def scaled_unit(unit: str, exponent: int) -> str:
+    """Return a unit with the power of ten that was taken out of its values.
+
+    Examples
+    --------
+    >>> scaled_unit("kg/Pa", -9), scaled_unit("kg", 0)
+    ('10⁻⁹ kg/Pa', 'kg')
+    """
+    return unit if exponent == 0 else f"10{str(exponent).translate(SUPERSCRIPTS)} {unit}".rstrip()
+
+
 def parameter_table(identification: Identification, paper: bool = False) -> Table:
-    """Return WLS, output error, truth where known, and on request the paper's Table 1.
+    """Return WLS, output error, the truth if known, and on request Table 1 of the paper.
 
     Parameters
     ----------
     identification : Identification
-        What was identified.
+        The identification.
     paper : bool, optional
         Whether to add Table 1 of the paper.
 
@@ -133,8 +173,8 @@ def parameter_table(identification: Identification, paper: bool = False) -> Tabl
         tuple(columns),
         tuple(rows),
         (
-            "2σ allows for correlated residuals, not for the bias of a wrong model.",
-            *(("Table 1: the paper's estimates ± 2σ on its own bench.",) if paper else ()),
+            "2σ includes the correlation of the residuals, not the bias of an incomplete model.",
+            *((PAPER,) if paper else ()),
         ),
     )
     absent = [] if truth else ["truth", "OE - truth"]
@@ -166,10 +206,9 @@ def _row(
     oe = pairs["oe"][0]
     e = exponent_of(oe)
     true = truth.get(name)
-    heading = unit if e == 0 else f"1e{e} {unit}"
     return (
-        name,
-        heading if unit != "1" else "",
+        with_symbols(name),
+        scaled_unit("" if unit == "1" else unit, e),
         interval_text(*pairs["wls"], e),
         interval_text(*pairs["oe"], e),
         "" if true is None else f"{true / 10.0**e:.4g}",
@@ -203,7 +242,7 @@ def _derived_row(
 
 
 def validation_table(validation: Validation) -> Table:
-    """Return the errors on held-out records: in units, in per cent of signal, beside the noise."""
+    """Return the errors on held-out records, in units and per cent, beside the sensor noise."""
     runs: list[tuple[str, Mapping[str, Error]]] = [
         (f"windows of {length:g} s", errors) for length, errors in validation.windows.items()
     ]
@@ -217,7 +256,7 @@ def validation_table(validation: Validation) -> Table:
     ]
     rows.append(("sensor noise", *(_noise_text(validation.open_loop[c]) for c in channels)))
     return Table(
-        "Errors on held-out records, rms (per cent of the signal's standard deviation)",
+        "Root-mean-square errors on held-out records (per cent of the signal's standard deviation)",
         ("", *(f"{c} [{u}]" for c, u in zip(channels, units, strict=True))),
         tuple(rows),
     )

@@ -5,25 +5,25 @@ from typing import Any
 
 from pneumo_casadi.report.tables.results import Table
 
-#: Shares: key, what it says.
+#: Shares: key, text.
 SHARES = (
-    ("right_first", "singles: named, and nothing else"),
-    ("ranked_first", "singles: first in the ranking"),
-    ("first_three", "singles: among the first three"),
-    ("set_covers", "singles: in the set offered"),
-    ("set_covers_given", "... where a set is offered"),
-    ("pair_one", "pairs: one named"),
+    ("right_first", "single effects: named, and nothing else"),
+    ("ranked_first", "single effects: first in the ranking"),
+    ("first_three", "single effects: among the first three"),
+    ("set_covers", "single effects: among the possible causes named"),
+    ("set_covers_given", "... if several possible causes are named"),
+    ("pair_one", "pairs: at least one named"),
     ("pair_both", "pairs: both named"),
-    ("false_alarm", "nothing wrong: one named"),
-    ("unknown_caught", "cause in no list: unknown"),
-    ("unknown_caught_left_out", "... left out of this catalogue"),
-    ("unknown_caught_never_listed", "... never in it"),
-    ("wrongly_named", "cause in no list: one named"),
-    ("false_unknown", "listed or none: unknown"),
-    ("located", "right balance"),
-    ("located_single", "... of singles"),
-    ("absorbed_told", "absorbed: told"),
-    ("absorbed_misnamed", "absorbed: another named"),
+    ("false_alarm", "no effect: one named (false alarm)"),
+    ("unknown_caught", "cause outside the catalogue: unknown"),
+    ("unknown_caught_left_out", "... effect left out of the catalogue"),
+    ("unknown_caught_never_listed", "... effect never in it"),
+    ("wrongly_named", "cause outside the catalogue: one named"),
+    ("false_unknown", "cause in the catalogue, or none: unknown"),
+    ("located", "correct balance"),
+    ("located_single", "... single effects"),
+    ("absorbed_told", "absorbed by parameters: reported"),
+    ("absorbed_misnamed", "absorbed by parameters: another effect named"),
     ("failed", "diagnosis failed"),
 )
 
@@ -44,9 +44,12 @@ def withheld_table(result: Mapping[str, Any]) -> Table:
     both = [result["scores"]["all"], result["scores"]["visible"]]
     rows = [(text, *(share_text(score[key]) for score in both)) for key, text in SHARES]
     rows += [
-        ("mean size of the set", *(_number(score["set_size"], "mean") for score in both)),
         (
-            "median shrink over an oracle's",
+            "mean number of possible causes named",
+            *(_number(score["set_size"], "mean") for score in both),
+        ),
+        (
+            "gap reduction relative to the true effect, median",
             *(_number(score["shrink_of_oracle"], "median") for score in both),
         ),
     ]
@@ -54,26 +57,32 @@ def withheld_table(result: Mapping[str, Any]) -> Table:
     rows.append(("expected calibration error", "-" if error is None else f"{error:.3f}", ""))
     rows += _rivals([result["rivals"]["all"], result["rivals"]["visible"]])
     notes = [
-        "Shares in % (Wilson's interval of 95 %) and counts. Visible: the cause makes a residual",
-        "of the nominal axis half as large again as without it, or nothing is wrong.",
+        "Shares in % (Wilson's interval of 95 %) and counts. Visible: the effect increases a",
+        "residual of the nominal model by at least half, or there is no effect. Absorbed: a refit",
+        "of the nominal parameters compensates the effect.",
     ]
     if result["unmeasured"]:
-        notes.append(f"{result['unmeasured']} cases could not be measured and count as not visible")
+        notes.append(
+            f"{result['unmeasured']} cases could not be measured and count as not visible."
+        )
     title = f"{result['cases']} cases whose causes were withheld"
     return Table(title, ("", "all", "visible"), tuple(rows), tuple(notes))
 
 
 def _rivals(both: list[Mapping[str, Any]]) -> list[tuple[str, ...]]:
     kept = (
-        ("training_error", "right_first", "by training error: first"),
-        ("training_error", "first_three", "by training error: among three"),
-        ("forward_aic", "right_first", "forward AIC: named, nothing else"),
+        ("training_error", "right_first", "ranking by training error: first"),
+        ("training_error", "first_three", "ranking by training error: among the first three"),
+        ("forward_aic", "right_first", "forward AIC: named, and nothing else"),
         ("forward_aic", "first_chosen", "forward AIC: chosen first"),
-        ("forward_aic", "pair_both", "forward AIC: both of a pair"),
+        ("forward_aic", "pair_both", "forward AIC: both of a pair named"),
         ("forward_aic", "false_alarm", "forward AIC: false alarms"),
     )
     rows = [(text, *(share_text(group[rival][key]) for group in both)) for rival, key, text in kept]
-    for key, text in (("right_first", "chance: first"), ("first_three", "chance: among three")):
+    for key, text in (
+        ("right_first", "random ranking: first"),
+        ("first_three", "random ranking: among the first three"),
+    ):
         percents = [group["chance"][f"{key}_percent"] for group in both]
         rows.append((text, *("-" if percent is None else f"{percent:.1f}" for percent in percents)))
     return rows

@@ -1,4 +1,4 @@
-"""A diagnosis in words that a technician understands."""
+"""A diagnosis in sentences."""
 
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
@@ -10,16 +10,13 @@ from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.report.tables.diagnosis import (
     BALANCES,
-    between,
-    chance,
+    GAP_DEFINITION,
     diagnosis_tables,
     has_after,
     nearest,
-    percent,
-    plain,
-    quantity,
-    whole,
 )
+from pneumo_casadi.report.tables.quantities import between, chance, percent, plain, quantity, whole
+from pneumo_casadi.report.tables.results import with_symbols
 from pneumo_casadi.report.text.identification import WIDTH, render
 
 Catalogue = Mapping[str, type[Effect]]
@@ -28,17 +25,17 @@ Catalogue = Mapping[str, type[Effect]]
 VERDICTS = {
     Verdict.EFFECT: "cause found",
     Verdict.AMBIGUOUS: "several causes possible",
-    Verdict.ABSORBED: "hidden in the parameters",
+    Verdict.ABSORBED: "parameters contradict geometry or data sheet",
     Verdict.UNKNOWN: "cause unknown",
-    Verdict.NONE: "nothing wrong",
+    Verdict.NONE: "model and measurement agree",
 }
-#: Candidates less probable than this are not worth a sentence.
+#: Candidates less probable than this are not named in a sentence.
 WORTH_NAMING = 0.01
-#: An effect more probable than this sends nobody to the sensors first.
+#: No advice to check the sensors first if every effect is more probable than this.
 SURE = 0.85
-#: Parameters of one effect that a sentence tells at most.
+#: Largest number of parameters of an effect in a sentence.
 TOLD = 4
-#: What is left for causes outside the catalogue is told from this probability on.
+#: Smallest probability of a cause outside the catalogue that is reported.
 OUTSIDE = 0.1
 
 
@@ -48,47 +45,49 @@ def headline(diagnosis: Diagnosis) -> str:
     them = "it" if len(diagnosis.effects) == 1 else "them"
     fall = (
         f"with {them} in the model the error on held-out data "
-        f"{_goes(gap.before, gap.after)} of the signals"
+        f"{_change(gap.before, gap.after)} of the signals"
     )
     if diagnosis.verdict is Verdict.EFFECT:
         names = joined([plain(effect.name) for effect in diagnosis.effects])
         verb = "explains" if len(diagnosis.effects) == 1 else "together explain"
-        return f"{_capital(names)} {verb} the gap between simulation and reality: {fall}."
+        return f"{_capital(names)} {verb} the difference between model and measurement: {fall}."
     if diagnosis.verdict is Verdict.AMBIGUOUS:
         names = joined([plain(joined_names(names)) for names in diagnosis.ambiguous], "or")
         added = joined([plain(effect.name) for effect in diagnosis.effects])
         return (
-            f"The gap has one of these causes, and the data cannot tell which: {names}; "
-            + (f"with {added} in the model the error on held-out data " if added else "it ")
-            + f"{_goes(gap.before, gap.after)} of the signals."
+            "Several effects explain the difference between model and measurement equally well: "
+            f"{names}; "
+            + (f"with {added} in the model " if added else "")
+            + "the error on held-out data "
+            + f"{_change(gap.before, gap.after)} of the signals."
         )
     if diagnosis.verdict is Verdict.ABSORBED:
         names = joined([plain(joined_names(names)) for names in diagnosis.ambiguous], "or")
-        hidden = f": {names} may hide there" if names else ""
+        possible = f": {names} may be the cause" if names else ""
         if diagnosis.where.balance != "none":
             return (
-                f"The simulation errs on held-out data by {percent(gap.before)} of the signals, "
-                f"and its parameters contradict geometry or data sheet{hidden}."
+                f"The error of the simulation on held-out data is {percent(gap.before)} of the "
+                f"signals, and its parameters contradict geometry or data sheet{possible}."
             )
         return (
-            "The simulation follows the records, but with parameters that contradict geometry or "
-            f"data sheet{hidden}."
+            "The simulation agrees with the records, but its parameters contradict geometry or "
+            f"data sheet{possible}."
         )
     if diagnosis.verdict is Verdict.UNKNOWN:
         return (
-            "Something is missing in the model that no effect of the catalogue explains, alone or "
-            f"together; the error on held-out data is {percent(gap.before)} of the signals."
+            "The model omits dynamics that no effect of the catalogue explains, alone or combined; "
+            f"the error on held-out data is {percent(gap.before)} of the signals."
         )
     wrong = sum(not check.agrees for check in diagnosis.checks)
-    but = f", but {wrong} of {len(diagnosis.checks)} checks of parameters fail" if wrong else ""
+    but = f", but {wrong} of {len(diagnosis.checks)} parameter checks fail" if wrong else ""
     return (
-        "Nothing is wrong that matters: beyond noise, simulation and held-out data differ by "
-        f"{percent(gap.before)} of the signals{but}."
+        "Model and measurement agree: beyond the sensor noise they differ by "
+        f"{percent(gap.before)} of the signals on held-out data{but}."
     )
 
 
-def _goes(before: float, after: float) -> str:
-    verb = "falls" if after < before else "does not fall: it goes"
+def _change(before: float, after: float) -> str:
+    verb = "falls" if after < before else "does not fall: it changes"
     return f"{verb} from {percent(before)} to {percent(after)}"
 
 
@@ -102,13 +101,14 @@ def _cause(effect: EffectFound, catalogue: Catalogue) -> str:
     described = {item.name: item.description for item in known().parameters} if known else {}
     largest = sorted(effect.parameters, key=lambda name: -abs(effect.parameters[name].value))[:TOLD]
     sizes = [
-        f"{name} = {quantity(value)}" + (f" ({described[name]})" if name in described else "")
+        f"{with_symbols(name)} = {quantity(value)}"
+        + (f" ({described[name]})" if name in described else "")
         for name, value in effect.parameters.items()
         if len(effect.parameters) <= TOLD or name in largest
     ]
     if len(effect.parameters) > TOLD:
-        sizes.append(f"and {len(effect.parameters) - TOLD} smaller")
-    size = f" Its size: {'; '.join(sizes)}." if sizes else ""
+        sizes.append(f"and {len(effect.parameters) - TOLD} smaller ones")
+    size = f" Parameters: {'; '.join(sizes)}." if sizes else ""
     return (
         f"{_capital(plain(effect.name))} (probability {chance(effect.probability)}): "
         f"{described_as(effect.name, catalogue)}{size}"
@@ -131,16 +131,17 @@ def described_as(name: str, catalogue: Catalogue = EFFECTS) -> str:
 
 
 def where_sentences(diagnosis: Diagnosis, catalogue: Catalogue = EFFECTS) -> tuple[str, ...]:
-    """Return where the gap lies, in words."""
-    return tuple(said_plainly(text, catalogue) for text in location_sentences(diagnosis.where))
+    """Return where model and measurement disagree, in words."""
+    sentences = location_sentences(diagnosis.where)
+    return tuple(without_underscores(text, catalogue) for text in sentences)
 
 
-def said_plainly(text: str, catalogue: Catalogue = EFFECTS) -> str:
-    """Return a sentence with the names of effects as one says them.
+def without_underscores(text: str, catalogue: Catalogue = EFFECTS) -> str:
+    """Return a sentence with the names of effects in plain words.
 
     Examples
     --------
-    >>> said_plainly("position_delay may be part of it; k_P is 1.2")
+    >>> without_underscores("position_delay may be part of it; k_P is 1.2")
     'position delay may be part of it; k_P is 1.2'
     """
     for name in sorted({*EFFECTS, *catalogue}, key=len, reverse=True):
@@ -149,35 +150,33 @@ def said_plainly(text: str, catalogue: Catalogue = EFFECTS) -> str:
 
 
 def size_title(diagnosis: Diagnosis) -> str:
-    """Return the heading of what is said of the gap's size."""
-    return "How far the gap closes" if has_after(diagnosis) else "How large the gap is"
+    """Return the heading of the section on the size of the gap."""
+    return "Reduction of the gap" if has_after(diagnosis) else "Size of the gap"
 
 
 def size_sentences(diagnosis: Diagnosis) -> tuple[str, ...]:
-    """Return how far the gap closes."""
+    """Return what the gap is, its size, and the share that the effects remove."""
     gap, closure = diagnosis.gap, diagnosis.gap.closure
-    noise = f"Noise of the sensors alone leaves {percent(gap.noise_floor)}; it is taken off here."
+    noise = f"The sensor noise itself, {percent(gap.noise_floor)}, is already subtracted."
     floor = (noise,) if gap.noise_floor > 0 else ()
-    before = (
-        f"On data that no fit has seen, the model without effects is off by {percent(gap.before)} "
-        "of the signals"
-    )
+    before = f"The gap of the model without effects is {percent(gap.before)}"
     if not has_after(diagnosis):
-        return f"{before}.", *floor
+        return GAP_DEFINITION, f"{before}.", *floor
     if not diagnosis.effects:
         names = joined([plain(name) for name in nearest(diagnosis)])
-        which = f"{names}, the nearest of the catalogue," if names else "the nearest of them"
-        return f"{before}; with {which} by {percent(gap.after)}.", *floor
+        which = f"{names}, the best candidate," if names else "the best candidate"
+        return GAP_DEFINITION, f"{before}; with {which} it is {percent(gap.after)}.", *floor
     names = joined([plain(effect.name) for effect in diagnosis.effects])
     return (
-        f"{before}; with {names} by {percent(gap.after)}.",
-        f"That closes {whole(closure.value)} of the gap (95 % interval {between(closure)}).",
+        GAP_DEFINITION,
+        f"{before}; with {names} it is {percent(gap.after)}.",
+        f"The reduction is {whole(closure.value)} of the gap (95 % interval {between(closure)}).",
         *floor,
     )
 
 
 def alternative_sentences(diagnosis: Diagnosis, catalogue: Catalogue = EFFECTS) -> tuple[str, ...]:
-    """Return what else it could be, and what would tell."""
+    """Return other possible causes, and the experiment that would separate them."""
     odds_of = {candidate.names: candidate.probability for candidate in diagnosis.ranking}
     parts: list[str] = []
     for names in diagnosis.ambiguous:
@@ -197,20 +196,22 @@ def alternative_sentences(diagnosis: Diagnosis, catalogue: Catalogue = EFFECTS) 
             parts.append("No other effect of the catalogue explains these data.")
     outside = 1 - sum(candidate.probability for candidate in diagnosis.ranking)
     if diagnosis.effects and outside > OUTSIDE:
-        parts.append(f"That the cause is none of the catalogue has probability {chance(outside)}.")
+        parts.append(
+            f"The probability that the cause is not in the catalogue is {chance(outside)}."
+        )
     if diagnosis.verdict is Verdict.UNKNOWN and diagnosis.hint:
-        parts.append(f"A hint: {said_plainly(diagnosis.hint, catalogue)}.")
+        parts.append(f"Hint: {without_underscores(diagnosis.hint, catalogue)}.")
     sure = diagnosis.verdict is Verdict.EFFECT and all(
         effect.probability > SURE for effect in diagnosis.effects
     )
     if diagnosis.where.rivals and not sure:
         parts.append(
             "Before you look for a cause in the axis, check the sensors: "
-            f"{joined([plain(name) for name in diagnosis.where.rivals], 'or')} would look much the "
-            "same."
+            f"{joined([plain(name) for name in diagnosis.where.rivals], 'or')} would give a "
+            "similar error."
         )
     if diagnosis.experiment:
-        parts.append(f"An experiment that would tell: {plain(diagnosis.experiment)}.")
+        parts.append(f"Experiment that separates them: {plain(diagnosis.experiment)}.")
     return tuple(parts)
 
 
@@ -222,8 +223,8 @@ def check_sentences(diagnosis: Diagnosis) -> tuple[tuple[bool, str], ...]:
     )
 
 
-def place(diagnosis: Diagnosis) -> str:
-    """Return where the gap lies, in a few words."""
+def location_text(diagnosis: Diagnosis) -> str:
+    """Return the balance in which model and measurement disagree, in a few words."""
     return BALANCES.get(diagnosis.where.balance, plain(diagnosis.where.balance))
 
 
@@ -233,24 +234,24 @@ def summary_text(diagnosis: Diagnosis, catalogue: Catalogue = EFFECTS) -> str:
     Parameters
     ----------
     diagnosis : Diagnosis
-        What was found.
+        The diagnosis.
     catalogue : mapping of str to effect class, optional
         Where the effects are described.
     """
     checks = [f"{'ok ' if ok else 'NOT'}  {text}" for ok, text in check_sentences(diagnosis)]
     sections = [
-        ("Where", where_sentences(diagnosis, catalogue)),
-        ("Which effect", cause_sentences(diagnosis, catalogue)),
+        ("Where model and measurement disagree", where_sentences(diagnosis, catalogue)),
+        ("Effects found", cause_sentences(diagnosis, catalogue)),
         (size_title(diagnosis), size_sentences(diagnosis)),
-        ("What else it could be", alternative_sentences(diagnosis, catalogue)),
-        ("Parameters against geometry and data sheet", checks),
+        ("Other possible causes", alternative_sentences(diagnosis, catalogue)),
+        ("Parameters compared with geometry and data sheet", checks),
         ("Notes", diagnosis.notes),
     ]
     title = f"Diagnosis of {diagnosis.case}: {VERDICTS[diagnosis.verdict]}"
     head = [title, "=" * len(title), "", textwrap.fill(headline(diagnosis), WIDTH)]
     body = [line for name, sentences in sections for line in _section(name, sentences)]
     tables = [render(table) for table in diagnosis_tables(diagnosis)]
-    end = f"Took {diagnosis.seconds:.0f} s."
+    end = f"Computing time: {diagnosis.seconds:.0f} s."
     return "\n".join([*head, *body]) + "\n\n\n" + "\n\n\n".join([*tables, end]) + "\n"
 
 

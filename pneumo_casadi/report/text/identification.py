@@ -6,7 +6,7 @@ from pneumo_casadi.estimation.wls import format_table
 from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.identification.warnings import ResultWarning
 from pneumo_casadi.report.tables.content import all_tables
-from pneumo_casadi.report.tables.results import Table
+from pneumo_casadi.report.tables.results import Table, with_symbols
 
 WIDTH = 100
 
@@ -38,22 +38,22 @@ def render(table: Table) -> str:
 def render_warnings(warnings: tuple[ResultWarning, ...], width: int = WIDTH) -> str:
     """Return warnings as a list of wrapped lines; a single line where there are none."""
     if not warnings:
-        return "Nothing speaks against these numbers."
+        return "No warnings."
     wrapped = [
-        textwrap.fill(item.text, width, initial_indent="- ", subsequent_indent="  ")
+        textwrap.fill(with_symbols(item.text), width, initial_indent="- ", subsequent_indent="  ")
         for item in warnings
     ]
     return "\n".join(["Before you use these numbers", "", *wrapped])
 
 
 def text_report(identification: Identification, paper: bool = False) -> str:
-    """Return the whole result as text: warnings, tables, WLS as the paper prints it."""
+    """Return the whole result as text: warnings, tables, WLS in the form of the paper."""
     wls = format_table(identification.wls, robust=True)
     parts = [
         f"Identification of {identification.case.name}",
         render_warnings(identification.warnings),
         *(render(table) for table in all_tables(identification, paper)),
-        "Weighted least squares, as the paper prints Table 1\n\n" + wls,
+        "Weighted least squares, in the form of Table 1 of the paper\n\n" + wls,
         "Filters\n\n" + identification.wls.plan.describe(),
     ]
     return "\n\n\n".join(parts) + "\n"

@@ -153,10 +153,10 @@ def test_three_parameters_of_one_plane_are_a_triple_and_no_pair():
 @pytest.mark.slow
 def test_uncertainty_is_printed_and_drawn(white, one_way, two_records):
     tables = {t.title: render(t) for t in identifiability_tables(two_records)}
-    first = tables["What informs each parameter"]
-    row = next(line for line in first.splitlines() if line.startswith("F_c_minus"))
+    first = tables["Sources of information on each parameter"]
+    row = next(line for line in first.splitlines() if line.startswith("F_c⁻"))
     assert "100 % (×∞)" in row and " 0 % (×" in row
-    assert "Condition of the scaled sensitivities" in "".join(tables.values())
+    assert "Condition number of the scaled sensitivities" in "".join(tables.values())
     profiles = profile_likelihoods(white, ["M", "F_c"])
     intervals = render(interval_table(white.result, profiles, block_bootstrap(white, 40)))
     M = next(line for line in intervals.splitlines() if line.startswith("M "))

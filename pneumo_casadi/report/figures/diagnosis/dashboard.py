@@ -1,4 +1,4 @@
-"""A diagnosis in one picture: verdict, gap, causes, place."""
+"""A diagnosis in one picture: verdict, gap, causes, affected balances."""
 
 import textwrap
 
@@ -11,7 +11,8 @@ from pneumo_casadi.report.figures.diagnosis.ranking import draw_ranking
 from pneumo_casadi.report.figures.diagnosis.unknown_inputs import draw_unknown_input
 from pneumo_casadi.report.figures.diagnosis.where import draw_regimes, draw_shares
 from pneumo_casadi.report.figures.style import HEAD, PAGE, SMALL, TEXT, legend_above, new_figure
-from pneumo_casadi.report.tables.diagnosis import VIEWS, plain
+from pneumo_casadi.report.tables.diagnosis import VIEWS
+from pneumo_casadi.report.tables.quantities import plain
 from pneumo_casadi.report.text.diagnosis import headline
 
 #: Letters in a line of the headline, height of a line and of both rows of panels [mm].
@@ -21,7 +22,7 @@ CAUSES, REGIMES = 6, 3
 
 
 def dashboard_figure(diagnosis: Diagnosis) -> Figure:
-    """Draw the verdict, the gap, the first causes and what the balance that is hit most lacks."""
+    """Draw the verdict, the gap, the first causes and the most affected balance."""
     lines = textwrap.wrap(headline(diagnosis), LETTERS)
     top = LINE_HEIGHT * len(lines) + 1.0
     height = ROWS + top + HEAD
@@ -45,13 +46,13 @@ def dashboard_figure(diagnosis: Diagnosis) -> Figure:
 
 
 def _details(axes: Axes, diagnosis: Diagnosis) -> None:
-    """Draw what the first balance lacks over time; without curves, when it lacks most."""
+    """Draw the unknown input of the most affected balance, or without curves the conditions."""
     shares = diagnosis.where.shares
     first = max(shares, key=lambda name: shares[name])
     if diagnosis.evidence is not None and diagnosis.evidence.inputs:
         draw_unknown_input(axes, diagnosis.evidence.inputs[0], first)
         axes.set_xlabel("$t$ [s]", fontsize=TEXT, labelpad=2)
-        title = f"what the {plain(first)} balance lacks, ±2σ"
+        title = f"unknown input of the {plain(first)} balance, ±2σ"
         axes.set_title(title, fontsize=SMALL, pad=2)
     elif diagnosis.where.regimes:
         draw_regimes(axes, diagnosis.where.regimes[:REGIMES])

@@ -21,7 +21,8 @@ from pneumo_casadi.report.figures.style import (
     new_figure,
     symbol,
 )
-from pneumo_casadi.report.tables.diagnosis import VIEWS, has_after, percent, plain
+from pneumo_casadi.report.tables.diagnosis import VIEWS, has_after, with_what
+from pneumo_casadi.report.tables.quantities import percent, plain
 
 #: Without effects, with them.
 BEFORE, AFTER = ORANGE, BLUE
@@ -62,9 +63,11 @@ def draw_gap(
                 percent(value).removesuffix(" %"), (end, row), (2, -0.4),
                 textcoords="offset points", va="center", fontsize=SMALL - 1.0, zorder=4,
             )  # fmt: skip
-    axes.vlines(noise, y - 0.42, y + 0.42, color=BLACK, linewidth=1.2, label="noise", zorder=3)
+    axes.vlines(
+        noise, y - 0.42, y + 0.42, color=BLACK, linewidth=1.2, label="sensor noise", zorder=3
+    )
     names = [symbol(name) for name in outputs]
-    dress(axes, f"{VIEWS.get(view, plain(view))} [%]")
+    dress(axes, f"gap, {VIEWS.get(view, plain(view))} [%]")
     axes.set_yticks(y, names, fontsize=TEXT)
     axes.set_ylim(len(outputs) - 0.45, -0.55)
     axes.set_xlim(0, 1.14 * largest if largest > 0 else 1.0)
@@ -76,5 +79,4 @@ def gap_labels(diagnosis: Diagnosis) -> list[str]:
     """Name the bars: without effects, and with effects where that was simulated."""
     if not has_after(diagnosis):
         return ["without effects"]
-    several = {0: "with the nearest", 1: "with the effect found"}
-    return ["without effects", several.get(len(diagnosis.effects), "with the effects found")]
+    return ["without effects", with_what(diagnosis)]

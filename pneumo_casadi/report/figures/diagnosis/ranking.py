@@ -1,4 +1,4 @@
-"""The most probable causes, and how much of the gap each of them closes."""
+"""The most probable causes, and the share of the gap that each of them removes."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,16 +16,16 @@ from pneumo_casadi.report.figures.style import (
     new_figure,
     write_at_bar,
 )
-from pneumo_casadi.report.tables.diagnosis import chance, plain
+from pneumo_casadi.report.tables.quantities import chance, plain
 
 #: Candidates drawn.
 DRAWN = 8
-#: Share of the gap closed [%] at which the axis ends; what is worse is an arrow there.
+#: Reduction of the gap [%] at which the axis ends; smaller values are arrows there.
 WORST = -100.0
 
 
 def ranking_figure(diagnosis: Diagnosis) -> Figure:
-    """Draw the first candidates: probability, and the share of the gap that each closes."""
+    """Draw the first candidates: probability, and the share of the gap that each removes."""
     figure = new_figure(ROW * len(_first(diagnosis, DRAWN)) + REST + 2)
     left, right = figure.subplots(1, 2, sharey=True)
     draw_ranking(left, right, diagnosis)
@@ -44,7 +44,7 @@ def draw_ranking(left: Axes, right: Axes, diagnosis: Diagnosis, most: int = DRAW
         _closing(right, i, candidate, colour)
     labels = [_lines(candidate.label) for candidate in shown]
     dress(left, "probability [%]")
-    dress(right, "gap closed [%]")
+    dress(right, "gap reduction [%]")
     left.set_xlim(0, 104)
     closures = [candidate.closure for candidate in shown if candidate.closure is not None]
     low = min((100 * closure.lower for closure in closures), default=0.0)

@@ -35,7 +35,7 @@ _COLUMNS = 2
 def regime_figure(
     before: Sequence[RegimeMap],
     after: Sequence[RegimeMap] = (),
-    labels: Sequence[str] = ("without effects", "with those found"),
+    labels: Sequence[str] = ("without effects", "with effects"),
 ) -> Figure:
     """Draw one balance's residual over all quantities.
 

@@ -25,7 +25,7 @@ _LETTERS = {"mass_flow_P": r"$w_P$", "mass_flow_N": r"$w_N$", "force": r"$w_F$"}
 
 
 def unknown_input_figure(inputs: UnknownInputs, shares: Mapping[str, float]) -> Figure:
-    """Draw what each balance lacks, with a band of ±2σ and its share of the whole.
+    """Draw the unknown input of each balance, with a band of ±2σ and its share of the whole.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def unknown_input_figure(inputs: UnknownInputs, shares: Mapping[str, float]) -> 
 def draw_unknown_input(
     axes: Axes, inputs: UnknownInputs, name: str, share: float | None = None
 ) -> None:
-    """Draw what one balance lacks into given axes, with its band and its share of the whole."""
+    """Draw the unknown input of a balance into given axes, with its band and share."""
     i = inputs.equations.index(name)
     unit, factor = DISPLAY[UNITS[name]]
     counts = inputs.counts[i]
@@ -70,4 +70,4 @@ def draw_unknown_input(
     axes.set_xlim(float(inputs.t[0]), float(inputs.t[-1]))
     if share is not None:
         headroom(axes)
-        remark(axes, f"{100 * share:.0f} % of what is lacking")
+        remark(axes, f"{100 * share:.0f} % of the unknown inputs")

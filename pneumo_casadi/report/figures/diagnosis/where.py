@@ -1,4 +1,4 @@
-"""Where the simulation falls short: which balance, and in which parts of the record."""
+"""Where model and measurement disagree: balances, and conditions during the record."""
 
 from collections.abc import Mapping, Sequence
 
@@ -21,11 +21,11 @@ from pneumo_casadi.report.figures.style import (
     symbol,
     write_at_bar,
 )
-from pneumo_casadi.report.tables.diagnosis import percent
+from pneumo_casadi.report.tables.quantities import percent
 
 
 def where_figure(diagnosis: Diagnosis) -> Figure:
-    """Draw the share of each balance, and regimes with their shares of gap and time."""
+    """Draw the share of each balance, and conditions with their shares of residual and time."""
     shares, regimes = diagnosis.where.shares, diagnosis.where.regimes
     heights = [ROW * len(shares) + REST]
     if regimes:
@@ -42,10 +42,10 @@ def where_figure(diagnosis: Diagnosis) -> Figure:
 
 
 def draw_regimes(axes: Axes, regimes: Sequence[Regime]) -> None:
-    """Draw the parts of the record that hold more of the gap than of the time."""
+    """Draw the conditions with a larger share of the residual than of the time."""
     y = np.arange(len(regimes), dtype=float)
     share, time = ([100 * getattr(regime, key) for regime in regimes] for key in ("share", "time"))
-    axes.barh(y + 0.02, share, 0.22, color=VERMILION, label="of the gap", zorder=2)
+    axes.barh(y + 0.02, share, 0.22, color=VERMILION, label="of the residual", zorder=2)
     axes.barh(y + 0.26, time, 0.22, color=GREY, label="of the time", zorder=2)
     for i, regime in enumerate(regimes):
         # Names are too long to stand beside the bars in a column.
@@ -60,12 +60,12 @@ def draw_regimes(axes: Axes, regimes: Sequence[Regime]) -> None:
 
 
 def draw_shares(axes: Axes, shares: Mapping[str, float]) -> None:
-    """Draw the share of each balance in what all of them lack."""
+    """Draw the share of each balance in the unknown inputs."""
     y = np.arange(len(shares))
     axes.barh(y, [100 * share for share in shares.values()], 0.6, color=BLUE, zorder=2)
     for i, share in enumerate(shares.values()):
         write_at_bar(axes, 100 * share, i, percent(100 * share))
-    dress(axes, "share of what the balances lack [%]")
+    dress(axes, "share of the unknown inputs [%]")
     axes.set_yticks(y, [symbol(name) for name in shares], fontsize=TEXT)
     axes.set_ylim(len(shares) - 0.45, -0.55)
     axes.set_xlim(0, 104)

@@ -1,4 +1,4 @@
-"""Flows and effort predicted on records that no fit has seen (Figs. 4 and 5)."""
+"""Mass flows and pressure force predicted on held-out records (Figs. 4 and 5)."""
 
 import numpy as np
 from matplotlib.axes import Axes

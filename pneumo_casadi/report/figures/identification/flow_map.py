@@ -126,7 +126,7 @@ def _flow_against_command(
 def _pressure_gain(axes: Axes, measured: Projections | None, fine: Projections) -> None:
     axes.plot(fine.u, fine.p_closed * BAR, color=BLUE, linewidth=LINE, label="fitted")
     if measured is not None:
-        _dots(axes, measured.u, measured.p_closed * BAR, "metered")
+        _dots(axes, measured.u, measured.p_closed * BAR, "measured")
     dress(axes, "$u$ [V]", "$p$ [bar]")
     axes.set_title("closed outlet, $q_m$ = 0", fontsize=SMALL, pad=2)
     # Left of the steep curve at null, where nothing is drawn.

@@ -52,7 +52,7 @@ def _flow(axes: Axes, table: FlowMap, model: FlowModel) -> None:
     p = np.linspace(*table.p_range, 200)
     for command in np.unique(chosen):
         at = table.u == command
-        fitted, metered = ("fitted", "metered") if command == chosen[0] else (None, None)
+        fitted, metered = ("fitted", "measured") if command == chosen[0] else (None, None)
         axes.plot(p * 1e-5, model(command, p) * 1e3, color=BLUE, linewidth=LINE, label=fitted)
         axes.plot(
             table.p[at] * 1e-5, table.q_m[at] * 1e3, "o", color=MEASURED, markersize=2.6,

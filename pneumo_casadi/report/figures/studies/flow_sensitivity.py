@@ -70,8 +70,8 @@ def _misfit(axes: Axes, rows: list[dict[str, Any]], forms: list[str]) -> None:
     first = [next(row for row in rows if row["form"] == form) for form in forms]
     at = np.arange(len(forms))
     for key, text, colour, shift in (
-        ("map_error_percent", "all metered points", GREY, -0.19),
-        ("map_error_used_percent", "where the record goes", SKY, 0.19),
+        ("map_error_percent", "all measured points", GREY, -0.19),
+        ("map_error_used_percent", "range of the record", SKY, 0.19),
     ):
         values = [row[key] if row[key] is not None else np.nan for row in first]
         axes.bar(at + shift, values, 0.36, color=colour, edgecolor=BLACK, lw=0.4, label=text)

@@ -1,4 +1,4 @@
-"""What was said of what was true, and stated probabilities beside what came true."""
+"""Diagnosed beside true effects, and stated probabilities beside observed frequencies."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -80,7 +80,7 @@ def confusion_matrix(axes: Axes, confusion: Mapping[str, Any]) -> None:
             # Numbers are wider than their columns: every other one stands a line lower.
             tick.set_y(-LOWER / (ROW * len(rows)))
     axes.tick_params(length=0)
-    axes.set_xlabel("said", fontsize=SMALL, labelpad=1)
+    axes.set_xlabel("diagnosed", fontsize=SMALL, labelpad=1)
     axes.set_ylabel("true", fontsize=SMALL, labelpad=4)
 
 
@@ -129,4 +129,4 @@ def calibration_plot(axes: Axes, calibration: Mapping[str, Any]) -> None:
         )  # fmt: skip
     axes.set_xlim(-2, 102)
     axes.set_ylim(-2, 102)
-    dress(axes, "stated probability of the first [%]", "came true [%]")
+    dress(axes, "stated probability of the first candidate [%]", "correct [%]")

@@ -1,0 +1,116 @@
+"""Values, shares and intervals as text."""
+
+import math
+
+from pneumo_casadi.diagnosis import Closure, Value
+from pneumo_casadi.report.tables.results import SUPERSCRIPTS, exponent_of, interval_text
+
+#: SI unit -> unit of display and factor.
+DISPLAY_UNITS = {
+    "m": ("mm", 1e3),
+    "m/s": ("mm/s", 1e3),
+    "m2": ("cm²", 1e4),
+    "s": ("ms", 1e3),
+    "Pa": ("kPa", 1e-3),
+    "kg/s": ("g/s", 1e3),
+    "m³/(s Pa)": ("l/(s bar)", 1e8),
+    "N s2/m2": ("N s²/m²", 1.0),
+    "1": ("", 1.0),
+}
+#: Units that take prefixes where a value is very small or large, and the prefixes.
+PREFIXED = ("m", "s", "V", "N", "Pa", "m/s")
+PREFIXES = {-9: "n", -6: "µ", -3: "m", 3: "k", 6: "M"}
+
+
+def quantity(value: Value, held: str = " (not fitted)") -> str:
+    """Return a value ± 2σ in a unit of convenient size.
+
+    Parameters
+    ----------
+    value : Value
+        In SI units.
+    held : str, optional
+        What is added to a value that has no standard deviation.
+
+    Examples
+    --------
+    >>> quantity(Value(0.0213, 0.0004, "m/s"))
+    '21.30 ± 0.80 mm/s'
+    >>> quantity(Value(3.49e-9, 0.0, "kg/Pa"))
+    '3.490·10⁻⁹ kg/Pa (not fitted)'
+    >>> quantity(Value(6.69e-4, 4.365e-4, "V"))
+    '669 ± 873 µV'
+    """
+    unit, factor = DISPLAY_UNITS.get(value.unit, (value.unit, 1.0))
+    exponent = exponent_of(value.value * factor)
+    if exponent and value.unit in PREFIXED and exponent_of(value.value) in PREFIXES:
+        exponent = exponent_of(value.value)
+        unit, factor = PREFIXES[exponent] + value.unit, 10.0**-exponent
+        exponent = 0
+    size, half = value.value * factor, 2 * value.std * factor
+    text = interval_text(size, math.inf if math.isnan(half) else half or None, exponent)
+    if exponent:
+        power = f"·10{str(exponent).translate(SUPERSCRIPTS)}"
+        text = f"({text}){power}" if half else f"{text}{power}"
+    return f"{text} {unit}".rstrip() + ("" if half else held)
+
+
+def percent(value: float) -> str:
+    """Return per cent with two significant digits, or whole numbers from 10 on.
+
+    Examples
+    --------
+    >>> percent(0.0011), percent(3.14), percent(31.4), percent(314.0), percent(1e-7)
+    ('0.0011 %', '3.1 %', '31 %', '314 %', '0 %')
+    """
+    return f"{value:.0f} %" if abs(value) >= 9.95 else f"{_small(value)} %"
+
+
+def _small(value: float) -> str:
+    return "0" if abs(value) < 5e-5 else f"{value:#.2g}"
+
+
+def chance(probability: float) -> str:
+    """Return a probability in whole per cent, never as 0 or 100 %.
+
+    Examples
+    --------
+    >>> chance(0.974), chance(1e-9), chance(0.9999)
+    ('97 %', '< 1 %', '> 99 %')
+    """
+    if probability < 0.01:
+        return "< 1 %"
+    return "> 99 %" if probability > 0.99 else f"{100 * probability:.0f} %"
+
+
+def between(closure: Closure) -> str:
+    """Return the interval of a closure in whole per cent.
+
+    Examples
+    --------
+    >>> between(Closure(0.9, 0.874, 0.926))
+    '87 to 93 %'
+    """
+    return f"{whole(closure.lower).removesuffix(' %')} to {whole(closure.upper)}"
+
+
+def whole(share: float) -> str:
+    """Return a share in whole per cent.
+
+    Examples
+    --------
+    >>> whole(-0.001)
+    '0 %'
+    """
+    return f"{round(100 * share)} %"
+
+
+def plain(name: str) -> str:
+    """Return a name of the catalogue, or several, without underscores.
+
+    Examples
+    --------
+    >>> plain("leakage_P + valve_dead_zone")
+    'leakage P + valve dead zone'
+    """
+    return name.replace("_", " ")
