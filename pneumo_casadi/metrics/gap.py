@@ -82,6 +82,11 @@ def gap(
 def combined_gap(gaps: Sequence[float] | FloatArray) -> float:
     """Return the gap of several channels: the root mean square of theirs.
 
+    Parameters
+    ----------
+    gaps : (n,) array
+        Gaps of the channels, relative to their signals [1 or %].
+
     Examples
     --------
     >>> combined_gap([1.0, 7.0])
@@ -92,6 +97,11 @@ def combined_gap(gaps: Sequence[float] | FloatArray) -> float:
 
 def closure(before: float, after: float) -> float:
     """Return the share of a gap that is closed; negative where it grows, 0 where there was none.
+
+    Parameters
+    ----------
+    before, after : float
+        Gap without and with the change of the model, in the same unit.
 
     Examples
     --------

@@ -21,12 +21,30 @@ REALISATION = 4096
 
 
 def output_noise(axis: Axis, records: Sequence[Recording], output: str) -> float:
-    """Return the noise floor of a simulated output, see `stated_or_estimated_noise`."""
+    """Return the noise floor of a simulated output, in its unit; see `stated_or_estimated_noise`.
+
+    Parameters
+    ----------
+    axis : Axis
+        Axis with its bench, which may state the noise of its sensors.
+    records : sequence of Recording
+        Records from which the noise is estimated otherwise.
+    output : str
+        Name of the output, for example ``"p_P"``.
+    """
     return stated_or_estimated_noise(axis.bench, records, output)
 
 
 def signal_std(records: Sequence[Recording], channel: str) -> float:
-    """Return the standard deviation of a channel about its mean in each record, in its unit."""
+    """Return the standard deviation of a channel about its mean in each record, in its unit.
+
+    Parameters
+    ----------
+    records : sequence of Recording
+        Records, pooled.
+    channel : str
+        Name of the channel.
+    """
     parts = [record[channel] - record[channel].mean() for record in records]
     return float(np.std(np.concatenate(parts)))
 

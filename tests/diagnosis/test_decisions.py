@@ -9,17 +9,21 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from pneumo_casadi.data import Bench
 from pneumo_casadi.diagnosis import Check, Location, Verdict
 from pneumo_casadi.diagnosis.checks.absorbed import absorbed_candidates
+from pneumo_casadi.diagnosis.checks.parameter_checks import check_parameters
 from pneumo_casadi.diagnosis.decide.credibility import near_noise, review_verdict
 from pneumo_casadi.diagnosis.decide.verdict import Judgement, judge, missed_gain, unexplained
 from pneumo_casadi.diagnosis.locate.locate import balance_of_gap, rival_sensor_effects
 from pneumo_casadi.diagnosis.locate.signatures import Signatures
 from pneumo_casadi.diagnosis.metrics.residual_size import BACKGROUND, BalanceLevels
 from pneumo_casadi.diagnosis.prepare.study import FittedModel
+from pneumo_casadi.diagnosis.select import plausibility
 from pneumo_casadi.diagnosis.select.acceptance import accepted
 from pneumo_casadi.diagnosis.select.forward_selection import Selection
 from pneumo_casadi.effects import EFFECTS
+from pneumo_casadi.estimation.output_error.result import FlowMapDeviation
 
 LEVELS = BalanceLevels(np.ones(3), np.full(3, 100.0))
 ROWS = 640  # twenty blocks of the bootstrap
@@ -272,6 +276,115 @@ def test_parameters_that_the_axis_cannot_have_change_a_verdict(
 def test_failed_checks_name_what_the_parameters_may_have_absorbed(above, below, expected):
     checks = (*failing(*above), *failing(*below, tolerances=-2.0))
     assert absorbed_candidates(checks, EFFECTS) == expected
+
+
+# Checks of parameters and plausibility.
+
+
+@pytest.fixture(scope="module")
+def axis():
+    """A bench with r T = 1 and simple numbers: parameters can be read off."""
+    bench = Bench.__new__(Bench)
+    known = {
+        "r": 1.0, "T": 1.0, "S_P": 2.0, "S_N": 1.0, "stroke": 1.0, "datasheet": {"M_kg": 10.0},
+    }  # fmt: skip
+    for name, value in known.items():
+        object.__setattr__(bench, name, value)
+    return SimpleNamespace(bench=bench)
+
+
+def parameters(S_P=2.0, S_N=1.0, k_P=1.2, k_N=1.2, dead=0.1, M=10.0, F_c=(10.0, 10.0)):
+    """Parameters (eq. 9) of an axis with these areas, exponents, dead length and friction."""
+    length = 0.5 + dead
+    return {
+        "X_s1": S_P / k_P * length, "X_s2": S_P / k_P, "X_s3": S_P,
+        "X_s4": S_N / k_N * length, "X_s5": S_N / k_N, "X_s6": S_N,
+        "M": M, "F_c_plus": F_c[0], "F_c_minus": F_c[1],
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("values", "failed"),
+    [
+        ({}, set()),
+        # Areas: 1 % of geometry and 2 % of metering, together 2.24 %; their ratio to 1 %.
+        ({"S_P": 2.044, "S_N": 1.022}, set()),
+        ({"S_P": 2.046, "S_N": 1.023}, {"S_P", "S_N"}),
+        ({"S_N": 1.009}, set()),
+        ({"S_N": 1.011}, {"S_N/S_P"}),
+        # Exponents: isothermal to adiabatic with a margin of 0.02, unequal by 0.25.
+        ({"k_P": 1.41, "k_N": 1.41}, set()),
+        ({"k_P": 1.43, "k_N": 1.41}, {"k_P"}),
+        ({"k_P": 1.41, "k_N": 0.97}, {"k_N", "k_P-k_N"}),
+        ({"k_P": 1.01, "k_N": 1.25}, set()),
+        ({"k_P": 1.01, "k_N": 1.27}, {"k_P-k_N"}),
+        # Dead length: none to a quarter of the stroke.
+        ({"dead": 0.24}, set()),
+        ({"dead": 0.26}, {"V_P(0)", "V_N(0)"}),
+        ({"dead": -0.01}, {"V_P(0)", "V_N(0)"}),
+        # Mass: 5 %.
+        ({"M": 10.4}, set()),
+        ({"M": 10.6}, {"M"}),
+        # Friction: a factor of four between the directions.
+        ({"F_c": (39.0, 10.0)}, set()),
+        ({"F_c": (41.0, 10.0)}, {"F_c"}),
+        ({"F_c": (5.0, -1.0)}, {"F_c"}),
+        ({"F_c": (0.0, 0.0)}, set()),
+    ],
+)
+def test_a_parameter_is_refused_beyond_its_tolerance(axis, values, failed):
+    checks = check_parameters(axis, parameters(**values), {})
+    assert {check.name for check in checks if not check.agrees} == failed
+
+
+@pytest.mark.parametrize(("std", "agrees"), [(0.18, True), (0.15, False)])
+def test_six_standard_deviations_are_allowed_beyond_the_tolerance(axis, std, agrees):
+    checks = check_parameters(axis, parameters(M=11.5), {"M": std})
+    assert {check.name: check.agrees for check in checks}["M"] is agrees
+
+
+@pytest.mark.parametrize(
+    ("rms", "scale", "misfit", "failed"),
+    [
+        (1.45, 1.0, 0.0019, set()),
+        (1.55, 1.0, 0.0019, {"flow map"}),
+        (1.0, 1.0, 0.0021, {"map form"}),
+        (1.0, 1.5, None, {"flow scale"}),
+    ],
+)
+def test_a_flow_map_is_refused_beyond_its_tolerance(axis, rms, scale, misfit, failed):
+    checks = check_parameters(axis, parameters(), {}, FlowMapDeviation(rms, scale), misfit)
+    assert {check.name for check in checks if not check.agrees} == failed
+
+
+@pytest.mark.parametrize(
+    ("wrong", "gain", "rms", "left", "expected"),
+    [
+        (("S_P", "F_c"), 150.0, 1.0, (), True),
+        (("S_P", "M"), 150.0, 1.0, (), True),
+        (("S_P", "S_N", "S_N/S_P"), 150.0, 1.0, (), False),  # areas count once
+        (("S_P", "k_P"), 150.0, 1.0, (), False),  # exponents do not count
+        (("S_P", "F_c"), 90.0, 1.0, (), False),  # log-likelihood of 100 at least
+        (("S_P", "F_c"), 110.0, 1.0, (), True),
+        (("S_P", "F_c"), 150.0, 2 * np.exp(-0.055), (), True),  # a twentieth in some balance
+        (("S_P", "F_c"), 150.0, 2 * np.exp(-0.045), (), False),
+        (("S_P", "F_c"), 150.0, 1.0, ("M",), False),  # all parameters must be plausible
+        (("S_P", "F_c"), 150.0, 1.0, ("k_P",), True),
+    ],
+)
+def test_a_weak_effect_is_accepted_if_it_makes_implausible_parameters_plausible(
+    monkeypatch, wrong, gain, rms, left, expected
+):
+    known, pair = ("hose",), ("hose", "stribeck")
+    current, better = fitted(1, 1, 2, cost=1000.0), fitted(1, 1, rms, cost=1000.0 - gain)
+    ledger = SimpleNamespace(
+        study=None, effects=lambda names: names, extensions=lambda names: {pair: better}
+    )
+    checks = {known: failing(*wrong), pair: failing(*left)}
+    monkeypatch.setattr(plausibility, "check_fit", lambda study, fit, effects: checks[effects])
+    extension = plausibility.find_plausible_extension(ledger, current, known)
+    assert extension == (pair if expected else None)
+    assert plausibility.find_plausible_extension(ledger, current, ()) is None
 
 
 # Location.

@@ -1,7 +1,7 @@
-"""What a diagnosis says: the verdict, its reasons, and how far the gap closes."""
+"""The result of a diagnosis: verdict, reasons, and closure of the gap."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from enum import Enum
 from typing import Any
 
@@ -26,30 +26,30 @@ MOST_SHOWN = 8
 
 
 class Verdict(Enum):
-    """What may be said of a case."""
+    """Conclusion on a case."""
 
     EFFECT = "effect"
     """One effect, or several together, close the gap, and no other explains it as well."""
     AMBIGUOUS = "ambiguous"
-    """Several effects close the gap alike: the data cannot tell them apart."""
+    """Several effects close the gap equally well: the data cannot separate them."""
     ABSORBED = "absorbed"
-    """Parameters that contradict geometry or data sheet, and little or no gap in trajectories."""
+    """Parameters contradict geometry or data sheet, with little or no gap in trajectories."""
     UNKNOWN = "unknown"
-    """A gap that nothing in the catalogue closes."""
+    """A gap that no effect of the catalogue explains; see `is_unknown`."""
     NONE = "none"
-    """No gap that matters."""
+    """No significant gap."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Diagnosis(Presentable):
-    """What is said of a case.
+    """Result of a diagnosis.
 
     Parameters
     ----------
     case : str
         Name.
     verdict : Verdict
-        In one word.
+        Conclusion.
     effects : tuple of EffectFound
         Added, in that order; empty for none, unknown and absorbed.
     ranking : tuple of Candidate
@@ -59,22 +59,22 @@ class Diagnosis(Presentable):
     gap : Gap
         Before and after.
     ambiguous : tuple of tuple of str
-        Models, each by the names of its effects, that the data cannot tell apart, the most
-        probable first.
+        Models that the data cannot separate, each by the names of its effects, the most probable
+        first.
     experiment : str
-        What would tell them apart; empty where nothing is open.
+        Experiment that would separate them; empty without ambiguity.
     hint : str
         For ``unknown``: balance, regime and shape of what is missing.
     checks : tuple of Check
         Parameters against geometry and data sheet.
     notes : tuple of str
-        What a reader must know: recovered fits, failed candidates, map left.
+        Remarks: records split, simulations and fits that failed.
     nominal, fitted : mapping of str to Value
         Parameters without and with the effects found.
     seconds : float
         Time taken.
     evidence : Evidence or None
-        Curves for figures: unknown inputs over time, residuals over what went on.
+        Curves for figures: unknown inputs over time, residuals over operating conditions.
     flow_selection : FormSelection or None
         How the form of the flow map was chosen; None for a force-driven axis.
 
@@ -136,77 +136,23 @@ class Diagnosis(Presentable):
 
     def as_dict(self) -> dict[str, Any]:
         """Return everything as plain data, the keys of the design first."""
-        closure = self.gap.closure
         return {
             "verdict": self.verdict.value,
             "effects": [
                 {
-                    "name": one.name,
-                    "probability": one.probability,
-                    "parameters": _values(one.parameters),
+                    "name": effect.name,
+                    "probability": effect.probability,
+                    "parameters": _values(effect.parameters),
                 }
-                for one in self.effects
+                for effect in self.effects
             ],
-            "ranking": [
-                {
-                    "name": one.label,
-                    "probability": one.probability,
-                    "held_out_shrink": None if one.closure is None else one.closure.value,
-                    "shrink_interval": (
-                        None if one.closure is None else [one.closure.lower, one.closure.upper]
-                    ),
-                    "explained": one.explained,
-                    "observable": one.observable,
-                    "parameters": _values(one.parameters),
-                    "failure": one.failure or None,
-                }
-                for one in self.ranking
-            ],
-            "where": {
-                "balance": self.where.balance.value,
-                "junction": "" if self.where.junction is None else self.where.junction.value,
-                "regimes": [one.name for one in self.where.regimes],
-                "regime_details": [
-                    {
-                        "name": one.name,
-                        "balance": one.balance.value,
-                        "share": one.share,
-                        "time": one.time,
-                        "p_value": one.p_value,
-                    }
-                    for one in self.where.regimes
-                ],
-                "shares": dict(self.where.shares),
-                "rivals": list(self.where.rivals),
-                "words": list(location_sentences(self.where)),
-            },
-            "gap": {
-                "before": self.gap.before,
-                "after": self.gap.after,
-                "noise_floor": self.gap.noise_floor,
-                "shrink": closure.value,
-                "shrink_interval": [closure.lower, closure.upper],
-                "views": {
-                    view: {name: dict(values) for name, values in outputs.items()}
-                    for view, outputs in self.gap.views.items()
-                },
-            },
+            "ranking": [_candidate(candidate) for candidate in self.ranking],
+            "where": _where(self.where),
+            "gap": _gap(self.gap),
             "ambiguous": [joined_names(names) for names in self.ambiguous],
             "experiment": self.experiment,
             "hint": self.hint,
-            "checks": [
-                {
-                    "name": one.name,
-                    "value": one.value,
-                    "std": one.std,
-                    "expected": one.expected,
-                    "tolerance": one.tolerance,
-                    "unit": one.unit,
-                    "agrees": one.agrees,
-                    "text": one.text,
-                }
-                for one in self.checks
-            ],
+            "checks": [asdict(check) for check in self.checks],
             "notes": list(self.notes),
             "parameters": {"nominal": _values(self.nominal), "fitted": _values(self.fitted)},
             "flow_selection": (
@@ -215,6 +161,55 @@ class Diagnosis(Presentable):
             "case": self.case,
             "seconds": self.seconds,
         }
+
+
+def _candidate(candidate: Candidate) -> dict[str, Any]:
+    closure = candidate.closure
+    return {
+        "name": candidate.label,
+        "probability": candidate.probability,
+        "held_out_shrink": None if closure is None else closure.value,
+        "shrink_interval": None if closure is None else [closure.lower, closure.upper],
+        "explained": candidate.explained,
+        "observable": candidate.observable,
+        "parameters": _values(candidate.parameters),
+        "failure": candidate.failure or None,
+    }
+
+
+def _where(where: Where) -> dict[str, Any]:
+    return {
+        "balance": where.balance.value,
+        "junction": "" if where.junction is None else where.junction.value,
+        "regimes": [regime.name for regime in where.regimes],
+        "regime_details": [
+            {
+                "name": regime.name,
+                "balance": regime.balance.value,
+                "share": regime.share,
+                "time": regime.time,
+                "p_value": regime.p_value,
+            }
+            for regime in where.regimes
+        ],
+        "shares": dict(where.shares),
+        "rivals": list(where.rivals),
+        "words": list(location_sentences(where)),
+    }
+
+
+def _gap(gap: Gap) -> dict[str, Any]:
+    return {
+        "before": gap.before,
+        "after": gap.after,
+        "noise_floor": gap.noise_floor,
+        "shrink": gap.closure.value,
+        "shrink_interval": [gap.closure.lower, gap.closure.upper],
+        "views": {
+            view: {name: dict(values) for name, values in outputs.items()}
+            for view, outputs in gap.views.items()
+        },
+    }
 
 
 def _values(values: Mapping[str, Value]) -> dict[str, dict[str, Any]]:

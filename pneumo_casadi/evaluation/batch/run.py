@@ -1,7 +1,7 @@
-"""Many cases: one task each, one file each, one row each; nothing is lost, nothing done twice.
+"""Diagnoses of many cases: one task, one result file and one table row each; resumable.
 
-A case is diagnosed within one process: with more cases than processors that costs the least, and a
-task needs nothing but the folders, wherever it runs.
+A case is diagnosed within one process, which is fastest with more cases than processors. A task
+needs nothing but the folders.
 """
 
 import json
@@ -87,12 +87,12 @@ def diagnose_many(
 
     Examples
     --------
-    >>> def found(folder):
+    >>> def diagnosis(folder):
     ...     return {"verdict": "none", "effects": [], "ambiguous": [], "where": {"balance": "none"},
     ...             "gap": {"before": 1.0, "after": 1.0, "shrink": 0.0, "shrink_interval": [0, 0]}}
     >>> from tempfile import TemporaryDirectory
     >>> with TemporaryDirectory() as out:
-    ...     rows = diagnose_many(["press_1", "press_2"], keep=out, diagnosing=found)
+    ...     rows = diagnose_many(["press_1", "press_2"], keep=out, diagnosing=diagnosis)
     >>> [(row.case, row.verdict) for row in rows]
     [('press_1', 'none'), ('press_2', 'none')]
     """
@@ -166,7 +166,7 @@ def diagnose_one(folder: Path, out: Path, diagnosing: Diagnosing, call: str = ""
     except (ImportError, OSError, MemoryError):
         raise
     except Exception as fault:  # one defect must not cost the other cases
-        diagnosis, error = None, _said(fault)
+        diagnosis, error = None, _one_line(fault)
     record = {
         "case": folder.name,
         "folder": str(folder),
@@ -196,7 +196,7 @@ def _rows(
             yield _outcome(futures[future], future.result)
     except (BrokenExecutor, CancelledError) as error:
         raise PneumoError(
-            f"the workers are gone ({_said(error)}): killed, out of memory or closed; finished "
+            f"the workers are gone ({_one_line(error)}): killed, out of memory or closed; finished "
             f"cases are in {out}, call it again to go on, with fewer workers if memory is short"
         ) from error
     finally:
@@ -210,7 +210,7 @@ def _outcome(folder: Path, result: Callable[[], Row]) -> Row:
     except (BrokenExecutor, CancelledError):
         raise
     except Exception as error:  # a fault of one machine must not cost the other cases
-        return Row(folder.name, FAILED, error=_said(error))
+        return Row(folder.name, FAILED, error=_one_line(error))
 
 
 def _made_of(folder: Path, diagnosing: Diagnosing) -> dict[str, Any]:
@@ -245,5 +245,5 @@ def _check_names(folders: Sequence[Path]) -> None:
         )
 
 
-def _said(error: BaseException) -> str:
+def _one_line(error: BaseException) -> str:
     return " ".join(f"{type(error).__name__}: {error}".split())

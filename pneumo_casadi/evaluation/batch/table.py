@@ -1,4 +1,4 @@
-"""One row a case: what the tables of many diagnoses say."""
+"""Tables of many diagnoses: one row for each case."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
@@ -18,7 +18,7 @@ FAILED = "failed"
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """What the tables say of a case.
+    """One row of the tables.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ class Row:
     alike : tuple of str
         What the data cannot tell apart.
     where : str
-        Balance in which simulation and reality part; empty where the case failed.
+        Balance in which model and measurement disagree; empty where the case failed.
     gap_before_percent, gap_after_percent : float or None
         Held-out gap without and with the effects, in per cent of the signals.
     shrink, shrink_lower, shrink_upper : float or None

@@ -1,4 +1,4 @@
-"""What a diagnosis said, reduced to what can be right or wrong.
+"""The answer of a diagnosis, reduced to what can be scored.
 
 - *named*: what the verdict stands for. ``effect``: the effects added. ``ambiguous``: the effects
   added, or the first of the set where none was. ``absorbed``: the first of the set, or of the
@@ -48,8 +48,8 @@ def read_answer(verdict: Mapping[str, Any]) -> Answer:
 
     Examples
     --------
-    >>> one = read_answer({"verdict": "ambiguous", "ambiguous": ["hose", "valve_dynamics"]})
-    >>> sorted(one.named), sorted(one.offered)
+    >>> answer = read_answer({"verdict": "ambiguous", "ambiguous": ["hose", "valve_dynamics"]})
+    >>> sorted(answer.named), sorted(answer.offered)
     (['hose'], ['hose', 'valve_dynamics'])
     """
     word = str(verdict["verdict"])

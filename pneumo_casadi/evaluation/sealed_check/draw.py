@@ -1,4 +1,4 @@
-"""Cases whose causes are known to nobody but a file: what is drawn, and how it is made."""
+"""The draw of the sealed check: which effects each case has, and how it is recorded."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
@@ -13,17 +13,19 @@ from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.virtual_bench import FORMS, Severity, make_case
 
-#: Forms that a refit hides: held-out residuals do not grow under a constant force however large,
-#: and by less than a fifth under a valve of another gain unless it is a quarter off.
-HIDDEN = ("constant_force", "valve_mismatch")
-#: Severities where a cause is there to be found: of pairs, and of causes that no list holds.
+#: Forms of the virtual bench that a refit of the nominal parameters absorbs: a constant force of
+#: any size leaves held-out residuals as they are, a valve of another gain raises them by less than
+#: a fifth unless the gain is a quarter off. Effects declare which parameter checks may fail
+#: (`Effect.absorbed_by`), not that nothing else shows: a leak or a hose declares checks too.
+ABSORBED_FORMS = ("constant_force", "valve_mismatch")
+#: Severities of pairs and of causes outside the catalogue: large enough to be detected.
 STRONG = (Severity.MEDIUM, Severity.LARGE)
 
 T = TypeVar("T")
 
 
 class Kind(Enum):
-    """What a case is there to ask."""
+    """What a case tests."""
 
     SINGLE = "single"
     """One effect of the catalogue, at any severity."""
@@ -32,7 +34,7 @@ class Kind(Enum):
     NONE = "none"
     """Nothing is wrong."""
     ABSORBED = "absorbed"
-    """One of `HIDDEN`, at any severity."""
+    """One of `ABSORBED_FORMS`, at any severity."""
     LEFT_OUT = "left_out"
     """One effect, medium or large, that this diagnosis' catalogue lacks."""
     NEVER_LISTED = "never_listed"
@@ -90,9 +92,9 @@ class Draw:
     Parameters
     ----------
     name : str
-        Of its folder; it tells nothing.
+        Name of its folder, unrelated to the effects.
     kind : Kind
-        What it is there to ask.
+        What the case tests.
     seed : int
         Of axis, sizes, references and noise.
     effects : mapping of str to str
@@ -132,8 +134,9 @@ class Draw:
 def draw_cases(cases: int, seed: int, proportions: Proportions | None = None) -> tuple[Draw, ...]:
     """Draw cases in shuffled order.
 
-    Forms and severities come as evenly as their number allows: 75 singles are every listed form
-    at every severity. Pairs and causes left out are taken from forms that trajectories can show.
+    Forms and severities are distributed as evenly as their number allows: 75 singles are every
+    listed form at every severity. Pairs and causes left out are taken from forms that trajectories
+    can reveal.
 
     Parameters
     ----------
@@ -156,7 +159,7 @@ def draw_cases(cases: int, seed: int, proportions: Proportions | None = None) ->
 
     Examples
     --------
-    >>> [one.name for one in draw_cases(3, seed=5)]
+    >>> [draw.name for draw in draw_cases(3, seed=5)]
     ['w001', 'w002', 'w003']
     """
     if cases < 1:
@@ -178,7 +181,7 @@ def draw_cases(cases: int, seed: int, proportions: Proportions | None = None) ->
 
 def _effects_of(kind: Kind, count: int, rng: np.random.Generator) -> Iterator[dict[str, str]]:
     listed = [name for name, form in FORMS.items() if form.listed and name in EFFECTS]
-    shown = [name for name in listed if name not in HIDDEN]
+    shown = [name for name in listed if name not in ABSORBED_FORMS]
     unlisted = [name for name, form in FORMS.items() if not form.listed]
     if kind is Kind.NONE:
         yield from ({} for _ in range(count))
@@ -187,7 +190,7 @@ def _effects_of(kind: Kind, count: int, rng: np.random.Generator) -> Iterator[di
     else:
         names, severities = {
             Kind.SINGLE: (listed, tuple(Severity)),
-            Kind.ABSORBED: (HIDDEN, tuple(Severity)),
+            Kind.ABSORBED: (ABSORBED_FORMS, tuple(Severity)),
             Kind.LEFT_OUT: (shown, STRONG),
             Kind.NEVER_LISTED: (unlisted, STRONG),
         }[kind]
@@ -210,7 +213,7 @@ def _any(severities: Sequence[Severity], rng: np.random.Generator) -> str:
 
 
 def _cycled(options: Sequence[T], count: int, rng: np.random.Generator) -> list[T]:
-    """Return options in random order, all of them before any comes again."""
+    """Return options in random order; none is repeated before all were taken."""
     chosen: list[T] = []
     while len(chosen) < count:
         chosen += [options[i] for i in rng.permutation(len(options))]
@@ -218,7 +221,7 @@ def _cycled(options: Sequence[T], count: int, rng: np.random.Generator) -> list[
 
 
 def make(draw: Draw, folder: str | Path, duration: float = 20.0, fs: float = 1000.0) -> Case:
-    """Record a drawn case into a folder that tells nothing of its label."""
+    """Record a drawn case into a folder that does not contain its label."""
     return make_case(folder, draw.seed, draw.effects, fs=fs, duration=duration).case
 
 

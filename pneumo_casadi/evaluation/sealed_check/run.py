@@ -102,9 +102,9 @@ def make_cases(
 ) -> None:
     """Record all cases that are not there yet."""
     tasks = {
-        one.name: partial(make, one, folder / CASES / one.name, duration, fs)
-        for one in draws
-        if not (folder / CASES / one.name / "bench.json").is_file()
+        draw.name: partial(make, draw, folder / CASES / draw.name, duration, fs)
+        for draw in draws
+        if not (folder / CASES / draw.name / "bench.json").is_file()
     }
     in_turn("recording", tasks, executor, progress)
 

@@ -153,37 +153,37 @@ SCORES: Mapping[str, tuple[Callable[[Judged], bool], Callable[[Judged], bool]]] 
 
 def scored(cases: Sequence[Judged]) -> dict[str, Any]:
     """Return all scores as plain data: for all cases, and for those whose cause is visible."""
-    visible = [one for one in cases if one.counts_as_visible]
+    visible = [case for case in cases if case.counts_as_visible]
     return {
         "cases": len(cases),
-        "kinds": {kind.value: sum(one.kind is kind for one in cases) for kind in Kind},
-        "unmeasured": sum("failure" in one.measured for one in cases),
+        "kinds": {kind.value: sum(case.kind is kind for case in cases) for kind in Kind},
+        "unmeasured": sum("failure" in case.measured for case in cases),
         "scores": {"all": scores_of(cases), "visible": scores_of(visible)},
         "rivals": {"all": rivals_of(cases), "visible": rivals_of(visible)},
         "effects": per_effect(cases),
         "confusion": confusion(cases),
         "calibration": calibration(
-            [one.answer.probability for one in cases], [one.first_is_right for one in cases]
+            [case.answer.probability for case in cases], [case.first_is_right for case in cases]
         ).as_dict(),
-        "each": [one.as_dict() for one in cases],
+        "each": [case.as_dict() for case in cases],
     }
 
 
 def scores_of(cases: Sequence[Judged]) -> dict[str, Any]:
     """Return the scores of some cases."""
-    found: dict[str, Any] = {
-        name: Share.among(hit(one) for one in cases if about(one)).as_dict()
+    scores: dict[str, Any] = {
+        name: Share.among(hit(case) for case in cases if about(case)).as_dict()
         for name, (about, hit) in SCORES.items()
     }
     sizes = [len(c.answer.offered) for c in cases if c.kind is Kind.SINGLE and c.answer.offered]
     ratios = [c.shrink_ratio for c in cases if c.kind in (Kind.SINGLE, Kind.PAIR)]
     known = [ratio for ratio in ratios if ratio is not None]
-    found["set_size"] = {"mean": float(np.mean(sizes)) if sizes else None, "of": len(sizes)}
-    found["shrink_of_oracle"] = {
+    scores["set_size"] = {"mean": float(np.mean(sizes)) if sizes else None, "of": len(sizes)}
+    scores["shrink_of_oracle"] = {
         "median": float(np.median(known)) if known else None,
         "of": len(known),
     }
-    return found
+    return scores
 
 
 def rivals_of(cases: Sequence[Judged]) -> dict[str, Any]:
@@ -222,29 +222,29 @@ def rivals_of(cases: Sequence[Judged]) -> dict[str, Any]:
 
 def per_effect(cases: Sequence[Judged]) -> dict[str, Any]:
     """Return, by effect of the singles, what was named of it at each severity."""
-    found: dict[str, Any] = {}
-    for one in cases:
-        if one.kind is not Kind.SINGLE:
+    table: dict[str, Any] = {}
+    for case in cases:
+        if case.kind is not Kind.SINGLE:
             continue
-        ((name, severity),) = one.draw.effects.items()
-        row = found.setdefault(name, {})
+        ((name, severity),) = case.draw.effects.items()
+        row = table.setdefault(name, {})
         cell = row.setdefault(severity, {"right_first": 0, "first_three": 0, "visible": 0, "of": 0})
         cell["of"] += 1
-        cell["visible"] += int(bool(one.measured.get("visible")))
-        cell["right_first"] += int(one.answer.named == one.causes)
-        cell["first_three"] += int(one.causes in one.answer.ranking[:3])
-    return dict(sorted(found.items()))
+        cell["visible"] += int(bool(case.measured.get("visible")))
+        cell["right_first"] += int(case.answer.named == case.causes)
+        cell["first_three"] += int(case.causes in case.answer.ranking[:3])
+    return dict(sorted(table.items()))
 
 
 def confusion(cases: Sequence[Judged]) -> dict[str, Any]:
     """Return counts of what was said (columns) of what was true (rows), pairs left out."""
     counts: dict[tuple[str, str], int] = {}
-    for one in cases:
-        if one.kind is Kind.PAIR:
+    for case in cases:
+        if case.kind is Kind.PAIR:
             continue
-        row = next(iter(one.causes), "none") if one.draw.listed else one.kind.value
-        named = sorted(one.answer.named)
-        column = one.answer.verdict if not named else named[0] if len(named) == 1 else "several"
+        row = next(iter(case.causes), "none") if case.draw.listed else case.kind.value
+        named = sorted(case.answer.named)
+        column = case.answer.verdict if not named else named[0] if len(named) == 1 else "several"
         counts[row, column] = counts.get((row, column), 0) + 1
     last = ("several", "absorbed", "ambiguous", "effect", "none", "unknown", FAILED)
     ends = (*(kind.value for kind in (Kind.NONE, *UNKNOWN_CAUSE)), *last)

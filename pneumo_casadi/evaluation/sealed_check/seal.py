@@ -67,7 +67,7 @@ def seal(folder: Path, draws: Sequence[Draw], duration: float, fs: float) -> Non
 
 
 def _labels(draws: Sequence[Draw], duration: float, fs: float) -> dict[str, Any]:
-    return {"duration_s": duration, "fs_Hz": fs, "draws": [one.as_dict() for one in draws]}
+    return {"duration_s": duration, "fs_Hz": fs, "draws": [draw.as_dict() for draw in draws]}
 
 
 def verdict_path(folder: Path, name: str) -> Path:
@@ -90,11 +90,11 @@ def read_verdict(folder: Path, name: str) -> dict[str, Any]:
         If it is missing, or not as it was written.
     """
     path = verdict_path(folder, name)
-    found = _read(path)
-    content = {"case": found.get("case"), "verdict": found.get("verdict")}
-    if content["case"] != name or found.get("sha256") != digest(content):
+    stored = _read(path)
+    content = {"case": stored.get("case"), "verdict": stored.get("verdict")}
+    if content["case"] != name or stored.get("sha256") != digest(content):
         raise CaseError(f"{path}: not as the diagnosis wrote it; delete it and diagnose again")
-    verdict: dict[str, Any] = found["verdict"]
+    verdict: dict[str, Any] = stored["verdict"]
     return verdict
 
 
@@ -125,8 +125,8 @@ def opened(folder: Path) -> tuple[tuple[Draw, ...], dict[str, dict[str, Any]]]:
     kept = _read(folder / LABELS)
     if digest(kept.get("labels"), str(kept.get("salt"))) != published.get("sha256"):
         raise CaseError(f"{folder / LABELS}: not the labels that {SEAL} was made of; draw anew")
-    draws = tuple(Draw.of(one) for one in kept["labels"]["draws"])
-    if sorted(one.name for one in draws) != names:
+    draws = tuple(Draw.of(label) for label in kept["labels"]["draws"])
+    if sorted(draw.name for draw in draws) != names:
         raise CaseError(f"{folder / VERDICTS}: verdicts on other cases than those drawn")
     return draws, verdicts
 
@@ -138,11 +138,11 @@ def is_open(folder: Path) -> bool:
 
 def _read(path: Path) -> dict[str, Any]:
     try:
-        found = json.loads(path.read_text("utf-8"))
+        content = json.loads(path.read_text("utf-8"))
     except FileNotFoundError:
         raise CaseError(f"{path}: no such file; run it again, or draw anew") from None
     except ValueError as error:
         raise CaseError(f"{path}: no JSON ({error}); it was changed or cut short") from None
-    if not isinstance(found, dict):
+    if not isinstance(content, dict):
         raise CaseError(f"{path}: expected a JSON object; it was changed")
-    return found
+    return content

@@ -34,7 +34,7 @@ class Share:
     @staticmethod
     def among(answers: Iterable[bool]) -> "Share":
         """Count the right among some answers."""
-        given = [bool(one) for one in answers]
+        given = [bool(answer) for answer in answers]
         return Share(sum(given), len(given))
 
     @property
@@ -92,7 +92,7 @@ class Calibration:
         """Return bins and error as plain data."""
         return {
             "expected_calibration_error": self.error,
-            "bins": [{"stated": one.stated, **one.share.as_dict()} for one in self.bins],
+            "bins": [{"stated": bin_.stated, **bin_.share.as_dict()} for bin_ in self.bins],
         }
 
 
@@ -124,5 +124,5 @@ def calibration(stated: Sequence[float], right: Sequence[bool], bins: int = BINS
     )
     if not made:
         return Calibration((), None)
-    off = [abs(one.stated - one.share.hits / one.share.of) * one.share.of for one in made]
+    off = [abs(bin_.stated - bin_.share.hits / bin_.share.of) * bin_.share.of for bin_ in made]
     return Calibration(made, round(float(sum(off)) / len(stated), 12))
