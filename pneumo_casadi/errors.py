@@ -1,4 +1,4 @@
-"""What can go wrong, by who can mend it.
+"""The errors of the package, by who can correct them.
 
 Every message names the offender (file, row, parameter), its value and unit, and the remedy.
 """
@@ -11,11 +11,11 @@ class PneumoError(Exception):
 
 
 class CaseError(PneumoError, ValueError):
-    """Data that cannot be what they claim to be: mend the file or its description."""
+    """Data that contradict their description: correct the file or the description."""
 
 
 class ModelError(PneumoError, ValueError):
-    """A model that cannot be built or evaluated as asked: mend the call."""
+    """A model that cannot be built or evaluated as requested: correct the call."""
 
 
 class FitError(PneumoError, RuntimeError):
@@ -24,9 +24,9 @@ class FitError(PneumoError, RuntimeError):
     Parameters
     ----------
     message : str
-        What failed, where the iteration stood and what to try next.
+        What failed, the state of the iteration and what to try next.
     partial : object, optional
-        The result as far as it got; never to be taken for a solution.
+        The unfinished result; it is not a solution.
     """
 
     def __init__(self, message: str, partial: Any = None) -> None:

@@ -1,4 +1,4 @@
-"""Validation: how far simulation and measurement part on data that no fit has seen."""
+"""Validation: how far simulation and measurement disagree on held-out data."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -27,9 +27,9 @@ from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.runtime.presentation import Presentable
 from pneumo_casadi.runtime.progress import Progress, no_progress
 
-#: The initial state of a free run is estimated from so much of its beginning [s].
+#: Length of the beginning of a record from which the initial state of a free run is estimated [s].
 START = 2.0
-#: Samples of a record that a trajectory is compared with.
+#: Samples of a record with which a trajectory is compared.
 Rows = slice | NDArray[np.int64]
 _WHOLE = slice(None)
 
@@ -63,7 +63,7 @@ class Error:
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """One validation record beside its simulations."""
+    """A validation record and its simulations."""
 
     record: Recording
     open_loop: Trajectory
@@ -231,7 +231,7 @@ def _run(axis: Axis, record: Recording) -> Run:
 
 
 def window_errors(axis: Axis, records: Sequence[Recording], window: float) -> dict[str, Error]:
-    """Roll out whole windows [s] of all records from their estimated states, in open loop."""
+    """Simulate whole windows [s] of all records in open loop from their estimated states."""
     return _errors(axis, axis.outputs, window_runs(axis, records, window))
 
 

@@ -1,4 +1,4 @@
-"""Recordings of an axis: bench, channels, case folders, and the checks at the door."""
+"""Recordings of an axis: bench, channels, case folders, and checks of the data that are read."""
 
 from pneumo_casadi.data.bench.axis_kind import FORCE_DRIVEN, PNEUMATIC, AxisKind, Balance
 from pneumo_casadi.data.bench.bench import AnyBench, Bench, ForceBench, SensorNoise

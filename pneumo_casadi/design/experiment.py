@@ -21,7 +21,7 @@ from pneumo_casadi.parameters import FloatArray
 SETTLING = 0.5
 #: Pressures and commands between which the state at rest is looked for.
 GRID = 81
-#: A trajectory that ran away counts as so many times beyond every limit.
+#: Excess over the limits that is assigned to a trajectory that diverged.
 RAN_AWAY = 1e3
 
 

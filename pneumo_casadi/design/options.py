@@ -196,7 +196,7 @@ def feasible_finalists(
             kept.append((candidate, runs))
     if not kept:
         raise FitError(
-            "design: no reference that was tried keeps the limits; the tamest exceeds them by "
+            "design: no reference that was tried keeps the limits; the best exceeds them by "
             f"{100 * search.least_excess:.2g} %. Allow more speed, pressure or command, or try "
             "more references"
         )

@@ -73,7 +73,7 @@ class Fit:
 
     @cached_property
     def anchor(self) -> Anchor | None:
-        """The map's residuals, as far as its coefficients are free."""
+        """Residuals of the flow map; None if its coefficients are fixed."""
         if self.flow_map is None or not self.axis.kind.needs_flow_map:
             return None
         anchor = anchor_to_flow_map(self.flow_map, self.axis.flow, effects=self.axis.effects)
@@ -119,14 +119,14 @@ def information_of(fit: Fit, experiments: Sequence[SimulatedExperiment]) -> Floa
 
 @dataclass(frozen=True, slots=True)
 class Refit:
-    """The nearest that a model comes to an experiment.
+    """The fit of a model to an experiment simulated with another model.
 
     Parameters
     ----------
     distance : float
         √(Σ ((y_A − y_B)/σ)² + the map's residuals), the least over initial state, nominal
         parameters, flow map and B's own: in standard deviations of one sample, so that half its
-        square is the log-likelihood by which the two differ. Infinite where B ran away.
+        square is the difference of their log-likelihoods. Infinite where B diverged.
     theta : (n,) array
         All parameters of B there.
     """
@@ -162,9 +162,9 @@ def refit(fit: Fit, run: SimulatedExperiment, theta: FloatArray | None = None) -
 def project_refit(fit: Fit, run: SimulatedExperiment, theta: FloatArray) -> Refit:
     """Return the refit to first order about the nearest of a few full steps.
 
-    Nodes begin on A's own trajectory, where no open loop can drift away; what is left of the
-    outputs' difference is projected on the complement of everything that is free. One sweep
-    with sensitivities each, until two projections agree.
+    The nodes start on the trajectory of A, so that no open loop can drift. The remaining
+    difference of the outputs is projected onto the orthogonal complement of all free unknowns.
+    Each sweep computes the sensitivities once; the sweeps end when two projections agree.
 
     Parameters
     ----------
@@ -176,8 +176,8 @@ def project_refit(fit: Fit, run: SimulatedExperiment, theta: FloatArray) -> Refi
     Returns
     -------
     Refit
-        Infinitely far where B ran away or projections did not settle: one from afar overrates
-        the distance, and a search would run after it.
+        With infinite distance where B diverged or the projections did not converge: a projection
+        far from the optimum overestimates the distance and would mislead a search.
     """
     problem, point = fit.problem([run])
     point = Unknowns(theta.copy(), point.x)
@@ -190,7 +190,7 @@ def project_refit(fit: Fit, run: SimulatedExperiment, theta: FloatArray) -> Refi
                 return Refit(float("inf"), theta)
             square = _closed_square(problem, at, point, fit.sigma) - 2 * step.gain
             distance = float(np.sqrt(max(0.0, square)))
-            # A step cut short by its trust box agrees with the one before for no good reason.
+            # Steps limited by the trust box may agree although the projection has not converged.
             whole = float(np.abs(step.theta).max(initial=0.0)) < 0.99 * TRUST
             settled = whole and abs(distance - last) <= SETTLED * last
             last = distance

@@ -107,9 +107,9 @@ class Part:
 class Reference:
     """What the axis is given, sample by sample.
 
-    A command to each valve of its own is the same thing in other words: under proportional
+    x_ref and `common` are equivalent to separate commands of the two valves: under proportional
     feedback u_P = gain (x_ref − x) + common and u_N = −gain (x_ref − x) + common, so that x_ref
-    has their difference and `common` their sum.
+    sets their difference and `common` their sum.
 
     Parameters
     ----------
@@ -177,14 +177,14 @@ def creep(t: FloatArray, slowest: float, fastest: float) -> FloatArray:
 
 
 def holds(t: FloatArray, spread: float) -> FloatArray:
-    """Go to places on both sides of the middle and stay there."""
+    """Move to several positions on both sides of mid-stroke and hold each."""
     levels = spread * np.array([0.0, 1.0, -0.5, 0.5, -1.0])
     index = np.minimum((t / max(t[-1], 1e-9) * PLACES).astype(int), PLACES - 1)
     return np.asarray(levels[index], dtype=float)
 
 
 def common_mode_steps(t: FloatArray, step: float, offset: float, period: float) -> FloatArray:
-    """Open both valves alike, by turns to one side of an offset and the other."""
+    """Command both valves alike, alternately above and below an offset."""
     side = np.where((2 * t / period).astype(int) % 2 == 0, 1.0, -1.0)
     return np.clip(offset + step * side, -1.0, 1.0)
 

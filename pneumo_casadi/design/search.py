@@ -1,9 +1,9 @@
-"""The search for a reference: few numbers, a criterion without noise, limits.
+"""Search for the reference of an experiment by differential evolution, within limits.
 
-The criterion is made of sensitivities that CasADi derives and compiles. Its own gradient is not
-taken: it would need second derivatives of the trajectory, each of them as dear as one more
-evaluation, in a landscape with kinks (sticking, squares that move by whole jumps) and several
-valleys. Differential evolution bears both and starts from the paper's experiment.
+The criterion is computed from sensitivities that CasADi derives and compiles. Its gradient is not
+used: it would need second derivatives of the trajectory, each as expensive as an evaluation, and
+the criterion is not smooth (sticking, a number of jumps that changes by one) and has several local
+minima. Differential evolution copes with both. It starts from the paper's experiment.
 """
 
 from collections.abc import Callable
@@ -34,14 +34,14 @@ class Candidate:
 
 @dataclass(frozen=True, slots=True)
 class SearchResult:
-    """What a search has found.
+    """Result of a search.
 
     Parameters
     ----------
     finalists : tuple of Candidate
         The best ones that keep the limits, best first; empty where none does.
     least_excess : float
-        By how much the tamest reference exceeds the limits; 0 where one keeps them.
+        Smallest amount by which a reference exceeds the limits; 0 if one keeps them.
     history : tuple of float
         Best value after each evaluation, infinite until one keeps the limits.
     """
@@ -58,18 +58,18 @@ def search(
     seed: int,
     progress: Progress,
 ) -> SearchResult:
-    """Look for the point of least value that exceeds no limit.
+    """Search for the point of least value that exceeds no limit.
 
     Parameters
     ----------
     evaluate : callable
         ``evaluate(z) -> (excess, value)``; the value counts where the excess is 0.
     space : Space
-        Where to look; its start is one of the first references.
+        Search space; its start is in the first population.
     evaluations : int
-        About so many.
+        Approximate number of evaluations.
     seed : int
-        Of the search.
+        Seed of the random numbers.
     progress : callable
         Called as ``progress(text, share)``.
     """

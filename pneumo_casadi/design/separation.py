@@ -124,8 +124,9 @@ def design_to_separate(
     The smallest refitted distance of all ordered pairs is made large: the norm of the difference
     between what the axis with one effect does and what the axis with another can be fitted to,
     initial state, nominal parameters, flow map (anchored) and the other effect's own parameters
-    all free, in standard deviations of the measurement. The search projects, with sensitivities
-    at the refit of the recorded experiment; what is told in the end is refitted.
+    all free, in standard deviations of the measurement. The search uses projections
+    with sensitivities at the refit of the recorded experiment; the distances in the result are
+    refitted.
 
     Parameters
     ----------

@@ -27,7 +27,7 @@ class EffectRow:
     confused_with : tuple of str
         Effects of the catalogue and nominal parameters.
     separated_by : str
-        The experiment that tells them apart.
+        The experiment that distinguishes them.
     source : str
         Where the form comes from.
     """

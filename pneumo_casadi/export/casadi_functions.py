@@ -95,9 +95,9 @@ def write_functions(model: IdentifiedModel, folder: str | Path) -> tuple[Path, .
 def read_functions(folder: str | Path) -> ExportedFunctions:
     """Read what `write_functions` has written.
 
-    The sidecar is checked, each file against its hash in there, and a file that asks for a
-    library or for compilation is refused before CasADi reads it: reading builds expressions
-    and runs nothing.
+    The sidecar is checked, and each file against its hash in the sidecar. A file that would load
+    a library or compile code is refused before CasADi reads it; reading the others only builds
+    expressions.
 
     Parameters
     ----------

@@ -189,7 +189,7 @@ def _structure(root: ET.Element, model: IdentifiedModel, items: Sequence[Variabl
         ("ContinuousStateDerivative", model.axis.rhs, _derivatives(model)),
     ):
         for row, name in enumerate(names):
-            # Without these an importer takes every output to hang on every input at once.
+            # Without these an importer assumes that every output depends directly on every input.
             depends = [references[other] for other in _dependencies(model, f, row)]
             attributes = {
                 "valueReference": str(references[name]),

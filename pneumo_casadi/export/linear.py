@@ -96,8 +96,8 @@ def operating_point(axis: Axis, given: Mapping[str, float] | None = None) -> Ope
         States and inputs that are held, by name, SI units. The others are such that all states
         but the position keep their values: pressures, velocity, the states of effects. Not
         given, x is 0; v is 0 unless an input is given; u_N is -u_P unless one of them is given.
-        With all of ``p_P, p_N, x, v`` and the inputs given the point is taken as it stands,
-        moving or not, and effects are at rest at it.
+        If all of ``p_P, p_N, x, v`` and the inputs are given, the point is used unchanged, at
+        rest or not; the states of effects are at rest there.
 
     Raises
     ------

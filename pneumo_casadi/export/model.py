@@ -86,7 +86,7 @@ class IdentifiedModel:
 
 
 def identified_model(identification: Identification) -> IdentifiedModel:
-    """Return the model that an identification has found."""
+    """Return the identified model of an identification."""
     return _of_result(result_dict(identification), identification.axis)
 
 

@@ -1,4 +1,4 @@
-"""The main job in one call: from a case folder to parameters with intervals, validated."""
+"""Identification in one call: from a case folder to validated parameters with intervals."""
 
 import json
 import logging

@@ -6,8 +6,8 @@ from pneumo_casadi.data import Case
 from pneumo_casadi.estimation.output_error import OutputErrorOptions
 from pneumo_casadi.valve import FlowForm
 
-#: A force-driven axis has no chambers to hold it: over a whole record its open-loop position
-#: drifts away with the square of the time, so it is fitted over windows of this length [s].
+#: Length of the windows over which a force-driven axis is fitted in open loop [s]. Over a whole
+#: record its position would drift with the square of the time.
 FORCE_WINDOW = 0.5
 
 
@@ -33,7 +33,7 @@ class IdentifyOptions:
     windows : tuple of float
         Lengths of the validation windows [s].
     identifiability : bool
-        Whether it is worked out what informs each parameter, and what stands for what.
+        Whether to analyse which data inform each parameter, and which parameters are collinear.
 
     Examples
     --------

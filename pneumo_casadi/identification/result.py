@@ -42,15 +42,15 @@ class Identification(Presentable):
     predictions : tuple of Prediction
         Flows and effort predicted by `wls` on the held-out records.
     validation : Validation or None
-        Simulations beside the held-out records; None where the case has none.
+        Simulations of the held-out records; None where the case has none.
     truth : mapping of str to float, or None
         True parameters where they are known: ``truth.json`` in the case folder.
     warnings : tuple of ResultWarning
-        What the reader must know before using the numbers.
+        Limits of the result that matter to its use.
     identifiability : Identifiability or None
         Where it was asked for.
     seconds : float
-        Time that it took.
+        Computing time [s].
 
     Examples
     --------

@@ -17,7 +17,7 @@ INFLATION = 1.5
 EXCESS_NOISE = 1.2
 #: Relative standard deviation from which eq. 17 calls a parameter removable [%].
 REMOVABLE_PERCENT = 10.0
-#: Residuals of the flow map over those of its own fit from which its pull is reported.
+#: Ratio of the residuals of the flow map to those of its own fit above which a warning is given.
 MAP_PULL = 1.3
 #: Held-out error of the chosen form of the flow map from which it is reported [% of the largest
 #: flow]: what a flow meter is good for.

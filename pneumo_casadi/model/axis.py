@@ -52,8 +52,8 @@ class Axis(AxisDescription):
 
         if not at_rest or self.states == self.motion_states:
             return write(states)
-        # A state at rest may hang on one further up the chain (a lag behind a delay), so the
-        # rest values are settled by as many passes as there are effects.
+        # A state at rest may depend on one before it in the chain (a lag behind a delay). As many
+        # passes as there are effects therefore give the rest values.
         settled = {name: 0.0 for name in self.states if name not in states}
         for _ in self.effects:
             settled = dict(write(states | settled).rest)
@@ -138,7 +138,7 @@ class Axis(AxisDescription):
         casadi.Function
             ``(x, dx, u) -> (Y, W)`` with the nominal states (``motion_states``), Y of shape
             (ne,) and W of shape (ne, len(names)), such that the balances read Y = W θ.
-            The effects' own states are at rest: a regressor knows no lag.
+            The effects' own states are at rest: a regressor contains no dynamics of effects.
 
         Raises
         ------
@@ -179,9 +179,10 @@ class Axis(AxisDescription):
     def regressor_names(self) -> tuple[str, ...]:
         """Free parameters that enter the balances linearly, those of the flow map excepted.
 
-        All nominal ones, and of each effect without states those that are linear beside the
-        ones before them: a shape parameter inside a column is held at its value instead, and
-        one that only a sensor knows is no business of the balances.
+        These are all nominal parameters, and those parameters of effects without states in which
+        the balances are linear together with the parameters chosen before. A shape parameter
+        within a column of the regressor is held at its value. Parameters that act on a sensor
+        only are not in the balances.
         """
         flow = set(self.flow_parameters)
         lagging = {effect.name for effect in self.effects if effect.states}

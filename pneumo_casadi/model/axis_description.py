@@ -75,14 +75,14 @@ class AxisDescription:
         )
 
     def at_null_values(self) -> Self:
-        """Return the axis with all its effects where they vanish, as far as bounds allow."""
+        """Return the axis with all effects at their null values, or at the nearest bounds."""
         nulls = {item.name: item.null for item in self.parameters if item.null is not None}
         items = self.parameters.select(nulls)
         inside = np.clip(list(nulls.values()), items.lower, items.upper)
         return self.with_parameters(dict(zip(nulls, inside.tolist(), strict=True)))
 
     def at_starting_values(self, *names: str) -> Self:
-        """Return the axis with the named effects (all, if none is named) where a fit starts."""
+        """Return the axis with effects (by default all) at the starting values of a fit."""
         chosen = names or tuple(effect.name for effect in self.effects)
         unknown = set(chosen) - {effect.name for effect in self.effects}
         if unknown:
@@ -97,7 +97,7 @@ class AxisDescription:
     def started_at(self, parameters: Parameters) -> Self:
         """Return the axis with values from another estimate, moved into this axis' bounds.
 
-        Weighted least squares knows no bounds; output error must start within them.
+        Weighted least squares has no bounds; output error must start within them.
         """
         known = [item.name for item in parameters if item.name in self.parameters]
         mine = self.parameters.select(known)

@@ -13,13 +13,13 @@ from pneumo_casadi.data import AxisKind
 from pneumo_casadi.model.effect import Effect, Scope
 from pneumo_casadi.model.junctions import Expression, Pair, Supply
 
-#: Least pressure at a port of the valve, whatever an effect makes of it [Pa].
+#: Lower limit of the pressure at a port of the valve after all effects [Pa].
 P_LEAST = 1e3
 
 
 @dataclass(frozen=True, slots=True)
 class Balances:
-    """Residual expressions of an axis; all vanish along a true trajectory.
+    """Residual expressions of an axis; all are zero on a trajectory of the model.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ class Balances:
 
 @dataclass
 class _Fold:
-    """Passes values through the effects, remembering what arrived at each of them."""
+    """Passes values through the effects and keeps the value that arrived at each of them."""
 
     effects: Sequence[Effect]
     scopes: Sequence[Scope]

@@ -60,16 +60,16 @@ def compile_functions(functions: Sequence[ca.Function]) -> tuple[ca.Function, ..
     Returns
     -------
     tuple of casadi.Function
-        With the same names and signatures; the very functions given where compiling is not
-        possible (no compiler, code that the compiler refuses, a cache that cannot be written),
+        With the same names and signatures; the given functions themselves where compiling is
+        not possible (no compiler, code that the compiler refuses, a cache that cannot be written),
         after a logged warning.
 
     Notes
     -----
     The library's file name is the hash of its C code, the compiler, its flags and the
-    processor: a changed model never meets an old library, nor a machine the code of another. It
-    is written beside its final place and renamed, so that two processes may build at once; a
-    library that is damaged or does not load is built again.
+    processor: a library is never used for a changed model or on another kind of machine. It is
+    written to a temporary file and renamed, so that two processes may build at once. A library
+    that is damaged or does not load is built again.
 
     Examples
     --------
@@ -119,17 +119,17 @@ def call_with_arrays(f: ca.Function, *given: FloatArray) -> tuple[FloatArray, ..
     f : casadi.Function
         With dense inputs and outputs.
     given : array
-        One an input, of its shape.
+        One array per input, of its shape.
 
     Returns
     -------
     tuple of array
-        One an output, of its shape, in Fortran's order.
+        One array per output, of its shape, in Fortran order.
 
     Raises
     ------
     ValueError
-        If an array has not the size of its input.
+        If the size of an array differs from that of its input.
 
     Examples
     --------

@@ -47,7 +47,7 @@ class State:
 
 @dataclass(frozen=True, slots=True)
 class Scope:
-    """What an effect sees of the axis while the model is written down.
+    """The quantities of the axis that an effect can use in its equations.
 
     Parameters
     ----------
@@ -104,17 +104,18 @@ class Effect:
     shows : str
         Where the effect shows: which balance or sensor, in which regime.
     confused_with : tuple of str
-        Effects of the catalogue and nominal parameters (`NOMINAL`) that can pass for it.
+        Effects of the catalogue and nominal parameters (`NOMINAL`) with a similar response.
     separated_by : str
-        The experiment that tells it from those.
+        The experiment that distinguishes it from these.
     passive : bool
         Whether it only takes energy from the motion, or gives back what it has stored.
     credible : mapping of str to (float, float)
-        Ranges by short name of a parameter: outside them, whatever asks for the effect is
-        something else.
+        Plausible ranges by short name of a parameter. An estimate outside its range means that
+        another cause is fitted by this effect.
     one_form : bool
-        Whether no other form of it is known, as of an offset: a true one leaves next to nothing
-        of its gap. Hysteresis or friction may follow other laws than the catalogue's.
+        Whether only one equation of the effect is known, as for an offset. If such an effect is
+        the cause, the model with it closes the gap almost entirely. Friction and hysteresis, in
+        contrast, may follow other laws than those of the catalogue.
     sensors : tuple of str
         Outputs (``"p_P"``, ``"p_N"``, ``"x"``) whose sensors show something else with the effect;
         empty for an effect of the axis itself. They are what `output` changes.
@@ -122,16 +123,17 @@ class Effect:
         Which checks of the parameters fail if a refit of the nominal axis absorbs the effect, so
         that trajectories show no gap; None for an effect that no parameter can take up.
     masses : tuple of str
-        Parameters that are part of the moving mass [kg]: who weighs it weighs them too.
+        Parameters that are part of the moving mass [kg], and of its weighed value.
     metered : bool
-        Whether a valve has it while its flow map is metered, being a matter of its shape: what it
-        does at the spool is then held against the metered points too.
+        Whether the effect is present while the flow map of the valve is metered, because it
+        belongs to the shape of the valve. Its action at the spool must then agree with the
+        metered points.
     needs_chambers : bool
-        Whether it reads pressures, which its junctions need not tell: the force-driven axis
-        refuses it.
+        Whether the effect reads chamber pressures; it then cannot be added to a force-driven
+        axis. The junctions alone need not show this.
 
-    All from `equation` to `passive` are what reports and docs say of an effect; one of your own
-    needs none of them.
+    The attributes from `equation` to `passive` are for reports and documentation; an effect of
+    your own does not need them.
 
     Examples
     --------
@@ -195,7 +197,7 @@ class Effect:
 
     @classmethod
     def on_metered(cls, low: float, high: float) -> "EffectFactory":
-        """Return what makes the effect for a valve metered from `low` to `high` [V]."""
+        """Return the factory of the effect for a valve metered from `low` to `high` [V]."""
         return cls
 
     def rest(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
@@ -255,5 +257,5 @@ class Effect:
         return y
 
 
-#: What makes an effect: its class, mostly.
+#: A callable that returns an effect, usually its class.
 EffectFactory = Callable[[], Effect]

@@ -1,4 +1,4 @@
-"""From the right-hand side to samples: Runge-Kutta steps and long chains of them."""
+"""Numerical integration: Runge-Kutta steps, and many of them in sequence."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from pneumo_casadi.parameters import FloatArray
 THREADS = 2
 #: Fastest rate times sampling period up to which a sample is one step.
 ONE_STEP = 0.5
-#: Steps that run inside CasADi at a time.
+#: Steps in one call of CasADi.
 CHUNK = 250
 
 
@@ -44,13 +44,14 @@ def substeps_for(axis: Axis, dt: float) -> int:
 
     There smoothed friction is steepest, (F_c⁺ + F_c⁻) / (2 M v_s) on the nominal axis, and
     effects add their own (a lag, Stribeck's force). RK4 is stable up to 2.78 times the fastest
-    rate and accurate below about 1 per step; where one step would do for a whole sample, half
-    of that is asked for, because the steps are then long against everything else as well.
+    rate and accurate below about 1 per step; a whole
+    sample is taken in one step only below half of that, because such a step is long compared with
+    all other time constants too.
     """
     rate = dt * _fastest_rate(axis)
     if rate <= ONE_STEP:
         return 1
-    # Few different counts, so that a little more friction seldom asks for other steps.
+    # Few different counts: a small change of friction then seldom changes the step.
     count = 2
     while count < rate:
         count = count * 3 // 2 if count & (count - 1) == 0 else count * 4 // 3

@@ -83,7 +83,7 @@ class SampledAxis:
         sym, nxa = axis.symbol.sym, len(axis.states)
         x, w = sym("x", self.nx), sym("w", self.nw)
         theta = sym("theta", len(axis.parameters))
-        # What the sensor shows does not hang on the input of the same instant.
+        # The sensor value does not depend on the input of the same instant.
         y = axis.output(x[:nxa], axis.symbol(ca.DM.zeros(len(axis.inputs))), theta)
         u, kept = law(x[nxa:], w[0], y[axis.outputs.index("x")])
         return ca.Function("feedback", [x, w, theta], [ca.vertcat(u + w[1:], kept)])

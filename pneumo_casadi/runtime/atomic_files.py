@@ -10,18 +10,18 @@ from pathlib import Path
 
 @contextmanager
 def atomic_file(path: str | Path) -> Iterator[Path]:
-    """Lend a draft beside `path` that takes its place in one step when the block ends.
+    """Yield a draft beside `path` that replaces it in one step when the block ends.
 
     Parameters
     ----------
     path : str or Path
-        Where the file shall be; its folder is made. What stands there stays until the draft is
-        whole, and for good where the block fails.
+        Path of the file; its folder is created. An existing file is kept until the draft is
+        complete, and kept for good if the block fails.
 
     Yields
     ------
     Path
-        The draft, of the same name in a folder of its own: to be written by whatever means.
+        The draft: a file of the same name in a temporary folder.
 
     Examples
     --------
@@ -36,22 +36,22 @@ def atomic_file(path: str | Path) -> Iterator[Path]:
     with tempfile.TemporaryDirectory(prefix=f".{path.name}.", dir=path.parent) as scratch:
         draft = Path(scratch) / path.name
         yield draft
-        with draft.open("rb+") as file:  # on the disk before it has the name
+        with draft.open("rb+") as file:  # on the disk before it is renamed
             os.fsync(file.fileno())
         draft.replace(path)
 
 
 @contextmanager
 def atomic_folder(folder: str | Path, over: bool = True) -> Iterator[Path]:
-    """Lend a draft folder beside `folder` that takes its place when the block ends.
+    """Yield a draft folder beside `folder` that replaces it when the block ends.
 
     Parameters
     ----------
     folder : str or Path
-        Where the folder shall be; the one that holds it is made. What stands there stays until
-        the draft is whole, and for good where the block fails.
+        Path of the folder; its parent is created. An existing folder is kept until the draft is
+        complete, and kept for good if the block fails.
     over : bool
-        Whether a folder with something in it may be replaced.
+        Whether a folder that is not empty may be replaced.
 
     Yields
     ------

@@ -10,7 +10,7 @@ FOLDER = "PNEUMO_CASADI_CACHE"
 
 
 def cache_folder(name: str = "") -> Path:
-    """Return the cache folder, or one within it; it is made where it is missing.
+    """Return the cache folder, or a folder within it; create it if it is missing.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Threads of the linear algebra: one is fastest for many small products."""
+"""Number of threads of the linear algebra: a single one is fastest for many small products."""
 
 from collections.abc import Callable
 from functools import wraps
@@ -22,7 +22,7 @@ def one_thread(work: Callable[P, T]) -> Callable[P, T]:
     >>> from threadpoolctl import threadpool_info
     >>> @one_thread
     ... def threads():
-    ...     return {one["num_threads"] for one in threadpool_info() if one["user_api"] == "blas"}
+    ...     return {pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"}
     >>> threads()
     {1}
     """

@@ -119,7 +119,7 @@ def flow_sensitivity(
     meterings : sequence of Metering
         Errors to put on the map before it is fitted.
     treatments : sequence of Treatment
-        What output error makes of it.
+        How output error treats the coefficients of the map.
     held_out : sequence of Recording, optional
         Records for the open-loop error.
     options : OutputErrorOptions, optional
@@ -217,7 +217,7 @@ def _fit(job: _Job, treatment: Treatment, table: FlowMap, axis: Axis) -> OutputE
         fixed = axis.with_parameters(axis.parameters.fix(*names))
         return fit_output_error(fixed, job.records, None, job.options)
     if treatment is Treatment.LEFT_OUT:
-        # One residual for one gauge: it vanishes at the optimum and tells nothing else.
+        # A single residual fixes the free scale: it is zero at the optimum and adds no information.
         inside = metered_in_range(table, job.records)
         flows = np.where(inside if inside.any() else True, np.abs(table.q_m), 0.0)
         table = table.select([int(np.argmax(flows))])

@@ -53,7 +53,7 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """What one variant gave.
+    """Result of one variant.
 
     Parameters
     ----------

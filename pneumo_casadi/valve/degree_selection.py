@@ -59,8 +59,8 @@ def select_degrees(
     table : FlowMap
         Measured points at one supply pressure.
     candidates : iterable of tuple of int, optional
-        Degrees of (φ, ψ⁺, ψ⁻) to compare; by default all from 1 to 9 (729 candidates), or to
-        what the pressures can carry.
+        Degrees of (φ, ψ⁺, ψ⁻) to compare; by default all from 1 to 9 (729 candidates), or up
+        to the highest degree that the number of pressures allows.
     folds : int, optional
         Number of folds K.
 

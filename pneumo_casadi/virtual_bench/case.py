@@ -15,7 +15,7 @@ from pneumo_casadi.virtual_bench.effect import VirtualEffect
 from pneumo_casadi.virtual_bench.experiment import Excitation, Experiment
 from pneumo_casadi.virtual_bench.simulation import metered_map, record
 
-#: What the axis does in the record to identify on, and in the one held out.
+#: Excitation in the record to identify on, and in the held-out one.
 IDENTIFY = Experiment.of("chirp_and_squares")
 VALIDATE = Experiment.of("multisine_and_steps")
 
@@ -100,7 +100,10 @@ def make_case(
     (['stribeck'], 1000)
     """
     if not (fs > 0 and duration * fs >= 2):
-        raise CaseError(f"{folder}: {duration:g} s at {fs:g} Hz is no record; give at least 2 rows")
+        raise CaseError(
+            f"{folder}: no record: {duration:g} s at {fs:g} Hz is less than 2 rows; give a longer "
+            "duration"
+        )
     axis = axis or random_axis(seed)
     hidden = effects_for(axis, effects, seed)
 

@@ -1,4 +1,4 @@
-"""All effects that the bench has, and how they are asked for."""
+"""All effects of the virtual bench, and how they are requested."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -27,7 +27,7 @@ FORMS: Mapping[str, EffectForm] = MappingProxyType(
     }
 )
 
-#: What may be asked of an effect: a severity, or quantities [SI] by name.
+#: How an effect is requested: by a severity, or by quantities [SI] by name.
 EffectRequest = Severity | str | Mapping[str, float]
 
 

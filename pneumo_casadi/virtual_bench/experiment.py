@@ -1,4 +1,4 @@
-"""What the axis is asked to do: references of the position, and common-mode commands."""
+"""Excitations of the axis: references of the position, and common-mode commands."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -114,7 +114,7 @@ def _chirp(axis: VirtualAxis, t: FloatArray, rng: np.random.Generator) -> Drawn:
 
 
 def _squares(axis: VirtualAxis, t: FloatArray, rng: np.random.Generator) -> Drawn:
-    """Jump every second between both sides of the middle, as far as chance has it."""
+    """Jump every second between both sides of mid-stroke, with random amplitudes."""
     jumps = int(t[-1]) + 1
     side = np.where(np.arange(jumps) % 2 == 0, 1.0, -1.0) * rng.choice([-1.0, 1.0])
     levels = axis.stroke * rng.uniform(0.06, 0.28, jumps) * side

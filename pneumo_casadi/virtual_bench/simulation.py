@@ -147,7 +147,7 @@ def record(
     axis : VirtualAxis
         Whose.
     experiment : Experiment or Excitation
-        What it is asked to do: parts to be drawn, or every sample.
+        The excitation: parts to be drawn, or every sample.
     effects : sequence of VirtualEffect, optional
         Hidden effects, see `effects_for`.
     fs, duration : float, optional

@@ -23,12 +23,13 @@ class Balance:
     chamber : str, optional
         Chamber whose mass it balances; empty for the force balance.
     over_inertia : bool, optional
-        Whether an equation-error fit divides the residual by the factor of the rate. It must
-        where a common scale of all terms is free: it would shrink the residual.
+        Whether an equation-error fit divides the residual by the factor of the rate. This is
+        necessary where a common scale of all terms is free, because a smaller scale would
+        shrink the residual.
     equation_error_unit : str, optional
         Unit of the residual in an equation-error fit; by default `unit`.
     resolution : float, optional
-        Smallest residual of an equation-error fit that is told from zero [equation_error_unit].
+        Residuals of an equation-error fit below this count as zero [equation_error_unit].
     """
 
     name: str

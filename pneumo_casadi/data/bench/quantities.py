@@ -1,7 +1,7 @@
-"""Numbers with units at the door: what a quantity may be, and what its unit was mistaken for.
+"""Plausible ranges of quantities, and the units that are often given instead of SI units.
 
-A value outside its range is tried in the units people write by habit; where one of them
-brings it into the range, the message asks whether that was meant.
+If a value outside its range would be plausible in one of these units, the error message asks
+whether that unit was meant.
 """
 
 from collections.abc import Mapping
@@ -14,7 +14,7 @@ from pneumo_casadi.errors import CaseError
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """A physical quantity: its SI unit, plausible range and the units mistaken for it.
+    """A physical quantity: its SI unit, plausible range and units often given instead.
 
     Parameters
     ----------

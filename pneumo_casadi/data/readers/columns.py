@@ -79,7 +79,7 @@ def column_map(entries: Mapping[str, Any]) -> dict[str, tuple[Column, ...]]:
     Raises
     ------
     CaseError
-        If a column is unknown, a unit is not one of its kind, or a number is none.
+        If a column is unknown, a unit does not fit its channel, or a value is not a number.
 
     Examples
     --------

@@ -11,7 +11,7 @@ from scipy.io.matlab import MatlabFunction, MatlabOpaque
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.parameters import FloatArray
 
-#: Struct arrays, cells and matrices of more elements are no columns of a recording.
+#: Struct arrays, cells and matrices with more elements than this are not read as columns.
 MOST = 100
 #: Length of the header; its last four bytes hold version and order of bytes, 2 for HDF5.
 _HEADER = 128
@@ -30,7 +30,7 @@ def read_mat(path: Path, wanted: Container[str]) -> tuple[dict[str, FloatArray],
     Returns
     -------
     columns : dict of str to (N,) array
-        Those asked for.
+        The requested vectors.
     names : tuple of str
         All vectors of the file as MATLAB would address them: ``log.p.A``, ``run(2).t``,
         ``yout(:,3)``, ``data{1}``. A field whose last name is the only one of its kind goes by
@@ -75,7 +75,7 @@ def _read_classic(path: Path) -> dict[str, Any]:
 
 
 def _vectors(name: str, value: Any) -> Iterator[tuple[str, Any]]:
-    """Yield the vectors of a variable, structs, cells and matrices taken apart."""
+    """Yield the vectors of a variable, with structs, cells and matrices split into vectors."""
     if isinstance(value, MatlabOpaque | MatlabFunction):
         yield f"{name} (an object: save its columns as vectors)", None
     elif not isinstance(value, np.ndarray) or value.size == 0:
@@ -125,7 +125,7 @@ def _read_hdf5(path: Path) -> dict[str, Any]:
 
 
 def _hdf5_vectors(name: str, item: Any, file: Any) -> Iterator[tuple[str, Any]]:
-    """Yield the vectors of an HDF5 item, arrays turned as MATLAB shows them."""
+    """Yield the vectors of an HDF5 item, with arrays transposed to the shape that MATLAB shows."""
     if item is None or "MATLAB_empty" in item.attrs:
         return
     if "MATLAB_object_decode" in item.attrs:

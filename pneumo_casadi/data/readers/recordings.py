@@ -27,10 +27,10 @@ def read_recording(
     path : str or Path
         File whose suffix names the format: .csv, .csv.gz, .mat, .parquet.
     hold : InputHold
-        How the inputs ran between samples; no file tells, so state it.
+        How the inputs ran between samples; files do not state it.
     columns : mapping of str to (str, Column or sequence of Column), optional
         The file's own names -> channel, with a scale and offset where the unit is not SI;
-        several where one column tells more than one channel. Columns named as in a case folder
+        several where one column serves more than one channel. Columns named as in a case folder
         (``t_s``, ``p_P_Pa``, ...) need no entry. `column_map` writes it the other way round,
         with units by name. Vectors within structs of a MAT file go by ``log.p.A``.
     name : str, optional
@@ -90,7 +90,7 @@ def _as_columns(entry: ColumnSpec) -> Sequence[Column]:
 
 
 def _refuse_foreign_unit(table: Table, name: str) -> None:
-    """Refuse a column such as ``p_P_bar``, which must not be passed over as unknown."""
+    """Refuse a column such as ``p_P_bar``, which would otherwise be ignored as unknown."""
     channel, _, unit = name.rpartition("_")
     factors = SI_FACTORS[UNITS[channel]] if channel in UNITS else {}
     if unit in factors and unit != UNITS[channel]:

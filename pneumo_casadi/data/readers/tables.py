@@ -22,14 +22,14 @@ CSV_FIRST_LINE = 2  # the header stands in line 1
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Columns of equal length as they stand in a file.
+    """Columns of equal length as a file holds them.
 
     Parameters
     ----------
     path : Path
         The file.
     columns : mapping of str to (N,) array
-        Those asked for, by the file's own names; an empty cell is NaN.
+        The requested columns, by the file's own names; an empty cell is NaN.
     names : tuple of str
         All columns of numbers that the file has; of a CSV file, all columns.
     first_line : int
@@ -55,12 +55,12 @@ def read_table(path: Path, wanted: Container[str]) -> Table:
     path : Path
         The file.
     wanted : container of str
-        Names of the columns to read; what else the file holds need not be numbers.
+        Names of the columns to read; other columns need not be numbers.
 
     Raises
     ------
     CaseError
-        If the file is missing, empty, cut short, of another format, or holds what is no number.
+        If the file is missing, empty, truncated or of another format, or a cell is not a number.
     """
     suffix = suffix_of(path)
     if not suffix:
@@ -155,7 +155,7 @@ def _bad_row(path: Path, header: list[str], error: Exception) -> CaseError:
     line, cells = (int(group) for group in match.groups())
     return CaseError(
         f"{path}: row {line - CSV_FIRST_LINE + 1} (line {line}) has {cells} cells, line 1 names "
-        f"{len(header)} columns; mend the row"
+        f"{len(header)} columns; correct the row"
     )
 
 
@@ -175,7 +175,7 @@ def _check_ending(path: Path, text: bytes) -> None:
 def _bad_cell(
     path: Path, text: bytes, options: dict[str, Any], wanted: Container[str]
 ) -> CaseError | None:
-    """Find the first cell that is no number; slow, so only once reading has failed."""
+    """Return an error for the first cell that is not a number; slow, used after a failure only."""
     frame = pd.read_csv(io.BytesIO(text), dtype=str, keep_default_na=False, **options)
     frame = frame[[name for name in frame if name in wanted]]
     numbers = frame.apply(pd.to_numeric, errors="coerce")

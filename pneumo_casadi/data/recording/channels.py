@@ -1,4 +1,4 @@
-"""Channels: their names and units, how inputs are held, and arrays that are whole and read-only."""
+"""Channels: their names and units, the hold of inputs, and checked, read-only arrays."""
 
 from collections.abc import Callable, Mapping
 from enum import Enum
@@ -60,6 +60,6 @@ def checked(
 
 
 def read_only(array: FloatArray) -> FloatArray:
-    """Return the array itself, closed to writing."""
+    """Make the array read-only and return it."""
     array.flags.writeable = False
     return array

@@ -29,12 +29,12 @@ class Recording(Presentable):
     Parameters
     ----------
     t : (N,) array
-        Time stamps [s]. Stored as the uniform clock that they round; N ≥ 2.
+        Time stamps [s]. Stored as the uniform clock nearest to them; N ≥ 2.
     channels : mapping of str to (N,) array
         Signals in SI units, by symbol: ``u_P, u_N`` [V], ``p_P, p_N`` [Pa, absolute],
         ``x, x_ref`` [m], ``F`` [N]. Copied, and read-only from then on.
     name : str
-        By which messages, tables and figures call it.
+        Name in messages, tables and figures.
     source : str
         Where it comes from, a file as a rule.
     hold : InputHold
@@ -134,7 +134,7 @@ class Recording(Presentable):
         return pd.DataFrame(columns)
 
     def overview(self) -> pd.DataFrame:
-        """Return least, mean and largest value of each channel."""
+        """Return minimum, mean and maximum of each channel."""
         frame = self.to_frame().drop(columns="t_s")
         return frame.agg(["min", "mean", "max"]).T
 
@@ -189,7 +189,7 @@ class Recording(Presentable):
     def split(
         self, parts: int | None = None, *, duration: float | None = None
     ) -> tuple["Recording", ...]:
-        """Cut into consecutive pieces; every row lands in exactly one.
+        """Cut into consecutive pieces; every row belongs to exactly one.
 
         Parameters
         ----------
@@ -236,7 +236,7 @@ class Recording(Presentable):
         return self._taken(slice(None, None, n), channels, f"{self.name} (1:{n})")
 
     def shifted(self, channel: str, samples: int) -> "Recording":
-        """Return the recording with a channel that came `samples` late brought back in time.
+        """Return the recording with a delay of one channel by `samples` rows undone.
 
         See `aligned`, of which this is the case of one channel.
         """
@@ -248,8 +248,8 @@ class Recording(Presentable):
         Parameters
         ----------
         late : mapping of str to int
-            Rows by which a channel comes late: y[k] of the file belongs to t[k − late].
-            Negative where it comes early.
+            Delay of a channel in rows: y[k] of the file belongs to t[k − late].
+            Negative for a channel that is early.
 
         Returns
         -------

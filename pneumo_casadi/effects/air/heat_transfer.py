@@ -50,7 +50,7 @@ class HeatTransfer(Effect):
     shows = "both mass flow balances, 0.2-5 Hz: k rises from 1 to 1.4 with frequency"
     confused_with = ("X_s1", "X_s2", "X_s4", "X_s5", "leakage_P", "leakage_N", "hose")
     separated_by = "charge a chamber at a held piston and close the valve: the pressure creeps back"
-    # Of a true one 0.95 and more; what only resembles it asks for a half, or less.
+    # If heat transfer is the cause, the estimate is 0.95 or more; for a similar cause 0.5 or less.
     credible = MappingProxyType({"share": (0.85, 1.0)})
     parameters = (
         Parameter(
@@ -89,11 +89,11 @@ class HeatTransfer(Effect):
         }
 
     def valve_flow(self, q_m: Pair, at: Scope) -> Pair:
-        """Let the air out at its own temperature: warm air is thinner."""
+        """Correct the outgoing flow for the temperature of the air: warm air is less dense."""
         return Pair(_thinned(at, "P", q_m.P), _thinned(at, "N", q_m.N))
 
     def chamber_energy(self, q_m: Pair, at: Scope) -> Pair:
-        """Add the heat, and what the outgoing air's temperature makes of its flow."""
+        """Add the heat, and the effect of the outgoing air's temperature on the flow."""
         return Pair(_equivalent(at, "P", q_m.P), _equivalent(at, "N", q_m.N))
 
 

@@ -13,9 +13,9 @@ from pneumo_casadi.valve.orifice import orifice_expression
 
 #: Critical pressure ratio and subsonic index of regulator and feed line.
 B_FEED, M_FEED = 0.3, 0.5
-#: Pressure ratio above which a regulator gives in proportion to the droop: its valve follows the
-#: pressure behind it. Of 0.90, 0.95, 0.97 and 0.999, 0.95 leaves least on a recording from
-#: another program.
+#: Pressure ratio above which the flow of the regulator is proportional to the droop, because its
+#: valve follows the downstream pressure. Of 0.90, 0.95, 0.97 and 0.999, the value 0.95 leaves the
+#: smallest residual on a recording simulated by another program.
 RATIO_FEED = 0.95
 
 
@@ -24,10 +24,10 @@ class SupplyDroop(Effect):
 
     V/(r T) ḋ = q_in − C ρ₀ √(T₀/T) p_supply ω((p_supply − d)/p_supply), valves at
     p_supply − d, where q_in is what both valves draw; ω grows in proportion to small droops. The
-    balance is that of mass at one temperature. A litre of air at 7 bar exchanges its heat in a
-    second or two; without any exchange the same pressures would mean a volume γ times as large,
-    and nothing recorded tells the two apart. An infinite reservoir does not
-    droop: 1/V = 0 is the nominal axis, with true derivatives.
+    balance is that of mass at one temperature. A litre of air at 7 bar exchanges its heat within
+    one or two seconds. Without heat exchange the same pressures would mean a volume γ times as
+    large; the recorded channels cannot distinguish the two. At 1/V = 0, the null value, the
+    reservoir is infinite and does not droop; the derivatives there are exact.
     """
 
     name = "supply_droop"

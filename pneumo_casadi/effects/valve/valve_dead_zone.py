@@ -14,8 +14,8 @@ class ValveDeadZone(Effect):
     """Overlap of both edges of both valves, rounded where they open.
 
     With s(x) = (x + √(x² + w²))/2, the opening is s(u − δ) − s(−u − δ): u − δ beyond δ, u + δ
-    below −δ, next to nothing between. As s(x) − s(−x) = x it is u exactly at δ = 0, whatever
-    the rounding w.
+    below −δ, and almost zero between. Because s(x) − s(−x) = x, it is exactly u at δ = 0 for any
+    rounding w.
     """
 
     name = "valve_dead_zone"

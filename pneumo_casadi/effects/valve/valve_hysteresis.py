@@ -23,10 +23,10 @@ class ValveHysteresis(Effect):
         w = u + (c(z₁ − u, h₁) + c(z₂ − u, h₂))/2,   h₁ = h(1 − s), h₂ = h(1 + s)
         żᵢ = −(zᵢ − u − c(zᵢ − u, hᵢ))/τ,            τ = 1 ms
 
-    A memory zᵢ is drawn along by whatever the clip cuts off, and stays where it is inside the
-    play. At h = 0 the spool is the command, exactly, and because the memories lag behind u the
-    derivative to h is −sign(u̇), that of true play. s is held at a half unless released, because
-    nothing depends on it where h vanishes.
+    A memory zᵢ follows the part that the clip cuts off, and does not move inside the play. At
+    h = 0 the spool position is exactly the command. Because the memories lag behind u, the
+    derivative with respect to h is −sign(u̇), as for ideal play. s is held at 0.5 unless it is
+    freed, because nothing depends on it at h = 0.
     """
 
     name = "valve_hysteresis"

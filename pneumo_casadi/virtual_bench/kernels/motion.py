@@ -61,7 +61,7 @@ def friction_levels(y: FloatArray, p_P: float, p_N: float, par: Any) -> Any:
     if par.stribeck_delta_F > 0.0:
         decay = (abs(y[V]) / par.stribeck_v_s) ** par.stribeck_exponent
         more += par.stribeck_delta_F * exp(-decay)
-    if par.pressure_friction_F > 0.0:  # lip seals: pressed on by the pressure behind each lip
+    if par.pressure_friction_F > 0.0:  # lip seals: the pressure behind each lip presses it on
         full = 2.0 * (par.p_supply - par.p_ext)
         share = max(p_P + p_N - 2.0 * par.p_ext, 0.0) / full
         more += par.pressure_friction_F * share**0.9

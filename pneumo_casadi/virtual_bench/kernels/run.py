@@ -54,7 +54,7 @@ def initial_state(x: float, p_P: float, p_N: float, par: Any) -> Any:
 def control(
     shown: FloatArray, noise: FloatArray, x_ref: float, common: float, par: Any, row: FloatArray
 ) -> None:
-    """Fill a row (u_P, u_N, p_P, p_N, x): what is sampled, and what the controller makes of it."""
+    """Fill a row (u_P, u_N, p_P, p_N, x): sampled outputs, and the commands."""
     row[2] = quantised(shown[0] + noise[0], par.p_quantum)
     row[3] = quantised(shown[1] + noise[1], par.p_quantum)
     row[4] = quantised(shown[2] + noise[2], par.x_quantum)

@@ -1,4 +1,4 @@
-"""What the sensors show: play, delay, filters, errors, noise, quantisation."""
+"""Sensor models: play, delay, filters, errors, noise, quantisation."""
 
 from math import exp, pi, sin
 from typing import Any
@@ -15,9 +15,9 @@ CARRIAGE, CHANNEL, MEMORY = 0, 1, 10
 
 @kernel
 def sensor_values(y: FloatArray, par: Any, memory: FloatArray, past: FloatArray, now: int) -> Any:
-    """Return what arrives at the filters (p_P, p_N [Pa], x [m]); moves the play, keeps the past.
+    """Return the inputs of the filters (p_P, p_N [Pa], x [m]); update the play and the ring buffer.
 
-    `past` is a ring of positions, one a step, `now` the number of this step.
+    `past` is a ring buffer with one position per step, `now` the number of this step.
     """
     p_P, _, p_N, _ = gas_states(y, par)
     if par.pressure_sensor_lag_tau > 0.0:
@@ -44,7 +44,7 @@ def delayed(past: FloatArray, now: int, delay: float) -> Any:
 
 @kernel
 def filter_step(value: float, at: int, memory: FloatArray, h: float, tau: float) -> Any:
-    """Pass a value through two equal lags, exact for an input that runs straight; return it."""
+    """Pass a value through two equal lags, exact for an input linear in time; return it."""
     if tau <= 0.0:
         return value
     a = exp(-h / tau)
@@ -79,7 +79,7 @@ def observe(
 
 @kernel
 def settle(y: FloatArray, par: Any, memory: FloatArray, past: FloatArray) -> None:
-    """Start the sensors as if the axis had stood where it stands."""
+    """Initialise the sensors for an axis at rest."""
     memory[CARRIAGE] = y[X]
     past[:] = y[X]
     p_P, p_N, x = sensor_values(y, par, memory, past, 0)

@@ -1,4 +1,4 @@
-"""Time stepping: Runge-Kutta between events, events found to the last digit.
+"""Time stepping: Runge-Kutta between events, which are located to machine precision.
 
 Within a step the piston moves one way or is held. Where it would turn, break away or meet a
 stop, the step is cut at that instant; so friction is a set-valued sign, and no stop is crossed.
