@@ -75,9 +75,3 @@ def test_the_files_and_commands_of_the_catalogue_are_there():
         line in index
         and line.replace("spring_load", "bellows").replace("SpringLoad", "Bellows") in text
     )
-
-
-def test_links_of_all_pages_lead_somewhere():
-    for page in PAGE.parents[1].rglob("*.md"):
-        for target in re.findall(r"\]\((?!http)([^)#]+)", page.read_text("utf-8")):
-            assert (page.parent / target).exists(), (page.name, target)
