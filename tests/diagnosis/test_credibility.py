@@ -55,7 +55,7 @@ def test_two_leaks_are_named_although_a_shifted_null_fits_better_than_each(made_
 
 def test_half_a_heat_transfer_is_refused_with_a_reason(made_case):
     one, _ = prepare_study(made_case(12, leakage_P="large"))
-    with pytest.raises(FitError, match=r"share = 0\.\d+ is not to be believed, .* 0\.85 to 1"):
+    with pytest.raises(FitError, match=r"share = 0\.\d+ is not credible, .* 0\.85 to 1"):
         fit_model(one, (EFFECTS["heat_transfer"](),), fit_model(one, ()).values)
 
 

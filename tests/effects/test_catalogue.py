@@ -17,6 +17,44 @@ from pneumo_casadi.model.junctions import JUNCTIONS
 PACKAGE = Path(pneumo_casadi.__file__).parent
 
 
+#: Order of version 0.1.0.
+ORDER = (
+    "asymmetric_viscous_friction",
+    "backlash",
+    "constant_force",
+    "drive_lag",
+    "gain_error",
+    "elastic_load",
+    "exhaust_restriction",
+    "flow_map_shape",
+    "heat_transfer",
+    "hose",
+    "leakage_N",
+    "leakage_P",
+    "piston_seal_leakage",
+    "position_delay",
+    "position_friction",
+    "presliding",
+    "pressure_friction",
+    "pressure_sensor_bias",
+    "pressure_sensor_lag",
+    "quadratic_drag",
+    "spring_load",
+    "stribeck",
+    "supply_droop",
+    "valve_dead_zone",
+    "valve_dynamics",
+    "valve_hysteresis",
+    "valve_mismatch",
+    "valve_null_shift",
+)
+
+
+def test_effects_keep_their_order():
+    """Models list parameters in this order, and a diagnosis resolves ties by it."""
+    assert tuple(EFFECTS) == ORDER
+
+
 @pytest.mark.parametrize("effect", EFFECTS.values(), ids=EFFECTS)
 def test_an_effect_declares_what_it_is(effect, members):
     one = effect()

@@ -1,1 +1,1 @@
-"""Where simulation and reality part: balance, junction, regime."""
+"""Where model and measurement disagree: balance, junction, regime."""

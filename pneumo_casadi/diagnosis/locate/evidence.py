@@ -1,4 +1,4 @@
-"""What figures of a diagnosis show beside its numbers: unknown inputs over time, regime maps."""
+"""Curves for the figures of a diagnosis: unknown inputs over time, regime maps."""
 
 from dataclasses import dataclass
 
@@ -16,7 +16,7 @@ class Evidence:
     inputs : tuple of UnknownInputs
         Of the axis without effects, one a held-out record.
     before, after : tuple of RegimeMap
-        Residuals of the balances over what went on, without effects and with those found;
+        Residuals of the balances over operating conditions, without effects and with those found;
         `after` is empty where none was found.
     """
 

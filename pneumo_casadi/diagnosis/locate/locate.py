@@ -1,4 +1,4 @@
-"""Where simulation and reality part: in which balance or sensor, and in which regime."""
+"""Where model and measurement disagree: in which balance or sensor, and in which regime."""
 
 from collections.abc import Mapping, Sequence
 
@@ -23,10 +23,10 @@ from pneumo_casadi.estimation.equation_error.residuals import balance_residuals
 from pneumo_casadi.model.effect import Effect, EffectFactory
 from pneumo_casadi.model.junctions import Junction
 
-#: Left by a sensor's error over left by the best unknown input: below, the sensor is the place;
-#: above the second, it is out of the question.
+#: Residual left by a sensor error over that left by the best unknown input: below the first limit
+#: the sensor is the location; above the second it is excluded.
 SENSOR, RIVAL = 0.7, 3.0
-#: By what a hypothesis with one more free signal must do better.
+#: Factor by which a hypothesis with one more free signal must leave less.
 SIGNAL = 1.7
 #: Share of the residuals that a rival must not leave.
 UNEXPLAINED = 0.15
@@ -43,7 +43,7 @@ def locate(
     inputs: Sequence[UnknownInputs] | None = None,
     catalogue: Mapping[str, EffectFactory] = EFFECTS,
 ) -> Where:
-    """Say where simulation and reality part.
+    """Return where model and measurement disagree.
 
     Parameters
     ----------
@@ -56,8 +56,8 @@ def locate(
     fitted : FittedModel, optional
         The fit with them: tells in which balance the first one adds most.
     gap : bool, optional
-        Whether there is a gap, where that is known better: without one there is no place, with
-        one there is, be it small. By default unknown inputs decide.
+        Whether there is a gap, if known from held-out data: without a gap there is no location,
+        with one there is, however small. By default the unknown inputs decide.
     inputs : sequence of UnknownInputs, optional
         From `estimate_unknown_inputs`, where they are known already.
     catalogue : mapping of str to effect class, optional
@@ -110,7 +110,7 @@ def locate(
 
 
 def above_form(energy: Mapping[str, float]) -> dict[str, float]:
-    """Return shares of the energies beyond what a right model leaves; zeros if there is none."""
+    """Return shares of the energies beyond what a correct model leaves; zeros if there is none."""
     excess = {
         name: max(value - UNKNOWN_INPUT_ERROR[name] ** 2, 0.0) for name, value in energy.items()
     }
@@ -148,7 +148,7 @@ def balance_of_gap(shares: Mapping[str, float], evidence: Signatures) -> Locatio
 
 
 def _weighed(left: Mapping[str, float]) -> list[float]:
-    """Return what hypotheses leave, times a price for every signal that they let go free."""
+    """Return the residuals that hypotheses leave, penalised for each free signal."""
     return [value * SIGNAL ** len(HYPOTHESES[name]) for name, value in left.items()]
 
 

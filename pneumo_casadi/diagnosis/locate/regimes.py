@@ -24,7 +24,7 @@ RATIO, P_VALUE = 1.3, 0.01
 SAME = 0.02
 #: Larger ratios rank no higher.
 RATIO_CAP = 5.0
-#: A balance is looked at from this root mean square, in units of what a right model leaves.
+#: A balance is looked at from this root mean square, in units of the residuals of a correct model.
 FLOORS = 1.5
 #: Fewer rows than this tell nothing of a regime.
 FEWEST = 20
@@ -45,8 +45,8 @@ def find_regimes(study: Study, fit: FittedModel, seed: int = 0) -> tuple[Regime,
     Returns
     -------
     tuple of Regime
-        Of balances whose residual stands out of what a right model leaves; ordered by share ·
-        log(ratio), ratios above five counting as five. Of a frequency band, `time` is the share
+        Of balances whose residual exceeds that of a correct model; ordered by share · log(ratio),
+        ratios above five counting as five. Of a frequency band, `time` is the share
         of the balance's own signal in it.
     """
     rng = np.random.default_rng(seed)
@@ -64,7 +64,7 @@ def find_regimes(study: Study, fit: FittedModel, seed: int = 0) -> tuple[Regime,
 
 
 def _same(regime: Regime, other: Regime) -> bool:
-    """Whether two regimes of a balance are the same part of the record, but for a few rows."""
+    """Return whether two regimes of a balance cover the same rows, except for a few."""
     close = abs(regime.share - other.share) < SAME and abs(regime.time - other.time) < SAME
     return close and regime.balance == other.balance
 

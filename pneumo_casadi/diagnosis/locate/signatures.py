@@ -24,11 +24,11 @@ from pneumo_casadi.metrics import balance_noise, exact_row_gains
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.parameters import FloatArray
 
-#: Distance of the knots of an unknown signal [s]: below it, rows do not tell.
+#: Distance of the knots of an unknown signal [s]; rows cannot resolve shorter ones.
 KNOTS = 0.032
 RIDGE = 1e-6
 
-#: Which signals each hypothesis lets go free.
+#: Free signals of each hypothesis.
 HYPOTHESES: Mapping[str, tuple[str, ...]] = {
     "mass_flow_P": ("mass_flow_P",),
     "mass_flow_N": ("mass_flow_N",),

@@ -1,6 +1,6 @@
 """Unknown inputs of the balances: weak-constraint smoothing of the nominal axis.
 
-Each balance is given an input that nobody knows, w_P and w_N [kg/s] into the chambers and w_F [N]
+Each balance has an unknown input, w_P and w_N [kg/s] into the chambers and w_F [N]
 onto the piston. States and inputs are estimated together from the measurements; where the model
 is right, the inputs stay within their bands about zero.
 """
@@ -26,7 +26,7 @@ from pneumo_casadi.parameters import FloatArray
 
 @dataclass(frozen=True, eq=False)
 class UnknownInputs:
-    """What the balances of one record lack, with bands.
+    """Unknown inputs of one record, with standard deviations.
 
     Parameters
     ----------
@@ -37,11 +37,11 @@ class UnknownInputs:
     states : (nx, K) array
         Smoothed nominal states at the nodes, half an interval before `t`.
     counts : (ne, K) array of bool
-        Nodes that tell: while the axis sticks, static friction takes any force.
+        Nodes that carry information: while the axis sticks, static friction takes any force.
     signal : (ne,) array
         Root mean square of the balance's own terms: valve flow, or force of drive [kg/s, N].
     walk : (ne,) array
-        Standard deviation of an input's change in one second, as the data ask for it.
+        Standard deviation of an input's change in one second, estimated from the data.
     equations : tuple of str
         Names of the balances.
     """

@@ -97,7 +97,7 @@ def start_study(
 ) -> Study:
     """Start a study with weighted least squares."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # a start that is clipped at a bound is no news here
+        warnings.simplefilter("ignore")  # the start may be clipped at a bound
         start = axis.started_at(fit_wls(axis, train).parameters)
     return Study(start.with_parameters({"v_s": V_S}), flow_map, tuple(train), tuple(held_out))
 
@@ -150,7 +150,7 @@ def fit_model(
         Values of shape parameters to begin at, in turn; the best fit counts.
     base : float, optional
         Cost of the fit to be improved. Where nothing is gained on it, effects are tried larger
-        too: a back pressure that leaves the valves choked is not felt at all.
+        too: a back pressure that leaves the valves choked has no influence.
     """
     axis = study.axis.with_effects(*effects).at_starting_values()
     known = {name: value for name, value in (start or {}).items() if name in axis.parameters}
@@ -179,9 +179,9 @@ def _fit_from_larger_starts(
 
 
 def _fit_with_recovery(study: Study, axis: Axis) -> FittedModel:
-    """Fit; where a chamber's parameter runs away to its bound, again from what geometry says.
+    """Fit; if a chamber's parameter ends at its bound, fit again from the geometric values.
 
-    The bounds are a factor of 20 away from the geometry: who ends there got lost.
+    The bounds are a factor of 20 from the geometry: a fit that ends there has diverged.
     """
     fitted = _fit(study, axis)
     items = [item for item in axis.parameters if item.free and item.name.startswith("X_s")]
@@ -192,11 +192,11 @@ def _fit_with_recovery(study: Study, axis: Axis) -> FittedModel:
 
 
 def refine_model(study: Study, fitted: FittedModel, effects: Sequence[Effect]) -> FittedModel:
-    """Return a fit that went on, with whole derivatives, then with all of its effects' parameters.
+    """Return a fit continued with complete derivatives, then with all effect parameters free.
 
-    Those held tell one form of an effect from another, a hole from a gap, and are asked for once
-    the effect is known to be there; they stay held where they gain little. What is not to be
-    believed is not taken.
+    Parameters held so far distinguish the forms of an effect; they are estimated once the effect
+    was accepted, and stay held if they gain little. A fit that is
+    not credible is rejected.
     """
     axis = study.axis.with_effects(*effects).with_parameters(dict(fitted.values))
     if BalanceFunctions(axis).state_dependent:
@@ -216,7 +216,7 @@ def _better(
     candidate: FittedModel,
     gain: float,
 ) -> FittedModel:
-    """Return what was found where it gains enough and is to be believed, else what was fitted."""
+    """Return the candidate if it gains enough and is credible, else the fit."""
     if candidate.cost >= fitted.cost - gain:
         return fitted
     try:
@@ -227,7 +227,7 @@ def _better(
 
 
 def require_credible(study: Study, effects: Sequence[Effect], fitted: FittedModel) -> None:
-    """Refuse a shape of the valve that its metered map does not show, and values out of range.
+    """Reject a valve shape that the metered map contradicts, and values out of range.
 
     Raises
     ------
@@ -239,8 +239,8 @@ def require_credible(study: Study, effects: Sequence[Effect], fitted: FittedMode
             value = fitted.values[f"{effect.name}.{name}"]
             if not low <= value <= high:
                 raise FitError(
-                    f"{effect.name}.{name} = {value:.3g} is not to be believed, by physics it is "
-                    f"{low:g} to {high:g}: something else is at work"
+                    f"{effect.name}.{name} = {value:.3g} is not credible, by physics it is "
+                    f"{low:g} to {high:g}: another effect acts"
                 )
     known = study.anchor_with(effects)
     if known is None or known is study.anchor:

@@ -1,4 +1,4 @@
-"""When a model with more effects is better, by a size that matters and surely."""
+"""Whether a model with more effects is better: by a relevant and significant gain."""
 
 import numpy as np
 
@@ -26,15 +26,14 @@ CERTAIN = 0.95
 def accepted(
     origin: FittedModel, before: FittedModel, after: FittedModel, levels: BalanceLevels
 ) -> bool:
-    """Tell whether a model is better on held-out data by a size that matters.
+    """Return whether a model is better on held-out data by a relevant and significant gain.
 
     In at least one balance the held-out residuals, noise included, must shrink by a twentieth,
-    and the gap above the noise floor by a share of what it was at first: what the form of a large
-    effect misses is no second cause. A further effect is asked for more in a mass flow balance,
-    which must be off by what no coarse map of the valve leaves. That the shrink is no chance is
-    asked of resampled half-second blocks, of the held-out records or, where a few of their blocks
-    decide, of all; and of the root mean square or, where a few large residuals decide, of the
-    blocks' mean logarithms.
+    and the gap above the noise floor by a share of the first gap: the misfit of a large effect is
+    no second cause. In a mass flow balance a further effect must gain more, and the residuals must
+    exceed what a coarse flow map leaves. The gain must be significant in a bootstrap of half-second
+    blocks: of the held-out records, or of all records if a few blocks decide; of the root mean
+    square, or of the blocks' mean logarithms if a few large residuals decide.
     """
     first, old, new = (gaps(residual_rms(fit), levels) for fit in (origin, before, after))
     enough = old - new > SHARE * first

@@ -1,4 +1,4 @@
-"""Fits of one study, run side by side and remembered."""
+"""Fits of one study, run in parallel and stored."""
 
 import hashlib
 import pickle
@@ -29,13 +29,13 @@ Names = tuple[str, ...]
 #: Where a fit begins: values, shapes to try in turn, and the cost to be improved; see `fit`.
 Start = tuple[Mapping[str, float], Sequence[Mapping[str, float]], float | None]
 
-#: What a fit may end in; anything else is a fault of the program.
+#: Errors in which a fit may end; any other is a defect of the program.
 FAULTS = (FitError, ModelError, ArithmeticError, np.linalg.LinAlgError)
 
 
 @dataclass(frozen=True, slots=True)
 class Failed:
-    """A fit that was not to be had."""
+    """A fit that failed, with the reason."""
 
     effects: Names
     reason: str
@@ -43,7 +43,7 @@ class Failed:
 
 @dataclass(eq=False)
 class FitLedger:
-    """Runs the fits of one study and remembers them.
+    """Run the fits of one study and store them.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ class FitLedger:
     store : Store or None
         Finished fits on disk.
     fits, failures, directions, output_error_fits, gap_left
-        What is known so far; see `Selection`.
+        Results so far; see `Selection`.
     alone : tuple of str
         Effects accepted alone, the best first.
     trials : dict of tuple of str to (FittedModel, float)
@@ -152,7 +152,7 @@ class FitLedger:
         }
 
     def take(self, names: Names) -> None:
-        """Settle on a model as it was tried."""
+        """Choose a model as refined by output error."""
         self.output_error_fits[names], self.gap_left[names] = self.trials[names]
 
     def refine(self, names: Names) -> None:

@@ -1,4 +1,4 @@
-"""Which effects, and how many: forward from the nominal model, with second thoughts."""
+"""Forward selection of effects from the nominal model, with one backtracking pass."""
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
@@ -31,16 +31,16 @@ from pneumo_casadi.diagnosis.select.sensor_effects import (
 from pneumo_casadi.estimation.equation_error.balance_functions import any_sensor_memory
 from pneumo_casadi.runtime.progress import Progress, no_progress
 
-#: So many effects together at most.
+#: Largest number of effects in a model.
 MAX_EFFECTS = 3
-#: Effects refitted in later rounds, in the order of the screen. In the first it is all of them: a
-#: line from the nominal fit does not lead to a large effect whose share of it points elsewhere.
+#: Effects refitted in later rounds, in the order of the screen. The first round refits all: a
+#: linearisation at the nominal fit does not predict the gain of a large effect.
 LATER_ROUNDS = 5
-#: So many effects besides that were accepted alone, whatever the screen thinks of them later, and
-#: so many that are tried in pairs: of two causes the first choice may stand for both.
+#: Number of effects accepted alone that are refitted besides, whatever their later screen, and
+#: number of those tried in pairs: the first choice may replace two causes.
 ALONE, PAIRED = 3, 5
-#: A shape of the valve that the metered map contradicts is tried beside so many others: it may be
-#: right once it need not stand for them.
+#: Number of effects beside which a valve shape is tried that the metered map contradicts alone: it
+#: may be right once it need not replace them.
 CONTRADICTED = 4
 
 
@@ -55,9 +55,9 @@ class Selection:
     fits : mapping of tuple of str to FittedModel
         Every model with effects, by their sorted names.
     failures : tuple of Failed
-        Fits that did not come about.
+        Fits that failed.
     screen : mapping of str to ScreenResult
-        What the screen said over the nominal model.
+        Result of the screen at the nominal model.
     path : tuple of tuple of str
         Models accepted one after another, the last one final; empty if none was.
     levels : BalanceLevels
@@ -174,7 +174,7 @@ def _forward(
         ):
             break
         if round_ and any_sensor_memory(ledger.effects(best)):
-            break  # what the balances say while a sensor hides the motion goes no further
+            break  # a sensor that hides the motion makes the balances unreliable
         current = ledger.fits[best]
     report("comparing simulations", 0.85)
     taken = extend_by_simulation(ledger, nominal, tuple(path), MAX_EFFECTS)
@@ -187,10 +187,10 @@ def _forward(
 def _coarse(
     ledger: FitLedger, current: FittedModel, known: Names, names: Names, levels: BalanceLevels
 ) -> bool:
-    """Tell whether what is added only draws anew a metered map whose rest is no more than coarse.
+    """Return whether the added effects only correct the misfit of a coarse flow map.
 
-    Beside an effect in another balance the rest of the map may be all that is left to be gained:
-    there it must be more than any coarse map leaves.
+    Beside an effect in another balance that misfit may be all that is left to gain: there the
+    residuals must exceed what any coarse map leaves.
     """
     limit = NEAR_NULL if known else COARSE_MAP
     coarse = bool(
@@ -216,7 +216,7 @@ def _fit_beside(
     screened: Mapping[str, ScreenResult],
     names: Sequence[str],
 ) -> None:
-    """Fit a model with each of some effects more, and each that is not felt where it is small."""
+    """Fit a model with each of some effects added, and with each that has no influence if small."""
     unfelt = [name for name, result in screened.items() if not result.felt]
     ledger.fit_all(
         {
@@ -233,8 +233,8 @@ def _fit_beside(
 def _fit_pairs(ledger: FitLedger) -> None:
     """Fit the best effects in pairs, each beginning where it ended alone.
 
-    A third effect may stand for two, and no pair with it is right; and where two that it stood for
-    have another form than the usual, only that form shows it.
+    One effect may replace two, and then no pair with it is right; if these two have an unusual
+    form, only a pair of them shows it.
     """
     starts: dict[Names, Start] = {}
     for first, second in combinations(ledger.alone[:PAIRED], 2):
@@ -261,7 +261,7 @@ def _starts_of_contradicted_shapes(ledger: FitLedger) -> dict[Names, Start]:
 def _backtrack(
     ledger: FitLedger, nominal: FittedModel, pair: Names, levels: BalanceLevels, single: FittedModel
 ) -> Names:
-    """Let each partner of a pair look for a better one: the first choice stood for two."""
+    """Search a better partner for each effect of a pair: the first choice may replace two."""
     for name in pair:
         alone = ledger.fits.get((name,))
         if alone is not None and alone is not single:

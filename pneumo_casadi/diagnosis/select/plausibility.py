@@ -1,4 +1,4 @@
-"""A further effect that is small beside the gap of the first, but mends what no axis can have."""
+"""A weak further effect is accepted if it makes implausible parameters plausible."""
 
 import numpy as np
 
@@ -8,21 +8,20 @@ from pneumo_casadi.diagnosis.prepare.study import FittedModel
 from pneumo_casadi.diagnosis.select.acceptance import MATTERS
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger, Names
 
-#: What an axis is known by; other checks have causes of their own.
+#: Checks that count, by the property of the axis; the others have causes of their own.
 KNOWN_BY = {"S_P": "areas", "S_N": "areas", "S_N/S_P": "areas", "F_c": "friction", "M": "mass"}
-#: So many of these must be wrong: one alone may come from what the form of an effect misses.
+#: Number of properties that must be implausible: one alone may follow from an effect's misfit.
 WRONG = 2
-#: Log-likelihood that an effect must gain beside what its mending says for it.
+#: Log-likelihood that the further effect must gain.
 GAIN = 100.0
 
 
 def find_plausible_extension(ledger: FitLedger, current: FittedModel, known: Names) -> Names | None:
-    """Return a model with one more effect with which all parameters are possible, or None.
+    """Return a model with one more effect that makes all parameters plausible, or None.
 
-    What the form of a large effect misses is no second cause, so a further one is asked to close
-    a share of the first gap (`accepted`). Where friction that pushes along the motion and pistons
-    that the bench has not come out with the first effect, and one more puts all of them right,
-    that tells more than the size of the gap.
+    `accepted` requires a further effect to close a share of the first gap, since the misfit of a
+    large effect is no second cause. If the first effect leaves several implausible parameters,
+    and one more makes all of them plausible, it is accepted although its gain is small.
 
     Parameters
     ----------
