@@ -72,6 +72,12 @@ def figures_of(identification: Identification) -> Iterator[Drawn]:
     )
     if identification.validation is not None:
         yield from validation_figures(identification.validation)
+    yield from _flow_map_figures(identification)
+    yield from _wls_figures(identification)
+    yield from _output_error_figures(identification)
+
+
+def _flow_map_figures(identification: Identification) -> Iterator[Drawn]:
     if identification.flow_map is not None and identification.flow is not None:
         yield Drawn(
             "flow_map",
@@ -84,6 +90,9 @@ def figures_of(identification: Identification) -> Iterator[Drawn]:
             residual_map_figure(identification.flow_map, identification.flow),
             "Residuals of the fitted flow map (as Fig. 3 of the paper).",
         )
+
+
+def _wls_figures(identification: Identification) -> Iterator[Drawn]:
     yield Drawn(
         "regressor",
         regressor_figure(identification.wls, identification.records[0]),
@@ -98,6 +107,9 @@ def figures_of(identification: Identification) -> Iterator[Drawn]:
             "Mass flows and pressure force predicted by weighted least squares on a held-out "
             "record (as Figs. 4 and 5 of the paper). Rows at rest are left out.",
         )
+
+
+def _output_error_figures(identification: Identification) -> Iterator[Drawn]:
     yield Drawn(
         "output_error",
         fit_figure(identification.output_error, identification.records),
