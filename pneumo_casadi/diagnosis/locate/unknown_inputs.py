@@ -40,7 +40,7 @@ class UnknownInputs:
         Nodes that carry information: while the axis sticks, static friction takes any force.
     signal : (ne,) array
         Root mean square of the balance's own terms: valve flow, or force of drive [kg/s, N].
-    walk : (ne,) array
+    walk_std : (ne,) array
         Standard deviation of an input's change in one second, estimated from the data.
     equations : tuple of str
         Names of the balances.
@@ -52,7 +52,7 @@ class UnknownInputs:
     states: FloatArray
     counts: NDArray[np.bool_]
     signal: FloatArray
-    walk: FloatArray
+    walk_std: FloatArray
     equations: tuple[str, ...]
 
     @property
@@ -107,16 +107,16 @@ def unknown_inputs(axis: Axis, values: Mapping[str, float], data: SmoothedMotion
     B = _input_columns(axis, values, _blocks(data.x, every, K))
     moving = ~_slow_nodes(axis, data, every, K)
     R = data.noise**2 * _gain(data)
-    walk = random_walk_stds(axis, defect, B, R, moving, h)
+    walk_std = random_walk_stds(axis, defect, B, R, moving, h)
     F, G = discretise(slope, B, h)
     stick = (abs(values["F_c_plus"]) + abs(values["F_c_minus"])) / 2 / values["M"] * h
-    w, std, xi = smooth_inputs(axis, F, G, defect, R, walk**2 * h, ~moving, stick)
+    w, std, xi = smooth_inputs(axis, F, G, defect, R, walk_std**2 * h, ~moving, stick)
     counts = np.ones((len(axis.equations), K), dtype=bool)
     counts[axis.equations.index("force")] = moving
     signal = signals_of(axis, theta, data)
     # An input acts from its node to the next: it belongs to the middle.
     t = data.t[: K * every : every] + h / 2
-    return UnknownInputs(t, w, std, nodes + xi, counts, signal, walk, axis.equations)
+    return UnknownInputs(t, w, std, nodes + xi, counts, signal, walk_std, axis.equations)
 
 
 def _blocks(values: FloatArray, every: int, K: int) -> FloatArray:

@@ -246,11 +246,11 @@ def require_credible(study: Study, effects: Sequence[Effect], fitted: FittedMode
     if known is None or known is study.anchor:
         return
     axis = study.axis.with_effects(*effects).with_parameters(dict(fitted.values))
-    pull = flow_map_deviation(known, axis)
-    if pull.rms > MAX_MAP_RESIDUAL_RATIO:
+    deviation = flow_map_deviation(known, axis)
+    if deviation.rms > MAX_MAP_RESIDUAL_RATIO:
         raise FitError(
             f"the metered flow map contradicts it: with the shape that the motion asks for, its "
-            f"residuals are {pull.rms:.1f} times those of its own fit"
+            f"residuals are {deviation.rms:.1f} times those of its own fit"
         )
 
 

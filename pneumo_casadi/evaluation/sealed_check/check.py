@@ -25,8 +25,8 @@ from pneumo_casadi.runtime.json_files import write_json
 from pneumo_casadi.runtime.progress import Progress
 
 MEASURES, RIVALS, SCORES = "measures", "rivals", "scores.json"
-#: What rivals are asked about.
-ASKED_OF_RIVALS = (Kind.SINGLE, Kind.PAIR, Kind.NONE)
+#: Kinds of cases on which the simple rivals are run.
+KINDS_OF_RIVALS = (Kind.SINGLE, Kind.PAIR, Kind.NONE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,8 +44,8 @@ class WithheldOptions:
     duration, fs : float
         Length of each record [s] and sampling frequency [Hz].
     rivals : int or None
-        Of so many cases, in the order of the draw, simple rivals are asked too; None for all. They
-        fit every effect of the catalogue and take longer than the diagnosis.
+        Number of cases, in the order of the draw, on which simple rivals are run; None for all.
+        They fit every effect of the catalogue and take longer than the diagnosis.
     """
 
     cases: int = 160
@@ -125,11 +125,11 @@ def _measure(
         sizes[draw.name] = partial(
             measure_one, folder / MEASURES, case, draw, named, options.duration, options.fs
         )
-        if draw.kind in ASKED_OF_RIVALS:
+        if draw.kind in KINDS_OF_RIVALS:
             rivals[draw.name] = partial(rivals_of_one, folder / RIVALS, case, draw)
-    asked = dict(list(rivals.items())[: options.rivals])
+    selected = dict(list(rivals.items())[: options.rivals])
     measures: dict[str, dict[str, Any]] = {draw.name: {} for draw in draws}
-    for text, name, tasks in (("measuring", MEASURES, sizes), ("asking rivals", RIVALS, asked)):
+    for text, name, tasks in (("measuring", MEASURES, sizes), ("running rivals", RIVALS, selected)):
         target = folder / name
         missing = {k: v for k, v in tasks.items() if not (target / f"{k}.json").is_file()}
         in_turn(text, missing, executor, progress)
