@@ -236,6 +236,14 @@ def test_the_headline_of_a_dashboard_stays_on_it(verdict):
     assert text.y0 > legend.get_window_extent().y1
 
 
+@pytest.mark.parametrize("verdict", [Verdict.EFFECT, Verdict.UNKNOWN])
+def test_the_legend_of_the_gap_stays_on_the_figure(verdict):
+    figure = {one.name: one for one in diagnosis_figures(made.ALL[verdict])}["gap"].figure
+    figure.draw_without_rendering()
+    legend = figure.axes[0].get_legend().get_window_extent()
+    assert legend.x0 > 0 and legend.x1 < figure.bbox.x1 and legend.y1 < figure.bbox.y1
+
+
 def test_a_model_that_is_only_the_best_candidate_is_not_called_found():
     """If no effect is the cause, the curves of a second model are those of the best candidate."""
     found = replace(made.UNKNOWN, evidence=made.evidence())

@@ -69,7 +69,7 @@ SYMBOLS = {
     "F": r"$F$",
     "mass_flow_P": r"$q_{mP}$",
     "mass_flow_N": r"$q_{mN}$",
-    "force": "pressure force",
+    "force": "force",
 }
 UNITS = {"mass_flow_P": "kg/s", "mass_flow_N": "kg/s", "force": "N"}
 

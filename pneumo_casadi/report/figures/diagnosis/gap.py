@@ -63,9 +63,7 @@ def draw_gap(
                 percent(value).removesuffix(" %"), (end, row), (2, -0.4),
                 textcoords="offset points", va="center", fontsize=SMALL - 1.0, zorder=4,
             )  # fmt: skip
-    axes.vlines(
-        noise, y - 0.42, y + 0.42, color=BLACK, linewidth=1.2, label="sensor noise", zorder=3
-    )
+    axes.vlines(noise, y - 0.42, y + 0.42, color=BLACK, linewidth=1.2, label="noise", zorder=3)
     names = [symbol(name) for name in outputs]
     dress(axes, f"gap, {VIEWS.get(view, plain(view))} [%]")
     axes.set_yticks(y, names, fontsize=TEXT)
