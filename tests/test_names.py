@@ -34,8 +34,6 @@ PHRASES = (
     "may lack what the axis does",
     "lacks what the axis does",
 )
-#: Modules and folders that do not keep to the names yet.
-UNFINISHED: tuple[str, ...] = ("report/",)
 
 
 def riddles_in(module: str, text: str) -> set[str]:
@@ -61,31 +59,19 @@ def phrases_in(text: str) -> list[str]:
     return [phrase for phrase in PHRASES if phrase in plain]
 
 
-def finished(module: str) -> bool:
-    return not module.startswith(UNFINISHED)
-
-
 def test_identifiers_say_what_they_name():
     riddles = {
         module: names
         for module, text in SOURCES.items()
-        if finished(module) and (names := sorted(riddles_in(module, text)))
+        if (names := sorted(riddles_in(module, text)))
     }
     assert len(SOURCES) > 250
     assert not riddles
 
 
 def test_sentences_are_understood_at_first_reading():
-    decoded = {
-        module: phrases
-        for module, text in SOURCES.items()
-        if finished(module) and (phrases := phrases_in(text))
-    }
+    decoded = {module: phrases for module, text in SOURCES.items() if (phrases := phrases_in(text))}
     assert not decoded
-
-
-def test_unfinished_modules_exist():
-    assert all(any(module.startswith(name) for module in SOURCES) for name in UNFINISHED)
 
 
 @pytest.mark.parametrize(

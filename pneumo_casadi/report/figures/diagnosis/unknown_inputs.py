@@ -51,9 +51,9 @@ def draw_unknown_input(
     i = inputs.equations.index(name)
     unit, factor = DISPLAY[UNITS[name]]
     counts = inputs.counts[i]
-    told = counts if counts.any() else ~counts
+    shown = counts if counts.any() else ~counts
     # While the axis sticks there is nothing to show.
-    w, band = (np.where(told, part, np.nan) * factor for part in (inputs.w[i], 2 * inputs.std[i]))
+    w, band = (np.where(shown, part, np.nan) * factor for part in (inputs.w[i], 2 * inputs.std[i]))
     t, w, band = thin(inputs.t, w, band)
     axes.fill_between(t, w - band, w + band, color=SKY, alpha=0.6, linewidth=0, zorder=1.5)
     axes.plot(t, w, color=BLUE, linewidth=0.6, zorder=2)

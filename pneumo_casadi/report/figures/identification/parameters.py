@@ -85,8 +85,8 @@ def matrix_figure(matrix: FloatArray, names: Sequence[str]) -> Figure:
     turn, size = (0, SMALL) if few else (90, SMALL - 1.5)
     axes.set_xticks(range(len(names)), labels, rotation=turn, fontsize=size)
     axes.set_yticks(range(len(names)), labels, fontsize=size)
-    place: dict[str, Any] = {} if few else {"location": "bottom", "aspect": 40}
-    bar = figure.colorbar(image, ax=axes, pad=0.02, **place)
+    position: dict[str, Any] = {} if few else {"location": "bottom", "aspect": 40}
+    bar = figure.colorbar(image, ax=axes, pad=0.02, **position)
     bar.set_label("correlation [1]", fontsize=TEXT)
     bar.ax.tick_params(labelsize=SMALL, width=0.6, length=2.5)
     return figure
