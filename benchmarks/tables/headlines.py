@@ -28,8 +28,9 @@ def largest_error(result: Mapping[str, Any]) -> str:
         for key in ("wls", "output_error")
     }
     return (
-        f"Known truth, independent equations: every parameter within {worst['output_error']:.1f} % "
-        f"by output error, within {worst['wls']:.1f} % by WLS (`python benchmarks/table1.py`)"
+        "Record made by other equations, truth known: every parameter within "
+        f"{worst['output_error']:.1f} % by output error, "
+        f"within {worst['wls']:.1f} % by WLS (`python benchmarks/table1.py`)"
     )
 
 
@@ -48,8 +49,8 @@ def named_alone(result: Mapping[str, Any]) -> str:
     """How often a visible hidden effect is named, and nothing else."""
     share = result["scores"]["visible"]["right_first"]
     return (
-        f"Hidden effects: {share['hits']} of {share['of']} visible ones named, and nothing else "
-        "(`python benchmarks/withheld.py --cases 160`)"
+        f"Of {share['of']} hidden effects large enough to be seen in the record, {share['hits']} "
+        "were named, and nothing else with them (`python benchmarks/withheld.py --cases 160`)"
     )
 
 
@@ -57,8 +58,9 @@ def false_alarms(result: Mapping[str, Any]) -> str:
     """Return false alarms and causes outside the catalogue, of the same check."""
     alarm, unknown = (result["scores"]["all"][key] for key in ("false_alarm", "unknown_caught"))
     return (
-        f"Same check: {alarm['hits']} false alarms in {alarm['of']} cases without an effect; "
-        f"{unknown['hits']} of {unknown['of']} causes outside the catalogue called `unknown`"
+        f"In the same sealed check: {alarm['hits']} false alarms in {alarm['of']} cases without an "
+        f"effect, and {unknown['hits']} of {unknown['of']} causes outside the catalogue called "
+        "`unknown`"
     )
 
 
