@@ -129,7 +129,7 @@ def test_the_command_prints_the_scores_and_writes_them(tmp_path, monkeypatch, to
     folder, file = tmp_path / "out", tmp_path / "scores.json"
     given = ["withheld", "--cases", "2", "-o", str(folder), "--json", str(file)]
     assert cli.run(given) == 0
-    assert "singles: named, and nothing else" in capsys.readouterr().out
+    assert "single effects: named, and nothing else" in capsys.readouterr().out
     assert json.loads(file.read_text())["scores"]["all"]["right_first"]["hits"] == 1
     assert (folder / "withheld.png").stat().st_size > 10_000
     assert cli.run(given) == 0
