@@ -26,9 +26,10 @@ class Case(Presentable):
     validate : tuple of Recording
         Records held out from every fit; may be empty.
     flow_map_path : Path, optional
-        Measured static flow map of the valve, to be read by the flow package.
+        File of the measured static flow map of the valve; `pneumo_casadi.valve.read_flow_map` reads
+        it.
     notes : tuple of str
-        What the checks noticed but do not hold against the data.
+        Remarks of the checks on data that are unusual but accepted.
 
     Raises
     ------

@@ -49,10 +49,11 @@ def read_case(
     check : bool, optional
         Whether to hold the records against the bench (`check_recording`).
     hold : InputHold, optional
-        A case folder's inputs are held at zero order unless you know better.
+        Course of the inputs between samples: constant (``ZERO``, the default, right for commands
+        of a sampled controller) or linear (``LINEAR``, for a measured continuous signal).
     columns : mapping, optional
         Names and units of columns that are not those of a case folder; see `read_recording`.
-        By default those that ``columns.json`` tells, where the folder holds one; see
+        By default those in ``columns.json``, if the folder contains one; see
         `read_columns`.
 
     Raises

@@ -36,19 +36,22 @@ class ExperimentRequest:
         Two effects of the catalogue to tell apart; ``"none"`` is the axis without effects. By
         default the experiment is designed for small standard errors.
     criterion : Criterion
-        Of the covariance: volume (D), mean (A) or worst direction (E).
+        Function of the covariance to minimise: determinant (D), trace (A) or largest eigenvalue
+        (E), each of the relative errors.
     duration : float, optional
         Length [s]; by default that of the first record.
     common : float
-        Largest command that may be added to both valves alike [V].
+        Largest common-mode command [V]: a voltage added to both u_P and u_N, which changes the
+        pressure level but hardly the force. With 0 there is none.
     velocity : float, optional
         Fastest motion [m/s]; by default 1.5 times that of the records.
     command : float, optional
         Largest command [V]; by default as far as the flow map was measured.
     tries : int, optional
-        References tried; by default 240 for precision and 60 to separate, fewer for long ones.
+        Number of references tried; by default 240 for precision and 60 to separate, fewer for
+        experiments longer than 10 s.
     seed : int
-        Of the search.
+        Seed of the random search; the same seed gives the same design.
 
     Raises
     ------

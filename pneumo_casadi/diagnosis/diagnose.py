@@ -7,7 +7,7 @@ from pathlib import Path
 
 from pneumo_casadi.data import Case, read_case
 from pneumo_casadi.diagnosis.checks.parameter_checks import check_fit
-from pneumo_casadi.diagnosis.decide.decide_verdict import Decision, decide_verdict
+from pneumo_casadi.diagnosis.decide.decision import Decision, decide_verdict
 from pneumo_casadi.diagnosis.decide.ranking import (
     effects_found,
     in_order_added,
@@ -72,8 +72,8 @@ def diagnose(
         A case, or the folder that holds one. Without a validation record the last part of each
         record is held out.
     catalogue : mapping of str to effect class, optional
-        What may be the cause; by default all effects that suit the axis. Effects of your own
-        need nothing but their class.
+        Possible causes by name; by default all effects of `EFFECTS` that suit the axis. An effect
+        of your own is added as its class.
     options : DiagnosisOptions, optional
         What differs from the default.
     progress : callable, optional
@@ -92,9 +92,9 @@ def diagnose(
 
     Notes
     -----
-    The nominal model and each candidate are fitted to the balances along the smoothed motion, a
-    least-squares problem that cannot run away; see `fit_equation_error`. Verdicts rest on records
-    that no fit has seen.
+    The nominal model and each candidate are fitted to the balances along the smoothed measured
+    motion. Nothing is integrated, so that the fit does not diverge; see `fit_equation_error`. Gaps
+    are evaluated on held-out records, which no fit uses.
 
     Examples
     --------

@@ -45,8 +45,8 @@ def export_model(
     format : Format or str
         ``"json"``, ``"casadi"``, ``"c"``, ``"fmu"`` or ``"ss"`` (linear state space).
     at : mapping of str to float, optional
-        Operating point of ``"ss"``: states and inputs in SI units. What is not named is found
-        such that the axis rests.
+        Operating point of ``"ss"``: states and inputs in SI units, by name. The others are computed
+        such that the axis is at equilibrium.
 
     Returns
     -------

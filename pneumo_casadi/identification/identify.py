@@ -48,7 +48,7 @@ def identify(
     options : IdentifyOptions, optional
         What differs from the default.
     progress : callable, optional
-        Called as ``progress(text, share)`` with the share of the work done.
+        Called as ``progress(text, share)``, where `share` is the part of the work done, 0 to 1.
 
     Returns
     -------

@@ -20,8 +20,10 @@ class IdentifyOptions:
     flow_form : FlowForm, optional
         Form of the flow map; by default the one that `choose_flow_form` finds.
     degrees : tuple of int, optional
-        Degrees of φ, ψ (u > 0) and ψ (u < 0) in eq. 12; by default chosen by cross-validation, or
-        (7, 7, 4) as in the paper where `flow_form` asks for the polynomials.
+        Degrees of the polynomials in the outlet pressure p in eq. 12 of the paper,
+        q_m(u, p) = φ(p) + ψ(p, sign u) u: of the leakage φ, and of the flow gain ψ for u > 0 and
+        for u < 0. If `flow_form` is ``FlowForm.POLYNOMIALS``, the default is (7, 7, 4), as in the
+        paper; if `flow_form` is not given either, cross-validation chooses them.
     refine_flow : bool
         Whether the coefficients of the flow map are refined together with the parameters,
         anchored by its measured points.

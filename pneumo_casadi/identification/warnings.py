@@ -1,4 +1,4 @@
-"""What a reader must know before using the numbers: where a result is weaker than it looks."""
+"""Warnings about a result of an identification: its known weaknesses."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from pneumo_casadi.estimation.wls import WLSResult
 from pneumo_casadi.validation import Validation
 from pneumo_casadi.valve import FlowMap, FormSelection
 
-#: Intervals that are this much too narrow are worth a word.
+#: Factor by which intervals are too narrow from which a warning is given.
 INFLATION = 1.5
 #: Estimated over stated noise of one sample from which a misfit is reported.
 EXCESS_NOISE = 1.2
@@ -20,13 +20,13 @@ REMOVABLE_PERCENT = 10.0
 #: Ratio of the residuals of the flow map to those of its own fit above which a warning is given.
 MAP_PULL = 1.3
 #: Held-out error of the chosen form of the flow map from which it is reported [% of the largest
-#: flow]: what a flow meter is good for.
+#: flow]: the usual accuracy of a flow meter.
 MAP_MISFIT = 1.0
-#: Held-out error of another form over that of the chosen one from which they are said to differ.
+#: Ratio of the held-out error of another form to that of the chosen one that is reported.
 FORMS_DIFFER = 2.0
-#: Common factor of all flows that no metering can excuse.
+#: Deviation of the common factor of all flows from 1 that exceeds the accuracy of a flow meter.
 MAP_SCALE = 0.02
-#: Parameter over data sheet value from which the two are said to disagree.
+#: Relative deviation of a parameter from its data sheet value that is reported.
 DATASHEET = 0.1
 #: Polytropic coefficients: isothermal to adiabatic.
 K_RANGE = (1.0, 1.4)
@@ -100,8 +100,8 @@ def _of_solution(result: OutputErrorResult) -> Iterator[ResultWarning]:
         value = result.parameters[name]
         yield ResultWarning(
             "output_error",
-            f"{name} lies at its bound {value.value:.4g} {value.unit}: the data push it further; "
-            "its interval is one-sided and not given.",
+            f"{name} lies at its bound {value.value:.4g} {value.unit}: the cost decreases beyond "
+            "it; its interval is one-sided and not given.",
         )
     if result.uncertainty.uninformed:
         yield ResultWarning(
@@ -116,10 +116,10 @@ def _of_intervals(case: Case, result: OutputErrorResult) -> Iterator[ResultWarni
     if factor > INFLATION:
         yield ResultWarning(
             "intervals",
-            "The output-error residuals are correlated in time: something the model lacks is left "
-            f"in them. Intervals from `std`, which trusts them to be noise, are up to {factor:.1f} "
-            "times too narrow; `std_robust` allows for the correlation. Neither knows the bias "
-            "of a wrong model.",
+            "The output-error residuals are correlated in time: they contain effects that "
+            "the model omits. Intervals from `std`, which assumes white residuals, are up to "
+            f"{factor:.1f} times too narrow; `std_robust` allows for the correlation. Neither "
+            "contains the bias of a wrong model.",
         )
     noise = case.bench.noise
     for name, sigma in zip(result.axis.outputs, result.sigma, strict=True):
@@ -128,9 +128,9 @@ def _of_intervals(case: Case, result: OutputErrorResult) -> Iterator[ResultWarni
             unit = result.axis.unit(name)
             yield ResultWarning(
                 "intervals",
-                f"The residual of {name} weighs as much as noise of {sigma:.3g} {unit} a sample, "
-                f"{sigma / stated:.1f} times what the bench states ({stated:.3g} {unit}): misfit "
-                "is counted as noise.",
+                f"The residual of {name} is equivalent to white noise of {sigma:.3g} {unit} per "
+                f"sample, {sigma / stated:.1f} times the noise stated in the bench ({stated:.3g} "
+                f"{unit}): misfit is counted as noise.",
             )
 
 
@@ -158,8 +158,8 @@ def _of_flow_map(
     yield ResultWarning(
         "flow_map",
         "No interval contains the accuracy of the flow meter: a map metered 1 % too high makes "
-        "X_s1 ... X_s6 1 % too large, and no trajectory tells. What the form of the map cannot "
-        "follow shifts k_P, k_N, X_s2 and X_s5 first.",
+        "X_s1 ... X_s6 1 % too large, and changes no trajectory. Errors of the form of the map "
+        "shift k_P, k_N, X_s2 and X_s5 most.",
     )
     deviation = result.flow_map_deviation
     if deviation is not None and (deviation.rms > MAP_PULL or abs(deviation.scale - 1) > MAP_SCALE):
@@ -181,17 +181,17 @@ def _of_flow_form(selection: FormSelection | None) -> Iterator[ResultWarning]:
     if error > MAP_MISFIT:
         yield ResultWarning(
             "flow_map",
-            f"No form follows the flow map: the best, {selection.chosen.value}, misses withheld "
-            f"points by {error:.2g} % of the largest flow. Meter the map more densely, or look for "
-            "scatter in it.",
+            f"No form fits the flow map: the best, {selection.chosen.value}, has an error at "
+            f"withheld points of {error:.2g} % of the largest flow. Meter the map more densely, "
+            "or check it for scatter.",
         )
     worse = [f"{name} {e:.2g} %" for name, e in compared.items() if e > FORMS_DIFFER * error]
     if worse:
         yield ResultWarning(
             "flow_map",
-            f"The forms of the flow map differ: {selection.chosen.value} misses withheld points by "
-            f"{error:.2g} % of the largest flow, {', '.join(worse)}. X_s2, X_s5, k_P and k_N "
-            "depend most on the form.",
+            f"The forms of the flow map differ in their error at withheld points: "
+            f"{selection.chosen.value} {error:.2g} % of the largest flow, {', '.join(worse)}. "
+            "X_s2, X_s5, k_P and k_N depend most on the form.",
         )
 
 
@@ -202,7 +202,7 @@ def _of_physics(case: Case, result: OutputErrorResult) -> Iterator[ResultWarning
             yield ResultWarning(
                 "physics",
                 f"{name} = {result.derived[name].value:.3f} is not between {low:g} (isothermal) "
-                f"and {high:g} (adiabatic): an unmodelled effect may hide in the parameters.",
+                f"and {high:g} (adiabatic): the parameters may have absorbed an unmodelled effect.",
             )
     sheet = case.bench.datasheet.get("M_kg")
     M = result.parameters["M"].value
@@ -216,15 +216,15 @@ def _of_physics(case: Case, result: OutputErrorResult) -> Iterator[ResultWarning
         if abs(share) > DATASHEET:
             yield ResultWarning(
                 "physics",
-                f"The area S_{chamber} that follows from the fit is {100 * share:+.0f} % off the "
-                "bench's: look for a wrong temperature, flow scale or leak.",
+                f"The area S_{chamber} computed from the fit is {100 * share:+.0f} % off that of "
+                "the bench: look for a wrong temperature, flow scale or leak.",
             )
     for name in ("F_c_plus", "F_c_minus"):
         if result.parameters[name].value < 0:
             yield ResultWarning(
                 "physics",
-                f"{name} = {result.parameters[name].value:.3g} N is negative: friction carries a "
-                "constant force.",
+                f"{name} = {result.parameters[name].value:.3g} N is negative: the friction "
+                "parameters contain a constant force.",
             )
 
 
@@ -239,8 +239,8 @@ def _of_wls(wls: WLSResult) -> Iterator[ResultWarning]:
     if weak:
         yield ResultWarning(
             "wls",
-            f"WLS knows {', '.join(weak)} to no better than {REMOVABLE_PERCENT:g} %: by eq. 17 "
-            "they may be removed.",
+            f"WLS: relative standard deviation above {REMOVABLE_PERCENT:g} % for "
+            f"{', '.join(weak)}: by eq. 17 they may be removed.",
         )
     ratio = float(np.max(wls.std_hac / wls.std))
     if ratio > INFLATION:
@@ -260,7 +260,7 @@ def _of_wls(wls: WLSResult) -> Iterator[ResultWarning]:
 def _of_validation(validation: Validation | None) -> Iterator[ResultWarning]:
     if validation is None:
         yield ResultWarning(
-            "validation", "The case has no record held out: nothing tells how the axis predicts."
+            "validation", "The case has no record held out: the accuracy of predictions is unknown."
         )
         return
     gaps = [
@@ -272,6 +272,6 @@ def _of_validation(validation: Validation | None) -> Iterator[ResultWarning]:
     if gaps:
         yield ResultWarning(
             "validation",
-            f"On held-out records the free run parts from the measurement beyond the sensor noise "
-            f"(noise → error: {', '.join(gaps)}).",
+            "On held-out records the error of the open-loop simulation is clearly above the sensor "
+            f"noise (noise → error: {', '.join(gaps)}).",
         )

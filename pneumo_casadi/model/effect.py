@@ -86,8 +86,9 @@ class Effect:
     """Base of all effects: it changes nothing.
 
     Subclass it, give `name`, `parameters` and, where needed, `states`, and override the
-    junctions at which the effect acts. Each hook takes the value that arrives and returns the
-    one that goes on. At the parameters' null values the axis must be the nominal one.
+    junctions at which the effect acts. Each junction method takes the value of a quantity without
+    the effect and returns its value with the effect. At the null values of the parameters the two
+    must be equal.
 
     Attributes
     ----------
@@ -117,23 +118,25 @@ class Effect:
         the cause, the model with it closes the gap almost entirely. Friction and hysteresis, in
         contrast, may follow other laws than those of the catalogue.
     sensors : tuple of str
-        Outputs (``"p_P"``, ``"p_N"``, ``"x"``) whose sensors show something else with the effect;
-        empty for an effect of the axis itself. They are what `output` changes.
+        Outputs (``"p_P"``, ``"p_N"``, ``"x"``) that `output` changes, for a sensor effect; empty
+        for an effect of the axis itself.
     absorbed_by : Absorption or None
         Which checks of the parameters fail if a refit of the nominal axis absorbs the effect, so
         that trajectories show no gap; None for an effect that no parameter can take up.
     masses : tuple of str
-        Parameters that are part of the moving mass [kg], and of its weighed value.
+        Short names of parameters that are masses [kg] moved with the load. They are added to M
+        before it is compared with the moving mass of the data sheet.
     metered : bool
         Whether the effect is present while the flow map of the valve is metered, because it
         belongs to the shape of the valve. Its action at the spool must then agree with the
         metered points.
     needs_chambers : bool
         Whether the effect reads chamber pressures; it then cannot be added to a force-driven
-        axis. The junctions alone need not show this.
+        axis. Set it also if the effect overrides only junctions of both kinds of axis, for example
+        a friction force that depends on the pressures.
 
-    The attributes from `equation` to `passive` are for reports and documentation; an effect of
-    your own does not need them.
+    `equation`, `source`, `shows`, `confused_with`, `separated_by` and `passive` are for reports and
+    documentation; an effect of your own does not need them.
 
     Examples
     --------

@@ -28,8 +28,10 @@ def Servosystem(bench: Bench, flow: FlowModel, effects: Iterable[Effect] = ()) -
     Returns
     -------
     Axis
-        With starting values from the geometry (k = 1.2, a tenth of the stroke as dead length)
-        and bounds a factor of twenty to each side of them.
+        X_s1 ... X_s6 start at values from the geometry, with k = 1.2 and a dead length of 5 % of
+        the stroke at each end, and are bounded by a factor of 20 below and above. M starts at the
+        data sheet value, or 10 kg, and is bounded by a factor of 100. f_v is not negative;
+        F_c_plus and F_c_minus have no bounds. v_s is fixed.
 
     Examples
     --------

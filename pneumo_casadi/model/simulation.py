@@ -101,13 +101,17 @@ def simulate(
     dt : float
         Sampling period [s].
     x_0 : (nx,) array
-        Initial state; the nominal states alone are enough, effects then start at rest.
+        Initial state in the order of ``axis.states``: p_P, p_N [Pa], x [m], v [m/s] for a servo
+        axis, x, v for a force-driven axis, then the states of the effects. If those are left out,
+        effects start at rest.
     hold : InputHold
-        What the inputs do between the instants.
+        Course of the inputs between the sampling instants: constant, or linear.
 
     Returns
     -------
     Trajectory
+        Time, states, outputs without noise, and inputs at the N sampling instants; index it by
+        name, as in ``trajectory["x"]``.
 
     Raises
     ------

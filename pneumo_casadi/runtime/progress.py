@@ -1,17 +1,17 @@
-"""How long work tells what it is doing."""
+"""Progress reports of long computations."""
 
 from collections.abc import Callable
 
-#: Called with what is being done and the share of the work done so far.
+#: Called with a text that names the current task, and the share of the work done, 0 to 1.
 Progress = Callable[[str, float], None]
 
 
 def no_progress(text: str, share: float) -> None:
-    """Tell nobody."""
+    """Ignore a progress report."""
 
 
 def progress_range(report: Progress, first: float, last: float, prefix: str = "") -> Progress:
-    """Return what reports the progress of a part of the work, with a text before each of its own.
+    """Return a `Progress` for a part of the work, from `first` to `last`; it prefixes its texts.
 
     Examples
     --------

@@ -154,7 +154,7 @@ class VirtualAxis:
         return replace(self, sensors=IDEAL_SENSORS)
 
     def bench_description(self, fs: float, M_datasheet: float) -> Bench:
-        """Return what the owner of the bench knows of it and writes down."""
+        """Return the bench description, with values rounded as in a data sheet."""
         return Bench(
             sampling_frequency=fs,
             S_P=round(self.S_P, 9),

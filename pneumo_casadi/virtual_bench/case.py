@@ -1,4 +1,4 @@
-"""Cases for development and tests: a folder with nothing in it but what a bench would know."""
+"""Cases for development and tests: folders with the files of a real bench, without labels."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ VALIDATE = Experiment.of("multisine_and_steps")
 
 @dataclass(frozen=True, slots=True)
 class SyntheticCase:
-    """A case and what is true of it.
+    """A case with its true axis and effects.
 
     Parameters
     ----------

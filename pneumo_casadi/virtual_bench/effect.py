@@ -1,4 +1,4 @@
-"""What an effect of the bench is: physical sizes, three severities, and where it hides."""
+"""Effects of the virtual bench: parameters, three severities, and what may absorb them."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -53,23 +53,23 @@ class Size:
 
 @dataclass(frozen=True, slots=True)
 class EffectForm:
-    """One effect as the bench has it.
+    """One effect as the virtual bench simulates it.
 
     Parameters
     ----------
     name : str
         As in the catalogue of effects, where it is listed there.
     equation : str
-        The bench's own form.
+        Equation of the virtual bench; it differs from that of the catalogue.
     sizes : tuple of Size
         Its quantities.
     absorbed_by : tuple of str
-        Parameters of the nominal model in which a fit may hide it; empty where none can.
+        Parameters of the nominal model that may absorb the effect in a fit; empty if none can.
     note : str
-        What data can show of it.
+        What measurements reveal about the effect.
     listed : bool
-        Whether the catalogue of effects has it: a diagnosis that meets one that is not there
-        must say that it does not know.
+        Whether the effect is in the catalogue of effects. If it is not, the correct verdict of a
+        diagnosis is ``unknown``.
     metered : bool
         Whether it belongs to the shape of the valve, so that the flow map shows it.
     step : float

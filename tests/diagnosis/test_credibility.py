@@ -7,7 +7,7 @@ import pytest
 
 from pneumo_casadi.diagnosis import Verdict, diagnose, prepare_study
 from pneumo_casadi.diagnosis.decide.credibility import review_verdict
-from pneumo_casadi.diagnosis.decide.verdict import Judgement
+from pneumo_casadi.diagnosis.decide.judgement import Judgement
 from pneumo_casadi.diagnosis.metrics.findings import Check
 from pneumo_casadi.diagnosis.prepare.study import fit_model
 from pneumo_casadi.effects import EFFECTS

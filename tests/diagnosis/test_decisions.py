@@ -14,7 +14,7 @@ from pneumo_casadi.diagnosis import Check, Location, Verdict
 from pneumo_casadi.diagnosis.checks.absorbed import absorbed_candidates
 from pneumo_casadi.diagnosis.checks.parameter_checks import check_parameters
 from pneumo_casadi.diagnosis.decide.credibility import near_noise, review_verdict
-from pneumo_casadi.diagnosis.decide.verdict import Judgement, judge, missed_gain, unexplained
+from pneumo_casadi.diagnosis.decide.judgement import Judgement, judge, missed_gain, unexplained
 from pneumo_casadi.diagnosis.locate.locate import balance_of_gap, rival_sensor_effects
 from pneumo_casadi.diagnosis.locate.signatures import Signatures
 from pneumo_casadi.diagnosis.metrics.residual_size import BACKGROUND, BalanceLevels

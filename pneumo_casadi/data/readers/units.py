@@ -1,4 +1,9 @@
-"""Units in which a column of a file may be given, and their size in SI units."""
+"""Units in which a column of a file may be given, and their size in SI units.
+
+The factors of pressures and lengths come from the table of mistaken units in
+`pneumo_casadi.data.bench.quantities`. Error messages about the bench guess these units from an
+implausible value, so that a unit which a message suggests is also one that the readers accept.
+"""
 
 from collections.abc import Mapping
 from types import MappingProxyType

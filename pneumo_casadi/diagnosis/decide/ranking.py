@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pneumo_casadi.diagnosis.decide.verdict import Judgement
+from pneumo_casadi.diagnosis.decide.judgement import Judgement
 from pneumo_casadi.diagnosis.metrics.findings import (
     Candidate,
     EffectFound,
@@ -18,7 +18,7 @@ from pneumo_casadi.diagnosis.select.forward_selection import Selection
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.effect import Effect
 
-#: Probability that what hides in the parameters is among those that can: 14 of 16 on the bench.
+#: Probability that an absorbed effect is among `hidden`: 14 of 16 cases on the virtual bench.
 ABSORBED_PROBABILITY = 0.8
 
 
@@ -82,7 +82,7 @@ def rank_candidates(
     hidden: Sequence[str],
     catalogue: Catalogue,
 ) -> tuple[Candidate, ...]:
-    """Rank all models fitted; ahead of them what may hide in the parameters."""
+    """Rank the models fitted, after the effects that parameters may have absorbed (`hidden`)."""
     ranked = [
         Candidate(
             names,

@@ -51,13 +51,15 @@ class Diagnosis(Presentable):
     verdict : Verdict
         Conclusion.
     effects : tuple of EffectFound
-        Added, in that order; empty for none, unknown and absorbed.
+        Effects of the final model, in the order in which they were added; empty for the verdicts
+        none, unknown and absorbed.
     ranking : tuple of Candidate
         All candidates, the most probable first, failed ones last.
     where : Where
-        Location.
+        Balance or sensor, and operating conditions, in which model and measurement disagree.
     gap : Gap
-        Before and after.
+        Error of the simulation on held-out records above the sensor noise, without and with the
+        effects, in per cent of the standard deviation of each signal.
     ambiguous : tuple of tuple of str
         Models that the data cannot separate, each by the names of its effects, the most probable
         first.
@@ -72,7 +74,7 @@ class Diagnosis(Presentable):
     nominal, fitted : mapping of str to Value
         Parameters without and with the effects found.
     seconds : float
-        Time taken.
+        Computing time [s].
     evidence : Evidence or None
         Curves for figures: unknown inputs over time, residuals over operating conditions.
     flow_selection : FormSelection or None

@@ -1,4 +1,10 @@
-"""When the verdict is ``unknown``: the one place where that is decided."""
+"""The rule for the verdict ``unknown``: how much of a gap the best effects may leave.
+
+`judgement.judge` asks without the parameter checks; where the cause is unknown but no balance has
+residuals above `VISIBLE`, its verdict is ``none``. `credibility.review_verdict` asks again with the
+checks, unless the verdict is ``none`` or may be ``absorbed``; it turns ``unknown`` into
+``absorbed`` if the parameters show that the valve of chamber N differs.
+"""
 
 from pneumo_casadi.diagnosis.metrics.residual_size import COARSE_MAP
 
@@ -23,8 +29,7 @@ def is_unknown(
 
     It is unknown if no effect was accepted, or if the effects of the final model leave too much of
     the gap. Less may be left if these effects have one form only, so that no other form of them
-    could explain the remainder, and if the fitted parameters are implausible. `judge` asks without
-    the parameters, `review_verdict` with them.
+    could explain the remainder, and if the fitted parameters are implausible.
 
     Parameters
     ----------

@@ -22,13 +22,14 @@ from pneumo_casadi.parameters import FloatArray
 #: Rows in one block of the bootstrap: half a second.
 BLOCK = 32
 REPLICATES = 400
-#: What is left where nothing is wrong, over the noise floor: filters, map and quantisation.
+#: Residuals over the noise floor if nothing is wrong: errors of filters, map and quantisation.
 BACKGROUND = 1.1
-#: The same of mass flow balances where a metered map is coarse beside what a valve does near null.
+#: The same for mass flow balances if the metered points are too coarse to resolve the valve near
+#: its null position.
 COARSE_MAP = 1.5
-#: Mass flow residuals over the noise floor up to which a coarse map may be all there is to them:
-#: two axes of the virtual bench without any effect in these balances had 1.8.
-NEAR_NULL = 1.9
+#: Largest mass flow residuals over the noise floor that a coarse map alone can explain: two axes of
+#: the virtual bench without any effect in these balances had 1.8.
+MAX_COARSE_MAP = 1.9
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ import numpy as np
 
 from pneumo_casadi.diagnosis.metrics.residual_size import (
     COARSE_MAP,
-    NEAR_NULL,
+    MAX_COARSE_MAP,
     BalanceLevels,
     balance_levels,
     gaps,
@@ -192,7 +192,7 @@ def _coarse(
     Beside an effect in another balance that misfit may be all that is left to gain: there the
     residuals must exceed what any coarse map leaves.
     """
-    limit = NEAR_NULL if known else COARSE_MAP
+    limit = MAX_COARSE_MAP if known else COARSE_MAP
     coarse = bool(
         np.all((residual_rms(current) < limit * levels.noise)[:-1])
     )  # the force has no map

@@ -131,9 +131,10 @@ def _extended(ledger: FitLedger, nominal: FittedModel, known: Names) -> Names | 
 
 
 def _candidates(ledger: FitLedger, known: Names) -> Sequence[str]:
-    """Name what may act beside sensors: what fits say, and what these sensors are confused with.
+    """Return effects to try beside known sensor effects: the best fits, and `confused_with`.
 
-    A fit along the smoothed motion may drive to nothing what acts in the motion that they hide.
+    The latter are tried whatever their fit, because the fit uses the measured motion: a sensor
+    effect distorts it, and the estimate of an effect that acts in this motion may go to zero.
     """
 
     def best(fits: dict[Names, FittedModel]) -> list[Names]:
@@ -145,8 +146,9 @@ def _candidates(ledger: FitLedger, known: Names) -> Sequence[str]:
         if any_sensor_memory((effect,)):
             names |= {n for n in effect.confused_with if n in ledger.catalogue}
     made = {name: ledger.catalogue[name]() for name in ledger.key(names - set(known))}
-    # A refinement holds the flow map, and with it what is metered of a valve. A second sensor that
-    # hides the motion is tried only where it gains in fits too: the first may stand for it.
+    # A refinement fixes the flow map, so that effects of the metered valve shape are left out. A
+    # second sensor effect with memory is tried only if it lowers the cost of the fit as well: the
+    # first one may already describe the same error.
     return [
         name
         for name, effect in made.items()

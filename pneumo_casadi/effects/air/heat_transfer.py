@@ -63,7 +63,7 @@ class HeatTransfer(Effect):
             null=0.0,
             start=0.8,
             description="polytropic law (0) to first law (1)",
-            source="1 by physics, its upper bound; less says that something else is at work",
+            source="1 by physics, the upper bound; an estimate below 1 suggests another cause",
         ),
         Parameter(
             "h",

@@ -6,15 +6,15 @@ from pneumo_casadi.model.junctions import Expression, Pair
 from pneumo_casadi.parameters import Parameter
 from pneumo_casadi.valve.orifice import RHO_ANR, orifice_expression
 
-#: Critical pressure ratio and subsonic index of a leak. Short gaps lie at b = 0.2 to 0.5; only
-#: leaks between nearly equal pressures tell them apart.
+#: Critical pressure ratio and subsonic index of a leak. Short gaps have b = 0.2 to 0.5; only leaks
+#: between nearly equal pressures depend on b.
 B_LEAK, M_LEAK = 0.4, 0.5
 
 SOURCE = (
     "ISO 6358-1:2013, eq. 3 to 5, the leak as a restriction of its own; viscous flow through a "
     "narrow gap goes with the difference of the squared pressures (Poiseuille, isothermal)"
 )
-#: Held unless released: it takes large leaks at varied pressures to tell it.
+#: Fixed unless released: only large leaks at varied pressures determine it.
 VISCOUS = Parameter(
     "viscous",
     0.0,

@@ -1,1 +1,4 @@
-"""Effects of friction."""
+"""Effects of friction, beyond the nominal friction law.
+
+The nominal law, eq. 4 of the paper, is `friction_force` in ``model/balances.py``.
+"""

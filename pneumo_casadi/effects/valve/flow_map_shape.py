@@ -68,8 +68,8 @@ def _bent(u: Expression, at: Scope) -> Expression:
 class LocalFlowMapShape(FlowMapShape):
     """Edges of any shape: u −→ u + h(u), with h linear between knots.
 
-    It is zero at null, at the ends of the metered commands and beyond them. Free together with the
-    flow coefficients and held against the metered map, which tells h to a few millivolts.
+    It is zero at null, at the ends of the metered commands and beyond them. It is fitted together
+    with the flow coefficients to the metered map, which determines h to a few millivolts.
 
     Parameters
     ----------

@@ -114,28 +114,33 @@ def fit_equation_error(
               + \tfrac12 \lVert r_{map}(\theta) \rVert^2, \qquad
               \sigma_e^2 = \frac{1}{n_e} \sum_k r_e(t_k; \theta)^2 + \sigma_{0,e}^2
 
-    with e over the balances and n_e rows each. That is the maximum likelihood for white residuals
-    of unknown size, within the bounds of the parameters. States of effects are simulated along
-    the measured motion, and sensor effects are inverted.
+    The sum runs over the balances e. n_e is the number of rows used of a balance, σ_e the standard
+    deviation of its residuals, and r_map are the residuals of the measured flow map, each divided
+    by its standard deviation. That is the maximum likelihood for white residuals of unknown
+    variance, within the bounds of the parameters. States of effects are simulated along the
+    measured motion, and sensor effects are inverted.
 
-    A fit takes milliseconds where output error takes seconds, and a poor start cannot make it
-    diverge. Its price is bias: noise and filters change the estimates by a fraction of a per cent.
+    A fit takes milliseconds where output error takes seconds, and does not diverge from poor
+    starting values, because nothing is integrated. The estimates are biased: noise and filters
+    change them by a fraction of a per cent.
 
     Parameters
     ----------
     axis : Axis
         Its parameters are the start and tell what is free. Rows slower than 2 mm/s are left out
-        of the force balance: a friction width ``v_s`` of 1 mm/s has no influence on the rest.
+        of the force balance; at the other rows the smoothed sign tanh(v/v_s) is -1 or 1 within 4 %
+        for a width ``v_s`` of 1 mm/s.
     records : sequence of Recording or SmoothedMotion
         Fitted together.
     flow_map : FlowMap or Anchor, optional
         Measured map, or its residuals; needed where the flow coefficients are free.
     residual_floor : (ne,) array, optional
-        σ_0, smallest residual of each balance that counts; by default `default_residual_floor`.
+        σ_0, the least standard deviation of the residuals of each balance [Pa/s, Pa/s, N; for a
+        force-driven axis m/s²]; by default `default_residual_floor`. It keeps log σ_e finite.
     state_derivatives : bool, optional
-        Whether derivatives to the nominal parameters include the states of the effects. It costs
-        one simulation of these states per parameter; without it a fit may end short of the
-        minimum.
+        Whether derivatives with respect to the nominal parameters include the states of the
+        effects. It costs one simulation of these states per parameter; without it a fit may stop
+        before the minimum.
 
     Returns
     -------

@@ -50,8 +50,8 @@ class SmoothedMotion:
     dt : float
         Sampling period of what is kept [s].
     noise : (ny,) array
-        Standard deviation of white noise at this period that tells as much as the sensors' does
-        at theirs [Pa, Pa, m].
+        Standard deviation of white noise at this sampling period with the same power spectral
+        density as the sensor noise at its own [Pa, Pa, m].
     velocity_noise : float
         What it leaves on the smoothed velocity [m/s].
     name : str
@@ -129,7 +129,8 @@ def smooth_motion(axis: Axis, record: Recording) -> SmoothedMotion:
     # An input held from its sample to the next belongs to the middle of that step.
     if record.hold is InputHold.ZERO:
         x, dx, u = (x[:, 1:] + x[:, :-1]) / 2, (dx[:, 1:] + dx[:, :-1]) / 2, u[:, :-1]
-    # Band-limited by now: a millisecond's mean says all, five times faster for 5 kHz.
+    # The signals are band-limited, so that means over 1 ms lose nothing; at 5 kHz the fit is five
+    # times faster.
     thin = max(1, int(fs / RATE))
     dt = thin * record.dt
     x, dx, u = (_thinned(part, thin) for part in (x, dx, u))

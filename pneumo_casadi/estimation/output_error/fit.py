@@ -53,8 +53,9 @@ def fit_output_error(
     """Fit all free parameters of an axis by multiple shooting.
 
     Minimises ½ Σ ((y - ȳ)/σ)² over parameters and initial states, subject to the axis'
-    equations, together with the residuals of the measured flow map where its coefficients are
-    free.
+    equations. y are the measured and ȳ the simulated outputs (p_P and p_N [Pa], x [m]), both as
+    means over blocks of samples; σ is the standard deviation of the noise of each mean. If flow
+    coefficients are free, the squared residuals of the measured flow map are added.
 
     Parameters
     ----------

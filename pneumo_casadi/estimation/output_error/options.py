@@ -28,28 +28,32 @@ class OutputErrorOptions:
     method : Method
         Solver.
     block : float
-        Length of a block [s]. Measurements and model are compared as means over a block, the
-        same samples on both sides, so that no sample is lost and none is shifted; a block
-        should be short against the fastest motion of interest.
+        Length of a block [s]. Measured and simulated outputs are averaged over the same samples
+        of each block, and the means are compared. Choose it short compared with the time
+        constants of the fastest motion of interest.
     window : float, optional
         Longest stretch with one initial state [s]; None for the whole record.
     interval : float
-        Longest distance of two shooting nodes [s]. Short ones survive a worse start, long ones
-        need less memory; the optimum is the same.
+        Longest distance between two shooting nodes [s]. Short intervals converge from worse
+        starting values, long intervals need less memory; the optimum is the same.
     closed_loop : bool
-        Simulate the bench's controller on the recorded reference instead of feeding the
-        inputs as measured. Nothing drifts then, and noise that the controller feeds back does
-        no harm; but what the recorded inputs say beyond the reference is not used.
+        Whether the simulation computes the inputs with the bench's controller from the recorded
+        reference, instead of using the recorded inputs. The simulated position then does not
+        drift, and sensor noise that the controller feeds into the inputs causes no bias. The
+        information in the recorded inputs is not used.
     widths : tuple of float
-        Widths of the smoothed sign of the velocity, from first to last [m/s]. The last one
-        decides the bias: sticking that creeps looks like viscous friction.
+        Widths v_s of the smoothed sign of the velocity, tanh(v/v_s), for consecutive stages
+        [m/s]. The last width determines the bias: with a smoothed sign the axis creeps instead of
+        sticking, which biases the viscous friction.
     reweight : bool
-        Estimate the noise of each output from its residuals in the last stage. Under misfit
-        this keeps the trajectories from overruling the flow map.
+        Estimate the standard deviation of each output from its residuals in the last stage. If
+        the model does not fit, this lowers the weight of the trajectories relative to that of the
+        measured flow map.
     max_iterations : int
-        In each stage.
+        Largest number of iterations in each stage.
     recover : bool
-        Where the stages asked for fail, come back through short windows and wider friction.
+        If the requested stages fail, fit short windows with a wider smoothed sign first, and start
+        the requested fit again from their result.
 
     Raises
     ------

@@ -27,7 +27,9 @@ def hold_quantity(problem: Problem, item: Quantity, value: float, width: float) 
         wide = ca.MX.zeros(problem.anchor.n, len(names))
         wide[:, at] = J
         rows, slopes = [r, *rows], [wide, *slopes]
-    residual = ca.Function("pulled", [theta], [ca.vertcat(*rows), ca.vertcat(*slopes)])
+    residual = ca.Function(
+        "residual_with_held_quantity", [theta], [ca.vertcat(*rows), ca.vertcat(*slopes)]
+    )
     start = problem.parameters.values
     return replace(problem, anchor=Anchor(residual, names, start))
 

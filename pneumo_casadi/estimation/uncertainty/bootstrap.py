@@ -88,7 +88,7 @@ class Bootstrap:
     def informed(self, name: str) -> bool:
         """Tell whether the data inform a quantity, none of its parameters being at a bound.
 
-        Refits do not move what the data say nothing about: its replicates scatter too little.
+        Without information refits stay at the start, so that the replicates scatter too little.
         """
         columns = [self.axis.parameters.index(n) for n in self.uncertainty.names]
         gradient = find_quantity(self.axis, name).gradient(self.axis.parameters.values)[columns]
@@ -146,7 +146,8 @@ def block_bootstrap(
         A hundred for standard deviations, a thousand for quantiles.
     length : float, optional
         Of a block of residuals [s]; by default from their autocorrelation (`block_length`), and
-        what the ends of blocks cut is given back. A given length is taken at its word: nothing is.
+        residuals are scaled for the correlation lost at the ends of blocks. With a given length
+        they are not.
     seed : int, optional
         Replicate i has the i-th child of this seed, whoever computes it.
     executor : concurrent.futures.Executor, optional
@@ -263,7 +264,7 @@ def _by_record(optimum: Optimum) -> list[FloatArray]:
 
 
 def _scaled(e: FloatArray, length: int, lost: float, ends: bool = True) -> FloatArray:
-    """Centre residuals, give back what the fit has taken out and, if told, what blocks cut."""
+    """Centre residuals; scale up for the variance lost to the fit and, if `ends`, to block ends."""
     left = np.full(len(e), 1 - min(lost, MOST_LOST))
     if ends:
         left *= np.maximum(retained_variance(e, length), 1 - MOST_LOST)

@@ -59,7 +59,7 @@ class BaseParameters:
 
     @property
     def unidentifiable(self) -> tuple[str, ...]:
-        """Parameters that only combinations tell about, on either side of them."""
+        """Parameters that the data determine in linear combinations only, not one by one."""
         coupled = {
             self.names[column]
             for column, row in zip(self.columns, self.combination, strict=True)

@@ -46,6 +46,11 @@ def fit_wls(
     .. math:: Y = W X_s + \rho, \qquad
               \hat X_s = \arg\min \sum_e \lVert \rho_e \rVert^2 / \sigma_e^2
 
+    Y and W are the filtered and decimated terms of the balances, W with one column per parameter.
+    X_s (n,) are the parameters. ρ_e are the residuals of equation e (a mass flow balance [kg/s] or
+    the force balance [N]) and σ_e their standard deviation. Eq. 17 gives the relative standard
+    deviation of a parameter, %σ_r = 100 σ/\|X̂_s\| [%].
+
     Parameters
     ----------
     model : LinearModel
@@ -53,17 +58,21 @@ def fit_wls(
     records : Recording or iterable of Recording
         All are used together.
     names : sequence of str, optional
-        Parameters to estimate; by default all free ones that enter linearly.
+        Names of the parameters to estimate, such as ``"X_s1"`` and ``"M"``; by default all free
+        parameters in which the balances are linear.
     plan : FilterPlan, optional
         Both filters; by default planned from the records (`plan_filters_for`).
     stick : StickPhases, optional
         Treatment of samples at rest in the force balance.
     velocity_threshold : float, optional
-        Below it a sample counts as at rest [m/s]; by default tied to the velocity's noise.
+        Speed below which a sample counts as at rest [m/s]; by default 5 standard deviations of the
+        noise of the filtered velocity, and at least 0.2 % of the largest speed.
     pairing : InputPairing, optional
-        By default what each recording's input hold asks for.
+        Inputs that belong to a derivative at t[k]: the mean of the balance over u[k-1] and u[k], or
+        u[k]. By default the first for inputs held at zero order, the second otherwise.
     equation_std : mapping of str to float, optional
-        Residual standard deviations of the equations; by default those of a first solution.
+        σ_e by equation: ``"mass_flow_P"``, ``"mass_flow_N"`` [kg/s], ``"force"`` [N]; by default
+        estimated from a first solution.
     remove_above : float, optional
         Remove parameters with %σ_r of at least this, for example 10, the worst first, one at a
         time; each is listed in the result. By default none is removed.

@@ -41,10 +41,10 @@ class Removal:
 class WLSResult(Presentable):
     """Estimates of weighted least squares with their statistics.
 
-    Two covariances are kept. `covariance` is eq. 16, as the paper prints it: right where the
-    decimated residuals are white. The parallel low-pass removes fast noise, but not what the
-    model lacks, whose residual is slow; `covariance_hac` allows for that. Where the two differ,
-    believe the latter (on the EMPS benchmark it is two to five times wider).
+    There are two covariances. `covariance` is eq. 16 of the paper and is right if the decimated
+    residuals are white. The parallel low-pass removes fast noise, but not the slow residuals of
+    unmodelled effects; `covariance_hac` allows for their correlation. If the two differ, use
+    `covariance_hac` (on the EMPS benchmark its intervals are two to five times wider).
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Many cases, one file each: nothing is lost, nothing is done twice."""
+"""Diagnosis of many cases, with one result file each, so that a run can be resumed."""
 
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -55,23 +55,23 @@ def in_turn(
     executor: Executor,
     progress: Progress | None = None,
 ) -> None:
-    """Do named tasks in any order and tell how long the rest will take.
+    """Run named tasks in any order and report how long the rest will take.
 
     Parameters
     ----------
     texts : str
-        What is being done, for `progress`.
+        Description of the tasks, for `progress`.
     tasks : mapping of str to callable
         Each writes its own result.
     executor : Executor
-        Who does them.
+        Runs the tasks.
     progress : callable, optional
-        Called with a text and the share done.
+        Called with a text and the share done, 0 to 1.
 
     Raises
     ------
     Exception
-        The first that a task raises; what has not begun by then is not begun.
+        The first that a task raises; tasks that have not started by then are cancelled.
     """
     report = progress or no_progress
     began, n = time.monotonic(), len(tasks)
@@ -129,7 +129,7 @@ def diagnose_cases(
     executor : Executor
         Who runs it.
     progress : callable, optional
-        Called with a text and the share done.
+        Called with a text and the share done, 0 to 1.
 
     Raises
     ------

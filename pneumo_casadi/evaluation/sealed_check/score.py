@@ -15,7 +15,7 @@ false_alarm         nothing wrong               anything is *named*
 unknown_caught      left out, never listed      the verdict is ``unknown``
 wrongly_named       left out, never listed      anything is *named*
 false_unknown       all others                  the verdict is ``unknown``
-located             all with causes but         the balance said is one in which a cause acts
+located             all with causes but         the stated balance is one where a cause acts
                     absorbed
 pair_one            pairs                       *named* holds one of the causes, or both
 pair_both           pairs                       *named* holds both
@@ -24,12 +24,13 @@ absorbed_misnamed   absorbed                    something is *named*, but *offer
 failed              all                         the diagnosis ended in an error
 ==================  ==========================  ================================================
 
-So ``ambiguous`` is right first if its first is the cause, and pays for its set in ``set_size``, the
-mean size of *offered* among singles with one. ``absorbed`` counts as naming the first that it says
-may hide, wherever it is said. ``none`` on an effect too small to show is wrong in the column "all",
-which "visible" forgives: it keeps the cases whose cause shows (`measure`), and those where nothing
-is wrong. Calibration is over all cases: the first of the ranking, with its stated probability,
-is right if it is the set of the causes, and never where nothing is wrong or no catalogue had them.
+For the verdict ``ambiguous``, *named* is the first effect of the set; ``set_size`` is the mean size
+of *offered* among singles with a set. For ``absorbed``, *named* is the first effect that the
+parameters may have absorbed. Scores are computed twice: "all" has all cases, where ``none`` is a
+miss even if the effect is too small to be visible; "visible" has the cases with a visible cause
+(`measure`) and those where nothing is wrong. Calibration is computed over all cases: the first
+entry of the ranking, with its stated probability, is a hit if it equals the set of causes. It is
+never a hit if nothing is wrong or the causes are not in the catalogue.
 """
 
 from collections.abc import Callable, Mapping, Sequence

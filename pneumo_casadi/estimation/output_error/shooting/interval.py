@@ -135,17 +135,22 @@ def _sample(model: SampledAxis, free: Sequence[str] | None = None) -> ca.Functio
     total = [ca.MX.sym("total", ny), ca.MX.sym("J", ny, m)][:width]
     own = [part[:nxa, :] for part in state]
     moving = model.controller is not None
-    rates = _along("rates", axis.rhs, axis, at, m, moving)
-    output = _along("outputs", axis.output, axis, at, m, False)
+    rates = _with_sensitivities("rates", axis.rhs, axis, at, m, moving)
+    output = _with_sensitivities("outputs", axis.output, axis, at, m, False)
     kept: list[ca.MX] = []
     if moving:
-        feedback = _along("loop", model.feedback, axis, at, m, False).call([*state, w, theta])
-        u_of, kept = _constant([part[:nu, :] for part in feedback]), [p[nu:, :] for p in feedback]
+        feedback = _with_sensitivities("loop", model.feedback, axis, at, m, False).call(
+            [*state, w, theta]
+        )
+        u_of, kept = (
+            _constant_course([part[:nu, :] for part in feedback]),
+            [p[nu:, :] for p in feedback],
+        )
     else:
         between = inputs_between(w, nu, model.stepping)
-        u_of = _fed(between)
-    sensed_u = w[:nu] if not moving else u_of(0.0)[0]
-    y = output.call([*own, sensed_u, theta])
+        u_of = _input_course(between)
+    u_at_sample = w[:nu] if not moving else u_of(0.0)[0]
+    y = output.call([*own, u_at_sample, theta])
     substeps = model.stepping.substeps
     end = own
     for step in range(substeps):
@@ -160,15 +165,15 @@ def _sample(model: SampledAxis, free: Sequence[str] | None = None) -> ca.Functio
     return ca.Function("sample", [*state, *total, w, theta, h], [*end, *sums])
 
 
-def _constant(values: list[ca.MX]) -> Callable[[float], list[ca.MX]]:
+def _constant_course(values: list[ca.MX]) -> Callable[[float], list[ca.MX]]:
     return lambda share: values
 
 
-def _fed(between: Callable[[float], Expression]) -> Callable[[float], list[ca.MX]]:
+def _input_course(between: Callable[[float], Expression]) -> Callable[[float], list[ca.MX]]:
     return lambda share: [between(share)]
 
 
-def _along(
+def _with_sensitivities(
     name: str,
     f: ca.Function,
     axis: Expression,
@@ -176,9 +181,11 @@ def _along(
     m: int,
     moving: bool,
 ) -> ca.Function:
-    """Carry sensitivities through ``f(x, v, θ)``: (x, S, v[, dv], θ) → (f, df); f without `at`.
+    """Return f(x, v, θ) with its sensitivities: (x, S, v[, dv], θ) → (f, df).
 
-    `moving` tells that v hangs on (x_0, θ_free) too, with derivatives dv.
+    S, dv and df are derivatives with respect to (x_0, θ_free), where `at` are the indices of
+    θ_free; without `at`, f is returned unchanged. With `moving`, v depends on (x_0, θ_free) as
+    well, with the derivatives dv.
     """
     if at is None:
         return f

@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from pneumo_casadi.diagnosis.decide.credibility import near_noise, review_verdict
+from pneumo_casadi.diagnosis.decide.judgement import Judgement, judge
 from pneumo_casadi.diagnosis.decide.result import Verdict
-from pneumo_casadi.diagnosis.decide.verdict import Judgement, judge
 from pneumo_casadi.diagnosis.metrics.findings import Check
 from pneumo_casadi.diagnosis.select.fit_ledger import Names
 from pneumo_casadi.diagnosis.select.forward_selection import Selection

@@ -8,7 +8,7 @@ import numpy as np
 from pneumo_casadi.diagnosis.decide.result import Verdict
 from pneumo_casadi.diagnosis.decide.unknown import CLEAR_RESIDUAL, VISIBLE, is_unknown
 from pneumo_casadi.diagnosis.metrics.residual_size import (
-    NEAR_NULL,
+    MAX_COARSE_MAP,
     gaps,
     residual_rms,
     squares,
@@ -100,7 +100,7 @@ def unexplained(selection: Selection) -> float:
         _above(residual_rms(fit), selection) for fit in (selection.nominal, selection.final)
     )
     main = before > max(MAIN_GAP_SHARE * float(before.max(initial=0.0)), 1e-12)
-    coarse = residual_rms(selection.nominal) < NEAR_NULL * selection.levels.noise
+    coarse = residual_rms(selection.nominal) < MAX_COARSE_MAP * selection.levels.noise
     coarse[-1] = False  # the force has no map
     if np.any(main & ~coarse):
         main &= ~coarse
