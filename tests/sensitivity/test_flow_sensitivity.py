@@ -204,7 +204,7 @@ def test_sensitivity_needs_free_coefficients_and_every_point(anchored, table):
     names = tuple(anchored.uncertainty.names[i] for i in kept)
     covariance = anchored.uncertainty.covariance[np.ix_(kept, kept)]
     held = replace(
-        anchored, estimate=replace(anchored.estimate, names=names, covariance=covariance)
+        anchored, uncertainty=replace(anchored.uncertainty, names=names, covariance=covariance)
     )
     with pytest.raises(ModelError, match="no coefficient was free"):
         map_sensitivity(held, table)

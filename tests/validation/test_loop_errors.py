@@ -26,7 +26,7 @@ def test_a_leak_ends_the_free_run_and_not_the_closed_loop(quick):
 def test_windows_that_stick_end_where_they_would_with_all_others_at_work(quick, monkeypatch):
     record = quick.case.validate[0]
     given = []
-    shoot = initial_states.shoot
+    shoot = initial_states.shoot_segments
 
     def counted(problem, theta, x_0):
         given.append(x_0.shape[1])
