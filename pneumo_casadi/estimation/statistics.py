@@ -107,7 +107,7 @@ def invert_information(
     n = len(names)
     inside = [i for i in range(n) if names[i] not in at_bound]
     H = information[np.ix_(inside, inside)]
-    # Columns are equilibrated first, so that rank does not hang on units or scales.
+    # Columns are equilibrated first, so that rank does not depend on units or scales.
     size = np.sqrt(np.maximum(np.diag(H), 0.0))
     known = size > 0
     size = np.where(known, size, 1.0)

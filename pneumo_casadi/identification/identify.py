@@ -61,6 +61,10 @@ def identify(
     FitError
         If a fit fails; ``.partial`` holds its result as far as it got.
 
+    Notes
+    -----
+    The example, 10 s at 5 kHz, takes less than a minute on one core.
+
     Examples
     --------
     With ``result = pc.identify(pc.example_case())``:

@@ -109,7 +109,7 @@ def test_forms_that_differ_much_are_a_warning(quick):
 
 def test_a_map_that_no_form_follows_is_a_warning(quick):
     (text,) = texts(quick, selection(1.6, 1.2))
-    assert "No form follows the flow map" in text and "1.2 %" in text
+    assert "No form fits the flow map" in text and "1.2 %" in text
 
 
 def test_the_report_shows_the_errors_and_the_reason():

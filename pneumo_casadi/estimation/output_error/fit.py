@@ -133,8 +133,8 @@ def fit_output_error(
             if solution.status != "converged":
                 break
             parameters = result.parameters
-            # Friction found stronger than at the start needs finer steps, or it is not its own;
-            # and the answer must not hang on where the fit began.
+            # Stronger friction than at the start needs finer steps; otherwise the error of the
+            # integration biases it, and the result depends on the starting values.
             if _substeps(result.axis, rung.options, dt) == _substeps(axis, rung.options, dt):
                 break
         if solution.status == "converged" and rung.last:

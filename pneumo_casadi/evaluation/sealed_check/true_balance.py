@@ -57,7 +57,7 @@ def balances_of(names: Iterable[str]) -> frozenset[str]:
 
 
 def acting_in(effect: Effect) -> frozenset[str]:
-    """Return the balances of a servo axis whose residuals, or sensors, hang on an effect."""
+    """Return the balances of a servo axis whose residuals, or sensors, depend on an effect."""
     sym: Any = ca.SX.sym
     own = [f"{effect.name}.{item.name}" for item in effect.parameters]
     own += [f"{effect.name}.{item.name}" for item in effect.states]
@@ -81,7 +81,7 @@ def acting_in(effect: Effect) -> frozenset[str]:
 
 
 class _AnyFlow:
-    """A flow that hangs on all that a valve's flow may hang on."""
+    """A flow that depends on all that a valve's flow may depend on."""
 
     parameters = Parameters(())
 
