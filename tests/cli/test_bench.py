@@ -10,6 +10,7 @@ from pneumo_casadi.data import read_case
 SHORT = ["--duration", "2", "--fs", "500"]
 
 
+@pytest.mark.slow
 def test_simulate_writes_a_case_folder_and_the_labels_beside_it(tmp_path, capsys):
     folder, labels = tmp_path / "case", tmp_path / "labels.json"
     hidden = ["--effect", "stribeck:large", "--effect", "backlash", "--severity", "small"]

@@ -191,6 +191,7 @@ def test_parameters_that_are_no_result_are_exit_code_2(embedded, tmp_path, capsy
     assert "p.json" in error_line(capsys)
 
 
+@pytest.mark.slow
 def test_identify_leaves_a_report_and_prints_table_and_warnings(
     quick, tmp_path, capsys, monkeypatch
 ):

@@ -77,6 +77,7 @@ def test_a_recorded_axis_is_diagnosed_and_the_fits_are_kept(data_folder, tmp_pat
     assert (folder / "summary.txt").read_text("utf-8").strip() in printed
 
 
+@pytest.mark.slow
 def test_what_is_asked_for_reaches_the_diagnosis(embedded, tmp_path, given):
     folder = tmp_path / "out"
     arguments = ["--without", "hose", "--without", "backlash", "--keep", str(tmp_path / "fits")]

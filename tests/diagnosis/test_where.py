@@ -41,6 +41,7 @@ def bench(tmp_path_factory):
     return opened
 
 
+@pytest.mark.slow
 def test_nothing_is_located_where_nothing_is_wrong(bench):
     found = locate(*bench())
     assert (found.balance, found.junction, found.regimes, found.rivals) == ("none", None, (), ())

@@ -80,6 +80,7 @@ def test_correlated_residuals_and_the_pulled_map_are_said_in_words(demo):
     assert any("correlated" in item.text for item in demo.warnings if item.topic == "intervals")
 
 
+@pytest.mark.slow
 def test_progress_rises_from_nothing_to_one(embedded):
     shares: list[float] = []
     identify(
@@ -172,6 +173,7 @@ def test_the_start_is_clipped_to_the_bounds_of_the_model(quick):
     assert quick.axis.started_at(wls.parameters).parameters["M"].value == low
 
 
+@pytest.mark.slow
 def test_a_fit_that_fails_carries_its_partial_result(embedded):
     options = IdentifyOptions(
         FlowForm.POLYNOMIALS,

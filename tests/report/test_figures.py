@@ -132,6 +132,7 @@ def test_figures_are_as_wide_as_a_column_or_the_page(drawn):
         assert item.figure.get_figwidth() == pytest.approx(width * MM)
 
 
+@pytest.mark.slow
 def test_a_tight_box_cuts_nothing_off(drawn):
     """So do notebooks save: without care legends are lost, and no width is that of a column."""
     for name in ("parameters", "flow_map", "overview"):

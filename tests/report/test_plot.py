@@ -66,6 +66,7 @@ def test_channels_of_a_recording():
     assert [axes.get_ylabel() for axes in figure.axes] == ["$x$ [mm]", "$p_P$ [bar]"]
 
 
+@pytest.mark.slow
 def test_figure_of_a_design(quick):
     request = pc.ExperimentRequest(duration=1.0, tries=10)
     assert_drawn(pc.plot.design(pc.design_experiment(quick, request)))

@@ -47,12 +47,14 @@ def test_a_map_of_polynomials_is_written_as_polynomials_of_their_degrees():
     assert selection.error_of(FlowForm.ISO6358).percent > 1
 
 
+@pytest.mark.slow
 def test_a_map_of_neither_form_is_written_as_a_spline():
     selection = choose_flow_form(bumpy_map())
     assert selection.chosen is FlowForm.SPLINE
     assert selection.reason is Reason.LEAST_ERROR
 
 
+@pytest.mark.slow
 def test_polynomials_win_where_forms_do_equally_well(spool_valve):
     table = spool_valve()
     # So much noise that the misfit of the polynomials cannot be seen.

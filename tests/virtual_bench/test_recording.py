@@ -159,6 +159,7 @@ def test_kernels_are_not_cached_where_others_may_write(tmp_path, monkeypatch, ca
     assert jit.kernel_cache() is None
 
 
+@pytest.mark.slow
 def test_the_bench_runs_without_casadi_ever_being_loaded():
     code = "import sys, pneumo_casadi.virtual_bench; sys.exit('casadi' in sys.modules)"
     subprocess.run([sys.executable, "-c", code], check=True)

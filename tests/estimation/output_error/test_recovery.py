@@ -179,6 +179,7 @@ def test_outputs_shifted_by_one_sample_fit_measurably_worse(made, servo, fit, fi
     )
 
 
+@pytest.mark.slow
 def test_linear_and_zero_hold_are_not_confused(made, start, servo):
     axis, u, _ = servo
     x = made.steps(axis, u[:1000], servo[2][:, 0], InputHold.LINEAR)
@@ -195,6 +196,7 @@ def test_linear_and_zero_hold_are_not_confused(made, start, servo):
     assert stats.chi2.sf(d @ np.linalg.solve(wrong.uncertainty.covariance, d), d.size) < 1e-6
 
 
+@pytest.mark.slow
 def test_effects_with_and_without_states_are_recovered_with_the_axis(made, start):
     effects = (made.ValveLag(), Stribeck())
     values = {"valve_lag.tau": 8e-3, "stribeck.delta_F": 12.0, "stribeck.v_stribeck": 0.03}

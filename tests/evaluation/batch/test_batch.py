@@ -148,6 +148,7 @@ def test_threads_give_what_one_gives_and_an_interruption_leaves_the_rest_undone(
     assert len(marks(tmp_path)) < 20
 
 
+@pytest.mark.slow
 def test_processes_give_what_one_gives_and_a_killed_one_loses_nothing(tmp_path, fakes):
     cases, out = made_cases(tmp_path, 6), tmp_path / "out"
     with (
@@ -180,6 +181,7 @@ def cluster():
         yield client
 
 
+@pytest.mark.slow
 @needs_dask
 def test_a_killed_dask_worker_changes_no_result(tmp_path, fakes):
     cases, out = made_cases(tmp_path, 10), tmp_path / "out"
@@ -198,6 +200,7 @@ def test_a_killed_dask_worker_changes_no_result(tmp_path, fakes):
         assert [row.gap_before_percent for row in rows][:2] == [77.5, alone[1].gap_before_percent]
 
 
+@pytest.mark.slow
 def test_a_real_case_is_diagnosed_and_one_too_short_says_so(tmp_path, fakes):
     testbed = pytest.importorskip("pneumo_casadi.virtual_bench", exc_type=ImportError)
     for name, duration in (("good", 4.0), ("short", 0.5)):

@@ -87,6 +87,7 @@ def test_a_diagnosis_that_always_says_stribeck_scores_as_it_must(
     }
 
 
+@pytest.mark.slow
 def test_a_large_cause_shows_and_an_oracle_removes_more_than_another_effect(tmp_path, monkeypatch):
     few = {name: EFFECTS[name] for name in ("stribeck", "quadratic_drag", "drive_lag")}
     monkeypatch.setattr(measure, "EFFECTS", few)
