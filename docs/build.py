@@ -38,6 +38,8 @@ STAGES = {
     ),
     "wls": ("Weighted least squares", ("estimation.wls",)),
     "output_error": ("Output error", ("estimation.output_error",)),
+    "equation_error": ("Equation error", ("estimation.equation_error",)),
+    "metrics": ("Noise floor, gap and closure", ("metrics",)),
     "uncertainty": ("Uncertainty", ("estimation.uncertainty",)),
     "identification": (
         "Identification and validation",
