@@ -8,9 +8,14 @@ NOT_DRAWN = "no figures: matplotlib is not installed; pip install 'pneumo-casadi
 log = logging.getLogger(__name__)
 
 
+def matplotlib_installed() -> bool:
+    """Tell whether matplotlib is installed, without importing it."""
+    return find_spec("matplotlib") is not None
+
+
 def can_draw() -> bool:
-    """Tell whether matplotlib is installed, without importing it; if not, log the remedy."""
-    if find_spec("matplotlib") is not None:
+    """Tell whether figures can be drawn; if not, log the remedy."""
+    if matplotlib_installed():
         return True
     log.warning(NOT_DRAWN)
     return False

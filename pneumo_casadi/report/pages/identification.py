@@ -12,7 +12,7 @@ from pneumo_casadi.estimation.output_error import OutputErrorResult
 from pneumo_casadi.estimation.wls import format_table
 from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.identification.result_file import identification_provenance
-from pneumo_casadi.report.pages.drawing import NOT_DRAWN, can_draw
+from pneumo_casadi.report.pages.drawing import NOT_DRAWN, matplotlib_installed
 from pneumo_casadi.report.tables.content import all_tables
 from pneumo_casadi.report.tables.results import Table, with_symbols
 
@@ -114,7 +114,7 @@ def page(template: str, **content: Any) -> str:
         trim_blocks=True,
         finalize=_unbroken,
     )
-    content["not_drawn"] = "" if can_draw() else NOT_DRAWN
+    content["not_drawn"] = "" if matplotlib_installed() else NOT_DRAWN
     environment.filters["marked"] = _marked
     return environment.get_template(template).render(**content).lstrip()
 
