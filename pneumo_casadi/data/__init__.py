@@ -10,6 +10,7 @@ from pneumo_casadi.data.bench.controllers import (
 )
 from pneumo_casadi.data.case import Case
 from pneumo_casadi.data.case_folder import EXAMPLE, example_case, read_case, write_case
+from pneumo_casadi.data.checks.finding import Finding, Grade
 from pneumo_casadi.data.checks.records import check_recording
 from pneumo_casadi.data.emps import read_emps
 from pneumo_casadi.data.readers.columns import Column, column_map, read_columns
@@ -29,7 +30,9 @@ __all__ = [
     "Case",
     "Column",
     "Controller",
+    "Finding",
     "ForceBench",
+    "Grade",
     "InputHold",
     "NestedController",
     "ProportionalController",
