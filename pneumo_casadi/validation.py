@@ -14,7 +14,7 @@ from pneumo_casadi.estimation.output_error.shooting.segments import measured_sta
 from pneumo_casadi.metrics import gap, output_noise, signal_std
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.integration import held_inputs
-from pneumo_casadi.model.sampled_axis import disturbance_of
+from pneumo_casadi.model.sampled_axis import added_inputs
 from pneumo_casadi.model.simulation import (
     Trajectory,
     compute_outputs,
@@ -205,7 +205,7 @@ def loop_run(axis: Axis, record: Recording, estimated: bool = False) -> Trajecto
         x_0 = _estimated_start(axis, record)
     else:
         x_0 = measured_states(axis, record, axis.parameters)[:, 0]
-    added = disturbance_of(record)
+    added = added_inputs(axis, record).T
     return simulate_closed_loop(axis, record["x_ref"], record.dt, x_0, disturbance=added)
 
 
@@ -222,11 +222,11 @@ def loop_errors(
 
 def _loop_errors(axis: Axis, runs: Sequence[tuple[Recording, Trajectory]]) -> dict[str, Error]:
     pairs = [(record, _WHOLE, run) for record, run in runs]
-    return _errors(axis, (*axis.outputs, *axis.inputs), pairs)
+    return _errors(axis, (*axis.outputs, *axis.kind.commands), pairs)
 
 
 def _run(axis: Axis, record: Recording) -> Run:
-    closes = axis.bench.controller is not None and "x_ref" in record
+    closes = axis.bench.controller.closes_loop and "x_ref" in record
     return Run(record, free_run(axis, record), loop_run(axis, record) if closes else None)
 
 

@@ -1,13 +1,19 @@
 """Recordings of an axis: bench, channels, case folders, and checks of the data that are read."""
 
 from pneumo_casadi.data.bench.axis_kind import FORCE_DRIVEN, PNEUMATIC, AxisKind, Balance
-from pneumo_casadi.data.bench.bench import AnyBench, Bench, ForceBench, SensorNoise
+from pneumo_casadi.data.bench.bench import Bench
 from pneumo_casadi.data.bench.bench_file import read_bench
+from pneumo_casadi.data.bench.clock import Clock
 from pneumo_casadi.data.bench.controllers import (
     Controller,
     NestedController,
+    NoController,
     ProportionalController,
 )
+from pneumo_casadi.data.bench.driven_bench import AnyBench, ForceBench, PressureBench
+from pneumo_casadi.data.bench.load import Load
+from pneumo_casadi.data.bench.sensor_noise import SensorNoise
+from pneumo_casadi.data.bench.valve_source import Arrangement, FlowSource, ValveData, Valves
 from pneumo_casadi.data.case import Case
 from pneumo_casadi.data.case_folder import EXAMPLE, example_case, read_case, write_case
 from pneumo_casadi.data.checks.finding import Finding, Grade
@@ -24,20 +30,28 @@ __all__ = [
     "PNEUMATIC",
     "UNITS",
     "AnyBench",
+    "Arrangement",
     "AxisKind",
     "Balance",
     "Bench",
     "Case",
+    "Clock",
     "Column",
     "Controller",
     "Finding",
+    "FlowSource",
     "ForceBench",
     "Grade",
     "InputHold",
+    "Load",
     "NestedController",
+    "NoController",
+    "PressureBench",
     "ProportionalController",
     "Recording",
     "SensorNoise",
+    "ValveData",
+    "Valves",
     "check_recording",
     "column_map",
     "example_case",

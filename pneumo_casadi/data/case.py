@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from pneumo_casadi.data.bench.bench import AnyBench
+from pneumo_casadi.data.bench.driven_bench import AnyBench
 from pneumo_casadi.data.recording.recording import Recording
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.runtime.presentation import Presentable

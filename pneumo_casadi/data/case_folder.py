@@ -4,6 +4,7 @@ import gzip
 import json
 import shutil
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,16 +12,17 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
-from pneumo_casadi.data.bench.bench import AnyBench
 from pneumo_casadi.data.bench.bench_file import bench_content, read_bench
+from pneumo_casadi.data.bench.clock import Clock
+from pneumo_casadi.data.bench.driven_bench import AnyBench
 from pneumo_casadi.data.case import Case
 from pneumo_casadi.data.checks.records import check_recording
 from pneumo_casadi.data.emps import IDENTIFY as EMPS_FILE
 from pneumo_casadi.data.emps import read_emps
 from pneumo_casadi.data.readers.columns import COLUMNS_FILE, ColumnSpec, read_columns
-from pneumo_casadi.data.readers.recordings import read_recording
+from pneumo_casadi.data.readers.recordings import read_recording, split_at_gaps
 from pneumo_casadi.data.readers.tables import suffix_of
-from pneumo_casadi.data.recording.channels import UNITS, InputHold
+from pneumo_casadi.data.recording.channels import UNITS, InputHold, column_name
 from pneumo_casadi.data.recording.recording import Recording
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.runtime.atomic_files import atomic_folder
@@ -77,10 +79,14 @@ def read_case(
     if columns is None and (folder / COLUMNS_FILE).is_file():
         columns = read_columns(folder / COLUMNS_FILE)
     records = {
-        role: tuple(read_recording(path, hold, columns) for path in _record_files(folder, role))
+        role: tuple(
+            part
+            for path in _record_files(folder, role)
+            for part in _read_parts(path, hold, columns, bench.clock)
+        )
         for role in ("identify", "validate")
     }
-    notes: list[str] = []
+    bench, notes = _with_signals(bench, [*records["identify"], *records["validate"]])
     if check:
         for recording in (*records["identify"], *records["validate"]):
             notes.extend(check_recording(recording, bench))
@@ -93,6 +99,27 @@ def read_case(
         flow_map if flow_map.is_file() else None,
         tuple(notes),
     )
+
+
+def _read_parts(
+    path: Path, hold: InputHold, columns: Mapping[str, ColumnSpec] | None, clock: Clock
+) -> tuple[Recording, ...]:
+    recording = read_recording(path, hold, columns, clock=clock)
+    return split_at_gaps(recording) if clock is Clock.AS_RECORDED else (recording,)
+
+
+def _with_signals(bench: AnyBench, records: Sequence[Recording]) -> tuple[AnyBench, list[str]]:
+    """Return the bench with the further signals that all records have, and notes on the others."""
+    known = {name for name in bench.kind.further for record in records if name in record}
+    shared = {name for name in known if all(name in record for record in records)}
+    notes = [
+        f"{record.source}: no column `{column_name(name)}`, which other records have; it is not "
+        "used"
+        for name in sorted(known - shared)
+        for record in records
+        if name not in record
+    ]
+    return (replace(bench, signals=frozenset(shared)) if shared else bench), notes
 
 
 def _record_files(folder: Path, role: str) -> list[Path]:
@@ -205,7 +232,7 @@ def _columns(recording: Recording) -> dict[str, ArrayLike]:
             f"holds {', '.join(UNITS)}"
         )
     columns: dict[str, ArrayLike] = {"t_s": np.round(recording.t, TIME_DECIMALS)}
-    return columns | {f"{name}_{UNITS[name]}": recording[name] for name in recording.names}
+    return columns | {column_name(name): recording[name] for name in recording.names}
 
 
 def _write_csv(path: Path, columns: Mapping[str, Any]) -> None:

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pneumo_casadi.data.bench.bench import ForceBench
 from pneumo_casadi.data.bench.controllers import NestedController
+from pneumo_casadi.data.bench.driven_bench import ForceBench
 from pneumo_casadi.data.case import Case
 from pneumo_casadi.data.checks.records import check_recording
 from pneumo_casadi.data.readers.columns import Column

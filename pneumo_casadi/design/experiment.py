@@ -7,6 +7,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
+from pneumo_casadi.data import ProportionalController
 from pneumo_casadi.design.reference import Reference
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.model.axis import Axis
@@ -157,11 +158,28 @@ class ExperimentSimulator:
                 "experiments are designed for a servo axis; a force-driven one is not supported"
             )
 
+    @property
+    def controller(self) -> ProportionalController:
+        """The law that closes the loop.
+
+        Raises
+        ------
+        ModelError
+            If it is not a proportional one: its gain and limit bound the experiments.
+        """
+        controller = self.axis.bench.controller
+        if not isinstance(controller, ProportionalController):
+            raise ModelError(
+                "experiments are designed for a proportional controller, not for a "
+                f"{type(controller).__name__}"
+            )
+        return controller
+
     @cached_property
     def model(self) -> SampledAxis:
         """The axis and its controller from sample to sample."""
         stepping = Stepping(self.dt, substeps=substeps_for(self.axis, self.dt))
-        return SampledAxis(self.axis, stepping, self.axis.bench.controller)
+        return SampledAxis(self.axis, stepping, self.controller)
 
     @cached_property
     def step(self) -> ca.Function:
@@ -171,7 +189,7 @@ class ExperimentSimulator:
         x, w = sym("x", model.nx), sym("w", model.nw)
         theta = sym("theta", len(axis.parameters))
         u = model.feedback(x, w, theta)
-        u_max = axis.bench.controller.u_max
+        u_max = self.controller.u_max
         u = ca.fmin(ca.fmax(u, -u_max), u_max)
         following = step_function(axis, model.stepping)(x, u, theta)
         results = [following, x, u, axis.output(x, u, theta)]
@@ -189,7 +207,7 @@ class ExperimentSimulator:
         with np.errstate(all="ignore"):
             _, states, u, y = accumulate(self.step, x_0, [given[None]], theta)
         states, u, y = (part[0][:, settling:] for part in (states, u, y))
-        error = np.abs(self.axis.bench.controller.gain * (reference.x_ref - y[-1]))
+        error = np.abs(self.controller.gain * (reference.x_ref - y[self.axis.outputs.index("x")]))
         wanted = float((error + np.abs(reference.common)).max())
         return SimulatedExperiment(reference, states, u, y, wanted)
 
@@ -203,7 +221,7 @@ class ExperimentSimulator:
         constants, theta = self.axis.constants, self.axis.parameters.values
         p = np.linspace(constants["p_ext"], constants["p_supply"], GRID)
         # Close to zero, where the pressure gain is large, commands lie close together.
-        delta = self.axis.bench.controller.u_max * np.linspace(-1.0, 1.0, GRID) ** 3
+        delta = self.controller.u_max * np.linspace(-1.0, 1.0, GRID) ** 3
         all_p, all_delta = (part.ravel() for part in np.meshgrid(p, delta, indexing="ij"))
         nominal = np.vstack([all_p, all_p, 0 * all_p, 0 * all_p])
         u = np.vstack([all_delta, -all_delta])

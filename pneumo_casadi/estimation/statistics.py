@@ -181,7 +181,7 @@ def stated_or_estimated_noise(bench: Any, records: Sequence[Recording], channel:
     records : sequence of Recording
         The noisiest one counts.
     channel : str
-        ``"p_P"``, ``"p_N"`` or ``"x"``.
+        ``"p_P"``, ``"x"`` or another output.
 
     Returns
     -------
@@ -189,7 +189,7 @@ def stated_or_estimated_noise(bench: Any, records: Sequence[Recording], channel:
         Standard deviation of one sample; never zero, because a channel without any noise still
         has the rounding of its file.
     """
-    stated = getattr(bench.noise, channel[0], None) if bench.noise is not None else None
+    stated = bench.noise.of(channel) if bench.noise is not None else None
     if stated:
         return float(stated)
     estimated = max(white_noise_std(record[channel]) for record in records)

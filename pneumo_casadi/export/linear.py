@@ -211,7 +211,7 @@ def _jacobians(axis: Axis) -> ca.Function:
 def _search(axis: Axis, held: Mapping[str, float]) -> OperatingPoint:
     """Solve for all that is not held by damped Gauss-Newton steps of least length."""
     names = (*axis.states, *axis.inputs)
-    z = np.concatenate([balanced_state(axis), np.zeros(len(axis.inputs))])
+    z = np.concatenate([balanced_state(axis), axis.inputs_at_rest])
     scales = np.concatenate([axis.state_scales, np.ones(len(axis.inputs))])
     for name, value in held.items():
         z[names.index(name)] = value

@@ -212,7 +212,7 @@ def balanced_state(axis: Axis) -> FloatArray:
         p_N = (p_supply + p_ext) / 2
         p_P = p_ext + constants["S_N"] / constants["S_P"] * (p_N - p_ext)
         nominal = [p_P, p_N, 0.0, 0.0]
-    full = axis.rest(nominal, np.zeros(len(axis.inputs)), axis.parameters.values)
+    full = axis.rest(nominal, axis.inputs_at_rest, axis.parameters.values)
     return np.asarray(full, dtype=float).ravel()
 
 

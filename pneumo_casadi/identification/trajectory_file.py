@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from pneumo_casadi.data import UNITS, Case, Recording
+from pneumo_casadi.data import Case, Recording
+from pneumo_casadi.data.recording.channels import column_name
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.simulation import (
@@ -77,7 +78,7 @@ def trajectory_frame(simulated: RecordSimulation) -> pd.DataFrame:
     """Return a simulation in the columns of a case folder, SI units, without noise."""
     record, run = simulated.record, simulated.trajectory
     columns = {"t_s": np.round(record.t, 10)}
-    columns |= {f"{name}_{UNITS[name]}": run[name] for name in (*run.inputs, *run.outputs)}
+    columns |= {column_name(name): run[name] for name in (*run.inputs, *run.outputs)}
     if "x_ref" in record:
         columns["x_ref_m"] = record["x_ref"]
     return pd.DataFrame(columns)

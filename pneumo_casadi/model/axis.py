@@ -8,7 +8,7 @@ import numpy as np
 
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.model.axis_description import AxisDescription
-from pneumo_casadi.model.balances import Balances, driving_force, write_balances
+from pneumo_casadi.model.balances import Balances, driving_force, load_force, write_balances
 from pneumo_casadi.model.junctions import Expression
 from pneumo_casadi.parameters import FloatArray, Parameters
 
@@ -106,11 +106,17 @@ class Axis(AxisDescription):
         return ca.Function("valve_flow", [x, u, theta], [q_m], ["x", "u", "theta"], ["q_m"])
 
     def driving_force(self, x: FloatArray, u: FloatArray) -> FloatArray:
-        """Return S_P p_P - S_N p_N - F_ext, or F [N], (N,), of states (nx, N), inputs (nu, N)."""
+        """Return what drives the mass, load included [N], (N,), at states (nx, N), inputs (nu, N).
+
+        S_P p_P - S_N p_N - F_ext, or F, of the nominal axis.
+        """
         signals = dict(zip(self.motion_states, x, strict=False)) | dict(
             zip(self.inputs, u, strict=True)
         )
-        return np.asarray(driving_force(self.kind, signals, self.constants))
+        constants = self.constants
+        values = self.parameters.as_dict()
+        driving = driving_force(self.kind, signals, {**values, **constants})
+        return np.asarray(driving + load_force(signals, values["M"], constants))
 
     @cached_property
     def rest(self) -> ca.Function:

@@ -126,6 +126,17 @@ class AxisDescription:
         return self.kind.inputs
 
     @property
+    def inputs_at_rest(self) -> FloatArray:
+        """Inputs of an axis that nothing moves, (nu,): zero, pressures at the bench's values."""
+        constants = self.constants
+        at_rest = {
+            "p_supply": constants.get("p_supply", 0.0),
+            "p_P": constants.get("p_ext", 0.0),
+            "p_N": constants.get("p_ext", 0.0),
+        }
+        return np.array([at_rest.get(name, 0.0) for name in self.inputs])
+
+    @property
     def outputs(self) -> tuple[str, ...]:
         """Measured channels."""
         return self.kind.outputs
@@ -142,8 +153,10 @@ class AxisDescription:
 
     @property
     def constants(self) -> dict[str, float]:
-        """Geometry, pressures and gas of the bench, as far as the axis has them [SI]."""
+        """Geometry, pressures, gas and load of the bench, as far as the axis has them [SI]."""
         values = {name: getattr(self.bench, name) for name in self.kind.constants}
+        load = self.bench.load
+        values |= {"g_x": load.acceleration or None, "F_0": load.force or None}
         return {name: value for name, value in values.items() if value is not None}
 
     @property

@@ -79,7 +79,8 @@ def write_balances(
         0 = q_mN - (X_s4 - X_s5 x) ṗ_N + X_s6 p_N ẋ
         0 = S_P p_P - S_N p_N - F_ext - M ẍ - F_f(ẋ)
 
-    and on one driven by a force: 0 = F - M ẍ - F_f(ẋ).
+    and on one driven by a force: 0 = F - M ẍ - F_f(ẋ). A load adds M g_x + F_0 + F_load to the
+    forces: gravity along +x, a constant force, and a measured force on the rod.
 
     Parameters
     ----------
@@ -89,11 +90,13 @@ def write_balances(
         States and their derivatives: ``p_P, p_N`` [Pa] (with chambers), ``x`` [m], ``v`` [m/s],
         and the effects' states as ``"effect.state"``. A missing effect state is at rest.
     u : mapping of str to Expression
-        Inputs: ``u_P, u_N`` [V], or ``F`` [N].
+        Inputs: ``u_P, u_N`` [V], ``F`` [N], or the measured pressures ``p_P, p_N`` [Pa]; where
+        they are recorded, ``p_supply`` [Pa] and ``F_load`` [N].
     theta : mapping of str to Expression
         Parameters by name.
     constants : mapping of str to float
-        ``S_P, S_N, p_ext, p_supply, T, r, stroke``, as far as the axis has them.
+        ``S_P, S_N, p_ext, p_supply, T, r, stroke``, as far as the axis has them; under a load
+        the component of gravity along +x ``g_x`` [m/s²] and a constant force ``F_0`` [N].
     effects : sequence of Effect
         In the order in which they are folded.
     flow : flow model, optional
@@ -105,10 +108,11 @@ def write_balances(
     Balances
     """
     signals = {**u, **x}
-    p = Pair(signals["p_P"], signals["p_N"]) if kind.chambers else Pair(0.0, 0.0)
+    p = _chamber_pressures(kind, signals, constants)
     direction = smoothed_sign(x["v"], theta["v_s"])
     friction = friction_force(x["v"], direction, theta)
     nominal = {**{k: val for k, val in theta.items() if "." not in k}, **constants}
+    nominal |= {name: u[name] for name in ("p_supply",) if name in u}
     common = Scope(x["x"], x["v"], p, direction, friction, nominal)
     owns = [_own(effect, x, theta) for effect in effects]
     fold = _Fold(effects, [replace(common, own=own) for own in owns])
@@ -120,10 +124,13 @@ def write_balances(
         q = fold.through("chamber_flow", fold.through("line", q_m))
         q = fold.through("chamber_energy", q)
         residual |= mass_flow_residuals(q, p, x, dx, theta)
-    driving = fold.through("drive", driving_force(kind, signals, constants))
-    residual["force"] = fold.through("force", driving - friction) - theta["M"] * dx["v"]
+    driving = fold.through("drive", driving_force(kind, signals, nominal))
+    loaded = driving - friction + load_force(signals, theta["M"], constants)
+    force = fold.through("force", loaded)
+    residual["force"] = force - theta["M"] * dx["v"]
 
-    output = fold.through("output", {name: signals[name] for name in kind.outputs})
+    shown = {**signals, "a": force / theta["M"]} if "a" in kind.outputs else signals
+    output = fold.through("output", {name: shown[name] for name in kind.outputs})
     rates: dict[str, Expression] = {}
     rest: dict[str, Expression] = {}
     for effect, entering, scope in zip(effects, fold.entering, fold.scopes, strict=True):
@@ -161,18 +168,42 @@ def chamber_capacities(x: Expression, theta: Mapping[str, Expression]) -> Pair:
 
 
 def driving_force(
-    kind: AxisKind, signals: Mapping[str, Expression], constants: Mapping[str, Expression]
+    kind: AxisKind, signals: Mapping[str, Expression], geometry: Mapping[str, Expression]
 ) -> Expression:
-    """Return what moves the mass of the nominal axis: S_P p_P - S_N p_N - F_ext, or F [N]."""
+    """Return what moves the mass of the nominal axis: S_P p_P - S_N p_N - F_ext, or F [N].
+
+    `geometry` holds the piston areas [m²] and the ambient pressure [Pa].
+    """
     if kind.chambers:
-        p = Pair(signals["p_P"], signals["p_N"])
-        return pressure_force(p, constants) - external_force(constants)
+        p = _chamber_pressures(kind, signals, geometry)
+        return pressure_force(p, geometry) - external_force(geometry)
     return signals["F"]
+
+
+def load_force(
+    signals: Mapping[str, Expression], M: Expression, constants: Mapping[str, Expression]
+) -> Expression:
+    """Return M g_x + F_0 + F_load [N], as far as the axis has them, else 0."""
+    force: Expression = 0.0
+    if "g_x" in constants:
+        force = force + M * constants["g_x"]
+    if "F_0" in constants:
+        force = force + constants["F_0"]
+    return force + signals["F_load"] if "F_load" in signals else force
+
+
+def _chamber_pressures(
+    kind: AxisKind, signals: Mapping[str, Expression], constants: Mapping[str, Expression]
+) -> Pair:
+    """Return the pressures of both chambers; an open one is at the ambient pressure."""
+    if not kind.chambers:
+        return Pair(0.0, 0.0)
+    return Pair(*(signals.get(f"p_{c}", constants["p_ext"]) for c in ("P", "N")))
 
 
 def pressure_force(p: Pair, constants: Mapping[str, Expression]) -> Expression:
     """Return the force of the chamber pressures on the piston, S_P p_P - S_N p_N [N] (eq. 1)."""
-    return constants["S_P"] * p.P - constants["S_N"] * p.N
+    return constants["S_P"] * p.P - constants.get("S_N", 0.0) * p.N
 
 
 def external_force(constants: Mapping[str, Expression]) -> Expression:
@@ -180,7 +211,7 @@ def external_force(constants: Mapping[str, Expression]) -> Expression:
 
     Eq. 2: F_ext = (S_P - S_N) p_ext.
     """
-    return (constants["S_P"] - constants["S_N"]) * constants["p_ext"]
+    return (constants["S_P"] - constants.get("S_N", 0.0)) * constants["p_ext"]
 
 
 def friction_force(
@@ -217,7 +248,8 @@ def _valve_flow(
     """Fold the command through valve and ports to the flow through each valve."""
     opening = fold.through("spool", fold.through("command", Pair(u["u_P"], u["u_N"])))
     metered = Supply(constants["p_supply"], constants["p_ext"])
-    ports = fold.through("supply", metered)
+    recorded = Supply(u["p_supply"], constants["p_ext"]) if "p_supply" in u else metered
+    ports = fold.through("supply", recorded)
     outlet = fold.through("outlet", p)
     coefficients = ca.vertcat(*(theta[name] for name in flow.parameters.names))
 

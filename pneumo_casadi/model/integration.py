@@ -62,7 +62,7 @@ def _fastest_rate(axis: Axis) -> float:
     """Return the largest magnitude of the axis' poles at mid-stroke and standstill [1/s]."""
     constants, theta = axis.constants, axis.parameters.values
     pressures = [(constants["p_supply"] + constants["p_ext"]) / 2 for _ in axis.kind.gas_chambers]
-    u = np.zeros(len(axis.inputs))
+    u = axis.inputs_at_rest
     at_rest = axis.rest([*pressures, 0.0, 0.0], u, theta)
     x = axis.symbol.sym("x", len(axis.states))
     # In θ as a symbol: the same expression for all parameter values, and MX maps need it.

@@ -6,13 +6,17 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from pneumo_casadi.data import InputHold, NestedController, ProportionalController, Recording
+from pneumo_casadi.data import (
+    Controller,
+    InputHold,
+    NoController,
+    ProportionalController,
+    Recording,
+)
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.integration import Stepping, held_inputs
 from pneumo_casadi.parameters import FloatArray
-
-Controller = ProportionalController | NestedController
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +44,11 @@ class SampledAxis:
     controller: Controller | None = None
 
     def __post_init__(self) -> None:
+        if isinstance(self.controller, NoController):
+            raise ModelError(
+                "closed loop: no controller is known; describe it in bench.json, or simulate in "
+                "open loop"
+            )
         if self.controller is not None and self.stepping.hold is not InputHold.ZERO:
             raise ModelError("closed loop: a sampled controller holds its output (InputHold.ZERO)")
 
@@ -85,8 +94,10 @@ class SampledAxis:
         theta = sym("theta", len(axis.parameters))
         # The sensor value does not depend on the input of the same instant.
         y = axis.output(x[:nxa], axis.symbol(ca.DM.zeros(len(axis.inputs))), theta)
-        u, kept = law(x[nxa:], w[0], y[axis.outputs.index("x")])
-        return ca.Function("feedback", [x, w, theta], [ca.vertcat(u + w[1:], kept)])
+        commands, kept = law(x[nxa:], w[0], y[axis.outputs.index("x")])
+        further = ca.DM.zeros(len(axis.inputs) - len(axis.kind.commands))
+        u = ca.vertcat(commands, further) + w[1:]
+        return ca.Function("feedback", [x, w, theta], [ca.vertcat(u, kept)])
 
     def streams(self, record: Recording) -> FloatArray:
         """Return what every sample of a record is given, shape (nw, N - 1).
@@ -103,11 +114,7 @@ class SampledAxis:
                 f"record {record.name}: no reference x_ref; without it the loop cannot be "
                 "simulated, fit in open loop"
             )
-        added = disturbance_of(record)
-        rows = np.zeros((len(self.axis.inputs), record.N))
-        if added is not None:
-            rows += added
-        return np.vstack([record["x_ref"], rows])[:, :-1]
+        return np.vstack([record["x_ref"], added_inputs(self.axis, record)])[:, :-1]
 
     def with_controller_memory(self, states: FloatArray) -> FloatArray:
         """Append the controller's memory to states of successive samples, shape (nx, N).
@@ -124,9 +131,19 @@ class SampledAxis:
         return np.vstack([states, *last])
 
 
-def disturbance_of(record: Recording) -> FloatArray | None:
-    """Return what a record says was added to the controller's output [N], or None."""
-    return record["F_pulse"] if "F_pulse" in record else None  # noqa: SIM401 - not a mapping
+def added_inputs(axis: Axis, record: Recording) -> FloatArray:
+    """Return what a record adds to the controller's commands, shape (nu, N).
+
+    For commands that is a recorded disturbance ``F_pulse`` or zero; further inputs, such as the
+    supply pressure, are as they were recorded.
+    """
+    rows = np.zeros((len(axis.inputs), record.N))
+    if "F_pulse" in record:
+        rows[: len(axis.kind.commands)] += record["F_pulse"]
+    for row, name in enumerate(axis.inputs):
+        if name not in axis.kind.commands:
+            rows[row] = record[name]
+    return rows
 
 
 def control_law(controller: Controller, dt: float) -> ca.Function:
@@ -135,10 +152,12 @@ def control_law(controller: Controller, dt: float) -> ca.Function:
     The nested controller takes its velocity from the positions of this and the last two
     instants: the difference of means of two, (x_k - x_{k-2}) / (2 dt) (Janot et al. 2019).
     """
-    x_ref, x = ca.SX.sym("x_ref"), ca.SX.sym("x")
+    if isinstance(controller, NoController):
+        raise ModelError("closed loop: no controller is known; simulate in open loop")
+    x_ref, x, u_max = ca.SX.sym("x_ref"), ca.SX.sym("x"), controller.u_max
 
     def clip(value: ca.SX) -> ca.SX:
-        return ca.fmin(ca.fmax(value, -controller.u_max), controller.u_max)
+        return ca.fmin(ca.fmax(value, -u_max), u_max)
 
     if isinstance(controller, ProportionalController):
         memory = ca.SX.sym("memory", 0)

@@ -1,8 +1,8 @@
-"""The axes that can be made: two valves and a cylinder, or a known force."""
+"""The axes that can be made: valves and a cylinder, a known force, or measured pressures."""
 
 from collections.abc import Iterable
 
-from pneumo_casadi.data import AnyBench, Bench, ForceBench
+from pneumo_casadi.data import AnyBench, Bench, ForceBench, PressureBench
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.model.axis import V_S_SHARP, Axis
 from pneumo_casadi.model.effect import Effect
@@ -56,12 +56,37 @@ def ForceAxis(bench: ForceBench, effects: Iterable[Effect] = ()) -> Axis:
     return Axis(bench, None, (), Parameters(_motion_parameters(bench))).with_effects(*effects)
 
 
+def PressureAxis(bench: PressureBench, effects: Iterable[Effect] = ()) -> Axis:
+    """Make the moving mass alone, driven by the measured pressures of its chambers.
+
+    The piston areas ``S_P`` and ``S_N`` are parameters: free where a force on the rod is
+    recorded (``F_load``), which gives all forces their scale; held at the bench's values
+    otherwise, because a common factor of areas, mass and friction changes no motion.
+    """
+    measured = "F_load" in bench.signals
+    areas = [
+        Parameter(
+            f"S_{chamber}",
+            getattr(bench, f"S_{chamber}"),
+            "m2",
+            lower=getattr(bench, f"S_{chamber}") / 20,
+            upper=getattr(bench, f"S_{chamber}") * 20,
+            free=measured,
+            description=f"piston area of chamber {chamber}",
+            source="eq. 1",
+        )
+        for chamber in bench.kind.chambers
+    ]
+    nominal = Parameters([*areas, *_motion_parameters(bench)])
+    return Axis(bench, None, (), nominal).with_effects(*effects)
+
+
 def nominal_axis(bench: AnyBench, flow: FlowModel | None, effects: Iterable[Effect] = ()) -> Axis:
     """Make the axis of the kind that its bench says.
 
     Parameters
     ----------
-    bench : Bench or ForceBench
+    bench : Bench, ForceBench or PressureBench
         Geometry and constants.
     flow : flow model or None
         Static map of the valves where this kind of axis has valves.
@@ -77,6 +102,8 @@ def nominal_axis(bench: AnyBench, flow: FlowModel | None, effects: Iterable[Effe
         return Servosystem(bench, flow, effects)
     if isinstance(bench, ForceBench) and flow is None:
         return ForceAxis(bench, effects)
+    if isinstance(bench, PressureBench) and flow is None:
+        return PressureAxis(bench, effects)
     verb = "needs the" if bench.kind.needs_flow_map else "has no"
     raise ModelError(f"a {bench.kind.title} {verb} static flow map of its valves")
 

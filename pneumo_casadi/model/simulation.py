@@ -7,7 +7,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pneumo_casadi.data import InputHold
+from pneumo_casadi.data import Controller, InputHold
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.compilation import compile_functions
@@ -18,7 +18,7 @@ from pneumo_casadi.model.integration import (
     step_function,
     substeps_for,
 )
-from pneumo_casadi.model.sampled_axis import Controller, SampledAxis
+from pneumo_casadi.model.sampled_axis import SampledAxis
 from pneumo_casadi.parameters import FloatArray
 
 
@@ -182,16 +182,13 @@ def simulate_closed_loop(
     >>> bool(abs(run["x"][-1] - 0.1) < 0.03)
     True
     """
-    controller = controller or axis.bench.controller
-    if controller is None:
-        raise ModelError("closed loop: the bench names no controller; give one")
     reference = np.asarray(x_ref, dtype=float)
     N, nu = reference.size, len(axis.inputs)
     added = np.zeros((N, nu)) if disturbance is None else np.asarray(disturbance, dtype=float)
     added = added.reshape(N, -1) * np.ones((1, nu))
-    model = SampledAxis(axis, stepping_for(axis, dt), controller)
+    model = SampledAxis(axis, stepping_for(axis, dt), controller or axis.bench.controller)
     step = _closed_step(model)
-    state = model.with_controller_memory(full_state(axis, x_0, np.zeros(nu))[:, None])[:, 0]
+    state = model.with_controller_memory(full_state(axis, x_0, axis.inputs_at_rest)[:, None])[:, 0]
     streams = [reference[None, None], added.T[None]]
     _, x, u = accumulate(step, state[:, None], streams, axis.parameters.values)
     return _trajectory(axis, dt, x[0], u[0])

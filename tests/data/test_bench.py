@@ -14,6 +14,7 @@ from pneumo_casadi.data import (
     SensorNoise,
     read_bench,
 )
+from pneumo_casadi.data.bench.bench_file import bench_content, bench_from_content
 from pneumo_casadi.errors import CaseError
 
 
@@ -62,7 +63,7 @@ def test_what_is_no_number_is_refused(bench, value):
         ("700000.0", "NaN", "`p_supply`: expected a finite number"),
         ('"u_max_V": 5.0', '"u_max": 5.0', "missing key `controller.u_max_V`; there stands"),
         ('"u_max_V": 5.0', '"u_max_V": -5.0', "`controller.u_max`: expected a positive limit in V"),
-        ("proportional", "fuzzy", "`controller.type`: got 'fuzzy'; write one of proportional"),
+        ("proportional", "fuzzy", "`controller.type`: got 'fuzzy'; write 'proportional' or "),
         ("M_kg", "M_lb", "`datasheet.M_lb`: the name must end in its SI unit"),
         ('{"M_kg": 17.0}', "17.0", "`datasheet`: expected a JSON object, got 17.0"),
         ('"p_Pa": 150.0', '"p_Pa": -1', "`noise.p`: expected Pa between 0"),
@@ -105,7 +106,9 @@ def test_supply_must_exceed_ambient(bench):
 
 
 def test_a_controller_of_the_wrong_kind_is_refused(bench):
-    with pytest.raises(CaseError, match="expected a ProportionalController for a Bench"):
+    with pytest.raises(
+        CaseError, match="NestedController sets F, but the inputs .* u_P, u_N"
+    ):
         replace(bench, controller=NestedController(1.0, 1.0, 1.0, 1.0))
 
 
@@ -136,3 +139,49 @@ def test_a_controller_without_gain_or_range_is_refused(kwargs):
 
 def test_the_stroke_has_its_zero_in_the_middle(bench):
     assert isinstance(bench, Bench) and bench.stroke_limits == (-0.25, 0.25)
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"valve": {"source": "none"}, "arrangement": "one 5/3", "clock": "as recorded"},
+        {"valve": {"source": "metered", "accuracy_percent": 2}, "area_accuracy_percent": 0.5},
+        {
+            "valve": {
+                "source": "data sheet",
+                "C_fill_m3_per_s_Pa": 1.2e-8,
+                "C_exhaust_m3_per_s_Pa": 1.4e-8,
+                "b": 0.3,
+                "u_full_V": 5,
+            },
+            "load": {"angle_deg": 90, "force_N": -20},
+        },
+        {
+            "controller": {"type": "none"},
+            "sensor_noise": {"p_Pa": 150, "x_m": 1e-5, "v_m_per_s": 1},
+        },
+    ],
+)
+def test_what_laboratories_have_is_read_and_written_back(bench, fields):
+    read = bench_from_content(bench_content(bench) | fields)
+    assert bench_from_content(bench_content(read)) == read != bench
+
+
+def test_a_valve_without_conductances_is_no_data_sheet(bench):
+    content = bench_content(bench) | {"valve": {"source": "data sheet", "b": 0.3}}
+    with pytest.raises(CaseError, match="no C_fill, C_exhaust, u_full for a data sheet"):
+        bench_from_content(content)
+
+
+def test_the_moving_mass_alone_takes_its_pressures_as_inputs():
+    content = {
+        "axis": "pressures",
+        "sampling_frequency_Hz": 100.0,
+        "S_P_m2": 5.25e-4,
+        "S_N_m2": 0,
+        "stroke_m": None,
+        "p_ext_Pa": 1e5,
+    }
+    bench = bench_from_content(content)
+    assert bench.kind.inputs == ("p_P",)
+    assert bench_from_content(bench_content(bench)) == bench

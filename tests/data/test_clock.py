@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pneumo_casadi.data import InputHold, Recording
-from pneumo_casadi.data.recording.clock import sample_time
+from pneumo_casadi.data import Clock, InputHold, Recording
+from pneumo_casadi.data.recording.clock import sample_time, split_rows
 from pneumo_casadi.errors import CaseError
 
 
@@ -62,13 +62,13 @@ def test_a_stutter_of_a_third_of_a_step_is_named_with_its_row(rate, rows, data):
 def test_a_clock_that_slowly_drifts_is_refused_although_every_step_is_nearly_right():
     t = np.cumsum(np.full(2000, 1e-3) + np.linspace(0, 2e-5, 2000))
     assert np.abs(np.diff(t) / 1e-3 - 1.01).max() < 0.011
-    with pytest.raises(CaseError, match="the clock drifts; resample"):
+    with pytest.raises(CaseError, match="the clock drifts; write"):
         sample_time(t, row)
 
 
 def test_rounding_as_coarse_as_the_step_is_refused_with_the_remedy():
     t = np.round(np.arange(400) / 8000.0, 4)
-    with pytest.raises(CaseError, match=r"row 4: .*irregular.*write t with more decimals"):
+    with pytest.raises(CaseError, match=r"row 4: .*irregular.*or t with more decimals"):
         sample_time(t, row)
 
 
@@ -79,3 +79,16 @@ def test_the_stored_clock_is_the_uniform_one_that_the_file_rounds():
     assert np.abs(t - stamps).max() < 0.6e-4
     # a rounding error of up to 5e-5 s a stamp shrinks with N^1.5 in the slope
     assert np.diff(t).mean() == pytest.approx(1 / 3000, rel=1e-6)
+
+
+def test_a_clock_taken_as_recorded_keeps_its_stamps_and_splits_at_gaps():
+    stamps = np.cumsum([0.0, 1e-3, 1.2e-3, 0.8e-3, 0.5, 1e-3])
+    record = Recording(
+        stamps, {"x": range(6)}, "a", "memory", InputHold.ZERO, clock=Clock.AS_RECORDED
+    )
+    assert record.t.tolist() == stamps.tolist()
+    assert record.dt == pytest.approx(1e-3)
+    assert record.intervals == pytest.approx(np.diff(stamps))
+    assert record.duration == pytest.approx(stamps[-1] + 1e-3)
+    assert split_rows(record.t) == [slice(0, 4), slice(4, 6)]
+    assert record.window(1e-3, 3e-3)["x"].tolist() == [1.0, 2.0]

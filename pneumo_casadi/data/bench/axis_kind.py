@@ -5,7 +5,10 @@ Everything that depends on the kind of an axis asks its `AxisKind` (``bench.kind
 keys in `bench_file.py`.
 """
 
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cache
+from types import MappingProxyType
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +70,9 @@ class AxisKind:
         Attributes of the bench that the model uses; one that is None is left out.
     measured_inputs : bool, optional
         Whether the inputs are measured signals; otherwise they are commands, known exactly.
+    further : mapping of str to str, optional
+        Signals that a laboratory may record besides -> ``"input"`` or ``"output"``; see
+        `with_signals`.
 
     Examples
     --------
@@ -86,6 +92,28 @@ class AxisKind:
     chambers: tuple[str, ...] = ()
     constants: tuple[str, ...] = ()
     measured_inputs: bool = False
+    further: Mapping[str, str] = field(default_factory=dict, hash=False, compare=False)
+
+    def with_signals(self, signals: Collection[str]) -> "AxisKind":
+        """Return the kind with further recorded signals as inputs and outputs.
+
+        Parameters
+        ----------
+        signals : collection of str
+            Among `further`: a supply pressure ``p_supply`` [Pa] or a force on the rod ``F_load``
+            [N] is an input, a velocity ``v`` [m/s] or an acceleration ``a`` [m/s²] an output.
+
+        Examples
+        --------
+        >>> PNEUMATIC.with_signals(["p_supply", "v"]).inputs
+        ('u_P', 'u_N', 'p_supply')
+        """
+        return _with_signals(self, frozenset(signals)) if signals else self
+
+    @property
+    def commands(self) -> tuple[str, ...]:
+        """Inputs of the nominal axis, which a controller sets; further inputs come after them."""
+        return tuple(name for name in self.inputs if self.further.get(name) != "input")
 
     @property
     def gas_chambers(self) -> tuple[str, ...]:
@@ -103,10 +131,31 @@ class AxisKind:
         return not self.gas_chambers
 
 
+@cache
+def _with_signals(kind: AxisKind, signals: frozenset[str]) -> AxisKind:
+    chosen = [name for name in kind.further if name in signals]
+    inputs = [name for name in chosen if kind.further[name] == "input"]
+    outputs = [name for name in chosen if kind.further[name] == "output"]
+    return replace(kind, inputs=(*kind.inputs, *inputs), outputs=(*kind.outputs, *outputs))
+
+
 #: SI units of states, inputs and outputs of the nominal axes.
-UNITS = {"p_P": "Pa", "p_N": "Pa", "x": "m", "v": "m/s", "u_P": "V", "u_N": "V", "F": "N"}
+UNITS = {
+    "p_P": "Pa",
+    "p_N": "Pa",
+    "x": "m",
+    "v": "m/s",
+    "a": "m/s2",
+    "u_P": "V",
+    "u_N": "V",
+    "F": "N",
+    "p_supply": "Pa",
+    "F_load": "N",
+}
 #: Sizes by which an optimiser divides states [SI].
 SCALES = {"p_P": 1e5, "p_N": 1e5, "x": 0.1, "v": 0.5}
+
+_MOTION_SENSORS = {"v": "output", "a": "output", "F_load": "input"}
 
 PNEUMATIC = AxisKind(
     name="pneumatic",
@@ -135,6 +184,7 @@ PNEUMATIC = AxisKind(
     ),
     chambers=("P", "N"),
     constants=("S_P", "S_N", "p_ext", "p_supply", "T", "r", "stroke"),
+    further=MappingProxyType({"p_supply": "input", **_MOTION_SENSORS}),
 )
 
 FORCE_DRIVEN = AxisKind(
@@ -147,9 +197,27 @@ FORCE_DRIVEN = AxisKind(
     junctions=frozenset({"drive", "force", "output"}),
     constants=("stroke",),
     measured_inputs=True,
+    further=MappingProxyType(_MOTION_SENSORS),
 )
 
-KINDS = (PNEUMATIC, FORCE_DRIVEN)
+PRESSURE_DRIVEN = AxisKind(
+    name="pressures",
+    title="pressure-driven axis",
+    states=("x", "v"),
+    inputs=("p_P", "p_N"),
+    outputs=("x",),
+    balances=(Balance("force", "N", "v", resolution=1e-3),),
+    junctions=frozenset({"drive", "force", "output"}),
+    chambers=("P", "N"),
+    constants=("p_ext", "stroke"),
+    measured_inputs=True,
+    further=MappingProxyType(_MOTION_SENSORS),
+)
+
+#: The same with one chamber; the other one is open to the ambient pressure.
+SINGLE_ACTING = replace(PRESSURE_DRIVEN, inputs=("p_P",), chambers=("P",))
+
+KINDS = (PNEUMATIC, FORCE_DRIVEN, PRESSURE_DRIVEN)
 #: Outputs and inputs of all kinds: the channels that a recording of an unknown axis may have.
-OUTPUTS = tuple(dict.fromkeys(name for kind in KINDS for name in kind.outputs))
-INPUTS = tuple(dict.fromkeys(name for kind in KINDS for name in kind.inputs))
+OUTPUTS = tuple(dict.fromkeys(n for kind in KINDS for n in kind.with_signals(kind.further).outputs))
+INPUTS = tuple(dict.fromkeys(n for kind in KINDS for n in kind.with_signals(kind.further).inputs))

@@ -1,54 +1,23 @@
-"""The bench: geometry, constants, controller, sensors and data sheet of an axis."""
+"""The bench: geometry, constants, controller, sensors and data sheet of a servo axis."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
-from types import MappingProxyType
-from typing import Any, ClassVar
+from dataclasses import dataclass, field
+from typing import Any
 
 from pneumo_casadi.data.bench import quantities
-from pneumo_casadi.data.bench.axis_kind import FORCE_DRIVEN, PNEUMATIC, AxisKind
-from pneumo_casadi.data.bench.controllers import (
-    Controller,
-    NestedController,
-    ProportionalController,
+from pneumo_casadi.data.bench.axis_kind import PNEUMATIC, AxisKind
+from pneumo_casadi.data.bench.bench_checks import (
+    AREA_ACCURACY,
+    check_parts,
+    check_values,
+    rebuilt,
 )
+from pneumo_casadi.data.bench.clock import Clock
+from pneumo_casadi.data.bench.controllers import Controller
+from pneumo_casadi.data.bench.load import Load
+from pneumo_casadi.data.bench.sensor_noise import SensorNoise
+from pneumo_casadi.data.bench.valve_source import Arrangement, Valves
 from pneumo_casadi.errors import CaseError
-
-DATASHEET_UNITS = (
-    *("kg_per_s", "N_s_per_m", "N_per_m", "m3_per_s", "m_per_s", "per_s"),
-    *("kg", "m3", "m2", "m", "Pa", "N", "K", "s", "Hz", "V", "1"),
-)
-
-
-@dataclass(frozen=True, slots=True)
-class SensorNoise:
-    """Standard deviations of the sensors' noise.
-
-    Parameters
-    ----------
-    p : float
-        Of the pressures [Pa]; 0 where there is no pressure sensor.
-    x : float
-        Of the position [m].
-
-    Raises
-    ------
-    CaseError
-        If a value is negative, not finite or looks like another unit.
-
-    Examples
-    --------
-    >>> SensorNoise(p=150.0, x=1.5e-5)
-    SensorNoise(p=150.0, x=1.5e-05)
-    """
-
-    p: float
-    x: float
-
-    def __post_init__(self) -> None:
-        _check(self, {"p": quantities.PRESSURE_NOISE, "x": quantities.POSITION_NOISE}, "noise.")
-        if self.x == 0.0:
-            raise CaseError("`noise.x`: 0 m; no sensor is exact: give its standard deviation in m")
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,12 +38,25 @@ class Bench:
         Temperature of the gas [K].
     r : float
         Gas constant related to unit mass [J/(kg K)].
-    controller : ProportionalController or NestedController
+    controller : Controller
         The law that closed the loop during the recordings.
     datasheet : mapping of str to float, optional
         What the manufacturer states, by symbol and SI unit, for example ``{"M_kg": 17.0}``.
     noise : SensorNoise, optional
         Noise of the sensors; None where it is unknown.
+    load : Load, optional
+        Inclination of the axis and a constant force on the rod.
+    valves : Valves, optional
+        Where the static flow of each valve comes from; by default both are metered.
+    arrangement : Arrangement, optional
+        Two three-way valves, or one five-way valve.
+    area_accuracy : float, optional
+        Relative standard uncertainty of the piston areas [1]. They give the flow its scale where
+        no valve was metered.
+    clock : Clock, optional
+        Whether time stamps are those of a uniform clock, or are taken as they were recorded.
+    signals : frozenset of str, optional
+        Further signals that all records have; see `AxisKind.with_signals`.
 
     Raises
     ------
@@ -106,11 +88,15 @@ class Bench:
     controller: Controller
     datasheet: Mapping[str, float] = field(default_factory=dict)
     noise: SensorNoise | None = None
-
-    kind: ClassVar[AxisKind] = PNEUMATIC
+    load: Load = field(default_factory=Load)
+    valves: Valves = field(default_factory=Valves)
+    arrangement: Arrangement = Arrangement.TWO_3_2
+    area_accuracy: float = AREA_ACCURACY
+    clock: Clock = Clock.UNIFORM
+    signals: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
-        _check(
+        check_values(
             self,
             {
                 "sampling_frequency": quantities.FREQUENCY,
@@ -121,6 +107,7 @@ class Bench:
                 "p_supply": quantities.SUPPLY_PRESSURE,
                 "T": quantities.TEMPERATURE,
                 "r": quantities.GAS_CONSTANT,
+                "area_accuracy": quantities.SHARE,
             },
         )
         if self.p_supply <= self.p_ext:
@@ -128,9 +115,14 @@ class Bench:
                 f"`p_supply`: {self.p_supply:g} Pa is not above p_ext = {self.p_ext:g} Pa; "
                 "give absolute pressures"
             )
-        _check_parts(self, ProportionalController)
+        check_parts(self)
         if self.noise is not None and self.noise.p == 0.0:
             raise CaseError("`noise.p`: 0 Pa; no sensor is exact: give its standard deviation")
+
+    @property
+    def kind(self) -> AxisKind:
+        """States, inputs, outputs and balances of the axis, with the further signals recorded."""
+        return PNEUMATIC.with_signals(self.signals)
 
     @property
     def stroke_limits(self) -> tuple[float, float]:
@@ -138,88 +130,4 @@ class Bench:
         return -self.stroke / 2, self.stroke / 2
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _rebuilt(self)
-
-
-@dataclass(frozen=True, slots=True)
-class ForceBench:
-    """A force-driven axis: the motion balance alone, with the force as its input.
-
-    Parameters
-    ----------
-    sampling_frequency : float
-        [Hz].
-    stroke : float, optional
-        Length of travel [m]; x may count from anywhere. None where it is unknown.
-    controller : NestedController
-        The law that closed the loop during the recordings.
-    datasheet : mapping of str to float, optional
-        What the manufacturer states, by symbol and SI unit.
-    noise : SensorNoise, optional
-        Noise of the sensors; None where it is unknown.
-
-    Raises
-    ------
-    CaseError
-        If a value is not plausible in its unit; the message names the unit it may be in.
-
-    Examples
-    --------
-    >>> ForceBench(1000.0, None, NestedController(160.18, 243.45, 35.15, 10.0)).kind.inputs
-    ('F',)
-    """
-
-    sampling_frequency: float
-    stroke: float | None
-    controller: Controller
-    datasheet: Mapping[str, float] = field(default_factory=dict)
-    noise: SensorNoise | None = None
-
-    kind: ClassVar[AxisKind] = FORCE_DRIVEN
-
-    def __post_init__(self) -> None:
-        _check(self, {"sampling_frequency": quantities.FREQUENCY})
-        if self.stroke is not None:
-            _check(self, {"stroke": quantities.STROKE})
-        _check_parts(self, NestedController)
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return _rebuilt(self)
-
-
-AnyBench = Bench | ForceBench
-
-
-def _check(owner: Any, quantities: Mapping[str, quantities.Quantity], prefix: str = "") -> None:
-    for name, quantity in quantities.items():
-        value = quantity.check(prefix + name, getattr(owner, name))
-        object.__setattr__(owner, name, value)
-
-
-def _check_parts(bench: Any, kind: type) -> None:
-    if not isinstance(bench.controller, kind):
-        raise CaseError(
-            f"`controller`: expected a {kind.__name__} for a {type(bench).__name__}, "
-            f"got {bench.controller!r}"
-        )
-    if not (bench.noise is None or isinstance(bench.noise, SensorNoise)):
-        raise CaseError(f"`noise`: expected SensorNoise or None, got {bench.noise!r}")
-    datasheet = {name: _entry(name, value) for name, value in bench.datasheet.items()}
-    object.__setattr__(bench, "datasheet", MappingProxyType(datasheet))
-
-
-def _entry(name: str, value: object) -> float:
-    unit = next((unit for unit in DATASHEET_UNITS if name.endswith(f"_{unit}")), None)
-    if unit is None:
-        raise CaseError(
-            f"`datasheet.{name}`: the name must end in its SI unit, as M_kg does; known are "
-            f"{', '.join(DATASHEET_UNITS)}"
-        )
-    return quantities.as_number(f"datasheet.{name}", value, unit)
-
-
-def _rebuilt(bench: Any) -> tuple[Any, ...]:
-    """Return what pickle and copy need; a mapping proxy itself cannot be pickled."""
-    values = {item.name: getattr(bench, item.name) for item in fields(bench)}
-    values["datasheet"] = dict(bench.datasheet)
-    return type(bench), tuple(values.values())
+        return rebuilt(self)

@@ -1,47 +1,52 @@
 """`bench.json`: names with their SI unit, read into a bench and written from it."""
 
 import json
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from pneumo_casadi.data.bench.bench import AnyBench, Bench, ForceBench, SensorNoise
-from pneumo_casadi.data.bench.controllers import (
-    Controller,
-    NestedController,
-    ProportionalController,
+from pneumo_casadi.data.bench.axis_kind import FORCE_DRIVEN, PNEUMATIC, PRESSURE_DRIVEN
+from pneumo_casadi.data.bench.bench import Bench
+from pneumo_casadi.data.bench.bench_checks import AREA_ACCURACY
+from pneumo_casadi.data.bench.bench_sections import (
+    NONE,
+    controller_content,
+    noise_content,
+    read_controller,
+    read_load,
+    read_noise,
+    read_valves,
+    valves_content,
 )
+from pneumo_casadi.data.bench.clock import Clock
+from pneumo_casadi.data.bench.driven_bench import AnyBench, ForceBench, PressureBench
+from pneumo_casadi.data.bench.file_keys import check_keys, choice, percent, section
+from pneumo_casadi.data.bench.load import Load
+from pneumo_casadi.data.bench.valve_source import Arrangement, Valves
 from pneumo_casadi.errors import CaseError
 
+_GEOMETRY = {"S_P_m2": "S_P", "S_N_m2": "S_N", "stroke_m": "stroke", "p_ext_Pa": "p_ext"}
 BENCH_KEYS = {
     "sampling_frequency_Hz": "sampling_frequency",
-    "S_P_m2": "S_P",
-    "S_N_m2": "S_N",
-    "stroke_m": "stroke",
-    "p_ext_Pa": "p_ext",
+    **_GEOMETRY,
     "p_supply_Pa": "p_supply",
     "T_K": "T",
     "r_J_per_kg_K": "r",
 }
 FORCE_BENCH_KEYS = {"sampling_frequency_Hz": "sampling_frequency", "stroke_m": "stroke"}
+PRESSURE_BENCH_KEYS = {"sampling_frequency_Hz": "sampling_frequency", **_GEOMETRY}
 #: ``"axis"`` of the file -> class of the bench, and its keys with the attributes they become.
-BENCH_CLASSES: dict[str, tuple[type[Bench] | type[ForceBench], dict[str, str]]] = {
-    Bench.kind.name: (Bench, BENCH_KEYS),
-    ForceBench.kind.name: (ForceBench, FORCE_BENCH_KEYS),
+BENCH_CLASSES: dict[str, tuple[type[Any], dict[str, str]]] = {
+    PNEUMATIC.name: (Bench, BENCH_KEYS),
+    FORCE_DRIVEN.name: (ForceBench, FORCE_BENCH_KEYS),
+    PRESSURE_DRIVEN.name: (PressureBench, PRESSURE_BENCH_KEYS),
 }
-CONTROLLERS: dict[str, tuple[type[Any], dict[str, str]]] = {
-    "proportional": (ProportionalController, {"gain_V_per_m": "gain", "u_max_V": "u_max"}),
-    "nested": (
-        NestedController,
-        {
-            "k_p_per_s": "k_p",
-            "k_v_V_s_per_m": "k_v",
-            "gain_N_per_V": "gain",
-            "u_max_V": "u_max",
-        },
-    ),
+#: Keys without which a file is complete, for every kind of axis and for those with given fields.
+OPTIONAL = {"axis", "controller", "datasheet", "sensor_noise", "comment", "load", "clock"}
+OPTIONAL_OF_FIELD = {
+    "valves": "valve",
+    "arrangement": "arrangement",
+    "area_accuracy": "area_accuracy_percent",
 }
-NOISE_KEYS = {"p_Pa": "p", "x_m": "x"}
 
 
 def read_bench(path: str | Path) -> AnyBench:
@@ -73,19 +78,30 @@ def read_bench(path: str | Path) -> AnyBench:
 
 
 def bench_content(bench: AnyBench) -> dict[str, Any]:
-    """Return what `bench.json` holds for a bench; `read_bench` gives the same bench back."""
-    _, keys = BENCH_CLASSES[bench.kind.name]
-    content: dict[str, Any] = {"axis": bench.kind.name}
+    """Return what `bench.json` holds for a bench; `read_bench` gives the same bench back.
+
+    Fields at their default are left out. Which further signals were recorded (``signals``) shows
+    in the columns of the records.
+    """
+    kind = bench.kind.name
+    _, keys = BENCH_CLASSES[kind]
+    content: dict[str, Any] = {"axis": kind}
     content |= {key: getattr(bench, name) for key, name in keys.items()}
-    for kind, (make, names) in CONTROLLERS.items():
-        if isinstance(bench.controller, make):
-            values = {key: getattr(bench.controller, name) for key, name in names.items()}
-            content["controller"] = {"type": kind, **values}
+    content["controller"] = controller_content(bench.controller)
     content["datasheet"] = dict(bench.datasheet)
     if bench.noise is not None:
-        content["sensor_noise"] = {
-            key: getattr(bench.noise, name) for key, name in NOISE_KEYS.items()
-        }
+        content["sensor_noise"] = noise_content(bench.noise)
+    if bench.load != Load():
+        content["load"] = {"angle_deg": bench.load.angle_deg, "force_N": bench.load.force}
+    if bench.clock is not Clock.UNIFORM:
+        content["clock"] = str(bench.clock)
+    if isinstance(bench, Bench):
+        if bench.valves != Valves():
+            content["valve"] = valves_content(bench.valves)
+        if bench.arrangement is not Arrangement.TWO_3_2:
+            content["arrangement"] = str(bench.arrangement)
+    if not isinstance(bench, ForceBench) and bench.area_accuracy != AREA_ACCURACY:
+        content["area_accuracy_percent"] = 100 * bench.area_accuracy
     return content
 
 
@@ -115,53 +131,28 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 def bench_from_content(content: dict[str, Any]) -> AnyBench:
     """Return the bench that `bench_content` has described; errors as in `read_bench`."""
-    kind = content.get("axis", Bench.kind.name)
-    if not isinstance(kind, str) or kind not in BENCH_CLASSES:
-        raise CaseError(f"`axis`: got {kind!r}; write {' or '.join(map(repr, BENCH_CLASSES))}")
+    kind = choice("axis", content.get("axis", PNEUMATIC.name), BENCH_CLASSES)
     bench_class, keys = BENCH_CLASSES[kind]
-    optional = {"axis", "datasheet", "sensor_noise", "comment"}
-    _check_keys("", content, {*keys, "controller"}, optional)
-    values = {name: content[key] for key, name in keys.items()}
-    noise = content.get("sensor_noise")
-    parts: dict[str, Any] = {
-        "controller": _controller(_section("controller", content["controller"])),
-        "datasheet": _section("datasheet", content.get("datasheet", {})),
-        "noise": None if noise is None else _noise(_section("sensor_noise", noise)),
-    }
-    return bench_class(**values, **parts)
-
-
-def _section(name: str, value: Any) -> dict[str, Any]:
-    if not isinstance(value, dict):
-        raise CaseError(f"`{name}`: expected a JSON object, got {value!r}")
-    return value
-
-
-def _controller(content: dict[str, Any]) -> Controller:
-    kind = content.get("type")
-    if not isinstance(kind, str) or kind not in CONTROLLERS:
-        raise CaseError(f"`controller.type`: got {kind!r}; write one of {', '.join(CONTROLLERS)}")
-    make, keys = CONTROLLERS[kind]
-    _check_keys("controller.", content, {*keys, "type"}, {"law"})
-    controller: Controller = make(**{name: content[key] for key, name in keys.items()})
-    return controller
-
-
-def _noise(content: dict[str, Any]) -> SensorNoise:
-    _check_keys("sensor_noise.", content, {"x_m"}, {"p_Pa"})
-    return SensorNoise(p=content.get("p_Pa", 0.0), x=content["x_m"])
-
-
-def _check_keys(
-    where: str, content: Mapping[str, Any], needed: set[str], optional: set[str]
-) -> None:
-    missing = sorted(needed - content.keys())
-    unknown = sorted(content.keys() - needed - optional)
-    advice = f"; there stands {', '.join(f'`{where}{key}`' for key in unknown)}" if unknown else ""
-    if missing:
-        raise CaseError(f"missing key {', '.join(f'`{where}{key}`' for key in missing)}{advice}")
-    if unknown:
-        raise CaseError(
-            f"unknown key {', '.join(f'`{where}{key}`' for key in unknown)}; "
-            f"known are {', '.join(sorted(needed | optional))}"
+    fields = bench_class.__dataclass_fields__
+    further = {key for name, key in OPTIONAL_OF_FIELD.items() if name in fields}
+    needed = set(keys) if kind == PRESSURE_DRIVEN.name else {*keys, "controller"}
+    check_keys("", content, needed, OPTIONAL | further)
+    values: dict[str, Any] = {name: content[key] for key, name in keys.items()}
+    values["controller"] = read_controller(section("controller", content.get("controller", NONE)))
+    values["datasheet"] = section("datasheet", content.get("datasheet", {}))
+    if content.get("sensor_noise") is not None:
+        values["noise"] = read_noise(section("sensor_noise", content["sensor_noise"]))
+    if "load" in content:
+        values["load"] = read_load(section("load", content["load"]))
+    if "clock" in content:
+        values["clock"] = Clock(choice("clock", content["clock"], list(Clock)))
+    if "valve" in content:
+        values["valves"] = read_valves(section("valve", content["valve"]))
+    if "arrangement" in content:
+        values["arrangement"] = Arrangement(
+            choice("arrangement", content["arrangement"], list(Arrangement))
         )
+    if "area_accuracy_percent" in content:
+        values["area_accuracy"] = percent("area_accuracy_percent", content["area_accuracy_percent"])
+    bench: AnyBench = bench_class(**values)
+    return bench

@@ -1,4 +1,4 @@
-"""The laws that close the loop around a recorded axis."""
+"""The laws that closed the loop around a recorded axis."""
 
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -38,6 +38,7 @@ class ProportionalController:
     gain: float
     u_max: float
     inputs: ClassVar[tuple[str, ...]] = ("u_P", "u_N")
+    closes_loop: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         _check_gains(self, {"gain": "V/m"}, u_max="V")
@@ -85,6 +86,7 @@ class NestedController:
     gain: float
     u_max: float
     inputs: ClassVar[tuple[str, ...]] = ("F",)
+    closes_loop: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         _check_gains(self, {"k_p": "1/s", "k_v": "V s/m", "gain": "N/V"}, u_max="V")
@@ -96,7 +98,23 @@ class NestedController:
         return self.gain * np.stack([np.clip(u, -self.u_max, self.u_max)], axis=-1)
 
 
-Controller = ProportionalController | NestedController
+@dataclass(frozen=True, slots=True)
+class NoController:
+    """No law is known: manual commands, or another program's.
+
+    The axis is fitted and simulated in open loop only, and records need no ``x_ref``.
+
+    Examples
+    --------
+    >>> NoController().inputs
+    ()
+    """
+
+    inputs: ClassVar[tuple[str, ...]] = ()
+    closes_loop: ClassVar[bool] = False
+
+
+Controller = ProportionalController | NestedController | NoController
 
 
 def _check_gains(controller: Any, gains: dict[str, str], u_max: str) -> None:

@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from pneumo_casadi.data.bench.bench import AnyBench, Bench, ForceBench
-from pneumo_casadi.data.bench.controllers import NestedController
+from pneumo_casadi.data.bench.bench import Bench
+from pneumo_casadi.data.bench.controllers import NestedController, ProportionalController
+from pneumo_casadi.data.bench.driven_bench import AnyBench, ForceBench, PressureBench
 from pneumo_casadi.data.bench.quantities import LENGTHS, PRESSURES, Quantity
 from pneumo_casadi.data.recording.recording import Recording
 from pneumo_casadi.errors import CaseError
@@ -27,7 +28,9 @@ def check_ranges(recording: Recording, bench: AnyBench) -> None:
         _check_position(recording, bench)
         for channel in ("p_P", "p_N"):
             _check_pressure(recording, channel, bench)
-        _check_symmetric(recording, ("u_P", "u_N"), bench.controller.u_max, "V", {"mV": 1e-3})
+        if isinstance(bench.controller, ProportionalController):
+            limit = bench.controller.u_max
+            _check_symmetric(recording, ("u_P", "u_N"), limit, "V", {"mV": 1e-3})
     else:
         _check_travel(recording, bench)
         if isinstance(bench.controller, NestedController):
@@ -46,7 +49,7 @@ def _check_position(recording: Recording, bench: Bench) -> None:
     _check(recording, "x", Quantity("m from mid-stroke", lower, upper, units), "stroke exceeded")
 
 
-def _check_travel(recording: Recording, bench: ForceBench) -> None:
+def _check_travel(recording: Recording, bench: ForceBench | PressureBench) -> None:
     if bench.stroke is None:
         return
     x = recording["x"]

@@ -2,17 +2,18 @@
 
 import logging
 
-from pneumo_casadi.data.bench.bench import AnyBench, Bench
+from pneumo_casadi.data.bench.bench import Bench
+from pneumo_casadi.data.bench.driven_bench import AnyBench
 from pneumo_casadi.data.checks.chambers import check_chambers
 from pneumo_casadi.data.checks.ranges import check_ranges
 from pneumo_casadi.data.checks.sensors import check_sensors
-from pneumo_casadi.data.recording.channels import UNITS
+from pneumo_casadi.data.readers.recordings import FEWEST_ROWS
+from pneumo_casadi.data.recording.channels import column_name
 from pneumo_casadi.data.recording.recording import Recording
 from pneumo_casadi.errors import CaseError
 
 log = logging.getLogger(__name__)
 
-FEWEST_ROWS = 50
 CLOCK_TOLERANCE = 1e-3
 
 
@@ -51,8 +52,9 @@ def check_recording(recording: Recording, bench: AnyBench) -> tuple[str, ...]:
 
 
 def _check_channels(recording: Recording, bench: AnyBench) -> None:
-    needed = (*bench.kind.inputs, *bench.kind.outputs, "x_ref")
-    missing = [f"`{name}_{UNITS[name]}`" for name in needed if name not in recording]
+    reference = ("x_ref",) if bench.controller.closes_loop else ()
+    needed = (*bench.kind.inputs, *bench.kind.outputs, *reference)
+    missing = [f"`{column_name(name)}`" for name in needed if name not in recording]
     if missing:
         raise CaseError(
             f"{recording.source}: no column {', '.join(missing)}; it has "

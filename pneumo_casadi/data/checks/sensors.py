@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from pneumo_casadi.data.bench.bench import AnyBench, SensorNoise
 from pneumo_casadi.data.bench.controllers import ProportionalController
+from pneumo_casadi.data.bench.driven_bench import AnyBench
 from pneumo_casadi.data.recording.channels import UNITS
 from pneumo_casadi.data.recording.recording import Recording
 from pneumo_casadi.errors import CaseError
@@ -28,12 +28,12 @@ def check_sensors(recording: Recording, bench: AnyBench) -> tuple[str, ...]:
         If a channel is constant, a noisy sensor stands still for a tenth of the record, or
         positions and the control law differ by a factor of a thousand.
     """
-    for channel in (*bench.kind.outputs, *bench.kind.inputs):
+    for channel in (*bench.kind.outputs, *bench.kind.commands):
         _check_alive(recording, channel)
     notes: list[str] = []
     if bench.noise is not None:
         for channel in bench.kind.outputs:
-            notes += _check_frozen(recording, channel, bench.noise)
+            notes += _check_frozen(recording, channel, bench.noise.of(channel))
     if isinstance(bench.controller, ProportionalController):
         notes += _check_law(recording, bench.controller)
     return tuple(notes)
@@ -75,8 +75,10 @@ def _check_alive(recording: Recording, channel: str) -> None:
         )
 
 
-def _check_frozen(recording: Recording, channel: str, noise: SensorNoise) -> list[str]:
-    values, sigma = recording[channel], noise.x if channel == "x" else noise.p
+def _check_frozen(recording: Recording, channel: str, sigma: float | None) -> list[str]:
+    if sigma is None:
+        return []
+    values = recording[channel]
     step = quantisation_step(values)
     if step > sigma:
         return [

@@ -13,7 +13,7 @@ from types import MappingProxyType
 from typing import Any
 
 from pneumo_casadi.data.readers.units import SI_FACTORS
-from pneumo_casadi.data.recording.channels import UNITS
+from pneumo_casadi.data.recording.channels import UNITS, column_name
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.parameters import FloatArray
 
@@ -49,7 +49,7 @@ class Column:
 
 
 COLUMNS: Mapping[str, Column] = MappingProxyType(
-    {f"{channel}_{unit}": Column(channel) for channel, unit in UNITS.items()}
+    {column_name(channel): Column(channel) for channel in UNITS}
 )
 """Columns of a case folder: symbol and SI unit, as in ``p_P_Pa``."""
 

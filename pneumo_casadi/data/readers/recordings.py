@@ -4,12 +4,17 @@ import logging
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from pneumo_casadi.data.bench.clock import Clock
 from pneumo_casadi.data.readers.columns import COLUMNS, Column, ColumnSpec
 from pneumo_casadi.data.readers.tables import Table, read_table, suffix_of
 from pneumo_casadi.data.readers.units import SI_FACTORS
-from pneumo_casadi.data.recording.channels import UNITS, InputHold
+from pneumo_casadi.data.recording.channels import UNITS, InputHold, column_name
+from pneumo_casadi.data.recording.clock import split_rows
 from pneumo_casadi.data.recording.recording import Recording
 from pneumo_casadi.errors import CaseError
+
+#: Rows below which a record has nothing to teach.
+FEWEST_ROWS = 50
 
 log = logging.getLogger(__name__)
 
@@ -19,6 +24,7 @@ def read_recording(
     hold: InputHold,
     columns: Mapping[str, ColumnSpec] | None = None,
     name: str | None = None,
+    clock: Clock = Clock.UNIFORM,
 ) -> Recording:
     """Read one recording from CSV, gzipped CSV, MAT (7.3 with h5py) or Parquet.
 
@@ -35,6 +41,8 @@ def read_recording(
         with units by name. Vectors within structs of a MAT file go by ``log.p.A``.
     name : str, optional
         Name of the recording; by default the file's.
+    clock : Clock, optional
+        Whether the time stamps are those of a uniform clock.
 
     Returns
     -------
@@ -56,8 +64,33 @@ def read_recording(
     if "t" not in channels:
         raise CaseError(_no_column(table, "t"))
     t = channels.pop("t")
+    if "u" in channels:  # one 5/3 valve: filling one chamber empties the other
+        u = channels.pop("u")
+        channels = {"u_P": u, "u_N": -u} | channels
     stem = path.name[: len(path.name) - len(suffix_of(path))]
-    return Recording(t, channels, name or stem, str(path), hold, table.first_line)
+    return Recording(t, channels, name or stem, str(path), hold, table.first_line, clock=clock)
+
+
+def split_at_gaps(recording: Recording) -> tuple[Recording, ...]:
+    """Return the stretches between gaps of a recording whose clock is taken as recorded.
+
+    Stretches of fewer than `FEWEST_ROWS` rows are left out, with a log message.
+
+    Raises
+    ------
+    CaseError
+        If no stretch is long enough.
+    """
+    parts = recording.split_at(split_rows(recording.t))
+    kept = tuple(part for part in parts if part.N >= FEWEST_ROWS)
+    if not kept:
+        raise CaseError(
+            f"{recording.source}: gaps leave no stretch of {FEWEST_ROWS} rows; record with a "
+            "steadier clock"
+        )
+    if len(kept) < len(parts):
+        log.info("%s: %d short stretches are not used", recording.source, len(parts) - len(kept))
+    return kept
 
 
 def _assign_columns(table: Table, columns: Mapping[str, ColumnSpec]) -> list[tuple[str, Column]]:
@@ -77,6 +110,8 @@ def _assign_columns(table: Table, columns: Mapping[str, ColumnSpec]) -> list[tup
         _refuse_foreign_unit(table, name)
         log.info("%s: column `%s` is not used", table.path, name)
     channels = [column.channel for _, column in meaning]
+    if "u" in channels:
+        channels += ["u_P", "u_N"]
     twice = sorted({channel for channel in channels if channels.count(channel) > 1})
     if twice:
         raise CaseError(f"{table.path}: two columns for channel {', '.join(twice)}; name one")
@@ -95,7 +130,7 @@ def _refuse_foreign_unit(table: Table, name: str) -> None:
     factors = SI_FACTORS[UNITS[channel]] if channel in UNITS else {}
     if unit in factors and unit != UNITS[channel]:
         raise CaseError(
-            f"{table.path}: column `{name}` is in {unit}, expected `{channel}_{UNITS[channel]}`; "
+            f"{table.path}: column `{name}` is in {unit}, expected `{column_name(channel)}`; "
             f"convert it, or read it with columns={{'{name}': Column('{channel}', "
             f"scale={factors[unit]:g})}}"
         )
@@ -103,6 +138,6 @@ def _refuse_foreign_unit(table: Table, name: str) -> None:
 
 def _no_column(table: Table, channel: str) -> str:
     return (
-        f"{table.path}: no column `{channel}_{UNITS[channel]}`; the file has "
+        f"{table.path}: no column `{column_name(channel)}`; the file has "
         f"{', '.join(table.names)}; name the column, or pass columns={{...: '{channel}'}}"
     )

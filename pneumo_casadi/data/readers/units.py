@@ -8,6 +8,7 @@ implausible value, so that a unit which a message suggests is also one that the 
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from pneumo_casadi.data.bench.load import GRAVITY
 from pneumo_casadi.data.bench.quantities import LENGTHS, PRESSURES
 
 SI_FACTORS: Mapping[str, Mapping[str, float]] = MappingProxyType(
@@ -17,6 +18,8 @@ SI_FACTORS: Mapping[str, Mapping[str, float]] = MappingProxyType(
         "Pa": {"Pa": 1.0, "hPa": 100.0} | {unit: scale for unit, (scale, _) in PRESSURES.items()},
         "m": {"m": 1.0, "um": 1e-6} | {unit: scale for unit, (scale, _) in LENGTHS.items()},
         "N": {"N": 1.0, "kN": 1e3},
+        "m/s": {"m/s": 1.0, "mm/s": 1e-3, "cm/s": 1e-2},
+        "m/s2": {"m/s2": 1.0, "mm/s2": 1e-3, "g": GRAVITY},
     }
 )
 """SI unit of a channel -> other units of the same kind and the factor that converts them to SI."""

@@ -20,8 +20,24 @@ UNITS: Mapping[str, str] = MappingProxyType(
         "x_ref": "m",
         "F": "N",
         "F_pulse": "N",
+        "u": "V",
+        "p_supply": "Pa",
+        "v": "m/s",
+        "a": "m/s2",
+        "F_load": "N",
     }
 )
+
+
+def column_name(channel: str) -> str:
+    """Return the column of a case folder that holds a channel.
+
+    Examples
+    --------
+    >>> column_name("p_P"), column_name("a")
+    ('p_P_Pa', 'a_m_per_s2')
+    """
+    return f"{channel}_{UNITS[channel].replace('/', '_per_')}"
 
 
 class InputHold(Enum):

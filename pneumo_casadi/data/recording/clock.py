@@ -1,6 +1,7 @@
 """The clock of a recording: one time step, or an error that names the row where it breaks."""
 
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 
@@ -47,7 +48,7 @@ def sample_time(t: FloatArray, where: Callable[[int], str]) -> float:
     lost; cut the record there and give the parts as separate files
     """
     intervals = np.diff(t)
-    _check_forward(t, intervals, where)
+    check_forward(t, where)
     dt = _typical(intervals)
     rounding = _rounding(t, dt)
     _check_steps(t, intervals, dt, rounding, where)
@@ -55,7 +56,9 @@ def sample_time(t: FloatArray, where: Callable[[int], str]) -> float:
     return _slope(t)
 
 
-def _check_forward(t: FloatArray, intervals: FloatArray, where: Callable[[int], str]) -> None:
+def check_forward(t: FloatArray, where: Callable[[int], str]) -> None:
+    """Raise a CaseError at the first time stamp that is not after the one before it."""
+    intervals = np.diff(t)
     wrong = np.flatnonzero(intervals <= 0)
     if wrong.size:
         k = int(wrong[0]) + 1
@@ -98,11 +101,12 @@ def _check_steps(
         raise CaseError(
             f"{where(k)}: `t` jumps from {t[k - 1]:.9g} s to {t[k]:.9g} s: {lost} "
             f"sample{'s' if lost > 1 else ''} of {dt:.6g} s {'are' if lost > 1 else 'is'} lost; "
-            "cut the record there and give the parts as separate files"
+            "cut the record there and give the parts as separate files, or write "
+            '"clock": "as recorded" in bench.json'
         )
     raise CaseError(
         f"{where(k)}: `t` steps by {intervals[k - 1]:.6g} s where {dt:.4g} s is usual: the clock "
-        "is irregular; resample to a uniform clock, or write t with more decimals"
+        'is irregular; write "clock": "as recorded" in bench.json, or t with more decimals'
     )
 
 
@@ -113,8 +117,27 @@ def _check_wander(t: FloatArray, rounding: float, where: Callable[[int], str]) -
     if stray[k] > WANDER * slope + 0.6 * rounding:
         raise CaseError(
             f"{where(k)}: `t` = {t[k]:.9g} s is {stray[k]:.3g} s off a uniform clock of "
-            f"{slope:.6g} s: the clock drifts; resample to a uniform clock"
+            f"{slope:.6g} s: the clock drifts; write "
+            '"clock": "as recorded" in bench.json'
         )
+
+
+#: Steps longer than this many usual ones are gaps: over a shorter one an input that is held is
+#: known well enough, because a controller's command changes little within three samples.
+GAP = 3.5
+
+
+def split_rows(t: FloatArray) -> list[slice]:
+    """Return the rows of each stretch between gaps of a clock that is taken as recorded.
+
+    Examples
+    --------
+    >>> split_rows(np.array([0.0, 0.1, 0.21, 0.3, 1.3, 1.4]))
+    [slice(0, 4, None), slice(4, 6, None)]
+    """
+    intervals = np.diff(t)
+    edges = [0, *(np.flatnonzero(intervals > GAP * np.median(intervals)) + 1).tolist(), t.size]
+    return [slice(first, last) for first, last in pairwise(edges)]
 
 
 def _slope(t: FloatArray) -> float:

@@ -1,6 +1,6 @@
 """A recording: channels on one uniform clock, with the hold of its inputs made explicit."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from types import MappingProxyType
@@ -10,8 +10,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
-from pneumo_casadi.data.recording.channels import UNITS, InputHold, checked, read_only
-from pneumo_casadi.data.recording.clock import sample_time, uniform
+from pneumo_casadi.data.bench.clock import Clock
+from pneumo_casadi.data.recording.channels import UNITS, InputHold, checked, column_name, read_only
+from pneumo_casadi.data.recording.clock import check_forward, sample_time, uniform
 from pneumo_casadi.data.recording.parts import part_edges
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.parameters import FloatArray
@@ -20,7 +21,7 @@ from pneumo_casadi.runtime.presentation import Presentable
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Recording(Presentable):
-    """Channels sampled at the same instants of a uniform clock.
+    """Channels sampled at the same instants.
 
     The inputs u[k] act from t[k] to t[k+1] as `hold` says; the outputs y[k] belong to the
     state at t[k]. All channels of a row were taken at the same instant; where they were not,
@@ -29,7 +30,7 @@ class Recording(Presentable):
     Parameters
     ----------
     t : (N,) array
-        Time stamps [s]. Stored as the uniform clock nearest to them; N ≥ 2.
+        Time stamps [s]; N ≥ 2. By default stored as the uniform clock nearest to them.
     channels : mapping of str to (N,) array
         Signals in SI units, by symbol: ``u_P, u_N`` [V], ``p_P, p_N`` [Pa, absolute],
         ``x, x_ref`` [m], ``F`` [N]. Copied, and read-only from then on.
@@ -43,11 +44,15 @@ class Recording(Presentable):
         Line of the source in which row 1 stands; 0 where the source has no lines.
     dt : float, optional
         Sample time [s]; by default that of the clock `t`.
+    clock : Clock, optional
+        ``Clock.AS_RECORDED`` keeps the stamps as they are: every interval has its own length
+        (`intervals`), and `dt` is their median. By default the clock is uniform.
 
     Raises
     ------
     CaseError
-        If lengths differ, a value is not finite, or the clock is not uniform.
+        If lengths differ, a value is not finite, time does not increase, or the clock is not
+        uniform although it is said to be.
 
     Examples
     --------
@@ -64,6 +69,7 @@ class Recording(Presentable):
     hold: InputHold
     first_line: int = 0
     dt: float = 0.0
+    clock: Clock = Clock.UNIFORM
 
     def __init__(
         self,
@@ -74,6 +80,7 @@ class Recording(Presentable):
         hold: InputHold,
         first_line: int = 0,
         dt: float = 0.0,
+        clock: Clock = Clock.UNIFORM,
     ) -> None:
         if not isinstance(hold, InputHold):
             raise CaseError(f"{source}: `hold` = {hold!r}; state InputHold.ZERO or .LINEAR")
@@ -82,6 +89,7 @@ class Recording(Presentable):
             ("source", source),
             ("hold", hold),
             ("first_line", first_line),
+            ("clock", clock),
         ):
             object.__setattr__(self, attribute, value)
         stamps = checked("t", t, None, source, self.where)
@@ -91,9 +99,12 @@ class Recording(Presentable):
             key: checked(key, values, stamps.size, source, self.where)
             for key, values in channels.items()
         }
-        if dt and np.abs(stamps - uniform(stamps, dt)).max() > 1e-3 * dt:
+        if clock is Clock.AS_RECORDED:
+            check_forward(stamps, self.where)
+            dt = float(np.median(np.diff(stamps)))
+        elif dt and np.abs(stamps - uniform(stamps, dt)).max() > 1e-3 * dt:
             raise CaseError(f"{source}: `t` does not step by dt = {dt:g} s; leave dt out")
-        if not dt:
+        elif not dt:
             dt = sample_time(stamps, self.where)
             stamps = uniform(stamps, dt)
         object.__setattr__(self, "t", read_only(stamps))
@@ -128,9 +139,7 @@ class Recording(Presentable):
     def to_frame(self) -> pd.DataFrame:
         """Return the samples, one column a channel with its unit, as in a case folder."""
         columns = {"t_s": self.t}
-        columns |= {
-            f"{name}_{UNITS[name]}" if name in UNITS else name: self[name] for name in self.names
-        }
+        columns |= {column_name(name) if name in UNITS else name: self[name] for name in self.names}
         return pd.DataFrame(columns)
 
     def overview(self) -> pd.DataFrame:
@@ -140,7 +149,7 @@ class Recording(Presentable):
 
     def __reduce__(self) -> tuple[Any, ...]:
         parts = (self.t, dict(self.channels), self.name, self.source, self.hold)
-        return Recording, (*parts, self.first_line, self.dt)
+        return Recording, (*parts, self.first_line, self.dt, self.clock)
 
     @property
     def N(self) -> int:
@@ -154,8 +163,17 @@ class Recording(Presentable):
 
     @property
     def duration(self) -> float:
-        """Time that the rows cover [s]: N dt, as the last input holds for one step too."""
+        """Time that the rows cover [s]; the last input holds for one step `dt` too."""
+        if self.clock is Clock.AS_RECORDED:
+            return float(self.t[-1] - self.t[0]) + self.dt
         return self.N * self.dt
+
+    @property
+    def intervals(self) -> FloatArray:
+        """Lengths of the intervals between rows [s], shape (N - 1,)."""
+        if self.clock is Clock.AS_RECORDED:
+            return np.diff(self.t)
+        return np.full(self.N - 1, self.dt)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -213,6 +231,16 @@ class Recording(Presentable):
         return tuple(
             self._rows(first, last, f"{self.name}[{part}]")
             for part, (first, last) in enumerate(pairwise(edges))
+        )
+
+    def split_at(self, rows: Sequence[slice]) -> tuple["Recording", ...]:
+        """Return one recording for each slice of rows; itself where there is only one."""
+        if len(rows) == 1:
+            return (self,)
+        return tuple(
+            self._taken(part, self.channels, f"{self.name}[{number}]")
+            for number, part in enumerate(rows)
+            if part.stop - part.start > 1
         )
 
     def decimate(self, n: int, average: Iterable[str] = ()) -> "Recording":
@@ -276,6 +304,8 @@ class Recording(Presentable):
 
     def _row(self, time: float) -> int:
         # Times fall on rows only up to rounding: a millionth of a step early still counts.
+        if self.clock is Clock.AS_RECORDED:
+            return int(np.searchsorted(self.t, time - 1e-6 * self.dt))
         row = int(np.ceil((time - self.t[0]) / self.dt - 1e-6))
         return min(max(row, 0), self.N)
 
@@ -298,4 +328,5 @@ class Recording(Presentable):
             self.hold,
             line,
             self.dt * step,
+            self.clock,
         )

@@ -126,7 +126,7 @@ def simulated_gap(
     notes += [f"windows of {WINDOW:g} s cannot be simulated: {why}" for why in failed]
     if not isinstance(before, str) and not isinstance(after, str):
         views["windows"] = _view(study.axis.outputs, before, after, noise)
-    if study.axis.bench.controller is not None and all("x_ref" in r for r in study.held_out):
+    if study.axis.bench.controller.closes_loop and all("x_ref" in r for r in study.held_out):
         loops = [done.loop(*model) for model in models]
         notes += [f"the closed loop cannot be simulated: {w}" for w in loops if isinstance(w, str)]
         b, a = loops
