@@ -106,9 +106,7 @@ def test_supply_must_exceed_ambient(bench):
 
 
 def test_a_controller_of_the_wrong_kind_is_refused(bench):
-    with pytest.raises(
-        CaseError, match="NestedController sets F, but the inputs .* u_P, u_N"
-    ):
+    with pytest.raises(CaseError, match="NestedController sets F, but the inputs"):
         replace(bench, controller=NestedController(1.0, 1.0, 1.0, 1.0))
 
 
