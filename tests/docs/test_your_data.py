@@ -12,9 +12,15 @@ import pytest
 import scipy.io
 
 from pneumo_casadi.data import read_bench, read_case
-from pneumo_casadi.data.bench.bench_file import BENCH_KEYS, CONTROLLERS, NOISE_KEYS
+from pneumo_casadi.data.bench.bench_file import BENCH_KEYS
+from pneumo_casadi.data.bench.bench_sections import (
+    CONTROLLERS,
+    LOAD_KEYS,
+    NOISE_KEYS,
+    VALVE_KEYS,
+)
 from pneumo_casadi.data.readers.units import SI_FACTORS
-from pneumo_casadi.data.recording.channels import UNITS
+from pneumo_casadi.data.recording.channels import UNITS, column_name
 from pneumo_casadi.report.pages.identification_figures import figures_of
 
 _spec = importlib.util.spec_from_file_location("guide", Path(__file__).with_name("guide.py"))
@@ -108,9 +114,10 @@ def test_the_bench_shown_is_minimal_but_for_what_is_called_optional(logs, ran):
 
 def test_every_field_channel_and_unit_is_named():
     text = PAGE.read_text("utf-8")
-    fields = {*BENCH_KEYS, *NOISE_KEYS, *(key for _, keys in CONTROLLERS.values() for key in keys)}
+    laws = (key for _, *keys in CONTROLLERS.values() for part in keys for key in part)
+    fields = {*BENCH_KEYS, *NOISE_KEYS, *LOAD_KEYS, *VALVE_KEYS, *laws}
     assert not [name for name in fields if name not in text]
-    assert not [name for name, unit in UNITS.items() if f"`{name}_{unit}`" not in text]
+    assert not [name for name in UNITS if f"`{column_name(name)}`" not in text]
     listed = re.search(r"^Units: (.+?)\.", text, re.MULTILINE | re.DOTALL)[1]
     known = [unit for units in SI_FACTORS.values() for unit in units]
     assert sorted(re.findall(r"\w+", listed)) == sorted(known)
