@@ -31,8 +31,8 @@ from pneumo_casadi.errors import PneumoError
 from pneumo_casadi.estimation.output_error import OutputErrorOptions, fit_output_error
 from pneumo_casadi.estimation.wls import fit_wls
 from pneumo_casadi.identification.flow_form import read_flow
-from pneumo_casadi.identification.identify import make_axis
 from pneumo_casadi.identification.options import IdentifyOptions
+from pneumo_casadi.identification.starting_axis import make_axis
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.validation import window_errors
 from pneumo_casadi.valve import PAPER_DEGREES, FlowForm, choose_flow_form

@@ -25,8 +25,8 @@ from pneumo_casadi.estimation.output_error import (
 )
 from pneumo_casadi.estimation.wls import fit_wls
 from pneumo_casadi.identification.flow_form import read_flow
-from pneumo_casadi.identification.identify import make_axis
 from pneumo_casadi.identification.options import IdentifyOptions
+from pneumo_casadi.identification.starting_axis import make_axis
 from pneumo_casadi.metrics import closure, combined_gap
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.validation import loop_errors, window_errors

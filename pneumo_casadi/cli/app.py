@@ -19,7 +19,8 @@ from pneumo_casadi.cli.withheld import withheld
 
 app = typer.Typer(
     help="Identify physical parameters of pneumatic servo axes from recordings, with intervals.",
-    epilog="Exit codes: 0 success, 1 a fit failed, 2 bad input or usage, 130 interrupted.",
+    epilog="Exit codes: 0 success, 1 a fit failed, 2 bad input or usage, "
+    "3 a result that --strict refuses, 130 interrupted.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )

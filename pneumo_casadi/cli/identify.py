@@ -1,6 +1,7 @@
 """The commands ``identify`` and ``demo``."""
 
 from pathlib import Path
+from textwrap import fill
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -13,19 +14,55 @@ from pneumo_casadi.cli.options import (
     FlowOption,
     Json,
     Output,
+    Strict,
     degrees_of,
     report_folder,
+    time_and_values,
+    values_of,
 )
-from pneumo_casadi.cli.terminal import guarded, progress_bar, say, show, width
+from pneumo_casadi.cli.terminal import (
+    exit_unless_usable,
+    guarded,
+    progress_bar,
+    say,
+    show,
+    width,
+)
 
 if TYPE_CHECKING:
     from pneumo_casadi.identification.options import IdentifyOptions
+    from pneumo_casadi.identification.warnings import Usable
 
 Start = Annotated[
-    float | None, typer.Option("--start", help="Identify on the records from this time on [s].")
+    list[str] | None,
+    typer.Option(
+        "--start",
+        metavar="TIME|NAME=VALUE",
+        help="TIME: identify on the part of each record from this time on [s, on its own clock]. "
+        "NAME=VALUE: start output error at this value [SI], as k_P=1.2; can be repeated.",
+    ),
 ]
 End = Annotated[
-    float | None, typer.Option("--end", help="Identify on the records up to this time [s].")
+    float | None,
+    typer.Option(
+        "--end",
+        help="Identify on the part of each record up to this time [s, on its own clock]; with "
+        "several records, each is cut.",
+    ),
+]
+With = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--with", metavar="EFFECT", help="Add this effect of the catalogue; can be repeated."
+    ),
+]
+Fix = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--fix",
+        metavar="NAME=VALUE",
+        help="Hold a parameter at this value [SI], as M=16.4; can be repeated.",
+    ),
 ]
 
 
@@ -53,6 +90,8 @@ def identify(
     json_file: Json = None,
     start: Start = None,
     end: End = None,
+    effects: With = None,
+    fix: Fix = None,
     flow: Flow = FlowOption.AUTO,
     degrees: Degrees = None,
     fixed_map: Annotated[
@@ -79,6 +118,14 @@ def identify(
             "--identifiability", help="Report the sources of information on each parameter."
         ),
     ] = False,
+    each_record: Annotated[
+        bool,
+        typer.Option(
+            "--each-record/--together",
+            help="With several records, also fit each one alone and compare the estimates.",
+        ),
+    ] = True,
+    strict: Strict = False,
     paper: Annotated[
         bool,
         typer.Option("--paper", help="Show Table 1 of the paper (IFAC 2005) beside the result."),
@@ -94,29 +141,39 @@ def identify(
         from pneumo_casadi.estimation.output_error import Method, OutputErrorOptions
         from pneumo_casadi.identification.options import IdentifyOptions
 
+        time, start_values = time_and_values(start or [])
         options = IdentifyOptions(
             flow_form=flow.form,
             degrees=degrees_of(degrees),
             refine_flow=not fixed_map,
-            start=start,
+            start=time,
             end=end,
             identifiability=identifiability,
+            effects=tuple(effects or ()),
+            fixed=values_of("--fix", fix or []),
+            start_values=start_values,
+            each_record=each_record,
             output_error=OutputErrorOptions(
                 method=Method.IPOPT if ipopt else Method.GAUSS_NEWTON,
                 window=window,
                 closed_loop=closed_loop,
             ),
         )
-        _identify(case, options, report_folder(output, case), json_file, paper)
+        folder = report_folder(output, case)
+        exit_unless_usable(_identify(case, options, folder, json_file, paper), strict)
 
 
 def _identify(
     case: Path, options: "IdentifyOptions", folder: Path, json_file: Path | None, paper: bool
-) -> None:
+) -> "Usable":
     from pneumo_casadi.identification.identify import identify
     from pneumo_casadi.identification.result_file import result_dict
     from pneumo_casadi.report.pages.write import Kind, check_replaceable, write_identification
-    from pneumo_casadi.report.tables.results import parameter_table, validation_table
+    from pneumo_casadi.report.tables.results import (
+        parameter_table,
+        validation_table,
+        with_symbols,
+    )
     from pneumo_casadi.report.text.identification import render_warnings
     from pneumo_casadi.runtime.json_files import write_json
     from pneumo_casadi.runtime.progress import progress_range
@@ -127,6 +184,8 @@ def _identify(
         write_identification(result, folder, paper, progress_range(report, 0.8, 1.0))
     if json_file is not None:
         write_json(result_dict(result), json_file)
+    say(fill(with_symbols(result.usability.sentence), min(width(), 100)))
+    say()
     show(parameter_table(result, paper))
     if result.validation is not None:
         say()
@@ -134,3 +193,4 @@ def _identify(
     say()
     say(render_warnings(result.warnings, min(width(), 100)))
     say(f"\nreport: {folder}/report.html")
+    return result.usability.usable

@@ -4,6 +4,8 @@ Here, and at the top of every command's module, nothing heavy is imported: `--he
 Choices are therefore written out; a test compares them with the enums of the library.
 """
 
+import math
+from collections.abc import Sequence
 from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -19,7 +21,13 @@ CasePath = Annotated[
     Path, typer.Argument(metavar="CASE", help="Folder with bench.json and records.")
 ]
 Parameters = Annotated[
-    Path, typer.Option("--parameters", "-p", help="result.json written by identify.")
+    Path,
+    typer.Option(
+        "--parameters",
+        "-p",
+        metavar="RESULT",
+        help="Report folder of identify or diagnose, or its result.json.",
+    ),
 ]
 Output = Annotated[
     Path | None,
@@ -28,6 +36,10 @@ Output = Annotated[
 Json = Annotated[
     Path | None,
     typer.Option("--json", metavar="FILE", help="Also write the result to this JSON file."),
+]
+Strict = Annotated[
+    bool,
+    typer.Option("--strict", help="Exit with code 3 if the result is not to be used."),
 ]
 Debug = Annotated[bool, typer.Option("--debug", help="Show tracebacks and the log.")]
 CriterionName = Literal["D", "A", "E"]
@@ -94,3 +106,56 @@ def degrees_of(text: str | None) -> tuple[int, int, int] | None:
     except ValueError:
         raise CaseError(f"--degrees {text}: expected three whole numbers, as 7,7,4") from None
     return phi, plus, minus
+
+
+def values_of(option: str, texts: Sequence[str]) -> dict[str, float]:
+    """Return what a repeated option ``NAME=VALUE`` gives.
+
+    Raises
+    ------
+    CaseError
+        If one is no name with a finite number, or a name comes twice.
+
+    Examples
+    --------
+    >>> values_of("--fix", ["M=16.4", "f_v=11"])
+    {'M': 16.4, 'f_v': 11.0}
+    """
+    values: dict[str, float] = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        try:
+            number = float(value)
+        except ValueError:
+            number = math.nan
+        if not (name and equals and math.isfinite(number)) or name in values:
+            raise CaseError(
+                f"{option} {text}: expected NAME=VALUE in SI units, as M=16.4, each name once"
+            )
+        values[name] = number
+    return values
+
+
+def time_and_values(texts: Sequence[str]) -> tuple[float | None, dict[str, float]]:
+    """Return what ``--start`` gives: a time [s], and starting values by name.
+
+    Raises
+    ------
+    CaseError
+        If two times are given, or a text is neither.
+
+    Examples
+    --------
+    >>> time_and_values(["10", "k_P=1.2"])
+    (10.0, {'k_P': 1.2})
+    """
+    times = [text for text in texts if "=" not in text]
+    values = values_of("--start", [text for text in texts if "=" in text])
+    try:
+        (time,) = map(float, times or ["nan"])
+    except ValueError:
+        raise CaseError(
+            f"--start {' --start '.join(times)}: expected one time in seconds, as 10, or "
+            "NAME=VALUE, as k_P=1.2"
+        ) from None
+    return time if times else None, values

@@ -17,9 +17,10 @@ import typer
 from pneumo_casadi.errors import FitError, PneumoError
 
 if TYPE_CHECKING:
+    from pneumo_casadi.identification.warnings import Usable
     from pneumo_casadi.report.tables.results import Table
 
-OK, FIT_FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+OK, FIT_FAILED, BAD_INPUT, NOT_USABLE, INTERRUPTED = 0, 1, 2, 3, 130
 
 
 def say(text: str = "") -> None:
@@ -39,6 +40,18 @@ def show(table: "Table") -> None:
     if sum(table.widths) + 2 * len(table.widths) > width():
         table = table.without("OE - truth")
     say(render(table))
+
+
+def exit_unless_usable(usable: "Usable", strict: bool) -> None:
+    """End the command with exit code 3 where ``--strict`` refuses a result.
+
+    A result that is usable with care passes: its cautions are read by a person, and a script that
+    must stop at them reads ``usable`` from the JSON.
+    """
+    from pneumo_casadi.identification.warnings import Usable
+
+    if strict and usable is Usable.NO:
+        raise typer.Exit(NOT_USABLE)
 
 
 @contextmanager

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from pneumo_casadi.data import Case, Recording, read_case
-from pneumo_casadi.errors import CaseError, ModelError
+from pneumo_casadi.errors import CaseError
 from pneumo_casadi.estimation.output_error import (
     fit_output_error,
 )
@@ -16,15 +16,15 @@ from pneumo_casadi.estimation.wls import Prediction, cross_validate, fit_wls
 from pneumo_casadi.identification.flow_form import read_flow, resolve_flow_form
 from pneumo_casadi.identification.options import IdentifyOptions, output_error_options
 from pneumo_casadi.identification.result import Identification
+from pneumo_casadi.identification.starting_axis import (
+    axis_for_wls,
+    axis_of_options,
+    start_of_output_error,
+)
 from pneumo_casadi.identification.warnings import result_warnings
-from pneumo_casadi.model.axis import Axis
-from pneumo_casadi.model.servosystem import nominal_axis
 from pneumo_casadi.runtime.progress import Progress, no_progress, progress_range
 from pneumo_casadi.runtime.threads import one_thread
 from pneumo_casadi.validation import validate
-from pneumo_casadi.valve import (
-    FlowModel,
-)
 
 logger = logging.getLogger(__name__)
 
@@ -82,14 +82,12 @@ def identify(
     report("flow map", _SHARES["flow"])
     options, selection = resolve_flow_form(case, options)
     flow_map, flow = read_flow(case, options)
-    axis = make_axis(case, flow)
-    if not options.refine_flow:
-        axis = axis.with_parameters(axis.parameters.fix(*axis.flow_parameters))
+    axis = axis_of_options(case, flow, options)
     report("weighted least squares", _SHARES["wls"])
-    wls = fit_wls(axis, records)
+    wls = fit_wls(axis_for_wls(axis, options), records)
     chosen = output_error_options(case, options)
     fit = fit_output_error(
-        axis.started_at(wls.parameters),
+        start_of_output_error(axis, wls, options),
         records,
         flow_map,
         chosen,
@@ -123,14 +121,6 @@ def identify(
     )
     report("done", _SHARES["done"])
     return identification
-
-
-def make_axis(case: Case, flow: FlowModel | None) -> Axis:
-    """Make the nominal axis of a case, of the kind that its bench says."""
-    try:
-        return nominal_axis(case.bench, flow)
-    except ModelError as error:
-        raise ModelError(f"{case.folder}: {error}") from None
 
 
 def read_truth(folder: Path) -> dict[str, float] | None:

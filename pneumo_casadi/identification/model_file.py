@@ -4,7 +4,7 @@ What `result.json` and exported models hold, so that a model is whole without it
 Reading builds numbers and names into an axis; nothing that a file says is executed.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -13,6 +13,7 @@ import numpy as np
 from pneumo_casadi.data.bench.bench_file import bench_content, bench_from_content
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.errors import CaseError, ModelError
+from pneumo_casadi.identification.starting_axis import catalogue_effect
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.model.servosystem import nominal_axis
@@ -85,7 +86,7 @@ def axis_dict(axis: Axis) -> dict[str, Any]:
     True
     """
     for effect in axis.effects:
-        if type(effect) is not EFFECTS.get(effect.name) or getattr(effect, "__dict__", None):
+        if not _held_by_file(effect, axis.flow):
             raise ModelError(
                 f"effect {effect.name} is not of the catalogue: a file cannot hold it; export "
                 "functions, C or FMU, which hold the equations"
@@ -119,8 +120,8 @@ def axis_from_dict(content: Any) -> Axis:
     try:
         bench = bench_from_content(content["bench"])
         items = [_parameter(name, item) for name, item in content["parameters"].items()]
-        effects = [_effect(name) for name in content["effects"]]
         flow = None if content["flow"] is None else _flow(content["flow"], items)
+        effects = [_effect(name, flow, content["parameters"]) for name in content["effects"]]
         axis = nominal_axis(bench, flow, effects)
         given = {item.name: item for item in items}
         odd = sorted(given.keys() ^ set(axis.parameters.names))
@@ -178,10 +179,26 @@ def _flow(content: Mapping[str, Any], items: list[Parameter]) -> FlowModel:
     return flow
 
 
-def _effect(name: Any) -> Effect:
+def _effect(name: Any, flow: FlowModel | None, names: Collection[str]) -> Effect:
+    """Return the effect whose parameters are among the names: a shape may be local or not."""
     if name not in EFFECTS:
         raise CaseError(f"effect {name!r} is not of the catalogue; known are {', '.join(EFFECTS)}")
-    return EFFECTS[name]()
+    local, general = _forms(name, flow)
+    fits = all(f"{name}.{item.name}" in names for item in local.parameters)
+    return local if fits else general
+
+
+def _forms(name: str, flow: FlowModel | None) -> tuple[Effect, Effect]:
+    """Return an effect for a valve with this flow map, and as it is without one."""
+    return catalogue_effect(name, flow), EFFECTS[name]()
+
+
+def _held_by_file(effect: Effect, flow: FlowModel | None) -> bool:
+    """Tell whether the name of an effect is enough to make it again."""
+    return effect.name in EFFECTS and any(
+        type(effect) is type(known) and vars(effect) == vars(known)
+        for known in _forms(effect.name, flow)
+    )
 
 
 def _parameter(name: str, item: Mapping[str, Any]) -> Parameter:

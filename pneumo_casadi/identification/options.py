@@ -1,6 +1,7 @@
 """Options of an identification."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 from pneumo_casadi.data import Case
 from pneumo_casadi.estimation.output_error import OutputErrorOptions
@@ -36,6 +37,19 @@ class IdentifyOptions:
         Lengths of the validation windows [s].
     identifiability : bool
         Whether to analyse which data inform each parameter, and which parameters are collinear.
+    effects : tuple of str
+        Effects of the catalogue (`EFFECTS`) to add to the nominal axis. Those in which the
+        balances are linear join weighted least squares, all of them output error.
+    fixed : mapping of str to float
+        Parameters to hold at a value [SI], as ``{"M": 16.4, "stribeck.v_stribeck": 0.02}``.
+    start_values : mapping of str to float
+        Values at which output error starts [SI]; by default those of weighted least squares, and
+        for effects that it does not see those of the catalogue. ``k_P`` and ``k_N`` can be given
+        too: they set X_s2 and X_s1 (X_s5 and X_s4) from X_s3 (X_s6). A parameter that an effect
+        holds by default is estimated if it stands here.
+    each_record : bool
+        Whether each of several records is also fitted alone, flow map held, to set the spread of
+        the estimates beside their intervals.
 
     Examples
     --------
@@ -44,6 +58,12 @@ class IdentifyOptions:
     >>> options = IdentifyOptions(FlowForm.POLYNOMIALS, degrees=(7, 7, 4), start=5.0, end=15.0)
     >>> options.refine_flow, options.windows
     (True, (0.1, 0.5, 2.0))
+
+    With friction after Stribeck, the mass held and another start of k_P:
+
+    >>> options = IdentifyOptions(
+    ...     effects=("stribeck",), fixed={"M": 16.4}, start_values={"k_P": 1.2}
+    ... )
     """
 
     flow_form: FlowForm | None = None
@@ -54,6 +74,10 @@ class IdentifyOptions:
     output_error: OutputErrorOptions | None = None
     windows: tuple[float, ...] = (0.1, 0.5, 2.0)
     identifiability: bool = False
+    effects: tuple[str, ...] = ()
+    fixed: Mapping[str, float] = field(default_factory=dict)
+    start_values: Mapping[str, float] = field(default_factory=dict)
+    each_record: bool = True
 
 
 def output_error_options(case: Case, options: IdentifyOptions) -> OutputErrorOptions:

@@ -10,7 +10,12 @@ from pneumo_casadi.estimation.output_error import OutputErrorResult
 from pneumo_casadi.estimation.uncertainty import Identifiability
 from pneumo_casadi.estimation.wls import Prediction, WLSResult
 from pneumo_casadi.identification.options import IdentifyOptions
-from pneumo_casadi.identification.warnings import ResultWarning
+from pneumo_casadi.identification.warnings import (
+    ResultWarning,
+    Usability,
+    judge_usability,
+    largest_gap,
+)
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.runtime.presentation import Presentable
 from pneumo_casadi.validation import Validation
@@ -46,7 +51,7 @@ class Identification(Presentable):
     truth : mapping of str to float, or None
         True parameters where they are known: ``truth.json`` in the case folder.
     warnings : tuple of ResultWarning
-        Limits of the result that matter to its use.
+        Weaknesses of the result, graded, the gravest first; `usability` is the conclusion.
     identifiability : Identifiability or None
         Where it was asked for.
     seconds : float
@@ -56,8 +61,12 @@ class Identification(Presentable):
     --------
     With ``result = pc.identify(pc.example_case())``:
 
-    >>> print(result.summary().splitlines()[0])
+    >>> print(result.summary())
+    Usable: the fit has converged...
     Identification of table1: output error converged, cost ...; ... warnings (see .warnings)
+    ...
+    >>> result.usability.usable.value
+    'yes'
     >>> frame = result.to_frame()
     >>> bool(abs(frame.output_error["M"] / frame.truth["M"] - 1) < 0.01)
     True
@@ -84,24 +93,53 @@ class Identification(Presentable):
         return self.output_error.axis
 
     @property
-    def headline(self) -> str:
-        """Case, status of the fit, and how many warnings there are."""
-        fit = self.output_error
+    def parameter_names(self) -> tuple[str, ...]:
+        """Parameters of the axis and its effects, without those of the flow map and v_s.
+
+        Those of weighted least squares come first; the others were held, or are not linear.
+        """
+        others = {*self.wls.names, *self.axis.flow_parameters, "v_s"}
         return (
-            f"Identification of {self.case.name}: output error {fit.status}, cost {fit.cost:.5g}; "
-            f"{len(self.warnings)} warnings (see .warnings)"
+            *self.wls.names,
+            *(name for name in self.output_error.parameters.names if name not in others),
         )
 
+    @property
+    def headline(self) -> str:
+        """Whether the result can be used, the case, status of the fit, number of warnings."""
+        fit = self.output_error
+        return (
+            f"{self.usability.sentence}\nIdentification of {self.case.name}: output error "
+            f"{fit.status}, cost {fit.cost:.5g}; {len(self.warnings)} warnings (see .warnings)"
+        )
+
+    @property
+    def usability(self) -> Usability:
+        """Whether the result can be used, by its gravest warning, with the reason."""
+        reason = "the fit has converged, and the parameters agree with geometry and data sheet"
+        if self.validation is not None:
+            name, gap, view = largest_gap(self.validation)
+            reason += (
+                f"; on held-out records the simulation ({view}) is off by at most {gap:.2g} % of "
+                f"the signal ({name}) beyond the sensor noise"
+            )
+        return judge_usability(self.warnings, f"{reason}.")
+
     def to_frame(self) -> pd.DataFrame:
-        """Return one row a parameter: WLS and output error with robust std, truth if known [SI]."""
-        wls, fit = self.wls.to_frame(), self.output_error.overview()
+        """Return one row a parameter: WLS and output error with robust std, truth if known [SI].
+
+        WLS is NaN where it does not see a parameter; the std of one that was held is 0.
+        """
+        index = pd.Index(self.parameter_names, name="parameter")
+        wls = self.wls.to_frame().reindex(index)
+        fit = self.output_error.overview().reindex(index)
         frame = pd.DataFrame(
             {
                 "wls": wls["estimate"],
                 "wls_std": wls["std_hac"],
-                "output_error": fit["estimate"].reindex(wls.index),
-                "output_error_std": fit["std_robust"].reindex(wls.index),
-                "unit": wls["unit"],
+                "output_error": fit["estimate"],
+                "output_error_std": fit["std_robust"],
+                "unit": fit["unit"],
             }
         )
         if self.truth is not None:

@@ -10,10 +10,10 @@ from pneumo_casadi.data import Case
 from pneumo_casadi.errors import CaseError, ModelError
 from pneumo_casadi.estimation.output_error import OutputErrorResult
 from pneumo_casadi.identification.flow_form import read_flow
-from pneumo_casadi.identification.identify import make_axis
 from pneumo_casadi.identification.model_file import axis_dict
 from pneumo_casadi.identification.options import IdentifyOptions, output_error_options
 from pneumo_casadi.identification.result import Identification
+from pneumo_casadi.identification.starting_axis import catalogue_effect, make_axis
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.runtime.json_files import without_infinities
 from pneumo_casadi.runtime.provenance import provenance, sha256
@@ -46,7 +46,12 @@ def result_dict(identification: Identification) -> dict[str, Any]:
     content = {
         "format": FORMAT,
         "case": identification.case.name,
-        "caveats": [{"topic": item.topic, "text": item.text} for item in identification.warnings],
+        "usable": identification.usability.usable.value,
+        "reason": identification.usability.reason,
+        "warnings": [
+            {"grade": item.grade.value, "text": item.text, "about": item.about}
+            for item in identification.warnings
+        ],
         "wls": identification.wls.as_dict(),
         "output_error": output_error_dict(identification.output_error, identification),
         "flow": flow,
@@ -134,6 +139,9 @@ def identification_provenance(case: Case, options: IdentifyOptions) -> dict[str,
             "refine_flow": options.refine_flow,
             "start": options.start,
             "end": options.end,
+            "effects": list(options.effects),
+            "fixed": dict(options.fixed),
+            "start_values": dict(options.start_values),
             "method": chosen.method.value,
             "block": chosen.block,
             "window": chosen.window,
@@ -154,7 +162,7 @@ def read_axis(path: str | Path, case: Case) -> Axis:
     Parameters
     ----------
     path : path
-        Written by ``identify``.
+        Folder of a report, or its `result.json`, written by ``identify`` or ``diagnose``.
     case : Case
         Supplies bench and flow map; the map must be the one of the identification, since the
         coefficients are in its scaling.
@@ -164,8 +172,8 @@ def read_axis(path: str | Path, case: Case) -> Axis:
     CaseError
         If the file is no such result, or does not fit the case.
     """
-    path = Path(path)
-    content = _read(path)
+    path = result_path(path)
+    content = read_result(path)
     try:
         estimates = content["output_error"]["parameters"] | content["output_error"]["fixed"]
         flow = content["flow"]
@@ -175,6 +183,7 @@ def read_axis(path: str | Path, case: Case) -> Axis:
         options = IdentifyOptions()
         if flow is not None:
             options = IdentifyOptions(FlowForm(flow["form"]), _degrees(flow["degrees"]))
+        effects = effects_in(content)
         expected = content["provenance"]["sha256"].get("flow_map.csv")
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise CaseError(
@@ -186,7 +195,7 @@ def read_axis(path: str | Path, case: Case) -> Axis:
         raise CaseError(f"{path}: servo axis and force-driven axis do not go together")
     if case.flow_map_path is not None and model is not None:
         _check_map(case.flow_map_path, expected, path)
-    axis = make_axis(case, model)
+    axis = make_axis(case, model).with_effects(*(catalogue_effect(n, model) for n in effects))
     unknown = sorted(set(values) - set(axis.parameters.names))
     missing = sorted(set(axis.parameters.names) - set(values))
     if unknown or missing:
@@ -195,6 +204,12 @@ def read_axis(path: str | Path, case: Case) -> Axis:
             f"{', '.join(unknown + missing)}"
         )
     return axis.with_parameters(values)
+
+
+def effects_in(content: Any) -> tuple[str, ...]:
+    """Return the names of the effects of a result's model; files of 0.1 may have no model."""
+    model = content.get("model")
+    return () if model is None else tuple(str(name) for name in model["effects"])
 
 
 def _degrees(content: Any) -> tuple[int, int, int] | None:
@@ -219,7 +234,20 @@ def _check_map(flow_map: Path, expected: str | None, result: Path) -> None:
         )
 
 
-def _read(path: Path) -> Any:
+def result_path(path: str | Path) -> Path:
+    """Return the file of a result, given itself or its folder."""
+    path = Path(path)
+    return path / "result.json" if path.is_dir() else path
+
+
+def read_result(path: Path) -> Any:
+    """Return the content of a `result.json`.
+
+    Raises
+    ------
+    CaseError
+        If there is no such file, or it is no JSON.
+    """
     try:
         return json.loads(path.read_text("utf-8"))
     except FileNotFoundError:

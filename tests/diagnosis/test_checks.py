@@ -13,8 +13,8 @@ from pneumo_casadi.diagnosis.prepare.study import fit_model, start_study
 from pneumo_casadi.effects import EFFECTS, ElasticLoad
 from pneumo_casadi.estimation.output_error.result import FlowMapDeviation
 from pneumo_casadi.identification.flow_form import read_flow
-from pneumo_casadi.identification.identify import make_axis
 from pneumo_casadi.identification.options import IdentifyOptions
+from pneumo_casadi.identification.starting_axis import make_axis
 from pneumo_casadi.valve import FlowForm
 from pneumo_casadi.virtual_bench import make_case, random_axis
 

@@ -11,8 +11,8 @@ from pneumo_casadi.diagnosis.locate.signatures import residual_floor
 from pneumo_casadi.diagnosis.locate.unknown_inputs import unknown_inputs
 from pneumo_casadi.diagnosis.prepare.study import fit_model, start_study
 from pneumo_casadi.identification.flow_form import read_flow
-from pneumo_casadi.identification.identify import make_axis
 from pneumo_casadi.identification.options import IdentifyOptions
+from pneumo_casadi.identification.starting_axis import make_axis
 from pneumo_casadi.valve import FlowForm
 from pneumo_casadi.virtual_bench import make_case, random_axis
 

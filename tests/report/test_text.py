@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 
+from pneumo_casadi.data import Grade
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.identification.warnings import ResultWarning
 from pneumo_casadi.report.pages.identification import Picture, html_report
@@ -86,7 +87,9 @@ def test_no_warning_is_said_too():
 
 
 def test_the_page_stands_alone_and_escapes_what_it_shows(quick):
-    found = replace(quick, warnings=(ResultWarning("wls", "a < b & <script>: `std` of F_c_plus"),))
+    found = replace(
+        quick, warnings=(ResultWarning(Grade.NOTE, "wls", "a < b & <script>: `std` of F_c_plus"),)
+    )
     picture = Picture("overview", PIXEL, "Flow map & parameters.")
     page = html_report(found, [picture], paper=True)
     assert '<html lang="en">' in page

@@ -14,7 +14,7 @@ from pneumo_casadi.diagnosis.metrics.findings import Check
 from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study
 from pneumo_casadi.diagnosis.wording import check_texts as texts
 from pneumo_casadi.estimation.output_error.result import FlowMapDeviation
-from pneumo_casadi.identification.warnings import K_RANGE, MAP_SCALE
+from pneumo_casadi.identification.warnings.grading import K_RANGE, LIMITS
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.effect import Effect
 
@@ -225,9 +225,10 @@ def _flow_map(deviation: FlowMapDeviation | None) -> Iterator[Check]:
         return
     rms, scale = deviation.rms, deviation.scale
     yield _within("flow map", (rms, 0.0), 1.0, MAX_EXCESS_RESIDUAL, "1", texts.flow_map_texts(rms))
-    if abs(scale - 1) > MAP_SCALE:
+    limit = LIMITS["map scale"].caution
+    if abs(scale - 1) > limit:
         text = texts.flow_scale_text(scale)
-        yield Check("flow scale", scale, 0.0, 1.0, MAP_SCALE, "1", False, text)
+        yield Check("flow scale", scale, 0.0, 1.0, limit, "1", False, text)
 
 
 def _map_form(misfit: float | None) -> Iterator[Check]:

@@ -7,8 +7,8 @@ from pneumo_casadi.diagnosis.prepare.study import Study, start_study
 from pneumo_casadi.diagnosis.prepare.usable_records import require_usable
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.identification.flow_form import read_flow
-from pneumo_casadi.identification.identify import make_axis
 from pneumo_casadi.identification.options import IdentifyOptions
+from pneumo_casadi.identification.starting_axis import make_axis
 from pneumo_casadi.model.effect import Effect, EffectFactory
 
 #: Share of a record that is held out where a case has no validation record.

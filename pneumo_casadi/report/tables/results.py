@@ -156,14 +156,12 @@ def parameter_table(identification: Identification, paper: bool = False) -> Tabl
     """
     truth = dict(identification.truth or {})
     rows = []
-    for name in identification.wls.names:
+    for name in identification.parameter_names:
         item = identification.output_error.parameters[name]
-        at = identification.wls.names.index(name)
-        pairs = {
-            "wls": (float(identification.wls.estimate[at]), wls_half_width(identification, name)),
-            "oe": (item.value, output_error_half_width(identification, name)),
-        }
-        rows.append(_row(name, item.unit, pairs, truth, TABLE_1, paper))
+        wls = wls_estimate(identification, name)
+        oe = (item.value, output_error_half_width(identification, name))
+        held = name not in identification.output_error.uncertainty.names
+        rows.append(_row(name, item.unit, wls, oe, truth, paper, held))
     for name in ("k_P", "k_N"):
         if name in identification.output_error.derived:
             rows.append(_derived_row(identification, name, truth, paper))
@@ -179,6 +177,14 @@ def parameter_table(identification: Identification, paper: bool = False) -> Tabl
     )
     absent = [] if truth else ["truth", "OE - truth"]
     return table.without(*absent, *([] if paper else ["Table 1"]))
+
+
+def wls_estimate(identification: Identification, name: str) -> tuple[float, float] | None:
+    """Return a WLS estimate and its 2σ; None where WLS does not estimate the parameter."""
+    if name not in identification.wls.names:
+        return None
+    at = identification.wls.names.index(name)
+    return float(identification.wls.estimate[at]), wls_half_width(identification, name)
 
 
 def wls_half_width(identification: Identification, name: str) -> float:
@@ -198,22 +204,23 @@ def output_error_half_width(identification: Identification, name: str) -> float 
 def _row(
     name: str,
     unit: str,
-    pairs: Mapping[str, tuple[float, float | None]],
+    wls: tuple[float, float] | None,
+    output_error: tuple[float, float | None],
     truth: Mapping[str, float],
-    published: Mapping[str, tuple[float, float]],
     paper: bool,
+    held: bool,
 ) -> tuple[str, ...]:
-    oe = pairs["oe"][0]
+    oe = output_error[0]
     e = exponent_of(oe)
     true = truth.get(name)
     return (
         with_symbols(name),
         scaled_unit("" if unit == "1" else unit, e),
-        interval_text(*pairs["wls"], e),
-        interval_text(*pairs["oe"], e),
+        "" if wls is None else interval_text(*wls, e),
+        f"{oe / 10.0**e:.4g} (held)" if held else interval_text(*output_error, e),
         "" if true is None else f"{true / 10.0**e:.4g}",
         "" if not true else f"{100 * (oe / true - 1):+.2f} %",
-        interval_text(*published[name], e) if paper and name in published else "",
+        interval_text(*TABLE_1[name], e) if paper and name in TABLE_1 else "",
     )
 
 

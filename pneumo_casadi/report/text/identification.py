@@ -40,17 +40,28 @@ def render_warnings(warnings: tuple[ResultWarning, ...], width: int = WIDTH) -> 
     if not warnings:
         return "No warnings."
     wrapped = [
-        textwrap.fill(with_symbols(item.text), width, initial_indent="- ", subsequent_indent="  ")
+        textwrap.fill(
+            f"{item.grade}: {with_symbols(item.text)}",
+            width,
+            initial_indent="- ",
+            subsequent_indent="  ",
+        )
         for item in warnings
     ]
     return "\n".join(["Before you use these numbers", "", *wrapped])
+
+
+def first_lines(identification: Identification, width: int = WIDTH) -> str:
+    """Return whether the result can be used, with the reason, and what was identified."""
+    sentence = textwrap.fill(with_symbols(identification.usability.sentence), width)
+    return f"{sentence}\n\nIdentification of {identification.case.name}"
 
 
 def text_report(identification: Identification, paper: bool = False) -> str:
     """Return the whole result as text: warnings, tables, WLS in the form of the paper."""
     wls = format_table(identification.wls, robust=True)
     parts = [
-        f"Identification of {identification.case.name}",
+        first_lines(identification),
         render_warnings(identification.warnings),
         *(render(table) for table in all_tables(identification, paper)),
         "Weighted least squares, in the form of Table 1 of the paper\n\n" + wls,

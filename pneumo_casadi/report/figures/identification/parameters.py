@@ -65,7 +65,7 @@ def draw_forest(axes: Axes, identification: Identification) -> None:
 def correlation_figure(identification: Identification) -> Figure:
     """Draw the correlations of the output-error estimates, flow coefficients left out."""
     estimate = identification.output_error.uncertainty
-    names = [n for n in identification.wls.names if n in estimate.names]
+    names = [n for n in identification.parameter_names if n in estimate.names]
     at = [estimate.names.index(n) for n in names]
     return matrix_figure(estimate.correlation[np.ix_(at, at)], names)
 

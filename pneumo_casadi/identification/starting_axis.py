@@ -1,0 +1,161 @@
+"""The axis to identify: effects added, parameters held, and where the fit starts."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from pneumo_casadi.data import Case
+from pneumo_casadi.effects import EFFECTS
+from pneumo_casadi.errors import ModelError
+from pneumo_casadi.estimation.wls import WLSResult
+from pneumo_casadi.estimation.wls.fit import POLYTROPIC
+from pneumo_casadi.identification.options import IdentifyOptions
+from pneumo_casadi.model.axis import Axis
+from pneumo_casadi.model.effect import Effect
+from pneumo_casadi.model.servosystem import nominal_axis
+from pneumo_casadi.parameters import Parameters
+from pneumo_casadi.valve import FlowModel
+
+#: X_s1 and X_s4, V(0)/(k r T): with k they change as X_s2 and X_s5 do, S/(k r T).
+_VOLUME_OF = {"X_s2": "X_s1", "X_s5": "X_s4"}
+
+
+def make_axis(case: Case, flow: FlowModel | None) -> Axis:
+    """Make the nominal axis of a case, of the kind that its bench says."""
+    try:
+        return nominal_axis(case.bench, flow)
+    except ModelError as error:
+        raise ModelError(f"{case.folder}: {error}") from None
+
+
+def catalogue_effect(name: str, flow: FlowModel | None) -> Effect:
+    """Return an effect of the catalogue, as a valve with this flow map shows it.
+
+    Raises
+    ------
+    ModelError
+        If there is no such effect; the message lists those of the catalogue.
+    """
+    if name not in EFFECTS:
+        raise ModelError(f"no effect {name!r}; there are {', '.join(EFFECTS)}")
+    effect = EFFECTS[name]
+    metered = getattr(flow, "u_range", None)  # a flow model of one's own need not state it
+    return effect() if metered is None else effect.on_metered(*metered)()
+
+
+def axis_of_options(case: Case, flow: FlowModel | None, options: IdentifyOptions) -> Axis:
+    """Return the axis to identify: nominal, with the effects added and the parameters held.
+
+    Raises
+    ------
+    ModelError
+        If an effect or a parameter is unknown, does not suit the axis, or cannot be held.
+    """
+    axis = make_axis(case, flow)
+    axis = axis.with_effects(*(catalogue_effect(name, flow) for name in options.effects))
+    if not options.refine_flow:
+        axis = axis.with_parameters(axis.parameters.fix(*axis.flow_parameters))
+    _refuse_unknown(axis, options)
+    if options.fixed:
+        held = axis.parameters.with_values(options.fixed).fix(*options.fixed)
+        axis = axis.with_parameters(held)
+    released = [name for name in options.start_values if name not in POLYTROPIC]
+    return axis.with_parameters(axis.parameters.release(*released)) if released else axis
+
+
+def axis_for_wls(axis: Axis, options: IdentifyOptions) -> Axis:
+    """Return the axis whose regressor weighted least squares takes.
+
+    An effect with a column of its own stands at its starting values, which give the column its
+    shape; any other effect is left out of the balances, at its null values.
+    """
+    columns = {name.split(".")[0] for name in axis.regressor_names}
+    shaped = [effect.name for effect in axis.effects if effect.name in columns]
+    at = axis.at_null_values()
+    at = at.at_starting_values(*shaped) if shaped else at
+    given = {n: v for n, v in options.start_values.items() if n.split(".")[0] in shaped}
+    return at.with_parameters({**given, **options.fixed})
+
+
+def start_of_output_error(axis: Axis, wls: WLSResult, options: IdentifyOptions) -> Axis:
+    """Return the axis at which output error starts.
+
+    The estimates of weighted least squares; effects that it does not see, or whose estimate physics
+    excludes, at their starting values; then `start_values` and `fixed`.
+    """
+    excluded = [name for name in wls.out_of_bounds if "." in name]
+    known = Parameters(item for item in wls.parameters if item.name not in excluded)
+    start = axis.at_starting_values() if axis.effects else axis
+    start = start.started_at(known)
+    given = {n: v for n, v in options.start_values.items() if n not in POLYTROPIC}
+    start = start.with_parameters({**given, **options.fixed})
+    return start.with_parameters(_at_polytropic(start.parameters, options.start_values))
+
+
+def _at_polytropic(parameters: Parameters, values: Mapping[str, float]) -> dict[str, float]:
+    """Return the chambers' parameters at k = X_s3/X_s2, with area and dead length as they are."""
+    changed: dict[str, float] = {}
+    for name, (area, slope) in POLYTROPIC.items():
+        if name in values:
+            volume = _VOLUME_OF[slope]
+            factor = parameters[area].value / values[name] / parameters[slope].value
+            changed |= {n: factor * parameters[n].value for n in (slope, volume)}
+    return changed
+
+
+def _refuse_unknown(axis: Axis, options: IdentifyOptions) -> None:
+    names = [name for name in axis.parameters.names if name != "v_s"]
+    own = [name for name in names if name not in axis.flow_parameters]
+    derived = [name for name in POLYTROPIC if axis.kind.gas_chambers]
+    for name in (*options.fixed, *options.start_values):
+        if name not in names and name not in derived:
+            reason = "its width is an option of output error" if name == "v_s" else "unknown"
+            raise ModelError(
+                f"parameter {name!r}: {reason}; there are {', '.join(own)}; to start from only "
+                f"{', '.join(derived)}; and {len(axis.flow_parameters)} flow coefficients"
+            )
+    for name, (area, slope) in POLYTROPIC.items():
+        if name in options.fixed:
+            raise ModelError(
+                f"{name} cannot be held: it is the ratio {area}/{slope} of two parameters; hold "
+                f"{slope} and {area}, or only start from it"
+            )
+        moved = {slope, _VOLUME_OF[slope]} & {*options.fixed, *options.start_values}
+        if name in options.start_values and moved:
+            raise ModelError(
+                f"start from {name} or give {' and '.join(sorted(moved))}, not both: {name} is "
+                f"{area}/{slope}, and sets {_VOLUME_OF[slope]} with {slope}"
+            )
+    both = sorted({*options.fixed} & {*options.start_values})
+    if both:
+        raise ModelError(f"{', '.join(both)}: held and started from another value; give one")
+
+
+def options_at(
+    options: IdentifyOptions, axis: Axis, free: Mapping[str, bool] | None = None
+) -> IdentifyOptions:
+    """Return options that start from all parameters of an axis, with its effects.
+
+    Parameters
+    ----------
+    options : IdentifyOptions
+        What else is chosen.
+    axis : Axis
+        Whose effects and values are taken; its held parameters of the axis and of effects stay
+        held.
+    free : mapping of str to bool, optional
+        Which of the parameters to start from; the others are held. By default as in the axis.
+    """
+    kept = [item for item in axis.parameters if item.name != "v_s"]
+    flow = set(axis.flow_parameters)
+    is_free = {item.name: item.free for item in kept} | dict(free or {})
+    return replace(
+        options,
+        effects=tuple(effect.name for effect in axis.effects),
+        start_values={item.name: item.value for item in kept if is_free[item.name]},
+        fixed={
+            item.name: item.value
+            for item in kept
+            if not is_free[item.name] and item.name not in flow
+        },
+        refine_flow=options.refine_flow and (not flow or any(is_free[name] for name in flow)),
+    )

@@ -1,0 +1,69 @@
+"""Warnings about the flow map: its range, its form, and what the trajectories make of it."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from pneumo_casadi.data import Recording
+from pneumo_casadi.estimation.output_error import OutputErrorResult
+from pneumo_casadi.identification.warnings.grading import ResultWarning, limited
+from pneumo_casadi.valve import FlowMap, FormSelection
+
+
+def flow_map_warnings(
+    records: Sequence[Recording], flow_map: FlowMap | None, result: OutputErrorResult
+) -> Iterator[ResultWarning]:
+    """Yield what records and fit say of the map."""
+    if flow_map is None:
+        return
+    ranges = (
+        ("p_P", flow_map.p_range, "Pa"),
+        ("p_N", flow_map.p_range, "Pa"),
+        ("u_P", flow_map.u_range, "V"),
+        ("u_N", flow_map.u_range, "V"),
+    )
+    for channel, (low, high), unit in ranges:
+        values = np.concatenate([record[channel] for record in records])
+        outside = float(np.mean((values < low) | (values > high)))
+        yield from limited(
+            "outside map",
+            outside,
+            "flow_map",
+            f"{channel} runs from {values.min():.4g} to {values.max():.4g} {unit}, outside the "
+            f"metered {low:.4g} to {high:.4g} {unit} in {100 * outside:.2g} % of the samples: "
+            "there the flow is extrapolated.",
+        )
+    deviation = result.flow_map_deviation
+    if deviation is None:
+        return
+    yield from limited(
+        "map residuals",
+        deviation.rms,
+        "flow_map",
+        "The trajectories have moved the flow map: its residuals are "
+        f"{deviation.rms:.2f} times those of its own fit. Map and trajectories disagree beyond "
+        "the map's own misfit: check that it is the map of this valve, at this supply pressure.",
+    )
+    yield from limited(
+        "map scale",
+        abs(deviation.scale - 1),
+        "flow_map",
+        f"The trajectories have multiplied all flows of the map by {deviation.scale:.4f}, more "
+        "than the accuracy of a flow meter.",
+    )
+
+
+def flow_form_warnings(selection: FormSelection | None) -> Iterator[ResultWarning]:
+    """Yield what the comparison of the forms says of the chosen one."""
+    if selection is None:
+        return
+    compared = {e.form.value: e.percent for e in selection.candidates if e.percent is not None}
+    error = compared.get(selection.chosen.value, 0.0)
+    yield from limited(
+        "map form",
+        error,
+        "flow_map",
+        f"No form fits the flow map: the best, {selection.chosen.value}, has an error at "
+        f"withheld points of {error:.2g} % of the largest flow. Meter the map more densely, "
+        "or check it for scatter.",
+    )

@@ -1,0 +1,90 @@
+"""Warnings about estimates that geometry, data sheet or physics contradict."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from pneumo_casadi.data import Case
+from pneumo_casadi.estimation.output_error import OutputErrorResult
+from pneumo_casadi.identification.warnings.grading import (
+    K_RANGE,
+    SIGMAS,
+    ResultWarning,
+    limited,
+    met,
+)
+
+
+def physics_warnings(case: Case, result: OutputErrorResult) -> Iterator[ResultWarning]:
+    """Yield what mass, areas, polytropic coefficients and friction contradict."""
+    sheet = case.bench.datasheet.get("M_kg")
+    if sheet:
+        M = result.parameters["M"].value
+        yield from limited(
+            "mass",
+            (abs(M - sheet) - _half(result, "M")) / sheet,
+            "physics",
+            f"M = {M:.4g} kg is {100 * (M / sheet - 1):+.0f} % off the data sheet.",
+        )
+    if case.bench.kind.gas_chambers:
+        yield from _of_chambers(case, result)
+    yield from _of_friction(result)
+
+
+def _half(result: OutputErrorResult, name: str) -> float:
+    """Return the half width of an interval; 0 where the parameter was held."""
+    return SIGMAS * max(result.std(name), result.std(name, robust=True))
+
+
+def _of_chambers(case: Case, result: OutputErrorResult) -> Iterator[ResultWarning]:
+    areas, halves = [], []
+    for chamber in case.bench.kind.gas_chambers:
+        geometric = getattr(case.bench, f"S_{chamber}")
+        areas.append(result.derived[f"S_{chamber}"].value / geometric)
+        halves.append(_half(result, f"S_{chamber}") / geometric)
+        yield from limited(
+            "area",
+            abs(areas[-1] - 1) - halves[-1],
+            "physics",
+            f"The area S_{chamber} computed from the fit is {100 * (areas[-1] - 1):+.0f} % off "
+            "that of the bench: look for gauge pressures, a wrong temperature, flow scale or leak.",
+        )
+    ratio = areas[1] / areas[0]
+    yield from limited(
+        "area ratio",
+        abs(ratio - 1) - ratio * float(np.hypot(halves[0] / areas[0], halves[1] / areas[1])),
+        "physics",
+        f"The ratio of the areas S_N/S_P computed from the fit is {100 * (ratio - 1):+.0f} % off "
+        "that of the bench: look for exchanged chambers, unequal valves or a leak.",
+    )
+    low, high = K_RANGE
+    for name in ("k_P", "k_N"):
+        k = result.derived[name].value
+        yield from limited(
+            "polytropic",
+            max(low - k, k - high) - _half(result, name),
+            "physics",
+            f"{name} = {k:.3f} is not between {low:g} (isothermal) and {high:g} (adiabatic): the "
+            "parameters may have absorbed an unmodelled effect; `diagnose` looks for it.",
+        )
+
+
+def _of_friction(result: OutputErrorResult) -> Iterator[ResultWarning]:
+    sides = {name: result.parameters[name].value for name in ("F_c_plus", "F_c_minus")}
+    mean = result.derived["F_c"].value
+    if mean < -_half(result, "F_c"):
+        yield met(
+            "friction drives",
+            "physics",
+            f"The Coulomb friction is negative, {mean:.3g} N: it would drive the motion. Check the "
+            "sign of the position, the chambers and the areas.",
+        )
+        return
+    for name, value in sides.items():
+        if value < -_half(result, name):
+            yield met(
+                "friction has a force",
+                "physics",
+                f"{name} = {value:.3g} N is negative: the friction parameters contain a constant "
+                "force.",
+            )

@@ -1,0 +1,192 @@
+"""Warnings about a result of an identification: its known weaknesses, graded by `grading`."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from pneumo_casadi.data import Case, Grade, Recording
+from pneumo_casadi.estimation.output_error import OutputErrorResult
+from pneumo_casadi.estimation.wls import WLSResult
+from pneumo_casadi.identification.warnings.flow_map import flow_form_warnings, flow_map_warnings
+from pneumo_casadi.identification.warnings.grading import (
+    LIMITS,
+    ResultWarning,
+    in_order,
+    limited,
+    met,
+)
+from pneumo_casadi.identification.warnings.physics import physics_warnings
+from pneumo_casadi.metrics import signal_std
+from pneumo_casadi.validation import Validation
+from pneumo_casadi.valve import FlowMap, FormSelection
+
+
+def result_warnings(
+    case: Case,
+    records: Sequence[Recording],
+    flow_map: FlowMap | None,
+    wls: WLSResult,
+    result: OutputErrorResult,
+    validation: Validation | None,
+    selection: FormSelection | None = None,
+) -> tuple[ResultWarning, ...]:
+    """Collect the warnings of an identification, the gravest first.
+
+    Among those of one grade, what the data themselves show comes first: it is the cause.
+    """
+    return in_order(
+        (
+            *_of_data(case),
+            *_of_solution(result),
+            *physics_warnings(case, result),
+            *flow_map_warnings(records, flow_map, result),
+            *flow_form_warnings(selection),
+            *validation_warnings(validation),
+            *_of_misfit(case, records, result),
+            *_of_intervals(wls, result),
+            *_of_wls(wls),
+        )
+    )
+
+
+def inflation(result: OutputErrorResult) -> float:
+    """Return by how much correlated residuals widen the worst output-error interval.
+
+    The largest ratio of a robust to an ideal standard deviation; 1 where residuals are white.
+    """
+    ideal, robust = result.uncertainty.std, result.uncertainty.std_robust
+    known = np.isfinite(ideal) & (ideal > 0) & np.isfinite(robust)
+    return float(np.max(robust[known] / ideal[known], initial=1.0))
+
+
+def _of_data(case: Case) -> Iterator[ResultWarning]:
+    for note in case.notes:
+        yield ResultWarning(Grade.CAUTION, "recording", note)
+
+
+def _of_solution(result: OutputErrorResult) -> Iterator[ResultWarning]:
+    if result.status != "converged":
+        yield met(
+            "not converged",
+            "output_error",
+            f"The output-error fit has not converged: {result.status}.",
+        )
+    if len(result.stages) > 1:
+        yield met(
+            "stages",
+            "output_error",
+            f"The fit needed {len(result.stages)} stages (by way of short windows): the model may "
+            "misfit the data, or the start was far off.",
+        )
+    flow = set(result.axis.flow_parameters)
+    for name in result.uncertainty.at_bound:
+        if name not in flow:  # the map's residuals tell what its coefficients are worth
+            item = result.parameters[name]
+            yield met(
+                "axis at bound" if name == "M" or name.startswith("X_s") else "at bound",
+                "output_error",
+                f"{name} lies at its bound {item.value:.4g} {item.unit}: the cost decreases beyond "
+                "it; its interval is one-sided and not given.",
+            )
+    unknown = [name for name in result.uncertainty.uninformed if name not in flow]
+    if unknown:
+        yield met(
+            "uninformed",
+            "output_error",
+            f"The data say nothing about {', '.join(unknown)} (direction "
+            f"{'; '.join(result.uncertainty.combinations)}): their intervals are infinite.",
+        )
+
+
+def validation_warnings(validation: Validation | None) -> Iterator[ResultWarning]:
+    """Yield the warnings about simulations of held-out records."""
+    if validation is None:
+        yield met(
+            "not held out",
+            "validation",
+            "The case has no record held out: the accuracy of predictions is unknown.",
+        )
+        return
+    name, gap, view = largest_gap(validation)
+    yield from limited(
+        "held out",
+        gap,
+        "validation",
+        f"On held-out records the simulation of {name} ({view}) is off by {gap:.2g} % of the "
+        "signal beyond the sensor noise: the model omits something; `diagnose` looks for it.",
+    )
+
+
+def largest_gap(validation: Validation) -> tuple[str, float, str]:
+    """Return the output with the largest gap, the gap [% of the signal] and the simulation.
+
+    Over the longest windows: over a whole record in open loop a position drifts, and its error
+    grows with the length of the record. Where there are no windows, over the whole record.
+    """
+    view, errors = "open loop", validation.open_loop
+    if validation.windows:
+        length = max(validation.windows)
+        view, errors = f"windows of {length:g} s", validation.windows[length]
+    name = max(errors, key=lambda channel: errors[channel].gap_percent)
+    return name, errors[name].gap_percent, view
+
+
+def _of_misfit(
+    case: Case, records: Sequence[Recording], result: OutputErrorResult
+) -> Iterator[ResultWarning]:
+    noise = case.bench.noise
+    for name, sigma in zip(result.axis.outputs, result.sigma, strict=True):
+        stated = getattr(noise, name[0], 0.0) if noise is not None else 0.0
+        signal = signal_std(records, name)
+        if stated and sigma > stated and signal > 0:
+            yield from limited(
+                "misfit",
+                100 * float(np.sqrt(sigma**2 - stated**2)) / signal,
+                "intervals",
+                f"The residual of {name} is equivalent to white noise of {sigma:.3g} "
+                f"{result.axis.unit(name)} per sample, {sigma / stated:.1f} times the noise stated "
+                "in the bench: misfit is counted as noise.",
+            )
+
+
+def _of_intervals(wls: WLSResult, result: OutputErrorResult) -> Iterator[ResultWarning]:
+    output_error, least_squares = inflation(result), float(np.max(wls.std_hac / wls.std))
+    yield from limited(
+        "widening",
+        max(output_error, least_squares),
+        "intervals",
+        "The residuals are correlated in time. The intervals of tables and figures allow for it; "
+        f"`std` in result.json does not, and is up to {output_error:.1f} times too small for "
+        f"output error, {least_squares:.1f} times for WLS: use `std_robust` and `std_hac`.",
+    )
+
+
+def _of_wls(wls: WLSResult) -> Iterator[ResultWarning]:
+    if wls.out_of_bounds:
+        yield met(
+            "wls impossible",
+            "wls",
+            f"The WLS estimate of {', '.join(wls.out_of_bounds)} is physically impossible.",
+        )
+    limit = LIMITS["weak"]
+    weak = {
+        name: percent
+        for name, percent in zip(wls.names, wls.relative_std_percent, strict=True)
+        if limit.grade(percent) is not None
+    }
+    if weak:
+        named = ", ".join(f"{name} ({percent:.0f} %)" for name, percent in weak.items())
+        yield from limited(
+            "weak",
+            max(weak.values()),
+            "wls",
+            f"WLS: relative standard deviation above {limit.note:g} % for {named}: by eq. 17 they "
+            "may be removed.",
+        )
+    yield from limited(
+        "sampling",
+        100 / wls.plan.sampling_ratio,
+        "wls",
+        f"Sampled at {wls.plan.sampling_ratio:.0f} times the bandwidth of the motion; eq. 14 "
+        "asks for 100 times.",
+    )
