@@ -15,15 +15,19 @@ from pneumo_casadi.cli.options import (
     FlowOption,
     Json,
     Output,
+    Strict,
     degrees_of,
     report_folder,
 )
-from pneumo_casadi.cli.terminal import guarded, progress_bar, say
-from pneumo_casadi.errors import CaseError
+from pneumo_casadi.cli.terminal import exit_unless_usable, guarded, progress_bar, say
+from pneumo_casadi.errors import CaseError, FitError
 
 if TYPE_CHECKING:
     from pneumo_casadi.data import Case
+    from pneumo_casadi.diagnosis import Diagnosis
+    from pneumo_casadi.identification.result import Identification
     from pneumo_casadi.model.effect import Effect
+    from pneumo_casadi.runtime.progress import Progress
 
 #: More processes than this do not help: each stage waits for its last fit.
 MOST_WORKERS = 4
@@ -51,6 +55,14 @@ def diagnose(
     ] = None,
     flow: Flow = FlowOption.AUTO,
     degrees: Degrees = None,
+    refine: Annotated[
+        bool,
+        typer.Option(
+            help="Refine the final model by output error and write it to result.json, which "
+            "validate, simulate, export, design and compare take."
+        ),
+    ] = True,
+    strict: Strict = False,
     debug: Debug = False,
 ) -> None:
     """Diagnose an axis: where model and measurement disagree, and which effect explains it.
@@ -58,13 +70,15 @@ def diagnose(
     Verdicts: effect (one or more effects of the catalogue), ambiguous (several explain the data
     equally well), absorbed (the parameters contradict geometry or data sheet), unknown (no effect
     of the catalogue explains the data), none. FOLDER (default: report/CASE-diagnosis) gets
-    report.html, summary.txt, diagnosis.json and figures.
+    report.html, summary.txt, diagnosis.json, result.json and figures. --strict refuses a final
+    model that is not to be used, or that could not be refined.
     """
     kept = "nothing was written" if keep is None else f"finished fits are in {keep}"
     with guarded(debug, kept):
         from pneumo_casadi.data import read_case
         from pneumo_casadi.diagnosis import DiagnosisOptions
         from pneumo_casadi.diagnosis.diagnose import diagnose
+        from pneumo_casadi.identification.warnings import Usable
         from pneumo_casadi.report.pages.diagnosis import write_diagnosis
         from pneumo_casadi.report.pages.write import Kind, check_replaceable
         from pneumo_casadi.report.text.diagnosis import summary_text
@@ -76,16 +90,39 @@ def diagnose(
         check_replaceable(folder, Kind.DIAGNOSIS)
         effects = effects_without(without or ())
         read = read_case(case)
-        with progress_bar() as report, processes(workers or default_workers()) as executor:
-            options = DiagnosisOptions(keep, flow.form, degrees_of(degrees))
-            result = diagnose(read, effects, options, progress_range(report, 0.0, 0.97), executor)
+        refined, failure = None, ""
+        with progress_bar() as report:
+            with processes(workers or default_workers()) as executor:
+                options = DiagnosisOptions(keep, flow.form, degrees_of(degrees))
+                stage = progress_range(report, 0.0, 0.7 if refine else 0.97)
+                result = diagnose(read, effects, options, stage, executor)
+            if refine:
+                stage = progress_range(report, 0.7, 0.97, "final model: ")
+                refined, failure = _refined(read, result, stage)
             report("report", 0.97)
             origin = origin_of(read, without or ())
-            write_diagnosis(result, folder, effects, origin)
+            write_diagnosis(result, folder, effects, origin, refined)
         if json_file is not None:
             write_json(result.as_dict() | {"provenance": origin}, json_file)
-        say(summary_text(result, effects))
+        say(summary_text(result, effects, refined))
+        if failure:
+            say(f"no result.json: {failure}\n")
         say(f"report: {folder}/report.html")
+        if refine:
+            usable = Usable.NO if refined is None else refined.usability.usable
+            exit_unless_usable(usable, strict)
+
+
+def _refined(
+    case: "Case", diagnosis: "Diagnosis", progress: "Progress"
+) -> "tuple[Identification | None, str]":
+    """Return the final model refined by output error; where that fails, None and the reason."""
+    from pneumo_casadi.diagnosis.refined_identification import refine_diagnosis
+
+    try:
+        return refine_diagnosis(case, diagnosis, progress), ""
+    except FitError as error:
+        return None, str(error)
 
 
 def effects_without(names: Sequence[str]) -> "dict[str, type[Effect]]":

@@ -171,6 +171,7 @@ def _identify(
     from pneumo_casadi.report.pages.write import Kind, check_replaceable, write_identification
     from pneumo_casadi.report.tables.results import (
         parameter_table,
+        record_table,
         validation_table,
         with_symbols,
     )
@@ -187,6 +188,9 @@ def _identify(
     say(fill(with_symbols(result.usability.sentence), min(width(), 100)))
     say()
     show(parameter_table(result, paper))
+    if result.each_record is not None:
+        say()
+        show(record_table(result))
     if result.validation is not None:
         say()
         show(validation_table(result.validation))

@@ -1,7 +1,16 @@
 """The command ``validate``."""
 
-from pneumo_casadi.cli.options import CasePath, Debug, Json, Output, Parameters
-from pneumo_casadi.cli.terminal import guarded, progress_bar, say, show
+from textwrap import fill
+
+from pneumo_casadi.cli.options import CasePath, Debug, Json, Output, Parameters, Strict
+from pneumo_casadi.cli.terminal import (
+    exit_unless_usable,
+    guarded,
+    progress_bar,
+    say,
+    show,
+    width,
+)
 from pneumo_casadi.errors import CaseError
 
 
@@ -10,15 +19,22 @@ def validate(
     parameters: Parameters,
     output: Output = None,
     json_file: Json = None,
+    strict: Strict = False,
     debug: Debug = False,
 ) -> None:
     """Compare simulations with identified parameters with the held-out records of CASE.
 
-    Open loop and closed loop over whole records, and windows of 0.1, 0.5 and 2 s.
+    Open loop and closed loop over whole records, and windows of 0.1, 0.5 and 2 s. --strict refuses
+    parameters whose simulation is far from the records.
     """
     with guarded(debug):
         from pneumo_casadi.data import read_case
         from pneumo_casadi.identification.result_file import read_axis, validation_dict
+        from pneumo_casadi.identification.warnings import (
+            judge_usability,
+            simulation_sentence,
+            validation_warnings,
+        )
         from pneumo_casadi.report.pages.write import Kind, check_replaceable, write_validation
         from pneumo_casadi.report.tables.results import validation_table
         from pneumo_casadi.runtime.json_files import write_json
@@ -32,9 +48,15 @@ def validate(
             raise CaseError(f"{case}: no held-out record; add validate.csv or validate.csv.gz")
         with progress_bar() as report:
             validation = validate(axis, read.validate, progress=report)
+        warnings = tuple(validation_warnings(validation))
+        usability = judge_usability(warnings, simulation_sentence(validation))
+        say(fill(usability.sentence, min(width(), 100)))
+        say()
         show(validation_table(validation))
         if output is not None:
             write_validation(validation, output)
             say(f"\nreport: {output}")
         if json_file is not None:
-            write_json({"validation": validation_dict(validation)}, json_file)
+            content = {"usable": usability.usable.value, "reason": usability.reason}
+            write_json({**content, "validation": validation_dict(validation)}, json_file)
+        exit_unless_usable(usability.usable, strict)

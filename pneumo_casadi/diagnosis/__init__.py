@@ -17,6 +17,10 @@ from pneumo_casadi.diagnosis.metrics.findings import (
 from pneumo_casadi.diagnosis.metrics.location import Location
 from pneumo_casadi.diagnosis.metrics.regime import Condition, Regime, RegimeKind
 from pneumo_casadi.diagnosis.prepare.prepare_study import applicable, prepare_study
+from pneumo_casadi.diagnosis.refined_identification import (
+    options_of_diagnosis,
+    refine_diagnosis,
+)
 
 __all__ = [
     "Candidate",
@@ -35,5 +39,7 @@ __all__ = [
     "Where",
     "applicable",
     "diagnose",
+    "options_of_diagnosis",
     "prepare_study",
+    "refine_diagnosis",
 ]

@@ -9,6 +9,7 @@ from typing import Any
 from pneumo_casadi.data import Case, Recording, read_case
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.estimation.output_error import (
+    fit_each_record,
     fit_output_error,
 )
 from pneumo_casadi.estimation.uncertainty import Optimum, analyse_identifiability
@@ -30,7 +31,14 @@ logger = logging.getLogger(__name__)
 
 
 #: Shares of the work at which the stages begin.
-_SHARES = {"flow": 0.0, "wls": 0.02, "output_error": 0.08, "validation": 0.65, "done": 1.0}
+_SHARES = {
+    "flow": 0.0,
+    "wls": 0.02,
+    "output_error": 0.08,
+    "validation": 0.65,
+    "each_record": 0.85,
+    "done": 1.0,
+}
 
 
 @one_thread
@@ -93,11 +101,16 @@ def identify(
         chosen,
         progress_range(report, _SHARES["output_error"], _SHARES["validation"], "output error: "),
     )
+    alone = None
+    if len(records) > 1 and options.each_record:
+        stage = progress_range(report, _SHARES["validation"], _SHARES["each_record"], "alone: ")
+        alone = fit_each_record(fit, records, chosen, stage)
     predictions: tuple[Prediction, ...] = ()
     validation = None
     if case.validate:
         predictions = cross_validate(wls, case.validate)
-        stage = progress_range(report, _SHARES["validation"], _SHARES["done"], "validation: ")
+        begun = _SHARES["validation"] if alone is None else _SHARES["each_record"]
+        stage = progress_range(report, begun, _SHARES["done"], "validation: ")
         validation = validate(fit.axis, case.validate, options.windows, stage)
     identification = Identification(
         case=case,
@@ -111,7 +124,8 @@ def identify(
         predictions=predictions,
         validation=validation,
         truth=read_truth(case.folder),
-        warnings=result_warnings(case, records, flow_map, wls, fit, validation, selection),
+        warnings=result_warnings(case, records, flow_map, wls, fit, validation, selection, alone),
+        each_record=alone,
         identifiability=(
             analyse_identifiability(Optimum(fit, records, flow_map, chosen))
             if options.identifiability

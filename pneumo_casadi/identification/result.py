@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import pandas as pd
 
 from pneumo_casadi.data import Case, Recording
-from pneumo_casadi.estimation.output_error import OutputErrorResult
+from pneumo_casadi.estimation.output_error import OutputErrorResult, RecordEstimates
 from pneumo_casadi.estimation.uncertainty import Identifiability
 from pneumo_casadi.estimation.wls import Prediction, WLSResult
 from pneumo_casadi.identification.options import IdentifyOptions
@@ -14,7 +14,7 @@ from pneumo_casadi.identification.warnings import (
     ResultWarning,
     Usability,
     judge_usability,
-    largest_gap,
+    simulation_sentence,
 )
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.runtime.presentation import Presentable
@@ -56,6 +56,8 @@ class Identification(Presentable):
         Where it was asked for.
     seconds : float
         Computing time [s].
+    each_record : RecordEstimates or None
+        Estimates from each record alone; None for a single record or where it was not asked for.
 
     Examples
     --------
@@ -86,6 +88,7 @@ class Identification(Presentable):
     warnings: tuple[ResultWarning, ...]
     identifiability: Identifiability | None
     seconds: float
+    each_record: RecordEstimates | None = None
 
     @property
     def axis(self) -> Axis:
@@ -117,13 +120,8 @@ class Identification(Presentable):
     def usability(self) -> Usability:
         """Whether the result can be used, by its gravest warning, with the reason."""
         reason = "the fit has converged, and the parameters agree with geometry and data sheet"
-        if self.validation is not None:
-            name, gap, view = largest_gap(self.validation)
-            reason += (
-                f"; on held-out records the simulation ({view}) is off by at most {gap:.2g} % of "
-                f"the signal ({name}) beyond the sensor noise"
-            )
-        return judge_usability(self.warnings, f"{reason}.")
+        simulated = "." if self.validation is None else f"; {simulation_sentence(self.validation)}"
+        return judge_usability(self.warnings, reason + simulated)
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a parameter: WLS and output error with robust std, truth if known [SI].

@@ -8,7 +8,7 @@ from typing import Any
 
 from pneumo_casadi.data import Case
 from pneumo_casadi.errors import CaseError, ModelError
-from pneumo_casadi.estimation.output_error import OutputErrorResult
+from pneumo_casadi.estimation.output_error import OutputErrorResult, RecordEstimates
 from pneumo_casadi.identification.flow_form import read_flow
 from pneumo_casadi.identification.model_file import axis_dict
 from pneumo_casadi.identification.options import IdentifyOptions, output_error_options
@@ -54,6 +54,7 @@ def result_dict(identification: Identification) -> dict[str, Any]:
         ],
         "wls": identification.wls.as_dict(),
         "output_error": output_error_dict(identification.output_error, identification),
+        "each_record": _each_record(identification.each_record),
         "flow": flow,
         "model": _model(identification.axis),
         "validation": None
@@ -217,6 +218,22 @@ def _degrees(content: Any) -> tuple[int, int, int] | None:
         return None
     first, second, third = (int(degree) for degree in content)
     return first, second, third
+
+
+def _each_record(alone: RecordEstimates | None) -> dict[str, Any] | None:
+    if alone is None:
+        return None
+    return {
+        "records": {
+            record: {
+                name: {"value": float(value), "std_robust": float(std)}
+                for name, value, std in zip(alone.names, values, stds, strict=True)
+            }
+            for record, values, stds in zip(alone.records, alone.values, alone.std, strict=True)
+        },
+        "spread": {name: alone.spread(name) for name in alone.names},
+        "failed": list(alone.failed),
+    }
 
 
 def _model(axis: Axis) -> dict[str, Any] | None:

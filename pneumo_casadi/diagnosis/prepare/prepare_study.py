@@ -37,18 +37,24 @@ def prepare_study(
     CaseError
         If a record is too short or shows no motion.
     """
-    notes: list[str] = []
-    train: Sequence[Recording] = case.identify
-    held: Sequence[Recording] = case.validate
-    if not held:
-        notes.append(f"no validation record: the last {100 * HELD_OUT:.0f} % of each are held out")
-        cuts = [(r, float(r.t[0] + (1 - HELD_OUT) * r.duration)) for r in train]
-        held = [r.window(cut, float(r.t[-1]) + r.dt) for r, cut in cuts]
-        train = [r.window(float(r.t[0]), cut) for r, cut in cuts]
+    train, held, notes = split_records(case)
     table, flow = read_flow(case, options or IdentifyOptions())
     axis = make_axis(case, flow)
     require_usable((*train, *held), axis.outputs)
-    return start_study(axis, table, train, held), tuple(notes)
+    return start_study(axis, table, train, held), notes
+
+
+def split_records(
+    case: Case,
+) -> tuple[Sequence[Recording], Sequence[Recording], tuple[str, ...]]:
+    """Return the records to fit and those held out, with a note where a record was split."""
+    if case.validate:
+        return case.identify, case.validate, ()
+    cuts = [(r, float(r.t[0] + (1 - HELD_OUT) * r.duration)) for r in case.identify]
+    train = [r.window(float(r.t[0]), cut) for r, cut in cuts]
+    held = [r.window(cut, float(r.t[-1]) + r.dt) for r, cut in cuts]
+    note = f"no validation record: the last {100 * HELD_OUT:.0f} % of each are held out"
+    return train, held, (note,)
 
 
 def applicable(study: Study, catalogue: Mapping[str, EffectFactory]) -> dict[str, EffectFactory]:

@@ -1,5 +1,6 @@
 """Output error by multiple shooting: the parameters whose trajectories lie nearest to the data."""
 
+from pneumo_casadi.estimation.output_error.each_record import RecordEstimates, fit_each_record
 from pneumo_casadi.estimation.output_error.fit import fit_output_error
 from pneumo_casadi.estimation.output_error.multistart import (
     MultiStart,
@@ -21,8 +22,10 @@ __all__ = [
     "MultiStart",
     "OutputErrorOptions",
     "OutputErrorResult",
+    "RecordEstimates",
     "Stage",
     "StartOutcome",
+    "fit_each_record",
     "fit_from_many_starts",
     "fit_output_error",
 ]

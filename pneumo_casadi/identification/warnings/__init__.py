@@ -13,6 +13,7 @@ from pneumo_casadi.identification.warnings.result_warnings import (
     inflation,
     largest_gap,
     result_warnings,
+    simulation_sentence,
     validation_warnings,
 )
 
@@ -27,5 +28,6 @@ __all__ = [
     "judge_usability",
     "largest_gap",
     "result_warnings",
+    "simulation_sentence",
     "validation_warnings",
 ]

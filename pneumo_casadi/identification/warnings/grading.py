@@ -133,10 +133,9 @@ LIMITS: Mapping[str, Limit] = MappingProxyType(
             note=1.0,
         ),
         "spread": Limit(
-            "spread of the estimates from single records over that of their intervals (Birge) [1]",
-            "one by itself; a reduced chi square of four is improbable for two records already",
-            caution=2.0,
-            severe=inf,
+            "distance of single records' estimates from the joint one, squared, over its limit [1]",
+            "records of one axis exceed the limit by chance in one case of a hundred",
+            caution=1.0,
         ),
     }
 )
@@ -151,6 +150,7 @@ CONDITIONS: Mapping[str, tuple[Grade, str]] = MappingProxyType(
         "uninformed": (Grade.CAUTION, "the value is the starting value"),
         "not held out": (Grade.CAUTION, "nothing tells what a prediction is worth"),
         "stages": (Grade.NOTE, "the way to the optimum does not change it"),
+        "not alone": (Grade.NOTE, "the joint fit stands without it"),
         "wls impossible": (Grade.NOTE, "output error is bounded and does not inherit it"),
     }
 )

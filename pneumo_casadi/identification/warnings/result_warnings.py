@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from pneumo_casadi.data import Case, Grade, Recording
-from pneumo_casadi.estimation.output_error import OutputErrorResult
+from pneumo_casadi.estimation.output_error import OutputErrorResult, RecordEstimates
 from pneumo_casadi.estimation.wls import WLSResult
 from pneumo_casadi.identification.warnings.flow_map import flow_form_warnings, flow_map_warnings
 from pneumo_casadi.identification.warnings.grading import (
@@ -29,6 +29,7 @@ def result_warnings(
     result: OutputErrorResult,
     validation: Validation | None,
     selection: FormSelection | None = None,
+    each_record: RecordEstimates | None = None,
 ) -> tuple[ResultWarning, ...]:
     """Collect the warnings of an identification, the gravest first.
 
@@ -43,6 +44,7 @@ def result_warnings(
             *flow_form_warnings(selection),
             *validation_warnings(validation),
             *_of_misfit(case, records, result),
+            *_of_records(each_record),
             *_of_intervals(wls, result),
             *_of_wls(wls),
         )
@@ -117,6 +119,15 @@ def validation_warnings(validation: Validation | None) -> Iterator[ResultWarning
     )
 
 
+def simulation_sentence(validation: Validation) -> str:
+    """Return the size of the largest gap on the held-out records in one sentence."""
+    name, gap, view = largest_gap(validation)
+    return (
+        f"on held-out records the simulation ({view}) is off by at most {gap:.2g} % of the signal "
+        f"({name}) beyond the sensor noise."
+    )
+
+
 def largest_gap(validation: Validation) -> tuple[str, float, str]:
     """Return the output with the largest gap, the gap [% of the signal] and the simulation.
 
@@ -159,6 +170,29 @@ def _of_intervals(wls: WLSResult, result: OutputErrorResult) -> Iterator[ResultW
         f"`std` in result.json does not, and is up to {output_error:.1f} times too small for "
         f"output error, {least_squares:.1f} times for WLS: use `std_robust` and `std_hac`.",
     )
+
+
+def _of_records(each: RecordEstimates | None) -> Iterator[ResultWarning]:
+    if each is None:
+        return
+    limit = LIMITS["spread"]
+    apart = {n: each.spread(n) for n in each.names if limit.grade(each.excess(n)) is not None}
+    if apart:
+        named = ", ".join(f"{name} ({spread:.1f})" for name, spread in apart.items())
+        yield from limited(
+            "spread",
+            max(each.excess(name) for name in apart),
+            "intervals",
+            "The estimates from single records differ by more than their intervals, by the factor "
+            f"in brackets: {named}. Something that the model omits differs between the records; "
+            "widen the intervals by these factors.",
+        )
+    if each.failed:
+        yield met(
+            "not alone",
+            "output_error",
+            f"Alone, {', '.join(each.failed)} could not be fitted: its estimates are not compared.",
+        )
 
 
 def _of_wls(wls: WLSResult) -> Iterator[ResultWarning]:

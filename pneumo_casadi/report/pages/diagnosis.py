@@ -7,6 +7,8 @@ from typing import Any
 
 from pneumo_casadi.diagnosis import Diagnosis, Verdict
 from pneumo_casadi.effects import EFFECTS
+from pneumo_casadi.identification.result import Identification
+from pneumo_casadi.identification.result_file import result_dict
 from pneumo_casadi.report.pages.drawing import can_draw
 from pneumo_casadi.report.pages.identification import Picture, page
 from pneumo_casadi.report.pages.write import Kind, folder_in_one_step
@@ -19,7 +21,7 @@ from pneumo_casadi.report.tables.diagnosis import (
 )
 from pneumo_casadi.report.tables.flow_form import flow_form_tables
 from pneumo_casadi.report.tables.quantities import between, chance, percent, plain, whole
-from pneumo_casadi.report.tables.results import Table
+from pneumo_casadi.report.tables.results import Table, parameter_table
 from pneumo_casadi.report.text.diagnosis import (
     VERDICTS,
     Catalogue,
@@ -28,6 +30,7 @@ from pneumo_casadi.report.text.diagnosis import (
     check_sentences,
     headline,
     location_text,
+    refined_sentences,
     size_sentences,
     size_title,
     summary_text,
@@ -61,6 +64,7 @@ def diagnosis_html(
     pictures: Sequence[Picture],
     catalogue: Catalogue = EFFECTS,
     provenance: Mapping[str, Any] | None = None,
+    refined: Identification | None = None,
 ) -> str:
     """Return a diagnosis as one HTML page that requests nothing.
 
@@ -74,9 +78,13 @@ def diagnosis_html(
         Where the effects are described.
     provenance : mapping, optional
         ``versions``, ``sha256`` and ``options``.
+    refined : Identification, optional
+        The final model refined by output error.
     """
     sections = [
-        section for section in _sections(diagnosis, pictures, catalogue) if not section.empty
+        section
+        for section in _sections(diagnosis, pictures, catalogue, refined)
+        if not section.empty
     ]
     return page(
         "diagnosis.html.jinja",
@@ -91,7 +99,10 @@ def diagnosis_html(
 
 
 def _sections(
-    diagnosis: Diagnosis, pictures: Sequence[Picture], catalogue: Catalogue
+    diagnosis: Diagnosis,
+    pictures: Sequence[Picture],
+    catalogue: Catalogue,
+    refined: Identification | None,
 ) -> list[_Section]:
     def drawn(*starts: str) -> list[Picture]:
         return [picture for picture in pictures if picture.name.startswith(starts)]
@@ -116,6 +127,11 @@ def _sections(
             checks=check_sentences(diagnosis), tables=[check_table(diagnosis)],
         ),
         _Section("parameters", "Fitted parameters", tables=[fitted_table(diagnosis)]),
+        _Section(
+            "refined", "Final model refined by output error",
+            () if refined is None else refined_sentences(refined),
+            tables=() if refined is None else [parameter_table(refined)],
+        ),
         _Section("flow_form", "Flow map", tables=flow_form_tables(diagnosis.flow_selection)),
         _Section("notes", "Notes", diagnosis.notes),
     ]  # fmt: skip
@@ -149,6 +165,7 @@ def write_diagnosis(
     folder: str | Path,
     catalogue: Catalogue = EFFECTS,
     provenance: Mapping[str, Any] | None = None,
+    refined: Identification | None = None,
 ) -> Path:
     """Write a diagnosis into a folder.
 
@@ -162,12 +179,14 @@ def write_diagnosis(
         Where the effects are described.
     provenance : mapping, optional
         ``versions``, ``sha256`` and ``options``.
+    refined : Identification, optional
+        The final model refined by output error (`refine_diagnosis`), for ``result.json``.
 
     Returns
     -------
     Path
         The folder: ``diagnosis.json``, ``report.html``, ``summary.txt``, ``figures`` as PNG and
-        SVG.
+        SVG, and with `refined` ``result.json``.
 
     Raises
     ------
@@ -177,9 +196,12 @@ def write_diagnosis(
     known = {"provenance": dict(provenance)} if provenance else {}
     with folder_in_one_step(folder, Kind.DIAGNOSIS) as draft:
         write_json(diagnosis.as_dict() | known, draft / "diagnosis.json")
-        (draft / "summary.txt").write_text(summary_text(diagnosis, catalogue), "utf-8")
+        if refined is not None:
+            write_json(result_dict(refined), draft / "result.json")
+        summary = summary_text(diagnosis, catalogue, refined)
+        (draft / "summary.txt").write_text(summary, "utf-8")
         pictures = _save_figures(diagnosis, draft / "figures")
-        html = diagnosis_html(diagnosis, pictures, catalogue, provenance)
+        html = diagnosis_html(diagnosis, pictures, catalogue, provenance, refined)
         (draft / "report.html").write_text(html, "utf-8")
     return Path(folder)
 

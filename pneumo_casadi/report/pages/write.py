@@ -37,7 +37,7 @@ class Kind(Enum):
     IDENTIFICATION = ("report.html", "result.json", "table.txt", "figures")
     VALIDATION = ("table.txt", "result.json", "figures")
     SIMULATION = ("simulation",)
-    DIAGNOSIS = ("diagnosis.json", "report.html", "summary.txt", "figures")
+    DIAGNOSIS = ("diagnosis.json", "report.html", "summary.txt", "result.json", "figures")
     DESIGN = ("design.json", "design.txt", "design.png", "reference.csv")
 
 

@@ -5,6 +5,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from pneumo_casadi.errors import ModelError
 from pneumo_casadi.estimation.wls import ratios
 from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.report.tables.paper import TABLE_1
@@ -248,6 +249,42 @@ def _derived_row(
     )
 
 
+def record_table(identification: Identification) -> Table:
+    """Return the estimates from each record beside those from all, and how far they spread."""
+    alone, result = identification.each_record, identification.output_error
+    if alone is None:
+        raise ModelError("the records were not fitted one by one")
+    rows = []
+    for column, name in enumerate(alone.names):
+        item = result.parameters[name]
+        e = exponent_of(item.value)
+        spread = alone.spread(name)
+        rows.append(
+            (
+                with_symbols(name),
+                scaled_unit("" if item.unit == "1" else item.unit, e),
+                interval_text(item.value, output_error_half_width(identification, name), e),
+                *(
+                    interval_text(float(value), 2 * float(std), e)
+                    for value, std in zip(
+                        alone.values[:, column], alone.std[:, column], strict=True
+                    )
+                ),
+                "" if spread is None else f"{spread:.1f}",
+            )
+        )
+    return Table(
+        "Estimates from each record, output error ± 2σ",
+        ("", "unit", "all records", *alone.records, "spread"),
+        tuple(rows),
+        (
+            "Spread: distance of single records from all, in standard deviations of both (root "
+            "mean square); up to about 1 where records agree.",
+            "The flow map is held where all records together have left it.",
+        ),
+    )
+
+
 def validation_table(validation: Validation) -> Table:
     """Return the errors on held-out records, in units and per cent, beside the sensor noise."""
     runs: list[tuple[str, Mapping[str, Error]]] = [
@@ -285,6 +322,8 @@ def _noise_text(error: Error) -> str:
 def tables_of(identification: Identification, paper: bool = False) -> Sequence[Table]:
     """Return all tables of a report, in order."""
     tables = [parameter_table(identification, paper)]
+    if identification.each_record is not None:
+        tables.append(record_table(identification))
     if identification.validation is not None:
         tables.append(validation_table(identification.validation))
     return tables

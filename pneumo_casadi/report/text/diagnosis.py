@@ -7,6 +7,7 @@ from pneumo_casadi.diagnosis import Diagnosis, EffectFound, Verdict
 from pneumo_casadi.diagnosis.metrics.findings import joined_names
 from pneumo_casadi.diagnosis.wording.location_sentences import location_sentences
 from pneumo_casadi.effects import EFFECTS
+from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.report.tables.diagnosis import (
     BALANCES,
@@ -16,7 +17,7 @@ from pneumo_casadi.report.tables.diagnosis import (
     nearest,
 )
 from pneumo_casadi.report.tables.quantities import between, chance, percent, plain, quantity, whole
-from pneumo_casadi.report.tables.results import with_symbols
+from pneumo_casadi.report.tables.results import parameter_table, with_symbols
 from pneumo_casadi.report.text.identification import WIDTH, render
 
 Catalogue = Mapping[str, type[Effect]]
@@ -228,7 +229,17 @@ def location_text(diagnosis: Diagnosis) -> str:
     return BALANCES.get(diagnosis.where.balance, plain(diagnosis.where.balance))
 
 
-def summary_text(diagnosis: Diagnosis, catalogue: Catalogue = EFFECTS) -> str:
+def refined_sentences(refined: Identification) -> tuple[str, ...]:
+    """Return whether the final model, refined by output error, can be used."""
+    return (
+        f"{refined.usability.sentence}",
+        "It is in result.json, which validate, simulate, export, design and compare take.",
+    )
+
+
+def summary_text(
+    diagnosis: Diagnosis, catalogue: Catalogue = EFFECTS, refined: Identification | None = None
+) -> str:
     """Return a diagnosis as plain text: sentences first, tables after them.
 
     Parameters
@@ -237,6 +248,8 @@ def summary_text(diagnosis: Diagnosis, catalogue: Catalogue = EFFECTS) -> str:
         The diagnosis.
     catalogue : mapping of str to effect class, optional
         Where the effects are described.
+    refined : Identification, optional
+        The final model refined by output error.
     """
     checks = [f"{'ok ' if ok else 'NOT'}  {text}" for ok, text in check_sentences(diagnosis)]
     sections = [
@@ -245,12 +258,17 @@ def summary_text(diagnosis: Diagnosis, catalogue: Catalogue = EFFECTS) -> str:
         (size_title(diagnosis), size_sentences(diagnosis)),
         ("Other possible causes", alternative_sentences(diagnosis, catalogue)),
         ("Parameters compared with geometry and data sheet", checks),
+        (
+            "Final model refined by output error",
+            () if refined is None else refined_sentences(refined),
+        ),
         ("Notes", diagnosis.notes),
     ]
     title = f"Diagnosis of {diagnosis.case}: {VERDICTS[diagnosis.verdict]}"
     head = [title, "=" * len(title), "", textwrap.fill(headline(diagnosis), WIDTH)]
     body = [line for name, sentences in sections for line in _section(name, sentences)]
-    tables = [render(table) for table in diagnosis_tables(diagnosis)]
+    shown = [*diagnosis_tables(diagnosis), *([] if refined is None else [parameter_table(refined)])]
+    tables = [render(table) for table in shown]
     end = f"Computing time: {diagnosis.seconds:.0f} s."
     return "\n".join([*head, *body]) + "\n\n\n" + "\n\n\n".join([*tables, end]) + "\n"
 

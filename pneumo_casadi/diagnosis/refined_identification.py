@@ -1,0 +1,102 @@
+"""The final model of a diagnosis, refined by output error: an identification like any other."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from pneumo_casadi.data import Case
+from pneumo_casadi.diagnosis.decide.result import Diagnosis
+from pneumo_casadi.diagnosis.metrics.simulated_gap import WINDOW
+from pneumo_casadi.diagnosis.prepare.prepare_study import split_records
+from pneumo_casadi.errors import FitError
+from pneumo_casadi.estimation.output_error import OutputErrorOptions
+from pneumo_casadi.identification.flow_form import read_flow
+from pneumo_casadi.identification.identify import identify
+from pneumo_casadi.identification.options import IdentifyOptions
+from pneumo_casadi.identification.result import Identification
+from pneumo_casadi.identification.starting_axis import axis_of_options
+from pneumo_casadi.runtime.progress import Progress
+
+
+def options_of_diagnosis(case: Case, diagnosis: Diagnosis) -> IdentifyOptions:
+    """Return the options of `identify` that start from the final model of a diagnosis.
+
+    The model has the effects that the verdict names; for other verdicts it is the nominal one.
+    Parameters of effects that the diagnosis held stay held.
+
+    Parameters
+    ----------
+    case : Case
+        The case that was diagnosed.
+    diagnosis : Diagnosis
+        Its diagnosis, with effects of the catalogue.
+
+    Examples
+    --------
+    With ``diagnosis = pc.diagnose(pc.example_case())``:
+
+    >>> options = pc.diagnosis.options_of_diagnosis(pc.example_case(), diagnosis)
+    >>> options.effects, round(options.start_values["M"], 1)
+    ((), 16.9)
+    """
+    selection = diagnosis.flow_selection
+    options = IdentifyOptions(
+        flow_form=None if selection is None else selection.chosen,
+        degrees=None if selection is None else selection.degrees,
+        effects=tuple(effect.name for effect in diagnosis.effects),
+        each_record=False,
+    )
+    _, flow = read_flow(case, options)
+    parameters = axis_of_options(case, flow, options).parameters
+    known = diagnosis.fitted if diagnosis.effects else diagnosis.nominal
+    start: dict[str, float] = {}
+    held: dict[str, float] = {}
+    for item in parameters:
+        if item.name not in known or item.name == "v_s":
+            continue
+        value = float(np.clip(known[item.name].value, item.lower, item.upper))
+        if known[item.name].std > 0 or item.free:
+            start[item.name] = value
+        elif "." in item.name:
+            held[item.name] = value
+    return replace(options, start_values=start, fixed=held)
+
+
+def refine_diagnosis(
+    case: Case, diagnosis: Diagnosis, progress: Progress | None = None
+) -> Identification:
+    """Refine the final model of a diagnosis by output error.
+
+    Over whole records; where that does not converge, over windows of half a second. Held-out
+    records are those of the diagnosis.
+
+    Parameters
+    ----------
+    case : Case
+        The case that was diagnosed.
+    diagnosis : Diagnosis
+        Its diagnosis, with effects of the catalogue.
+    progress : callable, optional
+        Called as ``progress(text, share)``.
+
+    Returns
+    -------
+    Identification
+        `write_report` and `export_model` take it, as that of `identify`.
+
+    Raises
+    ------
+    FitError
+        If output error converges neither way.
+    ModelError
+        If an effect of the diagnosis is not of the catalogue.
+    """
+    options = options_of_diagnosis(case, diagnosis)
+    train, held_out, _ = split_records(case)
+    split = replace(case, identify=tuple(train), validate=tuple(held_out))
+    try:
+        whole = replace(options, output_error=OutputErrorOptions(recover=False))
+        return identify(split, whole, progress)
+    except FitError:
+        windows = replace(options, output_error=OutputErrorOptions(window=WINDOW))
+        return identify(split, windows, progress)

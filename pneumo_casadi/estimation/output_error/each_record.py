@@ -1,0 +1,139 @@
+"""Estimates from each of several records alone: their spread beside their intervals."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import stats
+
+from pneumo_casadi.data import Recording
+from pneumo_casadi.errors import FitError
+from pneumo_casadi.estimation.output_error.fit import fit_output_error
+from pneumo_casadi.estimation.output_error.options import OutputErrorOptions
+from pneumo_casadi.estimation.output_error.result import OutputErrorResult
+from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.runtime.progress import Progress, no_progress, progress_range
+
+#: Probability that records of one axis exceed the limit of the spread in any parameter by chance.
+CHANCE = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class RecordEstimates:
+    """Output-error estimates from single records.
+
+    Parameters
+    ----------
+    records : tuple of str
+        Names of the records that could be fitted alone.
+    names : tuple of str
+        Parameters, those of the flow map excepted.
+    values, std : (nr, n) array
+        Estimates and robust standard deviations [SI], a row a record; infinite where the record
+        says nothing about a parameter or a bound holds it.
+    joint_values, joint_std : (n,) array
+        The same of all records together.
+    failed : tuple of str
+        Records on which the fit alone did not converge.
+
+    Examples
+    --------
+    >>> alone = RecordEstimates(
+    ...     ("a", "b"), ("M",), np.array([[16.8], [17.0]]), np.array([[0.1], [0.1]]),
+    ...     np.array([16.9]), np.array([0.0]),
+    ... )
+    >>> round(alone.spread("M"), 3)
+    1.0
+    """
+
+    records: tuple[str, ...]
+    names: tuple[str, ...]
+    values: FloatArray
+    std: FloatArray
+    joint_values: FloatArray
+    joint_std: FloatArray
+    failed: tuple[str, ...] = ()
+
+    def spread(self, name: str) -> float | None:
+        """Return how far the estimates lie from that of all records, in standard deviations.
+
+        The root mean square over the records of the distance over √(σ² + σ_joint²): at most about
+        one where the records agree. None without an interval.
+        """
+        z = self._distances(name)
+        return float(np.sqrt(np.mean(z**2))) if z.size else None
+
+    def excess(self, name: str) -> float:
+        """Return the sum of the squared distances over the limit of chance.
+
+        Records that agree exceed the limit in any parameter in one case of a hundred. 0 without an
+        interval.
+        """
+        z = self._distances(name)
+        if not z.size:
+            return 0.0
+        return float(z @ z / stats.chi2.isf(CHANCE / len(self.names), z.size))
+
+    def _distances(self, name: str) -> FloatArray:
+        column = self.names.index(name)
+        std = np.hypot(self.std[:, column], self.joint_std[column])
+        known = np.isfinite(std) & (std > 0)
+        distances = self.values[known, column] - self.joint_values[column]
+        return np.asarray(distances / std[known])
+
+
+def fit_each_record(
+    joint: OutputErrorResult,
+    records: Sequence[Recording],
+    options: OutputErrorOptions,
+    progress: Progress | None = None,
+) -> RecordEstimates:
+    """Fit each record alone, from the solution of all together.
+
+    The flow map is held where the joint fit has left it: it belongs to all records, and a single
+    one would move it.
+
+    Parameters
+    ----------
+    joint : OutputErrorResult
+        Fit to all records.
+    records : sequence of Recording
+        Two or more.
+    options : OutputErrorOptions
+        As in the joint fit.
+    progress : callable, optional
+        Called as ``progress(text, share)``.
+    """
+    report = progress or no_progress
+    flow = joint.axis.flow_parameters
+    axis = joint.axis.with_parameters(joint.parameters.fix(*flow)) if flow else joint.axis
+    names = tuple(name for name in joint.uncertainty.names if name not in set(flow))
+    fitted: list[str] = []
+    failed: list[str] = []
+    rows: list[list[tuple[float, float]]] = []
+    for i, record in enumerate(records):
+        stage = progress_range(report, i / len(records), (i + 1) / len(records), record.name)
+        try:
+            fit = fit_output_error(axis, [record], None, replace(options, recover=False), stage)
+        except FitError:
+            failed.append(record.name)
+            continue
+        fitted.append(record.name)
+        rows.append([(fit.parameters[name].value, _std(fit, name)) for name in names])
+    table = np.array(rows, dtype=float).reshape(len(fitted), len(names), 2)
+    return RecordEstimates(
+        tuple(fitted),
+        names,
+        table[:, :, 0],
+        table[:, :, 1],
+        joint.parameters.select(names).values,
+        np.array([_std(joint, name) for name in names]),
+        tuple(failed),
+    )
+
+
+def _std(fit: OutputErrorResult, name: str) -> float:
+    """Return the wider standard deviation; infinite at a bound."""
+    if name in fit.uncertainty.at_bound:
+        return float("inf")
+    return max(fit.std(name), fit.std(name, robust=True))
