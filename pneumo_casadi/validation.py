@@ -14,7 +14,7 @@ from pneumo_casadi.estimation.output_error.shooting.segments import measured_sta
 from pneumo_casadi.metrics import gap, output_noise, signal_std
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.integration import held_inputs
-from pneumo_casadi.model.sampled_axis import added_inputs
+from pneumo_casadi.model.sampled_axis import SampledAxis, added_inputs
 from pneumo_casadi.model.simulation import (
     Trajectory,
     compute_outputs,
@@ -205,8 +205,15 @@ def loop_run(axis: Axis, record: Recording, estimated: bool = False) -> Trajecto
         x_0 = _estimated_start(axis, record)
     else:
         x_0 = measured_states(axis, record, axis.parameters)[:, 0]
-    added = added_inputs(axis, record).T
-    return simulate_closed_loop(axis, record["x_ref"], record.dt, x_0, disturbance=added)
+    model = SampledAxis(axis, stepping_for(axis, record.dt), axis.bench.controller)
+    return simulate_closed_loop(
+        axis,
+        record["x_ref"],
+        record.dt,
+        x_0,
+        disturbance=added_inputs(axis, record).T,
+        memory=model.memory_at_start(x_0, record),
+    )
 
 
 def loop_errors(

@@ -3,15 +3,20 @@
 from pneumo_casadi.data.bench.axis_kind import FORCE_DRIVEN, PNEUMATIC, AxisKind, Balance
 from pneumo_casadi.data.bench.bench import Bench
 from pneumo_casadi.data.bench.bench_file import read_bench
-from pneumo_casadi.data.bench.clock import Clock
 from pneumo_casadi.data.bench.controllers import (
     Controller,
+    CustomController,
     NestedController,
     NoController,
     ProportionalController,
 )
 from pneumo_casadi.data.bench.driven_bench import AnyBench, ForceBench, PressureBench
 from pneumo_casadi.data.bench.load import Load
+from pneumo_casadi.data.bench.pid_controllers import (
+    AntiWindup,
+    CascadeController,
+    PidController,
+)
 from pneumo_casadi.data.bench.sensor_noise import SensorNoise
 from pneumo_casadi.data.bench.valve_source import Arrangement, FlowSource, ValveData, Valves
 from pneumo_casadi.data.case import Case
@@ -22,6 +27,7 @@ from pneumo_casadi.data.emps import read_emps
 from pneumo_casadi.data.readers.columns import Column, column_map, read_columns
 from pneumo_casadi.data.readers.recordings import read_recording
 from pneumo_casadi.data.recording.channels import UNITS, InputHold
+from pneumo_casadi.data.recording.clock import Clock
 from pneumo_casadi.data.recording.recording import Recording
 
 __all__ = [
@@ -29,15 +35,18 @@ __all__ = [
     "FORCE_DRIVEN",
     "PNEUMATIC",
     "UNITS",
+    "AntiWindup",
     "AnyBench",
     "Arrangement",
     "AxisKind",
     "Balance",
     "Bench",
+    "CascadeController",
     "Case",
     "Clock",
     "Column",
     "Controller",
+    "CustomController",
     "Finding",
     "FlowSource",
     "ForceBench",
@@ -46,6 +55,7 @@ __all__ = [
     "Load",
     "NestedController",
     "NoController",
+    "PidController",
     "PressureBench",
     "ProportionalController",
     "Recording",

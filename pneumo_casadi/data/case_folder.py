@@ -13,7 +13,6 @@ import pandas as pd
 from numpy.typing import ArrayLike
 
 from pneumo_casadi.data.bench.bench_file import bench_content, read_bench
-from pneumo_casadi.data.bench.clock import Clock
 from pneumo_casadi.data.bench.driven_bench import AnyBench
 from pneumo_casadi.data.case import Case
 from pneumo_casadi.data.checks.records import check_recording
@@ -23,6 +22,7 @@ from pneumo_casadi.data.readers.columns import COLUMNS_FILE, ColumnSpec, read_co
 from pneumo_casadi.data.readers.recordings import read_recording, split_at_gaps
 from pneumo_casadi.data.readers.tables import suffix_of
 from pneumo_casadi.data.recording.channels import UNITS, InputHold, column_name
+from pneumo_casadi.data.recording.clock import Clock
 from pneumo_casadi.data.recording.recording import Recording
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.runtime.atomic_files import atomic_folder

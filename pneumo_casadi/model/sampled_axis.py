@@ -7,12 +7,14 @@ import casadi as ca
 import numpy as np
 
 from pneumo_casadi.data import (
+    Arrangement,
     Controller,
     InputHold,
-    NoController,
-    ProportionalController,
+    NestedController,
     Recording,
 )
+from pneumo_casadi.data.control.law import ControlLaw
+from pneumo_casadi.data.control.memory import memory_at_start
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.integration import Stepping, held_inputs
@@ -44,18 +46,23 @@ class SampledAxis:
     controller: Controller | None = None
 
     def __post_init__(self) -> None:
-        if isinstance(self.controller, NoController):
-            raise ModelError(
-                "closed loop: no controller is known; describe it in bench.json, or simulate in "
-                "open loop"
-            )
+        _ = self.law  # refuses a loop without a law
         if self.controller is not None and self.stepping.hold is not InputHold.ZERO:
             raise ModelError("closed loop: a sampled controller holds its output (InputHold.ZERO)")
 
     @property
     def n_memory(self) -> int:
         """Number of values that the controller remembers."""
-        return 0 if self.law is None else int(self.law.size1_in(0))
+        return 0 if self.law is None else self.law.scales.size
+
+    @property
+    def n_initial(self) -> int:
+        """Number of states, the first ones, whose initial values a fit estimates.
+
+        Those of the axis, and the integrator of the controller. Filters forget; they begin as the
+        measurements have them.
+        """
+        return len(self.axis.states) + (0 if self.law is None else self.law.n_integrators)
 
     @property
     def nx(self) -> int:
@@ -65,10 +72,8 @@ class SampledAxis:
     @property
     def state_scales(self) -> FloatArray:
         """Sizes by which an optimiser divides the states, shape (nx,)."""
-        scales = self.axis.state_scales
-        # All that a controller remembers are positions.
-        remembered = np.full(self.n_memory, scales[self.axis.states.index("x")])
-        return np.concatenate([scales, remembered])
+        remembered = np.zeros(0) if self.law is None else self.law.scales
+        return np.concatenate([self.axis.state_scales, remembered])
 
     @property
     def nw(self) -> int:
@@ -79,9 +84,12 @@ class SampledAxis:
         return 2 * nu if self.stepping.hold is InputHold.LINEAR else nu
 
     @cached_property
-    def law(self) -> ca.Function | None:
-        """The controller as ``(memory, x_ref, x) -> (u, memory)``, or None in open loop."""
-        return None if self.controller is None else control_law(self.controller, self.stepping.dt)
+    def law(self) -> ControlLaw | None:
+        """The controller on the clock of the record, or None in open loop."""
+        if self.controller is None:
+            return None
+        arrangement = getattr(self.axis.bench, "arrangement", Arrangement.TWO_3_2)
+        return ControlLaw(self.controller, self.stepping.dt, arrangement)
 
     @cached_property
     def feedback(self) -> ca.Function:
@@ -94,7 +102,7 @@ class SampledAxis:
         theta = sym("theta", len(axis.parameters))
         # The sensor value does not depend on the input of the same instant.
         y = axis.output(x[:nxa], axis.symbol(ca.DM.zeros(len(axis.inputs))), theta)
-        commands, kept = law(x[nxa:], w[0], y[axis.outputs.index("x")])
+        commands, kept = law.step(x[nxa:], w[0], y[axis.outputs.index("x")])
         further = ca.DM.zeros(len(axis.inputs) - len(axis.kind.commands))
         u = ca.vertcat(commands, further) + w[1:]
         return ca.Function("feedback", [x, w, theta], [ca.vertcat(u, kept)])
@@ -116,19 +124,35 @@ class SampledAxis:
             )
         return np.vstack([record["x_ref"], added_inputs(self.axis, record)])[:, :-1]
 
-    def with_controller_memory(self, states: FloatArray) -> FloatArray:
-        """Append the controller's memory to states of successive samples, shape (nx, N).
+    def memory_at_start(self, state: FloatArray, record: Recording) -> FloatArray:
+        """Return the controller's memory before the first row of a record, shape (n_memory,).
 
-        It holds the positions of the last samples; before the first one the axis is taken to
-        have moved at its first velocity.
+        It is the memory with which the law gives the recorded commands. A law that remembers
+        positions alone takes the axis to have moved at its first velocity.
         """
-        if not self.n_memory:
+        if self.law is None:
+            return np.zeros(0)
+        x, v = (state[self.axis.states.index(name)] for name in ("x", "v"))
+        if isinstance(self.controller, NestedController):
+            return self.law.rest(x, x, v)
+        commands = self.axis.kind.commands
+        u = record.stack(commands).T - added_inputs(self.axis, record)[: len(commands)]
+        return memory_at_start(self.law, record["x_ref"], record["x"], u, v)
+
+    def with_controller_memory(self, states: FloatArray, record: Recording) -> FloatArray:
+        """Append the controller's memory to states of the samples of a record, shape (nx, N).
+
+        A law that remembers positions alone follows those of the states.
+        """
+        if self.law is None or not self.n_memory:
             return states
-        x, v = (states[self.axis.states.index(name)] for name in ("x", "v"))
-        before = x[0] - v[0] * self.stepping.dt * np.arange(self.n_memory, 0, -1)
-        path = np.concatenate([before, x])
-        last = [path[self.n_memory - 1 - i : len(path) - 1 - i] for i in range(self.n_memory)]
-        return np.vstack([states, *last])
+        start = self.memory_at_start(states[:, 0], record)
+        if isinstance(self.controller, NestedController):
+            x_ref = x = states[self.axis.states.index("x")]
+        else:
+            x_ref, x = record["x_ref"], record["x"]
+        _, memory = self.law.replay(x_ref, x, start)
+        return np.vstack([states, memory])
 
 
 def added_inputs(axis: Axis, record: Recording) -> FloatArray:
@@ -144,28 +168,3 @@ def added_inputs(axis: Axis, record: Recording) -> FloatArray:
         if name not in axis.kind.commands:
             rows[row] = record[name]
     return rows
-
-
-def control_law(controller: Controller, dt: float) -> ca.Function:
-    """Return a controller as ``(memory, x_ref, x) -> (u, memory)``.
-
-    The nested controller takes its velocity from the positions of this and the last two
-    instants: the difference of means of two, (x_k - x_{k-2}) / (2 dt) (Janot et al. 2019).
-    """
-    if isinstance(controller, NoController):
-        raise ModelError("closed loop: no controller is known; simulate in open loop")
-    x_ref, x, u_max = ca.SX.sym("x_ref"), ca.SX.sym("x"), controller.u_max
-
-    def clip(value: ca.SX) -> ca.SX:
-        return ca.fmin(ca.fmax(value, -u_max), u_max)
-
-    if isinstance(controller, ProportionalController):
-        memory = ca.SX.sym("memory", 0)
-        voltage = clip(controller.gain * (x_ref - x))
-        u, kept = ca.vertcat(voltage, -voltage), memory
-    else:
-        memory = ca.SX.sym("memory", 2)
-        v = (x - memory[1]) / (2 * dt)
-        u = controller.gain * clip(controller.k_v * (controller.k_p * (x_ref - x) - v))
-        kept = ca.vertcat(x, memory[0])
-    return ca.Function("law", [memory, x_ref, x], [u, kept])

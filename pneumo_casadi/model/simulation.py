@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pneumo_casadi.data import Controller, InputHold
+from pneumo_casadi.data.control.law import ControlLaw
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.compilation import compile_functions
@@ -143,6 +144,7 @@ def simulate_closed_loop(
     x_0: ArrayLike,
     controller: Controller | None = None,
     disturbance: ArrayLike | None = None,
+    memory: ArrayLike | None = None,
 ) -> Trajectory:
     """Simulate an axis under its sampled controller.
 
@@ -161,6 +163,9 @@ def simulate_closed_loop(
         By default the bench's.
     disturbance : (N,) or (N, nu) array, optional
         Added to what the controller sets [V or N].
+    memory : (n_memory,) array, optional
+        What the controller remembers before the first sample. By default integrators are empty
+        and the axis has moved at its first velocity.
 
     Returns
     -------
@@ -186,9 +191,14 @@ def simulate_closed_loop(
     N, nu = reference.size, len(axis.inputs)
     added = np.zeros((N, nu)) if disturbance is None else np.asarray(disturbance, dtype=float)
     added = added.reshape(N, -1) * np.ones((1, nu))
-    model = SampledAxis(axis, stepping_for(axis, dt), controller or axis.bench.controller)
+    law = controller or axis.bench.controller
+    model = SampledAxis(axis, stepping_for(axis, dt), law)
     step = _closed_step(model)
-    state = model.with_controller_memory(full_state(axis, x_0, axis.inputs_at_rest)[:, None])[:, 0]
+    start = full_state(axis, x_0, axis.inputs_at_rest)
+    if memory is None:
+        x, v = (start[axis.states.index(name)] for name in ("x", "v"))
+        memory = ControlLaw(law, dt).rest(reference[0], x, v)
+    state = np.concatenate([start, np.asarray(memory, dtype=float)])
     streams = [reference[None, None], added.T[None]]
     _, x, u = accumulate(step, state[:, None], streams, axis.parameters.values)
     return _trajectory(axis, dt, x[0], u[0])

@@ -12,11 +12,11 @@ from pneumo_casadi.data.bench.bench_checks import (
     check_values,
     rebuilt,
 )
-from pneumo_casadi.data.bench.clock import Clock
 from pneumo_casadi.data.bench.controllers import Controller
 from pneumo_casadi.data.bench.load import Load
 from pneumo_casadi.data.bench.sensor_noise import SensorNoise
 from pneumo_casadi.data.bench.valve_source import Arrangement, Valves
+from pneumo_casadi.data.recording.clock import Clock
 from pneumo_casadi.errors import CaseError
 
 

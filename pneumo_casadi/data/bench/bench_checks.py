@@ -6,14 +6,17 @@ from types import MappingProxyType
 from typing import Any
 
 from pneumo_casadi.data.bench import quantities
-from pneumo_casadi.data.bench.clock import Clock
 from pneumo_casadi.data.bench.controllers import Controller
 from pneumo_casadi.data.bench.sensor_noise import SensorNoise
+from pneumo_casadi.data.recording.clock import Clock
 from pneumo_casadi.errors import CaseError
 
 #: Relative standard uncertainty of a piston area that is taken from a data sheet: bore and rod
 #: are made to some tenths of a millimetre.
 AREA_ACCURACY = 0.01
+#: By how much of a row the sampling period of a law may miss a whole number of rows; over a
+#: thousand of its periods less than the tolerance of the clock itself.
+WHOLE = 1e-3
 DATASHEET_UNITS = (
     *("kg_per_s", "N_s_per_m", "N_per_m", "m3_per_s", "m_per_s", "per_s"),
     *("kg", "m3", "m2", "m", "Pa", "N", "K", "s", "Hz", "V", "1"),
@@ -37,6 +40,8 @@ def check_parts(bench: Any) -> None:
             f"`controller`: a {type(controller).__name__} sets {', '.join(controller.inputs)}, but "
             f"the inputs of a {kind.title} are {', '.join(kind.commands)}"
         )
+    if controller.sample_time is not None:
+        rows_per_sample(controller.sample_time, 1 / bench.sampling_frequency)
     strange = sorted(set(bench.signals) - set(kind.further))
     if strange:
         raise CaseError(
@@ -49,6 +54,23 @@ def check_parts(bench: Any) -> None:
         raise CaseError(f"`noise`: expected SensorNoise or None, got {bench.noise!r}")
     datasheet = {name: _entry(name, value) for name, value in bench.datasheet.items()}
     object.__setattr__(bench, "datasheet", MappingProxyType(datasheet))
+
+
+def rows_per_sample(sample_time: float, dt: float) -> int:
+    """Return of how many rows of a record the sampling period of a law consists.
+
+    Raises
+    ------
+    CaseError
+        If it is no whole multiple of the record's step.
+    """
+    rows = round(sample_time / dt)
+    if rows < 1 or abs(sample_time / dt - rows) > WHOLE:
+        raise CaseError(
+            f"`controller.sample_time`: {sample_time:g} s is no whole multiple of the record's "
+            f"step of {dt:g} s; record at a multiple of the law's rate"
+        )
+    return rows
 
 
 def _entry(name: str, value: object) -> float:

@@ -17,11 +17,11 @@ from pneumo_casadi.data.bench.bench_sections import (
     read_valves,
     valves_content,
 )
-from pneumo_casadi.data.bench.clock import Clock
 from pneumo_casadi.data.bench.driven_bench import AnyBench, ForceBench, PressureBench
 from pneumo_casadi.data.bench.file_keys import check_keys, choice, percent, section
 from pneumo_casadi.data.bench.load import Load
 from pneumo_casadi.data.bench.valve_source import Arrangement, Valves
+from pneumo_casadi.data.recording.clock import Clock
 from pneumo_casadi.errors import CaseError
 
 _GEOMETRY = {"S_P_m2": "S_P", "S_N_m2": "S_N", "stroke_m": "stroke", "p_ext_Pa": "p_ext"}

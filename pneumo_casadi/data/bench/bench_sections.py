@@ -1,5 +1,7 @@
 """Sections of `bench.json`: controller, sensor noise, load and valve."""
 
+from dataclasses import fields, is_dataclass
+from enum import StrEnum
 from typing import Any
 
 from pneumo_casadi.data.bench.controllers import (
@@ -10,12 +12,44 @@ from pneumo_casadi.data.bench.controllers import (
 )
 from pneumo_casadi.data.bench.file_keys import check_keys, choice, percent, section
 from pneumo_casadi.data.bench.load import Load
+from pneumo_casadi.data.bench.pid_controllers import CascadeController, PidController
 from pneumo_casadi.data.bench.sensor_noise import SensorNoise
 from pneumo_casadi.data.bench.valve_source import FlowSource, ValveData, Valves
 
+_LIMITS = {
+    "u_min_V": "u_min",
+    "u_0_V": "u_0",
+    "anti_windup": "anti_windup",
+    "tracking_time_s": "tracking_time",
+    "sample_time_s": "sample_time",
+}
 #: ``controller.type`` -> class, needed keys and optional keys, with the attributes they become.
 CONTROLLERS: dict[str, tuple[type[Any], dict[str, str], dict[str, str]]] = {
-    "proportional": (ProportionalController, {"gain_V_per_m": "gain", "u_max_V": "u_max"}, {}),
+    "proportional": (
+        ProportionalController,
+        {"gain_V_per_m": "gain", "u_max_V": "u_max"},
+        {"u_0_V": "u_0", "sample_time_s": "sample_time"},
+    ),
+    "pid": (
+        PidController,
+        {"k_p_V_per_m": "k_p", "u_max_V": "u_max"},
+        {
+            "k_i_V_per_m_s": "k_i",
+            "k_d_V_s_per_m": "k_d",
+            "derivative_filter_s": "derivative_filter",
+            **_LIMITS,
+        },
+    ),
+    "cascade": (
+        CascadeController,
+        {"k_p_per_s": "k_p", "k_v_V_s_per_m": "k_v", "u_max_V": "u_max"},
+        {
+            "k_i_V_per_m": "k_i",
+            "velocity_filter_s": "velocity_filter",
+            "v_max_m_per_s": "v_max",
+            **_LIMITS,
+        },
+    ),
     "nested": (
         NestedController,
         {
@@ -52,12 +86,22 @@ def read_controller(content: dict[str, Any]) -> Controller:
 
 
 def controller_content(controller: Controller) -> dict[str, Any]:
-    """Return the section of a controller."""
+    """Return the section of a controller; fields at their default are left out.
+
+    One's own law does not go into files: none is named.
+    """
     for kind, (make, needed, optional) in CONTROLLERS.items():
         if type(controller) is make:
-            keys = {**needed, **optional}
-            return {"type": kind} | {key: getattr(controller, name) for key, name in keys.items()}
+            assert is_dataclass(controller)
+            default = {item.name: item.default for item in fields(controller)}
+            stated = {k: n for k, n in optional.items() if getattr(controller, n) != default[n]}
+            content = {key: getattr(controller, n) for key, n in (needed | stated).items()}
+            return {"type": kind} | {k: _plain(value) for k, value in content.items()}
     return dict(NONE)
+
+
+def _plain(value: float | StrEnum) -> float | str:
+    return str(value) if isinstance(value, StrEnum) else value
 
 
 def read_noise(content: dict[str, Any]) -> SensorNoise:

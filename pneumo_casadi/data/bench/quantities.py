@@ -96,3 +96,30 @@ ACCELERATION_NOISE = Quantity("m/s²", 0.0, 100.0, {"g": (9.80665, 0.0)})
 FORCE = Quantity("N", -1e5, 1e5, {"kN": (1e3, 0.0)})
 ANGLE = Quantity("°", -90.0, 90.0, {"rad": (57.29577951308232, 0.0)})
 SHARE = Quantity("a share of 1", 1e-4, 0.5, {"%": (1e-2, 0.0)})
+
+#: Shortest sampling period or tracking time [s]: that of the highest sampling frequency.
+SHORTEST = 1 / FREQUENCY.upper
+
+
+def check_gains(
+    controller: object, needed: Mapping[str, str], optional: Mapping[str, str] | None = None
+) -> None:
+    """Check gains and limits of a controller and store them as floats; `needed` may not be 0."""
+    for name, unit in {**needed, **(optional or {})}.items():
+        value = as_number(f"controller.{name}", getattr(controller, name), unit)
+        object.__setattr__(controller, name, value)
+        if name in needed and value == 0.0:
+            raise CaseError(f"`controller.{name}`: 0 {unit} closes no loop; give the value used")
+
+
+def check_times(controller: object, *names: str, least: float = SHORTEST) -> None:
+    """Check times [s] of a controller that may be None, and store them as floats."""
+    for name in names:
+        if getattr(controller, name) is not None:
+            value = as_number(f"controller.{name}", getattr(controller, name), "s")
+            object.__setattr__(controller, name, value)
+            if value < least:
+                raise CaseError(
+                    f"`controller.{name}`: expected at least {least:g} s, got {value:g}; give the "
+                    "time in seconds"
+                )

@@ -4,12 +4,11 @@ import logging
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from pneumo_casadi.data.bench.clock import Clock
 from pneumo_casadi.data.readers.columns import COLUMNS, Column, ColumnSpec
 from pneumo_casadi.data.readers.tables import Table, read_table, suffix_of
 from pneumo_casadi.data.readers.units import SI_FACTORS
 from pneumo_casadi.data.recording.channels import UNITS, InputHold, column_name
-from pneumo_casadi.data.recording.clock import split_rows
+from pneumo_casadi.data.recording.clock import Clock, split_rows
 from pneumo_casadi.data.recording.recording import Recording
 from pneumo_casadi.errors import CaseError
 

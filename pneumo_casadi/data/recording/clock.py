@@ -1,6 +1,7 @@
 """The clock of a recording: one time step, or an error that names the row where it breaks."""
 
 from collections.abc import Callable
+from enum import StrEnum
 from itertools import pairwise
 
 import numpy as np
@@ -12,6 +13,15 @@ JITTER = 0.05  # a step may differ from the sample time by this share, besides r
 RARE = 0.05  # share of the steps up to which long ones are taken for lost samples
 WANDER = 0.25  # a time stamp may stray from the straight line by this share of the sample time
 LARGEST_DECIMALS = 9
+
+
+class Clock(StrEnum):
+    """How time stamps are read."""
+
+    UNIFORM = "uniform"
+    """Rounded stamps of a uniform clock; jitter and gaps are errors."""
+    AS_RECORDED = "as recorded"
+    """Real stamps: every interval has its own length, and gaps split a record."""
 
 
 def sample_time(t: FloatArray, where: Callable[[int], str]) -> float:

@@ -10,9 +10,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
-from pneumo_casadi.data.bench.clock import Clock
 from pneumo_casadi.data.recording.channels import UNITS, InputHold, checked, column_name, read_only
-from pneumo_casadi.data.recording.clock import check_forward, sample_time, uniform
+from pneumo_casadi.data.recording.clock import Clock, check_forward, sample_time, uniform
 from pneumo_casadi.data.recording.parts import part_edges
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.parameters import FloatArray

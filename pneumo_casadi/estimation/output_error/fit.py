@@ -187,7 +187,7 @@ def write_problem(
 
 
 def _refuse_too_few(problem: Problem) -> None:
-    states = len(problem.axis.states) * len(problem.segments)
+    states = problem.model.n_initial * len(problem.segments)
     outputs = problem.y.size
     points = 0 if problem.anchor is None else problem.anchor.n
     if outputs <= states or outputs + points <= states + len(problem.free):

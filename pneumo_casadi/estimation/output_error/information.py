@@ -52,7 +52,7 @@ def gauss_newton_information(problem: Problem, point: Unknowns, sigma: FloatArra
     Each segment's initial state is eliminated by a Schur complement, so that its uncertainty
     counts; the flow map enters with the coefficients that are free.
     """
-    free_states = len(problem.axis.states)
+    free_states = problem.model.n_initial
     total, _ = anchor_normal_equations(problem, point.theta)
     before = np.diag(total).copy()
     linear = linearise(problem, point, sigma)

@@ -6,11 +6,18 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from pneumo_casadi.data import InputHold, Recording
+from pneumo_casadi.data import (
+    CascadeController,
+    CustomController,
+    InputHold,
+    PidController,
+    Recording,
+)
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.estimation.output_error import Method, OutputErrorOptions, fit_output_error
 from pneumo_casadi.model.sampled_axis import SampledAxis
 from pneumo_casadi.model.simulation import simulate_closed_loop, stepping_for
+from pneumo_casadi.validation import loop_errors
 
 DT = 1e-3
 
@@ -76,6 +83,38 @@ def test_a_nested_loop_with_pulses_gives_back_the_truth(made, force_record):
     assert result.initial_states[0].size == 2
 
 
+def filtered_proportional(memory, x_ref, x):
+    kept = 0.8 * memory + 0.2 * (x_ref - x)
+    return [2.4 * kept, -2.4 * kept], kept
+
+
+LAWS = {
+    "pid": PidController(
+        3.0, 0.3, k_i=2.0, k_d=0.05, derivative_filter=0.01, anti_windup="clamping"
+    ),
+    "slow pid": PidController(2.4, 5.0, k_i=1.0, sample_time=4e-3),
+    "cascade": CascadeController(4.0, 0.5, 5.0, k_i=1.0, velocity_filter=0.005),
+    "own": CustomController(filtered_proportional, memory=[0.0]),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", LAWS)
+def test_any_law_closes_the_loop_of_the_fit(made, start, name):
+    """The record begins while the law is at work: what it remembers is told by its commands."""
+    axis = made.true_axis()
+    bench = replace(axis.bench, controller=LAWS[name])
+    axis = replace(axis, bench=bench)
+    noise = (150.0, 150.0, 1.5e-5)
+    record = looped(made, axis, [3.5e5, 4.7e5, 0.0, 0.0], 3, noise, 1800)
+    late = record.window(0.301, 1.8)
+    assert loop_errors(axis, [late])["u_P"].percent < 1.0
+    table, begin = start(3)
+    begin = made.perturbed(replace(begin, bench=bench), {"X_s1": 1.1, "M": 1.1, "F_c_plus": 0.8})
+    result = fit_output_error(begin, [late], table, options(made, made.TRUE["v_s"]))
+    assert 1e-3 < chi2_share(result, made.true_axis().parameters.as_dict()) < 1 - 1e-3
+
+
 def test_pulses_that_are_not_added_are_missed(made, force_record):
     channels = {n: force_record[n] for n in force_record.names if n != "F_pulse"}
     without = Recording(force_record.t, channels, "loop", "made", InputHold.ZERO)
@@ -85,11 +124,11 @@ def test_pulses_that_are_not_added_are_missed(made, force_record):
     assert wrong.rms[0] > 3 * right.rms[0]
 
 
-def test_a_controller_remembers_the_last_positions(made):
+def test_a_controller_remembers_the_last_positions(made, force_record):
     axis = made.true_force_axis()
     model = SampledAxis(axis, stepping_for(axis, DT), made.FORCE_BENCH.controller)
     states = np.array([[1.0, 1.5, 2.5, 4.0], [500.0, 0.0, 0.0, 0.0]])
-    found = model.with_controller_memory(states)
+    found = model.with_controller_memory(states, force_record)
     np.testing.assert_allclose(found[2], [0.5, 1.0, 1.5, 2.5])
     np.testing.assert_allclose(found[3], [0.0, 0.5, 1.0, 1.5])
 

@@ -119,9 +119,7 @@ def condense(problem: Problem, at: Linearised, sigma: FloatArray) -> tuple[Conde
     with np.errstate(all="ignore"):  # a diverging trial step is found and halved
         for first, segment in zip(problem.firsts, problem.segments, strict=True):
             span = slice(first, first + segment.intervals)
-            condensed.append(
-                _condense(S[span], H[span], g[span], d[span], len(problem.axis.states))
-            )
+            condensed.append(_condense(S[span], H[span], g[span], d[span], problem.model.n_initial))
     return tuple(condensed)
 
 

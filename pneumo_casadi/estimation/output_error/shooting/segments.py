@@ -114,7 +114,9 @@ def cut_segments(
     streams = [model.streams(record) for record in records]
     outputs = [record.stack(model.axis.outputs).T for record in records]
     states = [
-        model.with_controller_memory(measured_states(model.axis, record, model.axis.parameters))
+        model.with_controller_memory(
+            measured_states(model.axis, record, model.axis.parameters), record
+        )
         for record in records
     ]
     segments = []

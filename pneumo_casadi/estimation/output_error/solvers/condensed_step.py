@@ -57,7 +57,7 @@ def condensed_step(
     Step or None
         None where the linearisation is not finite.
     """
-    own = len(problem.axis.states)
+    own = problem.model.n_initial
     H_map, g_map = anchor_normal_equations(problem, point.theta)
     condensed = condense(problem, at, sigma)
     if not all(np.isfinite(s.H).all() and np.isfinite(s.g).all() for s in condensed):

@@ -50,12 +50,12 @@ def unpack(problem: Problem, z: FloatArray, theta: FloatArray) -> Unknowns:
 
 
 def bounds(problem: Problem) -> tuple[FloatArray, FloatArray]:
-    """Return the bounds of the scaled unknowns; a controller's memory starts as measured."""
+    """Return the bounds of the scaled unknowns; filters of a controller start as measured."""
     mask, n = problem.parameters.free_mask, len(problem.free)
     size = scales(problem)
     lower, upper = np.full(size.size, -np.inf), np.full(size.size, np.inf)
     lower[:n], upper[:n] = problem.parameters.lower[mask], problem.parameters.upper[mask]
-    own, nx = len(problem.axis.states), problem.model.nx
+    own, nx = problem.model.n_initial, problem.model.nx
     for first, segment in zip(problem.firsts, problem.segments, strict=True):
         at = slice(n + nx * first + own, n + nx * (first + 1))
         lower[at] = upper[at] = segment.x[own:, 0]

@@ -43,7 +43,7 @@ class Solution:
 def residual_sigma(problem: Problem, m: FloatArray) -> FloatArray:
     """Return the noise of one sample from residuals of block means, degrees of freedom counted."""
     e = problem.y - m
-    fitted = len(problem.free) + len(problem.axis.states) * len(problem.segments)
+    fitted = len(problem.free) + problem.model.n_initial * len(problem.segments)
     dof = max(1.0, e.shape[1] - fitted / e.shape[0])
     sigma: FloatArray = np.sqrt(problem.n * np.sum(e**2, axis=1) / dof)
     return sigma

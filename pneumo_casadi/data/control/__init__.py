@@ -1,0 +1,1 @@
+"""The law of a controller from sample to sample."""
