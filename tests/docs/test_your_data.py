@@ -120,4 +120,4 @@ def test_every_field_channel_and_unit_is_named():
     assert not [name for name in UNITS if f"`{column_name(name)}`" not in text]
     listed = re.search(r"^Units: (.+?)\.", text, re.MULTILINE | re.DOTALL)[1]
     known = [unit for units in SI_FACTORS.values() for unit in units]
-    assert sorted(re.findall(r"\w+", listed)) == sorted(known)
+    assert sorted(re.findall(r"[\w/]+", listed)) == sorted(known)
