@@ -32,7 +32,7 @@ from pneumo_casadi.estimation.wls import (
     linear_combinations,
 )
 from pneumo_casadi.model.axis import Axis
-from pneumo_casadi.model.sampled_axis import disturbance_of
+from pneumo_casadi.model.sampled_axis import added_inputs
 from pneumo_casadi.model.servosystem import ForceAxis
 from pneumo_casadi.model.simulation import simulate_closed_loop
 from pneumo_casadi.signals import (
@@ -179,7 +179,7 @@ def closed_loop_errors(
     if seconds is not None:
         record = record.window(record.t[0], record.t[0] + seconds)
     model = axis.with_parameters({**fit.parameters.as_dict(), "v_s": V_S})
-    pulses = disturbance_of(record)
+    pulses = added_inputs(model, record).T
     start = [record["x"][0], 0.0]
     run = simulate_closed_loop(model, record["x_ref"], record.dt, start, disturbance=pulses)
     theta = model.parameters.values[:, None]

@@ -41,7 +41,7 @@ from own_model import (
 )
 from rich.progress import track
 
-from pneumo_casadi.estimation.flow_map_anchor import anchor_to_flow_map
+from pneumo_casadi.estimation.flow_anchor import anchor_to_flow_map
 from pneumo_casadi.estimation.output_error import OutputErrorOptions, fit_output_error
 from pneumo_casadi.estimation.output_error.fit import write_problem
 from pneumo_casadi.estimation.output_error.information import estimate_uncertainty

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from pneumo_casadi.design.experiment import SimulatedExperiment
-from pneumo_casadi.estimation.flow_map_anchor import Anchor, anchor_to_flow_map
+from pneumo_casadi.estimation.flow_anchor import Anchor, anchor_flow, anchor_to_flow_map
 from pneumo_casadi.estimation.output_error.information import gauss_newton_information
 from pneumo_casadi.estimation.output_error.shooting.condensing import (
     Linearised,
@@ -73,10 +73,10 @@ class Fit:
 
     @cached_property
     def anchor(self) -> Anchor | None:
-        """Residuals of the flow map; None if its coefficients are fixed."""
-        if self.flow_map is None or not self.axis.kind.needs_flow_map:
+        """What fixes the scale of the flows; None if the coefficients are fixed."""
+        anchor = anchor_flow(self.axis, self.flow_map)
+        if anchor is None:
             return None
-        anchor = anchor_to_flow_map(self.flow_map, self.axis.flow, effects=self.axis.effects)
         return anchor if set(anchor.names) & set(self.axis.parameters.free_names) else None
 
     def problem(self, experiments: Sequence[SimulatedExperiment]) -> tuple[Problem, Unknowns]:

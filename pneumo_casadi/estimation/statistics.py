@@ -78,6 +78,7 @@ def invert_information(
     names: Sequence[str],
     at_bound: Sequence[str] = (),
     scores: Sequence[Sequence[FloatArray]] | None = None,
+    prior: FloatArray | None = None,
 ) -> ParameterUncertainty:
     """Turn information on scaled parameters into a covariance in SI units.
 
@@ -94,6 +95,9 @@ def invert_information(
     scores : sequence of sequences of (K, n) array, optional
         For the robust covariance: Jᵀr in the same scaling, for each kind of data (records, flow
         map) one array a record, in the order of time.
+    prior : (n, n) array, optional
+        Part of `information` that is prior knowledge. It has no residuals whose scatter could be
+        seen, and its covariance is known.
 
     Returns
     -------
@@ -131,7 +135,10 @@ def invert_information(
     robust = None
     if scores is not None:
         equilibrated = [[part[:, inside] / size for part in source] for source in scores]
-        robust = in_units(batch_sandwich(inverse, equilibrated))
+        sandwich = batch_sandwich(inverse, equilibrated)
+        if prior is not None:
+            sandwich += inverse @ (prior[np.ix_(inside, inside)] / np.outer(size, size)) @ inverse
+        robust = in_units(sandwich)
     chosen = [names[i] for i in inside]
     return ParameterUncertainty(
         tuple(names),

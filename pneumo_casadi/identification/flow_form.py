@@ -1,11 +1,12 @@
 """The static flow of a case: its measured map, and the model of eq. 12 or another form."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 
-from pneumo_casadi.data import Bench, Case
+from pneumo_casadi.data import Bench, Case, FlowSource, Recording
 from pneumo_casadi.errors import CaseError
+from pneumo_casadi.estimation.equation_error.conductances import estimate_conductances
 from pneumo_casadi.identification.options import IdentifyOptions
 from pneumo_casadi.valve import (
     PAPER_DEGREES,
@@ -17,6 +18,7 @@ from pneumo_casadi.valve import (
     fit_iso6358,
     fit_polynomials,
     fit_spline,
+    iso6358_from_data_sheet,
     read_flow_map,
 )
 
@@ -37,7 +39,7 @@ def resolve_flow_form(
     CaseError
         If a servo axis has no flow map, or no form can be fitted to it.
     """
-    if not isinstance(case.bench, Bench):
+    if not isinstance(case.bench, Bench) or not case.bench.valves.metered:
         return options, None
     if options.flow_form is not None:
         selection = FormSelection.given(options.flow_form, options.degrees)
@@ -47,13 +49,19 @@ def resolve_flow_form(
     return replace(options, flow_form=selection.chosen, degrees=selection.degrees), selection
 
 
-def read_flow(case: Case, options: IdentifyOptions) -> tuple[FlowMap | None, FlowModel | None]:
+def read_flow(
+    case: Case, options: IdentifyOptions, records: Sequence[Recording] | None = None
+) -> tuple[FlowMap | None, FlowModel | None]:
     """Read the flow map of a servo axis and fit the form asked for, or the one chosen.
+
+    For an unmetered valve, write down what the data sheet states; where it states nothing,
+    `records` (by default all to identify on) give the conductances.
 
     Returns
     -------
     tuple
-        Measured table and fitted model; None and None for a force-driven axis.
+        Measured table and model; no table for an unmetered valve, neither for an axis without
+        valves.
 
     Raises
     ------
@@ -62,6 +70,8 @@ def read_flow(case: Case, options: IdentifyOptions) -> tuple[FlowMap | None, Flo
     """
     if not isinstance(case.bench, Bench):  # no valves: nothing was metered
         return None, None
+    if not case.bench.valves.metered:
+        return None, _unmetered(case.bench, records or case.identify)
     chosen, _ = resolve_flow_form(case, options)
     assert chosen.flow_form is not None
     fits: dict[FlowForm, Callable[[FlowMap], FlowModel]] = {
@@ -73,10 +83,18 @@ def read_flow(case: Case, options: IdentifyOptions) -> tuple[FlowMap | None, Flo
     return table, fits[chosen.flow_form](table)
 
 
+def _unmetered(bench: Bench, records: Sequence[Recording]) -> FlowModel:
+    valve = bench.valves.P
+    unknown = valve.source is FlowSource.NONE
+    gains = estimate_conductances(bench, records) if unknown else None
+    return iso6358_from_data_sheet(bench, valve, gains)
+
+
 def _read_table(case: Case, bench: Bench) -> FlowMap:
     if case.flow_map_path is None:
         raise CaseError(
-            f"{case.folder}: no flow_map.csv; a servo axis cannot be identified without the "
-            "static flow of its valve: meter q_m(u, p), columns u_V,p_Pa,q_m_kg_per_s"
+            f"{case.folder}: no flow_map.csv, but bench.json does not say that the valve is not "
+            'metered; add the map (columns u_V,p_Pa,q_m_kg_per_s), or write "valve": '
+            '{"source": "none"} or the data sheet\'s C and b'
         )
     return read_flow_map(case.flow_map_path, p_supply=bench.p_supply, p_ext=bench.p_ext)

@@ -1,5 +1,6 @@
 """Static flow of the servodistributor: the measured map and the models fitted to it."""
 
+from pneumo_casadi.valve.data_sheet import iso6358_from_data_sheet
 from pneumo_casadi.valve.degree_selection import DegreeSelection, select_degrees
 from pneumo_casadi.valve.flow_map import FlowMap, read_flow_map
 from pneumo_casadi.valve.flow_model import FlowModel, edge_slopes, flow_function
@@ -45,6 +46,7 @@ __all__ = [
     "fit_polynomials",
     "fit_spline",
     "flow_function",
+    "iso6358_from_data_sheet",
     "map_residuals",
     "orifice_expression",
     "orifice_flow",

@@ -14,7 +14,7 @@ from pneumo_casadi.effects import (
 )
 from pneumo_casadi.effects.valve.flow_map_shape import LocalFlowMapShape
 from pneumo_casadi.errors import ModelError
-from pneumo_casadi.estimation.flow_map_anchor import anchor_to_flow_map
+from pneumo_casadi.estimation.flow_anchor import anchor_to_flow_map
 from pneumo_casadi.model.effect import Scope
 from pneumo_casadi.model.integration import Stepping, step_function
 from pneumo_casadi.model.junctions import Pair

@@ -33,9 +33,10 @@ def map_misfit(study: Study) -> float | None:
     pressures or more.
     """
     anchor, table = study.anchor, study.flow_map
-    if anchor is None or table is None:
+    if anchor is None or anchor.scatter is None or table is None:
         return None
-    e = anchor(study.axis.flow.parameters.values) * study.axis.flow.sigma
+    scatter = anchor.scatter(study.axis.flow.parameters.values)[0]
+    e = np.asarray(scatter, dtype=float).ravel() * study.axis.flow.sigma
     explained, count = 0.0, 0
     middle, half = (table.p.max() + table.p.min()) / 2, max(np.ptp(table.p) / 2, 1.0)
     for u in np.unique(table.u):

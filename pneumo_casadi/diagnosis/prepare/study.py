@@ -13,7 +13,7 @@ from pneumo_casadi.errors import FitError
 from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
 from pneumo_casadi.estimation.equation_error.fit import default_residual_floor, fit_equation_error
 from pneumo_casadi.estimation.equation_error.smoothed_motion import SmoothedMotion, smooth_motions
-from pneumo_casadi.estimation.flow_map_anchor import Anchor, anchor_to_flow_map
+from pneumo_casadi.estimation.flow_anchor import Anchor, anchor_flow
 from pneumo_casadi.estimation.output_error.result import flow_map_deviation
 from pneumo_casadi.estimation.wls import fit_wls
 from pneumo_casadi.model.axis import Axis
@@ -72,20 +72,18 @@ class Study:
 
     @property
     def anchor(self) -> Anchor | None:
-        """Residuals of the flow map."""
+        """What fixes the scale of the flows; see `anchor_flow`."""
         return self.anchor_with(())
 
     def anchor_with(self, effects: Sequence[Effect]) -> Anchor | None:
-        """Residuals of the flow map of a valve that has some effects; None without a map."""
-        if self.flow_map is None or not self.axis.kind.needs_flow_map:
-            return None
+        """Return what fixes the scale of the flows of a valve with these effects, if anything."""
         key = tuple(effect.name for effect in effects if effect.metered)
         if key not in self._anchors:
-            self._anchors[key] = anchor_to_flow_map(self.flow_map, self.axis.flow, effects=effects)
+            self._anchors[key] = anchor_flow(self.axis, self.flow_map, effects)
         return self._anchors[key]
 
     @cached_property
-    def _anchors(self) -> dict[tuple[str, ...], Anchor]:
+    def _anchors(self) -> dict[tuple[str, ...], Anchor | None]:
         return {}
 
 
@@ -247,7 +245,7 @@ def require_credible(study: Study, effects: Sequence[Effect], fitted: FittedMode
         return
     axis = study.axis.with_effects(*effects).with_parameters(dict(fitted.values))
     deviation = flow_map_deviation(known, axis)
-    if deviation.rms > MAX_MAP_RESIDUAL_RATIO:
+    if deviation is not None and deviation.rms > MAX_MAP_RESIDUAL_RATIO:
         raise FitError(
             f"the metered flow map contradicts it: with the shape that the motion asks for, its "
             f"residuals are {deviation.rms:.1f} times those of its own fit"

@@ -12,7 +12,7 @@ from pneumo_casadi.errors import ModelError
 from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
 from pneumo_casadi.estimation.equation_error.residuals import balance_residuals, linearise_residuals
 from pneumo_casadi.estimation.equation_error.smoothed_motion import SmoothedMotion, smooth_motion
-from pneumo_casadi.estimation.flow_map_anchor import Anchor, anchor_to_flow_map
+from pneumo_casadi.estimation.flow_anchor import Anchor, anchor_flow
 from pneumo_casadi.estimation.gauss_newton import Damping, Status, minimise, minimise_in_box
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.parameters import FloatArray, Parameters
@@ -181,10 +181,9 @@ def fit_equation_error(
         record if isinstance(record, SmoothedMotion) else smooth_motion(axis, record)
         for record in records
     )
-    if isinstance(flow_map, FlowMap):
-        flow_map = _anchor(axis, flow_map)
+    anchor = flow_map if isinstance(flow_map, Anchor) else anchor_flow(axis, flow_map)
     floor = default_residual_floor(axis) if residual_floor is None else residual_floor
-    problem = _Problem(BalanceFunctions(axis), motions, flow_map, floor, state_derivatives)
+    problem = _Problem(BalanceFunctions(axis), motions, anchor, floor, state_derivatives)
     start = _Trial(axis.parameters.values, np.inf)
     trials = MAX_ITERATIONS * DAMPING.max_rejections
     minimum = minimise(problem, start, DAMPING, MAX_ITERATIONS, trials)
@@ -210,12 +209,6 @@ def default_residual_floor(axis: Axis) -> FloatArray:
     Far below what any sensor leaves: it keeps log σ finite on data without noise.
     """
     return np.array([balance.resolution for balance in axis.kind.balances])
-
-
-def _anchor(axis: Axis, flow_map: FlowMap) -> Anchor | None:
-    if not axis.kind.needs_flow_map:
-        return None
-    return anchor_to_flow_map(flow_map, axis.flow, effects=axis.effects)
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ import numpy as np
 
 from pneumo_casadi.data import Recording
 from pneumo_casadi.errors import FitError, ModelError
-from pneumo_casadi.estimation.flow_map_anchor import anchor_to_flow_map
+from pneumo_casadi.estimation.flow_anchor import anchor_flow
 from pneumo_casadi.estimation.output_error.information import estimate_uncertainty
 from pneumo_casadi.estimation.output_error.options import Method, OutputErrorOptions, plan_stages
 from pneumo_casadi.estimation.output_error.result import (
@@ -176,11 +176,9 @@ def write_problem(
     model = SampledAxis(axis, stepping, axis.bench.controller if options.closed_loop else None)
     segments = cut_segments(model, records, n, options.window, options.interval)
     functions = IntervalFunctions(model, n, segments[0].per, parameters.free_names)
-    known = None
-    if flow_map is not None and axis.kind.needs_flow_map:
-        known = anchor_to_flow_map(flow_map, axis.flow, effects=axis.effects)
-        if not set(known.names) & set(parameters.free_names):
-            known = None
+    known = anchor_flow(axis, flow_map)
+    if known is not None and not set(known.names) & set(parameters.free_names):
+        known = None
     problem = Problem(model, parameters, segments, functions, known)
     _refuse_too_few(problem)
     return problem
@@ -208,7 +206,7 @@ def _substeps(axis: Axis, options: OutputErrorOptions, dt: float) -> int:
 
 
 def _refuse_free_gauge(axis: Axis, parameters: Parameters, flow_map: FlowMap | None) -> None:
-    if not axis.kind.needs_flow_map or flow_map is not None:
+    if not axis.kind.needs_flow_map or anchor_flow(axis, flow_map) is not None:
         return
     coefficients = set(axis.flow_parameters)
     chambers = {f"X_s{i}" for i in range(1, 7)}

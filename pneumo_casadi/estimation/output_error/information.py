@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pneumo_casadi.estimation.flow_map_anchor import Anchor
+from pneumo_casadi.estimation.flow_anchor import Anchor
 from pneumo_casadi.estimation.output_error.shooting.condensing import (
     anchor_normal_equations,
     block_scores,
@@ -33,10 +33,13 @@ class Information:
     scores : tuple of tuples of (K, n_free) array
         Jᵀr block by block, one array a record, and, as another kind, point by point of the flow
         map: what its form cannot follow is correlated from point to point as well.
+    prior : (n_free, n_free) array or None
+        The part of `matrix` that is prior knowledge, which has no scores.
     """
 
     matrix: FloatArray
     scores: tuple[tuple[FloatArray, ...], ...]
+    prior: FloatArray | None = None
 
 
 def gauss_newton_information(problem: Problem, point: Unknowns, sigma: FloatArray) -> Information:
@@ -71,9 +74,14 @@ def gauss_newton_information(problem: Problem, point: Unknowns, sigma: FloatArra
     # What the initial states have taken away but for rounding is no information.
     left = (np.diag(total) > CANCELLED * before).astype(float)
     kinds = [tuple(np.concatenate(rows_of_segment) * left for rows_of_segment in rows.values())]
-    if problem.anchor is not None:
-        kinds.append((_map_scores(problem, problem.anchor, point.theta) * left,))
-    return Information(total * np.outer(left, left), tuple(kinds))
+    anchor = problem.anchor
+    if anchor is None:
+        return Information(total * np.outer(left, left), tuple(kinds))
+    if anchor.n_points:
+        kinds.append((_map_scores(problem, anchor, point.theta) * left,))
+    c = anchor.coefficients(problem.parameters, point.theta)
+    known = anchor.rows(c, problem.free)[anchor.n_points :] * problem.free_scales * left
+    return Information(total * np.outer(left, left), tuple(kinds), known.T @ known)
 
 
 def estimate_uncertainty(
@@ -88,10 +96,18 @@ def estimate_uncertainty(
     at_bound = [name for name, near in zip(free.names, gap < AT_BOUND, strict=True) if near]
     information = gauss_newton_information(problem, point, sigma)
     scales = problem.free_scales
-    return invert_information(information.matrix, scales, free.names, at_bound, information.scores)
+    return invert_information(
+        information.matrix,
+        scales,
+        free.names,
+        at_bound,
+        information.scores,
+        information.prior,
+    )
 
 
 def _map_scores(problem: Problem, anchor: Anchor, theta: FloatArray) -> FloatArray:
     """Return Jᵀr of each metered point in scaled free parameters, shape (n, n_free)."""
     c = anchor.coefficients(problem.parameters, theta)
-    return -anchor.rows(c, problem.free) * anchor(c)[:, None] * problem.free_scales
+    scores = -anchor.rows(c, problem.free) * anchor(c)[:, None] * problem.free_scales
+    return scores[: anchor.n_points]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from pneumo_casadi.estimation.flow_map_anchor import Anchor
+from pneumo_casadi.estimation.flow_anchor import Anchor
 from pneumo_casadi.estimation.output_error.derived import derived_quantities
 from pneumo_casadi.estimation.output_error.shooting.segments import Segment
 from pneumo_casadi.estimation.statistics import ParameterUncertainty, delta_std, interval_factor
@@ -80,11 +80,19 @@ class FlowMapDeviation:
     scale: float
 
 
-def flow_map_deviation(anchor: Anchor, axis: Axis) -> FlowMapDeviation:
-    """Return the distance of an axis' flow coefficients from the measured points of its map."""
+def flow_map_deviation(anchor: Anchor, axis: Axis) -> FlowMapDeviation | None:
+    """Return the distance of an axis' flow coefficients from the measured points of its map.
+
+    None where no map was measured.
+    """
+    if anchor.scatter is None:
+        return None
     c = axis.parameters.select(anchor.names).values
-    residual, own = anchor(c), anchor(anchor.fitted)
-    measured = -anchor(np.zeros_like(c))
+    residual, own, none = (
+        np.asarray(anchor.scatter(each)[0], dtype=float).ravel()
+        for each in (c, anchor.fitted, np.zeros_like(c))
+    )
+    measured = -none
     scale = float((residual + measured) @ measured / (measured @ measured))
     return FlowMapDeviation(float(np.sqrt(np.sum(residual**2) / np.sum(own**2))), scale)
 

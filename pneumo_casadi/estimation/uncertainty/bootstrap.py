@@ -233,8 +233,8 @@ class _Plan:
             for e, own in zip(raw, lengths, strict=True)
         ]
         anchor = optimum.problem.anchor
-        if anchor is not None:
-            g = optimum.problem.anchor_residuals(optimum.point.theta)[None]
+        if anchor is not None and anchor.n_points:
+            g = optimum.problem.anchor_residuals(optimum.point.theta)[None, : anchor.n_points]
             lengths.append(block_length(g))
             lost = len(anchor.names) * lengths[-1] / g.size
             residuals.append(_scaled(g, lengths[-1], lost))
@@ -244,6 +244,11 @@ class _Plan:
         result = optimum.result
         arrays = [*self.residuals, result.sigma, result.parameters.values]
         return fingerprint(arrays, [self.lengths, self.seed, result.uncertainty.names])
+
+    def draw_prior(self, index: int, rows: int) -> FloatArray:
+        """Return the residuals of prior knowledge of one replicate, (rows,)."""
+        seed = np.random.SeedSequence(self.seed, spawn_key=(index, 1))
+        return np.random.default_rng(seed).normal(size=rows)
 
     def draw_residuals(self, index: int) -> list[FloatArray]:
         """Return the residuals of one replicate."""
@@ -296,7 +301,10 @@ def _refit(optimum: Optimum, plan: _Plan, index: int) -> Replicate:
         segments.append(replace(segment, y=fitted + e))
     anchor = problem.anchor
     if anchor is not None:
-        shift = drawn[-1][0] - problem.anchor_residuals(optimum.point.theta)
+        # Prior knowledge is drawn anew too: another laboratory had measured other areas.
+        points = [drawn[-1][0]] if anchor.n_points else []
+        at_fit = problem.anchor_residuals(optimum.point.theta)
+        shift = np.concatenate([*points, plan.draw_prior(index, anchor.n_prior)]) - at_fit
         anchor = shift_measured_flows(anchor, shift)
     synthetic = replace(problem, segments=tuple(segments), anchor=anchor)
     solution = solve_from(optimum, synthetic, optimum.point)

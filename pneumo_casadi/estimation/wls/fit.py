@@ -8,6 +8,7 @@ import numpy as np
 
 from pneumo_casadi.data import Recording
 from pneumo_casadi.errors import FitError, ModelError
+from pneumo_casadi.estimation.flow_anchor import flow_scale_std
 from pneumo_casadi.estimation.wls.derived import DerivedEstimates, ratios
 from pneumo_casadi.estimation.wls.linear import (
     LinearFit,
@@ -111,6 +112,7 @@ def fit_wls(
     ]
     system = stack_systems([observation.system(stick) for observation in observations])
     fit, removed = _fit_and_remove(system, equation_std, remove_above)
+    fit = _with_scale_uncertainty(fit, flow_scale_std(getattr(model, "bench", None)))
     parameters, outside = _at_estimates(model.parameters.select(fit.names), fit.estimate)
     total = sum(observation.t.size for observation in observations)
     return WLSResult(
@@ -166,6 +168,20 @@ def _fit_and_remove(
         )
         fit = smaller
     return fit, tuple(removed)
+
+
+def _with_scale_uncertainty(fit: LinearFit, std: float) -> LinearFit:
+    """Widen the covariances by a common factor of X_s1 ... X_s6 of relative deviation `std`."""
+    if std == 0.0:
+        return fit
+    scaled = [
+        std * value if name.startswith("X_s") else 0.0
+        for name, value in zip(fit.names, fit.estimate, strict=True)
+    ]
+    added = np.outer(scaled, scaled)
+    return replace(
+        fit, covariance=fit.covariance + added, covariance_hac=fit.covariance_hac + added
+    )
 
 
 def _at_estimates(

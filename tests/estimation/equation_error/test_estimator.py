@@ -5,7 +5,7 @@ import pytest
 
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.estimation.equation_error import fit_equation_error, smooth_motion
-from pneumo_casadi.estimation.flow_map_anchor import anchor_to_flow_map
+from pneumo_casadi.estimation.flow_anchor import anchor_to_flow_map
 
 
 @pytest.fixture(scope="module")

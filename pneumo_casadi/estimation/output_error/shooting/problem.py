@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from pneumo_casadi.estimation.flow_map_anchor import Anchor
+from pneumo_casadi.estimation.flow_anchor import Anchor
 from pneumo_casadi.estimation.output_error.shooting.interval import IntervalFunctions
 from pneumo_casadi.estimation.output_error.shooting.segments import Segment
 from pneumo_casadi.model.axis import Axis

@@ -1,0 +1,96 @@
+"""What fixes the scale of the flows: metered map, stated accuracy, areas and data sheet."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import pneumo_casadi as pc
+from pneumo_casadi.data import FlowSource, ValveData, Valves
+from pneumo_casadi.estimation.flow_anchor import (
+    anchor_flow,
+    anchor_to_flow_map,
+    flow_scale_std,
+    join_anchors,
+    prior,
+)
+from pneumo_casadi.model.servosystem import Servosystem
+from pneumo_casadi.valve import fit_iso6358, iso6358_from_data_sheet, read_flow_map
+
+ACCURACY = 0.02
+
+
+@pytest.fixture(scope="module")
+def case():
+    return pc.example_case()
+
+
+@pytest.fixture(scope="module")
+def metered(case):
+    bench = case.bench
+    table = read_flow_map(case.flow_map_path, p_supply=bench.p_supply, p_ext=bench.p_ext)
+    return table, fit_iso6358(table, T=bench.T)
+
+
+def scaled(anchor, factor):
+    conductances = [name.startswith(("k_", "C_leak_")) for name in anchor.names]
+    return np.where(conductances, factor, 1.0) * anchor.fitted
+
+
+@pytest.mark.parametrize("factor", [0.7, 0.98, 1.1])
+def test_a_common_factor_of_all_flows_costs_what_the_accuracy_of_the_meter_says(metered, factor):
+    anchor = anchor_to_flow_map(*metered, accuracy=ACCURACY)
+    residual = anchor(scaled(anchor, factor))
+    assert residual[-1] == pytest.approx((1 / factor - 1) / ACCURACY, rel=1e-3)
+    points = anchor(anchor.fitted)[:-1]
+    assert np.sum(residual[:-1] ** 2) == pytest.approx(np.sum(points**2), rel=1e-2)
+    assert (anchor.n_points, anchor.n_prior) == (metered[0].u.size, 1)
+
+
+def test_the_derivatives_with_a_free_scale_are_those_of_the_residuals(metered):
+    anchor = anchor_to_flow_map(*metered, accuracy=ACCURACY)
+    c = scaled(anchor, 1.05)
+    J = anchor.jacobian(c)
+    for i in np.flatnonzero(np.abs(J).max(axis=0) > 0):
+        h = np.zeros(c.size)
+        h[i] = 1e-5 * metered[1].parameters.scales[i]
+        slope = (anchor(c + h) - anchor(c - h)) / (2 * h[i])
+        assert slope == pytest.approx(J[:, i], abs=1e-4 * np.abs(J[:, i]).max())
+
+
+def test_without_a_stated_accuracy_the_map_counts_as_before(metered, case):
+    axis = Servosystem(case.bench, metered[1])
+    anchor = anchor_flow(axis, metered[0])
+    assert anchor.n_prior == 0
+    assert anchor(anchor.fitted) == pytest.approx(
+        -metered[1].residuals(metered[0]) / metered[1].sigma
+    )
+    assert flow_scale_std(case.bench) == 0.0
+
+
+def test_an_unmetered_valve_is_anchored_by_the_areas(case):
+    valve = ValveData(FlowSource.DATA_SHEET, None, 2e-8, 1.5e-8, 0.3, u_full=5.0)
+    bench = replace(case.bench, valves=Valves(valve, valve), area_accuracy=0.005)
+    axis = Servosystem(bench, iso6358_from_data_sheet(bench, valve))
+    anchor = anchor_flow(axis, None)
+    assert anchor.n_points == 0
+    at_start = anchor(anchor.fitted)
+    assert at_start == pytest.approx(0.0, abs=1e-9)
+    moved = anchor.fitted.copy()
+    moved[anchor.names.index("X_s3")] *= 1.01
+    moved[anchor.names.index("k_supply")] *= 1.3
+    changes = dict(zip(anchor.names, anchor(moved), strict=True))
+    assert changes["X_s3"] == pytest.approx(2.0)  # 1 % over 0.5 %
+    assert changes["k_supply"] == pytest.approx(1.0)  # 30 % of a data sheet without accuracy
+    assert flow_scale_std(bench) == pytest.approx(0.005 / 2**0.5)
+
+
+def test_sources_are_joined_with_measured_points_first(metered):
+    known = prior(("M",), np.array([17.0]), np.array([0.5]))
+    points = anchor_to_flow_map(*metered)
+    joined = join_anchors([known, points])
+    assert joined.names == ("M", *points.names)
+    assert (joined.n_points, joined.n_prior) == (points.n, 1)
+    c = np.concatenate([[18.0], points.fitted])
+    assert joined(c)[-1] == pytest.approx(2.0)
+    assert joined(c)[:-1] == pytest.approx(points(points.fitted))

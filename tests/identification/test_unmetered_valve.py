@@ -1,0 +1,38 @@
+"""An axis whose valve nobody metered: areas give the scale, the records the rest."""
+
+from dataclasses import replace
+
+import pytest
+
+import pneumo_casadi as pc
+from pneumo_casadi.data import FlowSource, ValveData, Valves
+
+WRONG_SHEET = ValveData(FlowSource.DATA_SHEET, None, 1e-8, 1.9e-8, 0.4, u_full=5.0)
+
+
+def without_map(valve):
+    case = pc.example_case()
+    bench = replace(case.bench, valves=Valves(valve, valve))
+    return replace(case, bench=bench, flow_map_path=None, validate=())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("valve", [ValveData(FlowSource.NONE), WRONG_SHEET], ids=["none", "sheet"])
+def test_parameters_are_found_without_a_flow_map(valve):
+    result = pc.identify(without_map(valve), pc.IdentifyOptions(start=4.0, end=8.0))
+    frame = result.to_frame()
+    error = frame.output_error / frame.truth - 1
+    std = frame.output_error_std / frame.truth
+    for name in (f"X_s{i}" for i in range(1, 7)):
+        assert abs(error[name]) < min(0.02, 2.5 * std[name]), name
+        # One per cent of each area is one over the root of two of their common factor.
+        assert std[name] > 0.007
+        assert result.wls.std_hac[result.wls.names.index(name)] / frame.wls[name] > 0.007
+    assert abs(error["M"]) < 0.005
+    assert not any(warning.grade == "severe" for warning in result.warnings)
+
+
+def test_a_case_without_a_map_says_what_to_write():
+    case = replace(pc.example_case(), flow_map_path=None)
+    with pytest.raises(ValueError, match=r'no flow_map.csv, .*write "valve": {"source": "none"}'):
+        pc.identify(case)
