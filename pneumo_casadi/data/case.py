@@ -6,6 +6,7 @@ from pathlib import Path
 import pandas as pd
 
 from pneumo_casadi.data.bench.driven_bench import AnyBench
+from pneumo_casadi.data.checks.finding import Finding
 from pneumo_casadi.data.recording.recording import Recording
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.runtime.presentation import Presentable
@@ -28,8 +29,8 @@ class Case(Presentable):
     flow_map_path : Path, optional
         File of the measured static flow map of the valve; `pneumo_casadi.valve.read_flow_map` reads
         it.
-    notes : tuple of str
-        Remarks of the checks on data that are unusual but accepted.
+    findings : tuple of Finding
+        What the checks report of data that were accepted, the gravest first.
 
     Raises
     ------
@@ -49,7 +50,7 @@ class Case(Presentable):
     identify: tuple[Recording, ...]
     validate: tuple[Recording, ...] = ()
     flow_map_path: Path | None = None
-    notes: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.identify:
@@ -71,10 +72,11 @@ class Case(Presentable):
 
     @property
     def headline(self) -> str:
-        """Name, kind of axis, and whether its valve was measured."""
+        """Name, kind of axis, whether its valve was measured, and the gravest finding."""
         mapped = "no flow map" if self.flow_map_path is None else f"{self.flow_map_path.name}"
-        notes = f", {len(self.notes)} notes" if self.notes else ""
-        return f"Case {self.name}: {type(self.bench).__name__}, {mapped}{notes}"
+        count = f", {len(self.findings)} findings, the first: " if self.findings else ""
+        first = f"{count}{self.findings[0].grade}: {self.findings[0].text}" if count else ""
+        return f"Case {self.name}: {type(self.bench).__name__}, {mapped}{first}"
 
     def to_frame(self) -> pd.DataFrame:
         """Return one row a record: what it is for, its length and its channels."""

@@ -15,7 +15,10 @@ from numpy.typing import ArrayLike
 from pneumo_casadi.data.bench.bench_file import bench_content, read_bench
 from pneumo_casadi.data.bench.driven_bench import AnyBench
 from pneumo_casadi.data.case import Case
-from pneumo_casadi.data.checks.records import check_recording
+from pneumo_casadi.data.checks.column_entries import ColumnEntries
+from pneumo_casadi.data.checks.finding import Finding, Grade, merge_findings
+from pneumo_casadi.data.checks.metered_flow import metered_flows
+from pneumo_casadi.data.checks.records import check_records
 from pneumo_casadi.data.emps import IDENTIFY as EMPS_FILE
 from pneumo_casadi.data.emps import read_emps
 from pneumo_casadi.data.readers.columns import COLUMNS_FILE, ColumnSpec, read_columns
@@ -49,7 +52,7 @@ def read_case(
     folder : str or Path
         The case folder.
     check : bool, optional
-        Whether to hold the records against the bench (`check_recording`).
+        Whether to hold the records against the bench (`check_records`).
     hold : InputHold, optional
         Course of the inputs between samples: constant (``ZERO``, the default, right for commands
         of a sampled controller) or linear (``LINEAR``, for a measured continuous signal).
@@ -86,10 +89,14 @@ def read_case(
         )
         for role in ("identify", "validate")
     }
-    bench, notes = _with_signals(bench, [*records["identify"], *records["validate"]])
+    bench, findings = _with_signals(bench, [*records["identify"], *records["validate"]])
     if check:
-        for recording in (*records["identify"], *records["validate"]):
-            notes.extend(check_recording(recording, bench))
+        findings += check_records(
+            (*records["identify"], *records["validate"]),
+            bench,
+            metered_flows(folder),
+            ColumnEntries(columns or {}),
+        )
     flow_map = folder / "flow_map.csv"
     return Case(
         folder,
@@ -97,7 +104,7 @@ def read_case(
         records["identify"],
         records["validate"],
         flow_map if flow_map.is_file() else None,
-        tuple(notes),
+        merge_findings(findings),
     )
 
 
@@ -108,18 +115,25 @@ def _read_parts(
     return split_at_gaps(recording) if clock is Clock.AS_RECORDED else (recording,)
 
 
-def _with_signals(bench: AnyBench, records: Sequence[Recording]) -> tuple[AnyBench, list[str]]:
-    """Return the bench with the further signals that all records have, and notes on the others."""
+def _with_signals(
+    bench: AnyBench, records: Sequence[Recording]
+) -> tuple[AnyBench, tuple[Finding, ...]]:
+    """Return the bench with the further signals that all records have, and what the others lack."""
     known = {name for name in bench.kind.further for record in records if name in record}
     shared = {name for name in known if all(name in record for record in records)}
-    notes = [
-        f"{record.source}: no column `{column_name(name)}`, which other records have; it is not "
-        "used"
+    findings = tuple(
+        Finding(
+            Grade.CAUTION,
+            "missing signal",
+            name,
+            f"no column `{column_name(name)}`, which other records have: it is not used; add it.",
+            source=record.name,
+        )
         for name in sorted(known - shared)
         for record in records
         if name not in record
-    ]
-    return (replace(bench, signals=frozenset(shared)) if shared else bench), notes
+    )
+    return (replace(bench, signals=frozenset(shared)) if shared else bench), findings
 
 
 def _record_files(folder: Path, role: str) -> list[Path]:

@@ -12,7 +12,7 @@ import numpy as np
 from pneumo_casadi.data.bench.controllers import NestedController
 from pneumo_casadi.data.bench.driven_bench import ForceBench
 from pneumo_casadi.data.case import Case
-from pneumo_casadi.data.checks.records import check_recording
+from pneumo_casadi.data.checks.records import check_records
 from pneumo_casadi.data.readers.columns import Column
 from pneumo_casadi.data.readers.recordings import read_recording
 from pneumo_casadi.data.readers.tables import read_table
@@ -69,8 +69,8 @@ def read_emps(folder: str | Path) -> Case:
     identify = _read(folder / IDENTIFY, columns)
     pulses = {"pulses_N": Column("F_pulse", scale=constants["gain"])}
     validate = _read(folder / VALIDATE, columns | pulses)
-    notes = (*check_recording(identify, bench), *check_recording(validate, bench))
-    return Case(folder, bench, (identify,), (validate,), None, notes)
+    findings = check_records((identify, validate), bench)
+    return Case(folder, bench, (identify,), (validate,), None, findings)
 
 
 def _read(path: Path, columns: dict[str, Column]) -> Recording:

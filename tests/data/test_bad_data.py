@@ -5,7 +5,7 @@ import re
 
 import pytest
 
-from pneumo_casadi.data import read_case
+from pneumo_casadi.data import Grade, read_case
 from pneumo_casadi.errors import CaseError
 
 COLUMNS = ["t_s", "u_P_V", "u_N_V", "p_P_Pa", "p_N_Pa", "x_m", "x_ref_m"]
@@ -131,7 +131,7 @@ SPOILT = {
     ),
     "swapped pressures": (
         cells(swapped("p_P_Pa", "p_N_Pa")),
-        r"rows 1 to 4000: .*`p_P_Pa` and `p_N_Pa` \(chambers P and N\) swapped\?",
+        r"`p_P_Pa` and `p_N_Pa` \(chambers P and N\) swapped\? Rows 1 to 4000",
     ),
     "swapped commands": (
         cells(swapped("u_P_V", "u_N_V")),
@@ -181,7 +181,7 @@ SPOILT = {
 
 def test_a_good_case_loads_without_a_note(case_folder):
     case = read_case(case_folder())
-    assert case.notes == () and case.identify[0].N == 4000 and case.validate == ()
+    assert case.findings == () and case.identify[0].N == 4000 and case.validate == ()
 
 
 @pytest.mark.parametrize("name", SPOILT)
@@ -194,27 +194,31 @@ def test_spoilt_data_are_refused_with_place_value_unit_and_remedy(case_folder, n
     assert "\n" not in str(caught.value)
 
 
-def test_swapped_areas_are_told_by_the_mean_effort(case_folder):
+def test_swapped_areas_are_told_by_the_force_balance(case_folder):
     folder = case_folder()
     text = (folder / "bench.json").read_text()
     text = text.replace("S_P_m2", "S_?").replace("S_N_m2", "S_P_m2").replace("S_?", "S_N_m2")
     (folder / "bench.json").write_text(text)
-    with pytest.raises(CaseError, match=r"`S_P` = 0\.000603 m² and `S_N` = 0\.000875 m².*swapped"):
-        read_case(folder)
+    finding = read_case(folder).findings[0]
+    assert finding.grade is Grade.SEVERE
+    assert re.search(r"`S_P` = 0\.000603 m² and `S_N` = 0\.000875 m² look swapped", finding.text)
+    assert dict(finding.suggestion) == {"S_P_m2": 8.75e-4, "S_N_m2": 6.03e-4}
 
 
-def test_gauge_pressures_within_range_are_noted(case_folder):
+def test_gauge_pressures_within_range_are_severe(case_folder):
     def gauge(row):
         for name in ("p_P_Pa", "p_N_Pa"):
             row[name] = float(row[name]) - 1e5
 
-    (note,) = read_case(case_folder(cells(gauge))).notes
-    assert re.search(r"mean effort is .* if the pressures are gauge; give absolute", note)
+    (finding,) = read_case(case_folder(cells(gauge))).findings
+    assert finding.grade is Grade.SEVERE and finding.name == "gauge pressures"
+    assert finding.suggestion["p_N_Pa"] == {"column": "p_N_Pa", "offset": 100000}
 
 
 def test_a_command_that_breaks_the_control_law_is_noted(case_folder):
-    notes = read_case(case_folder(cells(setting("u_N_V", 1.5), ROW))).notes
-    assert len(notes) == 1 and re.search(AT + r": `u_N` = 1\.5 V is not −`u_P`", notes[0])
+    (finding,) = read_case(case_folder(cells(setting("u_N_V", 1.5), ROW))).findings
+    assert finding.grade is Grade.CAUTION
+    assert re.search(r"identify: row 1234: `u_N` = 1\.5 V is not −`u_P`", finding.sentence)
 
 
 def test_checks_can_be_left_out(case_folder):

@@ -5,8 +5,9 @@ import time
 import numpy as np
 import pytest
 
-from pneumo_casadi.data import check_recording, read_case, read_emps
+from pneumo_casadi.data import Grade, check_recording, read_case, read_emps
 from pneumo_casadi.data.checks.chambers import CLEAR, chamber_correlations
+from pneumo_casadi.data.checks.smoothed import smoothed_record
 from pneumo_casadi.errors import CaseError
 
 pytestmark = pytest.mark.data
@@ -14,8 +15,8 @@ pytestmark = pytest.mark.data
 
 @pytest.fixture(scope="module")
 def cases(data_folder):
-    folders = [*sorted((data_folder / "practice").glob("p*")), data_folder / "table1"]
-    assert len(folders) == 14
+    practice = (*(data_folder / "practice").glob("p*"), *(data_folder / "practice_more").glob("q*"))
+    folders = [*sorted(practice), data_folder / "table1"]
     return [read_case(folder) for folder in folders]
 
 
@@ -28,13 +29,18 @@ def swap(recording, a, b):
 
 
 def test_no_check_raises_a_false_alarm(cases):
-    assert [case.notes for case in cases] == [()] * 14
+    assert len(cases) == 29
+    grave = {case.name for case in cases if any(f.grade is Grade.SEVERE for f in case.findings)}
+    assert not grave
+    # Effects of the flow that move the areas: a dead zone, a pressure lag, an elastic load.
+    doubtful = {case.name for case in cases if case.findings}
+    assert doubtful == {"p09_valve_dead_zone", "p11_pressure_sensor_lag", "q02_elastic_load"}
 
 
 def test_chamber_signs_are_clear_by_a_factor_of_two(cases):
     expected = np.array([[1, -1], [1, 1]])
-    smallest = min((chamber_correlations(record) * expected).min() for _, record in records(cases))
-    assert smallest > 2 * CLEAR  # measured: 0.84
+    signs = (chamber_correlations(smoothed_record(record)) for _, record in records(cases))
+    assert min((correlations * expected).min() for correlations in signs) > 2 * CLEAR
 
 
 def test_swapped_chambers_and_commands_are_always_found(cases):
@@ -48,7 +54,8 @@ def test_swapped_chambers_and_commands_are_always_found(cases):
 def test_pieces_of_four_seconds_raise_no_false_alarm(cases):
     for bench, record in records(cases)[:8]:
         for piece in record.split(duration=4.0):
-            check_recording(piece, bench)
+            findings = check_recording(piece, bench)
+            assert not [finding for finding in findings if finding.grade is Grade.SEVERE]
 
 
 def test_three_hundred_thousand_rows_load_in_two_seconds(data_folder):
@@ -61,7 +68,7 @@ def test_three_hundred_thousand_rows_load_in_two_seconds(data_folder):
 def test_emps_is_the_published_record(data_folder):
     case = read_emps(data_folder / "emps")
     identify, validate = case.identify[0], case.validate[0]
-    assert identify.N == validate.N == 24841 and case.notes == ()
+    assert identify.N == validate.N == 24841 and case.findings == ()
     assert identify.dt == pytest.approx(1e-3, rel=1e-9)
     assert "F_pulse" in validate and "F_pulse" not in identify
     assert case.bench.controller.gain == pytest.approx(35.15065188)

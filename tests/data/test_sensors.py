@@ -1,11 +1,11 @@
-"""Sensors and chambers: what is odd but possible becomes a note, not an error."""
+"""Sensors and chambers: what is odd but possible becomes a finding, not an error."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from pneumo_casadi.data import Recording, SensorNoise, check_recording
+from pneumo_casadi.data import Recording, SensorNoise, check_recording, check_records
 from pneumo_casadi.errors import CaseError
 
 
@@ -20,13 +20,17 @@ def test_a_good_record_earns_no_note(recording, bench):
 
 
 def test_notes_are_logged(recording, bench, caplog):
-    notes = check_recording(changed(recording, "p_P", slice(100, 200), 4e5), bench)
-    assert [record.message for record in caplog.records] == list(notes)
+    findings = check_records([changed(recording, "p_P", slice(100, 200), 4e5)], bench)
+    assert [record.message for record in caplog.records] == [
+        f"{finding.grade}: {finding.sentence}" for finding in findings
+    ]
 
 
 def test_a_sensor_that_sticks_for_a_while_is_noted_with_its_row(recording, bench):
-    (note,) = check_recording(changed(recording, "x", slice(100, 160), 0.02), bench)
-    assert "row 101: `x` stays at 0.02 m for 60 rows although its noise is 1.5e-05 m" in note
+    (finding,) = check_recording(changed(recording, "x", slice(100, 160), 0.02), bench)
+    assert (
+        "row 101: `x` stays at 0.02 m for 60 rows although its noise is 1.5e-05 m" in finding.text
+    )
 
 
 def test_a_still_channel_is_no_fault_where_the_noise_is_unknown(recording, bench):
@@ -36,13 +40,13 @@ def test_a_still_channel_is_no_fault_where_the_noise_is_unknown(recording, bench
 
 def test_coarse_quantisation_is_noted_with_its_step(recording, bench):
     coarse = recording.with_channels({"p_N": 2e3 * np.round(recording["p_N"] / 2e3)})
-    (note,) = check_recording(coarse, bench)
-    assert "`p_N` is quantised to 2e+03 Pa, more than its noise of 150 Pa" in note
+    (finding,) = check_recording(coarse, bench)
+    assert "`p_N` is quantised to 2e+03 Pa, more than its noise of 150 Pa" in finding.text
 
 
 def test_a_record_too_short_to_tell_the_chambers_apart_says_so(recording, bench):
-    (note,) = check_recording(recording.window(0.0, 0.3), bench)
-    assert "too short or too quiet to tell the chambers apart" in note
+    (finding,) = check_recording(recording.window(0.0, 0.3), bench)
+    assert "too short or too quiet to tell the chambers apart" in finding.text
 
 
 def test_noise_alone_tells_no_chambers_apart(recording, bench):
@@ -55,7 +59,7 @@ def test_noise_alone_tells_no_chambers_apart(recording, bench):
             "x": noise.x * rng.standard_normal(recording.N),
         }
     )
-    assert any("too quiet to tell" in note for note in check_recording(still, bench))
+    assert any("too quiet to tell" in finding.text for finding in check_recording(still, bench))
 
 
 def test_one_chamber_recorded_twice_is_refused(recording, bench):
@@ -74,12 +78,12 @@ def test_small_motion_in_mm_is_told_by_the_control_law(recording, bench):
 
 def test_commands_of_another_law_are_noted(recording, bench):
     other = replace(bench, controller=replace(bench.controller, gain=3.2))
-    (note,) = check_recording(recording, other)
-    assert "differs from gain (x_ref − x) by 33 % rms" in note
+    (finding,) = check_recording(recording, other)
+    assert "differs from gain (x_ref − x) by 33 % rms" in finding.text
 
 
 def test_noise_finer_than_the_data_is_quantisation(recording, bench):
     fine = replace(bench, noise=SensorNoise(p=150.0, x=1e-9))
     rounded = recording.with_channels({"x": np.round(recording["x"], 5)})
-    (note,) = check_recording(rounded, fine)
-    assert "`x` is quantised to 1e-05 m" in note
+    (finding,) = check_recording(rounded, fine)
+    assert "`x` is quantised to 1e-05 m" in finding.text

@@ -104,7 +104,7 @@ def test_parts_of_an_experiment_follow_each_other_by_their_shares(axis):
 def test_a_case_folder_loads_without_notes_and_holds_no_label(tmp_path):
     made = make_case(tmp_path / "a", 11, {"backlash": "large", "cogging": "small"})
     case = read_case(tmp_path / "a")
-    assert case.notes == ()
+    assert case.findings == ()
     assert case.validate[0].N == case.identify[0].N == 20000
     assert {p.name for p in (tmp_path / "a").iterdir()} == {
         "bench.json",

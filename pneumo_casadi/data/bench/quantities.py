@@ -31,13 +31,17 @@ class Quantity:
     upper: float
     mistaken: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
-    def guess(self, *values: float) -> str:
-        """Return the units in which all `values` would be plausible, as a question, or ``""``."""
-        units = [
+    def units_that_fit(self, *values: float) -> list[str]:
+        """Return the units in which all `values` would be plausible."""
+        return [
             unit
             for unit, (scale, offset) in self.mistaken.items()
             if all(self.lower <= scale * value + offset <= self.upper for value in values)
         ]
+
+    def guess(self, *values: float) -> str:
+        """Return the units in which all `values` would be plausible, as a question, or ``""``."""
+        units = self.units_that_fit(*values)
         return f"is it in {' or '.join(units)}?" if units else ""
 
     def check(self, name: str, value: object) -> float:

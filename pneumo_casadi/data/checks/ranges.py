@@ -1,22 +1,27 @@
 """Values against the bench: positions within the stroke, pressures, commands, their units."""
 
+from typing import Any
+
 import numpy as np
 
 from pneumo_casadi.data.bench.bench import Bench
 from pneumo_casadi.data.bench.controllers import NestedController, ProportionalController
 from pneumo_casadi.data.bench.driven_bench import AnyBench, ForceBench, PressureBench
 from pneumo_casadi.data.bench.quantities import LENGTHS, PRESSURES, Quantity
+from pneumo_casadi.data.checks.column_entries import ColumnEntries
+from pneumo_casadi.data.checks.finding import ContradictionError, Finding, Grade
 from pneumo_casadi.data.recording.recording import Recording
 from pneumo_casadi.errors import CaseError
 
 STROKE_MARGIN = 0.005  # share of the stroke by which a cushion or a sensor may exceed it
 VACUUM_MARGIN = 0.1  # share of p_ext by which a chamber may fall below it
 COMPRESSION = 1.5  # a closed chamber may be compressed above the supply pressure
+CHARGED = 0.1  # share of the supply's gauge pressure that the chambers of a moving axis exceed
 OTHER_UNIT = 5.0  # beyond this multiple of its limit a value has another unit
 WIDESPREAD = 0.05  # share of the rows beyond which the column, not a spike, is wrong
 
 
-def check_ranges(recording: Recording, bench: AnyBench) -> None:
+def check_ranges(recording: Recording, bench: AnyBench, entries: ColumnEntries) -> None:
     """Check every value of positions, pressures and inputs against the bench.
 
     Raises
@@ -25,20 +30,20 @@ def check_ranges(recording: Recording, bench: AnyBench) -> None:
         Naming the first row outside, its value, and the unit it may be in.
     """
     if isinstance(bench, Bench):
-        _check_position(recording, bench)
+        _check_position(recording, bench, entries)
         for channel in ("p_P", "p_N"):
-            _check_pressure(recording, channel, bench)
+            _check_pressure(recording, channel, bench, entries)
         if isinstance(bench.controller, ProportionalController):
             limit = bench.controller.u_max
-            _check_symmetric(recording, ("u_P", "u_N"), limit, "V", {"mV": 1e-3})
+            _check_symmetric(recording, ("u_P", "u_N"), limit, "V", {"mV": 1e-3}, entries)
     else:
         _check_travel(recording, bench)
         if isinstance(bench.controller, NestedController):
             limit = abs(bench.controller.gain) * bench.controller.u_max
-            _check_symmetric(recording, ("F",), limit, "N", {"kN": 1e3})
+            _check_symmetric(recording, ("F",), limit, "N", {"kN": 1e3}, entries)
 
 
-def _check_position(recording: Recording, bench: Bench) -> None:
+def _check_position(recording: Recording, bench: Bench, entries: ColumnEntries) -> None:
     margin = STROKE_MARGIN * bench.stroke + (5 * bench.noise.x if bench.noise else 0.0)
     lower, upper = (bench.stroke_limits[0] - margin, bench.stroke_limits[1] + margin)
     x = recording["x"]
@@ -46,7 +51,8 @@ def _check_position(recording: Recording, bench: Bench) -> None:
         units = LENGTHS
     else:
         units = {"m from the end of the stroke (subtract l/2)": (1.0, -bench.stroke / 2)}
-    _check(recording, "x", Quantity("m from mid-stroke", lower, upper, units), "stroke exceeded")
+    quantity = Quantity("m from mid-stroke", lower, upper, units)
+    _check(recording, "x", quantity, "stroke exceeded", entries)
 
 
 def _check_travel(recording: Recording, bench: ForceBench | PressureBench) -> None:
@@ -62,17 +68,25 @@ def _check_travel(recording: Recording, bench: ForceBench | PressureBench) -> No
         )
 
 
-def _check_pressure(recording: Recording, channel: str, bench: Bench) -> None:
+def _check_pressure(
+    recording: Recording, channel: str, bench: Bench, entries: ColumnEntries
+) -> None:
     lower, upper = (1 - VACUUM_MARGIN) * bench.p_ext, COMPRESSION * bench.p_supply
-    gauge = {f"gauge {unit}": (scale, bench.p_ext) for unit, (scale, _) in PRESSURES.items()}
-    units = {**PRESSURES, "gauge Pa": (1.0, bench.p_ext), **gauge}
-    above = float(recording[channel].max()) > upper
+    highest = float(recording[channel].max())
+    span = CHARGED * (bench.p_supply - bench.p_ext)
+    gauge = {
+        f"gauge {unit}": (scale, bench.p_ext)
+        for unit, (scale, _) in {"Pa": (1.0, 0.0), **PRESSURES}.items()
+        if scale * highest > span  # with the ambient pressure added every small number is plausible
+    }
+    units = {**PRESSURES, **gauge}
+    above = highest > upper
     what = (
         f"far above the supply pressure {bench.p_supply:g} Pa"
         if above
         else f"below the ambient pressure {bench.p_ext:g} Pa"
     )
-    _check(recording, channel, Quantity("absolute Pa", lower, upper, units), what)
+    _check(recording, channel, Quantity("absolute Pa", lower, upper, units), what, entries)
 
 
 def _check_symmetric(
@@ -81,26 +95,55 @@ def _check_symmetric(
     limit: float,
     unit: str,
     others: dict[str, float],
+    entries: ColumnEntries,
 ) -> None:
     limit *= 1.001  # rounding in the file
     units = {other: (scale, 0.0) for other, scale in others.items()}
     for channel in channels:
         far = float(np.abs(recording[channel]).max()) > OTHER_UNIT * limit
         quantity = Quantity(unit, -limit, limit, units if far else {})
-        _check(recording, channel, quantity, f"beyond the controller's u_max ({limit:g} {unit})")
+        what = f"beyond the controller's u_max ({limit:g} {unit})"
+        _check(recording, channel, quantity, what, entries)
 
 
-def _check(recording: Recording, channel: str, quantity: Quantity, what: str) -> None:
+def _check(
+    recording: Recording, channel: str, quantity: Quantity, what: str, entries: ColumnEntries
+) -> None:
     values = recording[channel]
     wrong = np.flatnonzero((values < quantity.lower) | (values > quantity.upper))
     if not wrong.size:
         return
     k = int(wrong[0])
-    guess = quantity.guess(float(values.min()), float(values.max()))
-    if wrong.size <= WIDESPREAD * values.size or not guess:
-        guess = "cut these rows out, or correct the column or bench.json"
-    raise CaseError(
-        f"{recording.where(k)}: `{channel}`: expected {quantity.unit} between {quantity.lower:.6g} "
-        f"and {quantity.upper:.6g}, got {values[k]:g} ({what}; {wrong.size} of {values.size} "
-        f"rows); {guess}"
+    units = quantity.units_that_fit(float(values.min()), float(values.max()))
+    suggestion: dict[str, Any] = {}
+    if wrong.size <= WIDESPREAD * values.size or not units:
+        remedy = "cut these rows out, or correct the column or bench.json"
+    else:
+        remedy = f"is it in {' or '.join(units)}?"
+        factor, offset = quantity.mistaken[units[0]]
+        for name in _read_alike(recording, channel, quantity):
+            suggestion |= entries.corrected(name, factor=factor, offset=offset)
+    raise ContradictionError(
+        Finding(
+            Grade.SEVERE,
+            "unit" if suggestion else "out of range",
+            channel,
+            f"{recording.where(k)}: `{channel}`: expected {quantity.unit} between "
+            f"{quantity.lower:.6g} and {quantity.upper:.6g}, got {values[k]:g} ({what}; "
+            f"{wrong.size} of {values.size} rows); {remedy}",
+            "columns.json" if suggestion else "",
+            suggestion,
+        )
     )
+
+
+def _read_alike(recording: Recording, channel: str, quantity: Quantity) -> list[str]:
+    """Return the channel, and those of the same kind that lie outside its range as well."""
+    families = (("x", "x_ref"), ("p_P", "p_N"), ("u_P", "u_N"))
+    family = next((names for names in families if channel in names), (channel,))
+    return [
+        name
+        for name in family
+        if name in recording
+        and (recording[name].min() < quantity.lower or recording[name].max() > quantity.upper)
+    ]

@@ -1,12 +1,23 @@
-"""Recordings held against the bench: what cannot be is an error, what is odd a note."""
+"""Recordings held against the bench: what cannot be is an error, what is odd a finding."""
 
 import logging
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from types import MappingProxyType
 
 from pneumo_casadi.data.bench.bench import Bench
 from pneumo_casadi.data.bench.driven_bench import AnyBench
-from pneumo_casadi.data.checks.chambers import check_chambers
+from pneumo_casadi.data.checks.chambers import cannot_tell, check_chambers
+from pneumo_casadi.data.checks.column_entries import ColumnEntries
+from pneumo_casadi.data.checks.finding import Finding, Grade, merge_findings
+from pneumo_casadi.data.checks.force_balance import check_force_balance
+from pneumo_casadi.data.checks.mass_balance import check_mass_balances
+from pneumo_casadi.data.checks.metered_flow import MeteredFlow
 from pneumo_casadi.data.checks.ranges import check_ranges
 from pneumo_casadi.data.checks.sensors import check_sensors
+from pneumo_casadi.data.checks.smoothed import smoothed_record
+from pneumo_casadi.data.checks.supply import check_supply
+from pneumo_casadi.data.checks.timing import check_timing
 from pneumo_casadi.data.readers.recordings import FEWEST_ROWS
 from pneumo_casadi.data.recording.channels import column_name
 from pneumo_casadi.data.recording.recording import Recording
@@ -15,13 +26,21 @@ from pneumo_casadi.errors import CaseError
 log = logging.getLogger(__name__)
 
 CLOCK_TOLERANCE = 1e-3
+OF_ALL_RECORDS = frozenset({"map of another valve", "swapped areas", "ratio of the areas"})
+_NO_FLOWS: Mapping[str, MeteredFlow] = MappingProxyType({})
 
 
-def check_recording(recording: Recording, bench: AnyBench) -> tuple[str, ...]:
-    """Check that a recording can come from a bench.
+def check_recording(
+    recording: Recording,
+    bench: AnyBench,
+    flows: Mapping[str, MeteredFlow] = _NO_FLOWS,
+    entries: ColumnEntries | None = None,
+) -> tuple[Finding, ...]:
+    """Check that a recording can come from a bench, and look for the commonest mistakes.
 
     Channels present, enough rows, clock as the bench's, values within stroke, pressures and
-    command limits and in the right unit, sensors alive, chambers not swapped.
+    command limits and in the right unit, sensors alive, chambers not swapped; gauge pressures,
+    position from the end of the stroke, areas, delay of the command, supply pressure, flow map.
 
     Parameters
     ----------
@@ -29,26 +48,77 @@ def check_recording(recording: Recording, bench: AnyBench) -> tuple[str, ...]:
         The record; left as it is.
     bench : Bench or ForceBench
         What it is held against.
+    flows : mapping of str to MeteredFlow, optional
+        Metered flow of the valves by chamber, where there is one.
+    entries : ColumnEntries, optional
+        The columns from which it was read, for the suggestions.
 
     Returns
     -------
-    tuple of str
-        What is odd but possible; also logged as warnings.
+    tuple of Finding
+        What is possible but odd, or most likely a mistake; the gravest first.
 
     Raises
     ------
     CaseError
         At the first contradiction, naming file, row, value, unit and remedy.
     """
+    return merge_findings(_findings(recording, bench, flows, entries or ColumnEntries()))
+
+
+def check_records(
+    recordings: Iterable[Recording],
+    bench: AnyBench,
+    flows: Mapping[str, MeteredFlow] = _NO_FLOWS,
+    entries: ColumnEntries | None = None,
+) -> tuple[Finding, ...]:
+    """Check all records of a case; see `check_recording`.
+
+    Returns
+    -------
+    tuple of Finding
+        The gravest first; what several records have in common is one finding. Also logged.
+    """
+    by_record = [check_recording(recording, bench, flows, entries) for recording in recordings]
+    findings = merge_findings(
+        _unless_doubtful(finding, by_record) for findings in by_record for finding in findings
+    )
+    for finding in findings:
+        log.warning("%s: %s", finding.grade, finding.sentence)
+    return findings
+
+
+def _unless_doubtful(finding: Finding, by_record: Sequence[Sequence[Finding]]) -> Finding:
+    """Return a finding about bench or map, no longer severe where a record does not bear it out.
+
+    Areas and map are the same for all records: one that contradicts them alone is a poor witness.
+    """
+    everywhere = all(finding.name in {other.name for other in findings} for findings in by_record)
+    if finding.name in OF_ALL_RECORDS and not everywhere and finding.grade is Grade.SEVERE:
+        return replace(finding, grade=Grade.CAUTION)
+    return finding
+
+
+def _findings(
+    recording: Recording,
+    bench: AnyBench,
+    flows: Mapping[str, MeteredFlow],
+    entries: ColumnEntries,
+) -> Iterator[Finding]:
     _check_channels(recording, bench)
     _check_clock(recording, bench)
-    check_ranges(recording, bench)
-    notes = check_sensors(recording, bench)
+    check_ranges(recording, bench, entries)
+    yield from check_sensors(recording, bench)
     if isinstance(bench, Bench):
-        notes += check_chambers(recording, bench)
-    for note in notes:
-        log.warning("%s", note)
-    return notes
+        yield from check_supply(recording, bench, flows)
+        record = smoothed_record(recording)
+        if record is None:
+            yield cannot_tell(recording)
+            return
+        yield from check_chambers(record, entries)
+        yield from check_mass_balances(record, bench, flows, entries)
+        yield from check_force_balance(record, bench)
+        yield from check_timing(record, bench, flows, entries)
 
 
 def _check_channels(recording: Recording, bench: AnyBench) -> None:

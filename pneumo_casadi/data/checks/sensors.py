@@ -1,9 +1,13 @@
-"""Sensors and commands that do not behave: dead, frozen, coarse, or against the control law."""
+"""Sensors and commands that do not behave: dead, frozen, clipped, coarse, or against the law."""
+
+from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pneumo_casadi.data.bench.controllers import ProportionalController
 from pneumo_casadi.data.bench.driven_bench import AnyBench
+from pneumo_casadi.data.checks.finding import Finding, Grade
 from pneumo_casadi.data.recording.channels import UNITS
 from pneumo_casadi.data.recording.recording import Recording
 from pneumo_casadi.errors import CaseError
@@ -12,15 +16,19 @@ from pneumo_casadi.parameters import FloatArray
 FROZEN_ROWS = 50  # noise of a quantum or more repeats a value this often with p < 1e-19
 FROZEN_SHARE = 0.1
 LAW_TOLERANCE = 0.1
+CLIPPED_ROWS = 5  # rows of straight approach and of standstill: noise and rest have neither
+FEWEST_CLIPPED = 2  # once may be the end of the stroke
+CLIPPED_SHARE = 0.01  # of the rows, from which a fit follows the limit and not the axis
 
 
-def check_sensors(recording: Recording, bench: AnyBench) -> tuple[str, ...]:
+def check_sensors(recording: Recording, bench: AnyBench) -> Iterator[Finding]:
     """Check that sensors live and commands follow the controller.
 
-    Returns
-    -------
-    tuple of str
-        Odd but possible: short frozen stretches, coarse quantisation, commands off the law.
+    Yields
+    ------
+    Finding
+        Odd but possible: short frozen stretches, clipped channels, coarse quantisation, commands
+        off the law.
 
     Raises
     ------
@@ -30,13 +38,13 @@ def check_sensors(recording: Recording, bench: AnyBench) -> tuple[str, ...]:
     """
     for channel in (*bench.kind.outputs, *bench.kind.commands):
         _check_alive(recording, channel)
-    notes: list[str] = []
-    if bench.noise is not None:
-        for channel in bench.kind.outputs:
-            notes += _check_frozen(recording, channel, bench.noise.of(channel))
-    if isinstance(bench.controller, ProportionalController):
-        notes += _check_law(recording, bench.controller)
-    return tuple(notes)
+    for channel in bench.kind.outputs:
+        sigma = None if bench.noise is None else bench.noise.of(channel)
+        if sigma is not None:
+            yield from _frozen(recording, channel, sigma)
+        yield from _clipped(recording, channel)
+    if isinstance(bench.controller, ProportionalController) and "x_ref" in recording:
+        yield from _off_the_law(recording, bench.controller)
 
 
 def quantisation_step(values: FloatArray) -> float:
@@ -75,42 +83,88 @@ def _check_alive(recording: Recording, channel: str) -> None:
         )
 
 
-def _check_frozen(recording: Recording, channel: str, sigma: float | None) -> list[str]:
-    if sigma is None:
-        return []
+def _frozen(recording: Recording, channel: str, sigma: float) -> Iterator[Finding]:
     values = recording[channel]
     step = quantisation_step(values)
     if step > sigma:
-        return [
-            f"{recording.source}: `{channel}` is quantised to {step:.3g} {UNITS[channel]}, more "
-            f"than its noise of {sigma:.3g} {UNITS[channel]}"
-        ]
+        yield Finding(
+            Grade.NOTE,
+            "coarse quantisation",
+            channel,
+            f"`{channel}` is quantised to {step:.3g} {UNITS[channel]}, more than its noise of "
+            f"{sigma:.3g} {UNITS[channel]}.",
+            source=recording.name,
+        )
+        return
     start, length = longest_run(values)
     if length < FROZEN_ROWS:
-        return []
+        return
     message = (
-        f"{recording.where(start)}: `{channel}` stays at {values[start]:g} {UNITS[channel]} for "
-        f"{length} rows although its noise is {sigma:.3g} {UNITS[channel]}"
+        f"`{channel}` stays at {values[start]:g} {UNITS[channel]} for {length} rows although its "
+        f"noise is {sigma:.3g} {UNITS[channel]}"
     )
     if length >= FROZEN_SHARE * values.size:
-        raise CaseError(f"{message}: a frozen sensor; cut these rows out or record again")
-    return [f"{message}; check the sensor"]
+        raise CaseError(
+            f"{recording.where(start)}: {message}: a frozen sensor; cut these rows out or record "
+            "again"
+        )
+    yield Finding(
+        Grade.CAUTION,
+        "frozen sensor",
+        channel,
+        f"row {start + 1}: {message}; check the sensor, or cut these rows out.",
+        source=recording.name,
+    )
 
 
-def _check_law(recording: Recording, controller: ProportionalController) -> list[str]:
-    u_P, notes = recording["u_P"], []
+def _clipped(recording: Recording, channel: str) -> Iterator[Finding]:
+    """Yield a channel that runs into a limit at speed and stays exactly there, more than once."""
+    values = recording[channel]
+    for limit, side in ((values.max(), "upper"), (values.min(), "lower")):
+        at_limit = np.flatnonzero(values == limit)
+        stretches = np.split(at_limit, np.flatnonzero(np.diff(at_limit) > 1) + 1)
+        clipped = [rows for rows in stretches if _runs_into(values, rows)]
+        count = sum(rows.size for rows in clipped)
+        if len(clipped) >= FEWEST_CLIPPED:
+            yield Finding(
+                Grade.SEVERE if count > CLIPPED_SHARE * values.size else Grade.CAUTION,
+                "clipped channel",
+                channel,
+                f"row {clipped[0][0] + 1}: `{channel}` is clipped at its {side} limit "
+                f"{limit:.6g} {UNITS[channel]} in {count} of {values.size} rows; choose a wider "
+                "range of the sensor or the converter, or cut these rows out.",
+                source=recording.name,
+            )
+
+
+def _runs_into(values: FloatArray, rows: NDArray[np.int64]) -> bool:
+    """Return whether a signal stands still at a limit for longer than its approach explains."""
+    first = int(rows[0])
+    if rows.size < CLIPPED_ROWS or first < CLIPPED_ROWS:
+        return False
+    approach = values[first - CLIPPED_ROWS : first + 1]
+    steps = np.diff(approach)
+    return bool((steps > 0).all() or (steps < 0).all())
+
+
+def _off_the_law(recording: Recording, controller: ProportionalController) -> Iterator[Finding]:
+    u_P = recording["u_P"]
     opposition = np.abs(u_P + recording["u_N"])
     k = int(opposition.argmax())
     if opposition[k] > LAW_TOLERANCE * np.abs(u_P).max():
-        notes.append(
-            f"{recording.where(k)}: `u_N` = {recording['u_N'][k]:g} V is not −`u_P` = "
-            f"{-u_P[k]:g} V as the control law has it"
+        yield Finding(
+            Grade.CAUTION,
+            "valves not in opposition",
+            "u_P, u_N",
+            f"row {k + 1}: `u_N` = {recording['u_N'][k]:g} V is not −`u_P` = {-u_P[k]:g} V as the "
+            "control law has it; check the columns, or the law in bench.json.",
+            source=recording.name,
         )
     law = controller.gain * (recording["x_ref"] - recording["x"])
     inside = np.abs(u_P) < 0.98 * controller.u_max
     u, law = u_P[inside], law[inside]
     if not law.size or not law @ law:
-        return notes
+        return
     slope = float(u @ law / (law @ law))
     if abs(1e3 * slope - 1) < LAW_TOLERANCE:
         raise CaseError(
@@ -119,8 +173,11 @@ def _check_law(recording: Recording, controller: ProportionalController) -> list
         )
     off = float(np.linalg.norm(u - law)) / max(float(np.linalg.norm(u)), 1e-300)
     if off > LAW_TOLERANCE:
-        notes.append(
-            f"{recording.source}: `u_P` differs from gain (x_ref − x) by {100 * off:.0f} % rms; "
-            "closed-loop simulation will not follow the record"
+        yield Finding(
+            Grade.NOTE,
+            "off the control law",
+            "u_P, controller",
+            f"`u_P` differs from gain (x_ref − x) by {100 * off:.0f} % rms; closed-loop simulation "
+            "will not follow the record.",
+            source=recording.name,
         )
-    return notes

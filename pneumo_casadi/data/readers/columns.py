@@ -30,6 +30,9 @@ class Column:
         Symbol of the channel, for example ``"p_P"``.
     scale, offset : float, optional
         SI value = scale · value + offset.
+    rows_late : int, optional
+        Rows by which the column is late: row k of the file belongs to the time of row
+        k − rows_late.
 
     Examples
     --------
@@ -42,6 +45,7 @@ class Column:
     channel: str
     scale: float = 1.0
     offset: float = 0.0
+    rows_late: int = 0
 
     def to_si(self, values: FloatArray) -> FloatArray:
         """Return the values of the column in SI units, for example bar as Pa."""
@@ -56,7 +60,7 @@ COLUMNS: Mapping[str, Column] = MappingProxyType(
 #: A channel whose unit is SI already, a channel with its conversion, or several of these.
 ColumnSpec = str | Column | Sequence[Column]
 
-_KEYS = ("column", "unit", "scale", "offset")
+_KEYS = ("column", "unit", "scale", "offset", "rows_late")
 
 
 def column_map(entries: Mapping[str, Any]) -> dict[str, tuple[Column, ...]]:
@@ -69,7 +73,7 @@ def column_map(entries: Mapping[str, Any]) -> dict[str, tuple[Column, ...]]:
         name (SI unit), ``(name, unit)``, or ``{"column": name, "unit": unit, "offset": number}``
         with ``"scale"`` in place of ``"unit"`` where the unit is your own. The offset, in SI
         units, is added last: ambient pressure to a gauge pressure, half the stroke to a position
-        counted from one end.
+        counted from one end. ``"rows_late"``: rows by which the column is late.
 
     Returns
     -------
@@ -84,7 +88,7 @@ def column_map(entries: Mapping[str, Any]) -> dict[str, tuple[Column, ...]]:
     Examples
     --------
     >>> column_map({"t_s": "time", "p_P_Pa": ("log.pA", "bar")})["log.pA"]
-    (Column(channel='p_P', scale=100000.0, offset=0.0),)
+    (Column(channel='p_P', scale=100000.0, offset=0.0, rows_late=0),)
     >>> one_command = column_map({"u_P_V": "u", "u_N_V": {"column": "u", "scale": -1}})
     >>> [column.channel for column in one_command["u"]]
     ['u_P', 'u_N']
@@ -161,7 +165,12 @@ def _column(ours: str, entry: Any) -> tuple[str, Column]:
             )
         scale = units[parts["unit"]]
     offset = _number(ours, "offset", parts.get("offset", 0.0))
-    return parts["column"], Column(channel, scale, offset)
+    late = parts.get("rows_late", 0)
+    if isinstance(late, bool) or not isinstance(late, int) or (channel == "t" and late):
+        raise CaseError(
+            f"`{ours}`: rows_late {late!r}; give a whole number of rows, for another channel than t"
+        )
+    return parts["column"], Column(channel, scale, offset, late)
 
 
 def _number(ours: str, key: str, value: Any) -> float:

@@ -67,7 +67,12 @@ def read_recording(
         u = channels.pop("u")
         channels = {"u_P": u, "u_N": -u} | channels
     stem = path.name[: len(path.name) - len(suffix_of(path))]
-    return Recording(t, channels, name or stem, str(path), hold, table.first_line, clock=clock)
+    source = str(path)
+    recording = Recording(t, channels, name or stem, source, hold, table.first_line, clock=clock)
+    late = {column.channel: column.rows_late for _, column in meaning if column.rows_late}
+    if "u" in late:
+        late |= dict.fromkeys(("u_P", "u_N"), late.pop("u"))
+    return recording.aligned(late) if late else recording
 
 
 def split_at_gaps(recording: Recording) -> tuple[Recording, ...]:

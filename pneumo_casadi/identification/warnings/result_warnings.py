@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from pneumo_casadi.data import Case, Grade, Recording
+from pneumo_casadi.data import Case, Recording
 from pneumo_casadi.estimation.output_error import OutputErrorResult, RecordEstimates
 from pneumo_casadi.estimation.wls import WLSResult
 from pneumo_casadi.identification.warnings.flow_map import flow_form_warnings, flow_map_warnings
@@ -62,8 +62,8 @@ def inflation(result: OutputErrorResult) -> float:
 
 
 def _of_data(case: Case) -> Iterator[ResultWarning]:
-    for note in case.notes:
-        yield ResultWarning(Grade.CAUTION, "recording", note)
+    for finding in case.findings:
+        yield ResultWarning(finding.grade, "recording", finding.sentence)
 
 
 def _of_solution(result: OutputErrorResult) -> Iterator[ResultWarning]:

@@ -1,0 +1,85 @@
+"""Entries of ``columns.json`` that correct how a channel is read."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from pneumo_casadi.data.readers.columns import Column, ColumnSpec
+from pneumo_casadi.data.readers.units import SI_FACTORS
+from pneumo_casadi.data.recording.channels import UNITS, column_name
+
+
+@dataclass(frozen=True, slots=True)
+class ColumnEntries:
+    """The columns from which the channels of a case are read now.
+
+    Parameters
+    ----------
+    columns : mapping, optional
+        The file's own names -> channels, as `read_columns` returns it; channels that it does not
+        name are read from the column of a case folder's own naming.
+
+    Examples
+    --------
+    >>> entries = ColumnEntries({"pA": (Column("p_P", 1e5),)})
+    >>> entries.corrected("p_P", offset=1e5)
+    {'p_P_Pa': {'column': 'pA', 'unit': 'bar', 'offset': 100000}}
+    >>> entries.corrected("p_P", taken_from="p_N")
+    {'p_P_Pa': 'p_N_Pa'}
+    """
+
+    columns: Mapping[str, ColumnSpec] = field(default_factory=dict)
+
+    def corrected(
+        self,
+        channel: str,
+        *,
+        taken_from: str | None = None,
+        factor: float = 1.0,
+        offset: float = 0.0,
+        rows_late: int = 0,
+    ) -> dict[str, Any]:
+        """Return the entry of a channel that is read otherwise than now.
+
+        Parameters
+        ----------
+        channel : str
+            Symbol of the channel.
+        taken_from : str, optional
+            Channel whose column holds it; by default its own.
+        factor, offset : float, optional
+            Correct value = factor · value as read now + offset [SI].
+        rows_late : int, optional
+            Rows by which the column is late.
+        """
+        name, column = self._read_from(taken_from or channel)
+        scale, offset = factor * column.scale, factor * column.offset + offset
+        late = column.rows_late + rows_late
+        units = {size: unit for unit, size in SI_FACTORS.get(UNITS[channel], {}).items()}
+        entry: dict[str, Any] = {"column": name}
+        if scale in units:
+            entry |= {} if scale == 1.0 else {"unit": units[scale]}
+        else:
+            entry["scale"] = _short(scale)
+        entry |= {"offset": _short(offset)} if offset else {}
+        entry |= {"rows_late": late} if late else {}
+        return {column_name(channel): name if len(entry) == 1 else entry}
+
+    def _read_from(self, channel: str) -> tuple[str, Column]:
+        for name, spec in self.columns.items():
+            for column in _as_columns(spec):
+                if column.channel == channel:
+                    return name, column
+        return column_name(channel), Column(channel)
+
+
+def _as_columns(spec: ColumnSpec) -> Sequence[Column]:
+    if isinstance(spec, str):
+        return (Column(spec),)
+    return (spec,) if isinstance(spec, Column) else spec
+
+
+def _short(value: float) -> float:
+    """Return a number without digits that are rounding, whole where it is."""
+    rounded = float(f"{value:.10g}")
+    return int(rounded) if rounded.is_integer() else rounded
