@@ -143,8 +143,8 @@ def _runs_into(values: FloatArray, rows: NDArray[np.int64]) -> bool:
     if rows.size < CLIPPED_ROWS or first < CLIPPED_ROWS:
         return False
     approach = values[first - CLIPPED_ROWS : first + 1]
-    steps = np.diff(approach)
-    return bool((steps > 0).all() or (steps < 0).all())
+    differences = np.diff(approach)
+    return bool((differences > 0).all() or (differences < 0).all())
 
 
 def _off_the_law(recording: Recording, controller: ProportionalController) -> Iterator[Finding]:
