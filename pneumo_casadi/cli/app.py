@@ -7,6 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from pneumo_casadi import __version__
+from pneumo_casadi.cli.compare import compare
 from pneumo_casadi.cli.design import design
 from pneumo_casadi.cli.diagnose import diagnose
 from pneumo_casadi.cli.diagnose_many import diagnose_many
@@ -48,6 +49,7 @@ for _command in (
     validate,
     simulate,
     diagnose,
+    compare,
     diagnose_many,
     export,
     withheld,

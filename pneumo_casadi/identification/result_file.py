@@ -46,6 +46,7 @@ def result_dict(identification: Identification) -> dict[str, Any]:
     content = {
         "format": FORMAT,
         "case": identification.case.name,
+        "folder": str(identification.case.folder.resolve()),
         "usable": identification.usability.usable.value,
         "reason": identification.usability.reason,
         "warnings": [

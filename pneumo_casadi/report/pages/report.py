@@ -5,21 +5,26 @@ from pathlib import Path
 from pneumo_casadi.design import Design
 from pneumo_casadi.diagnosis import Diagnosis
 from pneumo_casadi.errors import ModelError
+from pneumo_casadi.identification.comparison import Comparison
 from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.report.pages.design import write_design
 from pneumo_casadi.report.pages.diagnosis import write_diagnosis
-from pneumo_casadi.report.pages.write import write_identification, write_validation
+from pneumo_casadi.report.pages.write import (
+    write_comparison,
+    write_identification,
+    write_validation,
+)
 from pneumo_casadi.validation import Validation
 
 
 def write_report(
-    result: Identification | Diagnosis | Design | Validation, folder: str | Path
+    result: Identification | Diagnosis | Design | Validation | Comparison, folder: str | Path
 ) -> Path:
     """Write the report of a result into a folder.
 
     Parameters
     ----------
-    result : Identification, Diagnosis, Design or Validation
+    result : Identification, Diagnosis, Design, Validation or Comparison
         What to report.
     folder : path
         Folder to make. One that holds an earlier report of the same kind is replaced as a whole.
@@ -30,7 +35,8 @@ def write_report(
         The folder. An identification gives ``report.html``, ``result.json``, ``table.txt`` and
         ``figures``; a diagnosis ``report.html``, ``diagnosis.json``, ``summary.txt`` and
         ``figures``; a design ``reference.csv``, ``design.json``, ``design.txt`` and
-        ``design.png``; a validation ``result.json``, ``table.txt`` and ``figures``.
+        ``design.png``; a validation ``result.json``, ``table.txt`` and ``figures``; a comparison
+        ``comparison.json`` and ``comparison.txt``.
 
     Raises
     ------
@@ -57,7 +63,9 @@ def write_report(
         return write_design(result, folder)
     if isinstance(result, Validation):
         return write_validation(result, folder)
+    if isinstance(result, Comparison):
+        return write_comparison(result, folder)
     raise ModelError(
         f"no report of a {type(result).__name__}; there is one of an Identification, a Diagnosis, "
-        "a Design and a Validation"
+        "a Design, a Validation and a Comparison"
     )

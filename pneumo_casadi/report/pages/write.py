@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pneumo_casadi.errors import CaseError
+from pneumo_casadi.identification.comparison import Comparison
 from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.identification.result_file import result_dict, validation_dict
 from pneumo_casadi.identification.trajectory_file import (
@@ -16,6 +17,7 @@ from pneumo_casadi.identification.trajectory_file import (
 )
 from pneumo_casadi.report.pages.drawing import can_draw
 from pneumo_casadi.report.pages.identification import Picture, html_report
+from pneumo_casadi.report.tables.comparison import comparison_tables
 from pneumo_casadi.report.tables.results import validation_table
 from pneumo_casadi.report.text.identification import render, text_report
 from pneumo_casadi.runtime.atomic_files import atomic_folder
@@ -38,6 +40,7 @@ class Kind(Enum):
     VALIDATION = ("table.txt", "result.json", "figures")
     SIMULATION = ("simulation",)
     DIAGNOSIS = ("diagnosis.json", "report.html", "summary.txt", "result.json", "figures")
+    COMPARISON = ("comparison.json", "comparison.txt")
     DESIGN = ("design.json", "design.txt", "design.png", "reference.csv")
 
 
@@ -97,6 +100,16 @@ def write_simulations(runs: Sequence[RecordSimulation], folder: str | Path) -> t
         frames = [(run.record.name, trajectory_frame(run)) for run in runs]
         written = write_frames(frames, draft / "simulation")
     return tuple(Path(folder) / "simulation" / path.name for path in written)
+
+
+def write_comparison(comparison: Comparison, folder: str | Path) -> Path:
+    """Write a comparison of results into a folder: ``comparison.json``, ``comparison.txt``."""
+    with folder_in_one_step(folder, Kind.COMPARISON) as draft:
+        write_json(comparison.as_dict(), draft / "comparison.json")
+        tables = [render(table) for table in comparison_tables(comparison)]
+        text = "\n\n\n".join([comparison.headline, *tables])
+        (draft / "comparison.txt").write_text(text + "\n", "utf-8")
+    return Path(folder)
 
 
 def check_replaceable(folder: str | Path, kind: Kind) -> None:

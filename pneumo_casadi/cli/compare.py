@@ -1,0 +1,49 @@
+"""The command ``compare``: results, or cases, side by side."""
+
+from pathlib import Path
+from textwrap import fill
+from typing import Annotated
+
+import typer
+
+from pneumo_casadi.cli.options import Debug, Json, Output
+from pneumo_casadi.cli.terminal import guarded, progress_bar, say, show, width
+
+
+def compare(
+    results: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="A B [...]",
+            help="Report folders of identify or diagnose, their result.json, or case folders.",
+        ),
+    ],
+    output: Output = None,
+    json_file: Json = None,
+    debug: Debug = False,
+) -> None:
+    """Compare results: which parameters moved by how many standard deviations.
+
+    Also simulates the records of each with the parameters of each. Cases are identified first. The
+    others are compared with A. FOLDER, if given, gets comparison.txt and comparison.json.
+    """
+    with guarded(debug):
+        from pneumo_casadi.identification.comparison import compare
+        from pneumo_casadi.report.pages.write import Kind, check_replaceable, write_comparison
+        from pneumo_casadi.report.tables.comparison import comparison_tables
+        from pneumo_casadi.runtime.json_files import write_json
+
+        if output is not None:
+            check_replaceable(output, Kind.COMPARISON)
+        with progress_bar() as report:
+            comparison = compare(*results, progress=report)
+        if output is not None:
+            write_comparison(comparison, output)
+        if json_file is not None:
+            write_json(comparison.as_dict(), json_file)
+        say(fill(comparison.headline, min(width(), 100)))
+        for table in comparison_tables(comparison):
+            say()
+            show(table)
+        if output is not None:
+            say(f"\nreport: {output}")

@@ -1,0 +1,154 @@
+"""One of the results that are compared: estimates, model and records, from wherever they come."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pneumo_casadi.data import Case, Recording, read_case
+from pneumo_casadi.errors import CaseError, PneumoError
+from pneumo_casadi.identification.identify import identify
+from pneumo_casadi.identification.model_file import axis_from_dict
+from pneumo_casadi.identification.result import Identification
+from pneumo_casadi.identification.result_file import read_result, result_dict, result_path
+from pneumo_casadi.model.axis import Axis
+from pneumo_casadi.runtime.progress import Progress
+from pneumo_casadi.runtime.provenance import sha256
+
+#: Derived quantities that are compared beside the parameters.
+DERIVED = ("k_P", "k_N")
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """An estimate with its robust standard deviation.
+
+    Parameters
+    ----------
+    value, std : float
+        In `unit`; `std` is 0 where the parameter was held, infinite where there is no interval.
+    unit : str
+        SI unit.
+    """
+
+    value: float
+    std: float
+    unit: str
+
+
+@dataclass(frozen=True, eq=False)
+class ComparedModel:
+    """An identified model with the records to simulate.
+
+    Parameters
+    ----------
+    name : str
+        Of its folder or case.
+    estimates : mapping of str to Estimate
+        Parameters of axis and effects, k_P and k_N.
+    axis : Axis or None
+        None where the file holds no model.
+    records : tuple of Recording
+        Held-out records, or those of the fit where there are none; empty where the case is gone.
+    held_out : bool
+        Whether `records` were held out.
+    sources : mapping of str to str
+        Hashes of the data, by file name.
+    note : str
+        Why there are no records, or empty.
+    """
+
+    name: str
+    estimates: Mapping[str, Estimate]
+    axis: Axis | None
+    records: tuple[Recording, ...]
+    held_out: bool
+    sources: Mapping[str, str]
+    note: str = ""
+
+
+def compared_model(
+    source: Identification | Case | str | Path, progress: Progress | None = None
+) -> ComparedModel:
+    """Return the model of a result, its file or folder; a case is identified first.
+
+    Raises
+    ------
+    CaseError
+        If a path is neither a result nor a case.
+    FitError
+        If a case cannot be identified.
+    """
+    if isinstance(source, Case):
+        source = identify(source, progress=progress)
+    if isinstance(source, Identification):
+        return _of_content(
+            source.case.name, result_dict(source), source.axis, source.case, source.case.folder
+        )
+    path = Path(source)
+    file = result_path(path)
+    if path.is_dir() and not file.is_file():
+        return compared_model(read_case(path), progress)
+    content = read_result(file)
+    name = path.name if path.is_dir() else path.resolve().parent.name
+    try:
+        axis = None if content["model"] is None else axis_from_dict(content["model"])
+        case, note = _case_of(content)
+        return _of_content(name, content, axis, case, file, note)
+    except (KeyError, TypeError, AttributeError) as error:
+        raise CaseError(
+            f"{file}: not a result of `identify` ({type(error).__name__}: {error}); give a "
+            "report folder, its result.json, or a case folder"
+        ) from None
+
+
+def _of_content(
+    name: str,
+    content: Mapping[str, Any],
+    axis: Axis | None,
+    case: Case | None,
+    path: Path,
+    note: str = "",
+) -> ComparedModel:
+    fit = content["output_error"]
+    items = fit["parameters"] | {n: fit["derived"][n] for n in DERIVED if n in fit["derived"]}
+    if not items:
+        raise CaseError(f"{path}: holds no estimates")
+    records: tuple[Recording, ...] = ()
+    if case is not None:
+        records = case.validate or case.identify
+    return ComparedModel(
+        name,
+        {key: _estimate(item) for key, item in items.items()},
+        axis,
+        records,
+        case is not None and bool(case.validate),
+        dict(content["provenance"]["sha256"]),
+        note,
+    )
+
+
+def _estimate(item: Mapping[str, Any]) -> Estimate:
+    if item.get("note") == "held fixed":
+        std = 0.0
+    else:
+        known = [item[key] for key in ("std", "std_robust") if item[key] is not None]
+        std = max(map(float, known), default=math.inf)
+    return Estimate(float(item["value"]), std, str(item["unit"]))
+
+
+def _case_of(content: Mapping[str, Any]) -> tuple[Case | None, str]:
+    """Return the case of a result where it is still as it was, or None and why not."""
+    folder = content.get("folder")
+    if folder is None:  # files of 0.1 do not name it
+        return None, "the result does not name its case folder"
+    try:
+        case = read_case(folder)
+    except (PneumoError, OSError) as error:
+        return None, str(error)
+    known = content["provenance"]["sha256"]
+    changed = [path.name for path in case.files if sha256(path) != known.get(path.name)]
+    if changed:
+        return None, f"{folder}: {', '.join(changed)} changed since the identification"
+    return case, ""

@@ -1,0 +1,339 @@
+"""Comparison of results: which parameters moved, and how well each simulates the others' records.
+
+Two units of one type, one axis before and after a repair, or one record identified in two ways.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import hypot, inf, isfinite
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from pneumo_casadi.data import Case
+from pneumo_casadi.errors import CaseError, FitError, ModelError
+from pneumo_casadi.identification.compared_model import ComparedModel, Estimate, compared_model
+from pneumo_casadi.identification.result import Identification
+from pneumo_casadi.runtime.presentation import Presentable
+from pneumo_casadi.runtime.progress import Progress, no_progress, progress_range
+from pneumo_casadi.runtime.threads import one_thread
+from pneumo_casadi.validation import Error, window_errors
+
+#: Standard deviations of a difference that count as moved: for a dozen parameters that did not
+#: move, one exceeds it by chance in three comparisons of a hundred.
+MOVED = 3.0
+#: Length of the windows of the simulations [s]: longer than the axis remembers, shorter than an
+#: open-loop position drifts.
+WINDOW = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """A parameter in the first result and in another.
+
+    Parameters
+    ----------
+    name, other : str
+        Parameter, and result that is compared with the first.
+    change_percent : float
+        From the first to the other, of the first; infinite where that is zero.
+    sigmas : float or None
+        Change over the root of the sum of both robust variances; None without an interval.
+    """
+
+    name: str
+    other: str
+    change_percent: float
+    sigmas: float | None
+
+    @property
+    def moved(self) -> bool:
+        """Whether the parameter moved by more than chance explains."""
+        return self.sigmas is not None and abs(self.sigmas) > MOVED
+
+
+@dataclass(frozen=True, slots=True)
+class CrossSimulation:
+    """Errors of one result's parameters on another's records.
+
+    Parameters
+    ----------
+    parameters, records : str
+        Results that supply each.
+    errors : mapping of str to Error
+        By output, over windows of 2 s or the shortest record.
+    """
+
+    parameters: str
+    records: str
+    errors: Mapping[str, Error]
+
+    @property
+    def largest(self) -> tuple[str, float]:
+        """Output with the largest gap, and the gap [% of the signal]."""
+        name = max(self.errors, key=lambda channel: self.errors[channel].gap_percent)
+        return name, self.errors[name].gap_percent
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Comparison(Presentable):
+    """Results side by side.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Of the results; the others are compared with the first.
+    estimates : mapping of str to tuple of (Estimate or None)
+        By parameter, one for each result; None where a model does not have it.
+    differences : tuple of Difference
+        Parameters that both the first and another result have.
+    simulations : tuple of CrossSimulation
+        Every result's parameters on every result's records.
+    notes : tuple of str
+        What limits the comparison.
+
+    Examples
+    --------
+    With ``result = pc.identify(pc.example_case())``, compared with itself:
+
+    >>> comparison = pc.compare(result, result)
+    >>> print(comparison.headline)
+    table1 (A) and table1 (B): no parameter differs by more than 3 σ; ...
+    >>> bool(comparison.to_frame().loc["M", "sigmas table1 (B)"] == 0)
+    True
+    """
+
+    names: tuple[str, ...]
+    estimates: Mapping[str, tuple[Estimate | None, ...]]
+    differences: tuple[Difference, ...]
+    simulations: tuple[CrossSimulation, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def headline(self) -> str:
+        """How many parameters moved, which most, and how well the first simulates the others."""
+        moved = [item for item in self.differences if item.moved]
+        text = f"no parameter differs by more than {MOVED:g} σ"
+        if moved:
+            most = max(moved, key=lambda item: abs(item.sigmas or 0.0))
+            verb = "parameter differs" if len(moved) == 1 else "parameters differ"
+            text = (
+                f"{len(moved)} {verb} by more than {MOVED:g} σ, most {most.name} "
+                f"({most.change_percent:+.2g} %, {abs(most.sigmas or 0.0):.1f} σ)"
+            )
+        crossed = [
+            f"{item.parameters} simulates {item.records} to {item.largest[1]:.1f} % of the signal"
+            for item in self.simulations
+            if item.parameters != item.records and self.names[0] in (item.parameters, item.records)
+        ]
+        return f"{' and '.join(self.names)}: {'; '.join([text, *crossed])}"
+
+    def to_frame(self) -> pd.DataFrame:
+        """Return one row a parameter: estimates with robust std [SI], change [%] and its σ."""
+        rows = {}
+        for name, estimates in self.estimates.items():
+            row: dict[str, Any] = {}
+            for label, item in zip(self.names, estimates, strict=True):
+                row[label] = None if item is None else item.value
+                row[f"std {label}"] = None if item is None else item.std
+            for difference in self.differences:
+                if difference.name == name:
+                    row[f"change % {difference.other}"] = difference.change_percent
+                    row[f"sigmas {difference.other}"] = difference.sigmas
+            row["unit"] = next(item.unit for item in estimates if item is not None)
+            rows[name] = row
+        frame = pd.DataFrame.from_dict(rows, orient="index").rename_axis("parameter")
+        return frame[[*(c for c in frame.columns if c != "unit"), "unit"]]
+
+    def simulations_frame(self) -> pd.DataFrame:
+        """Return one row for each parameters, records and output: rms, percent, noise, gap."""
+        rows = [
+            (s.parameters, s.records, n, e.rms, e.percent, e.noise_percent, e.gap_percent, e.unit)
+            for s in self.simulations
+            for n, e in s.errors.items()
+        ]
+        keys = ["parameters", "records", "output"]
+        columns = [*keys, "rms", "percent", "noise_percent", "gap_percent", "unit"]
+        return pd.DataFrame(rows, columns=columns).set_index(keys)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return everything as plain data; an interval that does not exist is None."""
+        return {
+            "results": list(self.names),
+            "parameters": {
+                name: {
+                    label: None
+                    if item is None
+                    else {
+                        "value": item.value,
+                        "std": item.std if isfinite(item.std) else None,
+                        "unit": item.unit,
+                    }
+                    for label, item in zip(self.names, estimates, strict=True)
+                }
+                for name, estimates in self.estimates.items()
+            },
+            "differences": [
+                {
+                    "name": item.name,
+                    "other": item.other,
+                    "change_percent": item.change_percent
+                    if isfinite(item.change_percent)
+                    else None,
+                    "sigmas": item.sigmas,
+                    "moved": item.moved,
+                }
+                for item in self.differences
+            ],
+            "simulations": [
+                {
+                    "parameters": item.parameters,
+                    "records": item.records,
+                    "errors": {
+                        name: {
+                            "rms": error.rms,
+                            "percent": error.percent,
+                            "noise_percent": error.noise_percent,
+                            "gap_percent": error.gap_percent,
+                            "unit": error.unit,
+                        }
+                        for name, error in item.errors.items()
+                    },
+                }
+                for item in self.simulations
+            ],
+            "notes": list(self.notes),
+        }
+
+
+@one_thread
+def compare(
+    *results: Identification | Case | str | Path, progress: Progress | None = None
+) -> Comparison:
+    """Compare results: which parameters moved, and how well each simulates the others' records.
+
+    Parameters
+    ----------
+    *results : Identification, Case or path
+        Two or more: identifications, report folders or `result.json` of ``identify`` or
+        ``diagnose``, or cases and their folders, which are identified first. The others are
+        compared with the first.
+    progress : callable, optional
+        Called as ``progress(text, share)``.
+
+    Returns
+    -------
+    Comparison
+
+    Raises
+    ------
+    CaseError
+        If there are fewer than two, one cannot be read, or the kinds of axis differ.
+    FitError
+        If a case cannot be identified.
+
+    Examples
+    --------
+    With ``result = pc.identify(pc.example_case())``, compared with itself:
+
+    >>> comparison = pc.compare(result, result)
+    >>> [item.name for item in comparison.differences if item.moved]
+    []
+    """
+    if len(results) < 2:
+        raise CaseError("compare: give two or more results or cases")
+    report = progress or no_progress
+    share = 0.6 / len(results)
+    models = [
+        compared_model(item, progress_range(report, i * share, (i + 1) * share, f"{i + 1}: "))
+        for i, item in enumerate(results)
+    ]
+    _refuse_different_kinds(models)
+    names = _labels([model.name for model in models])
+    parameters = dict.fromkeys(name for model in models for name in model.estimates)
+    estimates = {name: tuple(model.estimates.get(name) for model in models) for name in parameters}
+    simulations, failures = _simulate_all(models, names, progress_range(report, 0.6, 1.0))
+    report("done", 1.0)
+    return Comparison(
+        names,
+        estimates,
+        tuple(_differences(estimates, names)),
+        simulations,
+        (*_notes(models, names), *failures),
+    )
+
+
+def _labels(names: Sequence[str]) -> tuple[str, ...]:
+    """Return names that differ: equal ones get a letter."""
+    letters = [chr(ord("A") + i) for i in range(len(names))]
+    return tuple(
+        name if names.count(name) == 1 else f"{name} ({letter})"
+        for name, letter in zip(names, letters, strict=True)
+    )
+
+
+def _refuse_different_kinds(models: Sequence[ComparedModel]) -> None:
+    kinds = {model.axis.kind.title for model in models if model.axis is not None}
+    if len(kinds) > 1:
+        raise CaseError(f"compare: axes of different kinds: {' and '.join(sorted(kinds))}")
+
+
+def _differences(
+    estimates: Mapping[str, tuple[Estimate | None, ...]], names: Sequence[str]
+) -> list[Difference]:
+    differences = []
+    for name, (first, *others) in estimates.items():
+        for label, other in zip(names[1:], others, strict=True):
+            if first is None or other is None:
+                continue
+            change, std = other.value - first.value, hypot(first.std, other.std)
+            known = 0 < std < inf
+            percent = 100 * change / abs(first.value) if first.value else (inf if change else 0.0)
+            differences.append(Difference(name, label, percent, change / std if known else None))
+    return differences
+
+
+def _simulate_all(
+    models: Sequence[ComparedModel], names: Sequence[str], progress: Progress
+) -> tuple[tuple[CrossSimulation, ...], tuple[str, ...]]:
+    simulations, failures = [], []
+    pairs = [(i, j) for j in range(len(models)) for i in range(len(models))]
+    for number, (i, j) in enumerate(pairs):
+        axis, records = models[i].axis, models[j].records
+        if axis is None or not records:
+            continue
+        progress(f"{names[i]} on {names[j]}", number / len(pairs))
+        window = min(WINDOW, *(record.duration - 2 * record.dt for record in records))
+        try:
+            errors = window_errors(axis, records, window)
+        except (ModelError, FitError, CaseError) as error:
+            failures.append(f"{names[i]} could not simulate the records of {names[j]}: {error}")
+            continue
+        simulations.append(CrossSimulation(names[i], names[j], errors))
+    return tuple(simulations), tuple(failures)
+
+
+def _notes(models: Sequence[ComparedModel], names: Sequence[str]) -> list[str]:
+    notes = []
+    for model, name in zip(models, names, strict=True):
+        if model.note:
+            notes.append(f"{name}: its records are not simulated ({model.note})")
+        elif not model.held_out:
+            notes.append(f"{name} has no held-out record: its own error is that of the fit")
+    for model, name in zip(models[1:], names[1:], strict=True):
+        if _hashes(model, "identify") & _hashes(models[0], "identify"):
+            notes.append(
+                f"{names[0]} and {name} come from the same records, whose noise they share: the "
+                "σ tell the size of a difference, and are no test"
+            )
+        elif _hashes(model, "flow_map") != _hashes(models[0], "flow_map"):
+            notes.append(
+                f"{names[0]} and {name} have different flow maps: X_s1 ... X_s6 also differ by "
+                "the accuracy of the flow meter, which no interval contains"
+            )
+    return notes
+
+
+def _hashes(model: ComparedModel, start: str) -> set[str]:
+    return {value for name, value in model.sources.items() if name.startswith(start)}
