@@ -5,8 +5,8 @@ from typing import Annotated, Any
 
 import typer
 
-from pneumo_casadi.cli.bench import record_case
 from pneumo_casadi.cli.options import Debug, Json, Output, RecordSetName, report_folder
+from pneumo_casadi.cli.parts.bench import record_case
 from pneumo_casadi.cli.terminal import guarded, progress_bar, say
 from pneumo_casadi.errors import CaseError
 

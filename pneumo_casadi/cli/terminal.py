@@ -60,7 +60,7 @@ def progress_bar() -> Iterator[Callable[[str, float], None]]:
     if not sys.stderr.isatty():
         yield lambda text, share: None
         return
-    from pneumo_casadi.cli.bar import shown_bar
+    from pneumo_casadi.cli.parts.bar import shown_bar
 
     with shown_bar() as report:
         yield report

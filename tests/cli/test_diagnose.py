@@ -11,8 +11,8 @@ import pandas as pd
 import pytest
 
 from pneumo_casadi.cli import app as cli
-from pneumo_casadi.cli.bar import time_left
 from pneumo_casadi.cli.diagnose import default_workers
+from pneumo_casadi.cli.parts.bar import time_left
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.errors import FitError
 from pneumo_casadi.runtime.processes import processes

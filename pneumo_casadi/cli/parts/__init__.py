@@ -1,0 +1,1 @@
+"""Parts of commands that import nothing of the command line."""
