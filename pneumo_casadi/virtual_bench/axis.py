@@ -5,7 +5,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pneumo_casadi.data import Bench, ProportionalController, SensorNoise
+from pneumo_casadi.data import (
+    Bench,
+    CascadeController,
+    Load,
+    PidController,
+    ProportionalController,
+    SensorNoise,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,6 +107,10 @@ class VirtualAxis:
         Largest command [V].
     sensors : VirtualSensors
         Sensors and converters.
+    angle_deg : float
+        Inclination of +x above the horizontal [°].
+    controller : PidController or CascadeController, optional
+        In place of the proportional one.
     """
 
     M: float
@@ -121,6 +132,8 @@ class VirtualAxis:
     r: float = 287.0
     u_max: float = 5.0
     sensors: VirtualSensors = VirtualSensors()
+    angle_deg: float = 0.0
+    controller: PidController | CascadeController | None = None
 
     @property
     def V_P0(self) -> float:
@@ -164,9 +177,10 @@ class VirtualAxis:
             p_supply=round(self.p_supply, -2),
             T=self.T,
             r=self.r,
-            controller=ProportionalController(self.gain, self.u_max),
+            controller=self.controller or ProportionalController(self.gain, self.u_max),
             datasheet={"M_kg": float(f"{M_datasheet:.4g}")},
             noise=SensorNoise(self.sensors.p_noise or 1.0, self.sensors.x_noise or 1e-7),
+            load=Load(self.angle_deg),
         )
 
 

@@ -1,14 +1,29 @@
 """The parameters of a run as one record that the kernels read by name."""
 
 from collections.abc import Sequence
-from math import pi
+from math import inf, pi, radians, sin
 from typing import Any
 
 import numpy as np
 
+from pneumo_casadi.data import AntiWindup, CascadeController, PidController
 from pneumo_casadi.virtual_bench.axis import VirtualAxis
 from pneumo_casadi.virtual_bench.catalogue import FORMS
 from pneumo_casadi.virtual_bench.effect import VirtualEffect
+from pneumo_casadi.virtual_bench.kernels.control import (
+    CASCADE,
+    CLAMPED,
+    GOES_ON,
+    PID,
+    PROPORTIONAL,
+    TRACKED,
+)
+
+WINDUPS = {
+    AntiWindup.NONE: float(GOES_ON),
+    AntiWindup.CLAMPING: float(CLAMPED),
+    AntiWindup.BACK_CALCULATION: float(TRACKED),
+}
 
 
 def _axis_values(axis: VirtualAxis) -> dict[str, float]:
@@ -29,12 +44,47 @@ def _axis_values(axis: VirtualAxis) -> dict[str, float]:
         },
         **{name: getattr(sensors, name) for name in ("p_quantum", "x_quantum", "u_quantum")},
         "sensor_tau": tau,
+        "slope": sin(radians(axis.angle_deg)),
+        **_law_values(axis.controller),
     }
 
 
-def kernel_parameters(axis: VirtualAxis, effects: Sequence[VirtualEffect] = ()) -> Any:
-    """Return a record of the axis' values, and ``effect_quantity`` of every effect, on or off."""
+def _law_values(controller: PidController | CascadeController | None) -> dict[str, float]:
+    """Return the values of a control law; without one it is the axis' proportional one."""
+    values = dict.fromkeys(("law_k_i", "law_k_d", "law_k_v", "law_filter", "law_u_0"), 0.0)
+    values |= {"law": float(PROPORTIONAL), "law_k_p": 0.0, "law_v_max": inf, "law_samples": 1.0}
+    values |= {"law_u_min": -inf, "law_u_max": inf, "windup": float(GOES_ON), "law_tracking": inf}
+    if controller is None:
+        return values
+    lower, upper = controller.limits
+    values |= {"law_k_p": controller.k_p, "law_k_i": controller.k_i, "law_u_0": controller.u_0}
+    values |= {"law_u_min": lower, "law_u_max": upper, "windup": WINDUPS[controller.anti_windup]}
+    values["law_tracking"] = controller.tracking_time or inf
+    if isinstance(controller, PidController):
+        return values | {
+            "law": float(PID),
+            "law_k_d": controller.k_d,
+            "law_filter": controller.derivative_filter,
+        }
+    return values | {
+        "law": float(CASCADE),
+        "law_k_v": controller.k_v,
+        "law_filter": controller.velocity_filter,
+        "law_v_max": controller.v_max or inf,
+    }
+
+
+def kernel_parameters(
+    axis: VirtualAxis, effects: Sequence[VirtualEffect] = (), dt: float = 1e-3
+) -> Any:
+    """Return a record of the axis' values, and ``effect_quantity`` of every effect, on or off.
+
+    `dt` [s] is the step of the record, of which the sampling period of the controller is a
+    multiple.
+    """
     values = _axis_values(axis)
+    if axis.controller is not None and axis.controller.sample_time is not None:
+        values["law_samples"] = float(round(axis.controller.sample_time / dt))
     for form in FORMS.values():
         values |= {f"{form.name}_{size.name}": size.off for size in form.sizes}
     for effect in effects:

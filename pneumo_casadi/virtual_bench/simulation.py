@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import ceil
+from math import ceil, radians, sin
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from pneumo_casadi.virtual_bench.axis import VirtualAxis
 from pneumo_casadi.virtual_bench.effect import VirtualEffect, longest_step
 from pneumo_casadi.virtual_bench.experiment import Excitation, Experiment
 from pneumo_casadi.virtual_bench.kernels import layout
+from pneumo_casadi.virtual_bench.kernels.motion import STANDARD_GRAVITY
 from pneumo_casadi.virtual_bench.kernels.run import run
 from pneumo_casadi.virtual_bench.kernels.valve import meter
 from pneumo_casadi.virtual_bench.parameters import kernel_parameters
@@ -22,6 +23,8 @@ SETTLING = 0.5
 #: Scatter of a metered flow, of the greatest [1], and the grid of the metering.
 METERING_NOISE = 1e-3
 METERED_U, METERED_P, METERED_REACH = 41, 25, 3.0
+#: Farthest from its place that jitter takes an instant, in steps, so that their order stays.
+FARTHEST = 0.4
 #: Decimals with which a converter's values are written: [V], [Pa], [m].
 DECIMALS = {"u_P": 4, "u_N": 4, "p_P": 0, "p_N": 0, "x": 7}
 
@@ -40,6 +43,8 @@ class Run:
         True states at the same instants, in the order of ``kernels.layout``.
     modes : (N,) array
         What the piston does: −1 moves down, 0 is held, 1 moves up, 2 on bristles.
+    accelerations : (N,) array
+        Of the piston [m/s²].
     par : record
         Parameters of the run.
     """
@@ -48,6 +53,7 @@ class Run:
     rows: FloatArray
     states: FloatArray
     modes: FloatArray
+    accelerations: FloatArray
     par: object
 
 
@@ -58,9 +64,10 @@ def rest_pressures(axis: VirtualAxis) -> tuple[float, float]:
     """
     p = np.linspace(axis.p_ext, axis.p_supply, 400)
     q = np.zeros_like(p)
-    meter(kernel_parameters(axis), np.zeros_like(p), p, q)
+    meter(kernel_parameters(axis), np.zeros_like(p), p, 1.0, q)
     null = float(np.interp(0.0, -q, p)) if q[0] > 0.0 > q[-1] else float(p.mean())
     ambient = (axis.S_P - axis.S_N) * axis.p_ext
+    ambient += axis.M * STANDARD_GRAVITY * sin(radians(axis.angle_deg))
     force = (axis.S_P + axis.S_N) / 2 * null
     return (force + ambient / 2) / axis.S_P, (force - ambient / 2) / axis.S_N
 
@@ -75,6 +82,7 @@ def simulate_axis(
     start: tuple[float, float, float] | None = None,
     settling: float = SETTLING,
     keep_states: bool = True,
+    jitter: float = 0.0,
 ) -> Run:
     """Run the axis under its sampled controller.
 
@@ -98,6 +106,9 @@ def simulate_axis(
         Time in closed loop on the first reference before the record [s].
     keep_states : bool, optional
         Whether to keep the true states.
+    jitter : float, optional
+        Standard deviation of the instants about those of a uniform clock, in steps; none strays
+        by more than `FARTHEST` steps.
 
     Raises
     ------
@@ -106,19 +117,26 @@ def simulate_axis(
     """
     N, dt = drive.x_ref.size, 1.0 / fs
     substeps = max(1, ceil(dt / (step or longest_step(effects)) - 1e-9))
-    par = kernel_parameters(axis, effects)
+    par = kernel_parameters(axis, effects, dt)
     sigma = np.array([axis.sensors.p_noise, axis.sensors.p_noise, axis.sensors.x_noise])
     noise = np.random.default_rng([seed, 4]).standard_normal((N, 3)) * sigma
     rows = np.full((N, layout.ROW), np.nan)
     kept = N if keep_states else 0
     states, modes = np.full((kept, layout.SIZE), np.nan), np.zeros(kept)
+    accelerations = np.zeros(kept)
+    t: FloatArray = dt * np.arange(N, dtype=float)
+    steps = np.full(N, dt)
+    if jitter:
+        away = np.random.default_rng([seed, 7]).normal(0.0, jitter, N).clip(-FARTHEST, FARTHEST)
+        t = t + dt * away
+        steps[:-1] = np.diff(t)
     half = axis.stroke / 2
     begin = np.array(start or (np.clip(drive.x_ref[0], -half, half), *rest_pressures(axis)))
     if not abs(begin[0]) <= half:
         raise ModelError(f"start at x = {begin[0]:g} m: beyond the end stop at {half:g} m")
     run(
-        par, begin, drive.x_ref, drive.common, noise, dt, substeps, round(settling * fs),
-        rows, states, modes,
+        par, begin, drive.x_ref, drive.common, noise, t, steps, dt, substeps,
+        round(settling * fs), rows, states, modes, accelerations,
     )  # fmt: skip
     bad = ~np.isfinite(rows).all(axis=1)
     if bad.any():
@@ -127,8 +145,7 @@ def simulate_axis(
             f"the bench with {named} leaves the finite numbers at t = {bad.argmax() * dt:g} s; "
             "shorten the step, or make the effect smaller"
         )
-    t: FloatArray = dt * np.arange(N, dtype=float)
-    return Run(t, rows, states, modes, par)
+    return Run(t, rows, states, modes, accelerations, par)
 
 
 def record(
@@ -176,7 +193,7 @@ def record(
 
 
 def metered_map(
-    axis: VirtualAxis, effects: Sequence[VirtualEffect] = (), seed: int = 0
+    axis: VirtualAxis, effects: Sequence[VirtualEffect] = (), seed: int = 0, gain: float = 1.0
 ) -> dict[str, FloatArray]:
     """Meter the valve: columns of ``flow_map.csv`` on a grid of commands and pressures.
 
@@ -190,6 +207,8 @@ def metered_map(
         What is wrong with the axis.
     seed : int, optional
         Of the meter's noise.
+    gain : float, optional
+        Of the supply edge over that of valve P; for valve N 1 + g of the effect `valve_mismatch`.
 
     Returns
     -------
@@ -204,7 +223,7 @@ def metered_map(
     u, p = np.round(u.ravel(), 4), np.round(p.ravel())
     q = np.zeros_like(u)
     shape = [effect for effect in effects if effect.form.metered]
-    meter(kernel_parameters(axis, shape), u, p, q)
+    meter(kernel_parameters(axis, shape), u, p, gain, q)
     noise = np.random.default_rng([seed, 5]).standard_normal(q.size)
     q += METERING_NOISE * np.abs(q).max() * noise
     return {"u_V": u, "p_Pa": p, "q_m_kg_per_s": np.round(q, 9)}

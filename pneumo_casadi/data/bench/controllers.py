@@ -2,9 +2,8 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
-import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -12,6 +11,9 @@ from pneumo_casadi.data.bench.pid_controllers import CascadeController, PidContr
 from pneumo_casadi.data.bench.quantities import check_gains, check_times
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.parameters import FloatArray
+
+if TYPE_CHECKING:
+    import casadi as ca
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,7 +156,7 @@ class CustomController:
 
     def __init__(
         self,
-        law: Callable[[ca.SX, ca.SX, ca.SX], tuple[Any, Any]],
+        law: "Callable[[ca.SX, ca.SX, ca.SX], tuple[Any, Any]]",
         memory: ArrayLike = (),
         inputs: tuple[str, ...] = ("u_P", "u_N"),
         sample_time: float | None = None,
@@ -166,7 +168,9 @@ class CustomController:
         self.law = _as_function(law, len(self.memory), len(self.inputs))
 
 
-def _as_function(law: Callable[..., Any], n_memory: int, n_inputs: int) -> ca.Function:
+def _as_function(law: Callable[..., Any], n_memory: int, n_inputs: int) -> "ca.Function":
+    import casadi as ca  # readers and the virtual bench do without it
+
     memory, x_ref, x = ca.SX.sym("memory", n_memory), ca.SX.sym("x_ref"), ca.SX.sym("x")
     try:
         u, kept = law(memory, x_ref, x)

@@ -7,6 +7,8 @@ from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.virtual_bench.kernels.jit import kernel
 from pneumo_casadi.virtual_bench.kernels.layout import BRISTLES, FREE, V_2, X_2, V, X
 
+#: [m/s²].
+STANDARD_GRAVITY = 9.80665
 #: Slip distances of the bristles, in their mean.
 SPREAD = (0.4, 0.8, 1.2, 1.6)
 #: Damping ratio of the piston on unyielding bristles, and velocity at which it fades [m/s]; their
@@ -20,6 +22,8 @@ def applied_force(t: float, y: FloatArray, p_P: float, p_N: float, par: Any) -> 
     x, v = y[X], y[V]
     gas = par.S_P * p_P - par.S_N * p_N - (par.S_P - par.S_N) * par.p_ext
     F = gas - par.f_v * v + par.constant_force_F_0
+    if par.slope != 0.0:  # of the way up: weight against +x
+        F -= par.M * STANDARD_GRAVITY * par.slope
     if par.quadratic_drag_c > 0.0:
         F -= par.quadratic_drag_c * abs(v) ** 0.8 * v
     if par.spring_load_k != 0.0:  # stiffens towards the ends

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.virtual_bench.kernels.control import REMEMBERED, held_feedback
 from pneumo_casadi.virtual_bench.kernels.gas import GAMMA, volumes
 from pneumo_casadi.virtual_bench.kernels.jit import entry, kernel
 from pneumo_casadi.virtual_bench.kernels.layout import (
@@ -29,7 +30,7 @@ from pneumo_casadi.virtual_bench.kernels.layout import (
     X,
 )
 from pneumo_casadi.virtual_bench.kernels.sensors import MEMORY, observe, quantised, settle
-from pneumo_casadi.virtual_bench.kernels.step import advance
+from pneumo_casadi.virtual_bench.kernels.step import advance, rates
 from pneumo_casadi.virtual_bench.kernels.valve import spool_targets
 
 
@@ -52,30 +53,32 @@ def initial_state(x: float, p_P: float, p_N: float, par: Any) -> Any:
 
 @kernel
 def control(
-    shown: FloatArray, noise: FloatArray, x_ref: float, common: float, par: Any, row: FloatArray
-) -> None:
+    shown: FloatArray, noise: FloatArray, x_ref: float, common: float, dt: float, par: Any,
+    memory: FloatArray, row: FloatArray,
+) -> None:  # fmt: skip
     """Fill a row (u_P, u_N, p_P, p_N, x): sampled outputs, and the commands."""
     row[2] = quantised(shown[0] + noise[0], par.p_quantum)
     row[3] = quantised(shown[1] + noise[1], par.p_quantum)
     row[4] = quantised(shown[2] + noise[2], par.x_quantum)
-    u = par.gain * (x_ref - row[4])
+    u = held_feedback(x_ref, row[4], dt, par, memory)
     for valve in range(2):
-        wanted = (u if valve == 0 else -u) + common
+        wanted = (u if valve == 0 else -u) + common + par.law_u_0
         row[valve] = quantised(min(max(wanted, -par.u_max), par.u_max), par.u_quantum)
 
 
 @entry
 def run(
     par: Any, start: FloatArray, x_ref: FloatArray, common: FloatArray, noise: FloatArray,
-    dt: float, substeps: int, settling: int, rows: FloatArray, states: FloatArray,
-    modes: FloatArray,
+    instants: FloatArray, steps: FloatArray, dt: float, substeps: int, settling: int,
+    rows: FloatArray, states: FloatArray, modes: FloatArray, accelerations: FloatArray,
 ) -> None:  # fmt: skip
     """Run the axis under its controller.
 
-    `start` is (x, p_P, p_N). x_ref, common (N,) and noise (N, 3) are given for each sample; the
-    samples are `dt` [s] apart and are integrated in `substeps` steps. Before the record the loop
-    runs for `settling` samples at the first reference. The function fills `rows` (N, ROW), and
-    `states` (N, SIZE) and `modes` (N,) as far as they have rows.
+    `start` is (x, p_P, p_N). x_ref, common (N,) and noise (N, 3) are given for each sample, and the
+    `instants` at which they are taken with the `steps` (N,) that follow [s], about `dt`, which
+    the controller takes them for; each is integrated in `substeps` steps. Before the record the
+    loop runs for `settling` samples at the first reference. The function fills `rows` (N, ROW),
+    and `states` (N, SIZE), `modes` and `accelerations` (N,) as far as they have rows.
     """
     h = dt / substeps
     y = initial_state(start[0], start[1], start[2], par)
@@ -83,6 +86,7 @@ def run(
     bristles[BRISTLES] = y[X]
     past = np.zeros(int(par.position_delay_T / h) + 3)
     memory, shown, row = np.zeros(MEMORY), np.zeros(3), np.zeros(rows.shape[1])
+    remembered = np.zeros(REMEMBERED)
     plays, target, quiet = np.zeros((2, 3)), np.zeros(2), np.zeros(3)
     mode = FREE if par.presliding_distance > 0.0 else HELD
     settle(y, par, memory, past)
@@ -90,15 +94,19 @@ def run(
     observe(y, par, memory, past, now, h, shown)
     for k in range(-settling, x_ref.size):
         j = max(k, 0)
-        control(shown, noise[k] if k >= 0 else quiet, x_ref[j], common[j], par, row)
+        t, h = (instants[k], steps[k] / substeps) if k >= 0 else (k * dt, dt / substeps)
+        observed = noise[k] if k >= 0 else quiet
+        control(shown, observed, x_ref[j], common[j], dt, par, remembered, row)
+        spool_targets(t, row[:2], plays, target, par)
         if k >= 0:
             rows[k] = row
         if 0 <= k < states.shape[0]:
             states[k] = y
             modes[k] = mode
-        spool_targets(k * dt, row[:2], plays, target, par)
+            rates(t, y, work[0], par, mode, target, bristles)
+            accelerations[k] = work[0, V]
         for i in range(substeps):
-            mode = advance(k * dt + i * h, h, y, par, mode, target, bristles, work)
+            mode = advance(t + i * h, h, y, par, mode, target, bristles, work)
             now += 1
             observe(y, par, memory, past, now, h, shown)
         if not isfinite(y[V]):

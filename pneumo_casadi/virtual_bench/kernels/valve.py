@@ -52,10 +52,10 @@ def valve_flows(
 
 
 @entry
-def meter(par: Any, u: FloatArray, p: FloatArray, q: FloatArray) -> None:
+def meter(par: Any, u: FloatArray, p: FloatArray, gain: float, q: FloatArray) -> None:
     """Fill q [kg/s] with the static flow into a vessel at commands u [V] and pressures p [Pa]."""
     for i in range(u.size):
-        inlet, outlet = valve_flows(par, u[i], p[i], par.T, par.p_supply, par.p_ext, 1.0)
+        inlet, outlet = valve_flows(par, u[i], p[i], par.T, par.p_supply, par.p_ext, gain)
         q[i] = inlet - outlet
 
 
