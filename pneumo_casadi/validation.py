@@ -13,7 +13,7 @@ from pneumo_casadi.estimation.output_error.initial_states import estimate_initia
 from pneumo_casadi.estimation.output_error.shooting.segments import measured_states
 from pneumo_casadi.metrics import gap, output_noise, signal_std
 from pneumo_casadi.model.axis import Axis
-from pneumo_casadi.model.integration import held_inputs
+from pneumo_casadi.model.integration import held_inputs, sample_lengths
 from pneumo_casadi.model.sampled_axis import SampledAxis, added_inputs
 from pneumo_casadi.model.simulation import (
     Trajectory,
@@ -183,9 +183,9 @@ def validate(
 
 def free_run(axis: Axis, record: Recording) -> Trajectory:
     """Simulate a record's inputs in open loop, initial state estimated from its first 2 s."""
-    return simulate(
-        axis, record.stack(axis.inputs), record.dt, _estimated_start(axis, record), record.hold
-    )
+    start = _estimated_start(axis, record)
+    u, lengths = record.stack(axis.inputs), sample_lengths(record, record.dt)
+    return simulate(axis, u, record.dt, start, record.hold, lengths)
 
 
 def _estimated_start(axis: Axis, record: Recording) -> FloatArray:
@@ -213,6 +213,7 @@ def loop_run(axis: Axis, record: Recording, estimated: bool = False) -> Trajecto
         x_0,
         disturbance=added_inputs(axis, record).T,
         memory=model.memory_at_start(x_0, record),
+        lengths=sample_lengths(record, record.dt),
     )
 
 
@@ -251,10 +252,11 @@ def window_runs(
         L = round(window / record.dt)
         states = estimate_initial_states(axis, record, window)
         starts = [(first, x_0) for first, x_0 in states if first + L < record.N]
-        w = held_inputs(record.stack(axis.inputs), record.hold)
+        lengths = sample_lengths(record, record.dt)
+        w = held_inputs(record.stack(axis.inputs), record.hold, lengths)
         stretches = np.stack([w[:, first : first + L] for first, _ in starts])
         x_0 = np.stack([x for _, x in starts], axis=1)
-        stepping = stepping_for(axis, record.dt, record.hold)
+        stepping = stepping_for(axis, record.dt, record.hold, lengths)
         x = simulate_windows(axis, stepping, stretches, x_0)[:, :, :L]
         joined = np.hstack(list(x))
         u = np.hstack(list(stretches))[: len(axis.inputs)]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from pneumo_casadi.data import InputHold
+from pneumo_casadi.data import Clock, InputHold, Recording
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.junctions import Expression
@@ -32,11 +32,14 @@ class Stepping:
         What the input does between two samples.
     substeps : int
         Runge-Kutta steps of order four per sample; see `substeps_for`.
+    timed : bool
+        Whether every sample has a length of its own: the last value that it is given, over `dt`.
     """
 
     dt: float
     hold: InputHold = InputHold.ZERO
     substeps: int = 1
+    timed: bool = False
 
 
 def substeps_for(axis: Axis, dt: float) -> int:
@@ -113,22 +116,24 @@ def inputs_between(w: Expression, nu: int, stepping: Stepping) -> Callable[[floa
     """Return the input as a function of the share of a sample that has passed.
 
     `w` is what `held_inputs` gives for the sample: the input, under linear hold with the next
-    one below it.
+    one below it, and the length of a timed sample last.
     """
     if stepping.hold is not InputHold.LINEAR:
-        return lambda share: w
-    return lambda share: (1 - share) * w[:nu] + share * w[nu:]
+        return lambda share: w[:nu]
+    return lambda share: (1 - share) * w[:nu] + share * w[nu : 2 * nu]
 
 
 def step_function(axis: Axis, stepping: Stepping) -> ca.Function:
     """Return one sample of integration, (x, w, θ) → x at the next sample.
 
-    `w` is the input of this sample and, under linear hold, of the next one below it.
+    `w` is the input of this sample, under linear hold that of the next one below it, and the
+    length of a timed sample over dt last.
     """
     sym = axis.symbol.sym
     nu = len(axis.inputs)
     x = sym("x", len(axis.states))
-    w = sym("w", nu * (2 if stepping.hold is InputHold.LINEAR else 1))
+    w = sym("w", nu * (2 if stepping.hold is InputHold.LINEAR else 1) + stepping.timed)
+    length = stepping.dt * w[-1] if stepping.timed else stepping.dt
     theta = sym("theta", len(axis.parameters))
     u = inputs_between(w, nu, stepping)
     end: Expression = x
@@ -137,14 +142,26 @@ def step_function(axis: Axis, stepping: Stepping) -> ca.Function:
         def rates(share: float, at: Sequence[Expression], step: int = step) -> list[Expression]:
             return [axis.rhs(at[0], u((step + share) / stepping.substeps), theta)]
 
-        (end,) = runge_kutta(rates, [end], stepping.dt / stepping.substeps)
+        (end,) = runge_kutta(rates, [end], length / stepping.substeps)
     return ca.Function("step", [x, w, theta], [end], ["x", "w", "theta"], ["x_next"])
 
 
-def held_inputs(u: FloatArray, hold: InputHold) -> FloatArray:
-    """Return `w` of every step, shape (nw, N - 1), from inputs of shape (N, nu)."""
-    now = u[:-1].T
-    return np.vstack([now, u[1:].T]) if hold is InputHold.LINEAR else now
+def held_inputs(u: FloatArray, hold: InputHold, lengths: FloatArray | None = None) -> FloatArray:
+    """Return `w` of every step, shape (nw, N - 1), from inputs of shape (N, nu).
+
+    `lengths` (N - 1,) are those of timed samples, over dt.
+    """
+    rows = [u[:-1].T]
+    if hold is InputHold.LINEAR:
+        rows.append(u[1:].T)
+    if lengths is not None:
+        rows.append(lengths[None])
+    return np.vstack(rows) if len(rows) > 1 else rows[0]
+
+
+def sample_lengths(record: Recording, dt: float) -> FloatArray | None:
+    """Return the lengths of the samples of a record over dt [s], (N - 1,); None if uniform."""
+    return record.intervals / dt if record.clock is Clock.AS_RECORDED else None
 
 
 def accumulate(

@@ -17,7 +17,7 @@ from pneumo_casadi.data.control.law import ControlLaw
 from pneumo_casadi.data.control.memory import memory_at_start
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.model.axis import Axis
-from pneumo_casadi.model.integration import Stepping, held_inputs
+from pneumo_casadi.model.integration import Stepping, held_inputs, sample_lengths
 from pneumo_casadi.parameters import FloatArray
 
 
@@ -78,10 +78,10 @@ class SampledAxis:
     @property
     def nw(self) -> int:
         """Number of values that one sample is given."""
-        nu = len(self.axis.inputs)
+        nu, timed = len(self.axis.inputs), self.stepping.timed
         if self.controller is not None:
-            return 1 + nu
-        return 2 * nu if self.stepping.hold is InputHold.LINEAR else nu
+            return 1 + nu + timed
+        return nu * (2 if self.stepping.hold is InputHold.LINEAR else 1) + timed
 
     @cached_property
     def law(self) -> ControlLaw | None:
@@ -104,7 +104,7 @@ class SampledAxis:
         y = axis.output(x[:nxa], axis.symbol(ca.DM.zeros(len(axis.inputs))), theta)
         commands, kept = law.step(x[nxa:], w[0], y[axis.outputs.index("x")])
         further = ca.DM.zeros(len(axis.inputs) - len(axis.kind.commands))
-        u = ca.vertcat(commands, further) + w[1:]
+        u = ca.vertcat(commands, further) + w[1 : 1 + len(axis.inputs)]
         return ca.Function("feedback", [x, w, theta], [ca.vertcat(u, kept)])
 
     def streams(self, record: Recording) -> FloatArray:
@@ -116,13 +116,19 @@ class SampledAxis:
             If the loop is closed and the record holds no reference.
         """
         if self.controller is None:
-            return held_inputs(record.stack(self.axis.inputs), record.hold)
+            return held_inputs(
+                record.stack(self.axis.inputs),
+                record.hold,
+                sample_lengths(record, self.stepping.dt),
+            )
         if "x_ref" not in record:
             raise ModelError(
                 f"record {record.name}: no reference x_ref; without it the loop cannot be "
                 "simulated, fit in open loop"
             )
-        return np.vstack([record["x_ref"], added_inputs(self.axis, record)])[:, :-1]
+        rows = np.vstack([record["x_ref"], added_inputs(self.axis, record)])[:, :-1]
+        lengths = sample_lengths(record, self.stepping.dt)
+        return rows if lengths is None else np.vstack([rows, lengths])
 
     def memory_at_start(self, state: FloatArray, record: Recording) -> FloatArray:
         """Return the controller's memory before the first row of a record, shape (n_memory,).

@@ -59,9 +59,15 @@ class Trajectory:
         raise KeyError(name)
 
 
-def stepping_for(axis: Axis, dt: float, hold: InputHold = InputHold.ZERO) -> Stepping:
-    """Return a stepping that keeps the axis' smoothed friction stable."""
-    return Stepping(dt, hold, substeps_for(axis, dt))
+def stepping_for(
+    axis: Axis, dt: float, hold: InputHold = InputHold.ZERO, lengths: FloatArray | None = None
+) -> Stepping:
+    """Return a stepping that keeps the axis' smoothed friction stable.
+
+    `lengths` are those of timed samples over dt, see `sample_lengths`; the longest one counts.
+    """
+    longest = dt if lengths is None else dt * max(1.0, float(lengths.max()))
+    return Stepping(dt, hold, substeps_for(axis, longest), timed=lengths is not None)
 
 
 def simulate_windows(axis: Axis, stepping: Stepping, w: FloatArray, x_0: FloatArray) -> FloatArray:
@@ -90,6 +96,7 @@ def simulate(
     dt: float,
     x_0: ArrayLike,
     hold: InputHold = InputHold.ZERO,
+    lengths: FloatArray | None = None,
 ) -> Trajectory:
     """Simulate an axis in open loop.
 
@@ -107,6 +114,8 @@ def simulate(
         effects start at rest.
     hold : InputHold
         Course of the inputs between the sampling instants: constant, or linear.
+    lengths : (N - 1,) array, optional
+        Lengths of the samples over dt, where the clock is not uniform.
 
     Returns
     -------
@@ -131,10 +140,18 @@ def simulate(
     1.0
     """
     inputs = np.asarray(u, dtype=float)
-    stepping = stepping_for(axis, dt, hold)
+    stepping = stepping_for(axis, dt, hold, lengths)
     start = full_state(axis, x_0, inputs[0])
-    x = simulate_windows(axis, stepping, held_inputs(inputs, hold)[None], start[:, None])[0]
-    return _trajectory(axis, dt, x, inputs.T)
+    w = held_inputs(inputs, hold, lengths)
+    x = simulate_windows(axis, stepping, w[None], start[:, None])[0]
+    return _trajectory(axis, _instants(dt, len(inputs), lengths), x, inputs.T)
+
+
+def _instants(dt: float, N: int, lengths: FloatArray | None) -> FloatArray:
+    """Return the instants of N samples, the first one at 0 [s]."""
+    if lengths is None:
+        return dt * np.arange(N, dtype=float)
+    return dt * np.concatenate([[0.0], np.cumsum(lengths)])
 
 
 def simulate_closed_loop(
@@ -145,6 +162,7 @@ def simulate_closed_loop(
     controller: Controller | None = None,
     disturbance: ArrayLike | None = None,
     memory: ArrayLike | None = None,
+    lengths: FloatArray | None = None,
 ) -> Trajectory:
     """Simulate an axis under its sampled controller.
 
@@ -166,6 +184,8 @@ def simulate_closed_loop(
     memory : (n_memory,) array, optional
         What the controller remembers before the first sample. By default integrators are empty
         and the axis has moved at its first velocity.
+    lengths : (N - 1,) array, optional
+        Lengths of the samples over dt, where the clock is not uniform.
 
     Returns
     -------
@@ -192,30 +212,33 @@ def simulate_closed_loop(
     added = np.zeros((N, nu)) if disturbance is None else np.asarray(disturbance, dtype=float)
     added = added.reshape(N, -1) * np.ones((1, nu))
     law = controller or axis.bench.controller
-    model = SampledAxis(axis, stepping_for(axis, dt), law)
+    model = SampledAxis(axis, stepping_for(axis, dt, lengths=lengths), law)
     step = _closed_step(model)
     start = full_state(axis, x_0, axis.inputs_at_rest)
     if memory is None:
         x, v = (start[axis.states.index(name)] for name in ("x", "v"))
         memory = ControlLaw(law, dt).rest(reference[0], x, v)
     state = np.concatenate([start, np.asarray(memory, dtype=float)])
-    streams = [reference[None, None], added.T[None]]
+    rows = [reference[None], added.T]
+    if lengths is not None:
+        rows.append(np.append(lengths, 1.0)[None])
+    streams = [np.vstack(rows)[None]]
     _, x, u = accumulate(step, state[:, None], streams, axis.parameters.values)
-    return _trajectory(axis, dt, x[0], u[0])
+    return _trajectory(axis, _instants(dt, N, lengths), x[0], u[0])
 
 
 def _closed_step(model: SampledAxis) -> ca.Function:
-    """Return one sample of the loop, ([x; memory], x_ref, added, θ) → (next, x, u)."""
+    """Return one sample of the loop, ([x; memory], w, θ) → (next, x, u), w as in its streams."""
     axis = model.axis
     sym = axis.symbol.sym
     nx, nu = len(axis.states), len(axis.inputs)
-    state, reference, added = sym("state", model.nx), sym("x_ref"), sym("added", nu)
-    theta = sym("theta", len(axis.parameters))
-    output = model.feedback(state, ca.vertcat(reference, added), theta)
+    state, w, theta = sym("state", model.nx), sym("w", model.nw), sym("theta", len(axis.parameters))
+    output = model.feedback(state, w, theta)
     x, u = state[:nx], output[:nu]
-    ahead = step_function(axis, model.stepping)(x, u, theta)
+    given = ca.vertcat(u, w[-1]) if model.stepping.timed else u
+    ahead = step_function(axis, model.stepping)(x, given, theta)
     following = ca.vertcat(ahead, output[nu:])
-    step = ca.Function("closed_step", [state, reference, added, theta], [following, x, u])
+    step = ca.Function("closed_step", [state, w, theta], [following, x, u])
     return compile_functions([step])[0]
 
 
@@ -238,13 +261,12 @@ def compute_outputs(axis: Axis, x: FloatArray, u: FloatArray) -> FloatArray:
     return np.asarray(f(x, u, axis.parameters.values[:, None]), dtype=float)
 
 
-def _trajectory(axis: Axis, dt: float, x: FloatArray, u: FloatArray) -> Trajectory:
+def _trajectory(axis: Axis, t: FloatArray, x: FloatArray, u: FloatArray) -> Trajectory:
     bad = ~np.isfinite(x).all(axis=0)
     if bad.any():
         raise ModelError(
-            f"the simulation leaves the finite numbers at t = {np.argmax(bad) * dt:g} s; "
+            f"the simulation leaves the finite numbers at t = {t[np.argmax(bad)]:g} s; "
             "look at the parameters (volumes that reach zero within the stroke?)"
         )
-    t: FloatArray = dt * np.arange(x.shape[1], dtype=float)
     names: Sequence[tuple[str, ...]] = (axis.states, axis.outputs, axis.inputs)
     return Trajectory(t, names[0], x, names[1], compute_outputs(axis, x, u), names[2], u)

@@ -13,6 +13,7 @@ from pneumo_casadi.errors import CaseError
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.signals.bandwidth import power_bandwidth, white_noise_std
 from pneumo_casadi.signals.filter_plan import FilterPlan, plan_filters
+from pneumo_casadi.signals.resampling import on_uniform_clock
 from pneumo_casadi.signals.zero_phase import central_difference, zero_phase_lowpass
 
 
@@ -108,7 +109,7 @@ def plan_filters_for(recordings: Iterable[Recording], bound: float = 0.01) -> Fi
     -------
     FilterPlan
     """
-    records = tuple(recordings)
+    records = tuple(on_uniform_clock(recording) for recording in recordings)
     f_dyn = max(power_bandwidth(rec["x"], 1 / rec.dt) for rec in records)
     return plan_filters(1 / records[0].dt, f_dyn, bound=bound)
 
@@ -117,6 +118,8 @@ def filter_recording(
     recording: Recording, plan: FilterPlan, pairing: InputPairing | None = None
 ) -> FilteredRecording:
     """Filter the measurements without phase shift, differentiate them, and drop the edges.
+
+    A record whose clock is taken as recorded is resampled first, see `on_uniform_clock`.
 
     Parameters
     ----------
@@ -136,6 +139,7 @@ def filter_recording(
     CaseError
         If the plan was made for another sampling frequency, or nothing is left of the record.
     """
+    recording = on_uniform_clock(recording)
     fs = 1 / recording.dt
     if abs(fs / plan.sampling_frequency - 1) > 1e-3:
         raise CaseError(

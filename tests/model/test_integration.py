@@ -13,6 +13,7 @@ from pneumo_casadi.model.integration import (
     step_function,
     substeps_for,
 )
+from pneumo_casadi.model.simulation import simulate
 
 
 def typed_out(axis):
@@ -165,3 +166,21 @@ def test_a_lag_sampled_slowly_stays_stable(made):
 def test_step_names_do_not_clash_with_the_axis(made):
     step = step_function(made.true_axis(), Stepping(1e-3))
     assert (step.name_in(0), step.name_in(1), step.name_in(2)) == ("x", "w", "theta")
+
+
+def test_samples_of_their_own_lengths_are_integrated_over_these(made):
+    axis = made.true_axis()
+    u = 0.5 + 0.2 * np.sin(np.linspace(0, 9, 301))
+    inputs = np.column_stack([u, -u])
+    lengths = 1 + 0.3 * np.sin(np.arange(300) ** 2)
+    x_0 = [4e5, 4.5e5, 0.0, 0.0]
+    timed = simulate(axis, inputs, 1e-3, x_0, lengths=lengths)
+    assert timed.t == pytest.approx(1e-3 * np.concatenate([[0], np.cumsum(lengths)]))
+    # On a clock ten times as fast, held as long as each sample lasts, in whole hundredths.
+    counts = np.round(100 * lengths).astype(int)
+    rounded = simulate(axis, inputs, 1e-3, x_0, lengths=counts / 100)
+    fine = np.repeat(inputs, np.append(counts, 1), axis=0)
+    reference = simulate(axis, fine, 1e-5, x_0)
+    at = np.concatenate([[0], np.cumsum(counts)])
+    for name in axis.outputs:
+        assert rounded[name] == pytest.approx(reference[name][at], rel=1e-6, abs=1e-9)

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pneumo_casadi.data import Recording
+from pneumo_casadi.data import Clock, Recording
 from pneumo_casadi.errors import FitError, ModelError
 from pneumo_casadi.estimation.flow_anchor import anchor_flow
 from pneumo_casadi.estimation.output_error.information import estimate_uncertainty
@@ -165,14 +165,16 @@ def write_problem(
     if not parameters.free_names:
         raise ModelError("no parameter is free: release some with `Parameters.release`")
     _refuse_free_gauge(axis, parameters, flow_map)
-    clocks = {(round(1 / record.dt, 6), record.hold) for record in records}
+    uniform = records[0].clock is Clock.UNIFORM
+    clocks = {(round(1 / r.dt, 6) if uniform else r.clock, r.hold) for r in records}
     if len(clocks) > 1:
         raise ModelError(
             f"records differ in sampling frequency or input hold: {sorted(clocks, key=str)}"
         )
     dt, hold = records[0].dt, records[0].hold
     n = max(1, round(options.block / dt))
-    stepping = Stepping(dt, hold, _substeps(axis, options, dt))
+    longest = dt if uniform else max(float(record.intervals.max()) for record in records)
+    stepping = Stepping(dt, hold, _substeps(axis, options, longest), timed=not uniform)
     model = SampledAxis(axis, stepping, axis.bench.controller if options.closed_loop else None)
     segments = cut_segments(model, records, n, options.window, options.interval)
     functions = IntervalFunctions(model, n, segments[0].per, parameters.free_names)

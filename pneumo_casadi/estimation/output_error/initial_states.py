@@ -13,8 +13,9 @@ from pneumo_casadi.estimation.output_error.shooting.problem import Problem, Unkn
 from pneumo_casadi.estimation.output_error.shooting.segments import cut_segments
 from pneumo_casadi.estimation.statistics import stated_or_estimated_noise
 from pneumo_casadi.model.axis import Axis
-from pneumo_casadi.model.integration import Stepping, substeps_for
+from pneumo_casadi.model.integration import sample_lengths
 from pneumo_casadi.model.sampled_axis import SampledAxis
+from pneumo_casadi.model.simulation import stepping_for
 from pneumo_casadi.parameters import FloatArray
 
 #: Length of the blocks whose mean outputs are compared [s].
@@ -90,7 +91,8 @@ def estimate_initial_states(
 
 
 def _problem(axis: Axis, record: Recording, window: float | None) -> Problem:
-    model = SampledAxis(axis, Stepping(record.dt, record.hold, substeps_for(axis, record.dt)))
+    stepping = stepping_for(axis, record.dt, record.hold, sample_lengths(record, record.dt))
+    model = SampledAxis(axis, stepping)
     n = max(1, round(BLOCK / record.dt))
     segments = cut_segments(model, [record], n, window, INTERVAL)
     whole = tuple(segment for segment in segments if segment.K == segments[0].K)

@@ -54,7 +54,7 @@ def interval(request, made):
     x, u = made.states(axis, rng)
     motion = len(axis.motion_states)
     x = axis.rest(x[:motion], u, axis.parameters.values).full()
-    x = model.with_controller_memory(x)[:, 0]
+    x = model.with_controller_memory(x, None)[:, 0]  # these laws need no record
     if model.controller is None:
         path = u + 0.02 * rng.standard_normal((N * BLOCKS + 1, u.size)) * np.abs(u)
         linear = model.stepping.hold is InputHold.LINEAR

@@ -152,13 +152,14 @@ def _sample(model: SampledAxis, free: Sequence[str] | None = None) -> ca.Functio
     u_at_sample = w[:nu] if not moving else u_of(0.0)[0]
     y = output.call([*own, u_at_sample, theta])
     substeps = model.stepping.substeps
+    length = h * w[-1] if model.stepping.timed else h
     end = own
     for step in range(substeps):
 
         def f(share: float, z: Sequence[Expression], step: int = step) -> list[Expression]:
             return list(rates.call([*z, *u_of((step + share) / substeps), theta]))
 
-        end = runge_kutta(f, end, h / substeps)
+        end = runge_kutta(f, end, length / substeps)
     if moving:
         end = [ca.vertcat(a, b) for a, b in zip(end, kept, strict=True)]
     sums = [a + b for a, b in zip(total, y, strict=True)]

@@ -60,6 +60,7 @@ def measured_states(axis: Axis, record: Recording, parameters: Parameters) -> Fl
     edge transient: corrupted velocities in the first samples cost an optimiser dozens of
     iterations.
     """
+    # A start only: for it a clock with jitter counts as uniform.
     length = max(5, 2 * round(SMOOTHING / record.dt / 2) + 1)
     if length > record.N:
         raise ModelError(
@@ -73,8 +74,8 @@ def measured_states(axis: Axis, record: Recording, parameters: Parameters) -> Fl
         )
         return values
 
-    motion = [smooth(name) for name in axis.outputs[:-1]]
-    states = np.vstack([*motion, smooth("x"), smooth("x", 1)])
+    pressures = [smooth(name) for name in axis.motion_states if name not in ("x", "v")]
+    states = np.vstack([*pressures, smooth("x"), smooth("x", 1)])
     if axis.states == axis.motion_states:
         return states
     u = record.stack(axis.inputs).T

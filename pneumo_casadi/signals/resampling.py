@@ -1,0 +1,56 @@
+"""A record whose clock is taken as recorded, resampled to a uniform clock for filters."""
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from pneumo_casadi.data import Clock, InputHold, Recording
+from pneumo_casadi.data.bench.axis_kind import INPUTS
+from pneumo_casadi.parameters import FloatArray
+
+
+def on_uniform_clock(recording: Recording) -> Recording:
+    """Return a record on a uniform clock; itself where it is on one already.
+
+    Measured signals are interpolated by cubic splines, whose error within the band of the
+    filters, far below the sampling rate, is negligible beside the noise. A held input becomes its
+    mean over each new step, so that it carries the same integral.
+
+    Parameters
+    ----------
+    recording : Recording
+        With any clock.
+
+    Returns
+    -------
+    Recording
+        With a uniform clock of the same number of rows.
+
+    Examples
+    --------
+    >>> stamps = np.array([0.0, 0.9, 2.1, 3.0])
+    >>> ramp = Recording(stamps, {"x": 2 * stamps, "u_P": [1, 1, 0, 0]}, "a", "memory",
+    ...                  InputHold.ZERO, clock=Clock.AS_RECORDED)
+    >>> uniform = on_uniform_clock(ramp)
+    >>> uniform["x"].round(6), uniform["u_P"].round(6)
+    (array([0., 2., 4., 6.]), array([1. , 1. , 0.1, 0. ]))
+    """
+    if recording.clock is not Clock.AS_RECORDED:
+        return recording
+    t = np.linspace(recording.t[0], recording.t[-1], recording.N)
+    held = recording.hold is InputHold.ZERO
+    channels = {
+        name: _means(recording.t, recording[name], t)
+        if held and name in INPUTS and name.startswith("u_")
+        else CubicSpline(recording.t, recording[name])(t)
+        for name in recording.names
+    }
+    return Recording(
+        t, channels, recording.name, recording.source, recording.hold, recording.first_line
+    )
+
+
+def _means(stamps: FloatArray, u: FloatArray, t: FloatArray) -> FloatArray:
+    """Return the means over the steps of `t` of an input held from each stamp to the next."""
+    integral = np.concatenate([[0.0], np.cumsum(u[:-1] * np.diff(stamps))])
+    edges = np.interp(t, stamps, integral)
+    return np.append(np.diff(edges) / np.diff(t), u[-1])
