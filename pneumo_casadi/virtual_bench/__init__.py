@@ -24,6 +24,7 @@ from pneumo_casadi.virtual_bench.case import SyntheticCase, make_case
 from pneumo_casadi.virtual_bench.catalogue import FORMS, effects_for
 from pneumo_casadi.virtual_bench.effect import EffectForm, Severity, Size, VirtualEffect, scales
 from pneumo_casadi.virtual_bench.experiment import KINDS, Excitation, Experiment
+from pneumo_casadi.virtual_bench.laboratory import Laboratory
 from pneumo_casadi.virtual_bench.sanity import Sanity, sanity
 from pneumo_casadi.virtual_bench.simulation import Run, metered_map, record, simulate_axis
 
@@ -34,6 +35,7 @@ __all__ = [
     "EffectForm",
     "Excitation",
     "Experiment",
+    "Laboratory",
     "Run",
     "Sanity",
     "Severity",

@@ -6,18 +6,22 @@ from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
+import pandas as pd
 
-from pneumo_casadi.data import Case, Recording, write_case
+from pneumo_casadi.data import Case, Recording, read_case, write_case
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.virtual_bench.axis import VirtualAxis, random_axis
 from pneumo_casadi.virtual_bench.catalogue import EffectRequest, effects_for
 from pneumo_casadi.virtual_bench.effect import VirtualEffect
 from pneumo_casadi.virtual_bench.experiment import Excitation, Experiment
-from pneumo_casadi.virtual_bench.simulation import metered_map, record
+from pneumo_casadi.virtual_bench.laboratory import Laboratory
+from pneumo_casadi.virtual_bench.simulation import record
 
 #: Excitation in the record to identify on, and in the held-out one.
 IDENTIFY = Experiment.of("chirp_and_squares")
 VALIDATE = Experiment.of("multisine_and_steps")
+#: Two equal metered valves, a proportional controller, a steady clock.
+USUAL = Laboratory()
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +64,7 @@ def make_case(
     identify: Experiment | Excitation = IDENTIFY,
     validate: Experiment | Excitation = VALIDATE,
     axis: VirtualAxis | None = None,
+    laboratory: Laboratory = USUAL,
 ) -> SyntheticCase:
     """Record a random axis with hidden effects and write the case folder.
 
@@ -77,6 +82,8 @@ def make_case(
         What the axis does in either record.
     axis : VirtualAxis, optional
         Instead of a random one.
+    laboratory : Laboratory, optional
+        What it owns and records.
 
     Returns
     -------
@@ -104,18 +111,27 @@ def make_case(
             f"{folder}: no record: {duration:g} s at {fs:g} Hz is less than 2 rows; give a longer "
             "duration"
         )
-    axis = axis or random_axis(seed)
+    axis = laboratory.equip(axis or random_axis(seed))
     hidden = effects_for(axis, effects, seed)
+    acting = (*hidden, *effects_for(axis, laboratory.effects))
 
     def recorded(experiment: Experiment | Excitation, name: str, number: int) -> Recording:
-        return record(axis, experiment, hidden, fs, duration, 10 * seed + number, name)
+        if laboratory == USUAL:
+            return record(axis, experiment, hidden, fs, duration, 10 * seed + number, name)
+        return laboratory.record(axis, experiment, acting, fs, duration, 10 * seed + number, name)
 
     rng = np.random.default_rng([seed, 6])
+    bench = axis.bench_description(fs, axis.M * rng.uniform(0.97, 1.03))
+    maps = laboratory.maps(axis, acting, seed)
     case = write_case(
         folder,
-        axis.bench_description(fs, axis.M * rng.uniform(0.97, 1.03)),
+        laboratory.describe(axis, bench),
         [recorded(identify, "identify", 1)],
         [recorded(validate, "validate", 2)],
-        metered_map(axis, hidden, seed),
+        maps.get("flow_map"),
     )
+    if laboratory != USUAL:
+        for name in maps.keys() - {"flow_map"}:
+            pd.DataFrame(maps[name]).to_csv(case.folder / f"{name}.csv", index=False)
+        case = read_case(folder, check=False)  # gaps split records, columns become signals
     return SyntheticCase(case, axis, hidden)

@@ -181,15 +181,18 @@ def record(
     """
     drive = experiment.excitation(axis, fs, duration, seed)
     simulated = simulate_axis(axis, drive, effects, fs, seed, keep_states=False)
-    channels = {
-        channel: np.round(simulated.rows[:, i], decimals)
-        if axis.sensors.u_quantum
-        else simulated.rows[:, i]
-        for i, (channel, decimals) in enumerate(DECIMALS.items())
-    }
+    channels = shown_channels(axis, simulated.rows)
     return Recording(
         simulated.t, {**channels, "x_ref": drive.x_ref}, name, "virtual bench", InputHold.ZERO
     )
+
+
+def shown_channels(axis: VirtualAxis, rows: FloatArray) -> dict[str, FloatArray]:
+    """Return the channels of the rows of a run, with the decimals that a converter writes."""
+    return {
+        channel: np.round(rows[:, i], decimals) if axis.sensors.u_quantum else rows[:, i]
+        for i, (channel, decimals) in enumerate(DECIMALS.items())
+    }
 
 
 def metered_map(

@@ -14,9 +14,9 @@ from pneumo_casadi.errors import CaseError
 #: Relative standard uncertainty of a piston area that is taken from a data sheet: bore and rod
 #: are made to some tenths of a millimetre.
 AREA_ACCURACY = 0.01
-#: By how much of a row the sampling period of a law may miss a whole number of rows; over a
-#: thousand of its periods less than the tolerance of the clock itself.
-WHOLE = 1e-3
+#: By which share a sampling period of a law may miss a whole number of rows: jitter moves the step
+#: of a record by half a per cent.
+WHOLE = 1e-2
 DATASHEET_UNITS = (
     *("kg_per_s", "N_s_per_m", "N_per_m", "m3_per_s", "m_per_s", "per_s"),
     *("kg", "m3", "m2", "m", "Pa", "N", "K", "s", "Hz", "V", "1"),
@@ -65,7 +65,7 @@ def rows_per_sample(sample_time: float, dt: float) -> int:
         If it is no whole multiple of the record's step.
     """
     rows = round(sample_time / dt)
-    if rows < 1 or abs(sample_time / dt - rows) > WHOLE:
+    if rows < 1 or abs(sample_time / dt / rows - 1) > WHOLE:
         raise CaseError(
             f"`controller.sample_time`: {sample_time:g} s is no whole multiple of the record's "
             f"step of {dt:g} s; record at a multiple of the law's rate"
