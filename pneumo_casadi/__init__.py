@@ -25,7 +25,7 @@ _SOURCES = {
     "estimation.output_error": ("OutputErrorOptions", "fit_output_error"),
     "estimation.wls": ("fit_wls",),
     "export": ("export_model", "read_model"),
-    "identification.comparison": ("compare",),
+    "identification.compare": ("compare",),
     "identification.identify": ("identify",),
     "identification.options": ("IdentifyOptions",),
     "identification.result": ("Identification",),
@@ -89,7 +89,7 @@ if TYPE_CHECKING:
     from pneumo_casadi.estimation.output_error import OutputErrorOptions, fit_output_error
     from pneumo_casadi.estimation.wls import fit_wls
     from pneumo_casadi.export import export_model, read_model
-    from pneumo_casadi.identification.comparison import compare
+    from pneumo_casadi.identification.compare import compare
     from pneumo_casadi.identification.identify import identify
     from pneumo_casadi.identification.options import IdentifyOptions
     from pneumo_casadi.identification.result import Identification

@@ -28,7 +28,7 @@ def compare(
     others are compared with A. FOLDER, if given, gets comparison.txt and comparison.json.
     """
     with guarded(debug):
-        from pneumo_casadi.identification.comparison import compare
+        from pneumo_casadi.identification.compare import compare
         from pneumo_casadi.report.pages.write import Kind, check_replaceable, write_comparison
         from pneumo_casadi.report.tables.comparison import comparison_tables
         from pneumo_casadi.runtime.json_files import write_json

@@ -1,5 +1,6 @@
 """The command ``design``: a reference for the next experiment, and its predicted gain."""
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -19,6 +20,16 @@ from pneumo_casadi.cli.terminal import guarded, progress_bar, say
 
 def design(
     case: CasePath,
+    parameters: Annotated[
+        Path | None,
+        typer.Option(
+            "--parameters",
+            "-p",
+            metavar="RESULT",
+            help="Begin from this result of identify or diagnose (its folder or result.json), with "
+            "its effects; default: the nominal axis.",
+        ),
+    ] = None,
     separate: Annotated[
         tuple[str, str] | None,
         typer.Option(
@@ -62,9 +73,10 @@ def design(
 ) -> None:
     """Design the next experiment: for small standard errors, or to distinguish two effects.
 
-    CASE is identified first, and the design is compared with its record. FOLDER (default:
-    report/CASE-design) gets reference.csv (t_s, x_ref_m and, with --common, u_common_V to be
-    added to the command of both valves), design.txt, design.json and design.png.
+    CASE is identified first (with --parameters beginning from that result), and the design is
+    compared with its record. FOLDER (default: report/CASE-design) gets reference.csv (t_s, x_ref_m
+    and, with --common, u_common_V to be added to the command of both valves), design.txt,
+    design.json and design.png.
     """
     with guarded(debug):
         from dataclasses import replace
@@ -73,6 +85,7 @@ def design(
         from pneumo_casadi.design import Criterion, ExperimentRequest, design_experiment
         from pneumo_casadi.identification.identify import identify
         from pneumo_casadi.identification.options import IdentifyOptions
+        from pneumo_casadi.identification.read_result import read_options
         from pneumo_casadi.report.pages.design import design_text, write_design
         from pneumo_casadi.report.pages.write import Kind, check_replaceable
         from pneumo_casadi.runtime.json_files import write_json
@@ -85,6 +98,8 @@ def design(
         )
         read = replace(read_case(case), validate=())
         options = IdentifyOptions(flow_form=flow.form)
+        if parameters is not None:
+            options = read_options(parameters, read)
         with progress_bar() as report:
             result = identify(read, options, progress_range(report, 0.0, 0.3))
             rest = progress_range(report, 0.3, 1.0, "design: ")

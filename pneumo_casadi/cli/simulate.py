@@ -79,7 +79,7 @@ def _simulate(
     closed_loop: bool,
 ) -> list[str]:
     from pneumo_casadi.data import read_case
-    from pneumo_casadi.identification.result_file import read_axis
+    from pneumo_casadi.identification.read_result import read_axis
     from pneumo_casadi.identification.trajectory_file import RecordSet, simulate_case
     from pneumo_casadi.report.pages.write import Kind, check_replaceable, write_simulations
 

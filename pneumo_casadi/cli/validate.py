@@ -29,7 +29,8 @@ def validate(
     """
     with guarded(debug):
         from pneumo_casadi.data import read_case
-        from pneumo_casadi.identification.result_file import read_axis, validation_dict
+        from pneumo_casadi.identification.read_result import read_axis
+        from pneumo_casadi.identification.result_file import validation_dict
         from pneumo_casadi.identification.warnings import (
             judge_usability,
             simulation_sentence,

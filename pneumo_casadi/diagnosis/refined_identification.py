@@ -2,8 +2,6 @@
 
 from dataclasses import replace
 
-import numpy as np
-
 from pneumo_casadi.data import Case
 from pneumo_casadi.diagnosis.decide.result import Diagnosis
 from pneumo_casadi.diagnosis.metrics.simulated_gap import WINDOW
@@ -14,7 +12,7 @@ from pneumo_casadi.identification.flow_form import read_flow
 from pneumo_casadi.identification.identify import identify
 from pneumo_casadi.identification.options import IdentifyOptions
 from pneumo_casadi.identification.result import Identification
-from pneumo_casadi.identification.starting_axis import axis_of_options
+from pneumo_casadi.identification.starting_axis import axis_of_options, started_from
 from pneumo_casadi.runtime.progress import Progress
 
 
@@ -47,19 +45,14 @@ def options_of_diagnosis(case: Case, diagnosis: Diagnosis) -> IdentifyOptions:
         each_record=False,
     )
     _, flow = read_flow(case, options)
-    parameters = axis_of_options(case, flow, options).parameters
+    axis = axis_of_options(case, flow, options)
     known = diagnosis.fitted if diagnosis.effects else diagnosis.nominal
-    start: dict[str, float] = {}
-    held: dict[str, float] = {}
-    for item in parameters:
-        if item.name not in known or item.name == "v_s":
-            continue
-        value = float(np.clip(known[item.name].value, item.lower, item.upper))
-        if known[item.name].std > 0 or item.free:
-            start[item.name] = value
-        elif "." in item.name:
-            held[item.name] = value
-    return replace(options, start_values=start, fixed=held)
+    held = [
+        item.name
+        for item in axis.parameters
+        if "." in item.name and not item.free and not known[item.name].std
+    ]
+    return started_from(options, axis, {n: item.value for n, item in known.items()}, held)
 
 
 def refine_diagnosis(

@@ -10,8 +10,9 @@ from pneumo_casadi.data import Case, Recording, read_case
 from pneumo_casadi.errors import CaseError, PneumoError
 from pneumo_casadi.identification.identify import identify
 from pneumo_casadi.identification.model_file import axis_from_dict
+from pneumo_casadi.identification.read_result import read_result, result_path
 from pneumo_casadi.identification.result import Identification
-from pneumo_casadi.identification.result_file import read_result, result_dict, result_path
+from pneumo_casadi.identification.result_file import HELD, result_dict
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.runtime.progress import Progress
 from pneumo_casadi.runtime.provenance import sha256
@@ -130,7 +131,7 @@ def _of_content(
 
 
 def _estimate(item: Mapping[str, Any]) -> Estimate:
-    if item.get("note") == "held fixed":
+    if item.get("note") == HELD:
         std = 0.0
     else:
         known = [item[key] for key in ("std", "std_robust") if item[key] is not None]

@@ -3,29 +3,20 @@
 Two units of one type, one axis before and after a repair, or one record identified in two ways.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from math import hypot, inf, isfinite
-from pathlib import Path
+from math import isfinite
 from typing import Any
 
 import pandas as pd
 
-from pneumo_casadi.data import Case
-from pneumo_casadi.errors import CaseError, FitError, ModelError
-from pneumo_casadi.identification.compared_model import ComparedModel, Estimate, compared_model
-from pneumo_casadi.identification.result import Identification
+from pneumo_casadi.identification.compared_model import Estimate
 from pneumo_casadi.runtime.presentation import Presentable
-from pneumo_casadi.runtime.progress import Progress, no_progress, progress_range
-from pneumo_casadi.runtime.threads import one_thread
-from pneumo_casadi.validation import Error, window_errors
+from pneumo_casadi.validation import Error
 
 #: Standard deviations of a difference that count as moved: for a dozen parameters that did not
 #: move, one exceeds it by chance in three comparisons of a hundred.
 MOVED = 3.0
-#: Length of the windows of the simulations [s]: longer than the axis remembers, shorter than an
-#: open-loop position drifts.
-WINDOW = 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,135 +196,3 @@ class Comparison(Presentable):
             ],
             "notes": list(self.notes),
         }
-
-
-@one_thread
-def compare(
-    *results: Identification | Case | str | Path, progress: Progress | None = None
-) -> Comparison:
-    """Compare results: which parameters moved, and how well each simulates the others' records.
-
-    Parameters
-    ----------
-    *results : Identification, Case or path
-        Two or more: identifications, report folders or `result.json` of ``identify`` or
-        ``diagnose``, or cases and their folders, which are identified first. The others are
-        compared with the first.
-    progress : callable, optional
-        Called as ``progress(text, share)``.
-
-    Returns
-    -------
-    Comparison
-
-    Raises
-    ------
-    CaseError
-        If there are fewer than two, one cannot be read, or the kinds of axis differ.
-    FitError
-        If a case cannot be identified.
-
-    Examples
-    --------
-    With ``result = pc.identify(pc.example_case())``, compared with itself:
-
-    >>> comparison = pc.compare(result, result)
-    >>> [item.name for item in comparison.differences if item.moved]
-    []
-    """
-    if len(results) < 2:
-        raise CaseError("compare: give two or more results or cases")
-    report = progress or no_progress
-    share = 0.6 / len(results)
-    models = [
-        compared_model(item, progress_range(report, i * share, (i + 1) * share, f"{i + 1}: "))
-        for i, item in enumerate(results)
-    ]
-    _refuse_different_kinds(models)
-    names = _labels([model.name for model in models])
-    parameters = dict.fromkeys(name for model in models for name in model.estimates)
-    estimates = {name: tuple(model.estimates.get(name) for model in models) for name in parameters}
-    simulations, failures = _simulate_all(models, names, progress_range(report, 0.6, 1.0))
-    report("done", 1.0)
-    return Comparison(
-        names,
-        estimates,
-        tuple(_differences(estimates, names)),
-        simulations,
-        (*_notes(models, names), *failures),
-    )
-
-
-def _labels(names: Sequence[str]) -> tuple[str, ...]:
-    """Return names that differ: equal ones get a letter."""
-    letters = [chr(ord("A") + i) for i in range(len(names))]
-    return tuple(
-        name if names.count(name) == 1 else f"{name} ({letter})"
-        for name, letter in zip(names, letters, strict=True)
-    )
-
-
-def _refuse_different_kinds(models: Sequence[ComparedModel]) -> None:
-    kinds = {model.axis.kind.title for model in models if model.axis is not None}
-    if len(kinds) > 1:
-        raise CaseError(f"compare: axes of different kinds: {' and '.join(sorted(kinds))}")
-
-
-def _differences(
-    estimates: Mapping[str, tuple[Estimate | None, ...]], names: Sequence[str]
-) -> list[Difference]:
-    differences = []
-    for name, (first, *others) in estimates.items():
-        for label, other in zip(names[1:], others, strict=True):
-            if first is None or other is None:
-                continue
-            change, std = other.value - first.value, hypot(first.std, other.std)
-            known = 0 < std < inf
-            percent = 100 * change / abs(first.value) if first.value else (inf if change else 0.0)
-            differences.append(Difference(name, label, percent, change / std if known else None))
-    return differences
-
-
-def _simulate_all(
-    models: Sequence[ComparedModel], names: Sequence[str], progress: Progress
-) -> tuple[tuple[CrossSimulation, ...], tuple[str, ...]]:
-    simulations, failures = [], []
-    pairs = [(i, j) for j in range(len(models)) for i in range(len(models))]
-    for number, (i, j) in enumerate(pairs):
-        axis, records = models[i].axis, models[j].records
-        if axis is None or not records:
-            continue
-        progress(f"{names[i]} on {names[j]}", number / len(pairs))
-        window = min(WINDOW, *(record.duration - 2 * record.dt for record in records))
-        try:
-            errors = window_errors(axis, records, window)
-        except (ModelError, FitError, CaseError) as error:
-            failures.append(f"{names[i]} could not simulate the records of {names[j]}: {error}")
-            continue
-        simulations.append(CrossSimulation(names[i], names[j], errors))
-    return tuple(simulations), tuple(failures)
-
-
-def _notes(models: Sequence[ComparedModel], names: Sequence[str]) -> list[str]:
-    notes = []
-    for model, name in zip(models, names, strict=True):
-        if model.note:
-            notes.append(f"{name}: its records are not simulated ({model.note})")
-        elif not model.held_out:
-            notes.append(f"{name} has no held-out record: its own error is that of the fit")
-    for model, name in zip(models[1:], names[1:], strict=True):
-        if _hashes(model, "identify") & _hashes(models[0], "identify"):
-            notes.append(
-                f"{names[0]} and {name} come from the same records, whose noise they share: the "
-                "σ tell the size of a difference, and are no test"
-            )
-        elif _hashes(model, "flow_map") != _hashes(models[0], "flow_map"):
-            notes.append(
-                f"{names[0]} and {name} have different flow maps: X_s1 ... X_s6 also differ by "
-                "the accuracy of the flow meter, which no interval contains"
-            )
-    return notes
-
-
-def _hashes(model: ComparedModel, start: str) -> set[str]:
-    return {value for name, value in model.sources.items() if name.startswith(start)}

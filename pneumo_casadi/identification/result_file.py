@@ -1,27 +1,24 @@
-"""`result.json`: an identification as strict JSON, written whole, read back to an axis."""
+"""`result.json`: an identification as strict JSON; `read_result` gives the axis back."""
 
-import json
 import math
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 from pneumo_casadi.data import Case
-from pneumo_casadi.errors import CaseError, ModelError
+from pneumo_casadi.errors import ModelError
 from pneumo_casadi.estimation.output_error import OutputErrorResult, RecordEstimates
-from pneumo_casadi.identification.flow_form import read_flow
 from pneumo_casadi.identification.model_file import axis_dict
 from pneumo_casadi.identification.options import IdentifyOptions, output_error_options
 from pneumo_casadi.identification.result import Identification
-from pneumo_casadi.identification.starting_axis import catalogue_effect, make_axis
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.runtime.json_files import without_infinities
-from pneumo_casadi.runtime.provenance import provenance, sha256
+from pneumo_casadi.runtime.provenance import provenance
 from pneumo_casadi.validation import Error, Validation
-from pneumo_casadi.valve import FlowForm
 
 #: Of the format; raised when a reader of the old one would misread the new.
 FORMAT = 1
+#: Note of a parameter that was not estimated.
+HELD = "held fixed"
 
 
 def result_dict(identification: Identification) -> dict[str, Any]:
@@ -158,69 +155,6 @@ def identification_provenance(case: Case, options: IdentifyOptions) -> dict[str,
     )
 
 
-def read_axis(path: str | Path, case: Case) -> Axis:
-    """Return the axis that a `result.json` describes, on the bench of a case.
-
-    Parameters
-    ----------
-    path : path
-        Folder of a report, or its `result.json`, written by ``identify`` or ``diagnose``.
-    case : Case
-        Supplies bench and flow map; the map must be the one of the identification, since the
-        coefficients are in its scaling.
-
-    Raises
-    ------
-    CaseError
-        If the file is no such result, or does not fit the case.
-    """
-    path = result_path(path)
-    content = read_result(path)
-    try:
-        estimates = content["output_error"]["parameters"] | content["output_error"]["fixed"]
-        flow = content["flow"]
-        if flow is not None:
-            estimates |= flow["parameters"]
-        values = {str(name): float(item["value"]) for name, item in estimates.items()}
-        options = IdentifyOptions()
-        if flow is not None:
-            options = IdentifyOptions(FlowForm(flow["form"]), _degrees(flow["degrees"]))
-        effects = effects_in(content)
-        expected = content["provenance"]["sha256"].get("flow_map.csv")
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise CaseError(
-            f"{path}: not a result of `identify` ({type(error).__name__}: {error}); give its "
-            "result.json"
-        ) from None
-    table, model = read_flow(case, options)
-    if (table is None) != (flow is None):
-        raise CaseError(f"{path}: servo axis and force-driven axis do not go together")
-    if case.flow_map_path is not None and model is not None:
-        _check_map(case.flow_map_path, expected, path)
-    axis = make_axis(case, model).with_effects(*(catalogue_effect(n, model) for n in effects))
-    unknown = sorted(set(values) - set(axis.parameters.names))
-    missing = sorted(set(axis.parameters.names) - set(values))
-    if unknown or missing:
-        raise CaseError(
-            f"{path}: parameters do not match the axis of {case.folder}: "
-            f"{', '.join(unknown + missing)}"
-        )
-    return axis.with_parameters(values)
-
-
-def effects_in(content: Any) -> tuple[str, ...]:
-    """Return the names of the effects of a result's model; files of 0.1 may have no model."""
-    model = content.get("model")
-    return () if model is None else tuple(str(name) for name in model["effects"])
-
-
-def _degrees(content: Any) -> tuple[int, int, int] | None:
-    if content is None:  # a form without degrees
-        return None
-    first, second, third = (int(degree) for degree in content)
-    return first, second, third
-
-
 def _each_record(alone: RecordEstimates | None) -> dict[str, Any] | None:
     if alone is None:
         return None
@@ -244,36 +178,6 @@ def _model(axis: Axis) -> dict[str, Any] | None:
         return None
 
 
-def _check_map(flow_map: Path, expected: str | None, result: Path) -> None:
-    if sha256(flow_map) != expected:
-        raise CaseError(
-            f"{flow_map}: not the flow map that {result} was identified with; copy that map here, "
-            "or identify this case anew"
-        )
-
-
-def result_path(path: str | Path) -> Path:
-    """Return the file of a result, given itself or its folder."""
-    path = Path(path)
-    return path / "result.json" if path.is_dir() else path
-
-
-def read_result(path: Path) -> Any:
-    """Return the content of a `result.json`.
-
-    Raises
-    ------
-    CaseError
-        If there is no such file, or it is no JSON.
-    """
-    try:
-        return json.loads(path.read_text("utf-8"))
-    except FileNotFoundError:
-        raise CaseError(f"{path}: no such file; `identify` writes result.json") from None
-    except (OSError, ValueError) as error:
-        raise CaseError(f"{path}: not a readable JSON file ({error})") from None
-
-
 def _estimates(result: OutputErrorResult, names: Any) -> dict[str, dict[str, Any]]:
     estimates = {}
     for name in names:
@@ -286,7 +190,7 @@ def _estimates(result: OutputErrorResult, names: Any) -> dict[str, dict[str, Any
         }
         note = None
         if name not in result.uncertainty.names:
-            note = "held fixed"
+            note = HELD
         elif name in result.uncertainty.at_bound:
             note = "held by a bound; the interval is one-sided"
         elif not math.isfinite(entry["std"]):

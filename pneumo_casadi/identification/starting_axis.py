@@ -1,7 +1,9 @@
 """The axis to identify: effects added, parameters held, and where the fit starts."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
+
+import numpy as np
 
 from pneumo_casadi.data import Case
 from pneumo_casadi.effects import EFFECTS
@@ -130,32 +132,30 @@ def _refuse_unknown(axis: Axis, options: IdentifyOptions) -> None:
         raise ModelError(f"{', '.join(both)}: held and started from another value; give one")
 
 
-def options_at(
-    options: IdentifyOptions, axis: Axis, free: Mapping[str, bool] | None = None
+def started_from(
+    options: IdentifyOptions, axis: Axis, values: Mapping[str, float], held: Collection[str]
 ) -> IdentifyOptions:
-    """Return options that start from all parameters of an axis, with its effects.
+    """Return options that start from known values, moved into the bounds of the axis.
 
     Parameters
     ----------
     options : IdentifyOptions
-        What else is chosen.
+        What else is chosen, effects included.
     axis : Axis
-        Whose effects and values are taken; its held parameters of the axis and of effects stay
-        held.
-    free : mapping of str to bool, optional
-        Which of the parameters to start from; the others are held. By default as in the axis.
+        That of the options.
+    values : mapping of str to float
+        Parameters of axis, effects and flow map [SI]; the width v_s is passed over.
+    held : collection of str
+        Those to hold at their value. Flow coefficients that the axis holds are passed over.
     """
-    kept = [item for item in axis.parameters if item.name != "v_s"]
-    flow = set(axis.flow_parameters)
-    is_free = {item.name: item.free for item in kept} | dict(free or {})
-    return replace(
-        options,
-        effects=tuple(effect.name for effect in axis.effects),
-        start_values={item.name: item.value for item in kept if is_free[item.name]},
-        fixed={
-            item.name: item.value
-            for item in kept
-            if not is_free[item.name] and item.name not in flow
-        },
-        refine_flow=options.refine_flow and (not flow or any(is_free[name] for name in flow)),
-    )
+    start: dict[str, float] = {}
+    fixed: dict[str, float] = {}
+    for item in axis.parameters:
+        if item.name not in values or item.name == "v_s":
+            continue
+        value = float(np.clip(values[item.name], item.lower, item.upper))
+        if item.name in held:
+            fixed[item.name] = value
+        elif item.free or item.name not in axis.flow_parameters:
+            start[item.name] = value
+    return replace(options, start_values=start, fixed=fixed)

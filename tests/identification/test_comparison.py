@@ -7,7 +7,8 @@ from dataclasses import replace
 import pytest
 
 from pneumo_casadi.errors import CaseError
-from pneumo_casadi.identification.comparison import Comparison, compare
+from pneumo_casadi.identification.compare import compare
+from pneumo_casadi.identification.comparison import Comparison
 from pneumo_casadi.identification.result_file import result_dict
 from pneumo_casadi.report.pages.report import write_report
 from pneumo_casadi.report.tables.comparison import comparison_tables

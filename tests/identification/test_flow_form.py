@@ -8,7 +8,8 @@ import pytest
 from pneumo_casadi.data import read_case
 from pneumo_casadi.identification.flow_form import read_flow, resolve_flow_form
 from pneumo_casadi.identification.options import IdentifyOptions
-from pneumo_casadi.identification.result_file import read_axis, result_dict
+from pneumo_casadi.identification.read_result import read_axis
+from pneumo_casadi.identification.result_file import result_dict
 from pneumo_casadi.identification.warnings import result_warnings
 from pneumo_casadi.report.tables.flow_form import flow_form_tables
 from pneumo_casadi.runtime.json_files import write_json

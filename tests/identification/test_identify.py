@@ -13,8 +13,9 @@ from pneumo_casadi.errors import CaseError, FitError
 from pneumo_casadi.estimation.output_error import OutputErrorOptions
 from pneumo_casadi.identification.identify import identify, read_truth
 from pneumo_casadi.identification.options import FORCE_WINDOW, IdentifyOptions
+from pneumo_casadi.identification.read_result import read_axis
 from pneumo_casadi.identification.result import Identification
-from pneumo_casadi.identification.result_file import read_axis, result_dict
+from pneumo_casadi.identification.result_file import result_dict
 from pneumo_casadi.identification.warnings import result_warnings
 from pneumo_casadi.runtime.json_files import write_json
 from pneumo_casadi.valve import FlowForm

@@ -5,8 +5,9 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from pneumo_casadi.data import Recording
+from pneumo_casadi.estimation.flow_anchor import flow_scale_std
 from pneumo_casadi.estimation.output_error import OutputErrorResult
-from pneumo_casadi.identification.warnings.grading import ResultWarning, limited
+from pneumo_casadi.identification.warnings.grading import SIGMAS, ResultWarning, limited
 from pneumo_casadi.valve import FlowMap, FormSelection
 
 
@@ -46,7 +47,7 @@ def flow_map_warnings(
     )
     yield from limited(
         "map scale",
-        abs(deviation.scale - 1),
+        abs(deviation.scale - 1) - SIGMAS * flow_scale_std(result.axis.bench),
         "flow_map",
         f"The trajectories have multiplied all flows of the map by {deviation.scale:.4f}, more "
         "than the accuracy of a flow meter.",

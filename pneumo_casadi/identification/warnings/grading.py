@@ -88,7 +88,8 @@ LIMITS: Mapping[str, Limit] = MappingProxyType(
             severe=3.0,
         ),
         "map scale": Limit(
-            "distance from 1 of the factor by which the trajectories move all flows [1]",
+            "distance from 1 of the factor by which the trajectories move all flows, beyond what "
+            "the bench states of the meter [1]",
             "accuracy of a flow meter, 2 %; five times of it is no error of the meter",
             caution=0.02,
             severe=0.1,
