@@ -17,6 +17,7 @@ __version__ = "0.1.0"
 #: exceptions, stay in their subpackages: ``pc.errors.CaseError``, ``pc.diagnosis.Verdict``.
 _SOURCES = {
     "data": ("Case", "Recording", "example_case", "read_case", "write_case"),
+    "data.check": ("check",),
     "design": ("ExperimentRequest", "design_experiment"),
     "diagnosis": ("Diagnosis",),
     "diagnosis.diagnose": ("diagnose",),
@@ -58,6 +59,7 @@ __all__ = [
     "Recording",
     "Servosystem",
     "__version__",
+    "check",
     "compare",
     "design_experiment",
     "diagnose",
@@ -81,6 +83,7 @@ __all__ = [
 TYPE_CHECKING = False  # as in `typing`, whose import would take longer than all of this
 if TYPE_CHECKING:
     from pneumo_casadi.data import Case, Recording, example_case, read_case, write_case
+    from pneumo_casadi.data.check import check
     from pneumo_casadi.design import ExperimentRequest, design_experiment
     from pneumo_casadi.diagnosis import Diagnosis
     from pneumo_casadi.diagnosis.diagnose import diagnose

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from pneumo_casadi import __version__
+from pneumo_casadi.cli.check import check
 from pneumo_casadi.cli.compare import compare
 from pneumo_casadi.cli.design import design
 from pneumo_casadi.cli.diagnose import diagnose
@@ -45,6 +46,7 @@ def _common(
 
 for _command in (
     demo,
+    check,
     identify,
     validate,
     simulate,

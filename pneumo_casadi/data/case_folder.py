@@ -73,7 +73,22 @@ def read_case(
     >>> case.name, case.bench.stroke, case.identify[0].names
     ('table1', 0.5, ('u_P', 'u_N', 'p_P', 'p_N', 'x', 'x_ref'))
     """
-    folder = Path(folder)
+    refuse = True if check else None
+    return _read(Path(folder), refuse, hold, columns)
+
+
+def inspect_case(folder: str | Path) -> Case:
+    """Read a case folder as `read_case` does, contradictions of records being severe findings."""
+    return _read(Path(folder), False, InputHold.ZERO, None)
+
+
+def _read(
+    folder: Path,
+    refuse: bool | None,
+    hold: InputHold,
+    columns: Mapping[str, ColumnSpec] | None,
+) -> Case:
+    """Read a case; `refuse` as in `check_records`, None to leave the checks out."""
     if (folder / EMPS_FILE).is_file() and not (folder / "bench.json").exists():
         return read_emps(folder)
     if not folder.is_dir():
@@ -90,12 +105,13 @@ def read_case(
         for role in ("identify", "validate")
     }
     bench, findings = _with_signals(bench, [*records["identify"], *records["validate"]])
-    if check:
+    if refuse is not None:
         findings += check_records(
             (*records["identify"], *records["validate"]),
             bench,
             metered_flows(folder),
             ColumnEntries(columns or {}),
+            refuse,
         )
     flow_map = folder / "flow_map.csv"
     return Case(

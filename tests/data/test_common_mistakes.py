@@ -6,11 +6,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneumo_casadi.data import EXAMPLE, Grade, read_case, write_case
-from pneumo_casadi.errors import CaseError
+from pneumo_casadi.cli import app as cli
+from pneumo_casadi.data import EXAMPLE, Column, Grade, check_records, read_case, write_case
+from pneumo_casadi.data.bench.controllers import NoController
+from pneumo_casadi.data.checks.column_entries import ColumnEntries
+from pneumo_casadi.data.checks.metered_flow import metered_flows
+from pneumo_casadi.data.checks.timing import rows_late_by_pressures
 
 PRACTICE = ("p01_none", "p02_stribeck", "p07_heat_transfer", "p13_none_5kHz_60s")
-SUBJECTS = (*PRACTICE, "example")
+#: The records at 5 kHz take a second to write and read.
+SUBJECTS = (
+    *PRACTICE[:3],
+    *(pytest.param(name, marks=pytest.mark.slow) for name in (PRACTICE[3], "example")),
+)
 #: A valve of clearly other size or supply for each of them.
 OTHER_VALVE = {
     "p01_none": "p02_stribeck",
@@ -56,24 +64,25 @@ def late(rows):
     ).window(record.t[5], record.t[-6])
 
 
-#: Change of the record -> name of the finding, and the suggestion that undoes it.
+#: Change of the record, and words of the first line.
 RECORD_MISTAKES = {
     "gauge pressures": (
         lambda bench: mapped(lambda p: p - bench.p_ext, "p_P", "p_N"),
-        "gauge pressures",
-        "columns.json",
+        "look like gauge pressures",
     ),
-    "bar": (lambda bench: mapped(lambda p: 1e-5 * p, "p_P", "p_N"), "in bar", "columns.json"),
-    "swapped pressures": (lambda bench: swapped("p_P", "p_N"), "swapped?", "columns.json"),
-    "sign of u": (lambda bench: mapped(np.negative, "u_P", "u_N"), "swapped, or", "columns.json"),
-    "u one row late": (lambda bench: late(1), "1 row late", "columns.json"),
-    "u two rows early": (lambda bench: late(-2), "2 rows early", "columns.json"),
+    "bar": (lambda bench: mapped(lambda p: 1e-5 * p, "p_P", "p_N"), "is it in bar"),
+    "swapped pressures": (
+        lambda bench: swapped("p_P", "p_N"),
+        "`p_P_Pa` and `p_N_Pa` (chambers P and N) swapped?",
+    ),
+    "sign of u": (lambda bench: mapped(np.negative, "u_P", "u_N"), "swapped, or the valves"),
+    "u one row late": (lambda bench: late(1), "are 1 row late"),
+    "u two rows early": (lambda bench: late(-2), "are 2 rows early"),
     "position from the end": (
         lambda bench: mapped(lambda x: x + bench.stroke / 2, "x", "x_ref"),
         "from the end of the stroke",
-        "columns.json",
     ),
-    "position reversed": (lambda bench: mapped(np.negative, "x", "x_ref"), "wrong way", ""),
+    "position reversed": (lambda bench: mapped(np.negative, "x", "x_ref"), "count the wrong way"),
 }
 
 
@@ -86,45 +95,113 @@ def write(folder, case, records=None, bench=None, flow_map=None):
     )
 
 
-def first_of(folder, columns=None):
-    """Return the grade and the sentence with which reading a case begins."""
-    try:
-        case = read_case(folder, columns=columns)
-    except CaseError as error:
-        return Grade.SEVERE, str(error)
-    return (case.findings[0].grade, case.findings[0].sentence) if case.findings else (None, "")
+def checked(folder, capsys):
+    """Return exit code and first line of ``check --strict``, line breaks taken out."""
+    code = cli.run(["check", str(folder), "--strict"])
+    first, *_ = capsys.readouterr().out.split("\n\n")
+    return code, " ".join(first.split())
 
 
 @pytest.mark.parametrize("mistake", RECORD_MISTAKES)
 @pytest.mark.parametrize("name", SUBJECTS)
-def test_a_mistake_is_named_first_and_its_remedy_works(name, mistake, subject, tmp_path):
+def test_a_mistake_is_named_first_and_its_remedy_works(name, mistake, subject, tmp_path, capsys):
     case = subject(name)
-    damage, words, _ = RECORD_MISTAKES[mistake]
+    damage, words = RECORD_MISTAKES[mistake]
     record = damage(case.bench)(case.identify[0])
     write(tmp_path / "case", case, [record])
-    grade, sentence = first_of(tmp_path / "case")
-    assert grade is Grade.SEVERE and words in sentence
-    pasted = json.loads("{" + sentence.partition("In columns.json: ")[2] + "}")
+    code, first = checked(tmp_path / "case", capsys)
+    assert code == 3 and "do not use" in first and words in first
+    pasted = json.loads("{" + first.partition("In columns.json: ")[2] + "}")
     (tmp_path / "case" / "columns.json").write_text(json.dumps(pasted), "utf-8")
     assert pasted and read_case(tmp_path / "case").findings == ()
 
 
 @pytest.mark.parametrize("name", SUBJECTS)
-def test_swapped_areas_are_named_first_and_the_remedy_works(name, subject, tmp_path):
+def test_swapped_areas_are_named_first_and_the_remedy_works(name, subject, tmp_path, capsys):
     case = subject(name)
     wrong = replace(case.bench, S_P=case.bench.S_N, S_N=case.bench.S_P)
     write(tmp_path / "case", case, bench=wrong)
-    grade, sentence = first_of(tmp_path / "case")
-    assert grade is Grade.SEVERE and "look swapped" in sentence
-    remedy = json.loads("{" + sentence.partition("In bench.json: ")[2] + "}")
+    code, first = checked(tmp_path / "case", capsys)
+    assert code == 3 and "look swapped" in first
+    remedy = json.loads("{" + first.partition("In bench.json: ")[2] + "}")
     assert remedy == {"S_P_m2": case.bench.S_P, "S_N_m2": case.bench.S_N}
 
 
 @pytest.mark.parametrize("name", SUBJECTS)
-def test_the_map_of_another_valve_is_named_first(name, subject, folders, tmp_path):
+def test_the_map_of_another_valve_is_named_first(name, subject, folders, tmp_path, capsys):
     other = folders[OTHER_VALVE[name]] / "flow_map.csv"
     write(tmp_path / "case", subject(name), flow_map=other)
-    grade, sentence = first_of(tmp_path / "case")
-    assert (
-        grade is Grade.SEVERE and "map of another valve" in sentence
-    ) or "of this valve" in sentence
+    code, first = checked(tmp_path / "case", capsys)
+    assert code == 3 and ("map of another valve" in first or "map of this valve" in first)
+
+
+@pytest.mark.parametrize("name", SUBJECTS)
+def test_a_gauge_supply_pressure_is_named_first(name, subject, tmp_path, capsys):
+    case = subject(name)
+    bench = case.bench
+    write(tmp_path / "case", case, bench=replace(bench, p_supply=bench.p_supply - bench.p_ext))
+    code, first = checked(tmp_path / "case", capsys)
+    assert code == 3 and "is `p_supply` a gauge pressure?" in first
+
+
+def test_chambers_above_the_supply_are_named(subject):
+    case = subject("example")
+    low = replace(case.bench, p_supply=5e5)
+    (finding,) = check_records(case.identify, low)
+    assert finding.name == "chambers above supply" and finding.grade is Grade.SEVERE
+    assert "up to 6.53" in finding.text
+
+
+@pytest.mark.parametrize("name", PRACTICE[:3])
+@pytest.mark.parametrize("rows", [0, 1, 2])
+def test_without_a_law_the_pressures_tell_that_u_is_late(name, rows, folders):
+    case = read_case(folders[name])
+    bench = replace(case.bench, controller=NoController())
+    findings = check_records([late(rows)(case.identify[0])], bench)
+    assert [finding.name for finding in findings] == (["delay of u"] if rows else [])
+    assert not rows or f"are {rows} row" in findings[0].text
+
+
+@pytest.mark.parametrize("set_of_cases", ["practice", "practice_more"])
+def test_without_a_law_no_command_on_time_is_called_late(set_of_cases, data_folder):
+    folders = [path for path in (data_folder / set_of_cases).iterdir() if path.is_dir()]
+    for folder in folders:
+        case = read_case(folder, check=False)
+        assert not [r for r in (*case.identify, *case.validate) if rows_late_by_pressures(r)]
+
+
+@pytest.mark.parametrize("name", SUBJECTS)
+@pytest.mark.parametrize("force", [-150.0, 150.0])
+def test_a_constant_load_is_no_mistake(name, force, subject):
+    """A weight of 15 kg moves one pressure; nothing else of the record changes."""
+    case = subject(name)
+    record = case.identify[0]
+    loaded = record.with_channels({"p_P": record["p_P"] + force / case.bench.S_P})
+    assert not [f for f in check_records([loaded], case.bench) if f.grade is Grade.SEVERE]
+
+
+@pytest.mark.parametrize("name", ["p02_stribeck", "example"])
+def test_gauge_pressures_are_seen_without_a_flow_map(name, subject):
+    case = subject(name)
+    gauge = mapped(lambda p: p - case.bench.p_ext, "p_P", "p_N")(case.identify[0])
+    assert check_records(case.identify, case.bench) == ()
+    assert check_records([gauge], case.bench)[0].name == "gauge pressures"
+
+
+def test_a_clipped_channel_is_named(subject):
+    case = subject("example")
+    limit = float(np.quantile(case.identify[0]["p_N"], 0.95))
+    clipped = mapped(lambda p: np.minimum(p, limit), "p_N")(case.identify[0])
+    names = {finding.name for finding in check_records([clipped], case.bench)}
+    assert "clipped channel" in names
+
+
+def test_suggestions_go_on_from_the_columns_as_they_are(subject):
+    case = subject("example")
+    gauge = mapped(lambda p: p - case.bench.p_ext, "p_P", "p_N")(case.identify[0])
+    entries = ColumnEntries({"pA": (Column("p_P", 1e5),), "pB": (Column("p_N", 7.0, 5.0),)})
+    finding = check_records([gauge], case.bench, metered_flows(case.folder), entries)[0]
+    assert finding.suggestion == {
+        "p_P_Pa": {"column": "pA", "unit": "bar", "offset": 100000},
+        "p_N_Pa": {"column": "pB", "scale": 7, "offset": 100005},
+    }

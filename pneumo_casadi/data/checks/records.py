@@ -9,7 +9,7 @@ from pneumo_casadi.data.bench.bench import Bench
 from pneumo_casadi.data.bench.driven_bench import AnyBench
 from pneumo_casadi.data.checks.chambers import cannot_tell, check_chambers
 from pneumo_casadi.data.checks.column_entries import ColumnEntries
-from pneumo_casadi.data.checks.finding import Finding, Grade, merge_findings
+from pneumo_casadi.data.checks.finding import ContradictionError, Finding, Grade, merge_findings
 from pneumo_casadi.data.checks.force_balance import check_force_balance
 from pneumo_casadi.data.checks.mass_balance import check_mass_balances
 from pneumo_casadi.data.checks.metered_flow import MeteredFlow
@@ -72,21 +72,52 @@ def check_records(
     bench: AnyBench,
     flows: Mapping[str, MeteredFlow] = _NO_FLOWS,
     entries: ColumnEntries | None = None,
+    refuse: bool = True,
 ) -> tuple[Finding, ...]:
     """Check all records of a case; see `check_recording`.
+
+    Parameters
+    ----------
+    recordings : iterable of Recording
+        All of them.
+    bench, flows, entries
+        As in `check_recording`.
+    refuse : bool, optional
+        Whether a contradiction is an error, as by default, or a severe finding.
 
     Returns
     -------
     tuple of Finding
-        The gravest first; what several records have in common is one finding. Also logged.
+        The gravest first; what several records have in common is one finding. Logged as
+        warnings, unless contradictions are findings: then they are the result.
     """
-    by_record = [check_recording(recording, bench, flows, entries) for recording in recordings]
+    by_record = [
+        check_recording(recording, bench, flows, entries)
+        if refuse
+        else _check_willingly(recording, bench, flows, entries)
+        for recording in recordings
+    ]
     findings = merge_findings(
         _unless_doubtful(finding, by_record) for findings in by_record for finding in findings
     )
-    for finding in findings:
+    for finding in findings if refuse else ():
         log.warning("%s: %s", finding.grade, finding.sentence)
     return findings
+
+
+def _check_willingly(
+    recording: Recording,
+    bench: AnyBench,
+    flows: Mapping[str, MeteredFlow],
+    entries: ColumnEntries | None,
+) -> tuple[Finding, ...]:
+    """Return the findings of a record, a contradiction among them."""
+    try:
+        return check_recording(recording, bench, flows, entries)
+    except ContradictionError as error:
+        return (error.finding,)
+    except CaseError as error:
+        return (Finding(Grade.SEVERE, "contradiction", "record", str(error)),)
 
 
 def _unless_doubtful(finding: Finding, by_record: Sequence[Sequence[Finding]]) -> Finding:
@@ -119,7 +150,7 @@ def _findings(
         yield from check_chambers(record, entries)
         yield from check_mass_balances(record, bench, flows, entries)
         yield from check_force_balance(record, bench)
-        yield from check_timing(record, bench, flows, entries)
+        yield from check_timing(recording, bench, entries)
 
 
 def _check_channels(recording: Recording, bench: AnyBench) -> None:

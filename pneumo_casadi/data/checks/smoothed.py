@@ -1,7 +1,7 @@
 """A record as the balances need it: means over blocks, low-passed, with their rates."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
@@ -109,9 +109,7 @@ class SmoothedRecord:
         chosen = np.unique(np.linspace(0, rows - 1, ROWS_OF_FLOW).round().astype(int))
         k = (rows * np.arange(self.smooth.blocks)[:, None] + chosen).ravel()
         u, p = (self.recording[f"{name}_{chamber}"][k] for name in "up")
-        return BlockMeans(chosen.size, self.smooth.blocks, self.smooth.dt)(
-            flow(u, p + pressure_offset)
-        )
+        return replace(self.smooth, rows=chosen.size)(flow(u, p + pressure_offset))
 
     @property
     def inner(self) -> slice:
@@ -119,10 +117,15 @@ class SmoothedRecord:
         return slice(EDGE_BLOCKS, self.smooth.blocks - EDGE_BLOCKS)
 
 
+def block_means(recording: Recording) -> BlockMeans:
+    """Return what smooths the channels of a recording, blocks of about 5 ms."""
+    rows = max(1, round(BLOCK / recording.dt))
+    return BlockMeans(rows, recording.N // rows, rows * recording.dt)
+
+
 def smoothed_record(recording: Recording) -> SmoothedRecord | None:
     """Return the smoothed record, or None where it is shorter than half a second."""
-    rows = max(1, round(BLOCK / recording.dt))
-    smooth = BlockMeans(rows, recording.N // rows, rows * recording.dt)
+    smooth = block_means(recording)
     if smooth.blocks < FEWEST_BLOCKS:
         return None
     x = smooth(recording["x"])

@@ -4,7 +4,7 @@ Row k holds what the controller made of the same row. A loop that logs the comma
 computed the new one has u one row late.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -12,8 +12,6 @@ from pneumo_casadi.data.bench.bench import Bench
 from pneumo_casadi.data.bench.controllers import ProportionalController
 from pneumo_casadi.data.checks.column_entries import ColumnEntries
 from pneumo_casadi.data.checks.finding import Finding, Grade
-from pneumo_casadi.data.checks.metered_flow import MeteredFlow
-from pneumo_casadi.data.checks.smoothed import SmoothedChamber, SmoothedRecord, least_squares
 from pneumo_casadi.data.recording.recording import Recording
 from pneumo_casadi.parameters import FloatArray
 
@@ -25,24 +23,23 @@ near the one stated. One row off leaves a hundred times more wherever the refere
 LAW_HOLDS, FEWEST_ROWS, SLIGHTLY_SMALLER = 1e-3, 1000, 0.95
 """Where the law explains all but this share of the variance, only rounding is left, and so many
 rows tell it from misfit: then a slight difference is enough, as slow motion gives it."""
-ACAUSAL = 0.2
-"""Time by which pressures may lead the command, over the sample time. Nothing leads its cause;
-errors of the balance move the estimate by up to 0.1 rows, a late row moves it by one."""
+JUMP, JUMP_SHARE = 12.0, 0.03
+"""A step of the command: over the usual difference of neighbours, and over the range."""
+ROWS_BEFORE = 20
+"""Rows before a step from which the pressure is continued; steps lie further apart than that."""
+FEWEST_STEPS = 10
+CERTAIN = 5.0
+"""Mean answer of the pressures over its standard error: p < 1e-6, rows and steps looked at."""
 
 
-def check_timing(
-    record: SmoothedRecord, bench: Bench, flows: Mapping[str, MeteredFlow], entries: ColumnEntries
-) -> Iterator[Finding]:
+def check_timing(recording: Recording, bench: Bench, entries: ColumnEntries) -> Iterator[Finding]:
     """Yield a finding where the commands are late or early."""
-    recording = record.recording
     if isinstance(bench.controller, ProportionalController) and "x_ref" in recording:
         rows = rows_late_by_law(recording, bench.controller)
         evidence = "gain (x_ref − x) fits best so"
-    elif {"P", "N"} <= flows.keys():
-        rows = 1 if _pressures_lead(record, flows) else 0
-        evidence = "the pressures answer before it"
     else:
-        return
+        rows = rows_late_by_pressures(recording)
+        evidence = "the pressures answer before its steps"
     if rows:
         suggestion: dict[str, object] = {}
         for channel in ("u_P", "u_N"):
@@ -96,22 +93,45 @@ def _unexplained(law: FloatArray, u: FloatArray) -> float:
     return 1.0 - float(law @ u) ** 2 / norm if norm > 0 else 1.0
 
 
-def _pressures_lead(record: SmoothedRecord, flows: Mapping[str, MeteredFlow]) -> bool:
-    leads = [_lead(record, record.chambers[name], flows[name]) for name in "PN"]
-    return min(leads) > ACAUSAL * record.recording.dt
+def rows_late_by_pressures(recording: Recording) -> int:
+    """Return by how many rows the command is late because pressures answer before its steps.
 
+    A step in row k acts from t[k] on, so the first pressure that can differ is that of row k + 1.
+    Each pressure is continued as a straight line from before the step; what it deviates by, signed
+    as the step, is averaged over the steps of both commands.
 
-def _lead(record: SmoothedRecord, chamber: SmoothedChamber, flow: MeteredFlow) -> float:
-    """Return the time by which a chamber's pressure answers before the command [s].
+    Parameters
+    ----------
+    recording : Recording
+        With u_P, u_N [V], p_P and p_N [Pa].
 
-    The mass balance q(t + δ) = X_1 ṗ + X_2 x ṗ + X_3 p ẋ, to first order in the lead δ.
+    Returns
+    -------
+    int
+        0 where the record has few steps, or the pressures answer later.
     """
-    inner, q_m = record.inner, record.flow(flow, chamber.name)
-    columns = [
-        chamber.p_rate,
-        record.x * chamber.p_rate,
-        record.v * chamber.p,
-        -np.gradient(q_m, record.smooth.dt),
-    ]
-    coefficients, _ = least_squares([column[inner] for column in columns], q_m[inner])
-    return float(coefficients[-1])
+    answers = np.concatenate([_answers(recording, chamber) for chamber in "PN"])
+    if len(answers) < FEWEST_STEPS:
+        return 0
+    for row in range(1, MOST_ROWS + 1):  # column MOST_ROWS is the row of the step itself
+        rise = answers[:, row] - answers[:, :row].mean(axis=1)
+        if rise.mean() > CERTAIN * rise.std() / np.sqrt(len(rise)):
+            return MOST_ROWS + 1 - row
+    return 0
+
+
+def _answers(recording: Recording, chamber: str) -> FloatArray:
+    """Return the signed deviations of a pressure around each step, (steps, 2 MOST_ROWS + 1)."""
+    u, p = recording[f"u_{chamber}"], recording[f"p_{chamber}"]
+    differences = np.diff(u)
+    usual = float(np.median(np.abs(differences)))
+    large = np.abs(differences) > max(JUMP * usual, JUMP_SHARE * float(np.ptp(u)))
+    k = np.flatnonzero(large) + 1
+    k = k[(k > ROWS_BEFORE) & (k < recording.N - MOST_ROWS)]
+    k = k[np.diff(k, prepend=-ROWS_BEFORE - 1) > ROWS_BEFORE]
+    before, around = np.arange(-ROWS_BEFORE, -MOST_ROWS), np.arange(-MOST_ROWS, MOST_ROWS + 1)
+    line = np.linalg.pinv(np.column_stack([np.ones(before.size), before]))
+    level, slope = line @ p[k[:, None] + before].T
+    deviation = p[k[:, None] + around] - level[:, None] - slope[:, None] * around
+    signed: FloatArray = np.sign(differences[k - 1])[:, None] * deviation
+    return signed
