@@ -2,11 +2,12 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from pneumo_casadi.data import read_case
 from pneumo_casadi.effects import EFFECTS
-from pneumo_casadi.errors import ModelError
+from pneumo_casadi.errors import FitError, ModelError
 from pneumo_casadi.estimation.wls import fit_wls
 from pneumo_casadi.identification.flow_form import read_flow
 from pneumo_casadi.identification.options import IdentifyOptions
@@ -84,6 +85,20 @@ def test_a_start_releases_what_an_effect_holds_by_default(case, flow):
     axis, _, start = started(case, flow, effects=("valve_dynamics",), start_values={name: 0.001})
     assert name in axis.parameters.free_names and start.parameters[name].value == 0.001
     assert name not in started(case, flow, effects=("valve_dynamics",))[0].parameters.free_names
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_every_effect_of_a_servo_axis_can_be_added(case, flow, name):
+    effect = EFFECTS[name]
+    if "drive" in effect().junctions:
+        pytest.skip("acts on a force-driven axis")
+    if name == "constant_force":  # F_c_plus and F_c_minus hold it already
+        with pytest.raises(FitError, match=r"Fix constant_force\.F_0"):
+            started(case, flow, effects=(name,))
+        return
+    _, wls, start = started(case, flow, effects=(name,))
+    assert np.isfinite(start.parameters.values).all()
+    assert set(wls.names) >= {f"X_s{i}" for i in range(1, 7)}
 
 
 @pytest.mark.parametrize(

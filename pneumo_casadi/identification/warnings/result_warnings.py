@@ -161,15 +161,24 @@ def _of_misfit(
 
 
 def _of_intervals(wls: WLSResult, result: OutputErrorResult) -> Iterator[ResultWarning]:
-    output_error, least_squares = inflation(result), float(np.max(wls.std_hac / wls.std))
-    yield from limited(
-        "widening",
-        max(output_error, least_squares),
-        "intervals",
-        "The residuals are correlated in time. The intervals of tables and figures allow for it; "
-        f"`std` in result.json does not, and is up to {output_error:.1f} times too small for "
-        f"output error, {least_squares:.1f} times for WLS: use `std_robust` and `std_hac`.",
-    )
+    factors = {
+        "output error": (inflation(result), "std_robust"),
+        "WLS": (float(np.max(wls.std_hac / wls.std)), "std_hac"),
+    }
+    limit = LIMITS["widening"]
+    narrow = {fit: known for fit, known in factors.items() if limit.grade(known[0]) is not None}
+    if narrow:
+        named = ", ".join(
+            f"up to {factor:.1f} times too small for {fit} (use `{better}`)"
+            for fit, (factor, better) in narrow.items()
+        )
+        yield from limited(
+            "widening",
+            max(factor for factor, _ in narrow.values()),
+            "intervals",
+            "The residuals are correlated in time. The intervals of tables and figures allow for "
+            f"it; `std` in result.json does not, and is {named}.",
+        )
 
 
 def _of_records(each: RecordEstimates | None) -> Iterator[ResultWarning]:

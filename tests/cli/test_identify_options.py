@@ -1,0 +1,145 @@
+"""Options of ``identify``, ``validate`` and ``compare`` that choose a model or refuse a result."""
+
+import importlib
+import json
+import shutil
+from dataclasses import replace
+
+import pandas as pd
+import pytest
+
+from pneumo_casadi.cli import app as cli
+from pneumo_casadi.cli.options import time_and_values, values_of
+from pneumo_casadi.data import Grade
+from pneumo_casadi.errors import CaseError
+from pneumo_casadi.identification.result_file import result_dict
+from pneumo_casadi.identification.warnings import ResultWarning
+from pneumo_casadi.runtime.json_files import write_json
+
+#: The module; as an attribute of its package the name is the function's.
+MODULE = importlib.import_module("pneumo_casadi.identification.identify")
+
+
+@pytest.fixture
+def given(quick, monkeypatch):
+    """An identification in the place of the fit, and no figures; what it was asked for."""
+    asked = []
+
+    def identify(case, options, progress):
+        asked.append(options)
+        return replace(quick, warnings=given_warnings)
+
+    given_warnings: tuple[ResultWarning, ...] = ()
+    monkeypatch.setattr(MODULE, "identify", identify)
+    monkeypatch.setattr("pneumo_casadi.report.pages.write._figures_of", lambda result: ())
+
+    def with_warnings(*grades):
+        nonlocal given_warnings
+        given_warnings = tuple(ResultWarning(g, "physics", "it is heavy.") for g in grades)
+        return asked
+
+    return with_warnings
+
+
+def test_effects_held_parameters_and_starts_reach_the_identification(tmp_path, given):
+    asked = given()
+    arguments = ["--with", "stribeck", "--with", "hose", "--fix", "M=16.4", "--together"]
+    arguments += ["--start", "10", "--start", "k_P=1.2", "--end", "12"]
+    assert cli.run(["identify", "case", "-o", str(tmp_path / "out"), *arguments]) == 0
+    (options,) = asked
+    assert options.effects == ("stribeck", "hose")
+    assert options.fixed == {"M": 16.4} and options.start_values == {"k_P": 1.2}
+    assert (options.start, options.end, options.each_record) == (10.0, 12.0, False)
+
+
+@pytest.mark.parametrize(
+    ("texts", "words"),
+    [
+        (["M"], "--fix M: expected NAME=VALUE"),
+        (["M=heavy"], "--fix M=heavy"),
+        (["M=inf"], "--fix M=inf"),
+        (["M=1", "M=2"], "each name once"),
+        (["=1"], "NAME=VALUE"),
+    ],
+)
+def test_what_is_no_value_is_told(texts, words):
+    with pytest.raises(CaseError, match=words):
+        values_of("--fix", texts)
+
+
+def test_two_times_to_start_from_are_refused():
+    with pytest.raises(CaseError, match="--start 1 --start 2: expected one time"):
+        time_and_values(["1", "2"])
+    assert time_and_values(["M=16"]) == (None, {"M": 16.0})
+
+
+@pytest.mark.parametrize(
+    ("grades", "usable", "code"),
+    [
+        ([], "yes", 0),
+        ([Grade.NOTE], "yes", 0),
+        ([Grade.CAUTION, Grade.NOTE], "with care", 0),
+        ([Grade.SEVERE, Grade.CAUTION], "no", 3),
+    ],
+)
+def test_strict_refuses_what_is_not_to_be_used(tmp_path, capsys, given, grades, usable, code):
+    given(*grades)
+    out, file = tmp_path / "out", tmp_path / "r.json"
+    arguments = ["identify", "case", "-o", str(out), "--json", str(file)]
+    assert cli.run(arguments) == 0
+    lead = {"yes": "Usable: ", "with care": "Usable with care: ", "no": "Do not use: it is heavy."}
+    assert capsys.readouterr().out.startswith(lead[usable])
+    assert cli.run([*arguments, "--strict"]) == code
+    content = json.loads(file.read_text("utf-8"))
+    assert content["usable"] == usable
+    assert [item["grade"] for item in content["warnings"]] == [grade.value for grade in grades]
+    for name in ("table.txt", "report.html"):  # a refused result is written all the same
+        assert lead[usable] in (out / name).read_text("utf-8")
+
+
+@pytest.fixture
+def short_case(embedded, tmp_path):
+    """The embedded case with a held-out record of one second."""
+    folder = tmp_path / "short"
+    shutil.copytree(embedded, folder)
+    frame = pd.read_csv(folder / "validate.csv.gz")
+    frame.iloc[:5000].to_csv(folder / "validate.csv.gz", index=False)
+    return folder
+
+
+def test_validate_takes_a_folder_and_refuses_what_is_far_off(quick, short_case, tmp_path, capsys):
+    result = tmp_path / "result"
+    write_json(result_dict(quick), result / "result.json")
+    file = tmp_path / "v.json"
+    arguments = ["validate", str(short_case), "-p", str(result), "--strict", "--json", str(file)]
+    assert cli.run(arguments) == 0
+    assert capsys.readouterr().out.startswith("Usable")
+    assert json.loads(file.read_text("utf-8"))["usable"] == "yes"
+    content = result_dict(quick)
+    for name in ("X_s1", "X_s4"):  # twice the volume of both chambers
+        content["output_error"]["parameters"][name]["value"] *= 2
+    write_json(content, result / "result.json")
+    assert cli.run(arguments) == 3
+    assert capsys.readouterr().out.startswith("Do not use: On held-out records the simulation")
+
+
+def test_compare_prints_what_moved_and_writes_json(quick, tmp_path, capsys):
+    content = result_dict(quick)
+    write_json(content, tmp_path / "before" / "result.json")
+    content["output_error"]["parameters"]["M"]["value"] *= 1.1
+    content["folder"] = str(tmp_path / "gone")
+    write_json(content, tmp_path / "after" / "result.json")
+    pair = [str(tmp_path / "before"), str(tmp_path / "after")]
+    out, file = tmp_path / "out", tmp_path / "c.json"
+    assert cli.run(["compare", *pair, "-o", str(out), "--json", str(file)]) == 0
+    text = " ".join(capsys.readouterr().out.split())
+    assert "before and after: 1 parameter differs by more than 3 σ, most M (+10 %" in text
+    assert "after: its records are not simulated" in text
+    compared = json.loads(file.read_text("utf-8"))
+    assert compared == json.loads((out / "comparison.json").read_text("utf-8"))
+    assert [item["name"] for item in compared["differences"] if item["moved"]] == ["M"]
+
+
+def test_compare_needs_two(tmp_path, capsys):
+    assert cli.run(["compare", str(tmp_path)]) == 2
+    assert "two or more" in capsys.readouterr().err

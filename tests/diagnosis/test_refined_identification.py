@@ -1,0 +1,65 @@
+"""The final model of a diagnosis as a result that other commands take."""
+
+import json
+
+import pytest
+
+from pneumo_casadi.cli import app as cli
+from pneumo_casadi.data import write_case
+from pneumo_casadi.diagnosis import EffectFound, Verdict, diagnose, options_of_diagnosis
+from pneumo_casadi.diagnosis import refined_identification as module
+from pneumo_casadi.effects import EFFECTS
+from pneumo_casadi.errors import FitError
+from pneumo_casadi.export import read_model
+from pneumo_casadi.identification.read_result import read_axis
+from pneumo_casadi.report.pages.diagnosis import write_diagnosis
+
+
+def test_the_options_start_from_the_nominal_fit_where_no_effect_is_named(quick_diagnosis, quick):
+    assert quick_diagnosis.verdict is Verdict.NONE
+    options = options_of_diagnosis(quick.case, quick_diagnosis)
+    assert options.effects == () and options.fixed == {}
+    assert options.flow_form is quick_diagnosis.flow_selection.chosen
+    assert options.start_values["M"] == quick_diagnosis.nominal["M"].value
+    assert "v_s" not in options.start_values
+
+
+def test_windows_are_taken_where_whole_records_do_not_converge(quick_diagnosis, quick, monkeypatch):
+    tried = []
+
+    def identify(case, options, progress):
+        tried.append(options.output_error)
+        if options.output_error.window is None:
+            raise FitError("no step helps")
+        return quick
+
+    monkeypatch.setattr(module, "identify", identify)
+    assert module.refine_diagnosis(quick.case, quick_diagnosis) is quick
+    assert [options.window for options in tried] == [None, 0.5]
+
+
+@pytest.mark.slow
+def test_the_final_model_goes_from_diagnosis_to_validation_simulation_and_export(
+    made_case, tmp_path
+):
+    whole = made_case(3, stribeck="medium")
+    fitted, held_out = whole.identify[0].window(1.0, 4.0), whole.validate[0].window(1.0, 3.0)
+    case = write_case(tmp_path / "case", whole.bench, [fitted], [held_out], whole.flow_map_path)
+    few = {name: EFFECTS[name] for name in ("stribeck",)}
+    diagnosis = diagnose(case, few)
+    assert [effect.name for effect in diagnosis.effects] == ["stribeck"]
+    assert isinstance(diagnosis.effects[0], EffectFound)
+    refined = module.refine_diagnosis(case, diagnosis)
+    assert refined.output_error.status == "converged"
+    folder = write_diagnosis(diagnosis, tmp_path / "report", few, refined=refined)
+    content = json.loads((folder / "result.json").read_text("utf-8"))
+    assert content["output_error"]["parameters"]["stribeck.delta_F"]["std"] > 0
+    assert content["usable"] in ("yes", "with care")
+    axis = read_axis(folder, case)
+    assert axis.parameters.as_dict() == refined.axis.parameters.as_dict()
+    assert read_model(folder).axis.parameters.as_dict() == axis.parameters.as_dict()
+    records = str(case.folder)
+    assert cli.run(["validate", records, "-p", str(folder), "--strict"]) == 0
+    assert cli.run(["simulate", records, "-p", str(folder), "-o", str(tmp_path / "run")]) == 0
+    assert cli.run(["export", str(folder), "-f", "json", "-o", str(tmp_path / "model")]) == 0
+    assert cli.run(["compare", str(folder), str(folder)]) == 0

@@ -1,0 +1,100 @@
+"""Several records: the estimates from each beside those of all, and their spread."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pneumo_casadi.data import Grade, read_case
+from pneumo_casadi.estimation.output_error import RecordEstimates
+from pneumo_casadi.identification.identify import identify
+from pneumo_casadi.identification.options import IdentifyOptions
+from pneumo_casadi.identification.result_file import result_dict
+from pneumo_casadi.identification.warnings import result_warnings
+from pneumo_casadi.report.tables.results import record_table, tables_of
+from pneumo_casadi.valve import FlowForm
+
+
+def estimates(*masses, std=0.1, joint_std=0.0, failed=()):
+    """Return estimates of a mass from records, and of a friction on which all agree."""
+    n = len(masses)
+    values = np.column_stack([masses, np.full(n, 10.0)])
+    return RecordEstimates(
+        tuple(f"run_{i + 1}" for i in range(n)),
+        ("M", "f_v"),
+        values,
+        np.full((n, 2), std),
+        values.mean(axis=0),
+        np.full(2, joint_std),
+        failed,
+    )
+
+
+def warned(quick, alone):
+    """Return the warnings that the estimates from single records add."""
+    fit = (quick.case, quick.records, quick.flow_map, quick.wls, quick.output_error)
+    plain = result_warnings(*fit, quick.validation)
+    return [
+        item for item in result_warnings(*fit, quick.validation, None, alone) if item not in plain
+    ]
+
+
+def test_records_that_agree_within_their_intervals_are_no_warning(quick):
+    assert warned(quick, estimates(16.9, 17.0, 16.95)) == []
+
+
+def test_records_that_lie_apart_are_a_caution_with_the_factor(quick):
+    alone = estimates(16.0, 17.0, 18.0)
+    (warning,) = warned(quick, alone)
+    assert warning.grade is Grade.CAUTION
+    assert f"M ({alone.spread('M'):.1f})" in warning.text and "f_v" not in warning.text
+
+
+def test_the_interval_of_all_records_counts_too(quick):
+    assert warned(quick, estimates(16.0, 17.0, 18.0, joint_std=1.0)) == []
+
+
+def test_a_record_that_cannot_be_fitted_alone_is_a_note(quick):
+    (warning,) = warned(quick, estimates(16.9, failed=("run_2",)))
+    assert warning.grade is Grade.NOTE and "run_2 could not be fitted" in warning.text
+
+
+def test_a_record_without_an_interval_is_left_out():
+    alone = estimates(16.9, 30.0)
+    std = alone.std.copy()
+    std[1, 0] = np.inf
+    some = replace(alone, std=std, joint_values=np.array([16.9, 10.0]))
+    assert some.spread("M") == 0.0
+    assert replace(some, std=np.full((2, 2), np.inf)).spread("M") is None
+
+
+def test_chance_is_exceeded_in_few_cases_of_a_hundred():
+    rng = np.random.default_rng(1)
+    draws = [estimates(*rng.normal(17.0, 0.1, 4)) for _ in range(400)]
+    # The joint estimate shares the noise of its records, so that fewer exceed the limit.
+    assert np.mean([alone.excess("M") > 1 for alone in draws]) <= 0.01
+
+
+@pytest.mark.slow
+def test_two_records_stand_beside_all(embedded):
+    case = read_case(embedded)
+    records = tuple(case.identify[0].window(start, start + 1.5) for start in (5.0, 10.0))
+    options = IdentifyOptions(FlowForm.POLYNOMIALS, windows=(0.5,), refine_flow=False)
+    both = replace(case, identify=records, validate=())
+    result = identify(both, options)
+    assert result.each_record is not None
+    assert result.each_record.records == tuple(record.name for record in records)
+    for name in ("M", "X_s3"):
+        assert result.each_record.spread(name) < 4
+        low, high = result.output_error.interval(name, robust=True)
+        assert (
+            low
+            < np.mean(result.each_record.values, axis=0)[result.each_record.names.index(name)]
+            < high + (high - low)
+        )
+    table = record_table(result)
+    assert table in tables_of(result)
+    assert table.columns[2:5] == ("all records", *result.each_record.records)
+    content = result_dict(result)["each_record"]
+    assert content["spread"]["M"] == result.each_record.spread("M")
+    assert identify(both, replace(options, each_record=False)).each_record is None
