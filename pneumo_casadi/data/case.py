@@ -31,6 +31,9 @@ class Case(Presentable):
         it.
     findings : tuple of Finding
         What the checks report of data that were accepted, the gravest first.
+    flow_map_N_path : Path, optional
+        File of the map of chamber N's valve where the two valves differ; `flow_map_path` is then
+        that of chamber P's.
 
     Raises
     ------
@@ -51,6 +54,7 @@ class Case(Presentable):
     validate: tuple[Recording, ...] = ()
     flow_map_path: Path | None = None
     findings: tuple[Finding, ...] = ()
+    flow_map_N_path: Path | None = None
 
     def __post_init__(self) -> None:
         if not self.identify:
@@ -66,8 +70,7 @@ class Case(Presentable):
         """Files that it was read from, in order; those that are no longer there are left out."""
         records = {Path(record.source) for record in (*self.identify, *self.validate)}
         candidates = {self.folder / "bench.json", self.folder / "columns.json", *records}
-        if self.flow_map_path is not None:
-            candidates.add(self.flow_map_path)
+        candidates |= {path for path in (self.flow_map_path, self.flow_map_N_path) if path}
         return tuple(sorted(path for path in candidates if path.is_file()))
 
     @property

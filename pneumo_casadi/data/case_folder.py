@@ -45,7 +45,8 @@ def read_case(
 
     A case folder holds ``bench.json``, one or more records ``identify*`` and any number of records
     ``validate*`` (.csv, .csv.gz, .mat, .parquet; in the order of their names), and
-    ``flow_map.csv`` where the valve was metered.
+    ``flow_map.csv`` where the valve was metered, or ``flow_map_P.csv`` and ``flow_map_N.csv`` where
+    the two valves differ.
 
     Parameters
     ----------
@@ -113,14 +114,15 @@ def _read(
             ColumnEntries(columns or {}),
             refuse,
         )
-    flow_map = folder / "flow_map.csv"
+    maps = _flow_maps(folder)
     return Case(
         folder,
         bench,
         records["identify"],
         records["validate"],
-        flow_map if flow_map.is_file() else None,
+        maps[0],
         merge_findings(findings),
+        maps[1],
     )
 
 
@@ -150,6 +152,20 @@ def _with_signals(
         if name not in record
     )
     return (replace(bench, signals=frozenset(shared)) if shared else bench), findings
+
+
+def _flow_maps(folder: Path) -> tuple[Path | None, Path | None]:
+    """Return the map of both valves, or of chamber P's and of chamber N's where they differ."""
+    shared, P, N = (folder / f"flow_map{end}.csv" for end in ("", "_P", "_N"))
+    own = P.is_file() or N.is_file()
+    if own and not (P.is_file() and N.is_file()):
+        missing = N if P.is_file() else P
+        raise CaseError(f"{missing}: no such file; give the map of both valves, or flow_map.csv")
+    if own and shared.is_file():
+        raise CaseError(f"{shared}: stands beside {P.name} and {N.name}; keep one or the other")
+    if own:
+        return P, N
+    return (shared if shared.is_file() else None), None
 
 
 def _record_files(folder: Path, role: str) -> list[Path]:
@@ -185,6 +201,7 @@ def write_case(
     identify: Sequence[Recording],
     validate: Sequence[Recording] = (),
     flow_map: str | Path | Mapping[str, ArrayLike] | None = None,
+    flow_map_N: str | Path | Mapping[str, ArrayLike] | None = None,
 ) -> Case:
     """Write a case folder that `read_case` reads back, number for number.
 
@@ -201,6 +218,8 @@ def write_case(
         One record gives ``identify.csv.gz``, several ``identify_1.csv.gz`` and so on.
     flow_map : path or mapping of str to (n,) array, optional
         ``flow_map.csv`` to copy, or its columns by name.
+    flow_map_N : path or mapping of str to (n,) array, optional
+        The map of the valve of chamber N where the valves differ; `flow_map` is then P's.
 
     Returns
     -------
@@ -234,12 +253,14 @@ def write_case(
         for role, records in (("identify", identify), ("validate", validate)):
             for name, recording in zip(_file_names(role, len(records)), records, strict=True):
                 _write_csv(draft / name, _columns(recording))
-        if isinstance(flow_map, Mapping):
-            _write_csv(draft / "flow_map.csv", flow_map)
-        elif flow_map is not None:
-            shutil.copyfile(flow_map, draft / "flow_map.csv")
-    path = folder / "flow_map.csv"
-    return Case(folder, bench, tuple(identify), tuple(validate), path if path.exists() else None)
+        end = "" if flow_map_N is None else "_P"
+        for name, table in ((f"flow_map{end}.csv", flow_map), ("flow_map_N.csv", flow_map_N)):
+            if isinstance(table, Mapping):
+                _write_csv(draft / name, table)
+            elif table is not None:
+                shutil.copyfile(table, draft / name)
+    maps = _flow_maps(folder)
+    return Case(folder, bench, tuple(identify), tuple(validate), maps[0], flow_map_N_path=maps[1])
 
 
 def _file_names(role: str, count: int) -> list[str]:

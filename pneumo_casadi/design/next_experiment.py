@@ -125,8 +125,11 @@ def design_experiment(
     request = request or ExperimentRequest()
     case, fit = identification.case, identification.output_error
     flow_map, records = identification.flow_map, identification.records
-    if not isinstance(case.bench, Bench) or flow_map is None:
-        raise CaseError(f"{case.folder}: experiments are designed for servo axes only")
+    if not isinstance(case.bench, Bench) or not isinstance(flow_map, FlowMap):
+        raise CaseError(
+            f"{case.folder}: experiments are designed for servo axes with two equal valves and "
+            "one measured flow map only"
+        )
     options = _options(case.bench, records, flow_map, request)
     recorded = [recorded_reference(record) for record in records]
     report = progress or no_progress

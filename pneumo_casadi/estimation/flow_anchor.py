@@ -11,7 +11,7 @@ residuals belong to the same problem:
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import casadi as ca
@@ -22,7 +22,8 @@ from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.effect import Effect, Scope
 from pneumo_casadi.model.junctions import Expression, Pair
 from pneumo_casadi.parameters import FloatArray, Parameters
-from pneumo_casadi.valve import FlowMap
+from pneumo_casadi.valve import AnyFlowMap, FlowMap, FlowMapPair
+from pneumo_casadi.valve.flow_pair import valve_of
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -174,11 +175,29 @@ def join_anchors(parts: Sequence[Anchor]) -> Anchor:
             priors.append((e[part.n_points :], wide[part.n_points :, :]))
     stacked = [ca.vertcat(*column) for column in zip(*rows, *priors, strict=True)]
     n_prior = sum(part.n_prior for part in parts)
-    return Anchor(ca.Function("anchors", [c], stacked), names, fitted, n_prior)
+    residual = ca.Function("anchors", [c], stacked)
+    return Anchor(residual, names, fitted, n_prior, _join_scatter(parts, names))
+
+
+def _join_scatter(parts: Sequence[Anchor], names: Sequence[str]) -> ca.Function | None:
+    """Return the residuals of all measured points of several maps; None without any."""
+    maps = [(part, part.scatter) for part in parts if part.scatter is not None]
+    if not maps:
+        return None
+    c = ca.MX.sym("c", len(names))
+    rows, slopes = [], []
+    for part, scatter in maps:
+        at = [names.index(name) for name in part.names]
+        e, J = scatter(c[at])
+        wide = ca.MX.zeros(J.shape[0], len(names))
+        wide[:, at] = J
+        rows.append(e)
+        slopes.append(wide)
+    return ca.Function("scatter", [c], [ca.vertcat(*rows), ca.vertcat(*slopes)])
 
 
 def anchor_flow(
-    axis: Axis, flow_map: FlowMap | None, effects: Sequence[Effect] | None = None
+    axis: Axis, flow_map: AnyFlowMap | None, effects: Sequence[Effect] | None = None
 ) -> Anchor | None:
     """Return what fixes the scale of the flows of an axis; None where nothing does.
 
@@ -186,8 +205,8 @@ def anchor_flow(
     ----------
     axis : Axis
         Its bench says where the flow of the valves comes from.
-    flow_map : FlowMap, optional
-        The measured map, where the valves were metered.
+    flow_map : FlowMap or FlowMapPair, optional
+        The measured map, where the valves were metered; two where they differ.
     effects : sequence of Effect, optional
         By default those of the axis.
     """
@@ -195,8 +214,17 @@ def anchor_flow(
     if not isinstance(bench, Bench):
         return None
     valves = bench.valves
+    chosen = axis.effects if effects is None else effects
+    if isinstance(flow_map, FlowMapPair):
+        parts = []
+        for chamber, table, valve in zip("PN", flow_map, valves, strict=True):
+            model, _ = valve_of(axis.flow, chamber)
+            own = set(model.parameters.names)
+            part = anchor_to_flow_map(table, model, effects=chosen, accuracy=valve.accuracy)
+            names = tuple(f"{name}_{chamber}" if name in own else name for name in part.names)
+            parts.append(replace(part, names=names))
+        return join_anchors(parts)
     if flow_map is not None:
-        chosen = axis.effects if effects is None else effects
         accuracy = valves.P.accuracy
         return anchor_to_flow_map(flow_map, axis.flow, effects=chosen, accuracy=accuracy)
     if valves.metered:

@@ -10,9 +10,13 @@ from pneumo_casadi.estimation.equation_error.conductances import estimate_conduc
 from pneumo_casadi.identification.options import IdentifyOptions
 from pneumo_casadi.valve import (
     PAPER_DEGREES,
+    AnyFlowMap,
+    AnyFlowModel,
     FlowForm,
     FlowMap,
+    FlowMapPair,
     FlowModel,
+    FlowPair,
     FormSelection,
     choose_flow_form,
     fit_iso6358,
@@ -44,24 +48,25 @@ def resolve_flow_form(
     if options.flow_form is not None:
         selection = FormSelection.given(options.flow_form, options.degrees)
     else:
-        table = _read_table(case, case.bench)
+        table, _ = _read_tables(case, case.bench)
         selection = choose_flow_form(table, T=case.bench.T, degrees=options.degrees)
     return replace(options, flow_form=selection.chosen, degrees=selection.degrees), selection
 
 
 def read_flow(
     case: Case, options: IdentifyOptions, records: Sequence[Recording] | None = None
-) -> tuple[FlowMap | None, FlowModel | None]:
+) -> tuple[AnyFlowMap | None, AnyFlowModel | None]:
     """Read the flow map of a servo axis and fit the form asked for, or the one chosen.
 
-    For an unmetered valve, write down what the data sheet states; where it states nothing,
-    `records` (by default all to identify on) give the conductances.
+    Where the two valves differ, the form that suits chamber P's valve is fitted to both. For an
+    unmetered valve, write down what the data sheet states; where it states nothing, `records` (by
+    default all to identify on) give the conductances.
 
     Returns
     -------
     tuple
-        Measured table and model; no table for an unmetered valve, neither for an axis without
-        valves.
+        Measured table and model, a pair of each where the valves differ; no table for an
+        unmetered valve, neither for an axis without valves.
 
     Raises
     ------
@@ -79,22 +84,35 @@ def read_flow(
         FlowForm.SPLINE: fit_spline,
         FlowForm.ISO6358: partial(fit_iso6358, T=case.bench.T),
     }
-    table = _read_table(case, case.bench)
-    return table, fits[chosen.flow_form](table)
+    fit = fits[chosen.flow_form]
+    table, table_N = _read_tables(case, case.bench)
+    if table_N is None:
+        return table, fit(table)
+    return FlowMapPair(table, table_N), FlowPair(fit(table), fit(table_N))
 
 
-def _unmetered(bench: Bench, records: Sequence[Recording]) -> FlowModel:
-    valve = bench.valves.P
-    unknown = valve.source is FlowSource.NONE
+def _unmetered(bench: Bench, records: Sequence[Recording]) -> AnyFlowModel:
+    if any(valve.source is FlowSource.METERED for valve in bench.valves):
+        raise CaseError(
+            "`valve`: one valve is metered and the other is not; write the source of both as "
+            '"data sheet" or "none", or meter both'
+        )
+    unknown = any(valve.source is FlowSource.NONE for valve in bench.valves)
     gains = estimate_conductances(bench, records) if unknown else None
-    return iso6358_from_data_sheet(bench, valve, gains)
+    P, N = (iso6358_from_data_sheet(bench, valve, gains) for valve in bench.valves)
+    return P if bench.valves.P == bench.valves.N else FlowPair(P, N)
 
 
-def _read_table(case: Case, bench: Bench) -> FlowMap:
+def _read_tables(case: Case, bench: Bench) -> tuple[FlowMap, FlowMap | None]:
     if case.flow_map_path is None:
         raise CaseError(
             f"{case.folder}: no flow_map.csv, but bench.json does not say that the valve is not "
             'metered; add the map (columns u_V,p_Pa,q_m_kg_per_s), or write "valve": '
             '{"source": "none"} or the data sheet\'s C and b'
         )
-    return read_flow_map(case.flow_map_path, p_supply=bench.p_supply, p_ext=bench.p_ext)
+    P, N = (
+        None if path is None else read_flow_map(path, p_supply=bench.p_supply, p_ext=bench.p_ext)
+        for path in (case.flow_map_path, case.flow_map_N_path)
+    )
+    assert P is not None
+    return P, N

@@ -18,7 +18,14 @@ from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.model.servosystem import nominal_axis
 from pneumo_casadi.parameters import FloatArray, Parameter, Parameters
-from pneumo_casadi.valve import FlowISO6358, FlowModel, FlowPolynomials, FlowSpline
+from pneumo_casadi.valve import (
+    AnyFlowModel,
+    FlowISO6358,
+    FlowModel,
+    FlowPair,
+    FlowPolynomials,
+    FlowSpline,
+)
 
 _FORMS: dict[str, type[Any]] = {
     "polynomials": FlowPolynomials,
@@ -55,6 +62,10 @@ _PARTS: dict[str, dict[str, Callable[[Any], Any]]] = {
         "laminar_ratio": float,
     },
 }
+
+
+#: Form of the flow of two valves that differ.
+PAIR = "pair"
 
 
 def axis_dict(axis: Axis) -> dict[str, Any]:
@@ -149,7 +160,9 @@ def axis_from_dict(content: Any) -> Axis:
         raise CaseError(f"no model of an axis ({error})") from None
 
 
-def _flow_dict(flow: FlowModel) -> dict[str, Any]:
+def _flow_dict(flow: AnyFlowModel) -> dict[str, Any]:
+    if isinstance(flow, FlowPair):
+        return {"form": PAIR, "P": _flow_dict(flow.P), "N": _flow_dict(flow.N)}
     form = next((name for name, kind in _FORMS.items() if type(flow) is kind), None)
     if form is None:
         raise ModelError(
@@ -165,8 +178,10 @@ def _flow_dict(flow: FlowModel) -> dict[str, Any]:
     return content
 
 
-def _flow(content: Mapping[str, Any], items: list[Parameter]) -> FlowModel:
+def _flow(content: Mapping[str, Any], items: list[Parameter]) -> AnyFlowModel:
     form = content["form"]
+    if form == PAIR:
+        return FlowPair(*(_flow(content[c], _of_valve(items, c)) for c in ("P", "N")))
     if form not in _FORMS:
         raise CaseError(f"flow map of form {form!r}; known are {', '.join(_FORMS)}")
     parts = {name: read(content[name]) for name, read in _PARTS[form].items()}
@@ -179,7 +194,15 @@ def _flow(content: Mapping[str, Any], items: list[Parameter]) -> FlowModel:
     return flow
 
 
-def _effect(name: Any, flow: FlowModel | None, names: Collection[str]) -> Effect:
+def _of_valve(items: list[Parameter], chamber: str) -> list[Parameter]:
+    """Return the coefficients of one of two valves that differ, as its own model names them."""
+    end = f"_{chamber}"
+    return [
+        replace(item, name=item.name.removesuffix(end)) for item in items if item.name.endswith(end)
+    ]
+
+
+def _effect(name: Any, flow: AnyFlowModel | None, names: Collection[str]) -> Effect:
     """Return the effect whose parameters are among the names: a shape may be local or not."""
     if name not in EFFECTS:
         raise CaseError(f"effect {name!r} is not of the catalogue; known are {', '.join(EFFECTS)}")
@@ -188,12 +211,12 @@ def _effect(name: Any, flow: FlowModel | None, names: Collection[str]) -> Effect
     return local if fits else general
 
 
-def _forms(name: str, flow: FlowModel | None) -> tuple[Effect, Effect]:
+def _forms(name: str, flow: AnyFlowModel | None) -> tuple[Effect, Effect]:
     """Return an effect for a valve with this flow map, and as it is without one."""
     return catalogue_effect(name, flow), EFFECTS[name]()
 
 
-def _held_by_file(effect: Effect, flow: FlowModel | None) -> bool:
+def _held_by_file(effect: Effect, flow: AnyFlowModel | None) -> bool:
     """Tell whether the name of an effect is enough to make it again."""
     return effect.name in EFFECTS and any(
         type(effect) is type(known) and vars(effect) == vars(known)

@@ -43,17 +43,18 @@ def read_axis(path: str | Path, case: Case) -> Axis:
         if flow is not None:
             options = IdentifyOptions(FlowForm(flow["form"]), _degrees(flow["degrees"]))
         effects = effects_in(content)
-        expected = content["provenance"]["sha256"].get("flow_map.csv")
+        hashes = dict(content["provenance"]["sha256"])
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise CaseError(
             f"{path}: not a result of `identify` ({type(error).__name__}: {error}); give its "
             "result.json"
         ) from None
     table, model = read_flow(case, options)
-    if (table is None) != (flow is None):
+    if (model is None) != (flow is None):
         raise CaseError(f"{path}: servo axis and force-driven axis do not go together")
-    if case.flow_map_path is not None and model is not None:
-        _check_map(case.flow_map_path, expected, path)
+    for file in (case.flow_map_path, case.flow_map_N_path):
+        if file is not None and table is not None:
+            _check_map(file, hashes.get(file.name), path)
     axis = make_axis(case, model).with_effects(*(catalogue_effect(n, model) for n in effects))
     unknown = sorted(set(values) - set(axis.parameters.names))
     missing = sorted(set(axis.parameters.names) - set(values))

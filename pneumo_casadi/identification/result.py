@@ -19,7 +19,7 @@ from pneumo_casadi.identification.warnings import (
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.runtime.presentation import Presentable
 from pneumo_casadi.validation import Validation
-from pneumo_casadi.valve import FlowMap, FlowModel, FormSelection
+from pneumo_casadi.valve import AnyFlowMap, AnyFlowModel, FormSelection
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -77,8 +77,8 @@ class Identification(Presentable):
     case: Case
     options: IdentifyOptions
     records: tuple[Recording, ...]
-    flow_map: FlowMap | None
-    flow: FlowModel | None
+    flow_map: AnyFlowMap | None
+    flow: AnyFlowModel | None
     flow_selection: FormSelection | None
     wls: WLSResult
     output_error: OutputErrorResult

@@ -28,12 +28,14 @@ def result_dict(identification: Identification) -> dict[str, Any]:
     is None, with a ``note`` beside it.
     """
     flow = None
-    if identification.flow is not None and identification.flow_selection is not None:
-        degrees = identification.flow_selection.degrees
+    if identification.flow is not None:
+        selection = identification.flow_selection  # None for an unmetered valve
+        degrees = None if selection is None else selection.degrees
+        form = FlowForm.ISO6358 if selection is None else selection.chosen
         flow = {
-            "form": identification.flow_selection.chosen.value,
+            "form": form.value,
             "degrees": None if degrees is None else list(degrees),
-            "selection": identification.flow_selection.as_dict(),
+            "selection": None if selection is None else selection.as_dict(),
             "p_range": list(identification.flow.p_range),
             "sigma": identification.flow.sigma,
             "parameters": _estimates(

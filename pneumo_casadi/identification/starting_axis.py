@@ -15,13 +15,13 @@ from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.model.servosystem import nominal_axis
 from pneumo_casadi.parameters import Parameters
-from pneumo_casadi.valve import FlowModel
+from pneumo_casadi.valve import AnyFlowModel
 
 #: X_s1 and X_s4, V(0)/(k r T): with k they change as X_s2 and X_s5 do, S/(k r T).
 _VOLUME_OF = {"X_s2": "X_s1", "X_s5": "X_s4"}
 
 
-def make_axis(case: Case, flow: FlowModel | None) -> Axis:
+def make_axis(case: Case, flow: AnyFlowModel | None) -> Axis:
     """Make the nominal axis of a case, of the kind that its bench says."""
     try:
         return nominal_axis(case.bench, flow)
@@ -29,7 +29,7 @@ def make_axis(case: Case, flow: FlowModel | None) -> Axis:
         raise ModelError(f"{case.folder}: {error}") from None
 
 
-def catalogue_effect(name: str, flow: FlowModel | None) -> Effect:
+def catalogue_effect(name: str, flow: AnyFlowModel | None) -> Effect:
     """Return an effect of the catalogue, as a valve with this flow map shows it.
 
     Raises
@@ -44,7 +44,7 @@ def catalogue_effect(name: str, flow: FlowModel | None) -> Effect:
     return effect() if metered is None else effect.on_metered(*metered)()
 
 
-def axis_of_options(case: Case, flow: FlowModel | None, options: IdentifyOptions) -> Axis:
+def axis_of_options(case: Case, flow: AnyFlowModel | None, options: IdentifyOptions) -> Axis:
     """Return the axis to identify: nominal, with the effects added and the parameters held.
 
     Raises

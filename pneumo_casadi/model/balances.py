@@ -12,6 +12,7 @@ import casadi as ca
 from pneumo_casadi.data import AxisKind
 from pneumo_casadi.model.effect import Effect, Scope
 from pneumo_casadi.model.junctions import Expression, Pair, Supply
+from pneumo_casadi.valve.flow_pair import valve_of
 
 #: Lower limit of the pressure at a port of the valve after all effects [Pa].
 P_LEAST = 1e3
@@ -253,14 +254,15 @@ def _valve_flow(
     outlet = fold.through("outlet", p)
     coefficients = ca.vertcat(*(theta[name] for name in flow.parameters.names))
 
-    def q_m(voltage: Expression, pressure: Expression) -> Expression:
+    def q_m(chamber: str, voltage: Expression, pressure: Expression) -> Expression:
+        valve, rows = valve_of(flow, chamber)
         if ports is metered:
-            return flow.expression(voltage, pressure, coefficients)
+            return valve.expression(voltage, pressure, coefficients[rows])
         filling = ca.fmax(ports.p_supply, P_LEAST) / metered.p_supply
         emptying = ca.fmax(ports.p_ext, P_LEAST) / metered.p_ext
-        return flow.expression_at(voltage, pressure, coefficients, filling, emptying)
+        return valve.expression_at(voltage, pressure, coefficients[rows], filling, emptying)
 
-    q = Pair(q_m(opening.P, outlet.P), q_m(opening.N, outlet.N))
+    q = Pair(q_m("P", opening.P, outlet.P), q_m("N", opening.N, outlet.N))
     return Pair(*fold.through("valve_flow", q))
 
 

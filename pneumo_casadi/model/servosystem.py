@@ -7,13 +7,13 @@ from pneumo_casadi.errors import ModelError
 from pneumo_casadi.model.axis import V_S_SHARP, Axis
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.parameters import Parameter, Parameters
-from pneumo_casadi.valve import FlowModel
+from pneumo_casadi.valve import AnyFlowModel
 
 #: Width of the smoothed sign of the velocity at which a model starts [m/s].
 V_S = 1e-3
 
 
-def Servosystem(bench: Bench, flow: FlowModel, effects: Iterable[Effect] = ()) -> Axis:
+def Servosystem(bench: Bench, flow: AnyFlowModel, effects: Iterable[Effect] = ()) -> Axis:
     """Make the two-valve pneumatic axis of eq. 1-4.
 
     Parameters
@@ -21,7 +21,8 @@ def Servosystem(bench: Bench, flow: FlowModel, effects: Iterable[Effect] = ()) -
     bench : Bench
         Geometry, pressures and gas.
     flow : flow model
-        Static map of the valves, for example from ``fit_polynomials``.
+        Static map of the valves, for example from ``fit_polynomials``; a `FlowPair` where they
+        differ.
     effects : iterable of Effect, optional
         Physics to add to the nominal axis, at null values.
 
@@ -81,7 +82,9 @@ def PressureAxis(bench: PressureBench, effects: Iterable[Effect] = ()) -> Axis:
     return Axis(bench, None, (), nominal).with_effects(*effects)
 
 
-def nominal_axis(bench: AnyBench, flow: FlowModel | None, effects: Iterable[Effect] = ()) -> Axis:
+def nominal_axis(
+    bench: AnyBench, flow: AnyFlowModel | None, effects: Iterable[Effect] = ()
+) -> Axis:
     """Make the axis of the kind that its bench says.
 
     Parameters

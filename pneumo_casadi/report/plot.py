@@ -46,7 +46,7 @@ from pneumo_casadi.report.figures.style import (
     thin,
 )
 from pneumo_casadi.validation import Validation
-from pneumo_casadi.valve import FlowMap, FlowModel
+from pneumo_casadi.valve import FlowMap, FlowModel, each_valve
 
 
 def recording(recording: Recording, channels: Sequence[str] = ("x",)) -> Figure:
@@ -167,8 +167,8 @@ def _needed(there: bool, what: str) -> None:
 
 def _flow(result: Identification) -> tuple[FlowMap, FlowModel]:
     if result.flow_map is None or result.flow is None:
-        raise ModelError("nothing to plot: a force-driven axis has no flow map")
-    return result.flow_map, result.flow
+        raise ModelError("nothing to plot: no flow map was measured")
+    return next(iter(each_valve(result.flow_map, result.flow).values()))
 
 
 def _evidence(diagnosis: Diagnosis) -> Evidence:

@@ -4,6 +4,13 @@ from pneumo_casadi.valve.data_sheet import iso6358_from_data_sheet
 from pneumo_casadi.valve.degree_selection import DegreeSelection, select_degrees
 from pneumo_casadi.valve.flow_map import FlowMap, read_flow_map
 from pneumo_casadi.valve.flow_model import FlowModel, edge_slopes, flow_function
+from pneumo_casadi.valve.flow_pair import (
+    AnyFlowMap,
+    AnyFlowModel,
+    FlowMapPair,
+    FlowPair,
+    each_valve,
+)
 from pneumo_casadi.valve.form_selection import (
     PAPER_DEGREES,
     FlowForm,
@@ -26,11 +33,15 @@ from pneumo_casadi.valve.spline import FlowSpline, fit_spline
 
 __all__ = [
     "PAPER_DEGREES",
+    "AnyFlowMap",
+    "AnyFlowModel",
     "DegreeSelection",
     "FlowForm",
     "FlowISO6358",
     "FlowMap",
+    "FlowMapPair",
     "FlowModel",
+    "FlowPair",
     "FlowPolynomials",
     "FlowSpline",
     "FormError",
@@ -40,6 +51,7 @@ __all__ = [
     "Reason",
     "ResidualMap",
     "choose_flow_form",
+    "each_valve",
     "edge_slopes",
     "fit_iso6358",
     "fit_orifice",

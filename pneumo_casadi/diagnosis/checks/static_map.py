@@ -7,6 +7,7 @@ import numpy as np
 from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.estimation.output_error.result import FlowMapDeviation, flow_map_deviation
 from pneumo_casadi.model.effect import Effect
+from pneumo_casadi.valve import FlowMap, FlowModel, each_valve
 
 
 def map_deviation(
@@ -35,8 +36,12 @@ def map_misfit(study: Study) -> float | None:
     anchor, table = study.anchor, study.flow_map
     if anchor is None or anchor.scatter is None or table is None:
         return None
-    scatter = anchor.scatter(study.axis.flow.parameters.values)[0]
-    e = np.asarray(scatter, dtype=float).ravel() * study.axis.flow.sigma
+    shares = [_misfit(*parts) for parts in each_valve(table, study.axis.flow).values()]
+    return max((share for share in shares if share is not None), default=None)
+
+
+def _misfit(table: FlowMap, flow: FlowModel) -> float | None:
+    e = -flow.residuals(table)
     explained, count = 0.0, 0
     middle, half = (table.p.max() + table.p.min()) / 2, max(np.ptp(table.p) / 2, 1.0)
     for u in np.unique(table.u):

@@ -41,8 +41,8 @@ class Store:
                 digest.update(name.encode())
                 digest.update(np.ascontiguousarray(values).tobytes())
         known = study.flow_map
-        if known is not None:
-            for part in (known.u, known.p, known.q_m, known.p_supply, known.p_ext):
+        for table in () if known is None else (known if isinstance(known, tuple) else (known,)):
+            for part in (table.u, table.p, table.q_m, table.p_supply, table.p_ext):
                 digest.update(np.asarray(part, dtype=float).tobytes())
         words = (__version__, study.axis.bench, study.axis.parameters.as_dict())
         digest.update(repr(words).encode())

@@ -19,7 +19,7 @@ from pneumo_casadi.estimation.wls import fit_wls
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.parameters import FloatArray
-from pneumo_casadi.valve import FlowMap
+from pneumo_casadi.valve import AnyFlowMap
 
 #: Width of the smoothed sign of the velocity; slower rows are left out [m/s].
 V_S = 1e-3
@@ -51,7 +51,7 @@ class Study:
     """
 
     axis: Axis
-    flow_map: FlowMap | None
+    flow_map: AnyFlowMap | None
     train: tuple[Recording, ...]
     held_out: tuple[Recording, ...]
 
@@ -89,7 +89,7 @@ class Study:
 
 def start_study(
     axis: Axis,
-    flow_map: FlowMap | None,
+    flow_map: AnyFlowMap | None,
     train: Sequence[Recording],
     held_out: Sequence[Recording],
 ) -> Study:

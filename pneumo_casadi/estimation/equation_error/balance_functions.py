@@ -16,7 +16,8 @@ from pneumo_casadi.model.balances import Balances, write_balances
 from pneumo_casadi.model.compilation import compile_functions
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.model.junctions import Expression
-from pneumo_casadi.valve import FlowISO6358
+from pneumo_casadi.valve import FlowISO6358, FlowPair
+from pneumo_casadi.valve.flow_pair import valve_of
 
 #: Coefficient of the Rosenbrock method ROS2, L-stable (Verwer et al. 1999, SIAM J. Sci. Comput.).
 GAMMA = 1 - 0.5**0.5
@@ -42,6 +43,12 @@ class _FlowAt:
         return self._flow.expression(u, p, theta, *ports)
 
 
+def _flow_at(flow: Any, constants: Mapping[str, Expression]) -> Any:
+    if isinstance(flow, FlowPair):
+        return FlowPair(_FlowAt(flow.P, constants), _FlowAt(flow.N, constants))
+    return _FlowAt(flow, constants)
+
+
 @dataclass(frozen=True, eq=False)
 class BalanceFunctions:
     """Residuals of the balances of an axis along a given motion.
@@ -61,9 +68,10 @@ class BalanceFunctions:
     def constants(self) -> dict[str, float]:
         """Numbers that the functions take at run time, by name."""
         constants = dict(self.axis.constants)
-        if isinstance(self.axis.flow, FlowISO6358):
-            constants["flow_p_supply"] = self.axis.flow.p_supply
-            constants["flow_p_ext"] = self.axis.flow.p_ext
+        flow, _ = valve_of(self.axis.flow, "P")
+        if isinstance(flow, FlowISO6358):
+            constants["flow_p_supply"] = flow.p_supply
+            constants["flow_p_ext"] = flow.p_ext
         return constants
 
     @property
@@ -86,7 +94,7 @@ class BalanceFunctions:
         rates = {name: dx[i] for i, name in enumerate(axis.motion_states)}
         inputs = {name: u[i] for i, name in enumerate(axis.inputs)}
         named = {name: theta[i] for i, name in enumerate(axis.parameters.names)}
-        flow = _FlowAt(axis.flow, constants) if axis.kind.needs_flow_map else None
+        flow = _flow_at(axis.flow, constants) if axis.kind.needs_flow_map else None
 
         def write(known: Mapping[str, Any]) -> Balances:
             return write_balances(

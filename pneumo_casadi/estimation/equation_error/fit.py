@@ -16,7 +16,7 @@ from pneumo_casadi.estimation.flow_anchor import Anchor, anchor_flow
 from pneumo_casadi.estimation.gauss_newton import Damping, Status, minimise, minimise_in_box
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.parameters import FloatArray, Parameters
-from pneumo_casadi.valve import FlowMap
+from pneumo_casadi.valve import AnyFlowMap
 
 MAX_ITERATIONS = 30
 #: A step that predicts less than this decrease of the cost per row ends the iteration.
@@ -100,7 +100,7 @@ class EquationErrorResult:
 def fit_equation_error(
     axis: Axis,
     records: Sequence[Recording | SmoothedMotion],
-    flow_map: FlowMap | Anchor | None = None,
+    flow_map: AnyFlowMap | Anchor | None = None,
     *,
     residual_floor: FloatArray | None = None,
     state_derivatives: bool = False,

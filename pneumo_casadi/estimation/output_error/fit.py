@@ -31,7 +31,7 @@ from pneumo_casadi.model.sampled_axis import SampledAxis
 from pneumo_casadi.parameters import FloatArray, Parameters
 from pneumo_casadi.runtime.progress import Progress, no_progress
 from pneumo_casadi.runtime.threads import one_thread
-from pneumo_casadi.valve import FlowMap
+from pneumo_casadi.valve import AnyFlowMap
 
 logger = logging.getLogger(__name__)
 
@@ -46,7 +46,7 @@ STEPPINGS = 3
 def fit_output_error(
     axis: Axis,
     records: Sequence[Recording],
-    flow_map: FlowMap | None = None,
+    flow_map: AnyFlowMap | None = None,
     options: OutputErrorOptions | None = None,
     progress: Progress | None = None,
 ) -> OutputErrorResult:
@@ -157,7 +157,7 @@ def fit_output_error(
 def write_problem(
     axis: Axis,
     records: Sequence[Recording],
-    flow_map: FlowMap | None,
+    flow_map: AnyFlowMap | None,
     options: OutputErrorOptions,
 ) -> Problem:
     """Check that the problem is well posed and write it down."""
@@ -207,7 +207,7 @@ def _substeps(axis: Axis, options: OutputErrorOptions, dt: float) -> int:
     return max(substeps_for(each, dt) for each in (narrow, narrow.at_null_values()))
 
 
-def _refuse_free_gauge(axis: Axis, parameters: Parameters, flow_map: FlowMap | None) -> None:
+def _refuse_free_gauge(axis: Axis, parameters: Parameters, flow_map: AnyFlowMap | None) -> None:
     if not axis.kind.needs_flow_map or anchor_flow(axis, flow_map) is not None:
         return
     coefficients = set(axis.flow_parameters)

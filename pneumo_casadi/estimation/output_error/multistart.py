@@ -15,7 +15,7 @@ from pneumo_casadi.estimation.output_error.options import OutputErrorOptions
 from pneumo_casadi.estimation.output_error.result import OutputErrorResult
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.parameters import Parameters
-from pneumo_casadi.valve import FlowMap
+from pneumo_casadi.valve import AnyFlowMap
 
 #: Costs that differ by less than this share are the same optimum.
 SAME = 1e-4
@@ -72,7 +72,7 @@ class MultiStart:
 def fit_from_many_starts(
     axis: Axis,
     records: Sequence[Recording],
-    flow_map: FlowMap | None = None,
+    flow_map: AnyFlowMap | None = None,
     options: OutputErrorOptions | None = None,
     starts: int = 8,
     spread: float = 0.5,
@@ -128,7 +128,7 @@ def draw_parameters(parameters: Parameters, spread: float, rng: np.random.Genera
 def _outcome(
     axis: Axis,
     records: tuple[Recording, ...],
-    flow_map: FlowMap | None,
+    flow_map: AnyFlowMap | None,
     options: OutputErrorOptions | None,
     start: Parameters,
 ) -> StartOutcome:

@@ -24,7 +24,7 @@ from pneumo_casadi.estimation.output_error.solvers.solution import Solution
 from pneumo_casadi.estimation.statistics import delta_std
 from pneumo_casadi.model.integration import substeps_for
 from pneumo_casadi.parameters import FloatArray
-from pneumo_casadi.valve import FlowMap
+from pneumo_casadi.valve import AnyFlowMap
 
 #: Growth of the steps per sample that friction needs from which a problem is written anew.
 FINER = 1.25
@@ -58,7 +58,7 @@ class Optimum:
 
     result: OutputErrorResult
     records: Sequence[Recording]
-    flow_map: FlowMap | None = None
+    flow_map: AnyFlowMap | None = None
     options: OutputErrorOptions = OutputErrorOptions()  # noqa: RUF009
 
     def __post_init__(self) -> None:

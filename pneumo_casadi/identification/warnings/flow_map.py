@@ -8,11 +8,11 @@ from pneumo_casadi.data import Recording
 from pneumo_casadi.estimation.flow_anchor import flow_scale_std
 from pneumo_casadi.estimation.output_error import OutputErrorResult
 from pneumo_casadi.identification.warnings.grading import SIGMAS, ResultWarning, limited
-from pneumo_casadi.valve import FlowMap, FormSelection
+from pneumo_casadi.valve import AnyFlowMap, FormSelection
 
 
 def flow_map_warnings(
-    records: Sequence[Recording], flow_map: FlowMap | None, result: OutputErrorResult
+    records: Sequence[Recording], flow_map: AnyFlowMap | None, result: OutputErrorResult
 ) -> Iterator[ResultWarning]:
     """Yield what records and fit say of the map."""
     if flow_map is None:

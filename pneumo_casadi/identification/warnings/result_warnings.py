@@ -18,13 +18,13 @@ from pneumo_casadi.identification.warnings.grading import (
 from pneumo_casadi.identification.warnings.physics import physics_warnings
 from pneumo_casadi.metrics import signal_std
 from pneumo_casadi.validation import Validation
-from pneumo_casadi.valve import FlowMap, FormSelection
+from pneumo_casadi.valve import AnyFlowMap, FormSelection
 
 
 def result_warnings(
     case: Case,
     records: Sequence[Recording],
-    flow_map: FlowMap | None,
+    flow_map: AnyFlowMap | None,
     wls: WLSResult,
     result: OutputErrorResult,
     validation: Validation | None,

@@ -17,6 +17,7 @@ from pneumo_casadi.report.figures.identification.residuals import fit_figure, re
 from pneumo_casadi.report.figures.identification.validation import validation_figure
 from pneumo_casadi.report.figures.style import Figure, png, svg
 from pneumo_casadi.validation import Validation
+from pneumo_casadi.valve import FlowMap, FlowModel, each_valve
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,17 +80,23 @@ def figures_of(identification: Identification) -> Iterator[Drawn]:
 
 def _flow_map_figures(identification: Identification) -> Iterator[Drawn]:
     if identification.flow_map is not None and identification.flow is not None:
-        yield Drawn(
-            "flow_map",
-            flow_map_figure(identification.flow_map, identification.flow),
-            "Static flow map of the valve: surface and its three projections (as Fig. 2 of the "
-            "paper); dots: measured, lines: fitted.",
-        )
-        yield Drawn(
-            "residual_map",
-            residual_map_figure(identification.flow_map, identification.flow),
-            "Residuals of the fitted flow map (as Fig. 3 of the paper).",
-        )
+        valves = each_valve(identification.flow_map, identification.flow)
+        for number, (which, (table, flow)) in enumerate(valves.items()):
+            yield from _figures_of_map(f"_{'PN'[number]}" if which else "", which, table, flow)
+
+
+def _figures_of_map(end: str, which: str, table: FlowMap, flow: FlowModel) -> Iterator[Drawn]:
+    yield Drawn(
+        f"flow_map{end}",
+        flow_map_figure(table, flow),
+        f"Static flow map{which or ' of the valve'}: surface and its three projections "
+        "(as Fig. 2 of the paper); dots: measured, lines: fitted.",
+    )
+    yield Drawn(
+        f"residual_map{end}",
+        residual_map_figure(table, flow),
+        f"Residuals of the fitted flow map{which} (as Fig. 3 of the paper).",
+    )
 
 
 def _wls_figures(identification: Identification) -> Iterator[Drawn]:

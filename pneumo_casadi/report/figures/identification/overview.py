@@ -23,7 +23,7 @@ from pneumo_casadi.report.figures.style import (
     thin,
 )
 from pneumo_casadi.validation import Run
-from pneumo_casadi.valve import FlowMap, FlowModel
+from pneumo_casadi.valve import FlowMap, FlowModel, each_valve
 
 #: Commands whose flow is drawn.
 CURVES = 7
@@ -39,7 +39,7 @@ def overview_figure(identification: Identification) -> Figure:
     assert table is not None and flow is not None and validation is not None
     figure = new_figure(66.0, PAGE, HEAD)
     grid = figure.add_gridspec(2, 3, width_ratios=(0.85, 1.25, 1.05), height_ratios=(2, 1))
-    _flow(figure.add_subplot(grid[:, 0]), table, flow)
+    _flow(figure.add_subplot(grid[:, 0]), *next(iter(each_valve(table, flow).values())))
     above = figure.add_subplot(grid[0, 1])
     _position(above, figure.add_subplot(grid[1, 1], sharex=above), validation.runs[0])
     draw_forest(figure.add_subplot(grid[:, 2]), identification)
