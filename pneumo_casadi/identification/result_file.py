@@ -14,6 +14,7 @@ from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.runtime.json_files import without_infinities
 from pneumo_casadi.runtime.provenance import provenance
 from pneumo_casadi.validation import Error, Validation
+from pneumo_casadi.valve import FlowForm
 
 #: Of the format; raised when a reader of the old one would misread the new.
 FORMAT = 1
