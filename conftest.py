@@ -1,6 +1,7 @@
 """What tests and the examples of docstrings share."""
 
 import os
+import pickle
 import re
 
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):  # before any import of numpy
@@ -10,6 +11,7 @@ from dataclasses import replace  # noqa: E402
 from pathlib import Path  # noqa: E402
 
 import pytest  # noqa: E402
+from filelock import FileLock  # noqa: E402
 
 import pneumo_casadi as pc  # noqa: E402
 
@@ -21,27 +23,82 @@ def embedded() -> Path:
 
 
 @pytest.fixture(scope="session")
-def quick():
-    """Return an identification of a few seconds of record: quick to make, not to be trusted."""
-    case = pc.example_case()
-    case = replace(case, validate=(case.validate[0].window(8.0, 10.0),))
-    return pc.identify(
-        case,
-        pc.IdentifyOptions(pc.valve.FlowForm.POLYNOMIALS, start=10.0, end=13.0, windows=(0.5,)),
-    )
+def once_a_run(tmp_path_factory):
+    """Return a function that makes a result once for all workers of a run."""
+    folder = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:  # each worker has a folder in that of the run
+        folder = folder.parent
+
+    def get(name, make):
+        path = folder / f"{name}.pickle"
+        with FileLock(folder / f"{name}.lock"):
+            if not path.exists():
+                path.write_bytes(pickle.dumps(make()))
+            return pickle.loads(path.read_bytes())
+
+    return get
 
 
 @pytest.fixture(scope="session")
-def quick_diagnosis():
-    """Return a diagnosis of a few seconds of record with two effects."""
+def demo(once_a_run):
+    """Return the identification of the example that the paper's table is compared with."""
+    options = pc.IdentifyOptions(pc.valve.FlowForm.POLYNOMIALS, degrees=(7, 7, 4))
+    return once_a_run("demo", lambda: pc.identify(pc.example_case(), options))
+
+
+def _short_example():
     case = pc.example_case()
     fitted, held_out = case.identify[0].window(10.0, 13.0), case.validate[0].window(8.0, 10.0)
+    return replace(case, identify=(fitted,), validate=(held_out,))
+
+
+@pytest.fixture(scope="session")
+def quick(once_a_run):
+    """Return an identification of a few seconds of record: quick to make, not to be trusted."""
+
+    def make():
+        case = replace(pc.example_case(), validate=_short_example().validate)
+        return pc.identify(
+            case,
+            pc.IdentifyOptions(pc.valve.FlowForm.POLYNOMIALS, start=10.0, end=13.0, windows=(0.5,)),
+        )
+
+    return once_a_run("quick", make)
+
+
+@pytest.fixture(scope="session")
+def quick_diagnosis(once_a_run):
+    """Return a diagnosis of a few seconds of record with two effects."""
     few = {name: pc.EFFECTS[name] for name in ("stribeck", "quadratic_drag")}
-    return pc.diagnose(replace(case, identify=(fitted,), validate=(held_out,)), few)
+    return once_a_run("quick_diagnosis", lambda: pc.diagnose(_short_example(), few))
 
 
 #: Results that examples of docstrings may use by name, with the fixtures that make them.
 _EXAMPLE_RESULTS = {"result": "quick", "diagnosis": "quick_diagnosis"}
+
+
+#: Functions whose examples take more than a second.
+_SLOW_EXAMPLES = {"design_experiment", "diagnose", "diagnose_many", "write_report"}
+
+
+def _results_used(item):
+    """Return the names of the shared results that an example reads and does not define."""
+    source = "".join(example.source for example in item.dtest.examples)
+    return {
+        name
+        for name in _EXAMPLE_RESULTS
+        if re.search(rf"(?<![\w.]){name}\b", source)
+        and not re.search(rf"^{name} = ", source, re.MULTILINE)
+    }
+
+
+def pytest_collection_modifyitems(items):
+    """Mark the examples that take more than a second."""
+    for item in items:
+        if isinstance(item, pytest.DoctestItem):
+            described = item.name.rpartition(".")[2]
+            if described in _SLOW_EXAMPLES or "diagnosis" in _results_used(item):
+                item.add_marker(pytest.mark.slow)
 
 
 @pytest.fixture(autouse=True)
@@ -49,8 +106,5 @@ def names_of_examples(request, doctest_namespace):
     """Give `pc`, and the shared results that an example reads, to the docstrings."""
     if isinstance(request.node, pytest.DoctestItem):
         doctest_namespace["pc"] = pc
-        source = "".join(example.source for example in request.node.dtest.examples)
-        for name, fixture in _EXAMPLE_RESULTS.items():
-            used = re.search(rf"(?<![\w.]){name}\b", source)
-            if used and not re.search(rf"^{name} = ", source, re.MULTILINE):
-                doctest_namespace[name] = request.getfixturevalue(fixture)
+        for name in _results_used(request.node):
+            doctest_namespace[name] = request.getfixturevalue(_EXAMPLE_RESULTS[name])

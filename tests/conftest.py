@@ -3,6 +3,7 @@
 import importlib.util
 import os
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -52,17 +53,19 @@ def made(script):
 
 @pytest.fixture(scope="session")
 def made_case(tmp_path_factory):
-    """Return a function that records a case with hidden effects each way at 1 kHz."""
+    """Return a function that records a case with hidden effects at 1 kHz, two seconds held out."""
     pytest.importorskip("numba")
     from pneumo_casadi.virtual_bench import make_case
 
     known = {}
 
-    def make(seed, duration=8.0, **effects):
+    def make(seed, duration=4.0, **effects):
         key = (seed, duration, *sorted(effects.items()))
         if key not in known:
             folder = tmp_path_factory.mktemp("bench") / "case"
-            known[key] = make_case(folder, seed, effects, duration=duration).case
+            case = make_case(folder, seed, effects, duration=duration).case
+            held_out = tuple(record.window(0.0, 2.2) for record in case.validate)
+            known[key] = replace(case, validate=held_out)
         return known[key]
 
     return make

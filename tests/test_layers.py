@@ -2,6 +2,7 @@
 
 import ast
 from collections import defaultdict
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -48,22 +49,30 @@ def dotted(path: Path) -> str:
 MODULES = {dotted(path): path for path in SOURCES}
 
 
+@cache
+def parsed(path: Path) -> ast.Module:
+    """Return the syntax tree of a module."""
+    return ast.parse(path.read_text("utf-8"))
+
+
 def layer_of(path: Path) -> str:
     return path.relative_to(PACKAGE).parts[0].removesuffix(".py")
 
 
-def imports(path: Path) -> set[str]:
+@cache
+def imports(path: Path) -> frozenset[str]:
     """Dotted names of what a module imports, each traced to the module that defines it."""
-    found = set()
-    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+    names = set()
+    for node in ast.walk(parsed(path)):
         if isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names}
+            names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{path}: relative import"
-            found |= {origin(node.module or "", alias.name) for alias in node.names}
-    return found
+            names |= {origin(node.module or "", alias.name) for alias in node.names}
+    return frozenset(names)
 
 
+@cache
 def origin(module: str, name: str) -> str:
     """Return the module that defines a name which another module or package hands on."""
     if f"{module}.{name}" in MODULES:
@@ -71,7 +80,7 @@ def origin(module: str, name: str) -> str:
     path = MODULES.get(module)
     if path is None or path.name != "__init__.py":
         return module
-    for node in ast.parse(path.read_text("utf-8")).body:
+    for node in parsed(path).body:
         if isinstance(node, ast.ImportFrom):
             for alias in node.names:
                 if (alias.asname or alias.name) == name:
@@ -169,7 +178,7 @@ def test_the_library_never_prints():
     printing = [
         f"{path.relative_to(PACKAGE)}:{node.lineno}"
         for path in SOURCES
-        for node in ast.walk(ast.parse(path.read_text("utf-8")))
+        for node in ast.walk(parsed(path))
         if isinstance(node, ast.Call)
         and isinstance(node.func, ast.Name)
         and node.func.id == "print"

@@ -19,6 +19,9 @@ from pneumo_casadi.report.pages.identification_figures import figures_of
 from pneumo_casadi.report.pages.report import write_report
 from pneumo_casadi.runtime.json_files import write_json
 
+#: The form of the flow map is given: choosing it takes a second, and is not what is tested here.
+FORM = ("--flow", "polynomials")
+
 
 @pytest.fixture(scope="session")
 def result(quick, tmp_path_factory) -> Path:
@@ -36,14 +39,21 @@ def one_figure(monkeypatch):
     )
 
 
-@pytest.fixture
-def short_case(embedded, tmp_path) -> Path:
-    """The embedded case with a held-out record of one second."""
-    folder = tmp_path / "short"
+@pytest.fixture(scope="session")
+def short_example(embedded, tmp_path_factory) -> Path:
+    """The embedded case with records of one second."""
+    folder = tmp_path_factory.mktemp("example") / "short"
     shutil.copytree(embedded, folder)
-    frame = pd.read_csv(folder / "validate.csv.gz")
-    frame.iloc[:5000].to_csv(folder / "validate.csv.gz", index=False)
+    for name, first in (("identify.csv.gz", 25_000), ("validate.csv.gz", 0)):
+        frame = pd.read_csv(folder / name)
+        frame.iloc[first : first + 5000].to_csv(folder / name, index=False)
     return folder
+
+
+@pytest.fixture
+def short_case(short_example, tmp_path) -> Path:
+    """A copy that may be changed."""
+    return shutil.copytree(short_example, tmp_path / "short")
 
 
 def error_line(capsys) -> str:
@@ -99,7 +109,7 @@ def test_a_failed_fit_is_exit_code_1_and_leaves_nothing(embedded, tmp_path, caps
 
     monkeypatch.setattr("pneumo_casadi.identification.identify.fit_output_error", fail)
     out = tmp_path / "out"
-    arguments = ["identify", str(embedded), "--start", "10", "--end", "11", "-o", str(out)]
+    arguments = ["identify", str(embedded), *FORM, "--start", "10", "--end", "11", "-o", str(out)]
     assert cli.run([*arguments, "--json", str(tmp_path / "r.json")]) == 1
     assert "start nearer" in error_line(capsys)
     assert not list(tmp_path.iterdir())
@@ -112,7 +122,7 @@ def test_an_interruption_is_exit_code_130_and_leaves_nothing(
         raise KeyboardInterrupt
 
     monkeypatch.setattr("pneumo_casadi.identification.identify.fit_wls", interrupt)
-    assert cli.run(["identify", str(embedded), "-o", str(tmp_path / "out")]) == 130
+    assert cli.run(["identify", str(embedded), *FORM, "-o", str(tmp_path / "out")]) == 130
     assert "interrupted" in error_line(capsys)
     assert not list(tmp_path.iterdir())
 
@@ -127,7 +137,7 @@ def test_an_interruption_inside_a_compiled_function_is_told_from_a_defect(
             raise NotImplementedError("wrong type of arguments") from None
 
     monkeypatch.setattr("pneumo_casadi.identification.identify.fit_wls", garble)
-    assert cli.run(["identify", str(embedded), "-o", str(tmp_path / "out")]) == 130
+    assert cli.run(["identify", str(embedded), *FORM, "-o", str(tmp_path / "out")]) == 130
     assert "interrupted" in error_line(capsys)
     assert not list(tmp_path.iterdir())
 
@@ -138,7 +148,7 @@ def test_a_defect_is_not_hidden(embedded, tmp_path, monkeypatch):
 
     monkeypatch.setattr("pneumo_casadi.identification.identify.fit_wls", break_down)
     with pytest.raises(ZeroDivisionError):
-        cli.run(["identify", str(embedded), "-o", str(tmp_path / "out")])
+        cli.run(["identify", str(embedded), *FORM, "-o", str(tmp_path / "out")])
     assert not list(tmp_path.iterdir())
 
 
@@ -193,7 +203,7 @@ def test_parameters_that_are_no_result_are_exit_code_2(embedded, tmp_path, capsy
 
 @pytest.mark.slow
 def test_identify_leaves_a_report_and_prints_table_and_warnings(
-    quick, tmp_path, capsys, monkeypatch
+    quick, tmp_path, capsys, monkeypatch, one_figure
 ):
     monkeypatch.setattr(
         "pneumo_casadi.identification.identify.identify", lambda case, options, progress: quick

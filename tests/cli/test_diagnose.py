@@ -49,13 +49,8 @@ def given(monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.data
-def test_a_recorded_axis_is_diagnosed_and_the_fits_are_kept(data_folder, tmp_path, capsys):
-    source, case = data_folder / "practice" / "p04_spring_load", tmp_path / "case"
-    shutil.copytree(source, case)
-    for record in case.glob("*y*.csv.gz"):  # five seconds of each record
-        frame = pd.read_csv(record)
-        frame[frame["t_s"] < 5.0].to_csv(record, index=False)
+def test_a_case_folder_is_diagnosed_and_the_fits_are_kept(made_case, tmp_path, capsys):
+    case = made_case(5, spring_load="medium").folder
     others = [name for name in EFFECTS if name not in ("spring_load", "stribeck")]
     leave_out = [word for name in others for word in ("--without", name)]
     folder, copy, keep = tmp_path / "out", tmp_path / "copy.json", tmp_path / "fits"

@@ -25,6 +25,7 @@ def result(quick, tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", FILES)
 def test_each_format_is_written_and_named(result, tmp_path, capsys, kind):
     out = tmp_path / "out"

@@ -24,6 +24,7 @@ def record(made):
     return found.with_channels({"x_ref": made.reference(found.t)})
 
 
+@pytest.mark.slow
 def test_standard_errors_are_those_of_the_fit(made, record):
     table = made.measured_map(0)
     begin = made.true_axis(flow=made.fit_polynomials(table, (3, 3, 3)))
@@ -84,6 +85,7 @@ def test_the_coarse_clock_says_as_much_in_a_second(made, sigma):
     assert sigma**2 * fine.dt == pytest.approx(coarse.sigma**2 * coarse.dt)
 
 
+@pytest.mark.slow
 def test_a_design_is_better_than_the_record_and_keeps_the_limits(made, recorded, limits, sigma):
     table, axis = made.smooth_map(), made.true_axis()
     options = DesignOptions(limits, 2.0, evaluations=40)

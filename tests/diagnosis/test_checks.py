@@ -121,6 +121,7 @@ def test_a_parameter_that_the_data_do_not_tell_contradicts_nothing(axis):
     assert all(check.agrees for check in check_parameters(axis, values, std))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("effects", "expected"),
     [

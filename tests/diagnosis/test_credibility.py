@@ -53,6 +53,7 @@ def test_two_leaks_are_named_although_a_shifted_null_fits_better_than_each(made_
     assert {one.name for one in found.effects} == {"leakage_P", "leakage_N"}
 
 
+@pytest.mark.slow
 def test_half_a_heat_transfer_is_refused_with_a_reason(made_case):
     one, _ = prepare_study(made_case(12, leakage_P="large"))
     with pytest.raises(FitError, match=r"share = 0\.\d+ is not credible, .* 0\.85 to 1"):
@@ -76,6 +77,7 @@ def test_a_fit_that_ran_away_begins_again_from_the_geometry(made_case, monkeypat
     assert begun == [item.value, item.scale]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("beside", [(), ("hose",)])
 def test_what_a_sensor_shows_too_much_is_taken_back_whatever_acts_beside(made_case, beside):
     case = made_case(12, leakage_P="large")

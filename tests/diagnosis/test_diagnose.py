@@ -151,6 +151,7 @@ def test_interrupted_work_goes_on_from_what_was_fitted(made_case, tmp_path, monk
     assert not any(names == ("stribeck",) for names in fitted)
 
 
+@pytest.mark.slow
 def test_kept_fits_of_another_flow_map_are_not_taken(made_case, tmp_path):
     case = made_case(3, stribeck="medium")
     one, _ = prepare_study(case)
@@ -180,6 +181,7 @@ def _changed(case, **channels):
     return replace(case, identify=tuple(records))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "values"),
     [
@@ -219,7 +221,7 @@ def test_half_a_second_is_refused(made_case):
 
 @pytest.mark.slow
 def test_without_a_validation_record_the_end_is_held_out_and_said(made_case):
-    case = replace(made_case(3, stribeck="medium"), validate=())
+    case = replace(made_case(3, 8.0, stribeck="medium"), validate=())
     found = diagnose(case, PAIR)
     assert any("held out" in note for note in found.notes)
     assert [one.name for one in found.effects] == ["stribeck"]

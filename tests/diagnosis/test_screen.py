@@ -16,6 +16,7 @@ def one(made_case):
     return prepare_study(made_case(12, flow_map_shape="large"))[0]
 
 
+@pytest.mark.slow
 def test_an_effect_with_memory_is_screened_at_its_usual_size_too(one):
     """Play that is wider than most strokes of the command holds the spool; narrow play delays."""
     nominal = fit_model(one, ())

@@ -22,14 +22,14 @@ def named(case, *catalogue):
 @pytest.mark.slow
 def test_what_acts_while_a_play_is_crossed_is_found_by_simulation(made_case):
     """Along the smoothed motion a fit drives presliding beside backlash to nothing."""
-    case = made_case(21, 5.0, backlash="medium", presliding="medium")
+    case = made_case(21, backlash="medium", presliding="medium")
     assert named(case, "presliding", "elastic_load", "backlash") == {"backlash", "presliding"}
 
 
 @pytest.mark.slow
 def test_a_drag_beside_a_late_sensor_is_found_by_simulation(made_case):
     """What takes a delay of a dozen milliseconds back leaves a force balance of noise."""
-    case = made_case(22, 5.0, position_delay="large", quadratic_drag="large")
+    case = made_case(22, position_delay="large", quadratic_drag="large")
     found = named(case, "quadratic_drag", "spring_load", "position_delay")
     assert found == {"position_delay", "quadratic_drag"}
 

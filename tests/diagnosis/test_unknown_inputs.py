@@ -31,6 +31,7 @@ def nothing(tmp_path_factory):
     return opened(tmp_path_factory.mktemp("nothing"), {})
 
 
+@pytest.mark.slow
 def test_nothing_is_missing_where_nothing_is_wrong(nothing):
     one, nominal, _ = nothing
     found = unknown_inputs(one.axis, nominal.values, one.smoothed[1][0])
@@ -55,6 +56,7 @@ def test_the_input_of_a_chamber_is_its_leak_where_all_else_is_known(tmp_path):
     assert found.energy[0] > 50 * found.energy[1]
 
 
+@pytest.mark.slow
 def test_the_force_that_is_missing_is_found_as_large_as_it_is(tmp_path):
     one, _, made = opened(tmp_path, {"vibration": {"A": 12.0, "f": 6.0}})
     nominal = fit_model(one, ())
@@ -68,6 +70,7 @@ def test_the_force_that_is_missing_is_found_as_large_as_it_is(tmp_path):
     assert found.energy[2] > 100 * found.energy[:2].max()
 
 
+@pytest.mark.slow
 def test_smoothing_agrees_with_the_residuals_along_the_motion(tmp_path):
     one, nominal, _ = opened(tmp_path, {"piston_seal_leakage": "large"})
     data = one.smoothed[1][0]

@@ -51,6 +51,7 @@ def test_nothing_is_located_where_nothing_is_wrong(bench):
     assert locate(*bench(cogging="medium"), gap=False).balance == "none"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("effect", "size", "balance"),
     [
@@ -71,6 +72,7 @@ def test_a_cause_that_no_effect_explains_is_found_by_inputs_and_signatures(
     assert any("disagree in" in sentence for sentence in location_sentences(found))
 
 
+@pytest.mark.slow
 def test_the_location_of_an_effect_is_where_it_acts(bench):
     one, nominal = bench(leakage_N="medium")
     leak, lag, spring = (
@@ -115,6 +117,7 @@ def test_sensors_are_rivals_only_where_they_explain_about_as_much():
     assert rival_sensor_effects(Signatures(3.0, left), EFFECTS) == ()
 
 
+@pytest.mark.slow
 def test_regimes_say_where_a_spring_acts_and_are_silent_where_nothing_does(bench):
     assert find_regimes(*bench()) == ()
     found = find_regimes(*bench(spring_load="medium"))
@@ -123,6 +126,7 @@ def test_regimes_say_where_a_spring_acts_and_are_silent_where_nothing_does(bench
     assert all(regime.ratio > 1.3 and regime.p_value < 0.01 for regime in found)
 
 
+@pytest.mark.slow
 def test_shuffled_blocks_find_no_regime_in_drifting_noise(bench):
     """Noise that remembers a quarter of a second has no regimes, as often as its level says."""
     one, nominal = bench()

@@ -25,12 +25,14 @@ def ran(tmp_path_factory):
     return guide.run(PAGE, tmp_path_factory.mktemp("effect"))
 
 
+@pytest.mark.slow
 def test_the_fit_finds_the_effect_that_was_simulated(ran):
     for name, true in (("bellows.k", 300.0), ("bellows.tau", 0.2)):
         found, std = ran["fit"].parameters[name].value, ran["fit"].std(name, robust=True)
         assert abs(found - true) < 4 * std < 0.05 * true, (name, found, std)
 
 
+@pytest.mark.slow
 def test_the_effect_fades_at_rest_and_is_felt_in_motion(ran):
     z, v = ran["run"]["bellows.z"], ran["run"]["v"]
     assert np.abs(z).max() > 10.0
@@ -39,6 +41,7 @@ def test_the_effect_fades_at_rest_and_is_felt_in_motion(ran):
     assert np.abs(rate - expected)[5:-5].max() < 0.05 * np.abs(expected).max()
 
 
+@pytest.mark.slow
 def test_the_example_declares_what_the_catalogue_asks_for(ran):
     effect = ran["Bellows"]
     one = effect()

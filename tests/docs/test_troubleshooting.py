@@ -48,6 +48,7 @@ def is_said(message, said):
     return any(pattern.search(text) for text in said)
 
 
+@pytest.mark.slow
 def test_every_message_quoted_is_in_the_source(said):
     messages = quoted(PAGE.read_text("utf-8"))
     assert len(messages) > 80

@@ -86,6 +86,7 @@ def test_parameters_are_documented_and_their_bounds_bracket_null_and_start(effec
     assert moved, f"{effect.name} starts at its null values: no fit would find a shape"
 
 
+@pytest.mark.slow
 def test_the_index_names_an_effect_once_and_no_other_file_but_its_own_does():
     """So a new one is a new file and a line."""
     index = PACKAGE / "effects" / "__init__.py"
@@ -125,6 +126,7 @@ def numbers(axis, x, dx, u):
     return {name: float(value) for part in parts for name, value in part.items()}
 
 
+@pytest.mark.slow
 def test_any_two_effects_compose_and_their_order_matters_only_at_a_shared_junction(
     made, nominals, members
 ):

@@ -36,6 +36,7 @@ def drawn(axis, nominal, made, rng, slow=1.0):
     return full, u
 
 
+@pytest.mark.slow
 def test_at_null_values_the_axis_is_the_nominal_one(pair, made):
     axis, nominal = pair
     theta, plain = axis.parameters.values, nominal.parameters.values
@@ -52,6 +53,7 @@ def test_at_null_values_the_axis_is_the_nominal_one(pair, made):
         )
 
 
+@pytest.mark.slow
 def test_at_null_values_trajectories_are_the_nominal_ones_from_rest_on(pair, made):
     axis, nominal = pair
     rng = np.random.default_rng(1)
@@ -88,6 +90,7 @@ def test_values_and_derivatives_are_finite_at_standstill_and_in_motion(pair, mad
                     assert np.isfinite(block.full()).all()
 
 
+@pytest.mark.slow
 def test_equations_stay_finite_at_every_corner_of_the_bounds(pair, made):
     axis, nominal = pair
     added = axis.parameters.names[len(nominal.parameters) :]
@@ -103,6 +106,7 @@ def test_equations_stay_finite_at_every_corner_of_the_bounds(pair, made):
             assert np.isfinite(f(full, u, one.parameters.values).full()).all(), ends
 
 
+@pytest.mark.slow
 def test_the_derivative_at_the_null_is_the_slope_on_its_way_in_and_not_all_zero(pair, made):
     """A screen of effects at the nominal fit stands on these derivatives."""
     axis, nominal = pair
@@ -128,6 +132,7 @@ def test_the_derivative_at_the_null_is_the_slope_on_its_way_in_and_not_all_zero(
     assert largest > 1e-6
 
 
+@pytest.mark.slow
 def test_every_free_parameter_changes_the_axis_where_a_fit_starts(pair, started, made):
     axis, nominal = pair
     rng = np.random.default_rng(2)
@@ -183,6 +188,7 @@ def test_an_axis_with_effects_survives_pickling(pair, made):
     np.testing.assert_array_equal(one, two)
 
 
+@pytest.mark.slow
 def test_the_steps_that_standstill_asks_for_are_fine_enough_in_motion(pair, started, made):
     """No rate may grow with the speed beyond what `substeps_for` sees at standstill."""
     axis, nominal = pair
@@ -202,6 +208,7 @@ def test_the_steps_that_standstill_asks_for_are_fine_enough_in_motion(pair, star
     np.testing.assert_allclose(one / axis.state_scales, two / axis.state_scales, atol=2e-3)
 
 
+@pytest.mark.slow
 def test_the_regressor_of_an_effect_reproduces_its_equations_where_its_states_rest(
     pair, started, made
 ):
@@ -243,6 +250,7 @@ def shown(axis, u, x_0, values):
     return (y / sigma[:, None]).ravel()
 
 
+@pytest.mark.slow
 def test_a_record_holds_information_on_each_free_parameter_beside_the_others(
     pair, started, commanded
 ):

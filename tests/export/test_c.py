@@ -37,6 +37,7 @@ def run(program, frame, *motion):
     return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
+@pytest.mark.slow
 @needs_compiler
 def test_compiled_c_gives_the_trajectory_of_the_package(model, inputs, deviation, tmp_path):
     u, motion = inputs(model), model.start[: len(model.axis.motion_states)] * 1.01
@@ -49,6 +50,7 @@ def test_compiled_c_gives_the_trajectory_of_the_package(model, inputs, deviation
         assert deviation(found[f"{name}_{unit}"], expected[name]) < 1e-6
 
 
+@pytest.mark.slow
 @needs_compiler
 def test_a_stiff_axis_takes_the_same_steps_between_samples(models, inputs, deviation, tmp_path):
     stiff = models["nominal"].axis.with_parameters({"v_s": 1e-4})

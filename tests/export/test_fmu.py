@@ -56,6 +56,7 @@ def stepped(path, model, u, **start_values):
     )
 
 
+@pytest.mark.slow
 def test_the_description_is_valid(model, fmus):
     assert validation.validate_fmu(fmus(model)) == []
     read = fmpy.read_model_description(fmus(model), validate=True, validate_model_structure=True)
@@ -135,6 +136,7 @@ def test_its_state_can_be_taken_and_given_back(models, fmus, tmp_path):
         fmu.freeInstance()
 
 
+@pytest.mark.slow
 def test_equal_models_give_equal_files(models, tmp_path):
     model = models["force"]
     first, second = (write_fmu(model, tmp_path / name).read_bytes() for name in "ab")

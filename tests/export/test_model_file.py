@@ -44,6 +44,7 @@ def test_a_valve_of_iso_6358_survives(made):
     assert np.array_equal(found.flow.covariance, axis.flow.covariance)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", EFFECTS)
 def test_every_effect_of_the_catalogue_survives(made, name):
     effect = EFFECTS[name]()

@@ -49,6 +49,7 @@ def texts(quick, selection):
     return [w.text for w in result_warnings(*parts, quick.validation, selection) if w not in plain]
 
 
+@pytest.mark.slow
 def test_without_a_form_the_one_with_the_least_held_out_error_is_taken(chosen):
     options, how = chosen
     assert options.flow_form is how.chosen is FlowForm.ISO6358
@@ -57,6 +58,7 @@ def test_without_a_form_the_one_with_the_least_held_out_error_is_taken(chosen):
     assert percent[FlowForm.ISO6358] == min(percent.values())
 
 
+@pytest.mark.slow
 def test_the_default_flow_is_the_form_chosen(case):
     _, flow = read_flow(case, IdentifyOptions())
     assert isinstance(flow, FlowISO6358)

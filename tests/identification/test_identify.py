@@ -3,7 +3,6 @@
 import json
 import math
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +13,6 @@ from pneumo_casadi.estimation.output_error import OutputErrorOptions
 from pneumo_casadi.identification.identify import identify, read_truth
 from pneumo_casadi.identification.options import FORCE_WINDOW, IdentifyOptions
 from pneumo_casadi.identification.read_result import read_axis
-from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.identification.result_file import result_dict
 from pneumo_casadi.identification.warnings import result_warnings
 from pneumo_casadi.runtime.json_files import write_json
@@ -28,11 +26,6 @@ TOLERANCES = {
     "F_c_plus": 0.05,
     "F_c_minus": 0.05,
 }
-
-
-@pytest.fixture(scope="module")
-def demo(embedded: Path) -> Identification:
-    return identify(embedded, IdentifyOptions(FlowForm.POLYNOMIALS))
 
 
 @pytest.mark.slow
@@ -216,6 +209,7 @@ def test_a_case_without_held_out_records_says_so(quick):
     assert any(item.about == "validation" and "held out" in item.text for item in found)
 
 
+@pytest.mark.slow
 @pytest.mark.data
 def test_a_force_driven_axis_is_identified_over_windows(data_folder):
     found = identify(data_folder / "emps", IdentifyOptions(end=8.0, windows=(0.1,)))

@@ -48,6 +48,7 @@ def test_blocks_that_close_alike_leave_no_uncertainty():
     assert interval(errors, errors / 4) == pytest.approx((0.5, 0.5))
 
 
+@pytest.mark.slow
 def test_the_interval_covers_the_closure_as_often_as_it_says():
     """Independent errors before and after with a true closure of one half."""
     rng = np.random.default_rng(2)

@@ -89,6 +89,7 @@ def test_other_flags_or_another_compiler_make_another_library(cache, monkeypatch
     assert len(list(cache.iterdir())) == 2
 
 
+@pytest.mark.slow
 @needs_compiler
 @pytest.mark.parametrize("damage", [b"", b"not a library", 0.01, 0.3, 0.7, 0.999])
 def test_a_damaged_library_is_built_again_with_a_notice(cache, caplog, damage):

@@ -75,6 +75,7 @@ def test_rates_are_those_of_eq_1_to_4_typed_out(made):
         np.testing.assert_allclose(found, typed_out(axis)(x, u), rtol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hold", list(InputHold))
 def test_samples_agree_with_dop853_to_1e_8_of_the_states_sizes(smooth, made, hold):
     axis, u, x_0 = smooth
@@ -84,6 +85,7 @@ def test_samples_agree_with_dop853_to_1e_8_of_the_states_sizes(smooth, made, hol
     assert distance(axis, found, wanted) < 1e-8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hold", list(InputHold))
 def test_the_error_falls_with_the_fourth_power_of_the_step(smooth, made, hold):
     axis, u, x_0 = smooth
@@ -128,6 +130,7 @@ def test_the_last_input_is_used_by_linear_hold_only():
     np.testing.assert_array_equal(held_inputs(u, InputHold.LINEAR), np.vstack([u[:-1].T, u[1:].T]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("v_s", [1e-2, 1e-3, 1e-4, 1e-5])
 def test_sticking_under_narrow_friction_is_stable_at_the_substeps_chosen(made, v_s):
     axis = made.true_force_axis().with_parameters({"v_s": v_s})
@@ -138,6 +141,7 @@ def test_sticking_under_narrow_friction_is_stable_at_the_substeps_chosen(made, v
     assert x[1, -1] == pytest.approx(creep, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_effects_that_stiffen_the_axis_get_their_own_substeps(made):
     """Stribeck's 60 N on 14.5 N of Coulomb friction make standstill five times as stiff."""
     axis = made.true_force_axis(Stribeck()).with_parameters({"stribeck.delta_F": 60.0, "v_s": 1e-4})
@@ -153,6 +157,7 @@ def test_effects_that_stiffen_the_axis_get_their_own_substeps(made):
     assert chosen == pytest.approx(fine[-1], rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_lag_sampled_slowly_stays_stable(made):
     axis = made.true_axis(made.ValveLag())
     nominal = made.true_axis().with_parameters({"v_s": 1.0})

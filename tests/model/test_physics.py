@@ -25,6 +25,7 @@ def scaled_gauge(axis, factor, flow=True, chambers=True):
     return axis.with_parameters({n: factor * p[n].value for n in (*coefficients, *masses)})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("factor", [0.3, 1.7])
 @pytest.mark.parametrize("kind", ["true_axis", "spline_axis"])
 def test_the_common_scale_of_flows_and_x_s_changes_no_trajectory(made, commands, factor, kind):
@@ -37,6 +38,7 @@ def test_the_common_scale_of_flows_and_x_s_changes_no_trajectory(made, commands,
         assert np.abs(other[2] - one[2]).max() > 1e-3
 
 
+@pytest.mark.slow
 def test_the_mirrored_axis_moves_in_the_mirror(made, commands):
     u, x_0, x = commands
     axis = made.true_axis()

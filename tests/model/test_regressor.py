@@ -161,6 +161,7 @@ class Slow(Effect):
         return type(u)(at["u_P"], at["u_N"])
 
 
+@pytest.mark.slow
 def test_states_of_effects_rest_in_the_regressor_even_behind_each_other(made):
     nominal, rng = made.true_axis(), np.random.default_rng(3)
     for effects in ((made.ValveLag(), Slow()), (Slow(), made.ValveLag())):

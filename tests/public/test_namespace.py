@@ -73,6 +73,7 @@ def test_choices_of_the_command_line_are_those_of_the_library():
     assert {*get_args(options.FormatName)} == {item.value for item in Format}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
 def test_the_shell_completes_commands(shell, monkeypatch):
     script = subprocess.run(

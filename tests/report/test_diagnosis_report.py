@@ -184,6 +184,7 @@ def test_lines_of_the_summary_fit_a_terminal():
     assert max(map(len, sentences.splitlines())) <= 100
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("verdict", list(Verdict))
 def test_every_verdict_is_drawn_and_has_a_page(verdict):
     found = made.ALL[verdict]
@@ -195,6 +196,7 @@ def test_every_verdict_is_drawn_and_has_a_page(verdict):
     assert "A < B & more." in page.alternatives
 
 
+@pytest.mark.slow
 def test_figures_are_as_wide_as_a_column_and_carry_units(drawn):
     assert set(drawn) == {
         *("gap", "ranking", "where", "unknown_inputs", "regimes_force", "dashboard")
@@ -226,6 +228,7 @@ def test_the_dashboard_says_the_verdict_and_shows_what_there_is(drawn):
     assert without.figure.axes[-1].get_xlabel() == "share [%]"  # regimes where there are no curves
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("verdict", [Verdict.EFFECT, Verdict.AMBIGUOUS, Verdict.UNKNOWN])
 def test_the_headline_of_a_dashboard_stays_on_it(verdict):
     found = replace(made.ALL[verdict], evidence=made.evidence())
@@ -236,6 +239,7 @@ def test_the_headline_of_a_dashboard_stays_on_it(verdict):
     assert text.y0 > legend.get_window_extent().y1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("verdict", [Verdict.EFFECT, Verdict.UNKNOWN])
 def test_the_legend_of_the_gap_stays_on_the_figure(verdict):
     figure = {one.name: one for one in diagnosis_figures(made.ALL[verdict])}["gap"].figure
@@ -244,6 +248,7 @@ def test_the_legend_of_the_gap_stays_on_the_figure(verdict):
     assert legend.x0 > 0 and legend.x1 < figure.bbox.x1 and legend.y1 < figure.bbox.y1
 
 
+@pytest.mark.slow
 def test_a_model_that_is_only_the_best_candidate_is_not_called_found():
     """If no effect is the cause, the curves of a second model are those of the best candidate."""
     found = replace(made.UNKNOWN, evidence=made.evidence())
@@ -270,11 +275,13 @@ def test_a_picture_knows_its_size_whatever_its_kind():
         _ = Picture("gap", b"nonsense", "Gap.").width
 
 
+@pytest.mark.slow
 def test_equal_diagnoses_give_equal_drawings():
     first, second = (next(iter(diagnosis_figures(made.EFFECT))).figure for _ in range(2))
     assert svg(first) == svg(second)
 
 
+@pytest.mark.slow
 def test_a_folder_is_written_whole(written):
     assert {path.name for path in written.iterdir()} == {
         "diagnosis.json",
@@ -294,6 +301,7 @@ def test_a_folder_with_anything_else_in_it_is_left_alone(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
 
 
+@pytest.mark.slow
 def test_the_page_requests_nothing_and_is_built_of_headings_tables_and_captions(written):
     text = (written / "report.html").read_text("utf-8")
     page = Page(text)

@@ -95,6 +95,7 @@ def overlaps(figure):
     return found
 
 
+@pytest.mark.slow
 def test_every_family_is_drawn(drawn):
     assert set(drawn) == {
         "overview",
@@ -196,11 +197,13 @@ def test_every_figure_has_a_caption_for_those_who_do_not_see_it(drawn):
     assert all(len(item.caption) > 20 for item in drawn.values())
 
 
+@pytest.mark.slow
 def test_equal_results_give_equal_files(quick):
     first, second = (next(iter(figures_of(quick))).figure for _ in range(2))
     assert png(first) == png(second)
 
 
+@pytest.mark.slow
 def test_no_figure_goes_through_pyplot():
     """Other libraries may import it, so a fresh process is asked."""
     code = (
@@ -212,6 +215,7 @@ def test_no_figure_goes_through_pyplot():
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
+@pytest.mark.slow
 def test_a_scattered_flow_map_is_drawn_too(quick):
     keep = np.arange(quick.flow_map.n) % 7 != 3
     table = quick.flow_map.select(keep)
@@ -233,6 +237,7 @@ def test_without_matplotlib_a_report_has_its_tables_and_names_the_extra(
     assert "X_s1" in page
 
 
+@pytest.mark.slow
 def test_plots_without_matplotlib_name_the_extra():
     code = (
         "import sys; sys.modules['matplotlib'] = None\n"

@@ -49,6 +49,7 @@ def test_a_figure_says_what_it_shows(name):
     assert getattr(pc.plot, name).__doc__.startswith("Plot ")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(OF_IDENTIFICATION))
 def test_figures_of_an_identification(name, quick):
     assert_drawn(getattr(pc.plot, name)(quick))

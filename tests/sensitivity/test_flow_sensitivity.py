@@ -125,6 +125,7 @@ def test_rows_keep_their_order_and_failures_their_place(study):
     assert frame["output_error.k_P"].notna().sum() == 9
 
 
+@pytest.mark.slow
 def test_a_fit_that_fails_keeps_its_row_and_its_weighted_least_squares(
     made, record, table, options
 ):

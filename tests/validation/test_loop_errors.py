@@ -15,6 +15,7 @@ def test_loop_and_windows_alone_err_as_in_a_whole_validation(quick):
     assert loop_errors(axis, records) == quick.validation.closed_loop
 
 
+@pytest.mark.slow
 def test_a_leak_ends_the_free_run_and_not_the_closed_loop(quick):
     leaky = quick.axis.with_effects(EFFECTS["leakage_P"]())
     leaky = leaky.with_parameters({"leakage_P.C": 5e-9})

@@ -21,6 +21,7 @@ def honest(simulated, record):
     return validate(simulated[0], [record], windows=(0.1, 0.5, 2.0))
 
 
+@pytest.mark.slow
 def test_the_true_axis_leaves_the_noise_in_open_loop(honest, record):
     for channel, sigma in SCALE.items():
         error = honest.open_loop[channel]

@@ -27,6 +27,7 @@ def bumpy_map():
     return FlowMap(u, p, q_m, 7e5, 1e5)
 
 
+@pytest.mark.slow
 def test_a_map_of_two_orifices_is_written_as_iso6358(spool_valve):
     selection = choose_flow_form(spool_valve(noise=1e-5), T=293.15)
     assert selection.chosen is selection.best is FlowForm.ISO6358
@@ -40,6 +41,7 @@ def test_a_map_of_two_orifices_is_written_as_iso6358(spool_valve):
     assert polynomials.degrees is not None
 
 
+@pytest.mark.slow
 def test_a_map_of_polynomials_is_written_as_polynomials_of_their_degrees():
     selection = choose_flow_form(polynomial_map())
     assert selection.chosen is FlowForm.POLYNOMIALS
@@ -66,6 +68,7 @@ def test_polynomials_win_where_forms_do_equally_well(spool_valve):
     assert mine.percent <= best.percent + 1.05 * best.standard_error
 
 
+@pytest.mark.slow
 def test_given_degrees_are_those_compared(spool_valve):
     selection = choose_flow_form(spool_valve(noise=1e-5), degrees=(3, 3, 3))
     assert selection.error_of(FlowForm.POLYNOMIALS).degrees == (3, 3, 3)
@@ -95,6 +98,7 @@ def test_a_map_that_no_form_fits_is_refused():
         choose_flow_form(table)
 
 
+@pytest.mark.slow
 def test_scattered_points_are_compared_too(spool_valve):
     table = spool_valve(noise=1e-5)
     rng = np.random.default_rng(2)
@@ -102,6 +106,7 @@ def test_scattered_points_are_compared_too(spool_valve):
     assert choose_flow_form(table.select(keep)).chosen is FlowForm.ISO6358
 
 
+@pytest.mark.slow
 def test_the_choice_is_the_same_each_time_and_takes_less_than_two_seconds(spool_valve):
     table = spool_valve(noise=1e-5, n_u=41)
     began = time.process_time()
@@ -111,6 +116,7 @@ def test_the_choice_is_the_same_each_time_and_takes_less_than_two_seconds(spool_
     assert choose_flow_form(table) == first
 
 
+@pytest.mark.slow
 @pytest.mark.data
 def test_table1_is_written_as_iso6358(table1):
     selection = choose_flow_form(table1, T=293.15)

@@ -44,6 +44,7 @@ def greatest_error(form, filling, emptying):
     return np.abs(form.at(u, p, filling, emptying) - true_valve(u, p, filling, emptying)).max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("filling", "emptying"), [(0.9, 1.0), (1.05, 1.0), (1.0, 1.5), (0.9, 1.5)])
 def test_other_pressures_cost_no_more_than_the_misfit_of_the_metered_map(form, filling, emptying):
     allowed = max(filling, emptying) * greatest_error(form, 1.0, 1.0) + 1e-7

@@ -35,6 +35,7 @@ def test_every_effect_of_the_catalogue_is_there_and_some_that_are_not():
     assert sum(not form.listed for form in FORMS.values()) >= 5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", list(FORMS))
 def test_every_severity_runs_differs_from_nominal_and_grows(axis, drive, nominal, name):
     channels = slice(2, 5)

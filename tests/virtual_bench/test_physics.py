@@ -16,6 +16,7 @@ def found():
     return sanity(seed=5, duration=2.0)
 
 
+@pytest.mark.slow
 def test_mass_is_conserved_through_valves_lines_and_leaks(found):
     assert found.mass_error < 1e-12
 

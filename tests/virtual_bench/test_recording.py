@@ -77,6 +77,7 @@ def test_equal_seeds_give_equal_records_and_others_do_not(axis):
     assert (x(1) != x(2)).any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", list(KINDS))
 def test_every_experiment_moves_the_axis_within_its_stroke(axis, kind):
     made = record(axis, Experiment.of(kind), duration=8.0, seed=4)
@@ -101,6 +102,7 @@ def test_parts_of_an_experiment_follow_each_other_by_their_shares(axis):
         Experiment.of("dance")
 
 
+@pytest.mark.slow
 def test_a_case_folder_loads_without_notes_and_holds_no_label(tmp_path):
     made = make_case(tmp_path / "a", 11, {"backlash": "large", "cogging": "small"})
     case = read_case(tmp_path / "a")
@@ -118,6 +120,7 @@ def test_a_case_folder_loads_without_notes_and_holds_no_label(tmp_path):
     assert json.loads(json.dumps(made.labels)) == made.labels
 
 
+@pytest.mark.slow
 def test_equal_seeds_give_equal_folders(tmp_path):
     for name in ("a", "b"):
         make_case(tmp_path / name, 5, {"hose": "medium"}, **SHORT)

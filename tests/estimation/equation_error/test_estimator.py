@@ -25,6 +25,7 @@ def servo(made):
     return start, made.recorded(axis, *made.controlled(axis, 3000)), table
 
 
+@pytest.mark.slow
 def test_a_force_axis_is_recovered_from_a_start_half_off(made, force):
     axis, record = force
     start = made.perturbed(axis, {"M": 1.5, "f_v": 0.5, "F_c_plus": 1.5, "F_c_minus": 0.5})
@@ -35,6 +36,7 @@ def test_a_force_axis_is_recovered_from_a_start_half_off(made, force):
     assert result.parameters["f_v"].value == pytest.approx(made.FORCE_TRUE["f_v"], abs=2.0)
 
 
+@pytest.mark.slow
 def test_a_servo_axis_is_recovered_with_its_flow_map(made, servo):
     start, record, table = servo
     far = made.perturbed(start, dict.fromkeys(("X_s1", "X_s2", "X_s4", "X_s5", "M"), 1.3))

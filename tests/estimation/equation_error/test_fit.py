@@ -15,6 +15,7 @@ def one(made_case):
     return prepare_study(made_case(12, flow_map_shape="large"))[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("names", "moved"),
     [
@@ -43,6 +44,7 @@ def test_derivatives_to_what_no_state_and_no_sensor_knows_are_exact(one, names, 
         assert np.linalg.norm(found - expected) <= 0.01 * np.linalg.norm(expected), name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["hose", "heat_transfer"])
 def test_whole_derivatives_tell_what_states_make_of_nominal_parameters(one, name):
     effect = applicable(one, EFFECTS)[name]()
@@ -67,6 +69,7 @@ def test_whole_derivatives_tell_what_states_make_of_nominal_parameters(one, name
     assert left_out > 0.05  # held states would not do
 
 
+@pytest.mark.slow
 def test_a_fit_along_a_bent_valley_goes_on_to_its_end(one):
     # Opening and flow coefficients of a shaped valve nearly stand for one another.
     effect = applicable(one, EFFECTS)["flow_map_shape"]()
@@ -76,6 +79,7 @@ def test_a_fit_along_a_bent_valley_goes_on_to_its_end(one):
     assert found.cost - again.cost < 0.01 * (nominal.cost - again.cost)
 
 
+@pytest.mark.slow
 def test_a_refined_fit_has_nothing_left_to_gain_where_states_hang_on_the_nominal_parameters(one):
     effect = applicable(one, EFFECTS)["hose"]()
     found = fit_model(one, (effect,), fit_model(one, ()).values)

@@ -57,6 +57,7 @@ def options(made, v_s, **more):
     return OutputErrorOptions(closed_loop=True, widths=(v_s,), **more)
 
 
+@pytest.mark.slow
 def test_a_proportional_loop_gives_back_the_truth_without_looking_at_the_inputs(
     made, start, servo_record
 ):
@@ -72,6 +73,7 @@ def test_a_proportional_loop_gives_back_the_truth_without_looking_at_the_inputs(
     np.testing.assert_allclose(again.parameters.values, result.parameters.values, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_nested_loop_with_pulses_gives_back_the_truth(made, force_record):
     begin = made.ForceAxis(made.FORCE_BENCH)
     chosen = options(made, made.FORCE_TRUE["v_s"])
@@ -115,6 +117,7 @@ def test_any_law_closes_the_loop_of_the_fit(made, start, name):
     assert 1e-3 < chi2_share(result, made.true_axis().parameters.as_dict()) < 1 - 1e-3
 
 
+@pytest.mark.slow
 def test_pulses_that_are_not_added_are_missed(made, force_record):
     channels = {n: force_record[n] for n in force_record.names if n != "F_pulse"}
     without = Recording(force_record.t, channels, "loop", "made", InputHold.ZERO)

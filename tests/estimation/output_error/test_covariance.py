@@ -34,6 +34,7 @@ def brute_force(made, result, u, names, fixed_sigma):
     return C * np.outer(scales[x_0.size :], scales[x_0.size :])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["servo", "force"])
 def test_the_covariance_is_that_of_a_finite_difference_jacobian_of_the_record(
     made, servo, force, start, kind
@@ -53,6 +54,7 @@ def test_the_covariance_is_that_of_a_finite_difference_jacobian_of_the_record(
     np.testing.assert_allclose(found, wanted / np.outer(size, size), atol=2e-3)
 
 
+@pytest.mark.slow
 def test_the_map_adds_its_own_information(made, servo, start):
     axis, u, x = servo
     record = made.recorded(axis, u[:800], x[:, :800], 0)
@@ -89,6 +91,7 @@ def test_monte_carlo_scatters_as_the_covariance_says(made, force):
     np.testing.assert_allclose(found, wanted, atol=0.2)
 
 
+@pytest.mark.slow
 def test_robust_intervals_equal_the_plain_ones_on_white_noise_and_widen_on_coloured(made, force):
     axis, u, x = force
     options = OutputErrorOptions(widths=(made.TRUE["v_s"],))

@@ -23,6 +23,7 @@ def short(made, servo):
     return made.recorded(axis, u[:400], x[:, :400], 0)
 
 
+@pytest.mark.slow
 def test_flow_and_chambers_free_without_a_map_are_refused(made, start, short):
     _, begin = start(0)
     with pytest.raises(ModelError, match="one constant changes no trajectory"):
@@ -32,6 +33,7 @@ def test_flow_and_chambers_free_without_a_map_are_refused(made, start, short):
     assert result.flow_map_deviation is None and "X_s1" in result.uncertainty.names
 
 
+@pytest.mark.slow
 def test_without_the_refusal_the_gauge_would_be_an_uninformed_direction(
     made, start, servo, monkeypatch
 ):
@@ -69,6 +71,7 @@ def test_records_that_do_not_fit_together_are_refused(made, start, short):
         fit_output_error(begin, [tiny], table, options(made))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 def test_a_parameter_at_its_bound_is_named(made, force, method):
     axis, u, x = force

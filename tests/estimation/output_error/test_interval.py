@@ -92,6 +92,7 @@ def moved_to(model, free, z, x):
     return SampledAxis(axis, model.stepping, model.controller), z[: x.size]
 
 
+@pytest.mark.slow
 def test_an_interval_is_as_many_steps_and_means_are_of_its_own_samples(interval):
     model, functions, x, w, h = interval
     end, mean = functions.value(x, w, model.axis.parameters.values, h)
@@ -101,6 +102,7 @@ def test_an_interval_is_as_many_steps_and_means_are_of_its_own_samples(interval)
     np.testing.assert_allclose(mean.full().T, wanted, rtol=1e-11, atol=1e-14)
 
 
+@pytest.mark.slow
 def test_sensitivities_and_normal_equations_are_those_of_finite_differences(interval):
     model, functions, x, w, h = interval
     axis, free = model.axis, free_names(model.axis)

@@ -67,6 +67,7 @@ def symbolic(written):
     return ca.Function("f_g", [nlp["x"], nlp["p"]], [nlp["f"], nlp["g"]])
 
 
+@pytest.mark.slow
 def test_constraints_have_the_jacobian_of_finite_differences(case):
     _, written, z, p, _ = case
     g, J = written.jac_g(z, p)

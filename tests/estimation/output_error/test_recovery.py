@@ -81,6 +81,7 @@ def test_ipopt_and_gauss_newton_find_the_same_optimum(fit, fitted):
     np.testing.assert_allclose(ipopt.uncertainty.std, fitted.uncertainty.std, rtol=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1])
 def test_starts_30_percent_off_reach_the_same_optimum(made, servo, start, fit, seed):
     axis, u, x = servo
@@ -94,6 +95,7 @@ def test_starts_30_percent_off_reach_the_same_optimum(made, servo, start, fit, s
     assert result.flow_map_deviation.rms == pytest.approx(fit().flow_map_deviation.rms, rel=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("block", [1e-3, 5e-3, 1e-2])
 def test_the_length_of_blocks_does_not_matter(fit, fitted, block):
     result = fit(block=block)
@@ -126,6 +128,7 @@ def test_windows_cut_at_the_same_places_as_separate_records_give_the_same_fit(
     assert_same(windows, apart, 0.02)
 
 
+@pytest.mark.slow
 def test_two_records_hold_twice_the_information_of_one(made, servo, start):
     axis, u, x = servo
     record = made.recorded(axis, u, x, 0)
@@ -218,6 +221,7 @@ def test_effects_with_and_without_states_are_recovered_with_the_axis(made, start
     assert result.parameters["valve_lag.tau"].value == pytest.approx(8e-3, rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_spline_map_serves_a_fit_with_one_gain(made):
     axis = made.spline_axis()
     u, x = made.controlled(axis, 1000, substeps=4)

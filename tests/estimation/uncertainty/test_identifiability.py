@@ -81,6 +81,7 @@ def test_one_record_is_all_there_is(white):
     assert not found.weak() and not found.at_bound and not found.uninformed
 
 
+@pytest.mark.slow
 def test_the_gauge_is_named_where_its_anchor_is_weak(servo):
     """All flows and all X_s times one constant change no trajectory."""
     strong, weak = (analyse_identifiability(servo(noise)) for noise in (1.0, 200.0))
@@ -99,6 +100,7 @@ def test_the_gauge_is_named_where_its_anchor_is_weak(servo):
     assert {*CHAMBERS} - {"X_s2"} <= set(weak.clusters[0])  # X_s2 is the least known by itself
 
 
+@pytest.mark.slow
 def test_pairs_made_collinear_are_named(made, motion, optimum):
     axis, u, x = motion
     record = made.recorded(axis, u, x, 0)
@@ -112,6 +114,7 @@ def test_pairs_made_collinear_are_named(made, motion, optimum):
     assert not nearly.uninformed
 
 
+@pytest.mark.slow
 def test_parameters_that_do_the_same_have_no_interval(made, motion, optimum):
     axis, u, x = motion
     found = analyse_identifiability(

@@ -84,6 +84,7 @@ def test_a_mass_known_badly_has_the_interval_of_its_reciprocal(made, optimum):
     assert found.ratio[1] > 1.1 and found.ratio[0] < 0.9
 
 
+@pytest.mark.slow
 def test_what_the_data_say_nothing_about_has_an_infinite_interval(one_way):
     for name in ("F_c_minus", "F_c"):
         found = profile_likelihood(one_way, name)

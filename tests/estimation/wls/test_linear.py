@@ -77,6 +77,7 @@ def ar1(rng, r, rho):
     return e
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("rho", "classical", "robust"),
     [(0.0, (0.92, 0.98), (0.88, 0.98)), (0.8, (0.4, 0.7), (0.85, 0.98))],

@@ -56,6 +56,7 @@ def unmeasured(monkeypatch):
     monkeypatch.setattr(check, "rivals_of_one", ask)
 
 
+@pytest.mark.slow
 def test_a_diagnosis_that_always_says_stribeck_scores_as_it_must(
     tmp_path, always, in_place, unmeasured
 ):
