@@ -78,7 +78,9 @@ _EXAMPLE_RESULTS = {"result": "quick", "diagnosis": "quick_diagnosis"}
 
 
 #: Functions whose examples take more than a second.
-_SLOW_EXAMPLES = {"design_experiment", "diagnose", "diagnose_many", "write_report"}
+_SLOW_EXAMPLES = {
+    *("Comparison", "compare", "design_experiment", "diagnose", "diagnose_many", "write_report"),
+}
 
 
 def _results_used(item):

@@ -171,6 +171,7 @@ def test_a_folder_with_other_files_is_not_replaced(embedded, tmp_path, capsys):
     assert (tmp_path / "thesis.tex").read_text() == "years of work"
 
 
+@pytest.mark.slow
 def test_validate_compares_with_held_out_records(short_case, result, tmp_path, capsys):
     out, file = tmp_path / "out", tmp_path / "v.json"
     arguments = ["validate", str(short_case), "-p", str(result), "-o", str(out)]
@@ -221,6 +222,7 @@ def test_identify_leaves_a_report_and_prints_table_and_warnings(
     assert "Before you use these numbers" in text
 
 
+@pytest.mark.slow
 def test_an_earlier_report_is_replaced_as_a_whole(quick, tmp_path, one_figure):
     folder = write_report(quick, tmp_path / "out")
     (folder / "figures" / "old.png").write_bytes(b"")
@@ -229,6 +231,7 @@ def test_an_earlier_report_is_replaced_as_a_whole(quick, tmp_path, one_figure):
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
 
 
+@pytest.mark.slow
 def test_a_report_that_breaks_midway_leaves_the_earlier_one(
     quick, tmp_path, monkeypatch, one_figure
 ):

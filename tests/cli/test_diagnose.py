@@ -102,6 +102,7 @@ def test_usage_errors_are_one_line_and_write_nothing(
     assert not given and not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_a_record_too_short_is_refused_in_one_line(embedded, tmp_path, capsys):
     case = tmp_path / "case"
     shutil.copytree(embedded, case)

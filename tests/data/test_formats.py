@@ -46,6 +46,7 @@ def _is_number(word):
     return True
 
 
+@pytest.mark.slow
 @same_folder
 @given(st.integers(2, 60), words, st.data())
 def test_a_cell_that_is_no_number_is_named_with_row_line_and_column(tmp_path, rows, word, data):

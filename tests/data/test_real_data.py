@@ -10,7 +10,7 @@ from pneumo_casadi.data.checks.chambers import CLEAR, chamber_correlations
 from pneumo_casadi.data.checks.smoothed import smoothed_record
 from pneumo_casadi.errors import CaseError
 
-pytestmark = pytest.mark.data
+pytestmark = [pytest.mark.data, pytest.mark.slow]
 
 
 @pytest.fixture(scope="module")

@@ -60,6 +60,7 @@ def test_half_a_heat_transfer_is_refused_with_a_reason(made_case):
         fit_model(one, (EFFECTS["heat_transfer"](),), fit_model(one, ()).values)
 
 
+@pytest.mark.slow
 def test_a_fit_that_ran_away_begins_again_from_the_geometry(made_case, monkeypatch):
     one, _ = prepare_study(made_case(12, leakage_P="large"))
     right, lost = fit_model(one, ()), one.axis.parameters["X_s5"].lower

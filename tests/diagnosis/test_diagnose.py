@@ -195,6 +195,7 @@ def test_noise_and_rest_are_refused_by_name(made_case, name, values):
         diagnose(_changed(made_case(4), **{name: values}), SMALL)
 
 
+@pytest.mark.slow
 def test_a_single_short_move_in_a_long_rest_is_refused(made_case):
     def step(record):
         x = np.where(np.arange(record.N) < record.N // 2, 0.0, 0.05)
@@ -212,6 +213,7 @@ def test_slow_motion_is_no_rest(made_case):
     require_usable(_changed(made_case(4), x=sine).identify, ("x",))
 
 
+@pytest.mark.slow
 def test_half_a_second_is_refused(made_case):
     case = made_case(4)
     short = tuple(record.window(record.t[0], record.t[0] + 0.5) for record in case.identify)

@@ -43,6 +43,7 @@ def test_an_effect_with_memory_is_screened_at_its_usual_size_too(one):
     assert apart < 0.95 * np.prod([np.linalg.norm(one.columns) for one in (narrow, usual)])
 
 
+@pytest.mark.slow
 def test_an_effect_without_memory_is_screened_by_its_tangent_alone(one):
     nominal = fit_model(one, ())
     assert len(perturbation(one, nominal, EFFECTS["spring_load"]())) == 1

@@ -41,6 +41,7 @@ def test_nothing_is_missing_where_nothing_is_wrong(nothing):
     assert np.all(outside[:2].mean(axis=1) < 0.1)
 
 
+@pytest.mark.slow
 def test_the_input_of_a_chamber_is_its_leak_where_all_else_is_known(tmp_path):
     one, _, made = opened(tmp_path, {"leakage_P": {"q": 1.5e-3}})
     (leak,) = made.effects
@@ -86,6 +87,7 @@ def test_smoothing_agrees_with_the_residuals_along_the_motion(tmp_path):
     assert np.std(residual - expected) < 1.1 * noise
 
 
+@pytest.mark.slow
 def test_a_record_of_ten_seconds_takes_less_than_two(nothing):
     one, nominal, _ = nothing
     data = one.smoothed[1][0]

@@ -96,6 +96,7 @@ def test_an_effect_of_both_chambers_is_where_it_adds_more():
     assert balance_of_effect(valve, added) == "mass_flow_N"
 
 
+@pytest.mark.slow
 def test_one_error_of_the_position_explains_what_no_single_input_does(bench):
     found = signatures(*with_values(bench(position_nonlinearity="large")))
     assert set(found.left) == set(HYPOTHESES)
@@ -149,6 +150,7 @@ def smooth(values):
     return np.convolve(values, np.hanning(16), mode="same")
 
 
+@pytest.mark.slow
 def test_maps_show_the_spring_as_a_slope_over_position(bench):
     maps = {(m.balance, m.name): m for m in map_regimes(*bench(spring_load="medium"))}
     slope = maps["force", "x"]

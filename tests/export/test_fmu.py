@@ -65,6 +65,7 @@ def test_the_description_is_valid(model, fmus):
     assert starts == model.axis.parameters.as_dict()
 
 
+@pytest.mark.slow
 @needs_compiler
 def test_co_simulation_gives_the_trajectory_of_the_package(model, fmus, inputs, deviation):
     u = inputs(model)

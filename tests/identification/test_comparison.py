@@ -58,6 +58,7 @@ def test_the_comparison_is_strict_json_and_a_folder(compared, tmp_path):
     assert compared.headline in (folder / "comparison.txt").read_text("utf-8")
 
 
+@pytest.mark.slow
 def test_a_result_file_is_compared_with_the_records_of_its_case(quick, tmp_path):
     write_json(result_dict(quick), tmp_path / "result.json")
     found = compare(quick, tmp_path)

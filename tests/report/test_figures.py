@@ -163,6 +163,7 @@ def test_right_answers_lie_on_the_numbered_diagonal(matrix):
     assert counts[at["none"], len(EFFECTS)] == "4"
 
 
+@pytest.mark.slow
 def test_coefficients_of_the_flow_are_written_as_in_the_paper(all_correlations):
     labels = [one.get_text() for one in all_correlations.axes[0].get_yticklabels()]
     assert {"$X_{s1}$", r"$\varphi_{7}$", r"$\psi^+_{7}$", r"$\psi^-_{4}$"} <= set(labels)

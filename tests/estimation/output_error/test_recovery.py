@@ -40,6 +40,7 @@ def test_the_truth_lies_within_the_reported_covariance_over_seeds(servo, seeds):
     assert 1e-3 < stats.chi2.sf(chi2, 22 * len(seeds)) < 1 - 1e-3
 
 
+@pytest.mark.slow
 def test_each_parameter_scatters_as_its_standard_deviation_says(servo, seeds):
     truth = servo[0].parameters.as_dict()
     z = np.array([deviations(r, truth) / r.uncertainty.std for r in seeds])
@@ -50,6 +51,7 @@ def test_each_parameter_scatters_as_its_standard_deviation_says(servo, seeds):
     assert 0.88 < inside < 0.99
 
 
+@pytest.mark.slow
 def test_ratios_of_specific_heats_come_with_intervals_that_hold(servo, seeds):
     p = servo[0].parameters.as_dict()
     for name, truth in (("k_P", p["X_s3"] / p["X_s2"]), ("k_N", p["X_s6"] / p["X_s5"])):
@@ -57,6 +59,7 @@ def test_ratios_of_specific_heats_come_with_intervals_that_hold(servo, seeds):
         assert stats.chi2.ppf(1e-4, len(z)) < np.sum(z**2) < stats.chi2.ppf(1 - 1e-4, len(z))
 
 
+@pytest.mark.slow
 def test_the_noise_of_each_sensor_is_found(made, seeds):
     wanted = [made.NOISE.p, made.NOISE.p, made.NOISE.x]
     mean = np.mean([result.sigma for result in seeds], axis=0)

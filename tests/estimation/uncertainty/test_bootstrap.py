@@ -103,6 +103,7 @@ def test_the_noise_of_the_flow_map_scatters_too(anchored):
     assert k_P == pytest.approx(1.0, abs=4 / np.sqrt(2 * count))
 
 
+@pytest.mark.slow
 def test_replicates_do_not_depend_on_who_computes_them(white, replicates):
     with ThreadPoolExecutor(2) as executor:
         threads = block_bootstrap(white, 25, executor=executor)
@@ -117,6 +118,7 @@ def test_replicates_come_back_from_other_processes(white, replicates):
     assert found.replicates == replicates.replicates[:11]
 
 
+@pytest.mark.slow
 def test_an_interrupted_run_goes_on_where_it_was(white, replicates, tmp_path, monkeypatch):
     refit, made = bootstrap._refit, []
 
@@ -148,6 +150,7 @@ def test_replicates_of_another_bootstrap_and_damaged_ones_are_refused(white, tmp
         block_bootstrap(white, 3, folder=tmp_path)
 
 
+@pytest.mark.slow
 def test_refits_that_fail_are_reported_and_counted_nowhere(white, replicates, monkeypatch, caplog):
     refit = bootstrap._refit
 

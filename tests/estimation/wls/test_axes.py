@@ -86,6 +86,7 @@ def test_wls_on_the_bench_of_table_1_finds_mass_and_friction_and_the_chambers_ro
     assert validated.relative_error_percent["mass_flow_P"] < 10.0
 
 
+@pytest.mark.slow
 @pytest.mark.data
 def test_emps_is_reproduced_with_the_authors_recipe(emps, benchmark):
     found = benchmark.run(emps, seconds=1.0)

@@ -106,6 +106,7 @@ def test_a_large_cause_shows_and_an_oracle_removes_more_than_another_effect(tmp_
     assert found["by_aic"][0] == "stribeck"
 
 
+@pytest.mark.slow
 def test_a_case_that_cannot_be_measured_says_why(tmp_path):
     draw = Draw("w001", Kind.NONE, 5, {})
     too_short = {"duration": 0.5, "fs": 500.0}
