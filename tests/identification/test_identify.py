@@ -78,7 +78,7 @@ def test_progress_rises_from_nothing_to_one(embedded):
     shares: list[float] = []
     identify(
         embedded,
-        IdentifyOptions(FlowForm.POLYNOMIALS, start=10.0, end=12.0, refine_flow=False, windows=()),
+        IdentifyOptions(FlowForm.POLYNOMIALS, start=10.0, end=11.0, refine_flow=False, windows=()),
         lambda text, share: shares.append(share),
     )
     assert shares == sorted(shares)
@@ -171,7 +171,7 @@ def test_a_fit_that_fails_carries_its_partial_result(embedded):
     options = IdentifyOptions(
         FlowForm.POLYNOMIALS,
         start=10.0,
-        end=12.0,
+        end=11.0,
         output_error=OutputErrorOptions(max_iterations=1),
     )
     with pytest.raises(FitError) as caught:
