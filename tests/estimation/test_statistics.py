@@ -5,8 +5,7 @@ import pytest
 from scipy import signal, stats
 
 from pneumo_casadi.data import InputHold, Recording, SensorNoise
-from pneumo_casadi.estimation import robust_covariance
-from pneumo_casadi.estimation.robust_covariance import batch_sandwich
+from pneumo_casadi.estimation.robust_covariance import batch_sandwich, batches
 from pneumo_casadi.estimation.statistics import (
     autocorrelation,
     interval_factor,
@@ -168,8 +167,8 @@ def test_what_a_fit_takes_from_the_residuals_is_counted_by_the_information_of_th
     for _ in range(runs):
         rows, _ = left_by_a_fit(x, rng.normal(size=K))
         sums = np.add.reduceat(rows, np.arange(0, K, length), axis=0)
-        root, inverse = robust_covariance._roots(rows)
-        (square,) = robust_covariance._squares([rows @ inverse], [length])
+        root, inverse = batches._roots(rows)
+        (square,) = batches._squares([rows @ inverse], [length])
         plain += (sums**2).sum(axis=0) / runs / wanted
         counted += ((sums**2).sum(axis=0) + np.sum(root * (square @ root), axis=0)) / runs / wanted
     n = K // length

@@ -1,10 +1,7 @@
 """Equation error: parameters from the residuals of the balances along the smoothed motion."""
 
-from pneumo_casadi.estimation.equation_error.fit import (
-    EquationErrorResult,
-    default_residual_floor,
-    fit_equation_error,
-)
+from pneumo_casadi.estimation.equation_error.fit import default_residual_floor, fit_equation_error
+from pneumo_casadi.estimation.equation_error.result import EquationErrorResult
 from pneumo_casadi.estimation.equation_error.smoothed_motion import (
     SmoothedMotion,
     smooth_motion,

@@ -15,12 +15,8 @@ from pneumo_casadi.estimation.output_error.derived import find_quantity
 from pneumo_casadi.estimation.statistics import ParameterUncertainty, delta_std, interval_factor
 from pneumo_casadi.estimation.uncertainty.added_residuals import shift_measured_flows
 from pneumo_casadi.estimation.uncertainty.optimum import Optimum, solve_from
-from pneumo_casadi.estimation.uncertainty.replicates import Replicate, ReplicateFolder, fingerprint
-from pneumo_casadi.estimation.uncertainty.resampling import (
-    block_length,
-    draw_circular_blocks,
-    retained_variance,
-)
+from pneumo_casadi.estimation.uncertainty.replicates import Replicate, ReplicateFolder
+from pneumo_casadi.estimation.uncertainty.resampling_plan import ResamplingPlan
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.runtime.threads import one_thread
@@ -29,9 +25,6 @@ logger = logging.getLogger(__name__)
 
 #: Replicates that one task makes: it writes the problem once.
 TASK = 10
-#: Share of the residuals' variance that the fit, or the ends of blocks, may have taken out and
-#: that is given back.
-MOST_LOST = 0.5
 
 
 class IntervalKind(Enum):
@@ -186,7 +179,7 @@ def block_bootstrap(
     """
     if replicates < 2:
         raise ModelError(f"{replicates} replicates have no scatter; at least 2")
-    plan = _Plan.make(optimum, length, seed)
+    plan = ResamplingPlan.make(optimum, length, seed)
     store = None if folder is None else ReplicateFolder(Path(folder), plan.fingerprint(optimum))
     done = {} if store is None else {i: r for i in range(replicates) if (r := store.read(i))}
     missing = [i for i in range(replicates) if i not in done]
@@ -210,75 +203,8 @@ def block_bootstrap(
     return result
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Plan:
-    """What is resampled: residuals with their block lengths, of the records, then of the map."""
-
-    residuals: tuple[FloatArray, ...]
-    lengths: tuple[int, ...]
-    seed: int
-
-    @classmethod
-    def make(cls, optimum: Optimum, length: float | None, seed: int) -> "_Plan":
-        raw = _by_record(optimum)
-        n, dt = optimum.result.segments[0].n, optimum.records[0].dt
-        lengths = [
-            block_length(e) if length is None else min(e.shape[1], max(1, round(length / (n * dt))))
-            for e in raw
-        ]
-        drawn = sum(e.shape[1] / own for e, own in zip(raw, lengths, strict=True))
-        fitted = len(optimum.names) + sum(x_0.size for x_0 in optimum.result.initial_states)
-        residuals = [
-            _scaled(e, own, fitted / len(e) / drawn, length is None)
-            for e, own in zip(raw, lengths, strict=True)
-        ]
-        anchor = optimum.problem.anchor
-        if anchor is not None and anchor.n_points:
-            g = optimum.problem.anchor_residuals(optimum.point.theta)[None, : anchor.n_points]
-            lengths.append(block_length(g))
-            lost = len(anchor.names) * lengths[-1] / g.size
-            residuals.append(_scaled(g, lengths[-1], lost))
-        return cls(tuple(residuals), tuple(lengths), seed)
-
-    def fingerprint(self, optimum: Optimum) -> str:
-        result = optimum.result
-        arrays = [*self.residuals, result.sigma, result.parameters.values]
-        return fingerprint(arrays, [self.lengths, self.seed, result.uncertainty.names])
-
-    def draw_prior(self, index: int, rows: int) -> FloatArray:
-        """Return the residuals of prior knowledge of one replicate, (rows,)."""
-        seed = np.random.SeedSequence(self.seed, spawn_key=(index, 1))
-        return np.random.default_rng(seed).normal(size=rows)
-
-    def draw_residuals(self, index: int) -> list[FloatArray]:
-        """Return the residuals of one replicate."""
-        rng = np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(index,)))
-        return [
-            e[:, draw_circular_blocks(rng, e.shape[1], length)]
-            for e, length in zip(self.residuals, self.lengths, strict=True)
-        ]
-
-
-def _by_record(optimum: Optimum) -> list[FloatArray]:
-    """Return the residuals of block means of each record, shape (ny, K), windows joined."""
-    result = optimum.result
-    parts: dict[int, list[FloatArray]] = {}
-    for segment, fitted in zip(result.segments, result.fitted, strict=True):
-        parts.setdefault(segment.record, []).append(segment.y - fitted)
-    return [np.hstack(parts[record]) for record in sorted(parts)]
-
-
-def _scaled(e: FloatArray, length: int, lost: float, ends: bool = True) -> FloatArray:
-    """Centre residuals; scale up for the variance lost to the fit and, if `ends`, to block ends."""
-    left = np.full(len(e), 1 - min(lost, MOST_LOST))
-    if ends:
-        left *= np.maximum(retained_variance(e, length), 1 - MOST_LOST)
-    scaled: FloatArray = (e - e.mean(axis=1, keepdims=True)) / np.sqrt(left)[:, None]
-    return scaled
-
-
 def _refits(
-    optimum: Optimum, plan: _Plan, store: ReplicateFolder | None, indices: Sequence[int]
+    optimum: Optimum, plan: ResamplingPlan, store: ReplicateFolder | None, indices: Sequence[int]
 ) -> list[Replicate]:
     made = []
     for index in indices:
@@ -290,7 +216,7 @@ def _refits(
 
 
 @one_thread
-def _refit(optimum: Optimum, plan: _Plan, index: int) -> Replicate:
+def _refit(optimum: Optimum, plan: ResamplingPlan, index: int) -> Replicate:
     problem, result = optimum.problem, optimum.result
     drawn = plan.draw_residuals(index)
     segments, used = [], [0] * len(drawn)

@@ -8,7 +8,8 @@ from pneumo_casadi.estimation.wls.base_parameters import (
 from pneumo_casadi.estimation.wls.cross_validation import Prediction, cross_validate
 from pneumo_casadi.estimation.wls.derived import DerivedEstimates, linear_combinations, ratios
 from pneumo_casadi.estimation.wls.fit import fit_wls
-from pneumo_casadi.estimation.wls.linear import LinearFit, LinearSystem, solve_wls, stack_systems
+from pneumo_casadi.estimation.wls.linear import LinearFit, solve_wls
+from pneumo_casadi.estimation.wls.linear_system import LinearSystem, stack_systems
 from pneumo_casadi.estimation.wls.regressor import (
     LinearModel,
     Observation,

@@ -10,12 +10,8 @@ from pneumo_casadi.data import Recording
 from pneumo_casadi.errors import FitError, ModelError
 from pneumo_casadi.estimation.flow_anchor import flow_scale_std
 from pneumo_casadi.estimation.wls.derived import DerivedEstimates, ratios
-from pneumo_casadi.estimation.wls.linear import (
-    LinearFit,
-    LinearSystem,
-    solve_wls,
-    stack_systems,
-)
+from pneumo_casadi.estimation.wls.linear import LinearFit, solve_wls
+from pneumo_casadi.estimation.wls.linear_system import LinearSystem, stack_systems
 from pneumo_casadi.estimation.wls.regressor import LinearModel, Observation, StickPhases, observe
 from pneumo_casadi.estimation.wls.result import Removal, WLSResult, total_error_percent
 from pneumo_casadi.parameters import FloatArray, Parameters

@@ -1,86 +1,17 @@
 """Weighted linear least squares with its statistics (eq. 13, 15-17)."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import linalg
 
-from pneumo_casadi.errors import FitError, ModelError
-from pneumo_casadi.estimation.robust_covariance import default_lags, newey_west_sandwich
+from pneumo_casadi.errors import FitError
+from pneumo_casadi.estimation.robust_covariance import newey_west_sandwich
 from pneumo_casadi.estimation.wls.arrays import read_only
 from pneumo_casadi.estimation.wls.base_parameters import TOLERANCE, BaseParameters, base_parameters
+from pneumo_casadi.estimation.wls.linear_system import LinearSystem
 from pneumo_casadi.parameters import FloatArray
-
-IntArray = NDArray[np.intp]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class LinearSystem:
-    """An overdetermined linear system Y = W X + ρ with rows of several equations (eq. 13).
-
-    Parameters
-    ----------
-    Y : (r,) array
-        Measured side.
-    W : (r, n) array
-        Observation matrix.
-    names : tuple of str
-        Parameters, one for each column of W.
-    equations : tuple of str
-        Names of the equations.
-    equation : (r,) array of int
-        Equation of each row, an index into `equations`.
-    instant : (r,) array of int
-        Instant of each row: rows of several equations at one instant share it, consecutive
-        instants of one record differ by one, records lie apart.
-    weight : (r,) array, optional
-        Factor on each row besides that of its equation, from 0 (left out) to 1.
-
-    Raises
-    ------
-    ModelError
-        If shapes differ, a value is not finite, or there are no more rows than parameters.
-    """
-
-    Y: FloatArray
-    W: FloatArray
-    names: tuple[str, ...]
-    equations: tuple[str, ...]
-    equation: IntArray
-    instant: IntArray
-    weight: FloatArray | None = None
-
-    def __post_init__(self) -> None:
-        rows, n = self.W.shape
-        weight = np.ones(rows) if self.weight is None else np.asarray(self.weight, dtype=float)
-        object.__setattr__(self, "weight", weight)
-        parts = {"Y": self.Y, "equation": self.equation, "instant": self.instant, "weight": weight}
-        for label, values in parts.items():
-            if values.shape != (rows,):
-                raise ModelError(f"{label} has shape {values.shape}, W has {rows} rows")
-        if n != len(self.names):
-            raise ModelError(f"W has {n} columns for {len(self.names)} names")
-        if not (np.all(np.isfinite(self.Y)) and np.all(np.isfinite(self.W))):
-            raise ModelError("Y or W hold values that are not finite")
-        if np.count_nonzero(weight) <= n:
-            raise ModelError(
-                f"{np.count_nonzero(weight)} rows cannot determine {n} parameters: "
-                "give longer records or decimate less"
-            )
-
-    @property
-    def row_weight(self) -> FloatArray:
-        """Weights of the rows, shape (r,)."""
-        assert self.weight is not None
-        return self.weight
-
-    def without(self, name: str) -> "LinearSystem":
-        """Return the system without one parameter, which is thereby put to zero."""
-        keep = [j for j, other in enumerate(self.names) if other != name]
-        names = tuple(self.names[j] for j in keep)
-        return replace(self, W=self.W[:, keep], names=names)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -283,27 +214,6 @@ def relative_error_percent(residual: FloatArray, Y: FloatArray) -> float:
     """
     size = float(np.linalg.norm(Y))
     return 100 * float(np.linalg.norm(residual)) / size if size > 0 else np.inf
-
-
-def stack_systems(systems: Sequence[LinearSystem]) -> LinearSystem:
-    """Stack the systems of several records; their instants are set apart."""
-    first = systems[0]
-    instants = []
-    start = 0
-    # A gap longer than the lags that are summed keeps the records apart.
-    gap = default_lags(sum(system.Y.size for system in systems)) + 1
-    for system in systems:
-        instants.append(system.instant + start)
-        start = int(instants[-1].max()) + gap
-    return LinearSystem(
-        Y=np.concatenate([s.Y for s in systems]),
-        W=np.vstack([s.W for s in systems]),
-        names=first.names,
-        equations=first.equations,
-        equation=np.concatenate([s.equation for s in systems]),
-        instant=np.concatenate(instants),
-        weight=np.concatenate([s.row_weight for s in systems]),
-    )
 
 
 def _root_mean_square(values: FloatArray) -> float:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pneumo_casadi.data import Recording
 from pneumo_casadi.errors import ModelError
-from pneumo_casadi.estimation.wls.linear import LinearSystem
+from pneumo_casadi.estimation.wls.linear_system import LinearSystem
 from pneumo_casadi.model.compilation import call_with_arrays
 from pneumo_casadi.parameters import FloatArray, Parameters
 from pneumo_casadi.signals import (

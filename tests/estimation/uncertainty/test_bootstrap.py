@@ -13,6 +13,7 @@ from pneumo_casadi.errors import CaseError, FitError, ModelError
 from pneumo_casadi.estimation.uncertainty import IntervalKind, block_bootstrap, bootstrap
 from pneumo_casadi.estimation.uncertainty.optimum import solve_from
 from pneumo_casadi.estimation.uncertainty.resampling import block_length, draw_circular_blocks
+from pneumo_casadi.estimation.uncertainty.resampling_plan import ResamplingPlan, scale_residuals
 
 #: Replicates whose scatter is judged: it is known to 1/√(2 B) itself.
 B = 200
@@ -85,7 +86,7 @@ def test_scaled_blocks_make_up_for_their_ends_and_for_what_a_fit_took(rho):
     for e in noises:
         left = (e - Q @ (Q.T @ e))[None]
         length = block_length(left)
-        scaled = bootstrap._scaled(left, length, p * length / K)[0]
+        scaled = scale_residuals(left, length, p * length / K)[0]
         drawn += [Q.T @ scaled[draw_circular_blocks(rng, K, length)] for _ in range(5)]
     scatter = np.sqrt(np.mean(np.square(drawn)) / np.mean(np.diag(true)))
     assert scatter == pytest.approx(1.0, abs=0.05)
@@ -189,7 +190,7 @@ def test_windows_and_records_keep_their_own_residuals(made, motion, forward, opt
     axis, u, x = motion
     loud = made.recorded(axis, u, x, 4, noise=30.0, name="loud")
     fitted = optimum(axis, [loud, forward], window=0.3)
-    plan = bootstrap._Plan.make(fitted, 0.02, 0)
+    plan = ResamplingPlan.make(fitted, 0.02, 0)
     assert plan.lengths == (4, 4)
     assert [e.shape[1] for e in plan.residuals] == [199, 99]
     drawn = plan.draw_residuals(0)
@@ -200,7 +201,7 @@ def test_windows_and_records_keep_their_own_residuals(made, motion, forward, opt
 
 
 def test_all_channels_are_drawn_together(anchored):
-    plan = bootstrap._Plan.make(anchored, None, 0)
+    plan = ResamplingPlan.make(anchored, None, 0)
     own = {tuple(column) for column in plan.residuals[0].T}
     assert {tuple(column) for column in plan.draw_residuals(7)[0].T} <= own
 

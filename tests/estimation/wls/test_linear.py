@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from pneumo_casadi.errors import FitError, ModelError
 from pneumo_casadi.estimation.wls import LinearSystem, linear_combinations, ratios, solve_wls
-from pneumo_casadi.estimation.wls.linear import stack_systems
+from pneumo_casadi.estimation.wls.linear_system import stack_systems
 
 # NIST StRD, Longley (1967): certified estimates, standard deviations and residual deviation.
 LONGLEY = np.array(

@@ -1,19 +1,4 @@
-"""Robust (sandwich) covariance of least-squares estimates.
-
-With the residuals r, their Jacobian J and the scores g = Jᵀr, the covariance of the estimates is
-
-    C = H⁻¹ S H⁻¹,   H = JᵀJ,   S = covariance of Σ g,
-
-whatever the variance and the correlation of the residuals. For white residuals S = σ² H and C is
-the usual σ² H⁻¹. Two estimators of S are used:
-
-- Weighted least squares: Newey and West (`newey_west_sandwich`). Its rows are few, because the
-  parallel filter decimates them, and its tables give the standard deviations that the literature
-  on regression gives.
-- Output error: variances of batch sums (`batch_sandwich`). Its residuals are many and correlated
-  for an unknown time, from one block to several seconds. Batches choose their length from the
-  data, and count what the fit has removed from the residuals, which a kernel estimator does not.
-"""
+"""Robust covariance from batch sums, for many rows correlated for an unknown time."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -34,61 +19,6 @@ MIN_DOF = 4.0
 RANK_TOLERANCE = 1e-13
 #: Share of a Gaussian fourth moment, 3 σ⁴, that exceeds the square of the variance.
 EXCESS_OF_FOURTH_MOMENT = 2 / 3
-
-
-def newey_west_sandwich(
-    inverse: FloatArray, scores: FloatArray, instant: NDArray[np.intp], lags: int | None = None
-) -> FloatArray:
-    """Return H⁻¹ S H⁻¹ with S by Newey and West (1987).
-
-    With the scores g_k summed over all rows at instant k,
-
-    S = T/(T - n) [Γ_0 + Σ_{j=1}^{L} (1 - j/(L+1)) (Γ_j + Γ_jᵀ)],   Γ_j = Σ_k g_k g_{k-j}ᵀ.
-
-    Parameters
-    ----------
-    inverse : (n, n) array
-        H⁻¹.
-    scores : (r, n) array
-        Weighted row times weighted residual.
-    instant : (r,) array of int
-        Instant of each row; missing instants count as zero.
-    lags : int, optional
-        L; by default 1.3 √T for T instants with data (Lazarus, Lewis, Stock and Watson 2018).
-
-    Returns
-    -------
-    (n, n) array
-
-    Examples
-    --------
-    >>> g = np.random.default_rng(0).normal(size=(4000, 1))
-    >>> C = newey_west_sandwich(np.eye(1) / 4000, g, np.arange(4000), lags=5)
-    >>> round(float(C[0, 0]) * 4000, 1)
-    1.0
-    """
-    first = int(instant.min())
-    g = np.zeros((int(instant.max()) - first + 1, scores.shape[1]))
-    np.add.at(g, instant - first, scores)
-    T = np.unique(instant).size
-    if lags is None:
-        lags = default_lags(T)
-    S = g.T @ g
-    for j in range(1, min(lags, g.shape[0] - 1) + 1):
-        gamma = g[j:].T @ g[:-j]
-        S += (1 - j / (lags + 1)) * (gamma + gamma.T)
-    return np.asarray(inverse @ np.asarray(S * T / max(T - scores.shape[1], 1)) @ inverse)
-
-
-def default_lags(T: int) -> int:
-    """Return the number of lags that are summed for T instants, 1.3 √T.
-
-    Examples
-    --------
-    >>> default_lags(2500)
-    65
-    """
-    return int(np.ceil(1.3 * np.sqrt(T)))
 
 
 def batch_sandwich(inverse: FloatArray, scores: Sequence[Sequence[FloatArray]]) -> FloatArray:

@@ -1,0 +1,168 @@
+"""The cost of an equation-error fit, its Gauss-Newton steps and where they end."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
+from pneumo_casadi.estimation.equation_error.residuals import balance_residuals, linearise_residuals
+from pneumo_casadi.estimation.equation_error.smoothed_motion import SmoothedMotion
+from pneumo_casadi.estimation.flow_anchor import Anchor
+from pneumo_casadi.estimation.gauss_newton import Damping, minimise_in_box
+from pneumo_casadi.parameters import FloatArray
+
+#: A step that predicts less than this decrease of the cost per row ends the iteration.
+TOLERANCE = 1e-5
+DAMPING = Damping(
+    start=1e-6,
+    accept=1e-3,
+    trust=1e-3,
+    fall=10.0,
+    grow=10.0,
+    least=1e-9,
+    least_after_rejection=1e-6,
+    max_rejections=12,
+)
+#: From this iteration on an accepted step is doubled while that lowers the cost, at most so many
+#: times. In a curved valley, and where the derivatives hold the states of the effects, steps all
+#: point the same way and are short.
+DOUBLE_FROM, MAX_DOUBLINGS = 3, 6
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """Values of all parameters and the cost there."""
+
+    theta: FloatArray
+    cost: float
+
+
+@dataclass(frozen=True, slots=True)
+class Linearised:
+    """Weighted residuals e at θ, A = ∂e/∂θ for the scaled free parameters, and H = AᵀA."""
+
+    theta: FloatArray
+    A: FloatArray
+    e: FloatArray
+    H: FloatArray
+    cost: float
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """Step of the scaled free parameters and the decrease of the cost that it predicts."""
+
+    delta: FloatArray
+    gain: float
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """The cost of parameters, as `minimise` asks for it."""
+
+    model: BalanceFunctions
+    motions: Sequence[SmoothedMotion]
+    anchor: Anchor | None
+    residual_floor: FloatArray
+    state_derivatives: bool
+
+    @cached_property
+    def free(self) -> list[int]:
+        """Indices of the free parameters."""
+        return [self.model.axis.parameters.index(name) for name in self.model.free]
+
+    @cached_property
+    def scales(self) -> FloatArray:
+        """Scales of the free parameters, (n,)."""
+        return self.model.axis.parameters.scales[self.free]
+
+    @cached_property
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
+        """Lower and upper bounds of the free parameters, each (n,)."""
+        parameters = self.model.axis.parameters
+        return parameters.lower[self.free], parameters.upper[self.free]
+
+    @cached_property
+    def weights(self) -> FloatArray:
+        """1 where a row of a balance counts, else 0, (ne, m) over all motions."""
+        used = [motion.used(self.model.axis) for motion in self.motions]
+        return np.hstack(used).astype(float)
+
+    @cached_property
+    def n_rows(self) -> FloatArray:
+        """Number of rows that count of each balance, (ne,)."""
+        return np.asarray(self.weights.sum(axis=1))
+
+    def residuals(self, theta: FloatArray) -> tuple[FloatArray, ...]:
+        """Return the residuals of the balances along each motion, (ne, m)."""
+        return tuple(balance_residuals(self.model, motion, theta) for motion in self.motions)
+
+    def map_residuals(self, theta: FloatArray) -> FloatArray:
+        """Return the residuals of the flow map over their standard deviation."""
+        if self.anchor is None:
+            return np.zeros(0)
+        return self.anchor(self.anchor.coefficients(self.model.axis.parameters, theta))
+
+    def cost(self, r: Sequence[FloatArray], theta: FloatArray) -> float:
+        """Return the negative log-likelihood but for a constant, see `EquationErrorResult`."""
+        squares = float(np.sum(self.map_residuals(theta) ** 2))
+        return float(np.sum(self.n_rows * np.log(self.sigma(r)))) + 0.5 * squares
+
+    def sigma(self, r: Sequence[FloatArray]) -> FloatArray:
+        """Return the standard deviation of the residuals of each balance, (ne,)."""
+        squares = np.sum((np.hstack(r) * self.weights) ** 2, axis=1)
+        return np.asarray(np.sqrt(squares / self.n_rows + self.residual_floor**2))
+
+    def linearise(self, point: Trial) -> Linearised:
+        """Return the weighted residuals and their derivatives at a point."""
+        theta = point.theta
+        parts = [
+            linearise_residuals(self.model, motion, theta, self.state_derivatives)
+            for motion in self.motions
+        ]
+        r = [part.r for part in parts]
+        weights = self.weights / self.sigma(r)[:, None]
+        e = (np.hstack(r) * weights).ravel()
+        A = (np.hstack([part.J for part in parts]) * weights[:, :, None]).reshape(e.size, -1)
+        if self.anchor is not None:
+            c = self.anchor.coefficients(self.model.axis.parameters, theta)
+            A = np.vstack([A, self.anchor.rows(c, self.model.free)])
+            e = np.concatenate([e, self.map_residuals(theta)])
+        A = A * self.scales
+        return Linearised(theta, A, e, A.T @ A, self.cost(r, theta))
+
+    def step(self, linear: Linearised, damping: float) -> Step:
+        """Return the damped Gauss-Newton step within the bounds."""
+        A, e, H = linear.A, linear.e, linear.H
+        diagonal = np.diag(H)
+        damped = H + damping * np.diag(np.maximum(diagonal, 1e-12 * diagonal.max()))
+        lower, upper = ((b - linear.theta[self.free]) / self.scales for b in self.bounds)
+        delta = minimise_in_box(damped, -A.T @ e, lower, upper)
+        return Step(delta, 0.5 * float(e @ e - np.sum((e + A @ delta) ** 2)))
+
+    def settled(
+        self, linear: Linearised, step: Step, damping: float, costs: Sequence[float]
+    ) -> bool:
+        """Tell whether the step predicts next to no decrease of the cost."""
+        return bool(step.gain < TOLERANCE * self.n_rows.sum())
+
+    def take(self, linear: Linearised, step: Step, iteration: int) -> Trial:
+        """Return the trial after a step, doubled in late iterations while that lowers the cost."""
+        best = self._at(linear.theta, step.delta)
+        least_gain = DAMPING.accept * step.gain
+        if iteration < DOUBLE_FROM or not best.cost < linear.cost - least_gain:
+            return best
+        for power in range(1, 1 + MAX_DOUBLINGS):
+            trial = self._at(linear.theta, 2**power * step.delta)
+            if not trial.cost < best.cost - least_gain:  # nor where it is no number
+                break
+            best = trial
+        return best
+
+    def _at(self, theta: FloatArray, delta: FloatArray) -> Trial:
+        """Return the trial after a scaled step, within the bounds against rounding."""
+        ahead = theta.copy()
+        ahead[self.free] = np.clip(theta[self.free] + delta * self.scales, *self.bounds)
+        return Trial(ahead, self.cost(self.residuals(ahead), ahead))

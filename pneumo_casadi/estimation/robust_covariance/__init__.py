@@ -1,0 +1,21 @@
+"""Robust (sandwich) covariance of least-squares estimates.
+
+With the residuals r, their Jacobian J and the scores g = Jᵀr, the covariance of the estimates is
+
+    C = H⁻¹ S H⁻¹,   H = JᵀJ,   S = covariance of Σ g,
+
+whatever the variance and the correlation of the residuals. For white residuals S = σ² H and C is
+the usual σ² H⁻¹. Two estimators of S are used:
+
+- Weighted least squares: Newey and West (`newey_west_sandwich`). Its rows are few, because the
+  parallel filter decimates them, and its tables give the standard deviations that the literature
+  on regression gives.
+- Output error: variances of batch sums (`batch_sandwich`). Its residuals are many and correlated
+  for an unknown time, from one block to several seconds. Batches choose their length from the
+  data, and count what the fit has removed from the residuals, which a kernel estimator does not.
+"""
+
+from pneumo_casadi.estimation.robust_covariance.batches import batch_sandwich
+from pneumo_casadi.estimation.robust_covariance.newey_west import default_lags, newey_west_sandwich
+
+__all__ = ["batch_sandwich", "default_lags", "newey_west_sandwich"]
