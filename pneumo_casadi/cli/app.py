@@ -12,8 +12,10 @@ from pneumo_casadi.cli.compare import compare
 from pneumo_casadi.cli.design import design
 from pneumo_casadi.cli.diagnose import diagnose
 from pneumo_casadi.cli.diagnose_many import diagnose_many
+from pneumo_casadi.cli.example import example
 from pneumo_casadi.cli.export import export
 from pneumo_casadi.cli.identify import demo, identify
+from pneumo_casadi.cli.init import init
 from pneumo_casadi.cli.simulate import simulate
 from pneumo_casadi.cli.terminal import BAD_INPUT, OK, complain, say
 from pneumo_casadi.cli.validate import validate
@@ -46,6 +48,8 @@ def _common(
 
 for _command in (
     demo,
+    example,
+    init,
     check,
     identify,
     validate,

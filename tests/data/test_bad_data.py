@@ -115,7 +115,7 @@ SPOILT = {
     ),
     "a missing column": (
         lambda lines: [",".join(line.split(",")[:4] + line.split(",")[5:]) for line in lines],
-        r"identify\.csv: no column `p_N_Pa`; it has .*`p_P`.*add the column",
+        r"no column `p_N_Pa`; the file has `t_s`, .*`p_P_Pa`.*in columns\.json .*\"p_N_Pa\": ",
     ),
     "no time": (
         lambda lines: [line.partition(",")[2] for line in lines],
@@ -123,7 +123,7 @@ SPOILT = {
     ),
     "a column in another unit": (
         lambda lines: [lines[0].replace("p_P_Pa", "p_P_bar"), *lines[1:]],
-        r"column `p_P_bar` is in bar, expected `p_P_Pa`; convert it, or .*scale=100000",
+        r"`p_P_bar` is in bar, expected `p_P_Pa`; .*columns\.json: .p_P_Pa.: \[.p_P_bar., .bar.\]",
     ),
     "a column named twice": (
         lambda lines: [lines[0].replace("p_P_Pa", "p_N_Pa"), *lines[1:]],

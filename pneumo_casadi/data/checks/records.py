@@ -3,6 +3,7 @@
 import logging
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from types import MappingProxyType
 
 from pneumo_casadi.data.bench.bench import Bench
@@ -18,8 +19,10 @@ from pneumo_casadi.data.checks.sensors import check_sensors
 from pneumo_casadi.data.checks.smoothed import smoothed_record
 from pneumo_casadi.data.checks.supply import check_supply
 from pneumo_casadi.data.checks.timing import check_timing
+from pneumo_casadi.data.readers.columns import COLUMNS_FILE
 from pneumo_casadi.data.readers.recordings import FEWEST_ROWS
-from pneumo_casadi.data.recording.channels import column_name
+from pneumo_casadi.data.readers.tables import read_table, suffix_of
+from pneumo_casadi.data.recording.channels import UNITS, column_name
 from pneumo_casadi.data.recording.clock import Clock
 from pneumo_casadi.data.recording.recording import Recording
 from pneumo_casadi.errors import CaseError
@@ -156,18 +159,27 @@ def _findings(
 def _check_channels(recording: Recording, bench: AnyBench) -> None:
     reference = ("x_ref",) if bench.controller.closes_loop else ()
     needed = (*bench.kind.inputs, *bench.kind.outputs, *reference)
-    missing = [f"`{column_name(name)}`" for name in needed if name not in recording]
+    missing = [column_name(name) for name in needed if name not in recording]
     if missing:
+        names = _names_in_file(recording)
         raise CaseError(
-            f"{recording.source}: no column {', '.join(missing)}; it has "
-            f"{', '.join(f'`{name}`' for name in ('t', *recording.names))}; add the column, or "
-            "name it in columns={...}"
+            f"{recording.source}: no column {', '.join(f'`{name}`' for name in missing)}; the file "
+            f"has {', '.join(f'`{name}`' for name in names)}; add the column, or write in "
+            f'{COLUMNS_FILE} which of them it is, as "{missing[0]}": "{names[-1]}"'
         )
     if recording.N < FEWEST_ROWS:
         raise CaseError(
             f"{recording.source}: {recording.N} rows, fewer than {FEWEST_ROWS}: too few to learn "
             "from; was the file cut short?"
         )
+
+
+def _names_in_file(recording: Recording) -> tuple[str, ...]:
+    """Return the columns of the file of a recording, or its channels where there is no file."""
+    path = Path(recording.source)
+    if path.is_file() and suffix_of(path):
+        return read_table(path, ()).names
+    return tuple(column_name(name) if name in UNITS else name for name in ("t", *recording.names))
 
 
 def _check_clock(recording: Recording, bench: AnyBench) -> None:

@@ -161,7 +161,8 @@ def noise_of(values: FloatArray) -> float:
 
 def _off_the_law(recording: Recording, controller: ProportionalController) -> Iterator[Finding]:
     u_P = recording["u_P"]
-    opposition = np.abs(u_P + recording["u_N"])
+    both = u_P + recording["u_N"]  # 0 for one 5/3 valve, else twice the null voltage
+    opposition = np.minimum(np.abs(both), np.abs(both - 2 * controller.u_0))
     k = int(opposition.argmax())
     if opposition[k] > LAW_TOLERANCE * np.abs(u_P).max():
         yield Finding(
@@ -173,8 +174,9 @@ def _off_the_law(recording: Recording, controller: ProportionalController) -> It
             source=recording.name,
         )
     law = controller.gain * (recording["x_ref"] - recording["x"])
-    inside = np.abs(u_P) < 0.98 * controller.u_max
-    u, law = u_P[inside], law[inside]
+    u = u_P - controller.u_0
+    inside = np.abs(u) < 0.98 * controller.u_max
+    u, law = u[inside], law[inside]
     if not law.size or not law @ law:
         return
     slope = float(u @ law / (law @ law))

@@ -4,7 +4,7 @@ import logging
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from pneumo_casadi.data.readers.columns import COLUMNS, Column, ColumnSpec
+from pneumo_casadi.data.readers.columns import COLUMNS, COLUMNS_FILE, Column, ColumnSpec
 from pneumo_casadi.data.readers.tables import Table, read_table, suffix_of
 from pneumo_casadi.data.readers.units import SI_FACTORS
 from pneumo_casadi.data.recording.channels import UNITS, InputHold, column_name
@@ -101,7 +101,8 @@ def _assign_columns(table: Table, columns: Mapping[str, ColumnSpec]) -> list[tup
     for name in columns:
         if name not in table.columns:
             raise CaseError(
-                f"{table.path}: no column `{name}`; the file has {', '.join(table.names)}"
+                f"{table.path}: no column `{name}`; the file has {', '.join(table.names)}; correct "
+                f"{COLUMNS_FILE}"
             )
     meaning = [(name, column) for name, entry in columns.items() for column in _as_columns(entry)]
     taken = {column.channel for _, column in meaning}
@@ -133,15 +134,16 @@ def _refuse_foreign_unit(table: Table, name: str) -> None:
     channel, _, unit = name.rpartition("_")
     factors = SI_FACTORS[UNITS[channel]] if channel in UNITS else {}
     if unit in factors and unit != UNITS[channel]:
+        ours = column_name(channel)
         raise CaseError(
-            f"{table.path}: column `{name}` is in {unit}, expected `{column_name(channel)}`; "
-            f"convert it, or read it with columns={{'{name}': Column('{channel}', "
-            f"scale={factors[unit]:g})}}"
+            f"{table.path}: column `{name}` is in {unit}, expected `{ours}`; convert it, or write "
+            f'in {COLUMNS_FILE}: "{ours}": ["{name}", "{unit}"]'
         )
 
 
 def _no_column(table: Table, channel: str) -> str:
     return (
         f"{table.path}: no column `{column_name(channel)}`; the file has "
-        f"{', '.join(table.names)}; name the column, or pass columns={{...: '{channel}'}}"
+        f"{', '.join(table.names)}; write in {COLUMNS_FILE} which of them it is, as "
+        f'"{column_name(channel)}": "{table.names[0]}"'
     )

@@ -1,0 +1,138 @@
+"""The command ``init``: a case folder from log files of one's own."""
+
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from pneumo_casadi.cli.options import Debug
+from pneumo_casadi.cli.terminal import guarded, say
+from pneumo_casadi.errors import CaseError
+
+#: Option of the command line -> what it asks for; all of them are needed.
+QUESTIONS = {
+    "piston": "diameter of the piston [mm]",
+    "rod": "diameter of the rod [mm]",
+    "stroke": "stroke [mm]",
+    "supply": "supply pressure [bar gauge]",
+}
+Files = Annotated[list[Path], typer.Argument(metavar="CSV...", help="Records to identify on.")]
+
+
+def init(
+    files: Files,
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="FOLDER", help="New folder of the case.")
+    ],
+    validate: Annotated[
+        list[Path] | None, typer.Option(metavar="CSV", help="Record to hold out; can be repeated.")
+    ] = None,
+    column: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="CHANNEL=NAME[:UNIT]",
+            help="Column of a channel, as p_P=pA:bar or u=valve; can be repeated.",
+        ),
+    ] = None,
+    piston: Annotated[float | None, typer.Option(help="Diameter of the piston [mm].")] = None,
+    rod: Annotated[float | None, typer.Option(help="Diameter of the rod [mm].")] = None,
+    stroke: Annotated[float | None, typer.Option(help="Stroke [mm].")] = None,
+    supply: Annotated[float | None, typer.Option(help="Supply pressure [bar gauge].")] = None,
+    ambient: Annotated[float, typer.Option(help="Ambient pressure, absolute [bar].")] = 1.01325,
+    temperature: Annotated[float, typer.Option(help="Temperature of the air [°C].")] = 20.0,
+    double_rod: Annotated[
+        bool, typer.Option("--double-rod", help="The rod goes through both covers.")
+    ] = False,
+    gauge: Annotated[
+        bool, typer.Option("--gauge", help="The pressures are relative to ambient.")
+    ] = False,
+    gain: Annotated[
+        float | None, typer.Option(help="Gain of a proportional controller [V/m], with --u-max.")
+    ] = None,
+    u_max: Annotated[float | None, typer.Option(help="Largest command [V].")] = None,
+    flow_map: Annotated[
+        Path | None, typer.Option(metavar="CSV", help="Metered static flow of the valve.")
+    ] = None,
+    debug: Debug = False,
+) -> None:
+    """Write bench.json and columns.json from the header of CSV files, and copy the files.
+
+    Channels and units are guessed from names and magnitudes, and shown. What is not given is asked
+    for, if there is a terminal. A folder that holds something is left as it is.
+    """
+    given = {"piston": piston, "rod": rod, "stroke": stroke, "supply": supply}
+    with guarded(debug):
+        from pneumo_casadi.data.new_case import (
+            Cylinder,
+            guess_columns,
+            make_folder,
+            read_header,
+            sampling_frequency_of,
+        )
+
+        columns = read_header(files[0])
+        size = _complete(given)
+        cylinder = Cylinder(
+            piston=1e-3 * size["piston"],
+            rod=1e-3 * size["rod"],
+            stroke=1e-3 * size["stroke"],
+            supply=1e5 * (size["supply"] + ambient),
+            ambient=1e5 * ambient,
+            temperature=temperature + 273.15,
+            double_rod=double_rod,
+            gauge=gauge,
+        )
+        guesses = guess_columns(columns, cylinder, _stated(column or []))
+        make_folder(
+            output,
+            cylinder,
+            guesses,
+            {"identify": files, "validate": validate or []},
+            sampling_frequency_of(guesses, columns),
+            {"controller": _controller(gain, u_max)},
+            flow_map,
+        )
+        for guess in guesses:
+            offset = f", {guess.offset:+g} [SI]" if guess.offset else ""
+            sign = ", reversed" if guess.scale is not None and guess.scale < 0 else ""
+            say(f"{guess.channel:9} from column {guess.column} [{guess.unit}]{sign}{offset}")
+        say(f"\nwritten: {output}/bench.json, {output}/columns.json")
+        say(f"next: pneumo-casadi check {output}")
+
+
+def _complete(given: dict[str, float | None]) -> dict[str, float]:
+    """Return the values, those that are missing asked for.
+
+    Raises
+    ------
+    CaseError
+        If there is no terminal to ask at.
+    """
+    missing = [name for name, value in given.items() if value is None]
+    if missing and not sys.stdin.isatty():
+        options = ", ".join(f"--{name} ({QUESTIONS[name]})" for name in missing)
+        raise CaseError(f"there is no terminal to ask at: give {options}")
+    return {
+        name: value if value is not None else typer.prompt(QUESTIONS[name], type=float)
+        for name, value in given.items()
+    }
+
+
+def _stated(texts: list[str]) -> dict[str, tuple[str, str]]:
+    stated = {}
+    for text in texts:
+        channel, equals, column = text.partition("=")
+        name, _, unit = column.partition(":")
+        if not equals or not name:
+            raise CaseError(f"--column {text}: expected CHANNEL=NAME or CHANNEL=NAME:UNIT")
+        stated[channel.strip()] = (name.strip(), unit.strip())
+    return stated
+
+
+def _controller(gain: float | None, u_max: float | None) -> dict[str, Any]:
+    if gain is None and u_max is None:
+        return {"type": "none"}
+    if gain is None or u_max is None:
+        raise CaseError("--gain and --u-max describe one controller: give both, or neither")
+    return {"type": "proportional", "gain_V_per_m": gain, "u_max_V": u_max}

@@ -1,0 +1,155 @@
+"""`example` and `init`: from nothing, and from a CSV of one's own, to a case that is checked."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pneumo_casadi.cli import app as cli
+from pneumo_casadi.data import read_case
+
+CYLINDER = ("--piston", "33.38", "--rod", "18.61", "--stroke", "500", "--supply", "6")
+
+
+@pytest.fixture(scope="module")
+def example(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("example") / "my_axis"
+    assert cli.run(["example", str(folder)]) == 0
+    return folder
+
+
+def started(example, folder, *options):
+    return cli.run(
+        ["init", str(example / "identify.csv"), "--output", str(folder), "--ambient", "1",
+         *CYLINDER, *options]
+    )  # fmt: skip
+
+
+def test_the_example_is_a_case_of_foreign_columns_without_a_finding(example):
+    case = read_case(example)
+    assert case.findings == () and case.identify[0].N == 10_000 and case.validate
+    header = (example / "identify.csv").read_text("utf-8").splitlines()[0]
+    assert header == "ms,valve,pA,pB,pos,ref"
+    assert sum(path.stat().st_size for path in example.iterdir()) < 1_000_000
+
+
+def test_the_example_says_what_comes_next(tmp_path, capsys):
+    assert cli.run(["example", str(tmp_path / "axis")]) == 0
+    assert f"next: pneumo-casadi check {tmp_path / 'axis'}" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("command", ["example", "init"])
+def test_a_folder_that_holds_something_is_left_alone(command, example, tmp_path, capsys):
+    (tmp_path / "note.txt").write_text("mine")
+    run = cli.run(["example", str(tmp_path)]) if command == "example" else started(
+        example, tmp_path
+    )  # fmt: skip
+    assert run == 2 and "not empty" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["note.txt"]
+
+
+def test_init_guesses_channels_and_units_and_the_check_asks_for_gauge(example, tmp_path, capsys):
+    folder = tmp_path / "axis"
+    map_and_validate = ("--flow-map", str(example / "flow_map.csv"),
+                        "--validate", str(example / "validate.csv"))  # fmt: skip
+    assert started(example, folder, *map_and_validate) == 0
+    assert "p_P       from column pA [bar]" in capsys.readouterr().out
+    columns = json.loads((folder / "columns.json").read_text("utf-8"))
+    assert columns["x_m"] == {"column": "pos", "unit": "mm", "offset": -0.25}
+    assert columns["u_N_V"] == {"column": "valve", "scale": -1}
+    assert columns["t_s"] == {"column": "ms", "unit": "ms"}
+    (finding,) = read_case(folder).findings
+    columns |= finding.suggestion
+    (folder / "columns.json").write_text(json.dumps(columns), "utf-8")
+    ours, theirs = read_case(folder), read_case(example)
+    assert ours.findings == ()
+    for name in theirs.identify[0].names:
+        np.testing.assert_allclose(ours.identify[0][name], theirs.identify[0][name], atol=1e-9)
+    assert abs(ours.bench.S_P / theirs.bench.S_P - 1) < 1e-3
+    assert ours.bench.sampling_frequency == 1000 and ours.bench.p_supply == 7e5
+
+
+def test_gauge_can_be_said_at_once(example, tmp_path):
+    assert started(example, tmp_path / "axis", "--gauge", "--gain", "2.4", "--u-max", "5") == 0
+    case = read_case(tmp_path / "axis")
+    assert case.findings == () and case.bench.controller.gain == 2.4
+
+
+def test_without_a_terminal_missing_sizes_are_named_with_their_option(example, tmp_path, capsys):
+    run = cli.run(["init", str(example / "identify.csv"), "-o", str(tmp_path / "a"), "--rod", "10"])
+    error = capsys.readouterr().err
+    assert run == 2 and "--piston (diameter of the piston [mm])" in error and "--rod" not in error
+    assert not (tmp_path / "a").exists()
+
+
+def test_at_a_terminal_missing_sizes_are_asked_for(example, tmp_path, monkeypatch):
+    asked = []
+    monkeypatch.setattr("sys.stdin.isatty", lambda: True)
+    monkeypatch.setattr("typer.prompt", lambda text, type: asked.append(text) or 20.0)
+    run = cli.run(
+        ["init", str(example / "identify.csv"), "-o", str(tmp_path / "a"), "--piston", "40",
+         "--stroke", "500", "--supply", "6"]
+    )  # fmt: skip
+    assert run == 0 and asked == ["diameter of the rod [mm]"]
+
+
+@pytest.mark.parametrize(
+    ("header", "column", "unit"),
+    [
+        ("p_A [bar]", "p_A [bar]", "bar"),
+        ("pressure1 (kPa)", "pressure1 (kPa)", "kPa"),
+        ("pa_Pa", "pa_Pa", "Pa"),
+    ],
+)
+def test_units_in_names_are_read(header, column, unit, example, tmp_path):
+    table = pd.read_csv(example / "identify.csv").rename(columns={"pA": header})
+    factor = {"bar": 1.0, "kPa": 100.0, "Pa": 1e5}[unit]
+    table[header] *= factor
+    path = tmp_path / "log.csv"
+    table.to_csv(path, index=False)
+    assert cli.run(["init", str(path), "-o", str(tmp_path / "axis"), *CYLINDER]) == 0
+    columns = json.loads((tmp_path / "axis" / "columns.json").read_text("utf-8"))
+    expected = column if unit == "Pa" else {"column": column, "unit": unit}
+    assert columns["p_P_Pa"] == expected
+
+
+def test_a_valve_around_five_volts_gets_its_offset(example, tmp_path):
+    table = pd.read_csv(example / "identify.csv")
+    table["valve"] += 5
+    table.to_csv(tmp_path / "log.csv", index=False)
+    assert started(tmp_path, tmp_path / "no") == 2  # no identify.csv there
+    run = cli.run(["init", str(tmp_path / "log.csv"), "-o", str(tmp_path / "axis"), *CYLINDER])
+    columns = json.loads((tmp_path / "axis" / "columns.json").read_text("utf-8"))
+    assert run == 0 and columns["u_P_V"] == {"column": "valve", "offset": -5}
+    assert columns["u_N_V"] == {"column": "valve", "scale": -1, "offset": 5}
+
+
+def test_a_channel_that_is_not_recognised_is_named_with_the_columns(example, tmp_path, capsys):
+    table = pd.read_csv(example / "identify.csv").rename(columns={"pB": "channel7"})
+    table.to_csv(tmp_path / "log.csv", index=False)
+    files = ["init", str(tmp_path / "log.csv"), "-o", str(tmp_path / "axis")]
+    assert cli.run([*files, *CYLINDER]) == 2
+    error = capsys.readouterr().err
+    assert "no column was recognised as p_N" in error and "channel7" in error
+    assert cli.run([*files, *CYLINDER, "--column", "p_N=channel7:bar"]) == 0
+    columns = json.loads((tmp_path / "axis" / "columns.json").read_text("utf-8"))
+    assert columns["p_N_Pa"] == {"column": "channel7", "unit": "bar"}
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--column", "p_P"), "expected CHANNEL=NAME"),
+        (("--column", "p_P=nothing"), "no column `nothing`; the file has ms"),
+        (("--column", "p_P=pA:mm"), "known units are Pa"),
+        (("--column", "pressure=pA"), "no channel `pressure`"),
+        (("--gain", "2"), "give both, or neither"),
+        (("--rod", "40"), "the rod's the smaller one"),
+    ],
+)
+def test_wrong_options_are_explained_and_nothing_is_written(
+    options, message, example, tmp_path, capsys
+):
+    assert started(example, tmp_path / "axis", *options) == 2
+    assert message in capsys.readouterr().err and not (tmp_path / "axis").exists()
