@@ -7,15 +7,13 @@ from typing import Annotated, Any
 import typer
 
 from pneumo_casadi import __version__
-from pneumo_casadi.cli.check import check
+from pneumo_casadi.cli.cases import check, example, init
 from pneumo_casadi.cli.compare import compare
 from pneumo_casadi.cli.design import design
 from pneumo_casadi.cli.diagnose import diagnose
 from pneumo_casadi.cli.diagnose_many import diagnose_many
-from pneumo_casadi.cli.example import example
 from pneumo_casadi.cli.export import export
 from pneumo_casadi.cli.identify import demo, identify
-from pneumo_casadi.cli.init import init
 from pneumo_casadi.cli.simulate import simulate
 from pneumo_casadi.cli.terminal import BAD_INPUT, OK, complain, say
 from pneumo_casadi.cli.validate import validate

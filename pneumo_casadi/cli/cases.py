@@ -1,4 +1,4 @@
-"""The command ``init``: a case folder from log files of one's own."""
+"""The commands ``example``, ``init`` and ``check``: make a case, and see what it is worth."""
 
 import sys
 from pathlib import Path
@@ -6,8 +6,8 @@ from typing import Annotated, Any
 
 import typer
 
-from pneumo_casadi.cli.options import Debug
-from pneumo_casadi.cli.terminal import guarded, say
+from pneumo_casadi.cli.options import CasePath, Debug, Json, Strict
+from pneumo_casadi.cli.terminal import NOT_USABLE, guarded, say
 from pneumo_casadi.errors import CaseError
 
 #: Option of the command line -> what it asks for; all of them are needed.
@@ -18,6 +18,44 @@ QUESTIONS = {
     "supply": "supply pressure [bar gauge]",
 }
 Files = Annotated[list[Path], typer.Argument(metavar="CSV...", help="Records to identify on.")]
+
+
+def example(
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="New folder of the case.")],
+    debug: Debug = False,
+) -> None:
+    """Write a small case to start from: 10 s to identify on and 8 s held out, at 1 kHz.
+
+    Its CSV files have names and units of their own (bar gauge, mm, ms), and columns.json says what
+    they are: replace them by yours.
+    """
+    with guarded(debug):
+        from pneumo_casadi.data.example_folder import write_example
+
+        case = write_example(folder)
+        for path in sorted(case.folder.iterdir()):
+            say(str(path))
+        say(f"\nnext: pneumo-casadi check {folder}\nthen: pneumo-casadi identify {folder}")
+
+
+def check(
+    case: CasePath, json_file: Json = None, strict: Strict = False, debug: Debug = False
+) -> None:
+    """Check the data of a case in seconds: mistakes, noise, motion, and what to record next.
+
+    The first line names the gravest finding; its entries can be pasted into columns.json or
+    bench.json. Nothing is fitted. --strict refuses a case with a severe finding.
+    """
+    with guarded(debug):
+        from pneumo_casadi.data.check import check
+        from pneumo_casadi.runtime.json_files import without_infinities, write_json
+
+        result = check(case)
+        say(result.summary())
+        if json_file is not None:
+            write_json(without_infinities(result.as_dict()), json_file)
+        if strict and not result.usable:
+            raise typer.Exit(NOT_USABLE)
 
 
 def init(
