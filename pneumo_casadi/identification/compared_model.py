@@ -148,8 +148,9 @@ def _case_of(content: Mapping[str, Any]) -> tuple[Case | None, str]:
         case = read_case(folder)
     except (PneumoError, OSError) as error:
         return None, str(error)
-    known = content["provenance"]["sha256"]
-    changed = [path.name for path in case.files if sha256(path) != known.get(path.name)]
+    known = content["provenance"]["sha256"]  # records made in memory have no file, and no hash
+    files = [path for path in case.files if path.name in known]
+    changed = [path.name for path in files if sha256(path) != known[path.name]]
     if changed:
         return None, f"{folder}: {', '.join(changed)} changed since the identification"
     return case, ""

@@ -1,0 +1,49 @@
+"""The page on results: its commands and Python run, its table of limits is that of the package."""
+
+import importlib.util
+import json
+import re
+from math import isfinite
+from pathlib import Path
+
+import pytest
+
+from pneumo_casadi.identification.warnings import LIMITS
+
+_spec = importlib.util.spec_from_file_location("guide", Path(__file__).with_name("guide.py"))
+guide = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(guide)
+
+PAGE = Path(__file__).resolve().parent.parent.parent / "docs" / "how_to" / "results.md"
+
+
+def limits():
+    """Return the table of limits as the page shows it."""
+    rows = ["| quantity | note | caution | severe |", "| --- | --- | --- | --- |"]
+    for limit in LIMITS.values():
+        sizes = (limit.note, limit.caution, limit.severe)
+        shown = " | ".join(f"{size:.3g}" if isfinite(size) else "" for size in sizes)
+        rows.append(f"| {limit.quantity} | {shown} |")
+    return "\n".join(re.sub(r" +\|", " |", row) for row in rows)
+
+
+def test_the_table_of_limits_is_that_of_the_package():
+    (shown,) = re.findall(r"<!-- table: limits -->\n(.*?)\n<!-- end -->", PAGE.read_text(), re.S)
+    assert shown == limits()
+
+
+@pytest.mark.slow
+def test_the_page_runs(tmp_path):
+    pytest.importorskip("numba")
+    names = guide.run(PAGE, tmp_path)
+    assert names["nominal"].usability.usable.value in ("yes", "with care")
+    result = json.loads((tmp_path / "report/stribeck/result.json").read_text("utf-8"))
+    assert result["output_error"]["parameters"]["M"] == {
+        "value": 13.26,
+        "std": None,
+        "std_robust": None,
+        "unit": "kg",
+        "note": "held fixed",
+    }
+    compared = json.loads((tmp_path / "compared.json").read_text("utf-8"))
+    assert len(compared["simulations"]) == 4
