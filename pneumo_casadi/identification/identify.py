@@ -6,9 +6,8 @@ import time
 from pathlib import Path
 from typing import Any
 
-from pneumo_casadi.data import Bench, Case, Recording, read_case
+from pneumo_casadi.data import Case, Recording, read_case
 from pneumo_casadi.errors import CaseError
-from pneumo_casadi.estimation.equation_error import fit_equation_error
 from pneumo_casadi.estimation.output_error import (
     fit_each_record,
     fit_output_error,
@@ -22,6 +21,7 @@ from pneumo_casadi.identification.starting_axis import (
     axis_for_wls,
     axis_of_options,
     start_of_output_error,
+    with_flow_from_records,
 )
 from pneumo_casadi.identification.warnings import result_warnings
 from pneumo_casadi.runtime.progress import Progress, no_progress, progress_range
@@ -92,10 +92,7 @@ def identify(
     options, selection = resolve_flow_form(case, options)
     flow_map, flow = read_flow(case, options, records)
     axis = axis_of_options(case, flow, options)
-    if isinstance(case.bench, Bench) and not case.bench.valves.metered:
-        # Weighted least squares takes the flow as known: the records refine it first.
-        report("flow of the unmetered valve", _SHARES["wls"])
-        axis = fit_equation_error(axis, records).axis
+    axis = with_flow_from_records(axis, records)
     report("weighted least squares", _SHARES["wls"])
     wls = fit_wls(axis_for_wls(axis, options), records)
     chosen = output_error_options(case, options)

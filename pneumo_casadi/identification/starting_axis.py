@@ -1,13 +1,14 @@
 """The axis to identify: effects added, parameters held, and where the fit starts."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from pneumo_casadi.data import Case
+from pneumo_casadi.data import Bench, Case, Recording
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.errors import ModelError
+from pneumo_casadi.estimation.equation_error import fit_equation_error
 from pneumo_casadi.estimation.wls import WLSResult
 from pneumo_casadi.estimation.wls.fit import POLYTROPIC
 from pneumo_casadi.identification.options import IdentifyOptions
@@ -62,6 +63,17 @@ def axis_of_options(case: Case, flow: AnyFlowModel | None, options: IdentifyOpti
         axis = axis.with_parameters(held)
     released = [name for name in options.start_values if name not in POLYTROPIC]
     return axis.with_parameters(axis.parameters.release(*released)) if released else axis
+
+
+def with_flow_from_records(axis: Axis, records: Sequence[Recording]) -> Axis:
+    """Return the axis with the flow of unmetered valves refined by its records.
+
+    Weighted least squares takes the flow as known. Where nobody metered it, the equation error
+    along the smoothed motion estimates it first, with the scale from the piston areas.
+    """
+    if not isinstance(axis.bench, Bench) or axis.bench.valves.metered:
+        return axis
+    return fit_equation_error(axis, records).axis
 
 
 def axis_for_wls(axis: Axis, options: IdentifyOptions) -> Axis:

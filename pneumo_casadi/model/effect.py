@@ -130,6 +130,9 @@ class Effect:
         Whether the effect is present while the flow map of the valve is metered, because it
         belongs to the shape of the valve. Its action at the spool must then agree with the
         metered points.
+    measured_by : str
+        Further signal that, where it is recorded, leaves the effect nothing to explain, such as
+        ``"p_supply"`` for a supply that droops; empty if there is none.
     needs_chambers : bool
         Whether the effect reads chamber pressures; it then cannot be added to a force-driven
         axis. Set it also if the effect overrides only junctions of both kinds of axis, for example
@@ -167,6 +170,7 @@ class Effect:
     absorbed_by: ClassVar[Absorption | None] = None
     masses: ClassVar[tuple[str, ...]] = ()
     metered: ClassVar[bool] = False
+    measured_by: ClassVar[str] = ""
     needs_chambers: ClassVar[bool] = False
 
     def __init_subclass__(cls, **kwargs: Any) -> None:

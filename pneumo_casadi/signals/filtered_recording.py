@@ -1,6 +1,6 @@
 """A recording after the first filter: states, derivatives and the inputs that go with them."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from types import MappingProxyType
@@ -55,7 +55,7 @@ class FilteredRecording:
     dropped : tuple of int
         Samples dropped at the front and at the back.
     velocity_noise : float
-        Standard deviation of v that the position sensor leaves after filtering [m/s].
+        Standard deviation of v that the sensors leave after filtering [m/s].
     name, source : str
         Of the recording.
     """
@@ -124,7 +124,9 @@ def filter_recording(
     Parameters
     ----------
     recording : Recording
-        With ``x`` [m]; ``p_P`` and ``p_N`` [Pa] are filtered alike where they exist.
+        With ``x`` [m]; ``p_P`` and ``p_N`` [Pa] are filtered alike where they exist. A measured
+        velocity ``v`` [m/s] and acceleration ``a`` [m/s²] are averaged with those from the other
+        sensors, weighted by their noise.
     plan : FilterPlan
         The cut-offs.
     pairing : InputPairing, optional
@@ -165,10 +167,18 @@ def filter_recording(
         plan=plan,
         pairing=pairing,
         dropped=(front, back),
-        velocity_noise=white_noise_std(recording["x"]) * plan.noise_gains[1],
+        velocity_noise=_velocity_noise(recording, plan),
         name=recording.name,
         source=recording.source,
     )
+
+
+def _velocity_noise(recording: Recording, plan: FilterPlan) -> float:
+    noise = _noise(recording, plan, "x", 1)
+    if "v" not in recording:
+        return noise
+    other = _noise(recording, plan, "v", 0)
+    return float(1 / np.hypot(1 / max(noise, 1e-300), 1 / max(other, 1e-300)))
 
 
 def _states(
@@ -176,14 +186,40 @@ def _states(
 ) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
     states: dict[str, FloatArray] = {}
     derivatives: dict[str, FloatArray] = {}
-    for name in (n for n in OUTPUTS if n in recording.channels):
-        states[name] = zero_phase_lowpass(
-            recording[name], plan.cutoff, plan.sampling_frequency, plan.order
-        )
+    measured = {
+        name: zero_phase_lowpass(recording[name], plan.cutoff, plan.sampling_frequency, plan.order)
+        for name in OUTPUTS
+        if name in recording.channels
+    }
+    for name in (n for n in measured if n not in ("v", "a")):
+        states[name] = measured[name]
         derivatives[name] = central_difference(states[name], recording.dt)
-    states["v"] = derivatives["x"]
-    derivatives["v"] = central_difference(states["v"], recording.dt)
+    v = [(derivatives["x"], _noise(recording, plan, "x", 1))]
+    if "v" in measured:
+        v.append((measured["v"], _noise(recording, plan, "v", 0)))
+    states["v"] = derivatives["x"] = _weighted_mean(v)
+    a = [(central_difference(states["v"], recording.dt), _noise(recording, plan, "x", 2))]
+    if "v" in measured:
+        slope = central_difference(measured["v"], recording.dt)
+        a.append((slope, _noise(recording, plan, "v", 1)))
+    if "a" in measured:
+        a.append((measured["a"], _noise(recording, plan, "a", 0)))
+    derivatives["v"] = _weighted_mean(a)
     return states, derivatives
+
+
+def _noise(recording: Recording, plan: FilterPlan, sensor: str, derivative: int) -> float:
+    """Return the deviation that a sensor's noise leaves on a derivative of its filtered signal."""
+    return white_noise_std(recording[sensor]) * plan.noise_gains[derivative]
+
+
+def _weighted_mean(values: Sequence[tuple[FloatArray, float]]) -> FloatArray:
+    """Return the mean of several values of a quantity, each weighted by its noise."""
+    if len(values) == 1:
+        return values[0][0]
+    weights = [1 / max(noise, 1e-300) ** 2 for _, noise in values]
+    total = sum(weights)
+    return np.asarray(sum(w / total * value for w, (value, _) in zip(weights, values, strict=True)))
 
 
 def _inputs(recording: Recording, pairing: InputPairing) -> list[dict[str, FloatArray]]:

@@ -8,7 +8,7 @@ from pneumo_casadi.diagnosis.prepare.usable_records import require_usable
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.identification.flow_form import read_flow
 from pneumo_casadi.identification.options import IdentifyOptions
-from pneumo_casadi.identification.starting_axis import make_axis
+from pneumo_casadi.identification.starting_axis import make_axis, with_flow_from_records
 from pneumo_casadi.model.effect import Effect, EffectFactory
 
 #: Share of a record that is held out where a case has no validation record.
@@ -41,6 +41,7 @@ def prepare_study(
     table, flow = read_flow(case, options or IdentifyOptions())
     axis = make_axis(case, flow)
     require_usable((*train, *held), axis.outputs)
+    axis = with_flow_from_records(axis, train)
     return start_study(axis, table, train, held), notes
 
 
@@ -63,6 +64,8 @@ def applicable(study: Study, catalogue: Mapping[str, EffectFactory]) -> dict[str
     for name, effect in catalogue.items():
         if study.flow_map is not None and isinstance(effect, type) and issubclass(effect, Effect):
             effect = effect.on_metered(float(study.flow_map.u.min()), float(study.flow_map.u.max()))
+        if getattr(effect, "measured_by", "") in study.axis.bench.signals:
+            continue  # what it would explain is recorded
         try:
             study.axis.with_effects(effect())
         except ModelError:

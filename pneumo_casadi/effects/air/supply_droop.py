@@ -31,6 +31,7 @@ class SupplyDroop(Effect):
     """
 
     name = "supply_droop"
+    measured_by = "p_supply"
     absorbed_by = Absorption(("S_P",), also=("S_N",), unless=("S_N/S_P", "map form"))
     equation = "p_s = p_supply − d, ḋ = r T/V (Σ max(q_m, 0) − C ρ₀ √(T₀/T) p_supply ω(p_s))"
     source = "mass balance of the reservoir; ISO 6358-1:2013 for the regulator, linear below 5 %"
