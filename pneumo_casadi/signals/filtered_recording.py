@@ -16,6 +16,9 @@ from pneumo_casadi.signals.filter_plan import FilterPlan, plan_filters
 from pneumo_casadi.signals.resampling import on_uniform_clock
 from pneumo_casadi.signals.zero_phase import central_difference, zero_phase_lowpass
 
+#: Share of the largest motion of all records below which a record counts as at rest.
+AT_REST = 0.1
+
 
 class InputPairing(Enum):
     """Which input belongs to a derivative taken by central differences at t[k].
@@ -110,7 +113,10 @@ def plan_filters_for(recordings: Iterable[Recording], bound: float = 0.01) -> Fi
     FilterPlan
     """
     records = tuple(on_uniform_clock(recording) for recording in recordings)
-    f_dyn = max(power_bandwidth(rec["x"], 1 / rec.dt) for rec in records)
+    # A record at rest shows the bandwidth of its noise, not of the axis.
+    largest = max(float(np.std(rec["x"])) for rec in records)
+    moving = [rec for rec in records if np.std(rec["x"]) >= AT_REST * largest]
+    f_dyn = max(power_bandwidth(rec["x"], 1 / rec.dt) for rec in moving)
     return plan_filters(1 / records[0].dt, f_dyn, bound=bound)
 
 

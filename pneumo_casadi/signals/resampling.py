@@ -23,20 +23,21 @@ def on_uniform_clock(recording: Recording) -> Recording:
     Returns
     -------
     Recording
-        With a uniform clock of the same number of rows.
+        With a uniform clock of the record's median step.
 
     Examples
     --------
-    >>> stamps = np.array([0.0, 0.9, 2.1, 3.0])
-    >>> ramp = Recording(stamps, {"x": 2 * stamps, "u_P": [1, 1, 0, 0]}, "a", "memory",
+    >>> stamps = np.array([0.0, 1.0, 2.1, 3.0, 4.0])
+    >>> ramp = Recording(stamps, {"x": 2 * stamps, "u_P": [1, 1, 0, 0, 0]}, "a", "memory",
     ...                  InputHold.ZERO, clock=Clock.AS_RECORDED)
     >>> uniform = on_uniform_clock(ramp)
     >>> uniform["x"].round(6), uniform["u_P"].round(6)
-    (array([0., 2., 4., 6.]), array([1. , 1. , 0.1, 0. ]))
+    (array([0., 2., 4., 6., 8.]), array([1. , 1. , 0.1, 0. , 0. ]))
     """
     if recording.clock is not Clock.AS_RECORDED:
         return recording
-    t = np.linspace(recording.t[0], recording.t[-1], recording.N)
+    rows = int((recording.t[-1] - recording.t[0]) / recording.dt * (1 + 1e-9)) + 1
+    t = recording.t[0] + recording.dt * np.arange(rows)
     held = recording.hold is InputHold.ZERO
     channels = {
         name: _means(recording.t, recording[name], t)
@@ -53,4 +54,5 @@ def _means(stamps: FloatArray, u: FloatArray, t: FloatArray) -> FloatArray:
     """Return the means over the steps of `t` of an input held from each stamp to the next."""
     integral = np.concatenate([[0.0], np.cumsum(u[:-1] * np.diff(stamps))])
     edges = np.interp(t, stamps, integral)
-    return np.append(np.diff(edges) / np.diff(t), u[-1])
+    last = u[np.searchsorted(stamps, t[-1], side="right") - 1]
+    return np.append(np.diff(edges) / np.diff(t), last)
