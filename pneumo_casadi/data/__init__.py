@@ -29,6 +29,7 @@ from pneumo_casadi.data.readers.recordings import read_recording
 from pneumo_casadi.data.recording.channels import UNITS, InputHold
 from pneumo_casadi.data.recording.clock import Clock
 from pneumo_casadi.data.recording.recording import Recording
+from pneumo_casadi.data.seal_friction import read_seal_friction
 
 __all__ = [
     "EXAMPLE",
@@ -71,5 +72,6 @@ __all__ = [
     "read_columns",
     "read_emps",
     "read_recording",
+    "read_seal_friction",
     "write_case",
 ]

@@ -27,6 +27,7 @@ from pneumo_casadi.data.readers.tables import suffix_of
 from pneumo_casadi.data.recording.channels import UNITS, InputHold, column_name
 from pneumo_casadi.data.recording.clock import Clock
 from pneumo_casadi.data.recording.recording import Recording
+from pneumo_casadi.data.seal_friction import is_seal_friction, read_seal_friction
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.runtime.atomic_files import atomic_folder
 
@@ -41,7 +42,7 @@ def read_case(
     hold: InputHold = InputHold.ZERO,
     columns: Mapping[str, ColumnSpec] | None = None,
 ) -> Case:
-    """Read a case folder, or the EMPS benchmark where its files lie in the folder.
+    """Read a case folder, or public measurements (EMPS, seal friction) that lie in the folder.
 
     A case folder holds ``bench.json``, one or more records ``identify*`` and any number of records
     ``validate*`` (.csv, .csv.gz, .mat, .parquet; in the order of their names), and
@@ -92,6 +93,8 @@ def _read(
     """Read a case; `refuse` as in `check_records`, None to leave the checks out."""
     if (folder / EMPS_FILE).is_file() and not (folder / "bench.json").exists():
         return read_emps(folder)
+    if is_seal_friction(folder):
+        return read_seal_friction(folder)
     if not folder.is_dir():
         raise CaseError(f"{folder}: no such folder; give the folder that holds bench.json")
     bench = read_bench(folder / "bench.json")
