@@ -92,6 +92,14 @@ def test_a_gas_that_cannot_be_is_severe(quick, name, k):
     assert not [i for i in found_with(quick, derived=derived) if i.text.startswith(name)]
 
 
+def test_a_position_that_is_not_from_mid_stroke_gives_a_negative_volume(quick):
+    derived = dict(quick.output_error.derived)
+    length = -0.1 * quick.case.bench.stroke
+    derived["l_DP"] = replace(derived["l_DP"], value=length, std=1e-3, std_robust=1e-3)
+    (warning,) = [i for i in found_with(quick, derived=derived) if "dead volume" in i.text]
+    assert warning.grade is Grade.SEVERE and "mid-stroke" in warning.text
+
+
 def test_a_chamber_at_its_bound_is_severe_and_a_flow_coefficient_is_no_warning(quick):
     def at(name):
         estimate = replace(quick.output_error.uncertainty, at_bound=(name,))

@@ -75,6 +75,12 @@ LIMITS: Mapping[str, Limit] = MappingProxyType(
             caution=0.05,
             severe=0.25,
         ),
+        "dead volume": Limit(
+            "negative dead length beyond its interval, over half the stroke [1]",
+            "no volume is negative; the form of the flow map shifts X_s1/X_s2 by up to 0.03",
+            caution=0.03,
+            severe=0.1,
+        ),
         "polytropic": Limit(
             "distance of k from isothermal ... adiabatic, 1 ... 1.4, beyond its interval [1]",
             "no gas is outside; the form of the flow map shifts k by up to 0.03",

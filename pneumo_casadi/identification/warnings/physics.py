@@ -57,6 +57,7 @@ def _of_chambers(case: Case, result: OutputErrorResult) -> Iterator[ResultWarnin
         f"The ratio of the areas S_N/S_P computed from the fit is {100 * (ratio - 1):+.0f} % off "
         "that of the bench: look for exchanged chambers, unequal valves or a leak.",
     )
+    yield from _of_dead_volumes(case, result)
     low, high = K_RANGE
     for name in ("k_P", "k_N"):
         k = result.derived[name].value
@@ -66,6 +67,19 @@ def _of_chambers(case: Case, result: OutputErrorResult) -> Iterator[ResultWarnin
             "physics",
             f"{name} = {k:.3f} is not between {low:g} (isothermal) and {high:g} (adiabatic): the "
             "parameters may have absorbed an unmodelled effect; `diagnose` looks for it.",
+        )
+
+
+def _of_dead_volumes(case: Case, result: OutputErrorResult) -> Iterator[ResultWarning]:
+    for chamber in case.bench.kind.gas_chambers:
+        name = f"l_D{chamber}"
+        length = result.derived[name].value
+        yield from limited(
+            "dead volume",
+            (-length - _half(result, name)) / (result.axis.constants["stroke"] / 2),
+            "physics",
+            f"The dead volume of chamber {chamber} computed from the fit is negative, "
+            f"{1e3 * length:.1f} mm of the stroke: is x = 0 at mid-stroke, and the stroke right?",
         )
 
 

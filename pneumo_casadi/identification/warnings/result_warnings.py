@@ -114,17 +114,21 @@ def validation_warnings(validation: Validation | None) -> Iterator[ResultWarning
         "held out",
         gap,
         "validation",
-        f"On held-out records the simulation of {name} ({view}) is off by {gap:.2g} % of the "
+        f"On held-out records the simulation of {name} ({view}) is off by {_percent(gap)} of the "
         "signal beyond the sensor noise: the model omits something; `diagnose` looks for it.",
     )
+
+
+def _percent(value: float) -> str:
+    return f"{value:.0f} %" if value >= 10 else f"{value:.2g} %"
 
 
 def simulation_sentence(validation: Validation) -> str:
     """Return the size of the largest gap on the held-out records in one sentence."""
     name, gap, view = largest_gap(validation)
     return (
-        f"on held-out records the simulation ({view}) is off by at most {gap:.2g} % of the signal "
-        f"({name}) beyond the sensor noise."
+        f"on held-out records the simulation ({view}) is off by at most {_percent(gap)} of the "
+        f"signal ({name}) beyond the sensor noise."
     )
 
 
