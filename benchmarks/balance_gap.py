@@ -27,9 +27,9 @@ def refit(study: Study, before: FittedModel, effect: Effect) -> FittedModel:
     """Add an effect to the nominal fit."""
     directions = perturbation(study, before, effect)
     starts = screened(effect.name, directions, background(study, before, before)).starts
-    found = fit_model(study, (effect,), before.values, starts, before.cost)
+    fitted = fit_model(study, (effect,), before.values, starts, before.cost)
     return (
-        refine_by_output_error(study, found, (effect,)) if any_sensor_effect((effect,)) else found
+        refine_by_output_error(study, fitted, (effect,)) if any_sensor_effect((effect,)) else fitted
     )
 
 

@@ -68,19 +68,19 @@ def dask_workers(number: int) -> Iterator[Executor]:
 def make_cases(folder: Path, number: int, duration: float) -> list[Path]:
     """Record cases of random axes, one effect each in turn."""
     folders = [folder / f"b{seed:03d}" for seed in range(number)]
-    for seed, one in enumerate(folders):
+    for seed, case_folder in enumerate(folders):
         asked = {SINGLE_EFFECTS[seed % len(SINGLE_EFFECTS)]: "large"}
-        make_case(one, seed, asked, duration=duration)
+        make_case(case_folder, seed, asked, duration=duration)
     return folders
 
 
 def linked(cases: Sequence[Path], folder: Path, number: int) -> list[Path]:
     """Return many folders with the data of a few."""
     folder.mkdir()
-    found = [folder / f"n{i:04d}" for i in range(number)]
-    for i, one in enumerate(found):
-        one.symlink_to(cases[i % len(cases)], target_is_directory=True)
-    return found
+    copies = [folder / f"n{i:04d}" for i in range(number)]
+    for i, copy in enumerate(copies):
+        copy.symlink_to(cases[i % len(cases)], target_is_directory=True)
+    return copies
 
 
 def warm(executor: Executor | None, cases: Sequence[Path], scratch: Path) -> None:
@@ -155,23 +155,25 @@ def run(number: int, duration: float, empty: int, diagnosing: Diagnosing) -> dic
         openings = {"in turn": processes(1), "processes": processes(WORKERS)}
         if find_spec("distributed") is not None:
             openings["dask"] = dask_workers(WORKERS)
-        found = {
+        result = {
             name: measure(name, opening, cases, empty, diagnosing)
             for name, opening in openings.items()
         }
-    alone = found["in turn"]
+    alone = result["in turn"]
     alone["outside_real_percent"] = 100 * (alone["wall_s"] / alone["work_s"] - 1)
-    for name, one in found.items():
-        one["speed_up"] = alone["wall_s"] / one["wall_s"]
-        one["same_verdicts"] = one["verdicts"] == alone["verdicts"]
-        print(f"{name}: speed-up {one['speed_up']:.2f}, same: {one['same_verdicts']}", flush=True)
+    for name, entry in result.items():
+        entry["speed_up"] = alone["wall_s"] / entry["wall_s"]
+        entry["same_verdicts"] = entry["verdicts"] == alone["verdicts"]
+        print(
+            f"{name}: speed-up {entry['speed_up']:.2f}, same: {entry['same_verdicts']}", flush=True
+        )
     return {
         "cases": number,
         "duration_s": duration,
         "empty_tasks": empty,
         "bar_percent": BAR_PERCENT,
         "load_before": os.getloadavg()[0],
-        "executors": found,
+        "executors": result,
     }
 
 

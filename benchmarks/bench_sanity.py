@@ -86,15 +86,15 @@ def differences(
     shows how sharp the comparison is.
     """
     drive = Experiment.of("chirp_and_squares").excitation(axis, FS, duration, seed)
-    found = simulate_axis(axis, drive, (), FS)
+    result = simulate_axis(axis, drive, (), FS)
     order = [layout.GAS_P, layout.GAS_N, layout.X, layout.V]
-    states = found.states[:, order]
+    states = result.states[:, order]
     truth: Mapping[str, float] = {**axis.truth, "v_s": v_s, "M": mass or axis.M}
     bench = replace(
         axis.bench_description(FS, axis.M), S_P=axis.S_P, S_N=axis.S_N, p_supply=axis.p_supply
     )
     model = Servosystem(bench, known_flow(axis)).with_parameters(truth)
-    simulated = simulate(model, found.rows[:, :2], 1 / FS, states[0])
+    simulated = simulate(model, result.rows[:, :2], 1 / FS, states[0])
     # The simulation goes on for one sample more, over which the last input is held.
     apart = np.abs(simulated.x[:, : len(states)].T - states).max(axis=0)
     percent = 100 * apart / np.ptp(states, axis=0)
@@ -118,10 +118,10 @@ def nominal_fit(seed: int, duration: float) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as scratch:
         made = make_case(Path(scratch) / "case", seed, duration=duration)
         try:
-            found = identify(made.case)
+            result = identify(made.case)
         except FitError as error:
             return {"failed": str(error)}
-    validation = found.validation
+    validation = result.validation
     if validation is None or validation.closed_loop is None:
         raise RuntimeError("the case has no held-out record or no controller")
     error, motion = validation.closed_loop["x"], float(np.ptp(made.case.validate[0]["x"]))
@@ -131,12 +131,12 @@ def nominal_fit(seed: int, duration: float) -> dict[str, Any]:
         "closed_loop_x_percent_of_motion": 100 * error.rms / motion,
         "closed_loop_x_percent_of_standard_deviation": error.percent,
         "motion_m": motion,
-        "flow_map_misfit_percent": 100 * found.flow.sigma / found.flow_map.q_max,
+        "flow_map_misfit_percent": 100 * result.flow.sigma / result.flow_map.q_max,
         "parameter_errors_percent": {
-            name: 100.0 * (found.output_error.parameters[name].value / value - 1)
+            name: 100.0 * (result.output_error.parameters[name].value / value - 1)
             for name, value in truth.items()
         },
-        "seconds": found.seconds,
+        "seconds": result.seconds,
     }
 
 
@@ -158,26 +158,26 @@ def run(axes: int, duration: float, fits: int) -> dict[str, Any]:
     print(f"20 s at 5 kHz: {result['speed_20_s_at_5_kHz']['seconds']:.2f} s", flush=True)
     for seed in range(axes):
         apart = agreement(seed, min(duration, AGREEMENT_SECONDS))
-        one = {**asdict(sanity(seed=seed, duration=duration)), "agreement_percent": apart}
-        result["axes"][str(seed)] = one
+        row = {**asdict(sanity(seed=seed, duration=duration)), "agreement_percent": apart}
+        result["axes"][str(seed)] = row
         print(
-            f"axis {seed}: balances of mass {one['mass_error']:.1e}, energy "
-            f"{one['energy_error']:.1e}; step {STEPS[-1]:g} s: {one['step_errors'][-1]:.1e} of the "
-            f"motion, order {one['order']:.1f}; model x: "
+            f"axis {seed}: balances of mass {row['mass_error']:.1e}, energy "
+            f"{row['energy_error']:.1e}; step {STEPS[-1]:g} s: {row['step_errors'][-1]:.1e} of the "
+            f"motion, order {row['order']:.1f}; model x: "
             f"{apart['without_coulomb_friction']['x']:.1e} % without friction, "
             f"{list(apart['with_coulomb_friction'].values())[-1]['x']:.3f} % with "
             f"v_s = {WIDTHS[-1]:g} m/s",
             flush=True,
         )
     for seed in range(fits):
-        one = result["nominal_fit"][str(seed)] = nominal_fit(seed, duration)
-        if "failed" in one:
-            print(f"nominal fit {seed} failed: {one['failed']}", flush=True)
+        row = result["nominal_fit"][str(seed)] = nominal_fit(seed, duration)
+        if "failed" in row:
+            print(f"nominal fit {seed} failed: {row['failed']}", flush=True)
             continue
         print(
-            f"nominal fit {seed}: closed-loop x {one['closed_loop_x_percent_of_motion']:.3f} % of "
-            f"the motion, {one['closed_loop_x_percent_of_standard_deviation']:.3f} % of its "
-            f"standard deviation; {one['seconds']:.0f} s",
+            f"nominal fit {seed}: closed-loop x {row['closed_loop_x_percent_of_motion']:.3f} % of "
+            f"the motion, {row['closed_loop_x_percent_of_standard_deviation']:.3f} % of its "
+            f"standard deviation; {row['seconds']:.0f} s",
             flush=True,
         )
     return result

@@ -51,19 +51,19 @@ HIDDEN, SEVERITY, WRONG = "leakage_P", "small", "valve_null_shift"
 
 def fitted(start: Any, case: Case, table: Any) -> OutputErrorResult:
     """Fit an axis by output error; a fit that fails ends the benchmark."""
-    found = gap.output_error(start, case, table)
-    if found.result is None or found.failure:
-        raise RuntimeError(f"{case.folder}: {found.failure}")
-    return found.result
+    result = gap.output_error(start, case, table)
+    if result.result is None or result.failure:
+        raise RuntimeError(f"{case.folder}: {result.failure}")
+    return result.result
 
 
 def again(made: SyntheticCase, design: Design, seed: int) -> Case:
     """Record a designed reference on the same axis with the same hidden effects."""
     drive = Excitation(design.reference.x_ref, design.reference.common)
-    found = record(
+    recording = record(
         made.axis, drive, made.effects, FS, design.options.duration, 100 + seed, "designed"
     )
-    return replace(made.case, identify=(found,))
+    return replace(made.case, identify=(recording,))
 
 
 def options(axis: Any, table: Any, ordinary: Recording, tries: int) -> DesignOptions:
@@ -118,7 +118,7 @@ def precision(seed: int, duration: float, tries: int) -> dict[str, Any]:
                 "predicted": design.precision.ratio(name),
                 "real": new.std(name) / now.std(name),
                 "error_percent": [
-                    100 * (one.parameters[name].value / truth[name] - 1) for one in (now, new)
+                    100 * (item.parameters[name].value / truth[name] - 1) for item in (now, new)
                 ],
             }
             for name in design.precision.names
@@ -132,16 +132,16 @@ def separation(seed: int, duration: float, tries: int) -> dict[str, Any]:
         made = make_case(Path(scratch) / "case", seed, {HIDDEN: SEVERITY}, duration=duration)
         before = diagnose(made.case)
         options = IdentifyOptions(flow_form=FlowForm.ISO6358)
-        found = identify(replace(made.case, validate=()), options)
+        result = identify(replace(made.case, validate=()), options)
         request = ExperimentRequest(separate=(HIDDEN, WRONG), common=COMMON, tries=tries)
-        design = design_experiment(found, request)
+        design = design_experiment(result, request)
         case = again(made, design, seed)
         after = diagnose(case)
     return {
         "hidden": HIDDEN,
         "sizes": dict(made.effects[0].parameters),
         "wrong": WRONG,
-        "distances": [one.as_dict() for one in design.distances],
+        "distances": [distance.as_dict() for distance in design.distances],
         "notes": list(design.notes),
         "seconds": design.seconds,
         "shares_of_limits": within(design, case.identify[0]),
@@ -149,13 +149,13 @@ def separation(seed: int, duration: float, tries: int) -> dict[str, Any]:
     }
 
 
-def said(found: Diagnosis) -> dict[str, Any]:
+def said(result: Diagnosis) -> dict[str, Any]:
     """Return a verdict, and what it gives to either effect."""
-    known = {one.label: one.probability for one in found.ranking}
+    known = {candidate.label: candidate.probability for candidate in result.ranking}
     return {
-        "verdict": found.verdict.value,
-        "effects": [one.name for one in found.effects],
-        "ambiguous": [joined_names(names) for names in found.ambiguous],
+        "verdict": result.verdict.value,
+        "effects": [effect.name for effect in result.effects],
+        "ambiguous": [joined_names(names) for names in result.ambiguous],
         "probability": {name: known.get(name, 0.0) for name in (HIDDEN, WRONG)},
     }
 
@@ -163,17 +163,17 @@ def said(found: Diagnosis) -> dict[str, Any]:
 def lines(result: Mapping[str, Any]) -> str:
     """Return the figures as lines of text."""
     told = []
-    for seed, one in result["precision"].items():
-        quotients = [p["real"] / p["predicted"] for p in one["parameters"].values()]
+    for seed, item in result["precision"].items():
+        quotients = [p["real"] / p["predicted"] for p in item["parameters"].values()]
         told.append(
-            f"axis {seed}: gain {one['gain']:.2f} predicted, real / predicted standard errors "
+            f"axis {seed}: gain {item['gain']:.2f} predicted, real / predicted standard errors "
             f"{min(quotients):.2f} … {max(quotients):.2f}"
         )
-    for seed, one in result["separation"].items():
-        distances = ", ".join(f"{d['before']:.0f} → {d['after']:.0f}" for d in one["distances"])
+    for seed, item in result["separation"].items():
+        distances = ", ".join(f"{d['before']:.0f} → {d['after']:.0f}" for d in item["distances"])
         odds = []
         for name in (HIDDEN, WRONG):
-            before, after = (said["probability"][name] for said in one["said"])
+            before, after = (said["probability"][name] for said in item["said"])
             odds.append(f"{name} {before:.2f} → {after:.2f}")
         told.append(
             f"axis {seed}, probabilities {', '.join(odds)}; predicted distances {distances}"

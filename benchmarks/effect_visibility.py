@@ -70,9 +70,9 @@ def one_case(seed: int, duration: float, effect: str, refits: bool) -> dict[str,
         made = make_case(Path(scratch) / "case", seed, asked, duration=duration)
         study, _ = prepare_study(made.case)
         before = fit_model(study, ())
-        found: dict[str, Any] = {
-            "sizes": {k: v for one in made.effects for k, v in one.parameters.items()},
-            "absorbed_by": [name for one in made.effects for name in one.form.absorbed_by],
+        results: dict[str, Any] = {
+            "sizes": {k: v for effect in made.effects for k, v in effect.parameters.items()},
+            "absorbed_by": [name for effect in made.effects for name in effect.form.absorbed_by],
             "listed": effect in EFFECTS,
             "nominal": told(study, before) | {"errors_percent": errors(before, made.axis.truth)},
             "gap": simulated_gaps(study, before, made.case),
@@ -81,11 +81,11 @@ def one_case(seed: int, duration: float, effect: str, refits: bool) -> dict[str,
         if refits and effect in EFFECTS:
             own = EFFECTS[effect]()
             after = refit(study, before, own)
-            found["refit"] = told(study, after)
-            found["refit"] |= {"errors_percent": errors(after, made.axis.truth)}
-            found["refit_gap"] = simulated_gaps(study, after, made.case, own)
-            found["closed_percent"] = closed(found["gap"], found["refit_gap"])
-    return found
+            results["refit"] = told(study, after)
+            results["refit"] |= {"errors_percent": errors(after, made.axis.truth)}
+            results["refit_gap"] = simulated_gaps(study, after, made.case, own)
+            results["closed_percent"] = closed(results["gap"], results["refit_gap"])
+    return results
 
 
 def errors(fitted: FittedModel, truth: Mapping[str, float]) -> dict[str, float]:
@@ -93,32 +93,32 @@ def errors(fitted: FittedModel, truth: Mapping[str, float]) -> dict[str, float]:
     return {name: 100 * (fitted.values[name] / truth[name] - 1) for name in MOVABLE}
 
 
-def judged(one: Mapping[str, Any], plain: Mapping[str, Any]) -> dict[str, Any]:
+def judged(entry: Mapping[str, Any], plain: Mapping[str, Any]) -> dict[str, Any]:
     """Return the verdict on an effect beside the same axis without one."""
-    moves = moved(one["nominal"], plain["nominal"])
-    if one["gap"] is None:
+    moves = moved(entry["nominal"], plain["nominal"])
+    if entry["gap"] is None:
         return {"verdict": "visible", "where": ["cannot be simulated"], "moved": moves}
     where = [
         f"{view} {name}"
         for view in VIEWS
-        for name, found in one["gap"][view].items()
-        if name != "gap_percent" and counts(found, plain["gap"][view][name])
+        for name, quantity in entry["gap"][view].items()
+        if name != "gap_percent" and counts(quantity, plain["gap"][view][name])
     ]
     verdict = "visible" if where else "absorbed" if moves else "unobservable"
-    if one["nominal"]["failure"] and not where:
+    if entry["nominal"]["failure"] and not where:
         verdict = "undecided"
     return {"verdict": verdict, "where": where, "moved": moves}
 
 
-def counts(found: Mapping[str, float], plain: Mapping[str, float]) -> bool:
+def counts(result: Mapping[str, float], plain: Mapping[str, float]) -> bool:
     """Return whether the gap of an output is too large for the background, noise and doubt."""
-    least = (VISIBLE * plain["gap_percent"], OF_NOISE * found["noise_percent"], OF_SIGNAL)
-    return found["gap_percent"] > max(least)
+    least = (VISIBLE * plain["gap_percent"], OF_NOISE * result["noise_percent"], OF_SIGNAL)
+    return result["gap_percent"] > max(least)
 
 
 def moved(fit: Mapping[str, Any], plain: Mapping[str, Any]) -> dict[str, float]:
     """Return what an effect has moved: parameters with their shift [%], the map with its ratio."""
-    found = {}
+    results = {}
     for name in MOVABLE:
         value = fit["parameters"][name]
         old = plain["parameters"][name]
@@ -126,10 +126,10 @@ def moved(fit: Mapping[str, Any], plain: Mapping[str, Any]) -> dict[str, float]:
         shift = value - old
         informed = None not in stds and abs(shift) > SIGMAS * np.hypot(*stds)
         if informed and abs(shift) > MOVED / 100 * abs(old):
-            found[name] = 100 * shift / abs(old)
+            results[name] = 100 * shift / abs(old)
     if fit["map_pull"] > MAP_MOVED * plain["map_pull"]:
-        found["flow map (ratio of residuals)"] = fit["map_pull"] / plain["map_pull"]
-    return found
+        results["flow map (ratio of residuals)"] = fit["map_pull"] / plain["map_pull"]
+    return results
 
 
 def run(
@@ -146,14 +146,14 @@ def run(
     make = partial(_kept_case, keep, duration, refits)
     with ProcessPoolExecutor(workers) as executor:
         mapped = executor.map(make, *zip(*tasks, strict=True))
-        for (seed, name), one in zip(tasks, mapped, strict=True):
+        for (seed, name), pair in zip(tasks, mapped, strict=True):
             axis = axes.setdefault(str(seed), {})
-            axis[name] = one
+            axis[name] = pair
             if name != NONE:
-                one |= judged(one, axis[NONE])
-            elif one["gap"] is None or one["nominal"]["failure"]:
+                pair |= judged(pair, axis[NONE])
+            elif pair["gap"] is None or pair["nominal"]["failure"]:
                 raise RuntimeError(f"axis {seed}: the fit without an effect fails")
-            print(_line(seed, name, one), flush=True)
+            print(_line(seed, name, pair), flush=True)
     return {"duration_seconds": duration, "axes": axes}
 
 
@@ -164,11 +164,13 @@ def _kept_case(
     return kept(keep, name, partial(one_case, seed, duration, effect, refits))
 
 
-def _line(seed: int, name: str, one: Mapping[str, Any]) -> str:
-    gaps = ", ".join(f"{view} {_percent(one['gap'], view)} %" for view in VIEWS)
-    shares = one.get("closed_percent", {})
+def _line(seed: int, name: str, entry: Mapping[str, Any]) -> str:
+    gaps = ", ".join(f"{view} {_percent(entry['gap'], view)} %" for view in VIEWS)
+    shares = entry.get("closed_percent", {})
     told = ", ".join(f"{shares[view]['all']:.0f} %" for view in shares)
-    return f"axis {seed}, {name}: {gaps}; {one.get('verdict', 'background')}; closed {told or '-'}"
+    return (
+        f"axis {seed}, {name}: {gaps}; {entry.get('verdict', 'background')}; closed {told or '-'}"
+    )
 
 
 def _percent(gap: Mapping[str, Any] | None, view: str) -> str:
@@ -187,20 +189,20 @@ def draw(result: Mapping[str, Any]) -> Figure:
     for axes, view, text in zip(panels, VIEWS, ("closed loop", "windows"), strict=True):
         axes.axvline(axis[NONE]["gap"][view]["gap_percent"], color=GREY, linewidth=0.8, zorder=1)
         for row, name in zip(rows, names, strict=True):
-            one = axis[name]
-            before = one["gap"][view]["gap_percent"]
-            after = (one.get("refit_gap") or {}).get(view, {}).get("gap_percent")
+            entry = axis[name]
+            before = entry["gap"][view]["gap_percent"]
+            after = (entry.get("refit_gap") or {}).get(view, {}).get("gap_percent")
             if after is not None:
                 axes.plot([before, after], [row, row], color=GREY, linewidth=0.6, zorder=2)
                 axes.plot(after, row, "o", color=BLUE, markersize=2.6, zorder=3)
-            colour, marker = shown.get(one["verdict"], (GREY, "v"))
+            colour, marker = shown.get(entry["verdict"], (GREY, "v"))
             axes.plot(before, row, marker, color=colour, markersize=2.8, zorder=4)
         axes.set_xscale("log")
         dress(axes, f"gap, {text} [%]")
     panels[0].set_yticks(rows, [name.replace("_", " ") for name in names], fontsize=SMALL - 0.5)
     panels[0].set_ylim(-0.7, len(names) - 0.3)
     styles = [("visible", VERMILION, "s"), ("absorbed", ORANGE, "D"), ("neither", GREY, "v")]
-    if any("refit" in one for one in axis.values()):
+    if any("refit" in entry for entry in axis.values()):
         styles.append(("after refit", BLUE, "o"))
     styles.append((f"no effect (axis {seed})", GREY, ""))
     handles = [

@@ -46,7 +46,7 @@ def run(case: Case, seconds: float | None) -> dict[str, Any]:
     axes = {"symmetric": plain, "asymmetric": plain.with_effects(AsymmetricViscousFriction())}
     learn, pulses = (_cut(record, seconds) for record in (case.identify[0], case.validate[0]))
     records = {"identification": learn, "pulses": pulses}
-    found: dict[str, Any] = {}
+    results: dict[str, Any] = {}
     for friction, axis in axes.items():
         wls = fit_wls(axis, [learn])
         start = axis.started_at(wls.parameters)
@@ -54,8 +54,8 @@ def run(case: Case, seconds: float | None) -> dict[str, Any]:
         for name, options in ESTIMATORS.items():
             fits[name] = fit_output_error(start, [learn], options=options)
         for name, fit in fits.items():
-            found[f"{name}, {friction} friction"] = _figures(axis, fit, records)
-    return {"estimators": found, "black_boxes_mm": BLACK_BOXES, "authors": emps.AUTHORS}
+            results[f"{name}, {friction} friction"] = _figures(axis, fit, records)
+    return {"estimators": results, "black_boxes_mm": BLACK_BOXES, "authors": emps.AUTHORS}
 
 
 def _cut(record: Recording, seconds: float | None) -> Recording:
@@ -80,8 +80,8 @@ def _figures(axis: Axis, fit: Any, records: dict[str, Recording]) -> dict[str, A
 def _open_loop(model: Axis, record: Recording) -> float:
     """Simulate the recorded force from the first sample on; return the position error [mm]."""
     start = [record["x"][0], 0.0]
-    found = simulate(model, record.stack(model.inputs), record.dt, start, record.hold)
-    return 1e3 * float(np.sqrt(np.mean((record["x"] - found["x"]) ** 2)))
+    run = simulate(model, record.stack(model.inputs), record.dt, start, record.hold)
+    return 1e3 * float(np.sqrt(np.mean((record["x"] - run["x"]) ** 2)))
 
 
 def main() -> None:

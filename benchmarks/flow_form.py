@@ -158,48 +158,48 @@ def summarised(cases: Mapping[str, Any]) -> dict[str, Any]:
     forms = list(next(iter(cases.values()))["forms"])
     means: dict[str, Any] = {}
     for form in forms:
-        fitted = [one["forms"][form] for one in cases.values()]
+        fitted = [case["forms"][form] for case in cases.values()]
         wls = [fit["wls"] for fit in fitted]
         done = [fit["output_error"] for fit in fitted if fit["output_error"] is not None]
         means[form] = {
             "failed": len(fitted) - len(done),
-            "median_rms_error_percent_wls": median(one["rms_error_percent"] for one in wls),
-            "median_rms_error_percent": median(one["rms_error_percent"] for one in done),
-            "median_held_out_percent_wls": median(one["held_out_percent"] for one in wls),
-            "median_held_out_percent": median(one["held_out_percent"] for one in done),
+            "median_rms_error_percent_wls": median(fit["rms_error_percent"] for fit in wls),
+            "median_rms_error_percent": median(fit["rms_error_percent"] for fit in done),
+            "median_held_out_percent_wls": median(fit["held_out_percent"] for fit in wls),
+            "median_held_out_percent": median(fit["held_out_percent"] for fit in done),
         }
     rules = {
-        "map": lambda one: one["selection"]["chosen"],
-        "held_out_after_wls": lambda one: least(one, "wls", "held_out_percent"),
-        "held_out_after_output_error": lambda one: least(one, "output_error", "held_out_percent"),
+        "map": lambda case: case["selection"]["chosen"],
+        "held_out_after_wls": lambda case: least(case, "wls", "held_out_percent"),
+        "held_out_after_output_error": lambda case: least(case, "output_error", "held_out_percent"),
     }
     picked = {
         rule: {
             "nearest_to_truth": sum(
-                pick(one) == least(one, "output_error", "rms_error_percent")
-                for one in cases.values()
+                pick(case) == least(case, "output_error", "rms_error_percent")
+                for case in cases.values()
             ),
             "median_rms_error_percent": median(
-                one["forms"][pick(one)]["output_error"]["rms_error_percent"]
-                for one in cases.values()
-                if one["forms"][pick(one)]["output_error"] is not None
+                case["forms"][pick(case)]["output_error"]["rms_error_percent"]
+                for case in cases.values()
+                if case["forms"][pick(case)]["output_error"] is not None
             ),
         }
         for rule, pick in rules.items()
     }
-    chosen = [one["selection"]["chosen"] for one in cases.values()]
+    chosen = [case["selection"]["chosen"] for case in cases.values()]
     return {
         "forms": means,
         "rules": picked,
         "chosen": {form: chosen.count(form) for form in sorted(set(chosen))},
-        "longest_selection_s": max(one["selection_seconds"] for one in cases.values()),
+        "longest_selection_s": max(case["selection_seconds"] for case in cases.values()),
     }
 
 
-def least(one: Mapping[str, Any], stage: str, figure: str) -> str:
+def least(case: Mapping[str, Any], stage: str, figure: str) -> str:
     """Return the form with the least figure after a stage."""
     known = {
-        name: fit[stage][figure] for name, fit in one["forms"].items() if fit[stage] is not None
+        name: fit[stage][figure] for name, fit in case["forms"].items() if fit[stage] is not None
     }
     return min(known, key=known.__getitem__)
 

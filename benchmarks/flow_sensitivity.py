@@ -95,13 +95,13 @@ def load(folder: Path, name: str) -> Known:
 
 def chamber_parameters(true: Mapping[str, float], rT: float) -> dict[str, float]:
     """Return X_s1 ... X_s6 and the mechanical parameters of a labelled case (eq. 10 and 11)."""
-    found = {}
+    results = {}
     for chamber, first in (("P", 1), ("N", 4)):
         V, S, k = (true[f"{name}"] for name in (f"V{chamber}0", f"S{chamber}", f"k{chamber}"))
-        found |= {f"X_s{first}": V / (k * rT), f"X_s{first + 1}": S / (k * rT)}
-        found |= {f"X_s{first + 2}": S / rT}
+        results |= {f"X_s{first}": V / (k * rT), f"X_s{first + 1}": S / (k * rT)}
+        results |= {f"X_s{first + 2}": S / rT}
     names = {"M": "M", "f_v": "fv", "F_c_plus": "Fcp", "F_c_minus": "Fcm"}
-    return found | {name: true[label] for name, label in names.items()}
+    return results | {name: true[label] for name, label in names.items()}
 
 
 def label(degrees: Sequence[int]) -> str:
@@ -175,12 +175,12 @@ def described(row: Row, truth: Mapping[str, float]) -> dict[str, Any]:
 
 
 def moved(
-    found: Mapping[str, Estimate], reference: Mapping[str, Estimate]
+    result: Mapping[str, Estimate], reference: Mapping[str, Estimate]
 ) -> dict[str, float] | None:
     """Return the shift of each estimate in per cent."""
-    if not found or not reference:
+    if not result or not reference:
         return None
-    return {n: 100 * (found[n].value / reference[n].value - 1) for n in (*CHAMBERS, *RATIOS)}
+    return {n: 100 * (result[n].value / reference[n].value - 1) for n in (*CHAMBERS, *RATIOS)}
 
 
 def linear(
@@ -212,7 +212,7 @@ def metering_errors(
     form = {label(METERED): partial(fit_polynomials, degrees=METERED)}
     noises = [MeteringErrors(noise=noise, seed=seed) for noise in NOISES for seed in range(seeds)]
     treatments = (Treatment.ANCHORED, Treatment.FIXED)
-    found = study(
+    result = study(
         known,
         form,
         executor,
@@ -224,17 +224,17 @@ def metering_errors(
     name = label(METERED)
     shifts = []
     for metering in ERRORS:
-        one: dict[str, Any] = {"metering": str(metering)}
+        results: dict[str, Any] = {"metering": str(metering)}
         for treatment in treatments:
-            row, plain = found.row(name, treatment, metering), found.row(name, treatment)
-            one["wls"] = moved(row.wls, plain.wls)
+            row, plain = result.row(name, treatment, metering), result.row(name, treatment)
+            results["wls"] = moved(row.wls, plain.wls)
             key = treatment.value
-            one[key] = moved(row.output_error, plain.output_error)
-            one[f"{key}_first_order"] = linear(
+            results[key] = moved(row.output_error, plain.output_error)
+            results[f"{key}_first_order"] = linear(
                 sensitivity, metering, known, treatment, plain.output_error
             )
-        shifts.append(one)
-    spreads = [spread(known, found, sensitivity, noise, seeds) for noise in NOISES]
+        shifts.append(results)
+    spreads = [spread(known, result, sensitivity, noise, seeds) for noise in NOISES]
     return {"form": name, "seconds": seconds, "shifts": shifts, "noise": spreads}
 
 
@@ -250,39 +250,41 @@ def first_order(known: Known, seconds: float | None) -> MapSensitivity:
 
 
 def spread(
-    known: Known, found: FlowSensitivity, sensitivity: MapSensitivity, noise: float, seeds: int
+    known: Known, result: FlowSensitivity, sensitivity: MapSensitivity, noise: float, seeds: int
 ) -> dict[str, Any]:
     """Return spreads of the estimates over seeds of the map's noise, and those to first order."""
     names, form = (*CHAMBERS, *RATIOS), label(METERED)
     drawn = [MeteringErrors(noise=noise, seed=seed) for seed in range(seeds)]
-    one: dict[str, Any] = {"noise_percent": 100 * noise, "seeds": seeds}
+    results: dict[str, Any] = {"noise_percent": 100 * noise, "seeds": seeds}
     for treatment in (Treatment.ANCHORED, Treatment.FIXED):
-        plain = found.row(form, treatment).output_error
-        rows = [found.row(form, treatment, metering) for metering in drawn]
+        plain = result.row(form, treatment).output_error
+        rows = [result.row(form, treatment, metering) for metering in drawn]
         converged = [row.output_error for row in rows if row.converged]
-        one["wls"] = spread_percent([row.wls for row in rows], names)
-        one[treatment.value] = spread_percent(converged, names)
-        one[f"{treatment.value}_failed"] = seeds - len(converged)
+        results["wls"] = spread_percent([row.wls for row in rows], names)
+        results[treatment.value] = spread_percent(converged, names)
+        results[f"{treatment.value}_failed"] = seeds - len(converged)
         std = sensitivity.std(noise * known.table.q_max, treatment)
-        one[f"{treatment.value}_first_order"] = {n: 100 * std[n] / plain[n].value for n in names}
-    return one
+        results[f"{treatment.value}_first_order"] = {
+            n: 100 * std[n] / plain[n].value for n in names
+        }
+    return results
 
 
 def spread_percent(
-    found: Sequence[Mapping[str, Estimate]], names: Sequence[str]
+    result: Sequence[Mapping[str, Estimate]], names: Sequence[str]
 ) -> dict[str, float] | None:
     """Return the standard deviation of each estimate over replicates, in per cent."""
-    if len(found) < 2:
+    if len(result) < 2:
         return None
-    values = {n: np.array([one[n].value for one in found]) for n in names}
+    values = {n: np.array([item[n].value for item in result]) for n in names}
     return {n: float(100 * v.std(ddof=1) / abs(v.mean())) for n, v in values.items()}
 
 
 def forms_of(bench: Bench, names: Sequence[str] | None = None) -> dict[str, Any]:
     """Return the forms that are compared, all or those named."""
-    found: dict[str, Any] = {label(d): partial(fit_polynomials, degrees=d) for d in DEGREES}
-    found |= {"ISO 6358": partial(fit_iso6358, T=bench.T)}
-    return found if names is None else {name: found[name] for name in names}
+    result: dict[str, Any] = {label(d): partial(fit_polynomials, degrees=d) for d in DEGREES}
+    result |= {"ISO 6358": partial(fit_iso6358, T=bench.T)}
+    return result if names is None else {name: result[name] for name in names}
 
 
 def run(data: Path, executor: Executor, seeds: int, quick: bool) -> dict[str, Any]:

@@ -89,10 +89,10 @@ def refit(effect: str, before: Fitted, start: Axis, case: Case, table: FlowMap |
     bases = [start] if before.result is None else [before.result.axis, start]
     for base in bases:
         axis = base.with_effects(EFFECTS[effect]()).at_starting_values()
-        found = output_error(axis, case, table)
-        if not found.failure:
+        result = output_error(axis, case, table)
+        if not result.failure:
             break
-    return found
+    return result
 
 
 def held_out(fit: Fitted, case: Case) -> dict[str, Any] | None:
@@ -119,14 +119,14 @@ def gaps(axis: Axis, case: Case) -> dict[str, Any] | None:
     for view, errors in shown.items():
         outputs = {
             name: {
-                "gap_percent": one.gap_percent,
-                "noise_percent": one.noise_percent,
-                "rms": one.rms,
+                "gap_percent": error.gap_percent,
+                "noise_percent": error.noise_percent,
+                "rms": error.rms,
             }
-            for name, one in errors.items()
+            for name, error in errors.items()
             if name in axis.outputs
         }
-        overall = combined_gap([one["gap_percent"] for one in outputs.values()])
+        overall = combined_gap([output["gap_percent"] for output in outputs.values()])
         views[view] = {"gap_percent": overall, **outputs}
     return views
 
@@ -137,11 +137,11 @@ def closed(before: Mapping[str, Any] | None, after: Mapping[str, Any] | None) ->
         return {}
     shares: dict[str, Any] = {}
     for view in VIEWS:
-        one, other = before[view], after[view]
-        shares[view] = {"all": share_closed(one["gap_percent"], other["gap_percent"])}
-        for name in one:
+        result, other = before[view], after[view]
+        shares[view] = {"all": share_closed(result["gap_percent"], other["gap_percent"])}
+        for name in result:
             if name != "gap_percent":
-                gaps = one[name]["gap_percent"], other[name]["gap_percent"]
+                gaps = result[name]["gap_percent"], other[name]["gap_percent"]
                 shares[view][name] = share_closed(*gaps)
     return shares
 
@@ -178,8 +178,8 @@ def kept(folder: Path | None, name: str, make: Callable[[], dict[str, Any]]) -> 
     """Return a result from the folder that keeps finished ones, or make and keep it."""
     path = None if folder is None else folder / f"{name}.json"
     if path is not None and path.is_file():
-        found: dict[str, Any] = json.loads(path.read_text("utf-8"))
-        return found
+        content: dict[str, Any] = json.loads(path.read_text("utf-8"))
+        return content
     made = make()
     provenance.write(path, made)
     return made

@@ -76,7 +76,7 @@ def one_seed(situation: str, seed: int) -> dict[str, dict[str, float] | None]:
         controller = axis.bench.controller
         stated = replace(controller, gain=GAIN_ERROR * controller.gain)
         axis = replace(axis, bench=replace(axis.bench, controller=stated))
-    found: dict[str, dict[str, float] | None] = {}
+    results: dict[str, dict[str, float] | None] = {}
     for loop, closed in LOOPS.items():
         options = OutputErrorOptions(closed_loop=closed, widths=(own_model.V_S,))
         try:
@@ -84,12 +84,12 @@ def one_seed(situation: str, seed: int) -> dict[str, dict[str, float] | None]:
                 warnings.simplefilter("ignore")
                 fit = fit_output_error(axis, [record], options=options)
         except FitError:
-            found[loop] = None
+            results[loop] = None
             continue
-        found[loop] = {
+        results[loop] = {
             n: 100 * (fit.parameters[n].value / truth - 1) for n, truth in own_model.TABLE_1.items()
         }
-    return found
+    return results
 
 
 def run(seeds: int) -> dict[str, Any]:
@@ -97,16 +97,19 @@ def run(seeds: int) -> dict[str, Any]:
     result: dict[str, Any] = {"replicates": seeds, "situations": {}}
     with ProcessPoolExecutor(os.cpu_count()) as executor:
         for situation in SITUATIONS:
-            found = list(executor.map(partial(one_seed, situation), range(seeds)))
-            result["situations"][situation] = {loop: _figures(found, loop) for loop in LOOPS}
+            replicates = list(executor.map(partial(one_seed, situation), range(seeds)))
+            result["situations"][situation] = {loop: _figures(replicates, loop) for loop in LOOPS}
     return result
 
 
-def _figures(found: list[dict[str, dict[str, float] | None]], loop: str) -> dict[str, Any]:
-    kept = [one[loop] for one in found if one[loop] is not None]
-    errors = {name: np.array([one[name] for one in kept]) for name in own_model.TABLE_1}
+def _figures(replicates: list[dict[str, dict[str, float] | None]], loop: str) -> dict[str, Any]:
+    kept = [replicate[loop] for replicate in replicates if replicate[loop] is not None]
+    errors = {
+        name: np.array([errors_of_replicate[name] for errors_of_replicate in kept])
+        for name in own_model.TABLE_1
+    }
     return {
-        "failed": len(found) - len(kept),
+        "failed": len(replicates) - len(kept),
         "bias_percent": {n: float(e.mean()) for n, e in errors.items()},
         "bias_standard_error": {n: float(e.std(ddof=1) / len(e) ** 0.5) for n, e in errors.items()},
         "spread_percent": {n: float(e.std(ddof=1)) for n, e in errors.items()},

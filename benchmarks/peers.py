@@ -130,8 +130,8 @@ def one_run(module: str, given: Estimation, limit: float) -> dict[str, Any]:
         if process.returncode or not answer.exists():
             lines = errors.strip().splitlines() or ["no message"]
             return {"failure": f"exit code {process.returncode}: {lines[-1]}"}
-        found: dict[str, Any] = json.loads(answer.read_text())
-        return found
+        content: dict[str, Any] = json.loads(answer.read_text())
+        return content
 
 
 def measure(tools: Mapping[str, tuple[str, str]], given: Estimation, bar: Bar) -> dict[str, Any]:

@@ -93,18 +93,18 @@ def one_case(data: Path, labels: Mapping[str, Any], name: str) -> dict[str, Any]
     case, truth = read_case(data / "practice" / name), labels[name]["truth"]
     before, start, table = nominal(case)
     gap = held_out(before, case)
-    found: dict[str, Any] = {
+    results: dict[str, Any] = {
         "effects": labels[name]["effects"],
         "nominal": fit_figures(before) | {"errors_percent": errors(before, truth, case)},
         "nominal_gap": gap,
     }
     for effect in labels[name]["effects"]:
         after = refit(effect, before, start, case, table)
-        found["refit"] = fit_figures(after) | {"errors_percent": errors(after, truth, case)}
-        found["refit_gap"] = held_out(after, case)
-        found["closed_percent"] = closed(gap, found["refit_gap"])
-        found["quantities"] = quantities(effect, after, labels[name]["magnitudes"][effect])
-    return found
+        results["refit"] = fit_figures(after) | {"errors_percent": errors(after, truth, case)}
+        results["refit_gap"] = held_out(after, case)
+        results["closed_percent"] = closed(gap, results["refit_gap"])
+        results["quantities"] = quantities(effect, after, labels[name]["magnitudes"][effect])
+    return results
 
 
 def errors(fit: Fitted, truth: Values, case: Case) -> dict[str, float]:
@@ -113,7 +113,7 @@ def errors(fit: Fitted, truth: Values, case: Case) -> dict[str, float]:
         return {}
     p = fit.result.parameters.as_dict()
     rT = fit.result.axis.constants["r"] * fit.result.axis.constants["T"]
-    found = {
+    results = {
         "M": p["M"],
         "fv": p["f_v"],
         "Fcp": p["F_c_plus"],
@@ -125,7 +125,7 @@ def errors(fit: Fitted, truth: Values, case: Case) -> dict[str, float]:
         "kP": p["X_s3"] / p["X_s2"],
         "kN": p["X_s6"] / p["X_s5"],
     }
-    return {key: 100 * (found[key] / value - 1) for key, value in truth.items()}
+    return {key: 100 * (results[key] / value - 1) for key, value in truth.items()}
 
 
 def quantities(effect: str, fit: Fitted, magnitudes: Values) -> dict[str, Any]:
@@ -138,38 +138,38 @@ def quantities(effect: str, fit: Fitted, magnitudes: Values) -> dict[str, Any]:
         for name, value in fit.result.parameters.as_dict().items()
         if name.startswith(prefix)
     }
-    found = {}
-    for one in QUANTITIES[effect]:
-        value, label = one.of(own), magnitudes[one.label]
-        found[one.label] = {
+    results = {}
+    for quantity in QUANTITIES[effect]:
+        value, label = quantity.of(own), magnitudes[quantity.label]
+        results[quantity.label] = {
             "label": label,
             "fitted": value,
-            "unit": one.unit,
+            "unit": quantity.unit,
             "error_percent": 100 * (value / label - 1),
-            "forms_differ": one.differs or None,
+            "forms_differ": quantity.differs or None,
         }
-    return found
+    return results
 
 
 def judged(cases: dict[str, Any]) -> dict[str, Any]:
     """Return the cases with what is visible in them, and whether the bars are reached."""
-    plain = [one["nominal_gap"] for one in cases.values() if not one["effects"]]
+    plain = [case["nominal_gap"] for case in cases.values() if not case["effects"]]
     if not plain or None in plain:
         raise RuntimeError("no case without an effect was fitted: nothing to compare gaps with")
     background = {view: max(gap[view]["gap_percent"] for gap in plain) for view in VIEWS}
-    for one in cases.values():
-        gap = one["nominal_gap"]
-        one["visible"] = [
+    for case in cases.values():
+        gap = case["nominal_gap"]
+        case["visible"] = [
             view
             for view in VIEWS
-            if one["effects"]
+            if case["effects"]
             and (gap is None or gap[view]["gap_percent"] > VISIBLE * background[view])
         ]
-        if one["effects"]:
-            shares = [one["closed_percent"].get(view, {}).get("all") for view in one["visible"]]
-            one["closes"] = all(share is not None and share >= CLOSED for share in shares)
-            agree = [q for q in one["quantities"].values() if q["forms_differ"] is None]
-            one["within"] = bool(one["quantities"]) and all(
+        if case["effects"]:
+            shares = [case["closed_percent"].get(view, {}).get("all") for view in case["visible"]]
+            case["closes"] = all(share is not None and share >= CLOSED for share in shares)
+            agree = [q for q in case["quantities"].values() if q["forms_differ"] is None]
+            case["within"] = bool(case["quantities"]) and all(
                 abs(q["error_percent"]) <= WITHIN for q in agree
             )
     return {"background_gap_percent": background, "cases": cases}
@@ -186,11 +186,11 @@ def run(data: Path, names: Iterable[str], workers: int, keep: Path | None) -> di
     labels = json.loads((data / "practice" / "labels.json").read_text("utf-8"))
     cases = {}
     with ProcessPoolExecutor(workers) as executor:
-        for name, one in executor.map(partial(_kept_case, keep, data, labels), list(names)):
-            cases[name] = one
-            shares = one.get("closed_percent", {})
+        for name, item in executor.map(partial(_kept_case, keep, data, labels), list(names)):
+            cases[name] = item
+            shares = item.get("closed_percent", {})
             told = {view: shares[view]["all"] for view in shares}
-            fitted = {k: q["fitted"] / q["label"] for k, q in one.get("quantities", {}).items()}
+            fitted = {k: q["fitted"] / q["label"] for k, q in item.get("quantities", {}).items()}
             print(f"{name}: closed {told} %, fitted / label {fitted}", flush=True)
     return judged(cases)
 

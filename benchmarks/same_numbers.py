@@ -154,7 +154,7 @@ def compare_folders(
     for folder, known in zip((before, after), files, strict=True):
         if not known:
             raise FileNotFoundError(f"{folder}: no JSON files to compare")
-    found: list[Difference] = []
+    results: list[Difference] = []
     for name in sorted(files[0].keys() | files[1].keys()):
         first, second = (
             json.loads(known[name].read_text("utf-8")) if name in known else MISSING
@@ -162,10 +162,10 @@ def compare_folders(
         )
         if first is MISSING or second is MISSING:
             there = [MISSING if content is MISSING else "a file" for content in (first, second)]
-            found.append(Difference(name, *there))
+            results.append(Difference(name, *there))
             continue
-        found += differences(first, second, ignored=ignored, relative=relative, path=name)
-    return found
+        results += differences(first, second, ignored=ignored, relative=relative, path=name)
+    return results
 
 
 def main() -> None:
@@ -179,11 +179,11 @@ def main() -> None:
     )
     arguments = parser.parse_args()
     ignored = IGNORED | frozenset(arguments.allow)
-    found = compare_folders(arguments.before, arguments.after, ignored, arguments.relative)
-    for difference in found:
+    result = compare_folders(arguments.before, arguments.after, ignored, arguments.relative)
+    for difference in result:
         print(difference)
-    print(f"{len(found)} differences at a relative tolerance of {arguments.relative:g}")
-    raise SystemExit(1 if found else 0)
+    print(f"{len(result)} differences at a relative tolerance of {arguments.relative:g}")
+    raise SystemExit(1 if result else 0)
 
 
 if __name__ == "__main__":

@@ -63,9 +63,9 @@ def make(folder: Path, longest: float) -> None:
 def load(folder: Path, length: float, pieces: int) -> tuple[list[Recording], FlowMap]:
     """Return the first `length` seconds as one record, or cut into pieces, and the map."""
     true = own_model.truth()
-    with np.load(folder / "data.npz") as found:
-        t, q_m = found["t"], found["q_m"]
-        channels = {n: found[n] for n in found.files if n not in ("t", "q_m")}
+    with np.load(folder / "data.npz") as data:
+        t, q_m = data["t"], data["q_m"]
+        channels = {n: data[n] for n in data.files if n not in ("t", "q_m")}
     bench = true.axis.bench
     table = FlowMap(true.u, true.p, q_m, bench.p_supply, bench.p_ext)
     N = round(length * RATE)
@@ -169,13 +169,13 @@ def measured(folder: Path, length: float, pieces: int = 1) -> dict[str, Any]:
         runs.append(json.loads(done.stdout.splitlines()[-1]))
         print(f"{length:g} s in {pieces}: {runs[-1]['seconds']:.1f} s", flush=True)
     keys = ("seconds", "wall_s", "wls_s", "solve_s", "iteration_s", "sweep_s", "peak_GB")
-    found = {key: statistics.median(run[key] for run in runs) for key in keys}
+    result = {key: statistics.median(run[key] for run in runs) for key in keys}
     ratios = [run["iteration_s"] / run["sweep_s"] for run in runs]
     return {
         "length_s": length,
         "samples": round(length * RATE),
         "records": pieces,
-        **found,
+        **result,
         "iterations": max(run["iterations"] for run in runs),
         "iteration_over_sweep": statistics.median(ratios),
         "status": runs[0]["status"],
@@ -190,19 +190,19 @@ def run(lengths: tuple[float, ...]) -> dict[str, Any]:
         folder = Path(name)
         make(folder, lengths[-1])
         # In the order of length a machine that warms up would look like growth.
-        found = {length: measured(folder, length) for length in lengths}
+        result = {length: measured(folder, length) for length in lengths}
         split = measured(folder, lengths[-1], 6)
-    x = np.log([one["length_s"] for one in found.values()])
-    y = np.log([one["seconds"] for one in found.values()])
-    whole = found[lengths[-1]]
+    x = np.log([length_result["length_s"] for length_result in result.values()])
+    y = np.log([item["seconds"] for item in result.values()])
+    whole = result[lengths[-1]]
     apart = {
         name: abs(split["estimates"][name] - whole["estimates"][name]) / whole["std"][name]
         for name in whole["estimates"]
     }
     return {
         "exponent": float(np.polyfit(x, y, 1)[0]),
-        "iteration_over_sweep": max(one["iteration_over_sweep"] for one in found.values()),
-        "records": list(found.values()),
+        "iteration_over_sweep": max(item["iteration_over_sweep"] for item in result.values()),
+        "records": list(result.values()),
         "six_records": {
             **split,
             "time_ratio": split["seconds"] / whole["seconds"],

@@ -40,10 +40,10 @@ def run(starts: int) -> dict[str, Any]:
     begin = axis.started_at(wls.parameters)
     options = OutputErrorOptions(widths=(own_model.V_S,))
     with ProcessPoolExecutor(os.cpu_count()) as executor:
-        found = fit_from_many_starts(
+        result = fit_from_many_starts(
             begin, [record], table, options, starts + 1, SPREAD, SEED, executor
         )
-    own, *others = found.outcomes
+    own, *others = result.outcomes
     assert own.result is not None
     names, std = own.result.uncertainty.names, own.result.uncertainty.std
     optimum = np.array([own.result.parameters[name].value for name in names])

@@ -23,8 +23,8 @@ TRUTH = {name: value for name, (value, _) in paper.TABLE_1.items()}
 def run(folder: Path, seconds: float | None) -> dict[str, Any]:
     """Identify the case and compare with the truth."""
     as_published = IdentifyOptions(FlowForm.POLYNOMIALS, PAPER_DEGREES, end=seconds)
-    found = identify(folder, as_published)
-    oe, wls = found.output_error, found.wls
+    result = identify(folder, as_published)
+    oe, wls = result.output_error, result.wls
     std_hac = dict(zip(wls.parameters.names, wls.std_hac.tolist(), strict=True))
     parameters = {
         name: {
@@ -42,7 +42,7 @@ def run(folder: Path, seconds: float | None) -> dict[str, Any]:
         for name, truth in TRUTH.items()
     }
     ratios = {"k_P": TRUTH["X_s3"] / TRUTH["X_s2"], "k_N": TRUTH["X_s6"] / TRUTH["X_s5"]}
-    validation = found.validation
+    validation = result.validation
     errors = (
         {}
         if validation is None
@@ -64,8 +64,8 @@ def run(folder: Path, seconds: float | None) -> dict[str, Any]:
         },
         "validation_percent": errors,
         "iterations": oe.iterations,
-        "samples": sum(record.N for record in found.records),
-        "seconds": found.seconds,
+        "samples": sum(record.N for record in result.records),
+        "seconds": result.seconds,
     }
 
 
@@ -78,11 +78,11 @@ def main() -> None:
     arguments = parser.parse_args()
     result = run(arguments.data, 4.0 if arguments.quick else None)
     result |= provenance.made(SEED, arguments.quick)
-    for name, one in result["parameters"].items():
-        wls, oe = one["wls_error_percent"], one["output_error_error_percent"]
+    for name, parameter in result["parameters"].items():
+        wls, oe = parameter["wls_error_percent"], parameter["output_error_error_percent"]
         print(f"{name:10s} WLS {wls:+7.2f} %   OE {oe:+7.2f} %")
-    for name, one in result["derived"].items():
-        print(f"{name:10s} OE {one['value']:.4f} (truth {one['truth']:.4f})")
+    for name, parameter in result["derived"].items():
+        print(f"{name:10s} OE {parameter['value']:.4f} (truth {parameter['truth']:.4f})")
     provenance.write(arguments.json, result)
 
 

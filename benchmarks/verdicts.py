@@ -43,12 +43,12 @@ def one_case(folder: Path, form: FlowForm | None) -> dict[str, Any]:
     began = time.perf_counter()
     with ProcessPoolExecutor(WORKERS) as executor:
         options = DiagnosisOptions(flow_form=form)
-        found = diagnose(read_case(folder), options=options, executor=executor).as_dict()
+        result = diagnose(read_case(folder), options=options, executor=executor).as_dict()
     own = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     each = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
-    found["seconds"] = time.perf_counter() - began
-    found["peak_GiB"] = (own + WORKERS * each) / GiB
-    return found
+    result["seconds"] = time.perf_counter() - began
+    result["peak_GiB"] = (own + WORKERS * each) / GiB
+    return result
 
 
 def isolated(folder: Path, cold: bool, flow: str) -> dict[str, Any]:
@@ -63,13 +63,13 @@ def isolated(folder: Path, cold: bool, flow: str) -> dict[str, Any]:
         command = [sys.executable, __file__, "--one", str(folder), "--json", str(target)]
         command += ["--flow", flow]
         subprocess.run(command, check=True, env=environment)
-        found: dict[str, Any] = json.loads(target.read_text("utf-8"))
-    return found
+        content: dict[str, Any] = json.loads(target.read_text("utf-8"))
+    return content
 
 
 def right(verdict: dict[str, Any], effects: list[str]) -> bool:
     """Tell whether a verdict is what the label says."""
-    named = [one["name"] for one in verdict["effects"]]
+    named = [effect["name"] for effect in verdict["effects"]]
     return sorted(named) == sorted(effects) and (bool(effects) or verdict["verdict"] == "none")
 
 
@@ -108,15 +108,15 @@ def main() -> None:
         provenance.write(arguments.json, cases | told)
         return
     labels = json.loads((source / "labels.json").read_text("utf-8"))
-    for name, one in cases.items():
-        one["right"] = right(one, labels[name]["effects"])
+    for name, case in cases.items():
+        case["right"] = right(case, labels[name]["effects"])
     result: dict[str, Any] = {
         "cases": cases,
-        "right": sum(one["right"] for one in cases.values()),
+        "right": sum(case["right"] for case in cases.values()),
         "of": len(cases),
         "cold_cache": arguments.cold,
-        "longest_s": max(one["seconds"] for one in cases.values()),
-        "peak_GiB": max(one["peak_GiB"] for one in cases.values()),
+        "longest_s": max(case["seconds"] for case in cases.values()),
+        "peak_GiB": max(case["peak_GiB"] for case in cases.values()),
     }
     print(tables.verdicts(result))
     print({key: value for key, value in result.items() if key != "cases"})

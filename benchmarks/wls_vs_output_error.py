@@ -67,7 +67,7 @@ def one_seed(correlation: float, seed: int) -> dict[str, Any]:
         wls = fit_wls(axis, [record])
     oe = fit_output_error(axis.started_at(wls.parameters), [record], table, OPTIONS)
     wls_std = dict(zip(wls.parameters.names, wls.std, strict=True))
-    found = {
+    results = {
         "wls": {name: (wls.parameters[name].value, wls_std[name]) for name in TABLE_1},
         "output_error": {n: (oe.parameters[n].value, oe.std(n)) for n in oe.uncertainty.names},
         "output_error_robust": {
@@ -79,14 +79,14 @@ def one_seed(correlation: float, seed: int) -> dict[str, Any]:
     }
     ratios = wls.derived.as_dict()
     for k in RATIOS:
-        one = oe.derived[k]
-        found["wls"][k] = (ratios[k]["value"], ratios[k]["std"])
-        found["output_error"][k] = (one.value, one.std)
-        found["output_error_robust"][k] = (one.value, one.std_robust)
-    for name, (value, std) in found["output_error"].items():
-        wider = max(std, found["output_error_robust"][name][1])
-        found["output_error_printed"][name] = (value, wider)
-    return found
+        derived = oe.derived[k]
+        results["wls"][k] = (ratios[k]["value"], ratios[k]["std"])
+        results["output_error"][k] = (derived.value, derived.std)
+        results["output_error_robust"][k] = (derived.value, derived.std_robust)
+    for name, (value, std) in results["output_error"].items():
+        wider = max(std, results["output_error_robust"][name][1])
+        results["output_error_printed"][name] = (value, wider)
+    return results
 
 
 def bound() -> dict[str, float]:
@@ -103,13 +103,13 @@ def bound() -> dict[str, float]:
     start = problem.start()
     nodes, _ = shoot_segments(problem, start.theta, true.x_0[:, None])
     sigma = np.array([NOISE_P, NOISE_P, NOISE_X])
-    found = estimate_uncertainty(problem, Unknowns(start.theta, nodes), sigma)
+    uncertainty = estimate_uncertainty(problem, Unknowns(start.theta, nodes), sigma)
     values = true.axis.parameters.as_dict()
-    least = dict(zip(found.names, found.std.tolist(), strict=True))
+    least = dict(zip(uncertainty.names, uncertainty.std.tolist(), strict=True))
     for k, (upper, lower) in RATIOS.items():
         slopes = {upper: 1 / values[lower], lower: -values[upper] / values[lower] ** 2}
-        gradient = np.array([slopes.get(name, 0.0) for name in found.names])
-        least[k] = delta_std(gradient, found.covariance)
+        gradient = np.array([slopes.get(name, 0.0) for name in uncertainty.names])
+        least[k] = delta_std(gradient, uncertainty.covariance)
     return least
 
 
@@ -119,8 +119,8 @@ def run(seeds: Iterable[int], executor: Executor) -> dict[str, Any]:
     least = bound()
     white = study(chosen, 0.0, executor)
     for key in ("wls", "output_error"):
-        for name, one in white[key].items():
-            one["rms_error_over_bound"] = one["rms_error"] / least[name]
+        for name, item in white[key].items():
+            item["rms_error_over_bound"] = item["rms_error"] / least[name]
     return {
         **white,
         "coloured": {"correlation": CORRELATION, **study(chosen, CORRELATION, executor)},
@@ -131,26 +131,26 @@ def study(seeds: list[int], correlation: float, executor: Executor) -> dict[str,
     """Return the figures of all replicates with one kind of noise."""
     label = "coloured noise" if correlation else "white noise"
     mapped = executor.map(partial(one_seed, correlation), seeds)
-    found = list(track(mapped, label, total=len(seeds)))
+    result = list(track(mapped, label, total=len(seeds)))
     values = truth().axis.parameters.as_dict()
     values |= {k: values[a] / values[b] for k, (a, b) in RATIOS.items()}
     keys = ("wls", "output_error", "output_error_robust", "output_error_printed")
     return {
-        "replicates": len(found),
-        **{key: {n: figures(found, key, n, values) for n in found[0][key]} for key in keys},
+        "replicates": len(result),
+        **{key: {n: figures(result, key, n, values) for n in result[0][key]} for key in keys},
         "iterations": {
-            "median": float(np.median([one["iterations"] for one in found])),
-            "most": max(one["iterations"] for one in found),
+            "median": float(np.median([item["iterations"] for item in result])),
+            "most": max(item["iterations"] for item in result),
         },
-        "recovered_starts": sum(one["stages"] > 1 for one in found),
+        "recovered_starts": sum(item["stages"] > 1 for item in result),
     }
 
 
 def figures(
-    found: list[dict[str, Any]], estimator: str, name: str, values: Mapping[str, float]
+    result: list[dict[str, Any]], estimator: str, name: str, values: Mapping[str, float]
 ) -> dict[str, float]:
     """Return truth, bias, spread, claimed deviation and coverage of one parameter."""
-    estimates, claimed = np.array([one[estimator][name] for one in found]).T
+    estimates, claimed = np.array([item[estimator][name] for item in result]).T
     error = estimates - values[name]
     covered = np.abs(error) <= interval_factor(0.95) * claimed
     return {
@@ -173,8 +173,8 @@ def draw(result: Mapping[str, Any]) -> Figure:
     styles = (("wls", "WLS", "#D55E00", "s", 0.15), ("output_error", "OE", "#0072B2", "o", -0.15))
     for key, label, colour, marker, shift in styles:
         part = [result[key][name] for name in names]
-        bias = np.array([one["bias_percent"] for one in part])
-        spread = np.array([100 * one["spread"] / abs(one["truth"]) for one in part])
+        bias = np.array([item["bias_percent"] for item in part])
+        spread = np.array([100 * item["spread"] / abs(item["truth"]) for item in part])
         style: dict[str, Any] = {
             "color": colour,
             "marker": marker,
@@ -183,7 +183,7 @@ def draw(result: Mapping[str, Any]) -> Figure:
         }
         left.errorbar(bias, rows + shift, xerr=2 * spread, linestyle="none", linewidth=1, **style)
         right.plot(
-            [one["coverage_percent"] for one in part], rows + shift, linestyle="none", **style
+            [item["coverage_percent"] for item in part], rows + shift, linestyle="none", **style
         )
     left.set_xscale("symlog", linthresh=0.1)
     left.axvline(0, color="0.6", linewidth=0.8)

@@ -76,12 +76,12 @@ def program(problem: Estimation, sign: float) -> tuple[dict[str, ca.MX], ca.Func
 
 def answer(problem: Estimation, solver: ca.Function, start: np.ndarray) -> Answer:
     """Solve and read back the parameters and the first state."""
-    found = solver(x0=start, lbg=0.0, ubg=0.0)
-    first = np.asarray(found["x"]).ravel()[: 4 + len(problem.names)]
+    result = solver(x0=start, lbg=0.0, ubg=0.0)
+    first = np.asarray(result["x"]).ravel()[: 4 + len(problem.names)]
     told = solver.stats()
     status = f"{told['return_status']} (success: {told['success']})"
     theta, x_0 = first[4:] * problem.start, first[:4] * STATE_SCALES
-    return Answer(theta, x_0, float(found["f"]), status, told.get("iter_count"))
+    return Answer(theta, x_0, float(result["f"]), status, told.get("iter_count"))
 
 
 def options(problem: Estimation) -> dict[str, Any]:

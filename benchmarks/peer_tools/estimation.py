@@ -129,8 +129,8 @@ class Estimation:
         states = [value * size for value, size in zip(x, sizes, strict=True)]
         values = [value * size for value, size in zip(theta, self.start.tolist(), strict=True)]
         q = [q_of(i, states[i]) for i in range(2)]
-        found = self.rates(states, q, values, tanh)
-        return [rate * (1 / size) for rate, size in zip(found, sizes, strict=True)]
+        result = self.rates(states, q, values, tanh)
+        return [rate * (1 / size) for rate, size in zip(result, sizes, strict=True)]
 
     @property
     def scaled_states(self) -> np.ndarray:
@@ -183,10 +183,10 @@ class Estimation:
     @classmethod
     def read(cls, path: Path) -> "Estimation":
         """Read what `write` wrote."""
-        found = pickle.loads(path.read_bytes())
-        if not isinstance(found, cls):
+        content = pickle.loads(path.read_bytes())
+        if not isinstance(content, cls):
             raise TypeError(f"{path} holds no estimation problem")
-        return found
+        return content
 
 
 @dataclass(frozen=True)
@@ -217,7 +217,7 @@ class Answer:
 
 def polynomial(coefficients: Sequence[Any], z: Any) -> Any:
     """Return Σ c_j z^j by Horner's rule, in whatever arithmetic."""
-    found = coefficients[-1]
+    result = coefficients[-1]
     for c in coefficients[-2::-1]:
-        found = found * z + c
-    return found
+        result = result * z + c
+    return result

@@ -27,13 +27,13 @@ def solve(problem: Estimation, built: lmfit.Parameters) -> Answer:
     def unknowns(parameters: lmfit.Parameters) -> np.ndarray:
         return np.array(list(parameters.valuesdict().values()))
 
-    found = lmfit.minimize(
+    result = lmfit.minimize(
         lambda parameters: shooting.residuals(problem, unknowns(parameters)),
         built,
         method="leastsq",
         Dfun=lambda parameters: shooting.jacobian(problem, unknowns(parameters)),
     )
-    best = unknowns(found.params)
+    best = unknowns(result.params)
     n = len(problem.names)
     theta, x_0 = best[:n] * problem.start, best[n:] * STATE_SCALES
-    return Answer(theta, x_0, found.chisqr / 2, found.message, found.nfev)
+    return Answer(theta, x_0, result.chisqr / 2, result.message, result.nfev)

@@ -24,15 +24,15 @@ def solve(problem: Estimation, built: Any, method: Method = Method.GAUSS_NEWTON)
     """Fit with the noise as it is known; the time of the stages is that of solving."""
     axis, record = built
     options = OutputErrorOptions(method=method, widths=(problem.constants["v_s"],), reweight=False)
-    found = fit_output_error(axis, [record], options=options)
-    residuals = [s.y - m for s, m in zip(found.segments, found.fitted, strict=True)]
-    n = found.segments[0].n
+    result = fit_output_error(axis, [record], options=options)
+    residuals = [s.y - m for s, m in zip(result.segments, result.fitted, strict=True)]
+    n = result.segments[0].n
     sigma = problem.sigma[:N_OUTPUTS, None]
     return Answer(
-        [found.parameters[name].value for name in problem.names],
-        found.initial_states[0],
+        [result.parameters[name].value for name in problem.names],
+        result.initial_states[0],
         0.5 * n * sum(float(np.sum((e / sigma) ** 2)) for e in residuals),
-        found.status,
-        found.iterations,
-        sum(stage.seconds for stage in found.stages),
+        result.status,
+        result.iterations,
+        sum(stage.seconds for stage in result.stages),
     )

@@ -31,12 +31,12 @@ def main() -> None:
     end = time.perf_counter()
     solve_s = end - middle if answer.solve_s is None else answer.solve_s
     used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
-    found = {
+    results = {
         "import_s": start - began,
         "build_s": end - start - solve_s,
         "solve_s": solve_s,
         # Linux counts in KiB. A tool and the program it starts may peak together: their sum.
-        "peak_GB": sum(one.ru_maxrss for one in used) * 1024 / 1e9,
+        "peak_GB": sum(item.ru_maxrss for item in used) * 1024 / 1e9,
         "theta": [float(value) for value in answer.theta],
         "x_0": [float(value) for value in answer.x_0],
         "objective": float(answer.objective),
@@ -44,7 +44,7 @@ def main() -> None:
         "iterations": answer.iterations,
         "version": tool.version(),
     }
-    (folder / "answer.json").write_text(json.dumps(found))
+    (folder / "answer.json").write_text(json.dumps(results))
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ def build(problem: Estimation) -> None:
 
 def solve(problem: Estimation, built: None) -> Answer:
     """Minimise by the trust-region method, Jacobian by simulations side by side."""
-    found = least_squares(
+    result = least_squares(
         lambda unknowns: shooting.residuals(problem, unknowns),
         shooting.start(problem),
         lambda unknowns: shooting.jacobian(problem, unknowns),
@@ -26,5 +26,5 @@ def solve(problem: Estimation, built: None) -> Answer:
         x_scale="jac",
     )
     n = len(problem.names)
-    theta, x_0 = found.x[:n] * problem.start, found.x[n:] * STATE_SCALES
-    return Answer(theta, x_0, found.cost, found.message, found.nfev)
+    theta, x_0 = result.x[:n] * problem.start, result.x[n:] * STATE_SCALES
+    return Answer(theta, x_0, result.cost, result.message, result.nfev)

@@ -21,7 +21,7 @@ def outputs(problem: Estimation, unknowns: np.ndarray) -> np.ndarray:
     theta = list(unknowns[:n] * problem.start[:, None])
     x = unknowns[n:] * STATE_SCALES[:, None]
     h = problem.dt / STEPS
-    found = np.empty((problem.N, N_OUTPUTS, unknowns.shape[1]))
+    outputs = np.empty((problem.N, N_OUTPUTS, unknowns.shape[1]))
 
     def f(x: np.ndarray, held: list[list[float]]) -> np.ndarray:
         z = problem.z(x[:2])
@@ -30,14 +30,14 @@ def outputs(problem: Estimation, unknowns: np.ndarray) -> np.ndarray:
 
     with np.errstate(all="ignore"):  # a diverging trial ends in numbers that the caller refuses
         for k, held in enumerate(problem.flow_coefficients.tolist()):
-            found[k] = x[:N_OUTPUTS]
+            outputs[k] = x[:N_OUTPUTS]
             for _ in range(STEPS):
                 k_1 = f(x, held)
                 k_2 = f(x + h / 2 * k_1, held)
                 k_3 = f(x + h / 2 * k_2, held)
                 k_4 = f(x + h * k_3, held)
                 x = x + h / 6 * (k_1 + 2 * k_2 + 2 * k_3 + k_4)
-    return found / STATE_SCALES[:N_OUTPUTS, None]
+    return outputs / STATE_SCALES[:N_OUTPUTS, None]
 
 
 def residuals(problem: Estimation, unknowns: np.ndarray) -> np.ndarray:

@@ -32,17 +32,17 @@ def build(problem: Estimation) -> tuple:
     minus = [m.Param(np.minimum(before[:, i], 0.0)) for i in range(2)]
     theta = []
     for _ in problem.names:
-        one = m.FV(1.0, lb=0.2, ub=5.0)
-        one.STATUS = 1
-        theta.append(one)
+        parameter = m.FV(1.0, lb=0.2, ub=5.0)
+        parameter.STATUS = 1
+        theta.append(parameter)
     x = []
     for i in range(N_OUTPUTS):
         # A measured variable counts at the samples alone; an objective would count at all nodes.
-        one = m.CV(y[:, i], fixed_initial=False)
-        one.FSTATUS = 1
-        one.WMEAS = 0.5 * float(problem.weights[i]) ** 2
-        one.MEAS_GAP = 0.0
-        x.append(one)
+        parameter = m.CV(y[:, i], fixed_initial=False)
+        parameter.FSTATUS = 1
+        parameter.WMEAS = 0.5 * float(problem.weights[i]) ** 2
+        parameter.MEAS_GAP = 0.0
+        x.append(parameter)
     x.append(m.Var(v, fixed_initial=False))
 
     def q(valve: int, p: object) -> object:
@@ -67,7 +67,7 @@ def solve(problem: Estimation, built: tuple) -> Answer:
         m.solve(disp=False)
     finally:
         m.cleanup()
-    values = np.array([one.NEWVAL for one in theta]) * problem.start
+    values = np.array([item.NEWVAL for item in theta]) * problem.start
     x_0 = np.array([state.value[1] for state in x]) * STATE_SCALES
     told = "success" if m.options.APPSTATUS == 1 else "no success"
     return Answer(values, x_0, float(m.options.OBJFCNVAL), told, int(m.options.ITERATIONS))

@@ -56,9 +56,9 @@ def build(problem: Estimation) -> tuple:
         return 0.5 * float(np.sum((measured(free) - y) ** 2))
 
     def gradient(free: np.ndarray) -> np.ndarray:
-        found = np.zeros_like(free)
-        found[: N_OUTPUTS * n].reshape(N_OUTPUTS, n)[:, ::INTERVALS] = measured(free) - y
-        return found
+        slope = np.zeros_like(free)
+        slope[: N_OUTPUTS * n].reshape(N_OUTPUTS, n)[:, ::INTERVALS] = measured(free) - y
+        return slope
 
     program = opty.Problem(
         objective,
@@ -86,10 +86,10 @@ def solve(problem: Estimation, built: tuple) -> Answer:
     """Solve from the smoothed measurements; read back the parameters and the first state."""
     program, states, order = built
     start = np.concatenate([states.T.ravel(), np.ones(len(problem.names))])
-    found, told = program.solve(start)
+    result, told = program.solve(start)
     n = len(states)
-    theta = found[4 * n :][order] * problem.start
-    x_0 = found[: 4 * n : n] * scales(problem)
+    theta = result[4 * n :][order] * problem.start
+    x_0 = result[: 4 * n : n] * scales(problem)
     status = told["status_msg"]
     return Answer(
         theta,

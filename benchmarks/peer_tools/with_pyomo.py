@@ -69,8 +69,8 @@ def build(problem: Estimation) -> pyo.ConcreteModel:
 
 def solve(problem: Estimation, built: pyo.ConcreteModel) -> Answer:
     """Write the NL file, solve, read back."""
-    found = pyo.SolverFactory("pounce", options={"presolve": "no"}).solve(built)
+    result = pyo.SolverFactory("pounce", options={"presolve": "no"}).solve(built)
     theta = np.array([built.theta[j, 0].value for j in built.j]) * problem.start
     x_0 = np.array([built.x[i, 0.0].value for i in built.i]) * STATE_SCALES
-    told = str(found.solver.termination_condition)
-    return Answer(theta, x_0, pyo.value(built.cost), f"{told}: {found.solver.message}")
+    told = str(result.solver.termination_condition)
+    return Answer(theta, x_0, pyo.value(built.cost), f"{told}: {result.solver.message}")

@@ -46,10 +46,10 @@ def build(problem: Estimation) -> tuple:
 def solve(problem: Estimation, built: tuple) -> Answer:
     """Solve and read back the parameters and the first state."""
     ocp, x, theta = built
-    found = ocp.solve()
-    values = np.array(found.value(theta)).ravel() * problem.start
-    x_0 = np.array(found.sample(x, grid="control")[1][0]).ravel() * STATE_SCALES
-    told = found.stats
+    result = ocp.solve()
+    values = np.array(result.value(theta)).ravel() * problem.start
+    x_0 = np.array(result.sample(x, grid="control")[1][0]).ravel() * STATE_SCALES
+    told = result.stats
     return Answer(
-        values, x_0, found.value(ocp.objective), told["return_status"], told["iter_count"]
+        values, x_0, result.value(ocp.objective), told["return_status"], told["iter_count"]
     )

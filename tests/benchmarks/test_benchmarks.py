@@ -25,54 +25,54 @@ def test_a_committed_result_says_how_it_was_made_and_is_no_quick_run(path):
 
 
 def test_a_minute_of_recording_is_fitted_in_less_than_a_minute():
-    found = result("scaling")
-    longest = max(found["records"], key=lambda one: one["length_s"])
+    figures = result("scaling")
+    longest = max(figures["records"], key=lambda record: record["length_s"])
     assert longest["length_s"] == 60 and longest["samples"] == 300_000
     assert longest["wall_s"] < 60 and longest["peak_GB"] < 3
-    assert found["exponent"] <= 1.1 and found["iteration_over_sweep"] <= 2.5
-    assert all(one["iterations"] <= 15 for one in found["records"])
-    six = found["six_records"]
+    assert figures["exponent"] <= 1.1 and figures["iteration_over_sweep"] <= 2.5
+    assert all(record["iterations"] <= 15 for record in figures["records"])
+    six = figures["six_records"]
     assert six["memory_ratio"] < 1.1 and 0.8 < six["time_ratio"] < 1.25
     assert six["largest_difference_in_std"] < 0.1
 
 
 def test_starts_half_off_reach_the_optimum():
-    found = result("starts")
-    assert found["starts"] == 100 and found["spread"] == 0.5 and found["reached"] >= 95
+    figures = result("starts")
+    assert figures["starts"] == 100 and figures["spread"] == 0.5 and figures["reached"] >= 95
 
 
 def test_intervals_cover_and_errors_stay_at_the_bound():
-    found = result("wls_vs_output_error")
-    assert found["replicates"] >= 400 and found["coloured"]["replicates"] >= 400
+    figures = result("wls_vs_output_error")
+    assert figures["replicates"] >= 400 and figures["coloured"]["replicates"] >= 400
     # All that is free: chambers, mechanics, the coefficients of the flow map, k_P and k_N.
-    assert len(found["output_error"]) == 33 > len(found["wls"])
-    for name, one in found["output_error"].items():
-        assert one["rms_error_over_bound"] <= 1.1, name
-        for noise in (found, found["coloured"]):
+    assert len(figures["output_error"]) == 33 > len(figures["wls"])
+    for name, item in figures["output_error"].items():
+        assert item["rms_error_over_bound"] <= 1.1, name
+        for noise in (figures, figures["coloured"]):
             robust = noise["output_error_robust"][name]
             assert 93 <= robust["coverage_percent"] <= 97, name
-        assert 93 <= one["coverage_percent"] <= 97, name
+        assert 93 <= item["coverage_percent"] <= 97, name
 
 
 def test_no_peer_that_reaches_the_optimum_is_near():
-    found = result("peers")
-    assert found["tools"]["pneumo_casadi"]["reached"]
-    assert found["speed_up_over_fastest_peer"] >= 10
+    figures = result("peers")
+    assert figures["tools"]["pneumo_casadi"]["reached"]
+    assert figures["speed_up_over_fastest_peer"] >= 10
 
 
 def test_real_closed_loops_err_less_than_published():
-    found = result("emps_output_error")
+    figures = result("emps_output_error")
     for name in ("symmetric", "asymmetric"):
-        ours = found["estimators"][f"closed-loop OE, {name} friction"]["closed_loop_percent"]
-        for record, theirs in found["authors"]["closed_loop"].items():
+        ours = figures["estimators"][f"closed-loop OE, {name} friction"]["closed_loop_percent"]
+        for record, theirs in figures["authors"]["closed_loop"].items():
             for signal in ("position", "velocity"):
                 assert ours[record][signal] < theirs[signal]
 
 
 def test_causes_withheld_are_named_and_nothing_else_is():
-    found = result("withheld")
-    every, visible = (found["scores"][key] for key in ("all", "visible"))
-    assert found["cases"] >= 150 and found["duration_seconds"] == 20
+    figures = result("withheld")
+    every, visible = (figures["scores"][key] for key in ("all", "visible"))
+    assert figures["cases"] >= 150 and figures["duration_seconds"] == 20
     assert every["right_first"]["percent"] >= 70 and visible["right_first"]["percent"] >= 90
     assert every["set_size"]["mean"] <= 1.5
     assert every["false_alarm"]["percent"] <= 4 and every["unknown_caught"]["percent"] >= 85
@@ -80,52 +80,54 @@ def test_causes_withheld_are_named_and_nothing_else_is():
     assert visible["set_covers"]["percent"] >= 95 and visible["located"]["percent"] >= 92
     assert every["pair_one"]["percent"] >= 95 and every["pair_both"]["percent"] >= 65
     assert every["shrink_of_oracle"]["median"] >= 0.9
-    assert found["calibration"]["expected_calibration_error"] <= 0.08
-    assert every["failed"]["hits"] == 0 and not found["unmeasured"]
+    assert figures["calibration"]["expected_calibration_error"] <= 0.08
+    assert every["failed"]["hits"] == 0 and not figures["unmeasured"]
 
 
 def test_practice_cases_are_told_right_and_in_time():
-    found = result("practice_verdicts")
-    assert found["right"] >= 11 and found["of"] == 12
-    assert found["longest_s"] < 60 and found["peak_GiB"] < 2 / 1.0737
+    figures = result("practice_verdicts")
+    assert figures["right"] >= 11 and figures["of"] == 12
+    assert figures["longest_s"] < 60 and figures["peak_GiB"] < 2 / 1.0737
 
 
 def test_verdicts_without_labels_are_there_for_all_cases():
     cases = {
-        name: one
-        for name, one in result("blind_verdicts").items()
-        if isinstance(one, dict) and "verdict" in one
+        name: item
+        for name, item in result("blind_verdicts").items()
+        if isinstance(item, dict) and "verdict" in item
     }
     assert len(cases) == 18
-    for name, one in cases.items():
-        assert {"verdict", "effects", "ranking", "where", "gap"} <= one.keys(), name
+    for name, case in cases.items():
+        assert {"verdict", "effects", "ranking", "where", "gap"} <= case.keys(), name
 
 
 def test_designed_experiments_keep_their_promise_on_the_bench():
-    found = result("design")
-    assert len(found["precision"]) >= 4
-    for axis, one in found["precision"].items():
-        assert one["gain"] > 1.2
-        for name, errors in one["parameters"].items():
+    figures = result("design")
+    assert len(figures["precision"]) >= 4
+    for axis, item in figures["precision"].items():
+        assert item["gain"] > 1.2
+        for name, errors in item["parameters"].items():
             assert errors["real"] == pytest.approx(errors["predicted"], rel=0.3), (axis, name)
-        shares = one["shares_of_limits"]
+        shares = item["shares_of_limits"]
         assert shares["position"] <= 1 and shares["command"] <= 1, axis
         assert shares["p_min"] >= 1 and shares["p_max"] <= 1, axis
 
 
 def test_a_designed_experiment_resolves_what_the_ordinary_record_leaves_open():
     resolved = 0
-    for one in result("design")["separation"].values():
-        before, after = one["said"]
-        assert after["effects"] == [one["hidden"]] and not after["ambiguous"]
-        assert after["probability"][one["wrong"]] < 0.1 < 0.8 < after["probability"][one["hidden"]]
-        resolved += one["wrong"] in before["ambiguous"]
+    for item in result("design")["separation"].values():
+        before, after = item["said"]
+        assert after["effects"] == [item["hidden"]] and not after["ambiguous"]
+        assert (
+            after["probability"][item["wrong"]] < 0.1 < 0.8 < after["probability"][item["hidden"]]
+        )
+        resolved += item["wrong"] in before["ambiguous"]
     assert resolved >= 3
 
 
 def test_a_batch_costs_little_beside_its_diagnoses():
-    found = result("batch")
-    assert {"in turn", "processes", "dask"} <= found["executors"].keys()
-    for name, one in found["executors"].items():
-        assert one["outside_percent"] < 5 and one["same_verdicts"], name
-    assert found["executors"]["processes"]["speed_up"] > 1.5
+    figures = result("batch")
+    assert {"in turn", "processes", "dask"} <= figures["executors"].keys()
+    for name, executor in figures["executors"].items():
+        assert executor["outside_percent"] < 5 and executor["same_verdicts"], name
+    assert figures["executors"]["processes"]["speed_up"] > 1.5

@@ -22,23 +22,23 @@ def practice():
 
 
 def test_a_refit_with_the_labelled_effect_closes_what_is_visible(practice):
-    labelled = {name: one for name, one in practice["cases"].items() if one["effects"]}
+    labelled = {name: case for name, case in practice["cases"].items() if case["effects"]}
     assert len(labelled) == 11
-    assert sum(bool(one["visible"]) for one in labelled.values()) >= 9
-    for name, one in labelled.items():
-        assert one["refit"]["failure"] is None, name
-        for view in one["visible"]:
-            left = one["refit_gap"][view]["gap_percent"]
+    assert sum(bool(case["visible"]) for case in labelled.values()) >= 9
+    for name, case in labelled.items():
+        assert case["refit"]["failure"] is None, name
+        for view in case["visible"]:
+            left = case["refit_gap"][view]["gap_percent"]
             if (name, view) in AT_THE_FLOOR:
                 assert left < practice["background_gap_percent"][view]
             else:
-                assert one["closed_percent"][view]["all"] >= 80, (name, view)
+                assert case["closed_percent"][view]["all"] >= 80, (name, view)
 
 
 def test_labelled_quantities_come_out_within_a_third_where_the_forms_agree(practice):
     agree = 0
-    for name, one in practice["cases"].items():
-        for label, quantity in one.get("quantities", {}).items():
+    for name, case in practice["cases"].items():
+        for label, quantity in case.get("quantities", {}).items():
             if quantity["forms_differ"] is None:
                 assert abs(quantity["fitted"] / quantity["label"] - 1) <= 0.3, (name, label)
                 agree += 1
@@ -47,12 +47,12 @@ def test_labelled_quantities_come_out_within_a_third_where_the_forms_agree(pract
 
 def test_visible_means_twice_the_gap_of_the_case_without_an_effect(practice):
     background = practice["background_gap_percent"]
-    (plain,) = (one for one in practice["cases"].values() if not one["effects"])
+    (plain,) = (case for case in practice["cases"].values() if not case["effects"])
     for view in VIEWS:
         assert background[view] == plain["nominal_gap"][view]["gap_percent"] < 1
-        for one in practice["cases"].values():
-            large = one["nominal_gap"][view]["gap_percent"] > 2 * background[view]
-            assert (view in one["visible"]) == (large and bool(one["effects"]))
+        for case in practice["cases"].values():
+            large = case["nominal_gap"][view]["gap_percent"] > 2 * background[view]
+            assert (view in case["visible"]) == (large and bool(case["effects"]))
 
 
 @pytest.fixture(scope="module")
@@ -70,12 +70,12 @@ def test_every_effect_of_the_bench_has_a_verdict(axes):
 
 def test_a_verdict_says_where_or_into_what(axes):
     for axis in axes.values():
-        for name, one in axis.items():
+        for name, entry in axis.items():
             if name == "none":
                 continue
-            assert bool(one["where"]) == (one["verdict"] == "visible"), name
-            if one["verdict"] != "visible":
-                assert bool(one["moved"]) == (one["verdict"] == "absorbed"), name
+            assert bool(entry["where"]) == (entry["verdict"] == "visible"), name
+            if entry["verdict"] != "visible":
+                assert bool(entry["moved"]) == (entry["verdict"] == "absorbed"), name
 
 
 def test_an_axis_without_an_effect_follows_its_records(axes):
@@ -86,11 +86,11 @@ def test_an_axis_without_an_effect_follows_its_records(axes):
 
 
 def test_the_nominal_fit_of_an_effect_free_bench_leaves_half_a_per_cent_at_most():
-    found = result("bench_sanity")
-    assert len(found["nominal_fit"]) >= 4
-    for one in found["nominal_fit"].values():
-        assert one["closed_loop_x_percent_of_motion"] < 0.5
-    for one in found["axes"].values():
-        assert max(one["mass_error"], one["energy_error"], *one["step_errors"]) < 1e-9
-        assert one["agreement_percent"]["without_coulomb_friction"]["x"] < 1e-4
-        assert one["agreement_percent"]["with_coulomb_friction"]["v_s = 0.0001 m/s"]["x"] < 0.1
+    figures = result("bench_sanity")
+    assert len(figures["nominal_fit"]) >= 4
+    for item in figures["nominal_fit"].values():
+        assert item["closed_loop_x_percent_of_motion"] < 0.5
+    for item in figures["axes"].values():
+        assert max(item["mass_error"], item["energy_error"], *item["step_errors"]) < 1e-9
+        assert item["agreement_percent"]["without_coulomb_friction"]["x"] < 1e-4
+        assert item["agreement_percent"]["with_coulomb_friction"]["v_s = 0.0001 m/s"]["x"] < 0.1

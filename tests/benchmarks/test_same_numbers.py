@@ -92,8 +92,8 @@ def test_a_file_that_is_in_one_folder_only_is_a_difference(same_numbers, tmp_pat
         (tmp_path / name).mkdir()
         (tmp_path / name / "emps.json").write_text("{}", "utf-8")
     (tmp_path / "b" / "table1.json").write_text("{}", "utf-8")
-    (found,) = same_numbers.compare_folders(tmp_path / "a", tmp_path / "b")
-    assert str(found) == 'table1.json: nothing -> "a file"'
+    (result,) = same_numbers.compare_folders(tmp_path / "a", tmp_path / "b")
+    assert str(result) == 'table1.json: nothing -> "a file"'
 
 
 def test_an_empty_folder_is_refused(same_numbers, tmp_path):

@@ -15,14 +15,14 @@ def practice():
 
 def test_at_least_eleven_of_twelve_practice_cases_are_right(practice):
     assert practice["of"] == 12
-    assert practice["right"] == sum(one["right"] for one in practice["cases"].values()) >= 11
+    assert practice["right"] == sum(case["right"] for case in practice["cases"].values()) >= 11
 
 
 def test_a_case_with_the_whole_catalogue_takes_less_than_a_minute_and_two_gigabytes(practice):
     assert practice["longest_s"] < 60
     assert practice["peak_GiB"] < 2
-    for one in practice["cases"].values():
-        assert len({part for r in one["ranking"] for part in r["name"].split(" + ")}) >= 25
+    for case in practice["cases"].values():
+        assert len({part for r in case["ranking"] for part in r["name"].split(" + ")}) >= 25
 
 
 def test_all_blind_cases_have_a_verdict():

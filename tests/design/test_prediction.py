@@ -20,8 +20,8 @@ from pneumo_casadi.report.pages.write import Kind
 def record(made):
     """Two seconds under control, with sensor noise."""
     axis = made.true_axis()
-    found = made.recorded(axis, *made.controlled(axis, 2000, substeps=4), seed=1)
-    return found.with_channels({"x_ref": made.reference(found.t)})
+    result = made.recorded(axis, *made.controlled(axis, 2000, substeps=4), seed=1)
+    return result.with_channels({"x_ref": made.reference(result.t)})
 
 
 @pytest.mark.slow
@@ -29,15 +29,15 @@ def test_standard_errors_are_those_of_the_fit(made, record):
     table = made.measured_map(0)
     begin = made.true_axis(flow=made.fit_polynomials(table, (3, 3, 3)))
     options = OutputErrorOptions(widths=(made.TRUE["v_s"],))
-    found = fit_output_error(begin, [record], table, options)
-    names = parameters_of_interest(found.axis)
+    result = fit_output_error(begin, [record], table, options)
+    names = parameters_of_interest(result.axis)
     forecast = PrecisionForecast(
-        found.axis, table, SimulationRate(record.dt, found.sigma, 0.0), names
+        result.axis, table, SimulationRate(record.dt, result.sigma, 0.0), names
     )
     run = forecast.run(recorded_reference(record))
     std = np.sqrt(np.diag(forecast.covariance([run])))
     for name, predicted in zip(names, std, strict=True):
-        assert predicted == pytest.approx(found.std(name), rel=0.1), name
+        assert predicted == pytest.approx(result.std(name), rel=0.1), name
 
 
 def test_a_common_mode_moves_the_mean_pressure_and_hardly_the_piston(made, limits):
@@ -67,10 +67,10 @@ def test_a_projection_is_the_refit_to_first_order(made, sigma):
     simulator = ExperimentSimulator(other, 1e-3)
     fit = Fit(axis, 1e-3, sigma, noise_free_map(axis, made.smooth_map()))
     run = simulator(make_reference((Part("squares", 1.0, (0.9, 0.3, 1.0)),), 1e-3, 1500, 0.15, 0.0))
-    found = refit(fit, run)
+    replicate = refit(fit, run)
     start = axis.parameters.values
-    assert found.distance > 10
-    assert project_refit(fit, run, start).distance == pytest.approx(found.distance, rel=0.05)
+    assert replicate.distance > 10
+    assert project_refit(fit, run, start).distance == pytest.approx(replicate.distance, rel=0.05)
 
 
 def test_a_model_is_at_no_distance_from_itself(made, sigma, recorded):
@@ -89,13 +89,13 @@ def test_the_coarse_clock_says_as_much_in_a_second(made, sigma):
 def test_a_design_is_better_than_the_record_and_keeps_the_limits(made, recorded, limits, sigma):
     table, axis = made.smooth_map(), made.true_axis()
     options = DesignOptions(limits, 2.0, evaluations=40)
-    found = design_for_precision(axis, [recorded], table, sigma, options)
-    assert found.gain > 1.3
-    assert found.precision.after < found.precision.before
-    assert (found.precision.together < found.precision.now).all()
+    design = design_for_precision(axis, [recorded], table, sigma, options)
+    assert design.gain > 1.3
+    assert design.precision.after < design.precision.before
+    assert (design.precision.together < design.precision.now).all()
     run, again = (
-        found.runs["nominal"],
-        ExperimentSimulator(axis, found.reference.dt)(found.reference),
+        design.runs["nominal"],
+        ExperimentSimulator(axis, design.reference.dt)(design.reference),
     )
     np.testing.assert_allclose(again.y, run.y)
     assert again.excess(limits) == 0.0
@@ -132,11 +132,13 @@ def test_an_effect_is_told_from_the_nominal_axis_and_written_down(
     drag = axis.with_effects(EFFECTS["quadratic_drag"]()).at_starting_values()
     options = DesignOptions(limits, 2.0, evaluations=20)
     axes = {"quadratic_drag": drag, "none": axis}
-    found = design_to_separate(axes, axis, [recorded], made.smooth_map(), sigma, options)
-    before, after = found.smallest
-    assert [(one.truth, one.fitted) for one in found.distances] == [("quadratic_drag", "none")]
-    assert after > 2 * before and found.gain == pytest.approx(after / before)
-    assert all(run.excess(limits) == 0.0 for run in found.runs.values())
-    folder = write_design(found, tmp_path / "design")
+    design = design_to_separate(axes, axis, [recorded], made.smooth_map(), sigma, options)
+    before, after = design.smallest
+    assert [(distance.truth, distance.fitted) for distance in design.distances] == [
+        ("quadratic_drag", "none")
+    ]
+    assert after > 2 * before and design.gain == pytest.approx(after / before)
+    assert all(run.excess(limits) == 0.0 for run in design.runs.values())
+    folder = write_design(design, tmp_path / "design")
     assert {path.name for path in folder.iterdir()} == set(Kind.DESIGN.value)
     assert "quadratic_drag" in (folder / "design.txt").read_text("utf-8")

@@ -18,10 +18,10 @@ SPACE = Space(ALL, True, 6.0)
 @settings(max_examples=60)
 def test_every_point_is_a_reference_within_reach(z):
     parts = SPACE.parts(z)
-    found = make_reference(parts, 1e-2, 600, 0.15, 0.3)
-    assert found.x_ref.shape == found.common.shape == (600,)
-    assert np.abs(found.x_ref).max() <= 0.15 + 1e-6
-    assert np.abs(found.common).max() <= 0.3 + 1e-4
+    reference = make_reference(parts, 1e-2, 600, 0.15, 0.3)
+    assert reference.x_ref.shape == reference.common.shape == (600,)
+    assert np.abs(reference.x_ref).max() <= 0.15 + 1e-6
+    assert np.abs(reference.common).max() <= 0.3 + 1e-4
     motions = [part for part in parts if part.kind != COMMON]
     assert sum(part.share for part in motions) == pytest.approx(1.0)
 
@@ -43,16 +43,16 @@ def test_numbers_go_back_and_forth_between_values_and_shares():
 
 
 def test_a_creep_is_folded_at_the_ends_and_keeps_its_speeds():
-    found = make_reference((Part("creep", 1.0, (0.01, 0.16)),), 1e-3, 12000, 0.05, 0.0)
-    speed = np.abs(np.diff(found.x_ref)) / 1e-3
+    reference = make_reference((Part("creep", 1.0, (0.01, 0.16)),), 1e-3, 12000, 0.05, 0.0)
+    speed = np.abs(np.diff(reference.x_ref)) / 1e-3
     for expected in (0.01, 0.04, 0.16):
         share = np.mean(np.isclose(speed, expected, rtol=0.11, atol=1.1e-3))
         assert share > 0.25, expected
 
 
 def test_a_chirp_ends_at_its_frequency():
-    found = make_reference((Part("chirp", 1.0, (1.0, 2.0)),), 1e-3, 10000, 0.1, 0.0)
-    crossings = np.flatnonzero(np.diff(np.sign(found.x_ref)) != 0)
+    reference = make_reference((Part("chirp", 1.0, (1.0, 2.0)),), 1e-3, 10000, 0.1, 0.0)
+    crossings = np.flatnonzero(np.diff(np.sign(reference.x_ref)) != 0)
     assert 1 / (2e-3 * np.diff(crossings)[-1]) == pytest.approx(2.0, rel=0.05)
 
 

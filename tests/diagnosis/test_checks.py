@@ -28,18 +28,18 @@ def axis(embedded):
 
 def plausible(bench, k=(1.1, 1.2), dead=0.02) -> dict[str, float]:
     rT = bench.r * bench.T
-    found = {"M": bench.datasheet["M_kg"], "f_v": 20.0, "F_c_plus": 12.0, "F_c_minus": 20.0}
+    values = {"M": bench.datasheet["M_kg"], "f_v": 20.0, "F_c_plus": 12.0, "F_c_minus": 20.0}
     for S, first, index in ((bench.S_P, 1, k[0]), (bench.S_N, 4, k[1])):
-        found[f"X_s{first}"] = S * (bench.stroke / 2 + dead) / (index * rT)
-        found[f"X_s{first + 1}"] = S / (index * rT)
-        found[f"X_s{first + 2}"] = S / rT
-    return found
+        values[f"X_s{first}"] = S * (bench.stroke / 2 + dead) / (index * rT)
+        values[f"X_s{first + 1}"] = S / (index * rT)
+        values[f"X_s{first + 2}"] = S / rT
+    return values
 
 
 def failing(axis, values, pull=None) -> dict[str, str]:
     std = {name: STD * abs(value) for name, value in values.items()}
-    found = check_parameters(axis, values, std, pull)
-    return {check.name: check.text for check in found if not check.agrees}
+    checks = check_parameters(axis, values, std, pull)
+    return {check.name: check.text for check in checks if not check.agrees}
 
 
 def hidden(axis, values, pull=None) -> tuple[str, ...]:
@@ -57,9 +57,9 @@ def test_a_valve_that_passes_less_is_named_with_the_per_cent(axis):
     values = plausible(axis.bench)
     for name in ("X_s4", "X_s5", "X_s6"):
         values[name] /= 0.9
-    found = failing(axis, values)
-    assert set(found) == {"S_N", "S_N/S_P"}
-    assert "10.0 % less" in found["S_N/S_P"]
+    checks = failing(axis, values)
+    assert set(checks) == {"S_N", "S_N/S_P"}
+    assert "10.0 % less" in checks["S_N/S_P"]
     assert hidden(axis, values) == ("valve_mismatch",)
 
 
@@ -108,7 +108,7 @@ def test_what_was_weighed_is_the_piston_with_its_elastic_load(axis):
     fitted = SimpleNamespace(values=values, std={"M": 1e-3, "elastic_load.m_2": 1e-3})
 
     def agrees(*effects):
-        (mass,) = (one for one in check_fit(case, fitted, effects) if one.name == "M")
+        (mass,) = (item for item in check_fit(case, fitted, effects) if item.name == "M")
         return mass.agrees
 
     assert agrees(ElasticLoad()) and not agrees()
@@ -137,5 +137,5 @@ def test_fits_to_the_bench_tell_unequal_valves_and_notched_edges_from_nothing_wr
     axis = replace(random_axis(11), F_c_plus=14.0, F_c_minus=18.0)
     case = read_case(make_case(tmp_path / "case", 11, effects, duration=8.0, axis=axis).case.folder)
     table, flow = read_flow(case, IdentifyOptions(FlowForm.POLYNOMIALS))
-    one = start_study(make_axis(case, flow), table, case.identify, case.validate)
-    assert absorbed_candidates(check_fit(one, fit_model(one, ())), EFFECTS) == expected
+    study = start_study(make_axis(case, flow), table, case.identify, case.validate)
+    assert absorbed_candidates(check_fit(study, fit_model(study, ())), EFFECTS) == expected

@@ -41,40 +41,40 @@ class Gain(Effect):
 def test_a_shifted_null_is_no_stand_in_for_a_leak_that_the_catalogue_lacks(made_case):
     case = made_case(12, leakage_P="large")
     catalogue = {name: EFFECTS[name] for name in FLOWS if name != "leakage_P"}
-    found = diagnose(case, catalogue)
-    assert found.verdict is Verdict.UNKNOWN
-    assert "valve_null_shift closes" in found.hint
+    diagnosis = diagnose(case, catalogue)
+    assert diagnosis.verdict is Verdict.UNKNOWN
+    assert "valve_null_shift closes" in diagnosis.hint
 
 
 @pytest.mark.slow
 def test_two_leaks_are_named_although_a_shifted_null_fits_better_than_each(made_case):
     case = made_case(12, leakage_P="large", leakage_N="medium")
-    found = diagnose(case, {name: EFFECTS[name] for name in FLOWS})
-    assert {one.name for one in found.effects} == {"leakage_P", "leakage_N"}
+    diagnosis = diagnose(case, {name: EFFECTS[name] for name in FLOWS})
+    assert {effect.name for effect in diagnosis.effects} == {"leakage_P", "leakage_N"}
 
 
 @pytest.mark.slow
 def test_half_a_heat_transfer_is_refused_with_a_reason(made_case):
-    one, _ = prepare_study(made_case(12, leakage_P="large"))
+    study, _ = prepare_study(made_case(12, leakage_P="large"))
     with pytest.raises(FitError, match=r"share = 0\.\d+ is not credible, .* 0\.85 to 1"):
-        fit_model(one, (EFFECTS["heat_transfer"](),), fit_model(one, ()).values)
+        fit_model(study, (EFFECTS["heat_transfer"](),), fit_model(study, ()).values)
 
 
 @pytest.mark.slow
 def test_a_fit_that_ran_away_begins_again_from_the_geometry(made_case, monkeypatch):
-    one, _ = prepare_study(made_case(12, leakage_P="large"))
-    right, lost = fit_model(one, ()), one.axis.parameters["X_s5"].lower
+    study, _ = prepare_study(made_case(12, leakage_P="large"))
+    right, lost = fit_model(study, ()), study.axis.parameters["X_s5"].lower
     begun = []
 
-    def fake(one, axis):
+    def fake(study, axis):
         begun.append(axis.parameters["X_s5"].value)
         if len(begun) == 1:
             return replace(right, values={**right.values, "X_s5": lost}, cost=right.cost + 1)
         return right
 
     monkeypatch.setattr("pneumo_casadi.diagnosis.prepare.study._fit", fake)
-    assert fit_model(one, ()) is right
-    item = one.axis.parameters["X_s5"]
+    assert fit_model(study, ()) is right
+    item = study.axis.parameters["X_s5"]
     assert begun == [item.value, item.scale]
 
 
@@ -82,17 +82,20 @@ def test_a_fit_that_ran_away_begins_again_from_the_geometry(made_case, monkeypat
 @pytest.mark.parametrize("beside", [(), ("hose",)])
 def test_what_a_sensor_shows_too_much_is_taken_back_whatever_acts_beside(made_case, beside):
     case = made_case(12, leakage_P="large")
-    one, _ = prepare_study(case)
-    (record,) = one.train
+    study, _ = prepare_study(case)
+    (record,) = study.train
     shown = record.with_channels({"p_P": record["p_P"] * 1.2})
     effects = tuple(EFFECTS[name]() for name in beside)
-    true = BalanceFunctions(one.axis.with_effects(*effects).at_starting_values())
-    false = BalanceFunctions(one.axis.with_effects(*effects, Gain()).at_starting_values())
+    true = BalanceFunctions(study.axis.with_effects(*effects).at_starting_values())
+    false = BalanceFunctions(study.axis.with_effects(*effects, Gain()).at_starting_values())
     false = BalanceFunctions(false.axis.with_parameters({"gain.g": 0.2}))
-    (motion,), (distorted,) = smooth_motions(one.axis, [record]), smooth_motions(one.axis, [shown])
+    (motion,), (distorted,) = (
+        smooth_motions(study.axis, [record]),
+        smooth_motions(study.axis, [shown]),
+    )
     expected = balance_residuals(true, motion, true.axis.parameters.values)
-    found = balance_residuals(false, distorted, false.axis.parameters.values)
-    np.testing.assert_allclose(found, expected, atol=1e-3 * np.std(expected, axis=1).max())
+    result = balance_residuals(false, distorted, false.axis.parameters.values)
+    np.testing.assert_allclose(result, expected, atol=1e-3 * np.std(expected, axis=1).max())
 
 
 def failing(*names, tolerances=2.0):
@@ -128,13 +131,13 @@ def test_a_faint_gap_without_a_name_is_told_by_the_ratio_of_the_areas(names, exc
 @pytest.mark.parametrize("verdict", [Verdict.UNKNOWN, Verdict.EFFECT])
 def test_a_piston_N_far_from_its_size_is_another_valve_whatever_the_gap(names, expected, verdict):
     judgement = Judgement(verdict, (), {}, 0.2, np.array([1.0, 9.0, 1.0]))
-    found, hidden = review_verdict(judgement, failing(*names, tolerances=4.0), EFFECTS)
-    assert found is expected
+    result, hidden = review_verdict(judgement, failing(*names, tolerances=4.0), EFFECTS)
+    assert result is expected
     assert hidden[:1] == (("valve_mismatch",) if expected is Verdict.ABSORBED else ())
 
 
 def test_an_effect_that_leaves_little_is_believed_beside_a_piston_that_is_off():
     judgement = Judgement(Verdict.EFFECT, (), {}, 0.05, np.array([1.0, 9.0, 1.0]))
-    found, hidden = review_verdict(judgement, failing("S_N", "S_N/S_P", tolerances=4.0), EFFECTS)
-    assert found is Verdict.EFFECT
+    result, hidden = review_verdict(judgement, failing("S_N", "S_N/S_P", tolerances=4.0), EFFECTS)
+    assert result is Verdict.EFFECT
     assert hidden == ()

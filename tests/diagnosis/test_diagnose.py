@@ -44,7 +44,7 @@ def rubbing(made_case):
 @pytest.mark.slow
 def test_the_hidden_effect_is_named_sized_and_placed(rubbing):
     assert rubbing.verdict is Verdict.EFFECT
-    assert [one.name for one in rubbing.effects] == ["stribeck"]
+    assert [effect.name for effect in rubbing.effects] == ["stribeck"]
     assert rubbing.ranking[0].names == ("stribeck",)
     assert rubbing.where.balance == "force"
     assert rubbing.effects[0].parameters["delta_F"].value > 1.0
@@ -73,7 +73,7 @@ def test_the_json_has_what_the_design_asks_for(rubbing):
 
 @pytest.mark.slow
 def test_probabilities_are_shares_of_one(rubbing):
-    shares = [one.probability for one in rubbing.ranking]
+    shares = [candidate.probability for candidate in rubbing.ranking]
     assert all(0 <= share <= 1 for share in shares)
     assert sum(shares) <= 1 + 1e-9
     assert shares == sorted(shares, reverse=True)
@@ -81,18 +81,18 @@ def test_probabilities_are_shares_of_one(rubbing):
 
 @pytest.mark.slow
 def test_nothing_wrong_is_called_so(made_case):
-    found = diagnose(made_case(4), SMALL)
-    assert found.verdict is Verdict.NONE
-    assert found.effects == () and found.hint == ""
-    assert found.gap.before == found.gap.after
+    diagnosis = diagnose(made_case(4), SMALL)
+    assert diagnosis.verdict is Verdict.NONE
+    assert diagnosis.effects == () and diagnosis.hint == ""
+    assert diagnosis.gap.before == diagnosis.gap.after
 
 
 @pytest.mark.slow
 def test_a_cause_outside_the_catalogue_is_unknown_and_has_no_name(made_case):
     without = {name: effect for name, effect in SMALL.items() if name != "spring_load"}
-    found = diagnose(made_case(5, spring_load="medium"), without)
-    assert found.verdict is Verdict.UNKNOWN
-    assert found.effects == () and "force" in found.hint
+    diagnosis = diagnose(made_case(5, spring_load="medium"), without)
+    assert diagnosis.verdict is Verdict.UNKNOWN
+    assert diagnosis.effects == () and "force" in diagnosis.hint
 
 
 @pytest.mark.slow
@@ -106,14 +106,14 @@ def test_an_effect_of_ones_own_needs_no_registration(made_case):
         def force(self, F, at):
             return F - at["k"] * at.x
 
-    found = diagnose(made_case(5, spring_load="medium"), {"pull": Pull})
-    assert [one.name for one in found.effects] == ["pull"]
+    diagnosis = diagnose(made_case(5, spring_load="medium"), {"pull": Pull})
+    assert [effect.name for effect in diagnosis.effects] == ["pull"]
 
 
 @pytest.mark.slow
 def test_two_effects_in_two_balances_are_both_named(made_case):
-    found = diagnose(made_case(6, spring_load="medium", leakage_P="medium"), SMALL)
-    assert {one.name for one in found.effects} == {"spring_load", "leakage_P"}
+    diagnosis = diagnose(made_case(6, spring_load="medium", leakage_P="medium"), SMALL)
+    assert {effect.name for effect in diagnosis.effects} == {"spring_load", "leakage_P"}
 
 
 @pytest.mark.slow
@@ -122,7 +122,7 @@ def test_another_executor_gives_the_same_numbers(made_case):
     in_process = diagnose(case, PAIR)
     with ThreadPoolExecutor(1) as executor:
         other = diagnose(case, PAIR, executor=executor)
-    assert [one.name for one in other.effects] == ["stribeck"]
+    assert [effect.name for effect in other.effects] == ["stribeck"]
     assert other.effects == in_process.effects
     assert other.gap == in_process.gap
 
@@ -146,27 +146,27 @@ def test_interrupted_work_goes_on_from_what_was_fitted(made_case, tmp_path, monk
         monkeypatch.setattr(
             f"pneumo_casadi.diagnosis.select.{module}.fit_model", _counting(fitted), raising=True
         )
-    found = diagnose(case, PAIR, options)
-    assert [one.name for one in found.effects] == ["stribeck"]
+    diagnosis = diagnose(case, PAIR, options)
+    assert [effect.name for effect in diagnosis.effects] == ["stribeck"]
     assert not any(names == ("stribeck",) for names in fitted)
 
 
 @pytest.mark.slow
 def test_kept_fits_of_another_flow_map_are_not_taken(made_case, tmp_path):
     case = made_case(3, stribeck="medium")
-    one, _ = prepare_study(case)
-    table = one.flow_map
-    other = replace(one, flow_map=FlowMap(table.u, table.p, 1.001 * table.q_m, table.p_supply))
-    assert Store.of(tmp_path, one).token == Store.of(tmp_path, prepare_study(case)[0]).token
-    assert Store.of(tmp_path, one).token != Store.of(tmp_path, other).token
+    study, _ = prepare_study(case)
+    table = study.flow_map
+    other = replace(study, flow_map=FlowMap(table.u, table.p, 1.001 * table.q_m, table.p_supply))
+    assert Store.of(tmp_path, study).token == Store.of(tmp_path, prepare_study(case)[0]).token
+    assert Store.of(tmp_path, study).token != Store.of(tmp_path, other).token
 
 
 def _counting(fitted):
     from pneumo_casadi.diagnosis.prepare.study import fit_model
 
-    def counted(one, effects, *rest):
+    def counted(study, effects, *rest):
         fitted.append(tuple(effect.name for effect in effects))
-        return fit_model(one, effects, *rest)
+        return fit_model(study, effects, *rest)
 
     return counted
 
@@ -224,6 +224,6 @@ def test_half_a_second_is_refused(made_case):
 @pytest.mark.slow
 def test_without_a_validation_record_the_end_is_held_out_and_said(made_case):
     case = replace(made_case(3, 8.0, stribeck="medium"), validate=())
-    found = diagnose(case, PAIR)
-    assert any("held out" in note for note in found.notes)
-    assert [one.name for one in found.effects] == ["stribeck"]
+    diagnosis = diagnose(case, PAIR)
+    assert any("held out" in note for note in diagnosis.notes)
+    assert [effect.name for effect in diagnosis.effects] == ["stribeck"]

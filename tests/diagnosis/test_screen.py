@@ -12,16 +12,16 @@ from pneumo_casadi.estimation.equation_error.residuals import balance_residuals
 
 
 @pytest.fixture(scope="module")
-def one(made_case):
+def study(made_case):
     return prepare_study(made_case(12, flow_map_shape="large"))[0]
 
 
 @pytest.mark.slow
-def test_an_effect_with_memory_is_screened_at_its_usual_size_too(one):
+def test_an_effect_with_memory_is_screened_at_its_usual_size_too(study):
     """Play that is wider than most strokes of the command holds the spool; narrow play delays."""
-    nominal = fit_model(one, ())
-    narrow, usual = perturbation(one, nominal, EFFECTS["valve_hysteresis"]())
-    axis = one.axis.with_effects(EFFECTS["valve_hysteresis"]())
+    nominal = fit_model(study, ())
+    narrow, usual = perturbation(study, nominal, EFFECTS["valve_hysteresis"]())
+    axis = study.axis.with_effects(EFFECTS["valve_hysteresis"]())
     axis = axis.with_parameters(dict(nominal.values)).at_null_values()
     model, name = BalanceFunctions(axis), "valve_hysteresis.h"
     h = axis.at_starting_values().parameters[name].value
@@ -32,18 +32,20 @@ def test_an_effect_with_memory_is_screened_at_its_usual_size_too(one):
             (
                 balance_residuals(model, data, theta)
                 - balance_residuals(model, data, axis.parameters.values)
-            )[data.used(one.axis)]
-            for data in one.smoothed[0]
+            )[data.used(study.axis)]
+            for data in study.smoothed[0]
         ]
         changes.append(np.concatenate(rows))
     for direction, change in zip((narrow, usual), changes, strict=True):
         column = direction.columns[: change.size, 0]
         assert column @ change > 0.9 * np.linalg.norm(column) * np.linalg.norm(change)
     apart = narrow.columns[:, 0] @ usual.columns[:, 0]
-    assert apart < 0.95 * np.prod([np.linalg.norm(one.columns) for one in (narrow, usual)])
+    assert apart < 0.95 * np.prod(
+        [np.linalg.norm(direction.columns) for direction in (narrow, usual)]
+    )
 
 
 @pytest.mark.slow
-def test_an_effect_without_memory_is_screened_by_its_tangent_alone(one):
-    nominal = fit_model(one, ())
-    assert len(perturbation(one, nominal, EFFECTS["spring_load"]())) == 1
+def test_an_effect_without_memory_is_screened_by_its_tangent_alone(study):
+    nominal = fit_model(study, ())
+    assert len(perturbation(study, nominal, EFFECTS["spring_load"]())) == 1

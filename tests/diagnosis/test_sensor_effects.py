@@ -16,7 +16,7 @@ from pneumo_casadi.errors import FitError
 
 
 def named(case, *catalogue):
-    return {one.name for one in diagnose(case, {n: EFFECTS[n] for n in catalogue}).effects}
+    return {effect.name for effect in diagnose(case, {n: EFFECTS[n] for n in catalogue}).effects}
 
 
 @pytest.mark.slow
@@ -30,8 +30,8 @@ def test_what_acts_while_a_play_is_crossed_is_found_by_simulation(made_case):
 def test_a_drag_beside_a_late_sensor_is_found_by_simulation(made_case):
     """What takes a delay of a dozen milliseconds back leaves a force balance of noise."""
     case = made_case(22, position_delay="large", quadratic_drag="large")
-    found = named(case, "quadratic_drag", "spring_load", "position_delay")
-    assert found == {"position_delay", "quadratic_drag"}
+    result = named(case, "quadratic_drag", "spring_load", "position_delay")
+    assert result == {"position_delay", "quadratic_drag"}
 
 
 @pytest.mark.parametrize(("cost", "tried"), [(-50.0, True), (-5.0, False), (50.0, False)])
@@ -65,8 +65,8 @@ def test_a_sensor_found_alone_stays_alone(made_case):
 @pytest.mark.slow
 def test_an_offset_that_settles_most_of_the_gap_does_not_hide_a_load(made_case):
     case = made_case(24, pressure_sensor_bias="large", elastic_load="medium")
-    found = named(case, "elastic_load", "spring_load", "pressure_sensor_bias")
-    assert found == {"pressure_sensor_bias", "elastic_load"}
+    result = named(case, "elastic_load", "spring_load", "pressure_sensor_bias")
+    assert result == {"pressure_sensor_bias", "elastic_load"}
 
 
 class Worker(FitLedger):

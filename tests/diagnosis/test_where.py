@@ -34,8 +34,8 @@ def bench(tmp_path_factory):
             made = make_case(folder, 5, effects, duration=10.0, axis=axis)
             case = read_case(made.case.folder)
             table, flow = read_flow(case, IdentifyOptions(FlowForm.POLYNOMIALS))
-            one = start_study(make_axis(case, flow), table, case.identify, case.validate)
-            known[key] = one, fit_model(one, ())
+            study = start_study(make_axis(case, flow), table, case.identify, case.validate)
+            known[key] = study, fit_model(study, ())
         return known[key]
 
     return opened
@@ -43,9 +43,9 @@ def bench(tmp_path_factory):
 
 @pytest.mark.slow
 def test_nothing_is_located_where_nothing_is_wrong(bench):
-    found = locate(*bench())
-    assert (found.balance, found.junction, found.regimes, found.rivals) == ("none", None, (), ())
-    assert set(found.shares.values()) == {0.0}
+    where = locate(*bench())
+    assert (where.balance, where.junction, where.regimes, where.rivals) == ("none", None, (), ())
+    assert set(where.shares.values()) == {0.0}
     # Who knows better, from held-out simulations, may say that there is a gap.
     assert locate(*bench(), gap=True).balance != "none"
     assert locate(*bench(cogging="medium"), gap=False).balance == "none"
@@ -63,28 +63,28 @@ def test_nothing_is_located_where_nothing_is_wrong(bench):
 def test_a_cause_that_no_effect_explains_is_found_by_inputs_and_signatures(
     bench, effect, size, balance
 ):
-    found = locate(*bench(**{effect: size}))
-    assert found.balance == balance
+    where = locate(*bench(**{effect: size}))
+    assert where.balance == balance
     if balance != "measurement":
-        assert found.shares[balance] > 0.9
-        assert found.shares[balance] <= 1.0
-    assert sum(found.shares.values()) == pytest.approx(1.0)
-    assert any("disagree in" in sentence for sentence in location_sentences(found))
+        assert where.shares[balance] > 0.9
+        assert where.shares[balance] <= 1.0
+    assert sum(where.shares.values()) == pytest.approx(1.0)
+    assert any("disagree in" in sentence for sentence in location_sentences(where))
 
 
 @pytest.mark.slow
 def test_the_location_of_an_effect_is_where_it_acts(bench):
-    one, nominal = bench(leakage_N="medium")
+    study, nominal = bench(leakage_N="medium")
     leak, lag, spring = (
         EFFECTS[name]() for name in ("leakage_N", "pressure_sensor_lag", "spring_load")
     )
-    fitted = fit_model(one, (leak,), nominal.values)
-    found = locate(one, nominal, (leak,), fitted)
-    assert (found.balance, found.junction) == ("mass_flow_N", "chamber_flow")
-    assert "leakage_N" in " ".join(location_sentences(found))
+    fitted = fit_model(study, (leak,), nominal.values)
+    where = locate(study, nominal, (leak,), fitted)
+    assert (where.balance, where.junction) == ("mass_flow_N", "chamber_flow")
+    assert "leakage_N" in " ".join(location_sentences(where))
     # Beside another effect that mends more elsewhere it stays where it is.
-    spring_too = fit_model(one, (leak, spring), nominal.values)
-    assert locate(one, nominal, (leak, spring), spring_too).balance == "mass_flow_N"
+    spring_too = fit_model(study, (leak, spring), nominal.values)
+    assert locate(study, nominal, (leak, spring), spring_too).balance == "mass_flow_N"
     # It is the effect that tells, not the residuals.
     assert balance_of_effect(lag, {}) == "measurement"
     assert balance_of_effect(spring, {"mass_flow_P": 1.0, "force": 0.0}) == "force"
@@ -98,17 +98,17 @@ def test_an_effect_of_both_chambers_is_where_it_adds_more():
 
 @pytest.mark.slow
 def test_one_error_of_the_position_explains_what_no_single_input_does(bench):
-    found = signatures(*with_values(bench(position_nonlinearity="large")))
-    assert set(found.left) == set(HYPOTHESES)
-    assert found.before > 20
-    assert found.left["position"] < 0.3 * min(found.inputs.values())
+    signature = signatures(*with_values(bench(position_nonlinearity="large")))
+    assert set(signature.left) == set(HYPOTHESES)
+    assert signature.before > 20
+    assert signature.left["position"] < 0.3 * min(signature.inputs.values())
     unknown_force = signatures(*with_values(bench(cogging="medium")))
     assert unknown_force.left["force"] < 0.5 * min(unknown_force.sensors.values())
 
 
 def with_values(opened):
-    one, nominal = opened
-    return one, nominal.values
+    study, nominal = opened
+    return study, nominal.values
 
 
 def test_sensors_are_rivals_only_where_they_explain_about_as_much():
@@ -121,16 +121,16 @@ def test_sensors_are_rivals_only_where_they_explain_about_as_much():
 @pytest.mark.slow
 def test_regimes_say_where_a_spring_acts_and_are_silent_where_nothing_does(bench):
     assert find_regimes(*bench()) == ()
-    found = find_regimes(*bench(spring_load="medium"))
-    assert found[0].balance == "force"
-    assert any("ends of the travel" in regime.name for regime in found)
-    assert all(regime.ratio > 1.3 and regime.p_value < 0.01 for regime in found)
+    regimes = find_regimes(*bench(spring_load="medium"))
+    assert regimes[0].balance == "force"
+    assert any("ends of the travel" in regime.name for regime in regimes)
+    assert all(regime.ratio > 1.3 and regime.p_value < 0.01 for regime in regimes)
 
 
 @pytest.mark.slow
 def test_shuffled_blocks_find_no_regime_in_drifting_noise(bench):
     """Noise that remembers a quarter of a second has no regimes, as often as its level says."""
-    one, nominal = bench()
+    study, nominal = bench()
     rng = np.random.default_rng(3)
     hits = 0
     for _ in range(8):
@@ -140,7 +140,7 @@ def test_shuffled_blocks_find_no_regime_in_drifting_noise(bench):
         ]
         noise = replace(nominal, train=tuple(walks[:1]), held_out=tuple(walks[1:]))
         hits += sum(
-            regime.condition.kind is not RegimeKind.BAND for regime in find_regimes(one, noise)
+            regime.condition.kind is not RegimeKind.BAND for regime in find_regimes(study, noise)
         )
     # Eight draws of three balances with some twenty regimes each at a level of one per cent.
     assert hits < 25
@@ -162,14 +162,14 @@ def test_maps_show_the_spring_as_a_slope_over_position(bench):
 
 
 def test_a_force_driven_axis_has_a_force_alone(emps_like):
-    one, nominal = emps_like
-    found = locate(one, nominal)
-    assert set(found.shares) == {"force"}
-    assert found.balance == "force"
+    study, nominal = emps_like
+    where = locate(study, nominal)
+    assert set(where.shares) == {"force"}
+    assert where.balance == "force"
 
 
 @pytest.fixture(scope="module")
 def emps_like(data_folder):
     case = read_case(data_folder / "emps")
-    one = start_study(make_axis(case, None), None, case.identify, case.validate)
-    return one, fit_model(one, ())
+    study = start_study(make_axis(case, None), None, case.identify, case.validate)
+    return study, fit_model(study, ())

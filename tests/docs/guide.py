@@ -26,7 +26,7 @@ class Block:
 
 def blocks(page: Path) -> list[Block]:
     """Return the blocks of a page in their order."""
-    return [Block(*found) for found in BLOCK.findall(page.read_text("utf-8"))]
+    return [Block(*match) for match in BLOCK.findall(page.read_text("utf-8"))]
 
 
 def run(page: Path, folder: Path) -> dict:

@@ -28,8 +28,8 @@ def ran(tmp_path_factory):
 @pytest.mark.slow
 def test_the_fit_finds_the_effect_that_was_simulated(ran):
     for name, true in (("bellows.k", 300.0), ("bellows.tau", 0.2)):
-        found, std = ran["fit"].parameters[name].value, ran["fit"].std(name, robust=True)
-        assert abs(found - true) < 4 * std < 0.05 * true, (name, found, std)
+        value, std = ran["fit"].parameters[name].value, ran["fit"].std(name, robust=True)
+        assert abs(value - true) < 4 * std < 0.05 * true, (name, value, std)
 
 
 @pytest.mark.slow
@@ -44,14 +44,14 @@ def test_the_effect_fades_at_rest_and_is_felt_in_motion(ran):
 @pytest.mark.slow
 def test_the_example_declares_what_the_catalogue_asks_for(ran):
     effect = ran["Bellows"]
-    one = effect()
-    assert all((one.equation, one.source, one.shows, one.separated_by))
-    assert set(one.confused_with) <= {*EFFECTS, *NOMINAL}
-    for item in one.parameters:
+    bellows = effect()
+    assert all((bellows.equation, bellows.source, bellows.shows, bellows.separated_by))
+    assert set(bellows.confused_with) <= {*EFFECTS, *NOMINAL}
+    for item in bellows.parameters:
         assert item.description and item.source and item.value == item.null
         assert np.isfinite([item.lower, item.upper]).all()
-    assert any(item.start != item.null for item in one.parameters)
-    assert one.equation in effect_markdown(effect_row(effect))
+    assert any(item.start != item.null for item in bellows.parameters)
+    assert bellows.equation in effect_markdown(effect_row(effect))
 
 
 def test_every_junction_is_told_with_what_passes_and_on_which_axis():

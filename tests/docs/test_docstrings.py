@@ -49,7 +49,9 @@ def arguments(item):
     if inspect.isclass(item) and issubclass(item, enum.Enum | Warning | Protocol):
         return {}
     known = inspect.signature(item).parameters
-    return {name: one.annotation for name, one in known.items() if not name.startswith("_")}
+    return {
+        name: parameter.annotation for name, parameter in known.items() if not name.startswith("_")
+    }
 
 
 def speaks(annotation):
@@ -76,7 +78,7 @@ def raised(item):
 
 def missing(item):
     """Return what the docstring of a class or function leaves out."""
-    found, text, known = sections(item), item.__doc__ or "", arguments(item)
+    parts, text, known = sections(item), item.__doc__ or "", arguments(item)
     lacks = [
         f"argument {name}"
         for name, kind in known.items()
@@ -87,7 +89,7 @@ def missing(item):
     if inspect.isroutine(item):
         result = inspect.signature(item).return_annotation
         nothing = result is None or result is inspect.Signature.empty
-        told = {"Returns", "Yields"} & found.keys() or TELLS.match(found[""])
+        told = {"Returns", "Yields"} & parts.keys() or TELLS.match(parts[""])
         if not (nothing or speaks(result) or told):
             lacks.append("result")
     return lacks

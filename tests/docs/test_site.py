@@ -35,7 +35,7 @@ def test_no_page_and_no_style_asks_another_host(site):
     files = [path for path in site.rglob("*") if path.suffix in (".html", ".css")]
     assert len(files) > 40
     asking = {path.name: LOADED.findall(path.read_text("utf-8")) for path in files}
-    assert not {name: found for name, found in asking.items() if found}
+    assert not {name: item for name, item in asking.items() if item}
 
 
 def test_a_request_to_another_host_would_be_noticed():

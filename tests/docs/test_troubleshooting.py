@@ -14,7 +14,7 @@ QUOTED = re.compile(r"``(.+?)``")
 
 def texts():
     """Return every text of the package but its docstrings, with … for what is filled in."""
-    found = set()
+    texts = set()
     for path in Path(pneumo_casadi.__file__).parent.rglob("*.py"):
         tree = ast.parse(path.read_text("utf-8"))
         described = {
@@ -27,10 +27,10 @@ def texts():
                 parts = [
                     part.value if isinstance(part, ast.Constant) else "…" for part in node.values
                 ]
-                found.add("".join(parts))
+                texts.add("".join(parts))
             elif isinstance(node, ast.Constant) and id(node) not in described:
-                found.add(str(node.value))
-    return found
+                texts.add(str(node.value))
+    return texts
 
 
 @pytest.fixture(scope="module")
@@ -65,5 +65,5 @@ def test_every_row_has_a_message_a_cause_and_a_remedy():
     rows = [line for line in PAGE.read_text("utf-8").splitlines() if line.startswith("| ")]
     cells = [re.split(r"(?<!\\)\|", row)[1:-1] for row in rows]
     assert len(rows) > 80
-    assert not [row for row, found in zip(rows, cells, strict=True) if len(found) != 3]
-    assert all(cell.strip() for found in cells for cell in found)
+    assert not [row for row, row_cells in zip(rows, cells, strict=True) if len(row_cells) != 3]
+    assert all(cell.strip() for row_cells in cells for cell in row_cells)

@@ -57,17 +57,22 @@ def test_effects_keep_their_order():
 
 @pytest.mark.parametrize("effect", EFFECTS.values(), ids=EFFECTS)
 def test_an_effect_declares_what_it_is(effect, members):
-    one = effect()
-    assert isinstance(one, Effect) and EFFECTS[one.name] is effect
-    assert one.junctions and set(one.junctions) <= set(JUNCTIONS)
-    assert one.parameters and one.__doc__
-    for text in (one.equation, one.source, one.shows, one.separated_by):
+    instance = effect()
+    assert isinstance(instance, Effect) and EFFECTS[instance.name] is effect
+    assert instance.junctions and set(instance.junctions) <= set(JUNCTIONS)
+    assert instance.parameters and instance.__doc__
+    for text in (
+        instance.equation,
+        instance.source,
+        instance.shows,
+        instance.separated_by,
+    ):
         assert text and text == text.strip()
-    assert one.confused_with and one.name not in one.confused_with
-    unknown = set(one.confused_with) - {*EFFECTS, *NOMINAL}
-    assert not unknown, f"{one.name} is confused with what is not in the catalogue: {unknown}"
-    assert any(effect in some for some in members.values()), f"{one.name} fits no axis"
-    assert all(state.unit and state.scale > 0 for state in one.states)
+    assert instance.confused_with and instance.name not in instance.confused_with
+    unknown = set(instance.confused_with) - {*EFFECTS, *NOMINAL}
+    assert not unknown, f"{instance.name} is confused with what is not in the catalogue: {unknown}"
+    assert any(effect in some for some in members.values()), f"{instance.name} fits no axis"
+    assert all(state.unit and state.scale > 0 for state in instance.states)
 
 
 @pytest.mark.parametrize("effect", EFFECTS.values(), ids=EFFECTS)
@@ -134,8 +139,11 @@ def test_any_two_effects_compose_and_their_order_matters_only_at_a_shared_juncti
     for kind, nominal in nominals.items():
         effects = [cls() for cls in members[kind]]
         x, u = made.states(nominal, rng)
-        for one, two in combinations(effects, 2):
-            both = (nominal.with_effects(*e).at_starting_values() for e in ((one, two), (two, one)))
+        for first, second in combinations(effects, 2):
+            both = (
+                nominal.with_effects(*e).at_starting_values()
+                for e in ((first, second), (second, first))
+            )
             first, second = both
             state = dict(zip(nominal.states, x, strict=True))
             for name, scale in zip(first.states, first.state_scales, strict=True):
@@ -143,8 +151,8 @@ def test_any_two_effects_compose_and_their_order_matters_only_at_a_shared_juncti
             rate = dict.fromkeys(first.states, 0.1)
             a, b = (numbers(axis, state, rate, u) for axis in (first, second))
             assert a.keys() == b.keys() and np.isfinite([*a.values(), *b.values()]).all()
-            if not set(one.junctions) & set(two.junctions):
-                assert a == pytest.approx(b, rel=1e-12), f"{one.name}, {two.name}"
+            if not set(first.junctions) & set(second.junctions):
+                assert a == pytest.approx(b, rel=1e-12), f"{first.name}, {second.name}"
                 ordered += 1
     assert ordered > 20
 
@@ -160,8 +168,8 @@ def test_the_whole_catalogue_at_once_is_nominal_at_null_and_finite_at_its_start(
     still = np.array([4e5, 5e5, 0.0, 0.0])[-len(x) :]
     full, n = axis.rest(x, u, axis.parameters.values), len(x)
     plain = nominal.rhs(x, u, nominal.parameters.values).full()
-    found = axis.rhs(full, u, axis.parameters.values).full()
-    np.testing.assert_allclose(found[:n], plain, rtol=1e-9)
+    result = axis.rhs(full, u, axis.parameters.values).full()
+    np.testing.assert_allclose(result[:n], plain, rtol=1e-9)
     start = axis.at_starting_values()
     derivative = axis.rhs.jacobian()
     for point in (x, still):

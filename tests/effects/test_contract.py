@@ -60,10 +60,10 @@ def test_at_null_values_trajectories_are_the_nominal_ones_from_rest_on(pair, mad
     n = len(nominal.states)
     x, u = made.states(nominal, rng)
     full = at_rest(axis, x, u)
-    one, other = (step_function(a, Stepping(1e-3, InputHold.ZERO, 4)) for a in (axis, nominal))
+    step, other = (step_function(a, Stepping(1e-3, InputHold.ZERO, 4)) for a in (axis, nominal))
     for _ in range(30):
         u = u + 0.05 * rng.standard_normal(u.size)
-        full = one(full, u, axis.parameters.values).full().ravel()
+        full = step(full, u, axis.parameters.values).full().ravel()
         x = other(x, u, nominal.parameters.values).full().ravel()
         y, plain = (
             a.output(z, u, a.parameters.values).full() for a, z in ((axis, full), (nominal, x))
@@ -78,10 +78,10 @@ def test_values_and_derivatives_are_finite_at_standstill_and_in_motion(pair, mad
     u = np.zeros(len(axis.inputs))
     still = [np.array([*p, 0.0, 0.0])[-len(nominal.states) :] for p in ((4e5, 5e5), (1e5, 7e5))]
     f, h = axis.rhs.jacobian(), axis.output.jacobian()
-    for one in (axis, start):
-        theta = one.parameters.values
-        points = [(at_rest(one, x, u), u) for x in still]
-        points += [drawn(one, nominal, made, rng) for _ in range(5)]
+    for item in (axis, start):
+        theta = item.parameters.values
+        points = [(at_rest(item, x, u), u) for x in still]
+        points += [drawn(item, nominal, made, rng) for _ in range(5)]
         for full, inputs in points:
             assert np.isfinite(axis.rhs(full, inputs, theta).full()).all()
             assert np.isfinite(axis.output(full, inputs, theta).full()).all()
@@ -100,10 +100,10 @@ def test_equations_stay_finite_at_every_corner_of_the_bounds(pair, made):
             name: getattr(axis.parameters[name], ("lower", "upper")[corner >> i & 1])
             for i, name in enumerate(added)
         }
-        one = axis.with_parameters(ends)
-        full, u = drawn(one, nominal, made, rng)
+        result = axis.with_parameters(ends)
+        full, u = drawn(result, nominal, made, rng)
         for f in (axis.rhs, axis.output):
-            assert np.isfinite(f(full, u, one.parameters.values).full()).all(), ends
+            assert np.isfinite(f(full, u, result.parameters.values).full()).all(), ends
 
 
 @pytest.mark.slow
@@ -184,8 +184,8 @@ def test_an_axis_with_effects_survives_pickling(pair, made):
     again = pickle.loads(pickle.dumps(axis))
     assert again.states == axis.states and again.parameters == axis.parameters
     full, u = drawn(axis, nominal, made, np.random.default_rng(4))
-    one, two = (a.rhs(full, u, a.parameters.values).full() for a in (axis, again))
-    np.testing.assert_array_equal(one, two)
+    first, second = (a.rhs(full, u, a.parameters.values).full() for a in (axis, again))
+    np.testing.assert_array_equal(first, second)
 
 
 @pytest.mark.slow
@@ -201,11 +201,11 @@ def test_the_steps_that_standstill_asks_for_are_fine_enough_in_motion(pair, star
     full = at_rest(started, x, u)
     # Off its rest: an instability needs something to grow from.
     full[len(x) :] += 0.1 * axis.state_scales[len(x) :] * rng.standard_normal(full.size - len(x))
-    one = two = full
+    few = many = full
     for _ in range(30):
-        one = coarse(one, u, theta).full().ravel()
-        two = fine(two, u, theta).full().ravel()
-    np.testing.assert_allclose(one / axis.state_scales, two / axis.state_scales, atol=2e-3)
+        few = coarse(few, u, theta).full().ravel()
+        many = fine(many, u, theta).full().ravel()
+    np.testing.assert_allclose(few / axis.state_scales, many / axis.state_scales, atol=2e-3)
 
 
 @pytest.mark.slow

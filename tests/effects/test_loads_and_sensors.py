@@ -56,8 +56,8 @@ def test_an_elastic_load_resonates_above_its_own_frequency_and_counts_as_mass_be
     values = {"elastic_load.m_2": 6.0, "elastic_load.f": 8.0, "elastic_load.zeta": 0.02}
     axis = made.true_force_axis(ElasticLoad()).with_parameters(SMOOTH | values)
     M = axis.parameters["M"].value
-    found = np.abs(poles(axis)).max() / (2 * np.pi)
-    assert found == pytest.approx(8.0 * np.sqrt(1 + 6.0 / M), rel=1e-9)
+    computed = np.abs(poles(axis)).max() / (2 * np.pi)
+    assert computed == pytest.approx(8.0 * np.sqrt(1 + 6.0 / M), rel=1e-9)
     run = free(axis, [0.0, 0.0], 3.0, F=50.0)
     assert run["v"][-1] == pytest.approx(50.0 * run.t[-1] / (M + 6.0), rel=0.01)
 
@@ -69,8 +69,8 @@ def test_coulomb_friction_absorbs_a_constant_force_exactly(made):
         {"F_c_plus": level["F_c_plus"] - 4.0, "F_c_minus": level["F_c_minus"] + 4.0}
     )
     u = 60 * np.sin(np.arange(800) / 90)[:, None]
-    one, two = (simulate(a, u, 1e-3, [0.0, 0.0])["x"] for a in (axis, shifted))
-    np.testing.assert_allclose(one, two, rtol=1e-9, atol=1e-12)
+    first, second = (simulate(a, u, 1e-3, [0.0, 0.0])["x"] for a in (axis, shifted))
+    np.testing.assert_allclose(first, second, rtol=1e-9, atol=1e-12)
 
 
 def test_mass_and_friction_absorb_a_gain_error_exactly(made):
@@ -79,8 +79,8 @@ def test_mass_and_friction_absorb_a_gain_error_exactly(made):
     names = ("M", "f_v", "F_c_plus", "F_c_minus")
     lighter = nominal.with_parameters({n: nominal.parameters[n].value / 1.1 for n in names})
     u = 60 * np.sin(np.arange(800) / 90)[:, None]
-    one, two = (simulate(a, u, 1e-3, [0.0, 0.0])["x"] for a in (axis, lighter))
-    np.testing.assert_allclose(one, two, rtol=1e-9, atol=1e-12)
+    first, second = (simulate(a, u, 1e-3, [0.0, 0.0])["x"] for a in (axis, lighter))
+    np.testing.assert_allclose(first, second, rtol=1e-9, atol=1e-12)
 
 
 def test_the_drive_lag_answers_a_step_of_force_like_a_lag(made):
@@ -151,5 +151,5 @@ def test_pressure_sensors_show_their_offsets_and_nothing_else_changes(made):
     nominal, x, u = made.true_axis(), [4e5, 5e5, 0.02, 0.1], [0.5, -0.5]
     shown, plain = (a.output(x, u, a.parameters.values).full() for a in (axis, nominal))
     np.testing.assert_allclose((shown - plain).ravel(), [b_P, b_N, 0.0], atol=1e-9)
-    one, two = (a.rhs(x, u, a.parameters.values).full() for a in (axis, nominal))
-    np.testing.assert_array_equal(one, two)
+    first, second = (a.rhs(x, u, a.parameters.values).full() for a in (axis, nominal))
+    np.testing.assert_array_equal(first, second)

@@ -102,9 +102,9 @@ def thermal(made):
 
 def run(f, x_0, seconds):
     t = np.linspace(0.0, seconds, 41)
-    found = solve_ivp(f, (0.0, seconds), x_0, "LSODA", t, rtol=1e-9, atol=1e-10)
-    assert found.success
-    return found.y
+    solution = solve_ivp(f, (0.0, seconds), x_0, "LSODA", t, rtol=1e-9, atol=1e-10)
+    assert solution.success
+    return solution.y
 
 
 def simulated(axis, x_0, u, seconds):
@@ -143,12 +143,14 @@ def test_heat_transfer_is_the_mass_and_energy_balance_of_both_chambers(made, the
     mass = [p_0[0] * g.V_P / (R_AIR * T_0), p_0[1] * g.V_N / (R_AIR * T_0)]
     start = [mass[0], mass[0] * c_v * T_0, mass[1], mass[1] * c_v * T_0, 0.0, 0.0]
     m_P, E_P, m_N, E_N, x, v = run(derivative, start, 0.3)
-    found = simulated(axis, [*p_0, 0.0, 0.0], U, 0.3)
+    result = simulated(axis, [*p_0, 0.0, 0.0], U, 0.3)
     own = [(GAMMA - 1) * E_P / (g.V_P + g.S_P * x), (GAMMA - 1) * E_N / (g.V_N - g.S_N * x), x, v]
     own += [E_P / (m_P * c_v) - T_0, E_N / (m_N * c_v) - T_0]
     assert np.ptp(own[4]) > 10, "the air hardly warms: nothing is tested"
-    for one, other in zip(found, own, strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-5, atol=1e-5 * np.abs(other).max())
+    for computed, expected in zip(result, own, strict=True):
+        np.testing.assert_allclose(
+            computed, expected, rtol=1e-5, atol=1e-5 * np.abs(expected).max()
+        )
 
 
 @pytest.mark.parametrize(("h", "k"), [(0.0, GAMMA), (1e6, 1.0)])
@@ -260,9 +262,9 @@ def test_a_hose_swings_as_one_cell_of_inertia_and_volume_does(made):
         _, p_c, _ = np.linalg.solve(s * np.eye(3) - line, [1 / C_l, 0, 0])
         wanted = p_c * s * (C_c + C_l)  # over a chamber that holds the hose's volume too
         axis = started(made, Hose(), R=0.0, delay=float(D), zeta=damping)
-        found = transfer(axis, at_rest(axis, [3e5, 4e5, 0.0, 0.0]), s)
+        result = transfer(axis, at_rest(axis, [3e5, 4e5, 0.0, 0.0]), s)
         n = 1e-6 / (1e-3 + D)
-        assert abs(found / wanted - 1) < 4 * n / D + (2 * np.pi * frequency * n) ** 2
+        assert abs(result / wanted - 1) < 4 * n / D + (2 * np.pi * frequency * n) ** 2
 
 
 def transfer(axis, x, s):

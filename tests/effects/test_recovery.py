@@ -42,14 +42,14 @@ LEVEL = 4.0
 def test_effects_are_recovered_within_their_intervals_beside_the_nominal_parameters(
     recover, effects
 ):
-    found = recover(
+    recovered = recover(
         *(effect() for effect in effects),
         force_driven=set(effects) <= FORCE_DRIVEN,
         hold=[ABSORBING[effect] for effect in effects if effect in ABSORBING],
     )
-    assert np.isfinite(found.std).all() and (found.std > 0).all()
-    far = dict(zip(found.names, found.deviations, strict=True))
-    assert np.abs(found.deviations).max() < LEVEL, far
-    sizes = np.abs(found.truth - found.null)
-    seen = sizes > 2 * LEVEL * found.std
+    assert np.isfinite(recovered.std).all() and (recovered.std > 0).all()
+    far = dict(zip(recovered.names, recovered.deviations, strict=True))
+    assert np.abs(recovered.deviations).max() < LEVEL, far
+    sizes = np.abs(recovered.truth - recovered.null)
+    seen = sizes > 2 * LEVEL * recovered.std
     assert seen[sizes > 0].all(), "the record does not show the effect: the test could not fail"

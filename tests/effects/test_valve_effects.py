@@ -32,12 +32,12 @@ def opening(axis, u, extra=()):
     """Opening of each valve as the command that would give its flow, both signs alike."""
     theta = axis.parameters.values
     q = axis.valve_flow([*P, 0.0, 0.0, *extra], u, theta).full().ravel()
-    found = []
-    for one, p in zip(q, P, strict=True):
+    results = []
+    for flow, p in zip(q, P, strict=True):
         closed = axis.flow(0.0, p)
-        side = 1.0 if one > closed else -1.0
-        found.append(side * float((one - closed) / (axis.flow(side, p) - closed)))
-    return np.array(found)
+        side = 1.0 if flow > closed else -1.0
+        results.append(side * float((flow - closed) / (axis.flow(side, p) - closed)))
+    return np.array(results)
 
 
 def test_the_spool_is_a_second_order_system_of_its_natural_frequency_and_damping(made):
@@ -90,9 +90,9 @@ def test_the_dead_zone_closes_its_width_and_shortens_the_rest(made):
     for u in (0.0, 0.05):
         assert np.abs(opening(axis, [u, -u])).max() < 1e-3
     grid = np.linspace(-0.3, 0.3, 61)
-    found = np.array([opening(axis, [u, u])[0] for u in grid])
-    assert np.all(np.diff(found) >= 0)
-    np.testing.assert_allclose(found, -found[::-1], atol=1e-12)
+    computed = np.array([opening(axis, [u, u])[0] for u in grid])
+    assert np.all(np.diff(computed) >= 0)
+    np.testing.assert_allclose(computed, -computed[::-1], atol=1e-12)
 
 
 def test_null_shift_and_mismatch_act_on_the_valve_they_name(made):
@@ -187,8 +187,8 @@ def test_a_local_shape_is_zero_at_null_and_beyond_the_metered_commands():
     shape = LocalFlowMapShape((3.0, 2.0))
     own = {item.name: 0.01 for item in shape.parameters}
     at = Scope(0.0, 0.0, Pair(4e5, 5e5), 0.0, 0.0, {}, own)
-    found = [float(shape.height(u, at)) for u in (0.0, 1.2, 2.0, 5.0, -1.2, -3.0, -9.0)]
-    np.testing.assert_allclose(found, [0.0, 0.01, 0.0, 0.0, 0.01, 0.0, 0.0], atol=1e-12)
+    computed = [float(shape.height(u, at)) for u in (0.0, 1.2, 2.0, 5.0, -1.2, -3.0, -9.0)]
+    np.testing.assert_allclose(computed, [0.0, 0.01, 0.0, 0.0, 0.01, 0.0, 0.0], atol=1e-12)
 
 
 def test_the_shape_of_a_valve_metered_on_one_side_is_the_generic_bend():

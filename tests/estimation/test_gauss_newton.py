@@ -65,19 +65,19 @@ WIDE = np.full(2, 10.0)
 def test_a_curved_valley_is_followed_to_its_end_within_bounds(upper):
     problem = Rosenbrock(-WIDE, upper)
     begin = np.array([-1.2, 0.1])
-    found = minimise(problem, problem.at(begin), SCHEDULE, 200, 400)
+    result = minimise(problem, problem.at(begin), SCHEDULE, 200, 400)
     expected = least_squares(
         problem.residuals, begin, problem.jacobian, bounds=(-WIDE, upper), xtol=1e-14, gtol=1e-14
     )
-    assert found.status is Status.CONVERGED
-    np.testing.assert_allclose(found.point.z, expected.x, atol=1e-6)
+    assert result.status is Status.CONVERGED
+    np.testing.assert_allclose(result.point.z, expected.x, atol=1e-6)
 
 
 def test_iterations_and_trials_are_limited():
     problem = Rosenbrock(-WIDE, WIDE)
     start = problem.at(np.array([-1.2, 1.0]))
-    found = minimise(problem, start, SCHEDULE, 3, 400)
-    assert found.status is Status.EXHAUSTED and found.point.cost < start.cost
+    result = minimise(problem, start, SCHEDULE, 3, 400)
+    assert result.status is Status.EXHAUSTED and result.point.cost < start.cost
     assert minimise(problem, start, SCHEDULE, 200, 5).trials == 5
     assert minimise(problem, start, SCHEDULE, 200, 0).linear is None
 
@@ -90,8 +90,8 @@ def test_where_every_step_is_rejected_the_start_is_kept(cost):
 
     problem = Uphill(-WIDE, WIDE)
     start = problem.at(np.array([-1.2, 1.0]))
-    found = minimise(problem, start, SCHEDULE, 50, 50)
-    assert found.status is Status.NO_STEP_HELPS and found.point is start
+    result = minimise(problem, start, SCHEDULE, 50, 50)
+    assert result.status is Status.NO_STEP_HELPS and result.point is start
     limited = replace(SCHEDULE, max_rejections=3)
     assert minimise(problem, start, limited, 50, 50).trials == 3
 
@@ -102,8 +102,8 @@ def test_a_linearisation_that_is_not_finite_ends_the_iteration():
             return None
 
     problem = Runaway(-WIDE, WIDE)
-    found = minimise(problem, problem.at(np.zeros(2)), SCHEDULE, 50, 50)
-    assert found.status is Status.NOT_FINITE
+    result = minimise(problem, problem.at(np.zeros(2)), SCHEDULE, 50, 50)
+    assert result.status is Status.NOT_FINITE
 
 
 def test_damping_stays_within_its_limits_and_rises_at_least_to_its_floor():
@@ -120,9 +120,9 @@ def test_the_step_in_a_box_is_that_of_scipy(seed):
     A, b = rng.normal(size=(20, 6)) * 10.0 ** rng.integers(-3, 4, 6), rng.normal(size=20)
     free = np.linalg.lstsq(A, b, rcond=None)[0]
     upper = np.abs(free) * rng.choice([0.3, 3.0], 6)
-    found = minimise_in_box(A.T @ A, A.T @ b, -upper, upper)
+    result = minimise_in_box(A.T @ A, A.T @ b, -upper, upper)
     expected = lsq_linear(A, b, (-upper, upper), method="bvls", tol=1e-14).x
-    np.testing.assert_allclose(found / upper, expected / upper, atol=1e-7)
+    np.testing.assert_allclose(result / upper, expected / upper, atol=1e-7)
 
 
 def test_directions_without_information_take_no_step():

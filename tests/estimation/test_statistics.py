@@ -24,10 +24,10 @@ def information(seed=0, n=4, rows=30):
 def test_regular_information_is_inverted_in_si_units():
     _, H = information()
     scales = np.array([1e-9, 17.0, 1e5, 1.0])
-    found = invert_information(H, scales, NAMES)
-    np.testing.assert_allclose(found.covariance, np.linalg.inv(H) * np.outer(scales, scales))
-    np.testing.assert_allclose(found.std, np.sqrt(np.diag(found.covariance)))
-    assert found.uninformed == found.at_bound == found.combinations == ()
+    result = invert_information(H, scales, NAMES)
+    np.testing.assert_allclose(result.covariance, np.linalg.inv(H) * np.outer(scales, scales))
+    np.testing.assert_allclose(result.std, np.sqrt(np.diag(result.covariance)))
+    assert result.uninformed == result.at_bound == result.combinations == ()
 
 
 @pytest.mark.parametrize("factor", [1e-9, 1.0, 1e9])
@@ -42,36 +42,36 @@ def test_the_choice_of_scales_changes_no_covariance(factor):
 def test_a_parameter_without_influence_is_infinite_and_the_others_are_as_without_it():
     J, _ = information()
     J[:, 2] = 0.0
-    found = invert_information(J.T @ J, np.ones(4), NAMES)
-    assert found.uninformed == ("c",) and found.std[2] == np.inf
+    result = invert_information(J.T @ J, np.ones(4), NAMES)
+    assert result.uninformed == ("c",) and result.std[2] == np.inf
     rest = [0, 1, 3]
     np.testing.assert_allclose(
-        found.covariance[np.ix_(rest, rest)], np.linalg.inv(J[:, rest].T @ J[:, rest])
+        result.covariance[np.ix_(rest, rest)], np.linalg.inv(J[:, rest].T @ J[:, rest])
     )
-    assert not found.covariance[2, rest].any()
-    assert found.combinations == ("+1 c",)
+    assert not result.covariance[2, rest].any()
+    assert result.combinations == ("+1 c",)
 
 
 def test_a_combination_without_influence_is_written_out_and_its_members_are_infinite():
     J, _ = information()
     J[:, 3] = 2.0 * J[:, 1]
-    found = invert_information(J.T @ J, np.ones(4), NAMES)
-    assert set(found.uninformed) == {"b", "d"}
-    (text,) = found.combinations
+    result = invert_information(J.T @ J, np.ones(4), NAMES)
+    assert set(result.uninformed) == {"b", "d"}
+    (text,) = result.combinations
     signs = {part.split()[0][0] for part in (text.split(" ", 2)[0], text.split(" ", 2)[2])}
     assert "b" in text and "d" in text and "a" not in text and len(signs) == 2
     kept = J[:, [0, 1, 2]]
     wanted = np.linalg.inv(kept.T @ kept)
-    np.testing.assert_allclose(found.covariance[0, 0], wanted[0, 0], rtol=1e-8)
-    np.testing.assert_allclose(found.covariance[2, 2], wanted[2, 2], rtol=1e-8)
+    np.testing.assert_allclose(result.covariance[0, 0], wanted[0, 0], rtol=1e-8)
+    np.testing.assert_allclose(result.covariance[2, 2], wanted[2, 2], rtol=1e-8)
 
 
 def test_a_combination_names_small_parameters_beside_large_ones():
     """X_s is of order 1e-9: sizes in SI units must not decide who is named."""
     J, _ = information()
     J[:, 1] = -J[:, 0]
-    found = invert_information(J.T @ J, np.array([1e-9, 17.0, 1.0, 1e5]), NAMES)
-    (text,) = found.combinations
+    result = invert_information(J.T @ J, np.array([1e-9, 17.0, 1.0, 1e5]), NAMES)
+    (text,) = result.combinations
     assert "a" in text and "b" in text and "c" not in text and "d" not in text
     assert text.startswith("+")
 
@@ -81,50 +81,50 @@ def test_an_almost_singular_direction_is_huge_or_infinite_but_never_small():
     direction = np.random.default_rng(1).standard_normal(30)
     for size in 10.0 ** -np.arange(1, 12):
         J[:, 3] = J[:, 1] + size * direction
-        found = invert_information(J.T @ J, np.ones(4), NAMES)
-        assert found.std[3] > 0.05 / size or np.isinf(found.std[3])
-        assert found.std[0] < 1.0
+        result = invert_information(J.T @ J, np.ones(4), NAMES)
+        assert result.std[3] > 0.05 / size or np.isinf(result.std[3])
+        assert result.std[0] < 1.0
 
 
 def test_parameters_at_a_bound_are_left_out_and_named():
     J, _ = information()
-    found = invert_information(J.T @ J, np.ones(4), NAMES, at_bound=["b"])
+    result = invert_information(J.T @ J, np.ones(4), NAMES, at_bound=["b"])
     rest = [0, 2, 3]
     np.testing.assert_allclose(
-        found.covariance[np.ix_(rest, rest)], np.linalg.inv(J[:, rest].T @ J[:, rest])
+        result.covariance[np.ix_(rest, rest)], np.linalg.inv(J[:, rest].T @ J[:, rest])
     )
-    assert found.at_bound == ("b",) and "b" not in found.uninformed
+    assert result.at_bound == ("b",) and "b" not in result.uninformed
 
 
 def test_no_information_at_all_is_infinite_everywhere():
-    found = invert_information(np.zeros((4, 4)), np.ones(4), NAMES)
-    assert np.isinf(found.std).all() and found.uninformed == NAMES
-    np.testing.assert_array_equal(found.correlation, np.eye(4))
+    result = invert_information(np.zeros((4, 4)), np.ones(4), NAMES)
+    assert np.isinf(result.std).all() and result.uninformed == NAMES
+    np.testing.assert_array_equal(result.correlation, np.eye(4))
 
 
 def test_rounding_below_zero_counts_as_no_information():
     H = np.diag([4.0, -1e-20])
-    found = invert_information(H, np.ones(2), ("a", "b"))
-    np.testing.assert_array_equal(found.std, [0.5, np.inf])
+    result = invert_information(H, np.ones(2), ("a", "b"))
+    np.testing.assert_array_equal(result.std, [0.5, np.inf])
 
 
 def test_correlations_lie_between_minus_one_and_one_and_are_zero_where_unknown():
     J, _ = information()
     J[:, 3] = 0.0
     J[:, 1] = J[:, 0] + 0.1 * J[:, 1]
-    found = invert_information(J.T @ J, np.ones(4), NAMES).correlation
-    np.testing.assert_allclose(np.diag(found), 1.0)
-    assert found[0, 1] < -0.9 and not found[3, :3].any()
-    assert np.all(np.abs(found) <= 1 + 1e-12)
+    correlation = invert_information(J.T @ J, np.ones(4), NAMES).correlation
+    np.testing.assert_allclose(np.diag(correlation), 1.0)
+    assert correlation[0, 1] < -0.9 and not correlation[3, :3].any()
+    assert np.all(np.abs(correlation) <= 1 + 1e-12)
 
 
 def test_the_robust_covariance_is_the_sandwich_of_all_scores():
     J, H = information()
     rows = np.linspace(0.5, 2.0, len(J))[:, None] * J
-    found = invert_information(H, np.full(4, 3.0), NAMES, scores=[[rows], [0.5 * rows]])
+    result = invert_information(H, np.full(4, 3.0), NAMES, scores=[[rows], [0.5 * rows]])
     inverse = np.linalg.inv(H)
     wanted = batch_sandwich(inverse, [[rows], [0.5 * rows]])
-    np.testing.assert_allclose(found.covariance_robust, 9 * wanted, rtol=1e-9)
+    np.testing.assert_allclose(result.covariance_robust, 9 * wanted, rtol=1e-9)
 
 
 @pytest.mark.slow
@@ -190,8 +190,8 @@ def test_intervals_cover_where_noise_correlates_and_another_kind_of_data_does_no
         white = rng.normal(size=K + 100) * np.sqrt(1 - correlation**2)
         slow = signal.lfilter([1.0], [1.0, -correlation], white)[100:]
         rows, error = left_by_a_fit(both, np.concatenate([slow, rng.normal(size=400)]))
-        found = batch_sandwich(np.eye(p), [[rows[:K]], [rows[K:]]])
-        covered += np.abs(error) < 1.96 * np.sqrt(np.diag(found))
+        result = batch_sandwich(np.eye(p), [[rows[:K]], [rows[K:]]])
+        covered += np.abs(error) < 1.96 * np.sqrt(np.diag(result))
     assert np.all(np.abs(covered / runs - 0.95) < 4 * np.sqrt(0.95 * 0.05 / runs))
     assert covered.mean() / runs == pytest.approx(0.95, abs=0.02)
 
@@ -199,10 +199,10 @@ def test_intervals_cover_where_noise_correlates_and_another_kind_of_data_does_no
 def test_vectors_without_spread_in_some_directions_have_none_there():
     rows = np.random.default_rng(5).normal(size=(100, 3)) @ np.diag([1.0, 1e-9, 0.0])
     rows = np.column_stack([rows, rows[:, 0]])
-    found = batch_sandwich(np.eye(4), [[rows]])
-    assert found[2, 2] == 0 and np.all(np.isfinite(found))
-    assert found[0, 0] == pytest.approx(found[3, 3]) == pytest.approx(found[0, 3])
-    assert found[1, 1] == pytest.approx(1e-18 * found[0, 0], rel=0.5)
+    result = batch_sandwich(np.eye(4), [[rows]])
+    assert result[2, 2] == 0 and np.all(np.isfinite(result))
+    assert result[0, 0] == pytest.approx(result[3, 3]) == pytest.approx(result[0, 3])
+    assert result[1, 1] == pytest.approx(1e-18 * result[0, 0], rel=0.5)
 
 
 def test_records_are_independent_of_each_other_and_of_their_order():
@@ -237,8 +237,8 @@ def test_noise_that_nobody_stated_is_found_in_the_noisiest_record(sigma):
     rng, t = np.random.default_rng(0), np.arange(20_000) / 1e3
     slow = sigma * (500 * np.sin(2 * t) + 2000 * np.sign(np.sin(0.7 * t)))
     records = [record(slow + k * sigma * rng.standard_normal(t.size)) for k in (0.2, 1.0, 0.5)]
-    found = stated_or_estimated_noise(Stated(None), records, "x")
-    assert found == pytest.approx(sigma, rel=0.05)
+    result = stated_or_estimated_noise(Stated(None), records, "x")
+    assert result == pytest.approx(sigma, rel=0.05)
 
 
 def test_noise_that_the_bench_states_is_taken_at_its_word():
@@ -254,9 +254,9 @@ def test_a_channel_without_any_noise_still_has_some():
 def test_autocorrelation_is_that_of_the_textbook():
     e = np.random.default_rng(0).standard_normal(4000)
     filtered = np.convolve(e, [1.0, 0.5], "valid")
-    found = autocorrelation(filtered, 5)
+    result = autocorrelation(filtered, 5)
     d = filtered - filtered.mean()
     typed = [np.sum(d[: d.size - k] * d[k:]) / np.sum(d**2) for k in range(6)]
-    np.testing.assert_allclose(found, typed, atol=1e-12)
-    assert found[1] == pytest.approx(0.4, abs=0.05)
-    assert np.all(np.abs(found[2:]) < 4 / np.sqrt(4000))
+    np.testing.assert_allclose(result, typed, atol=1e-12)
+    assert result[1] == pytest.approx(0.4, abs=0.05)
+    assert np.all(np.abs(result[2:]) < 4 / np.sqrt(4000))

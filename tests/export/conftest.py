@@ -59,7 +59,7 @@ def inputs():
 def deviation():
     """Largest difference of two signals over the range of the second."""
 
-    def of(found, expected) -> float:
-        return float(np.abs(np.asarray(found) - expected).max() / np.ptp(expected))
+    def of(result, expected) -> float:
+        return float(np.abs(np.asarray(result) - expected).max() / np.ptp(expected))
 
     return of

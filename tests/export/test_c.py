@@ -43,11 +43,11 @@ def test_compiled_c_gives_the_trajectory_of_the_package(model, inputs, deviation
     u, motion = inputs(model), model.start[: len(model.axis.motion_states)] * 1.01
     done = run(built(model, tmp_path), table(model, u), *motion)
     assert done.returncode == 0, done.stderr
-    found = pd.read_csv(io.StringIO(done.stdout))
+    result = pd.read_csv(io.StringIO(done.stdout))
     expected = simulate(model.axis, u, model.dt, motion)
-    assert list(found) == ["t_s", *(f"{n}_{unit}" for n, unit in model.units["outputs"].items())]
+    assert list(result) == ["t_s", *(f"{n}_{unit}" for n, unit in model.units["outputs"].items())]
     for name, unit in model.units["outputs"].items():
-        assert deviation(found[f"{name}_{unit}"], expected[name]) < 1e-6
+        assert deviation(result[f"{name}_{unit}"], expected[name]) < 1e-6
 
 
 @pytest.mark.slow
@@ -59,8 +59,8 @@ def test_a_stiff_axis_takes_the_same_steps_between_samples(models, inputs, devia
     u = inputs(model)
     done = run(built(model, tmp_path), table(model, u))
     expected = simulate(stiff, u, model.dt, model.start[:4])
-    found = pd.read_csv(io.StringIO(done.stdout))
-    assert deviation(found["x_m"], expected["x"]) < 1e-6
+    result = pd.read_csv(io.StringIO(done.stdout))
+    assert deviation(result["x_m"], expected["x"]) < 1e-6
 
 
 @needs_compiler

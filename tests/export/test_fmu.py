@@ -35,11 +35,11 @@ def fmus(models, tmp_path_factory):
 
 def signals(model, u):
     dtype = [("time", float), *((name, float) for name in model.axis.inputs)]
-    found = np.zeros(len(u), dtype=dtype)
-    found["time"] = model.dt * np.arange(len(u))
+    computed = np.zeros(len(u), dtype=dtype)
+    computed["time"] = model.dt * np.arange(len(u))
     for i, name in enumerate(model.axis.inputs):
-        found[name] = u[:, i]
-    return found
+        computed[name] = u[:, i]
+    return computed
 
 
 def stepped(path, model, u, **start_values):
@@ -69,20 +69,20 @@ def test_the_description_is_valid(model, fmus):
 @needs_compiler
 def test_co_simulation_gives_the_trajectory_of_the_package(model, fmus, inputs, deviation):
     u = inputs(model)
-    found = stepped(fmus(model), model, u)
+    result = stepped(fmus(model), model, u)
     expected = simulate(model.axis, u, model.dt, model.start[: len(model.axis.motion_states)])
     for name in model.axis.outputs:
-        assert deviation(found[name], expected[name]) < 1e-6
+        assert deviation(result[name], expected[name]) < 1e-6
     for name, values in zip(model.axis.states, expected.x, strict=True):
         if np.ptp(values) > 0:
-            assert deviation(found[f"state.{name}"], values) < 1e-6
+            assert deviation(result[f"state.{name}"], values) < 1e-6
 
 
 @needs_compiler
 def test_model_exchange_gives_the_same_motion_to_an_integrator(models, fmus, made, deviation):
     model = models["nominal"]
     given = dict(zip(model.axis.inputs, (0.5, -0.4), strict=True))
-    found = fmpy.simulate_fmu(
+    result = fmpy.simulate_fmu(
         fmus(model),
         fmi_type="ModelExchange",
         stop_time=0.2,
@@ -91,9 +91,9 @@ def test_model_exchange_gives_the_same_motion_to_an_integrator(models, fmus, mad
         start_values=given,
         output=list(model.axis.outputs),
     )
-    x = made.steps(model.axis, np.tile([0.5, -0.4], (len(found), 1)), model.start)
+    x = made.steps(model.axis, np.tile([0.5, -0.4], (len(result), 1)), model.start)
     for name in model.axis.outputs:
-        assert deviation(found[name], x[model.axis.states.index(name)]) < 1e-6
+        assert deviation(result[name], x[model.axis.states.index(name)]) < 1e-6
 
 
 @needs_compiler
@@ -104,9 +104,9 @@ def test_parameters_and_start_can_be_set(models, fmus, inputs, deviation):
     names = [f"state.{name}" for name in model.axis.motion_states]
     changed = {"M": 25.0, "valve_dynamics.tau": 5e-3} | dict(zip(names, motion, strict=True))
     u = inputs(model)
-    found = stepped(fmus(model), model, u, **changed)
+    result = stepped(fmus(model), model, u, **changed)
     # The states of effects, which nobody has set, start at rest with motion and first input.
-    assert deviation(found["x"], simulate(heavier, u, model.dt, motion)["x"]) < 1e-6
+    assert deviation(result["x"], simulate(heavier, u, model.dt, motion)["x"]) < 1e-6
 
 
 @needs_compiler

@@ -24,8 +24,8 @@ def test_the_step_gives_the_trajectory_of_the_package(model, inputs, deviation, 
     for i, name in enumerate(model.axis.outputs):
         assert deviation(y[i], expected[name]) < 1e-6
     theta = model.axis.parameters.values
-    found, wanted = read.rhs(x[:, 500], u[500]), model.axis.rhs(x[:, 500], u[500], theta)
-    assert np.allclose(found.full(), wanted.full(), rtol=1e-12, atol=0.0)
+    result, wanted = read.rhs(x[:, 500], u[500]), model.axis.rhs(x[:, 500], u[500], theta)
+    assert np.allclose(result.full(), wanted.full(), rtol=1e-12, atol=0.0)
 
 
 def test_the_sidecar_names_what_the_numbers_are(models, tmp_path):

@@ -14,8 +14,8 @@ from pneumo_casadi.model.simulation import simulate
 
 
 def rates(axis, point):
-    found = axis.rhs(point.x, point.u, axis.parameters.values)
-    return np.asarray(found, dtype=float).ravel() / axis.state_scales
+    result = axis.rhs(point.x, point.u, axis.parameters.values)
+    return np.asarray(result, dtype=float).ravel() / axis.state_scales
 
 
 def without_position(axis, values):
@@ -70,7 +70,7 @@ def test_the_matrices_are_those_of_finite_differences(model):
     at = operating_point(axis, {"v": 0.15, "x": 0.05})
     # Off the balance, where every entry counts, and off zero commands, where the flow has a kink.
     point = OperatingPoint(at.x + 0.01 * axis.state_scales, at.u + 0.2)
-    found = linearise(axis, point)
+    result = linearise(axis, point)
     z, nx = np.concatenate([point.x, point.u]), len(axis.states)
     scales = np.concatenate([axis.state_scales, np.ones(len(axis.inputs))])
 
@@ -83,7 +83,7 @@ def test_the_matrices_are_those_of_finite_differences(model):
         (value(z + h) - value(z - h)) / (2e-6 * s) for h, s in zip(steps, scales, strict=True)
     ]
     expected = np.array(columns).T
-    full = np.block([[found.A, found.B], [found.C, found.D]])
+    full = np.block([[result.A, result.B], [result.C, result.D]])
     size = np.abs(expected).max(axis=0)
     assert np.abs((full - expected) / np.where(size > 0, size, 1.0)).max() < 1e-6
 
@@ -102,8 +102,8 @@ def test_small_motions_follow_the_state_space(model):
     sampled = system.sample(1e-3, method="zoh")
     response = control.forced_response(sampled, t, du.T, squeeze=False)
     for name, expected in zip(axis.outputs, response.outputs, strict=True):
-        found = moved[name] - still[name]
-        assert np.abs(found - expected).max() < 0.02 * np.abs(expected).max()
+        computed = moved[name] - still[name]
+        assert np.abs(computed - expected).max() < 0.02 * np.abs(expected).max()
     assert system.state_labels == list(linear.states) and system.input_labels == list(axis.inputs)
 
 
@@ -116,11 +116,11 @@ def test_without_control_the_extra_is_named(models, monkeypatch):
 def test_files_hold_matrices_names_and_operating_point(models, tmp_path):
     model = replace(models["effects"], name="bench 3")
     write_state_space(model, tmp_path, {"x": 0.1})
-    found = linearise(model.axis, operating_point(model.axis, {"x": 0.1}))
+    result = linearise(model.axis, operating_point(model.axis, {"x": 0.1}))
     told = json.loads((tmp_path / "axis_ss.json").read_text("utf-8"))
     mat = scipy.io.loadmat(tmp_path / "axis_ss.mat")
     for name in "ABCD":
-        assert np.array_equal(told[name], getattr(found, name))
-        assert np.array_equal(mat[name], getattr(found, name))
-    assert [str(name[0][0]) for name in mat["states"]] == list(found.states)
+        assert np.array_equal(told[name], getattr(result, name))
+        assert np.array_equal(mat[name], getattr(result, name))
+    assert [str(name[0][0]) for name in mat["states"]] == list(result.states)
     assert told["operating_point"]["x"][2] == 0.1 and told["name"] == "bench 3"

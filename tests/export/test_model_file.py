@@ -15,16 +15,16 @@ from pneumo_casadi.runtime.json_files import write_json
 from pneumo_casadi.valve import fit_iso6358
 
 
-def same(found, axis, rng):
+def same(result, axis, rng):
     """Whether two axes have the same equations, tried at a random state."""
     motion = np.array([3e5, 4e5, 0.05, 0.2][-len(axis.motion_states) :])
     x = np.concatenate([motion, rng.normal(size=len(axis.states) - motion.size)])
     x *= 1 + 0.01 * rng.normal(size=x.size)
     u, theta = rng.uniform(0.2, 1.0, len(axis.inputs)), axis.parameters.values
-    assert found.states == axis.states and found.parameters.names == axis.parameters.names
-    assert np.array_equal(found.parameters.values, theta)
+    assert result.states == axis.states and result.parameters.names == axis.parameters.names
+    assert np.array_equal(result.parameters.values, theta)
     for name in ("rhs", "output"):
-        both = [getattr(a, name)(x, u, theta).full() for a in (found, axis)]
+        both = [getattr(a, name)(x, u, theta).full() for a in (result, axis)]
         assert np.array_equal(*both, equal_nan=True)
     return True
 
@@ -39,9 +39,9 @@ def test_every_kind_of_axis_survives(model):
 
 def test_a_valve_of_iso_6358_survives(made):
     axis = Servosystem(made.BENCH, fit_iso6358(made.smooth_map()))
-    found = through_json(axis)
-    assert same(found, axis, np.random.default_rng(1))
-    assert np.array_equal(found.flow.covariance, axis.flow.covariance)
+    result = through_json(axis)
+    assert same(result, axis, np.random.default_rng(1))
+    assert np.array_equal(result.flow.covariance, axis.flow.covariance)
 
 
 @pytest.mark.slow

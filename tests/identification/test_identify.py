@@ -116,13 +116,13 @@ def test_a_standard_deviation_that_does_not_exist_is_null_with_a_note(quick):
     changed = replace(
         estimate, covariance=covariance, covariance_robust=covariance, at_bound=("M",)
     )
-    found = replace(quick, output_error=replace(quick.output_error, uncertainty=changed))
-    parameters = result_dict(found)["output_error"]["parameters"]
+    modified = replace(quick, output_error=replace(quick.output_error, uncertainty=changed))
+    parameters = result_dict(modified)["output_error"]["parameters"]
     assert parameters["f_v"]["std"] is None
     assert "nothing" in parameters["f_v"]["note"]
     assert parameters["M"]["std"] is None
     assert "bound" in parameters["M"]["note"]
-    json.dumps(result_dict(found), allow_nan=False)
+    json.dumps(result_dict(modified), allow_nan=False)
 
 
 def test_an_axis_read_back_is_the_axis_written(quick, tmp_path):
@@ -187,37 +187,37 @@ def test_a_truth_that_is_no_number_is_named(tmp_path):
 
 def test_pressures_outside_the_metered_range_are_a_warning(quick):
     table = quick.flow_map.select(quick.flow_map.p < 5e5)
-    found = result_warnings(
+    warnings = result_warnings(
         quick.case, quick.records, table, quick.wls, quick.output_error, quick.validation
     )
-    assert any("p_N" in item.text and "extrapolated" in item.text for item in found)
+    assert any("p_N" in item.text and "extrapolated" in item.text for item in warnings)
 
 
 def test_a_parameter_at_its_bound_is_a_warning(quick):
     estimate = replace(quick.output_error.uncertainty, at_bound=("f_v",))
     result = replace(quick.output_error, uncertainty=estimate)
-    found = result_warnings(
+    warnings = result_warnings(
         quick.case, quick.records, quick.flow_map, quick.wls, result, quick.validation
     )
-    assert any(item.text.startswith("f_v lies at its bound") for item in found)
+    assert any(item.text.startswith("f_v lies at its bound") for item in warnings)
 
 
 def test_a_case_without_held_out_records_says_so(quick):
-    found = result_warnings(
+    warnings = result_warnings(
         quick.case, quick.records, quick.flow_map, quick.wls, quick.output_error, None
     )
-    assert any(item.about == "validation" and "held out" in item.text for item in found)
+    assert any(item.about == "validation" and "held out" in item.text for item in warnings)
 
 
 @pytest.mark.slow
 @pytest.mark.data
 def test_a_force_driven_axis_is_identified_over_windows(data_folder):
-    found = identify(data_folder / "emps", IdentifyOptions(end=8.0, windows=(0.1,)))
-    assert found.flow is None
-    assert found.wls.names == ("M", "f_v", "F_c_plus", "F_c_minus")
-    lengths = {s.K * s.n * found.records[0].dt for s in found.output_error.segments}
+    result = identify(data_folder / "emps", IdentifyOptions(end=8.0, windows=(0.1,)))
+    assert result.flow is None
+    assert result.wls.names == ("M", "f_v", "F_c_plus", "F_c_minus")
+    lengths = {s.K * s.n * result.records[0].dt for s in result.output_error.segments}
     assert max(lengths) == pytest.approx(FORCE_WINDOW)
-    M = found.axis.parameters["M"].value
+    M = result.axis.parameters["M"].value
     assert pytest.approx(95.1, rel=0.03) == M
-    json.dumps(result_dict(found), allow_nan=False)
-    assert np.isfinite(found.output_error.cost)
+    json.dumps(result_dict(result), allow_nan=False)
+    assert np.isfinite(result.output_error.cost)

@@ -98,7 +98,7 @@ UNKNOWN = replace(
     hint="what is missing acts in force; most near standstill",
     gap=Gap(12.7, 9.1, 0.5, Closure(0.28, 0.2, 0.4), _views(0.72)),
 )
-ALL = {one.verdict: one for one in (EFFECT, AMBIGUOUS, NONE, ABSORBED, UNKNOWN)}
+ALL = {diagnosis.verdict: diagnosis for diagnosis in (EFFECT, AMBIGUOUS, NONE, ABSORBED, UNKNOWN)}
 
 
 def evidence(K=200):
@@ -117,7 +117,7 @@ def evidence(K=200):
         RegimeMap(name, unit, "force", edges, mean, np.full(6, 0.2))
         for name, unit in (("v", "m/s"), ("x", "m"), ("p_P", "Pa"))
     )
-    after = tuple(replace(one, mean=0.1 * mean) for one in before)
+    after = tuple(replace(regime_map, mean=0.1 * mean) for regime_map in before)
     return Evidence((inputs,), before, after)
 
 

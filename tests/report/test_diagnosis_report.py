@@ -48,7 +48,7 @@ SVG = b'<svg xmlns="http://www.w3.org/2000/svg" width="72pt" height="36pt"></svg
 
 @pytest.fixture(scope="module")
 def drawn():
-    return {one.name: one for one in diagnosis_figures(made.with_curves())}
+    return {drawing.name: drawing for drawing in diagnosis_figures(made.with_curves())}
 
 
 @pytest.fixture(scope="module")
@@ -96,12 +96,12 @@ def test_what_is_left_for_causes_outside_the_catalogue_is_said():
 
 
 def test_the_hint_of_an_unknown_cause_and_rival_sensors_are_said():
-    found = replace(made.UNKNOWN, where=replace(made.UNKNOWN.where, rivals=("backlash",)))
-    text = summary_text(found)
+    changed = replace(made.UNKNOWN, where=replace(made.UNKNOWN.where, rivals=("backlash",)))
+    text = summary_text(changed)
     assert made.UNKNOWN.hint in text and "backlash would give a similar error" in text.replace(
         "\n ", ""
     )
-    assert "with stribeck, the best candidate, it is 9.1 %" in " ".join(size_sentences(found))
+    assert "with stribeck, the best candidate, it is 9.1 %" in " ".join(size_sentences(changed))
 
 
 def test_an_effect_of_ones_own_needs_no_description():
@@ -187,10 +187,10 @@ def test_lines_of_the_summary_fit_a_terminal():
 @pytest.mark.slow
 @pytest.mark.parametrize("verdict", list(Verdict))
 def test_every_verdict_is_drawn_and_has_a_page(verdict):
-    found = made.ALL[verdict]
-    names = [one.name for one in diagnosis_figures(found)]
+    diagnosis = made.ALL[verdict]
+    names = [drawing.name for drawing in diagnosis_figures(diagnosis)]
     assert "gap" in names and "ranking" in names
-    page = Page(diagnosis_html(found, [Picture("gap", SVG, "A < B & more.")]))
+    page = Page(diagnosis_html(diagnosis, [Picture("gap", SVG, "A < B & more.")]))
     assert page.headings[0] == (1, "Diagnosis of press_4")
     assert all(after - before <= 1 for before, after in page.steps)
     assert "A < B & more." in page.alternatives
@@ -201,12 +201,12 @@ def test_figures_are_as_wide_as_a_column_and_carry_units(drawn):
     assert set(drawn) == {
         *("gap", "ranking", "where", "unknown_inputs", "regimes_force", "dashboard")
     }
-    for name, one in drawn.items():
+    for name, drawing in drawn.items():
         width = PAGE if name == "dashboard" else COLUMN
-        assert one.figure.get_figwidth() == pytest.approx(width * MM), name
-        assert len(one.caption) > 60
-        labels = [axes.get_xlabel() for axes in one.figure.axes] + [
-            axes.get_ylabel() for axes in one.figure.axes
+        assert drawing.figure.get_figwidth() == pytest.approx(width * MM), name
+        assert len(drawing.caption) > 60
+        labels = [axes.get_xlabel() for axes in drawing.figure.axes] + [
+            axes.get_ylabel() for axes in drawing.figure.axes
         ]
         assert all("[" in label for label in labels if label), (name, labels)
 
@@ -224,15 +224,15 @@ def test_the_dashboard_says_the_verdict_and_shows_what_there_is(drawn):
     assert labels[1:] == [
         *("probability [%]", "gap reduction [%]", "share of the unknown inputs [%]", "$t$ [s]")
     ]
-    without = {one.name: one for one in diagnosis_figures(made.EFFECT)}["dashboard"]
+    without = {drawing.name: drawing for drawing in diagnosis_figures(made.EFFECT)}["dashboard"]
     assert without.figure.axes[-1].get_xlabel() == "share [%]"  # regimes where there are no curves
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("verdict", [Verdict.EFFECT, Verdict.AMBIGUOUS, Verdict.UNKNOWN])
 def test_the_headline_of_a_dashboard_stays_on_it(verdict):
-    found = replace(made.ALL[verdict], evidence=made.evidence())
-    figure = {one.name: one for one in diagnosis_figures(found)}["dashboard"].figure
+    changed = replace(made.ALL[verdict], evidence=made.evidence())
+    figure = {drawing.name: drawing for drawing in diagnosis_figures(changed)}["dashboard"].figure
     figure.draw_without_rendering()
     text, legend = figure.texts[0].get_window_extent(), figure.axes[0].get_legend()
     assert text.x0 > 0 and text.x1 < figure.bbox.x1 and text.y1 < figure.bbox.y1
@@ -242,7 +242,9 @@ def test_the_headline_of_a_dashboard_stays_on_it(verdict):
 @pytest.mark.slow
 @pytest.mark.parametrize("verdict", [Verdict.EFFECT, Verdict.UNKNOWN])
 def test_the_legend_of_the_gap_stays_on_the_figure(verdict):
-    figure = {one.name: one for one in diagnosis_figures(made.ALL[verdict])}["gap"].figure
+    figure = {drawing.name: drawing for drawing in diagnosis_figures(made.ALL[verdict])}[
+        "gap"
+    ].figure
     figure.draw_without_rendering()
     legend = figure.axes[0].get_legend().get_window_extent()
     assert legend.x0 > 0 and legend.x1 < figure.bbox.x1 and legend.y1 < figure.bbox.y1
@@ -251,11 +253,11 @@ def test_the_legend_of_the_gap_stays_on_the_figure(verdict):
 @pytest.mark.slow
 def test_a_model_that_is_only_the_best_candidate_is_not_called_found():
     """If no effect is the cause, the curves of a second model are those of the best candidate."""
-    found = replace(made.UNKNOWN, evidence=made.evidence())
-    for one in diagnosis_figures(found):
-        texts = [text.get_text() for text in one.figure.findobj(Text)]
-        assert not any("found" in text for text in (*texts, one.caption)), one.name
-    names = {one.name: one for one in diagnosis_figures(found)}
+    changed = replace(made.UNKNOWN, evidence=made.evidence())
+    for drawing in diagnosis_figures(changed):
+        texts = [text.get_text() for text in drawing.figure.findobj(Text)]
+        assert not any("found" in text for text in (*texts, drawing.caption)), drawing.name
+    names = {drawing.name: drawing for drawing in diagnosis_figures(changed)}
     for name in ("gap", "regimes_force"):
         assert "without effects and with the best candidate" in names[name].caption
 
@@ -289,8 +291,8 @@ def test_a_folder_is_written_whole(written):
         "summary.txt",
         "figures",
     }
-    found = json.loads((written / "diagnosis.json").read_text("utf-8"))
-    assert found == json.loads(json.dumps(made.EFFECT.as_dict()))
+    content = json.loads((written / "diagnosis.json").read_text("utf-8"))
+    assert content == json.loads(json.dumps(made.EFFECT.as_dict()))
     assert {path.suffix for path in (written / "figures").iterdir()} == {".png", ".svg"}
 
 
@@ -310,7 +312,9 @@ def test_the_page_requests_nothing_and_is_built_of_headings_tables_and_captions(
     assert "<script" not in text and "@import" not in text and "url(" not in text
     anchors = {address[1:] for address in page.addresses if address.startswith("#")}
     assert anchors <= page.ids
-    assert len(page.alternatives) == 5 and all(len(one) > 60 for one in page.alternatives)
+    assert len(page.alternatives) == 5 and all(
+        len(alternative) > 60 for alternative in page.alternatives
+    )
     assert page.count["table"] == page.count["caption"] == len(diagnosis_tables(made.EFFECT))
     assert page.count["th"] > page.count["tr"]  # every row and column is named
 

@@ -24,10 +24,15 @@ def test_the_page_says_all_of_an_effect(row):
     section = rest.partition("\n## ")[0]
     told = [row.equation, row.shows, row.separated_by, row.source, *row.confused_with]
     told += [state.name for state in row.states]
-    for one in row.parameters:
-        start = one.value if one.start is None else one.start
-        told += [f"`{one.name}`", one.unit, f"{one.lower:g} to {one.upper:g}", f"{one.null:g}"]
-        told += [f"{start:g}", one.description]
+    for parameter in row.parameters:
+        start = parameter.value if parameter.start is None else parameter.start
+        told += [
+            f"`{parameter.name}`",
+            parameter.unit,
+            f"{parameter.lower:g} to {parameter.upper:g}",
+            f"{parameter.null:g}",
+        ]
+        told += [f"{start:g}", parameter.description]
     plain = section.replace("\\|", "|")
     assert not [text for text in told if text not in plain]
 

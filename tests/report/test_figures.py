@@ -43,8 +43,8 @@ def drawn(quick):
 def all_correlations(quick):
     options = output_error_options(quick.case, quick.options)
     optimum = Optimum(quick.output_error, quick.records, quick.flow_map, options)
-    found = replace(quick, identifiability=analyse_identifiability(optimum))
-    return {item.name: item.figure for item in figures_of(found)}["all_correlations"]
+    changed = replace(quick, identifiability=analyse_identifiability(optimum))
+    return {item.name: item.figure for item in figures_of(changed)}["all_correlations"]
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +76,7 @@ def profile():
 def overlaps(figure):
     """Pairs of neighbouring texts that cover each other: ticks of an axis, what panels hold."""
     png(figure)  # lays it out
-    found = []
+    pairs = []
     for axes in figure.axes:
         if not axes.get_visible() or axes.name == "3d":
             continue
@@ -84,15 +84,15 @@ def overlaps(figure):
         groups.append([*axes.texts, axes.title])
         groups.append([axes.xaxis.label, axes.yaxis.label, axes.title])
         for group in groups:
-            shown = [one for one in group if one.get_text() and one.get_visible()]
-            boxes = [(one.get_text(), one.get_window_extent()) for one in shown]
-            for (one, first), (other, second) in combinations(boxes, 2):
+            shown = [text for text in group if text.get_text() and text.get_visible()]
+            boxes = [(text.get_text(), text.get_window_extent()) for text in shown]
+            for (pair, first), (other, second) in combinations(boxes, 2):
                 across = min(first.x1, second.x1) - max(first.x0, second.x0)
                 along = min(first.y1, second.y1) - max(first.y0, second.y0)
                 # Boxes are a little larger than their letters.
                 if across > 1.5 and along > 3.0:
-                    found.append((one, other))
-    return found
+                    pairs.append((pair, other))
+    return pairs
 
 
 @pytest.mark.slow
@@ -139,7 +139,9 @@ def test_a_tight_box_cuts_nothing_off(drawn):
     for name in ("parameters", "flow_map", "overview"):
         figure, tight = drawn[name].figure, BytesIO()
         figure.savefig(tight, format="png", bbox_inches="tight", pad_inches=0)
-        both = [matplotlib.image.imread(BytesIO(one)) for one in (png(figure), tight.getvalue())]
+        both = [
+            matplotlib.image.imread(BytesIO(content)) for content in (png(figure), tight.getvalue())
+        ]
         np.testing.assert_array_equal(*both, err_msg=name)
 
 
@@ -147,8 +149,8 @@ def test_a_tight_box_cuts_nothing_off(drawn):
 def test_letters_are_legible_and_cover_no_others(drawn, all_correlations, matrix):
     figures = {name: item.figure for name, item in drawn.items()}
     for name, figure in (figures | {"all": all_correlations, "matrix": matrix}).items():
-        texts = [one for one in figure.findobj(Text) if one.get_text().strip()]
-        assert min(one.get_fontsize() for one in texts) >= SMALLEST, name
+        texts = [text for text in figure.findobj(Text) if text.get_text().strip()]
+        assert min(text.get_fontsize() for text in texts) >= SMALLEST, name
         assert not overlaps(figure), name
 
 
@@ -156,7 +158,7 @@ def test_right_answers_lie_on_the_numbered_diagonal(matrix):
     axes = matrix.axes[0]
     at = {label.get_text(): tick for label, tick in
           zip(axes.get_xticklabels(), axes.get_xticks(), strict=True)}  # fmt: skip
-    counts = {one.get_position(): one.get_text() for one in axes.texts}
+    counts = {text.get_position(): text.get_text() for text in axes.texts}
     for i, name in enumerate(EFFECTS):
         assert axes.get_yticklabels()[i].get_text() == f"{name.replace('_', ' ')}  {i + 1}"
         assert counts[at[str(i + 1)], i] == "4"
@@ -165,7 +167,7 @@ def test_right_answers_lie_on_the_numbered_diagonal(matrix):
 
 @pytest.mark.slow
 def test_coefficients_of_the_flow_are_written_as_in_the_paper(all_correlations):
-    labels = [one.get_text() for one in all_correlations.axes[0].get_yticklabels()]
+    labels = [label.get_text() for label in all_correlations.axes[0].get_yticklabels()]
     assert {"$X_{s1}$", r"$\varphi_{7}$", r"$\psi^+_{7}$", r"$\psi^-_{4}$"} <= set(labels)
     assert not any("_minus" in label or "_plus" in label for label in labels)
     assert symbol("stribeck.delta_F") == "stribeck.delta_F"

@@ -41,9 +41,11 @@ def browser():
         if not Path(path).exists():
             pytest.skip("no Chromium: install the system's, or run `playwright install chromium`")
         root = hasattr(os, "geteuid") and os.geteuid() == 0  # its sandbox refuses root
-        found = driver.chromium.launch(executable_path=path, args=["--no-sandbox"] if root else [])
-        yield found
-        found.close()
+        chromium = driver.chromium.launch(
+            executable_path=path, args=["--no-sandbox"] if root else []
+        )
+        yield chromium
+        chromium.close()
 
 
 @pytest.fixture(scope="module")
@@ -77,8 +79,8 @@ def opened(browser, path, size):
 def test_there_is_no_barrier_and_the_page_stands_alone(browser, path, size):
     page, said, asked = opened(browser, path, size)
     barriers = [
-        (one["id"], one["impact"], [node["html"][:100] for node in one["nodes"]])
-        for one in axe.Axe().run(page).response["violations"]
+        (violation["id"], violation["impact"], [node["html"][:100] for node in violation["nodes"]])
+        for violation in axe.Axe().run(page).response["violations"]
     ]
     assert not barriers
     assert not said

@@ -57,8 +57,8 @@ def test_without_truth_there_is_no_column_for_it(quick):
 
 def test_a_parameter_at_a_bound_has_no_interval(quick):
     estimate = replace(quick.output_error.uncertainty, at_bound=("f_v",))
-    found = replace(quick, output_error=replace(quick.output_error, uncertainty=estimate))
-    row = next(row for row in parameter_table(found).rows if row[0] == "f_v")
+    changed = replace(quick, output_error=replace(quick.output_error, uncertainty=estimate))
+    row = next(row for row in parameter_table(changed).rows if row[0] == "f_v")
     assert "±" not in row[3]
 
 
@@ -87,11 +87,11 @@ def test_no_warning_is_said_too():
 
 
 def test_the_page_stands_alone_and_escapes_what_it_shows(quick):
-    found = replace(
+    changed = replace(
         quick, warnings=(ResultWarning(Grade.NOTE, "wls", "a < b & <script>: `std` of F_c_plus"),)
     )
     picture = Picture("overview", PIXEL, "Flow map & parameters.")
-    page = html_report(found, [picture], paper=True)
+    page = html_report(changed, [picture], paper=True)
     assert '<html lang="en">' in page
     assert "<script>" not in page
     assert "a &lt; b &amp; &lt;script&gt;: <code>std</code> of F_c⁺" in page

@@ -64,8 +64,8 @@ def anchored(made, record, table, options):
 
 
 def relative_shift(row, reference, estimator="output_error"):
-    found, plain = getattr(row, estimator), getattr(reference, estimator)
-    return {name: found[name].value / plain[name].value - 1 for name in plain}
+    result, plain = getattr(row, estimator), getattr(reference, estimator)
+    return {name: result[name].value / plain[name].value - 1 for name in plain}
 
 
 @pytest.mark.slow
@@ -96,9 +96,9 @@ def test_without_the_map_trajectories_give_all_ratios(study, made):
     true = {name: made.TRUE[name] * S_rT / made.TRUE["X_s3"] for name in CHAMBERS}
     true |= {"M": made.TRUE["M"], "k_P": made.TRUE["X_s3"] / made.TRUE["X_s2"]}
     for name, value in true.items():
-        one = row.output_error[name]
-        assert abs(one.value - value) <= 4 * one.std + 1e-9 * value, name
-        assert one.std < 0.05 * value, name
+        change = row.output_error[name]
+        assert abs(change.value - value) <= 4 * change.std + 1e-9 * value, name
+        assert change.std < 0.05 * value, name
 
 
 @pytest.mark.slow
@@ -189,7 +189,9 @@ def test_spread_from_noise_is_that_of_drawn_maps(anchored, table):
     ]
     std = sensitivity.std(noise, Treatment.ANCHORED)
     for name in (*CHAMBERS, "k_P", "k_N"):
-        assert np.std([one[name] for one in drawn]) == pytest.approx(std[name], rel=0.15), name
+        assert np.std([figure[name] for figure in drawn]) == pytest.approx(std[name], rel=0.15), (
+            name
+        )
 
 
 def test_sensitivity_needs_free_coefficients_and_every_point(anchored, table):

@@ -29,9 +29,9 @@ def sampled_drive(M, f_v, w, N=8000):
 @pytest.mark.parametrize("pairing", list(InputPairing))
 def test_pairing_a_held_input_with_its_own_sample_biases_friction_by_half_a_sample(pairing):
     M, f_v, w = 1.0, 3.0, 2 * np.pi * 5.0
-    found = filter_recording(sampled_drive(M, f_v, w), PLAN, pairing)
-    F = np.mean([held["F"] for held in found.inputs], axis=0)
-    W = np.column_stack([found.derivatives["v"], found.states["v"]])
+    result = filter_recording(sampled_drive(M, f_v, w), PLAN, pairing)
+    F = np.mean([held["F"] for held in result.inputs], axis=0)
+    W = np.column_stack([result.derivatives["v"], result.states["v"]])
     estimate = np.linalg.lstsq(W, F, rcond=None)[0]
     # An input ahead of the state by τ: F(t + τ) = M a + f_v v + τ (M ä + f_v a), ä = -w² v.
     tau = 0.0 if pairing is InputPairing.MEAN_OF_HOLDS else 0.5 / FS
@@ -50,12 +50,12 @@ def test_the_pairing_follows_the_hold_of_the_recording():
 
 def test_the_edges_are_dropped_and_counted():
     rec = recording({"x": np.sin(np.arange(2000) / 50), "F": np.arange(2000.0)})
-    found = filter_recording(rec, PLAN)
-    front, back = found.dropped
+    result = filter_recording(rec, PLAN)
+    front, back = result.dropped
     assert front == back == PLAN.drop[0] > 0
-    assert 2000 - front - back == found.N
-    np.testing.assert_array_equal(found.t, rec.t[front:-back])
-    before, after = found.inputs
+    assert 2000 - front - back == result.N
+    np.testing.assert_array_equal(result.t, rec.t[front:-back])
+    before, after = result.inputs
     np.testing.assert_array_equal(after["F"], np.arange(front, 2000 - back))
     np.testing.assert_array_equal(before["F"], np.arange(front - 1, 2000 - back - 1))
 
@@ -63,13 +63,13 @@ def test_the_edges_are_dropped_and_counted():
 def test_derivatives_belong_to_their_states():
     t = np.arange(4000) / FS
     rec = recording({"x": np.sin(5 * t), "p_P": 3e5 + 1e5 * np.cos(4 * t), "F": 0 * t})
-    found = filter_recording(rec, PLAN)
-    x, v, a = found.states["x"], found.states["v"], found.derivatives["v"]
-    np.testing.assert_allclose(x, np.sin(5 * found.t), atol=1e-6)
-    np.testing.assert_allclose(v, 5 * np.cos(5 * found.t), atol=1e-3)
+    result = filter_recording(rec, PLAN)
+    x, v, a = result.states["x"], result.states["v"], result.derivatives["v"]
+    np.testing.assert_allclose(x, np.sin(5 * result.t), atol=1e-6)
+    np.testing.assert_allclose(v, 5 * np.cos(5 * result.t), atol=1e-3)
     inside = slice(10, -10)
-    np.testing.assert_allclose(a[inside], -25 * np.sin(5 * found.t)[inside], atol=0.03)
-    np.testing.assert_allclose(found.derivatives["p_P"], -4e5 * np.sin(4 * found.t), atol=20)
+    np.testing.assert_allclose(a[inside], -25 * np.sin(5 * result.t)[inside], atol=0.03)
+    np.testing.assert_allclose(result.derivatives["p_P"], -4e5 * np.sin(4 * result.t), atol=20)
 
 
 def test_a_plan_for_another_clock_is_refused():

@@ -78,9 +78,9 @@ def test_derivatives_agree_with_finite_differences(spool_valve):
         assert du == pytest.approx((flow(u + 1e-4, p) - flow(u - 1e-4, p)) / 2e-4, rel=1e-5)
         assert dp == pytest.approx((flow(u, p + 1) - flow(u, p - 1)) / 2, rel=1e-4, abs=1e-15)
         step = 1e-4 * np.diag(scales)
-        found = [float(function(u, p, theta + s) - function(u, p, theta - s)) for s in step]
+        computed = [float(function(u, p, theta + s) - function(u, p, theta - s)) for s in step]
         expected = 2e-4 * dtheta * scales
-        np.testing.assert_allclose(found, expected, rtol=1e-3, atol=1e-12)
+        np.testing.assert_allclose(computed, expected, rtol=1e-3, atol=1e-12)
 
 
 def test_sx_mx_and_numpy_agree(spool_valve):
@@ -206,9 +206,9 @@ def test_one_enfield_curve_in_all_three_models(enfield, psia, iso, polynomial, s
         return 100 * np.sqrt(np.mean(error**2)) / table.q_max
 
     orifice = fit_orifice(curve.p_supply, curve.p, curve.q_m)
-    found = (
+    result = (
         percent(curve.q_m - orifice(curve.p_supply, curve.p)),
         percent(fit_polynomials(table, degrees=(7, -1, -1)).residuals(table)),
         percent(fit_spline(table).residuals(table)),
     )
-    assert found == pytest.approx((iso, polynomial, spline), abs=0.02)
+    assert result == pytest.approx((iso, polynomial, spline), abs=0.02)

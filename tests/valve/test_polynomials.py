@@ -89,17 +89,20 @@ def test_the_flow_scale_is_a_gauge(c):
         + 1e-10 * (4e5 - p)
         + 1e-5 * np.sin(37 * np.arange(84))
     )
-    one = fit_polynomials(FlowMap(u, p, q))
+    curve = fit_polynomials(FlowMap(u, p, q))
     other = fit_polynomials(FlowMap(u, p, c * q))
-    scales = one.parameters.scales
+    scales = curve.parameters.scales
     np.testing.assert_allclose(
-        other.parameters.values / scales, c * one.parameters.values / scales, rtol=1e-9, atol=1e-11
+        other.parameters.values / scales,
+        c * curve.parameters.values / scales,
+        rtol=1e-9,
+        atol=1e-11,
     )
     np.testing.assert_allclose(other.parameters.scales, c * scales, rtol=1e-12)
-    np.testing.assert_allclose(other.covariance, c**2 * one.covariance, rtol=1e-7)
-    assert other.sigma == pytest.approx(c * one.sigma, rel=1e-9)
-    assert other.scale_sigma == pytest.approx(one.scale_sigma, rel=1e-9)
-    assert (other.p_range, other.degrees, other.dof) == (one.p_range, one.degrees, one.dof)
+    np.testing.assert_allclose(other.covariance, c**2 * curve.covariance, rtol=1e-7)
+    assert other.sigma == pytest.approx(c * curve.sigma, rel=1e-9)
+    assert other.scale_sigma == pytest.approx(curve.scale_sigma, rel=1e-9)
+    assert (other.p_range, other.degrees, other.dof) == (curve.p_range, curve.degrees, curve.dof)
 
 
 @pytest.mark.parametrize("kind", [ca.SX, ca.MX])
@@ -107,8 +110,8 @@ def test_numpy_and_casadi_agree_inside_and_outside_the_map(spool_valve, kind):
     flow = fit_polynomials(spool_valve(noise=1e-5))
     function = symbolic(flow, kind)
     expected = flow(U_TRY, P_TRY)
-    found = [float(function(u, p)[0]) for u, p in zip(U_TRY, P_TRY, strict=True)]
-    assert np.abs(found - expected).max() < 1e-15 * np.abs(expected).max() * 10
+    computed = [float(function(u, p)[0]) for u, p in zip(U_TRY, P_TRY, strict=True)]
+    assert np.abs(computed - expected).max() < 1e-15 * np.abs(expected).max() * 10
     rows = np.vstack([function(u, p)[2].full() for u, p in zip(U_TRY, P_TRY, strict=True)])
     np.testing.assert_allclose(rows, flow.design_matrix(U_TRY, P_TRY), rtol=1e-12, atol=1e-12)
 

@@ -17,9 +17,9 @@ def test_numpy_casadi_and_scipy_agree(spool_valve):
     knots, degrees = (flow.knots_u, flow.knots_p), (flow.degree_u, flow.degree_p)
     reference = NdBSpline(knots, flow.coefficients, degrees)(np.column_stack([u, p]))
     symbolic = flow_function(flow)
-    found = [float(symbolic(a, b, 1.0)) for a, b in zip(u, p, strict=True)]
+    computed = [float(symbolic(a, b, 1.0)) for a, b in zip(u, p, strict=True)]
     assert np.abs(flow(u, p) - reference).max() < 1e-12 * np.abs(reference).max()
-    assert np.abs(flow(u, p) - found).max() < 1e-12 * np.abs(reference).max()
+    assert np.abs(flow(u, p) - computed).max() < 1e-12 * np.abs(reference).max()
 
 
 def test_derivatives_agree_with_finite_differences(spool_valve):

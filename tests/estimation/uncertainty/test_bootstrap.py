@@ -31,8 +31,8 @@ def test_on_white_noise_replicates_scatter_as_the_covariance_says(white, replica
     assert replicates.lengths == {"made": 1} and not replicates.failures
     share = [replicates.std(name) / white.result.std(name) for name in white.names]
     np.testing.assert_allclose(share, 1.0, atol=4 / np.sqrt(2 * B))
-    found = np.corrcoef(replicates.estimates.T)
-    np.testing.assert_allclose(found, white.result.uncertainty.correlation, atol=4 / np.sqrt(B))
+    computed = np.corrcoef(replicates.estimates.T)
+    np.testing.assert_allclose(computed, white.result.uncertainty.correlation, atol=4 / np.sqrt(B))
     derived = white.result.derived["F_c"]
     assert replicates.std("F_c") / derived.std == pytest.approx(1.0, abs=4 / np.sqrt(2 * B))
     low, high = replicates.interval("M")
@@ -48,12 +48,14 @@ def test_on_coloured_noise_they_scatter_as_fits_to_new_noise_do(coloured, slowly
     The sandwich is wider by what it adds for that.
     """
     problem, fitted = coloured.problem, coloured.result.fitted[0]
-    segment, found = problem.segments[0], []
+    segment, results = problem.segments[0], []
     for seed in range(1000, 1000 + B):
         e = slow(seed)[: fitted.size * segment.n].reshape(1, -1, segment.n).mean(axis=2)
         disturbed = replace(problem, segments=(replace(segment, y=fitted + e),))
-        found.append(solve_from(coloured, disturbed, coloured.point).point.theta[coloured.columns])
-    true = np.std(found, axis=0, ddof=1)
+        results.append(
+            solve_from(coloured, disturbed, coloured.point).point.theta[coloured.columns]
+        )
+    true = np.std(results, axis=0, ddof=1)
     claimed, robust = [], []
     for seed in range(DRAWS):
         fit = slowly_disturbed(seed)
@@ -67,12 +69,12 @@ def test_on_coloured_noise_they_scatter_as_fits_to_new_noise_do(coloured, slowly
 
 @pytest.mark.slow
 def test_blocks_of_a_given_length_are_taken_at_their_word(coloured):
-    found = block_bootstrap(coloured, B // 2)
-    assert found.lengths["slow"] > 5  # blocks of the fit, of 5 samples each
-    assert all(found.std(name) > 1.4 * coloured.result.std(name) for name in coloured.names)
+    result = block_bootstrap(coloured, B // 2)
+    assert result.lengths["slow"] > 5  # blocks of the fit, of 5 samples each
+    assert all(result.std(name) > 1.4 * coloured.result.std(name) for name in coloured.names)
     single = block_bootstrap(coloured, B // 2, length=5e-3)
     assert single.lengths == {"slow": 1}
-    assert single.std("M") < 0.75 * found.std("M")
+    assert single.std("M") < 0.75 * result.std("M")
 
 
 @pytest.mark.parametrize("rho", [0.0, 0.4, 0.7])
@@ -95,12 +97,12 @@ def test_scaled_blocks_make_up_for_their_ends_and_for_what_a_fit_took(rho):
 @pytest.mark.slow
 def test_the_noise_of_the_flow_map_scatters_too(anchored):
     count = 80
-    found = block_bootstrap(anchored, count)
-    assert found.lengths["flow map"] >= 1
+    result = block_bootstrap(anchored, count)
+    assert result.lengths["flow map"] >= 1
     names = [*(f"X_s{i}" for i in range(1, 7)), *anchored.result.axis.flow.parameters.names]
-    share = np.array([found.std(name) / anchored.result.std(name) for name in names])
+    share = np.array([result.std(name) / anchored.result.std(name) for name in names])
     assert np.all(np.abs(share - 1) < 5 / np.sqrt(2 * count))
-    k_P = found.std("k_P") / anchored.result.derived["k_P"].std
+    k_P = result.std("k_P") / anchored.result.derived["k_P"].std
     assert k_P == pytest.approx(1.0, abs=4 / np.sqrt(2 * count))
 
 
@@ -115,8 +117,8 @@ def test_replicates_do_not_depend_on_who_computes_them(white, replicates):
 def test_replicates_come_back_from_other_processes(white, replicates):
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(1, context) as executor:
-        found = block_bootstrap(white, 11, executor=executor)
-    assert found.replicates == replicates.replicates[:11]
+        result = block_bootstrap(white, 11, executor=executor)
+    assert result.replicates == replicates.replicates[:11]
 
 
 @pytest.mark.slow
@@ -133,9 +135,9 @@ def test_an_interrupted_run_goes_on_where_it_was(white, replicates, tmp_path, mo
     with pytest.raises(KeyboardInterrupt):
         block_bootstrap(white, 12, folder=tmp_path / "replicates")
     monkeypatch.setattr(bootstrap, "_refit", lambda *given: made.append(given[2]) or refit(*given))
-    found = block_bootstrap(white, 12, folder=tmp_path / "replicates")
+    result = block_bootstrap(white, 12, folder=tmp_path / "replicates")
     assert made == list(range(12))  # none twice
-    assert found.replicates == replicates.replicates[:12]
+    assert result.replicates == replicates.replicates[:12]
     names = sorted(path.name for path in (tmp_path / "replicates").iterdir())
     assert names == [f"replicate_{i:05d}.json" for i in range(12)]
 
@@ -156,16 +158,16 @@ def test_refits_that_fail_are_reported_and_counted_nowhere(white, replicates, mo
     refit = bootstrap._refit
 
     def failing(optimum, plan, index, every=3):
-        found = refit(optimum, plan, index)
+        replicate = refit(optimum, plan, index)
         lost = index % every == 0
-        return replace(found, status="no step helps", values=(0.0,) * 4) if lost else found
+        return replace(replicate, status="no step helps", values=(0.0,) * 4) if lost else replicate
 
     monkeypatch.setattr(bootstrap, "_refit", failing)
-    found = block_bootstrap(white, 9)
-    assert [r.index for r in found.failures] == [0, 3, 6] and len(found.replicates) == 9
+    result = block_bootstrap(white, 9)
+    assert [r.index for r in result.failures] == [0, 3, 6] and len(result.replicates) == 9
     assert "3 of 9 refits failed" in caplog.text
     kept = [r.values for r in replicates.replicates[:9] if r.index % 3]
-    np.testing.assert_array_equal(found.estimates, kept)
+    np.testing.assert_array_equal(result.estimates, kept)
     monkeypatch.setattr(bootstrap, "_refit", lambda *given: failing(*given, every=1))
     with pytest.raises(FitError, match="9 of 9 refits failed") as caught:
         block_bootstrap(white, 9)
@@ -173,10 +175,10 @@ def test_refits_that_fail_are_reported_and_counted_nowhere(white, replicates, mo
 
 
 def test_what_the_data_say_nothing_about_has_an_infinite_interval(one_way):
-    found = block_bootstrap(one_way, 5)
+    result = block_bootstrap(one_way, 5)
     for name in ("F_c_minus", "F_c"):
-        assert found.std(name) == np.inf and found.interval(name) == (-np.inf, np.inf)
-    assert 0 < found.std("f_v") < np.inf
+        assert result.std(name) == np.inf and result.interval(name) == (-np.inf, np.inf)
+    assert 0 < result.std("f_v") < np.inf
 
 
 def test_too_few_replicates_are_refused(white):

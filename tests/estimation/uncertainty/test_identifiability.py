@@ -75,10 +75,10 @@ def test_what_records_say_adds_up_to_what_the_fit_knows(both, two_records):
 
 
 def test_one_record_is_all_there_is(white):
-    found = analyse_identifiability(white)
-    assert found.sources == ("made",) and np.all(found.share == 1.0)
-    assert np.all(np.isinf(found.std_without))
-    assert not found.weak() and not found.at_bound and not found.uninformed
+    analysis = analyse_identifiability(white)
+    assert analysis.sources == ("made",) and np.all(analysis.share == 1.0)
+    assert np.all(np.isinf(analysis.std_without))
+    assert not analysis.weak() and not analysis.at_bound and not analysis.uninformed
 
 
 @pytest.mark.slow
@@ -117,29 +117,29 @@ def test_pairs_made_collinear_are_named(made, motion, optimum):
 @pytest.mark.slow
 def test_parameters_that_do_the_same_have_no_interval(made, motion, optimum):
     axis, u, x = motion
-    found = analyse_identifiability(
+    analysis = analyse_identifiability(
         optimum(axis.with_effects(Drag(0.0)), [made.recorded(axis, u, x, 0)])
     )
-    assert set(found.uninformed) == {"f_v", "drag.c"} and found.condition == np.inf
-    at = [found.names.index(name) for name in ("f_v", "drag.c")]
-    assert np.all(np.isinf(found.std[at])) and np.isfinite(found.std[0])
-    worst = found.weak()[0]
+    assert set(analysis.uninformed) == {"f_v", "drag.c"} and analysis.condition == np.inf
+    at = [analysis.names.index(name) for name in ("f_v", "drag.c")]
+    assert np.all(np.isinf(analysis.std[at])) and np.isfinite(analysis.std[0])
+    worst = analysis.weak()[0]
     assert worst.relative_std == np.inf and set(worst.weights) == {"f_v", "drag.c"}
-    assert found.collinear[0].names == ("f_v", "drag.c") and found.collinear[0].index > 1e4
-    text = "\n".join(render(table) for table in identifiability_tables(found))
+    assert analysis.collinear[0].names == ("f_v", "drag.c") and analysis.collinear[0].index > 1e4
+    text = "\n".join(render(table) for table in identifiability_tables(analysis))
     assert "∞ (no information)" in text and "drag.c" in text
 
 
 def test_a_parameter_at_its_bound_has_no_interval(made, motion, optimum):
     axis, u, x = motion
     p = axis.parameters.with_values({"f_v": 15.0}).bounded("f_v", 0.0, 20.0)
-    found = analyse_identifiability(
+    analysis = analyse_identifiability(
         optimum(axis.with_parameters(p), [made.recorded(axis, u[:600], x[:, :600], 0)])
     )
-    assert found.at_bound == ("f_v",) and found.singular_values.size == 3
-    assert found.std[found.names.index("f_v")] == np.inf
-    assert not any("f_v" in d.weights for d in found.directions)
-    assert "∞ (at its bound)" in render(identifiability_tables(found)[0])
+    assert analysis.at_bound == ("f_v",) and analysis.singular_values.size == 3
+    assert analysis.std[analysis.names.index("f_v")] == np.inf
+    assert not any("f_v" in d.weights for d in analysis.directions)
+    assert "∞ (at its bound)" in render(identifiability_tables(analysis)[0])
 
 
 def test_three_parameters_of_one_plane_are_a_triple_and_no_pair():

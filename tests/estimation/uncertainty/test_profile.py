@@ -26,44 +26,44 @@ def test_where_the_problem_is_nearly_linear_profiles_are_the_gauss_newton_interv
     white, profiles
 ):
     assert set(profiles) == set(white.names)
-    for name, found in profiles.items():
-        assert found.ends == (ProfileEnd.THRESHOLD, ProfileEnd.THRESHOLD)
-        assert found.ratio == pytest.approx((1.0, 1.0), abs=2e-3), name
-        assert np.all(np.diff(found.values) > 0) and set(found.statuses) == {"converged"}
+    for name, profile in profiles.items():
+        assert profile.ends == (ProfileEnd.THRESHOLD, ProfileEnd.THRESHOLD)
+        assert profile.ratio == pytest.approx((1.0, 1.0), abs=2e-3), name
+        assert np.all(np.diff(profile.values) > 0) and set(profile.statuses) == {"converged"}
         for level in (0.5, 0.9):
             np.testing.assert_allclose(
-                np.array(found.interval(level)) - found.estimate,
-                np.array(white.result.interval(name, level)) - found.estimate,
+                np.array(profile.interval(level)) - profile.estimate,
+                np.array(white.result.interval(name, level)) - profile.estimate,
                 rtol=2e-3,
             )
 
 
 def test_a_derived_quantity_is_profiled_like_a_parameter(white):
-    found = profile_likelihood(white, "F_c")
-    assert found.estimate == pytest.approx(white.result.derived["F_c"].value, rel=1e-6)
-    assert found.std == pytest.approx(white.result.derived["F_c"].std)
-    assert found.ratio == pytest.approx((1.0, 1.0), abs=2e-3)
+    profile = profile_likelihood(white, "F_c")
+    assert profile.estimate == pytest.approx(white.result.derived["F_c"].value, rel=1e-6)
+    assert profile.std == pytest.approx(white.result.derived["F_c"].std)
+    assert profile.ratio == pytest.approx((1.0, 1.0), abs=2e-3)
 
 
 def test_a_ratio_of_chamber_parameters_is_profiled_beside_a_flow_map(anchored):
-    found = profile_likelihood(anchored, "k_P")
-    assert found.ends == (ProfileEnd.THRESHOLD, ProfileEnd.THRESHOLD)
-    assert found.std_robust != found.std
-    assert found.ratio == pytest.approx((1.0, 1.0), abs=0.03)
+    profile = profile_likelihood(anchored, "k_P")
+    assert profile.ends == (ProfileEnd.THRESHOLD, ProfileEnd.THRESHOLD)
+    assert profile.std_robust != profile.std
+    assert profile.ratio == pytest.approx((1.0, 1.0), abs=0.03)
     # k ~ 1/X_s2 is convex in what the data see: the upper side is the longer one.
-    assert found.ratio[1] > found.ratio[0]
+    assert profile.ratio[1] > profile.ratio[0]
 
 
 def test_the_cost_is_that_of_a_fit_with_the_parameter_fixed(made, motion, optimum):
     axis, u, x = motion
     record = made.recorded(axis, u[:600], x[:, :600], 3)
     fitted = optimum(axis, [record], reweight=False)
-    found = profile_likelihood(fitted, "f_v")
+    profile = profile_likelihood(fitted, "f_v")
     for i in (0, -2):
-        held = fitted.result.axis.with_parameters({"f_v": float(found.values[i])})
+        held = fitted.result.axis.with_parameters({"f_v": float(profile.values[i])})
         held = held.with_parameters(held.parameters.fix("f_v"))
         direct = fit_output_error(held, [record], None, fitted.options)
-        assert direct.cost == pytest.approx(float(found.costs[i]), abs=1e-3)
+        assert direct.cost == pytest.approx(float(profile.costs[i]), abs=1e-3)
 
 
 def test_a_mass_known_badly_has_the_interval_of_its_reciprocal(made, optimum):
@@ -75,22 +75,22 @@ def test_a_mass_known_badly_has_the_interval_of_its_reciprocal(made, optimum):
     u = 60.0 * np.sign(np.sin(60.0 * np.arange(200) / made.FS))[:, None]
     record = made.recorded(axis, u, made.steps(axis, u, [0.0, 0.0]), 0)
     fitted = optimum(made.free_only(axis, "M"), [record], reweight=False)
-    found = profile_likelihood(fitted, "M")
-    M, z = found.estimate, 1.959964
-    reciprocal = z * found.std / M**2
+    profile = profile_likelihood(fitted, "M")
+    M, z = profile.estimate, 1.959964
+    reciprocal = z * profile.std / M**2
     wanted = (1 / (1 / M + reciprocal), 1 / (1 / M - reciprocal))
     assert reciprocal * M > 0.15  # far from linear
-    np.testing.assert_allclose(found.interval(), wanted, rtol=1e-3)
-    assert found.ratio[1] > 1.1 and found.ratio[0] < 0.9
+    np.testing.assert_allclose(profile.interval(), wanted, rtol=1e-3)
+    assert profile.ratio[1] > 1.1 and profile.ratio[0] < 0.9
 
 
 @pytest.mark.slow
 def test_what_the_data_say_nothing_about_has_an_infinite_interval(one_way):
     for name in ("F_c_minus", "F_c"):
-        found = profile_likelihood(one_way, name)
-        assert found.interval() == (-np.inf, np.inf) == found.interval(robust=True)
-        assert found.ends == (ProfileEnd.FLAT, ProfileEnd.FLAT) and found.ratio == (1.0, 1.0)
-        assert np.ptp(found.costs) < 1e-3
+        profile = profile_likelihood(one_way, name)
+        assert profile.interval() == (-np.inf, np.inf) == profile.interval(robust=True)
+        assert profile.ends == (ProfileEnd.FLAT, ProfileEnd.FLAT) and profile.ratio == (1.0, 1.0)
+        assert np.ptp(profile.costs) < 1e-3
     informed = profile_likelihood(one_way, "f_v")
     assert np.isfinite(informed.interval()).all()
 
@@ -100,25 +100,25 @@ def test_a_side_that_ends_at_a_bound_is_open(made, motion, optimum):
     loose = made.with_noise(axis, made.SensorNoise(0.0, 3e-3))
     record = made.recorded(loose, u[:300], x[:, :300], 2)
     fitted = optimum(made.free_only(loose, "M", "f_v"), [record], reweight=False)
-    found = profile_likelihood(fitted, "f_v")
-    assert found.ends == (ProfileEnd.BOUND, ProfileEnd.THRESHOLD)
-    assert found.values[0] == 0.0 and found.costs[0] > found.costs.min()
-    low, high = found.interval()
-    assert low == -np.inf and found.estimate < high < np.inf
+    profile = profile_likelihood(fitted, "f_v")
+    assert profile.ends == (ProfileEnd.BOUND, ProfileEnd.THRESHOLD)
+    assert profile.values[0] == 0.0 and profile.costs[0] > profile.costs.min()
+    low, high = profile.interval()
+    assert low == -np.inf and profile.estimate < high < np.inf
 
 
 def test_correlated_residuals_widen_the_robust_interval_as_the_sandwich_says(coloured):
-    found = profile_likelihood(coloured, "M")
-    np.testing.assert_allclose(found.interval(robust=True), found.gauss_newton(robust=True))
-    narrow, wide = np.ptp(found.interval()), np.ptp(found.interval(robust=True))
-    assert wide / narrow == pytest.approx(found.std_robust / found.std, rel=1e-2)
+    profile = profile_likelihood(coloured, "M")
+    np.testing.assert_allclose(profile.interval(robust=True), profile.gauss_newton(robust=True))
+    narrow, wide = np.ptp(profile.interval()), np.ptp(profile.interval(robust=True))
+    assert wide / narrow == pytest.approx(profile.std_robust / profile.std, rel=1e-2)
     assert wide > 1.5 * narrow
 
 
 def test_profiles_do_not_depend_on_who_takes_them(white, profiles):
     with ThreadPoolExecutor(2) as executor:
-        found = profile_likelihoods(white, ["M", "f_v"], executor=executor)
-    for name, profile in found.items():
+        by_threads = profile_likelihoods(white, ["M", "f_v"], executor=executor)
+    for name, profile in by_threads.items():
         np.testing.assert_array_equal(profile.values, profiles[name].values)
         np.testing.assert_allclose(profile.costs, profiles[name].costs, rtol=1e-12)
 
@@ -144,12 +144,12 @@ def test_a_refit_that_fails_is_on_record_and_leaves_its_side_open(white, monkeyp
         return replace(solution, status="no step helps") if heavy else solution
 
     monkeypatch.setattr(profile_path, "solve_from", failing)
-    found = profile_likelihood(white, "M")
-    assert found.ends == (ProfileEnd.THRESHOLD, ProfileEnd.FAILED)
-    assert found.interval()[0] > 0 and found.interval()[1] == np.inf
-    failed = [s for s in found.statuses if s != "converged"]
+    profile = profile_likelihood(white, "M")
+    assert profile.ends == (ProfileEnd.THRESHOLD, ProfileEnd.FAILED)
+    assert profile.interval()[0] > 0 and profile.interval()[1] == np.inf
+    failed = [s for s in profile.statuses if s != "converged"]
     assert failed and set(failed) == {"no step helps"}
-    assert np.isinf(found.costs[-1])
+    assert np.isinf(profile.costs[-1])
 
 
 def test_what_cannot_be_profiled_is_refused(made, motion, white, profiles, optimum):

@@ -89,9 +89,9 @@ def test_wls_on_the_bench_of_table_1_finds_mass_and_friction_and_the_chambers_ro
 @pytest.mark.slow
 @pytest.mark.data
 def test_emps_is_reproduced_with_the_authors_recipe(emps, benchmark):
-    found = benchmark.run(emps, seconds=1.0)
+    result = benchmark.run(emps, seconds=1.0)
     for variant in ("symmetric", "asymmetric"):
-        ours, authors = found[variant], benchmark.AUTHORS[variant]
+        ours, authors = result[variant], benchmark.AUTHORS[variant]
         for name, value in authors["parameters"].items():
             assert ours["parameters"][name] == pytest.approx(value, rel=1e-5)
             std = authors["standard_errors"][name]
@@ -146,7 +146,12 @@ def test_the_benchmark_writes_its_figures(data_folder, tmp_path):
     target = tmp_path / "emps.json"
     command = [sys.executable, str(BENCHMARK), "--data", str(data_folder / "emps"), "--quick"]
     subprocess.run([*command, "--json", str(target)], check=True, timeout=120)
-    found = json.loads(target.read_text())
-    assert {"symmetric", "asymmetric", "closed_loop", "machine", "versions", "seed"} <= set(found)
-    assert set(found["closed_loop"]["pulses"]) == {"position", "velocity", "acceleration", "force"}
+    content = json.loads(target.read_text())
+    assert {"symmetric", "asymmetric", "closed_loop", "machine", "versions", "seed"} <= set(content)
+    assert set(content["closed_loop"]["pulses"]) == {
+        "position",
+        "velocity",
+        "acceleration",
+        "force",
+    }
     assert list(tmp_path.iterdir()) == [target]

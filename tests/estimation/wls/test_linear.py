@@ -184,14 +184,14 @@ def test_values_that_are_not_finite_and_too_few_rows_are_refused():
 def test_derived_quantities_have_the_spread_of_their_formulas():
     rng = np.random.default_rng(9)
     W = rng.normal(size=(200, 2))
-    found, stds = [], []
+    results, stds = [], []
     for _ in range(300):
         fit = solve_wls(system(W @ [2.0, 4.0] + 0.3 * rng.normal(size=200), W))
         total = linear_combinations(fit, {"sum": {"a": 1.0, "b": 1.0}, "a": {"a": 1.0}})
         ratio = ratios(fit, {"k": ("b", "a")})
-        found.append([*total.values, *ratio.values])
+        results.append([*total.values, *ratio.values])
         stds.append([*total.std, *ratio.std])
-    np.testing.assert_allclose(np.mean(found, axis=0), [6.0, 2.0, 2.0], rtol=5e-3)
-    np.testing.assert_allclose(np.std(found, axis=0), np.mean(stds, axis=0), rtol=0.12)
+    np.testing.assert_allclose(np.mean(results, axis=0), [6.0, 2.0, 2.0], rtol=5e-3)
+    np.testing.assert_allclose(np.std(results, axis=0), np.mean(stds, axis=0), rtol=0.12)
     with pytest.raises(ModelError, match="k: c was not estimated"):
         ratios(fit, {"k": ("c", "a")})

@@ -47,8 +47,8 @@ def test_noise_widens_the_intervals_and_they_hold_the_truth(made, clean):
 def test_several_records_are_stacked(made):
     pair = [made.smooth_record(2), made.smooth_record(3)]
     both = fit_wls(made.Eq7(), pair, plan=PLAN)
-    one = fit_wls(made.Eq7(), pair[0], plan=PLAN)
-    assert both.rows_used["mass_flow_P"] == 2 * one.rows_used["mass_flow_P"]
+    single = fit_wls(made.Eq7(), pair[0], plan=PLAN)
+    assert both.rows_used["mass_flow_P"] == 2 * single.rows_used["mass_flow_P"]
     assert set(both.samples_dropped) == {"smooth2", "smooth3"}
 
 
@@ -129,14 +129,14 @@ class _Bounded:
 
 
 def test_flows_and_effort_of_another_record_are_predicted(made, clean):
-    (found,) = cross_validate(clean, made.smooth_record(9))
-    assert set(found.measured) == set(made.Eq7.equations)
-    assert max(found.relative_error_percent.values()) < 0.5
-    for name, measured in found.measured.items():
-        assert measured.shape == found.predicted[name].shape == found.t.shape
-        rho = (measured - found.predicted[name])[found.used[name]]
-        expected = 100 * np.linalg.norm(rho) / np.linalg.norm(measured[found.used[name]])
-        assert found.relative_error_percent[name] == pytest.approx(expected)
+    (result,) = cross_validate(clean, made.smooth_record(9))
+    assert set(result.measured) == set(made.Eq7.equations)
+    assert max(result.relative_error_percent.values()) < 0.5
+    for name, measured in result.measured.items():
+        assert measured.shape == result.predicted[name].shape == result.t.shape
+        rho = (measured - result.predicted[name])[result.used[name]]
+        expected = 100 * np.linalg.norm(rho) / np.linalg.norm(measured[result.used[name]])
+        assert result.relative_error_percent[name] == pytest.approx(expected)
 
 
 def test_the_table_is_the_papers(clean):
@@ -156,9 +156,9 @@ def test_records_of_the_same_name_are_told_apart(made):
 
 
 def test_the_result_goes_to_json_and_cannot_be_changed(clean):
-    found = json.loads(json.dumps(clean.as_dict()))
-    assert found["parameters"]["M"]["value"] == pytest.approx(16.9, rel=2e-3)
-    assert set(found["derived"]) == {"k_P", "k_N"}
+    content = json.loads(json.dumps(clean.as_dict()))
+    assert content["parameters"]["M"]["value"] == pytest.approx(16.9, rel=2e-3)
+    assert set(content["derived"]) == {"k_P", "k_N"}
     with pytest.raises(ValueError, match="read-only"):
         clean.estimate[0] = 0.0
 

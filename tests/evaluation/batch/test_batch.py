@@ -61,7 +61,7 @@ def without_time(rows):
 def test_each_case_gets_a_record_and_a_row_in_both_tables(tmp_path, cases, fakes):
     out, told = tmp_path / "out", []
     rows = diagnose_many(
-        cases, keep=out, progress=lambda *one: told.append(one), diagnosing=fakes.verdict
+        cases, keep=out, progress=lambda *step: told.append(step), diagnosing=fakes.verdict
     )
     assert [row.case for row in rows] == ["c1", "c2", "c3", "c4"]
     assert told == [(f"diagnosed {i} of 4", i / 4) for i in (1, 2, 3, 4)]

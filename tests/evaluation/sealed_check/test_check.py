@@ -60,22 +60,22 @@ def unmeasured(monkeypatch):
 def test_a_diagnosis_that_always_says_stribeck_scores_as_it_must(
     tmp_path, always, in_place, unmeasured
 ):
-    found = check_withheld(tmp_path, OPTIONS, in_place, always)
-    stribeck = sum(one["effects"].keys() == {"stribeck"} for one in found["each"])
-    scores = found["scores"]["all"]
+    outcome = check_withheld(tmp_path, OPTIONS, in_place, always)
+    stribeck = sum(case["effects"].keys() == {"stribeck"} for case in outcome["each"])
+    scores = outcome["scores"]["all"]
     assert always.calls == ["w001", "w002", "w003"]
     assert (scores["right_first"]["hits"], scores["right_first"]["of"]) == (stribeck, 1)
     assert (scores["false_alarm"]["hits"], scores["false_alarm"]["of"]) == (1, 1)
     assert (scores["unknown_caught"]["hits"], scores["unknown_caught"]["of"]) == (0, 1)
     assert scores["set_size"] == {"mean": 1.0, "of": 1}
-    assert found["calibration"]["expected_calibration_error"] == pytest.approx(
+    assert outcome["calibration"]["expected_calibration_error"] == pytest.approx(
         abs(0.75 - stribeck / 4)
         if stribeck in (0, 4)
         else 0.25 * stribeck / 4 + 0.75 * (1 - stribeck / 4)
     )
-    assert found["unmeasured"] == 0
+    assert outcome["unmeasured"] == 0
     again = check_withheld(tmp_path, OPTIONS, in_place, always)
-    assert again == found
+    assert again == outcome
     assert len(always.calls) == 3
     with pytest.raises(CaseError, match="another seed"):
         check_withheld(
@@ -95,15 +95,15 @@ def test_a_large_cause_shows_and_an_oracle_removes_more_than_another_effect(tmp_
     draw = Draw("w001", Kind.SINGLE, 5, {"stribeck": "large"})
     case = make(draw, tmp_path / "case", **SHORT).folder
     measure_one(tmp_path, case, draw, ["quadratic_drag"], **SHORT)
-    found = json.loads((tmp_path / "w001.json").read_text())
-    assert found["visible"]
-    assert found["rms"]["force"] > 3 * found["twin_rms"]["force"]
-    assert 0 < found["named_shrink"] < found["oracle_shrink"] - 0.1
-    assert found["oracle_shrink"] > 0.5
+    content = json.loads((tmp_path / "w001.json").read_text())
+    assert content["visible"]
+    assert content["rms"]["force"] > 3 * content["twin_rms"]["force"]
+    assert 0 < content["named_shrink"] < content["oracle_shrink"] - 0.1
+    assert content["oracle_shrink"] > 0.5
     rivals_of_one(tmp_path / "rivals", case, draw)
-    found = json.loads((tmp_path / "rivals" / "w001.json").read_text())
-    assert found["by_error"] == ["stribeck", "quadratic_drag"], "no drive on this axis"
-    assert found["by_aic"][0] == "stribeck"
+    content = json.loads((tmp_path / "rivals" / "w001.json").read_text())
+    assert content["by_error"] == ["stribeck", "quadratic_drag"], "no drive on this axis"
+    assert content["by_aic"][0] == "stribeck"
 
 
 @pytest.mark.slow
@@ -144,10 +144,10 @@ def test_the_command_prints_the_scores_and_writes_them(tmp_path, monkeypatch, to
 def test_table_and_figure_show_a_check_without_visible_cases(told, judged):
     from pneumo_casadi.evaluation.sealed_check import scored
 
-    found = scored([judged("single", "hose", told("none"), visible=False)])
-    text = render(withheld_table(found))
+    scores = scored([judged("single", "hose", told("none"), visible=False)])
+    text = render(withheld_table(scores))
     assert "0.0 (0-79) 0/1" in text
-    assert np.frombuffer(png(withheld_figure(found)), np.uint8).size > 10_000
+    assert np.frombuffer(png(withheld_figure(scores)), np.uint8).size > 10_000
 
 
 def test_the_matrix_joins_effects_that_were_never_true(told, judged):
@@ -157,5 +157,11 @@ def test_the_matrix_joins_effects_that_were_never_true(told, judged):
     cases = [judged("single", true, told("effect", name)) for true, name in said_of.items()]
     figure = withheld_figure(scored([*cases, judged("none", "", told("none"))]))
     matrix = figure.axes[0]
-    assert [one.get_text() for one in matrix.get_xticklabels()] == ["1", "2", "3", "other", "none"]
-    assert sorted(one.get_text() for one in matrix.texts) == ["1"] * 4
+    assert [label.get_text() for label in matrix.get_xticklabels()] == [
+        "1",
+        "2",
+        "3",
+        "other",
+        "none",
+    ]
+    assert sorted(text.get_text() for text in matrix.texts) == ["1"] * 4

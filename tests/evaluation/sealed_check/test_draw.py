@@ -17,7 +17,7 @@ LISTED = [name for name, form in FORMS.items() if form.listed]
 
 def test_the_default_draw_has_every_listed_form_at_every_severity_once():
     draws = draw_cases(160, seed=1)
-    kinds = Counter(one.kind.value for one in draws)
+    kinds = Counter(draw.kind.value for draw in draws)
     assert kinds == {
         "single": 75,
         "pair": 25,
@@ -27,7 +27,7 @@ def test_the_default_draw_has_every_listed_form_at_every_severity_once():
         "never_listed": 15,
     }
     singles = Counter(
-        item for one in draws if one.kind is Kind.SINGLE for item in one.effects.items()
+        item for draw in draws if draw.kind is Kind.SINGLE for item in draw.effects.items()
     )
     assert set(singles.values()) == {1}
     assert {name for name, _ in singles} == set(LISTED)
@@ -35,17 +35,17 @@ def test_the_default_draw_has_every_listed_form_at_every_severity_once():
 
 def test_every_kind_holds_what_it_says():
     strong = {severity.value for severity in STRONG}
-    for one in draw_cases(320, seed=2):
-        names = set(one.effects)
-        number = {Kind.NONE: 0, Kind.PAIR: 2}.get(one.kind, 1)
+    for draw in draw_cases(320, seed=2):
+        names = set(draw.effects)
+        number = {Kind.NONE: 0, Kind.PAIR: 2}.get(draw.kind, 1)
         assert len(names) == number
-        assert (names <= set(LISTED)) == (one.kind is not Kind.NEVER_LISTED)
-        assert one.without == (tuple(names) if one.kind is Kind.LEFT_OUT else ())
-        if one.kind in (Kind.PAIR, Kind.LEFT_OUT):
+        assert (names <= set(LISTED)) == (draw.kind is not Kind.NEVER_LISTED)
+        assert draw.without == (tuple(names) if draw.kind is Kind.LEFT_OUT else ())
+        if draw.kind in (Kind.PAIR, Kind.LEFT_OUT):
             assert not names & set(ABSORBED_FORMS)
-        if one.kind in (Kind.PAIR, Kind.LEFT_OUT, Kind.NEVER_LISTED):
-            assert set(one.effects.values()) <= strong
-        if one.kind is Kind.ABSORBED:
+        if draw.kind in (Kind.PAIR, Kind.LEFT_OUT, Kind.NEVER_LISTED):
+            assert set(draw.effects.values()) <= strong
+        if draw.kind is Kind.ABSORBED:
             assert names <= set(ABSORBED_FORMS)
 
 
@@ -68,8 +68,8 @@ def test_the_order_of_the_folders_tells_nothing_of_the_kinds():
     firsts = {draw_cases(160, seed=seed)[0].kind for seed in range(20)}
     assert len(firsts) > 1
     draws = draw_cases(160, seed=5)
-    assert [one.name for one in draws] == [f"w{i:03d}" for i in range(1, 161)]
-    assert len({one.seed for one in draws}) == 160
+    assert [draw.name for draw in draws] == [f"w{i:03d}" for i in range(1, 161)]
+    assert len({draw.seed for draw in draws}) == 160
 
 
 @pytest.mark.parametrize("wrong", [{"cases": 0, "seed": 1}, {"cases": 3, "seed": -1}])
@@ -81,12 +81,14 @@ def test_impossible_draws_are_refused(wrong):
 
 
 def test_a_case_folder_holds_no_label_and_its_twin_differs_in_the_effect_alone(tmp_path):
-    one = next(draw for draw in draw_cases(160, seed=6) if "stribeck" in draw.effects)
-    case = make(one, tmp_path / one.name, duration=2.0, fs=500.0)
-    twin = make_twin(one, tmp_path / "twin", duration=2.0, fs=500.0)
+    draw_with_stribeck = next(
+        draw for draw in draw_cases(160, seed=6) if "stribeck" in draw.effects
+    )
+    case = make(draw_with_stribeck, tmp_path / draw_with_stribeck.name, duration=2.0, fs=500.0)
+    twin = make_twin(draw_with_stribeck, tmp_path / "twin", duration=2.0, fs=500.0)
     words = [
         *FORMS,
-        str(one.seed),
+        str(draw_with_stribeck.seed),
         "severity",
         *(kind.value for kind in Kind if kind.value != "none"),
     ]

@@ -94,7 +94,7 @@ def test_no_verdict_is_given_once_the_labels_were_opened(tmp_path, no_records, i
 def test_progress_tells_what_is_done_and_what_is_left(tmp_path, no_records, in_place):
     told = []
     diagnose_cases(
-        tmp_path, dict.fromkeys(NAMES, ()), fixed, in_place, lambda *one: told.append(one)
+        tmp_path, dict.fromkeys(NAMES, ()), fixed, in_place, lambda *step: told.append(step)
     )
     assert [round(share, 2) for _, share in told] == [0.33, 0.67, 1.0]
     assert told[-1][0] == "diagnosing: 3 of 3, 0 s left"

@@ -11,8 +11,8 @@ from pneumo_casadi.evaluation.sealed_check.true_balance import acting_in, balanc
 from pneumo_casadi.virtual_bench import FORMS
 
 
-def hits(found, name, of="all"):
-    share = found["scores"][of][name]
+def hits(result, name, of="all"):
+    share = result["scores"][of][name]
     return share["hits"], share["of"]
 
 
@@ -31,16 +31,16 @@ def test_singles_are_counted_as_by_hand(told, judged):
         judged("single", "stribeck", told("absorbed", ranking=["stribeck"])),
         judged("single", "stribeck", told("unknown", ranking=["a", "b", "c", "stribeck"])),
     ]
-    found = scored(cases)
-    assert hits(found, "right_first") == (2, 7)
-    assert hits(found, "right_first", "visible") == (2, 6)
-    assert hits(found, "ranked_first") == (3, 7)
-    assert hits(found, "first_three") == (5, 7)
-    assert hits(found, "set_covers") == (4, 7)
-    assert hits(found, "set_covers_given") == (4, 5)
-    assert hits(found, "false_unknown") == (1, 7)
-    assert found["scores"]["all"]["set_size"] == {"mean": (1 + 1 + 2 + 2 + 1) / 5, "of": 5}
-    assert found["effects"] == {
+    scores = scored(cases)
+    assert hits(scores, "right_first") == (2, 7)
+    assert hits(scores, "right_first", "visible") == (2, 6)
+    assert hits(scores, "ranked_first") == (3, 7)
+    assert hits(scores, "first_three") == (5, 7)
+    assert hits(scores, "set_covers") == (4, 7)
+    assert hits(scores, "set_covers_given") == (4, 5)
+    assert hits(scores, "false_unknown") == (1, 7)
+    assert scores["scores"]["all"]["set_size"] == {"mean": (1 + 1 + 2 + 2 + 1) / 5, "of": 5}
+    assert scores["effects"] == {
         "stribeck": {"medium": {"right_first": 2, "first_three": 5, "visible": 6, "of": 7}}
     }
 
@@ -59,17 +59,17 @@ def test_nothing_wrong_unknown_and_absorbed_are_counted_as_by_hand(told, judged)
         judged("absorbed", "constant_force", told("effect", "hose")),
         judged("absorbed", "constant_force", told("none")),
     ]
-    found = scored(cases)
-    assert hits(found, "false_alarm") == (2, 4)
-    assert hits(found, "false_unknown") == (1, 7)
-    assert hits(found, "unknown_caught") == (2, 4)
-    assert hits(found, "unknown_caught", "visible") == (2, 3)
-    assert hits(found, "unknown_caught_left_out") == (1, 2)
-    assert hits(found, "unknown_caught_never_listed") == (1, 2)
-    assert hits(found, "wrongly_named") == (1, 4)
-    assert hits(found, "located") == (3, 4)
-    assert hits(found, "absorbed_told") == (1, 3)
-    assert hits(found, "absorbed_misnamed") == (1, 3)
+    scores = scored(cases)
+    assert hits(scores, "false_alarm") == (2, 4)
+    assert hits(scores, "false_unknown") == (1, 7)
+    assert hits(scores, "unknown_caught") == (2, 4)
+    assert hits(scores, "unknown_caught", "visible") == (2, 3)
+    assert hits(scores, "unknown_caught_left_out") == (1, 2)
+    assert hits(scores, "unknown_caught_never_listed") == (1, 2)
+    assert hits(scores, "wrongly_named") == (1, 4)
+    assert hits(scores, "located") == (3, 4)
+    assert hits(scores, "absorbed_told") == (1, 3)
+    assert hits(scores, "absorbed_misnamed") == (1, 3)
 
 
 def test_pairs_are_counted_as_by_hand(told, judged):
@@ -81,16 +81,16 @@ def test_pairs_are_counted_as_by_hand(told, judged):
         judged("pair", pair, told("ambiguous", "hose", ambiguous=["stribeck"])),
         judged("pair", pair, told("unknown")),
     ]
-    found = scored(cases)
-    assert hits(found, "pair_one") == (3, 5)
-    assert hits(found, "pair_both") == (1, 5)
-    assert hits(found, "located") == (4, 5)
-    assert found["calibration"]["bins"][0]["hits"] + found["calibration"]["bins"][-1]["hits"] <= 1
+    scores = scored(cases)
+    assert hits(scores, "pair_one") == (3, 5)
+    assert hits(scores, "pair_both") == (1, 5)
+    assert hits(scores, "located") == (4, 5)
+    assert scores["calibration"]["bins"][0]["hits"] + scores["calibration"]["bins"][-1]["hits"] <= 1
 
 
 def test_the_ranking_counts_as_sets_whatever_the_order_in_a_label(told, judged):
-    one = judged("pair", "stribeck hose", told("effect", "hose", "stribeck"))
-    assert one.first_is_right
+    result = judged("pair", "stribeck hose", told("effect", "hose", "stribeck"))
+    assert result.first_is_right
     assert not judged("left_out", "hose", told("effect", "hose")).first_is_right
     assert not judged("none", "", told("none", ranking=[""])).first_is_right
 
@@ -103,9 +103,9 @@ def test_the_shrink_is_compared_with_an_oracle_that_has_one(told, judged):
         )
 
     cases = [case(0.8, 0.4), case(0.8, 0.8), case(0.5, -0.2), case(-0.1, 0.3), case(None, None)]
-    found = scored([*cases, case(0.9, 0.9, visible=False)])
-    assert found["scores"]["visible"]["shrink_of_oracle"] == {"median": 0.5, "of": 3}
-    assert found["scores"]["all"]["shrink_of_oracle"] == {"median": 0.75, "of": 4}
+    scores = scored([*cases, case(0.9, 0.9, visible=False)])
+    assert scores["scores"]["visible"]["shrink_of_oracle"] == {"median": 0.5, "of": 3}
+    assert scores["scores"]["all"]["shrink_of_oracle"] == {"median": 0.75, "of": 4}
 
 
 def test_rivals_are_counted_as_by_hand(told, judged):
@@ -118,14 +118,14 @@ def test_rivals_are_counted_as_by_hand(told, judged):
         judged("none", "", said_none, by_error=["hose"], by_aic=["hose"]),
         judged("none", "", said_none, by_error=["hose"], by_aic=[]),
     ]
-    found = scored(cases)["rivals"]["all"]
-    assert found["training_error"]["right_first"]["hits"] == 1
-    assert found["training_error"]["first_three"]["hits"] == 2
-    assert found["forward_aic"]["right_first"]["hits"] == 1
-    assert found["forward_aic"]["first_chosen"]["hits"] == 2
-    assert found["forward_aic"]["pair_both"]["hits"] == 1
-    assert found["forward_aic"]["false_alarm"] == Share(1, 2).as_dict()
-    assert found["chance"]["right_first_percent"] == pytest.approx(
+    rivals = scored(cases)["rivals"]["all"]
+    assert rivals["training_error"]["right_first"]["hits"] == 1
+    assert rivals["training_error"]["first_three"]["hits"] == 2
+    assert rivals["forward_aic"]["right_first"]["hits"] == 1
+    assert rivals["forward_aic"]["first_chosen"]["hits"] == 2
+    assert rivals["forward_aic"]["pair_both"]["hits"] == 1
+    assert rivals["forward_aic"]["false_alarm"] == Share(1, 2).as_dict()
+    assert rivals["chance"]["right_first_percent"] == pytest.approx(
         100 * (1 / 4 + 1 / 3 + 1 / 4) / 3
     )
 
@@ -140,10 +140,10 @@ def test_the_confusion_matrix_holds_every_case_but_pairs_once(told, judged):
         judged("never_listed", "cogging", {"verdict": "failed", "error": "FitError: x"}),
         judged("pair", "hose stribeck", told("effect", "hose")),
     ]
-    found = scored(cases)["confusion"]
-    assert found["rows"] == ["hose", "stribeck", "none", "left_out", "never_listed"]
-    assert found["columns"] == ["hose", "stribeck", "several", "none", "unknown", "failed"]
-    assert found["counts"] == [
+    confusion = scored(cases)["confusion"]
+    assert confusion["rows"] == ["hose", "stribeck", "none", "left_out", "never_listed"]
+    assert confusion["columns"] == ["hose", "stribeck", "several", "none", "unknown", "failed"]
+    assert confusion["counts"] == [
         [1, 0, 1, 0, 0, 0],
         [0, 0, 0, 1, 0, 0],
         [1, 0, 0, 0, 0, 0],
@@ -153,20 +153,25 @@ def test_the_confusion_matrix_holds_every_case_but_pairs_once(told, judged):
 
 
 def test_a_case_that_could_not_be_measured_counts_as_not_visible(told, judged):
-    one = judged("single", "hose", told("effect", "hose"), failure="CaseError: short")
-    one.measured.pop("visible")
-    found = scored([one])
-    assert found["unmeasured"] == 1
-    assert hits(found, "right_first") == (1, 1)
-    assert hits(found, "right_first", "visible") == (0, 0)
+    result = judged("single", "hose", told("effect", "hose"), failure="CaseError: short")
+    result.measured.pop("visible")
+    scores = scored([result])
+    assert scores["unmeasured"] == 1
+    assert hits(scores, "right_first") == (1, 1)
+    assert hits(scores, "right_first", "visible") == (0, 0)
 
 
 def test_a_verdict_that_says_little_is_read(told):
-    one = read_answer({"verdict": "failed", "error": "x"})
-    assert (one.named, one.offered, one.ranking, one.probability) == (set(), set(), (), 0.0)
-    one = read_answer(told("ambiguous", "hose", ambiguous=["hose", "backlash + stribeck"]))
-    assert one.named == {"hose"}
-    assert one.offered == {"hose", "backlash", "stribeck"}
+    answer = read_answer({"verdict": "failed", "error": "x"})
+    assert (answer.named, answer.offered, answer.ranking, answer.probability) == (
+        set(),
+        set(),
+        (),
+        0.0,
+    )
+    answer = read_answer(told("ambiguous", "hose", ambiguous=["hose", "backlash + stribeck"]))
+    assert answer.named == {"hose"}
+    assert answer.offered == {"hose", "backlash", "stribeck"}
 
 
 @given(st.integers(0, 60), st.integers(0, 60))
@@ -182,10 +187,10 @@ def test_an_interval_holds_its_share_and_mirrors(hits, misses):
 @given(st.lists(st.tuples(st.floats(0, 1), st.booleans()), min_size=1, max_size=80))
 def test_a_calibration_error_is_at_least_the_error_of_the_mean(pairs):
     stated, right = [p for p, _ in pairs], [r for _, r in pairs]
-    found = calibration(stated, right)
-    assert sum(one.share.of for one in found.bins) == len(pairs)
+    result = calibration(stated, right)
+    assert sum(interval.share.of for interval in result.bins) == len(pairs)
     whole = abs(sum(stated) - sum(right)) / len(pairs)
-    assert whole - 1e-9 <= found.error <= 1
+    assert whole - 1e-9 <= result.error <= 1
 
 
 def test_sure_and_right_is_calibrated_and_sure_and_wrong_is_not():

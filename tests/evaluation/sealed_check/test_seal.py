@@ -19,8 +19,8 @@ def sealed(tmp_path):
 
 @pytest.fixture
 def answered(sealed):
-    for one in DRAWS:
-        write_verdict(sealed, one.name, {"verdict": "none", "ranking": []})
+    for draw in DRAWS:
+        write_verdict(sealed, draw.name, {"verdict": "none", "ranking": []})
     return sealed
 
 
@@ -60,7 +60,7 @@ def test_sealing_again_changes_nothing_and_another_draw_is_refused(sealed):
 def test_labels_open_when_all_is_answered(answered):
     draws, verdicts = opened(answered)
     assert draws == DRAWS
-    assert {one["verdict"] for one in verdicts.values()} == {"none"}
+    assert {verdict["verdict"] for verdict in verdicts.values()} == {"none"}
     assert opened(answered) == (draws, verdicts)
 
 
