@@ -173,6 +173,11 @@ class ExperimentSimulator:
                 "experiments are designed for a proportional controller, not for a "
                 f"{type(controller).__name__}"
             )
+        if controller.u_0 or controller.sample_time is not None:
+            raise ModelError(
+                "experiments are designed for a proportional controller without a null voltage, "
+                "sampled with the record; leave out u_0_V and sample_time_s"
+            )
         return controller
 
     @cached_property

@@ -57,6 +57,9 @@ class Laboratory:
         One five-way valve is recorded by its one command.
     source : FlowSource, optional
         What is known of the valves.
+    meter_accuracy : float, optional
+        Standard uncertainty that is stated of the flow meter; the scale of the map is off by a
+        random number of this size.
     data_sheet_error : float, optional
         By which share the data sheet states C too small and b too large.
     controller : controller, optional
@@ -85,6 +88,7 @@ class Laboratory:
     other_valve: float = 0.0
     arrangement: Arrangement = Arrangement.TWO_3_2
     source: FlowSource = FlowSource.METERED
+    meter_accuracy: float = 0.0
     data_sheet_error: float = 0.0
     controller: PidController | CascadeController | NoController | None = None
     reference: bool = True
@@ -146,7 +150,7 @@ class Laboratory:
 
     def _valve(self, axis: VirtualAxis, gain: float) -> ValveData:
         if self.source is not FlowSource.DATA_SHEET:
-            return ValveData(self.source)
+            return ValveData(self.source, self.meter_accuracy or None)
         valve, off = axis.valve, self.data_sheet_error
         fill = (1.0 + gain) * (valve.leak_supply + valve.k_supply * axis.u_max)
         empty = (1.0 + 0.8 * gain) * (valve.leak_exhaust + valve.k_exhaust * axis.u_max)
@@ -164,12 +168,16 @@ class Laboratory:
         """Return the columns of the metered maps by name of the file, none where nothing is."""
         if self.source is not FlowSource.METERED or self.pressures:
             return {}
-        if not self.other_valve:
-            return {"flow_map": metered_map(axis, effects, seed)}
-        return {
-            "flow_map_P": metered_map(axis, effects, seed),
-            "flow_map_N": metered_map(axis, effects, seed + 1, 1.0 + self.other_valve),
+        gains = {"flow_map": 1.0}
+        if self.other_valve:
+            gains = {"flow_map_P": 1.0, "flow_map_N": 1.0 + self.other_valve}
+        maps = {
+            n: metered_map(axis, effects, seed + i, g) for i, (n, g) in enumerate(gains.items())
         }
+        scale = 1.0 + self.meter_accuracy * np.random.default_rng([seed, 9]).standard_normal()
+        for table in maps.values():  # of one meter
+            table["q_m_kg_per_s"] = np.round(scale * table["q_m_kg_per_s"], 9)
+        return maps
 
     def record(
         self,

@@ -5,7 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneumo_casadi.data import Recording, SensorNoise, check_recording, check_records
+from pneumo_casadi.data import (
+    CascadeController,
+    PidController,
+    ProportionalController,
+    Recording,
+    SensorNoise,
+    check_recording,
+    check_records,
+)
+from pneumo_casadi.data.checks.sensors import check_sensors
+from pneumo_casadi.data.control.law import ControlLaw
 from pneumo_casadi.errors import CaseError
 
 
@@ -87,3 +97,45 @@ def test_noise_finer_than_the_data_is_quantisation(recording, bench):
     rounded = recording.with_channels({"x": np.round(recording["x"], 5)})
     (finding,) = check_recording(rounded, fine)
     assert "`x` is quantised to 1e-05 m" in finding.text
+
+
+def held_back(recording, controller):
+    """The record with the commands that a law gives on its positions."""
+    law = ControlLaw(controller, recording.dt)
+    x_ref, x = recording["x_ref"], recording["x"]
+    u, _ = law.replay(x_ref, x, law.rest(x_ref[0], x[0], 0.0))
+    return recording.with_channels(dict(zip(("u_P", "u_N"), u, strict=True)))
+
+
+LAWS = [
+    ProportionalController(2.4, 5.0, u_0=0.2),
+    ProportionalController(2.4, 5.0, u_0=0.2, sample_time=5e-3),
+    PidController(3.0, 0.2, k_i=2.0, k_d=0.05, derivative_filter=0.01, u_0=-0.1),
+    CascadeController(4.0, 0.5, 5.0, k_i=1.0, velocity_filter=0.005, sample_time=4e-3),
+]
+
+
+@pytest.mark.parametrize("controller", LAWS)
+def test_commands_are_held_against_the_law_that_is_stated(recording, bench, controller):
+    record = held_back(recording, controller)
+    law = ("u_P, controller", "u_P, u_N")
+    right = check_sensors(record, replace(bench, controller=controller))
+    assert not [finding for finding in right if finding.about in law]
+    gain = "gain" if isinstance(controller, ProportionalController) else "k_p"
+    other = replace(controller, **{gain: 0.7 * getattr(controller, gain)})
+    wrong = check_sensors(record, replace(bench, controller=other))
+    assert [finding.name for finding in wrong] == ["off the control law"]
+
+
+def test_valves_that_are_not_opposed_about_the_null_voltage_are_named(recording, bench):
+    record = held_back(recording, LAWS[0])
+    apart = record.with_channels({"u_N": -record["u_P"]})
+    findings = check_sensors(apart, replace(bench, controller=LAWS[0]))
+    assert "valves not in opposition" in [finding.name for finding in findings]
+
+
+def test_a_law_that_holds_its_commands_is_not_taken_for_a_late_one(recording, bench):
+    slow = replace(bench, controller=ProportionalController(2.4, 5.0, sample_time=8e-3))
+    record = held_back(recording, slow.controller)
+    findings = check_recording(record, slow)
+    assert "delay of u" not in [finding.name for finding in findings]

@@ -18,7 +18,7 @@ from pneumo_casadi.data import (
 )
 from pneumo_casadi.data.control.law import ControlLaw
 from pneumo_casadi.data.control.memory import memory_at_start
-from pneumo_casadi.virtual_bench import Laboratory, make_case, random_axis
+from pneumo_casadi.virtual_bench import Laboratory, make_case, metered_map, random_axis
 
 SEED, SECONDS = 1, 3.0
 
@@ -90,6 +90,14 @@ def test_two_valves_have_a_map_each(made):
     P, N = (np.loadtxt(case.folder / f"flow_map_{v}.csv", delimiter=",", skiprows=1) for v in "PN")
     filling = (P[:, 0] > 1.0) & (P[:, 1] < 5e5)
     assert (N[filling, 2] / P[filling, 2]).mean() == pytest.approx(1.25, abs=0.01)
+
+
+def test_a_meter_is_off_by_about_what_is_stated_of_it(made):
+    case = made(meter_accuracy=0.01)
+    q = np.loadtxt(case.case.folder / "flow_map.csv", delimiter=",", skiprows=1)[:, 2]
+    true = metered_map(case.axis, (), SEED)["q_m_kg_per_s"]
+    assert 0.001 < abs(q @ true / (true @ true) - 1) < 0.03
+    assert case.case.bench.valves.P.accuracy == 0.01
 
 
 def test_one_valve_has_one_command(made):

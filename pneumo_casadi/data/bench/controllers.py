@@ -58,6 +58,11 @@ class ProportionalController:
         _check_limit(self.u_max)
         check_times(self, "sample_time")
 
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Limits of the command, before the null voltage is added [V]."""
+        return -self.u_max, self.u_max
+
     def command(self, x_ref: ArrayLike, x: ArrayLike, v: ArrayLike = 0.0) -> FloatArray:
         """Return the commands, shape (..., 2), for references and positions [m] of shape (...).
 

@@ -7,6 +7,7 @@ import numpy as np
 from pneumo_casadi.data.bench.bench import Bench
 from pneumo_casadi.data.bench.controllers import NestedController, ProportionalController
 from pneumo_casadi.data.bench.driven_bench import AnyBench, ForceBench, PressureBench
+from pneumo_casadi.data.bench.pid_controllers import CascadeController, PidController
 from pneumo_casadi.data.bench.quantities import LENGTHS, PRESSURES, Quantity
 from pneumo_casadi.data.checks.column_entries import ColumnEntries
 from pneumo_casadi.data.checks.finding import ContradictionError, Finding, Grade
@@ -33,8 +34,9 @@ def check_ranges(recording: Recording, bench: AnyBench, entries: ColumnEntries) 
         _check_position(recording, bench, entries)
         for channel in ("p_P", "p_N"):
             _check_pressure(recording, channel, bench, entries)
-        if isinstance(bench.controller, ProportionalController):
-            limit = bench.controller.u_max
+        controller = bench.controller
+        if isinstance(controller, ProportionalController | PidController | CascadeController):
+            limit = max(map(abs, controller.limits)) + abs(controller.u_0)
             _check_symmetric(recording, ("u_P", "u_N"), limit, "V", {"mV": 1e-3}, entries)
     else:
         _check_travel(recording, bench)

@@ -4,8 +4,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from pneumo_casadi.data.bench.controllers import ProportionalController
+from pneumo_casadi.data.bench.controllers import (
+    NestedController,
+    NoController,
+    ProportionalController,
+)
 from pneumo_casadi.data.bench.driven_bench import AnyBench
+from pneumo_casadi.data.bench.valve_source import Arrangement
 from pneumo_casadi.data.checks.finding import Finding, Grade
 from pneumo_casadi.data.recording.channels import UNITS
 from pneumo_casadi.data.recording.recording import Recording
@@ -45,8 +50,15 @@ def check_sensors(recording: Recording, bench: AnyBench) -> Iterator[Finding]:
         yield from clipped
         if sigma is not None and not clipped:
             yield from _frozen(recording, channel, sigma)
-    if isinstance(bench.controller, ProportionalController) and "x_ref" in recording:
-        yield from _off_the_law(recording, bench.controller)
+    controller = bench.controller
+    if "x_ref" not in recording or isinstance(controller, NoController | NestedController):
+        return
+    if isinstance(controller, ProportionalController):
+        yield from _not_in_opposition(recording, bench, controller)
+    if isinstance(controller, ProportionalController) and controller.sample_time is None:
+        yield from _off_the_law(recording, controller)
+    else:
+        yield from _off_the_replayed_law(recording, bench)
 
 
 def quantisation_step(values: FloatArray) -> float:
@@ -159,22 +171,49 @@ def noise_of(values: FloatArray) -> float:
     return NORMAL_MAD * deviation / float(np.sqrt(70.0))
 
 
-def _off_the_law(recording: Recording, controller: ProportionalController) -> Iterator[Finding]:
-    u_P = recording["u_P"]
-    both = u_P + recording["u_N"]  # 0 for one 5/3 valve, else twice the null voltage
-    opposition = np.minimum(np.abs(both), np.abs(both - 2 * controller.u_0))
-    k = int(opposition.argmax())
-    if opposition[k] > LAW_TOLERANCE * np.abs(u_P).max():
+def _not_in_opposition(
+    recording: Recording, bench: AnyBench, controller: ProportionalController
+) -> Iterator[Finding]:
+    u_P, u_N = recording["u_P"], recording["u_N"]
+    one_valve = getattr(bench, "arrangement", None) is Arrangement.ONE_5_3
+    expected = (0.0 if one_valve else 2 * controller.u_0) - u_P
+    meant = "2 u_0 − `u_P`" if controller.u_0 and not one_valve else "−`u_P`"
+    k = int(np.abs(u_N - expected).argmax())
+    if abs(u_N[k] - expected[k]) > LAW_TOLERANCE * np.abs(u_P).max():
         yield Finding(
             Grade.CAUTION,
             "valves not in opposition",
             "u_P, u_N",
-            f"row {k + 1}: `u_N` = {recording['u_N'][k]:g} V is not −`u_P` = {-u_P[k]:g} V as the "
+            f"row {k + 1}: `u_N` = {u_N[k]:g} V is not {meant} = {expected[k]:g} V as the "
             "control law has it; check the columns, or the law in bench.json.",
             source=recording.name,
         )
+
+
+def _off_the_replayed_law(recording: Recording, bench: AnyBench) -> Iterator[Finding]:
+    # What follows needs CasADi, which readers do without where no such law is stated.
+    from pneumo_casadi.data.control.law import ControlLaw
+    from pneumo_casadi.data.control.memory import unexplained_share
+
+    arrangement = getattr(bench, "arrangement", Arrangement.TWO_3_2)
+    law = ControlLaw(bench.controller, recording.dt, arrangement)
+    u = recording.stack(bench.kind.commands).T
+    off = unexplained_share(law, recording["x_ref"], recording["x"], u)
+    if off > LAW_TOLERANCE:
+        yield Finding(
+            Grade.NOTE,
+            "off the control law",
+            "u_P, controller",
+            f"The commands differ from those that the law of bench.json gives on the recorded "
+            f"positions by {100 * off:.0f} % rms; closed-loop simulation will not follow the "
+            "record.",
+            source=recording.name,
+        )
+
+
+def _off_the_law(recording: Recording, controller: ProportionalController) -> Iterator[Finding]:
     law = controller.gain * (recording["x_ref"] - recording["x"])
-    u = u_P - controller.u_0
+    u = recording["u_P"] - controller.u_0
     inside = np.abs(u) < 0.98 * controller.u_max
     u, law = u[inside], law[inside]
     if not law.size or not law @ law:

@@ -172,6 +172,10 @@ class ControlLaw:
             memory = before[:, -1]
         return np.hstack(commands), np.hstack(memories)
 
+    def after(self, memory: FloatArray, x_ref: float, x: float) -> FloatArray:
+        """Return the memory after a row, shape (n_memory,)."""
+        return np.asarray(self.step(memory, x_ref, x)[1], dtype=float).ravel()
+
     def _chain(self, n: int) -> ca.Function:
         chains: dict[int, ca.Function] = self.__dict__.setdefault("_chains", {})
         if n not in chains:

@@ -6,8 +6,8 @@ from numpy.typing import ArrayLike
 from pneumo_casadi.data.control.law import ControlLaw
 from pneumo_casadi.parameters import FloatArray
 
-#: Samples of the law whose commands tell its memory: filters of controllers forget within some
-#: tens of samples, and the integrator shows in every one.
+#: Samples of the law, off the limits, whose commands tell its memory: filters of controllers forget
+#: within some tens of samples, and the integrator shows in every one.
 SAMPLES = 200
 #: The law is piecewise linear in its memory: a Newton step for every change of the limits.
 STEPS = 10
@@ -21,7 +21,12 @@ SMALLEST = 1e-6
 
 
 def memory_at_start(
-    law: ControlLaw, x_ref: ArrayLike, x: ArrayLike, u: ArrayLike, v: float
+    law: ControlLaw,
+    x_ref: ArrayLike,
+    x: ArrayLike,
+    u: ArrayLike,
+    v: float,
+    guess: FloatArray | None = None,
 ) -> FloatArray:
     """Estimate the memory before the first row of a record by least squares of its commands.
 
@@ -35,6 +40,8 @@ def memory_at_start(
         Recorded commands.
     v : float
         Velocity at the first row [m/s].
+    guess : (n_memory,) array, optional
+        Where to begin; by default integrators are empty and the axis has moved at `v`.
 
     Returns
     -------
@@ -55,10 +62,12 @@ def memory_at_start(
     array([0.4])
     """
     x_ref, x = np.asarray(x_ref, dtype=float), np.asarray(x, dtype=float)
-    rows = slice(0, SAMPLES * law.rows)
-    x_ref, x, u = x_ref[rows], x[rows], np.asarray(u, dtype=float)[:, rows]
-    memory = law.rest(x_ref[0], x[0], v)
-    if law.rows > 1:
+    u = np.asarray(u, dtype=float)
+    free = (u[0] > u[0].min()) & (u[0] < u[0].max())  # at a limit commands tell little
+    rows = slice(0, int(np.searchsorted(np.cumsum(free), SAMPLES * law.rows)) + 1)
+    x_ref, x, u = x_ref[rows], x[rows], u[:, rows]
+    memory = law.rest(x_ref[0], x[0], v) if guess is None else guess
+    if law.rows > 1 and guess is None:
         memory[law.n_own : -1] = u[:, 0]
         memory[-1] = (law.rows - _first_sample(u, law.rows)) % law.rows
     residual = u - law.replay(x_ref, x, memory)[0]
@@ -109,10 +118,12 @@ def unexplained_share(law: ControlLaw, x_ref: ArrayLike, x: ArrayLike, u: ArrayL
     """
     x_ref, x, u = (np.asarray(values, dtype=float) for values in (x_ref, x, u))
     length = STRETCH * law.rows
-    off = 0.0
+    off, memory = 0.0, None
+    v = float(x[1] - x[0]) / law.dt
     for first in range(0, x.size, length):
         rows = slice(first, first + length)
-        v = float(np.gradient(x[rows], law.dt)[0]) if x[rows].size > 1 else 0.0
-        memory = memory_at_start(law, x_ref[rows], x[rows], u[:, rows], v)
-        off += float(np.sum((u[:, rows] - law.replay(x_ref[rows], x[rows], memory)[0]) ** 2))
+        memory = memory_at_start(law, x_ref[rows], x[rows], u[:, rows], v, memory)
+        given, before = law.replay(x_ref[rows], x[rows], memory)
+        off += float(np.sum((u[:, rows] - given) ** 2))
+        memory = law.after(before[:, -1], x_ref[rows][-1], x[rows][-1])
     return float(np.sqrt(off / max(float(np.sum(u**2)), np.finfo(float).tiny)))

@@ -1,0 +1,300 @@
+"""Question: does the toolbox identify what laboratories own, and name what they do wrong.
+
+Data: five random axes of the virtual bench a situation, 10 s at 1 kHz to identify on and 10 s held
+out, with the sensors' noise. A situation is met where every estimate is within its tolerance: M
+0.5 %, X_s 3 %, f_v 10 %, F_c 5 %; where a source of the flow is missing M 1 %, X_s 3 %, and the
+rest within 2.5 intervals. `coverage` is the share of all parameters of all axes within their 95 %
+interval, `usable` the worst verdict on a result. Then mistakes with records and maps: what the
+first line of `identify --strict` says, and its exit code.
+"""
+
+import argparse
+import json
+import os
+import tempfile
+import warnings
+from collections.abc import Callable, Iterable, Mapping
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import provenance
+from laboratory_mistakes import DURATION, MISTAKES, commit, rewrite
+
+from pneumo_casadi.data import (
+    Arrangement,
+    CascadeController,
+    FlowSource,
+    NoController,
+    PidController,
+    read_case,
+)
+from pneumo_casadi.errors import PneumoError
+from pneumo_casadi.identification.identify import identify
+from pneumo_casadi.identification.options import IdentifyOptions
+from pneumo_casadi.virtual_bench import Laboratory, VirtualAxis, make_case, random_axis
+
+SEED = 18
+AXES = 5
+#: Largest relative errors where the flow was metered, by the beginning of a parameter's name.
+METERED = {"M": 0.005, "X_s": 0.03, "f_v": 0.1, "F_c": 0.05}
+#: The same where a source of the flow is missing.
+UNMETERED = {"M": 0.01, "X_s": 0.03}
+#: Half-width of a 95 % interval, and how many of these an error may be where a source is missing.
+INTERVAL, INTERVALS = 1.96, 2.5
+LEAST_COVERAGE = 0.9
+USABLE = ("yes", "with care", "no")
+#: Windows of the held-out record [s]: those on which the verdict rests.
+OPTIONS = IdentifyOptions(windows=(2.0,))
+
+
+@dataclass(frozen=True)
+class Situation:
+    """What a laboratory has, how its case is changed, and how close the estimates must be.
+
+    `laboratory` is made for an axis; `change` rewrites the folder; `tolerances` are relative errors
+    by the beginning of a name, intervals count where there is none.
+    """
+
+    laboratory: Callable[[VirtualAxis], Laboratory]
+    change: Callable[[Path, VirtualAxis], None] | None = None
+    axis: Callable[[VirtualAxis], VirtualAxis] = lambda axis: axis
+    tolerances: Mapping[str, float] = field(default_factory=lambda: METERED)
+
+
+def owning(**owned: Any) -> Callable[[VirtualAxis], Laboratory]:
+    """Return the same laboratory for every axis."""
+    return lambda axis: Laboratory(**owned)
+
+
+def pid(axis: VirtualAxis) -> Laboratory:
+    """Return a PID controller at half the rate of the record."""
+    controller = PidController(
+        k_p=1.5 * axis.gain,
+        u_max=3.0,
+        k_i=axis.gain,
+        k_d=0.03 * axis.gain,
+        derivative_filter=0.01,
+        anti_windup="clamping",
+        sample_time=0.002,
+    )
+    return Laboratory(controller=controller)
+
+
+def cascade(axis: VirtualAxis) -> Laboratory:
+    """Return a PI velocity loop within a position loop."""
+    k_v = 0.15 * axis.gain
+    controller = CascadeController(
+        k_p=6.0, k_v=k_v, u_max=3.0, k_i=3.0 * k_v, velocity_filter=0.005
+    )
+    return Laboratory(controller=controller)
+
+
+def in_other_units(folder: Path, axis: VirtualAxis) -> None:
+    """Gauge pressures in bar, position in mm from the end of the stroke; columns.json says so."""
+
+    def change(table: pd.DataFrame) -> pd.DataFrame:
+        bar = {f"p{v}": ((table[f"p_{v}_Pa"] - axis.p_ext) / 1e5).round(6) for v in "PN"}
+        mm = {n: (1e3 * (table[f"{n}_m"] + stroke / 2)).round(5) for n in ("x", "x_ref")}
+        return pd.DataFrame({**table[["t_s", "u_P_V", "u_N_V"]], **bar, **mm})
+
+    stroke = read_case(folder, check=False).bench.stroke
+    rewrite(folder, change)
+    columns = {f"p_{v}_Pa": {"column": f"p{v}", "unit": "bar", "offset": axis.p_ext} for v in "PN"}
+    for name in ("x", "x_ref"):
+        columns[f"{name}_m"] = {"column": name, "unit": "mm", "offset": -stroke / 2}
+    (folder / "columns.json").write_text(json.dumps(columns), "utf-8")
+
+
+def in_two_files(folder: Path, axis: VirtualAxis) -> None:
+    """Two records to identify on, each on a clock of its own."""
+    table = pd.read_csv(folder / "identify.csv.gz")
+    half = len(table) // 2
+    table[:half].to_csv(folder / "identify_1.csv.gz", index=False)
+    table[half:].assign(t_s=table.t_s[half:] - table.t_s[half]).to_csv(
+        folder / "identify_2.csv.gz", index=False
+    )
+    (folder / "identify.csv.gz").unlink()
+
+
+SITUATIONS = {
+    "metered, two 3/2 valves": Situation(owning()),
+    "metered, meter of 1 %": Situation(owning(meter_accuracy=0.01)),
+    "one 5/3 valve": Situation(owning(arrangement=Arrangement.ONE_5_3)),
+    "two valves with different maps": Situation(owning(other_valve=0.25)),
+    "data sheet, C and b 30 % off": Situation(
+        owning(source=FlowSource.DATA_SHEET, data_sheet_error=0.3), tolerances=UNMETERED
+    ),
+    "nothing but areas": Situation(owning(source=FlowSource.NONE), tolerances=UNMETERED),
+    "gauge bar, mm from the end": Situation(owning(), in_other_units),
+    "supply pressure recorded": Situation(owning(supply=True)),
+    "velocity and acceleration recorded": Situation(owning(v_noise=2e-3, a_noise=0.1)),
+    "force recorded": Situation(owning(load_force=40.0)),
+    "vertical, 10 kg": Situation(owning(angle_deg=90.0), axis=lambda axis: replace(axis, M=10.0)),
+    "double rod": Situation(owning(double_rod=True)),
+    "no controller, no reference": Situation(owning(controller=NoController(), reference=False)),
+    "PID, slower than the record": Situation(pid),
+    "cascade": Situation(cascade),
+    "two files": Situation(owning(), in_two_files),
+    "jitter of 10 % and gaps": Situation(owning(jitter=0.1, gaps=((3.0, 3.2), (7.0, 7.1)))),
+    "moving mass alone": Situation(owning(pressures=True)),
+}
+UNIFORM, JITTER = "metered, two 3/2 valves", "jitter of 10 % and gaps"
+
+
+def identify_axis(name: str, seed: int) -> dict[str, Any]:
+    """Return the estimates of one axis in a situation, or the message of what failed."""
+    situation = SITUATIONS[name]
+    with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # a clipped start is no news here
+        path = Path(folder) / "case"
+        axis = situation.axis(random_axis(seed))
+        made = make_case(
+            path, seed, duration=DURATION, axis=axis, laboratory=situation.laboratory(axis)
+        )
+        try:
+            if situation.change is not None:
+                situation.change(path, made.axis)
+            result = identify(read_case(path), OPTIONS)
+        except (PneumoError, ValueError, ArithmeticError, LookupError, TypeError) as error:
+            return {"seed": seed, "failed": f"{type(error).__name__}: {error}"[:300]}
+    frame = result.to_frame()
+    known = [n for n in made.axis.truth if n in frame.index]
+    return {
+        "seed": seed,
+        "usable": result.usability.usable.value,
+        "verdict": result.usability.sentence,
+        "severe": [w.text for w in result.warnings if w.grade.value == "severe"],
+        "parameters": {
+            n: {
+                "truth": made.axis.truth[n],
+                "value": float(frame.output_error[n]),
+                "std": float(frame.output_error_std[n]),
+            }
+            for n in known
+        },
+        "seconds": result.seconds,
+    }
+
+
+def judge(name: str, rows: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return worst errors, coverage and verdict of a situation, and what misses its tolerance."""
+    done = [row for row in rows if "failed" not in row]
+    missed = [f"axis {row['seed']}: {row['failed']}" for row in rows if "failed" in row]
+    worst: dict[str, float] = {}
+    covered = []
+    for row in done:
+        for parameter, each in row["parameters"].items():
+            error = each["value"] / each["truth"] - 1
+            away = abs(each["value"] - each["truth"])
+            worst[parameter] = max(worst.get(parameter, 0.0), abs(100 * error))
+            covered.append(away <= INTERVAL * each["std"])
+            limit = tolerance(SITUATIONS[name], parameter)
+            if limit is None:
+                if away > INTERVALS * INTERVAL * each["std"]:
+                    missed.append(f"axis {row['seed']}: {parameter} beyond 2.5 intervals")
+            elif abs(error) > limit:
+                missed.append(f"axis {row['seed']}: {parameter} {100 * error:+.2g} %")
+        missed += [f"axis {row['seed']}: severe: {text}"[:160] for text in row["severe"]]
+    coverage = float(np.mean(covered)) if covered else 0.0
+    if coverage < LEAST_COVERAGE:
+        missed.append(f"coverage {100 * coverage:.0f} %")
+    verdicts = [row["usable"] for row in done] + ["no"] * (len(rows) - len(done))
+    return {
+        "worst_error_percent": worst,
+        "coverage": coverage,
+        "usable": max(verdicts, key=USABLE.index),
+        "met": not missed,
+        "missed": missed,
+        "axes": rows,
+    }
+
+
+def tolerance(situation: Situation, parameter: str) -> float | None:
+    """Return the largest relative error of a parameter; None where its interval counts."""
+    limits = situation.tolerances
+    return next((limit for name, limit in limits.items() if parameter.startswith(name)), None)
+
+
+def apart(uniform: Iterable[Mapping[str, Any]], jitter: Iterable[Mapping[str, Any]]) -> float:
+    """Return how many intervals the estimates from two kinds of record are apart at most."""
+    widths = [
+        abs(each["value"] - first["parameters"][parameter]["value"]) / (INTERVAL * each["std"])
+        for first, second in zip(uniform, jitter, strict=True)
+        if "failed" not in first and "failed" not in second
+        for parameter, each in second["parameters"].items()
+    ]
+    return float(max(widths, default=np.inf))
+
+
+def run(axes: int, names: list[str], mistakes: list[str], workers: int) -> dict[str, Any]:
+    """Return the benchmark's figures."""
+    seeds = [SEED + i for i in range(axes)]
+    with ProcessPoolExecutor(workers) as executor:
+        waiting = {n: [executor.submit(identify_axis, n, seed) for seed in seeds] for n in names}
+        asked = {n: [executor.submit(commit, n, seed) for seed in seeds[:1]] for n in mistakes}
+        situations = {}
+        for name, futures in waiting.items():
+            situations[name] = judge(name, [future.result() for future in futures])
+            print_situation(name, situations[name])
+        committed = {}
+        for name, futures in asked.items():
+            committed[name] = [future.result() for future in futures]
+            print_mistake(name, committed[name])
+    result = {"axes": axes, "duration_s": DURATION, "situations": situations}
+    if {UNIFORM, JITTER} <= situations.keys():
+        uniform, jitter = (situations[name]["axes"] for name in (UNIFORM, JITTER))
+        result["jitter_apart_in_intervals"] = apart(uniform, jitter)
+        print(f"jitter: at most {result['jitter_apart_in_intervals']:.2f} intervals from uniform")
+    return result | {"mistakes": committed}
+
+
+def print_situation(name: str, judged: Mapping[str, Any]) -> None:
+    """Print one row of the table, and below it what was missed."""
+    worst = judged["worst_error_percent"]
+    groups = {
+        group: max((value for n, value in worst.items() if n.startswith(group)), default=np.nan)
+        for group in METERED
+    }
+    figures = "  ".join(f"{group} {value:6.2f} %" for group, value in groups.items())
+    state = "met" if judged["met"] else "missed"
+    print(
+        f"{name:36s} {figures}  coverage {100 * judged['coverage']:3.0f} %  "
+        f"usable: {judged['usable']:9s}  {state}",
+        flush=True,
+    )
+    for text in judged["missed"]:
+        print(f"    {text}", flush=True)
+
+
+def print_mistake(name: str, rows: list[dict[str, Any]]) -> None:
+    """Print the first line and the exit code of a mistake."""
+    for row in rows:
+        state = "met" if row["met"] else "missed"
+        print(f"{name:24s} exit {row['exit_code']}  {state}  {row['first_line']}", flush=True)
+
+
+def main() -> None:
+    """Run the benchmark from the command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--json", type=Path, help="write the figures to this file")
+    parser.add_argument("--quick", action="store_true", help="one axis, two situations")
+    parser.add_argument("--only", nargs="*", help="names of situations and mistakes, or parts")
+    parser.add_argument("--axes", type=int, default=AXES, help="axes a situation")
+    parser.add_argument("--workers", type=int, default=os.cpu_count())
+    arguments = parser.parse_args()
+    parts = arguments.only if arguments.only is not None else [""]
+    names = [n for n in SITUATIONS if any(part in n for part in parts)]
+    mistakes = [n for n in MISTAKES if any(part in n for part in parts)]
+    if arguments.quick:
+        names, mistakes = [UNIFORM, "vertical, 10 kg"], ["bar for Pa"]
+    result = run(1 if arguments.quick else arguments.axes, names, mistakes, arguments.workers)
+    result |= provenance.made(SEED, arguments.quick, "numba")
+    provenance.write(arguments.json, result)
+
+
+if __name__ == "__main__":
+    main()
