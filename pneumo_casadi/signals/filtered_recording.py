@@ -112,7 +112,8 @@ def plan_filters_for(recordings: Iterable[Recording], bound: float = 0.01) -> Fi
     -------
     FilterPlan
     """
-    records = tuple(on_uniform_clock(recording) for recording in recordings)
+    recorded = tuple(recordings)
+    records = tuple(on_uniform_clock(recording, recorded[0].dt) for recording in recorded)
     # A record at rest shows the bandwidth of its noise, not of the axis.
     largest = max(float(np.std(rec["x"])) for rec in records)
     moving = [rec for rec in records if np.std(rec["x"]) >= AT_REST * largest]
@@ -147,7 +148,7 @@ def filter_recording(
     CaseError
         If the plan was made for another sampling frequency, or nothing is left of the record.
     """
-    recording = on_uniform_clock(recording)
+    recording = on_uniform_clock(recording, 1 / plan.sampling_frequency)
     fs = 1 / recording.dt
     if abs(fs / plan.sampling_frequency - 1) > 1e-3:
         raise CaseError(

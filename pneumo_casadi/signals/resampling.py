@@ -8,7 +8,7 @@ from pneumo_casadi.data.bench.axis_kind import INPUTS
 from pneumo_casadi.parameters import FloatArray
 
 
-def on_uniform_clock(recording: Recording) -> Recording:
+def on_uniform_clock(recording: Recording, dt: float | None = None) -> Recording:
     """Return a record on a uniform clock; itself where it is on one already.
 
     Measured signals are interpolated by cubic splines, whose error within the band of the
@@ -19,11 +19,13 @@ def on_uniform_clock(recording: Recording) -> Recording:
     ----------
     recording : Recording
         With any clock.
+    dt : float, optional
+        Step of the new clock [s]; by default the median step of the record.
 
     Returns
     -------
     Recording
-        With a uniform clock of the record's median step.
+        With a uniform clock.
 
     Examples
     --------
@@ -36,8 +38,9 @@ def on_uniform_clock(recording: Recording) -> Recording:
     """
     if recording.clock is not Clock.AS_RECORDED:
         return recording
-    rows = int((recording.t[-1] - recording.t[0]) / recording.dt * (1 + 1e-9)) + 1
-    t = recording.t[0] + recording.dt * np.arange(rows)
+    step = recording.dt if dt is None else dt
+    rows = int((recording.t[-1] - recording.t[0]) / step * (1 + 1e-9)) + 1
+    t = recording.t[0] + step * np.arange(rows)
     held = recording.hold is InputHold.ZERO
     channels = {
         name: _means(recording.t, recording[name], t)
