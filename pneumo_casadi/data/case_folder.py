@@ -12,8 +12,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
+from pneumo_casadi.data.bench.bench import Bench
 from pneumo_casadi.data.bench.bench_file import bench_content, read_bench
 from pneumo_casadi.data.bench.driven_bench import AnyBench
+from pneumo_casadi.data.bench.valve_source import Arrangement
 from pneumo_casadi.data.case import Case
 from pneumo_casadi.data.checks.column_entries import ColumnEntries
 from pneumo_casadi.data.checks.finding import Finding, Grade, merge_findings
@@ -114,7 +116,7 @@ def _read(
             (*records["identify"], *records["validate"]),
             bench,
             metered_flows(folder),
-            ColumnEntries(columns or {}),
+            ColumnEntries(columns or {}, _has_one_command(bench)),
             refuse,
         )
     maps = _flow_maps(folder)
@@ -127,6 +129,10 @@ def _read(
         merge_findings(findings),
         maps[1],
     )
+
+
+def _has_one_command(bench: AnyBench) -> bool:
+    return isinstance(bench, Bench) and bench.arrangement is Arrangement.ONE_5_3
 
 
 def _read_parts(

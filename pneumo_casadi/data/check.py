@@ -13,7 +13,7 @@ from pneumo_casadi.data.case import Case
 from pneumo_casadi.data.case_folder import inspect_case
 from pneumo_casadi.data.checks.finding import Finding, Grade, merge_findings
 from pneumo_casadi.data.checks.metered_flow import metered_flows
-from pneumo_casadi.data.checks.record_contents import (
+from pneumo_casadi.data.record_contents import (
     RecordContents,
     Statement,
     record_contents,

@@ -18,6 +18,8 @@ class ColumnEntries:
     columns : mapping, optional
         The file's own names -> channels, as `read_columns` returns it; channels that it does not
         name are read from the column of a case folder's own naming.
+    one_command : bool, optional
+        Whether both commands come from the one of a 5/3 valve.
 
     Examples
     --------
@@ -26,9 +28,12 @@ class ColumnEntries:
     {'p_P_Pa': {'column': 'pA', 'unit': 'bar', 'offset': 100000}}
     >>> entries.corrected("p_P", taken_from="p_N")
     {'p_P_Pa': 'p_N_Pa'}
+    >>> ColumnEntries(one_command=True).corrected("u_P", rows_late=1)
+    {'u_V': {'column': 'u_V', 'rows_late': 1}}
     """
 
     columns: Mapping[str, ColumnSpec] = field(default_factory=dict)
+    one_command: bool = False
 
     def corrected(
         self,
@@ -52,6 +57,10 @@ class ColumnEntries:
         rows_late : int, optional
             Rows by which the column is late.
         """
+        if self._from_one_command(channel):
+            if channel == "u_N":
+                return {}  # it follows from the one command, as u_P does
+            channel, taken_from, factor = "u", None, -factor if taken_from else factor
         name, column = self._read_from(taken_from or channel)
         scale, offset = factor * column.scale, factor * column.offset + offset
         late = column.rows_late + rows_late
@@ -64,6 +73,10 @@ class ColumnEntries:
         entry |= {"offset": _short(offset)} if offset else {}
         entry |= {"rows_late": late} if late else {}
         return {column_name(channel): name if len(entry) == 1 else entry}
+
+    def _from_one_command(self, channel: str) -> bool:
+        named = {c.channel for spec in self.columns.values() for c in _as_columns(spec)}
+        return channel in ("u_P", "u_N") and self.one_command and not {"u_P", "u_N"} & named
 
     def _read_from(self, channel: str) -> tuple[str, Column]:
         for name, spec in self.columns.items():

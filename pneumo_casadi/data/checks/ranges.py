@@ -8,7 +8,7 @@ from pneumo_casadi.data.bench.bench import Bench
 from pneumo_casadi.data.bench.controllers import NestedController, ProportionalController
 from pneumo_casadi.data.bench.driven_bench import AnyBench, ForceBench, PressureBench
 from pneumo_casadi.data.bench.pid_controllers import CascadeController, PidController
-from pneumo_casadi.data.bench.quantities import LENGTHS, PRESSURES, Quantity
+from pneumo_casadi.data.bench.quantities import LENGTHS, PRESSURES, SUPPLY_PRESSURE, Quantity
 from pneumo_casadi.data.checks.column_entries import ColumnEntries
 from pneumo_casadi.data.checks.finding import ContradictionError, Finding, Grade
 from pneumo_casadi.data.recording.recording import Recording
@@ -18,6 +18,7 @@ STROKE_MARGIN = 0.005  # share of the stroke by which a cushion or a sensor may 
 VACUUM_MARGIN = 0.1  # share of p_ext by which a chamber may fall below it
 COMPRESSION = 1.5  # a closed chamber may be compressed above the supply pressure
 CHARGED = 0.1  # share of the supply's gauge pressure that the chambers of a moving axis exceed
+USUAL_SUPPLY = 7e5  # Pa, where none is stated
 OTHER_UNIT = 5.0  # beyond this multiple of its limit a value has another unit
 WIDESPREAD = 0.05  # share of the rows beyond which the column, not a spike, is wrong
 
@@ -40,6 +41,9 @@ def check_ranges(recording: Recording, bench: AnyBench, entries: ColumnEntries) 
             _check_symmetric(recording, ("u_P", "u_N"), limit, "V", {"mV": 1e-3}, entries)
     else:
         _check_travel(recording, bench)
+        if isinstance(bench, PressureBench):
+            for channel in ("p_P", "p_N") if bench.S_N else ("p_P",):
+                _check_pressure(recording, channel, bench, entries)
         if isinstance(bench.controller, NestedController):
             limit = abs(bench.controller.gain) * bench.controller.u_max
             _check_symmetric(recording, ("F",), limit, "N", {"kN": 1e3}, entries)
@@ -71,11 +75,13 @@ def _check_travel(recording: Recording, bench: ForceBench | PressureBench) -> No
 
 
 def _check_pressure(
-    recording: Recording, channel: str, bench: Bench, entries: ColumnEntries
+    recording: Recording, channel: str, bench: Bench | PressureBench, entries: ColumnEntries
 ) -> None:
-    lower, upper = (1 - VACUUM_MARGIN) * bench.p_ext, COMPRESSION * bench.p_supply
+    supply = bench.p_supply if isinstance(bench, Bench) else SUPPLY_PRESSURE.upper
+    lower, upper = (1 - VACUUM_MARGIN) * bench.p_ext, COMPRESSION * supply
     highest = float(recording[channel].max())
-    span = CHARGED * (bench.p_supply - bench.p_ext)
+    usual = supply if isinstance(bench, Bench) else USUAL_SUPPLY
+    span = CHARGED * (usual - bench.p_ext)
     gauge = {
         f"gauge {unit}": (scale, bench.p_ext)
         for unit, (scale, _) in {"Pa": (1.0, 0.0), **PRESSURES}.items()
@@ -84,7 +90,7 @@ def _check_pressure(
     units = {**PRESSURES, **gauge}
     above = highest > upper
     what = (
-        f"far above the supply pressure {bench.p_supply:g} Pa"
+        f"far above the supply pressure {supply:g} Pa"
         if above
         else f"below the ambient pressure {bench.p_ext:g} Pa"
     )
