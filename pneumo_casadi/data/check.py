@@ -25,6 +25,8 @@ from pneumo_casadi.runtime.presentation import Presentable
 NOISE_RATIO = 2.0
 """Estimated over stated noise, either way, that is worth a finding: intervals scale with it."""
 WIDTH = 100
+MOST_COLUMNS = 5
+"""Records that stand side by side within this width; more of them stand below each other."""
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -102,7 +104,9 @@ class CaseCheck(Presentable):
         for finding in self.findings[1:]:
             lines.append(_item(f"{finding.grade}: {finding.sentence}"))
         lines += [""] if self.findings[1:] else []
-        lines += [self.to_frame().T.to_string(float_format="{:.4g}".format, na_rep=""), ""]
+        frame = self.to_frame()
+        frame = frame.T if len(frame) <= MOST_COLUMNS else frame
+        lines += [frame.to_string(float_format="{:.4g}".format, na_rep=""), ""]
         for title, enough in (("The records can tell", True), ("They cannot tell", False)):
             chosen = [item for item in self.statements if item.enough is enough]
             if chosen:

@@ -36,7 +36,7 @@ class RecordContents:
     sampling_frequency : float
         [Hz].
     bandwidth : float
-        Frequency below which lies 99 % of the power of the velocity [Hz].
+        Frequency below which lies 99 % of the power of the velocity [Hz]; 0 where it is noise.
     noise : mapping of str to float
         Standard deviation of the noise of one sample by output, from fourth differences [SI].
     ranges : mapping of str to (float, float)
@@ -48,7 +48,7 @@ class RecordContents:
     slow, fast : float
         Speeds that 10 % and 90 % of the moving time stay below [m/s].
     acceleration : float
-        Largest acceleration below 20 Hz [m/s²].
+        Largest acceleration below 20 Hz, less that of the sensor's noise [m/s²].
     reversals : int
         Changes of direction.
     common_mode : float or None
@@ -82,6 +82,8 @@ def record_contents(recording: Recording, bench: AnyBench, held_out: bool) -> Re
     """Return the figures of a record."""
     smooth = block_means(recording)
     v = np.gradient(smooth(recording["x"]), smooth.dt)
+    v_noise = np.gradient(smooth(_as_noisy(recording["x"])), smooth.dt)
+    peak, peak_of_noise = (np.abs(np.gradient(y, smooth.dt)).max() for y in (v, v_noise))
     moving = v[np.abs(v) > AT_REST]
     speeds = np.abs(moving) if moving.size else np.zeros(1)
     both = all(name in recording for name in ("p_P", "p_N"))
@@ -92,25 +94,34 @@ def record_contents(recording: Recording, bench: AnyBench, held_out: bool) -> Re
         rows=recording.N,
         duration=recording.duration,
         sampling_frequency=recording.sampling_frequency,
-        bandwidth=_bandwidth(v, smooth),
+        bandwidth=_bandwidth(v, v_noise, smooth),
         noise={name: noise_of(recording[name]) for name in bench.kind.outputs},
         ranges={n: (float(recording[n].min()), float(recording[n].max())) for n in recording.names},
         rest=1 - moving.size / v.size,
         forward=float(np.mean(moving > 0)) if moving.size else 0.0,
         slow=float(np.quantile(speeds, 0.1)),
         fast=float(np.quantile(speeds, 0.9)),
-        acceleration=float(np.abs(np.gradient(v, smooth.dt)).max()),
+        acceleration=max(float(peak - peak_of_noise), 0.0),
         reversals=int(np.count_nonzero(np.diff(np.sign(moving)))),
         common_mode=float(np.ptp(mean)) if both else None,
     )
 
 
-def _bandwidth(v: FloatArray, smooth: BlockMeans) -> float:
-    power = np.abs(np.fft.rfft((v - v.mean()) * np.hanning(v.size))) ** 2
-    if not power.sum():
+def _as_noisy(values: FloatArray) -> FloatArray:
+    """Return white noise of the size of that on a channel, always the same."""
+    rng = np.random.default_rng(0)
+    return noise_of(values) * np.asarray(rng.standard_normal(values.size))
+
+
+def _bandwidth(v: FloatArray, v_noise: FloatArray, smooth: BlockMeans) -> float:
+    """Return the bandwidth of the velocity, the power of the sensor's noise taken off [Hz]."""
+    window = np.hanning(v.size)
+    power, noise = (np.abs(np.fft.rfft((y - y.mean()) * window)) ** 2 for y in (v, v_noise))
+    below = np.maximum.accumulate(np.cumsum(power - noise))
+    if below[-1] <= 0:
         return 0.0
-    share = np.cumsum(power) / power.sum()
-    return float(np.fft.rfftfreq(v.size, smooth.dt)[int(np.searchsorted(share, BANDWIDTH_SHARE))])
+    k = int(np.searchsorted(below, BANDWIDTH_SHARE * below[-1]))
+    return float(np.fft.rfftfreq(v.size, smooth.dt)[k])
 
 
 @dataclass(frozen=True, slots=True)
