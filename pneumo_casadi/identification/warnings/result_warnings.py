@@ -34,6 +34,25 @@ def result_warnings(
     """Collect the warnings of an identification, the gravest first.
 
     Among those of one grade, what the data themselves show comes first: it is the cause.
+
+    Parameters
+    ----------
+    case : Case
+        With the findings of its checks.
+    records : sequence of Recording
+        Those fitted.
+    flow_map : FlowMap or None
+        Measured map.
+    wls : WLSResult
+        Weighted least squares.
+    result : OutputErrorResult
+        Output error.
+    validation : Validation or None
+        Simulations of held-out records; None where there are none.
+    selection : FormSelection, optional
+        How the form of the flow map was chosen.
+    each_record : RecordEstimates, optional
+        Estimates from each of several records.
     """
     return in_order(
         (
@@ -54,7 +73,15 @@ def result_warnings(
 def inflation(result: OutputErrorResult) -> float:
     """Return by how much correlated residuals widen the worst output-error interval.
 
-    The largest ratio of a robust to an ideal standard deviation; 1 where residuals are white.
+    Parameters
+    ----------
+    result : OutputErrorResult
+        The fit.
+
+    Returns
+    -------
+    float
+        The largest ratio of a robust to an ideal standard deviation; 1 where residuals are white.
     """
     ideal, robust = result.uncertainty.std, result.uncertainty.std_robust
     known = np.isfinite(ideal) & (ideal > 0) & np.isfinite(robust)
@@ -101,7 +128,13 @@ def _of_solution(result: OutputErrorResult) -> Iterator[ResultWarning]:
 
 
 def validation_warnings(validation: Validation | None) -> Iterator[ResultWarning]:
-    """Yield the warnings about simulations of held-out records."""
+    """Yield the warnings about simulations of held-out records.
+
+    Parameters
+    ----------
+    validation : Validation or None
+        The simulations; None where no record is held out.
+    """
     if validation is None:
         yield met(
             "not held out",
@@ -124,7 +157,13 @@ def _percent(value: float) -> str:
 
 
 def simulation_sentence(validation: Validation) -> str:
-    """Return the size of the largest gap on the held-out records in one sentence."""
+    """Return the size of the largest gap on the held-out records in one sentence.
+
+    Parameters
+    ----------
+    validation : Validation
+        The simulations.
+    """
     name, gap, view = largest_gap(validation)
     return (
         f"on held-out records the simulation ({view}) is off by at most {_percent(gap)} of the "
@@ -137,6 +176,11 @@ def largest_gap(validation: Validation) -> tuple[str, float, str]:
 
     Over the longest windows: over a whole record in open loop a position drifts, and its error
     grows with the length of the record. Where there are no windows, over the whole record.
+
+    Parameters
+    ----------
+    validation : Validation
+        The simulations.
     """
     view, errors = "open loop", validation.open_loop
     if validation.windows:
