@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from pneumo_casadi.data.bench.bench import Bench
 from pneumo_casadi.data.bench.bench_file import bench_content, read_bench
-from pneumo_casadi.data.bench.driven_bench import AnyBench
+from pneumo_casadi.data.bench.driven_bench import AnyBench, PressureBench
 from pneumo_casadi.data.bench.valve_source import Arrangement
 from pneumo_casadi.data.case import Case
 from pneumo_casadi.data.checks.column_entries import ColumnEntries
@@ -41,7 +41,7 @@ EXAMPLE = Path(__file__).parent / "examples" / "table1"
 def read_case(
     folder: str | Path,
     check: bool = True,
-    hold: InputHold = InputHold.ZERO,
+    hold: InputHold | None = None,
     columns: Mapping[str, ColumnSpec] | None = None,
 ) -> Case:
     """Read a case folder, or public measurements (EMPS, seal friction) that lie in the folder.
@@ -58,8 +58,9 @@ def read_case(
     check : bool, optional
         Whether to hold the records against the bench (`check_records`).
     hold : InputHold, optional
-        Course of the inputs between samples: constant (``ZERO``, the default, right for commands
-        of a sampled controller) or linear (``LINEAR``, for a measured continuous signal).
+        Course of the inputs between samples: constant (``ZERO``, right for commands of a sampled
+        controller) or linear (``LINEAR``, for a measured continuous signal). By default constant,
+        and linear for a pressure-driven axis, whose inputs are measured.
     columns : mapping, optional
         Names and units of columns that are not those of a case folder; see `read_recording`.
         By default those in ``columns.json``, if the folder contains one; see
@@ -83,13 +84,13 @@ def read_case(
 
 def inspect_case(folder: str | Path) -> Case:
     """Read a case folder as `read_case` does, contradictions of records being severe findings."""
-    return _read(Path(folder), False, InputHold.ZERO, None)
+    return _read(Path(folder), False, None, None)
 
 
 def _read(
     folder: Path,
     refuse: bool | None,
-    hold: InputHold,
+    hold: InputHold | None,
     columns: Mapping[str, ColumnSpec] | None,
 ) -> Case:
     """Read a case; `refuse` as in `check_records`, None to leave the checks out."""
@@ -106,7 +107,7 @@ def _read(
         role: tuple(
             part
             for path in _record_files(folder, role)
-            for part in _read_parts(path, hold, columns, bench.clock)
+            for part in _read_parts(path, hold or _hold_of(bench), columns, bench.clock)
         )
         for role in ("identify", "validate")
     }
@@ -133,6 +134,14 @@ def _read(
 
 def _has_one_command(bench: AnyBench) -> bool:
     return isinstance(bench, Bench) and bench.arrangement is Arrangement.ONE_5_3
+
+
+def _hold_of(bench: AnyBench) -> InputHold:
+    """Return the course of the inputs of a kind of axis between samples.
+
+    Held pressures would be half a sample late, which a fit takes for another mass.
+    """
+    return InputHold.LINEAR if isinstance(bench, PressureBench) else InputHold.ZERO
 
 
 def _read_parts(
@@ -261,7 +270,7 @@ def write_case(
         (draft / "bench.json").write_text(text + "\n", "utf-8")
         for role, records in (("identify", identify), ("validate", validate)):
             for name, recording in zip(_file_names(role, len(records)), records, strict=True):
-                _write_csv(draft / name, _columns(recording))
+                _write_csv(draft / name, _columns(recording, _hold_of(bench)))
         end = "" if flow_map_N is None else "_P"
         for name, table in ((f"flow_map{end}.csv", flow_map), ("flow_map_N.csv", flow_map_N)):
             if isinstance(table, Mapping):
@@ -279,11 +288,12 @@ def _file_names(role: str, count: int) -> list[str]:
     return [f"{role}_{number:0{digits}d}.csv.gz" for number in range(1, count + 1)]
 
 
-def _columns(recording: Recording) -> dict[str, ArrayLike]:
-    if recording.hold is not InputHold.ZERO:
+def _columns(recording: Recording, hold: InputHold) -> dict[str, ArrayLike]:
+    if recording.hold is not hold:
+        course = "run linearly" if hold is InputHold.LINEAR else "are held at zero order"
         raise CaseError(
-            f"{recording.name}: hold {recording.hold.value}, but a case folder's inputs are held "
-            "at zero order; resample the inputs"
+            f"{recording.name}: hold {recording.hold.value}, but the inputs of such a case folder "
+            f"{course} between samples; resample the inputs"
         )
     unknown = [name for name in recording.names if name not in UNITS]
     if unknown:

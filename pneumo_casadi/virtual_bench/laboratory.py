@@ -218,5 +218,6 @@ class Laboratory:
         kept = ~np.any(
             [(begin <= run.t) & (run.t < end) for begin, end in self.gaps or [(0, 0)]], 0
         )
+        hold = InputHold.LINEAR if self.pressures else InputHold.ZERO
         rows = {channel: values[kept] for channel, values in channels.items()}
-        return Recording(run.t[kept], rows, name, "virtual bench", InputHold.ZERO, clock=self.clock)
+        return Recording(run.t[kept], rows, name, "virtual bench", hold, clock=self.clock)

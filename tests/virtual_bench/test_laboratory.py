@@ -11,6 +11,7 @@ from pneumo_casadi.data import (
     CascadeController,
     Clock,
     FlowSource,
+    InputHold,
     NoController,
     PidController,
     PressureBench,
@@ -137,6 +138,7 @@ def test_the_moving_mass_alone_has_pressures_for_inputs(made):
     case = made(pressures=True, double_rod=True).case
     assert isinstance(case.bench, PressureBench) and case.bench.S_P == case.bench.S_N
     assert set(case.identify[0].names) == {"p_P", "p_N", "x"}
+    assert case.identify[0].hold is InputHold.LINEAR  # pressures are measured, not commanded
 
 
 def test_a_usual_laboratory_records_what_it_always_did(tmp_path):
