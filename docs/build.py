@@ -21,7 +21,7 @@ from typer.main import get_command
 ROOT = Path(__file__).resolve().parent.parent
 #: Pages of the programming reference: title, and the packages whose exports stand on it.
 STAGES = {
-    "data": ("Data: cases, recordings, files", ("data",)),
+    "data": ("Data: cases, recordings, files", ("data", "data.check")),
     "signals": ("Signals: filters, derivatives, decimation", ("signals",)),
     "valve": ("Valve: the static flow map", ("valve",)),
     "model": (

@@ -23,7 +23,7 @@ def case(tmp_path_factory):
 def test_a_design_is_written_whole_and_keeps_its_limits(case, tmp_path, capsys):
     folder, copy = tmp_path / "next", tmp_path / "copy.json"
     limits = ["--common", "0.05", "--velocity", "0.6", "--duration", "2"]
-    arguments = ["design", str(case), "--flow", "iso6358", *limits, "--tries", "8"]
+    arguments = ["design", str(case), "--flow", "iso6358", *limits, "--tries", "20"]
     assert cli.run([*arguments, "-o", str(folder), "--json", str(copy)]) == 0
     frame = pd.read_csv(folder / "reference.csv")
     assert list(frame) == ["t_s", "x_ref_m", "u_common_V"]

@@ -53,6 +53,10 @@ def result_warnings(
         How the form of the flow map was chosen.
     each_record : RecordEstimates, optional
         Estimates from each of several records.
+
+    Returns
+    -------
+    tuple of ResultWarning
     """
     return in_order(
         (
