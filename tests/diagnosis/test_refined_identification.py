@@ -42,8 +42,8 @@ def test_windows_are_taken_where_whole_records_do_not_converge(quick_diagnosis, 
 def test_the_final_model_goes_from_diagnosis_to_validation_simulation_and_export(
     made_case, tmp_path
 ):
-    whole = made_case(3, 8.0, stribeck="medium")
-    fitted, held_out = whole.identify[0].window(1.0, 4.0), whole.validate[0].window(1.0, 3.0)
+    whole = made_case(3, stribeck="medium")
+    fitted, held_out = whole.identify[0].window(1.0, 4.0), whole.validate[0]
     case = write_case(tmp_path / "case", whole.bench, [fitted], [held_out], whole.flow_map_path)
     few = {name: EFFECTS[name] for name in ("stribeck",)}
     diagnosis = diagnose(case, few)
