@@ -41,7 +41,7 @@ class Limits:
     command : float
         Largest command to a valve [V].
     common : float
-        Largest command added to both valves alike [V]; 0 where the bench does not allow it.
+        Largest command added to both valves [V]; 0 where the bench does not allow it.
 
     Raises
     ------

@@ -91,7 +91,7 @@ def design_experiment(
 
     References (sines, steps, chirps, ...) are tried on the identified model within limits that
     follow from bench and records. The best one either makes the standard errors of an
-    output-error fit small, or tells two effects apart.
+    output-error fit small, or distinguishes two effects.
 
     Parameters
     ----------

@@ -17,7 +17,7 @@ from pneumo_casadi.parameters import FloatArray
 #: The search steps at most so finely [s], and smooths friction at least so widely [m/s]; the
 #: reference found is judged at the bench's own rate and the axis' own width.
 COARSE_STEP, COARSE_WIDTH = 1e-3, 1e-3
-#: So much of a record tells where it began [s].
+#: Length of the beginning of a record from which its initial state is estimated [s].
 BEGINNING = 5e-3
 #: The search keeps so much of every limit in hand.
 SEARCH_MARGIN = 0.03
@@ -158,7 +158,7 @@ def default_limits(
     u_metered : float
         Largest command at which the flow map was metered [V]: beyond it nothing is known.
     common : float, optional
-        Largest command to both valves alike [V].
+        Largest command to both valves [V].
 
     Returns
     -------

@@ -8,7 +8,7 @@ import numpy as np
 
 from pneumo_casadi.parameters import FloatArray
 
-#: Name of the part that is laid over all others: steps of both valves alike.
+#: Name of the part that is laid over all others: equal steps of both valves.
 COMMON = "common_mode_steps"
 #: Tones of a multisine, places of holds, speeds of a creep.
 TONES, PLACES, SPEEDS = 7, 5, 3
@@ -118,7 +118,7 @@ class Reference:
     x_ref : (N,) array
         Reference of the position [m].
     common : (N,) array
-        Command added to both valves alike [V]; it moves the mean pressure.
+        Command added to both valves [V]; it moves the mean pressure.
     start : (x, p_P, p_N), optional
         Where it was begun, at rest [m, Pa, Pa]; by default the axis settles on the first values.
     """
@@ -184,7 +184,7 @@ def holds(t: FloatArray, spread: float) -> FloatArray:
 
 
 def common_mode_steps(t: FloatArray, step: float, offset: float, period: float) -> FloatArray:
-    """Command both valves alike, alternately above and below an offset."""
+    """Command both valves equally, alternately above and below an offset."""
     side = np.where((2 * t / period).astype(int) % 2 == 0, 1.0, -1.0)
     return np.clip(offset + step * side, -1.0, 1.0)
 
@@ -230,7 +230,7 @@ KINDS: Mapping[str, Kind] = MappingProxyType(
         ),
         "holds": Kind("five places to stay", (Number("spread", "1", 0.05, 1.0, 0.6),), holds),
         COMMON: Kind(
-            "steps of both valves alike",
+            "equal steps of both valves",
             (
                 Number("step", "1", 0.0, 1.0, 0.0),
                 Number("offset", "1", -1.0, 1.0, 0.0),
@@ -256,7 +256,7 @@ def make_reference(
     reach : float
         Largest position [m].
     common : float
-        Largest command to both valves alike [V].
+        Largest command to both valves [V].
 
     Examples
     --------

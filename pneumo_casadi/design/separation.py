@@ -1,4 +1,4 @@
-"""An experiment that tells effects apart."""
+"""An experiment that distinguishes effects."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -119,7 +119,7 @@ def design_to_separate(
     options: DesignOptions,
     progress: Progress | None = None,
 ) -> Design:
-    """Design an experiment that tells effects apart.
+    """Design an experiment that distinguishes effects.
 
     The smallest refitted distance of all ordered pairs is made large: the norm of the difference
     between what the axis with one effect does and what the axis with another can be fitted to,

@@ -248,7 +248,7 @@ class Effect:
         return q_m
 
     def chamber_energy(self, q_m: Pair, at: Scope) -> Pair:
-        """Return the mass flow that would raise the pressure alike, heat included [kg/s]."""
+        """Return the mass flow that would raise the pressure equally, heat included [kg/s]."""
         return q_m
 
     def drive(self, F: Expression, at: Scope) -> Expression:

@@ -57,7 +57,7 @@ JUNCTIONS: Mapping[str, str] = {
     Junction.LINE: "mass flow that arrives at each chamber [kg/s] (Pair)",
     Junction.CHAMBER_FLOW: "net mass flow into each chamber, leaks included [kg/s] (Pair)",
     Junction.CHAMBER_ENERGY: (
-        "mass flow that would raise the pressure alike, heat included [kg/s] (Pair)"
+        "mass flow that would raise the pressure equally, heat included [kg/s] (Pair)"
     ),
     Junction.DRIVE: "force of the drive on the force-driven axis [N]",
     Junction.FORCE: "sum of the forces on the moving mass, inertia excepted [N]",

@@ -63,7 +63,7 @@ def power_bandwidth(x: ArrayLike, sampling_frequency: float, share: float = 0.99
     Returns
     -------
     float
-        [Hz], resolved to 1 / 4 s. It tells what the record excites, not what the loop could
+        [Hz], resolved to 1 / 4 s. It shows what the record excites, not what the loop could
         follow; give `f_dyn` yourself where you know the closed loop's bandwidth.
 
     Raises

@@ -49,7 +49,7 @@ class FlowMap:
     Notes
     -----
     The points are stored read-only, in the order given, as copies. They may be scattered;
-    `is_grid` tells whether every command was metered at every pressure exactly once.
+    `is_grid` states whether every command was metered at every pressure exactly once.
 
     Examples
     --------

@@ -54,7 +54,7 @@ def locate(
     cause : sequence of Effect, optional
         Effects found, in the order in which they were added: the location is that of the first.
     fitted : FittedModel, optional
-        The fit with them: tells in which balance the first one adds most.
+        The fit with them: shows in which balance the first one adds most.
     gap : bool, optional
         Whether there is a gap, if known from held-out data: without a gap there is no location,
         with one there is, however small. By default the unknown inputs decide.

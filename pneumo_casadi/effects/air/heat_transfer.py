@@ -29,7 +29,7 @@ class HeatTransfer(Effect):
     with T_f = T₀ for air that comes in and T for air that goes out, and what a valve lets out
     goes with √(T₀/T), as every orifice does in its upstream temperature (ISO 6358). The
     left-hand side is that of eq. 1 with k = γ, so the right-hand side is the flow that would
-    raise the pressure alike. The chamber's volume is read off X_s (V = r T₀ X_s3 (X_s1/X_s2 +
+    raise the pressure equally. The chamber's volume is read off X_s (V = r T₀ X_s3 (X_s1/X_s2 +
     x)) and its wall area off the bench (two piston areas and the barrel, A = 2 S + 2 √(π S) V/S).
 
     `share` blends: 0 is the polytropic axis with its own k, exactly; 1 is the first law, where

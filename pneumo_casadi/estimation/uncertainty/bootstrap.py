@@ -43,7 +43,7 @@ class Bootstrap:
     axis : Axis
         With the estimates from the data.
     uncertainty : ParameterUncertainty
-        Covariance by Gauss-Newton; tells what has no interval at all.
+        Covariance by Gauss-Newton; its infinite entries have no interval at all.
     replicates : tuple of Replicate
         All of them, failures included.
     lengths : dict of str to int
@@ -172,10 +172,10 @@ def block_bootstrap(
     blocks cut, k being the share of a slow sum's variance that survives (`retained_variance`).
 
     So replicates scatter, on average over the noise, as fits to new noise do, unless noise is so
-    slow and the record so short that the fit has taken its slow part altogether. One record tells
-    that scatter itself only to 1/√(2 b): with 10 blocks to 22 %, and intervals are not widened for
-    it as those of the robust covariance are. Inputs stay as they were recorded: what a controller
-    makes of other noise is not drawn.
+    slow and the record so short that the fit has taken its slow part altogether. One record
+    determines that scatter only to 1/√(2 b): with 10 blocks to 22 %, and intervals are not widened
+    for it as those of the robust covariance are. Inputs stay as they were recorded: what a
+    controller makes of other noise is not drawn.
     """
     if replicates < 2:
         raise ModelError(f"{replicates} replicates have no scatter; at least 2")

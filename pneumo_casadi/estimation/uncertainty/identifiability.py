@@ -70,7 +70,7 @@ class Identifiability:
         to 1 (to 0 without information).
     std_without : (n_sources, n) array
         Factor by which the standard deviation of each parameter grows, all others estimated,
-        when a source is left out; infinite where nothing else tells. 1 where there is no
+        when a source is left out; infinite where no other source informs it. 1 where there is no
         standard deviation to begin with.
     """
 

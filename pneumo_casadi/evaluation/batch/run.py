@@ -143,8 +143,8 @@ def diagnose_one(folder: Path, out: Path, diagnosing: Diagnosing, call: str = ""
     diagnosing : callable
         The diagnosis.
     call : str, optional
-        What tells this call from others: Dask gives equal tasks one result, also where files have
-        changed in between.
+        What distinguishes this call from others: Dask gives equal tasks one result, also where
+        files have changed in between.
 
     Raises
     ------

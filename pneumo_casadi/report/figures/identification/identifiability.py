@@ -32,10 +32,10 @@ ACROSS = 2
 def profile_figure(profiles: Mapping[str, Profile]) -> Figure:
     """Draw profile likelihoods beside what the Gauss-Newton covariance says.
 
-    Drawn is the root of twice the rise of the cost: two straight lines where the covariance tells
-    all. Deviations are in Gauss-Newton standard deviations, where there are any; the interval lies
-    where the profile is below the threshold: the lower one for white residuals, the upper one for
-    residuals as correlated as they are. A flat profile says that the data hold nothing.
+    Drawn is the root of twice the rise of the cost: two straight lines where the covariance is
+    exact. Deviations are in Gauss-Newton standard deviations, where there are any; the interval
+    lies where the profile is below the threshold: the lower one for white residuals, the upper one
+    for residuals as correlated as they are. A flat profile says that the data hold nothing.
     """
     down = -(-len(profiles) // ACROSS)
     figure = new_figure(8.0 + 34.0 * down, head=HEAD)
