@@ -39,8 +39,8 @@ def flow_answer(result: Mapping[str, Any]) -> str:
     return (
         "A gain error of 1 % in the map moves X_s1 ... X_s6 by "
         f"{sum(chambers) / len(chambers):.2f} % and k_P, k_N by no more than {most:.2g} %, fixed "
-        "or anchored; trajectories do not depend on it. What moves k_P and k_N is the shape of the "
-        f"map, and only where the record goes: here |u| stays below {seen:.2f} V of the {metered:g} V "
+        "or anchored; trajectories do not depend on it. What moves k_P and k_N is the "
+        f"shape of the map, and only where the record goes: here |u| stays below {seen:.2f} V of the {metered:g} V "
         "that were metered. With the map as fitted, k_P and k_N of WLS err by "
         f"{k_errors('7-7-4', 'fixed', 'wls')} with the paper's degrees 7-7-4, by "
         f"{k_errors('7-7-7', 'fixed', 'wls')} with 7-7-7 and by "
