@@ -125,17 +125,17 @@ def simulate_axis(
     states, modes = np.full((kept, layout.SIZE), np.nan), np.zeros(kept)
     accelerations = np.zeros(kept)
     t: FloatArray = dt * np.arange(N, dtype=float)
-    steps = np.full(N, dt)
+    intervals = np.full(N, dt)
     if jitter:
         away = np.random.default_rng([seed, 7]).normal(0.0, jitter, N).clip(-FARTHEST, FARTHEST)
         t = t + dt * away
-        steps[:-1] = np.diff(t)
+        intervals[:-1] = np.diff(t)
     half = axis.stroke / 2
     begin = np.array(start or (np.clip(drive.x_ref[0], -half, half), *rest_pressures(axis)))
     if not abs(begin[0]) <= half:
         raise ModelError(f"start at x = {begin[0]:g} m: beyond the end stop at {half:g} m")
     run(
-        par, begin, drive.x_ref, drive.common, noise, t, steps, dt, substeps,
+        par, begin, drive.x_ref, drive.common, noise, t, intervals, dt, substeps,
         round(settling * fs), rows, states, modes, accelerations,
     )  # fmt: skip
     bad = ~np.isfinite(rows).all(axis=1)

@@ -69,13 +69,13 @@ def control(
 @entry
 def run(
     par: Any, start: FloatArray, x_ref: FloatArray, common: FloatArray, noise: FloatArray,
-    instants: FloatArray, steps: FloatArray, dt: float, substeps: int, settling: int,
+    instants: FloatArray, intervals: FloatArray, dt: float, substeps: int, settling: int,
     rows: FloatArray, states: FloatArray, modes: FloatArray, accelerations: FloatArray,
 ) -> None:  # fmt: skip
     """Run the axis under its controller.
 
     `start` is (x, p_P, p_N). x_ref, common (N,) and noise (N, 3) are given for each sample, and the
-    `instants` at which they are taken with the `steps` (N,) that follow [s], about `dt`, which
+    `instants` at which they are taken with the `intervals` (N,) that follow [s], about `dt`, which
     the controller takes them for; each is integrated in `substeps` steps. Before the record the
     loop runs for `settling` samples at the first reference. The function fills `rows` (N, ROW),
     and `states` (N, SIZE), `modes` and `accelerations` (N,) as far as they have rows.
@@ -94,7 +94,7 @@ def run(
     observe(y, par, memory, past, now, h, shown)
     for k in range(-settling, x_ref.size):
         j = max(k, 0)
-        t, h = (instants[k], steps[k] / substeps) if k >= 0 else (k * dt, dt / substeps)
+        t, h = (instants[k], intervals[k] / substeps) if k >= 0 else (k * dt, dt / substeps)
         observed = noise[k] if k >= 0 else quiet
         control(shown, observed, x_ref[j], common[j], dt, par, remembered, row)
         spool_targets(t, row[:2], plays, target, par)
