@@ -36,8 +36,10 @@ class ParameterUncertainty:
     combinations : tuple of str
         Those directions, written out.
     covariance_robust : (n, n) array or None
-        The same for residuals of any size and correlation, see `robust_covariance`. It does not
-        include the bias of a wrong model.
+        The same for residuals of any size and correlation, see `robust_covariance`. Output error
+        adds the bias of the smoothed friction; the bias of a wrong model is not included.
+    covariance_scatter : (n, n) array or None
+        The part of `covariance_robust` that the residuals show, without a bias.
     """
 
     names: tuple[str, ...]
@@ -46,6 +48,7 @@ class ParameterUncertainty:
     uninformed: tuple[str, ...] = ()
     combinations: tuple[str, ...] = ()
     covariance_robust: FloatArray | None = None
+    covariance_scatter: FloatArray | None = None
 
     @property
     def std_robust(self) -> FloatArray:
@@ -79,6 +82,7 @@ def invert_information(
     at_bound: Sequence[str] = (),
     scores: Sequence[Sequence[FloatArray]] | None = None,
     prior: FloatArray | None = None,
+    shift: FloatArray | None = None,
 ) -> ParameterUncertainty:
     """Turn information on scaled parameters into a covariance in SI units.
 
@@ -98,6 +102,9 @@ def invert_information(
     prior : (n, n) array, optional
         Part of `information` that is prior knowledge. It has no residuals whose scatter could be
         seen, and its covariance is known.
+    shift : (n,) array, optional
+        A bias of the scaled parameters whose size is known, but not its value: the robust
+        covariance contains its square.
 
     Returns
     -------
@@ -132,13 +139,16 @@ def invert_information(
         return full
 
     full = in_units(inverse)
-    robust = None
+    robust = scatter = None
     if scores is not None:
         equilibrated = [[part[:, inside] / size for part in source] for source in scores]
         sandwich = batch_sandwich(inverse, equilibrated)
         if prior is not None:
             sandwich += inverse @ (prior[np.ix_(inside, inside)] / np.outer(size, size)) @ inverse
-        robust = in_units(sandwich)
+        robust = scatter = in_units(sandwich)
+        if shift is not None:
+            in_matrix = shift[inside] * size
+            robust = in_units(sandwich + np.outer(in_matrix, in_matrix))
     chosen = [names[i] for i in inside]
     return ParameterUncertainty(
         tuple(names),
@@ -147,6 +157,7 @@ def invert_information(
         tuple(name for name, gone in zip(chosen, lost, strict=True) if gone),
         tuple(_direction(vectors[:, j], unit, chosen) for j in np.flatnonzero(weak)),
         robust,
+        scatter,
     )
 
 

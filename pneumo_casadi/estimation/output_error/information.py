@@ -13,6 +13,7 @@ from pneumo_casadi.estimation.output_error.shooting.condensing import (
     linearise,
 )
 from pneumo_casadi.estimation.output_error.shooting.problem import Problem, Unknowns
+from pneumo_casadi.estimation.output_error.solvers.condensed_step import condensed_step
 from pneumo_casadi.estimation.statistics import ParameterUncertainty, invert_information
 from pneumo_casadi.parameters import FloatArray
 
@@ -103,7 +104,21 @@ def estimate_uncertainty(
         at_bound,
         information.scores,
         information.prior,
+        _smoothing_shift(problem, point, sigma),
     )
+
+
+def _smoothing_shift(problem: Problem, point: Unknowns, sigma: FloatArray) -> FloatArray:
+    """Return by how much estimates move with twice the width of the friction, (n_free,) scaled.
+
+    With tanh(ẋ/v_s) for the sign of ẋ the axis creeps where it should stick. The bias that this
+    causes is proportional to v_s for small v_s, so doubling v_s moves the estimates by the bias
+    that they have. One Gauss-Newton step from the optimum gives the move.
+    """
+    wider = Unknowns(point.theta.copy(), point.x)
+    wider.theta[problem.parameters.index("v_s")] *= 2
+    step = condensed_step(problem, linearise(problem, wider, sigma), wider, sigma)
+    return np.zeros(len(problem.free)) if step is None else step.theta
 
 
 def _map_scores(problem: Problem, anchor: Anchor, theta: FloatArray) -> FloatArray:

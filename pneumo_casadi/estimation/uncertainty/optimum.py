@@ -97,7 +97,7 @@ class Optimum:
     def std(self, item: Quantity, robust: bool = False) -> float:
         """Return the standard deviation of a quantity by the delta method."""
         uncertainty = self.result.uncertainty
-        covariance = uncertainty.covariance_robust if robust else uncertainty.covariance
+        covariance = uncertainty.covariance_scatter if robust else uncertainty.covariance
         if covariance is None:
             covariance = uncertainty.covariance
         gradient = item.gradient(self.result.parameters.values)
