@@ -109,7 +109,20 @@ def valve_of(flow: Any, chamber: str) -> tuple[Any, slice]:
 
 
 def each_valve(table: AnyFlowMap, flow: AnyFlowModel) -> dict[str, tuple[FlowMap, FlowModel]]:
-    """Return map and model by what a title adds: nothing for equal valves, chamber P, chamber N."""
+    """Return map and model of each valve that was metered.
+
+    Parameters
+    ----------
+    table : FlowMap or FlowMapPair
+        The measured map, or both.
+    flow : FlowModel or FlowPair
+        The model fitted to it, or both.
+
+    Returns
+    -------
+    dict
+        By what a title adds to name the valve: nothing where one map serves both.
+    """
     if isinstance(table, FlowMapPair) and isinstance(flow, FlowPair):
         return {
             f" of chamber {chamber}'s valve": (getattr(table, chamber), getattr(flow, chamber))

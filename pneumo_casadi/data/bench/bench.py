@@ -65,6 +65,7 @@ class Bench:
 
     Examples
     --------
+    >>> from pneumo_casadi.data import ProportionalController
     >>> bench = Bench(5000.0, 8.75e-4, 6.03e-4, 0.5, 1e5, 7e5, 293.15, 287.0,
     ...               ProportionalController(2.4, 5.0), {"M_kg": 17.0})
     >>> bench.stroke_limits

@@ -50,6 +50,7 @@ class ForceBench:
 
     Examples
     --------
+    >>> from pneumo_casadi.data import NestedController
     >>> ForceBench(1000.0, None, NestedController(160.18, 243.45, 35.15, 10.0)).kind.inputs
     ('F',)
     """
@@ -108,7 +109,7 @@ class PressureBench:
     Examples
     --------
     >>> PressureBench(1000.0, 5.2e-4, 0.0, None, 1e5).kind.inputs
-    ('p_P', 'p_N')
+    ('p_P',)
     """
 
     sampling_frequency: float

@@ -55,7 +55,8 @@ def sample_time(t: FloatArray, where: Callable[[int], str]) -> float:
     Traceback (most recent call last):
     ...
     pneumo_casadi.errors.CaseError: row 4: `t` jumps from 0.2 s to 0.5 s: 2 samples of 0.1 s are
-    lost; cut the record there and give the parts as separate files
+    lost; cut the record there and give the parts as separate files, or write "clock": "as recorded"
+    in bench.json
     """
     intervals = np.diff(t)
     check_forward(t, where)
