@@ -5,6 +5,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from pneumo_casadi.data import Bench
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.estimation.flow_anchor import flow_scale_std
 from pneumo_casadi.estimation.wls import ratios
@@ -173,7 +174,8 @@ def parameter_table(identification: Identification, paper: bool = False) -> Tabl
         tuple(columns),
         tuple(rows),
         (
-            "2σ includes the correlation of the residuals, not the bias of an incomplete model.",
+            "2σ includes the correlation of the residuals and the bias of the smoothed friction, "
+            "not the bias of an incomplete model.",
             *scale_notes(identification),
             *((PAPER,) if paper else ()),
         ),
@@ -183,9 +185,22 @@ def parameter_table(identification: Identification, paper: bool = False) -> Tabl
 
 
 def scale_notes(identification: Identification) -> tuple[str, ...]:
-    """Return what the intervals leave out where the accuracy of the flow meter is not stated."""
-    if identification.flow_map is None or flow_scale_std(identification.case.bench) > 0:
+    """Return on which source the scale of X_s1 ... X_s6 rests, and how well that is known."""
+    bench = identification.case.bench
+    if not isinstance(bench, Bench):
         return ()
+    if not bench.valves.metered:
+        return (
+            "No valve was metered: X_s1 ... X_s6 have the scale of the piston areas in bench.json, "
+            f"known to {100 * bench.area_accuracy:.2g} % (1σ, in 2σ above); M and friction rest "
+            "on the areas, the pressures and the motion, not on the valve.",
+        )
+    accuracy = 100 * flow_scale_std(bench)
+    if accuracy > 0:
+        return (
+            "X_s1 ... X_s6 have the scale of the flow meter, whose stated accuracy of "
+            f"{accuracy:.2g} % (1σ) is in 2σ.",
+        )
     return (
         "The accuracy of the flow meter is not stated (valve.accuracy_percent in bench.json), and "
         "not in 2σ: a map metered 1 % too high makes X_s1 ... X_s6 1 % too large.",
