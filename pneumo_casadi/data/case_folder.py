@@ -17,12 +17,12 @@ from pneumo_casadi.data.bench.bench_file import bench_content, read_bench
 from pneumo_casadi.data.bench.driven_bench import AnyBench, PressureBench
 from pneumo_casadi.data.bench.valve_source import Arrangement
 from pneumo_casadi.data.case import Case
-from pneumo_casadi.data.checks.column_entries import ColumnEntries
 from pneumo_casadi.data.checks.finding import Finding, Grade, merge_findings
 from pneumo_casadi.data.checks.metered_flow import metered_flows
 from pneumo_casadi.data.checks.records import check_records
 from pneumo_casadi.data.emps import IDENTIFY as EMPS_FILE
 from pneumo_casadi.data.emps import read_emps
+from pneumo_casadi.data.readers.column_entries import ColumnEntries
 from pneumo_casadi.data.readers.columns import COLUMNS_FILE, ColumnSpec, read_columns
 from pneumo_casadi.data.readers.recordings import read_recording, split_at_gaps
 from pneumo_casadi.data.readers.tables import suffix_of

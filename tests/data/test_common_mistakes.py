@@ -9,9 +9,9 @@ import pytest
 from pneumo_casadi.cli import app as cli
 from pneumo_casadi.data import EXAMPLE, Column, Grade, check_records, read_case, write_case
 from pneumo_casadi.data.bench.controllers import NoController
-from pneumo_casadi.data.checks.column_entries import ColumnEntries
 from pneumo_casadi.data.checks.metered_flow import metered_flows
 from pneumo_casadi.data.checks.timing import rows_late_by_pressures
+from pneumo_casadi.data.readers.column_entries import ColumnEntries
 
 PRACTICE = ("p01_none", "p02_stribeck", "p07_heat_transfer", "p13_none_5kHz_60s")
 #: The records at 5 kHz take a second to write and read.

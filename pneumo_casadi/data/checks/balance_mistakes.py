@@ -11,12 +11,12 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from pneumo_casadi.data.bench.bench import Bench
-from pneumo_casadi.data.checks.column_entries import ColumnEntries
 from pneumo_casadi.data.checks.finding import Finding, Grade
 from pneumo_casadi.data.checks.force_balance import effort_looks_gauge
 from pneumo_casadi.data.checks.mass_balance import MassBalances
 from pneumo_casadi.data.checks.metered_flow import MeteredFlow
 from pneumo_casadi.data.checks.smoothed import SmoothedRecord
+from pneumo_casadi.data.readers.column_entries import ColumnEntries
 
 LESS = 1.15
 """Ratio of what two explanations leave from which the smaller one is taken. On 30 records with

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from pneumo_casadi.data.checks.column_entries import ColumnEntries
 from pneumo_casadi.data.checks.finding import ContradictionError, Finding, Grade
 from pneumo_casadi.data.checks.smoothed import SmoothedRecord
+from pneumo_casadi.data.readers.column_entries import ColumnEntries
 from pneumo_casadi.data.recording.recording import Recording
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.parameters import FloatArray

@@ -11,9 +11,9 @@ import numpy as np
 
 from pneumo_casadi.data.bench.bench import Bench
 from pneumo_casadi.data.bench.driven_bench import PressureBench
-from pneumo_casadi.data.checks.column_entries import ColumnEntries
 from pneumo_casadi.data.checks.finding import Finding, Grade
 from pneumo_casadi.data.checks.smoothed import SmoothedRecord, least_squares
+from pneumo_casadi.data.readers.column_entries import ColumnEntries
 
 SLOWEST = 0.02
 """Speed from which friction has its sign [m/s]."""

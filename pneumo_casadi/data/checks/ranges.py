@@ -9,8 +9,8 @@ from pneumo_casadi.data.bench.controllers import NestedController, ProportionalC
 from pneumo_casadi.data.bench.driven_bench import AnyBench, ForceBench, PressureBench
 from pneumo_casadi.data.bench.pid_controllers import CascadeController, PidController
 from pneumo_casadi.data.bench.quantities import LENGTHS, PRESSURES, SUPPLY_PRESSURE, Quantity
-from pneumo_casadi.data.checks.column_entries import ColumnEntries
 from pneumo_casadi.data.checks.finding import ContradictionError, Finding, Grade
+from pneumo_casadi.data.readers.column_entries import ColumnEntries
 from pneumo_casadi.data.recording.recording import Recording
 from pneumo_casadi.errors import CaseError
 

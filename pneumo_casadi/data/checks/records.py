@@ -10,15 +10,16 @@ from pneumo_casadi.data.bench.bench import Bench
 from pneumo_casadi.data.bench.driven_bench import AnyBench, PressureBench
 from pneumo_casadi.data.checks.balance_mistakes import check_mass_balances
 from pneumo_casadi.data.checks.chambers import cannot_tell, check_chambers
-from pneumo_casadi.data.checks.column_entries import ColumnEntries
 from pneumo_casadi.data.checks.finding import ContradictionError, Finding, Grade, merge_findings
 from pneumo_casadi.data.checks.force_balance import check_driven_mass, check_force_balance
 from pneumo_casadi.data.checks.metered_flow import MeteredFlow
+from pneumo_casadi.data.checks.motion_sensors import check_motion_sensors
 from pneumo_casadi.data.checks.ranges import check_ranges
 from pneumo_casadi.data.checks.sensors import check_sensors
 from pneumo_casadi.data.checks.smoothed import smoothed_record
 from pneumo_casadi.data.checks.supply import check_supply
 from pneumo_casadi.data.checks.timing import check_timing
+from pneumo_casadi.data.readers.column_entries import ColumnEntries
 from pneumo_casadi.data.readers.columns import COLUMNS_FILE
 from pneumo_casadi.data.readers.recordings import FEWEST_ROWS
 from pneumo_casadi.data.readers.tables import read_table, suffix_of
@@ -154,10 +155,12 @@ def _findings(
         yield from check_mass_balances(record, bench, flows, entries)
         yield from check_force_balance(record, bench)
         yield from check_timing(recording, bench, entries)
+        yield from check_motion_sensors(record, bench, entries)
     elif isinstance(bench, PressureBench):
         record = smoothed_record(recording)
         if record is not None:
             yield from check_driven_mass(record, bench, entries)
+            yield from check_motion_sensors(record, bench, entries)
 
 
 def _check_channels(recording: Recording, bench: AnyBench) -> None:

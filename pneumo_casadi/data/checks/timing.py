@@ -10,8 +10,8 @@ import numpy as np
 
 from pneumo_casadi.data.bench.bench import Bench
 from pneumo_casadi.data.bench.controllers import ProportionalController
-from pneumo_casadi.data.checks.column_entries import ColumnEntries
 from pneumo_casadi.data.checks.finding import Finding, Grade
+from pneumo_casadi.data.readers.column_entries import ColumnEntries
 from pneumo_casadi.data.recording.recording import Recording
 from pneumo_casadi.parameters import FloatArray
 

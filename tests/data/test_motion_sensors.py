@@ -1,0 +1,61 @@
+"""A sensor of velocity or acceleration that contradicts the position is named."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pneumo_casadi.data import Grade, check_records, read_case
+from pneumo_casadi.virtual_bench import Laboratory, make_case
+
+pytest.importorskip("numba")
+
+
+@pytest.fixture(scope="module")
+def case(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("sensors") / "case"
+    laboratory = Laboratory(v_noise=5e-3, a_noise=0.3)
+    make_case(folder, 3, fs=1000.0, duration=4.0, laboratory=laboratory)
+    return read_case(folder)
+
+
+def findings_with(case, channel, change):
+    record = case.identify[0]
+    changed = record.with_channels({channel: change(record[channel])})
+    return [f for f in check_records([changed], case.bench) if f.name == f"sensor of {channel}"]
+
+
+def test_sensors_that_agree_raise_no_finding(case):
+    assert not [finding for finding in case.findings if finding.name.startswith("sensor of")]
+    assert not findings_with(case, "v", lambda v: 1.04 * v + 0.02)  # a certificate's own error
+
+
+@pytest.mark.parametrize(
+    ("channel", "change", "text", "entry"),
+    [
+        ("v", lambda v: 1e3 * v, "correct its unit", {"unit": "mm/s"}),
+        ("v", lambda v: -v, "correct its sign", {"scale": -1.0}),
+        ("v", lambda v: 1.3 * v, "correct its gain", None),
+        ("a", lambda a: a / 9.80665, "correct its unit", {"unit": "g"}),
+    ],
+)
+def test_a_sensor_that_contradicts_the_position_is_named_with_its_remedy(
+    case, channel, change, text, entry
+):
+    (finding,) = findings_with(case, channel, change)
+    assert finding.grade is Grade.SEVERE and text in finding.text
+    (suggestion,) = finding.suggestion.values()
+    if entry is not None:
+        assert entry.items() <= suggestion.items()
+    else:
+        assert suggestion["scale"] == pytest.approx(1 / 1.3, rel=0.02)
+
+
+def test_another_channel_in_its_place_is_named(case):
+    (finding,) = findings_with(case, "v", lambda v: np.roll(v, v.size // 3))
+    assert "does not follow the derivative of `x`" in finding.text
+
+
+def test_a_sensor_that_only_some_records_have_is_not_used(case, tmp_path):
+    assert "v" in case.bench.signals
+    assert replace(case.bench, signals=frozenset()).kind.outputs == ("p_P", "p_N", "x")
