@@ -144,12 +144,12 @@ def test_any_two_effects_compose_and_their_order_matters_only_at_a_shared_juncti
                 nominal.with_effects(*e).at_starting_values()
                 for e in ((first, second), (second, first))
             )
-            first, second = both
+            axes = tuple(both)
             state = dict(zip(nominal.states, x, strict=True))
-            for name, scale in zip(first.states, first.state_scales, strict=True):
+            for name, scale in zip(axes[0].states, axes[0].state_scales, strict=True):
                 state.setdefault(name, 0.3 * scale)
-            rate = dict.fromkeys(first.states, 0.1)
-            a, b = (numbers(axis, state, rate, u) for axis in (first, second))
+            rate = dict.fromkeys(axes[0].states, 0.1)
+            a, b = (numbers(axis, state, rate, u) for axis in axes)
             assert a.keys() == b.keys() and np.isfinite([*a.values(), *b.values()]).all()
             if not set(first.junctions) & set(second.junctions):
                 assert a == pytest.approx(b, rel=1e-12), f"{first.name}, {second.name}"
