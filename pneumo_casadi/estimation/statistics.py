@@ -59,6 +59,14 @@ class ParameterUncertainty:
         return std
 
     @property
+    def std_scatter(self) -> FloatArray:
+        """Standard deviations that the residuals show, without a bias, shape (n,)."""
+        if self.covariance_scatter is None:
+            return self.std_robust
+        std: FloatArray = np.sqrt(np.diag(self.covariance_scatter))
+        return std
+
+    @property
     def std(self) -> FloatArray:
         """Standard deviations, shape (n,)."""
         std: FloatArray = np.sqrt(np.diag(self.covariance))

@@ -104,13 +104,30 @@ def test_robust_intervals_equal_the_plain_ones_on_white_noise_and_widen_on_colou
         np.arange(len(u)) / made.FS, channels, "coloured", "made", made.InputHold.ZERO
     )
     coloured = fit_output_error(axis, [record], None, options)
-    share = white.uncertainty.std_robust / white.uncertainty.std
+    share = white.uncertainty.std_scatter / white.uncertainty.std
     assert np.all((share > 0.5) & (share < 1.7))
-    assert np.all(coloured.uncertainty.std_robust > 1.5 * coloured.uncertainty.std)
+    assert np.all(coloured.uncertainty.std_scatter > 1.5 * coloured.uncertainty.std)
     d = np.array(
         [coloured.parameters[n].value - made.FORCE_TRUE[n] for n in coloured.uncertainty.names]
     )
-    assert np.all(np.abs(d) < 5 * coloured.uncertainty.std_robust)
+    assert np.all(np.abs(d) < 5 * coloured.uncertainty.std_scatter)
+
+
+def test_robust_intervals_contain_the_shift_that_twice_the_friction_width_makes(made, force):
+    axis, u, x = force
+    record = made.recorded(axis, u, x, 0)
+    width = made.TRUE["v_s"]
+    narrow, wide = (
+        fit_output_error(axis, [record], None, OutputErrorOptions(widths=(w,), reweight=False))
+        for w in (width, 2 * width)
+    )
+    known = narrow.uncertainty
+    bias = np.sqrt(known.std_robust**2 - known.std_scatter**2)
+    shift = np.array(
+        [abs(wide.parameters[n].value - narrow.parameters[n].value) for n in known.names]
+    )
+    assert np.any(shift > 2 * known.std_scatter)  # otherwise nothing is compared
+    assert np.all(np.abs(bias - shift) < 0.25 * shift + 0.2 * known.std_scatter)
 
 
 def test_derived_quantities_carry_the_covariance_through_their_own_gradients(made, fitted):

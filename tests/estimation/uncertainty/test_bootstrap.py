@@ -61,7 +61,7 @@ def test_on_coloured_noise_they_scatter_as_fits_to_new_noise_do(coloured, slowly
         fit = slowly_disturbed(seed)
         replicates = block_bootstrap(fit, 10, seed=seed)
         claimed.append([replicates.std(name) for name in fit.names])
-        robust.append(fit.result.uncertainty.std_robust)
+        robust.append(fit.result.uncertainty.std_scatter)
     claimed, robust = (np.sqrt(np.mean(np.square(s), axis=0)) for s in (claimed, robust))
     np.testing.assert_allclose(claimed / true, 1.0, atol=0.2)
     assert np.all((claimed > 0.7 * robust) & (claimed < 1.3 * robust))
