@@ -9,139 +9,36 @@ first line of `identify --strict` says, and its exit code.
 """
 
 import argparse
-import json
 import os
 import tempfile
 import warnings
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 import provenance
-from laboratory_mistakes import DURATION, MISTAKES, commit, rewrite
+from gap import kept
+from laboratory_mistakes import DURATION, MISTAKES, commit
+from laboratory_situations import METERED, SITUATIONS, Situation
 
-from pneumo_casadi.data import (
-    Arrangement,
-    CascadeController,
-    FlowSource,
-    NoController,
-    PidController,
-    read_case,
-)
+from pneumo_casadi.data import read_case
 from pneumo_casadi.errors import PneumoError
 from pneumo_casadi.identification.identify import identify
 from pneumo_casadi.identification.options import IdentifyOptions
-from pneumo_casadi.virtual_bench import Laboratory, VirtualAxis, make_case, random_axis
+from pneumo_casadi.virtual_bench import make_case, random_axis
 
 SEED = 18
 AXES = 5
-#: Largest relative errors where the flow was metered, by the beginning of a parameter's name.
-METERED = {"M": 0.005, "X_s": 0.03, "f_v": 0.1, "F_c": 0.05}
-#: The same where a source of the flow is missing.
-UNMETERED = {"M": 0.01, "X_s": 0.03}
 #: Half-width of a 95 % interval, and how many of these an error may be where a source is missing.
 INTERVAL, INTERVALS = 1.96, 2.5
 LEAST_COVERAGE = 0.9
 USABLE = ("yes", "with care", "no")
 #: Windows of the held-out record [s]: those on which the verdict rests.
 OPTIONS = IdentifyOptions(windows=(2.0,))
-
-
-@dataclass(frozen=True)
-class Situation:
-    """What a laboratory has, how its case is changed, and how close the estimates must be.
-
-    `laboratory` is made for an axis; `change` rewrites the folder; `tolerances` are relative errors
-    by the beginning of a name, intervals count where there is none.
-    """
-
-    laboratory: Callable[[VirtualAxis], Laboratory]
-    change: Callable[[Path, VirtualAxis], None] | None = None
-    axis: Callable[[VirtualAxis], VirtualAxis] = lambda axis: axis
-    tolerances: Mapping[str, float] = field(default_factory=lambda: METERED)
-
-
-def owning(**owned: Any) -> Callable[[VirtualAxis], Laboratory]:
-    """Return the same laboratory for every axis."""
-    return lambda axis: Laboratory(**owned)
-
-
-def pid(axis: VirtualAxis) -> Laboratory:
-    """Return a PID controller at half the rate of the record."""
-    controller = PidController(
-        k_p=1.5 * axis.gain,
-        u_max=3.0,
-        k_i=axis.gain,
-        k_d=0.03 * axis.gain,
-        derivative_filter=0.01,
-        anti_windup="clamping",
-        sample_time=0.002,
-    )
-    return Laboratory(controller=controller)
-
-
-def cascade(axis: VirtualAxis) -> Laboratory:
-    """Return a PI velocity loop within a position loop."""
-    k_v = 0.15 * axis.gain
-    controller = CascadeController(
-        k_p=6.0, k_v=k_v, u_max=3.0, k_i=3.0 * k_v, velocity_filter=0.005
-    )
-    return Laboratory(controller=controller)
-
-
-def in_other_units(folder: Path, axis: VirtualAxis) -> None:
-    """Gauge pressures in bar, position in mm from the end of the stroke; columns.json says so."""
-
-    def change(table: pd.DataFrame) -> pd.DataFrame:
-        bar = {f"p{v}": ((table[f"p_{v}_Pa"] - axis.p_ext) / 1e5).round(6) for v in "PN"}
-        mm = {n: (1e3 * (table[f"{n}_m"] + stroke / 2)).round(5) for n in ("x", "x_ref")}
-        return pd.DataFrame({**table[["t_s", "u_P_V", "u_N_V"]], **bar, **mm})
-
-    stroke = read_case(folder, check=False).bench.stroke
-    rewrite(folder, change)
-    columns = {f"p_{v}_Pa": {"column": f"p{v}", "unit": "bar", "offset": axis.p_ext} for v in "PN"}
-    for name in ("x", "x_ref"):
-        columns[f"{name}_m"] = {"column": name, "unit": "mm", "offset": -stroke / 2}
-    (folder / "columns.json").write_text(json.dumps(columns), "utf-8")
-
-
-def in_two_files(folder: Path, axis: VirtualAxis) -> None:
-    """Two records to identify on, each on a clock of its own."""
-    table = pd.read_csv(folder / "identify.csv.gz")
-    half = len(table) // 2
-    table[:half].to_csv(folder / "identify_1.csv.gz", index=False)
-    table[half:].assign(t_s=table.t_s[half:] - table.t_s[half]).to_csv(
-        folder / "identify_2.csv.gz", index=False
-    )
-    (folder / "identify.csv.gz").unlink()
-
-
-SITUATIONS = {
-    "metered, two 3/2 valves": Situation(owning()),
-    "metered, meter of 1 %": Situation(owning(meter_accuracy=0.01)),
-    "one 5/3 valve": Situation(owning(arrangement=Arrangement.ONE_5_3)),
-    "two valves with different maps": Situation(owning(other_valve=0.25)),
-    "data sheet, C and b 30 % off": Situation(
-        owning(source=FlowSource.DATA_SHEET, data_sheet_error=0.3), tolerances=UNMETERED
-    ),
-    "nothing but areas": Situation(owning(source=FlowSource.NONE), tolerances=UNMETERED),
-    "gauge bar, mm from the end": Situation(owning(), in_other_units),
-    "supply pressure recorded": Situation(owning(supply=True)),
-    "velocity and acceleration recorded": Situation(owning(v_noise=2e-3, a_noise=0.1)),
-    "force recorded": Situation(owning(load_force=40.0)),
-    "vertical, 10 kg": Situation(owning(angle_deg=90.0), axis=lambda axis: replace(axis, M=10.0)),
-    "double rod": Situation(owning(double_rod=True)),
-    "no controller, no reference": Situation(owning(controller=NoController(), reference=False)),
-    "PID, slower than the record": Situation(pid),
-    "cascade": Situation(cascade),
-    "two files": Situation(owning(), in_two_files),
-    "jitter of 10 % and gaps": Situation(owning(jitter=0.1, gaps=((3.0, 3.2), (7.0, 7.1)))),
-    "moving mass alone": Situation(owning(pressures=True)),
-}
+#: Situations whose estimates are compared.
 UNIFORM, JITTER = "metered, two 3/2 valves", "jitter of 10 % and gaps"
 
 
@@ -230,12 +127,24 @@ def apart(uniform: Iterable[Mapping[str, Any]], jitter: Iterable[Mapping[str, An
     return float(max(widths, default=np.inf))
 
 
-def run(axes: int, names: list[str], mistakes: list[str], workers: int) -> dict[str, Any]:
-    """Return the benchmark's figures."""
+def _kept(
+    keep: Path | None, make: Callable[[str, int], dict[str, Any]], name: str, seed: int
+) -> dict[str, Any]:
+    return kept(keep, f"{name}, axis {seed}".replace("/", "-"), partial(make, name, seed))
+
+
+def run(
+    axes: int, names: list[str], mistakes: list[str], workers: int, keep: Path | None = None
+) -> dict[str, Any]:
+    """Return the benchmark's figures; finished axes are taken from the folder `keep`."""
     seeds = [SEED + i for i in range(axes)]
     with ProcessPoolExecutor(workers) as executor:
-        waiting = {n: [executor.submit(identify_axis, n, seed) for seed in seeds] for n in names}
-        asked = {n: [executor.submit(commit, n, seed) for seed in seeds[:1]] for n in mistakes}
+
+        def submit(make: Callable[[str, int], dict[str, Any]], name: str, few: list[int]) -> Any:
+            return [executor.submit(_kept, keep, make, name, seed) for seed in few]
+
+        waiting = {n: submit(identify_axis, n, seeds) for n in names}
+        asked = {n: submit(commit, n, seeds[:1]) for n in mistakes}
         situations = {}
         for name, futures in waiting.items():
             situations[name] = judge(name, [future.result() for future in futures])
@@ -285,13 +194,17 @@ def main() -> None:
     parser.add_argument("--only", nargs="*", help="names of situations and mistakes, or parts")
     parser.add_argument("--axes", type=int, default=AXES, help="axes a situation")
     parser.add_argument("--workers", type=int, default=os.cpu_count())
+    parser.add_argument("--keep", type=Path, help="keep finished axes here, and take them up again")
     arguments = parser.parse_args()
+    if arguments.keep is not None:
+        arguments.keep.mkdir(parents=True, exist_ok=True)
     parts = arguments.only if arguments.only is not None else [""]
     names = [n for n in SITUATIONS if any(part in n for part in parts)]
     mistakes = [n for n in MISTAKES if any(part in n for part in parts)]
     if arguments.quick:
         names, mistakes = [UNIFORM, "vertical, 10 kg"], ["bar for Pa"]
-    result = run(1 if arguments.quick else arguments.axes, names, mistakes, arguments.workers)
+    axes = 1 if arguments.quick else arguments.axes
+    result = run(axes, names, mistakes, arguments.workers, arguments.keep)
     result |= provenance.made(SEED, arguments.quick, "numba")
     provenance.write(arguments.json, result)
 
