@@ -164,11 +164,8 @@ def join_anchors(parts: Sequence[Anchor]) -> Anchor:
     priors: list[tuple[Any, Any]] = []
     fitted = np.zeros(len(names))
     for part in parts:
-        at = [names.index(name) for name in part.names]
-        fitted[at] = part.fitted
-        e, J = part.residual(c[at])
-        wide = ca.MX.zeros(part.n, len(names))
-        wide[:, at] = J
+        fitted[[names.index(name) for name in part.names]] = part.fitted
+        e, wide = _in_all_names(part.residual, part.names, c, names)
         if part.n_points:
             rows.append((e[: part.n_points], wide[: part.n_points, :]))
         if part.n_prior:
@@ -187,13 +184,21 @@ def _join_scatter(parts: Sequence[Anchor], names: Sequence[str]) -> ca.Function 
     c = ca.MX.sym("c", len(names))
     rows, slopes = [], []
     for part, scatter in maps:
-        at = [names.index(name) for name in part.names]
-        e, J = scatter(c[at])
-        wide = ca.MX.zeros(J.shape[0], len(names))
-        wide[:, at] = J
+        e, wide = _in_all_names(scatter, part.names, c, names)
         rows.append(e)
         slopes.append(wide)
     return ca.Function("scatter", [c], [ca.vertcat(*rows), ca.vertcat(*slopes)])
+
+
+def _in_all_names(
+    residual: ca.Function, own: Sequence[str], c: ca.MX, names: Sequence[str]
+) -> tuple[Any, Any]:
+    """Return residuals of the coefficients `own` and their Jacobian to all `names`, given as c."""
+    at = [names.index(name) for name in own]
+    e, J = residual(c[at])
+    wide = ca.MX.zeros(J.shape[0], len(names))
+    wide[:, at] = J
+    return e, wide
 
 
 def anchor_flow(
