@@ -169,12 +169,9 @@ def _identify(
     from pneumo_casadi.identification.identify import identify
     from pneumo_casadi.identification.result_file import result_dict
     from pneumo_casadi.report.pages.write import Kind, check_replaceable, write_identification
-    from pneumo_casadi.report.tables.results import (
-        parameter_table,
-        record_table,
-        validation_table,
-        with_symbols,
-    )
+    from pneumo_casadi.report.tables.parameters import parameter_table, record_table
+    from pneumo_casadi.report.tables.table import with_symbols
+    from pneumo_casadi.report.tables.validation import validation_table
     from pneumo_casadi.report.text.identification import render_warnings
     from pneumo_casadi.runtime.json_files import write_json
     from pneumo_casadi.runtime.progress import progress_range

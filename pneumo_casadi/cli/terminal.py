@@ -18,7 +18,7 @@ from pneumo_casadi.errors import FitError, PneumoError
 
 if TYPE_CHECKING:
     from pneumo_casadi.identification.warnings import Usable
-    from pneumo_casadi.report.tables.results import Table
+    from pneumo_casadi.report.tables.table import Table
 
 OK, FIT_FAILED, BAD_INPUT, NOT_USABLE, INTERRUPTED = 0, 1, 2, 3, 130
 

@@ -37,7 +37,7 @@ def validate(
             validation_warnings,
         )
         from pneumo_casadi.report.pages.write import Kind, check_replaceable, write_validation
-        from pneumo_casadi.report.tables.results import validation_table
+        from pneumo_casadi.report.tables.validation import validation_table
         from pneumo_casadi.runtime.json_files import write_json
         from pneumo_casadi.validation import validate
 

@@ -11,7 +11,8 @@ from pneumo_casadi.identification.identify import identify
 from pneumo_casadi.identification.options import IdentifyOptions
 from pneumo_casadi.identification.result_file import result_dict
 from pneumo_casadi.identification.warnings import result_warnings
-from pneumo_casadi.report.tables.results import record_table, tables_of
+from pneumo_casadi.report.tables.content import all_tables
+from pneumo_casadi.report.tables.parameters import record_table
 from pneumo_casadi.valve import FlowForm
 
 
@@ -93,7 +94,7 @@ def test_two_records_stand_beside_all(embedded):
             < high + (high - low)
         )
     table = record_table(result)
-    assert table in tables_of(result)
+    assert table in all_tables(result)
     assert table.columns[2:5] == ("all records", *result.each_record.records)
     content = result_dict(result)["each_record"]
     assert content["spread"]["M"] == result.each_record.spread("M")

@@ -12,7 +12,8 @@ from pneumo_casadi.identification.warnings import ResultWarning
 from pneumo_casadi.report.pages.identification import Picture, html_report
 from pneumo_casadi.report.pages.write import Kind, folder_in_one_step
 from pneumo_casadi.report.tables.paper import TABLE_1
-from pneumo_casadi.report.tables.results import interval_text, parameter_table, with_symbols
+from pneumo_casadi.report.tables.parameters import parameter_table
+from pneumo_casadi.report.tables.table import interval_text, with_symbols
 from pneumo_casadi.report.text.identification import render, render_warnings, text_report
 
 PIXEL = b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR\x00\x00\x03\x20\x00\x00\x02\x58"

@@ -8,7 +8,7 @@ import pandas as pd
 from pneumo_casadi.design import COMMON, KINDS, Design, Part, Precision
 from pneumo_casadi.report.pages.drawing import can_draw
 from pneumo_casadi.report.pages.write import Kind, folder_in_one_step
-from pneumo_casadi.report.tables.results import Table, exponent_of, value_text
+from pneumo_casadi.report.tables.table import Table, exponent_of, value_text
 from pneumo_casadi.report.text.identification import render
 from pneumo_casadi.runtime.json_files import write_json
 

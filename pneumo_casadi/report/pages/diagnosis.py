@@ -20,8 +20,9 @@ from pneumo_casadi.report.tables.diagnosis import (
     regime_table,
 )
 from pneumo_casadi.report.tables.flow_form import flow_form_tables
+from pneumo_casadi.report.tables.parameters import parameter_table
 from pneumo_casadi.report.tables.quantities import between, chance, percent, plain, whole
-from pneumo_casadi.report.tables.results import Table, parameter_table
+from pneumo_casadi.report.tables.table import Table
 from pneumo_casadi.report.text.diagnosis import (
     VERDICTS,
     Catalogue,

@@ -14,7 +14,7 @@ from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.identification.result_file import identification_provenance
 from pneumo_casadi.report.pages.drawing import NOT_DRAWN, matplotlib_installed
 from pneumo_casadi.report.tables.content import all_tables
-from pneumo_casadi.report.tables.results import Table, with_symbols
+from pneumo_casadi.report.tables.table import Table, with_symbols
 
 #: Size of an SVG file, in points: what Matplotlib writes into its first tag.
 _SVG_SIZE = re.compile(rb'<svg[^>]*?\bwidth="([\d.]+)pt"[^>]*', re.DOTALL)

@@ -18,7 +18,7 @@ from pneumo_casadi.identification.trajectory_file import (
 from pneumo_casadi.report.pages.drawing import can_draw
 from pneumo_casadi.report.pages.identification import Picture, html_report
 from pneumo_casadi.report.tables.comparison import comparison_tables
-from pneumo_casadi.report.tables.results import validation_table
+from pneumo_casadi.report.tables.validation import validation_table
 from pneumo_casadi.report.text.identification import render, text_report
 from pneumo_casadi.runtime.atomic_files import atomic_folder
 from pneumo_casadi.runtime.json_files import write_json

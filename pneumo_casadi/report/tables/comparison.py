@@ -9,7 +9,7 @@ from pneumo_casadi.identification.comparison import (
     Difference,
 )
 from pneumo_casadi.report.tables.quantities import percent
-from pneumo_casadi.report.tables.results import (
+from pneumo_casadi.report.tables.table import (
     DISPLAY,
     Table,
     exponent_of,

@@ -13,7 +13,7 @@ from pneumo_casadi.report.tables.quantities import (
     quantity,
     whole,
 )
-from pneumo_casadi.report.tables.results import Table, with_symbols
+from pneumo_casadi.report.tables.table import Table, with_symbols
 
 #: Balances in words.
 BALANCES = {

@@ -1,6 +1,6 @@
 """The comparison of the forms of the flow map as a table."""
 
-from pneumo_casadi.report.tables.results import Table
+from pneumo_casadi.report.tables.table import Table
 from pneumo_casadi.valve import FlowForm, FormError, FormSelection, Reason
 
 #: A form in words.

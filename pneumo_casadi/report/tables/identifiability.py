@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pneumo_casadi.estimation.output_error import OutputErrorResult
 from pneumo_casadi.estimation.statistics import interval_factor
 from pneumo_casadi.estimation.uncertainty import Bootstrap, Direction, Identifiability, Profile
-from pneumo_casadi.report.tables.results import (
+from pneumo_casadi.report.tables.table import (
     Table,
     exponent_of,
     scaled_unit,

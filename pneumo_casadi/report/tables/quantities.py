@@ -3,7 +3,7 @@
 import math
 
 from pneumo_casadi.diagnosis import Closure, Value
-from pneumo_casadi.report.tables.results import SUPERSCRIPTS, exponent_of, interval_text
+from pneumo_casadi.report.tables.table import SUPERSCRIPTS, exponent_of, interval_text
 
 #: SI unit -> unit of display and factor.
 DISPLAY_UNITS = {

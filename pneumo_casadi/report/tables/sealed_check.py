@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from pneumo_casadi.report.tables.results import Table
+from pneumo_casadi.report.tables.table import Table
 
 #: Shares: key, text.
 SHARES = (

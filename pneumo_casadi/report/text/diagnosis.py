@@ -16,8 +16,9 @@ from pneumo_casadi.report.tables.diagnosis import (
     has_after,
     nearest,
 )
+from pneumo_casadi.report.tables.parameters import parameter_table
 from pneumo_casadi.report.tables.quantities import between, chance, percent, plain, quantity, whole
-from pneumo_casadi.report.tables.results import parameter_table, with_symbols
+from pneumo_casadi.report.tables.table import with_symbols
 from pneumo_casadi.report.text.identification import WIDTH, render
 
 Catalogue = Mapping[str, type[Effect]]

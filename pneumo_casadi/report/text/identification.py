@@ -6,7 +6,7 @@ from pneumo_casadi.estimation.wls import format_table
 from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.identification.warnings import ResultWarning
 from pneumo_casadi.report.tables.content import all_tables
-from pneumo_casadi.report.tables.results import Table, with_symbols
+from pneumo_casadi.report.tables.table import Table, with_symbols
 
 WIDTH = 100
 

@@ -22,7 +22,7 @@ from pneumo_casadi.report.figures.style import (
     new_figure,
     symbol,
 )
-from pneumo_casadi.report.tables.results import output_error_half_width, wls_half_width
+from pneumo_casadi.report.tables.parameters import output_error_half_width, wls_half_width
 
 #: Correlations of at least this size are written into their cell.
 WRITTEN = 0.5

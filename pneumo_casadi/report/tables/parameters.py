@@ -1,9 +1,6 @@
-"""Tables of results: estimates side by side, errors on held-out records."""
+"""Tables of estimates: WLS, output error, truth and paper side by side; each record by itself."""
 
-import math
-import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
 
 from pneumo_casadi.data import Bench
 from pneumo_casadi.errors import ModelError
@@ -11,134 +8,19 @@ from pneumo_casadi.estimation.flow_anchor import flow_scale_std
 from pneumo_casadi.estimation.wls import ratios
 from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.report.tables.paper import TABLE_1
-from pneumo_casadi.validation import Error, Validation
+from pneumo_casadi.report.tables.table import (
+    Table,
+    exponent_of,
+    interval_text,
+    scaled_unit,
+    with_symbols,
+)
 
-#: SI unit -> unit of display and factor.
-DISPLAY = {"m": ("mm", 1e3), "Pa": ("kPa", 1e-3)}
-
-
-SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 #: What Table 1 is, below the tables that show it.
 PAPER = (
     'Table 1: estimates ± 2σ of "Identification of physical parameters of a pneumatic '
     'servosystem" (IFAC 2005), on the bench of its authors.'
 )
-_SYMBOLS = {
-    "F_c_plus": "F_c⁺",
-    "F_c_minus": "F_c⁻",
-    "psi_plus": "ψ⁺",
-    "psi_minus": "ψ⁻",
-    "phi": "φ",
-}
-
-
-@dataclass(frozen=True, slots=True)
-class Table:
-    """A table of text cells.
-
-    Parameters
-    ----------
-    title : str
-        What it shows.
-    columns : tuple of str
-        Headings; the first column is left-aligned, the others right.
-    rows : tuple of tuple of str
-        Cells.
-    notes : tuple of str
-        Lines below.
-    """
-
-    title: str
-    columns: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    notes: tuple[str, ...] = ()
-
-    @property
-    def widths(self) -> tuple[int, ...]:
-        """Width of each column in characters."""
-        cells = zip(self.columns, *self.rows, strict=True)
-        return tuple(max(map(len, column)) for column in cells)
-
-    def without(self, *names: str) -> "Table":
-        """Return the table without the named columns."""
-        keep = [i for i, name in enumerate(self.columns) if name not in names]
-        rows = tuple(tuple(row[i] for i in keep) for row in self.rows)
-        return Table(self.title, tuple(self.columns[i] for i in keep), rows, self.notes)
-
-
-def exponent_of(value: float) -> int:
-    """Return the power of ten, a multiple of three, that is taken out of a value.
-
-    Values from 0.01 to 9999 are read as they are.
-
-    Examples
-    --------
-    >>> exponent_of(3.49e-9), exponent_of(16.9), exponent_of(0.0)
-    (-9, 0, 0)
-    """
-    if value == 0 or 1e-2 <= abs(value) < 1e4:
-        return 0
-    return 3 * math.floor(math.log10(abs(value)) / 3)
-
-
-def value_text(value: float, exponent: int = 0, decimals: int = 3) -> str:
-    """Return a value divided by a power of ten.
-
-    Examples
-    --------
-    >>> value_text(3.4879e-9, -9)
-    '3.488'
-    """
-    return f"{value / 10.0**exponent:.{decimals}f}"
-
-
-def interval_text(value: float, half: float | None, exponent: int = 0) -> str:
-    """Return ``value ± half`` with two significant digits in the half width.
-
-    Parameters
-    ----------
-    value : float
-        Estimate.
-    half : float or None
-        Half width of the interval; infinite without information, None where there is none.
-
-    Examples
-    --------
-    >>> interval_text(3.4879e-9, 3.01e-12, -9)
-    '3.4879 ± 0.0030'
-    >>> interval_text(16.9, float("inf"))
-    '16.900 ± ∞'
-    """
-    if half is None or not math.isfinite(half) or half == 0:
-        tail = "" if half is None else " ± 0" if half == 0 else " ± ∞"
-        return value_text(value, exponent) + tail
-    scaled = half / 10.0**exponent
-    decimals = min(max(1 - math.floor(math.log10(scaled)), 0), 6)
-    return f"{value_text(value, exponent, decimals)} ± {scaled:.{decimals}f}"
-
-
-def with_symbols(text: str) -> str:
-    """Return a text with the names of parameters as symbols of the equations.
-
-    Examples
-    --------
-    >>> with_symbols("F_c_plus"), with_symbols("psi_minus_2"), with_symbols("M")
-    ('F_c⁺', 'ψ⁻_2', 'M')
-    """
-    for plain, symbol in _SYMBOLS.items():
-        text = re.sub(rf"\b{plain}(?=\b|_\d)", symbol, text)
-    return text
-
-
-def scaled_unit(unit: str, exponent: int) -> str:
-    """Return a unit with the power of ten that was taken out of its values.
-
-    Examples
-    --------
-    >>> scaled_unit("kg/Pa", -9), scaled_unit("kg", 0)
-    ('10⁻⁹ kg/Pa', 'kg')
-    """
-    return unit if exponent == 0 else f"10{str(exponent).translate(SUPERSCRIPTS)} {unit}".rstrip()
 
 
 def parameter_table(identification: Identification, paper: bool = False) -> Table:
@@ -310,47 +192,3 @@ def record_table(identification: Identification) -> Table:
             "The flow map is held where all records together have left it.",
         ),
     )
-
-
-def validation_table(validation: Validation) -> Table:
-    """Return the errors on held-out records, in units and per cent, beside the sensor noise."""
-    runs: list[tuple[str, Mapping[str, Error]]] = [
-        (f"windows of {length:g} s", errors) for length, errors in validation.windows.items()
-    ]
-    runs.append(("open loop, whole record", validation.open_loop))
-    if validation.closed_loop is not None:
-        runs.append(("closed loop, whole record", validation.closed_loop))
-    channels = list(validation.open_loop)
-    units = [DISPLAY.get(validation.open_loop[c].unit, ("", 1.0))[0] for c in channels]
-    rows = [
-        (label, *(_error_text(errors[channel]) for channel in channels)) for label, errors in runs
-    ]
-    rows.append(("sensor noise", *(_noise_text(validation.open_loop[c]) for c in channels)))
-    return Table(
-        "Root-mean-square errors on held-out records (per cent of the signal's standard deviation)",
-        ("", *(f"{c} [{u}]" for c, u in zip(channels, units, strict=True))),
-        tuple(rows),
-    )
-
-
-def _error_text(error: Error) -> str:
-    factor = DISPLAY.get(error.unit, ("", 1.0))[1]
-    return f"{error.rms * factor:.3g} ({error.percent:.2g} %)"
-
-
-def _noise_text(error: Error) -> str:
-    if not error.noise_percent or not error.percent:
-        return "unknown"
-    factor = DISPLAY.get(error.unit, ("", 1.0))[1]
-    noise = error.rms * error.noise_percent / error.percent
-    return f"{noise * factor:.3g} ({error.noise_percent:.2g} %)"
-
-
-def tables_of(identification: Identification, paper: bool = False) -> Sequence[Table]:
-    """Return all tables of a report, in order."""
-    tables = [parameter_table(identification, paper)]
-    if identification.each_record is not None:
-        tables.append(record_table(identification))
-    if identification.validation is not None:
-        tables.append(validation_table(identification.validation))
-    return tables

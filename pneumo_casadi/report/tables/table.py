@@ -1,0 +1,125 @@
+"""A table of text cells, and how numbers, intervals, symbols and units are written in it."""
+
+import math
+import re
+from dataclasses import dataclass
+
+#: SI unit -> unit of display and factor.
+DISPLAY = {"m": ("mm", 1e3), "Pa": ("kPa", 1e-3)}
+SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_SYMBOLS = {
+    "F_c_plus": "F_c⁺",
+    "F_c_minus": "F_c⁻",
+    "psi_plus": "ψ⁺",
+    "psi_minus": "ψ⁻",
+    "phi": "φ",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A table of text cells.
+
+    Parameters
+    ----------
+    title : str
+        What it shows.
+    columns : tuple of str
+        Headings; the first column is left-aligned, the others right.
+    rows : tuple of tuple of str
+        Cells.
+    notes : tuple of str
+        Lines below.
+    """
+
+    title: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def widths(self) -> tuple[int, ...]:
+        """Width of each column in characters."""
+        cells = zip(self.columns, *self.rows, strict=True)
+        return tuple(max(map(len, column)) for column in cells)
+
+    def without(self, *names: str) -> "Table":
+        """Return the table without the named columns."""
+        keep = [i for i, name in enumerate(self.columns) if name not in names]
+        rows = tuple(tuple(row[i] for i in keep) for row in self.rows)
+        return Table(self.title, tuple(self.columns[i] for i in keep), rows, self.notes)
+
+
+def exponent_of(value: float) -> int:
+    """Return the power of ten, a multiple of three, that is taken out of a value.
+
+    Values from 0.01 to 9999 are read as they are.
+
+    Examples
+    --------
+    >>> exponent_of(3.49e-9), exponent_of(16.9), exponent_of(0.0)
+    (-9, 0, 0)
+    """
+    if value == 0 or 1e-2 <= abs(value) < 1e4:
+        return 0
+    return 3 * math.floor(math.log10(abs(value)) / 3)
+
+
+def value_text(value: float, exponent: int = 0, decimals: int = 3) -> str:
+    """Return a value divided by a power of ten.
+
+    Examples
+    --------
+    >>> value_text(3.4879e-9, -9)
+    '3.488'
+    """
+    return f"{value / 10.0**exponent:.{decimals}f}"
+
+
+def interval_text(value: float, half: float | None, exponent: int = 0) -> str:
+    """Return ``value ± half`` with two significant digits in the half width.
+
+    Parameters
+    ----------
+    value : float
+        Estimate.
+    half : float or None
+        Half width of the interval; infinite without information, None where there is none.
+
+    Examples
+    --------
+    >>> interval_text(3.4879e-9, 3.01e-12, -9)
+    '3.4879 ± 0.0030'
+    >>> interval_text(16.9, float("inf"))
+    '16.900 ± ∞'
+    """
+    if half is None or not math.isfinite(half) or half == 0:
+        tail = "" if half is None else " ± 0" if half == 0 else " ± ∞"
+        return value_text(value, exponent) + tail
+    scaled = half / 10.0**exponent
+    decimals = min(max(1 - math.floor(math.log10(scaled)), 0), 6)
+    return f"{value_text(value, exponent, decimals)} ± {scaled:.{decimals}f}"
+
+
+def with_symbols(text: str) -> str:
+    """Return a text with the names of parameters as symbols of the equations.
+
+    Examples
+    --------
+    >>> with_symbols("F_c_plus"), with_symbols("psi_minus_2"), with_symbols("M")
+    ('F_c⁺', 'ψ⁻_2', 'M')
+    """
+    for plain, symbol in _SYMBOLS.items():
+        text = re.sub(rf"\b{plain}(?=\b|_\d)", symbol, text)
+    return text
+
+
+def scaled_unit(unit: str, exponent: int) -> str:
+    """Return a unit with the power of ten that was taken out of its values.
+
+    Examples
+    --------
+    >>> scaled_unit("kg/Pa", -9), scaled_unit("kg", 0)
+    ('10⁻⁹ kg/Pa', 'kg')
+    """
+    return unit if exponent == 0 else f"10{str(exponent).translate(SUPERSCRIPTS)} {unit}".rstrip()
