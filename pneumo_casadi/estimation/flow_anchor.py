@@ -230,24 +230,28 @@ def anchor_flow(
             parts.append(replace(part, names=names))
         return join_anchors(parts)
     if flow_map is not None:
-        accuracy = valves.P.accuracy
+        # One map has one meter: where two accuracies are stated of it, the worse one counts.
+        accuracy = max((v.accuracy for v in valves if v.accuracy is not None), default=None)
         return anchor_to_flow_map(flow_map, axis.flow, effects=chosen, accuracy=accuracy)
     if valves.metered:
         return None
     return join_anchors([_area_prior(bench), _valve_prior(axis)])
 
 
-def flow_scale_std(bench: Any) -> float:
-    """Return the relative standard uncertainty of the scale of all flows of an axis.
+def flow_scale_std(bench: Any) -> tuple[float, float]:
+    """Return the relative standard uncertainty of the scale of the flows of chambers P and N.
 
-    That of the flow meter where it is stated. Where no valve was metered, that of the mean of
-    X_s3 and X_s6 from both piston areas. Zero for a map that states none, and without valves.
+    That of each valve's flow meter where it is stated. Where no valve was metered, that of the
+    mean of X_s3 and X_s6 from both piston areas. Zero for a map that states none, and without
+    valves. Equal values mean one factor for both chambers.
     """
     if not isinstance(bench, Bench):
-        return 0.0
+        return 0.0, 0.0
     if bench.valves.metered:
-        return bench.valves.P.accuracy or 0.0
-    return bench.area_accuracy / 2**0.5
+        P, N = (valve.accuracy or 0.0 for valve in bench.valves)
+        return P, N
+    common = bench.area_accuracy / 2**0.5
+    return common, common
 
 
 def _area_prior(bench: Bench) -> Anchor:

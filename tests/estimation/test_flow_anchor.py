@@ -65,7 +65,7 @@ def test_without_a_stated_accuracy_the_map_counts_as_before(metered, case):
     assert anchor(anchor.fitted) == pytest.approx(
         -metered[1].residuals(metered[0]) / metered[1].sigma
     )
-    assert flow_scale_std(case.bench) == 0.0
+    assert flow_scale_std(case.bench) == (0.0, 0.0)
 
 
 def test_an_unmetered_valve_is_anchored_by_the_areas(case):
@@ -82,7 +82,27 @@ def test_an_unmetered_valve_is_anchored_by_the_areas(case):
     changes = dict(zip(anchor.names, anchor(moved), strict=True))
     assert changes["X_s3"] == pytest.approx(2.0)  # 1 % over 0.5 %
     assert changes["k_supply"] == pytest.approx(1.0)  # 30 % of a data sheet without accuracy
-    assert flow_scale_std(bench) == pytest.approx(0.005 / 2**0.5)
+    assert flow_scale_std(bench) == pytest.approx((0.005 / 2**0.5, 0.005 / 2**0.5))
+
+
+def test_two_meters_widen_the_estimates_of_their_own_chamber(case, metered):
+    meters = Valves(ValveData(accuracy=0.01), ValveData(accuracy=0.02))
+    bench = replace(case.bench, valves=meters)
+    assert flow_scale_std(bench) == (0.01, 0.02)
+    records = [case.identify[0].window(5.0, 9.0)]
+    plain, wider = (pc.fit_wls(Servosystem(b, metered[1]), records) for b in (case.bench, bench))
+    added = np.diag(wider.fit.covariance - plain.fit.covariance)
+    share = dict(zip(plain.fit.names, np.sqrt(added) / np.abs(plain.fit.estimate), strict=True))
+    expected = {f"X_s{i}": 0.01 if i <= 3 else 0.02 for i in range(1, 7)}
+    assert share == pytest.approx({name: expected.get(name, 0.0) for name in share}, abs=1e-9)
+
+
+def test_one_map_of_two_stated_accuracies_has_the_worse_one(case, metered):
+    bench = replace(case.bench, valves=Valves(ValveData(accuracy=0.01), ValveData(accuracy=0.02)))
+    anchor = anchor_flow(Servosystem(bench, metered[1]), metered[0])
+    alone = anchor_to_flow_map(*metered, accuracy=0.02)
+    c = scaled(alone, 1.05)
+    assert anchor(c) == pytest.approx(alone(c))
 
 
 def test_sources_are_joined_with_measured_points_first(metered):

@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import pytest
 
-from pneumo_casadi.data import Grade
+from pneumo_casadi.data import Grade, ValveData, Valves
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.identification.warnings import ResultWarning
 from pneumo_casadi.report.pages.identification import Picture, html_report
 from pneumo_casadi.report.pages.write import Kind, folder_in_one_step
 from pneumo_casadi.report.tables.paper import TABLE_1
-from pneumo_casadi.report.tables.parameters import parameter_table
+from pneumo_casadi.report.tables.parameters import parameter_table, scale_notes
 from pneumo_casadi.report.tables.table import interval_text, with_symbols
 from pneumo_casadi.report.text.identification import render, render_warnings, text_report
 
@@ -31,6 +31,28 @@ PIXEL = b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR\x00\x00\x03\x20\x00\x00\x02\x58"
 )
 def test_an_estimate_has_as_many_digits_as_its_interval_allows(value, half, exponent, text):
     assert interval_text(value, half, exponent) == text
+
+
+@pytest.mark.parametrize(
+    ("P", "N", "notes"),
+    [
+        (0.01, 0.01, ["X_s1 ... X_s6 have the scale of the flow meter, whose .* 1 %"]),
+        (
+            0.01,
+            None,
+            [
+                "X_s1 ... X_s3 have the scale of .* chamber P's valve, whose .* 1 %",
+                "accuracy of .* chamber N's valve is not stated .* X_s4 ... X_s6 1 % too large",
+            ],
+        ),
+    ],
+)
+def test_a_note_says_for_each_chamber_how_well_its_flow_meter_is_known(quick, P, N, notes):
+    meters = Valves(ValveData(accuracy=P), ValveData(accuracy=N))
+    case = replace(quick.case, bench=replace(quick.case.bench, valves=meters))
+    written = scale_notes(replace(quick, case=case))
+    assert len(written) == len(notes)
+    assert all(re.search(pattern, note) for pattern, note in zip(notes, written, strict=True))
 
 
 def test_wls_output_error_truth_and_the_paper_stand_side_by_side(quick):

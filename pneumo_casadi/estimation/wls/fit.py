@@ -166,15 +166,22 @@ def _fit_and_remove(
     return fit, tuple(removed)
 
 
-def _with_scale_uncertainty(fit: LinearFit, std: float) -> LinearFit:
-    """Widen the covariances by a common factor of X_s1 ... X_s6 of relative deviation `std`."""
-    if std == 0.0:
-        return fit
-    scaled = [
-        std * value if name.startswith("X_s") else 0.0
-        for name, value in zip(fit.names, fit.estimate, strict=True)
-    ]
-    added = np.outer(scaled, scaled)
+def _with_scale_uncertainty(fit: LinearFit, stds: tuple[float, float]) -> LinearFit:
+    """Widen the covariances by the factors of the flows of chambers P and N.
+
+    `stds` are their relative standard deviations; where they are equal, it is one factor of
+    X_s1 ... X_s6.
+    """
+    P, N = stds
+    chambers = ((P, "123456"),) if P == N else ((P, "123"), (N, "456"))
+    added = np.zeros_like(fit.covariance)
+    for std, numbers in chambers:
+        own = {f"X_s{number}" for number in numbers}
+        scaled = [
+            std * value if name in own else 0.0
+            for name, value in zip(fit.names, fit.estimate, strict=True)
+        ]
+        added += np.outer(scaled, scaled)
     return replace(
         fit, covariance=fit.covariance + added, covariance_hac=fit.covariance_hac + added
     )

@@ -77,15 +77,25 @@ def scale_notes(identification: Identification) -> tuple[str, ...]:
             f"known to {100 * bench.area_accuracy:.2g} % (1σ, in 2σ above); M and friction rest "
             "on the areas, the pressures and the motion, not on the valve.",
         )
-    accuracy = 100 * flow_scale_std(bench)
-    if accuracy > 0:
+    P, N = (100 * std for std in flow_scale_std(bench))
+    if P == N:
+        return (_meter_note("X_s1 ... X_s6", "the flow meter", P),)
+    return (
+        _meter_note("X_s1 ... X_s3", "the flow meter of chamber P's valve", P),
+        _meter_note("X_s4 ... X_s6", "the flow meter of chamber N's valve", N),
+    )
+
+
+def _meter_note(names: str, meter: str, percent: float) -> str:
+    """Return what is known of the scale that a flow meter gives to some parameters."""
+    if percent > 0:
         return (
-            "X_s1 ... X_s6 have the scale of the flow meter, whose stated accuracy of "
-            f"{accuracy:.2g} % (1σ) is in 2σ.",
+            f"{names} have the scale of {meter}, whose stated accuracy of "
+            f"{percent:.2g} % (1σ) is in 2σ."
         )
     return (
-        "The accuracy of the flow meter is not stated (valve.accuracy_percent in bench.json), and "
-        "not in 2σ: a map metered 1 % too high makes X_s1 ... X_s6 1 % too large.",
+        f"The accuracy of {meter} is not stated (valve.accuracy_percent in bench.json), and "
+        f"not in 2σ: a map metered 1 % too high makes {names} 1 % too large."
     )
 
 
