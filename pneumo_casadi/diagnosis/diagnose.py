@@ -15,6 +15,7 @@ from pneumo_casadi.diagnosis.decide.ranking import (
     rank_candidates,
 )
 from pneumo_casadi.diagnosis.decide.result import Diagnosis, Verdict
+from pneumo_casadi.diagnosis.discover.discover import discover_beside
 from pneumo_casadi.diagnosis.locate.evidence import collect_evidence
 from pneumo_casadi.diagnosis.locate.locate import locate
 from pneumo_casadi.diagnosis.locate.unknown_inputs import estimate_unknown_inputs
@@ -144,6 +145,11 @@ def diagnose(
     gap, more = simulated_gap(
         selection.simulations, selection.nominal, final, shown, selection.levels
     )
+    discovered = None
+    if decision.verdict is Verdict.UNKNOWN:
+        report("looking for a term outside the catalogue", 0.93)
+        models = ((selection.nominal, ()), (selection.final, effects))
+        discovered = discover_beside(study, models, selection.levels)
     report("done", 1.0)
     judgement, alternatives = decision.judgement, decision.alternatives
     return Diagnosis(
@@ -163,6 +169,7 @@ def diagnose(
         seconds=time.perf_counter() - began,
         evidence=collect_evidence(study, inputs, selection.nominal, final if shown else None),
         flow_selection=flow_selection,
+        discovered=discovered,
     )
 
 

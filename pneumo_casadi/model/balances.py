@@ -114,7 +114,7 @@ def write_balances(
     friction = friction_force(x["v"], direction, theta)
     nominal = {**{k: val for k, val in theta.items() if "." not in k}, **constants}
     nominal |= {name: u[name] for name in ("p_supply",) if name in u}
-    common = Scope(x["x"], x["v"], p, direction, friction, nominal)
+    common = Scope(x["x"], x["v"], p, direction, friction, nominal, inputs=u)
     owns = [_own(effect, x, theta) for effect in effects]
     fold = _Fold(effects, [replace(common, own=own) for own in owns])
 

@@ -64,6 +64,8 @@ class Scope:
         ``"S_P"``, ``"S_N"``, ``"p_ext"``, ``"p_supply"``, ``"T"``, ``"r"``, ``"stroke"``.
     own : mapping of str to Expression
         The effect's parameters and states, by their short names.
+    inputs : mapping of str to Expression
+        Inputs of the axis by name: ``"u_P"``, ``"u_N"`` [V], ``"F"`` [N] ...
 
     Examples
     --------
@@ -77,6 +79,7 @@ class Scope:
     friction: Expression
     axis: Mapping[str, Expression]
     own: Mapping[str, Expression] = field(default_factory=dict)
+    inputs: Mapping[str, Expression] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> Expression:
         return self.own[name]

@@ -7,6 +7,7 @@ from typing import Any
 
 import pandas as pd
 
+from pneumo_casadi.diagnosis.discover.discovered import DiscoveredTerm
 from pneumo_casadi.diagnosis.locate.evidence import Evidence
 from pneumo_casadi.diagnosis.metrics.findings import (
     Candidate,
@@ -79,6 +80,9 @@ class Diagnosis(Presentable):
         Curves for figures: unknown inputs over time, residuals over operating conditions.
     flow_selection : FormSelection or None
         How the form of the flow map was chosen; None for a force-driven axis.
+    discovered : DiscoveredTerm or None
+        For ``unknown``: the term outside the catalogue that closes most of the gap, told as a
+        formula; None where there is none.
 
     Examples
     --------
@@ -106,6 +110,7 @@ class Diagnosis(Presentable):
     seconds: float
     evidence: Evidence | None = None
     flow_selection: FormSelection | None = None
+    discovered: DiscoveredTerm | None = None
 
     @property
     def headline(self) -> str:
@@ -160,6 +165,7 @@ class Diagnosis(Presentable):
             "flow_selection": (
                 None if self.flow_selection is None else self.flow_selection.as_dict()
             ),
+            "discovered": None if self.discovered is None else self.discovered.as_dict(),
             "case": self.case,
             "seconds": self.seconds,
         }

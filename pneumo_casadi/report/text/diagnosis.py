@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from pneumo_casadi.diagnosis import Diagnosis, EffectFound, Verdict
 from pneumo_casadi.diagnosis.metrics.findings import joined_names
+from pneumo_casadi.diagnosis.metrics.location import Location
 from pneumo_casadi.diagnosis.wording.location_sentences import location_sentences
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.identification.result import Identification
@@ -37,6 +38,19 @@ WORTH_NAMING = 0.01
 SURE = 0.85
 #: Largest number of parameters of an effect in a sentence.
 TOLD = 4
+#: Drivers of a discovered term in words.
+DRIVER_NAMES = {
+    "x": "the position x",
+    "v": "the velocity v",
+    "t": "time t",
+    "p_P": "the pressure p_P",
+    "p_N": "the pressure p_N",
+    "u_P": "the command u_P",
+    "u_N": "the command u_N",
+    "F": "the force of the drive F",
+    "t_reversal": "the time since the last reversal",
+    "s_reversal": "the travel since the last reversal",
+}
 #: Smallest probability of a cause outside the catalogue that is reported.
 OUTSIDE = 0.1
 
@@ -217,6 +231,24 @@ def alternative_sentences(diagnosis: Diagnosis, catalogue: Catalogue = EFFECTS) 
     return tuple(parts)
 
 
+def discovered_sentences(diagnosis: Diagnosis) -> tuple[str, ...]:
+    """Return what a discovered term is, its parameters with 95 % intervals, and its closure."""
+    if diagnosis.discovered is None:
+        return ()
+    term = diagnosis.discovered
+    balances = joined([BALANCES.get(Location(name), plain(name)) for name in term.term.balances])
+    beside = f" beside {joined([plain(name) for name in term.beside])}" if term.beside else ""
+    sizes = "; ".join(f"{name} = {quantity(value)}" for name, value in term.parameters.items())
+    return (
+        f"A term over {DRIVER_NAMES[term.term.driver]} in the balance of {balances}{beside} "
+        f"closes {whole(term.closes.value)} of the held-out gap of the balances (95 % interval "
+        f"{between(term.closes)}).",
+        f"Formula: {term.term.expression} [{term.term.unit}], with {sizes}.",
+        "It is a description, not a cause: look for what acts over "
+        f"{DRIVER_NAMES[term.term.driver]} in this way.",
+    )
+
+
 def check_sentences(diagnosis: Diagnosis) -> tuple[tuple[bool, str], ...]:
     """Return each check of the parameters: whether it agrees, and its text; failures first."""
     return tuple(
@@ -258,6 +290,7 @@ def summary_text(
         ("Effects found", cause_sentences(diagnosis, catalogue)),
         (size_title(diagnosis), size_sentences(diagnosis)),
         ("Other possible causes", alternative_sentences(diagnosis, catalogue)),
+        ("Discovered term", discovered_sentences(diagnosis)),
         ("Parameters compared with geometry and data sheet", checks),
         (
             "Final model refined by output error",

@@ -1,0 +1,1 @@
+"""Terms outside the catalogue: which balance, over which driver, and the simplest formula."""

@@ -1,0 +1,96 @@
+"""Discover the term that a model lacks, outside the catalogue."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from pneumo_casadi.diagnosis.discover.curves import curve_of
+from pneumo_casadi.diagnosis.discover.discovered import DiscoveredTerm
+from pneumo_casadi.diagnosis.discover.joint_fit import fit_jointly
+from pneumo_casadi.diagnosis.discover.linearised import linearise
+from pneumo_casadi.diagnosis.discover.search import search
+from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels, balance_closure
+from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study
+from pneumo_casadi.effects.term import Term
+from pneumo_casadi.model.effect import Effect
+
+#: Share of the held-out gap that a term must close, and that its interval must exceed: a curve
+#: over a signal that merely follows the cause closes less than half of it.
+LEAST_CLOSURE, LEAST_LOWER = 0.5, 0.0
+#: Name of a discovered effect until its reader gives it a better one.
+NAME = "discovered"
+
+
+def discover_beside(
+    study: Study,
+    models: Sequence[tuple[FittedModel, Sequence[Effect]]],
+    levels: BalanceLevels,
+) -> DiscoveredTerm | None:
+    """Find a term beside the nominal model, or where that fails beside further ones.
+
+    Parameters
+    ----------
+    study : Study
+        The case.
+    models : sequence of (FittedModel, sequence of Effect)
+        The nominal model first, then those with effects of the catalogue.
+    levels : BalanceLevels
+        Noise and signal of the held-out records.
+
+    Returns
+    -------
+    DiscoveredTerm or None
+        Beside the first model that has one.
+    """
+    tried = []
+    for fitted, effects in models:
+        if fitted in tried:
+            continue
+        tried.append(fitted)
+        term = discover_term(study, fitted, effects, levels)
+        if term is not None:
+            return term
+    return None
+
+
+def discover_term(
+    study: Study, base: FittedModel, effects: Sequence[Effect], levels: BalanceLevels
+) -> DiscoveredTerm | None:
+    """Find the term that closes most of the held-out gap of a model, told as a formula.
+
+    Parameters
+    ----------
+    study : Study
+        The case.
+    base : FittedModel
+        The model whose gap is to be closed.
+    effects : sequence of Effect
+        Its effects.
+    levels : BalanceLevels
+        Noise and signal of the held-out records.
+
+    Returns
+    -------
+    DiscoveredTerm or None
+        None where no term closes a share of the gap that matters.
+    """
+    ranked = search(linearise(study, base, effects), levels)
+    if not ranked or ranked[0].closure < LEAST_CLOSURE:
+        return None
+    joint = fit_jointly(study, base, effects, ranked[0].fit)
+    closes = balance_closure(base, joint.model, levels)
+    if closes.value < LEAST_CLOSURE or closes.lower <= LEAST_LOWER:
+        return None
+    fit = joint.fit
+    term = Term(
+        NAME,
+        fit.site.balances,
+        fit.site.factor,
+        fit.site.driver,
+        fit.formula.name,
+        {name: fit.parameters[name] for name in fit.formula.parameters},
+    )
+    if not all(np.isfinite(list(term.parameters.values()))):
+        return None
+    curve = curve_of(joint.linear, fit)
+    return DiscoveredTerm(term, joint.std, closes, base.effects, curve)

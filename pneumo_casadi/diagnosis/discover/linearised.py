@@ -1,0 +1,275 @@
+"""A fitted model linearised, so that a term is judged beside what a refit would absorb.
+
+With the weighted residuals e and their derivatives A to all free parameters, a term with columns D
+and coefficients c leaves ``min over δθ and c of |e + A δθ + D c|²``. Projection on the complement
+of A gives c; δθ follows, and both, frozen, predict the residuals of held-out records.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import block_diag, csr_array, diags_array, vstack
+
+from pneumo_casadi.diagnosis.discover.sites import DRIVERS, LEAST_VARIATION, Signals, Site
+from pneumo_casadi.diagnosis.metrics.residual_size import residual_rms
+from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study
+from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
+from pneumo_casadi.estimation.equation_error.residuals import linearise_residuals
+from pneumo_casadi.estimation.equation_error.smoothed_motion import SmoothedMotion
+from pneumo_casadi.model.effect import Effect
+from pneumo_casadi.parameters import FloatArray
+
+#: Directions of the parameters weaker than this share of the strongest are held: the records fitted
+#: say nothing of them, and the frozen change must not disturb held-out rows.
+RANK_TOLERANCE = 1e-6
+
+#: Share of its influence below which a column is absorbed by the parameters: the rest is rounding.
+ABSORBED = 1e-6
+
+#: Correlation from which two drivers are one: the commands of two valves opened oppositely.
+SAME = 0.9999
+
+#: ``basis(d) -> (N, k)``: columns of a term over its driver, an array or a sparse one.
+Basis = Callable[[FloatArray], Any]
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Weighted residuals and derivatives of some records, rows that count only.
+
+    Parameters
+    ----------
+    motions : tuple of SmoothedMotion
+        The records.
+    signals : tuple of Signals
+        Drivers and factors along them.
+    used : tuple of (ne, m) array of bool
+        Rows that count.
+    e : (r,) array
+        Residuals over `sigma`.
+    A : (r, n) array
+        Derivatives to the scaled free parameters.
+    sigma : (ne,) array
+        Standard deviation of the residuals of each balance.
+    equations : tuple of str
+        Names of the balances.
+    """
+
+    motions: tuple[SmoothedMotion, ...]
+    signals: tuple[Signals, ...]
+    used: tuple[NDArray[np.bool_], ...]
+    e: FloatArray
+    A: FloatArray
+    sigma: FloatArray
+    equations: tuple[str, ...]
+
+    def driver(self, name: str) -> FloatArray | None:
+        """Return a driver over all records; None where the axis has no such signal."""
+        parts = [signals.driver(name) for signals in self.signals]
+        known = [part for part in parts if part is not None]
+        return np.concatenate(known) if len(known) == len(parts) else None
+
+    @cached_property
+    def drivers(self) -> tuple[str, ...]:
+        """Drivers that vary, those that repeat another one left out."""
+        known: dict[str, FloatArray] = {}
+        for name in DRIVERS:
+            d = self.driver(name)
+            if d is None or not np.ptp(d) > LEAST_VARIATION * np.abs(d).max():
+                continue
+            if not any(abs(np.corrcoef(d, other)[0, 1]) > SAME for other in known.values()):
+                known[name] = d
+        return tuple(known)
+
+    def columns(self, site: Site, basis: Basis) -> FloatArray:
+        """Return the weighted columns of a term, (r, k)."""
+        d = self.driver(site.driver)
+        assert d is not None  # sites are those of the axis
+        columns = self._windows(site.balances, site.factor) @ basis(d)
+        return np.asarray(columns.toarray() if hasattr(columns, "toarray") else columns)
+
+    def _windows(self, balances: tuple[str, ...], factor: str) -> Any:
+        """Return what averages a function of all samples to weighted rows, (r, N)."""
+        key = (balances, factor)
+        if key not in self._kept:
+            self._kept[key] = csr_array(
+                block_diag(
+                    [self._record_windows(i, balances, factor) for i in range(len(self.motions))]
+                )
+            )
+        return self._kept[key]
+
+    def _record_windows(self, i: int, balances: tuple[str, ...], factor: str) -> Any:
+        motion, signals, used = self.motions[i], self.signals[i], self.used[i]
+        parts = []
+        for equation, sigma, rows in zip(self.equations, self.sigma, used, strict=True):
+            if equation in balances:
+                scaled = motion.weak @ diags_array(signals.factor(equation, factor) / sigma)
+                parts.append(csr_array(scaled)[rows])
+            else:
+                parts.append(csr_array((int(rows.sum()), motion.N)))
+        return vstack(parts)
+
+    @cached_property
+    def _kept(self) -> dict[Any, Any]:
+        return {}
+
+    def scores(self, J: FloatArray, e: FloatArray) -> list[FloatArray]:
+        """Return row times residual, summed over the balances, by record and instant, (m, k)."""
+        parts, at = [], 0
+        for used in self.used:
+            n = int(used.sum())
+            score = np.zeros((*used.shape, J.shape[1]))
+            score[used] = J[at : at + n] * e[at : at + n, None]
+            parts.append(score.sum(axis=0))
+            at += n
+        return parts
+
+    def unweighted(self, e: FloatArray) -> tuple[FloatArray, ...]:
+        """Return weighted rows as residuals by record, (ne, m); zero where a row does not count."""
+        parts, at = [], 0
+        for used in self.used:
+            r = np.zeros(used.shape)
+            n = int(used.sum())
+            r[used] = e[at : at + n]
+            parts.append(r * self.sigma[:, None])
+            at += n
+        return tuple(parts)
+
+
+@dataclass(frozen=True, eq=False)
+class Linearised:
+    """A fit, linearised on the records fitted and on those held out.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Free parameters.
+    scales : (n,) array
+        Theirs.
+    train, held_out : Rows
+        The records.
+    e_map, A_map : (p,) and (p, n) array
+        Residuals of the flow map and their derivatives, which hold the scale of the flows.
+    """
+
+    names: tuple[str, ...]
+    scales: FloatArray
+    train: Rows
+    held_out: Rows
+    e_map: FloatArray
+    A_map: FloatArray
+
+    @cached_property
+    def _svd(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        A = np.vstack([self.train.A, self.A_map])
+        size = np.linalg.norm(A, axis=0)
+        size = np.where(size > 0, size, 1.0)
+        U, s, Vt = np.linalg.svd(A / size, full_matrices=False)
+        strong = s > RANK_TOLERANCE * s[0]
+        return U[:, strong], s[strong], Vt[strong], size
+
+    @cached_property
+    def e(self) -> FloatArray:
+        """Residuals of the records fitted, those of the flow map last."""
+        return np.concatenate([self.train.e, self.e_map])
+
+    @cached_property
+    def projected(self) -> FloatArray:
+        """The residuals that no change of the parameters removes."""
+        return self.project(self.e)
+
+    def project(self, columns: FloatArray) -> FloatArray:
+        """Return columns, (r, k) or (r,), without what a change of the parameters can do."""
+        U = self._svd[0]
+        return np.asarray(columns - U @ (U.T @ columns))
+
+    def padded(self, D: FloatArray) -> FloatArray:
+        """Return columns of the records fitted with zeros for the flow map."""
+        return np.vstack([D, np.zeros((self.e_map.size, D.shape[1]))])
+
+    def removed_squares(self, D: FloatArray) -> float:
+        """Return the sum of squares that columns (r, k) remove beside a refit."""
+        P = self.project(self.padded(D))
+        G, g = P.T @ P, P.T @ self.projected
+        size = np.sqrt(np.maximum(np.diag(D.T @ D), 1e-300))
+        values, vectors = np.linalg.eigh(G / np.outer(size, size))
+        components = vectors.T @ (g / size)
+        strong = values > ABSORBED
+        return float(np.sum(components[strong] ** 2 / values[strong]))
+
+    def coefficients(self, D: FloatArray) -> FloatArray:
+        """Return the coefficients of columns (r, k) that remove most beside a refit."""
+        P = self.project(self.padded(D))
+        size = np.sqrt(np.maximum(np.diag(D.T @ D), 1e-300))
+        G = (P.T @ P) / np.outer(size, size)
+        c = np.linalg.pinv(G, rcond=ABSORBED, hermitian=True) @ (P.T @ self.projected / size)
+        return np.asarray(-c / size)
+
+    def observable(self, D: FloatArray) -> FloatArray:
+        """Return the share of each column's influence that no refit takes up, (k,)."""
+        P = self.project(self.padded(D))
+        whole = np.maximum(np.sum(D**2, axis=0), 1e-300)
+        return np.asarray(np.sum(P**2, axis=0) / whole)
+
+    def parameter_change(self, e: FloatArray) -> FloatArray:
+        """Return the scaled change of the parameters that best removes residuals e."""
+        U, s, Vt, size = self._svd
+        return np.asarray(-(Vt.T @ ((U.T @ e) / s)) / size)
+
+    def predicted(
+        self, site: Site, basis: Basis, c: FloatArray, refitted: bool = True
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the residuals of both sets of records with a term.
+
+        With `refitted`, the parameters are refitted to it on the records fitted.
+        """
+        train, held_out = (
+            rows.e + rows.columns(site, basis) @ c for rows in (self.train, self.held_out)
+        )
+        if not refitted:
+            return train, held_out
+        step = self.parameter_change(np.concatenate([train, self.e_map]))
+        return train + self.train.A @ step, held_out + self.held_out.A @ step
+
+
+def linearise(study: Study, fitted: FittedModel, effects: Sequence[Effect]) -> Linearised:
+    """Linearise a fit; rows are weighted by the root mean square residual of their balance."""
+    axis = study.axis.with_effects(*effects).with_parameters(dict(fitted.values))
+    model = BalanceFunctions(axis)
+    sigma = residual_rms(fitted, held_out=False)
+    scales = axis.parameters.select(model.free).scales
+    nominal = study.axis.with_parameters(
+        {name: value for name, value in fitted.values.items() if "." not in name}
+    )
+    anchor = study.anchor_with(effects)
+    e_map, A_map = np.zeros(0), np.zeros((0, len(model.free)))
+    if anchor is not None:
+        c = anchor.coefficients(axis.parameters, axis.parameters.values)
+        e_map, A_map = anchor(c), anchor.rows(c, model.free) * scales
+
+    def rows(motions: Sequence[SmoothedMotion]) -> Rows:
+        e, A, used = [], [], []
+        for motion in motions:
+            linear = linearise_residuals(model, motion, axis.parameters.values)
+            mask = motion.used(axis)
+            e.append((linear.r / sigma[:, None])[mask])
+            A.append((linear.J * scales / sigma[:, None, None])[mask])
+            used.append(mask)
+        signals = tuple(Signals(nominal, motion) for motion in motions)
+        return Rows(
+            tuple(motions),
+            signals,
+            tuple(used),
+            np.concatenate(e),
+            np.concatenate(A),
+            sigma,
+            tuple(axis.equations),
+        )
+
+    train, held_out = study.smoothed
+    return Linearised(model.free, scales, rows(train), rows(held_out), e_map, A_map)

@@ -1,0 +1,99 @@
+"""Periods over a driver: a sine of any wavelength beside a refit of the parameters.
+
+The periodogram of Lomb (1976, Astrophys. Space Sci. 39, 447-462) and Scargle (1982, ApJ 263,
+835-853), with two additions: the windows that average the residuals weaken a short period more the
+faster the axis moves, and the peaks are compared once more with what the parameters absorb
+projected out.
+"""
+
+import numpy as np
+
+from pneumo_casadi.diagnosis.discover.linearised import Linearised, Rows
+from pneumo_casadi.diagnosis.discover.sites import Site
+from pneumo_casadi.parameters import FloatArray
+
+#: Frequencies compared per cycle over the whole range of the driver; a peak is one cycle wide.
+OVERSAMPLING = 4.0
+#: Highest frequency in time [Hz]: the windows that average residuals leave a tenth at 27 Hz.
+HIGHEST = 25.0
+#: Shortest period over another driver than time, as a share of its range.
+SHORTEST = 1 / 200
+#: Peaks of the periodogram that are compared exactly, and frequencies about each.
+PEAKS, ABOUT = 3, 33
+
+
+def best_period(linear: Linearised, site: Site) -> float | None:
+    """Return the period of the sine that removes most; None where the driver stands still."""
+    d = linear.train.driver(site.driver)
+    if d is None or not np.ptp(d) > 0:
+        return None
+    length = float(np.ptp(d))
+    highest = HIGHEST if site.driver == "t" else 1 / (SHORTEST * length)
+    grid = np.arange(1.0, max(highest * length, 2.0), 1 / OVERSAMPLING) / length
+    power = periodogram(linear, site, grid)
+    step = grid[1] - grid[0]
+    best, chosen = -np.inf, grid[0]
+    for _ in range(PEAKS):
+        at = int(np.argmax(power))
+        fine = np.linspace(max(grid[at] - step, step / 8), grid[at] + step, ABOUT)
+        exact = [sine_removes(linear, site, frequency) for frequency in fine]
+        if max(exact) > best:
+            best, chosen = max(exact), fine[int(np.argmax(exact))]
+        power[max(at - 4, 0) : at + 5] = -np.inf
+    return float(1 / chosen)
+
+
+def periodogram(linear: Linearised, site: Site, grid: FloatArray) -> FloatArray:
+    """Return the squares that a sine removes at each frequency, no parameter being refitted."""
+    e = linear.projected[: linear.train.e.size]
+    d, rate, factor = _row_means(linear.train, site)
+    seen = factor != 0
+    e, d, rate, factor = e[seen], d[seen], rate[seen], factor[seen]
+    power = np.empty(grid.size)
+    for i, frequency in enumerate(grid):
+        angle, size = 2 * np.pi * frequency * d, factor * _attenuation(frequency * rate)
+        s, c = size * np.sin(angle), size * np.cos(angle)
+        ss, cc, sc = s @ s, c @ c, s @ c
+        es, ec = e @ s, e @ c
+        determinant = max(ss * cc - sc**2, 1e-12 * (ss + cc) ** 2, 1e-300)
+        power[i] = (cc * es**2 - 2 * sc * es * ec + ss * ec**2) / determinant
+    return power
+
+
+#: Length of the Hann windows that average residuals, in rows; see `smooth_motion`.
+_WINDOW_ROWS = 4
+
+
+def _attenuation(cycles_per_row: FloatArray) -> FloatArray:
+    """Return what a Hann window leaves of a sine, from its cycles between two rows."""
+    turns = np.abs(cycles_per_row) * _WINDOW_ROWS
+    near = np.abs(turns - 1) < 1e-3  # 0/0 there; the limit is a half
+    turns = np.where(near, 0.5, turns)
+    return np.where(near, 0.5, np.sinc(turns) / (1 - turns**2))
+
+
+def _row_means(rows: Rows, site: Site) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return driver, change of the driver to the next row, and factor of the site, each (r,)."""
+    parts: list[tuple[FloatArray, FloatArray]] = []
+    for signals, motion, used in zip(rows.signals, rows.motions, rows.used, strict=True):
+        values = signals.driver(site.driver)
+        assert values is not None  # sites are those of the axis
+        mean = motion.averaged(values[:, None])[:, 0]
+        change = np.gradient(mean)
+        parts += [(mean[mask], change[mask]) for mask in used]
+    factor = rows.columns(site, lambda d: np.ones((d.size, 1)))[:, 0]
+    return (
+        np.concatenate([mean for mean, _ in parts]),
+        np.concatenate([change for _, change in parts]),
+        factor,
+    )
+
+
+def sine_removes(linear: Linearised, site: Site, frequency: float) -> float:
+    """Return the sum of squares that a sine removes beside a refit of the parameters."""
+    angular = 2 * np.pi * frequency
+
+    def basis(d: FloatArray) -> FloatArray:
+        return np.column_stack([np.sin(angular * d), np.cos(angular * d)])
+
+    return linear.removed_squares(linear.train.columns(site, basis))

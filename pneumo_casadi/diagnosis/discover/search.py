@@ -1,0 +1,137 @@
+"""The search: all sites by a smooth curve and by a sine, the best of them by every formula."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pneumo_casadi.diagnosis.discover.curves import fit_curve
+from pneumo_casadi.diagnosis.discover.formula_fits import FormulaFit, fit_formula
+from pneumo_casadi.diagnosis.discover.linearised import Basis, Linearised
+from pneumo_casadi.diagnosis.discover.sites import Site, all_sites
+from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels
+from pneumo_casadi.effects.term.formula import FORMULAS
+from pneumo_casadi.parameters import FloatArray
+
+#: Sites on which all formulas are tried: those of the best curves.
+SITES = 5
+#: A closure that differs by less does not matter: the simpler formula is taken.
+MATTERS = 0.05
+#: What a formula may close more than a curve at its site: a step or a kink is sharper than splines.
+SHARPER = 0.15
+#: Drivers over which a term may repeat: the position (teeth, turns of a screw) and time.
+REPEATS = ("x", "t")
+
+
+@dataclass(frozen=True, eq=False)
+class Scored:
+    """A formula with the share of the held-out gap that it closes.
+
+    Parameters
+    ----------
+    fit : FormulaFit
+        The formula at its site.
+    closure : float
+        Of the held-out gap of all balances [1].
+    """
+
+    fit: FormulaFit
+    closure: float
+
+    @property
+    def size(self) -> int:
+        """Number of parameters."""
+        formula = self.fit.formula
+        return len(formula.parameters) - len(formula.held)
+
+
+def search(linear: Linearised, levels: BalanceLevels) -> tuple[Scored, ...]:
+    """Return the formulas tried, the one to take first.
+
+    Parameters
+    ----------
+    linear : Linearised
+        The fit whose residuals are to be explained.
+    levels : BalanceLevels
+        Noise of the held-out records.
+    """
+    sites = all_sites(linear.train.signals[0].axis.kind, linear.train.drivers)
+    score = GapScore(linear, levels)
+    scored = [_scored(linear, score, site, "sine") for site in sites if site.driver in REPEATS]
+    curves = [(fit_curve(linear, site), site) for site in sites]
+    closures = {
+        site: score(site, curve.basis, curve.coefficients)
+        for curve, site in curves
+        if curve is not None
+    }
+    most = max([*closures.values(), *(item.closure for item in scored if item)], default=0.0)
+    ranked = sorted(closures, key=lambda site: -closures[site])
+    for site in [site for site in ranked[:SITES] if closures[site] > most - SHARPER]:
+        names = [name for name, formula in FORMULAS.items() if not formula.periodic]
+        scored += [_scored(linear, score, site, name) for name in names]
+    return in_order([item for item in scored if item is not None])
+
+
+def _scored(linear: Linearised, score: "GapScore", site: Site, name: str) -> Scored | None:
+    fit = fit_formula(linear, site, FORMULAS[name])
+    return None if fit is None else Scored(fit, score.of(fit))
+
+
+def in_order(scored: Sequence[Scored]) -> tuple[Scored, ...]:
+    """Return formulas, the simplest of those that close as much as the best first."""
+    most = max((item.closure for item in scored), default=0.0)
+    return tuple(
+        sorted(
+            scored,
+            key=lambda item: (
+                (0, item.size, -item.closure)
+                if item.closure >= most - MATTERS
+                else (1, 0, -item.closure)
+            ),
+        )
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class GapScore:
+    """The share of the held-out gap that a term closes, parameters refitted and frozen."""
+
+    linear: Linearised
+    levels: BalanceLevels
+
+    def __call__(self, site: Site, basis: Basis, c: FloatArray) -> float:
+        """Return the closure by a function of a site's driver."""
+        return self._closure(self.linear.predicted(site, basis, c)[1])
+
+    def of(self, fit: FormulaFit) -> float:
+        """Return the closure by a formula; the phase of a vibration is that of each record."""
+        return self._closure(predicted_by(self.linear, fit)[1])
+
+    def _closure(self, e: FloatArray) -> float:
+        before, after = (self._gap(part) for part in (self.linear.held_out.e, e))
+        return 1 - after / before if before > 0 else 0.0
+
+    def _gap(self, e: FloatArray) -> float:
+        """Return the gap in units of the residuals: every balance over its own σ."""
+        r2 = np.hstack(self.linear.held_out.unweighted(e)) ** 2
+        count = np.hstack(self.linear.held_out.used).sum(axis=1)
+        excess = np.maximum(r2.sum(axis=1) / np.maximum(count, 1) - self.levels.noise**2, 0.0)
+        before = self.linear.train.sigma
+        importance = np.maximum(before**2 - self.levels.noise**2, 0.0) / self.levels.signal**4
+        return float(np.sqrt(importance @ excess))
+
+
+def predicted_by(
+    linear: Linearised, fit: FormulaFit, refitted: bool = True
+) -> tuple[FloatArray, FloatArray]:
+    """Return the residuals of both sets of records with a formula, parameters refitted to it."""
+    train, held_out = linear.predicted(fit.site, fit.basis, fit.coefficients, refitted)
+    if not fit.phase_free:
+        return train, held_out
+    rows = linear.held_out
+    D = rows.columns(fit.site, fit.basis)
+    rest = held_out - D @ fit.coefficients
+    c, *_ = np.linalg.lstsq(D[:, :2], -rest, rcond=None)
+    amplitude = np.hypot(*fit.coefficients[:2])
+    turned = np.concatenate([c * amplitude / max(np.hypot(*c), 1e-300), fit.coefficients[2:]])
+    return train, rest + D @ turned

@@ -1,0 +1,267 @@
+"""A term as an effect: a formula over one driver, in one balance or in both mass flows."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+
+from pneumo_casadi.effects.term.formula import FORMULAS, Formula
+from pneumo_casadi.errors import ModelError
+from pneumo_casadi.model.effect import Effect, Scope, State
+from pneumo_casadi.model.junctions import Expression, Pair
+from pneumo_casadi.parameters import Parameter
+
+#: Drivers of a term and their units.
+DRIVERS: Mapping[str, str] = {
+    "x": "m",
+    "v": "m/s",
+    "t": "s",
+    "p_P": "Pa",
+    "p_N": "Pa",
+    "u_P": "V",
+    "u_N": "V",
+    "F": "N",
+    "t_reversal": "s",
+    "s_reversal": "m",
+}
+#: What multiplies the formula in a force and in a mass flow, and the unit of the term there.
+FORCE_FACTORS: Mapping[str, str] = {"1": "N", "sign(v)": "N", "v": "N s/m"}
+FLOW_FACTORS: Mapping[str, str] = {"1": "kg/s", "q_m": "1", "inflow": "1", "outflow": "1"}
+#: Speed below which an axis reverses rather than moves, as in `smoothed_motion` [m/s], and the
+#: time in which the memory of a reversal is cleared there [s].
+REVERSAL_SPEED, REVERSAL_TIME = 2e-3, 2e-3
+
+
+@dataclass(frozen=True)
+class Term:
+    """A term that a diagnosis discovered, complete with its values.
+
+    Parameters
+    ----------
+    name : str
+        Name of the effect, an identifier.
+    balances : tuple of str
+        ``("force",)``, ``("mass_flow_P",)``, ``("mass_flow_N",)`` or both mass flows.
+    factor : str
+        What multiplies the formula: of `FORCE_FACTORS` or `FLOW_FACTORS`.
+    driver : str
+        Of `DRIVERS`.
+    formula : str
+        Of `FORMULAS`.
+    parameters : mapping of str to float
+        Of the formula [SI].
+
+    Raises
+    ------
+    ModelError
+        If one of them is unknown, or a parameter is missing.
+
+    Examples
+    --------
+    >>> term = Term("cogging", ("force",), "1", "x", "sine",
+    ...             {"amplitude": 28.0, "phase": 0.1, "period": 9.6e-3})
+    >>> term.text
+    'force + amplitude sin(2π x/period + phase)'
+    >>> term.units["period"]
+    'm'
+    """
+
+    name: str
+    balances: tuple[str, ...]
+    factor: str
+    driver: str
+    formula: str
+    parameters: Mapping[str, float]
+
+    def __post_init__(self) -> None:
+        if not self.name.isidentifier():
+            raise ModelError(f"term {self.name!r}: the name must be an identifier, as stick_slip")
+        known = [("force",), ("mass_flow_P",), ("mass_flow_N",), ("mass_flow_P", "mass_flow_N")]
+        for what, value, options in (
+            ("balances", tuple(self.balances), known),
+            ("factor", self.factor, self._factors),
+            ("driver", self.driver, DRIVERS),
+            ("formula", self.formula, FORMULAS),
+        ):
+            if value not in options:
+                raise ModelError(
+                    f"term {self.name}: no {what} {value!r}; there are "
+                    f"{', '.join(map(str, options))}"
+                )
+        wanted = set(self.shape_and_coefficients)
+        if wanted != set(self.parameters):
+            raise ModelError(
+                f"term {self.name}: formula {self.formula!r} needs the parameters "
+                f"{', '.join(self.shape_and_coefficients)}, not {', '.join(self.parameters)}"
+            )
+
+    @property
+    def _factors(self) -> Mapping[str, str]:
+        return FORCE_FACTORS if "force" in self.balances else FLOW_FACTORS
+
+    @property
+    def law(self) -> Formula:
+        """The formula."""
+        return FORMULAS[self.formula]
+
+    @property
+    def shape_and_coefficients(self) -> tuple[str, ...]:
+        """Names of the parameters that the formula needs."""
+        return self.law.parameters
+
+    @property
+    def unit(self) -> str:
+        """Unit of the formula's value."""
+        return self._factors[self.factor]
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Unit of each parameter."""
+        return self.law.units(self.unit, DRIVERS[self.driver])
+
+    @property
+    def expression(self) -> str:
+        """The term as plain text, with the driver's name for d."""
+        words = [self.driver if word == "d" else word for word in _split(self.law.text)]
+        text = "".join(words)
+        if self.factor == "1":
+            return text
+        return f"{self.factor} ({text})" if " + " in text else f"{self.factor} {text}"
+
+    @property
+    def text(self) -> str:
+        """The term with the balances that it is added to."""
+        return f"{' and '.join(self.balances)} + {self.expression}"
+
+
+def _split(text: str) -> list[str]:
+    """Split a formula so that the driver d stands alone, powers and factors left where they are."""
+    words: list[str] = []
+    for letter in text:
+        if letter.isalpha() and words and words[-1].isalpha():
+            words[-1] += letter
+        else:
+            words.append(letter)
+    return words
+
+
+def term_effect(term: Term) -> type[Effect]:
+    """Return the class of effects that adds a term to its balance.
+
+    Parameters
+    ----------
+    term : Term
+        Its parameters are where a fit starts; the coefficients are zero where it vanishes.
+
+    Returns
+    -------
+    type
+        Subclass of `Effect`, which catalogues, `identify` and output error take like any other.
+
+    Examples
+    --------
+    >>> spring = term_effect(Term("spring", ("force",), "1", "x", "line", {"slope": -150.0}))
+    >>> spring().junctions, spring().parameters[0].start
+    (('force',), -150.0)
+    """
+    members: dict[str, Any] = {
+        "__doc__": f"{term.text}.",
+        "__module__": __name__,
+        "__reduce__": lambda self: (_made, (term,)),
+        "name": term.name,
+        "equation": term.text,
+        "source": "discovered from the residuals of the balances",
+        "parameters": _parameters(term),
+        "states": _states(term),
+        "needs_chambers": "force" not in term.balances or term.driver.startswith("p_"),
+    }
+    if term.driver in _RATES:
+        members["rates"] = lambda self, entering, at: {term.driver: _RATES[term.driver](at)}
+    members |= _junction(term)
+    return type(term.name, (Effect,), members)
+
+
+def _made(term: Term) -> Effect:
+    return term_effect(term)()
+
+
+def _parameters(term: Term) -> tuple[Parameter, ...]:
+    law, units = term.law, term.units
+    coefficients = {name for name, _ in law.linear} - {"phase"}
+    items = []
+    for name in law.parameters:
+        value = float(term.parameters[name])
+        null = 0.0 if name in coefficients else value
+        items.append(
+            Parameter(
+                name,
+                null,
+                units[name],
+                lower=0.0 if name in ("period", "width") else -float("inf"),
+                scale=abs(value) or 1.0,
+                free=name not in law.held,
+                null=null,
+                start=value,
+                description=f"{name} of {term.expression}",
+                source="discovered",
+            )
+        )
+    return tuple(items)
+
+
+def _states(term: Term) -> tuple[State, ...]:
+    return (State(term.driver, DRIVERS[term.driver]),) if term.driver in _RATES else ()
+
+
+def _forgotten(at: Scope, state: str) -> Expression:
+    """Return the rate at which the memory of a reversal is cleared while the axis is slow."""
+    return at[state] * ca.exp(-((at.v / REVERSAL_SPEED) ** 2)) / REVERSAL_TIME
+
+
+#: Rates of drivers that are states: time, and time and travel since the last reversal.
+_RATES: Mapping[str, Callable[[Scope], Expression]] = {
+    "t": lambda at: 1.0,
+    "t_reversal": lambda at: 1.0 - _forgotten(at, "t_reversal"),
+    "s_reversal": lambda at: ca.fabs(at.v) - _forgotten(at, "s_reversal"),
+}
+
+
+def _driver(term: Term, at: Scope) -> Expression:
+    name = term.driver
+    if name in _RATES:
+        return at[name]
+    if name in at.inputs:
+        return at.inputs[name]
+    return {"x": at.x, "v": at.v, "p_P": at.p.P, "p_N": at.p.N}[name]
+
+
+def _value(term: Term, at: Scope) -> Expression:
+    return term.law.value(ca, _driver(term, at), {n: at[n] for n in term.law.parameters})
+
+
+def _junction(term: Term) -> dict[str, Any]:
+    """Return the junction method by which the term acts."""
+
+    def force(self: Effect, F: Expression, at: Scope) -> Expression:
+        factor = {"1": 1.0, "sign(v)": at.direction, "v": at.v}[term.factor]
+        return F + factor * _value(term, at)
+
+    def flow(self: Effect, q_m: Pair, at: Scope) -> Pair:
+        value = _value(term, at)
+        return Pair(
+            *(
+                q + _flow_factor(term.factor, q) * value if f"mass_flow_{c}" in term.balances else q
+                for c, q in zip(("P", "N"), q_m, strict=True)
+            )
+        )
+
+    if "force" in term.balances:
+        return {"force": force}
+    return {"chamber_flow" if term.factor == "1" else "valve_flow": flow}
+
+
+def _flow_factor(factor: str, q: Expression) -> Expression:
+    if factor == "1":
+        return 1.0
+    return {"q_m": q, "inflow": ca.fmax(q, 0), "outflow": ca.fmin(q, 0)}[factor]

@@ -1,0 +1,87 @@
+"""Terms outside the catalogue: balance, driver, formula and size, from records with one."""
+
+import numpy as np
+import pytest
+
+from pneumo_casadi.data import ForceBench, InputHold, NestedController, Recording
+from pneumo_casadi.diagnosis.discover.discover import discover_term
+from pneumo_casadi.diagnosis.discover.joint_fit import fit_jointly
+from pneumo_casadi.diagnosis.discover.linearised import linearise
+from pneumo_casadi.diagnosis.discover.search import search
+from pneumo_casadi.diagnosis.metrics.residual_size import balance_levels
+from pneumo_casadi.diagnosis.prepare.study import fit_model, start_study
+from pneumo_casadi.effects.term import Term, term_effect
+from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
+from pneumo_casadi.estimation.equation_error.residuals import balance_residuals
+from pneumo_casadi.model.servosystem import ForceAxis
+from pneumo_casadi.model.simulation import simulate
+
+TRUTH = {"M": 18.0, "f_v": 25.0, "F_c_plus": 12.0, "F_c_minus": 17.0}
+NOISE = 5e-6
+COGGING = Term(
+    "cogging",
+    ("force",),
+    "1",
+    "x",
+    "sine",
+    {"amplitude": 6.0, "phase": 0.4, "period": 0.011},
+)
+VIBRATION = Term(
+    "vibration", ("force",), "1", "t", "sine", {"amplitude": 5.0, "phase": 1.0, "period": 0.31}
+)
+TIGHT = Term("tight", ("force",), "sign(v)", "x", "line", {"slope": -120.0})
+
+
+def record(axis, seed):
+    rng = np.random.default_rng(seed)
+    t = np.arange(8000) / 1e3
+    f = rng.uniform(0.7, 1.1, 3) * np.array([0.5, 1.1, 2.0])
+    F = sum(A * np.sin(2 * np.pi * f_i * t) for A, f_i in zip((45, 40, 35), f, strict=True))
+    run = simulate(axis, F[:, None], 1e-3, [0.0] * len(axis.states))
+    x = run["x"] + NOISE * rng.normal(size=t.size)
+    return Recording(t, {"F": F, "x": x}, f"record {seed}", "simulated", InputHold.ZERO)
+
+
+def study_of(*terms):
+    axis = ForceAxis(ForceBench(1e3, 0.5, NestedController(30.0, 60.0, 1.0, 60.0)))
+    true = axis.with_effects(*(term_effect(term)() for term in terms)).at_starting_values()
+    true = true.with_parameters({**TRUTH, "v_s": 1e-3})
+    return start_study(axis, None, [record(true, 1)], [record(true, 2)])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("term", [COGGING, VIBRATION, TIGHT], ids=lambda term: term.name)
+def test_a_term_is_told_with_its_driver_and_its_size(term):
+    study = study_of(term)
+    found = discover_term(study, fit_model(study, ()), (), balance_levels(study))
+    assert found is not None
+    assert (found.term.balances, found.term.driver) == (term.balances, term.driver)
+    assert (found.term.factor, found.term.formula) == (term.factor, term.formula)
+    for name in set(term.parameters) - {"phase"}:
+        assert found.term.parameters[name] == pytest.approx(term.parameters[name], rel=0.05)
+    assert found.closes.lower > 0.7
+    assert found.curve.band.shape == found.curve.value.shape == found.curve.driver.shape
+
+
+@pytest.mark.slow
+def test_nothing_is_discovered_where_nothing_is_missing():
+    study = study_of()
+    assert discover_term(study, fit_model(study, ()), (), balance_levels(study)) is None
+
+
+@pytest.mark.slow
+def test_residuals_with_a_term_are_those_of_its_effect():
+    study = study_of(TIGHT)
+    nominal, levels = fit_model(study, ()), balance_levels(study)
+    best = search(linearise(study, nominal, ()), levels)[0].fit
+    joint = fit_jointly(study, nominal, (), best)
+    site, law = joint.fit.site, joint.fit.formula
+    effect = term_effect(
+        Term("found", site.balances, site.factor, site.driver, law.name, joint.fit.parameters)
+    )()
+    axis = study.axis.with_effects(effect).at_starting_values()
+    model = BalanceFunctions(axis.with_parameters(dict(joint.model.values)))
+    motion = study.smoothed[0][0]
+    used = joint.model.used_train[0]
+    expected = balance_residuals(model, motion, model.axis.parameters.values)[used]
+    assert joint.model.train[0][used] == pytest.approx(expected, abs=0.01 * np.std(expected))
