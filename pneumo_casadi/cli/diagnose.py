@@ -138,7 +138,11 @@ def effects_without(names: Sequence[str]) -> "dict[str, type[Effect]]":
     unknown = [name for name in names if name not in EFFECTS]
     if unknown:
         raise CaseError(f"--without: no effect {unknown[0]!r}; there are {', '.join(EFFECTS)}")
-    effects = {name: effect for name, effect in EFFECTS.items() if name not in names}
+    effects = {
+        name: effect
+        for name, effect in EFFECTS.items()
+        if name not in names and effect.cause not in names
+    }
     if not effects:
         raise CaseError("--without leaves no effect in the catalogue")
     return effects

@@ -27,6 +27,7 @@ from pneumo_casadi.diagnosis.metrics.residual_size import balance_closure
 from pneumo_casadi.diagnosis.metrics.simulated_gap import simulated_gap
 from pneumo_casadi.diagnosis.prepare.prepare_study import applicable, prepare_study
 from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue
+from pneumo_casadi.diagnosis.select.forms import causes_of
 from pneumo_casadi.diagnosis.select.forward_selection import Selection, select_effects
 from pneumo_casadi.diagnosis.wording.conclusions import separating_experiment, unknown_hint
 from pneumo_casadi.effects import EFFECTS
@@ -151,7 +152,8 @@ def diagnose(
         models = ((selection.nominal, ()), (selection.final, effects))
         discovered = discover_beside(study, models, selection.levels)
     report("done", 1.0)
-    judgement, alternatives = decision.judgement, decision.alternatives
+    judgement = decision.judgement
+    alternatives = tuple(dict.fromkeys(causes_of(names, known) for names in decision.alternatives))
     return Diagnosis(
         case=case.name,
         verdict=decision.verdict,

@@ -41,7 +41,7 @@ def options_of_diagnosis(case: Case, diagnosis: Diagnosis) -> IdentifyOptions:
     options = IdentifyOptions(
         flow_form=None if selection is None else selection.chosen,
         degrees=None if selection is None else selection.degrees,
-        effects=tuple(effect.name for effect in diagnosis.effects),
+        effects=tuple(effect.form for effect in diagnosis.effects),
         each_record=False,
     )
     _, flow = read_flow(case, options)

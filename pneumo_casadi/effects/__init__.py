@@ -6,6 +6,7 @@ An import below is an entry of the catalogue.
 from pneumo_casadi.effects.air.exhaust_restriction import ExhaustRestriction as ExhaustRestriction
 from pneumo_casadi.effects.air.heat_transfer import HeatTransfer as HeatTransfer
 from pneumo_casadi.effects.air.hose import Hose as Hose
+from pneumo_casadi.effects.air.hose_volume import HoseVolume as HoseVolume
 from pneumo_casadi.effects.air.leakage import LeakageN as LeakageN
 from pneumo_casadi.effects.air.leakage import LeakageP as LeakageP
 from pneumo_casadi.effects.air.leakage import PistonSealLeakage as PistonSealLeakage
@@ -22,6 +23,9 @@ from pneumo_casadi.effects.friction.quadratic_drag import QuadraticDrag as Quadr
 from pneumo_casadi.effects.friction.stribeck import Stribeck as Stribeck
 from pneumo_casadi.effects.load.constant_force import ConstantForce as ConstantForce
 from pneumo_casadi.effects.load.elastic_load import ElasticLoad as ElasticLoad
+from pneumo_casadi.effects.load.position_on_elastic_load import (
+    PositionOnElasticLoad as PositionOnElasticLoad,
+)
 from pneumo_casadi.effects.load.spring_load import SpringLoad as SpringLoad
 from pneumo_casadi.effects.sensors.backlash import Backlash as Backlash
 from pneumo_casadi.effects.sensors.position_delay import PositionDelay as PositionDelay

@@ -14,6 +14,8 @@ class EffectRow:
     ----------
     name : str
         Name in the catalogue.
+    cause : str
+        Name of the cause that it is a form of.
     equation : str
         What it adds to the nominal axis.
     junctions : tuple of str
@@ -33,6 +35,7 @@ class EffectRow:
     """
 
     name: str
+    cause: str
     equation: str
     junctions: tuple[str, ...]
     states: tuple[State, ...]
@@ -48,6 +51,7 @@ def effect_row(effect: type[Effect] | Effect) -> EffectRow:
     instance = effect() if isinstance(effect, type) else effect
     return EffectRow(
         instance.name,
+        instance.cause,
         instance.equation,
         instance.junctions,
         instance.states,

@@ -1,6 +1,7 @@
 """The axis as CasADi functions: right-hand side, outputs, regressor."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 
 import casadi as ca
@@ -144,7 +145,8 @@ class Axis(AxisDescription):
         casadi.Function
             ``(x, dx, u) -> (Y, W)`` with the nominal states (``motion_states``), Y of shape
             (ne,) and W of shape (ne, len(names)), such that the balances read Y = W θ.
-            The effects' own states are at rest: a regressor contains no dynamics of effects.
+            The effects' own states are at rest: a regressor contains no dynamics of effects. An
+            effect that acts through its states alone is left out.
 
         Raises
         ------
@@ -167,7 +169,8 @@ class Axis(AxisDescription):
         theta = sym("theta", len(chosen))
         values = (parameters or self.parameters).as_dict() | {"v_s": V_S_SHARP}
         named: dict[str, Expression] = {**values, **{n: theta[i] for i, n in enumerate(chosen)}}
-        written = self.balances(x, dx, u, named, at_rest=True)
+        direct = tuple(effect for effect in self.effects if not effect.through_states)
+        written = replace(self, effects=direct).balances(x, dx, u, named, at_rest=True)
         r = ca.vertcat(*(written.residual[name] for name in self.equations))
         W = -ca.jacobian(r, theta)
         nonlinear = [chosen[i] for i in _dependence(W, theta)]

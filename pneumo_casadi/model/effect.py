@@ -101,6 +101,9 @@ class Effect:
         With unit, bounds, null value, starting value, description and source; short names.
     states : tuple of State
         Extra states; their rates come from `rates`, their start from `rest`.
+    cause : str
+        Name of the family that the effect is a form of, by default its own name. Forms of one
+        cause are rivals: a diagnosis keeps the one that fits best, and names the cause.
     equation : str
         What is added to the nominal axis, as plain text.
     source : str
@@ -136,6 +139,12 @@ class Effect:
     measured_by : str
         Further signal that, where it is recorded, leaves the effect nothing to explain, such as
         ``"p_supply"`` for a supply that droops; empty if there is none.
+    through_states : bool
+        Whether force or flow reach the axis by way of the states alone, as through a spring. A fit
+        to the balances then needs derivatives of these states to the nominal parameters too.
+    scanned : mapping of str to tuple of float
+        Values of a parameter among which a fit to the balances first looks for its start. The cost
+        of a resonance has a narrow valley, which no step finds from afar.
     needs_chambers : bool
         Whether the effect reads chamber pressures; it then cannot be added to a force-driven
         axis. Set it also if the effect overrides only junctions of both kinds of axis, for example
@@ -166,6 +175,7 @@ class Effect:
     shows: ClassVar[str] = ""
     confused_with: ClassVar[tuple[str, ...]] = ()
     separated_by: ClassVar[str] = ""
+    cause: ClassVar[str] = ""
     passive: ClassVar[bool] = False
     credible: ClassVar[Mapping[str, tuple[float, float]]] = MappingProxyType({})
     one_form: ClassVar[bool] = False
@@ -174,6 +184,8 @@ class Effect:
     masses: ClassVar[tuple[str, ...]] = ()
     metered: ClassVar[bool] = False
     measured_by: ClassVar[str] = ""
+    through_states: ClassVar[bool] = False
+    scanned: ClassVar[Mapping[str, tuple[float, ...]]] = MappingProxyType({})
     needs_chambers: ClassVar[bool] = False
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
@@ -186,11 +198,13 @@ class Effect:
         without = [item.name for item in cls.parameters if item.null is None]
         if without:
             raise ModelError(f"effect {cls.name}: no null value for {', '.join(without)}")
-        strange = sorted(set(cls.credible) - {item.name for item in cls.parameters})
-        if strange:
-            raise ModelError(
-                f"effect {cls.name}: credible names no parameter: {', '.join(strange)}"
-            )
+        for attribute in ("credible", "scanned"):
+            strange = sorted(set(getattr(cls, attribute)) - {item.name for item in cls.parameters})
+            if strange:
+                raise ModelError(
+                    f"effect {cls.name}: {attribute} names no parameter: {', '.join(strange)}"
+                )
+        cls.cause = cls.__dict__.get("cause", "") or cls.name
         known = () if cls.absorbed_by is None else cls.absorbed_by.names
         strange = sorted(set(known) - set(PARAMETER_CHECKS))
         if strange:

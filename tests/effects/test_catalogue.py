@@ -29,11 +29,13 @@ ORDER = (
     "flow_map_shape",
     "heat_transfer",
     "hose",
+    "hose_volume",
     "leakage_N",
     "leakage_P",
     "piston_seal_leakage",
     "position_delay",
     "position_friction",
+    "position_on_elastic_load",
     "presliding",
     "pressure_friction",
     "pressure_sensor_bias",
@@ -69,6 +71,7 @@ def test_an_effect_declares_what_it_is(effect, members):
     ):
         assert text and text == text.strip()
     assert instance.confused_with and instance.name not in instance.confused_with
+    assert EFFECTS[instance.cause].cause == instance.cause, "a cause is named after its first form"
     unknown = set(instance.confused_with) - {*EFFECTS, *NOMINAL}
     assert not unknown, f"{instance.name} is confused with what is not in the catalogue: {unknown}"
     assert any(effect in some for some in members.values()), f"{instance.name} fits no axis"

@@ -14,6 +14,7 @@ from pneumo_casadi.diagnosis.metrics.findings import (
 from pneumo_casadi.diagnosis.metrics.residual_size import balance_closure
 from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study
 from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue, Names
+from pneumo_casadi.diagnosis.select.forms import cause_of, causes_of
 from pneumo_casadi.diagnosis.select.forward_selection import Selection
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.effect import Effect
@@ -54,12 +55,22 @@ def effects_found(
     own = _own(study, selection.final, selection.chosen, catalogue)
     return tuple(
         EffectFound(
-            name,
+            cause_of(name, catalogue),
             min(1.0, sum(p for names, p in judgement.probability.items() if name in names)),
             _short(own, name),
+            name,
+            _closures_of_forms(selection, cause_of(name, catalogue)),
         )
         for name in _order(selection)
     )
+
+
+def _closures_of_forms(selection: Selection, cause: str) -> dict[str, float]:
+    """Return the share of the held-out gap that each form of a cause closes alone."""
+    return {
+        name: balance_closure(selection.nominal, fitted, selection.levels).value
+        for name, fitted in selection.forms.get(cause, {}).items()
+    }
 
 
 def _order(selection: Selection) -> list[str]:
@@ -82,7 +93,7 @@ def rank_candidates(
     hidden: Sequence[str],
     catalogue: Catalogue,
 ) -> tuple[Candidate, ...]:
-    """Rank the models fitted, after the effects that parameters may have absorbed (`hidden`)."""
+    """Rank the causes of the models fitted, after what parameters may have absorbed (`hidden`)."""
     ranked = [
         Candidate(
             names,
@@ -121,7 +132,10 @@ def rank_candidates(
         if hidden
         else 1.0
     )
-    return (
-        *absorbed,
-        *(replace(candidate, probability=left * candidate.probability) for candidate in rest),
+    return tuple(
+        replace(candidate, names=causes_of(candidate.names, catalogue))
+        for candidate in (
+            *absorbed,
+            *(replace(candidate, probability=left * candidate.probability) for candidate in rest),
+        )
     )

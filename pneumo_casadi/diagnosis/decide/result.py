@@ -148,6 +148,8 @@ class Diagnosis(Presentable):
             "effects": [
                 {
                     "name": effect.name,
+                    "form": effect.form,
+                    "forms": dict(effect.forms),
                     "probability": effect.probability,
                     "parameters": _values(effect.parameters),
                 }

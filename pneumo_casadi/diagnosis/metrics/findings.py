@@ -60,16 +60,26 @@ class EffectFound:
     Parameters
     ----------
     name : str
-        In the catalogue.
+        The cause, by its name in the catalogue.
     probability : float
         That it is part of the cause.
     parameters : mapping of str to Value
         Its own parameters as fitted, by their short names.
+    form : str, optional
+        Effect of the catalogue that was added, one of the forms of this cause; by default the one
+        that has its name.
+    forms : mapping of str to float, optional
+        Share of the held-out gap that each form closes alone; empty for a cause of one form.
     """
 
     name: str
     probability: float
     parameters: Mapping[str, Value]
+    form: str = ""
+    forms: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "form", self.form or self.name)
 
 
 @dataclass(frozen=True, slots=True)

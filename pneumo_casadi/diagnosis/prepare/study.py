@@ -11,7 +11,11 @@ from numpy.typing import NDArray
 from pneumo_casadi.data import Recording
 from pneumo_casadi.errors import FitError
 from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
-from pneumo_casadi.estimation.equation_error.fit import default_residual_floor, fit_equation_error
+from pneumo_casadi.estimation.equation_error.fit import (
+    default_residual_floor,
+    equation_error_cost,
+    fit_equation_error,
+)
 from pneumo_casadi.estimation.equation_error.smoothed_motion import SmoothedMotion, smooth_motions
 from pneumo_casadi.estimation.flow_anchor import Anchor, anchor_flow
 from pneumo_casadi.estimation.output_error.result import flow_map_deviation
@@ -152,7 +156,7 @@ def fit_model(
     """
     axis = study.axis.with_effects(*effects).at_starting_values()
     known = {name: value for name, value in (start or {}).items() if name in axis.parameters}
-    axis = axis.with_parameters(known)
+    axis = _scanned(study, axis.with_parameters(known), known)
     fitted = min(
         (_fit_with_recovery(study, axis.with_parameters(s)) for s in shapes or ({},)), key=_cost
     )
@@ -161,6 +165,26 @@ def fit_model(
         fitted = _fit_from_larger_starts(study, axis, new, fitted)
     require_credible(study, effects, fitted)
     return fitted
+
+
+def _scanned(study: Study, axis: Axis, known: Mapping[str, float]) -> Axis:
+    """Return the axis at the best of the starts that its effects name; see `Effect.scanned`."""
+    for effect in axis.effects:
+        for short, values in effect.scanned.items():
+            name = f"{effect.name}.{short}"
+            if name not in known:
+                tried = (axis.with_parameters({name: value}) for value in values)
+                axis = min(tried, key=lambda start: _cost_of_start(study, start))
+    return axis
+
+
+def _cost_of_start(study: Study, axis: Axis) -> float:
+    return equation_error_cost(
+        axis,
+        study.smoothed[0],
+        study.anchor_with(axis.effects),
+        residual_floor=default_residual_floor(study.axis),
+    )
 
 
 def _fit_from_larger_starts(
@@ -263,7 +287,7 @@ def _fit(study: Study, axis: Axis, whole: bool = False) -> FittedModel:
         train,
         study.anchor_with(axis.effects),
         residual_floor=default_residual_floor(study.axis),
-        state_derivatives=whole,
+        state_derivatives=whole or any(effect.through_states for effect in axis.effects),
     )
     return FittedModel(
         tuple(effect.name for effect in axis.effects),

@@ -59,6 +59,8 @@ class FitLedger:
         Results so far; see `Selection`.
     alone : tuple of str
         Effects accepted alone, the best first.
+    left_out : set of str
+        Effects of the catalogue that no further model has.
     trials : dict of tuple of str to (FittedModel, float)
         Models refined by output error, and the share of the simulated gap that they leave.
     """
@@ -74,6 +76,7 @@ class FitLedger:
     gap_left: dict[Names, float] = field(default_factory=dict)
     trials: dict[Names, tuple[FittedModel, float]] = field(default_factory=dict)
     alone: Names = ()
+    left_out: set[str] = field(default_factory=set)
 
     def __post_init__(self) -> None:
         self._packed = pickle.dumps(self.study) if self.executor is not None else b""
@@ -154,6 +157,13 @@ class FitLedger:
     def take(self, names: Names) -> None:
         """Choose a model as refined by output error."""
         self.output_error_fits[names], self.gap_left[names] = self.trials[names]
+
+    def leave_out(self, name: str) -> None:
+        """Take an effect out of the screen and of all further models."""
+        self.left_out.add(name)
+        self.directions.pop(name, None)
+        self.fits.pop((name,), None)
+        self.failures.pop((name,), None)
 
     def refine(self, names: Names) -> None:
         """Let the fit of a model go on to its minimum, in all its effects' parameters; once."""

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import combinations
 from pathlib import Path
 
@@ -22,6 +22,7 @@ from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study, fit_model
 from pneumo_casadi.diagnosis.screen.screen import ScreenResult, background
 from pneumo_casadi.diagnosis.select.acceptance import accepted
 from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue, Failed, FitLedger, Names, Start
+from pneumo_casadi.diagnosis.select.forms import keep_best_forms
 from pneumo_casadi.diagnosis.select.plausibility import find_plausible_extension
 from pneumo_casadi.diagnosis.select.sensor_effects import (
     closes_in_simulation,
@@ -70,6 +71,8 @@ class Selection:
         Share of the simulated gap left by every model that output error has refined.
     simulations : Simulations
         Of the held-out records, those already done.
+    forms : mapping of str to mapping of str to FittedModel
+        By cause of which the catalogue has several forms: the fit of each form alone.
     """
 
     nominal: FittedModel
@@ -82,6 +85,7 @@ class Selection:
     gap_left: Mapping[Names, float]
     trials: Mapping[Names, float]
     simulations: Simulations
+    forms: Mapping[str, Mapping[str, FittedModel]] = field(default_factory=dict)
 
     @property
     def chosen(self) -> Names:
@@ -121,6 +125,8 @@ def select_effects(
     first = ledger.over(background(study, nominal, nominal))
     report("refitting single effects", 0.3)
     _fit_beside(ledger, (), nominal, first, list(first))
+    forms = keep_best_forms(ledger)
+    first = {name: result for name, result in first.items() if name not in ledger.left_out}
     path = _forward(ledger, nominal, levels, report)
     failures = tuple(ledger.failures.values())
     return Selection(
@@ -134,6 +140,7 @@ def select_effects(
         ledger.gap_left,
         {key: share for key, (_, share) in ledger.trials.items()},
         ledger.simulations,
+        forms,
     )
 
 

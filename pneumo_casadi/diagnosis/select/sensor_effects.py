@@ -145,7 +145,8 @@ def _candidates(ledger: FitLedger, known: Names) -> Sequence[str]:
     for effect in ledger.effects(known):
         if any_sensor_memory((effect,)):
             names |= {n for n in effect.confused_with if n in ledger.catalogue}
-    made = {name: ledger.catalogue[name]() for name in ledger.key(names - set(known))}
+    names -= {*known, *ledger.left_out}
+    made = {name: ledger.catalogue[name]() for name in ledger.key(names)}
     # A refinement fixes the flow map, so that effects of the metered valve shape are left out. A
     # second sensor effect with memory is tried only if it lowers the cost of the fit as well: the
     # first one may already describe the same error.

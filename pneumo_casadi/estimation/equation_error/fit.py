@@ -125,6 +125,20 @@ def fit_equation_error(
     )
 
 
+def equation_error_cost(
+    axis: Axis,
+    motions: Sequence[SmoothedMotion],
+    anchor: Anchor | None = None,
+    *,
+    residual_floor: FloatArray | None = None,
+) -> float:
+    """Return the cost of an axis at its values, as `fit_equation_error` minimises it."""
+    floor = default_residual_floor(axis) if residual_floor is None else residual_floor
+    problem = Problem(BalanceFunctions(axis), motions, anchor, floor, False)
+    theta = axis.parameters.values
+    return problem.cost(problem.residuals(theta), theta)
+
+
 def default_residual_floor(axis: Axis) -> FloatArray:
     """Return the smallest residual of each balance that counts, (ne,), in units of the residuals.
 

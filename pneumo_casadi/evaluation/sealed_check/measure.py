@@ -29,6 +29,7 @@ from pneumo_casadi.diagnosis.metrics.residual_size import residual_rms
 from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study, fit_model
 from pneumo_casadi.diagnosis.screen.screen import ScreenResult, background
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger
+from pneumo_casadi.diagnosis.select.forms import cause_of, causes_of
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.errors import PneumoError
 from pneumo_casadi.evaluation.sealed_check.draw import Draw, make_twin
@@ -138,23 +139,37 @@ class Models:
     @staticmethod
     def of(study: Study, without: Collection[str] = ()) -> "Models":
         """Fit the nominal model and screen a catalogue that lacks some effects."""
-        given = {name: effect for name, effect in EFFECTS.items() if name not in without}
+        given = {name: effect for name, effect in EFFECTS.items() if effect.cause not in without}
         ledger, nominal = FitLedger(study, applicable(study, given)), fit_model(study, ())
         ledger.screen_all(nominal)
         return Models(ledger, nominal, ledger.over(background(study, nominal, nominal)))
 
     def fitted(self, names: Iterable[str]) -> FittedModel | None:
-        """Return the fit with some effects; None where there is none.
+        """Return the fit with some causes, each in its best form; None where there is none.
 
         Several effects begin at the best single one of them, the others as screened.
         """
-        key = self.ledger.key(names)
+        return self._fitted(self.ledger.key(self._form(name) for name in names))
+
+    @property
+    def causes(self) -> tuple[str, ...]:
+        """All causes of the catalogue."""
+        return causes_of(self.ledger.catalogue, self.ledger.catalogue)
+
+    def _form(self, cause: str) -> str:
+        """Return the form of a cause that fits best alone."""
+        known = self.ledger.catalogue
+        fits = {n: self._fitted((n,)) for n in known if cause_of(n, known) == cause}
+        costs = {name: fitted.cost for name, fitted in fits.items() if fitted is not None}
+        return min(costs, key=lambda name: costs[name], default=cause)
+
+    def _fitted(self, key: tuple[str, ...]) -> FittedModel | None:
         if not key:
             return self.nominal
         if key not in self.ledger.fits and key not in self.ledger.failures:
             origin = self.nominal
             if len(key) > 1:
-                alone = [fit for fit in (self.fitted((name,)) for name in key) if fit is not None]
+                alone = [fit for fit in (self._fitted((name,)) for name in key) if fit is not None]
                 origin = min(alone, key=lambda fit: fit.cost, default=origin)
             screened = [self.screen[name].starts for name in key if name in self.screen]
             if len(key) == 1:
@@ -174,8 +189,9 @@ def rivals(models: Models) -> dict[str, Any]:
         fitted = models.fitted(names)
         return np.inf if fitted is None else fitted.cost + len(fitted.std)
 
-    single = {name: criterion((name,)) for name in models.ledger.catalogue}
-    costs = {names[0]: fit.cost for names, fit in models.ledger.fits.items() if len(names) == 1}
+    single = {name: criterion((name,)) for name in models.causes}
+    alone = {name: models.fitted((name,)) for name in models.causes}
+    costs = {name: fit.cost for name, fit in alone.items() if fit is not None}
     return {
         "by_error": sorted(costs, key=lambda name: costs[name]),
         "by_aic": forward(single, criterion(()), criterion),

@@ -158,7 +158,7 @@ def _done(folder: Path, name: str) -> bool:
 
 def diagnose_one(folder: Path, name: str, without: Sequence[str], diagnosing: Diagnosing) -> None:
     """Diagnose one case and write its verdict; an error is a verdict too."""
-    catalogue = {key: effect for key, effect in EFFECTS.items() if key not in without}
+    catalogue = {key: effect for key, effect in EFFECTS.items() if effect.cause not in without}
     try:
         verdict = dict(diagnosing(read_case(folder / CASES / name), catalogue))
         canonical(verdict)

@@ -15,6 +15,9 @@ parameters, and adds its own states where it needs them. Any subset composes:
 `axis.with_effects(EFFECTS["stribeck"]()).at_starting_values()`. An effect of your own is a
 subclass of `Effect` and needs no registration.
 
+Several effects may be forms of one cause: a diagnosis keeps the form that fits best, and names the
+cause.
+
 This page is generated: `python -m pneumo_casadi.report.tables.effects > docs/reference/effects.md`.
 A parameter marked *held* is not estimated unless released.
 """
@@ -44,6 +47,7 @@ def effect_markdown(row: EffectRow) -> str:
     """Return the section of one effect, of the catalogue or your own (`effects.row_of`)."""
     confused = ", ".join(map(_named, row.confused_with))
     items = [
+        ("Form of", "" if row.cause == row.name else _named(row.cause)),
         ("Acts at", ", ".join(row.junctions)),
         ("Extra states", ", ".join(f"`{state.name}` [{state.unit}]" for state in row.states)),
         ("Shows in", row.shows),

@@ -113,7 +113,7 @@ def cause_sentences(diagnosis: Diagnosis, catalogue: Catalogue = EFFECTS) -> tup
 
 
 def _cause(effect: EffectFound, catalogue: Catalogue) -> str:
-    known = catalogue.get(effect.name)
+    known = catalogue.get(effect.form)
     described = {item.name: item.description for item in known().parameters} if known else {}
     largest = sorted(effect.parameters, key=lambda name: -abs(effect.parameters[name].value))[:TOLD]
     sizes = [
@@ -127,8 +127,18 @@ def _cause(effect: EffectFound, catalogue: Catalogue) -> str:
     size = f" Parameters: {'; '.join(sizes)}." if sizes else ""
     return (
         f"{_capital(plain(effect.name))} (probability {chance(effect.probability)}): "
-        f"{described_as(effect.name, catalogue)}{size}"
+        f"{described_as(effect.form, catalogue)}{size}{_forms(effect)}"
     )
+
+
+def _forms(effect: EffectFound) -> str:
+    """Return which form of the cause fits best, and what the others close."""
+    others = {name: closed for name, closed in effect.forms.items() if name != effect.form}
+    if not others:
+        return ""
+    told = joined([f"{plain(name)} {whole(closed)}" for name, closed in others.items()])
+    own = f"{plain(effect.form)} closes {whole(effect.forms[effect.form])} of the gap alone"
+    return f" Form that fits best: {own}, {told}."
 
 
 def described_as(name: str, catalogue: Catalogue = EFFECTS) -> str:

@@ -1,0 +1,38 @@
+"""Forms of one cause: the one that fits best alone stands for the family in all further models."""
+
+from collections.abc import Iterable, Mapping
+
+from pneumo_casadi.diagnosis.prepare.study import FittedModel
+from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue, FitLedger, Names
+
+
+def cause_of(name: str, catalogue: Catalogue) -> str:
+    """Return the cause that an effect is a form of; a name that is not there is its own cause."""
+    factory = catalogue.get(name)
+    return name if factory is None else str(getattr(factory, "cause", "") or name)
+
+
+def causes_of(names: Iterable[str], catalogue: Catalogue) -> Names:
+    """Return the causes of some effects, in their order, each once."""
+    return tuple(dict.fromkeys(cause_of(name, catalogue) for name in names))
+
+
+def keep_best_forms(ledger: FitLedger) -> Mapping[str, Mapping[str, FittedModel]]:
+    """Keep the form with the least cost of every cause; return the fits of all, by cause.
+
+    Only causes with several forms are returned. The others are out of the screen and of all
+    further models: two forms of one cause in a model would share its gain.
+    """
+    forms: dict[str, list[str]] = {}
+    for name in ledger.catalogue:
+        forms.setdefault(cause_of(name, ledger.catalogue), []).append(name)
+    fits: dict[str, Mapping[str, FittedModel]] = {}
+    for cause, names in forms.items():
+        fitted = {name: ledger.fits[name,] for name in names if (name,) in ledger.fits}
+        if len(names) == 1 or not fitted:
+            continue
+        best = min(fitted, key=lambda name: fitted[name].cost)
+        fits[cause] = fitted
+        for name in set(names) - {best}:
+            ledger.leave_out(name)
+    return fits

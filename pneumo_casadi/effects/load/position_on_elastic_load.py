@@ -1,0 +1,141 @@
+"""Elastic load whose position is measured: the piston moves before it, on a spring and a damper."""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any
+
+import casadi as ca
+
+from pneumo_casadi.effects.common.regular_lag import numerator
+from pneumo_casadi.model.effect import Effect, Scope, State
+from pneumo_casadi.model.junctions import Expression, Pair
+from pneumo_casadi.parameters import Parameter
+
+#: A chamber keeps at least this share of the volume that belongs to the measured position.
+CAPACITY_LEAST = 0.1
+
+
+class PositionOnElasticLoad(Effect):
+    r"""A load of the share s of the mass M, whose position x is measured, on a spring.
+
+    The piston, with the rest of the mass and all friction, is at x_1 = x + δ. With F the sum of
+    the forces on the piston and e the spring's force in proportion,
+
+    .. math:: m^2 \ddot e + 2 ζ m \dot e + e = F, \qquad δ = \frac{D^2}{(1 - s) M} e, \qquad
+              M \ddot x = e + 2 ζ m \dot e + (n/m)^2 (F - e - 2 ζ m \dot e)
+
+    where 1/D is the natural frequency of the two masses against each other, m = n + D and
+    n = τ_0²/(τ_0 + D) with τ_0 = 1 ms, so that at D = 0 the load is rigid, exactly. Both chambers
+    see x_1 and its velocity: the flow that would raise the pressure equally at x is
+
+    .. math:: q' = X_{s3} p ẋ + \frac{X_{s1} + X_{s2} x}{X_{s1} + X_{s2} x_1} (q - X_{s3} p ẋ_1).
+    """
+
+    name = "position_on_elastic_load"
+    cause = "elastic_load"
+    equation = "M ẍ = e + 2ζDė, D²ë + 2ζDė + e = F; the piston is at x + D² e/((1 − s) M)"
+    source = "two-mass oscillator, Den Hartog (1956), Mechanical Vibrations, ch. 3"
+    shows = "all balances, in one band of frequencies: the piston is not where the load is"
+    confused_with = ("elastic_load", "position_delay", "backlash", "X_s2", "X_s5", "M")
+    separated_by = "a second position sensor at the piston; reversals at several accelerations"
+    through_states = True
+    # Between 40 and 5 Hz in steps of 15 %: wider steps miss the resonance of a light damping.
+    scanned = MappingProxyType({"D": tuple(0.004 * 1.15**i for i in range(16))})
+    parameters = (
+        Parameter(
+            "D",
+            0.0,
+            "s",
+            lower=0.0,
+            upper=0.06,
+            scale=2e-3,
+            null=0.0,
+            start=0.01,
+            description="inverse of the natural frequency of the two masses against each other",
+            source="3-100 Hz, engineering judgement for couplings and payload mounts",
+        ),
+        Parameter(
+            "s",
+            0.5,
+            "1",
+            lower=0.05,
+            upper=0.95,
+            scale=0.1,
+            null=0.5,
+            start=0.5,
+            description="share of the moving mass beyond the spring",
+            source="payloads weigh about as much as piston, rod and carriage",
+        ),
+        Parameter(
+            "zeta",
+            0.05,
+            "1",
+            lower=0.0,
+            upper=1.0,
+            scale=0.05,
+            null=0.05,
+            start=0.05,
+            description="damping ratio of the two masses against each other",
+            source="0.01-0.1 for metal joints, more with rubber",
+        ),
+    )
+    states = (State("e", "N", 50.0), State("g", "N", 50.0))
+
+    def rest(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
+        """Start with the load moving as the piston does; g is m ė."""
+        return {"e": entering["force"], "g": 0.0}
+
+    def rates(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
+        """Let the load swing under the force that reaches the piston."""
+        F = _force_on_piston(entering["force"], at)
+        _, m = _times(at)
+        return {"e": at["g"] / m, "g": (F - at["e"] - 2 * at["zeta"] * at["g"]) / m}
+
+    def chamber_energy(self, q_m: Pair, at: Scope) -> Pair:
+        """Change the volumes of the chambers with the piston instead of the load."""
+        X = [at.axis[f"X_s{i}"] for i in range(1, 7)]
+        apart, sliding = _apart(at)
+        return Pair(
+            _at_the_load(q_m.P, X[0] + X[1] * at.x, X[1] * apart, X[2] * at.p.P, sliding, at),
+            _at_the_load(q_m.N, X[3] - X[4] * at.x, -X[4] * apart, -X[5] * at.p.N, sliding, at),
+        )
+
+    def force(self, F: Expression, at: Scope) -> Expression:
+        """Return the mass times the acceleration that the spring gives to the load."""
+        n, m = _times(at)
+        through = at["e"] + 2 * at["zeta"] * at["g"]
+        return through + (n / m) ** 2 * (_force_on_piston(F, at) - through)
+
+
+def _times(at: Scope) -> tuple[Expression, Expression]:
+    """Return n and m [s]."""
+    n = numerator(at["D"])
+    return n, n + at["D"]
+
+
+def _apart(at: Scope) -> tuple[Expression, Expression]:
+    """Return δ [m] and its rate [m/s]."""
+    _, m = _times(at)
+    compliance = at["D"] ** 2 / ((1 - at["s"]) * at.axis["M"])
+    return compliance * at["e"], compliance * at["g"] / m
+
+
+def _force_on_piston(F: Expression, at: Scope) -> Expression:
+    """Replace the friction at the velocity of the load by that at the piston's."""
+    _, sliding = _apart(at)
+    axis = at.axis
+    change = ca.tanh((at.v + sliding) / axis["v_s"]) - at.direction
+    return F - axis["f_v"] * sliding - (axis["F_c_plus"] + axis["F_c_minus"]) / 2 * change
+
+
+def _at_the_load(
+    q: Expression,
+    capacity: Expression,
+    more: Expression,
+    displaced: Expression,
+    sliding: Expression,
+    at: Scope,
+) -> Expression:
+    """Return the flow that raises the pressure equally with the piston where the load is."""
+    true = ca.fmax(capacity + more, CAPACITY_LEAST * capacity)
+    return displaced * at.v + capacity / true * (q - displaced * (at.v + sliding))

@@ -1,0 +1,53 @@
+"""Several forms of one cause: the best stands for it, and the verdict names the cause."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger
+from pneumo_casadi.diagnosis.select.forms import cause_of, causes_of, keep_best_forms
+from pneumo_casadi.effects import EFFECTS
+
+
+@pytest.fixture
+def ledger(monkeypatch):
+    """A ledger of single fits with made-up costs; nothing is fitted."""
+    monkeypatch.setattr(FitLedger, "__post_init__", lambda self: None)
+    names = ("hose", "hose_volume", "stribeck", "elastic_load", "position_on_elastic_load")
+    made = FitLedger(None, {name: EFFECTS[name] for name in names})
+    made.fits.update(
+        {(n,): SimpleNamespace(cost=c) for n, c in zip(names, (5, 3, 4, 1, 2), strict=True)}
+    )
+    made.directions.update(dict.fromkeys(names, ()))
+    return made
+
+
+def test_the_form_of_least_cost_stands_for_its_cause(ledger):
+    forms = keep_best_forms(ledger)
+    assert {cause: set(fits) for cause, fits in forms.items()} == {
+        "hose": {"hose", "hose_volume"},
+        "elastic_load": {"elastic_load", "position_on_elastic_load"},
+    }
+    assert set(ledger.fits) == {("hose_volume",), ("stribeck",), ("elastic_load",)}
+    assert set(ledger.directions) == {"hose_volume", "stribeck", "elastic_load"}
+    assert ledger.left_out == {"hose", "position_on_elastic_load"}
+
+
+def test_a_form_that_failed_is_no_rival(ledger):
+    ledger.failures["hose_volume",] = ledger.fits.pop(("hose_volume",))
+    keep_best_forms(ledger)
+    assert ("hose",) in ledger.fits and "hose_volume" in ledger.left_out
+    assert ("hose_volume",) not in ledger.failures
+
+
+def test_where_all_forms_failed_their_reasons_stay(ledger):
+    for name in ("hose", "hose_volume"):
+        ledger.failures[name,] = ledger.fits.pop((name,))
+    assert "hose" not in keep_best_forms(ledger)
+    assert set(ledger.failures) == {("hose",), ("hose_volume",)}
+
+
+def test_a_cause_is_told_once():
+    names = ("hose_volume", "stribeck", "hose", "of your own")
+    assert causes_of(names, EFFECTS) == ("hose", "stribeck", "of your own")
+    assert cause_of("position_on_elastic_load", EFFECTS) == "elastic_load"
