@@ -9,6 +9,7 @@ from pneumo_casadi.data.bench.driven_bench import AnyBench
 from pneumo_casadi.data.checks.finding import Finding
 from pneumo_casadi.data.recording.recording import Recording
 from pneumo_casadi.errors import CaseError
+from pneumo_casadi.runtime.input_files import printable
 from pneumo_casadi.runtime.presentation import Presentable
 
 
@@ -63,7 +64,7 @@ class Case(Presentable):
     @property
     def name(self) -> str:
         """Name of the folder."""
-        return self.folder.name
+        return printable(self.folder.name)
 
     @property
     def files(self) -> tuple[Path, ...]:

@@ -32,6 +32,7 @@ from pneumo_casadi.data.recording.recording import Recording
 from pneumo_casadi.data.seal_friction import is_seal_friction, read_seal_friction
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.runtime.atomic_files import atomic_folder
+from pneumo_casadi.runtime.input_files import is_named
 
 TIME_DECIMALS = 10
 #: The case that comes with the package.
@@ -101,7 +102,7 @@ def _read(
     if not folder.is_dir():
         raise CaseError(f"{folder}: no such folder; give the folder that holds bench.json")
     bench = read_bench(folder / "bench.json")
-    if columns is None and (folder / COLUMNS_FILE).is_file():
+    if columns is None and is_named(folder / COLUMNS_FILE):
         columns = read_columns(folder / COLUMNS_FILE)
     records = {
         role: tuple(
@@ -175,15 +176,15 @@ def _with_signals(
 def _flow_maps(folder: Path) -> tuple[Path | None, Path | None]:
     """Return the map of both valves, or of chamber P's and of chamber N's where they differ."""
     shared, P, N = (folder / f"flow_map{end}.csv" for end in ("", "_P", "_N"))
-    own = P.is_file() or N.is_file()
-    if own and not (P.is_file() and N.is_file()):
-        missing = N if P.is_file() else P
+    own = is_named(P) or is_named(N)
+    if own and not (is_named(P) and is_named(N)):
+        missing = N if is_named(P) else P
         raise CaseError(f"{missing}: no such file; give the map of both valves, or flow_map.csv")
-    if own and shared.is_file():
+    if own and is_named(shared):
         raise CaseError(f"{shared}: stands beside {P.name} and {N.name}; keep one or the other")
     if own:
         return P, N
-    return (shared if shared.is_file() else None), None
+    return (shared if is_named(shared) else None), None
 
 
 def _record_files(folder: Path, role: str) -> list[Path]:

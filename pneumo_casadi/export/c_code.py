@@ -10,7 +10,7 @@ import casadi as ca
 
 from pneumo_casadi import __version__
 from pneumo_casadi.export.folder import write_files
-from pneumo_casadi.export.model import IdentifiedModel, identifier
+from pneumo_casadi.export.model import IdentifiedModel, identifier, plain
 
 #: Name of files and prefix of every symbol.
 NAME = "axis"
@@ -59,12 +59,12 @@ def values(model: IdentifiedModel) -> dict[str, Any]:
         generator.add(function)
 
     def columns(kind: str) -> list[str]:
-        return [f"{name}_{unit}" for name, unit in units[kind].items()]
+        return [plain(f"{name}_{unit}") for name, unit in units[kind].items()]
 
     return {
         "name": NAME,
         "NAME": NAME.upper(),
-        "title": f"Axis identified from {model.name}".replace("*/", "* /"),
+        "title": f"Axis identified from {plain(model.name)}",
         "version": __version__,
         "generated": str(generator.dump()),
         "nx": len(axis.states),
@@ -83,7 +83,7 @@ def values(model: IdentifiedModel) -> dict[str, Any]:
         "output_columns": _strings(columns("outputs")),
         "parameters": ", ".join(repr(value) for value in axis.parameters.values.tolist()),
         "start": ", ".join(repr(value) for value in model.start.tolist()),
-        "motion": " ".join(axis.motion_states),
+        "motion": " ".join(map(plain, axis.motion_states)),
         "header": ",".join(["t_s", *columns("inputs")]),
         "sz_arg": max(f.sz_arg() for f in functions),
         "sz_res": max(f.sz_res() for f in functions),
@@ -108,7 +108,7 @@ def _tables(model: IdentifiedModel) -> list[str]:
     for kind, letter in (("states", "x"), ("inputs", "u"), ("outputs", "y"), ("parameters", "p")):
         lines.append(f" * {kind.capitalize()} {letter}[]:")
         for i, (name, unit) in enumerate(model.units[kind].items()):
-            lines.append(f" *   {letter}[{i}]  {name} [{unit}]")
+            lines.append(f" *   {letter}[{i}]  {plain(name)} [{plain(unit)}]")
     return lines
 
 
@@ -121,4 +121,4 @@ def _enums(model: IdentifiedModel) -> list[str]:
 
 
 def _strings(names: Iterable[str]) -> str:
-    return ", ".join(f'"{name}"' for name in names)
+    return ", ".join(f'"{plain(name)}"' for name in names)

@@ -1,31 +1,56 @@
 """CasADi functions as files, with a sidecar that says what their numbers are."""
 
 import hashlib
-import json
 import re
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import casadi as ca
 import numpy as np
+from msgspec import Meta
 
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.export.folder import write_files
+from pneumo_casadi.export.function_check import CLASSES, refusal
 from pneumo_casadi.export.model import FORMAT, IdentifiedModel, description
 from pneumo_casadi.model.integration import Stepping, step_function
 from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.runtime.input_files import read_bytes, shown
 from pneumo_casadi.runtime.json_files import json_text
+from pneumo_casadi.runtime.json_input import Section, check_format, read_json, typed
 
 SIDECAR = "functions.json"
 _KIND = "pneumo_casadi functions"
 #: Output of each function, and which quantities it consists of.
 _RESULTS = {"rhs": ("dx", "states"), "step": ("x_next", "states"), "output": ("y", "outputs")}
-#: What a file may not hold: classes that load a library, or values of an option to compile.
-_LIBRARY = re.compile(rb"External|Importer|DllLibrary|\x04\x00{3}link|\x05\x00{3}embed")
+#: Names of classes as CasADi writes them, length first: a closed list, since many load a library.
+_CLASS = re.compile(rb"(?=([\x03-\xff]\x00{3})([A-Z][A-Za-z0-9]{2,}))")
 #: The option to compile on loading, as CasADi writes it: flag, clean-up, length of "source".
 _COMPILE = re.compile(rb"([\x00-\xff])[\x00-\xff]\x06\x00{3}source")
+#: Other values of that option: a library, or code within the file.
+_LIBRARY = re.compile(rb"\x04\x00{3}link|\x05\x00{3}embed")
+#: Largest file of functions that is read [bytes]; that of an axis with all effects is 1 MB.
+LARGEST = 64 * 2**20
+
+
+class _Sampling(Section):
+    dt_s: Annotated[float, Meta(gt=0)]
+
+
+class _File(Section):
+    sha256: str
+
+
+class _Sidecar(Section):
+    kind: str
+    states: dict[str, str]
+    inputs: dict[str, str]
+    outputs: dict[str, str]
+    sampling: _Sampling
+    start: dict[str, float]
+    functions: dict[str, _File]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -111,27 +136,16 @@ def read_functions(folder: str | Path) -> ExportedFunctions:
         foreign code.
     """
     folder = Path(folder)
-    path = folder / SIDECAR
-    try:
-        content = json.loads(path.read_text("utf-8"))
-    except (OSError, ValueError) as error:
-        raise CaseError(f"{path}: not a readable JSON file ({error}); export again") from None
-    try:
-        if content["kind"] != _KIND or content["format"] != FORMAT:
-            raise ValueError(f"kind {content['kind']!r}, format {content['format']!r}")
-        names = {kind: _names(content[kind]) for kind in ("states", "inputs", "outputs")}
-        dt = float(content["sampling"]["dt_s"])
-        start = np.array([float(content["start"][name]) for name in names["states"]])
-        if not (dt > 0 and np.isfinite([dt, *start]).all()):
-            raise ValueError(f"dt_s {dt}, start {start.tolist()}")
-        entries = {name: content["functions"][name] for name in _RESULTS}
-        hashes = {name: str(item["sha256"]) for name, item in entries.items()}
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+    sidecar = _read_sidecar(folder / SIDECAR)
+    texts = {name: _checked(folder, name, sidecar.functions[name].sha256) for name in _RESULTS}
+    refused = refusal(list(texts.values()))
+    if refused:
         raise CaseError(
-            f"{path}: not a sidecar of exported functions ({type(error).__name__}: {error}); "
-            "export again"
-        ) from None
-    functions = {name: _load(folder / f"{name}.casadi", hashes[name]) for name in _RESULTS}
+            f"{folder}: {', '.join(f'{name}.casadi' for name in _RESULTS)}: not read, "
+            f"{refused}; export again with this version"
+        )
+    functions = {name: _rebuilt(name, text) for name, text in texts.items()}
+    names = {kind: getattr(sidecar, kind) for kind in ("states", "inputs", "outputs")}
     for name, f in functions.items():
         expected = [len(names["states"]), len(names["inputs"]), len(names[_RESULTS[name][1]])]
         shape = [f.numel_in(i) for i in range(f.n_in())] + [f.numel_out(0)]
@@ -147,19 +161,21 @@ def read_functions(folder: str | Path) -> ExportedFunctions:
         states=names["states"],
         inputs=names["inputs"],
         outputs=names["outputs"],
-        dt=dt,
-        start=start,
+        dt=sidecar.sampling.dt_s,
+        start=np.array([sidecar.start[name] for name in sidecar.states]),
     )
 
 
 def _bound(model: IdentifiedModel) -> dict[str, ca.Function]:
-    """Return the functions of (x, u) with the parameters put in."""
+    """Return the functions of (x, u) with the parameters put in, without calls of others."""
     axis = model.axis
     x, u = axis.symbol.sym("x", len(axis.states)), axis.symbol.sym("u", len(axis.inputs))
-    step = step_function(axis, Stepping(model.dt, substeps=model.substeps))
+    step = step_function(axis, Stepping(model.dt, substeps=model.substeps), inline=True)
     theta = axis.symbol(ca.DM(axis.parameters.values))
     return {
-        name: ca.Function(name, [x, u], [f(x, u, theta)], ["x", "u"], [_RESULTS[name][0]])
+        name: ca.Function(
+            name, [x, u], f.call([x, u, theta], True, False), ["x", "u"], [_RESULTS[name][0]]
+        )
         for name, f in (("rhs", axis.rhs), ("step", step), ("output", axis.output))
     }
 
@@ -171,43 +187,59 @@ def _saved(f: ca.Function) -> bytes:
         return path.read_bytes()
 
 
-def _names(content: Any) -> dict[str, str]:
-    names = {str(name): unit for name, unit in content.items()}
-    if not names or not all(isinstance(unit, str) for unit in names.values()):
-        raise ValueError(f"names with units expected, got {content!r}")
-    return names
-
-
-def _load(path: Path, expected: str) -> ca.Function:
+def _read_sidecar(path: Path) -> _Sidecar:
+    content = read_json(path, "export again")
     try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise CaseError(f"{path}: cannot be read ({error}); export again") from None
-    if hashlib.sha256(data).hexdigest() != expected:
-        raise CaseError(f"{path}: not the file that {SIDECAR} was written with; export again")
-    _refuse_foreign_code(path, data)
-    try:
-        return ca.Function.load(str(path))
-    except Exception as error:  # CasADi raises what it likes on a damaged file
+        check_format(content, FORMAT)
+        sidecar = typed(content, _Sidecar)
+        if sidecar.kind != _KIND:
+            raise CaseError(f"`kind`: expected {_KIND!r}, got {shown(sidecar.kind)}")
+        for name in _RESULTS:
+            typed(sidecar.functions.get(name), _File, f"functions.{name}")
+        missing = sorted(sidecar.states.keys() - sidecar.start.keys())
+        if missing or not sidecar.states:
+            raise CaseError(f"`start`: no value of {', '.join(missing) or 'any state'}")
+    except CaseError as error:
         raise CaseError(
-            f"{path}: CasADi {ca.CasadiMeta.version()} cannot read it "
-            f"({str(error).strip()[:200]}); export again with this version"
+            f"{path}: not a sidecar of exported functions: {error}; export again"
         ) from None
+    return sidecar
 
 
-def _refuse_foreign_code(path: Path, data: bytes) -> None:
-    """Refuse a file that would make CasADi load a library or call a compiler.
+def _checked(folder: Path, name: str, expected: str) -> str:
+    """Return the content of a file, refused if CasADi would load a library or call a compiler.
 
     CasADi writes each byte as two letters from a to p, low half first.
     """
+    path = folder / f"{name}.casadi"
+    data = read_bytes(path, "export again", LARGEST)
+    if hashlib.sha256(data).hexdigest() != expected:
+        raise CaseError(f"{path}: not the file that {SIDECAR} was written with; export again")
     if len(data) % 2 or not re.fullmatch(rb"[a-p]+", data):
         raise CaseError(f"{path}: no file of CasADi functions; export again")
     letters = np.frombuffer(data, dtype=np.uint8) - ord("a")
     content = (letters[0::2] | (letters[1::2] << 4)).tobytes()
-    compiling = [match for match in _COMPILE.finditer(content) if match[1] != b"\x00"]
-    functions = len(re.findall(rb"[A-Z]+Function", content))
-    if _LIBRARY.search(content) or compiling or functions != len(_COMPILE.findall(content)):
+    names = [
+        match[2][: match[1][0]].decode()
+        for match in _CLASS.finditer(content)
+        if match[1][0] <= len(match[2])
+    ]
+    options = _COMPILE.findall(content)
+    compiling = any(flag != b"\x00" for flag in options) or len(options) != len(names)
+    if not set(names) <= set(CLASSES) or compiling or _LIBRARY.search(content):
         raise CaseError(
             f"{path}: asks for a library or a compiler when it is read; such a file is not "
             "loaded, export the model again"
         )
+    return data.decode()
+
+
+def _rebuilt(name: str, text: str) -> ca.Function:
+    """Return the function of a checked file, made anew of its expressions.
+
+    A file may set options: to write arguments to files, to compile derivatives. They stay behind.
+    """
+    f = ca.StringDeserializer(text).unpack()
+    symbol: Any = ca.MX if f.is_a("MXFunction") else ca.SX
+    given = [symbol.sym(f.name_in(i), f.sparsity_in(i)) for i in range(f.n_in())]
+    return ca.Function(name, given, f.call(given, True, False), f.name_in(), f.name_out())

@@ -9,7 +9,8 @@ import casadi as ca
 
 from pneumo_casadi import __version__
 from pneumo_casadi.export.c_code import NAME
-from pneumo_casadi.export.model import IdentifiedModel
+from pneumo_casadi.export.model import IdentifiedModel, plain
+from pneumo_casadi.runtime.input_files import printable
 
 #: Exponents of the SI base units, in the attributes' names.
 _BASE: dict[str, dict[str, int]] = {
@@ -85,7 +86,7 @@ def model_description(model: IdentifiedModel, token: str) -> str:
     root = ET.Element(
         "fmiModelDescription",
         fmiVersion="3.0",
-        modelName=model.name,
+        modelName=plain(model.name),
         instantiationToken=token,
         description="Pneumatic servo axis with identified parameters",
         generationTool=f"pneumo_casadi {__version__}",
@@ -166,7 +167,7 @@ def _units(root: ET.Element, names: Sequence[str]) -> None:
 
 def _attributes(item: Variable, reference: int) -> dict[str, str]:
     required = {
-        "name": item.name,
+        "name": printable(item.name),
         "valueReference": str(reference),
         "causality": item.causality,
         "variability": item.variability,
@@ -176,7 +177,7 @@ def _attributes(item: Variable, reference: int) -> dict[str, str]:
         "initial": item.initial,
         "start": None if item.start is None else repr(item.start),
         "derivative": None if item.derivative is None else str(item.derivative),
-        "description": item.description or None,
+        "description": printable(item.description) or None,
     }
     return required | {key: value for key, value in optional.items() if value is not None}
 

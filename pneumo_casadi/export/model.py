@@ -1,6 +1,5 @@
 """What is exported: an axis with its start, its sampling period and where it comes from."""
 
-import json
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -11,13 +10,15 @@ from typing import Any
 import numpy as np
 
 from pneumo_casadi.errors import CaseError, ModelError
-from pneumo_casadi.identification.model_file import axis_dict, axis_from_dict
+from pneumo_casadi.identification.model_file import AxisSection, axis_dict, axis_of_section
+from pneumo_casadi.identification.read_result import ResultSection, result_path
 from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.identification.result_file import result_dict
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.integration import substeps_for
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.runtime.json_files import write_json
+from pneumo_casadi.runtime.json_input import Section, check_format, read_json, typed
 
 #: Of axis.json; raised when a reader of the old one would misread the new.
 FORMAT = 1
@@ -116,35 +117,41 @@ def read_model(path: str | Path) -> IdentifiedModel:
     >>> model.name, model.axis.parameters.as_dict() == result.axis.parameters.as_dict()
     ('table1', True)
     """
-    path = Path(path)
-    if path.is_dir():
-        path = path / "result.json"
-    try:
-        content = json.loads(path.read_text("utf-8"))
-    except FileNotFoundError:
-        raise CaseError(f"{path}: no such file; `identify` writes result.json") from None
-    except (OSError, ValueError) as error:
-        raise CaseError(f"{path}: not a readable JSON file ({error})") from None
-    if not isinstance(content, dict) or content.get("model") is None:
+    path = result_path(path)
+    content = read_json(path, "`identify` writes result.json")
+    if content.get("model") is None:
         raise CaseError(
             f"{path}: holds no `model`; give a result.json of `identify` (one of an earlier "
             "version lacks it: identify anew) or an exported axis.json"
         )
     try:
-        axis = axis_from_dict(content["model"])
+        check_format(content, FORMAT)
         if content.get("kind") != _KIND:
-            return _of_result(content, axis)
+            result = typed(content, ResultSection)
+            assert result.model is not None
+            return _of_result(content, axis_of_section(result.model))
+        file = typed(content, _ModelFile)
         return IdentifiedModel(
-            axis,
-            float(content["sampling"]["dt_s"]),
-            str(content["name"]),
-            content["provenance"],
-            content["estimates"],
+            axis_of_section(file.model),
+            file.sampling.dt_s,
+            file.name,
+            file.provenance,
+            file.estimates,
         )
-    except CaseError as error:
+    except (CaseError, ModelError) as error:
         raise CaseError(f"{path}: {error}") from None
-    except (KeyError, TypeError, ValueError) as error:
-        raise CaseError(f"{path}: no model of an axis ({error})") from None
+
+
+class _Sampling(Section):
+    dt_s: float
+
+
+class _ModelFile(Section):
+    name: str
+    sampling: _Sampling
+    model: AxisSection
+    provenance: dict[str, Any]
+    estimates: dict[str, Any]
 
 
 def model_dict(model: IdentifiedModel) -> dict[str, Any]:
@@ -219,6 +226,20 @@ def balanced_state(axis: Axis) -> FloatArray:
 def identifier(name: str) -> str:
     """Return a name as C identifier: ``valve_lag.u_P`` gives ``valve_lag_u_P``."""
     return re.sub(r"\W", "_", name, flags=re.ASCII)
+
+
+def plain(text: str) -> str:
+    r"""Return a text of which nothing has a meaning in C or XML: letters, digits, ``._+()[]/-``.
+
+    A name may come from a file of somebody else, and stands in comments and strings of code that
+    is compiled. Other characters become underscores, the end of a long text is left out.
+
+    Examples
+    --------
+    >>> plain("axis 2 (kg/m²)"), plain("*/ int x;"), plain("??/")
+    ('axis 2 (kg/m²)', '_/ int x_', '__/')
+    """
+    return re.sub(r"[^A-Za-z0-9⁰¹²³⁴⁵⁶⁷⁸⁹µ°·._+()\[\]/ -]", "_", text)[:80]
 
 
 def _of_result(content: Mapping[str, Any], axis: Axis) -> IdentifiedModel:

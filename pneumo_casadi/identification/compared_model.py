@@ -4,16 +4,21 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from pneumo_casadi.data import Case, Recording, read_case
 from pneumo_casadi.errors import CaseError, PneumoError
 from pneumo_casadi.identification.identify import identify
-from pneumo_casadi.identification.model_file import axis_from_dict
-from pneumo_casadi.identification.read_result import read_result, result_path
+from pneumo_casadi.identification.model_file import axis_of_section
+from pneumo_casadi.identification.read_result import (
+    EstimateSection,
+    ResultSection,
+    read_result,
+    result_path,
+)
 from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.identification.result_file import HELD, result_dict
 from pneumo_casadi.model.axis import Axis
+from pneumo_casadi.runtime.json_input import typed
 from pneumo_casadi.runtime.progress import Progress
 from pneumo_casadi.runtime.provenance import sha256
 
@@ -84,9 +89,8 @@ def compared_model(
     if isinstance(source, Case):
         source = identify(source, progress=progress)
     if isinstance(source, Identification):
-        return _of_content(
-            source.case.name, result_dict(source), source.axis, source.case, source.case.folder
-        )
+        content = typed(result_dict(source), ResultSection)
+        return _of_content(source.case.name, content, source.axis, source.case, source.case.folder)
     path = Path(source)
     file = result_path(path)
     if path.is_dir() and not file.is_file():
@@ -94,26 +98,23 @@ def compared_model(
     content = read_result(file)
     name = path.name if path.is_dir() else path.resolve().parent.name
     try:
-        axis = None if content["model"] is None else axis_from_dict(content["model"])
-        case, note = _case_of(content)
-        return _of_content(name, content, axis, case, file, note)
-    except (KeyError, TypeError, AttributeError) as error:
-        raise CaseError(
-            f"{file}: not a result of `identify` ({type(error).__name__}: {error}); give a "
-            "report folder, its result.json, or a case folder"
-        ) from None
+        axis = None if content.model is None else axis_of_section(content.model)
+    except CaseError as error:
+        raise CaseError(f"{file}: {error}") from None
+    case, note = _case_of(content)
+    return _of_content(name, content, axis, case, file, note)
 
 
 def _of_content(
     name: str,
-    content: Mapping[str, Any],
+    content: ResultSection,
     axis: Axis | None,
     case: Case | None,
     path: Path,
     note: str = "",
 ) -> ComparedModel:
-    fit = content["output_error"]
-    items = fit["parameters"] | {n: fit["derived"][n] for n in DERIVED if n in fit["derived"]}
+    fit = content.output_error
+    items = fit.parameters | {n: fit.derived[n] for n in DERIVED if n in fit.derived}
     if not items:
         raise CaseError(f"{path}: holds no estimates")
     records: tuple[Recording, ...] = ()
@@ -125,30 +126,29 @@ def _of_content(
         axis,
         records,
         case is not None and bool(case.validate),
-        dict(content["provenance"]["sha256"]),
+        content.provenance.sha256,
         note,
     )
 
 
-def _estimate(item: Mapping[str, Any]) -> Estimate:
-    if item.get("note") == HELD:
+def _estimate(item: EstimateSection) -> Estimate:
+    if item.note == HELD:
         std = 0.0
     else:
-        known = [item[key] for key in ("std", "std_robust") if item[key] is not None]
-        std = max(map(float, known), default=math.inf)
-    return Estimate(float(item["value"]), std, str(item["unit"]))
+        std = max((std for std in (item.std, item.std_robust) if std is not None), default=math.inf)
+    return Estimate(item.value, std, item.unit)
 
 
-def _case_of(content: Mapping[str, Any]) -> tuple[Case | None, str]:
+def _case_of(content: ResultSection) -> tuple[Case | None, str]:
     """Return the case of a result where it is still as it was, or None and why not."""
-    folder = content.get("folder")
+    folder = content.folder
     if folder is None:  # files of 0.1 do not name it
         return None, "the result does not name its case folder"
     try:
         case = read_case(folder)
     except (PneumoError, OSError) as error:
         return None, str(error)
-    known = content["provenance"]["sha256"]  # records made in memory have no file, and no hash
+    known = content.provenance.sha256  # records made in memory have no file, and no hash
     files = [path for path in case.files if path.name in known]
     changed = [path.name for path in files if sha256(path) != known[path.name]]
     if changed:

@@ -1,10 +1,8 @@
 """Identification in one call: from a case folder to validated parameters with intervals."""
 
-import json
 import logging
 import time
 from pathlib import Path
-from typing import Any
 
 from pneumo_casadi.data import Case, Recording, read_case
 from pneumo_casadi.errors import CaseError
@@ -24,6 +22,8 @@ from pneumo_casadi.identification.starting_axis import (
     with_flow_from_records,
 )
 from pneumo_casadi.identification.warnings import result_warnings
+from pneumo_casadi.runtime.input_files import is_named
+from pneumo_casadi.runtime.json_input import read_json, typed
 from pneumo_casadi.runtime.progress import Progress, no_progress, progress_range
 from pneumo_casadi.runtime.threads import one_thread
 from pneumo_casadi.validation import validate
@@ -87,6 +87,7 @@ def identify(
     options = options or IdentifyOptions()
     report = progress or no_progress
     case = case if isinstance(case, Case) else read_case(case)
+    truth = read_truth(case.folder)  # refused before the work, not after it
     records = _cut(case.identify, options)
     report("flow map", _SHARES["flow"])
     options, selection = resolve_flow_form(case, options)
@@ -125,7 +126,7 @@ def identify(
         output_error=fit,
         predictions=predictions,
         validation=validation,
-        truth=read_truth(case.folder),
+        truth=truth,
         warnings=result_warnings(case, records, flow_map, wls, fit, validation, selection, alone),
         each_record=alone,
         identifiability=(
@@ -148,15 +149,13 @@ def read_truth(folder: Path) -> dict[str, float] | None:
         If the file is no JSON object of numbers.
     """
     path = folder / "truth.json"
-    if not path.is_file():
+    if not is_named(path):
         return None
+    content = read_json(path, 'write one as {"M": 16.9}')
     try:
-        content: Any = json.loads(path.read_text("utf-8"))
-        return {str(name): float(value) for name, value in content.items()}
-    except (ValueError, TypeError, AttributeError) as error:
-        raise CaseError(
-            f'{path}: expected a JSON object of numbers, as {{"M": 16.9}} ({error})'
-        ) from None
+        return typed(content, dict[str, float])
+    except CaseError as error:
+        raise CaseError(f"{path}: {error}") from None
 
 
 def _cut(records: tuple[Recording, ...], options: IdentifyOptions) -> tuple[Recording, ...]:

@@ -4,11 +4,12 @@ What `result.json` and exported models hold, so that a model is whole without it
 Reading builds numbers and names into an axis; nothing that a file says is executed.
 """
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from msgspec import Meta
 
 from pneumo_casadi.data.bench.bench_file import bench_content, bench_from_content
 from pneumo_casadi.effects import EFFECTS
@@ -17,55 +18,36 @@ from pneumo_casadi.identification.starting_axis import catalogue_effect
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.model.servosystem import nominal_axis
-from pneumo_casadi.parameters import FloatArray, Parameter, Parameters
-from pneumo_casadi.valve import (
-    AnyFlowModel,
-    FlowISO6358,
-    FlowModel,
-    FlowPair,
-    FlowPolynomials,
-    FlowSpline,
-)
-
-_FORMS: dict[str, type[Any]] = {
-    "polynomials": FlowPolynomials,
-    "spline": FlowSpline,
-    "iso6358": FlowISO6358,
-}
-#: What each form consists of beside parameters and covariance, and how it is read.
-_PARTS: dict[str, dict[str, Callable[[Any], Any]]] = {
-    "polynomials": {
-        "degrees": lambda value: tuple(map(int, value)),
-        "p_range": lambda value: _pair(value),
-        "u_range": lambda value: _pair(value),
-        "sigma": float,
-        "dof": int,
-    },
-    "spline": {
-        "knots_u": lambda value: _array(value),
-        "knots_p": lambda value: _array(value),
-        "degree_u": int,
-        "degree_p": int,
-        "coefficients": lambda value: _array(value),
-        "p_range": lambda value: _pair(value),
-        "u_range": lambda value: _pair(value),
-        "sigma": float,
-        "dof": float,
-    },
-    "iso6358": {
-        "sigma": float,
-        "p_range": lambda value: _pair(value),
-        "u_range": lambda value: _pair(value),
-        "p_supply": float,
-        "p_ext": float,
-        "T": float,
-        "laminar_ratio": float,
-    },
-}
+from pneumo_casadi.parameters import Parameter, Parameters
+from pneumo_casadi.runtime.input_files import one_line, shown
+from pneumo_casadi.runtime.json_input import Section, typed
+from pneumo_casadi.valve import AnyFlowModel
+from pneumo_casadi.valve.flow_file import flow_dict, flow_from_dict
 
 
-#: Form of the flow of two valves that differ.
-PAIR = "pair"
+class ParameterSection(Section):
+    """A parameter of an axis; a bound that is None is infinite."""
+
+    value: float
+    unit: str
+    lower: float | None
+    upper: float | None
+    scale: Annotated[float, Meta(gt=0)]
+    free: bool
+
+
+class AxisSection(Section):
+    """An axis in `result.json` and `axis.json`."""
+
+    bench: dict[str, Any]
+    flow: dict[str, Any] | None
+    effects: list[str]
+    parameters: dict[str, ParameterSection]
+
+
+#: By how much piston area and X_s3 r T of one axis may differ. X_s3 has the scale of the flow map,
+#: and no map is wrong by a factor of ten unnoticed.
+AREA_RATIO = 10.0
 
 
 def axis_dict(axis: Axis) -> dict[str, Any]:
@@ -104,7 +86,7 @@ def axis_dict(axis: Axis) -> dict[str, Any]:
             )
     return {
         "bench": bench_content(axis.bench),
-        "flow": _flow_dict(axis.flow) if axis.kind.needs_flow_map else None,
+        "flow": flow_dict(axis.flow) if axis.kind.needs_flow_map else None,
         "effects": [effect.name for effect in axis.effects],
         "parameters": {
             item.name: {
@@ -128,16 +110,30 @@ def axis_from_dict(content: Any) -> Axis:
     CaseError
         If something is missing, unknown or not plausible; the message names it.
     """
+    return axis_of_section(typed(content, AxisSection, "model"))
+
+
+def axis_of_section(section: AxisSection) -> Axis:
+    """Return the axis of a section that is typed already; errors as in `axis_from_dict`."""
+    bench = bench_from_content(section.bench)
     try:
-        bench = bench_from_content(content["bench"])
-        items = [_parameter(name, item) for name, item in content["parameters"].items()]
-        flow = None if content["flow"] is None else _flow(content["flow"], items)
-        effects = [_effect(name, flow, content["parameters"]) for name in content["effects"]]
+        items = [_parameter(name, item) for name, item in section.parameters.items()]
+        flow = None if section.flow is None else flow_from_dict(section.flow, items, "model.flow")
+        effects = [_effect(name, flow, section.parameters) for name in section.effects]
         axis = nominal_axis(bench, flow, effects)
-        given = {item.name: item for item in items}
-        odd = sorted(given.keys() ^ set(axis.parameters.names))
-        if odd:
-            raise CaseError(f"parameters do not match the axis: {', '.join(odd)}")
+    except CaseError:
+        raise
+    except (TypeError, ValueError, RuntimeError) as error:
+        # ModelError is a ValueError; CasADi, given a spline that is none, raises RuntimeError.
+        raise CaseError(f"no model of an axis ({one_line(error)})") from None
+    given = {item.name: item for item in items}
+    odd = sorted(given.keys() ^ set(axis.parameters.names))
+    if odd:
+        raise CaseError(f"parameters do not match the axis: {', '.join(odd)}")
+    for item in axis.parameters:
+        check_unit(item, given[item.name].unit)
+    _check_areas(axis, given)
+    try:
         return axis.with_parameters(
             Parameters(
                 replace(
@@ -151,61 +147,46 @@ def axis_from_dict(content: Any) -> Axis:
                 for item in axis.parameters
             )
         )
-    except CaseError:
-        raise
-    except KeyError as error:
-        raise CaseError(f"no model of an axis: {error} is missing") from None
-    except (TypeError, ValueError, AttributeError, RuntimeError) as error:
-        # ModelError is a ValueError; CasADi, given a spline that is none, raises RuntimeError.
+    except ModelError as error:
         raise CaseError(f"no model of an axis ({error})") from None
 
 
-def _flow_dict(flow: AnyFlowModel) -> dict[str, Any]:
-    if isinstance(flow, FlowPair):
-        return {"form": PAIR, "P": _flow_dict(flow.P), "N": _flow_dict(flow.N)}
-    form = next((name for name, kind in _FORMS.items() if type(flow) is kind), None)
-    if form is None:
-        raise ModelError(
-            f"flow map {type(flow).__name__} is your own: a file cannot hold it; export "
-            "functions, C or FMU, which hold the equations"
+def check_unit(item: Parameter, unit: str) -> None:
+    """Check that a file gives a parameter in the unit of the axis.
+
+    Raises
+    ------
+    CaseError
+        Naming the parameter and both units.
+    """
+    if unit != item.unit:
+        raise CaseError(
+            f"`{item.name}`: in {shown(unit)}, expected {item.unit!r}; convert the value, or "
+            "identify anew"
         )
-    content: dict[str, Any] = {"form": form}
-    for name in _PARTS[form]:
-        value = getattr(flow, name)
-        content[name] = np.asarray(value).tolist() if not np.isscalar(value) else value
-    content["parameters"] = list(flow.parameters.names)
-    content["covariance"] = [[_finite(float(value)) for value in row] for row in flow.covariance]
-    return content
 
 
-def _flow(content: Mapping[str, Any], items: list[Parameter]) -> AnyFlowModel:
-    form = content["form"]
-    if form == PAIR:
-        return FlowPair(*(_flow(content[c], _of_valve(items, c)) for c in ("P", "N")))
-    if form not in _FORMS:
-        raise CaseError(f"flow map of form {form!r}; known are {', '.join(_FORMS)}")
-    parts = {name: read(content[name]) for name, read in _PARTS[form].items()}
-    parameters = Parameters(items).select(content["parameters"])
-    covariance = np.array(
-        [[np.inf if value is None else value for value in row] for row in content["covariance"]],
-        dtype=float,
-    )
-    flow: FlowModel = _FORMS[form](parameters=parameters, covariance=covariance, **parts)
-    return flow
+def _check_areas(axis: Axis, given: Mapping[str, Parameter]) -> None:
+    """Check that piston areas and the coefficients X_s3, X_s6 = S/(r T) belong to one axis."""
+    constants = axis.constants
+    for chamber, name in (("P", "X_s3"), ("N", "X_s6")):
+        if chamber not in axis.kind.gas_chambers or name not in given:
+            continue
+        area = given[name].value * constants["r"] * constants["T"]
+        stated = constants[f"S_{chamber}"]
+        if not stated / AREA_RATIO < area < stated * AREA_RATIO:
+            raise CaseError(
+                f"`bench.S_{chamber}_m2` is {stated:.3g} m², but {name} r T is {area:.3g} m²: they "
+                "belong to different axes; identify anew"
+            )
 
 
-def _of_valve(items: list[Parameter], chamber: str) -> list[Parameter]:
-    """Return the coefficients of one of two valves that differ, as its own model names them."""
-    end = f"_{chamber}"
-    return [
-        replace(item, name=item.name.removesuffix(end)) for item in items if item.name.endswith(end)
-    ]
-
-
-def _effect(name: Any, flow: AnyFlowModel | None, names: Collection[str]) -> Effect:
+def _effect(name: str, flow: AnyFlowModel | None, names: Collection[str]) -> Effect:
     """Return the effect whose parameters are among the names: a shape may be local or not."""
     if name not in EFFECTS:
-        raise CaseError(f"effect {name!r} is not of the catalogue; known are {', '.join(EFFECTS)}")
+        raise CaseError(
+            f"effect {shown(name)} is not of the catalogue; known are {', '.join(EFFECTS)}"
+        )
     local, general = _forms(name, flow)
     fits = all(f"{name}.{item.name}" in names for item in local.parameters)
     return local if fits else general
@@ -224,27 +205,17 @@ def _held_by_file(effect: Effect, flow: AnyFlowModel | None) -> bool:
     )
 
 
-def _parameter(name: str, item: Mapping[str, Any]) -> Parameter:
-    lower, upper = item["lower"], item["upper"]
+def _parameter(name: str, item: ParameterSection) -> Parameter:
     return Parameter(
-        str(name),
-        float(item["value"]),
-        str(item["unit"]),
-        lower=-np.inf if lower is None else float(lower),
-        upper=np.inf if upper is None else float(upper),
-        scale=float(item["scale"]),
-        free=bool(item["free"]),
+        name,
+        item.value,
+        item.unit,
+        lower=-np.inf if item.lower is None else item.lower,
+        upper=np.inf if item.upper is None else item.upper,
+        scale=item.scale,
+        free=item.free,
     )
 
 
 def _finite(value: float) -> float | None:
     return value if np.isfinite(value) else None
-
-
-def _pair(value: Any) -> tuple[float, float]:
-    first, second = value
-    return float(first), float(second)
-
-
-def _array(value: Any) -> FloatArray:
-    return np.array(value, dtype=float)

@@ -1,18 +1,69 @@
 """`result.json` read back: to an axis, or to the options of a further identification."""
 
-import json
 from pathlib import Path
-from typing import Any
+
+from msgspec import field
 
 from pneumo_casadi.data import Case
-from pneumo_casadi.errors import CaseError
+from pneumo_casadi.errors import CaseError, ModelError
 from pneumo_casadi.identification.flow_form import read_flow
+from pneumo_casadi.identification.model_file import AxisSection, check_unit
 from pneumo_casadi.identification.options import IdentifyOptions
-from pneumo_casadi.identification.result_file import HELD
+from pneumo_casadi.identification.result_file import FORMAT, HELD
 from pneumo_casadi.identification.starting_axis import catalogue_effect, make_axis, started_from
 from pneumo_casadi.model.axis import Axis
+from pneumo_casadi.runtime.json_input import Section, check_format, read_json, typed
 from pneumo_casadi.runtime.provenance import sha256
 from pneumo_casadi.valve import FlowForm
+from pneumo_casadi.valve.flow_file import Degree
+
+
+class EstimateSection(Section):
+    """An estimated parameter."""
+
+    value: float
+    unit: str
+    std: float | None = None
+    std_robust: float | None = None
+    note: str | None = None
+
+
+class OutputErrorSection(Section):
+    """The fit by output error."""
+
+    parameters: dict[str, EstimateSection]
+    fixed: dict[str, EstimateSection] = field(default_factory=dict)
+    derived: dict[str, EstimateSection] = field(default_factory=dict)
+
+
+class FlowSection(Section):
+    """The form of the flow map and its coefficients."""
+
+    form: FlowForm
+    degrees: tuple[Degree, Degree, Degree] | None
+    parameters: dict[str, EstimateSection]
+
+
+class ProvenanceSection(Section):
+    """Hashes of the data, by file name."""
+
+    sha256: dict[str, str]
+
+
+class ResultSection(Section):
+    """What is read of a `result.json`; files of 0.1 may lack `folder` and `model`."""
+
+    case: str
+    output_error: OutputErrorSection
+    flow: FlowSection | None
+    provenance: ProvenanceSection
+    folder: str | None = None
+    model: AxisSection | None = None
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Names of the effects of the model."""
+        return () if self.model is None else tuple(self.model.effects)
 
 
 def read_axis(path: str | Path, case: Case) -> Axis:
@@ -33,37 +84,31 @@ def read_axis(path: str | Path, case: Case) -> Axis:
     """
     path = result_path(path)
     content = read_result(path)
-    try:
-        estimates = content["output_error"]["parameters"] | content["output_error"]["fixed"]
-        flow = content["flow"]
-        if flow is not None:
-            estimates |= flow["parameters"]
-        values = {str(name): float(item["value"]) for name, item in estimates.items()}
-        options = IdentifyOptions()
-        if flow is not None:
-            options = IdentifyOptions(FlowForm(flow["form"]), _degrees(flow["degrees"]))
-        effects = effects_in(content)
-        hashes = dict(content["provenance"]["sha256"])
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise CaseError(
-            f"{path}: not a result of `identify` ({type(error).__name__}: {error}); give its "
-            "result.json"
-        ) from None
+    estimates = content.output_error.parameters | content.output_error.fixed
+    options = IdentifyOptions()
+    if content.flow is not None:
+        estimates |= content.flow.parameters
+        options = IdentifyOptions(content.flow.form, content.flow.degrees)
     table, model = read_flow(case, options)
-    if (model is None) != (flow is None):
+    if (model is None) != (content.flow is None):
         raise CaseError(f"{path}: servo axis and force-driven axis do not go together")
     for file in (case.flow_map_path, case.flow_map_N_path):
         if file is not None and table is not None:
-            _check_map(file, hashes.get(file.name), path)
-    axis = make_axis(case, model).with_effects(*(catalogue_effect(n, model) for n in effects))
-    unknown = sorted(set(values) - set(axis.parameters.names))
-    missing = sorted(set(axis.parameters.names) - set(values))
-    if unknown or missing:
-        raise CaseError(
-            f"{path}: parameters do not match the axis of {case.folder}: "
-            f"{', '.join(unknown + missing)}"
-        )
-    return axis.with_parameters(values)
+            _check_map(file, content.provenance.sha256.get(file.name), path)
+    try:
+        effects = [catalogue_effect(name, model) for name in content.effects]
+        axis = make_axis(case, model).with_effects(*effects)
+        unknown = sorted(set(estimates) - set(axis.parameters.names))
+        missing = sorted(set(axis.parameters.names) - set(estimates))
+        if unknown or missing:
+            raise CaseError(
+                f"parameters do not match the axis of {case.folder}: {', '.join(unknown + missing)}"
+            )
+        for name, item in estimates.items():
+            check_unit(axis.parameters[name], item.unit)
+        return axis.with_parameters({name: item.value for name, item in estimates.items()})
+    except (CaseError, ModelError) as error:
+        raise CaseError(f"{path}: {error}") from None
 
 
 def read_options(path: str | Path, case: Case) -> IdentifyOptions:
@@ -85,28 +130,15 @@ def read_options(path: str | Path, case: Case) -> IdentifyOptions:
     """
     axis = read_axis(path, case)
     content = read_result(result_path(path))
-    items = content["output_error"]["parameters"]
-    flow = content["flow"]
+    flow = content.flow
     options = IdentifyOptions(
-        flow_form=None if flow is None else FlowForm(flow["form"]),
-        degrees=None if flow is None else _degrees(flow["degrees"]),
-        effects=effects_in(content),
+        flow_form=None if flow is None else flow.form,
+        degrees=None if flow is None else flow.degrees,
+        effects=content.effects,
     )
-    held = [name for name, item in items.items() if item.get("note") == HELD]
+    items = content.output_error.parameters
+    held = [name for name, item in items.items() if item.note == HELD]
     return started_from(options, axis, axis.parameters.as_dict(), held)
-
-
-def effects_in(content: Any) -> tuple[str, ...]:
-    """Return the names of the effects of a result's model; files of 0.1 may have no model."""
-    model = content.get("model")
-    return () if model is None else tuple(str(name) for name in model["effects"])
-
-
-def _degrees(content: Any) -> tuple[int, int, int] | None:
-    if content is None:  # a form without degrees
-        return None
-    first, second, third = (int(degree) for degree in content)
-    return first, second, third
 
 
 def _check_map(flow_map: Path, expected: str | None, result: Path) -> None:
@@ -123,17 +155,19 @@ def result_path(path: str | Path) -> Path:
     return path / "result.json" if path.is_dir() else path
 
 
-def read_result(path: Path) -> Any:
-    """Return the content of a `result.json`.
+def read_result(path: Path) -> ResultSection:
+    """Return what a `result.json` holds.
 
     Raises
     ------
     CaseError
-        If there is no such file, or it is no JSON.
+        If there is no such file, or it is no result of a format that is known.
     """
+    content = read_json(path, "`identify` writes result.json")
     try:
-        return json.loads(path.read_text("utf-8"))
-    except FileNotFoundError:
-        raise CaseError(f"{path}: no such file; `identify` writes result.json") from None
-    except (OSError, ValueError) as error:
-        raise CaseError(f"{path}: not a readable JSON file ({error})") from None
+        check_format(content, FORMAT)
+        return typed(content, ResultSection)
+    except CaseError as error:
+        raise CaseError(
+            f"{path}: not a result of `identify`: {error}; give its result.json"
+        ) from None

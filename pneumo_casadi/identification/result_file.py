@@ -11,6 +11,7 @@ from pneumo_casadi.identification.model_file import axis_dict
 from pneumo_casadi.identification.options import IdentifyOptions, output_error_options
 from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.model.axis import Axis
+from pneumo_casadi.runtime.input_files import printable
 from pneumo_casadi.runtime.json_files import without_infinities
 from pneumo_casadi.runtime.provenance import provenance
 from pneumo_casadi.validation import Error, Validation
@@ -46,7 +47,7 @@ def result_dict(identification: Identification) -> dict[str, Any]:
     content = {
         "format": FORMAT,
         "case": identification.case.name,
-        "folder": str(identification.case.folder.resolve()),
+        "folder": printable(str(identification.case.folder.resolve())),
         "usable": identification.usability.usable.value,
         "reason": identification.usability.reason,
         "warnings": [

@@ -4,6 +4,7 @@ Where no C compiler is found the functions are used as they are, with one notice
 """
 
 import hashlib
+import hmac
 import logging
 import os
 import platform
@@ -19,7 +20,13 @@ import casadi as ca
 import numpy as np
 
 from pneumo_casadi.parameters import FloatArray
-from pneumo_casadi.runtime.cache import FOLDER, cache_folder
+from pneumo_casadi.runtime.cache import (
+    FOLDER,
+    LENGTH,
+    authentication_code,
+    cache_folder,
+    is_own_file,
+)
 
 logger = logging.getLogger(__name__)
 
@@ -187,8 +194,9 @@ def _build(cc: str, code: str, path: Path) -> bool:
             logger.warning("%s failed (%s); functions run interpreted", cc, tail[0])
             return False
         content = library.read_bytes()
+        library.chmod(0o600)
         with library.open("ab") as file:
-            file.write(hashlib.sha256(content).digest())
+            file.write(authentication_code(content))
             file.flush()
             os.fsync(file.fileno())
         library.replace(path)
@@ -196,15 +204,18 @@ def _build(cc: str, code: str, path: Path) -> bool:
 
 
 def _is_intact(path: Path) -> bool:
-    """Tell whether a library is there as it was built: its last bytes are the hash of the rest.
+    """Tell whether a library is there as this user has built it: its last bytes say so.
 
-    Loading one that a full disk or a crash has cut short would end the process.
+    Loading one that a full disk or a crash has cut short would end the process; one that somebody
+    else has put there would do what they like.
     """
-    if not path.exists():
+    if not path.exists() and not path.is_symlink():
         return False
-    content = path.read_bytes()
-    size = hashlib.sha256().digest_size
-    if hashlib.sha256(content[:-size]).digest() == content[-size:]:
-        return True
-    logger.warning("compiled library %s is damaged; building again", path)
+    if is_own_file(path):
+        content = path.read_bytes()
+        code = authentication_code(content[:-LENGTH])
+        if hmac.compare_digest(code, content[-LENGTH:]):
+            return True
+    logger.warning("compiled library %s is damaged, or not yours; building again", path)
+    path.unlink()
     return False

@@ -123,11 +123,11 @@ def inputs_between(w: Expression, nu: int, stepping: Stepping) -> Callable[[floa
     return lambda share: (1 - share) * w[:nu] + share * w[nu : 2 * nu]
 
 
-def step_function(axis: Axis, stepping: Stepping) -> ca.Function:
+def step_function(axis: Axis, stepping: Stepping, inline: bool = False) -> ca.Function:
     """Return one sample of integration, (x, w, θ) → x at the next sample.
 
     `w` is the input of this sample, under linear hold that of the next one below it, and the
-    length of a timed sample over dt last.
+    length of a timed sample over dt last. With `inline` the rates are written out, not called.
     """
     sym = axis.symbol.sym
     nu = len(axis.inputs)
@@ -140,7 +140,8 @@ def step_function(axis: Axis, stepping: Stepping) -> ca.Function:
     for step in range(stepping.substeps):
 
         def rates(share: float, at: Sequence[Expression], step: int = step) -> list[Expression]:
-            return [axis.rhs(at[0], u((step + share) / stepping.substeps), theta)]
+            given = [at[0], u((step + share) / stepping.substeps), theta]
+            return list(axis.rhs.call(given, inline, False))
 
         (end,) = runge_kutta(rates, [end], length / stepping.substeps)
     return ca.Function("step", [x, w, theta], [end], ["x", "w", "theta"], ["x_next"])

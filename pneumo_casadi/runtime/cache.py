@@ -1,12 +1,24 @@
-"""The cache folder: compiled models and compiled kernels of the virtual bench."""
+"""The cache folder: compiled models and compiled kernels of the virtual bench.
 
+What lies in it is loaded and run. It is therefore the user's alone, and each library carries a code
+that only this user's key makes: one that was put there, or came with the folder, is not loaded.
+"""
+
+import hashlib
+import hmac
 import os
+import secrets
+import stat
+import tempfile
+from functools import cache
 from pathlib import Path
 
-from platformdirs import user_cache_path
+from platformdirs import user_cache_path, user_data_path
 
 #: Environment variable that names another cache folder.
 FOLDER = "PNEUMO_CASADI_CACHE"
+#: Length of the key and of the codes that it makes [bytes].
+LENGTH = 32
 
 
 def cache_folder(name: str = "") -> Path:
@@ -26,19 +38,72 @@ def cache_folder(name: str = "") -> Path:
     Raises
     ------
     OSError
-        If the folder cannot be made. `PermissionError` if others may write to it: libraries in
-        it are loaded and run.
+        If the folder cannot be made. `PermissionError` if others may write to it, or replace it:
+        libraries in it are loaded and run.
     """
     named = os.environ.get(FOLDER)
     base = Path(named) if named else user_cache_path("pneumo_casadi", appauthor=False)
-    folder = base / name
-    base.mkdir(mode=0o700, parents=True, exist_ok=True)
-    folder.mkdir(mode=0o700, exist_ok=True)
+    folder = (base / name).absolute()
+    _make(folder)
     if hasattr(os, "getuid"):
-        state = folder.stat()
-        if state.st_uid != os.getuid() or state.st_mode & 0o022:
-            raise PermissionError(
-                f"{folder}: others may write to it; make it yours alone (chmod 700), or name "
-                f"another folder in {FOLDER}"
-            )
+        for above in (folder, *folder.parents):
+            _check_owner(above, own=above in (folder, base.absolute()))
     return folder
+
+
+def authentication_code(content: bytes) -> bytes:
+    """Return the code that shows that content was written by this user (HMAC-SHA-256)."""
+    return hmac.digest(_key(), content, hashlib.sha256)
+
+
+def is_own_file(path: Path) -> bool:
+    """Return whether a path is a regular file that this user alone may write and read."""
+    try:
+        state = path.lstat()
+    except OSError:
+        return False
+    if not hasattr(os, "getuid"):
+        return stat.S_ISREG(state.st_mode)
+    private = stat.S_ISREG(state.st_mode) and not state.st_mode & 0o077
+    return private and state.st_uid == os.getuid()
+
+
+def _make(folder: Path) -> None:
+    """Make a folder, and those above it that are missing, for this user alone.
+
+    ``mkdir(parents=True)`` gives the folders above whatever the umask leaves.
+    """
+    for above in (*reversed(folder.parents), folder):
+        if not above.exists():
+            above.mkdir(mode=0o700, exist_ok=True)
+
+
+def _check_owner(folder: Path, own: bool) -> None:
+    """Check that nobody else can write to a folder, or rename what lies in it."""
+    state = folder.stat()
+    others = bool(state.st_mode & 0o022) and (own or not state.st_mode & stat.S_ISVTX)
+    if others or state.st_uid not in ((os.getuid(),) if own else (0, os.getuid())):
+        raise PermissionError(
+            f"{folder}: others may write to it, so that what lies in it may be theirs; remove it, "
+            f"or name another folder in {FOLDER}"
+        )
+
+
+@cache
+def _key() -> bytes:
+    """Return the key of this user, made at its first use; it lies outside the cache.
+
+    Where no file can be kept, each process has a key of its own and builds for itself.
+    """
+    path = user_data_path("pneumo_casadi", appauthor=False) / "cache.key"
+    try:
+        _make(path.parent.absolute())
+        if not is_own_file(path) or path.stat().st_size != LENGTH:
+            with tempfile.TemporaryDirectory(dir=path.parent) as scratch:
+                draft = Path(scratch) / path.name
+                draft.touch(mode=0o600)
+                draft.write_bytes(secrets.token_bytes(LENGTH))
+                draft.replace(path)
+        return path.read_bytes()
+    except OSError:
+        return secrets.token_bytes(LENGTH)

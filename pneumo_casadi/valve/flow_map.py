@@ -4,11 +4,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
+from pneumo_casadi.data.readers.tables import read_table
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.runtime.input_files import listed
 
 COLUMNS = {"u_V": "u", "p_Pa": "p", "q_m_kg_per_s": "q_m"}
 """Columns of ``flow_map.csv`` and the fields of `FlowMap` that they fill."""
@@ -233,37 +234,30 @@ def read_flow_map(
         Naming file, row (line of the file; the header is line 1), value, unit and remedy.
     """
     path = Path(path)
-    try:
-        raw = pd.read_csv(path, dtype=str, skip_blank_lines=False, skipinitialspace=True)
-    except FileNotFoundError as error:
-        raise CaseError(f"{path}: no such file; a case folder holds its flow_map.csv") from error
-    except (pd.errors.EmptyDataError, pd.errors.ParserError, UnicodeError, EOFError, OSError) as e:
-        raise CaseError(f"{path}: not a readable CSV file ({e}); export it again") from e
-    raw.columns = raw.columns.str.strip()
-    missing = [name for name in COLUMNS if name not in raw.columns]
+    table = read_table(path, COLUMNS)
+    missing = [name for name in COLUMNS if name not in table.columns]
     if missing:
         raise CaseError(
             f"{path}, row 1: column {', '.join(missing)} missing; found "
-            f"{', '.join(map(str, raw.columns))}; the header must read {','.join(COLUMNS)}"
+            f"{listed(table.names)}; the header must read {','.join(COLUMNS)}"
         )
-    raw = raw[list(COLUMNS)].dropna(how="all")
-    columns: dict[str, FloatArray] = {}
-    for name, symbol in COLUMNS.items():
-        numbers = pd.to_numeric(raw[name], errors="coerce").to_numpy(dtype=float)
-        bad = ~np.isfinite(numbers)
+    values = np.column_stack([table.columns[name] for name in COLUMNS])
+    kept = np.flatnonzero(~np.isnan(values).all(axis=1))  # empty lines are no points
+    rows = kept + table.first_line
+    for name, column in zip(COLUMNS, values[kept].T, strict=True):
+        bad = ~np.isfinite(column)
         if bad.any():
             first = int(np.argmax(bad))
-            cell = raw[name].iloc[first]
-            shown = "empty" if pd.isna(cell) else repr(cell)
+            cell = "empty" if np.isnan(column[first]) else f"{column[first]}"
             raise CaseError(
-                f"{path}, row {int(raw.index[first]) + 2}: {name} is {shown}, not a number; "
-                "complete or remove the row"
+                f"{path}, row {rows[first]}: {name} is {cell}, not a number; complete or remove "
+                "the row"
             )
-        columns[symbol] = numbers
+    columns = dict(zip(COLUMNS.values(), values[kept].T, strict=True))
     return FlowMap(
         **columns,
         p_supply=p_supply,
         p_ext=p_ext,
         source=str(path),
-        rows=raw.index.to_numpy(dtype=np.int64) + 2,
+        rows=rows,
     )

@@ -149,8 +149,8 @@ def test_empty_lines_at_the_end_are_no_rows(tmp_path, columns):
         ("a.parquet", b"PAR1 no parquet file", "not a readable Parquet file"),
         ("a.csv", b"t_s,x_m\n", "no rows of data"),
         ("a.csv", b"\n1,2\n", "line 1 is empty; it must name the columns"),
-        ("a.csv", "t_s,x_m\n0,1\n".encode("utf-16"), "line 1 is no UTF-8 text"),
-        ("a.csv", b"t_s,\0\n0,1\n", "line 1 holds binary data"),
+        ("a.csv", "t_s,x_m\n0,1\n".encode("utf-16") + b"\n", "begins as UTF-16-LE text, but byte"),
+        ("a.csv", b"t_s,\0\n0,1\n", "holds binary data"),
         ("a.xls", b"x", "unknown suffix '.xls'; use one of .csv, .csv.gz, .mat, .parquet"),
     ],
 )

@@ -69,14 +69,17 @@ def test_an_effect_of_ones_own_is_refused_with_the_way_out(made):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda c: c.pop("bench"), "'bench' is missing"),
+        (lambda c: c.pop("bench"), r"missing key `model\.bench`"),
         (lambda c: c["bench"].update(stroke_m=250.0), "`stroke`: expected m between"),
         (lambda c: c["parameters"].pop("M"), "do not match the axis: M"),
-        (lambda c: c["parameters"]["M"].update(value="heavy"), "could not convert"),
+        (
+            lambda c: c["parameters"]["M"].update(value="heavy"),
+            r"`model\.parameters\.M\.value`: expected",
+        ),
         (lambda c: c["parameters"]["M"].update(value=-1.0), "outside its bounds"),
         (lambda c: c.update(effects=["os.system"]), "'os.system' is not of the catalogue"),
         (lambda c: c["flow"].update(form="__import__"), "'__import__'; known are polynomials"),
-        (lambda c: c["flow"].update(degrees=[3, 3]), "no model of an axis"),
+        (lambda c: c["flow"].update(degrees=[3, 3]), r"`model\.flow\.degrees`: expected a list"),
         (lambda c: c.update(flow=None), "a servo axis needs the static flow"),
     ],
 )

@@ -83,13 +83,16 @@ def test_a_file_is_read_with_its_pressures(tmp_path: Path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (HEADER + "-1,1e5,0\n1,7e5,fast\n", "row 3: q_m_kg_per_s is 'fast'"),
+        (
+            HEADER + "-1,1e5,0\n1,7e5,fast\n",
+            "line 3.*`q_m_kg_per_s`: 'fast' is no number",
+        ),
         (HEADER + "-1,1e5,0\n\n1,7e5\n", "row 4: q_m_kg_per_s is empty"),
         (HEADER + "-1,1e5,0\n1,7,1e-3\n", "row 3: `p` is 7 Pa.* is it in bar"),
         (HEADER + "-1,1e5,0\n1,7e5,180\n", "row 3: `q_m` is 180 kg/s.* NL/min"),
         ("u_V,p_bar,q_m_kg_per_s\n1,1,1\n", "row 1: column p_Pa missing; found u_V, p_bar"),
-        (HEADER, "no points"),
-        ("", "not a readable CSV file"),
+        (HEADER, "no rows of data"),
+        ("", "the file is empty"),
     ],
 )
 def test_a_bad_file_is_named_with_row_value_and_remedy(tmp_path: Path, text, message):

@@ -1,6 +1,5 @@
 """`bench.json`: names with their SI unit, read into a bench and written from it."""
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -18,11 +17,12 @@ from pneumo_casadi.data.bench.bench_sections import (
     valves_content,
 )
 from pneumo_casadi.data.bench.driven_bench import AnyBench, ForceBench, PressureBench
-from pneumo_casadi.data.bench.file_keys import check_keys, choice, percent, section
+from pneumo_casadi.data.bench.file_keys import choice, percent, section
 from pneumo_casadi.data.bench.load import Load
 from pneumo_casadi.data.bench.valve_source import Arrangement, Valves
 from pneumo_casadi.data.recording.clock import Clock
 from pneumo_casadi.errors import CaseError
+from pneumo_casadi.runtime.json_input import check_keys, read_json
 
 _GEOMETRY = {"S_P_m2": "S_P", "S_N_m2": "S_N", "stroke_m": "stroke", "p_ext_Pa": "p_ext"}
 BENCH_KEYS = {
@@ -70,7 +70,7 @@ def read_bench(path: str | Path) -> AnyBench:
         value is not plausible in its unit.
     """
     path = Path(path)
-    content = _read_json(path)
+    content = read_json(path, "a case folder describes its axis in bench.json")
     try:
         return bench_from_content(content)
     except CaseError as error:
@@ -103,30 +103,6 @@ def bench_content(bench: AnyBench) -> dict[str, Any]:
     if not isinstance(bench, ForceBench) and bench.area_accuracy != AREA_ACCURACY:
         content["area_accuracy_percent"] = 100 * bench.area_accuracy
     return content
-
-
-def _read_json(path: Path) -> dict[str, Any]:
-    if not path.is_file():
-        raise CaseError(f"{path}: no such file; a case folder describes its axis in bench.json")
-    try:
-        content = json.loads(path.read_text("utf-8"), object_pairs_hook=_once)
-    except json.JSONDecodeError as error:
-        raise CaseError(
-            f"{path}: line {error.lineno}: {error.msg}; the file is empty, cut short or no JSON"
-        ) from None
-    except (CaseError, UnicodeDecodeError) as error:
-        raise CaseError(f"{path}: {error}; write UTF-8 JSON with unique keys") from None
-    if not isinstance(content, dict):
-        raise CaseError(f"{path}: expected a JSON object, got {content!r}")
-    return content
-
-
-def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    keys = [key for key, _ in pairs]
-    twice = sorted({key for key in keys if keys.count(key) > 1})
-    if twice:
-        raise CaseError(f"key {', '.join(twice)} stands twice")
-    return dict(pairs)
 
 
 def bench_from_content(content: dict[str, Any]) -> AnyBench:

@@ -10,11 +10,12 @@ from pneumo_casadi.data.bench.controllers import (
     NoController,
     ProportionalController,
 )
-from pneumo_casadi.data.bench.file_keys import check_keys, choice, percent, section
+from pneumo_casadi.data.bench.file_keys import choice, percent, section
 from pneumo_casadi.data.bench.load import Load
 from pneumo_casadi.data.bench.pid_controllers import CascadeController, PidController
 from pneumo_casadi.data.bench.sensor_noise import SensorNoise
 from pneumo_casadi.data.bench.valve_source import FlowSource, ValveData, Valves
+from pneumo_casadi.runtime.json_input import check_keys
 
 _LIMITS = {
     "u_min_V": "u_min",
@@ -79,7 +80,7 @@ def read_controller(content: dict[str, Any]) -> Controller:
     """Return the controller that a section describes."""
     kind = choice("controller.type", content.get("type"), CONTROLLERS)
     make, needed, optional = CONTROLLERS[kind]
-    check_keys("controller.", content, {*needed, "type"}, {*optional, "law"})
+    check_keys("controller", content, {*needed, "type"}, {*optional, "law"})
     keys = {**needed, **{key: name for key, name in optional.items() if key in content}}
     controller: Controller = make(**{name: content[key] for key, name in keys.items()})
     return controller
@@ -106,7 +107,7 @@ def _plain(value: float | StrEnum) -> float | str:
 
 def read_noise(content: dict[str, Any]) -> SensorNoise:
     """Return the noise that a section describes."""
-    check_keys("sensor_noise.", content, {"x_m"}, set(NOISE_KEYS) - {"x_m"})
+    check_keys("sensor_noise", content, {"x_m"}, set(NOISE_KEYS) - {"x_m"})
     values = {name: content[key] for key, name in NOISE_KEYS.items() if key in content}
     return SensorNoise(**({"p": 0.0} | values))
 
@@ -119,17 +120,17 @@ def noise_content(noise: SensorNoise) -> dict[str, float]:
 
 def read_load(content: dict[str, Any]) -> Load:
     """Return the load that a section describes."""
-    check_keys("load.", content, (), LOAD_KEYS)
+    check_keys("load", content, (), LOAD_KEYS)
     return Load(**{name: content[key] for key, name in LOAD_KEYS.items() if key in content})
 
 
 def read_valves(content: dict[str, Any]) -> Valves:
     """Return what a section says of both valves, or of each under ``P`` and ``N``."""
     if "P" in content or "N" in content:
-        check_keys("valve.", content, {"P", "N"}, ())
+        check_keys("valve", content, {"P", "N"}, ())
         parts = [section(f"valve.{name}", content[name]) for name in "PN"]
-        return Valves(*(_valve(f"valve.{name}.", p) for name, p in zip("PN", parts, strict=True)))
-    valve = _valve("valve.", content)
+        return Valves(*(_valve(f"valve.{name}", p) for name, p in zip("PN", parts, strict=True)))
+    valve = _valve("valve", content)
     return Valves(valve, valve)
 
 
@@ -137,8 +138,8 @@ def _valve(where: str, content: dict[str, Any]) -> ValveData:
     check_keys(where, content, {"source"}, {"accuracy_percent", *VALVE_KEYS})
     values = {name: content[key] for key, name in VALVE_KEYS.items() if key in content}
     if "accuracy_percent" in content:
-        values["accuracy"] = percent(f"{where}accuracy_percent", content["accuracy_percent"])
-    source = choice(f"{where}source", content["source"], list(FlowSource))
+        values["accuracy"] = percent(f"{where}.accuracy_percent", content["accuracy_percent"])
+    source = choice(f"{where}.source", content["source"], list(FlowSource))
     return ValveData(FlowSource(source), **values)
 
 

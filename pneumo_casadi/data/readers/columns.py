@@ -4,7 +4,6 @@ The conversion of a column stands in ``columns.json`` of a case folder (`read_co
 as a mapping (`column_map`); `Column.to_si` applies it.
 """
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -16,6 +15,8 @@ from pneumo_casadi.data.readers.units import SI_FACTORS
 from pneumo_casadi.data.recording.channels import UNITS, column_name
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.runtime.input_files import printable, shown
+from pneumo_casadi.runtime.json_input import ClosedSection, read_json, typed
 
 COLUMNS_FILE = "columns.json"
 
@@ -60,7 +61,15 @@ COLUMNS: Mapping[str, Column] = MappingProxyType(
 #: A channel whose unit is SI already, a channel with its conversion, or several of these.
 ColumnSpec = str | Column | Sequence[Column]
 
-_KEYS = ("column", "unit", "scale", "offset", "rows_late")
+
+class _Entry(ClosedSection):
+    """Where a channel comes from."""
+
+    column: str
+    unit: str | None = None
+    scale: float | None = None
+    offset: float = 0.0
+    rows_late: int = 0
 
 
 def column_map(entries: Mapping[str, Any]) -> dict[str, tuple[Column, ...]]:
@@ -97,7 +106,8 @@ def column_map(entries: Mapping[str, Any]) -> dict[str, tuple[Column, ...]]:
     for ours, entry in entries.items():
         if ours not in COLUMNS:
             raise CaseError(
-                f"`{ours}` is no column of a case folder; known are {', '.join(COLUMNS)}"
+                f"`{printable(str(ours)[:60])}` is no column of a case folder; known are "
+                f"{', '.join(COLUMNS)}"
             )
         theirs, column = _column(ours, entry)
         columns[theirs] = (*columns.get(theirs, ()), column)
@@ -128,12 +138,7 @@ def read_columns(path: str | Path) -> dict[str, tuple[Column, ...]]:
         If the file is no JSON object, or an entry is wrong; see `column_map`.
     """
     path = Path(path)
-    try:
-        content = json.loads(path.read_text("utf-8"))
-    except (OSError, ValueError) as error:
-        raise CaseError(f"{path}: not a readable JSON file ({error})") from None
-    if not isinstance(content, dict):
-        raise CaseError(f'{path}: expected a JSON object, as {{"t_s": "time"}}')
+    content = read_json(path, 'write one as {"t_s": "time"}')
     try:
         return column_map(content)
     except CaseError as error:
@@ -145,35 +150,32 @@ def _column(ours: str, entry: Any) -> tuple[str, Column]:
     if isinstance(entry, str):
         parts = {"column": entry}
     elif isinstance(entry, list | tuple) and len(entry) == 2:
-        parts = dict(zip(_KEYS, entry, strict=False))
-    named = isinstance(parts, Mapping) and parts.keys() <= set(_KEYS)
-    if not named or not isinstance(parts.get("column"), str):
+        column, unit = typed(entry, tuple[str, str], ours)
+        parts = {"column": column, "unit": unit}
+    elif not isinstance(entry, Mapping):
         raise CaseError(
-            f"`{ours}`: expected a name, [name, unit] or an object of {', '.join(_KEYS)}, got "
-            f"{entry!r}"
+            f"`{ours}`: expected a name, [name, unit] or an object of "
+            f"{', '.join(_Entry.__struct_fields__)}, got {shown(entry)}; write one of them"
         )
-    if "unit" in parts and "scale" in parts:
+    given = typed(parts, _Entry, ours)
+    if given.unit is not None and given.scale is not None:
         raise CaseError(f"`{ours}`: unit and scale say the same twice; leave one out")
     channel = COLUMNS[ours].channel
-    scale = _number(ours, "scale", parts.get("scale", 1.0))
-    if "unit" in parts:
+    scale = 1.0 if given.scale is None else given.scale
+    if given.unit is not None:
         units = SI_FACTORS[UNITS[channel]]
-        if parts["unit"] not in units:
+        if given.unit not in units:
             raise CaseError(
-                f"`{ours}`: unit {parts['unit']!r} of variable `{parts['column']}` is unknown; "
-                f"known are {', '.join(units)}, for another give a scale to {UNITS[channel]}"
+                f"`{ours}`: unit {shown(given.unit)} of variable `{printable(given.column)}` is "
+                f"unknown; known are {', '.join(units)}, for another give a scale to "
+                f"{UNITS[channel]}"
             )
-        scale = units[parts["unit"]]
-    offset = _number(ours, "offset", parts.get("offset", 0.0))
-    late = parts.get("rows_late", 0)
-    if isinstance(late, bool) or not isinstance(late, int) or (channel == "t" and late):
+        scale = units[given.unit]
+    if not 0 < abs(scale) < math.inf or not math.isfinite(given.offset):
         raise CaseError(
-            f"`{ours}`: rows_late {late!r}; give a whole number of rows, for another channel than t"
+            f"`{ours}`: scale {scale:g}, offset {given.offset:g}; give finite numbers to "
+            f"{UNITS[channel]}, and a scale other than 0"
         )
-    return parts["column"], Column(channel, scale, offset, late)
-
-
-def _number(ours: str, key: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise CaseError(f"`{ours}`: {key} {value!r} is no number; write it in SI units")
-    return float(value)
+    if channel == "t" and given.rows_late:
+        raise CaseError(f"`{ours}`: rows_late {given.rows_late}; shift another channel than t")
+    return given.column, Column(channel, scale, given.offset, given.rows_late)

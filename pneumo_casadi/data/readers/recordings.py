@@ -1,6 +1,7 @@
 """A recording from a file of columns: the columns are named, and converted to SI units."""
 
 import logging
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from pneumo_casadi.data.recording.channels import UNITS, InputHold, column_name
 from pneumo_casadi.data.recording.clock import Clock, split_rows
 from pneumo_casadi.data.recording.recording import Recording
 from pneumo_casadi.errors import CaseError
+from pneumo_casadi.runtime.input_files import listed, printable
 
 #: Rows below which a record has nothing to teach.
 FEWEST_ROWS = 50
@@ -66,7 +68,7 @@ def read_recording(
     if "u" in channels:  # one 5/3 valve: filling one chamber empties the other
         u = channels.pop("u")
         channels = {"u_P": u, "u_N": -u} | channels
-    stem = path.name[: len(path.name) - len(suffix_of(path))]
+    stem = printable(path.name[: len(path.name) - len(suffix_of(path))])
     source = str(path)
     recording = Recording(t, channels, name or stem, source, hold, table.first_line, clock=clock)
     late = {column.channel: column.rows_late for _, column in meaning if column.rows_late}
@@ -101,7 +103,7 @@ def _assign_columns(table: Table, columns: Mapping[str, ColumnSpec]) -> list[tup
     for name in columns:
         if name not in table.columns:
             raise CaseError(
-                f"{table.path}: no column `{name}`; the file has {', '.join(table.names)}; correct "
+                f"{table.path}: no column `{name}`; the file has {listed(table.names)}; correct "
                 f"{COLUMNS_FILE}"
             )
     meaning = [(name, column) for name, entry in columns.items() for column in _as_columns(entry)]
@@ -117,7 +119,7 @@ def _assign_columns(table: Table, columns: Mapping[str, ColumnSpec]) -> list[tup
     channels = [column.channel for _, column in meaning]
     if "u" in channels:
         channels += ["u_P", "u_N"]
-    twice = sorted({channel for channel in channels if channels.count(channel) > 1})
+    twice = sorted(channel for channel, count in Counter(channels).items() if count > 1)
     if twice:
         raise CaseError(f"{table.path}: two columns for channel {', '.join(twice)}; name one")
     return meaning
@@ -144,6 +146,6 @@ def _refuse_foreign_unit(table: Table, name: str) -> None:
 def _no_column(table: Table, channel: str) -> str:
     return (
         f"{table.path}: no column `{column_name(channel)}`; the file has "
-        f"{', '.join(table.names)}; write in {COLUMNS_FILE} which of them it is, as "
+        f"{listed(table.names)}; write in {COLUMNS_FILE} which of them it is, as "
         f'"{column_name(channel)}": "{table.names[0]}"'
     )

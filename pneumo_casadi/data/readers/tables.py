@@ -4,7 +4,8 @@ import gzip
 import io
 import re
 import zlib
-from collections.abc import Container, Mapping
+from collections import Counter
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,9 +16,22 @@ import pandas as pd
 from pneumo_casadi.data.readers.mat import read_mat
 from pneumo_casadi.errors import CaseError, MissingExtraError
 from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.runtime.input_files import (
+    decoded,
+    one_line,
+    printable,
+    read_bytes,
+    shown,
+)
 
 SUFFIXES = (".csv", ".csv.gz", ".mat", ".parquet")
 CSV_FIRST_LINE = 2  # the header stands in line 1
+#: Largest file, packed or unpacked [bytes]: an hour of a servo axis at 5 kHz as text.
+LARGEST = 2**30
+#: Noisy numbers are packed to a tenth; a small file may unpack to `SMALL` bytes all the same.
+RATIO, SMALL = 100, 64 * 2**20
+#: Most rows of a binary table: an hour at 5 kHz.
+MOST_ROWS = 20_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,14 +61,14 @@ def suffix_of(path: Path) -> str:
     return next((suffix for suffix in SUFFIXES if path.name.lower().endswith(suffix)), "")
 
 
-def read_table(path: Path, wanted: Container[str]) -> Table:
+def read_table(path: Path, wanted: Collection[str]) -> Table:
     """Read some columns of a file, in the format that its suffix names.
 
     Parameters
     ----------
     path : Path
         The file.
-    wanted : container of str
+    wanted : collection of str
         Names of the columns to read; other columns need not be numbers.
 
     Raises
@@ -65,24 +79,22 @@ def read_table(path: Path, wanted: Container[str]) -> Table:
     suffix = suffix_of(path)
     if not suffix:
         raise CaseError(f"{path}: unknown suffix {path.suffix!r}; use one of {', '.join(SUFFIXES)}")
-    if not path.is_file():
-        raise CaseError(f"{path}: no such file; check the name and the folder")
-    if path.stat().st_size == 0:
+    content = read_bytes(path, "check the name and the folder", LARGEST)
+    if not content:
         raise CaseError(f"{path}: the file is empty (0 bytes); copy or export it again")
     if suffix == ".mat":
-        columns, names = read_mat(path, wanted)
+        columns, names = read_mat(path, content, wanted)
         table = Table(path, columns, names, 0)
     elif suffix == ".parquet":
-        table = _read_parquet(path, wanted)
+        table = _read_parquet(path, content, wanted)
     else:
-        table = _read_csv(path, wanted)
+        table = _read_csv(path, _text(path, content), wanted)
     if any(not values.size for values in table.columns.values()):
         raise CaseError(f"{path}: the file has no rows of data; copy or export it again")
     return table
 
 
-def _read_csv(path: Path, wanted: Container[str]) -> Table:
-    text = _text(path)
+def _read_csv(path: Path, text: bytes, wanted: Collection[str]) -> Table:
     header = _header(path, text)
     _check_ending(path, text)
     text = text.rstrip(b"\r\n") + b"\n"  # empty lines at the end are no rows
@@ -101,33 +113,43 @@ def _read_csv(path: Path, wanted: Container[str]) -> Table:
         raise _bad_row(path, header, error) from None
     except (ValueError, OverflowError) as error:
         raise _bad_cell(path, text, options, wanted) or CaseError(
-            f"{path}: {_one_line(error)}"
+            f"{path}: {one_line(error)}"
         ) from None
     columns = {name: frame[name].to_numpy() for name in header if name in wanted}
     _check_last_row(path, columns)
     return Table(path, columns, tuple(header), CSV_FIRST_LINE)
 
 
-def _text(path: Path) -> bytes:
-    if not path.name.lower().endswith(".gz"):
-        return path.read_bytes()
+def _text(path: Path, content: bytes) -> bytes:
+    """Return the text of a CSV file as UTF-8 with lines that end in line feeds."""
+    if path.name.lower().endswith(".gz"):
+        content = _unpacked(path, content)
+    text = decoded(content, path)
+    if "\r" in text:
+        text = text.replace("\r\n", "\n").replace("\r", "\n")
+    return text.encode()
+
+
+def _unpacked(path: Path, content: bytes) -> bytes:
+    most = min(LARGEST, max(SMALL, RATIO * len(content)))
     try:
-        with gzip.open(path) as stream:
-            return stream.read()
-    except (EOFError, gzip.BadGzipFile, zlib.error) as error:
+        with gzip.open(io.BytesIO(content)) as stream:
+            unpacked = stream.read(most + 1)
+    except (EOFError, OSError, zlib.error) as error:  # a bad header is an OSError
         raise CaseError(
-            f"{path}: the compressed file is cut short or damaged ({_one_line(error)}); "
+            f"{path}: the compressed file is cut short or damaged ({one_line(error)}); "
             "copy or export it again"
         ) from None
+    if len(unpacked) > most:
+        raise CaseError(
+            f"{path}: {len(content)} bytes unpack to more than {most} bytes, which no recording "
+            "does; export it again"
+        )
+    return unpacked
 
 
 def _header(path: Path, text: bytes) -> list[str]:
-    try:
-        line = text.split(b"\n", 1)[0].decode("utf-8-sig")
-    except UnicodeDecodeError:
-        raise CaseError(f"{path}: line 1 is no UTF-8 text; export as UTF-8 CSV") from None
-    if "\0" in line:
-        raise CaseError(f"{path}: line 1 holds binary data; export as UTF-8 CSV")
+    line = text.split(b"\n", 1)[0].decode()
     if not line.strip(" ,\r"):
         raise CaseError(f"{path}: line 1 is empty; it must name the columns")
     first_row = text.split(b"\n", 2)[1:2]
@@ -142,16 +164,21 @@ def _header(path: Path, text: bytes) -> list[str]:
             f"{path}: line 1 separates columns by semicolon or tab; use commas between columns "
             "and a point in numbers"
         )
-    twice = sorted({name for name in names if names.count(name) > 1})
-    if twice:
-        raise CaseError(f"{path}: line 1 names column {', '.join(twice)} twice; remove one")
+    _check_unique(path, names)
     return names
+
+
+def _check_unique(path: Path, names: Sequence[str]) -> None:
+    twice = sorted(name for name, count in Counter(names).items() if count > 1)
+    if twice:
+        first = ", ".join(printable(name[:60]) for name in twice[:5])
+        raise CaseError(f"{path}: line 1 names column {first} twice; remove one")
 
 
 def _bad_row(path: Path, header: list[str], error: Exception) -> CaseError:
     match = re.search(r"in line (\d+), saw (\d+)", str(error))
     if not match:
-        return CaseError(f"{path}: {_one_line(error)}; export it again")
+        return CaseError(f"{path}: {one_line(error)}; export it again")
     line, cells = (int(group) for group in match.groups())
     return CaseError(
         f"{path}: row {line - CSV_FIRST_LINE + 1} (line {line}) has {cells} cells, line 1 names "
@@ -163,7 +190,10 @@ def _check_ending(path: Path, text: bytes) -> None:
     """Refuse a last number that was cut short: it would pass for another number."""
     if text.endswith(b"\n"):
         return
-    *before, last = (line.rpartition(b".")[2] for line in text[-4096:].split(b"\n")[1:])
+    lines = text[-4096:].split(b"\n")[1:]
+    if not lines:  # a header alone
+        return
+    *before, last = (line.rpartition(b".")[2] for line in lines)
     decimals = {len(cell.rstrip(b"\r")) for cell in before}
     if len(before) > 2 and len(decimals) == 1 and len(last) < decimals.pop():
         raise CaseError(
@@ -173,7 +203,7 @@ def _check_ending(path: Path, text: bytes) -> None:
 
 
 def _bad_cell(
-    path: Path, text: bytes, options: dict[str, Any], wanted: Container[str]
+    path: Path, text: bytes, options: dict[str, Any], wanted: Collection[str]
 ) -> CaseError | None:
     """Return an error for the first cell that is not a number; slow, used after a failure only."""
     frame = pd.read_csv(io.BytesIO(text), dtype=str, keep_default_na=False, **options)
@@ -187,8 +217,8 @@ def _bad_cell(
     column = str(frame.columns[int(wrong.iloc[row].to_numpy().argmax())])
     cell = frame[column].iloc[row]
     return CaseError(
-        f"{path}: row {row + 1} (line {row + CSV_FIRST_LINE}), column `{column}`: {cell!r} is no "
-        "number; write plain numbers with a decimal point"
+        f"{path}: row {row + 1} (line {row + CSV_FIRST_LINE}), column `{printable(column[:60])}`: "
+        f"{shown(cell)} is no number; write plain numbers with a decimal point"
     )
 
 
@@ -201,7 +231,7 @@ def _check_last_row(path: Path, columns: Mapping[str, FloatArray]) -> None:
             )
 
 
-def _read_parquet(path: Path, wanted: Container[str]) -> Table:
+def _read_parquet(path: Path, content: bytes, wanted: Collection[str]) -> Table:
     try:
         import pyarrow
         import pyarrow.parquet
@@ -211,23 +241,26 @@ def _read_parquet(path: Path, wanted: Container[str]) -> Table:
             "pip install 'pneumo-casadi[parquet]'; or export the file as CSV"
         ) from error
     try:
-        table = pyarrow.parquet.read_table(path)
-    except (pyarrow.ArrowException, OSError) as error:
+        file = pyarrow.parquet.ParquetFile(pyarrow.BufferReader(content))
+        if file.metadata.num_rows > MOST_ROWS:
+            raise CaseError(
+                f"{path}: {file.metadata.num_rows} rows, more than the {MOST_ROWS} that are read; "
+                "export less into one file"
+            )
+        numbers = [
+            field.name
+            for field in file.schema_arrow
+            if pyarrow.types.is_floating(field.type) or pyarrow.types.is_integer(field.type)
+        ]
+        _check_unique(path, numbers)
+        table = file.read([name for name in numbers if name in wanted])
+    except CaseError:
+        raise
+    except (pyarrow.ArrowException, OSError, ValueError) as error:
         raise CaseError(
-            f"{path}: not a readable Parquet file ({_one_line(error)}); export it again"
+            f"{path}: not a readable Parquet file ({one_line(error)}); export it again"
         ) from None
-    numbers = [
-        field.name
-        for field in table.schema
-        if pyarrow.types.is_floating(field.type) or pyarrow.types.is_integer(field.type)
-    ]
     columns = {
-        name: np.array(table.column(name).to_numpy(), dtype=float)
-        for name in numbers
-        if name in wanted
+        name: np.array(table.column(name).to_numpy(), dtype=float) for name in table.column_names
     }
     return Table(path, columns, tuple(numbers), 0)
-
-
-def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split())

@@ -11,6 +11,7 @@ import numpy as np
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.runtime.atomic_files import atomic_file
+from pneumo_casadi.runtime.json_input import read_json
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +76,7 @@ class ReplicateFolder:
         if not path.exists():
             return None
         try:
-            content = json.loads(path.read_text("utf-8"))
+            content = read_json(path, "run it again")
             fingerprint = content.pop("fingerprint")
             values = tuple(float(value) for value in content.pop("values"))
             replicate = Replicate(values=values, **content)

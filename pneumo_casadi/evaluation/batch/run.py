@@ -21,6 +21,7 @@ from pneumo_casadi.diagnosis import diagnose
 from pneumo_casadi.errors import CaseError, PneumoError
 from pneumo_casadi.evaluation.batch.table import FAILED, Row, row_of, write_tables
 from pneumo_casadi.runtime.json_files import write_json
+from pneumo_casadi.runtime.json_input import read_json
 from pneumo_casadi.runtime.progress import Progress, no_progress
 from pneumo_casadi.runtime.provenance import sha256
 
@@ -227,9 +228,9 @@ def _made_of(folder: Path, diagnosing: Diagnosing) -> dict[str, Any]:
 def _kept(path: Path, made_of: Mapping[str, Any]) -> Row | None:
     """Return the row of a record that is there, whole and made of the same."""
     try:
-        record = json.loads(path.read_text("utf-8"))
+        record = read_json(path, "diagnose it")
         return row_of(record) if record["made_of"] == made_of else None
-    except (FileNotFoundError, ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError):  # CaseError is a ValueError
         return None
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import pandas as pd
 
 from pneumo_casadi.runtime.atomic_files import atomic_file
+from pneumo_casadi.runtime.input_files import printable
 
 #: Names of the tables within the output folder.
 CSV, PARQUET = "cases.csv", "cases.parquet"
@@ -98,12 +99,26 @@ def write_tables(rows: Sequence[Row], out: Path) -> None:
     frame = pd.DataFrame([asdict(row) for row in rows])
     for name in _LISTS:
         frame[name] = [" + ".join(_written(item) for item in value) for value in frame[name]]
+    for name in (*_TEXTS, *_LISTS):
+        frame[name] = [as_cell(text) for text in frame[name]]
     with atomic_file(out / CSV) as draft:
         frame.to_csv(draft, index=False, float_format="%.10g", lineterminator="\n")
     if find_spec("pyarrow") is not None:
         _write_parquet(rows, out / PARQUET)
     else:  # one of an earlier run would contradict the CSV
         (out / PARQUET).unlink(missing_ok=True)
+
+
+def as_cell(text: str) -> str:
+    r"""Return text that a spreadsheet shows, and does not take for a formula.
+
+    Examples
+    --------
+    >>> as_cell("axis 2"), as_cell('=HYPERLINK("http://")')
+    ('axis 2', '\'=HYPERLINK("http://")')
+    """
+    text = printable(text)
+    return f"'{text}" if text.lstrip().startswith(("=", "+", "-", "@")) else text
 
 
 def _write_parquet(rows: Sequence[Row], path: Path) -> None:
@@ -115,13 +130,14 @@ def _write_parquet(rows: Sequence[Row], path: Path) -> None:
         "effects": pyarrow.list_(text),
         "probabilities": pyarrow.list_(number),
         "alike": pyarrow.list_(text),
-    } | dict.fromkeys(("case", "verdict", "where", "error"), text)
+    } | dict.fromkeys(_TEXTS, text)
     schema = pyarrow.schema([(field.name, types.get(field.name, number)) for field in fields(Row)])
     table = pyarrow.Table.from_pylist([asdict(row) for row in rows], schema=schema)
     with atomic_file(path) as draft:
         pyarrow.parquet.write_table(table, draft)
 
 
+_TEXTS = ("case", "verdict", "where", "error")
 _LISTS = ("effects", "probabilities", "alike")
 
 

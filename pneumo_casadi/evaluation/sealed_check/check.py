@@ -1,6 +1,5 @@
 """The sealed check from draw to scores; it goes on where it was interrupted."""
 
-import json
 from collections.abc import Mapping
 from concurrent.futures import Executor, ProcessPoolExecutor
 from dataclasses import dataclass, field
@@ -20,8 +19,9 @@ from pneumo_casadi.evaluation.sealed_check.run import (
     real_diagnosis,
 )
 from pneumo_casadi.evaluation.sealed_check.score import Judged, scored
-from pneumo_casadi.evaluation.sealed_check.seal import opened, seal
+from pneumo_casadi.evaluation.sealed_check.seal import ABSENT, opened, seal
 from pneumo_casadi.runtime.json_files import write_json
+from pneumo_casadi.runtime.json_input import read_json
 from pneumo_casadi.runtime.progress import Progress
 
 MEASURES, RIVALS, SCORES = "measures", "rivals", "scores.json"
@@ -134,6 +134,6 @@ def _measure(
         missing = {k: v for k, v in tasks.items() if not (target / f"{k}.json").is_file()}
         in_turn(text, missing, executor, progress)
         for key in tasks:
-            known = json.loads((target / f"{key}.json").read_text("utf-8"))
+            known = read_json(target / f"{key}.json", ABSENT)
             measures[key] = known | measures[key]
     return measures

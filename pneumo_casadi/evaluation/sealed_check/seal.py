@@ -14,10 +14,30 @@ from pathlib import Path
 from typing import Any
 
 from pneumo_casadi.errors import CaseError
-from pneumo_casadi.evaluation.sealed_check.draw import Draw
+from pneumo_casadi.evaluation.sealed_check.draw import Draw, Kind
 from pneumo_casadi.runtime.json_files import write_json
+from pneumo_casadi.runtime.json_input import Section, read_json, typed
 
+#: What to do where a file of the check is missing.
+ABSENT = "run it again, or draw anew"
 SEAL, LABELS, OPENED, VERDICTS = "seal.json", "labels.sealed", "opened.json", "verdicts"
+
+
+class _Label(Section):
+    name: str
+    kind: Kind
+    seed: int
+    effects: dict[str, str]
+
+
+class _Labels(Section):
+    draws: list[_Label]
+
+
+class _Verdict(Section):
+    sha256: str
+    case: str
+    verdict: dict[str, Any]
 
 
 def canonical(content: Any) -> bytes:
@@ -51,8 +71,8 @@ def seal(folder: Path, draws: Sequence[Draw], duration: float, fs: float) -> Non
     """
     labels = _labels(draws, duration, fs)
     if (folder / SEAL).is_file():
-        kept = _read(folder / LABELS)
-        if digest(labels, str(kept.get("salt"))) != _read(folder / SEAL).get("sha256"):
+        kept = read_json(folder / LABELS, ABSENT)
+        if digest(labels, str(kept.get("salt"))) != read_json(folder / SEAL, ABSENT).get("sha256"):
             raise CaseError(
                 f"{folder}: holds cases of another seed, number or length; choose another folder, "
                 "or ask for the same draw to go on with it"
@@ -90,12 +110,15 @@ def read_verdict(folder: Path, name: str) -> dict[str, Any]:
         If it is missing, or not as it was written.
     """
     path = verdict_path(folder, name)
-    stored = _read(path)
-    content = {"case": stored.get("case"), "verdict": stored.get("verdict")}
-    if content["case"] != name or stored.get("sha256") != digest(content):
+    content = read_json(path, ABSENT)
+    try:
+        stored = typed(content, _Verdict)
+    except CaseError as error:
+        raise CaseError(f"{path}: {error}; delete it and diagnose again") from None
+    made_of = {"case": stored.case, "verdict": stored.verdict}
+    if stored.case != name or stored.sha256 != digest(made_of):
         raise CaseError(f"{path}: not as the diagnosis wrote it; delete it and diagnose again")
-    verdict: dict[str, Any] = stored["verdict"]
-    return verdict
+    return stored.verdict
 
 
 def opened(folder: Path) -> tuple[tuple[Draw, ...], dict[str, dict[str, Any]]]:
@@ -106,7 +129,7 @@ def opened(folder: Path) -> tuple[tuple[Draw, ...], dict[str, dict[str, Any]]]:
     CaseError
         If a verdict is missing, or labels or verdicts are not those that were sealed.
     """
-    published = _read(folder / SEAL)
+    published = read_json(folder / SEAL, ABSENT)
     names = sorted(path.stem for path in (folder / VERDICTS).glob("*.json"))
     if len(names) != published.get("cases"):
         raise CaseError(
@@ -118,14 +141,20 @@ def opened(folder: Path) -> tuple[tuple[Draw, ...], dict[str, dict[str, Any]]]:
     before = folder / OPENED
     if not before.is_file():
         write_json({"verdicts": hashes}, before)
-    elif _read(before).get("verdicts") != hashes:
+    elif read_json(before, ABSENT).get("verdicts") != hashes:
         raise CaseError(
             f"{folder}: verdicts have changed since the labels were opened ({OPENED}); draw anew"
         )
-    kept = _read(folder / LABELS)
+    kept = read_json(folder / LABELS, ABSENT)
     if digest(kept.get("labels"), str(kept.get("salt"))) != published.get("sha256"):
         raise CaseError(f"{folder / LABELS}: not the labels that {SEAL} was made of; draw anew")
-    draws = tuple(Draw.of(label) for label in kept["labels"]["draws"])
+    try:
+        labels = typed(kept["labels"], _Labels, "labels")
+        draws = tuple(
+            Draw(label.name, label.kind, label.seed, label.effects) for label in labels.draws
+        )
+    except CaseError as error:
+        raise CaseError(f"{folder / LABELS}: {error}; draw anew") from None
     if sorted(draw.name for draw in draws) != names:
         raise CaseError(f"{folder / VERDICTS}: verdicts on other cases than those drawn")
     return draws, verdicts
@@ -134,15 +163,3 @@ def opened(folder: Path) -> tuple[tuple[Draw, ...], dict[str, dict[str, Any]]]:
 def is_open(folder: Path) -> bool:
     """Return whether the labels were opened: no verdict may be given any more."""
     return (folder / OPENED).is_file()
-
-
-def _read(path: Path) -> dict[str, Any]:
-    try:
-        content = json.loads(path.read_text("utf-8"))
-    except FileNotFoundError:
-        raise CaseError(f"{path}: no such file; run it again, or draw anew") from None
-    except ValueError as error:
-        raise CaseError(f"{path}: no JSON ({error}); it was changed or cut short") from None
-    if not isinstance(content, dict):
-        raise CaseError(f"{path}: expected a JSON object; it was changed")
-    return content

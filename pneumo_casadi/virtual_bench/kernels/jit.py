@@ -5,14 +5,13 @@ that is called from another file would go unnoticed; here the folder carries a h
 them. It lies in the user's cache, so the package may be read-only.
 """
 
-import hashlib
 import logging
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
 from pneumo_casadi.errors import MissingExtraError
-from pneumo_casadi.runtime.cache import FOLDER, cache_folder
+from pneumo_casadi.runtime.cache import FOLDER, authentication_code, cache_folder
 
 try:
     import numba
@@ -52,7 +51,8 @@ def entry(function: Kernel) -> Kernel:
 def kernel_cache() -> Path | None:
     """Return the folder of the compiled kernels, None where none is this user's alone."""
     sources = sorted(Path(__file__).parent.rglob("*.py"))
-    key = hashlib.sha256(b"\0".join(path.read_bytes() for path in sources)).hexdigest()
+    # Numba runs what it finds: the folder has a name that only this user's key makes.
+    key = authentication_code(b"\0".join(path.read_bytes() for path in sources)).hex()
     try:
         return cache_folder(f"bench-{key[:16]}")
     except OSError as error:
