@@ -103,7 +103,7 @@ def bound() -> dict[str, float]:
     start = problem.start()
     nodes, _ = shoot_segments(problem, start.theta, true.x_0[:, None])
     sigma = np.array([NOISE_P, NOISE_P, NOISE_X])
-    uncertainty = estimate_uncertainty(problem, Unknowns(start.theta, nodes), sigma)
+    uncertainty = estimate_uncertainty(problem, Unknowns(start.theta, nodes), sigma, [record])
     values = true.axis.parameters.as_dict()
     least = dict(zip(uncertainty.names, uncertainty.std.tolist(), strict=True))
     for k, (upper, lower) in RATIOS.items():

@@ -106,15 +106,12 @@ def anchor_to_flow_map(
         Relative standard uncertainty of a factor common to all measured flows. None takes the
         factor as known.
     """
+    function, names = static_flow(flow, effects)
+    nulls = [item.null for effect in effects if effect.metered for item in effect.parameters]
+    fitted = np.array([*flow.parameters.values, *nulls], dtype=float)
     symbol: Any = ca.MX if flow.symbol == "MX" else ca.SX
-    shapes = [effect for effect in effects if effect.metered]
-    own = {f"{effect.name}.{item.name}": item for effect in shapes for item in effect.parameters}
-    names = (*flow.parameters.names, *own)
-    fitted = np.append(flow.parameters.values, [item.null for item in own.values()])
     u, p, q, c = (symbol.sym(s, k) for s, k in (("u", 1), ("p", 1), ("q", 1), ("c", len(names))))
-    opening = _opening(u, p, shapes, dict(zip(names, ca.vertsplit(c), strict=True)))
-    modelled = flow.expression(opening, p, c[: len(flow.parameters)])
-    e = (modelled - q) / (flow.sigma if sigma is None else sigma)
+    e = (function(u, p, c) - q) / (flow.sigma if sigma is None else sigma)
     point = ca.Function("point", [u, p, q, c], [e, ca.densify(ca.jacobian(e, c))])
     n = table.u.size
     coefficients = ca.MX.sym("c", len(names))
@@ -127,6 +124,31 @@ def anchor_to_flow_map(
     measured = table.q_m / (flow.sigma if sigma is None else sigma)
     residual = _with_free_scale(scatter, measured, accuracy)
     return Anchor(residual, names, fitted, n_prior=1, scatter=scatter)
+
+
+def static_flow(flow: Any, effects: Sequence[Effect]) -> tuple[ca.Function, tuple[str, ...]]:
+    """Return the static flow of a valve, and the names of its coefficients.
+
+    Parameters
+    ----------
+    flow : FlowModel
+        The form of the map.
+    effects : sequence of Effect
+        Those that are `metered` bend the map; their parameters follow the form's coefficients.
+
+    Returns
+    -------
+    casadi.Function, tuple of str
+        ``(u [V], p [Pa], c (n_c,)) -> q_m [kg/s]``, and the names of c.
+    """
+    symbol: Any = ca.MX if flow.symbol == "MX" else ca.SX
+    shapes = [effect for effect in effects if effect.metered]
+    own = [f"{effect.name}.{item.name}" for effect in shapes for item in effect.parameters]
+    names = (*flow.parameters.names, *own)
+    u, p, c = symbol.sym("u"), symbol.sym("p"), symbol.sym("c", len(names))
+    opening = _opening(u, p, shapes, dict(zip(names, ca.vertsplit(c), strict=True)))
+    q = flow.expression(opening, p, c[: len(flow.parameters)])
+    return ca.Function("static_flow", [u, p, c], [q]), names
 
 
 def _with_free_scale(scatter: ca.Function, measured: FloatArray, accuracy: float) -> ca.Function:

@@ -37,7 +37,8 @@ class ParameterUncertainty:
         Those directions, written out.
     covariance_robust : (n, n) array or None
         The same for residuals of any size and correlation, see `robust_covariance`. Output error
-        adds the bias of the smoothed friction; the bias of a wrong model is not included.
+        adds the biases of the smoothed friction and of the form of the flow map; the bias of an
+        incomplete model is not included.
     covariance_scatter : (n, n) array or None
         The part of `covariance_robust` that the residuals show, without a bias.
     """
@@ -90,7 +91,7 @@ def invert_information(
     at_bound: Sequence[str] = (),
     scores: Sequence[Sequence[FloatArray]] | None = None,
     prior: FloatArray | None = None,
-    shift: FloatArray | None = None,
+    shifts: Sequence[FloatArray] = (),
 ) -> ParameterUncertainty:
     """Turn information on scaled parameters into a covariance in SI units.
 
@@ -110,9 +111,9 @@ def invert_information(
     prior : (n, n) array, optional
         Part of `information` that is prior knowledge. It has no residuals whose scatter could be
         seen, and its covariance is known.
-    shift : (n,) array, optional
-        A bias of the scaled parameters whose size is known, but not its value: the robust
-        covariance contains its square.
+    shifts : sequence of (n,) arrays, optional
+        Biases of the scaled parameters whose size is known, but not their value: the robust
+        covariance contains their squares.
 
     Returns
     -------
@@ -153,10 +154,9 @@ def invert_information(
         sandwich = batch_sandwich(inverse, equilibrated)
         if prior is not None:
             sandwich += inverse @ (prior[np.ix_(inside, inside)] / np.outer(size, size)) @ inverse
-        robust = scatter = in_units(sandwich)
-        if shift is not None:
-            in_matrix = shift[inside] * size
-            robust = in_units(sandwich + np.outer(in_matrix, in_matrix))
+        scatter = in_units(sandwich)
+        scaled = [shift[inside] * size for shift in shifts]
+        robust = in_units(sandwich + sum(np.outer(shift, shift) for shift in scaled))
     chosen = [names[i] for i in inside]
     return ParameterUncertainty(
         tuple(names),

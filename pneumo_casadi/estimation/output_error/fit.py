@@ -121,7 +121,7 @@ def fit_output_error(
                 solution.status,
                 time.perf_counter() - began,
             )
-            result = _result(problem, solution, (*stages, stage))
+            result = _result(problem, solution, (*stages, stage), records)
             stages = list(result.stages)
             logger.info(
                 "%s: %s, %d iterations, cost %.6g",
@@ -245,10 +245,15 @@ def _solve(
     return replace(solution, sigma=sigma, iterations=iterations)
 
 
-def _result(problem: Problem, solution: Solution, stages: tuple[Stage, ...]) -> OutputErrorResult:
+def _result(
+    problem: Problem,
+    solution: Solution,
+    stages: tuple[Stage, ...],
+    records: Sequence[Recording],
+) -> OutputErrorResult:
     point, sigma = solution.point, solution.sigma
     axis = problem.axis.with_parameters(problem.parameters.with_values(point.theta))
-    uncertainty = estimate_uncertainty(problem, point, sigma)
+    uncertainty = estimate_uncertainty(problem, point, sigma, records)
     own_states = len(problem.axis.states)
     return OutputErrorResult(
         axis,

@@ -1,10 +1,13 @@
 """Gauss-Newton information on the parameters and their covariance."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from pneumo_casadi.data import Recording
 from pneumo_casadi.estimation.flow_anchor import Anchor
+from pneumo_casadi.estimation.output_error.flow_scale_shift import flow_scale_shift
 from pneumo_casadi.estimation.output_error.shooting.condensing import (
     anchor_normal_equations,
     block_scores,
@@ -86,11 +89,12 @@ def gauss_newton_information(problem: Problem, point: Unknowns, sigma: FloatArra
 
 
 def estimate_uncertainty(
-    problem: Problem, point: Unknowns, sigma: FloatArray
+    problem: Problem, point: Unknowns, sigma: FloatArray, records: Sequence[Recording]
 ) -> ParameterUncertainty:
     """Return the covariance of the free parameters at a solution.
 
-    Parameters at a bound are named and left out: their interval is one-sided.
+    Parameters at a bound are named and left out: their interval is one-sided. The robust
+    covariance contains two biases: of the smoothed friction, and of the form of the flow map.
     """
     free = problem.parameters.with_values(point.theta).select(problem.free)
     gap = np.minimum(free.values - free.lower, free.upper - free.values) / free.scales
@@ -104,7 +108,10 @@ def estimate_uncertainty(
         at_bound,
         information.scores,
         information.prior,
-        _smoothing_shift(problem, point, sigma),
+        (
+            _smoothing_shift(problem, point, sigma),
+            flow_scale_shift(problem, point.theta, records),
+        ),
     )
 
 

@@ -56,8 +56,8 @@ def parameter_table(identification: Identification, paper: bool = False) -> Tabl
         tuple(columns),
         tuple(rows),
         (
-            "2σ includes the correlation of the residuals and the bias of the smoothed friction, "
-            "not the bias of an incomplete model.",
+            "2σ includes the correlation of the residuals and, of output error, the biases of the "
+            "smoothed friction and of the form of a flow map, not that of an incomplete model.",
             *scale_notes(identification),
             *((PAPER,) if paper else ()),
         ),

@@ -1,0 +1,92 @@
+"""Where records bend the form of the flow map, its scale at their flows counts as biased."""
+
+import numpy as np
+import pytest
+
+from pneumo_casadi.estimation.output_error import OutputErrorOptions, fit_output_error
+from pneumo_casadi.estimation.output_error.fit import write_problem
+from pneumo_casadi.estimation.output_error.flow_scale_shift import flow_scale_shift
+from pneumo_casadi.valve import FlowMapPair, FlowPair
+
+P, N = [f"X_s{i}" for i in (1, 2, 3)], [f"X_s{i}" for i in (4, 5, 6)]
+
+
+@pytest.fixture(scope="module")
+def record(made, servo):
+    axis, u, x = servo
+    return made.recorded(axis, u[:400], x[:, :400], 0)
+
+
+@pytest.fixture(scope="module")
+def relative_shift(made, record):
+    """Return the shift of named parameters over their values, for changed coefficients."""
+
+    def of(axis, table, changes):
+        options = OutputErrorOptions(widths=(made.TRUE["v_s"],))
+        problem = write_problem(axis, [record], table, options)
+        fitted = problem.parameters
+        values = {name: factor * fitted[name].value for name, factor in changes.items()}
+        fitted = fitted.with_values(values)
+        shift = flow_scale_shift(problem, fitted.values, [record]) * problem.free_scales
+        return dict(zip(problem.free, shift / fitted.select(problem.free).values, strict=True))
+
+    return of
+
+
+def test_flows_one_per_cent_above_the_map_shift_all_that_is_proportional_to_them(
+    start, relative_shift
+):
+    table, axis = start()
+    coefficients = axis.flow.parameters.names
+    share = relative_shift(axis, table, dict.fromkeys(coefficients, 1.01))
+    for name in (*P, *N, *coefficients):
+        assert share[name] == pytest.approx(0.01, rel=1e-6)
+    assert share["M"] == share["f_v"] == share["F_c_plus"] == 0.0
+
+
+def test_a_bent_form_counts_by_the_flows_that_the_record_uses(start, record, relative_shift):
+    table, axis = start()
+    changes = {"psi_plus_0": 1.05, "phi_1": 0.9}
+    share = relative_shift(axis, table, changes)
+    model = axis.flow
+    bent = model.with_theta([item.value * changes.get(item.name, 1.0) for item in model.parameters])
+    flows, expected = (
+        np.concatenate([flow(record[f"u_{v}"], record[f"p_{v}"]) for v in "PN"])
+        for flow in (bent, model)
+    )
+    difference = flows @ expected / (expected @ expected) - 1
+    assert abs(difference) > 1e-3  # otherwise nothing is compared
+    assert share["X_s3"] == pytest.approx(difference, rel=1e-6)
+
+
+def test_the_valve_of_each_chamber_has_a_shift_of_its_own(made, start, relative_shift):
+    table, axis = start()
+    pair = made.Servosystem(made.BENCH, FlowPair(axis.flow, axis.flow)).with_parameters(made.TRUE)
+    changes = {f"{name}_N": 1.02 for name in axis.flow.parameters.names}
+    share = relative_shift(pair, FlowMapPair(table, table), changes)
+    assert [share[name] for name in P] == pytest.approx([0.0] * 3, abs=1e-6)
+    assert [share[name] for name in N] == pytest.approx([0.02] * 3, rel=1e-6)
+    assert share["psi_plus_0_P"] == pytest.approx(0.0, abs=1e-6)
+    assert share["psi_plus_0_N"] == pytest.approx(0.02, rel=1e-6)
+
+
+def test_a_held_parameter_of_a_chamber_gives_the_scale_and_nothing_shifts(start, relative_shift):
+    table, axis = start()
+    held = axis.with_parameters(axis.parameters.fix("X_s6"))
+    changes = dict.fromkeys(axis.flow.parameters.names, 1.01)
+    assert not any(relative_shift(held, table, changes).values())
+
+
+@pytest.mark.slow
+def test_the_robust_interval_contains_the_shift(made, start, record):
+    table, axis = start()
+    options = OutputErrorOptions(widths=(made.TRUE["v_s"],))
+    fit = fit_output_error(axis, [record], table, options)
+    problem = write_problem(fit.axis, [record], table, options)
+    shift = flow_scale_shift(problem, fit.parameters.values, [record]) * problem.free_scales
+    known = fit.uncertainty
+    i, j = (known.names.index(name) for name in ("X_s3", "X_s6"))
+    added = known.covariance_robust - known.covariance_scatter
+    # Of two biases: their squares, and for a common factor the product, have at least this size.
+    assert added[i, i] >= shift[i] ** 2 * (1 - 1e-9) > 0
+    assert added[j, j] >= shift[j] ** 2 * (1 - 1e-9)
