@@ -93,7 +93,7 @@ def test_every_effect_of_a_servo_axis_can_be_added(case, flow, name):
     if "drive" in effect().junctions:
         pytest.skip("acts on a force-driven axis")
     if name == "constant_force":  # F_c_plus and F_c_minus hold it already
-        with pytest.raises(FitError, match=r"Fix constant_force\.F_0"):
+        with pytest.raises(FitError, match=r"Hold 1 of F_c_plus, F_c_minus, constant_f.*--fix"):
             started(case, flow, effects=(name,))
         return
     _, wls, start = started(case, flow, effects=(name,))

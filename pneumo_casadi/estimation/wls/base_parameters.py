@@ -68,6 +68,13 @@ class BaseParameters:
         coupled |= {self.names[column] for column in self.dependent}
         return tuple(name for name in self.names if name in coupled)
 
+    @property
+    def remedy(self) -> str:
+        """How many of which parameters to hold, so that the others can be estimated."""
+        n, coupled = len(self.dependent), self.unidentifiable
+        of = f"{n} of " if n < len(coupled) else ""
+        return f"Hold {of}{', '.join(coupled)} (`--fix NAME=VALUE`)"
+
     def describe(self) -> str:
         """Return what can be estimated instead of what cannot, as one sentence."""
         if not self.dependent:

@@ -146,8 +146,7 @@ def _solve(system: LinearSystem, sigma: FloatArray, tolerance: float) -> _Soluti
     if base.dependent:
         raise FitError(
             f"the observation matrix has rank {base.rank} for {len(system.names)} parameters: "
-            f"{base.describe()}. Fix {', '.join(system.names[j] for j in base.dependent)}, or "
-            "record a richer motion",
+            f"{base.describe()}. {base.remedy}, or record a richer motion",
             partial=base,
         )
     size = np.linalg.norm(W, axis=0)

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from pneumo_casadi.data import Case
+from pneumo_casadi.data.bench.load import GRAVITY
 from pneumo_casadi.estimation.output_error import OutputErrorResult
 from pneumo_casadi.identification.warnings.grading import (
     K_RANGE,
@@ -94,11 +95,14 @@ def _of_friction(result: OutputErrorResult) -> Iterator[ResultWarning]:
             "sign of the position, the chambers and the areas.",
         )
         return
+    force, weight = -result.derived["F_offset"].value, GRAVITY * result.parameters["M"].value
     for name, value in sides.items():
         if value < -_half(result, name):
             yield met(
                 "friction has a force",
                 "physics",
                 f"{name} = {value:.3g} N is negative: the friction parameters contain a constant "
-                "force.",
+                f"force, of {force:+.4g} N in +x if friction is equal in both directions (weight "
+                f"of the moving mass: {weight:.4g} N). State it in bench.json: `load.angle_deg` "
+                "of an inclined axis, or `load.force_N`.",
             )
