@@ -68,8 +68,8 @@ def flow_scale_shift(
         coefficients = [name for name in _coefficients(axis, chambers[0])[1] if name in free]
         at = [free[name] for name in coefficients]
         slopes, modelled = _scale_problem(anchor, fitted, coefficients)
-        along = np.linalg.lstsq(slopes * problem.free_scales[at], modelled, rcond=None)[0]
-        shift[at] = difference * along
+        direction = np.linalg.lstsq(slopes * problem.free_scales[at], modelled, rcond=None)[0]
+        shift[at] = difference * direction
     return shift
 
 

@@ -101,8 +101,9 @@ def _of_friction(result: OutputErrorResult) -> Iterator[ResultWarning]:
             yield met(
                 "friction has a force",
                 "physics",
-                f"{name} = {value:.3g} N is negative: the friction parameters contain a constant "
-                f"force, of {force:+.4g} N in +x if friction is equal in both directions (weight "
-                f"of the moving mass: {weight:.4g} N). State it in bench.json: `load.angle_deg` "
-                "of an inclined axis, or `load.force_N`.",
+                f"{name} = {value:.3g} N is negative: "
+                "the friction parameters contain a constant force, "
+                f"of {force:+.4g} N in +x if friction is equal in both directions (weight of the "
+                f"moving mass: {weight:.4g} N). State it in bench.json: `load.angle_deg` of an "
+                "inclined axis, or `load.force_N`.",
             )
