@@ -5,7 +5,7 @@ from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
 
-from pneumo_casadi.data import Case, read_case
+from pneumo_casadi.data import Case, Grade, read_case
 from pneumo_casadi.diagnosis.checks.parameter_checks import check_fit
 from pneumo_casadi.diagnosis.decide.decision import Decision, decide_verdict
 from pneumo_casadi.diagnosis.decide.ranking import (
@@ -172,6 +172,7 @@ def diagnose(
         evidence=collect_evidence(study, inputs, selection.nominal, final if shown else None),
         flow_selection=flow_selection,
         discovered=discovered,
+        findings=tuple(each for each in case.findings if each.grade is Grade.SEVERE),
     )
 
 

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from matplotlib.text import Text
 
+from pneumo_casadi.data import Finding, Grade
 from pneumo_casadi.diagnosis import Value, Verdict
 from pneumo_casadi.diagnosis.metrics.findings import Closure
 from pneumo_casadi.errors import CaseError
@@ -62,6 +63,20 @@ def test_every_verdict_is_one_sentence(verdict):
     text = headline(made.ALL[verdict])
     assert text.endswith(".") and text[0].isupper()
     assert not re.search(r"\.\s", text)
+
+
+def test_a_sensor_that_contradicts_the_others_stands_before_the_verdict():
+    text = "`v` is 1.2 times the derivative of `x`; correct its gain."
+    finding = Finding(Grade.SEVERE, "sensor of v", "v", text, source="identify")
+    diagnosis = replace(made.EFFECT, findings=(finding,))
+    lines = summary_text(diagnosis).splitlines()
+    named = next(i for i, line in enumerate(lines) if "`v` is 1.2 times" in line)
+    verdict = next(i for i, line in enumerate(lines) if line.startswith("Stribeck"))
+    assert named < 6 and named < verdict
+    page = diagnosis_html(diagnosis, [])
+    assert page.index("Correct the records first") < page.index("Where model and measurement")
+    assert diagnosis.as_dict()["findings"][0]["about"] == "v"
+    assert "Correct the records" not in summary_text(made.EFFECT)
 
 
 @pytest.mark.parametrize("verdict", list(Verdict))

@@ -7,6 +7,7 @@ from typing import Any
 
 import pandas as pd
 
+from pneumo_casadi.data import Finding
 from pneumo_casadi.diagnosis.discover.discovered import DiscoveredTerm
 from pneumo_casadi.diagnosis.locate.evidence import Evidence
 from pneumo_casadi.diagnosis.metrics.findings import (
@@ -83,6 +84,9 @@ class Diagnosis(Presentable):
     discovered : DiscoveredTerm or None
         For ``unknown``: the term outside the catalogue that closes most of the gap, told as a
         formula; None where there is none.
+    findings : tuple of Finding
+        Severe findings of the check of the records, such as a sensor that contradicts the others:
+        correct these before you look for a cause in the axis.
 
     Examples
     --------
@@ -111,6 +115,7 @@ class Diagnosis(Presentable):
     evidence: Evidence | None = None
     flow_selection: FormSelection | None = None
     discovered: DiscoveredTerm | None = None
+    findings: tuple[Finding, ...] = ()
 
     @property
     def headline(self) -> str:
@@ -163,6 +168,7 @@ class Diagnosis(Presentable):
             "hint": self.hint,
             "checks": [asdict(check) for check in self.checks],
             "notes": list(self.notes),
+            "findings": [finding.as_dict() for finding in self.findings],
             "parameters": {"nominal": _values(self.nominal), "fitted": _values(self.fitted)},
             "flow_selection": (
                 None if self.flow_selection is None else self.flow_selection.as_dict()

@@ -24,11 +24,13 @@ from pneumo_casadi.report.tables.parameters import parameter_table
 from pneumo_casadi.report.tables.quantities import between, chance, percent, plain, whole
 from pneumo_casadi.report.tables.table import Table
 from pneumo_casadi.report.text.diagnosis import (
+    FINDINGS_TITLE,
     VERDICTS,
     Catalogue,
     alternative_sentences,
     cause_sentences,
     check_sentences,
+    finding_sentences,
     headline,
     location_text,
     refined_sentences,
@@ -109,6 +111,7 @@ def _sections(
         return [picture for picture in pictures if picture.name.startswith(starts)]
 
     return [
+        _Section("findings", FINDINGS_TITLE, finding_sentences(diagnosis)),
         _Section(
             "where", "Where model and measurement disagree", where_sentences(diagnosis, catalogue),
             drawn("where", "unknown_inputs"), [regime_table(diagnosis)],

@@ -32,6 +32,7 @@ VERDICTS = {
     Verdict.UNKNOWN: "cause unknown",
     Verdict.NONE: "model and measurement agree",
 }
+FINDINGS_TITLE = "Correct the records first"
 #: Candidates less probable than this are not named in a sentence.
 WORTH_NAMING = 0.01
 #: No advice to check the sensors first if every effect is more probable than this.
@@ -105,6 +106,11 @@ def headline(diagnosis: Diagnosis) -> str:
 def _change(before: float, after: float) -> str:
     verb = "falls" if after < before else "does not fall: it changes"
     return f"{verb} from {percent(before)} to {percent(after)}"
+
+
+def finding_sentences(diagnosis: Diagnosis) -> tuple[str, ...]:
+    """Return what is wrong with the records, to be corrected before a cause is looked for."""
+    return tuple(finding.sentence for finding in diagnosis.findings)
 
 
 def cause_sentences(diagnosis: Diagnosis, catalogue: Catalogue = EFFECTS) -> tuple[str, ...]:
@@ -309,7 +315,9 @@ def summary_text(
         ("Notes", diagnosis.notes),
     ]
     title = f"Diagnosis of {diagnosis.case}: {VERDICTS[diagnosis.verdict]}"
-    head = [title, "=" * len(title), "", textwrap.fill(headline(diagnosis), WIDTH)]
+    head = [title, "=" * len(title)]
+    head += _section(FINDINGS_TITLE, finding_sentences(diagnosis))
+    head += ["", textwrap.fill(headline(diagnosis), WIDTH)]
     body = [line for name, sentences in sections for line in _section(name, sentences)]
     shown = [*diagnosis_tables(diagnosis), *([] if refined is None else [parameter_table(refined)])]
     tables = [render(table) for table in shown]
