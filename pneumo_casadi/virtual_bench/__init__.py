@@ -20,8 +20,9 @@ from pneumo_casadi.virtual_bench.axis import (
     VirtualValve,
     random_axis,
 )
+from pneumo_casadi.virtual_bench.background import draw_background, weak_effects
 from pneumo_casadi.virtual_bench.case import SyntheticCase, make_case
-from pneumo_casadi.virtual_bench.catalogue import FORMS, effects_for
+from pneumo_casadi.virtual_bench.catalogue import ALL_FORMS, FORMS, effects_for, forms_of
 from pneumo_casadi.virtual_bench.effect import EffectForm, Severity, Size, VirtualEffect, scales
 from pneumo_casadi.virtual_bench.experiment import KINDS, Excitation, Experiment
 from pneumo_casadi.virtual_bench.laboratory import Laboratory
@@ -29,6 +30,7 @@ from pneumo_casadi.virtual_bench.sanity import Sanity, sanity
 from pneumo_casadi.virtual_bench.simulation import Run, metered_map, record, simulate_axis
 
 __all__ = [
+    "ALL_FORMS",
     "FORMS",
     "IDEAL_SENSORS",
     "KINDS",
@@ -45,7 +47,9 @@ __all__ = [
     "VirtualEffect",
     "VirtualSensors",
     "VirtualValve",
+    "draw_background",
     "effects_for",
+    "forms_of",
     "make_case",
     "metered_map",
     "random_axis",
@@ -53,4 +57,5 @@ __all__ = [
     "sanity",
     "scales",
     "simulate_axis",
+    "weak_effects",
 ]

@@ -1,6 +1,6 @@
 """Cases for development and tests: folders with the files of a real bench, without labels."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -11,6 +11,7 @@ import pandas as pd
 from pneumo_casadi.data import Case, Recording, read_case, write_case
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.virtual_bench.axis import VirtualAxis, random_axis
+from pneumo_casadi.virtual_bench.background import draw_background, weak_effects
 from pneumo_casadi.virtual_bench.catalogue import EffectRequest, effects_for
 from pneumo_casadi.virtual_bench.effect import VirtualEffect
 from pneumo_casadi.virtual_bench.experiment import Excitation, Experiment
@@ -36,11 +37,14 @@ class SyntheticCase:
         The axis without its hidden effects.
     effects : tuple of VirtualEffect
         The labels.
+    background : tuple of VirtualEffect
+        Weak effects besides.
     """
 
     case: Case
     axis: VirtualAxis
     effects: tuple[VirtualEffect, ...]
+    background: tuple[VirtualEffect, ...] = ()
 
     @property
     def labels(self) -> dict[str, object]:
@@ -50,6 +54,7 @@ class SyntheticCase:
         """
         return {
             "effects": [effect.as_dict() for effect in self.effects],
+            "background": [effect.as_dict() for effect in self.background],
             "truth": dict(self.axis.truth),
         }
 
@@ -65,6 +70,7 @@ def make_case(
     validate: Experiment | Excitation = VALIDATE,
     axis: VirtualAxis | None = None,
     laboratory: Laboratory = USUAL,
+    background: Sequence[str] | bool = False,
 ) -> SyntheticCase:
     """Record a random axis with hidden effects and write the case folder.
 
@@ -84,6 +90,8 @@ def make_case(
         Instead of a random one.
     laboratory : Laboratory, optional
         What it owns and records.
+    background : bool or sequence of str, optional
+        Weak effects besides, by name of their form; True draws four to six of other causes.
 
     Returns
     -------
@@ -113,6 +121,12 @@ def make_case(
         )
     axis = laboratory.equip(axis or random_axis(seed))
     hidden = effects_for(axis, effects, seed)
+    if isinstance(background, bool):
+        causes = [effect.form.cause for effect in hidden]
+        drawn = draw_background(np.random.default_rng([seed, 9]), causes)
+        background = drawn if background else ()
+    weak = weak_effects(axis, background, seed)
+    hidden = (*hidden, *weak)
     acting = (*hidden, *effects_for(axis, laboratory.effects))
 
     def recorded(experiment: Experiment | Excitation, name: str, number: int) -> Recording:
@@ -134,4 +148,4 @@ def make_case(
         for name in maps.keys() - {"flow_map"}:
             pd.DataFrame(maps[name]).to_csv(case.folder / f"{name}.csv", index=False)
         case = read_case(folder, check=False)  # gaps split records, columns become signals
-    return SyntheticCase(case, axis, hidden)
+    return SyntheticCase(case, axis, hidden[: len(effects)], weak)

@@ -7,6 +7,8 @@ PISTON_SEAL_LEAKAGE = EffectForm(
     "½ q (√(1 + 8 z) − 1), z = (p_P² − p_N²)/(p_supply² − p_ext²): viscous and inertial gap",
     (Size("q", "kg/s", (0.03, 0.1, 0.3), "q", description="flow, supply against ambient"),),
     note="shows with Δp across the piston",
+    strength=("q",),
+    constants={"orifice": 0.0},
 )
 LEAKAGE_P, LEAKAGE_N = (
     EffectForm(
@@ -14,6 +16,8 @@ LEAKAGE_P, LEAKAGE_N = (
         f"q (p_{chamber}² − p_ext²)/(p_supply² − p_ext²): viscous flow through a gap",
         (Size("q", "kg/s", (0.03, 0.1, 0.25), "q", description="flow at supply pressure"),),
         note="the leakage polynomial φ takes part of it, for both chambers alike",
+        strength=("q",),
+        constants={"orifice": 0.0},
     )
     for chamber in "PN"
 )
@@ -30,12 +34,15 @@ HEAT_TRANSFER = EffectForm(
     ),
     absorbed_by=("X_s1", "X_s2", "X_s4", "X_s5"),
     note="very fast exchange is isothermal and very slow adiabatic: a polytropic index has both",
+    constants={"wall": 0.0},
 )
 PRESSURE_SENSOR_LAG = EffectForm(
     "pressure_sensor_lag",
     "second order, 2 ζ/ω = τ, ζ = 0.7, both sensors",
     (Size("tau", "s", (1e-3, 4e-3, 1.5e-2), description="delay of a slow signal τ"),),
     note="shows where pressures change fast",
+    strength=("tau",),
+    constants={"first_order": 0.0},
 )
 PRESSURE_SENSOR_BIAS = EffectForm(
     "pressure_sensor_bias",
@@ -46,18 +53,21 @@ PRESSURE_SENSOR_BIAS = EffectForm(
     ),
     absorbed_by=("F_c_plus", "F_c_minus"),
     note="acts as a constant force S_P b_P − S_N b_N and a little on the flows",
+    strength=("P", "N"),
 )
 POSITION_DELAY = EffectForm(
     "position_delay",
     "x(t − T) exactly",
     (Size("T", "s", (1e-3, 4e-3, 1.2e-2), description="delay"),),
     note="small ones drown in the position noise",
+    strength=("T",),
 )
 BACKLASH = EffectForm(
     "backlash",
     "play between piston and position sensor, whose carriage stays where it is left",
     (Size("gap", "m", (1e-4, 4e-4, 1.5e-3), description="from contact to contact"),),
     note="shows at reversals",
+    strength=("gap",),
 )
 COGGING = EffectForm(
     "cogging",
@@ -68,6 +78,7 @@ COGGING = EffectForm(
     ),
     listed=False,
     note="force over position that repeats",
+    driver="x",
 )
 VIBRATION = EffectForm(
     "vibration",
@@ -78,6 +89,7 @@ VIBRATION = EffectForm(
     ),
     listed=False,
     note="force over time, whatever the axis does",
+    driver="t",
 )
 SUPPLY_PULSATION = EffectForm(
     "supply_pulsation",
@@ -88,6 +100,7 @@ SUPPLY_PULSATION = EffectForm(
     ),
     listed=False,
     note="a compressor in the supply",
+    driver="t",
 )
 POSITION_NONLINEARITY = EffectForm(
     "position_nonlinearity",
@@ -98,6 +111,7 @@ POSITION_NONLINEARITY = EffectForm(
     ),
     listed=False,
     note="a sensor error over position",
+    driver="x",
 )
 FLOW_DRIFT = EffectForm(
     "flow_drift",
@@ -109,6 +123,7 @@ FLOW_DRIFT = EffectForm(
     absorbed_by=("X_s1", "X_s2", "X_s3", "X_s4", "X_s5", "X_s6"),
     listed=False,
     note="valves that warm up; its mean is a flow scale",
+    driver="t",
 )
 PRESSURE_CROSSTALK = EffectForm(
     "pressure_crosstalk",
@@ -116,6 +131,49 @@ PRESSURE_CROSSTALK = EffectForm(
     (Size("share", "1", (0.003, 0.01, 0.03), description="share"),),
     listed=False,
     note="earth loop between the two transducers",
+    driver="p",
+)
+MAGNETIC_LATCH = EffectForm(
+    "magnetic_latch",
+    "A exp(−(l/2 − x)/d), in +x",
+    (
+        Size("A", "N", (1.0, 2.5, 6.0), "F_c", description="force at the end of the stroke A"),
+        Size("reach", "m", (0.15, 0.15, 0.15), "l", off=0.06, description="decay length d"),
+    ),
+    listed=False,
+    note="a magnet, or a soft stop that pulls, near one end",
+    driver="x",
+)
+PERIODIC_LEAK = EffectForm(
+    "periodic_leak",
+    "leak of chamber P, q (1 + sin(2π x/λ))/2 · (p_P² − p_ext²)/(p_supply² − p_ext²)",
+    (
+        Size("q", "kg/s", (0.03, 0.1, 0.25), "q", description="flow at supply pressure"),
+        Size("pitch", "m", (0.06, 0.06, 0.06), off=0.06, description="pitch λ"),
+    ),
+    listed=False,
+    note="a barrel that is scored along its length",
+    driver="x",
+)
+SQUARE_ROOT_FRICTION = EffectForm(
+    "square_root_friction",
+    "A √(|v|/1 m/s) sign v",
+    (Size("A", "N", (0.5, 1.5, 4.0), "F_c", description="force at 1 m/s"),),
+    absorbed_by=("f_v", "F_c_plus", "F_c_minus"),
+    listed=False,
+    note="a lubrication film between mixed and full",
+    driver="v",
+)
+FRICTION_FADE = EffectForm(
+    "friction_fade",
+    "ΔF exp(−t/τ) sign v, t > 0",
+    (
+        Size("delta_F", "N", (0.15, 0.5, 1.2), "F_c", description="extra friction at the start"),
+        Size("tau", "s", (6.0, 6.0, 6.0), off=6.0, description="time of the decay τ"),
+    ),
+    listed=False,
+    note="grease that warms up",
+    driver="t",
 )
 
 FORMS = (
@@ -135,4 +193,8 @@ UNLISTED = (
     POSITION_NONLINEARITY,
     FLOW_DRIFT,
     PRESSURE_CROSSTALK,
+    MAGNETIC_LATCH,
+    PERIODIC_LEAK,
+    SQUARE_ROOT_FRICTION,
+    FRICTION_FADE,
 )

@@ -1,7 +1,7 @@
 """Effects of the virtual bench: parameters, three severities, and what may absorb them."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 from types import MappingProxyType
 
@@ -74,6 +74,16 @@ class EffectForm:
         Whether it belongs to the shape of the valve, so that the flow map shows it.
     step : float
         Longest time step with which it is integrated [s].
+    cause : str
+        Name of the cause that it is a form of; by default its own.
+    kernel : str
+        Prefix under which the kernels read its quantities; by default its cause.
+    constants : mapping of str to float
+        Numbers that make the form, by the names under which the kernels read them.
+    strength : tuple of str
+        Quantities in proportion to which it acts; empty if it cannot be made weak by a factor.
+    driver : str
+        For an effect of no catalogue, what it depends on: ``"x"``, ``"v"``, ``"t"``, ``"p"``.
     """
 
     name: str
@@ -84,6 +94,15 @@ class EffectForm:
     listed: bool = True
     metered: bool = False
     step: float = 1e-4
+    cause: str = ""
+    kernel: str = ""
+    constants: Mapping[str, float] = field(default_factory=dict)
+    strength: tuple[str, ...] = ()
+    driver: str = ""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "cause", self.cause or self.name)
+        object.__setattr__(self, "kernel", self.kernel or self.cause)
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,6 +133,7 @@ class VirtualEffect:
         units = {size.name: size.unit for size in self.form.sizes}
         return {
             "name": self.name,
+            "cause": self.form.cause,
             "severity": None if self.severity is None else self.severity.value,
             "parameters": {
                 name: {"value": value, "unit": units[name]}

@@ -11,6 +11,8 @@ STRIBECK = EffectForm(
         Size("exponent", "1", (1.0, 1.0, 1.0), off=1.0, description="δ"),
     ),
     note="shows at low speed; takes some of F_c and f_v with it",
+    strength=("delta_F",),
+    constants={"rational": 0.0},
 )
 PRESLIDING = EffectForm(
     "presliding",
@@ -18,6 +20,7 @@ PRESLIDING = EffectForm(
     (Size("distance", "m", (4e-5, 2e-4, 6e-4), description="mean slip distance s_0"),),
     note="shows within s_0 of a reversal; small ones drown in the position noise",
     step=5e-5,
+    constants={"dahl": 0.0},
 )
 PRESSURE_FRICTION = EffectForm(
     "pressure_friction",
@@ -25,6 +28,8 @@ PRESSURE_FRICTION = EffectForm(
     (Size("F", "N", (0.4, 1.0, 2.2), "F_c", description="extra friction at supply pressure"),),
     absorbed_by=("F_c_plus", "F_c_minus"),
     note="at constant mean pressure it is Coulomb friction",
+    strength=("F",),
+    constants={"seal": 0.0},
 )
 POSITION_FRICTION = EffectForm(
     "position_friction",
@@ -36,6 +41,7 @@ POSITION_FRICTION = EffectForm(
         Size("width", "m", (0.05, 0.05, 0.05), "l", off=0.05, description="half-width w"),
     ),
     note="shows where the axis passes the tight spot",
+    strength=("slope", "height"),
 )
 QUADRATIC_DRAG = EffectForm(
     "quadratic_drag",
@@ -43,6 +49,8 @@ QUADRATIC_DRAG = EffectForm(
     (Size("c", "N s^1.8/m^1.8", (15.0, 45.0, 130.0), description="c"),),
     absorbed_by=("f_v",),
     note="at one speed it is viscous friction",
+    strength=("c",),
+    constants={"power": 0.8},
 )
 CONSTANT_FORCE = EffectForm(
     "constant_force",
@@ -56,6 +64,8 @@ SPRING_LOAD = EffectForm(
     "−k x (1 + ½ (2x/l)²)",
     (Size("k", "N/m", (2.0, 6.0, 14.0), "F_c/l", description="stiffness at mid-stroke"),),
     note="shows in slow, long motion",
+    strength=("k",),
+    constants={"hardening": 0.5},
 )
 ELASTIC_LOAD = EffectForm(
     "elastic_load",
@@ -67,6 +77,7 @@ ELASTIC_LOAD = EffectForm(
     ),
     absorbed_by=("M",),
     note="stiff joints move the mass as one",
+    constants={"measured": 0.0},
 )
 
 FORMS = (

@@ -8,7 +8,7 @@ import numpy as np
 
 from pneumo_casadi.data import AntiWindup, CascadeController, PidController
 from pneumo_casadi.virtual_bench.axis import VirtualAxis
-from pneumo_casadi.virtual_bench.catalogue import FORMS
+from pneumo_casadi.virtual_bench.catalogue import ALL_FORMS
 from pneumo_casadi.virtual_bench.effect import VirtualEffect
 from pneumo_casadi.virtual_bench.kernels.control import (
     CASCADE,
@@ -85,10 +85,13 @@ def kernel_parameters(
     values = _axis_values(axis)
     if axis.controller is not None and axis.controller.sample_time is not None:
         values["law_samples"] = float(round(axis.controller.sample_time / dt))
-    for form in FORMS.values():
-        values |= {f"{form.name}_{size.name}": size.off for size in form.sizes}
+    for form in ALL_FORMS.values():  # the usual form of a cause before its others
+        own = {size.name: size.off for size in form.sizes} | dict(form.constants)
+        for name, value in own.items():
+            values.setdefault(f"{form.kernel}_{name}", value)
     for effect in effects:
-        values |= {f"{effect.name}_{name}": value for name, value in effect.parameters.items()}
+        own = {**effect.parameters, **effect.form.constants}
+        values |= {f"{effect.form.kernel}_{name}": value for name, value in own.items()}
     record = np.zeros(1, dtype=[(name, np.float64) for name in values])
     record[0] = tuple(float(value) for value in values.values())
     return record[0]

@@ -11,12 +11,14 @@ VALVE_DYNAMICS = EffectForm(
         Size("rate", "V/s", (400.0, 200.0, 60.0), off=1e6, description="greatest |ṡ|"),
     ),
     note="shows at edges of the reference and at high frequencies",
+    constants={"first_order": 0.0},
 )
 VALVE_DEAD_ZONE = EffectForm(
     "valve_dead_zone",
     "s = u − min(max(u, −0.45 w), 0.55 w): nothing moves within w",
     (Size("width", "V", (0.04, 0.12, 0.3), description="whole width w"),),
     note="shows around u = 0; the axis creeps up to its goal",
+    constants={"below": 0.9, "above": 1.1, "smooth": 0.0},
 )
 VALVE_NULL_SHIFT = EffectForm(
     "valve_null_shift",
@@ -26,12 +28,15 @@ VALVE_NULL_SHIFT = EffectForm(
         Size("N", "V", (0.0, 0.01, 0.02), signed=True, description="offset s_0 of valve N"),
     ),
     note="the coefficients of the flow map take part of it, against the metered points",
+    strength=("P", "N"),
 )
 VALVE_HYSTERESIS = EffectForm(
     "valve_hysteresis",
     "0.1 u + plays of u, half-widths (0.35, 0.8, 1.5) w/2, weights (0.2, 0.4, 0.3)",
     (Size("width", "V", (0.02, 0.06, 0.18), description="width w of the loop"),),
     note="shows at reversals of the command",
+    strength=("width",),
+    constants={"law": 0.0},
 )
 VALVE_MISMATCH = EffectForm(
     "valve_mismatch",

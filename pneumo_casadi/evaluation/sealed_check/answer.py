@@ -33,6 +33,12 @@ class Answer:
         Of the first candidate; 0 without one.
     balance : str
         Where the gap is said to lie; empty if it is not said.
+    first : str
+        Effect that is named first; empty if none is.
+    driver : str
+        What a discovered term depends on; empty without one.
+    closes : float or None
+        Share of the held-out gap that it closes.
     """
 
     verdict: str
@@ -41,6 +47,9 @@ class Answer:
     ranking: tuple[frozenset[str], ...]
     probability: float
     balance: str
+    first: str = ""
+    driver: str = ""
+    closes: float | None = None
 
 
 def read_answer(verdict: Mapping[str, Any]) -> Answer:
@@ -61,6 +70,7 @@ def read_answer(verdict: Mapping[str, Any]) -> Answer:
     if word in NAMING:
         first = alike[:1] + list(ranking[:1] if word == "absorbed" else ())
         named = added or next(iter(first), named)
+    term = verdict.get("discovered") or {}
     return Answer(
         word,
         named,
@@ -68,6 +78,9 @@ def read_answer(verdict: Mapping[str, Any]) -> Answer:
         ranking,
         float(candidates[0].get("probability") or 0.0) if candidates else 0.0,
         str((verdict.get("where") or {}).get("balance") or ""),
+        next((str(item["name"]) for item in verdict.get("effects") or ()), min(named, default="")),
+        str(term.get("driver") or ""),
+        (term.get("closes") or {}).get("value"),
     )
 
 

@@ -1,7 +1,7 @@
 """The draw of the sealed check: which effects each case has, and how it is recorded."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from enum import Enum
 from pathlib import Path
 from typing import Any, TypeVar
@@ -11,7 +11,14 @@ import numpy as np
 from pneumo_casadi.data import Case
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.errors import CaseError
-from pneumo_casadi.virtual_bench import FORMS, Severity, make_case
+from pneumo_casadi.virtual_bench import (
+    ALL_FORMS,
+    FORMS,
+    Severity,
+    draw_background,
+    forms_of,
+    make_case,
+)
 
 #: Forms of the virtual bench that a refit of the nominal parameters absorbs: a constant force of
 #: any size leaves held-out residuals as they are, a valve of another gain raises them by less than
@@ -20,6 +27,9 @@ from pneumo_casadi.virtual_bench import FORMS, Severity, make_case
 ABSORBED_FORMS = ("constant_force", "valve_mismatch")
 #: Severities of pairs and of causes outside the catalogue: large enough to be detected.
 STRONG = (Severity.MEDIUM, Severity.LARGE)
+
+#: Share of the cases with weak effects besides: half, so that both halves bear figures.
+BACKGROUND = 0.5
 
 T = TypeVar("T")
 
@@ -98,13 +108,19 @@ class Draw:
     seed : int
         Of axis, sizes, references and noise.
     effects : mapping of str to str
-        Severity by name of the effect.
+        Severity by name of the cause.
+    forms : mapping of str to str
+        Form of each cause, as the virtual bench names it; the usual one where it is missing.
+    background : tuple of str
+        Forms of the weak effects besides; empty for a clean case.
     """
 
     name: str
     kind: Kind
     seed: int
     effects: Mapping[str, str]
+    forms: Mapping[str, str] = field(default_factory=dict)
+    background: tuple[str, ...] = ()
 
     @property
     def without(self) -> tuple[str, ...]:
@@ -116,6 +132,11 @@ class Draw:
         """Whether the catalogue given holds every cause."""
         return self.kind not in (Kind.LEFT_OUT, Kind.NEVER_LISTED)
 
+    @property
+    def weak_causes(self) -> frozenset[str]:
+        """Causes of the weak effects."""
+        return frozenset(ALL_FORMS[name].cause for name in self.background)
+
     def as_dict(self) -> dict[str, Any]:
         """Return the label as plain data."""
         return {
@@ -123,20 +144,31 @@ class Draw:
             "kind": self.kind.value,
             "seed": self.seed,
             "effects": dict(self.effects),
+            "forms": dict(self.forms),
+            "background": list(self.background),
         }
 
     @staticmethod
     def of(label: Mapping[str, Any]) -> "Draw":
         """Return the draw that a label describes."""
-        return Draw(label["name"], Kind(label["kind"]), label["seed"], dict(label["effects"]))
+        return Draw(
+            label["name"],
+            Kind(label["kind"]),
+            label["seed"],
+            dict(label["effects"]),
+            dict(label.get("forms", {})),
+            tuple(label.get("background", ())),
+        )
 
 
-def draw_cases(cases: int, seed: int, proportions: Proportions | None = None) -> tuple[Draw, ...]:
+def draw_cases(
+    cases: int, seed: int, proportions: Proportions | None = None, background: float = BACKGROUND
+) -> tuple[Draw, ...]:
     """Draw cases in shuffled order.
 
-    Forms and severities are distributed as evenly as their number allows: 75 singles are every
-    listed form at every severity. Pairs and causes left out are taken from forms that trajectories
-    can reveal.
+    Causes and severities are distributed as evenly as their number allows: 75 singles are every
+    listed cause at every severity. Pairs and causes left out are taken from causes that
+    trajectories can reveal. The form of each cause is drawn from those that the virtual bench has.
 
     Parameters
     ----------
@@ -146,6 +178,8 @@ def draw_cases(cases: int, seed: int, proportions: Proportions | None = None) ->
         Secret to the diagnosis; the same seed draws the same cases.
     proportions : Proportions, optional
         Of the kinds.
+    background : float, optional
+        Share of the cases of every kind that have weak effects besides, 0 to 1.
 
     Returns
     -------
@@ -173,10 +207,33 @@ def draw_cases(cases: int, seed: int, proportions: Proportions | None = None) ->
     order = rng.permutation(cases)
     seeds = rng.integers(2**40, size=cases)
     digits = max(3, len(str(cases)))
+    forms = [{cause: _any_form(cause, rng) for cause in effects} for _, effects in drawn]
+    weak = [
+        draw_background(rng, effects) if clouded else ()
+        for (_, effects), clouded in zip(drawn, _clouded(drawn, background, rng), strict=True)
+    ]
     return tuple(
-        Draw(f"w{number:0{digits}d}", drawn[i][0], int(seeds[i]), drawn[i][1])
+        Draw(f"w{number:0{digits}d}", drawn[i][0], int(seeds[i]), drawn[i][1], forms[i], weak[i])
         for number, i in enumerate(order, 1)
     )
+
+
+def _any_form(cause: str, rng: np.random.Generator) -> str:
+    forms = forms_of(cause)
+    return forms[int(rng.integers(len(forms)))]
+
+
+def _clouded(
+    drawn: Sequence[tuple[Kind, Any]], share: float, rng: np.random.Generator
+) -> list[bool]:
+    """Return which cases have a background: the share of every kind, rounded to either side."""
+    clouded = [False] * len(drawn)
+    for kind in Kind:
+        mine = [i for i, (drawn_kind, _) in enumerate(drawn) if drawn_kind is kind]
+        count = int(share * len(mine) + rng.random())
+        for i in rng.permutation(len(mine))[:count]:
+            clouded[mine[int(i)]] = True
+    return clouded
 
 
 def _effects_of(kind: Kind, count: int, rng: np.random.Generator) -> Iterator[dict[str, str]]:
@@ -222,9 +279,14 @@ def _cycled(options: Sequence[T], count: int, rng: np.random.Generator) -> list[
 
 def make(draw: Draw, folder: str | Path, duration: float = 20.0, fs: float = 1000.0) -> Case:
     """Record a drawn case into a folder that does not contain its label."""
-    return make_case(folder, draw.seed, draw.effects, fs=fs, duration=duration).case
+    requests = {draw.forms.get(cause, cause): severity for cause, severity in draw.effects.items()}
+    return make_case(
+        folder, draw.seed, requests, fs=fs, duration=duration, background=draw.background
+    ).case
 
 
 def make_twin(draw: Draw, folder: str | Path, duration: float = 20.0, fs: float = 1000.0) -> Case:
-    """Record the same axis, references and noise without effects."""
-    return make_case(folder, draw.seed, {}, fs=fs, duration=duration).case
+    """Record the same axis, references, noise and background without the causes."""
+    return make_case(
+        folder, draw.seed, {}, fs=fs, duration=duration, background=draw.background
+    ).case

@@ -1,8 +1,8 @@
 """What the labels allow to measure: whether a cause shows, an oracle, and simple rivals.
 
 All of it is done with the machinery of the diagnosis, fits of the balances along the smoothed
-motion that begin where its screen says, on the case and on its *twin*: the same axis, references
-and noise without an effect.
+motion that begin where its screen says, on the case and on its *twin*: the same axis, references,
+noise and background without the causes.
 
 - A cause is *visible* where the residual of the nominal axis on the held-out record exceeds that
   of the twin `VISIBLE` times in some balance.

@@ -31,6 +31,19 @@ miss even if the effect is too small to be visible; "visible" has the cases with
 (`measure`) and those where nothing is wrong. Calibration is computed over all cases: the first
 entry of the ranking, with its stated probability, is a hit if it equals the set of causes. It is
 never a hit if nothing is wrong or the causes are not in the catalogue.
+
+These scores are about clean cases. Cases with a background of weak effects have their own, under
+``background``:
+
+==================  ==========================  ================================================
+names_true          every effect *named*        it is a cause, or one of the weak effects
+dominant_named      singles                     *named* holds the cause
+dominant_first      singles                     the cause is the first effect named
+pair_one            pairs                       *named* holds one of the causes, or both
+false_alarm         nothing but weak effects    an effect is *named* that is not there
+unknown_caught      left out, never listed      the verdict is ``unknown``
+located             as above                    as above
+==================  ==========================  ================================================
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -43,6 +56,7 @@ from pneumo_casadi.evaluation.sealed_check.answer import Answer
 from pneumo_casadi.evaluation.sealed_check.draw import Draw, Kind
 from pneumo_casadi.evaluation.sealed_check.tally import Share, calibration
 from pneumo_casadi.evaluation.sealed_check.true_balance import balances_of
+from pneumo_casadi.virtual_bench import FORMS
 
 UNKNOWN_CAUSE = (Kind.LEFT_OUT, Kind.NEVER_LISTED)
 FAILED = "failed"
@@ -70,6 +84,16 @@ class Judged:
     def causes(self) -> frozenset[str]:
         """True effects."""
         return frozenset(self.draw.effects)
+
+    @property
+    def clouded(self) -> bool:
+        """Whether there are weak effects besides."""
+        return bool(self.draw.background)
+
+    @property
+    def true_names(self) -> frozenset[str]:
+        """Effects that it is right to name: the causes, and the weak effects."""
+        return (self.causes if self.draw.listed else frozenset()) | self.draw.weak_causes
 
     @property
     def kind(self) -> Kind:
@@ -154,11 +178,13 @@ SCORES: Mapping[str, tuple[Callable[[Judged], bool], Callable[[Judged], bool]]] 
 
 def scored(cases: Sequence[Judged]) -> dict[str, Any]:
     """Return all scores as plain data: for all cases, and for those whose cause is visible."""
+    every, cases = cases, [case for case in cases if not case.clouded]
     visible = [case for case in cases if case.counts_as_visible]
     return {
-        "cases": len(cases),
-        "kinds": {kind.value: sum(case.kind is kind for case in cases) for kind in Kind},
-        "unmeasured": sum("failure" in case.measured for case in cases),
+        "cases": len(every),
+        "clean": len(cases),
+        "kinds": {kind.value: sum(case.kind is kind for case in every) for kind in Kind},
+        "unmeasured": sum("failure" in case.measured for case in every),
         "scores": {"all": scores_of(cases), "visible": scores_of(visible)},
         "rivals": {"all": rivals_of(cases), "visible": rivals_of(visible)},
         "effects": per_effect(cases),
@@ -166,8 +192,73 @@ def scored(cases: Sequence[Judged]) -> dict[str, Any]:
         "calibration": calibration(
             [case.answer.probability for case in cases], [case.first_is_right for case in cases]
         ).as_dict(),
-        "each": [case.as_dict() for case in cases],
+        "background": background_scores([case for case in every if case.clouded]),
+        "discovered": discovered_scores(every),
+        "each": [case.as_dict() for case in every],
     }
+
+
+def background_scores(cases: Sequence[Judged]) -> dict[str, Any]:
+    """Return the scores of cases with weak effects besides, for all and for visible causes."""
+    return {
+        "cases": len(cases),
+        **{
+            name: {
+                key: Share.among(answers).as_dict()
+                for key, answers in _background_answers(group).items()
+            }
+            for name, group in (
+                ("all", cases),
+                ("visible", [case for case in cases if case.counts_as_visible]),
+            )
+        },
+    }
+
+
+def _background_answers(cases: Sequence[Judged]) -> dict[str, list[bool]]:
+    dominant = [case for case in cases if case.kind is Kind.SINGLE]
+    return {
+        "names_true": [name in c.true_names for c in cases for name in sorted(c.answer.named)],
+        "dominant_named": [case.causes <= case.answer.named for case in dominant],
+        "dominant_first": [case.answer.first in case.causes for case in dominant],
+        "pair_one": [
+            bool(case.causes & case.answer.named) for case in cases if case.kind is Kind.PAIR
+        ],
+        "false_alarm": [
+            bool(case.answer.named - case.true_names) for case in cases if case.kind is Kind.NONE
+        ],
+        "unknown_caught": [
+            case.answer.verdict == "unknown" for case in cases if case.kind in UNKNOWN_CAUSE
+        ],
+        "located": [
+            case.answer.balance in balances_of(case.causes)
+            for case in cases
+            if case.kind not in (Kind.NONE, Kind.ABSORBED)
+        ],
+    }
+
+
+def discovered_scores(cases: Sequence[Judged]) -> dict[str, Any]:
+    """Return how good discovered terms are.
+
+    `driver_right` is a hit where the term of a cause that no catalogue has depends on what the
+    cause depends on; `false_term` where a term is told although every cause is listed.
+    """
+    unlisted = [case for case in cases if case.kind is Kind.NEVER_LISTED]
+    listed = [case for case in cases if case.draw.listed]
+    closed = [case.answer.closes for case in unlisted if case.answer.closes is not None]
+    return {
+        "driver_right": Share.among(_driver_is_right(case) for case in unlisted).as_dict(),
+        "closes": {"median": float(np.median(closed)) if closed else None, "of": len(closed)},
+        "false_term": Share.among(bool(case.answer.driver) for case in listed).as_dict(),
+    }
+
+
+def _driver_is_right(case: Judged) -> bool:
+    """Return whether a term's driver, or one of several, is that of the cause."""
+    true = {FORMS[name].driver for name in case.causes}
+    drivers = {part.strip().partition("_")[0] for part in case.answer.driver.split(",")}
+    return bool(true & drivers)
 
 
 def scores_of(cases: Sequence[Judged]) -> dict[str, Any]:

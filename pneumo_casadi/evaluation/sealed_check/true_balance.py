@@ -23,6 +23,10 @@ UNLISTED = {
     "position_nonlinearity": frozenset({MEASUREMENT}),
     "flow_drift": _FLOWS,
     "pressure_crosstalk": frozenset({MEASUREMENT}),
+    "magnetic_latch": frozenset({"force"}),
+    "periodic_leak": frozenset({"mass_flow_P"}),
+    "square_root_friction": frozenset({"force"}),
+    "friction_fade": frozenset({"force"}),
 }
 _NOMINAL = (*(f"X_s{i}" for i in range(1, 7)), "M", "f_v", "F_c_plus", "F_c_minus", "v_s")
 

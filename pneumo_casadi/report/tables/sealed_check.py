@@ -28,6 +28,18 @@ SHARES = (
 )
 
 
+#: Shares of the cases with weak effects besides: key, text.
+AMONG_WEAK = (
+    ("names_true", "among weak effects: a name is true"),
+    ("dominant_named", "among weak effects: the dominant one named"),
+    ("dominant_first", "... named first"),
+    ("pair_one", "pairs among weak effects: at least one named"),
+    ("false_alarm", "weak effects only: one named that is not there"),
+    ("unknown_caught", "among weak effects, cause outside the catalogue: unknown"),
+    ("located", "among weak effects: correct balance"),
+)
+
+
 def withheld_table(result: Mapping[str, Any]) -> Table:
     """Return the scores for all cases and for those whose cause is visible.
 
@@ -52,6 +64,14 @@ def withheld_table(result: Mapping[str, Any]) -> Table:
             "gap reduction relative to the true effect, median",
             *(_number(score["shrink_of_oracle"], "median") for score in both),
         ),
+    ]
+    weak = [result["background"]["all"], result["background"]["visible"]]
+    rows += [(text, *(share_text(score[key]) for score in weak)) for key, text in AMONG_WEAK]
+    term = result["discovered"]
+    rows += [
+        ("cause never listed: driver of the term right", share_text(term["driver_right"]), ""),
+        ("... gap that the term closes, median", _number(term["closes"], "median"), ""),
+        ("causes listed, or none: a term told", share_text(term["false_term"]), ""),
     ]
     error = result["calibration"]["expected_calibration_error"]
     rows.append(("expected calibration error", "-" if error is None else f"{error:.3f}", ""))

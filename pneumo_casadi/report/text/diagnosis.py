@@ -142,9 +142,9 @@ def _forms(effect: EffectFound) -> str:
     others = {name: closed for name, closed in effect.forms.items() if name != effect.form}
     if not others:
         return ""
-    told = joined([f"{plain(name)} {whole(closed)}" for name, closed in others.items()])
+    rest = joined([f"{plain(name)} {whole(closed)}" for name, closed in others.items()])
     own = f"{plain(effect.form)} closes {whole(effect.forms[effect.form])} of the gap alone"
-    return f" Form that fits best: {own}, {told}."
+    return f" Form that fits best: {own}, {rest}."
 
 
 def described_as(name: str, catalogue: Catalogue = EFFECTS) -> str:

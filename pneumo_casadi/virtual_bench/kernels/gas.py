@@ -5,7 +5,15 @@ from typing import Any
 
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.virtual_bench.kernels.jit import kernel
-from pneumo_casadi.virtual_bench.kernels.layout import GAS_N, GAS_P, MASS_N, MASS_P, X
+from pneumo_casadi.virtual_bench.kernels.layout import (
+    GAS_N,
+    GAS_P,
+    MASS_N,
+    MASS_P,
+    WALL_N,
+    WALL_P,
+    X,
+)
 
 #: Standard reference atmosphere, ISO 8778 [kg/m³, K].
 RHO_0, T_0 = 1.185, 293.15
@@ -13,6 +21,10 @@ RHO_0, T_0 = 1.185, 293.15
 LAMINAR = 0.999
 #: Ratio of specific heats of air [1].
 GAMMA = 1.4
+#: Critical pressure ratio and subsonic index of a leak that is a hole.
+B_LEAK, M_LEAK = 0.35, 0.5
+#: Time in which walls give their heat to their surroundings [s].
+TAU_WALL = 30.0
 
 
 @kernel
@@ -60,7 +72,9 @@ def enthalpy(q: float, T_outside: float, T_inside: float, par: Any) -> Any:
 
 
 @kernel
-def wall_heat(p: float, T: float, S: float, V_0: float, V_now: float, par: Any) -> Any:
+def wall_heat(
+    p: float, T: float, T_wall: float, S: float, V_0: float, V_now: float, par: Any
+) -> Any:
     """Return the heat from the walls [W]: conductance in proportion to the wetted area.
 
     At mid-stroke and 0.6 of the supply pressure the gas follows the wall with the time constant
@@ -71,7 +85,7 @@ def wall_heat(p: float, T: float, S: float, V_0: float, V_now: float, par: Any) 
     at_middle = p_0 * V_0 / (par.r * par.T) * c_v / par.heat_transfer_tau
     around = 2.0 * sqrt(pi / S)  # wall area per volume of a cylinder
     area = (2.0 * S + around * V_now) / (2.0 * S + around * V_0)
-    return at_middle * area * sqrt(max(p, 0.0) / p_0) * (par.T - T)
+    return at_middle * area * sqrt(max(p, 0.0) / p_0) * (T_wall - T)
 
 
 @kernel
@@ -90,8 +104,11 @@ def chamber_rates(
         dy[GAS_P] = par.k_P / V_P * (rT * q_P - p_P * dV_P)
         dy[GAS_N] = par.k_N / V_N * (rT * q_N - p_N * dV_N)
         return 0.0
-    heat_P = wall_heat(p_P, T_P, par.S_P, par.V_P0, V_P, par)
-    heat_N = wall_heat(p_N, T_N, par.S_N, par.V_N0, V_N, par)
+    heat_P = wall_heat(p_P, T_P, par.T + y[WALL_P], par.S_P, par.V_P0, V_P, par)
+    heat_N = wall_heat(p_N, T_N, par.T + y[WALL_N], par.S_N, par.V_N0, V_N, par)
+    if par.heat_transfer_wall > 0.0:
+        dy[WALL_P] = -heat_P / par.heat_transfer_wall - y[WALL_P] / TAU_WALL
+        dy[WALL_N] = -heat_N / par.heat_transfer_wall - y[WALL_N] / TAU_WALL
     dy[GAS_P] = H_P + heat_P - p_P * dV_P
     dy[GAS_N] = H_N + heat_N - p_N * dV_N
     dy[MASS_P], dy[MASS_N] = q_P, q_N
@@ -105,16 +122,22 @@ def seal_leakage(p_P: float, p_N: float, par: Any) -> Any:
     a q + b q|q| = p_P² − p_N², both terms equal where supply stands against ambient.
     """
     full = par.p_supply**2 - par.p_ext**2
+    if par.piston_seal_leakage_orifice > 0.0:
+        C = par.piston_seal_leakage_q / (par.p_supply * RHO_0)
+        return restriction(C, B_LEAK, M_LEAK, p_P, par.T, p_N, par.T)
     z = (p_P * p_P - p_N * p_N) / full
     q = par.piston_seal_leakage_q * (sqrt(1.0 + 8.0 * abs(z)) - 1.0) / 2.0
     return q if z > 0.0 else -q
 
 
 @kernel
-def gland_leakage(q_at_supply: float, p: float, par: Any) -> Any:
+def gland_leakage(q_at_supply: float, orifice: float, p: float, par: Any) -> Any:
     """Return the viscous, compressible flow through a narrow gap to ambient [kg/s].
 
     It goes with the difference of the squared pressures (Poiseuille flow of a perfect gas).
     """
+    if orifice > 0.0:
+        C = q_at_supply / (par.p_supply * RHO_0)
+        return restriction(C, B_LEAK, M_LEAK, p, par.T, par.p_ext, par.T)
     full = par.p_supply**2 - par.p_ext**2
     return q_at_supply * (p * p - par.p_ext**2) / full

@@ -23,8 +23,10 @@ CELLS = 3
 #: Integrals over the outer boundary: gas mass [kg], enthalpy and heat [J], work of all forces
 #: on the piston but pressure [J], kinetic energy lost at the end stops [J].
 IN_MASS, IN_ENERGY, LOST_WORK, LOST_IMPACT = 33, 34, 35, 36
+#: What the walls of the chambers are warmer than their surroundings [K].
+WALL_P, WALL_N = 37, 38
 #: Number of all these.
-SIZE = 37
+SIZE = 39
 
 #: What the piston does: moves down or up, is held at rest, or moves on bristles.
 DOWN, HELD, UP, FREE = -1, 0, 1, 2

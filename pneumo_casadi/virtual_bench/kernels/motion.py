@@ -1,6 +1,6 @@
 """Forces on the piston, set-valued Coulomb friction and bristles."""
 
-from math import cos, exp, inf, pi, sin, sqrt
+from math import cos, exp, inf, pi, sin, sqrt, tanh
 from typing import Any
 
 from pneumo_casadi.parameters import FloatArray
@@ -25,9 +25,9 @@ def applied_force(t: float, y: FloatArray, p_P: float, p_N: float, par: Any) -> 
     if par.slope != 0.0:  # of the way up: weight against +x
         F -= par.M * STANDARD_GRAVITY * par.slope
     if par.quadratic_drag_c > 0.0:
-        F -= par.quadratic_drag_c * abs(v) ** 0.8 * v
+        F -= par.quadratic_drag_c * abs(v) ** par.quadratic_drag_power * v
     if par.spring_load_k != 0.0:  # stiffens towards the ends
-        F -= par.spring_load_k * x * (1.0 + 0.5 * (x / par.half) ** 2)
+        F -= par.spring_load_k * x * (1.0 + par.spring_load_hardening * (x / par.half) ** 2)
     if par.elastic_load_m_2 > 0.0:
         omega = 2.0 * pi * par.elastic_load_f
         acceleration = omega * omega * (y[X_2] - x) + 2.0 * par.elastic_load_zeta * omega * (
@@ -38,6 +38,8 @@ def applied_force(t: float, y: FloatArray, p_P: float, p_N: float, par: Any) -> 
         F += par.cogging_A * sin(2.0 * pi * x / par.cogging_pitch)
     if par.vibration_A > 0.0:
         F += par.vibration_A * sin(2.0 * pi * par.vibration_f * t)
+    if par.magnetic_latch_A > 0.0:
+        F += par.magnetic_latch_A * exp((x - par.half) / par.magnetic_latch_reach)
     return F, gas
 
 
@@ -59,22 +61,45 @@ def load_rates(y: FloatArray, dy: FloatArray, par: Any) -> None:
 
 
 @kernel
-def friction_levels(y: FloatArray, p_P: float, p_N: float, par: Any) -> Any:
+def friction_levels(t: float, y: FloatArray, p_P: float, p_N: float, par: Any) -> Any:
     """Return the Coulomb friction against motion up and down [N], neither negative."""
     more = 0.0
     if par.stribeck_delta_F > 0.0:
-        decay = (abs(y[V]) / par.stribeck_v_s) ** par.stribeck_exponent
-        more += par.stribeck_delta_F * exp(-decay)
+        if par.stribeck_rational > 0.0:
+            more += par.stribeck_delta_F / (1.0 + (y[V] / par.stribeck_v_s) ** 2)
+        else:
+            decay = (abs(y[V]) / par.stribeck_v_s) ** par.stribeck_exponent
+            more += par.stribeck_delta_F * exp(-decay)
     if par.pressure_friction_F > 0.0:  # lip seals: the pressure behind each lip presses it on
         full = 2.0 * (par.p_supply - par.p_ext)
-        share = max(p_P + p_N - 2.0 * par.p_ext, 0.0) / full
-        more += par.pressure_friction_F * share**0.9
+        share = (max(p_P + p_N - 2.0 * par.p_ext, 0.0) / full) ** 0.9
+        if par.pressure_friction_seal == 1.0:
+            share = 2.0 * max(p_N - par.p_ext, 0.0) / full
+        elif par.pressure_friction_seal == 2.0:
+            share = 2.0 * abs(p_P - p_N) / full
+        more += par.pressure_friction_F * share
     more += par.position_friction_slope * y[X]
     if par.position_friction_height != 0.0:  # a raised cosine where the catalogue has a Gaussian
         away = abs(y[X] - par.position_friction_centre) / (2.0 * par.position_friction_width)
         if away < 1.0:
             more += par.position_friction_height * (1.0 + cos(pi * away)) / 2.0
+    if par.position_friction_vee_k > 0.0:
+        more += par.position_friction_vee_k * abs(y[X] - par.position_friction_vee_centre)
+    if par.position_friction_step_height > 0.0:
+        beyond = (y[X] - par.position_friction_step_centre) / par.position_friction_step_width
+        more += par.position_friction_step_height * (1.0 + tanh(beyond)) / 2.0
+    if par.square_root_friction_A > 0.0:
+        more += par.square_root_friction_A * sqrt(abs(y[V]))
+    if par.friction_fade_delta_F > 0.0:
+        more += par.friction_fade_delta_F * exp(-max(t, 0.0) / par.friction_fade_tau)
     return max(par.F_c_plus + more, 0.0), max(par.F_c_minus + more, 0.0)
+
+
+@kernel
+def dahl_share(moved: float, before: float, par: Any) -> Any:
+    """Return the friction of Dahl's law as a share of its level after a way without reversal."""
+    limit = 1.0 if moved > 0.0 else -1.0
+    return limit - (limit - before) * exp(-abs(moved) / par.presliding_distance)
 
 
 @kernel
@@ -85,6 +110,8 @@ def bristle_share(x: float, bristles: FloatArray, par: Any) -> Any:
     deflections were last written.
     """
     moved = x - bristles[BRISTLES]
+    if par.presliding_dahl > 0.0:
+        return dahl_share(moved, bristles[0], par)
     share = 0.0
     for i in range(BRISTLES):
         slip = SPREAD[i] * par.presliding_distance
@@ -96,9 +123,12 @@ def bristle_share(x: float, bristles: FloatArray, par: Any) -> Any:
 def write_bristles(x: float, bristles: FloatArray, par: Any) -> None:
     """Move the deflections to the position x [m]."""
     moved = x - bristles[BRISTLES]
-    for i in range(BRISTLES):
-        slip = SPREAD[i] * par.presliding_distance
-        bristles[i] = min(max(bristles[i] + moved, -slip), slip)
+    if par.presliding_dahl > 0.0:
+        bristles[0] = dahl_share(moved, bristles[0], par)
+    else:
+        for i in range(BRISTLES):
+            slip = SPREAD[i] * par.presliding_distance
+            bristles[i] = min(max(bristles[i] + moved, -slip), slip)
     bristles[BRISTLES] = x
 
 
@@ -117,9 +147,11 @@ def friction(
 
 
 @kernel
-def holding_limits(y: FloatArray, p_P: float, p_N: float, bristles: FloatArray, par: Any) -> Any:
+def holding_limits(
+    t: float, y: FloatArray, p_P: float, p_N: float, bristles: FloatArray, par: Any
+) -> Any:
     """Return the forces up and down that the piston at rest withstands [N]; end stops all."""
-    up, down = friction_levels(y, p_P, p_N, par)
+    up, down = friction_levels(t, y, p_P, p_N, par)
     if par.presliding_distance > 0.0:  # only the stops hold: bristles give way at once
         drag = friction(FREE, up, down, y, bristles, par)
         up, down = drag, -drag

@@ -17,6 +17,8 @@ from pneumo_casadi.virtual_bench.kernels.layout import (
 V_SILENCER, TAU_REGULATOR = 5e-5, 0.02
 #: Friction factor of a smooth hose (Darcy) and kinematic viscosity of air at 1 bar [m²/s].
 DARCY, NU = 0.03, 1.5e-5
+#: Critical pressure ratio and subsonic index of hose fittings (ISO 6358).
+B_FITTINGS, M_FITTINGS = 0.38, 0.52
 
 
 @kernel
@@ -50,15 +52,22 @@ def port_rates(y: FloatArray, dy: FloatArray, par: Any, q_in: float, q_out: floa
 
 @kernel
 def line_rates(
-    at: int, q_valve: float, p_chamber: float, y: FloatArray, dy: FloatArray, par: Any
-) -> Any:
+    at: int, q_valve: float, p_chamber: float, T_chamber: float, y: FloatArray, dy: FloatArray,
+    par: Any,
+) -> Any:  # fmt: skip
     """Fill the rates of one line, pressures and flows in turns, and return its end flow [kg/s].
 
     Isothermal gas with inertia between cells: waves at √(rT), laminar and turbulent wall friction.
     """
+    rT = par.r * par.T
+    if par.hose_volume_V > 0.0:  # one volume behind fittings
+        q = restriction(
+            par.hose_volume_C, B_FITTINGS, M_FITTINGS, y[at], par.T, p_chamber, T_chamber
+        )
+        dy[at] = rT / par.hose_volume_V * (q_valve - q)
+        return q
     length, d = par.hose_length / CELLS, par.hose_diameter
     area = pi * d * d / 4.0
-    rT = par.r * par.T
     into = q_valve
     for i in range(CELLS):
         p, q = y[at + i], y[at + CELLS + i]

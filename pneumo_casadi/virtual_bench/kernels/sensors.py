@@ -6,7 +6,7 @@ from typing import Any
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.virtual_bench.kernels.gas import gas_states
 from pneumo_casadi.virtual_bench.kernels.jit import kernel
-from pneumo_casadi.virtual_bench.kernels.layout import TAP_N, TAP_P, X
+from pneumo_casadi.virtual_bench.kernels.layout import LINE_N, LINE_P, TAP_N, TAP_P, X_2, X
 
 #: Slots of a sensor's memory: carriage of the position sensor [m], then for the channels P, N
 #: and x the input of the filter and the outputs of its two stages.
@@ -22,10 +22,13 @@ def sensor_values(y: FloatArray, par: Any, memory: FloatArray, past: FloatArray,
     p_P, _, p_N, _ = gas_states(y, par)
     if par.pressure_sensor_lag_tau > 0.0:
         p_P, p_N = y[TAP_P], y[TAP_N]
+    if par.hose_volume_V > 0.0 and par.hose_volume_sensor > 0.0:
+        p_P, p_N = y[LINE_P], y[LINE_N]
     cross = par.pressure_crosstalk_share * (p_P - p_N)
     p_P, p_N = p_P - cross, p_N + cross
     half = par.backlash_gap / 2.0
-    memory[CARRIAGE] = min(max(memory[CARRIAGE], y[X] - half), y[X] + half)
+    at = y[X_2] if par.elastic_load_m_2 > 0.0 and par.elastic_load_measured > 0.0 else y[X]
+    memory[CARRIAGE] = min(max(memory[CARRIAGE], at - half), at + half)
     x = memory[CARRIAGE]
     if par.position_nonlinearity_A > 0.0:
         x += par.position_nonlinearity_A * sin(2.0 * pi * x / par.position_nonlinearity_pitch)

@@ -4,6 +4,7 @@ Within a step the piston moves one way or is held. Where it would turn, break aw
 stop, the step is cut at that instant; so friction is a set-valued sign, and no stop is crossed.
 """
 
+from math import pi, sin
 from typing import Any
 
 from pneumo_casadi.parameters import FloatArray
@@ -58,7 +59,7 @@ def gas_flows(
     """
     s_P, s_N = spools(target, y, dy, par)
     p_s, p_e = port_pressures(t, y, par)
-    long = par.hose_length > 0.0
+    long = par.hose_length > 0.0 or par.hose_volume_V > 0.0
     at_P, at_N = (y[LINE_P], y[LINE_N]) if long else (p_P, p_N)
     up_P, up_N = (par.T, par.T) if long else (T_P, T_N)
     drift = 1.0
@@ -71,8 +72,8 @@ def gas_flows(
     q_P, q_N = in_P - out_P, in_N - out_N
     entering = q_P + q_N
     if long:
-        q_P = line_rates(LINE_P, q_P, p_P, y, dy, par)
-        q_N = line_rates(LINE_N, q_N, p_N, y, dy, par)
+        q_P = line_rates(LINE_P, q_P, p_P, T_P, y, dy, par)
+        q_N = line_rates(LINE_N, q_N, p_N, T_N, y, dy, par)
         H_P, H_N = enthalpy(q_P, par.T, T_P, par), enthalpy(q_N, par.T, T_N, par)
     else:
         H_P = enthalpy(in_P, par.T, T_P, par) + enthalpy(-out_P, par.T, T_P, par)
@@ -90,14 +91,17 @@ def rates(
     F, gas = applied_force(t, y, p_P, p_N, par)
     dy[X], dy[V] = y[V], 0.0
     if mode != HELD:
-        up, down = friction_levels(y, p_P, p_N, par)
+        up, down = friction_levels(t, y, p_P, p_N, par)
         F -= friction(mode, up, down, y, bristles, par)
         dy[V] = F / piston_mass(par)
     load_rates(y, dy, par)
     q_P, q_N, H_P, H_N, entering = gas_flows(t, y, dy, par, target, p_P, T_P, p_N, T_N)
     seal = seal_leakage(p_P, p_N, par)
-    away_P = gland_leakage(par.leakage_P_q, p_P, par)
-    away_N = gland_leakage(par.leakage_N_q, p_N, par)
+    away_P = gland_leakage(par.leakage_P_q, par.leakage_P_orifice, p_P, par)
+    away_N = gland_leakage(par.leakage_N_q, par.leakage_N_orifice, p_N, par)
+    if par.periodic_leak_q > 0.0:
+        open_ = (1.0 + sin(2.0 * pi * y[X] / par.periodic_leak_pitch)) / 2.0
+        away_P += open_ * gland_leakage(par.periodic_leak_q, 0.0, p_P, par)
     lost_P, lost_N = enthalpy(-away_P, par.T, T_P, par), enthalpy(-away_N, par.T, T_N, par)
     H_seal = enthalpy(seal, T_P, T_N, par)
     heat = chamber_rates(
@@ -115,6 +119,9 @@ def rates(
 def tap_rates(at: int, p: float, y: FloatArray, dy: FloatArray, par: Any) -> None:
     """Fill the rates of a sensor behind its tube: second order, 2ζ/ω = τ, ζ = 0.7."""
     if par.pressure_sensor_lag_tau > 0.0:
+        if par.pressure_sensor_lag_first_order > 0.0:
+            dy[at] = (p - y[at]) / par.pressure_sensor_lag_tau
+            return
         omega = 1.4 / par.pressure_sensor_lag_tau
         dy[at] = y[at + 1]
         dy[at + 1] = omega * omega * (p - y[at]) - 1.4 * omega * y[at + 1]
@@ -149,7 +156,7 @@ def excess(t: float, y: FloatArray, par: Any, bristles: FloatArray) -> Any:
     """Return by how much the force on the piston at rest exceeds what holds it [N], signed."""
     p_P, _, p_N, _ = gas_states(y, par)
     F, _ = applied_force(t, y, p_P, p_N, par)
-    up, down = holding_limits(y, p_P, p_N, bristles, par)
+    up, down = holding_limits(t, y, p_P, p_N, bristles, par)
     return F - up if up < F else F + down if -down > F else 0.0
 
 

@@ -1,6 +1,6 @@
 """The valve: from the held command to the spool, and through its two edges."""
 
-from math import exp, sqrt
+from math import exp, sqrt, tanh
 from typing import Any
 
 from pneumo_casadi.parameters import FloatArray
@@ -65,7 +65,14 @@ def spool_targets(t: float, u: FloatArray, plays: FloatArray, target: FloatArray
     width = par.valve_hysteresis_width
     for valve in range(2):
         s = u[valve]
-        if width > 0.0:
+        if width > 0.0 and par.valve_hysteresis_law == 1.0:
+            s = min(max(plays[valve, 0], u[valve] - width / 2.0), u[valve] + width / 2.0)
+            plays[valve, 0] = s
+        elif width > 0.0 and par.valve_hysteresis_law == 2.0:
+            if abs(u[valve] - plays[valve, 0]) > width / 2.0:
+                plays[valve, 0] = u[valve]
+            s = plays[valve, 0]
+        elif width > 0.0:
             s = 0.0
             follows = 1.0
             for i in range(3):
@@ -77,7 +84,12 @@ def spool_targets(t: float, u: FloatArray, plays: FloatArray, target: FloatArray
             s += follows * u[valve]
         if par.valve_dead_zone_width > 0.0:
             half = par.valve_dead_zone_width / 2.0
-            s -= min(max(s, -0.9 * half), 1.1 * half)
+            if par.valve_dead_zone_smooth > 0.0:
+                s -= half * tanh(s / half)
+            else:
+                s -= min(
+                    max(s, -par.valve_dead_zone_below * half), par.valve_dead_zone_above * half
+                )
         warming = 1.0 - 0.15 * exp(-max(t, 0.0) / 5.0)  # the offset settles as the coil warms
         s += (par.valve_null_shift_P if valve == 0 else par.valve_null_shift_N) * warming
         target[valve] = s
@@ -90,6 +102,9 @@ def spool_rates(at: int, target: float, y: FloatArray, dy: FloatArray, par: Any)
     if omega <= 0.0:
         return target
     coil, s, speed = y[at], y[at + 1], y[at + 2]
+    if par.valve_dynamics_first_order > 0.0:
+        dy[at + 1] = (target - s) * omega / 1.4
+        return s
     limit = par.valve_dynamics_rate
     dy[at] = (target - coil) * omega / 0.2
     dy[at + 1] = min(max(speed, -limit), limit)

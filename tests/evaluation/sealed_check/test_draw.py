@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.evaluation.sealed_check import Kind, Proportions, draw_cases
-from pneumo_casadi.evaluation.sealed_check.draw import ABSORBED_FORMS, STRONG, make, make_twin
-from pneumo_casadi.virtual_bench import FORMS
+from pneumo_casadi.evaluation.sealed_check.draw import ABSORBED_FORMS, STRONG, Draw, make, make_twin
+from pneumo_casadi.virtual_bench import ALL_FORMS, FORMS
 
 LISTED = [name for name, form in FORMS.items() if form.listed]
 
@@ -60,6 +60,27 @@ def test_counts_add_up_and_stay_within_one_of_their_share(cases, shares):
         assert abs(counts[kind] - cases * share / sum(shares)) < 1 + 1e-6
 
 
+def test_half_of_every_kind_has_weak_effects_of_other_causes_and_forms_vary():
+    draws = draw_cases(320, seed=2)
+    for kind in Kind:
+        mine = [draw for draw in draws if draw.kind is kind]
+        clouded = sum(bool(draw.background) for draw in mine)
+        assert abs(clouded - len(mine) / 2) <= 1
+    for draw in draws:
+        assert not draw.background or 4 <= len(draw.background) <= 6
+        assert not draw.weak_causes & set(draw.effects)
+        assert {ALL_FORMS[form].cause for form in draw.forms.values()} == set(draw.effects)
+    hoses = {draw.forms["hose"] for draw in draws if "hose" in draw.effects}
+    assert hoses == {"hose", "hose_volume", "hose_volume_at_valve"}
+    assert not any(draw.background for draw in draw_cases(20, seed=2, background=0.0))
+    assert all(draw.background for draw in draw_cases(20, seed=2, background=1.0))
+
+
+def test_a_label_survives_as_plain_data():
+    for draw in draw_cases(20, seed=4):
+        assert Draw.of(draw.as_dict()) == draw
+
+
 def test_a_seed_draws_the_same_cases_and_another_one_others():
     assert draw_cases(40, seed=3) == draw_cases(40, seed=3) != draw_cases(40, seed=4)
 
@@ -87,7 +108,7 @@ def test_a_case_folder_holds_no_label_and_its_twin_differs_in_the_effect_alone(t
     case = make(draw_with_stribeck, tmp_path / draw_with_stribeck.name, duration=2.0, fs=500.0)
     twin = make_twin(draw_with_stribeck, tmp_path / "twin", duration=2.0, fs=500.0)
     words = [
-        *FORMS,
+        *ALL_FORMS,
         str(draw_with_stribeck.seed),
         "severity",
         *(kind.value for kind in Kind if kind.value != "none"),

@@ -1,5 +1,7 @@
 """Scores equal what is counted by hand."""
 
+from dataclasses import replace
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -207,3 +209,49 @@ def test_every_form_of_the_bench_acts_somewhere():
     assert acting_in(EFFECTS["pressure_sensor_lag"]()) == {"measurement"}
     with pytest.raises(ModelError, match="rust"):
         balances_of(["rust"])
+
+
+def clouded(case, *forms):
+    """The same case with weak effects besides."""
+    return replace(case, draw=replace(case.draw, background=forms))
+
+
+def test_cases_with_weak_effects_have_scores_of_their_own(judged, told):
+    clean = judged("single", "stribeck", told("effect", "stribeck"))
+    weak = ("spring_load_softening", "backlash")
+    cases = [
+        clean,
+        clouded(judged("single", "stribeck", told("effect", "stribeck", "spring_load")), *weak),
+        clouded(judged("single", "hose", told("effect", "backlash", "hose")), *weak),
+        clouded(judged("single", "hose", told("effect", "leakage_P")), *weak),
+        clouded(judged("none", "", told("effect", "backlash")), *weak),
+        clouded(judged("never_listed", "cogging", told("effect", "spring_load")), *weak),
+    ]
+    result = scored(cases)
+    assert (result["cases"], result["clean"]) == (6, 1)
+    assert result["scores"]["all"]["right_first"]["of"] == 1
+    background = result["background"]["all"]
+    assert (background["names_true"]["hits"], background["names_true"]["of"]) == (6, 7)
+    assert (background["dominant_named"]["hits"], background["dominant_named"]["of"]) == (2, 3)
+    assert background["dominant_first"]["hits"] == 1
+    assert background["false_alarm"]["hits"] == 0
+    assert background["unknown_caught"]["hits"] == 0
+
+
+def test_discovered_terms_are_scored_by_what_they_depend_on(judged, told):
+    def with_term(content, driver, closes):
+        return {**content, "discovered": {"driver": driver, "closes": {"value": closes}}}
+
+    unknown = told("unknown")
+    cases = [
+        judged("never_listed", "cogging", with_term(unknown, "x", 0.9)),
+        judged("never_listed", "vibration", with_term(unknown, "x", 0.3)),
+        judged("never_listed", "pressure_crosstalk", with_term(unknown, "p_P", 0.6)),
+        judged("never_listed", "flow_drift", unknown),
+        judged("single", "stribeck", with_term(unknown, "v", 0.5)),
+        judged("none", "", told("none")),
+    ]
+    result = scored(cases)["discovered"]
+    assert (result["driver_right"]["hits"], result["driver_right"]["of"]) == (2, 4)
+    assert result["closes"] == {"median": 0.6, "of": 3}
+    assert (result["false_term"]["hits"], result["false_term"]["of"]) == (1, 2)

@@ -1,0 +1,129 @@
+"""Further forms of the effects of the virtual bench: the same cause, another equation.
+
+Nature keeps no catalogue: a diagnosis must name a cause in any of these forms.
+"""
+
+from dataclasses import replace
+
+from pneumo_casadi.virtual_bench.chambers_and_sensors import (
+    HEAT_TRANSFER,
+    LEAKAGE_N,
+    LEAKAGE_P,
+    PISTON_SEAL_LEAKAGE,
+    PRESSURE_SENSOR_LAG,
+)
+from pneumo_casadi.virtual_bench.effect import EffectForm, Size
+from pneumo_casadi.virtual_bench.forces import (
+    ELASTIC_LOAD,
+    POSITION_FRICTION,
+    PRESLIDING,
+    PRESSURE_FRICTION,
+    QUADRATIC_DRAG,
+    SPRING_LOAD,
+    STRIBECK,
+)
+from pneumo_casadi.virtual_bench.valves import (
+    HOSE,
+    VALVE_DEAD_ZONE,
+    VALVE_DYNAMICS,
+    VALVE_HYSTERESIS,
+)
+
+
+def _form(usual: EffectForm, name: str, equation: str, **constants: float) -> EffectForm:
+    """Return a form that differs from the usual one of its cause by constants of the kernels."""
+    return replace(
+        usual,
+        name=f"{usual.name}_{name}",
+        equation=equation,
+        cause=usual.name,
+        constants={**usual.constants, **constants},
+    )
+
+
+def _with_exponent(exponent: float) -> tuple[Size, ...]:
+    delta_F, v_s, _ = STRIBECK.sizes
+    return delta_F, v_s, Size("exponent", "1", (exponent,) * 3, off=1.0, description="δ")
+
+
+_HOSE_SIZES = (
+    Size("V", "m3", (2.5e-5, 6e-5, 1.4e-4), description="volume at the valve"),
+    Size("C", "m3/(s Pa)", (2.5, 1.8, 1.2), "C", off=6e-9, description="conductance"),
+)
+_HOSE_EQUATION = "V/(r T) ṗ_h = q_valve(u, p_h) − q_h, q_h of ISO 6358 between p_h and p; {} shown"
+
+FORMS = (
+    replace(
+        _form(STRIBECK, "gaussian", "ΔF exp(−(v/v_s)²) sign v, set-valued"),
+        sizes=_with_exponent(2.0),
+    ),
+    _form(STRIBECK, "rational", "ΔF/(1 + (v/v_s)²) sign v (Hess and Soom)", rational=1.0),
+    _form(PRESLIDING, "dahl", "dF/dx = (F_c/s_0)(1 − (F/F_c) sign v) (Dahl 1976)", dahl=1.0),
+    _form(
+        PRESSURE_FRICTION, "rod", "F (p_N − p_ext)/(p_supply − p_ext) sign v: rod seal", seal=1.0
+    ),
+    _form(
+        PRESSURE_FRICTION,
+        "piston",
+        "F |p_P − p_N|/(p_supply − p_ext) sign v: the lip under pressure of the piston seal",
+        seal=2.0,
+    ),
+    replace(
+        _form(POSITION_FRICTION, "vee", "k |x − x_0| sign v"),
+        kernel="position_friction_vee",
+        sizes=(
+            Size("k", "N/m", (0.7, 2.2, 6.0), "F_c/l", description="slope to both sides"),
+            Size("centre", "m", (0.08, 0.08, 0.08), "l", signed=True, description="x_0"),
+        ),
+        strength=("k",),
+    ),
+    replace(
+        _form(POSITION_FRICTION, "step", "ΔF (1 + tanh((x − x_0)/w))/2 sign v"),
+        kernel="position_friction_step",
+        sizes=(
+            Size("height", "N", (0.15, 0.5, 1.2), "F_c", description="ΔF beyond the joint"),
+            Size("centre", "m", (0.05, 0.05, 0.05), "l", signed=True, description="x_0"),
+            Size("width", "m", (0.01, 0.01, 0.01), "l", off=0.005, description="w"),
+        ),
+        strength=("height",),
+    ),
+    _form(QUADRATIC_DRAG, "steep", "c |v|^2.2 sign v", power=1.2),
+    _form(SPRING_LOAD, "softening", "−k x (1 − 0.3 (2x/l)²)", hardening=-0.3),
+    _form(ELASTIC_LOAD, "measured", "as elastic_load; the position sensor is at x_2", measured=1.0),
+    EffectForm(
+        "hose_volume",
+        _HOSE_EQUATION.format("p"),
+        _HOSE_SIZES,
+        absorbed_by=HOSE.absorbed_by,
+        note=HOSE.note,
+        cause="hose",
+        kernel="hose_volume",
+        constants={"sensor": 0.0},
+    ),
+    EffectForm(
+        "hose_volume_at_valve",
+        _HOSE_EQUATION.format("p_h"),
+        _HOSE_SIZES,
+        absorbed_by=HOSE.absorbed_by,
+        note="the sensor sits at the valve: the force does not follow the pressures shown",
+        cause="hose",
+        kernel="hose_volume",
+        constants={"sensor": 1.0},
+    ),
+    _form(
+        VALVE_DEAD_ZONE,
+        "uneven",
+        "s = u − min(max(u, −0.25 w), 0.75 w)",
+        below=0.5,
+        above=1.5,
+    ),
+    _form(VALVE_DEAD_ZONE, "smooth", "s = u − (w/2) tanh(2u/w)", smooth=1.0),
+    _form(VALVE_HYSTERESIS, "play", "one play of half-width w/2", law=1.0),
+    _form(VALVE_HYSTERESIS, "stiction", "s stays until |u − s| > w/2, then goes to u", law=2.0),
+    _form(VALVE_DYNAMICS, "first_order", "(1.4/ω) ṡ = u − s", first_order=1.0),
+    _form(LEAKAGE_P, "orifice", "orifice of ISO 6358 from chamber P to ambient", orifice=1.0),
+    _form(LEAKAGE_N, "orifice", "orifice of ISO 6358 from chamber N to ambient", orifice=1.0),
+    _form(PISTON_SEAL_LEAKAGE, "orifice", "orifice of ISO 6358 between the chambers", orifice=1.0),
+    _form(HEAT_TRANSFER, "warm_wall", "walls of 40 J/K that the air warms up", wall=40.0),
+    _form(PRESSURE_SENSOR_LAG, "first_order", "τ ẏ + y = p, both sensors", first_order=1.0),
+)
