@@ -20,9 +20,15 @@ from pneumo_casadi.virtual_bench.axis import (
     VirtualValve,
     random_axis,
 )
-from pneumo_casadi.virtual_bench.background import draw_background, weak_effects
 from pneumo_casadi.virtual_bench.case import SyntheticCase, make_case
-from pneumo_casadi.virtual_bench.catalogue import ALL_FORMS, FORMS, effects_for, forms_of
+from pneumo_casadi.virtual_bench.catalogue import (
+    ALL_FORMS,
+    FORMS,
+    draw_background,
+    effects_for,
+    forms_of,
+    weak_effects,
+)
 from pneumo_casadi.virtual_bench.effect import EffectForm, Severity, Size, VirtualEffect, scales
 from pneumo_casadi.virtual_bench.experiment import KINDS, Excitation, Experiment
 from pneumo_casadi.virtual_bench.laboratory import Laboratory

@@ -11,8 +11,12 @@ import pandas as pd
 from pneumo_casadi.data import Case, Recording, read_case, write_case
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.virtual_bench.axis import VirtualAxis, random_axis
-from pneumo_casadi.virtual_bench.background import draw_background, weak_effects
-from pneumo_casadi.virtual_bench.catalogue import EffectRequest, effects_for
+from pneumo_casadi.virtual_bench.catalogue import (
+    EffectRequest,
+    draw_background,
+    effects_for,
+    weak_effects,
+)
 from pneumo_casadi.virtual_bench.effect import VirtualEffect
 from pneumo_casadi.virtual_bench.experiment import Excitation, Experiment
 from pneumo_casadi.virtual_bench.laboratory import Laboratory

@@ -1,7 +1,12 @@
-"""All effects of the virtual bench, and how they are requested."""
+"""All effects of the virtual bench, how they are requested, and the weak ones in the background.
 
-from collections.abc import Mapping
+Every real axis has many weak effects besides the one that is looked for.
+"""
+
+from collections.abc import Collection, Mapping, Sequence
 from types import MappingProxyType
+
+import numpy as np
 
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.virtual_bench import chambers_and_sensors, forces, further_forms, valves
@@ -34,6 +39,14 @@ ALL_FORMS: Mapping[str, EffectForm] = MappingProxyType(
 
 #: How an effect is requested: by a severity, or by quantities [SI] by name.
 EffectRequest = Severity | str | Mapping[str, float]
+
+#: A weak effect acts with this share of a medium one: a play of 40 µm, a lag of 0.4 ms, a friction
+#: of a newton. Small ones have a third of medium.
+WEAK = 0.1
+#: Least and greatest number of weak effects.
+FEWEST_WEAK, MOST_WEAK = 4, 6
+#: Width of the scatter of their sizes: half to twice.
+WEAK_SCATTER = 0.7
 
 
 def effects_for(
@@ -104,3 +117,57 @@ def severity_of(wanted: Severity | str) -> Severity:
     except ValueError:
         known = ", ".join(severity.value for severity in Severity)
         raise ModelError(f"no severity {wanted!r}; there are {known}") from None
+
+
+def draw_background(
+    rng: np.random.Generator, without: Collection[str] = (), forms_varied: bool = True
+) -> tuple[str, ...]:
+    """Draw the forms of four to six weak effects of different causes.
+
+    Parameters
+    ----------
+    rng : Generator
+        Source of the draw.
+    without : collection of str
+        Causes that are not drawn.
+    forms_varied : bool, optional
+        Whether each may have any of its forms; else it has the usual one.
+
+    Examples
+    --------
+    >>> names = draw_background(np.random.default_rng(1), without=["stribeck"])
+    >>> 4 <= len(names) <= 6, [name for name in names if name.startswith("stribeck")]
+    (True, [])
+    """
+    causes = sorted({form.cause for form in ALL_FORMS.values() if form.strength} - set(without))
+    count = int(rng.integers(FEWEST_WEAK, MOST_WEAK + 1))
+    chosen = rng.choice(len(causes), min(count, len(causes)), replace=False)
+    names = []
+    for i in sorted(int(index) for index in chosen):
+        forms = forms_of(causes[i])
+        names.append(forms[int(rng.integers(len(forms)))] if forms_varied else forms[0])
+    return tuple(names)
+
+
+def weak_effects(axis: VirtualAxis, names: Sequence[str], seed: int) -> tuple[VirtualEffect, ...]:
+    """Return weak effects of an axis, a tenth of medium with scatter.
+
+    Raises
+    ------
+    ModelError
+        If the bench has no form of that name.
+    """
+    effects = []
+    for name in names:
+        form = form_named(name)
+        medium = effect_at_severity(form, Severity.MEDIUM, axis, seed)
+        scatter = np.random.default_rng([seed, 8, *name.encode()]).uniform(
+            -WEAK_SCATTER, WEAK_SCATTER
+        )
+        share = WEAK * float(np.exp(scatter))
+        parameters = {
+            quantity: value * (share if quantity in form.strength else 1.0)
+            for quantity, value in medium.parameters.items()
+        }
+        effects.append(VirtualEffect(form, MappingProxyType(parameters)))
+    return tuple(effects)

@@ -16,7 +16,7 @@ from pneumo_casadi.virtual_bench import (
     simulate_axis,
     weak_effects,
 )
-from pneumo_casadi.virtual_bench.background import FEWEST, MOST, SCATTER, WEAK
+from pneumo_casadi.virtual_bench.catalogue import FEWEST_WEAK, MOST_WEAK, WEAK, WEAK_SCATTER
 from pneumo_casadi.virtual_bench.kernels import layout
 
 FURTHER = [name for name in ALL_FORMS if name not in FORMS]
@@ -58,7 +58,7 @@ def test_a_background_has_four_to_six_causes_and_none_that_is_left_out():
     for seed in range(40):
         names = draw_background(np.random.default_rng(seed), ["backlash"])
         causes = {ALL_FORMS[name].cause for name in names}
-        assert FEWEST <= len(names) == len(causes) <= MOST
+        assert FEWEST_WEAK <= len(names) == len(causes) <= MOST_WEAK
         assert "backlash" not in causes
         assert all(ALL_FORMS[name].strength for name in names)
     usual = draw_background(np.random.default_rng(0), forms_varied=False)
@@ -72,7 +72,7 @@ def test_weak_effects_are_a_tenth_of_medium_with_scatter(axis):
         for quantity, value in weak.parameters.items():
             ratio = abs(value / medium.parameters[quantity])
             expected = WEAK if quantity in weak.form.strength else 1.0
-            spread = np.exp(SCATTER) if quantity in weak.form.strength else 1.0
+            spread = np.exp(WEAK_SCATTER) if quantity in weak.form.strength else 1.0
             # Sizes at a severity scatter by themselves.
             assert expected / spread / 1.2 <= ratio <= expected * spread * 1.2, weak.name
 
@@ -93,7 +93,7 @@ def test_a_case_with_background_is_labelled_and_reproducible(tmp_path):
         **options,
     )
     assert [effect.form.cause for effect in made.effects] == ["hose"]
-    assert FEWEST <= len(made.labels["background"]) <= MOST
+    assert FEWEST_WEAK <= len(made.labels["background"]) <= MOST_WEAK
     assert made.labels == again.labels
     np.testing.assert_array_equal(made.case.validate[0]["x"], again.case.validate[0]["x"])
     clean = make_case(tmp_path / "c", 4, {"hose_volume": "small"}, **options)
