@@ -47,6 +47,14 @@ def diagnose(
             metavar="EFFECT", help="Leave this effect out of the catalogue; can be repeated."
         ),
     ] = None,
+    catalogue: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Add the effects of a file to the catalogue: discovered_term.json of an earlier "
+            "diagnosis, or Python source with EFFECTS, which is executed with your rights.",
+        ),
+    ] = None,
     keep: Annotated[
         Path | None,
         typer.Option(
@@ -89,10 +97,12 @@ def diagnose(
         folder = report_folder(output, case, "-diagnosis")
         check_replaceable(folder, Kind.DIAGNOSIS)
         effects = effects_without(without or ())
+        if catalogue is not None:
+            effects |= effects_of_file(catalogue)
         read = read_case(case)
         refined, failure = None, ""
         with progress_bar() as report:
-            with processes(workers or default_workers()) as executor:
+            with processes(_workers(workers, catalogue)) as executor:
                 options = DiagnosisOptions(keep, flow.form, degrees_of(degrees))
                 stage = progress_range(report, 0.0, 0.7 if refine else 0.97)
                 result = diagnose(read, effects, options, stage, executor)
@@ -118,7 +128,11 @@ def _refined(
 ) -> "tuple[Identification | None, str]":
     """Return the final model refined by output error; where that fails, None and the reason."""
     from pneumo_casadi.diagnosis.refined_identification import refine_diagnosis
+    from pneumo_casadi.effects import EFFECTS
 
+    own = [effect.name for effect in diagnosis.effects if effect.name not in EFFECTS]
+    if own:
+        return None, f"{own[0]} is an effect of a file, which result.json cannot hold"
     try:
         return refine_diagnosis(case, diagnosis, progress), ""
     except FitError as error:
@@ -146,6 +160,28 @@ def effects_without(names: Sequence[str]) -> "dict[str, type[Effect]]":
     if not effects:
         raise CaseError("--without leaves no effect in the catalogue")
     return effects
+
+
+def effects_of_file(path: Path) -> "dict[str, type[Effect]]":
+    """Return the effects of a file, which a terminal is told are code where they are.
+
+    Raises
+    ------
+    ModelError
+        If the file has none.
+    """
+    from pneumo_casadi.effects.term import read_catalogue
+
+    if path.suffix == ".py":
+        say(f"executing {path} (--catalogue)")
+    return read_catalogue(path)
+
+
+def _workers(asked_for: int | None, catalogue: Path | None) -> int:
+    """Return how many fits run at a time; one with classes that other processes cannot import."""
+    if catalogue is not None and catalogue.suffix == ".py":
+        return 1
+    return asked_for or default_workers()
 
 
 def origin_of(case: "Case", without: Sequence[str]) -> dict[str, Any]:

@@ -20,6 +20,7 @@ from pneumo_casadi.diagnosis.locate.evidence import Evidence
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.report.figures.diagnosis.dashboard import dashboard_figure
+from pneumo_casadi.report.figures.diagnosis.discovered_term import discovered_term_figure
 from pneumo_casadi.report.figures.diagnosis.gap import gap_figure, gap_labels
 from pneumo_casadi.report.figures.diagnosis.ranking import ranking_figure
 from pneumo_casadi.report.figures.diagnosis.regimes import regime_figure
@@ -147,6 +148,13 @@ def regimes(diagnosis: Diagnosis, balance: str = "force") -> Figure:
     known = sorted({item.balance for item in evidence.before})
     _needed(bool(before), f"balance {balance!r} (there are {', '.join(known)})")
     return regime_figure(before, after, gap_labels(diagnosis))
+
+
+def discovered_term(diagnosis: Diagnosis) -> Figure:
+    """Plot a discovered term over its driver: curve with its 95 % band, and the formula."""
+    if diagnosis.discovered is None:
+        raise ModelError("nothing to plot: the diagnosis has discovered no term")
+    return discovered_term_figure(diagnosis.discovered)
 
 
 def dashboard(diagnosis: Diagnosis) -> Figure:

@@ -2,7 +2,6 @@
 
 import json
 import pickle
-import runpy
 
 import casadi as ca
 import numpy as np
@@ -12,6 +11,7 @@ from pneumo_casadi.data import ForceBench, NestedController
 from pneumo_casadi.effects.term import (
     FORMULAS,
     Term,
+    read_catalogue,
     read_term,
     term_effect,
     write_term,
@@ -67,8 +67,27 @@ def test_a_term_survives_its_file(tmp_path):
 
 
 def test_source_written_for_a_term_gives_its_effect(tmp_path):
-    made = runpy.run_path(str(write_term_source(term(), tmp_path / "term.py")))["EFFECTS"]
+    made = read_catalogue(write_term_source(term(), tmp_path / "term.py"))
     assert made["cogging"]().equation == term().text
+
+
+def test_a_term_as_data_is_a_catalogue_of_one_effect(tmp_path):
+    assert list(read_catalogue(write_term(term(), tmp_path / "term.json"))) == ["cogging"]
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("term.txt", "", "a catalogue is a"),
+        ("none.py", "x = 1\n", "define EFFECTS"),
+        ("wrong.py", "EFFECTS = {'a': int}\n", "must be an effect class"),
+    ],
+)
+def test_a_file_without_effects_is_refused(tmp_path, name, text, message):
+    path = tmp_path / name
+    path.write_text(text, "utf-8")
+    with pytest.raises(ModelError, match=f"{name}: .*{message}"):
+        read_catalogue(path)
 
 
 def test_an_effect_of_a_term_can_be_sent_to_another_process():
@@ -82,6 +101,7 @@ def test_an_effect_of_a_term_can_be_sent_to_another_process():
         ("driver", "colour", "no driver 'colour'"),
         ("formula", "spiral", "no formula 'spiral'"),
         ("factor", "q_m", "no factor 'q_m'"),
+        ("driver", "u", "driver 'u' does not exist in force"),
         ("name", "two words", "must be an identifier"),
         ("parameters", {"amplitude": "__import__('os')"}, "must hold a number"),
         ("parameters", {"amplitude": 1.0}, "needs the parameters amplitude, phase, period"),

@@ -19,9 +19,11 @@ from pneumo_casadi.diagnosis import (
     Verdict,
     Where,
 )
+from pneumo_casadi.diagnosis.discover.discovered import DiscoveredTerm, TermCurve
 from pneumo_casadi.diagnosis.locate.evidence import Evidence
 from pneumo_casadi.diagnosis.locate.regime_maps import RegimeMap
 from pneumo_casadi.diagnosis.locate.unknown_inputs import UnknownInputs
+from pneumo_casadi.effects.term import Term
 from pneumo_casadi.model.junctions import Junction
 
 BALANCES = ("mass_flow_P", "mass_flow_N", "force")
@@ -91,12 +93,29 @@ NONE = replace(
 ABSORBED = replace(
     NONE, verdict=Verdict.ABSORBED, ambiguous=(("valve_mismatch",),), ranking=(SILENT, DRAG)
 )
+_GRID = np.linspace(0.0, 9.6e-3, 51)
+_SINE = 28.0 * np.sin(2 * np.pi * _GRID / 9.6e-3 + 0.3)
+DISCOVERED = DiscoveredTerm(
+    Term(
+        "discovered",
+        ("force",),
+        "1",
+        "x",
+        "sine",
+        {"amplitude": 28.0, "phase": 0.3, "period": 9.6e-3},
+    ),
+    {"amplitude": 0.2, "phase": 0.01, "period": 1e-6},
+    Closure(0.94, 0.92, 0.96),
+    (),
+    TermCurve(_GRID, _SINE + 0.1, np.full(51, 0.5), _SINE),
+)
 UNKNOWN = replace(
     EFFECT,
     verdict=Verdict.UNKNOWN,
     effects=(),
     hint="what is missing acts in force; most near standstill",
     gap=Gap(12.7, 9.1, 0.5, Closure(0.28, 0.2, 0.4), _views(0.72)),
+    discovered=DISCOVERED,
 )
 ALL = {diagnosis.verdict: diagnosis for diagnosis in (EFFECT, AMBIGUOUS, NONE, ABSORBED, UNKNOWN)}
 
@@ -122,4 +141,4 @@ def evidence(K=200):
 
 
 def with_curves():
-    return replace(EFFECT, evidence=evidence())
+    return replace(EFFECT, evidence=evidence(), discovered=DISCOVERED)

@@ -31,7 +31,15 @@ OF_IDENTIFICATION = {
     "residuals",
     "validation",
 }
-OF_DIAGNOSIS = {"dashboard", "gap", "ranking", "regimes", "unknown_inputs", "where"}
+OF_DIAGNOSIS = {
+    "dashboard",
+    "discovered_term",
+    "gap",
+    "ranking",
+    "regimes",
+    "unknown_inputs",
+    "where",
+}
 
 
 def assert_drawn(figure):

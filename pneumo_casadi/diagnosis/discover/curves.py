@@ -71,7 +71,7 @@ def spline_columns(knots: FloatArray, d: FloatArray) -> Any:
 
 def fit_curve(linear: Linearised, site: Site) -> Curve | None:
     """Fit a smooth term beside a refit of the parameters; None where the driver stands still."""
-    d = linear.train.driver(site.driver)
+    d = linear.train.driver(site)
     if d is None:
         return None
     lower, upper = np.quantile(d, [0.002, 0.998])
@@ -115,7 +115,7 @@ def curve_of(linear: Linearised, fit: FormulaFit) -> TermCurve:
     take up alike (a constant, a slope) is free in both; the formula is shifted to the curve.
     """
     period = fit.shape["period"] if fit.formula.periodic else None
-    d = linear.train.driver(fit.site.driver)
+    d = linear.train.driver(fit.site)
     assert d is not None  # sites are those of the axis
     lower, upper = (0.0, period) if period else np.quantile(d, [0.002, 0.998]).tolist()
     knots = uniform_knots(lower, upper)

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from pneumo_casadi.diagnosis.discover.linearised import Linearised
-from pneumo_casadi.diagnosis.discover.periods import best_period
+from pneumo_casadi.diagnosis.discover.periods import LEAST_CYCLES, best_period
 from pneumo_casadi.diagnosis.discover.sites import Site
 from pneumo_casadi.effects.term.formula import STEP_WIDTH, Formula
 from pneumo_casadi.parameters import FloatArray
@@ -76,7 +76,7 @@ def columns_of(formula: Formula, shape: Mapping[str, float], d: FloatArray) -> F
 
 def fit_formula(linear: Linearised, site: Site, formula: Formula) -> FormulaFit | None:
     """Fit a formula beside a refit of the parameters; None where the driver stands still."""
-    d = linear.train.driver(site.driver)
+    d = linear.train.driver(site)
     if d is None:
         return None
     lower, upper = (float(value) for value in np.quantile(d, [0.002, 0.998]))
@@ -113,7 +113,7 @@ def refit_shape(
 ) -> FormulaFit:
     """Let a shape go on to where most is removed, by the simplex of Nelder and Mead."""
     names = [name for name in formula.shape if name not in formula.held]
-    d = linear.train.driver(site.driver)
+    d = linear.train.driver(site)
     assert d is not None  # sites are those of the axis
     length = float(np.ptp(d))
     shape = dict(start)
@@ -124,7 +124,9 @@ def refit_shape(
 
         def cost(z: FloatArray) -> float:
             tried = shape | dict(zip(names, (origin + z * sizes).tolist(), strict=True))
-            if any(tried.get(name, 1.0) <= 0 for name in ("period", "width")):
+            if tried.get("width", 1.0) <= 0:
+                return 0.0
+            if not 0 < tried.get("period", length / LEAST_CYCLES) <= length / LEAST_CYCLES:
                 return 0.0
             return -_removed(linear, site, formula, tried)
 

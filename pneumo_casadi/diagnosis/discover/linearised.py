@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import block_diag, csr_array, diags_array, vstack
+from scipy.sparse import block_diag, csr_array, diags_array, hstack, vstack
 
-from pneumo_casadi.diagnosis.discover.sites import DRIVERS, LEAST_VARIATION, Signals, Site
+from pneumo_casadi.diagnosis.discover.sites import LEAST_VARIATION, Signals, Site
 from pneumo_casadi.diagnosis.metrics.residual_size import residual_rms
 from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study
 from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
@@ -29,9 +29,6 @@ RANK_TOLERANCE = 1e-6
 
 #: Share of its influence below which a column is absorbed by the parameters: the rest is rounding.
 ABSORBED = 1e-6
-
-#: Correlation from which two drivers are one: the commands of two valves opened oppositely.
-SAME = 0.9999
 
 #: ``basis(d) -> (N, k)``: columns of a term over its driver, an array or a sparse one.
 Basis = Callable[[FloatArray], Any]
@@ -57,6 +54,9 @@ class Rows:
         Standard deviation of the residuals of each balance.
     equations : tuple of str
         Names of the balances.
+    absorbed : (r, k) array
+        Orthonormal directions that are removed from residuals and columns: parameters that may
+        differ from record to record.
     """
 
     motions: tuple[SmoothedMotion, ...]
@@ -66,48 +66,58 @@ class Rows:
     A: FloatArray
     sigma: FloatArray
     equations: tuple[str, ...]
+    absorbed: FloatArray
 
-    def driver(self, name: str) -> FloatArray | None:
-        """Return a driver over all records; None where the axis has no such signal."""
-        parts = [signals.driver(name) for signals in self.signals]
+    def driver(self, site: Site) -> FloatArray | None:
+        """Return the driver of a site over its balances and all records, (N,).
+
+        None where the axis has no such signal, or where it does not vary.
+        """
+        if site not in self._drivers:
+            parts = [self._driver_in(site.driver, balance) for balance in site.balances]
+            known = [part for part in parts if part is not None]
+            d = np.concatenate(known) if len(known) == len(parts) else None
+            varies = d is not None and np.ptp(d) > LEAST_VARIATION * np.abs(d).max()
+            self._drivers[site] = d if varies else None
+        return self._drivers[site]
+
+    def _driver_in(self, name: str, balance: str) -> FloatArray | None:
+        parts = [signals.driver(name, balance) for signals in self.signals]
         known = [part for part in parts if part is not None]
         return np.concatenate(known) if len(known) == len(parts) else None
 
     @cached_property
-    def drivers(self) -> tuple[str, ...]:
-        """Drivers that vary, those that repeat another one left out."""
-        known: dict[str, FloatArray] = {}
-        for name in DRIVERS:
-            d = self.driver(name)
-            if d is None or not np.ptp(d) > LEAST_VARIATION * np.abs(d).max():
-                continue
-            if not any(abs(np.corrcoef(d, other)[0, 1]) > SAME for other in known.values()):
-                known[name] = d
-        return tuple(known)
+    def _drivers(self) -> dict[Site, FloatArray | None]:
+        return {}
 
     def columns(self, site: Site, basis: Basis) -> FloatArray:
         """Return the weighted columns of a term, (r, k)."""
-        d = self.driver(site.driver)
-        assert d is not None  # sites are those of the axis
+        d = self.driver(site)
+        assert d is not None  # sites without a driver are left out before
         columns = self._windows(site.balances, site.factor) @ basis(d)
-        return np.asarray(columns.toarray() if hasattr(columns, "toarray") else columns)
+        dense = np.asarray(columns.toarray() if hasattr(columns, "toarray") else columns)
+        return without(dense, self.absorbed)
 
     def _windows(self, balances: tuple[str, ...], factor: str) -> Any:
         """Return what averages a function of all samples to weighted rows, (r, N)."""
         key = (balances, factor)
         if key not in self._kept:
+            records = range(len(self.motions))
             self._kept[key] = csr_array(
-                block_diag(
-                    [self._record_windows(i, balances, factor) for i in range(len(self.motions))]
+                hstack(
+                    [
+                        block_diag([self._record_windows(i, balance, factor) for i in records])
+                        for balance in balances
+                    ]
                 )
             )
         return self._kept[key]
 
-    def _record_windows(self, i: int, balances: tuple[str, ...], factor: str) -> Any:
+    def _record_windows(self, i: int, balance: str, factor: str) -> Any:
         motion, signals, used = self.motions[i], self.signals[i], self.used[i]
         parts = []
         for equation, sigma, rows in zip(self.equations, self.sigma, used, strict=True):
-            if equation in balances:
+            if equation == balance:
                 scaled = motion.weak @ diags_array(signals.factor(equation, factor) / sigma)
                 parts.append(csr_array(scaled)[rows])
             else:
@@ -185,8 +195,7 @@ class Linearised:
 
     def project(self, columns: FloatArray) -> FloatArray:
         """Return columns, (r, k) or (r,), without what a change of the parameters can do."""
-        U = self._svd[0]
-        return np.asarray(columns - U @ (U.T @ columns))
+        return without(columns, self._svd[0])
 
     def padded(self, D: FloatArray) -> FloatArray:
         """Return columns of the records fitted with zeros for the flow map."""
@@ -237,8 +246,31 @@ class Linearised:
         return train + self.train.A @ step, held_out + self.held_out.A @ step
 
 
-def linearise(study: Study, fitted: FittedModel, effects: Sequence[Effect]) -> Linearised:
-    """Linearise a fit; rows are weighted by the root mean square residual of their balance."""
+def without(columns: FloatArray, U: FloatArray) -> FloatArray:
+    """Return columns, (r, k) or (r,), without their components in an orthonormal basis (r, n)."""
+    return np.asarray(columns - U @ (U.T @ columns))
+
+
+def linearise(
+    study: Study,
+    fitted: FittedModel,
+    effects: Sequence[Effect],
+    per_record: Sequence[str] = (),
+) -> Linearised:
+    """Linearise a fit; rows are weighted by the root mean square residual of their balance.
+
+    Parameters
+    ----------
+    study : Study
+        The case.
+    fitted : FittedModel
+        The fit.
+    effects : sequence of Effect
+        Of its model.
+    per_record : sequence of str, optional
+        Parameters that are refitted to the records held out, because they differ from record to
+        record as friction does with temperature.
+    """
     axis = study.axis.with_effects(*effects).with_parameters(dict(fitted.values))
     model = BalanceFunctions(axis)
     sigma = residual_rms(fitted, held_out=False)
@@ -252,7 +284,7 @@ def linearise(study: Study, fitted: FittedModel, effects: Sequence[Effect]) -> L
         c = anchor.coefficients(axis.parameters, axis.parameters.values)
         e_map, A_map = anchor(c), anchor.rows(c, model.free) * scales
 
-    def rows(motions: Sequence[SmoothedMotion]) -> Rows:
+    def rows(motions: Sequence[SmoothedMotion], refitted: Sequence[str] = ()) -> Rows:
         e, A, used = [], [], []
         for motion in motions:
             linear = linearise_residuals(model, motion, axis.parameters.values)
@@ -260,16 +292,19 @@ def linearise(study: Study, fitted: FittedModel, effects: Sequence[Effect]) -> L
             e.append((linear.r / sigma[:, None])[mask])
             A.append((linear.J * scales / sigma[:, None, None])[mask])
             used.append(mask)
-        signals = tuple(Signals(nominal, motion) for motion in motions)
+        derivatives = np.concatenate(A)
+        columns = derivatives[:, [model.free.index(name) for name in refitted]]
+        absorbed = np.linalg.qr(columns)[0]
         return Rows(
             tuple(motions),
-            signals,
+            tuple(Signals(nominal, motion) for motion in motions),
             tuple(used),
-            np.concatenate(e),
-            np.concatenate(A),
+            without(np.concatenate(e), absorbed),
+            without(derivatives, absorbed),
             sigma,
             tuple(axis.equations),
+            absorbed,
         )
 
     train, held_out = study.smoothed
-    return Linearised(model.free, scales, rows(train), rows(held_out), e_map, A_map)
+    return Linearised(model.free, scales, rows(train), rows(held_out, per_record), e_map, A_map)

@@ -14,6 +14,8 @@ from pneumo_casadi.parameters import FloatArray
 
 #: Frequencies compared per cycle over the whole range of the driver; a peak is one cycle wide.
 OVERSAMPLING = 4.0
+#: A function repeats where the range of the driver holds so many periods; less is a bend.
+LEAST_CYCLES = 2.0
 #: Highest frequency in time [Hz]: the windows that average residuals leave a tenth at 27 Hz.
 HIGHEST = 25.0
 #: Shortest period over another driver than time, as a share of its range.
@@ -24,18 +26,19 @@ PEAKS, ABOUT = 3, 33
 
 def best_period(linear: Linearised, site: Site) -> float | None:
     """Return the period of the sine that removes most; None where the driver stands still."""
-    d = linear.train.driver(site.driver)
+    d = linear.train.driver(site)
     if d is None or not np.ptp(d) > 0:
         return None
     length = float(np.ptp(d))
     highest = HIGHEST if site.driver == "t" else 1 / (SHORTEST * length)
-    grid = np.arange(1.0, max(highest * length, 2.0), 1 / OVERSAMPLING) / length
+    cycles = np.arange(LEAST_CYCLES, max(highest * length, 2 * LEAST_CYCLES), 1 / OVERSAMPLING)
+    grid = cycles / length
     power = periodogram(linear, site, grid)
     step = grid[1] - grid[0]
     best, chosen = -np.inf, grid[0]
     for _ in range(PEAKS):
         at = int(np.argmax(power))
-        fine = np.linspace(max(grid[at] - step, step / 8), grid[at] + step, ABOUT)
+        fine = np.linspace(max(grid[at] - step, grid[0]), grid[at] + step, ABOUT)
         exact = [sine_removes(linear, site, frequency) for frequency in fine]
         if max(exact) > best:
             best, chosen = max(exact), fine[int(np.argmax(exact))]
@@ -76,11 +79,10 @@ def _row_means(rows: Rows, site: Site) -> tuple[FloatArray, FloatArray, FloatArr
     """Return driver, change of the driver to the next row, and factor of the site, each (r,)."""
     parts: list[tuple[FloatArray, FloatArray]] = []
     for signals, motion, used in zip(rows.signals, rows.motions, rows.used, strict=True):
-        values = signals.driver(site.driver)
-        assert values is not None  # sites are those of the axis
-        mean = motion.averaged(values[:, None])[:, 0]
-        change = np.gradient(mean)
-        parts += [(mean[mask], change[mask]) for mask in used]
+        for equation, mask in zip(rows.equations, used, strict=True):
+            values = signals.driver(site.driver, equation)
+            mean = np.zeros(motion.m) if values is None else motion.averaged(values[:, None])[:, 0]
+            parts.append((mean[mask], np.gradient(mean)[mask]))
     factor = rows.columns(site, lambda d: np.ones((d.size, 1)))[:, 0]
     return (
         np.concatenate([mean for mean, _ in parts]),

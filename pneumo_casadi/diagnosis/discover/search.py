@@ -55,7 +55,8 @@ def search(linear: Linearised, levels: BalanceLevels) -> tuple[Scored, ...]:
     levels : BalanceLevels
         Noise of the held-out records.
     """
-    sites = all_sites(linear.train.signals[0].axis.kind, linear.train.drivers)
+    kind = linear.train.signals[0].axis.kind
+    sites = [site for site in all_sites(kind) if linear.train.driver(site) is not None]
     score = GapScore(linear, levels)
     scored = [_scored(linear, score, site, "sine") for site in sites if site.driver in REPEATS]
     curves = [(fit_curve(linear, site), site) for site in sites]

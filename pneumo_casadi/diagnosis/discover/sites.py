@@ -5,7 +5,7 @@ its driver: ``force: sign(v) · f(x)`` is a friction level over position, ``mass
 a valve gain that drifts.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -16,13 +16,14 @@ from pneumo_casadi.estimation.equation_error.smoothed_motion import SmoothedMoti
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.balances import chamber_capacities
 from pneumo_casadi.model.compilation import call_with_arrays
-from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.model.effect import Effect, Scope
+from pneumo_casadi.model.junctions import Supply
+from pneumo_casadi.parameters import FloatArray, Parameter
 
 #: A driver that varies by less than this share of its largest magnitude moves nothing.
 LEAST_VARIATION = 1e-3
-#: Drivers of a force and of a flow, as far as the axis has them. u is the command, F the force of
-#: a force-driven axis.
-DRIVERS = ("x", "v", "t", "p_P", "p_N", "u_P", "u_N", "F", "t_reversal", "s_reversal")
+#: Relative change of the supply pressure of which the flows' derivative is taken.
+SHARE = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,9 +35,9 @@ class Site:
     balances : tuple of str
         ``("force",)``, ``("mass_flow_P",)``, ``("mass_flow_N",)`` or both mass flows.
     factor : str
-        What multiplies the function of the driver; see `FACTORS`.
+        What multiplies the function of the driver, as in `Term`.
     driver : str
-        See `DRIVERS`.
+        See `pneumo_casadi.effects.term.term.DRIVERS`.
     """
 
     balances: tuple[str, ...]
@@ -84,16 +85,23 @@ class Signals:
         marks[changed] = changed
         return np.maximum.accumulate(marks)
 
-    def driver(self, name: str) -> FloatArray | None:
-        """Return a driver, (N,); None where the axis has no such signal."""
-        if name == "t":
+    def driver(self, name: str, balance: str) -> FloatArray | None:
+        """Return a driver in a balance, (N,); None where the axis has no such signal.
+
+        ``u`` and ``p`` are command and pressure of the chamber of the balance.
+        """
+        own = {"u": f"u_{balance[-1]}", "p": f"p_{balance[-1]}"}.get(name, name)
+        if own == "t":
             return self.motion.t
-        if name == "t_reversal":
+        if own == "t_reversal":
             return np.asarray(self.motion.t - self.motion.t[self._reversals])
-        if name == "s_reversal":
+        if own == "s_reversal":
             x = self.measured["x"]
             return np.asarray(np.abs(x - x[self._reversals]))
-        return self.measured.get(name)
+        if own in ("p_mean", "p_difference") and {"p_P", "p_N"} <= self.measured.keys():
+            p_P, p_N = self.measured["p_P"], self.measured["p_N"]
+            return (p_P + p_N) / 2 if own == "p_mean" else p_P - p_N
+        return self.measured.get(own)
 
     def factor(self, balance: str, name: str) -> FloatArray:
         """Return a factor of a balance in units of its residual per unit of the term, (N,)."""
@@ -112,29 +120,64 @@ class Signals:
         unity = np.ones(self.motion.N)
         if balance == "force":
             return {"1": unity, "sign(v)": self.sign, "v": self.measured["v"]}
-        q = self._flows[0 if balance.endswith("P") else 1]
-        return {"1": unity, "q_m": q, "inflow": np.maximum(q, 0), "outflow": np.minimum(q, 0)}
+        row = 0 if balance.endswith("P") else 1
+        return {"1": unity, "q_m": self._flows[row], "p_supply": self._supply_flows[row]}
 
     @cached_property
     def _flows(self) -> FloatArray:
         """Flows through the valves as the model has them, (2, N)."""
-        f = self.axis.valve_flow.map(self.motion.N)
-        theta = np.tile(self.axis.parameters.values[:, None], self.motion.N)
-        return call_with_arrays(f, self.motion.x, self.motion.u, theta)[0]
+        return _flows_of(self.axis, self.motion)
+
+    @cached_property
+    def _supply_flows(self) -> FloatArray:
+        """Derivatives of these flows to the relative change of the supply pressure, (2, N)."""
+        raised = self.axis.with_effects(_Supply()).with_parameters({"supply.share": SHARE})
+        return np.asarray((_flows_of(raised, self.motion) - self._flows) / SHARE)
 
 
-def all_sites(kind: AxisKind, drivers: Sequence[str]) -> tuple[Site, ...]:
-    """Return the sites of an axis, given the drivers that it has."""
+class _Supply(Effect):
+    """Supply pressure (1 + share) times as high."""
+
+    name = "supply"
+    parameters = (Parameter("share", 0.0, "1", null=0.0),)
+
+    def supply(self, ports: Supply, at: Scope) -> Supply:
+        return Supply(ports.p_supply * (1 + at["share"]), ports.p_ext)
+
+
+def _flows_of(axis: Axis, motion: SmoothedMotion) -> FloatArray:
+    f = axis.valve_flow.map(motion.N)
+    theta = np.tile(axis.parameters.values[:, None], motion.N)
+    return call_with_arrays(f, motion.x, motion.u, theta)[0]
+
+
+#: Drivers of a force by factor: what can act on the moving mass directly. Pressures and commands
+#: follow the motion, so that without a sign they would stand for the force that they balance.
+_FORCE: Mapping[str, tuple[str, ...]] = {
+    "1": ("x", "v", "t", "F", "t_reversal", "s_reversal"),
+    "sign(v)": (
+        *("x", "v", "t", "F", "p_P", "p_N", "p_mean", "p_difference"),
+        *("t_reversal", "s_reversal"),
+    ),
+    "v": ("x", "t", "p_mean"),
+}
+#: The same of the flow of one chamber, and of both alike; `u` and `p` are those of the chamber.
+_FLOW: Mapping[str, tuple[str, ...]] = {
+    "1": ("p", "p_difference", "x", "t", "u"),
+    "q_m": ("u", "p", "x", "t"),
+}
+_FLOWS: Mapping[str, tuple[str, ...]] = {"q_m": ("u", "p", "t"), "p_supply": ("t",)}
+
+
+def all_sites(kind: AxisKind) -> tuple[Site, ...]:
+    """Return the sites of an axis, those included whose driver it may lack."""
+    flows = tuple(balance.name for balance in kind.balances if balance.chamber)
+    known: dict[tuple[str, ...], Mapping[str, tuple[str, ...]]] = {("force",): _FORCE}
+    known |= {(flow,): _FLOW for flow in flows}
+    known |= {flows: _FLOWS} if len(flows) > 1 else {}
     return tuple(
         Site(balances, factor, driver)
-        for balances, factors in _factors_by_balance(kind).items()
-        for factor in factors
+        for balances, factors in known.items()
+        for factor, drivers in factors.items()
         for driver in drivers
     )
-
-
-def _factors_by_balance(kind: AxisKind) -> dict[tuple[str, ...], tuple[str, ...]]:
-    flows = tuple(balance.name for balance in kind.balances if balance.chamber)
-    known: dict[tuple[str, ...], tuple[str, ...]] = {("force",): ("1", "sign(v)", "v")}
-    known |= {(flow,): ("1", "q_m") for flow in flows}
-    return known | ({flows: ("q_m", "inflow", "outflow")} if len(flows) > 1 else {})

@@ -40,6 +40,8 @@ class Formula:
         Whether the two coefficients are those of sine and cosine, told as amplitude and phase.
     held : tuple of str
         Parameters of shape that no fit frees.
+    searched : tuple of str
+        Parameters of shape that are found by search alone: a jump has no derivative to its place.
     """
 
     name: str
@@ -49,6 +51,7 @@ class Formula:
     columns: Columns
     periodic: bool = False
     held: tuple[str, ...] = ()
+    searched: tuple[str, ...] = ()
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -184,6 +187,13 @@ _SIMPLE = (
         ("period",),
         _sine,
         periodic=True,
+    ),
+    Formula(
+        "odd cubic",
+        "slope d + cube d³",
+        (("slope", 1), ("cube", 3)),
+        (),
+        lambda f, d, s: [d, d**3],
     ),
     Formula(
         "cubic",

@@ -9,25 +9,29 @@ import casadi as ca
 from pneumo_casadi.effects.term.formula import FORMULAS, Formula
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.model.effect import Effect, Scope, State
-from pneumo_casadi.model.junctions import Expression, Pair
+from pneumo_casadi.model.junctions import Expression, Pair, Supply
 from pneumo_casadi.parameters import Parameter
 
-#: Drivers of a term and their units.
+#: Drivers of a term and their units. ``u`` and ``p`` are command and pressure of the chamber of a
+#: mass flow, ``p_mean`` is (p_P + p_N)/2 and ``p_difference`` p_P − p_N; ``t_reversal`` and
+#: ``s_reversal`` are time and travel since the last reversal.
 DRIVERS: Mapping[str, str] = {
     "x": "m",
     "v": "m/s",
     "t": "s",
+    "u": "V",
+    "p": "Pa",
     "p_P": "Pa",
     "p_N": "Pa",
-    "u_P": "V",
-    "u_N": "V",
+    "p_mean": "Pa",
+    "p_difference": "Pa",
     "F": "N",
     "t_reversal": "s",
     "s_reversal": "m",
 }
 #: What multiplies the formula in a force and in a mass flow, and the unit of the term there.
 FORCE_FACTORS: Mapping[str, str] = {"1": "N", "sign(v)": "N", "v": "N s/m"}
-FLOW_FACTORS: Mapping[str, str] = {"1": "kg/s", "q_m": "1", "inflow": "1", "outflow": "1"}
+FLOW_FACTORS: Mapping[str, str] = {"1": "kg/s", "q_m": "1", "p_supply": "1"}
 #: Speed below which an axis reverses rather than moves, as in `smoothed_motion` [m/s], and the
 #: time in which the memory of a reversal is cleared there [s].
 REVERSAL_SPEED, REVERSAL_TIME = 2e-3, 2e-3
@@ -89,6 +93,12 @@ class Term:
                     f"term {self.name}: no {what} {value!r}; there are "
                     f"{', '.join(map(str, options))}"
                 )
+        elsewhere = ("F",) if "force" not in self.balances else ("u", "p")
+        if self.driver in elsewhere:
+            raise ModelError(
+                f"term {self.name}: driver {self.driver!r} does not exist in "
+                f"{' and '.join(self.balances)}; name another one"
+            )
         wanted = set(self.shape_and_coefficients)
         if wanted != set(self.parameters):
             raise ModelError(
@@ -174,7 +184,7 @@ def term_effect(term: Term) -> type[Effect]:
         "source": "discovered from the residuals of the balances",
         "parameters": _parameters(term),
         "states": _states(term),
-        "needs_chambers": "force" not in term.balances or term.driver.startswith("p_"),
+        "needs_chambers": "force" not in term.balances or term.driver.startswith("p"),
     }
     if term.driver in _RATES:
         members["rates"] = lambda self, entering, at: {term.driver: _RATES[term.driver](at)}
@@ -200,7 +210,7 @@ def _parameters(term: Term) -> tuple[Parameter, ...]:
                 units[name],
                 lower=0.0 if name in ("period", "width") else -float("inf"),
                 scale=abs(value) or 1.0,
-                free=name not in law.held,
+                free=name not in (*law.held, *law.searched),
                 null=null,
                 start=value,
                 description=f"{name} of {term.expression}",
@@ -227,17 +237,20 @@ _RATES: Mapping[str, Callable[[Scope], Expression]] = {
 }
 
 
-def _driver(term: Term, at: Scope) -> Expression:
-    name = term.driver
+def _driver(term: Term, at: Scope, chamber: str) -> Expression:
+    name = {"u": f"u_{chamber}", "p": f"p_{chamber}"}.get(term.driver, term.driver)
     if name in _RATES:
         return at[name]
     if name in at.inputs:
         return at.inputs[name]
-    return {"x": at.x, "v": at.v, "p_P": at.p.P, "p_N": at.p.N}[name]
+    known = {"x": at.x, "v": at.v, "p_P": at.p.P, "p_N": at.p.N}
+    known |= {"p_mean": (at.p.P + at.p.N) / 2, "p_difference": at.p.P - at.p.N}
+    return known[name]
 
 
-def _value(term: Term, at: Scope) -> Expression:
-    return term.law.value(ca, _driver(term, at), {n: at[n] for n in term.law.parameters})
+def _value(term: Term, at: Scope, chamber: str = "") -> Expression:
+    parameters = {name: at[name] for name in term.law.parameters}
+    return term.law.value(ca, _driver(term, at, chamber), parameters)
 
 
 def _junction(term: Term) -> dict[str, Any]:
@@ -248,20 +261,19 @@ def _junction(term: Term) -> dict[str, Any]:
         return F + factor * _value(term, at)
 
     def flow(self: Effect, q_m: Pair, at: Scope) -> Pair:
-        value = _value(term, at)
-        return Pair(
-            *(
-                q + _flow_factor(term.factor, q) * value if f"mass_flow_{c}" in term.balances else q
-                for c, q in zip(("P", "N"), q_m, strict=True)
-            )
-        )
+        def added(chamber: str, q: Expression) -> Expression:
+            if f"mass_flow_{chamber}" not in term.balances:
+                return q
+            value = _value(term, at, chamber)
+            return q + value if term.factor == "1" else q * (1 + value)
+
+        return Pair(added("P", q_m.P), added("N", q_m.N))
+
+    def supply(self: Effect, ports: Supply, at: Scope) -> Supply:
+        return Supply(ports.p_supply * (1 + _value(term, at)), ports.p_ext)
 
     if "force" in term.balances:
         return {"force": force}
+    if term.factor == "p_supply":
+        return {"supply": supply}
     return {"chamber_flow" if term.factor == "1" else "valve_flow": flow}
-
-
-def _flow_factor(factor: str, q: Expression) -> Expression:
-    if factor == "1":
-        return 1.0
-    return {"q_m": q, "inflow": ca.fmax(q, 0), "outflow": ca.fmin(q, 0)}[factor]

@@ -7,6 +7,7 @@ from typing import Any
 
 from pneumo_casadi.diagnosis import Diagnosis, Verdict
 from pneumo_casadi.effects import EFFECTS
+from pneumo_casadi.effects.term import write_term
 from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.identification.result_file import result_dict
 from pneumo_casadi.report.pages.drawing import can_draw
@@ -30,6 +31,7 @@ from pneumo_casadi.report.text.diagnosis import (
     alternative_sentences,
     cause_sentences,
     check_sentences,
+    discovered_sentences,
     finding_sentences,
     headline,
     location_text,
@@ -124,6 +126,10 @@ def _sections(
             "size", size_title(diagnosis), size_sentences(diagnosis), drawn("gap"),
             [gap_table(diagnosis)],
         ),
+        _Section(
+            "discovered", "Discovered term", discovered_sentences(diagnosis),
+            drawn("discovered_term"),
+        ),
         _Section("else", "Other possible causes", alternative_sentences(diagnosis, catalogue)),
         _Section("shape", "Residuals over the operating conditions", pictures=drawn("regimes")),
         _Section(
@@ -151,6 +157,11 @@ def _facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
         )
         for effect in diagnosis.effects
     ]
+    if diagnosis.discovered is not None:
+        term = diagnosis.discovered
+        facts.append(
+            ("Discovered term", f"{term.term.expression}, closes {whole(term.closes.value)}")
+        )
     if diagnosis.effects:
         facts += [
             ("Error on held-out data", f"{percent(gap.before)} → {percent(gap.after)}"),
@@ -190,7 +201,8 @@ def write_diagnosis(
     -------
     Path
         The folder: ``diagnosis.json``, ``report.html``, ``summary.txt``, ``figures`` as PNG and
-        SVG, and with `refined` ``result.json``.
+        SVG, with `refined` ``result.json``, and ``discovered_term.json`` where a term was
+        discovered.
 
     Raises
     ------
@@ -200,6 +212,8 @@ def write_diagnosis(
     known = {"provenance": dict(provenance)} if provenance else {}
     with folder_in_one_step(folder, Kind.DIAGNOSIS) as draft:
         write_json(diagnosis.as_dict() | known, draft / "diagnosis.json")
+        if diagnosis.discovered is not None:
+            write_term(diagnosis.discovered.term, draft / "discovered_term.json")
         if refined is not None:
             write_json(result_dict(refined), draft / "result.json")
         summary = summary_text(diagnosis, catalogue, refined)

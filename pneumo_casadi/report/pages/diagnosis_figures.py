@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from pneumo_casadi.diagnosis import Diagnosis
 from pneumo_casadi.diagnosis.locate.evidence import Evidence
 from pneumo_casadi.report.figures.diagnosis.dashboard import dashboard_figure
+from pneumo_casadi.report.figures.diagnosis.discovered_term import discovered_term_figure
 from pneumo_casadi.report.figures.diagnosis.gap import gap_figure, gap_labels
 from pneumo_casadi.report.figures.diagnosis.ranking import ranking_figure
 from pneumo_casadi.report.figures.diagnosis.regimes import regime_figure
@@ -48,6 +49,15 @@ def diagnosis_figures(diagnosis: Diagnosis) -> Iterator[Drawn]:
         )
     if diagnosis.evidence is not None:
         yield from _curves(diagnosis, diagnosis.evidence)
+    if diagnosis.discovered is not None:
+        yield Drawn(
+            "discovered_term",
+            discovered_term_figure(diagnosis.discovered),
+            "The discovered term over its driver: the smooth curve that the residuals ask for, "
+            "with its 95 % band, and the formula. What the parameters of the model take up as "
+            "well, a constant for one, is left out of the curve; the formula is shifted to its "
+            "mean.",
+        )
     if diagnosis.gap.views and diagnosis.ranking and any(diagnosis.where.shares.values()):
         yield Drawn(
             "dashboard",
