@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pneumo_casadi.estimation.equation_error.balance_code import STRETCH
 from pneumo_casadi.estimation.equation_error.balance_functions import (
-    STRETCH,
     BalanceFunctions,
     any_sensor_effect,
     any_sensor_memory,
@@ -242,7 +242,7 @@ def _corrected(
     axis = model.axis
     x, dx = motion
     given = (x, dx, data.u, z, *_repeated(model, theta, data.N))
-    _, y = call_with_arrays(model.residual(data.N), *given)
+    (y,) = call_with_arrays(model.shown(data.N), *given)
     x_new, dx_new = x.copy(), dx.copy()
     for i, name in enumerate(axis.outputs):
         row = axis.motion_states.index(name)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from pneumo_casadi.data import InputHold, Recording
-from pneumo_casadi.estimation.equation_error.balance_functions import STRETCH
+from pneumo_casadi.estimation.equation_error.balance_code import STRETCH
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.signals import FilterPlan, InputPairing, filter_recording

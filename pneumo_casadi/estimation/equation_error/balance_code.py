@@ -1,0 +1,238 @@
+"""The balances of one structure of an axis, written symbolically and compiled.
+
+Values and bounds of parameters, geometry, pressures and gas enter as numbers at run time. One
+machine code therefore serves every case, and a process writes it once for all fits of a model.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import Any
+
+import casadi as ca
+
+from pneumo_casadi.model.axis import Axis
+from pneumo_casadi.model.balances import Balances, write_balances
+from pneumo_casadi.model.compilation import compile_functions
+from pneumo_casadi.model.junctions import Expression
+from pneumo_casadi.valve import FlowISO6358, FlowPair
+from pneumo_casadi.valve.flow_pair import valve_of
+
+#: Coefficient of the Rosenbrock method ROS2, L-stable (Verwer et al. 1999, SIAM J. Sci. Comput.).
+GAMMA = 1 - 0.5**0.5
+#: Samples that one call of the machine code takes; records are cut to a multiple of it.
+STRETCH = 64
+#: Structures that a process keeps. A diagnosis fits some fifty models, each from several starts.
+MAX_KEPT = 128
+
+
+class _FlowAt:
+    """A flow model that takes its port pressures from symbols where it can."""
+
+    def __init__(self, flow: Any, constants: Mapping[str, Expression]) -> None:
+        self.parameters = flow.parameters
+        self._flow, self._constants = flow, constants
+
+    def expression(self, u: Any, p: Any, theta: Any) -> Any:
+        return self.expression_at(u, p, theta, 1.0, 1.0)
+
+    def expression_at(self, u: Any, p: Any, theta: Any, filling: Any, emptying: Any) -> Any:
+        if not isinstance(self._flow, FlowISO6358):
+            return self._flow.expression_at(u, p, theta, filling, emptying)
+        c = self._constants
+        ports = (c["flow_p_supply"] * filling, c["flow_p_ext"] * emptying)
+        return self._flow.expression(u, p, theta, *ports)
+
+
+def _flow_at(flow: Any, constants: Mapping[str, Expression]) -> Any:
+    if isinstance(flow, FlowPair):
+        return FlowPair(_FlowAt(flow.P, constants), _FlowAt(flow.N, constants))
+    return _FlowAt(flow, constants)
+
+
+@dataclass(frozen=True, eq=False)
+class BalanceCode:
+    """Functions of the balances; see `BalanceFunctions`.
+
+    Parameters
+    ----------
+    axis : Axis
+        An axis of this structure. Values and bounds of its parameters do not matter.
+    """
+
+    axis: Axis
+
+    @property
+    def n_z(self) -> int:
+        """Number of states of the effects."""
+        return len(self.axis.states) - len(self.axis.motion_states)
+
+    @cached_property
+    def _written(self) -> tuple[list[Any], Balances, Balances]:
+        axis = self.axis
+        sym: Any = axis.symbol.sym
+        n = len(axis.motion_states)
+        x, dx, u = sym("x", n), sym("dx", n), sym("u", len(axis.inputs))
+        z, theta = sym("z", self.n_z), sym("theta", len(axis.parameters))
+        names = list(constants_of(axis))
+        c = sym("c", len(names))
+        constants: dict[str, Any] = {name: c[i] for i, name in enumerate(names)}
+        states = {name: x[i] for i, name in enumerate(axis.motion_states)}
+        own = {name: z[i] for i, name in enumerate(axis.states[n:])}
+        rates = {name: dx[i] for i, name in enumerate(axis.motion_states)}
+        inputs = {name: u[i] for i, name in enumerate(axis.inputs)}
+        named = {name: theta[i] for i, name in enumerate(axis.parameters.names)}
+        flow = _flow_at(axis.flow, constants) if axis.kind.needs_flow_map else None
+
+        def write(known: Mapping[str, Any]) -> Balances:
+            return write_balances(
+                axis.kind, known, rates, inputs, named, constants, axis.effects, flow
+            )
+
+        settled: dict[str, Any] = dict.fromkeys(own, 0.0)
+        for _ in axis.effects:
+            settled = dict(write(states | settled).rest) if own else {}
+        return [x, dx, u, z, c, theta], write(states | own), write(states | settled)
+
+    @cached_property
+    def functions(self) -> dict[str, ca.Function]:
+        """Residuals, these with Jacobian; where effects need them, sensors, rest and steps."""
+        axis = self.axis
+        symbols, written, at_rest = self._written
+        theta = symbols[-1]
+        r = ca.vertcat(*(written.residual[name] for name in axis.equations))
+        # Mass flows over the capacity that takes them, [Pa/s], and a force whose gain is free over
+        # the mass, [m/s²]: a common scale of a balance must not make its residuals small.
+        for i, balance in enumerate(axis.kind.balances):
+            if balance.over_inertia:
+                r[i] = r[i] / -ca.jacobian(r[i], symbols[1])[axis.kind.states.index(balance.state)]
+        y = ca.vertcat(*(written.output[name] for name in axis.outputs))
+        exact = [axis.parameters.index(name) for name in self.analytic]
+        J = ca.jacobian(r, theta)[:, exact]
+        r, y = ca.densify(r), ca.densify(y)
+        residual = ca.Function("one_residual", symbols, [r, y])
+        with_jacobian = ca.Function("one_jacobian", symbols, [r, y, ca.densify(J)])
+        functions = [
+            _stretch("residual", residual, False),
+            _stretch("residual_and_jacobian", with_jacobian, False),
+        ]
+        if any("output" in effect.junctions for effect in axis.effects):
+            functions.append(_stretch("shown", ca.Function("one_shown", symbols, [y]), False))
+        if self.n_z:
+            rest = ca.vertcat(*(at_rest.rest[name] for name in axis.states[-self.n_z :]))
+            functions += [
+                ca.Function("rest", symbols, [ca.densify(rest)]),
+                _stretch("steps", self._step(), True),
+            ]
+        return {f.name(): f for f in compile_functions(functions)}
+
+    def _step(self) -> ca.Function:
+        """One sample of the effects' states by ROS2: (z, x, x⁺, dx, dx⁺, u, h, c, θ) → z⁺."""
+        (x, dx, u, z, c, theta), written, _ = self._written
+        f = ca.vertcat(*(written.rates[name] for name in self.axis.states[-self.n_z :]))
+        rate = ca.Function("rate", [x, dx, u, z, c, theta], [f, ca.densify(ca.jacobian(f, z))])
+        sym: Any = self.axis.symbol.sym
+        h, x_1, dx_1 = sym("h"), sym("x_1", x.shape[0]), sym("dx_1", x.shape[0])
+        f_0, J = rate(x, dx, u, z, c, theta)
+        W = self.axis.symbol.eye(self.n_z) - GAMMA * h * J
+        k_1 = ca.solve(W, f_0)
+        f_1, _ = rate(x_1, dx_1, u, z + h * k_1, c, theta)
+        k_2 = ca.solve(W, f_1 - 2 * k_1)
+        end = z + h * (1.5 * k_1 + 0.5 * k_2)
+        return ca.Function("step", [z, x, x_1, dx, dx_1, u, h, c, theta], [ca.densify(end)])
+
+    @cached_property
+    def state_parameters(self) -> frozenset[str]:
+        """Free parameters on which states of the effects or sensors depend."""
+        (*_, theta), written, at_rest = self._written
+        states = self.axis.states[len(self.axis.motion_states) :]
+        known = [*(written.rates[name] for name in states), *(at_rest.rest[n] for n in states)]
+        known += [written.output[name] for name in self.axis.outputs]
+        felt = ca.which_depends(ca.vertcat(*known), theta)
+        index = self.axis.parameters.index
+        return frozenset(n for n in self.axis.parameters.free_names if felt[index(n)])
+
+    @property
+    def analytic(self) -> tuple[str, ...]:
+        """Free parameters with analytic derivatives, see `BalanceFunctions.analytic`."""
+        free = self.axis.parameters.free_names
+        nominal = (name for name in free if "." not in name)
+        own = (name for name in free if "." in name and name not in self.state_parameters)
+        return (*nominal, *own)
+
+    def repeated(self, name: str, count: int, B: int) -> ca.Function:
+        """Return `count` stretches of a function in a row, for B motions side by side."""
+        key = (name, count, B)
+        if key not in self._repetitions:
+            chain = self.functions[name]
+            if count > 1:
+                chain = chain.mapaccum("all", count) if name == "steps" else chain.map(count)
+            self._repetitions[key] = chain.map(B) if B > 1 else chain
+        return self._repetitions[key]
+
+    @cached_property
+    def _repetitions(self) -> dict[Any, ca.Function]:
+        return {}
+
+
+class _Structure:
+    """An axis that equals another one where both have the same code.
+
+    Effects without data of their own are equal if they are of one class; flow models if they are
+    the same object, since they hold numbers that are part of the code.
+    """
+
+    def __init__(self, axis: Axis) -> None:
+        self.axis = axis
+        effects = tuple(type(e) if not vars(e) else id(e) for e in axis.effects)
+        self._key = (
+            type(axis),
+            axis.kind,
+            id(axis.flow),
+            effects,
+            axis.parameters.names,
+            axis.parameters.free_names,
+            tuple(constants_of(axis)),
+        )
+
+    def __hash__(self) -> int:
+        return hash(self._key)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Structure) and self._key == other._key
+
+
+def balance_code(axis: Axis) -> BalanceCode:
+    """Return the functions of the balances of an axis, made once for each structure."""
+    return _kept_code(_Structure(axis))
+
+
+@lru_cache(MAX_KEPT)
+def _kept_code(structure: _Structure) -> BalanceCode:
+    return BalanceCode(structure.axis)
+
+
+def constants_of(axis: Axis) -> dict[str, float]:
+    """Return the numbers that the functions take at run time, by name."""
+    constants = dict(axis.constants)
+    flow, _ = valve_of(axis.flow, "P")
+    if isinstance(flow, FlowISO6358):
+        constants["flow_p_supply"] = flow.p_supply
+        constants["flow_p_ext"] = flow.p_ext
+    return constants
+
+
+def _stretch(name: str, f: ca.Function, accumulates: bool) -> ca.Function:
+    """Return a stretch of samples of f in one function; (c, θ), given last, count for all."""
+    first = 1 if accumulates else 0
+    shapes = [(f.size1_in(i), f.size2_in(i)) for i in range(f.n_in())]
+    once = {*range(first), len(shapes) - 2, len(shapes) - 1}
+    given = [
+        ca.MX.sym(f"a{i}", rows, columns if i in once else columns * STRETCH)
+        for i, (rows, columns) in enumerate(shapes)
+    ]
+    many = f.mapaccum("chain", STRETCH) if accumulates else f.map(STRETCH)
+    outputs = many.call([*given[:-2], *(ca.repmat(symbol, 1, STRETCH) for symbol in given[-2:])])
+    if accumulates:  # the state at the end first, which the next stretch begins with
+        outputs = [outputs[0][:, -1], outputs[0]]
+    return ca.Function(name, given, outputs)
