@@ -3,6 +3,7 @@
 Where no C compiler is found the functions are used as they are, with one notice.
 """
 
+import ctypes
 import hashlib
 import hmac
 import logging
@@ -86,18 +87,28 @@ def compile_functions(functions: Sequence[ca.Function]) -> tuple[ca.Function, ..
     >>> float(square(3))
     9.0
     """
+    path = build_library(generate_code(functions))
+    if path is None:
+        return tuple(functions)
+    return tuple(ca.external(f.name(), str(path)) for f in functions)
+
+
+def build_library(code: str) -> Path | None:
+    """Return the shared library made of C code, or None where that is not possible.
+
+    It is built unless the cache holds it, and is known to load.
+    """
     cc = compiler()
     if cc is None:
-        return tuple(functions)
-    code = _generate(functions)
+        return None
     key = hashlib.sha256(
         "\0".join((code, cc, *FAST, ca.CasadiMeta.version(), platform.platform(), _cpu())).encode()
     )
-    for attempt in range(2):
+    for _ in range(2):
         try:
             path = cache_folder() / f"{key.hexdigest()[:32]}.so"
             if not _is_intact(path) and not _build(cc, code, path):
-                return tuple(functions)
+                return None
         except OSError as error:
             logger.warning(
                 "cannot write to the cache (%s): functions run interpreted; set %s to a folder "
@@ -105,15 +116,14 @@ def compile_functions(functions: Sequence[ca.Function]) -> tuple[ca.Function, ..
                 error,
                 FOLDER,
             )
-            return tuple(functions)
+            return None
         try:
-            return tuple(ca.external(f.name(), str(path)) for f in functions)
-        except RuntimeError as error:
+            ctypes.CDLL(str(path))
+            return path
+        except OSError as error:
             logger.warning("compiled library %s does not load (%s); building again", path, error)
             path.unlink(missing_ok=True)
-            if attempt:
-                break
-    return tuple(functions)
+    return None
 
 
 def call_with_arrays(f: ca.Function, *given: FloatArray) -> tuple[FloatArray, ...]:
@@ -172,7 +182,8 @@ def _cpu() -> str:
     return "\n".join(sorted({line for line in lines if line.startswith(wanted)}))
 
 
-def _generate(functions: Sequence[ca.Function]) -> str:
+def generate_code(functions: Sequence[ca.Function]) -> str:
+    """Return functions as C code."""
     generator = ca.CodeGenerator("pneumo", {"with_header": False, "indent": 1})
     for function in functions:
         generator.add(function)

@@ -13,15 +13,13 @@ import casadi as ca
 
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.balances import Balances, write_balances
-from pneumo_casadi.model.compilation import compile_functions
 from pneumo_casadi.model.junctions import Expression
+from pneumo_casadi.model.sample_function import SampleFunction, compile_sample_functions
 from pneumo_casadi.valve import FlowISO6358, FlowPair
 from pneumo_casadi.valve.flow_pair import valve_of
 
 #: Coefficient of the Rosenbrock method ROS2, L-stable (Verwer et al. 1999, SIAM J. Sci. Comput.).
 GAMMA = 1 - 0.5**0.5
-#: Samples that one call of the machine code takes; records are cut to a multiple of it.
-STRETCH = 64
 #: Structures that a process keeps. A diagnosis fits some fifty models, each from several starts.
 MAX_KEPT = 128
 
@@ -95,7 +93,7 @@ class BalanceCode:
         return [x, dx, u, z, c, theta], write(states | own), write(states | settled)
 
     @cached_property
-    def functions(self) -> dict[str, ca.Function]:
+    def functions(self) -> dict[str, SampleFunction]:
         """Residuals, these with Jacobian; where effects need them, sensors, rest and steps."""
         axis = self.axis
         symbols, written, at_rest = self._written
@@ -110,21 +108,19 @@ class BalanceCode:
         exact = [axis.parameters.index(name) for name in self.analytic]
         J = ca.jacobian(r, theta)[:, exact]
         r, y = ca.densify(r), ca.densify(y)
-        residual = ca.Function("one_residual", symbols, [r, y])
-        with_jacobian = ca.Function("one_jacobian", symbols, [r, y, ca.densify(J)])
         functions = [
-            _stretch("residual", residual, False),
-            _stretch("residual_and_jacobian", with_jacobian, False),
+            ca.Function("residual", symbols, [r]),
+            ca.Function("residual_and_jacobian", symbols, [r, ca.densify(J)]),
         ]
         if any("output" in effect.junctions for effect in axis.effects):
-            functions.append(_stretch("shown", ca.Function("one_shown", symbols, [y]), False))
+            functions.append(ca.Function("shown", symbols, [y]))
         if self.n_z:
             rest = ca.vertcat(*(at_rest.rest[name] for name in axis.states[-self.n_z :]))
             functions += [
                 ca.Function("rest", symbols, [ca.densify(rest)]),
-                _stretch("steps", self._step(), True),
+                self._step(),
             ]
-        return {f.name(): f for f in compile_functions(functions)}
+        return {f.function.name(): f for f in compile_sample_functions(functions)}
 
     def _step(self) -> ca.Function:
         """One sample of the effects' states by ROS2: (z, x, x⁺, dx, dx⁺, u, h, c, θ) → z⁺."""
@@ -159,20 +155,6 @@ class BalanceCode:
         nominal = (name for name in free if "." not in name)
         own = (name for name in free if "." in name and name not in self.state_parameters)
         return (*nominal, *own)
-
-    def repeated(self, name: str, count: int, B: int) -> ca.Function:
-        """Return `count` stretches of a function in a row, for B motions side by side."""
-        key = (name, count, B)
-        if key not in self._repetitions:
-            chain = self.functions[name]
-            if count > 1:
-                chain = chain.mapaccum("all", count) if name == "steps" else chain.map(count)
-            self._repetitions[key] = chain.map(B) if B > 1 else chain
-        return self._repetitions[key]
-
-    @cached_property
-    def _repetitions(self) -> dict[Any, ca.Function]:
-        return {}
 
 
 class _Structure:
@@ -220,19 +202,3 @@ def constants_of(axis: Axis) -> dict[str, float]:
         constants["flow_p_supply"] = flow.p_supply
         constants["flow_p_ext"] = flow.p_ext
     return constants
-
-
-def _stretch(name: str, f: ca.Function, accumulates: bool) -> ca.Function:
-    """Return a stretch of samples of f in one function; (c, θ), given last, count for all."""
-    first = 1 if accumulates else 0
-    shapes = [(f.size1_in(i), f.size2_in(i)) for i in range(f.n_in())]
-    once = {*range(first), len(shapes) - 2, len(shapes) - 1}
-    given = [
-        ca.MX.sym(f"a{i}", rows, columns if i in once else columns * STRETCH)
-        for i, (rows, columns) in enumerate(shapes)
-    ]
-    many = f.mapaccum("chain", STRETCH) if accumulates else f.map(STRETCH)
-    outputs = many.call([*given[:-2], *(ca.repmat(symbol, 1, STRETCH) for symbol in given[-2:])])
-    if accumulates:  # the state at the end first, which the next stretch begins with
-        outputs = [outputs[0][:, -1], outputs[0]]
-    return ca.Function(name, given, outputs)

@@ -8,24 +8,25 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-import casadi as ca
+import numpy as np
 
 from pneumo_casadi.estimation.equation_error.balance_code import (
-    STRETCH,
     BalanceCode,
     balance_code,
     constants_of,
 )
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.effect import Effect
+from pneumo_casadi.model.sample_function import SampleFunction
+from pneumo_casadi.parameters import FloatArray
 
 
 @dataclass(frozen=True, eq=False)
 class BalanceFunctions:
     """Residuals of the balances of an axis along a given motion.
 
-    All functions take columns ``x (n,), dx (n,), u (nu,), z (nz,), c (nc,), θ (nθ,)``: nominal
-    states and derivatives, inputs, states of the effects, constants and parameters.
+    All functions take ``x (n,), dx (n,), u (nu,), z (nz,), c (nc,), θ (nθ,)``: nominal states and
+    derivatives, inputs, states of the effects, constants and parameters.
 
     Parameters
     ----------
@@ -39,6 +40,11 @@ class BalanceFunctions:
     def constants(self) -> dict[str, float]:
         """Numbers that the functions take at run time, by name."""
         return constants_of(self.axis)
+
+    @cached_property
+    def constant_values(self) -> FloatArray:
+        """These numbers as the functions take them, (nc,)."""
+        return np.array(list(self.constants.values()))
 
     @cached_property
     def _code(self) -> BalanceCode:
@@ -87,28 +93,15 @@ class BalanceFunctions:
         return (*self.analytic, *self.by_difference)
 
     @property
-    def rest(self) -> ca.Function:
-        """``-> z``: the effects' states at rest."""
-        return self._code.functions["rest"]
+    def functions(self) -> dict[str, SampleFunction]:
+        """Functions of one sample of ``(x, dx, u, z, c, θ)``, by name.
 
-    def residual(self, N: int) -> ca.Function:
-        """``-> (r (ne, N), y (ny, N))``: residuals of the balances, and what the sensors show.
-
-        For N samples, a multiple of `STRETCH`; constants and θ once a stretch.
+        ``residual -> (r,)``, the residuals of the balances (ne,); ``residual_and_jacobian -> (r,
+        ∂r/∂θ)`` with θ in the order of `analytic`. Where effects act on sensors, ``shown -> (y,)``,
+        what these show (ny,). Where effects have states, ``rest -> (z,)``, and ``step -> (z,)`` of
+        ``(z, x, x_next, dx, dx_next, u, h, c, θ)``.
         """
-        return self._code.repeated("residual", N // STRETCH, 1)
-
-    def residual_and_jacobian(self, N: int) -> ca.Function:
-        """``-> (r, y, ∂r/∂θ_exact (ne, n N))``, as `residual`."""
-        return self._code.repeated("residual_and_jacobian", N // STRETCH, 1)
-
-    def shown(self, N: int) -> ca.Function:
-        """``-> y (ny, N)``: what the sensors show, where effects act on them; as `residual`."""
-        return self._code.repeated("shown", N // STRETCH, 1)
-
-    def effect_states(self, N: int, B: int) -> ca.Function:
-        """Return N samples of the effects' states, for B motions side by side."""
-        return self._code.repeated("steps", N // STRETCH, B)
+        return self._code.functions
 
 
 def any_sensor_effect(effects: Sequence[Effect]) -> bool:

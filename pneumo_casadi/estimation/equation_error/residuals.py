@@ -5,14 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pneumo_casadi.estimation.equation_error.balance_code import STRETCH
 from pneumo_casadi.estimation.equation_error.balance_functions import (
     BalanceFunctions,
     any_sensor_effect,
     any_sensor_memory,
 )
 from pneumo_casadi.estimation.equation_error.smoothed_motion import SmoothedMotion
-from pneumo_casadi.model.compilation import call_with_arrays
 from pneumo_casadi.parameters import FloatArray
 
 #: Iterations that invert the effects of sensors, each accurate to one order more.
@@ -135,14 +133,14 @@ def _undecimated(
     states = simulate_effect_states(model, data, variants, motions)
     residuals: list[FloatArray] = []
     jacobians: list[FloatArray] = []
+    c, functions = model.constant_values, model.functions
     for i, (theta, z, (x, dx)) in enumerate(zip(variants, states, motions, strict=True)):
-        given = (x, dx, data.u, z, *_repeated(model, theta, data.N))
+        given = (x, dx, data.u, z, c, theta)
         if jacobian and i == 0:
-            r, _, slope = call_with_arrays(model.residual_and_jacobian(data.N), *given)
-            # Columns of one sample lie side by side: (ne, n N) in Fortran's order.
-            jacobians = [slope.reshape(-1, data.N, order="F").T]
+            r, slope = functions["residual_and_jacobian"].evaluate(data.N, *given)
+            jacobians = [slope.T]
         else:
-            r, _ = call_with_arrays(model.residual(data.N), *given)
+            (r,) = functions["residual"].evaluate(data.N, *given)
         residuals.append(r)
     return residuals + jacobians
 
@@ -202,33 +200,27 @@ def simulate_effect_states(
     motions: Sequence[Motion],
 ) -> list[FloatArray]:
     """Simulate the states of the effects along the motions; (nz, N) for each variant of θ."""
-    N, B = data.N, len(variants)
     if not model.n_z:
-        return [np.zeros((0, N))] * B
-    c = np.array(list(model.constants.values()))
-    z = np.zeros((model.n_z, N, B))
-    for i, (theta, (x, dx)) in enumerate(zip(variants, motions, strict=True)):
-        at_first = (x[:, :1], dx[:, :1], data.u[:, :1], np.zeros((model.n_z, 1)), c, theta)
-        z[:, 0, i] = call_with_arrays(model.rest, *at_first)[0][:, 0]
+        return [np.zeros((0, data.N))] * len(variants)
+    return [
+        _states_along(model, data, theta, motion)
+        for theta, motion in zip(variants, motions, strict=True)
+    ]
 
-    def after(values: FloatArray) -> FloatArray:
-        return np.hstack([values[:, 1:], values[:, -1:]])
 
-    C, T = _repeated(model, np.zeros(0), N)[0], N // STRETCH
-    given = (
-        z[:, 0, :],
-        np.hstack([x for x, _ in motions]),
-        np.hstack([after(x) for x, _ in motions]),
-        np.hstack([dx for _, dx in motions]),
-        np.hstack([after(dx) for _, dx in motions]),
-        np.tile(data.u, B),
-        np.full((1, N * B), data.dt),
-        np.tile(C, B),
-        np.hstack([np.tile(theta[:, None], T) for theta in variants]),
-    )
-    after_each = call_with_arrays(model.effect_states(N, B), *given)[1].reshape(model.n_z, B, N)
-    z[:, 1:, :] = after_each.transpose(0, 2, 1)[:, :-1]
-    return [z[:, :, i] for i in range(B)]
+def _states_along(
+    model: BalanceFunctions, data: SmoothedMotion, theta: FloatArray, motion: Motion
+) -> FloatArray:
+    c, N = model.constant_values, data.N
+    first = (*(part[:, 0] for part in (*motion, data.u)), np.zeros(model.n_z), c, theta)
+    (at_rest,) = model.functions["rest"].evaluate(1, *first)
+    now_and_next: list[FloatArray] = []
+    for part in motion:
+        longer = np.empty((len(part), N + 1), order="F")
+        longer[:, :N], longer[:, N] = part, part[:, -1]
+        now_and_next += [longer[:, :N], longer[:, 1:]]
+    given = (at_rest[:, 0], *now_and_next, data.u, np.array([data.dt]), c, theta)
+    return model.functions["step"].accumulate(N, *given)[:, :N]
 
 
 def _corrected(
@@ -241,8 +233,8 @@ def _corrected(
     """Return a motion that the sensors show more nearly as it was measured."""
     axis = model.axis
     x, dx = motion
-    given = (x, dx, data.u, z, *_repeated(model, theta, data.N))
-    (y,) = call_with_arrays(model.shown(data.N), *given)
+    given = (x, dx, data.u, z, model.constant_values, theta)
+    (y,) = model.functions["shown"].evaluate(data.N, *given)
     x_new, dx_new = x.copy(), dx.copy()
     for i, name in enumerate(axis.outputs):
         row = axis.motion_states.index(name)
@@ -255,9 +247,3 @@ def _corrected(
             x_new[v] = x[v] + rate
             dx_new[v] = dx[v] + data.derivative(rate)
     return x_new, dx_new
-
-
-def _repeated(model: BalanceFunctions, theta: FloatArray, n: int) -> tuple[FloatArray, FloatArray]:
-    c = np.array(list(model.constants.values()))
-    count = n // STRETCH
-    return np.tile(c[:, None], count), np.tile(theta[:, None], count)

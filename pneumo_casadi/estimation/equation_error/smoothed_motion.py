@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from pneumo_casadi.data import InputHold, Recording
-from pneumo_casadi.estimation.equation_error.balance_code import STRETCH
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.signals import FilterPlan, InputPairing, filter_recording
@@ -27,6 +26,8 @@ CUTOFF = 60.0
 ROW_RATE = 62.5
 #: Rate to which faster records are thinned once they are smooth [Hz].
 RATE = 1000.0
+#: Records are cut to a multiple of so many samples: about the window of one row.
+WHOLE = 64
 #: Below this velocity, and below so many standard deviations of its noise, the axis may stick.
 SLOW, NOISE_MULTIPLE = 2e-3, 4.0
 
@@ -151,8 +152,8 @@ def smooth_motion(axis: Axis, record: Recording) -> SmoothedMotion:
 
 
 def _thinned(values: FloatArray, factor: int) -> FloatArray:
-    """Return means over so many samples, cut to whole stretches."""
-    n = values.shape[1] // factor // STRETCH * STRETCH
+    """Return means over so many samples, cut to whole windows."""
+    n = values.shape[1] // factor // WHOLE * WHOLE
     means = values[:, : n * factor].reshape(len(values), n, factor).mean(axis=2)
     return np.asfortranarray(means)
 
