@@ -7,7 +7,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from pneumo_casadi.data import ProportionalController
+from pneumo_casadi.data import AnyBench, ProportionalController
 from pneumo_casadi.design.reference import Reference
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.model.axis import Axis
@@ -132,6 +132,29 @@ class SimulatedExperiment:
         return min(RAN_AWAY, float(sum(max(0.0, share) for share in beyond)))
 
 
+def proportional_controller(bench: AnyBench) -> ProportionalController:
+    """Return the controller of a bench, whose gain and limit bound the experiments.
+
+    Raises
+    ------
+    ModelError
+        If it is not a plain proportional one.
+    """
+    controller = bench.controller
+    if not isinstance(controller, ProportionalController):
+        raise ModelError(
+            "experiments are designed for a proportional controller, not for a "
+            f"{type(controller).__name__}; state in bench.json the proportional one that will run "
+            "the experiment (`controller`: type, gain_V_per_m, u_max_V)"
+        )
+    if controller.u_0 or controller.sample_time is not None:
+        raise ModelError(
+            "experiments are designed for a proportional controller without a null voltage, "
+            "sampled with the record; leave out u_0_V and sample_time_s"
+        )
+    return controller
+
+
 @dataclass(frozen=True, eq=False)
 class ExperimentSimulator:
     """An axis in its loop, ready to try references on.
@@ -160,25 +183,8 @@ class ExperimentSimulator:
 
     @property
     def controller(self) -> ProportionalController:
-        """The law that closes the loop.
-
-        Raises
-        ------
-        ModelError
-            If it is not a proportional one: its gain and limit bound the experiments.
-        """
-        controller = self.axis.bench.controller
-        if not isinstance(controller, ProportionalController):
-            raise ModelError(
-                "experiments are designed for a proportional controller, not for a "
-                f"{type(controller).__name__}"
-            )
-        if controller.u_0 or controller.sample_time is not None:
-            raise ModelError(
-                "experiments are designed for a proportional controller without a null voltage, "
-                "sampled with the record; leave out u_0_V and sample_time_s"
-            )
-        return controller
+        """The law that closes the loop."""
+        return proportional_controller(self.axis.bench)
 
     @cached_property
     def model(self) -> SampledAxis:

@@ -7,6 +7,7 @@ import numpy as np
 
 from pneumo_casadi.data import Bench, Recording
 from pneumo_casadi.design.criterion import Criterion
+from pneumo_casadi.design.experiment import proportional_controller
 from pneumo_casadi.design.options import DesignOptions, default_limits, recorded_reference
 from pneumo_casadi.design.precision import design_for_precision
 from pneumo_casadi.design.result import Design
@@ -111,6 +112,8 @@ def design_experiment(
     ------
     CaseError
         If the axis is no servo axis with a flow map, or an effect is unknown.
+    ModelError
+        If its controller is not a proportional one.
     FitError
         If no reference keeps the limits.
 
@@ -130,6 +133,7 @@ def design_experiment(
             f"{case.folder}: experiments are designed for servo axes with two equal valves and "
             "one measured flow map only"
         )
+    proportional_controller(case.bench)  # any other is refused before the search
     options = _options(case.bench, records, flow_map, request)
     recorded = [recorded_reference(record) for record in records]
     report = progress or no_progress

@@ -9,7 +9,7 @@ import numpy as np
 
 from pneumo_casadi.data import InputHold, Recording
 from pneumo_casadi.data.bench.axis_kind import INPUTS, OUTPUTS
-from pneumo_casadi.errors import CaseError
+from pneumo_casadi.errors import CaseError, ModelError
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.signals.bandwidth import power_bandwidth, white_noise_std
 from pneumo_casadi.signals.filter_plan import FilterPlan, plan_filters
@@ -111,14 +111,28 @@ def plan_filters_for(recordings: Iterable[Recording], bound: float = 0.01) -> Fi
     Returns
     -------
     FilterPlan
+
+    Raises
+    ------
+    CaseError
+        If a record is sampled too slowly to be differentiated twice within its bandwidth.
     """
     recorded = tuple(recordings)
     records = tuple(on_uniform_clock(recording, recorded[0].dt) for recording in recorded)
     # A record at rest shows the bandwidth of its noise, not of the axis.
     largest = max(float(np.std(rec["x"])) for rec in records)
     moving = [rec for rec in records if np.std(rec["x"]) >= AT_REST * largest]
-    f_dyn = max(power_bandwidth(rec["x"], 1 / rec.dt) for rec in moving)
-    return plan_filters(1 / records[0].dt, f_dyn, bound=bound)
+    f_dyn, fastest = max((power_bandwidth(rec["x"], 1 / rec.dt), rec.source) for rec in moving)
+    f_s = 1 / records[0].dt
+    try:
+        return plan_filters(f_s, f_dyn, bound=bound)
+    except ModelError as error:
+        raise CaseError(
+            f"{fastest}: `x` moves at up to {f_dyn:.3g} Hz above its white noise, too "
+            f"fast for accelerations at {f_s:.4g} Hz. Either the record is sampled too slowly, or "
+            "noise that is not white counts as motion: leave the record out, or state the "
+            "bandwidth, fit_wls(axis, records, names=..., plan=plan_filters(f_s, f_dyn))"
+        ) from error
 
 
 def filter_recording(

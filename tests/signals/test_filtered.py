@@ -3,7 +3,13 @@ import pytest
 
 from pneumo_casadi.data import InputHold, Recording
 from pneumo_casadi.errors import CaseError
-from pneumo_casadi.signals import FilterPlan, InputPairing, filter_recording, plan_filters_for
+from pneumo_casadi.signals import (
+    FilterPlan,
+    InputPairing,
+    SamplingWarning,
+    filter_recording,
+    plan_filters_for,
+)
 
 FS = 1e3
 PLAN = FilterPlan(FS, cutoff=100.0, factor=10)
@@ -98,3 +104,12 @@ def test_results_are_read_only():
     rec = recording({"x": np.sin(np.arange(2000) / 50), "F": np.zeros(2000)})
     with pytest.raises(ValueError, match="read-only"):
         filter_recording(rec, PLAN).states["x"][0] = 1.0
+
+
+def test_a_record_too_slow_for_its_bandwidth_is_named_with_the_remedy():
+    t = np.arange(2000) / 100.0
+    x = 0.1 * np.sin(2 * np.pi * 12.0 * t)
+    rec = Recording(t, {"x": x, "F": 0 * t}, "run", "run.csv", InputHold.ZERO)
+    words = r"run\.csv: `x` moves at up to 12.* too fast for accelerations at 100 Hz.*plan="
+    with pytest.warns(SamplingWarning), pytest.raises(CaseError, match=words):
+        plan_filters_for([rec])
