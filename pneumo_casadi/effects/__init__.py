@@ -6,6 +6,9 @@ An import below is an entry of the catalogue.
 from pneumo_casadi.effects.air.exhaust_restriction import ExhaustRestriction as ExhaustRestriction
 from pneumo_casadi.effects.air.heat_transfer import HeatTransfer as HeatTransfer
 from pneumo_casadi.effects.air.hose import Hose as Hose
+from pneumo_casadi.effects.air.hose_sensor_at_valve import (
+    HoseSensorAtValve as HoseSensorAtValve,
+)
 from pneumo_casadi.effects.air.hose_volume import HoseVolume as HoseVolume
 from pneumo_casadi.effects.air.leakage import LeakageN as LeakageN
 from pneumo_casadi.effects.air.leakage import LeakageP as LeakageP
@@ -17,8 +20,14 @@ from pneumo_casadi.effects.friction.asymmetric_viscous_friction import (
     AsymmetricViscousFriction as AsymmetricViscousFriction,
 )
 from pneumo_casadi.effects.friction.position_friction import PositionFriction as PositionFriction
+from pneumo_casadi.effects.friction.position_friction_curve import (
+    PositionFrictionCurve as PositionFrictionCurve,
+)
 from pneumo_casadi.effects.friction.presliding import Presliding as Presliding
 from pneumo_casadi.effects.friction.pressure_friction import PressureFriction as PressureFriction
+from pneumo_casadi.effects.friction.pressure_friction_per_seal import (
+    PressureFrictionPerSeal as PressureFrictionPerSeal,
+)
 from pneumo_casadi.effects.friction.quadratic_drag import QuadraticDrag as QuadraticDrag
 from pneumo_casadi.effects.friction.stribeck import Stribeck as Stribeck
 from pneumo_casadi.effects.load.constant_force import ConstantForce as ConstantForce

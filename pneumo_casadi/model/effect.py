@@ -4,7 +4,7 @@ An effect overrides the junctions (see `junctions`) that it changes, and declare
 extra states. Effects do not import the model, and the model does not name any effect.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, ClassVar
@@ -223,6 +223,15 @@ class Effect:
     def on_metered(cls, low: float, high: float) -> "EffectFactory":
         """Return the factory of the effect for a valve metered from `low` to `high` [V]."""
         return cls
+
+    @classmethod
+    def prior_rows(cls) -> Iterable[Mapping[str, float]]:
+        """Return what is known of the parameters before any record: weights by short name.
+
+        Each row, the sum of weight times value, is a standard normal variable. Of a curve these are
+        its second differences over the roughness that is expected.
+        """
+        return ()
 
     def rest(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
         """Return the states at which the effect is at rest, by short name; zeros by default."""

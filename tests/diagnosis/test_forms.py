@@ -16,7 +16,7 @@ def ledger(monkeypatch):
     names = ("hose", "hose_volume", "stribeck", "elastic_load", "position_on_elastic_load")
     made = FitLedger(None, {name: EFFECTS[name] for name in names})
     made.fits.update(
-        {(n,): SimpleNamespace(cost=c) for n, c in zip(names, (5, 3, 4, 1, 2), strict=True)}
+        {(n,): SimpleNamespace(cost=c) for n, c in zip(names, (50, 3, 4, 1, 2), strict=True)}
     )
     made.directions.update(dict.fromkeys(names, ()))
     return made

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 
-from pneumo_casadi.diagnosis.prepare.study import FittedModel
+from pneumo_casadi.diagnosis.prepare.study import MIN_FORM_GAIN, FittedModel
 from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue, FitLedger, Names
 
 
@@ -18,7 +18,7 @@ def causes_of(names: Iterable[str], catalogue: Catalogue) -> Names:
 
 
 def keep_best_forms(ledger: FitLedger) -> Mapping[str, Mapping[str, FittedModel]]:
-    """Keep the form with the least cost of every cause; return the fits of all, by cause.
+    """Keep the form of least cost of every cause, if clearly; return the fits of all, by cause.
 
     Only causes with several forms are returned. The others are out of the screen and of all
     further models: two forms of one cause in a model would share its gain.
@@ -31,7 +31,8 @@ def keep_best_forms(ledger: FitLedger) -> Mapping[str, Mapping[str, FittedModel]
         fitted = {name: ledger.fits[name,] for name in names if (name,) in ledger.fits}
         if len(names) == 1 or not fitted:
             continue
-        best = min(fitted, key=lambda name: fitted[name].cost)
+        # The usual form, named as its cause, has the fewest parameters: others must earn theirs.
+        best = min(fitted, key=lambda name: fitted[name].cost + MIN_FORM_GAIN * (name != cause))
         fits[cause] = fitted
         for name in set(names) - {best}:
             ledger.leave_out(name)

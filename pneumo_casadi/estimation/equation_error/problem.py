@@ -105,9 +105,24 @@ class Problem:
             return np.zeros(0)
         return self.anchor(self.anchor.coefficients(self.model.axis.parameters, theta))
 
+    @cached_property
+    def prior(self) -> FloatArray:
+        """Rows of what effects know of their parameters, (k, nθ); see `Effect.prior_rows`."""
+        axis = self.model.axis
+        rows = [
+            {f"{effect.name}.{name}": weight for name, weight in row.items()}
+            for effect in axis.effects
+            for row in effect.prior_rows()
+        ]
+        P = np.zeros((len(rows), len(axis.parameters)))
+        for k, row in enumerate(rows):
+            for name, weight in row.items():
+                P[k, axis.parameters.index(name)] = weight
+        return P
+
     def cost(self, r: Sequence[FloatArray], theta: FloatArray) -> float:
         """Return the negative log-likelihood but for a constant, see `EquationErrorResult`."""
-        squares = float(np.sum(self.map_residuals(theta) ** 2))
+        squares = float(np.sum(self.map_residuals(theta) ** 2) + np.sum((self.prior @ theta) ** 2))
         return float(np.sum(self.n_rows * np.log(self.sigma(r)))) + 0.5 * squares
 
     def sigma(self, r: Sequence[FloatArray]) -> FloatArray:
@@ -130,6 +145,9 @@ class Problem:
             c = self.anchor.coefficients(self.model.axis.parameters, theta)
             A = np.vstack([A, self.anchor.rows(c, self.model.free)])
             e = np.concatenate([e, self.map_residuals(theta)])
+        if len(self.prior):
+            A = np.vstack([A, self.prior[:, self.free]])
+            e = np.concatenate([e, self.prior @ theta])
         A = A * self.scales
         return Linearised(theta, A, e, A.T @ A, self.cost(r, theta))
 
