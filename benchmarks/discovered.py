@@ -63,17 +63,24 @@ class Kind:
 
 
 FORCE, FLOWS = ("force",), ("mass_flow_P", "mass_flow_N")
+MEASUREMENT = ("measurement_x", "measurement_P", "measurement_N")
 KINDS = {
     "cogging": Kind(FORCE, ("x",), lambda s: {"amplitude": s["A"], "period": s["pitch"]}),
     "vibration": Kind(FORCE, ("t",), lambda s: {"amplitude": s["A"], "period": 1 / s["f"]}),
     "supply_pulsation": Kind(
         FLOWS, ("t",), lambda s: {"amplitude": s["share"], "period": 1 / s["f"]}
     ),
+    "position_nonlinearity": Kind(
+        MEASUREMENT, ("x",), lambda s: {"amplitude": s["A"], "period": s["pitch"]}
+    ),
     "flow_drift": Kind(FLOWS, ("t",)),
+    "pressure_crosstalk": Kind(MEASUREMENT, ("p_other",), lambda s: {"slope": s["share"]}),
+    "magnetic_latch": Kind(FORCE, ("x",), lambda s: {"decay": -s["reach"]}),
+    "periodic_leak": Kind(("mass_flow_P",), ("x",), lambda s: {"period": s["pitch"]}),
+    "square_root_friction": Kind(FORCE, ("v",)),
+    "friction_fade": Kind(FORCE, ("t",), lambda s: {"height": -s["delta_F"], "decay": s["tau"]}),
     "spring_load": Kind(FORCE, ("x",)),
-    "position_friction": Kind(FORCE, ("x",)),
     "quadratic_drag": Kind(FORCE, ("v",)),
-    "stribeck": Kind(FORCE, ("v",)),
     "pressure_friction": Kind(FORCE, ("p_mean", "p_P", "p_N")),
     "leakage_P": Kind(("mass_flow_P",), ("p",)),
 }

@@ -5,7 +5,9 @@ distances with a penalty on second differences of the coefficients. The degree o
 minimum of generalised cross-validation (Craven and Wahba 1979, Numerische Mathematik 31, 377-403).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,7 +15,7 @@ from scipy.interpolate import BSpline
 
 from pneumo_casadi.diagnosis.discover.discovered import QUANTILE, TermCurve
 from pneumo_casadi.diagnosis.discover.formula_fits import FormulaFit
-from pneumo_casadi.diagnosis.discover.linearised import Basis, Linearised
+from pneumo_casadi.diagnosis.discover.linearised import Linearised
 from pneumo_casadi.diagnosis.discover.sites import Site
 from pneumo_casadi.estimation.robust_covariance import batch_sandwich
 from pneumo_casadi.parameters import FloatArray
@@ -22,6 +24,7 @@ from pneumo_casadi.parameters import FloatArray
 #: its period.
 INTERVALS = 20
 DEGREE = 3
+SPLINES = INTERVALS + DEGREE
 #: Penalties compared, relative to the information of the columns.
 PENALTIES = np.logspace(-6, 4, 21)
 #: Points at which a curve is told.
@@ -71,33 +74,50 @@ def spline_columns(knots: FloatArray, d: FloatArray) -> Any:
 
 def fit_curve(linear: Linearised, site: Site) -> Curve | None:
     """Fit a smooth term beside a refit of the parameters; None where the driver stands still."""
-    d = linear.train.driver(site)
-    if d is None:
+    if linear.train.driver(site) is None:
         return None
-    lower, upper = np.quantile(d, [0.002, 0.998])
-    if not upper - lower > 1e-9 * max(abs(lower), abs(upper)):
-        return None
-    knots = uniform_knots(float(lower), float(upper))
-    basis: Basis = lambda values: spline_columns(knots, values)  # noqa: E731
-    D = linear.padded(linear.train.columns(site, basis))
-    P = linear.project(D)
-    smooth = _smoothest(P, D, linear.projected)
-    return None if smooth is None else Curve(site, knots, smooth[0])
+    (curve,) = fit_curves(linear, [site])
+    return curve
 
 
-def _smoothest(P: FloatArray, D: FloatArray, e: FloatArray) -> tuple[FloatArray, FloatArray] | None:
-    """Return coefficients and penalty at the minimum of generalised cross-validation."""
+def fit_curves(linear: Linearised, sites: Sequence[Site]) -> tuple[Curve, ...]:
+    """Fit smooth terms at several sites together, one smoothness for all.
+
+    Parameters
+    ----------
+    linear : Linearised
+        The fit whose residuals they explain.
+    sites : sequence of Site
+        With drivers that vary.
+    """
+    knots, columns = [], []
+    for site in sites:
+        d = linear.train.driver(site)
+        assert d is not None  # sites without a driver are left out before
+        lower, upper = np.quantile(d, [0.002, 0.998])
+        knots.append(uniform_knots(float(lower), float(upper)))
+        columns.append(linear.train.columns(site, partial(spline_columns, knots[-1])))
+    D = linear.padded(np.hstack(columns))
+    c, _ = _smoothest(linear.project(D), D, linear.projected)
+    parts = np.split(c, len(sites))
+    return tuple(Curve(site, at, part) for site, at, part in zip(sites, knots, parts, strict=True))
+
+
+def _smoothest(P: FloatArray, D: FloatArray, e: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return coefficients and penalty at the minimum of generalised cross-validation.
+
+    Columns are blocks of as many B-splines each.
+    """
     G, g, n, ee = P.T @ P, P.T @ e, P.shape[0], float(e @ e)
     # Scales by the whole influence, so that what the parameters absorb has small eigenvalues.
-    scale = float(np.trace(D.T @ D)) / D.shape[1]
-    if scale <= 0:
-        return None
-    second = np.diff(np.eye(D.shape[1]), 2, axis=0)
-    R = second.T @ second
-    ridge = ABSORBED * scale * np.eye(D.shape[1])
+    scales = np.array([np.sum(D[:, i] ** 2) for i in range(D.shape[1])]).reshape(-1, SPLINES)
+    scale = np.repeat(np.maximum(scales.mean(axis=1), 1e-300), SPLINES)
+    second = np.diff(np.eye(SPLINES), 2, axis=0)
+    R = np.kron(np.eye(len(scales)), second.T @ second) * scale
+    ridge = ABSORBED * np.diag(scale)
     best = np.inf
-    chosen: tuple[FloatArray, FloatArray] | None = None
-    for penalty in PENALTIES * scale:
+    chosen = np.zeros(D.shape[1]), ridge
+    for penalty in PENALTIES:
         whole = penalty * R + ridge
         H = np.linalg.solve(G + whole, np.column_stack([g, G]))
         c, freedom = -H[:, 0], float(np.trace(H[:, 1:]))
@@ -125,9 +145,7 @@ def curve_of(linear: Linearised, fit: FormulaFit) -> TermCurve:
 
     D = linear.padded(linear.train.columns(fit.site, basis))
     P = linear.project(D)
-    smooth = _smoothest(P, D, linear.projected)
-    assert smooth is not None  # the formula acts there
-    c, penalty = smooth
+    c, penalty = _smoothest(P, D, linear.projected)
     inverse = np.asarray(np.linalg.inv(P.T @ P + penalty), dtype=float)
     e = linear.projected + P @ c
     n = linear.train.e.size

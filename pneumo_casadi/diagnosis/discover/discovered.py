@@ -57,6 +57,12 @@ class DiscoveredTerm:
     curve: TermCurve
 
     @property
+    def balance(self) -> str:
+        """Balances of the term, ``measurement`` for an error of sensors."""
+        sensors = self.term.balances[0].startswith("measurement")
+        return "measurement" if sensors else " + ".join(self.term.balances)
+
+    @property
     def parameters(self) -> dict[str, Value]:
         """Parameters of the formula with standard deviation and unit."""
         units = self.term.units
@@ -68,7 +74,7 @@ class DiscoveredTerm:
     def as_dict(self) -> dict[str, Any]:
         """Return the term as plain data."""
         return {
-            "balance": " + ".join(self.term.balances),
+            "balance": self.balance,
             "factor": self.term.factor,
             "driver": self.term.driver,
             "form": self.term.formula,

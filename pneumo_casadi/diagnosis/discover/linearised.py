@@ -14,7 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import block_diag, csr_array, diags_array, hstack, vstack
 
-from pneumo_casadi.diagnosis.discover.sites import LEAST_VARIATION, Signals, Site
+from pneumo_casadi.diagnosis.discover.sensor_errors import SENSORS, sensor_operator
+from pneumo_casadi.diagnosis.discover.signals import Signals
+from pneumo_casadi.diagnosis.discover.sites import LEAST_VARIATION, Site
 from pneumo_casadi.diagnosis.metrics.residual_size import residual_rms
 from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study
 from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
@@ -117,11 +119,13 @@ class Rows:
         motion, signals, used = self.motions[i], self.signals[i], self.used[i]
         parts = []
         for equation, sigma, rows in zip(self.equations, self.sigma, used, strict=True):
-            if equation == balance:
+            if balance in SENSORS:
+                scaled = motion.weak @ sensor_operator(signals, balance, equation) / sigma
+            elif equation == balance:
                 scaled = motion.weak @ diags_array(signals.factor(equation, factor) / sigma)
-                parts.append(csr_array(scaled)[rows])
             else:
-                parts.append(csr_array((int(rows.sum()), motion.N)))
+                scaled = csr_array((motion.m, motion.N))
+            parts.append(csr_array(scaled)[rows])
         return vstack(parts)
 
     @cached_property

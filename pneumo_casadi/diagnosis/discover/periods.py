@@ -9,6 +9,7 @@ projected out.
 import numpy as np
 
 from pneumo_casadi.diagnosis.discover.linearised import Linearised, Rows
+from pneumo_casadi.diagnosis.discover.sensor_errors import SENSORS
 from pneumo_casadi.diagnosis.discover.sites import Site
 from pneumo_casadi.parameters import FloatArray
 
@@ -33,7 +34,11 @@ def best_period(linear: Linearised, site: Site) -> float | None:
     highest = HIGHEST if site.driver == "t" else 1 / (SHORTEST * length)
     cycles = np.arange(LEAST_CYCLES, max(highest * length, 2 * LEAST_CYCLES), 1 / OVERSAMPLING)
     grid = cycles / length
-    power = periodogram(linear, site, grid)
+    power = (
+        np.array([sine_removes(linear, site, frequency) for frequency in grid])
+        if site.balances[0] in SENSORS  # which differentiate the sine
+        else periodogram(linear, site, grid)
+    )
     step = grid[1] - grid[0]
     best, chosen = -np.inf, grid[0]
     for _ in range(PEAKS):

@@ -1,6 +1,6 @@
 """The search: all sites by a smooth curve and by a sine, the best of them by every formula."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,6 +8,7 @@ import numpy as np
 from pneumo_casadi.diagnosis.discover.curves import fit_curve
 from pneumo_casadi.diagnosis.discover.formula_fits import FormulaFit, fit_formula
 from pneumo_casadi.diagnosis.discover.linearised import Basis, Linearised
+from pneumo_casadi.diagnosis.discover.sensor_errors import SENSORS
 from pneumo_casadi.diagnosis.discover.sites import Site, all_sites
 from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels
 from pneumo_casadi.effects.term.formula import FORMULAS
@@ -19,6 +20,9 @@ SITES = 5
 MATTERS = 0.05
 #: What a formula may close more than a curve at its site: a step or a kink is sharper than splines.
 SHARPER = 0.15
+#: Largest error of a sensor, standard deviation over that of what it shows: larger ones show in any
+#: calibration.
+LARGEST_SENSOR_ERROR = 0.05
 #: Drivers over which a term may repeat: the position (teeth, turns of a screw) and time.
 REPEATS = ("x", "t")
 
@@ -63,7 +67,7 @@ def search(linear: Linearised, levels: BalanceLevels) -> tuple[Scored, ...]:
     closures = {
         site: score(site, curve.basis, curve.coefficients)
         for curve, site in curves
-        if curve is not None
+        if curve is not None and is_small(linear, site, curve)
     }
     most = max([*closures.values(), *(item.closure for item in scored if item)], default=0.0)
     ranked = sorted(closures, key=lambda site: -closures[site])
@@ -75,7 +79,24 @@ def search(linear: Linearised, levels: BalanceLevels) -> tuple[Scored, ...]:
 
 def _scored(linear: Linearised, score: "GapScore", site: Site, name: str) -> Scored | None:
     fit = fit_formula(linear, site, FORMULAS[name])
-    return None if fit is None else Scored(fit, score.of(fit))
+    if fit is None or not is_small(linear, site, lambda d: fit.basis(d) @ fit.coefficients):
+        return None
+    return Scored(fit, score.of(fit))
+
+
+def is_small(linear: Linearised, site: Site, f: Callable[[FloatArray], FloatArray]) -> bool:
+    """Return whether a function is small enough where its site is a sensor's error.
+
+    There it acts by a linearisation; a sensor that shows nothing of the motion would explain all.
+    """
+    if site.balances[0] not in SENSORS:
+        return True
+    d = linear.train.driver(site)
+    assert d is not None  # sites without a driver are left out before
+    shown = np.concatenate(
+        [signals.sensor(name) for name in site.balances for signals in linear.train.signals]
+    )
+    return bool(np.std(f(d)) < LARGEST_SENSOR_ERROR * np.std(shown))
 
 
 def in_order(scored: Sequence[Scored]) -> tuple[Scored, ...]:

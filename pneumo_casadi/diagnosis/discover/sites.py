@@ -2,28 +2,16 @@
 
 A site is a balance (or both mass flows alike), a factor that multiplies the unknown function, and
 its driver: ``force: sign(v) · f(x)`` is a friction level over position, ``mass flows: q_m · f(t)``
-a valve gain that drifts.
+a valve gain that drifts. An error of a sensor is a site as well.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
-
-import numpy as np
 
 from pneumo_casadi.data import AxisKind
-from pneumo_casadi.estimation.equation_error.smoothed_motion import SmoothedMotion
-from pneumo_casadi.model.axis import Axis
-from pneumo_casadi.model.balances import chamber_capacities
-from pneumo_casadi.model.compilation import call_with_arrays
-from pneumo_casadi.model.effect import Effect, Scope
-from pneumo_casadi.model.junctions import Supply
-from pneumo_casadi.parameters import FloatArray, Parameter
 
 #: A driver that varies by less than this share of its largest magnitude moves nothing.
 LEAST_VARIATION = 1e-3
-#: Relative change of the supply pressure of which the flows' derivative is taken.
-SHARE = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,112 +33,6 @@ class Site:
     driver: str
 
 
-@dataclass(frozen=True, eq=False)
-class Signals:
-    """Drivers and factors along one smoothed motion, at its own sampling rate.
-
-    Parameters
-    ----------
-    axis : Axis
-        Nominal, with the estimated parameters.
-    motion : SmoothedMotion
-        The motion.
-    """
-
-    axis: Axis
-    motion: SmoothedMotion
-
-    @cached_property
-    def measured(self) -> Mapping[str, FloatArray]:
-        """States and inputs by name, (N,)."""
-        states = dict(zip(self.axis.motion_states, self.motion.x, strict=True))
-        return dict(zip(self.axis.inputs, self.motion.u, strict=True)) | states
-
-    @cached_property
-    def sign(self) -> FloatArray:
-        """Direction of the motion, as the model smooths it, (N,)."""
-        return np.asarray(np.tanh(self.measured["v"] / self.axis.parameters["v_s"].value))
-
-    @cached_property
-    def _reversals(self) -> FloatArray:
-        """Index of the last sample at which the velocity changed its sign, (N,)."""
-        v = self.measured["v"]
-        forward = np.zeros(v.size, dtype=bool)
-        forward[0] = v[0] > 0
-        moving = np.abs(v) > 4 * self.motion.velocity_noise
-        last = np.maximum.accumulate(np.where(moving, np.arange(v.size), 0))
-        forward = v[last] > 0
-        changed = np.flatnonzero(np.diff(forward.astype(int)) != 0) + 1
-        marks = np.zeros(v.size, dtype=int)
-        marks[changed] = changed
-        return np.maximum.accumulate(marks)
-
-    def driver(self, name: str, balance: str) -> FloatArray | None:
-        """Return a driver in a balance, (N,); None where the axis has no such signal.
-
-        ``u`` and ``p`` are command and pressure of the chamber of the balance.
-        """
-        own = {"u": f"u_{balance[-1]}", "p": f"p_{balance[-1]}"}.get(name, name)
-        if own == "t":
-            return self.motion.t
-        if own == "t_reversal":
-            return np.asarray(self.motion.t - self.motion.t[self._reversals])
-        if own == "s_reversal":
-            x = self.measured["x"]
-            return np.asarray(np.abs(x - x[self._reversals]))
-        if own in ("p_mean", "p_difference") and {"p_P", "p_N"} <= self.measured.keys():
-            p_P, p_N = self.measured["p_P"], self.measured["p_N"]
-            return (p_P + p_N) / 2 if own == "p_mean" else p_P - p_N
-        return self.measured.get(own)
-
-    def factor(self, balance: str, name: str) -> FloatArray:
-        """Return a factor of a balance in units of its residual per unit of the term, (N,)."""
-        return self._gain(balance) * self._factors(balance)[name]
-
-    def _gain(self, balance: str) -> FloatArray:
-        """Return what a force [N] or a flow [kg/s] adds to a residual."""
-        values = self.axis.parameters.as_dict()
-        (written,) = (b for b in self.axis.kind.balances if str(b.name) == balance)
-        if balance == "force":
-            return np.full(self.motion.N, 1 / values["M"] if written.over_inertia else 1.0)
-        capacity = chamber_capacities(self.measured["x"], values)
-        return np.asarray(1 / (capacity.P if balance.endswith("P") else capacity.N))
-
-    def _factors(self, balance: str) -> Mapping[str, FloatArray]:
-        unity = np.ones(self.motion.N)
-        if balance == "force":
-            return {"1": unity, "sign(v)": self.sign, "v": self.measured["v"]}
-        row = 0 if balance.endswith("P") else 1
-        return {"1": unity, "q_m": self._flows[row], "p_supply": self._supply_flows[row]}
-
-    @cached_property
-    def _flows(self) -> FloatArray:
-        """Flows through the valves as the model has them, (2, N)."""
-        return _flows_of(self.axis, self.motion)
-
-    @cached_property
-    def _supply_flows(self) -> FloatArray:
-        """Derivatives of these flows to the relative change of the supply pressure, (2, N)."""
-        raised = self.axis.with_effects(_Supply()).with_parameters({"supply.share": SHARE})
-        return np.asarray((_flows_of(raised, self.motion) - self._flows) / SHARE)
-
-
-class _Supply(Effect):
-    """Supply pressure (1 + share) times as high."""
-
-    name = "supply"
-    parameters = (Parameter("share", 0.0, "1", null=0.0),)
-
-    def supply(self, ports: Supply, at: Scope) -> Supply:
-        return Supply(ports.p_supply * (1 + at["share"]), ports.p_ext)
-
-
-def _flows_of(axis: Axis, motion: SmoothedMotion) -> FloatArray:
-    f = axis.valve_flow.map(motion.N)
-    theta = np.tile(axis.parameters.values[:, None], motion.N)
-    return call_with_arrays(f, motion.x, motion.u, theta)[0]
-
-
 #: Drivers of a force by factor: what can act on the moving mass directly. Pressures and commands
 #: follow the motion, so that without a sign they would stand for the force that they balance.
 _FORCE: Mapping[str, tuple[str, ...]] = {
@@ -164,9 +46,14 @@ _FORCE: Mapping[str, tuple[str, ...]] = {
 #: The same of the flow of one chamber, and of both alike; `u` and `p` are those of the chamber.
 _FLOW: Mapping[str, tuple[str, ...]] = {
     "1": ("p", "p_difference", "x", "t", "u"),
+    "p": ("x", "t"),
     "q_m": ("u", "p", "x", "t"),
 }
 _FLOWS: Mapping[str, tuple[str, ...]] = {"q_m": ("u", "p", "t"), "p_supply": ("t",)}
+#: The same of the errors of sensors: of the position, and of both pressures alike, which may show
+#: a share of each other.
+_POSITION: Mapping[str, tuple[str, ...]] = {"1": ("x", "t")}
+_PRESSURES: Mapping[str, tuple[str, ...]] = {"1": ("p_other", "p", "t")}
 
 
 def all_sites(kind: AxisKind) -> tuple[Site, ...]:
@@ -174,7 +61,9 @@ def all_sites(kind: AxisKind) -> tuple[Site, ...]:
     flows = tuple(balance.name for balance in kind.balances if balance.chamber)
     known: dict[tuple[str, ...], Mapping[str, tuple[str, ...]]] = {("force",): _FORCE}
     known |= {(flow,): _FLOW for flow in flows}
-    known |= {flows: _FLOWS} if len(flows) > 1 else {}
+    if len(flows) > 1:
+        known |= {flows: _FLOWS, ("measurement_P", "measurement_N"): _PRESSURES}
+    known[("measurement_x",)] = _POSITION
     return tuple(
         Site(balances, factor, driver)
         for balances, factors in known.items()

@@ -13,14 +13,16 @@ from pneumo_casadi.model.junctions import Expression, Pair, Supply
 from pneumo_casadi.parameters import Parameter
 
 #: Drivers of a term and their units. ``u`` and ``p`` are command and pressure of the chamber of a
-#: mass flow, ``p_mean`` is (p_P + p_N)/2 and ``p_difference`` p_P − p_N; ``t_reversal`` and
-#: ``s_reversal`` are time and travel since the last reversal.
+#: mass flow, ``p_other`` the pressure of the other chamber, ``p_mean`` is (p_P + p_N)/2 and
+#: ``p_difference`` p_P − p_N; ``t_reversal`` and ``s_reversal`` are time and travel since the last
+#: reversal.
 DRIVERS: Mapping[str, str] = {
     "x": "m",
     "v": "m/s",
     "t": "s",
     "u": "V",
     "p": "Pa",
+    "p_other": "Pa",
     "p_P": "Pa",
     "p_N": "Pa",
     "p_mean": "Pa",
@@ -31,7 +33,16 @@ DRIVERS: Mapping[str, str] = {
 }
 #: What multiplies the formula in a force and in a mass flow, and the unit of the term there.
 FORCE_FACTORS: Mapping[str, str] = {"1": "N", "sign(v)": "N", "v": "N s/m"}
-FLOW_FACTORS: Mapping[str, str] = {"1": "kg/s", "q_m": "1", "p_supply": "1"}
+FLOW_FACTORS: Mapping[str, str] = {"1": "kg/s", "p": "kg/(s Pa)", "q_m": "1", "p_supply": "1"}
+#: Balances of a term, and what the sensors show.
+PLACES: tuple[tuple[str, ...], ...] = (
+    ("force",),
+    ("mass_flow_P",),
+    ("mass_flow_N",),
+    ("mass_flow_P", "mass_flow_N"),
+    ("measurement_x",),
+    ("measurement_P", "measurement_N"),
+)
 #: Speed below which an axis reverses rather than moves, as in `smoothed_motion` [m/s], and the
 #: time in which the memory of a reversal is cleared there [s].
 REVERSAL_SPEED, REVERSAL_TIME = 2e-3, 2e-3
@@ -46,7 +57,7 @@ class Term:
     name : str
         Name of the effect, an identifier.
     balances : tuple of str
-        ``("force",)``, ``("mass_flow_P",)``, ``("mass_flow_N",)`` or both mass flows.
+        Of `PLACES`: ``("force",)``, a mass flow or both, or what sensors show.
     factor : str
         What multiplies the formula: of `FORCE_FACTORS` or `FLOW_FACTORS`.
     driver : str
@@ -81,9 +92,8 @@ class Term:
     def __post_init__(self) -> None:
         if not self.name.isidentifier():
             raise ModelError(f"term {self.name!r}: the name must be an identifier, as stick_slip")
-        known = [("force",), ("mass_flow_P",), ("mass_flow_N",), ("mass_flow_P", "mass_flow_N")]
         for what, value, options in (
-            ("balances", tuple(self.balances), known),
+            ("balances", tuple(self.balances), PLACES),
             ("factor", self.factor, self._factors),
             ("driver", self.driver, DRIVERS),
             ("formula", self.formula, FORMULAS),
@@ -93,7 +103,8 @@ class Term:
                     f"term {self.name}: no {what} {value!r}; there are "
                     f"{', '.join(map(str, options))}"
                 )
-        elsewhere = ("F",) if "force" not in self.balances else ("u", "p")
+        own = ("u", "p", "p_other")
+        elsewhere = own if self.balances[0] in ("force", "measurement_x") else ("F",)
         if self.driver in elsewhere:
             raise ModelError(
                 f"term {self.name}: driver {self.driver!r} does not exist in "
@@ -108,6 +119,8 @@ class Term:
 
     @property
     def _factors(self) -> Mapping[str, str]:
+        if self.balances[0].startswith("measurement"):
+            return {"1": "m" if self.balances == ("measurement_x",) else "Pa"}
         return FORCE_FACTORS if "force" in self.balances else FLOW_FACTORS
 
     @property
@@ -181,15 +194,20 @@ def term_effect(term: Term) -> type[Effect]:
         "__reduce__": lambda self: (_made, (term,)),
         "name": term.name,
         "equation": term.text,
+        "sensors": _sensors(term),
         "source": "discovered from the residuals of the balances",
         "parameters": _parameters(term),
         "states": _states(term),
-        "needs_chambers": "force" not in term.balances or term.driver.startswith("p"),
+        "needs_chambers": _needs_chambers(term),
     }
     if term.driver in _RATES:
         members["rates"] = lambda self, entering, at: {term.driver: _RATES[term.driver](at)}
     members |= _junction(term)
     return type(term.name, (Effect,), members)
+
+
+def _needs_chambers(term: Term) -> bool:
+    return term.balances not in (("force",), ("measurement_x",)) or term.driver.startswith("p")
 
 
 def _made(term: Term) -> Effect:
@@ -220,6 +238,12 @@ def _parameters(term: Term) -> tuple[Parameter, ...]:
     return tuple(items)
 
 
+def _sensors(term: Term) -> tuple[str, ...]:
+    if not term.balances[0].startswith("measurement"):
+        return ()
+    return ("x",) if term.balances == ("measurement_x",) else ("p_P", "p_N")
+
+
 def _states(term: Term) -> tuple[State, ...]:
     return (State(term.driver, DRIVERS[term.driver]),) if term.driver in _RATES else ()
 
@@ -238,7 +262,9 @@ _RATES: Mapping[str, Callable[[Scope], Expression]] = {
 
 
 def _driver(term: Term, at: Scope, chamber: str) -> Expression:
-    name = {"u": f"u_{chamber}", "p": f"p_{chamber}"}.get(term.driver, term.driver)
+    other = {"P": "N", "N": "P"}.get(chamber, "")
+    own = {"u": f"u_{chamber}", "p": f"p_{chamber}", "p_other": f"p_{other}"}
+    name = own.get(term.driver, term.driver)
     if name in _RATES:
         return at[name]
     if name in at.inputs:
@@ -265,15 +291,24 @@ def _junction(term: Term) -> dict[str, Any]:
             if f"mass_flow_{chamber}" not in term.balances:
                 return q
             value = _value(term, at, chamber)
-            return q + value if term.factor == "1" else q * (1 + value)
+            if term.factor == "q_m":
+                return q * (1 + value)
+            return q + value * (1.0 if term.factor == "1" else getattr(at.p, chamber))
 
         return Pair(added("P", q_m.P), added("N", q_m.N))
 
     def supply(self: Effect, ports: Supply, at: Scope) -> Supply:
         return Supply(ports.p_supply * (1 + _value(term, at)), ports.p_ext)
 
+    def output(self: Effect, y: Mapping[str, Expression], at: Scope) -> Mapping[str, Expression]:
+        if term.balances == ("measurement_x",):
+            return {**y, "x": y["x"] + _value(term, at)}
+        return {**y, **{f"p_{c}": y[f"p_{c}"] + _value(term, at, c) for c in ("P", "N")}}
+
     if "force" in term.balances:
         return {"force": force}
+    if term.balances[0].startswith("measurement"):
+        return {"output": output}
     if term.factor == "p_supply":
         return {"supply": supply}
-    return {"chamber_flow" if term.factor == "1" else "valve_flow": flow}
+    return {"valve_flow" if term.factor == "q_m" else "chamber_flow": flow}

@@ -50,6 +50,7 @@ DRIVER_NAMES = {
     "p_difference": "the difference of the pressures",
     "u": "the command of the valve",
     "p": "the pressure of the chamber",
+    "p_other": "the pressure of the other chamber",
     "F": "the force of the drive F",
     "t_reversal": "the time since the last reversal",
     "s_reversal": "the travel since the last reversal",
@@ -254,11 +255,11 @@ def discovered_sentences(diagnosis: Diagnosis) -> tuple[str, ...]:
     if diagnosis.discovered is None:
         return ()
     term = diagnosis.discovered
-    balances = joined([BALANCES.get(Location(name), plain(name)) for name in term.term.balances])
+    where = joined([BALANCES[Location(name)] for name in term.balance.split(" + ")])
     beside = f" beside {joined([plain(name) for name in term.beside])}" if term.beside else ""
     sizes = "; ".join(f"{name} = {quantity(value)}" for name, value in term.parameters.items())
     return (
-        f"A term over {DRIVER_NAMES[term.term.driver]} in the balance of {balances}{beside} "
+        f"A term over {DRIVER_NAMES[term.term.driver]} in the {where}{beside} "
         f"closes {whole(term.closes.value)} of the held-out gap of the balances (95 % interval "
         f"{between(term.closes)}).",
         f"Formula: {term.term.expression} [{term.term.unit}], with {sizes}.",
