@@ -173,8 +173,13 @@ def main() -> None:
     others = [(name, SEED + 5000 + i) for i, name in enumerate(LISTED)]
     others = others[:1] if arguments.quick else others[: arguments.listed]
     with ProcessPoolExecutor(arguments.workers) as pool:
-        unlisted = list(pool.map(partial(one_unlisted, duration=duration), jobs))
-        listed = list(pool.map(partial(one_listed, duration=duration), others))
+        unlisted, listed = [], []
+        for case in pool.map(partial(one_unlisted, duration=duration), jobs):
+            unlisted.append(case)
+            print(_line(case), flush=True)
+        for case in pool.map(partial(one_listed, duration=duration), others):
+            listed.append(case)
+            print(case["kind"], case["seed"], case["verdict"], case["discovered"], flush=True)
     result = {
         "figures": figures(unlisted, listed),
         "unlisted": unlisted,
@@ -182,13 +187,11 @@ def main() -> None:
         **provenance.made(SEED, arguments.quick),
     }
     provenance.write(arguments.json, result)
-    for case in unlisted:
-        _print_case(case)
     for name, value in result["figures"].items():
         print(f"{name}: {value}")
 
 
-def _print_case(case: Mapping[str, Any]) -> None:
+def _line(case: Mapping[str, Any]) -> str:
     term = case["discovered"]
     told = (
         "nothing"
@@ -196,9 +199,8 @@ def _print_case(case: Mapping[str, Any]) -> None:
         else f"{term['balance']}: {term['formula']}, closes {term['closes']['value']:.2f}"
     )
     errors = ", ".join(f"{name} {value:+.1f} %" for name, value in case["errors_percent"].items())
-    print(
-        f"{case['kind']} {case['seed']}: {'right' if case['right'] else 'WRONG'}; {told} {errors}"
-    )
+    right = "right" if case["right"] else "WRONG" if case["visible"] else "not visible"
+    return f"{case['kind']} {case['seed']}: {right}; {told} {errors}"
 
 
 def _arguments() -> argparse.Namespace:

@@ -21,12 +21,15 @@ LEAST_CYCLES = 2.0
 HIGHEST = 25.0
 #: Shortest period over another driver than time, as a share of its range.
 SHORTEST = 1 / 200
+#: Share of all squares that a sine must remove before it is compared exactly: one balance of three
+#: has a third, and a sine over a driver that only follows the cause removes a tenth of that.
+LEAST_SHARE = 0.03
 #: Peaks of the periodogram that are compared exactly, and frequencies about each.
-PEAKS, ABOUT = 3, 33
+PEAKS, ABOUT = 3, 13
 
 
 def best_period(linear: Linearised, site: Site) -> float | None:
-    """Return the period of the sine that removes most; None where the driver stands still."""
+    """Return the period of the sine that removes most; None where none removes what matters."""
     d = linear.train.driver(site)
     if d is None or not np.ptp(d) > 0:
         return None
@@ -39,6 +42,8 @@ def best_period(linear: Linearised, site: Site) -> float | None:
         if site.balances[0] in SENSORS  # which differentiate the sine
         else periodogram(linear, site, grid)
     )
+    if power.max() < LEAST_SHARE * float(np.sum(linear.projected**2)):
+        return None
     step = grid[1] - grid[0]
     best, chosen = -np.inf, grid[0]
     for _ in range(PEAKS):

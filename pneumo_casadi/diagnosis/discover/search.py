@@ -25,6 +25,10 @@ SHARPER = 0.15
 LARGEST_SENSOR_ERROR = 0.05
 #: Drivers over which a term may repeat: the position (teeth, turns of a screw) and time.
 REPEATS = ("x", "t")
+#: Errors of sensors repeat over the position (scale marks), not over time.
+NEVER_REPEAT = tuple(("t", sensor) for sensor in SENSORS)
+#: Residuals over the noise floor from which a balance has a gap that calls for a term.
+VISIBLE = 1.3
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,9 +64,17 @@ def search(linear: Linearised, levels: BalanceLevels) -> tuple[Scored, ...]:
         Noise of the held-out records.
     """
     kind = linear.train.signals[0].axis.kind
-    sites = [site for site in all_sites(kind) if linear.train.driver(site) is not None]
+    gap = linear.train.sigma > VISIBLE * levels.noise
+    visible = {name for name, has_gap in zip(linear.train.equations, gap, strict=True) if has_gap}
+    sites = [
+        site
+        for site in all_sites(kind)
+        if linear.train.driver(site) is not None
+        and (visible & set(site.balances) or site.balances[0] in SENSORS)
+    ]
     score = GapScore(linear, levels)
-    scored = [_scored(linear, score, site, "sine") for site in sites if site.driver in REPEATS]
+    repeating = [site for site in sites if (site.driver, site.balances[0]) not in NEVER_REPEAT]
+    scored = [_scored(linear, score, site, "sine") for site in repeating if site.driver in REPEATS]
     curves = [(fit_curve(linear, site), site) for site in sites]
     closures = {
         site: score(site, curve.basis, curve.coefficients)

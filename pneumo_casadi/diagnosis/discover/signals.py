@@ -1,6 +1,6 @@
 """Signals along a smoothed motion: drivers of a term, and what multiplies it in a balance."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -87,7 +87,7 @@ class Signals:
 
     def factor(self, balance: str, name: str) -> FloatArray:
         """Return a factor of a balance in units of its residual per unit of the term, (N,)."""
-        return self.gain(balance) * self._factors(balance)[name]
+        return self.gain(balance) * self._factors(balance)[name]()
 
     def gain(self, balance: str) -> FloatArray:
         """Return what a force [N] or a flow [kg/s] adds to a residual."""
@@ -98,16 +98,18 @@ class Signals:
         capacity = chamber_capacities(self.measured["x"], values)
         return np.asarray(1 / (capacity.P if balance.endswith("P") else capacity.N))
 
-    def _factors(self, balance: str) -> Mapping[str, FloatArray]:
-        unity = np.ones(self.motion.N)
+    def _factors(self, balance: str) -> Mapping[str, Callable[[], FloatArray]]:
+        def unity() -> FloatArray:
+            return np.ones(self.motion.N)
+
         if balance == "force":
-            return {"1": unity, "sign(v)": self.sign, "v": self.measured["v"]}
+            return {"1": unity, "sign(v)": lambda: self.sign, "v": lambda: self.measured["v"]}
         row = 0 if balance.endswith("P") else 1
         return {
             "1": unity,
-            "p": self.measured[f"p_{balance[-1]}"],
-            "q_m": self._flows[row],
-            "p_supply": self._supply_flows[row],
+            "p": lambda: self.measured[f"p_{balance[-1]}"],
+            "q_m": lambda: self._flows[row],
+            "p_supply": lambda: self._supply_flows[row],
         }
 
     @cached_property
