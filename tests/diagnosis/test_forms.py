@@ -4,8 +4,9 @@ from types import SimpleNamespace
 
 import pytest
 
+from pneumo_casadi.diagnosis.screen.screen import ScreenResult
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger
-from pneumo_casadi.diagnosis.select.forms import cause_of, causes_of, keep_best_forms
+from pneumo_casadi.diagnosis.select.forms import cause_of, causes_of, forms_to_fit, keep_best_forms
 from pneumo_casadi.effects import EFFECTS
 
 
@@ -51,3 +52,16 @@ def test_a_cause_is_told_once():
     names = ("hose_volume", "stribeck", "hose", "of your own")
     assert causes_of(names, EFFECTS) == ("hose", "stribeck", "of your own")
     assert cause_of("position_on_elastic_load", EFFECTS) == "elastic_load"
+
+
+def test_a_further_form_that_promises_nothing_is_not_fitted(ledger):
+    def screened(**explained):
+        return {
+            name: ScreenResult(name, explained.get(name, 0.0), 1.0, True, ({},))
+            for name in ledger.catalogue
+        }
+
+    usual = {"hose", "stribeck", "elastic_load"}
+    # The start of an elastic load is scanned: its screen says little.
+    assert set(forms_to_fit(ledger, screened())) == usual | {"position_on_elastic_load"}
+    assert "hose_volume" in forms_to_fit(ledger, screened(hose_volume=0.3))

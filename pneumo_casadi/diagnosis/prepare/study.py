@@ -13,7 +13,7 @@ from pneumo_casadi.errors import FitError
 from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
 from pneumo_casadi.estimation.equation_error.fit import (
     default_residual_floor,
-    equation_error_cost,
+    equation_error_costs,
     fit_equation_error,
 )
 from pneumo_casadi.estimation.equation_error.smoothed_motion import SmoothedMotion, smooth_motions
@@ -173,18 +173,15 @@ def _scanned(study: Study, axis: Axis, known: Mapping[str, float]) -> Axis:
         for short, values in effect.scanned.items():
             name = f"{effect.name}.{short}"
             if name not in known:
-                tried = (axis.with_parameters({name: value}) for value in values)
-                axis = min(tried, key=lambda start: _cost_of_start(study, start))
+                costs = equation_error_costs(
+                    axis,
+                    [axis.parameters.with_values({name: value}).values for value in values],
+                    study.smoothed[0],
+                    study.anchor_with(axis.effects),
+                    residual_floor=default_residual_floor(study.axis),
+                )
+                axis = axis.with_parameters({name: values[int(np.argmin(costs))]})
     return axis
-
-
-def _cost_of_start(study: Study, axis: Axis) -> float:
-    return equation_error_cost(
-        axis,
-        study.smoothed[0],
-        study.anchor_with(axis.effects),
-        residual_floor=default_residual_floor(study.axis),
-    )
 
 
 def _fit_from_larger_starts(

@@ -3,7 +3,12 @@
 from collections.abc import Iterable, Mapping
 
 from pneumo_casadi.diagnosis.prepare.study import MIN_FORM_GAIN, FittedModel
+from pneumo_casadi.diagnosis.screen.screen import ScreenResult
 from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue, FitLedger, Names
+
+#: Share of the squared residuals that the screen must promise of a further form. Of four hoses that
+#: were such a form it promised a third and more; a fit of it takes two or three seconds.
+PROMISE = 0.01
 
 
 def cause_of(name: str, catalogue: Catalogue) -> str:
@@ -15,6 +20,20 @@ def cause_of(name: str, catalogue: Catalogue) -> str:
 def causes_of(names: Iterable[str], catalogue: Catalogue) -> Names:
     """Return the causes of some effects, in their order, each once."""
     return tuple(dict.fromkeys(cause_of(name, catalogue) for name in names))
+
+
+def forms_to_fit(ledger: FitLedger, screened: Mapping[str, ScreenResult]) -> list[str]:
+    """Return the effects to fit alone; of further forms of a cause only what promises something.
+
+    The usual forms are all fitted, and those whose start is scanned: the screen sees one resonance.
+    """
+    return [
+        name
+        for name, result in screened.items()
+        if cause_of(name, ledger.catalogue) == name
+        or getattr(ledger.catalogue[name], "scanned", {})
+        or result.explained >= PROMISE
+    ]
 
 
 def keep_best_forms(ledger: FitLedger) -> Mapping[str, Mapping[str, FittedModel]]:

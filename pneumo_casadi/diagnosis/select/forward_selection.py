@@ -22,7 +22,7 @@ from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study, fit_model
 from pneumo_casadi.diagnosis.screen.screen import ScreenResult, background
 from pneumo_casadi.diagnosis.select.acceptance import accepted
 from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue, Failed, FitLedger, Names, Start
-from pneumo_casadi.diagnosis.select.forms import keep_best_forms
+from pneumo_casadi.diagnosis.select.forms import forms_to_fit, keep_best_forms
 from pneumo_casadi.diagnosis.select.plausibility import find_plausible_extension
 from pneumo_casadi.diagnosis.select.sensor_effects import (
     closes_in_simulation,
@@ -124,7 +124,7 @@ def select_effects(
     ledger.screen_all(nominal)
     first = ledger.over(background(study, nominal, nominal))
     report("refitting single effects", 0.3)
-    _fit_beside(ledger, (), nominal, first, list(first))
+    _fit_beside(ledger, (), nominal, first, forms_to_fit(ledger, first))
     forms = keep_best_forms(ledger)
     first = {name: result for name, result in first.items() if name not in ledger.left_out}
     path = _forward(ledger, nominal, levels, report)

@@ -125,18 +125,18 @@ def fit_equation_error(
     )
 
 
-def equation_error_cost(
+def equation_error_costs(
     axis: Axis,
+    starts: Sequence[FloatArray],
     motions: Sequence[SmoothedMotion],
     anchor: Anchor | None = None,
     *,
     residual_floor: FloatArray | None = None,
-) -> float:
-    """Return the cost of an axis at its values, as `fit_equation_error` minimises it."""
+) -> list[float]:
+    """Return the cost that `fit_equation_error` minimises, at some values of all parameters."""
     floor = default_residual_floor(axis) if residual_floor is None else residual_floor
     problem = Problem(BalanceFunctions(axis), motions, anchor, floor, False)
-    theta = axis.parameters.values
-    return problem.cost(problem.residuals(theta), theta)
+    return [problem.cost(problem.residuals(theta), theta) for theta in starts]
 
 
 def default_residual_floor(axis: Axis) -> FloatArray:
