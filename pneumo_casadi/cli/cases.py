@@ -64,7 +64,7 @@ def init(
         Path, typer.Option("--output", "-o", metavar="FOLDER", help="New folder of the case.")
     ],
     validate: Annotated[
-        list[Path] | None, typer.Option(metavar="CSV", help="Record to hold out; can be repeated.")
+        list[Path] | None, typer.Option(metavar="FILE", help="Record to hold out; can be repeated.")
     ] = None,
     column: Annotated[
         list[str] | None,
@@ -82,6 +82,10 @@ def init(
     double_rod: Annotated[
         bool, typer.Option("--double-rod", help="The rod goes through both covers.")
     ] = False,
+    angle: Annotated[
+        float, typer.Option(help="Inclination of +x above the horizontal [°]; 90: vertical.")
+    ] = 0.0,
+    force: Annotated[float, typer.Option(help="Constant force on the rod in +x [N].")] = 0.0,
     gauge: Annotated[
         bool, typer.Option("--gauge", help="The pressures are relative to ambient.")
     ] = False,
@@ -94,7 +98,9 @@ def init(
     ] = None,
     debug: Debug = False,
 ) -> None:
-    """Write bench.json and columns.json from the header of CSV files, and copy the files.
+    """Write bench.json and columns.json from the columns of log files, and copy the files.
+
+    Files are CSV, MAT or Parquet.
 
     Channels and units are guessed from names and magnitudes, and shown. What is not given is asked
     for, if there is a terminal. A folder that holds something is left as it is.
@@ -128,7 +134,7 @@ def init(
             guesses,
             {"identify": files, "validate": validate or []},
             sampling_frequency_of(guesses, columns),
-            {"controller": _controller(gain, u_max)},
+            {"controller": _controller(gain, u_max), **_load(angle, force)},
             flow_map,
         )
         for guess in guesses:
@@ -166,6 +172,10 @@ def _stated(texts: list[str]) -> dict[str, tuple[str, str]]:
             raise CaseError(f"--column {text}: expected CHANNEL=NAME or CHANNEL=NAME:UNIT")
         stated[channel.strip()] = (name.strip(), unit.strip())
     return stated
+
+
+def _load(angle: float, force: float) -> dict[str, Any]:
+    return {"load": {"angle_deg": angle, "force_N": force}} if angle or force else {}
 
 
 def _controller(gain: float | None, u_max: float | None) -> dict[str, Any]:

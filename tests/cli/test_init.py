@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
+import scipy.io
 
 from pneumo_casadi.cli import app as cli
 from pneumo_casadi.data import read_case
@@ -68,6 +69,20 @@ def test_init_guesses_channels_and_units_and_the_check_asks_for_gauge(example, t
         np.testing.assert_allclose(ours.identify[0][name], theirs.identify[0][name], atol=1e-9)
     assert abs(ours.bench.S_P / theirs.bench.S_P - 1) < 1e-3
     assert ours.bench.sampling_frequency == 1000 and ours.bench.p_supply == 7e5
+
+
+def test_a_mat_file_with_a_struct_and_a_load_make_a_case(example, tmp_path):
+    table = pd.read_csv(example / "identify.csv")
+    log = tmp_path / "run.mat"
+    scipy.io.savemat(log, {"log": {name: table[name].to_numpy() for name in table}})
+    run = ["init", str(log), "--output", str(tmp_path / "axis"), "--ambient", "1", "--gauge"]
+    assert cli.run([*run, *CYLINDER, "--angle", "90", "--force", "20"]) == 0
+    columns = json.loads((tmp_path / "axis" / "columns.json").read_text("utf-8"))
+    assert columns["x_m"] == {"column": "log.pos", "unit": "mm", "offset": -0.25}
+    case = read_case(tmp_path / "axis", check=False)
+    assert (case.bench.load.angle_deg, case.bench.load.force) == (90.0, 20.0)
+    theirs = read_case(example).identify[0]
+    np.testing.assert_allclose(case.identify[0]["p_P"], theirs["p_P"], atol=1e-3)
 
 
 def test_gauge_can_be_said_at_once(example, tmp_path):

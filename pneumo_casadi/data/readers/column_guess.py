@@ -128,7 +128,12 @@ def looks_gauge(name: str) -> bool:
 
 
 def _without_unit(name: str) -> tuple[str, str]:
-    """Return a name without the unit at its end, and that unit or an empty text."""
+    """Return a name without the unit at its end, and that unit or an empty text.
+
+    Of a field of a MAT struct, as ``log.pA``, the last part is the name.
+    """
+    field = re.fullmatch(r"(?:[A-Za-z_]\w*\.)+(.+)", name)
+    name = field[1] if field else name
     match = re.fullmatch(r"(.*?)[\s_\-]*[\[(/_\s]\s*([A-Za-zµ]+\d?)\s*[\])]?", name)
     if match and match[1]:
         unit = match[2].lower().removesuffix("g") if looks_gauge(match[2]) else match[2].lower()
