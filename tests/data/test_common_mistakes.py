@@ -78,6 +78,14 @@ RECORD_MISTAKES = {
     "sign of u": (lambda bench: mapped(np.negative, "u_P", "u_N"), "swapped, or the valves"),
     "u one row late": (lambda bench: late(1), "are 1 row late"),
     "u two rows early": (lambda bench: late(-2), "are 2 rows early"),
+    "zero of the position too high": (
+        lambda bench: mapped(lambda x: x + 0.3 * bench.stroke, "x", "x_ref"),
+        "`x` = 0 is not mid-stroke: chamber P",
+    ),
+    "zero of the position too low": (
+        lambda bench: mapped(lambda x: x - 0.3 * bench.stroke, "x", "x_ref"),
+        "`x` = 0 is not mid-stroke: chamber N",
+    ),
     "position from the end": (
         lambda bench: mapped(lambda x: x + bench.stroke / 2, "x", "x_ref"),
         "from the end of the stroke",

@@ -70,6 +70,12 @@ class MassBalances:
         coefficients, _ = self._fit(self.record.chambers[chamber], pressure_offset, None)
         return float(coefficients[0] / self._area(chamber))
 
+    def dead_length(self, chamber: str) -> float:
+        """Return the dead length of a metered chamber by map and record, X_s1/X_s2 - l/2 [m]."""
+        coefficients, _ = self._fit(self.record.chambers[chamber], 0.0, None)
+        _, volume, area = coefficients[:3]
+        return float(volume / area) - self.bench.stroke / 2 if area > 0 else float("nan")
+
     def tolerant_area_gain(self, chamber: str) -> tuple[float, float]:
         """Return the same with a lag, a null shift and a dead zone of the valve, less precise.
 
