@@ -133,6 +133,11 @@ def draw_background(
     forms_varied : bool, optional
         Whether each may have any of its forms; else it has the usual one.
 
+    Returns
+    -------
+    tuple of str
+        Names of forms, in the order of their causes.
+
     Examples
     --------
     >>> names = draw_background(np.random.default_rng(1), without=["stribeck"])
@@ -151,6 +156,20 @@ def draw_background(
 
 def weak_effects(axis: VirtualAxis, names: Sequence[str], seed: int) -> tuple[VirtualEffect, ...]:
     """Return weak effects of an axis, a tenth of medium with scatter.
+
+    Parameters
+    ----------
+    axis : VirtualAxis
+        Whose scales count.
+    names : sequence of str
+        Forms, as `draw_background` returns them.
+    seed : int
+        Of sizes and signs.
+
+    Returns
+    -------
+    tuple of VirtualEffect
+        In the order of the names.
 
     Raises
     ------
