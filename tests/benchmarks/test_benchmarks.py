@@ -131,3 +131,11 @@ def test_a_batch_costs_little_beside_its_diagnoses():
     for name, executor in figures["executors"].items():
         assert executor["outside_percent"] < 5 and executor["same_verdicts"], name
     assert figures["executors"]["processes"]["speed_up"] > 1.5
+
+
+def test_the_gap_of_emps_is_friction_that_changes_and_depends_on_position():
+    figures = result("emps_gap")
+    closed = figures["closure"]
+    assert closed["asymmetric viscous friction"] < 0.3
+    assert closed["friction of the record"] > 0.6 and closed["terms over position"] > 0.7
+    assert all(ripple["share_of_squares"] < 0.1 for ripple in figures["ripple"])

@@ -3,16 +3,20 @@
 import numpy as np
 import pytest
 
-from pneumo_casadi.data import ForceBench, InputHold, NestedController, Recording
+from pneumo_casadi.data import ForceBench, InputHold, NestedController, Recording, read_case
 from pneumo_casadi.diagnosis.discover.discover import discover_term
 from pneumo_casadi.diagnosis.discover.joint_fit import fit_jointly
 from pneumo_casadi.diagnosis.discover.linearised import linearise
 from pneumo_casadi.diagnosis.discover.search import search
 from pneumo_casadi.diagnosis.metrics.residual_size import balance_levels
+from pneumo_casadi.diagnosis.prepare.prepare_study import prepare_study
 from pneumo_casadi.diagnosis.prepare.study import fit_model, start_study
 from pneumo_casadi.effects.term import Term, term_effect
 from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
 from pneumo_casadi.estimation.equation_error.residuals import balance_residuals
+from pneumo_casadi.estimation.output_error import OutputErrorOptions, fit_output_error
+from pneumo_casadi.identification.flow_form import resolve_flow_form
+from pneumo_casadi.identification.options import IdentifyOptions
 from pneumo_casadi.model.servosystem import ForceAxis
 from pneumo_casadi.model.simulation import simulate
 
@@ -85,3 +89,32 @@ def test_residuals_with_a_term_are_those_of_its_effect():
     used = joint.model.used_train[0]
     expected = balance_residuals(model, motion, model.axis.parameters.values)[used]
     assert joint.model.train[0][used] == pytest.approx(expected, abs=0.01 * np.std(expected))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("case", "driver", "known"),
+    [
+        ("q07_unlisted", "x", {"amplitude": 27.870, "period": 9.6296e-3}),
+        ("q08_unlisted", "t", {"amplitude": 29.203, "period": 1 / 3.6281}),
+        ("q09_unlisted", "t", {"slope": -7.711e-3}),
+    ],
+)
+def test_unlisted_causes_of_another_program_are_told(data_folder, case, driver, known):
+    case = read_case(data_folder / "practice_more" / case)
+    options, _ = resolve_flow_form(case, IdentifyOptions())
+    study, _ = prepare_study(case, options)
+    term = discover_term(study, fit_model(study, ()), (), balance_levels(study))
+    assert term is not None and term.term.driver == driver
+    for name, value in known.items():
+        assert term.parameters[name].value == pytest.approx(value, rel=0.01)
+    assert term.closes.lower > 0.85
+
+
+@pytest.mark.slow
+def test_output_error_fits_a_term_like_any_effect():
+    study = study_of(TIGHT)
+    axis = study.axis.with_effects(term_effect(TIGHT)()).at_starting_values()
+    axis = axis.with_parameters({"tight.slope": -60.0})
+    result = fit_output_error(axis, study.train, None, OutputErrorOptions(window=1.0))
+    assert result.parameters["tight.slope"].value == pytest.approx(-120.0, rel=0.05)
