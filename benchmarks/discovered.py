@@ -41,6 +41,10 @@ SEVERITY = "large"
 VISIBLE = 1.5
 
 Sizes = Mapping[str, float]
+#: A constant besides changes no other parameter.
+SINES = ("sine", "sine with level")
+EXPONENTIALS = ("exponential", "exponential with level")
+LINES = ("line", "line with level")
 
 
 @dataclass(frozen=True)
@@ -55,11 +59,14 @@ class Kind:
         Drivers that are right.
     truth : callable
         From the sizes of the cause to the parameters of its formula, where that has one.
+    formulas : tuple of str
+        Formulas whose parameters can be compared with the truth.
     """
 
     balances: tuple[str, ...]
     drivers: tuple[str, ...]
     truth: Callable[[Sizes], Sizes] = lambda sizes: {}
+    formulas: tuple[str, ...] = (*SINES, *EXPONENTIALS, *LINES)
 
 
 FORCE, FLOWS = ("force",), ("mass_flow_P", "mass_flow_N")
@@ -141,7 +148,12 @@ def figures(unlisted: list[dict[str, Any]], listed: list[dict[str, Any]]) -> dic
     """Return the shares that the benchmark asks for, over the causes that show."""
     shown = [case for case in unlisted if case["visible"]]
     closures = [0.0 if c["discovered"] is None else _closure(c) for c in shown]
-    errors = [abs(e) for case in shown if case["right"] for e in case["errors_percent"].values()]
+    errors = [
+        abs(error)
+        for case in shown
+        if case["right"] and case["discovered"]["form"] in KINDS[case["kind"]].formulas
+        for error in case["errors_percent"].values()
+    ]
     return {
         "causes": len(unlisted),
         "visible": len(shown),

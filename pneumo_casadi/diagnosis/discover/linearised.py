@@ -220,8 +220,10 @@ class Linearised:
         P = self.project(self.padded(D))
         size = np.sqrt(np.maximum(np.diag(D.T @ D), 1e-300))
         G = (P.T @ P) / np.outer(size, size)
-        c = np.linalg.pinv(G, rcond=ABSORBED, hermitian=True) @ (P.T @ self.projected / size)
-        return np.asarray(-c / size)
+        values, vectors = np.linalg.eigh(G)
+        strong = values > ABSORBED
+        b = vectors[:, strong].T @ (P.T @ self.projected / size) / values[strong]
+        return np.asarray(-(vectors[:, strong] @ b) / size)
 
     def observable(self, D: FloatArray) -> FloatArray:
         """Return the share of each column's influence that no refit takes up, (k,)."""

@@ -23,7 +23,8 @@ SHARPER = 0.15
 #: Largest error of a sensor, standard deviation over that of what it shows: larger ones show in any
 #: calibration.
 LARGEST_SENSOR_ERROR = 0.05
-#: Drivers over which a term may repeat: the position (teeth, turns of a screw) and time.
+#: Drivers over which a term may repeat: the position (teeth, turns of a screw) and time. A leak
+#: that repeats has a mean besides, which no parameter of the model takes up.
 REPEATS = ("x", "t")
 #: Errors of sensors repeat over the position (scale marks), not over time.
 NEVER_REPEAT = tuple(("t", sensor) for sensor in SENSORS)
@@ -74,7 +75,12 @@ def search(linear: Linearised, levels: BalanceLevels) -> tuple[Scored, ...]:
     ]
     score = GapScore(linear, levels)
     repeating = [site for site in sites if (site.driver, site.balances[0]) not in NEVER_REPEAT]
-    scored = [_scored(linear, score, site, "sine") for site in repeating if site.driver in REPEATS]
+    scored = [
+        _scored(linear, score, site, name)
+        for site in repeating
+        if site.driver in REPEATS
+        for name in (("sine", "sine with level") if site.factor == "p" else ("sine",))
+    ]
     curves = [(fit_curve(linear, site), site) for site in sites]
     closures = {
         site: score(site, curve.basis, curve.coefficients)
