@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from pneumo_casadi.errors import FitError, PneumoError
+from pneumo_casadi.runtime.input_files import printable
 
 if TYPE_CHECKING:
     from pneumo_casadi.identification.warnings import Usable
@@ -24,8 +25,8 @@ OK, FIT_FAILED, BAD_INPUT, NOT_USABLE, INTERRUPTED = 0, 1, 2, 3, 130
 
 
 def say(text: str = "") -> None:
-    """Print text as it is on standard output."""
-    typer.echo(text)
+    """Print text on standard output, control characters of names escaped."""
+    typer.echo("\n".join(printable(line) for line in text.split("\n")))
 
 
 def width() -> int:
@@ -133,4 +134,4 @@ def explain(error: BaseException, kept: str) -> int:
 
 def complain(message: str) -> None:
     """Print an error as one line on standard error."""
-    typer.echo(f"error: {' '.join(message.split())}", err=True)
+    typer.echo(f"error: {printable(' '.join(message.split()))}", err=True)

@@ -96,7 +96,7 @@ class CaseCheck(Presentable):
             }
             for content in self.contents
         ]
-        return pd.DataFrame(rows).set_index("record")
+        return pd.DataFrame(rows, columns=None if rows else ["record"]).set_index("record")
 
     def summary(self) -> str:
         """Return the check as text: findings, records, what they tell, what to record next."""
@@ -180,7 +180,7 @@ def check(case: Case | str | Path) -> CaseCheck:
     contents = tuple(
         record_contents(record, case.bench, held_out)
         for record, held_out in records
-        if "x" in record
+        if all(name in record for name in (*case.bench.kind.inputs, *case.bench.kind.outputs))
     )
     return CaseCheck(
         case,

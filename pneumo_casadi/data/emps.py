@@ -13,9 +13,9 @@ from pneumo_casadi.data.bench.controllers import NestedController
 from pneumo_casadi.data.bench.driven_bench import ForceBench
 from pneumo_casadi.data.case import Case
 from pneumo_casadi.data.checks.records import check_records
-from pneumo_casadi.data.readers.columns import Column
-from pneumo_casadi.data.readers.recordings import read_recording
-from pneumo_casadi.data.readers.tables import read_table
+from pneumo_casadi.data.readers.columns import COLUMNS, Column
+from pneumo_casadi.data.readers.recordings import recording_of_table
+from pneumo_casadi.data.readers.tables import Table, read_table
 from pneumo_casadi.data.recording.channels import InputHold
 from pneumo_casadi.data.recording.recording import Recording
 from pneumo_casadi.errors import CaseError
@@ -24,6 +24,8 @@ IDENTIFY = "DATA_EMPS.mat"
 VALIDATE = "DATA_EMPS_PULSES.mat"
 SAMPLING_FREQUENCY = 1000.0
 U_MAX = 10.0
+#: Signals of both files, and of the second one.
+SIGNALS, PULSES = ("t", "qm", "qg", "vir"), "pulses_N"
 CONSTANTS = {"kp": "k_p", "kv": "k_v", "gtau": "gain"}
 
 
@@ -54,8 +56,9 @@ def read_emps(folder: str | Path) -> Case:
         If a file is missing or is not the one expected.
     """
     folder = Path(folder)
-    constants = _constants(folder / IDENTIFY)
-    if _constants(folder / VALIDATE) != constants:
+    tables = {name: _read_table(folder / name) for name in (IDENTIFY, VALIDATE)}
+    constants = _constants(tables[IDENTIFY])
+    if _constants(tables[VALIDATE]) != constants:
         raise CaseError(
             f"{folder / VALIDATE}: gains differ from those of {IDENTIFY}; use the authors' files"
         )
@@ -66,22 +69,26 @@ def read_emps(folder: str | Path) -> Case:
         "qg": Column("x_ref"),
         "vir": Column("F", scale=constants["gain"]),
     }
-    identify = _read(folder / IDENTIFY, columns)
-    pulses = {"pulses_N": Column("F_pulse", scale=constants["gain"])}
-    validate = _read(folder / VALIDATE, columns | pulses)
+    identify = _recording(tables[IDENTIFY], columns)
+    pulses = {PULSES: Column("F_pulse", scale=constants["gain"])}
+    validate = _recording(tables[VALIDATE], columns | pulses)
     findings = check_records((identify, validate), bench)
     return Case(folder, bench, (identify,), (validate,), None, findings)
 
 
-def _read(path: Path, columns: dict[str, Column]) -> Recording:
-    return read_recording(path, InputHold.ZERO, columns, name=path.stem)
+def _read_table(path: Path) -> Table:
+    return read_table(path, {*COLUMNS, *CONSTANTS, *SIGNALS, PULSES})
 
 
-def _constants(path: Path) -> dict[str, float]:
-    table = read_table(path, CONSTANTS).columns
-    missing = [name for name in CONSTANTS if name not in table or np.size(table[name]) != 1]
+def _recording(table: Table, columns: dict[str, Column]) -> Recording:
+    return recording_of_table(table, InputHold.ZERO, columns, name=table.path.stem)
+
+
+def _constants(table: Table) -> dict[str, float]:
+    values = table.columns
+    missing = [name for name in CONSTANTS if name not in values or np.size(values[name]) != 1]
     if missing:
         raise CaseError(
-            f"{path}: no constant {', '.join(missing)}; is it the benchmark's own MAT file?"
+            f"{table.path}: no constant {', '.join(missing)}; is it the benchmark's own MAT file?"
         )
-    return {symbol: float(table[name][0]) for name, symbol in CONSTANTS.items()}
+    return {symbol: float(values[name][0]) for name, symbol in CONSTANTS.items()}

@@ -151,6 +151,8 @@ def statements(
 ) -> tuple[Statement, ...]:
     """Return what the records to identify on can and cannot tell."""
     fitted = [content for content in contents if not content.held_out]
+    if not fitted:
+        return ()
     return (
         *_of_length(fitted, contents),
         *_of_motion(fitted, bench),

@@ -48,7 +48,7 @@ def resolve_flow_form(
     if options.flow_form is not None:
         selection = FormSelection.given(options.flow_form, options.degrees)
     else:
-        table, _ = _read_tables(case, case.bench)
+        table, _ = read_flow_maps(case, case.bench)
         selection = choose_flow_form(table, T=case.bench.T, degrees=options.degrees)
     return replace(options, flow_form=selection.chosen, degrees=selection.degrees), selection
 
@@ -85,7 +85,7 @@ def read_flow(
         FlowForm.ISO6358: partial(fit_iso6358, T=case.bench.T),
     }
     fit = fits[chosen.flow_form]
-    table, table_N = _read_tables(case, case.bench)
+    table, table_N = read_flow_maps(case, case.bench)
     if table_N is None:
         return table, fit(table)
     return FlowMapPair(table, table_N), FlowPair(fit(table), fit(table_N))
@@ -103,7 +103,8 @@ def _unmetered(bench: Bench, records: Sequence[Recording]) -> AnyFlowModel:
     return P if bench.valves.P == bench.valves.N else FlowPair(P, N)
 
 
-def _read_tables(case: Case, bench: Bench) -> tuple[FlowMap, FlowMap | None]:
+def read_flow_maps(case: Case, bench: Bench) -> tuple[FlowMap, FlowMap | None]:
+    """Read the metered points of the valves: of both, or of P and of N where they differ."""
     if case.flow_map_path is None:
         raise CaseError(
             f"{case.folder}: no flow_map.csv, but bench.json does not say that the valve is not "

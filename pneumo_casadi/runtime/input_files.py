@@ -7,6 +7,7 @@ import stat
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
+from unicodedata import category
 
 from pneumo_casadi.errors import CaseError
 
@@ -23,6 +24,8 @@ _MARKS = (
 #: Values from a file in messages.
 _SHORT = reprlib.Repr()
 _SHORT.maxstring = _SHORT.maxother = 60
+#: Categories of characters that are no text: control, invisible, broken, ends of lines.
+_NO_TEXT = ("Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp")
 _KINDS = {
     stat.S_IFDIR: "a folder",
     stat.S_IFIFO: "a pipe",
@@ -161,7 +164,7 @@ def printable(text: str) -> str:
     if text.isprintable():
         return text
     return "".join(
-        c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text
+        c.encode("unicode_escape").decode("ascii") if category(c) in _NO_TEXT else c for c in text
     )
 
 

@@ -73,6 +73,21 @@ _FORMS: dict[str, tuple[type[Any], type[_Form]]] = {
 PAIR = "pair"
 
 
+#: How names of flow parameters begin -> their unit, longer ones first.
+_UNITS = {
+    "flow_gain": "1",
+    "C_leak_": "m³/(s Pa)",
+    "phi_": "kg/s",
+    "psi_": "kg/(s V)",
+    "u_0_": "V",
+    "k_": "m³/(s Pa V)",
+    "w_": "V",
+    "h_": "1/V",
+    "b_": "1",
+    "m": "1",
+}
+
+
 class _NamedForm(Section):
     form: str
 
@@ -137,6 +152,7 @@ def flow_from_dict(content: Any, items: Sequence[Parameter], where: str) -> AnyF
     make, model = _FORMS[form]
     section = typed(content, model, where)
     parameters = Parameters(items).select(section.parameters)
+    _check_units(parameters, where)
     n = len(parameters)
     if [len(row) for row in section.covariance] != [n] * n:
         raise CaseError(f"`{where}.covariance`: expected {n} rows of {n} numbers; identify anew")
@@ -157,6 +173,16 @@ def flow_from_dict(content: Any, items: Sequence[Parameter], where: str) -> AnyF
         _check_spline(section, where)
     flow: FlowModel = make(parameters=parameters, covariance=covariance, **values)
     return flow
+
+
+def _check_units(parameters: Parameters, where: str) -> None:
+    for item in parameters:
+        expected = next((u for start, u in _UNITS.items() if item.name.startswith(start)), None)
+        if item.unit != expected:
+            raise CaseError(
+                f"`{where}`: parameter {shown(item.name)} in {shown(item.unit)}, expected "
+                f"{expected}; convert the value, or identify anew"
+            )
 
 
 def _check_spline(section: _Spline, where: str) -> None:

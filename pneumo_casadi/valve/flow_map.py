@@ -122,7 +122,7 @@ class FlowMap:
                 "p",
                 "Pa",
                 f"it exceeds the supply pressure ({np.max(supply):g} Pa at most) by more than 5 %: "
-                "is one of them a gauge pressure?",
+                "is one of them a gauge pressure, or `p_supply_Pa` of bench.json too low?",
             )
         if self.p_ext is not None and not low <= self.p_ext <= high:
             raise CaseError(f"{self.source}: `p_ext` is {self.p_ext:g} Pa; {remedy}")

@@ -15,7 +15,11 @@ from pneumo_casadi.data import (
 )
 from pneumo_casadi.errors import CaseError
 
-FLOW_MAP = {"u_V": [-1.0, 1.0], "p_Pa": [2e5, 3e5], "q_m_kg_per_s": [-1e-3, 1 / 3 * 1e-3]}
+FLOW_MAP = {
+    "u_V": [-1.0, -1.0, 1.0, 1.0],
+    "p_Pa": [2e5, 3e5, 2e5, 3e5],
+    "q_m_kg_per_s": [-1e-3, -2e-3, 1e-3, 1 / 3 * 1e-3],
+}
 
 
 def test_a_case_comes_back_number_for_number(tmp_path, bench, recording):

@@ -80,6 +80,8 @@ def _entry(name: str, value: object) -> float:
             f"`datasheet.{name}`: the name must end in its SI unit, as M_kg does; known are "
             f"{', '.join(DATASHEET_UNITS)}"
         )
+    if unit == "kg":  # of a mass that moves
+        return quantities.MASS.check(f"datasheet.{name}", value)
     return quantities.as_number(f"datasheet.{name}", value, unit)
 
 

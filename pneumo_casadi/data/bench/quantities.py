@@ -98,8 +98,14 @@ CONDUCTANCE = Quantity("m³/(s Pa)", 1e-12, 1e-5, {"l/(s bar)": (1e-8, 0.0), "Nl
 VELOCITY_NOISE = Quantity("m/s", 0.0, 1.0, {"mm/s": (1e-3, 0.0)})
 ACCELERATION_NOISE = Quantity("m/s²", 0.0, 100.0, {"g": (9.80665, 0.0)})
 FORCE = Quantity("N", -1e5, 1e5, {"kN": (1e3, 0.0)})
+MASS = Quantity("kg", 1e-3, 1e5, {"g": (1e-3, 0.0), "t": (1e3, 0.0)})
 ANGLE = Quantity("°", -90.0, 90.0, {"rad": (57.29577951308232, 0.0)})
 SHARE = Quantity("a share of 1", 1e-4, 0.5, {"%": (1e-2, 0.0)})
+
+#: Magnitudes of commands [V], and of gains in SI units: amplifiers of servo valves take some volts;
+#: a gain beyond these numbers saturates at a nanometre, or gives microvolts over a metre.
+LARGEST_COMMAND = 1e3
+LEAST_GAIN, LARGEST_GAIN = 1e-6, 1e9
 
 #: Shortest sampling period or tracking time [s]: that of the highest sampling frequency.
 SHORTEST = 1 / FREQUENCY.upper
@@ -114,6 +120,12 @@ def check_gains(
         object.__setattr__(controller, name, value)
         if name in needed and value == 0.0:
             raise CaseError(f"`controller.{name}`: 0 {unit} closes no loop; give the value used")
+        least, most = (0.0, LARGEST_COMMAND) if unit == "V" else (LEAST_GAIN, LARGEST_GAIN)
+        if value and not least <= abs(value) <= most:
+            raise CaseError(
+                f"`controller.{name}`: expected {unit} between {least:g} and {most:g} in "
+                f"magnitude, got {value:g}; check the value and its unit"
+            )
 
 
 def check_times(controller: object, *names: str, least: float = SHORTEST) -> None:

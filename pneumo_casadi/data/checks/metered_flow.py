@@ -1,18 +1,31 @@
 """The metered flow of a valve, interpolated: enough for a check, and no model."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.interpolate import LinearNDInterpolator, RegularGridInterpolator
-from scipy.spatial import QhullError
+from scipy.spatial import QhullError, cKDTree
+from scipy.stats import spearmanr
 
+from pneumo_casadi.data.checks.finding import Finding, Grade
 from pneumo_casadi.data.readers.tables import read_table
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.runtime.input_files import is_named, listed
 
+FEWEST = 3
+"""Commands and pressures of a map: the least with which its three branches have a slope."""
+REPEATED = 0.05
+"""Difference of two flows at one point, over the size of the flow: hysteresis stays below it."""
+CONTRADICTED = 0.3
+"""The same that no metering explains."""
+CORRELATED = 0.3
+"""Rank correlation of flow and command: above 0.8 for a valve, near 0 for noise."""
+AROUND, OUTLIER = 6, 5.0
+"""Neighbours that a point is compared with, and how many times as far off as nine of ten it is."""
 COLUMNS = ("u_V", "p_Pa", "q_m_kg_per_s")
 
 
@@ -59,9 +72,12 @@ class MeteredFlow:
 
 
 def metered_flows(folder: Path) -> Mapping[str, MeteredFlow]:
-    """Return the flow maps of a case folder by chamber; none where none can be read.
+    """Return the flow maps of a case folder by chamber; none where none was metered.
 
-    What a map lacks is said by its own reader, where the map is used.
+    Raises
+    ------
+    CaseError
+        If a map cannot be read.
     """
     both = _read(folder / "flow_map.csv")
     if both is not None:
@@ -71,14 +87,101 @@ def metered_flows(folder: Path) -> Mapping[str, MeteredFlow]:
 
 
 def _read(path: Path) -> MeteredFlow | None:
-    if not path.is_file():
+    if not is_named(path):
         return None
+    table = read_table(path, COLUMNS)
+    missing = [name for name in COLUMNS if name not in table.columns]
+    if missing:
+        raise CaseError(
+            f"{path}: no column {', '.join(missing)}; the file has {listed(table.names)}; the "
+            f"header must read {','.join(COLUMNS)}"
+        )
+    points = np.column_stack([table.columns[name] for name in COLUMNS])
+    points = points[~np.isnan(points).all(axis=1)]  # empty lines are no points
+    if not np.isfinite(points).all():
+        k = int(np.flatnonzero(~np.isfinite(points).all(axis=1))[0])
+        raise CaseError(f"{path}: point {k + 1} is not finite; complete or remove the row")
+    u, p, q_m = points.T
     try:
-        columns = read_table(path, COLUMNS).columns
-        u, p, q_m = (columns[name] for name in COLUMNS)
-        return MeteredFlow(path, u, p, q_m, _interpolation(u, p, q_m))
-    except (CaseError, KeyError, ValueError, QhullError):
-        return None
+        interpolation = _interpolation(u, p, q_m)
+    except (ValueError, QhullError):
+        raise CaseError(
+            f"{path}: its {u.size} points span no area of commands and pressures; meter several "
+            "commands at several pressures"
+        ) from None
+    return MeteredFlow(path, u, p, q_m, interpolation)
+
+
+def check_flow_map(flow: MeteredFlow) -> Iterator[Finding]:
+    """Yield where a map contradicts itself: too few points, two flows of a point, no monotony."""
+    name, u, p = flow.path.name, flow.u, flow.p
+    commands, pressures = np.unique(u).size, np.unique(p).size
+    if not np.ptp(flow.q_m):
+        yield _finding(
+            Grade.SEVERE,
+            "flow map without flow",
+            f"{name}: states {flow.q_m[0]:g} kg/s at all points; is it the right column?",
+        )
+        return
+    if commands < FEWEST or pressures < FEWEST:
+        yield _finding(
+            Grade.SEVERE,
+            "flow map too small",
+            f"{name}: {commands} commands and {pressures} pressures; meter at least filling, "
+            "closed and emptying at three pressures.",
+        )
+        return
+    size = float(np.quantile(np.abs(flow.q_m), 0.9)) or float(np.abs(flow.q_m).max())
+    order = np.lexsort((p, u))
+    same = (np.diff(u[order]) == 0) & (np.diff(p[order]) == 0)
+    spread = np.abs(np.diff(flow.q_m[order])) * same
+    k = int(np.argmax(spread))
+    if spread[k] > REPEATED * size:
+        yield _finding(
+            Grade.SEVERE if spread[k] > CONTRADICTED * size else Grade.CAUTION,
+            "flow map with two flows of a point",
+            f"{name}: at {u[order[k]]:.4g} V and {p[order[k]]:.6g} Pa it states "
+            f"{flow.q_m[order[k]]:.3g} and {flow.q_m[order[k + 1]]:.3g} kg/s "
+            f"({int(np.count_nonzero(spread > REPEATED * size))} such points); meter them again.",
+        )
+    correlation = float(spearmanr(u, flow.q_m).statistic)
+    if correlation < CORRELATED:
+        remedy = (
+            "is the sign of u or q_m reversed?"
+            if correlation < -CORRELATED
+            else "are its columns swapped, or its rows mixed?"
+        )
+        yield _finding(
+            Grade.SEVERE,
+            "flow map without opening",
+            f"{name}: the flow does not grow with the command (rank correlation "
+            f"{correlation:.2f}); {remedy}",
+        )
+        return
+    yield from _outliers(flow, size)
+
+
+def _outliers(flow: MeteredFlow, size: float) -> Iterator[Finding]:
+    """Yield points far from those around them."""
+    points = np.column_stack([x / np.ptp(x) for x in (flow.u, flow.p)])
+    count = min(AROUND + 1, flow.u.size)
+    nearest = np.asarray(cKDTree(points).query(points, k=count)[1])
+    off = np.abs(flow.q_m - np.median(flow.q_m[nearest[:, 1:]], axis=1))
+    usual = float(np.quantile(off, 0.9))
+    far = np.flatnonzero(off > max(OUTLIER * usual, CONTRADICTED * size))
+    if far.size:
+        k = int(far[np.argmax(off[far])])
+        yield _finding(
+            Grade.CAUTION,
+            "flow map with outliers",
+            f"{flow.path.name}: point {k + 1}, {flow.u[k]:.4g} V and {flow.p[k]:.6g} Pa, states "
+            f"{flow.q_m[k]:.3g} kg/s, those around it {flow.q_m[k] - off[k]:.3g} or so "
+            f"({far.size} such points); meter it again, or remove it.",
+        )
+
+
+def _finding(grade: Grade, name: str, text: str) -> Finding:
+    return Finding(grade, name, "flow_map", text)
 
 
 def _interpolation(u: FloatArray, p: FloatArray, q_m: FloatArray) -> Any:

@@ -11,6 +11,7 @@ from pneumo_casadi.data.bench.pid_controllers import CascadeController, PidContr
 from pneumo_casadi.data.bench.quantities import LENGTHS, PRESSURES, SUPPLY_PRESSURE, Quantity
 from pneumo_casadi.data.checks.finding import ContradictionError, Finding, Grade
 from pneumo_casadi.data.readers.column_entries import ColumnEntries
+from pneumo_casadi.data.recording.channels import UNITS
 from pneumo_casadi.data.recording.recording import Recording
 from pneumo_casadi.errors import CaseError
 
@@ -20,6 +21,7 @@ COMPRESSION = 1.5  # a closed chamber may be compressed above the supply pressur
 CHARGED = 0.1  # share of the supply's gauge pressure that the chambers of a moving axis exceed
 USUAL_SUPPLY = 7e5  # Pa, where none is stated
 OTHER_UNIT = 5.0  # beyond this multiple of its limit a value has another unit
+LARGEST = 1e9  # SI units: a thousand times the supply pressure, the largest signal of an axis
 WIDESPREAD = 0.05  # share of the rows beyond which the column, not a spike, is wrong
 
 
@@ -31,6 +33,13 @@ def check_ranges(recording: Recording, bench: AnyBench, entries: ColumnEntries) 
     CaseError
         Naming the first row outside, its value, and the unit it may be in.
     """
+    for name in recording.names:
+        k = int(np.argmax(np.abs(recording[name])))
+        if abs(recording[name][k]) > LARGEST:
+            raise CaseError(
+                f"{recording.where(k)}: `{name}` is {recording[name][k]:g} {UNITS[name]}, which no "
+                "axis has; cut these rows out, or correct the column"
+            )
     if isinstance(bench, Bench):
         _check_position(recording, bench, entries)
         for channel in ("p_P", "p_N"):

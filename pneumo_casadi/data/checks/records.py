@@ -3,8 +3,12 @@
 import logging
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import combinations
 from pathlib import Path
 from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
 
 from pneumo_casadi.data.bench.bench import Bench
 from pneumo_casadi.data.bench.driven_bench import AnyBench, PressureBench
@@ -12,7 +16,7 @@ from pneumo_casadi.data.checks.balance_mistakes import check_mass_balances
 from pneumo_casadi.data.checks.chambers import cannot_tell, check_chambers
 from pneumo_casadi.data.checks.finding import ContradictionError, Finding, Grade, merge_findings
 from pneumo_casadi.data.checks.force_balance import check_driven_mass, check_force_balance
-from pneumo_casadi.data.checks.metered_flow import MeteredFlow
+from pneumo_casadi.data.checks.metered_flow import MeteredFlow, check_flow_map
 from pneumo_casadi.data.checks.motion_sensors import check_motion_sensors
 from pneumo_casadi.data.checks.ranges import check_ranges
 from pneumo_casadi.data.checks.sensors import check_sensors
@@ -31,6 +35,8 @@ from pneumo_casadi.errors import CaseError
 log = logging.getLogger(__name__)
 
 CLOCK_TOLERANCE = 1e-3
+SHARED = 0.1
+"""Share of unique rows that two records do not have in common by chance."""
 OF_ALL_RECORDS = frozenset({"map of another valve", "swapped areas", "ratio of the areas"})
 _NO_FLOWS: Mapping[str, MeteredFlow] = MappingProxyType({})
 
@@ -95,18 +101,63 @@ def check_records(
         The gravest first; what several records have in common is one finding. Logged as
         warnings, unless contradictions are findings: then they are the result.
     """
+    recordings = tuple(recordings)
     by_record = [
         check_recording(recording, bench, flows, entries)
         if refuse
         else _check_willingly(recording, bench, flows, entries)
         for recording in recordings
     ]
+    whole = [
+        *_check_copies(recordings, bench),
+        *(finding for flow in _distinct(flows) for finding in check_flow_map(flow)),
+    ]
     findings = merge_findings(
-        _unless_doubtful(finding, by_record) for findings in by_record for finding in findings
+        [
+            *(_unless_doubtful(item, by_record) for findings in by_record for item in findings),
+            *whole,
+        ]
     )
     for finding in findings if refuse else ():
         log.warning("%s: %s", finding.grade, finding.sentence)
     return findings
+
+
+def _distinct(flows: Mapping[str, MeteredFlow]) -> Iterable[MeteredFlow]:
+    return {id(flow): flow for flow in flows.values()}.values()
+
+
+def _check_copies(recordings: Sequence[Recording], bench: AnyBench) -> Iterator[Finding]:
+    """Yield records that share rows: what is measured once would count twice.
+
+    Noise makes rows of several sensors unique; rows that a record has twice, of coarse sensors at
+    rest, are left out.
+    """
+    signals = (*bench.kind.outputs, *bench.kind.inputs)
+    names = [name for name in signals if all(name in recording for recording in recordings)]
+    keys = [_row_keys(recording, names) for recording in recordings] if names else []
+    for (first, a), (second, b) in combinations(zip(recordings, keys, strict=False), 2):
+        fewest = min(a.size, b.size)
+        share = np.intersect1d(a, b, assume_unique=True).size / fewest if fewest else 0.0
+        if fewest >= FEWEST_ROWS and share > SHARED:
+            yield Finding(
+                Grade.SEVERE,
+                "copied rows",
+                "record",
+                f"`{first.name}` and `{second.name}` share {100 * share:.0f} % of the rows of the "
+                "shorter: what is measured once counts twice, and intervals come out too small; "
+                "remove one.",
+                source=f"{first.name} and {second.name}",
+            )
+
+
+def _row_keys(recording: Recording, names: Sequence[str]) -> NDArray[np.void]:
+    """Return the rows of the sensors, those that occur once, to seven digits."""
+    rows = np.ascontiguousarray(recording.stack(names), dtype=np.float32)
+    keys = rows.view(np.dtype((np.void, rows.itemsize * len(names)))).ravel()
+    values, counts = np.unique(keys, return_counts=True)
+    once: NDArray[np.void] = values[counts == 1]
+    return once
 
 
 def _check_willingly(

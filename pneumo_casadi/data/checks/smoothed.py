@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
@@ -44,8 +45,12 @@ class BlockMeans:
     def __call__(self, values: FloatArray) -> FloatArray:
         """Return the smoothed values, shape (blocks,)."""
         means = values[: self.rows * self.blocks].reshape(self.blocks, self.rows).mean(axis=1)
-        low_pass = butter(2, min(CUT_OFF, 0.2 / self.dt), fs=1 / self.dt, output="sos")
-        return np.asarray(sosfiltfilt(low_pass, means), dtype=float)
+        return np.asarray(sosfiltfilt(_low_pass(self.dt), means), dtype=float)
+
+
+@lru_cache(maxsize=8)
+def _low_pass(dt: float) -> FloatArray:
+    return np.asarray(butter(2, min(CUT_OFF, 0.2 / dt), fs=1 / dt, output="sos"), dtype=float)
 
 
 @dataclass(frozen=True, slots=True)

@@ -30,6 +30,8 @@ NAMES: Mapping[str, str] = {
     "a": r"a|acc(eleration)?|ddx|xddot",
 }
 UNIT_NAMES = {unit.lower(): unit for factors in SI_FACTORS.values() for unit in factors}
+#: Longest name that is searched for a unit: the search takes the third power of the length.
+LONGEST = 100
 GAUGE_NAMES = ("barg", "bar_g", "gauge", "rel", "relativ")
 
 
@@ -132,6 +134,8 @@ def _without_unit(name: str) -> tuple[str, str]:
 
     Of a field of a MAT struct, as ``log.pA``, the last part is the name.
     """
+    if len(name) > LONGEST:
+        return name, ""
     field = re.fullmatch(r"(?:[A-Za-z_]\w*\.)+(.+)", name)
     name = field[1] if field else name
     match = re.fullmatch(r"(.*?)[\s_\-]*[\[(/_\s]\s*([A-Za-zµ]+\d?)\s*[\])]?", name)

@@ -19,6 +19,8 @@ import numpy as np
 MOST = 100
 #: Most vectors of a file, and deepest nesting: loggers write some dozens, three levels deep.
 MOST_VECTORS, DEEPEST = 20_000, 30
+#: Most values of an array: an hour of ten channels at 5 kHz.
+MOST_VALUES = 2 * 10**8
 #: Address space of the process [bytes]: a compressed file may claim any size.
 MEMORY = 8 * 2**30
 #: Time to parse a file [s], and in addition per 100 MB; a few seconds are usual.
@@ -179,6 +181,8 @@ def _hdf5_vectors(name: str, item: Any, file: Any, entered: set[Any], depth: int
                 f"{name}{{{k + 1}}}", file[reference], file, entered, depth + 1
             )
     elif item.dtype.kind in "fiub" and item.attrs.get("MATLAB_class") != b"char":
+        if item.size > MOST_VALUES:  # chunks that are not stored take no room in the file
+            raise ValueError(f"{name}: {item.size} values, more than {MOST_VALUES}")
         yield from _columns(name, np.asarray(item[()]).T)
 
 

@@ -56,8 +56,19 @@ def read_recording(
     CaseError
         If the file cannot be read, has no time, or its clock or a value is wrong.
     """
-    path = Path(path)
-    table = read_table(path, {*COLUMNS, *(columns or {})})
+    table = read_table(Path(path), {*COLUMNS, *(columns or {})})
+    return recording_of_table(table, hold, columns, name, clock)
+
+
+def recording_of_table(
+    table: Table,
+    hold: InputHold,
+    columns: Mapping[str, ColumnSpec] | None = None,
+    name: str | None = None,
+    clock: Clock = Clock.UNIFORM,
+) -> Recording:
+    """Return the recording that a table holds; arguments and errors as in `read_recording`."""
+    path = table.path
     meaning = _assign_columns(table, columns or {})
     channels = {
         column.channel: column.to_si(table.columns[file_name]) for file_name, column in meaning
