@@ -30,6 +30,8 @@ CSV_FIRST_LINE = 2  # the header stands in line 1
 LARGEST = 2**30
 #: Noisy numbers are packed to a tenth; a small file may unpack to `SMALL` bytes all the same.
 RATIO, SMALL = 100, 64 * 2**20
+#: Most columns of a table: loggers write some dozens.
+MOST_COLUMNS = 10_000
 #: Most rows of a binary table: an hour at 5 kHz.
 MOST_ROWS = 20_000_000
 
@@ -159,6 +161,11 @@ def _header(path: Path, text: bytes) -> list[str]:
             "columns only, and a point in numbers"
         )
     names = [name.strip().strip('"') for name in line.strip().split(",")]
+    if len(names) > MOST_COLUMNS:
+        raise CaseError(
+            f"{path}: line 1 names {len(names)} columns, more than the {MOST_COLUMNS} that are read"
+            "; is the file transposed?"
+        )
     if len(names) == 1 and (";" in line or "\t" in line):
         raise CaseError(
             f"{path}: line 1 separates columns by semicolon or tab; use commas between columns "
