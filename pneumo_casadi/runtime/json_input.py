@@ -195,10 +195,23 @@ def _check_values(content: Any) -> None:
                 f"`{where}`: expected a finite number, got {value} or a number too large; "
                 "write one that was measured"
             )
+        for text in value if isinstance(value, dict) else (value,):
+            if isinstance(text, str) and not text.isascii():
+                _check_text(where, text)
         if isinstance(value, dict):
             waiting += [(_joined(where, key), item, depth + 1) for key, item in value.items()]
         elif isinstance(value, list):
             waiting += [(_joined(where, k), item, depth + 1) for k, item in enumerate(value)]
+
+
+def _check_text(where: str, text: str) -> None:
+    """Check that a text can be written again: JSON can hold half of a character."""
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        raise CaseError(
+            f"`{where}`: {shown(text)} holds half of a character; write it anew"
+        ) from None
 
 
 def _explained(message: str, content: Any, model: Any, where: str) -> str:

@@ -68,6 +68,8 @@ def test_text_of_all_encodings_and_line_ends_gives_the_same_numbers(tmp_path, go
         (f'{{"a": {"9" * 5000}}}', "`a`: expected a finite number"),
         ('{"a": 1, "a": 2}', "key `a` stands twice"),
         ("[1]", "expected a JSON object"),
+        ('{"a": "\\ud800"}', "`a`: .* holds half of a character"),
+        ('{"\\ud800": 1}', "holds half of a character"),
     ],
 )
 def test_json_without_bounds_is_refused(tmp_path, text, message):
