@@ -9,8 +9,8 @@ from pneumo_casadi.data import Case, Grade, read_case
 from pneumo_casadi.diagnosis.checks.parameter_checks import check_fit
 from pneumo_casadi.diagnosis.decide.decision import Decision, decide_verdict
 from pneumo_casadi.diagnosis.decide.ranking import (
+    by_contribution,
     effects_found,
-    in_order_added,
     parameter_values,
     rank_candidates,
 )
@@ -134,7 +134,7 @@ def diagnose(
     where = locate(
         study,
         selection.nominal,
-        in_order_added(selection, effects) if named else (),
+        by_contribution(selection, effects) if named else (),
         selection.final if named else None,
         gap=decision.has_gap,
         inputs=inputs,

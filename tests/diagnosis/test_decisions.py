@@ -21,6 +21,7 @@ from pneumo_casadi.diagnosis.metrics.residual_size import BACKGROUND, BalanceLev
 from pneumo_casadi.diagnosis.prepare.study import FittedModel
 from pneumo_casadi.diagnosis.select import plausibility
 from pneumo_casadi.diagnosis.select.acceptance import accepted
+from pneumo_casadi.diagnosis.select.contributions import contributions
 from pneumo_casadi.diagnosis.select.forward_selection import Selection
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.estimation.output_error.result import FlowMapDeviation
@@ -49,6 +50,44 @@ def selected(nominal, fits=None, path=(), **given):
 
 
 ONE = (("stribeck",),)
+
+
+# Contributions.
+
+
+def ledger_of(fits, refits):
+    """A ledger that holds some fits and, once asked, gives others; `KeyError` for any more."""
+
+    def fit_all(starts):
+        kept.fits |= {
+            key: refits[key] for key in starts if key not in kept.fits and refits[key] is not None
+        }
+
+    kept = SimpleNamespace(fits=dict(fits), fit_all=fit_all, key=lambda names: tuple(sorted(names)))
+    return kept
+
+
+def test_the_effect_without_which_most_of_the_gap_comes_back_is_first():
+    nominal, final = fitted(1, 1, with_gap(10)), fitted(1, 1, with_gap(1))
+    ledger = ledger_of(
+        {("a", "b"): final, ("a",): fitted(1, 1, with_gap(7))}, {("b",): fitted(1, 1, with_gap(3))}
+    )
+    shares = contributions(ledger, nominal, ("a", "b"), LEVELS)
+    assert list(shares) == ["b", "a"]
+    assert list(shares.values()) == pytest.approx([0.6, 0.2])
+
+
+def test_an_effect_alone_contributes_what_it_closes():
+    nominal, final = fitted(1, 1, with_gap(10)), fitted(1, 1, with_gap(2))
+    shares = contributions(ledger_of({("a",): final}, {}), nominal, ("a",), LEVELS)
+    assert shares == pytest.approx({"a": 0.8})
+
+
+def test_a_model_that_cannot_be_fitted_without_an_effect_leaves_the_whole_gap():
+    nominal, final = fitted(1, 1, with_gap(10)), fitted(1, 1, with_gap(2))
+    refits = {("a",): None, ("b",): fitted(1, 1, with_gap(5))}
+    shares = contributions(ledger_of({("a", "b"): final}, refits), nominal, ("a", "b"), LEVELS)
+    assert shares == pytest.approx({"b": 0.8, "a": 0.3})
 
 
 # Acceptance.

@@ -8,9 +8,8 @@ import numpy as np
 from pneumo_casadi.diagnosis.decide.result import Verdict
 from pneumo_casadi.diagnosis.decide.unknown import CLEAR_RESIDUAL, VISIBLE, is_unknown
 from pneumo_casadi.diagnosis.metrics.residual_size import (
-    MAX_COARSE_MAP,
-    gaps,
     residual_rms,
+    share_left,
     squares,
 )
 from pneumo_casadi.diagnosis.prepare.study import FittedModel
@@ -20,9 +19,6 @@ from pneumo_casadi.diagnosis.select.sensor_effects import CLOSED_SHARE_LEFT
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.parameters import FloatArray
 
-#: Gaps below this share of the largest, in units of their noise floors, are ignored as residual
-#: misfit.
-MAIN_GAP_SHARE = 0.3
 #: Probability of the best model if no effect of the catalogue explains the gap. Of 38 such cases on
 #: the virtual bench, most of them with the cause taken out of the catalogue, one was right.
 UNKNOWN_CAUSE_PROBABILITY = 0.08
@@ -86,33 +82,15 @@ def _one_form_residual(selection: Selection, effects: Sequence[Effect]) -> bool:
 def unexplained(selection: Selection) -> float:
     """Return the share of the held-out gap that the final model leaves, in the worst balance.
 
-    Balances whose gap is small compared with the largest are ignored. So are mass flow balances
-    near the misfit of a coarse flow map, if another balance has a larger gap. The gap of a sensor
-    effect is visible in simulations only: if simulations have decided the selection, the share of
-    the simulated gap is returned.
+    See `share_left`. The gap of a sensor effect is visible in simulations only: if simulations
+    have decided the selection, the share of the simulated gap is returned.
     """
     simulated = selection.gap_left.get(selection.chosen, 1.0)
     if simulated < CLOSED_SHARE_LEFT or (
         len(selection.chosen) > 1 and selection.chosen in selection.output_error_fits
     ):
         return simulated
-    before, after = (
-        _above(residual_rms(fit), selection) for fit in (selection.nominal, selection.final)
-    )
-    main = before > max(MAIN_GAP_SHARE * float(before.max(initial=0.0)), 1e-12)
-    coarse = residual_rms(selection.nominal) < MAX_COARSE_MAP * selection.levels.noise
-    coarse[-1] = False  # the force has no map
-    if np.any(main & ~coarse):
-        main &= ~coarse
-    if not main.any():
-        return 0.0
-    return float(np.max(after[main] / before[main]))
-
-
-def _above(rms: FloatArray, selection: Selection) -> FloatArray:
-    """Return the gaps of all balances in units of their noise floors."""
-    levels = selection.levels
-    return np.asarray(gaps(rms, levels) * levels.signal / levels.noise)
+    return share_left(selection.nominal, selection.final, selection.levels)
 
 
 def _trust(left: float, selection: Selection) -> float:

@@ -51,17 +51,18 @@ def _labelled(names: Names, own: Mapping[str, Value]) -> Mapping[str, Value]:
 def effects_found(
     study: Study, selection: Selection, judgement: Judgement, catalogue: Catalogue
 ) -> tuple[EffectFound, ...]:
-    """Return the effects in the order in which they were added."""
+    """Return the effects, the one that closes most of the gap first."""
     own = _own(study, selection.final, selection.chosen, catalogue)
     return tuple(
         EffectFound(
             cause_of(name, catalogue),
             min(1.0, sum(p for names, p in judgement.probability.items() if name in names)),
             _short(own, name),
+            selection.contributions.get(name, 0.0),
             name,
             _closures_of_forms(selection, cause_of(name, catalogue)),
         )
-        for name in _order(selection)
+        for name in selection.contributions
     )
 
 
@@ -73,17 +74,10 @@ def _closures_of_forms(selection: Selection, cause: str) -> dict[str, float]:
     }
 
 
-def _order(selection: Selection) -> list[str]:
-    order: list[str] = []
-    for names in selection.path:
-        order += [name for name in names if name not in order]
-    return [name for name in order if name in selection.chosen]
-
-
-def in_order_added(selection: Selection, effects: Sequence[Effect]) -> tuple[Effect, ...]:
-    """Return the effects of the final model in the order in which they were added."""
+def by_contribution(selection: Selection, effects: Sequence[Effect]) -> tuple[Effect, ...]:
+    """Return the effects of the final model, the one that closes most of the gap first."""
     by_name = {effect.name: effect for effect in effects}
-    return tuple(by_name[name] for name in _order(selection))
+    return tuple(by_name[name] for name in selection.contributions)
 
 
 def rank_candidates(

@@ -53,8 +53,8 @@ class Diagnosis(Presentable):
     verdict : Verdict
         Conclusion.
     effects : tuple of EffectFound
-        Effects of the final model, in the order in which they were added; empty for the verdicts
-        none, unknown and absorbed.
+        Effects of the final model, the one that closes most of the gap first; empty for the
+        verdicts none, unknown and absorbed.
     ranking : tuple of Candidate
         All candidates, the most probable first, failed ones last.
     where : Where
@@ -156,6 +156,7 @@ class Diagnosis(Presentable):
                     "form": effect.form,
                     "forms": dict(effect.forms),
                     "probability": effect.probability,
+                    "contribution": effect.contribution,
                     "parameters": _values(effect.parameters),
                 }
                 for effect in self.effects

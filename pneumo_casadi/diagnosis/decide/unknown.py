@@ -6,12 +6,10 @@ checks, unless the verdict is ``none`` or may be ``absorbed``; it turns ``unknow
 ``absorbed`` if the parameters show that the valve of chamber N differs.
 """
 
-from pneumo_casadi.diagnosis.metrics.residual_size import COARSE_MAP
+from pneumo_casadi.diagnosis.metrics.residual_size import COARSE_MAP, MAX_SHARE_LEFT
 
 #: Held-out residuals over the noise floor from which a balance has a gap that calls for a cause.
 VISIBLE = COARSE_MAP
-#: Share of the gap that the best effects may leave; more has another cause.
-MAX_SHARE_LEFT = 0.5
 #: The same where every effect of the model has one form only, and residuals over the noise floor
 #: from which that counts: true offsets and leaks leave a twentieth, what is taken for them a tenth.
 MAX_SHARE_LEFT_BY_ONE_FORM, CLEAR_RESIDUAL = 0.08, 2.5

@@ -52,7 +52,7 @@ def locate(
     nominal : FittedModel
         Its fit without effects.
     cause : sequence of Effect, optional
-        Effects found, in the order in which they were added: the location is that of the first.
+        Effects found, the one that closes most first: the location is that of the first.
     fitted : FittedModel, optional
         The fit with them: shows in which balance the first one adds most.
     gap : bool, optional

@@ -65,6 +65,8 @@ class EffectFound:
         That it is part of the cause.
     parameters : mapping of str to Value
         Its own parameters as fitted, by their short names.
+    contribution : float, optional
+        Share of the held-out gap that comes back without it.
     form : str, optional
         Effect of the catalogue that was added, one of the forms of this cause; by default the one
         that has its name.
@@ -75,6 +77,7 @@ class EffectFound:
     name: str
     probability: float
     parameters: Mapping[str, Value]
+    contribution: float = 0.0
     form: str = ""
     forms: Mapping[str, float] = field(default_factory=dict)
 
@@ -89,7 +92,7 @@ class Candidate:
     Parameters
     ----------
     names : tuple of str
-        Effects in the order in which they were added.
+        Effects of the model.
     probability : float
         That these and no others are the cause.
     closure : Closure or None

@@ -30,6 +30,11 @@ COARSE_MAP = 1.5
 #: Largest mass flow residuals over the noise floor that a coarse map alone can explain: two axes of
 #: the virtual bench without any effect in these balances had 1.8.
 MAX_COARSE_MAP = 1.9
+#: Gaps below this share of the largest, in units of their noise floors, are ignored as residual
+#: misfit.
+MAIN_GAP_SHARE = 0.3
+#: Share of the gap that effects may leave and still explain it; more has another cause.
+MAX_SHARE_LEFT = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,6 +110,30 @@ def residual_rms(fitted: FittedModel, held_out: bool = True) -> FloatArray:
 def gaps(rms: FloatArray, levels: BalanceLevels) -> FloatArray:
     """Return the gap of each balance beyond what a right model leaves; see `metrics.gap`."""
     return gap(rms**2, levels.noise, levels.signal, margin=BACKGROUND)
+
+
+def overall_gap(fitted: FittedModel, levels: BalanceLevels) -> float:
+    """Return the root sum of squares of the gaps of all balances, in signals."""
+    return float(np.linalg.norm(gaps(residual_rms(fitted), levels)))
+
+
+def share_left(before: FittedModel, after: FittedModel, levels: BalanceLevels) -> float:
+    """Return the share of the held-out gap that a model leaves, in the worst balance.
+
+    Balances whose gap is small compared with the largest are ignored. So are mass flow balances
+    near the misfit of a coarse flow map, if another balance has a larger gap.
+    """
+    old, new = (
+        gaps(residual_rms(fit), levels) * levels.signal / levels.noise for fit in (before, after)
+    )
+    main = old > max(MAIN_GAP_SHARE * float(old.max(initial=0.0)), 1e-12)
+    coarse = residual_rms(before) < MAX_COARSE_MAP * levels.noise
+    coarse[-1] = False  # the force has no map
+    if np.any(main & ~coarse):
+        main &= ~coarse
+    if not main.any():
+        return 0.0
+    return float(np.max(new[main] / old[main]))
 
 
 def bootstrap_gain(

@@ -11,16 +11,19 @@ import numpy as np
 from pneumo_casadi.diagnosis.metrics.residual_size import (
     COARSE_MAP,
     MAX_COARSE_MAP,
+    MAX_SHARE_LEFT,
     BalanceLevels,
     balance_levels,
     gaps,
     residual_rms,
+    share_left,
 )
 from pneumo_casadi.diagnosis.metrics.simulated_gap import Simulations
 from pneumo_casadi.diagnosis.prepare.fit_store import Store
 from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study, fit_model
 from pneumo_casadi.diagnosis.screen.screen import ScreenResult, background
 from pneumo_casadi.diagnosis.select.acceptance import accepted
+from pneumo_casadi.diagnosis.select.contributions import contributions
 from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue, Failed, FitLedger, Names, Start
 from pneumo_casadi.diagnosis.select.forms import forms_to_fit, keep_best_forms
 from pneumo_casadi.diagnosis.select.plausibility import find_plausible_extension
@@ -32,8 +35,11 @@ from pneumo_casadi.diagnosis.select.sensor_effects import (
 from pneumo_casadi.estimation.equation_error.balance_functions import any_sensor_memory
 from pneumo_casadi.runtime.progress import Progress, no_progress
 
-#: Largest number of effects in a model.
-MAX_EFFECTS = 3
+#: Largest number of effects in a model: four to six weak ones act on a real axis.
+MAX_EFFECTS = 6
+#: A model of so many effects that does not explain the gap gets no more: one by one, effects would
+#: take up parts of a cause that is none of them.
+MAX_UNEXPLAINED = 3
 #: Effects refitted in later rounds, in the order of the screen. The first round refits all: a
 #: linearisation at the nominal fit does not predict the gain of a large effect.
 LATER_ROUNDS = 5
@@ -73,6 +79,8 @@ class Selection:
         Of the held-out records, those already done.
     forms : mapping of str to mapping of str to FittedModel
         By cause of which the catalogue has several forms: the fit of each form alone.
+    contributions : mapping of str to float
+        Share of the gap that comes back without each effect of the final model, the largest first.
     """
 
     nominal: FittedModel
@@ -86,6 +94,7 @@ class Selection:
     trials: Mapping[Names, float]
     simulations: Simulations
     forms: Mapping[str, Mapping[str, FittedModel]] = field(default_factory=dict)
+    contributions: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def chosen(self) -> Names:
@@ -128,6 +137,7 @@ def select_effects(
     forms = keep_best_forms(ledger)
     first = {name: result for name, result in first.items() if name not in ledger.left_out}
     path = _forward(ledger, nominal, levels, report)
+    shares = contributions(ledger, nominal, path[-1], levels) if path else {}
     failures = tuple(ledger.failures.values())
     return Selection(
         nominal,
@@ -141,6 +151,7 @@ def select_effects(
         {key: share for key, (_, share) in ledger.trials.items()},
         ledger.simulations,
         forms,
+        shares,
     )
 
 
@@ -151,8 +162,11 @@ def _forward(
     current = nominal
     for round_ in range(MAX_EFFECTS):
         known: Names = path[-1] if path else ()
+        left = share_left(nominal, current, levels)
+        if round_ >= MAX_UNEXPLAINED and left > MAX_SHARE_LEFT:
+            break
         if round_:
-            report(f"looking for effect {round_ + 1}", 0.4 + 0.15 * round_)
+            report(f"looking for effect {round_ + 1}", 0.4 + 0.07 * round_)
             _extend(ledger, nominal, current, known)
         if round_ == 1:
             _fit_pairs(ledger)

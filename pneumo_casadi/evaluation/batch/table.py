@@ -28,7 +28,7 @@ class Row:
     verdict : str
         A `Verdict` by its value, or ``failed``.
     effects : tuple of str
-        Found, in the order in which they were added.
+        Found, the one that closes most of the gap first.
     probabilities : tuple of float
         That each of them is part of the cause.
     alike : tuple of str

@@ -136,8 +136,15 @@ def _cause(effect: EffectFound, catalogue: Catalogue) -> str:
     size = f" Parameters: {'; '.join(sizes)}." if sizes else ""
     return (
         f"{_capital(plain(effect.name))} (probability {chance(effect.probability)}): "
-        f"{described_as(effect.form, catalogue)}{size}{_forms(effect)}"
+        f"{described_as(effect.form, catalogue)}{size}{_share(effect)}{_forms(effect)}"
     )
+
+
+def _share(effect: EffectFound) -> str:
+    """Return how much of the gap comes back without an effect, if that was worked out."""
+    if not effect.contribution:
+        return ""
+    return f" Without it {whole(effect.contribution)} of the gap come back."
 
 
 def _forms(effect: EffectFound) -> str:
