@@ -55,39 +55,38 @@ ONE = (("stribeck",),)
 # Contributions.
 
 
-def ledger_of(fits, refits):
-    """A ledger that holds some fits and, once asked, gives others; `KeyError` for any more."""
+def ledger_of(left):
+    """A ledger whose models leave these shares of the simulated gap; None for a fit that fails."""
 
-    def fit_all(starts):
-        kept.fits |= {
-            key: refits[key] for key in starts if key not in kept.fits and refits[key] is not None
-        }
+    def fit_all(models):
+        kept.fits |= {key: key for key in models if left[key] is not None}
 
-    kept = SimpleNamespace(fits=dict(fits), fit_all=fit_all, key=lambda names: tuple(sorted(names)))
+    kept = SimpleNamespace(
+        fits={}, output_error_fits={}, fit_all=fit_all,
+        key=lambda names: tuple(sorted(names)), effects=lambda names: names,
+        simulations=SimpleNamespace(
+            knows=lambda fit: True, share=lambda nominal, fit, effects: left[effects]
+        ),
+    )  # fmt: skip
     return kept
 
 
-def test_the_effect_without_which_most_of_the_gap_comes_back_is_first():
-    nominal, final = fitted(1, 1, with_gap(10)), fitted(1, 1, with_gap(1))
-    ledger = ledger_of(
-        {("a", "b"): final, ("a",): fitted(1, 1, with_gap(7))}, {("b",): fitted(1, 1, with_gap(3))}
-    )
-    shares = contributions(ledger, nominal, ("a", "b"), LEVELS)
-    assert list(shares) == ["b", "a"]
-    assert list(shares.values()) == pytest.approx([0.6, 0.2])
-
-
-def test_an_effect_alone_contributes_what_it_closes():
-    nominal, final = fitted(1, 1, with_gap(10)), fitted(1, 1, with_gap(2))
-    shares = contributions(ledger_of({("a",): final}, {}), nominal, ("a",), LEVELS)
-    assert shares == pytest.approx({"a": 0.8})
-
-
-def test_a_model_that_cannot_be_fitted_without_an_effect_leaves_the_whole_gap():
-    nominal, final = fitted(1, 1, with_gap(10)), fitted(1, 1, with_gap(2))
-    refits = {("a",): None, ("b",): fitted(1, 1, with_gap(5))}
-    shares = contributions(ledger_of({("a", "b"): final}, refits), nominal, ("a", "b"), LEVELS)
-    assert shares == pytest.approx({"b": 0.8, "a": 0.3})
+@pytest.mark.parametrize(
+    ("left", "expected"),
+    [
+        ({("a", "b"): 0.1, ("a",): 0.7, ("b",): 0.3}, {"b": 0.6, "a": 0.2}),
+        ({("a",): 0.2}, {"a": 0.8}),  # alone it contributes what it closes
+        # Without an effect that a model needs to be fitted at all the whole gap is back.
+        ({("a", "b"): 0.2, ("a",): None, ("b",): 0.5}, {"b": 0.8, "a": 0.3}),
+    ],
+)
+def test_the_effect_without_which_most_of_the_gap_comes_back_is_first(left, expected):
+    final = max(left, key=len)
+    ledger = ledger_of(left)
+    ledger.fits[final] = SimpleNamespace(values={})
+    shares = contributions(ledger, None, final)
+    assert list(shares) == list(expected)
+    assert shares == pytest.approx(expected)
 
 
 # Acceptance.

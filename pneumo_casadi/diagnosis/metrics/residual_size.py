@@ -112,11 +112,6 @@ def gaps(rms: FloatArray, levels: BalanceLevels) -> FloatArray:
     return gap(rms**2, levels.noise, levels.signal, margin=BACKGROUND)
 
 
-def overall_gap(fitted: FittedModel, levels: BalanceLevels) -> float:
-    """Return the root sum of squares of the gaps of all balances, in signals."""
-    return float(np.linalg.norm(gaps(residual_rms(fitted), levels)))
-
-
 def share_left(before: FittedModel, after: FittedModel, levels: BalanceLevels) -> float:
     """Return the share of the held-out gap that a model leaves, in the worst balance.
 

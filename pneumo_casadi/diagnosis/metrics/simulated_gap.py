@@ -62,6 +62,10 @@ class Simulations:
         self.keep(fitted, self._simulated(fitted, effects))
         return self._kept[-1][1]
 
+    def knows(self, fitted: FittedModel) -> bool:
+        """Tell whether a fit was simulated."""
+        return any(known is fitted for known, _ in self._kept)
+
     def keep(self, fitted: FittedModel, windows: FloatArray | str) -> None:
         """Remember what was simulated elsewhere."""
         self._kept.append((fitted, windows))

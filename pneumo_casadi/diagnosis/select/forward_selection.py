@@ -137,7 +137,7 @@ def select_effects(
     forms = keep_best_forms(ledger)
     first = {name: result for name, result in first.items() if name not in ledger.left_out}
     path = _forward(ledger, nominal, levels, report)
-    shares = contributions(ledger, nominal, path[-1], levels) if path else {}
+    shares = contributions(ledger, nominal, path[-1]) if path else {}
     failures = tuple(ledger.failures.values())
     return Selection(
         nominal,
