@@ -7,6 +7,7 @@ from typing import Any
 
 from pneumo_casadi.effects.term.term import Term
 from pneumo_casadi.errors import ModelError
+from pneumo_casadi.runtime.atomic_files import atomic_file
 
 #: Keys of a file; ``text`` and ``units`` are for the reader and are not read back.
 KEYS = ("name", "balances", "factor", "driver", "formula", "parameters")
@@ -36,6 +37,11 @@ def write_term(term: Term, path: str | Path) -> Path:
     path : path
         File to write.
 
+    Returns
+    -------
+    path
+        The file written.
+
     Examples
     --------
     >>> import tempfile
@@ -44,9 +50,10 @@ def write_term(term: Term, path: str | Path) -> Path:
     ...     read_term(write_term(spring, Path(folder) / "spring.json")) == spring
     True
     """
-    path = Path(path)
-    path.write_text(json.dumps(term_as_dict(term), indent=2, ensure_ascii=False) + "\n", "utf-8")
-    return path
+    text = json.dumps(term_as_dict(term), indent=2, ensure_ascii=False) + "\n"
+    with atomic_file(path) as draft:
+        draft.write_text(text, "utf-8")
+    return Path(path)
 
 
 def read_term(path: str | Path) -> Term:
@@ -101,18 +108,23 @@ def write_term_source(term: Term, path: str | Path) -> Path:
         The term.
     path : path
         File to write. ``EFFECTS`` in it maps the name to the class.
+
+    Returns
+    -------
+    path
+        The file written.
     """
-    path = Path(path)
     parameters = "".join(
         f"        {name!r}: {value!r},\n" for name, value in term.parameters.items()
     )
-    path.write_text(
+    text = (
         f'"""{term.text}: a term that a diagnosis discovered."""\n\n'
         "from pneumo_casadi.effects.term import Term, term_effect\n\n"
         f"TERM = Term(\n    name={term.name!r},\n    balances={tuple(term.balances)!r},\n"
         f"    factor={term.factor!r},\n    driver={term.driver!r},\n    formula={term.formula!r},\n"
         f"    parameters={{\n{parameters}    }},\n)\n"
-        "EFFECTS = {TERM.name: term_effect(TERM)}\n",
-        "utf-8",
+        "EFFECTS = {TERM.name: term_effect(TERM)}\n"
     )
-    return path
+    with atomic_file(path) as draft:
+        draft.write_text(text, "utf-8")
+    return Path(path)
