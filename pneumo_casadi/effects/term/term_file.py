@@ -7,7 +7,6 @@ from typing import Any
 
 from pneumo_casadi.effects.term.term import Term
 from pneumo_casadi.errors import ModelError
-from pneumo_casadi.runtime.atomic_files import atomic_file
 
 #: Keys of a file; ``text`` and ``units`` are for the reader and are not read back.
 KEYS = ("name", "balances", "factor", "driver", "formula", "parameters")
@@ -51,9 +50,9 @@ def write_term(term: Term, path: str | Path) -> Path:
     True
     """
     text = json.dumps(term_as_dict(term), indent=2, ensure_ascii=False) + "\n"
-    with atomic_file(path) as draft:
-        draft.write_text(text, "utf-8")
-    return Path(path)
+    path = Path(path)
+    path.write_text(text, "utf-8")
+    return path
 
 
 def read_term(path: str | Path) -> Term:
@@ -125,6 +124,6 @@ def write_term_source(term: Term, path: str | Path) -> Path:
         f"    parameters={{\n{parameters}    }},\n)\n"
         "EFFECTS = {TERM.name: term_effect(TERM)}\n"
     )
-    with atomic_file(path) as draft:
-        draft.write_text(text, "utf-8")
-    return Path(path)
+    path = Path(path)
+    path.write_text(text, "utf-8")
+    return path
