@@ -322,11 +322,16 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--seed", type=int, default=21)
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--only", default="", help="part of the names of the kinds")
+    parser.add_argument(
+        "--commands", type=int, default=COMMANDS, help="one case in so many by the command line"
+    )
     parser.add_argument("--json", type=Path)
     parser.add_argument("--quick", action="store_true")
     options = parser.parse_args(arguments)
     cases = 200 if options.quick else options.cases
-    figures: Mapping[str, Any] = campaign(cases, options.seed, options.workers, options.only)
+    figures: Mapping[str, Any] = campaign(
+        cases, options.seed, options.workers, options.only, options.commands
+    )
     provenance.write(
         options.json,
         {**provenance.made(options.seed, options.quick, "pandas", "msgspec"), **figures},

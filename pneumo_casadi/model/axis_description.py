@@ -55,6 +55,12 @@ class AxisDescription:
                 raise ModelError(
                     f"effect {effect.name} needs pressures, which a {kind.title} has not"
                 )
+            absent = [name for name in effect.needs_constants if name not in self.constants]
+            if absent:
+                raise ModelError(
+                    f"effect {effect.name} needs {', '.join(absent)}, which the bench does not "
+                    "state"
+                )
 
     def __getstate__(self) -> dict[str, Any]:
         kept = ("bench", "flow", "effects", "parameters")

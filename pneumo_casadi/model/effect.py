@@ -149,6 +149,9 @@ class Effect:
         Whether the effect reads chamber pressures; it then cannot be added to a force-driven
         axis. Set it also if the effect overrides only junctions of both kinds of axis, for example
         a friction force that depends on the pressures.
+    needs_constants : tuple of str
+        Constants of the bench that the effect reads, such as ``"stroke"``; it cannot be added to an
+        axis whose bench does not state them.
 
     `equation`, `source`, `shows`, `confused_with`, `separated_by` and `passive` are for reports and
     documentation; an effect of your own does not need them.
@@ -187,6 +190,7 @@ class Effect:
     through_states: ClassVar[bool] = False
     scanned: ClassVar[Mapping[str, tuple[float, ...]]] = MappingProxyType({})
     needs_chambers: ClassVar[bool] = False
+    needs_constants: ClassVar[tuple[str, ...]] = ()
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)

@@ -108,6 +108,8 @@ def _position_from_end(balances: MassBalances, entries: ColumnEntries) -> Iterat
         if x.min() + offset < 1.01 * lower or x.max() + offset > 1.01 * upper:
             continue
         shifted = balances.left(position_offset=offset)
+        if _less_is_off(balances, shifted):
+            continue
         if _times_less(shifted, as_read) > LESS:
             yield Finding(
                 Grade.SEVERE,
@@ -129,8 +131,8 @@ def _position_offset(balances: MassBalances, entries: ColumnEntries) -> Iterator
     only where their sum is that of a cylinder.
     """
     half = balances.bench.stroke / 2
-    P, N = (balances.dead_length(chamber) / half for chamber in "PN")
-    if not (min(P, N) < -NEGATIVE_LENGTH and 0 < P + N < 1):
+    P, N = _dead_lengths(balances)
+    if not _is_negative(P, N):
         return
     chamber, offset = ("P" if P < N else "N"), float(f"{half * (P - N) / 2:.2g}")
     yield Finding(
@@ -144,6 +146,26 @@ def _position_offset(balances: MassBalances, entries: ColumnEntries) -> Iterator
         _moved(balances, entries, offset),
         balances.record.recording.name,
     )
+
+
+def _less_is_off(balances: MassBalances, shifted: tuple[float, float]) -> bool:
+    """Tell whether another offset than half the stroke leaves less: that of equal dead lengths."""
+    if not balances.metered or not _is_negative(*(lengths := _dead_lengths(balances))):
+        return False
+    equal = balances.bench.stroke / 4 * (lengths[0] - lengths[1])
+    return sum(shifted) > LESS * sum(balances.left(position_offset=equal))
+
+
+def _dead_lengths(balances: MassBalances) -> tuple[float, float]:
+    """Return the dead lengths of both chambers over half the stroke."""
+    half = balances.bench.stroke / 2
+    P, N = (balances.dead_length(chamber) / half for chamber in "PN")
+    return P, N
+
+
+def _is_negative(P: float, N: float) -> bool:
+    """Tell whether one of two dead lengths is negative though their sum is that of a cylinder."""
+    return min(P, N) < -NEGATIVE_LENGTH and 0 < P + N < 1
 
 
 def _positions(balances: MassBalances) -> list[str]:

@@ -32,6 +32,7 @@ class PositionFrictionCurve(Effect):
     shows = "force balance, over the position, with the sign of the velocity"
     confused_with = ("F_c_plus", "F_c_minus", "position_friction", "pressure_friction")
     separated_by = "slow full strokes both ways: a load keeps its sign, friction reverses it"
+    needs_constants = ("stroke",)
     parameters = tuple(
         Parameter(
             f"c_{'minus' if i < 0 else 'plus'}_{abs(i)}",
