@@ -153,7 +153,8 @@ def _check_copies(recordings: Sequence[Recording], bench: AnyBench) -> Iterator[
 
 def _row_keys(recording: Recording, names: Sequence[str]) -> NDArray[np.void]:
     """Return the rows of the sensors, those that occur once, to seven digits."""
-    rows = np.ascontiguousarray(recording.stack(names), dtype=np.float32)
+    with np.errstate(over="ignore"):  # what is beyond all sensors is alike
+        rows = np.ascontiguousarray(recording.stack(names), dtype=np.float32)
     keys = rows.view(np.dtype((np.void, rows.itemsize * len(names)))).ravel()
     values, counts = np.unique(keys, return_counts=True)
     once: NDArray[np.void] = values[counts == 1]

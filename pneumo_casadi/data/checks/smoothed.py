@@ -45,7 +45,10 @@ class BlockMeans:
     def __call__(self, values: FloatArray) -> FloatArray:
         """Return the smoothed values, shape (blocks,)."""
         means = values[: self.rows * self.blocks].reshape(self.blocks, self.rows).mean(axis=1)
-        return np.asarray(sosfiltfilt(_low_pass(self.dt), means), dtype=float)
+        # Continued at both ends by three times the filter's order and one, as SciPy does, or by
+        # what a very short record has.
+        padding = min(9, self.blocks - 1)
+        return np.asarray(sosfiltfilt(_low_pass(self.dt), means, padlen=padding), dtype=float)
 
 
 @lru_cache(maxsize=8)
@@ -124,7 +127,7 @@ class SmoothedRecord:
 
 def block_means(recording: Recording) -> BlockMeans:
     """Return what smooths the channels of a recording, blocks of about 5 ms."""
-    rows = max(1, round(BLOCK / recording.dt))
+    rows = max(1, min(round(BLOCK / recording.dt), recording.N // 2))
     return BlockMeans(rows, recording.N // rows, rows * recording.dt)
 
 

@@ -9,6 +9,9 @@ import numpy as np
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.parameters import FloatArray
 
+#: No quantity is as large in any unit; squares and differences of smaller values stay finite.
+LARGEST = 1e100
+
 UNITS: Mapping[str, str] = MappingProxyType(
     {
         "t": "s",
@@ -57,7 +60,7 @@ def checked(
     Raises
     ------
     CaseError
-        If it is no vector of `rows` values, or a value is not finite.
+        If it is no vector of `rows` values, or a value is not finite or beyond `LARGEST`.
     """
     array = np.array(values, dtype=float)
     if array.ndim != 1 or (rows is not None and array.size != rows):
@@ -65,7 +68,7 @@ def checked(
             f"{source}: `{channel}` has shape {array.shape}, expected "
             f"({'N' if rows is None else rows},); give one value a time stamp"
         )
-    wrong = np.flatnonzero(~np.isfinite(array))
+    wrong = np.flatnonzero(~(np.abs(array) < LARGEST))
     if wrong.size:
         raise CaseError(
             f"{where(int(wrong[0]))}: `{channel}` [{UNITS.get(channel, 'SI')}] is "
