@@ -20,7 +20,8 @@ def options_of_diagnosis(case: Case, diagnosis: Diagnosis) -> IdentifyOptions:
     """Return the options of `identify` that start from the final model of a diagnosis.
 
     The model has the effects that the verdict names; for other verdicts it is the nominal one.
-    Parameters of effects that the diagnosis held stay held.
+    Parameters of effects that the diagnosis held stay held, and so do the coefficients of curves:
+    output error does not know the priors that hold them where the records say little.
 
     Parameters
     ----------
@@ -47,10 +48,12 @@ def options_of_diagnosis(case: Case, diagnosis: Diagnosis) -> IdentifyOptions:
     _, flow = read_flow(case, options)
     axis = axis_of_options(case, flow, options)
     known = diagnosis.fitted if diagnosis.effects else diagnosis.nominal
+    curves = {effect.name for effect in axis.effects if list(effect.prior_rows())}
     held = [
         item.name
         for item in axis.parameters
-        if "." in item.name and not item.free and not known[item.name].std
+        if "." in item.name
+        and (not (item.free or known[item.name].std) or item.name.split(".")[0] in curves)
     ]
     return started_from(options, axis, {n: item.value for n, item in known.items()}, held)
 

@@ -13,6 +13,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.evaluation.sealed_check.draw import Draw, Kind
 from pneumo_casadi.runtime.json_files import write_json
@@ -28,6 +30,14 @@ class _Label(Section):
     kind: Kind
     seed: int
     effects: dict[str, str]
+    forms: dict[str, str] = msgspec.field(default_factory=dict)
+    background: list[str] = msgspec.field(default_factory=list)
+
+    @property
+    def draw(self) -> Draw:
+        return Draw(
+            self.name, self.kind, self.seed, self.effects, self.forms, tuple(self.background)
+        )
 
 
 class _Labels(Section):
@@ -150,9 +160,7 @@ def opened(folder: Path) -> tuple[tuple[Draw, ...], dict[str, dict[str, Any]]]:
         raise CaseError(f"{folder / LABELS}: not the labels that {SEAL} was made of; draw anew")
     try:
         labels = typed(kept["labels"], _Labels, "labels")
-        draws = tuple(
-            Draw(label.name, label.kind, label.seed, label.effects) for label in labels.draws
-        )
+        draws = tuple(label.draw for label in labels.draws)
     except CaseError as error:
         raise CaseError(f"{folder / LABELS}: {error}; draw anew") from None
     if sorted(draw.name for draw in draws) != names:
