@@ -90,11 +90,11 @@ def axis_dict(axis: Axis) -> dict[str, Any]:
         "effects": [effect.name for effect in axis.effects],
         "parameters": {
             item.name: {
-                "value": item.value,
+                "value": float(item.value),
                 "unit": item.unit,
                 "lower": _finite(item.lower),
                 "upper": _finite(item.upper),
-                "scale": item.scale,
+                "scale": float(item.scale),
                 "free": item.free,
             }
             for item in axis.parameters
@@ -218,4 +218,4 @@ def _parameter(name: str, item: ParameterSection) -> Parameter:
 
 
 def _finite(value: float) -> float | None:
-    return value if np.isfinite(value) else None
+    return float(value) if np.isfinite(value) else None

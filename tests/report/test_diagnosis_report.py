@@ -214,7 +214,8 @@ def test_every_verdict_is_drawn_and_has_a_page(verdict):
 @pytest.mark.slow
 def test_figures_are_as_wide_as_a_column_and_carry_units(drawn):
     assert set(drawn) == {
-        *("gap", "ranking", "where", "unknown_inputs", "regimes_force", "dashboard")
+        *("gap", "ranking", "where", "unknown_inputs", "regimes_force", "dashboard"),
+        "discovered_term",
     }
     for name, drawing in drawn.items():
         width = PAGE if name == "dashboard" else COLUMN
@@ -304,10 +305,11 @@ def test_a_folder_is_written_whole(written):
         "diagnosis.json",
         "report.html",
         "summary.txt",
+        "discovered_term.json",
         "figures",
     }
     content = json.loads((written / "diagnosis.json").read_text("utf-8"))
-    assert content == json.loads(json.dumps(made.EFFECT.as_dict()))
+    assert content == json.loads(json.dumps(made.with_curves().as_dict()))
     assert {path.suffix for path in (written / "figures").iterdir()} == {".png", ".svg"}
 
 
@@ -327,7 +329,7 @@ def test_the_page_requests_nothing_and_is_built_of_headings_tables_and_captions(
     assert "<script" not in text and "@import" not in text and "url(" not in text
     anchors = {address[1:] for address in page.addresses if address.startswith("#")}
     assert anchors <= page.ids
-    assert len(page.alternatives) == 5 and all(
+    assert len(page.alternatives) == 6 and all(
         len(alternative) > 60 for alternative in page.alternatives
     )
     assert page.count["table"] == page.count["caption"] == len(diagnosis_tables(made.EFFECT))

@@ -8,7 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from pneumo_casadi.evaluation.sealed_check.answer import read_answer
-from pneumo_casadi.evaluation.sealed_check.draw import Draw, Kind, Proportions, draw_cases
+from pneumo_casadi.evaluation.sealed_check.draw import (
+    BACKGROUND,
+    Draw,
+    Kind,
+    Proportions,
+    draw_cases,
+)
 from pneumo_casadi.evaluation.sealed_check.measure import measure_one, rivals_of_one
 from pneumo_casadi.evaluation.sealed_check.run import (
     CASES,
@@ -45,6 +51,8 @@ class WithheldOptions:
         Length of each record [s] and sampling frequency [Hz].
     rivals : int or None
         Number of cases, in the order of the draw, on which simple rivals are run; None for all.
+    background : float
+        Share of cases with weak effects besides.
         They fit every effect of the catalogue and take longer than the diagnosis.
     """
 
@@ -54,6 +62,7 @@ class WithheldOptions:
     duration: float = 20.0
     fs: float = 1000.0
     rivals: int | None = None
+    background: float = BACKGROUND
 
 
 def check_withheld(
@@ -96,7 +105,7 @@ def check_withheld(
         with ProcessPoolExecutor() as pool:
             return check_withheld(folder, options, pool, diagnosing, progress)
     folder = Path(folder)
-    draws = draw_cases(options.cases, options.seed, options.proportions)
+    draws = draw_cases(options.cases, options.seed, options.proportions, options.background)
     seal(folder, draws, options.duration, options.fs)
     make_cases(folder, draws, options.duration, options.fs, executor, progress)
     left_out = {draw.name: draw.without for draw in draws}

@@ -24,7 +24,7 @@ from pneumo_casadi.report.tables.sealed_check import withheld_table
 from pneumo_casadi.report.text.identification import render
 from pneumo_casadi.runtime.json_files import write_json
 
-SHORT = {"duration": 4.0, "fs": 500.0}
+SHORT = {"duration": 4.0, "fs": 500.0, "background": 0.0}
 OPTIONS = WithheldOptions(3, 3, Proportions(1, 0, 1, 0, 0, 1), **SHORT)
 
 
@@ -93,8 +93,8 @@ def test_a_large_cause_shows_and_an_oracle_removes_more_than_another_effect(tmp_
     few = {name: EFFECTS[name] for name in ("stribeck", "quadratic_drag", "drive_lag")}
     monkeypatch.setattr(measure, "EFFECTS", few)
     draw = Draw("w001", Kind.SINGLE, 5, {"stribeck": "large"})
-    case = make(draw, tmp_path / "case", **SHORT).folder
-    measure_one(tmp_path, case, draw, ["quadratic_drag"], **SHORT)
+    case = make(draw, tmp_path / "case", duration=4.0, fs=500.0).folder
+    measure_one(tmp_path, case, draw, ["quadratic_drag"], duration=4.0, fs=500.0)
     content = json.loads((tmp_path / "w001.json").read_text())
     assert content["visible"]
     assert content["rms"]["force"] > 3 * content["twin_rms"]["force"]

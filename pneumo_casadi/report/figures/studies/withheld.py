@@ -13,6 +13,7 @@ from pneumo_casadi.report.figures.style import (
     BLACK,
     BLUE,
     GREY,
+    PAGE,
     SMALL,
     VERMILION,
     dress,
@@ -24,6 +25,8 @@ ROW, REST = 3.3, 70.0
 #: Distance of two lines of numbers below the matrix [mm], and width of a column with a word below,
 #: in those of a column with a number.
 LOWER, WORD = 2.3, 2.0
+#: Numbers are wider than their columns: so many stand one below the other.
+LINES = 3
 _SHADES = LinearSegmentedColormap.from_list("shades", ["#ffffff", BLUE])
 
 
@@ -36,7 +39,7 @@ def withheld_figure(result: Mapping[str, Any]) -> Figure:
         As the sealed check returns it.
     """
     n = len(result["confusion"]["rows"])
-    figure = new_figure(ROW * n + REST)
+    figure = new_figure(ROW * n + REST, width=PAGE)  # a column is too narrow for forty causes
     above, below = figure.subplots(2, 1, height_ratios=(ROW * n, 42.0))
     confusion_matrix(above, result["confusion"])
     calibration_plot(below, result["calibration"])
@@ -76,9 +79,8 @@ def confusion_matrix(axes: Axes, confusion: Mapping[str, Any]) -> None:
         tick.set_fontsize(SMALL - 2.0)
         if name not in numbers:
             tick.set_rotation(90)
-        elif numbers[name] % 2 == 0:
-            # Numbers are wider than their columns: every other one stands a line lower.
-            tick.set_y(-LOWER / (ROW * len(rows)))
+        else:
+            tick.set_y(-LOWER * ((numbers[name] - 1) % LINES) / (ROW * len(rows)))
     axes.tick_params(length=0)
     axes.set_xlabel("diagnosed", fontsize=SMALL, labelpad=1)
     axes.set_ylabel("true", fontsize=SMALL, labelpad=4)
