@@ -6,13 +6,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pneumo_casadi.data.readers.tables import read_table
+from pneumo_casadi.data.readers.flow_points import read_flow_points
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.parameters import FloatArray
-from pneumo_casadi.runtime.input_files import listed
-
-COLUMNS = {"u_V": "u", "p_Pa": "p", "q_m_kg_per_s": "q_m"}
-"""Columns of ``flow_map.csv`` and the fields of `FlowMap` that they fill."""
 
 # Outside these bounds a value is a unit error rather than a pneumatic valve: 10 kPa is a
 # technical vacuum, 100 MPa a hydraulic pressure, and 1 kg/s is about 50 000 NL/min.
@@ -234,30 +230,6 @@ def read_flow_map(
         Naming file, row (line of the file; the header is line 1), value, unit and remedy.
     """
     path = Path(path)
-    table = read_table(path, COLUMNS)
-    missing = [name for name in COLUMNS if name not in table.columns]
-    if missing:
-        raise CaseError(
-            f"{path}, row 1: column {', '.join(missing)} missing; found "
-            f"{listed(table.names)}; the header must read {','.join(COLUMNS)}"
-        )
-    values = np.column_stack([table.columns[name] for name in COLUMNS])
-    kept = np.flatnonzero(~np.isnan(values).all(axis=1))  # empty lines are no points
-    rows = kept + table.first_line
-    for name, column in zip(COLUMNS, values[kept].T, strict=True):
-        bad = ~np.isfinite(column)
-        if bad.any():
-            first = int(np.argmax(bad))
-            cell = "empty" if np.isnan(column[first]) else f"{column[first]}"
-            raise CaseError(
-                f"{path}, row {rows[first]}: {name} is {cell}, not a number; complete or remove "
-                "the row"
-            )
-    columns = dict(zip(COLUMNS.values(), values[kept].T, strict=True))
-    return FlowMap(
-        **columns,
-        p_supply=p_supply,
-        p_ext=p_ext,
-        source=str(path),
-        rows=rows,
-    )
+    points, rows = read_flow_points(path)
+    u, p, q_m = points.T
+    return FlowMap(u, p, q_m, p_supply=p_supply, p_ext=p_ext, source=str(path), rows=rows)

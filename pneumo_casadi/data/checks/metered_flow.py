@@ -11,10 +11,10 @@ from scipy.spatial import QhullError, cKDTree
 from scipy.stats import spearmanr
 
 from pneumo_casadi.data.checks.finding import Finding, Grade
-from pneumo_casadi.data.readers.tables import read_table
+from pneumo_casadi.data.readers.flow_points import read_flow_points
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.parameters import FloatArray
-from pneumo_casadi.runtime.input_files import is_named, listed
+from pneumo_casadi.runtime.input_files import is_named
 
 FEWEST = 3
 """Commands and pressures of a map: the least with which its three branches have a slope."""
@@ -26,7 +26,6 @@ CORRELATED = 0.3
 """Rank correlation of flow and command: above 0.8 for a valve, near 0 for noise."""
 AROUND, OUTLIER = 6, 5.0
 """Neighbours that a point is compared with, and how many times as far off as nine of ten it is."""
-COLUMNS = ("u_V", "p_Pa", "q_m_kg_per_s")
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,18 +88,7 @@ def metered_flows(folder: Path) -> Mapping[str, MeteredFlow]:
 def _read(path: Path) -> MeteredFlow | None:
     if not is_named(path):
         return None
-    table = read_table(path, COLUMNS)
-    missing = [name for name in COLUMNS if name not in table.columns]
-    if missing:
-        raise CaseError(
-            f"{path}: no column {', '.join(missing)}; the file has {listed(table.names)}; the "
-            f"header must read {','.join(COLUMNS)}"
-        )
-    points = np.column_stack([table.columns[name] for name in COLUMNS])
-    points = points[~np.isnan(points).all(axis=1)]  # empty lines are no points
-    if not np.isfinite(points).all():
-        k = int(np.flatnonzero(~np.isfinite(points).all(axis=1))[0])
-        raise CaseError(f"{path}: point {k + 1} is not finite; complete or remove the row")
+    points, _ = read_flow_points(path)
     u, p, q_m = points.T
     try:
         interpolation = _interpolation(u, p, q_m)

@@ -207,23 +207,26 @@ class Linearised:
 
     def removed_squares(self, D: FloatArray) -> float:
         """Return the sum of squares that columns (r, k) remove beside a refit."""
-        P = self.project(self.padded(D))
-        G, g = P.T @ P, P.T @ self.projected
-        size = np.sqrt(np.maximum(np.diag(D.T @ D), 1e-300))
-        values, vectors = np.linalg.eigh(G / np.outer(size, size))
-        components = vectors.T @ (g / size)
-        strong = values > ABSORBED
-        return float(np.sum(components[strong] ** 2 / values[strong]))
+        _, components = self._components(D)
+        return float(np.sum(components**2))
 
     def coefficients(self, D: FloatArray) -> FloatArray:
         """Return the coefficients of columns (r, k) that remove most beside a refit."""
+        directions, components = self._components(D)
+        return np.asarray(-directions @ components)
+
+    def _components(self, D: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return coefficients, (k, n), of orthonormal combinations of columns and what they remove.
+
+        The combinations are those of the columns projected, without what the parameters absorb;
+        the second is the component of the residuals along each, (n,).
+        """
         P = self.project(self.padded(D))
         size = np.sqrt(np.maximum(np.diag(D.T @ D), 1e-300))
-        G = (P.T @ P) / np.outer(size, size)
-        values, vectors = np.linalg.eigh(G)
+        values, vectors = np.linalg.eigh(P.T @ P / np.outer(size, size))
         strong = values > ABSORBED
-        b = vectors[:, strong].T @ (P.T @ self.projected / size) / values[strong]
-        return np.asarray(-(vectors[:, strong] @ b) / size)
+        directions = vectors[:, strong] / np.sqrt(values[strong]) / size[:, None]
+        return directions, directions.T @ (P.T @ self.projected)
 
     def observable(self, D: FloatArray) -> FloatArray:
         """Return the share of each column's influence that no refit takes up, (k,)."""

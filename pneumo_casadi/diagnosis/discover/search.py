@@ -12,6 +12,7 @@ from pneumo_casadi.diagnosis.discover.sensor_errors import SENSORS
 from pneumo_casadi.diagnosis.discover.sites import Site, all_sites
 from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels
 from pneumo_casadi.effects.term.formula import FORMULAS
+from pneumo_casadi.metrics import gap
 from pneumo_casadi.parameters import FloatArray
 
 #: Sites on which all formulas are tried: those of the best curves.
@@ -65,8 +66,8 @@ def search(linear: Linearised, levels: BalanceLevels) -> tuple[Scored, ...]:
         Noise of the held-out records.
     """
     kind = linear.train.signals[0].axis.kind
-    gap = linear.train.sigma > VISIBLE * levels.noise
-    visible = {name for name, has_gap in zip(linear.train.equations, gap, strict=True) if has_gap}
+    high = linear.train.sigma > VISIBLE * levels.noise
+    visible = {name for name, is_high in zip(linear.train.equations, high, strict=True) if is_high}
     sites = [
         site
         for site in all_sites(kind)
@@ -152,13 +153,13 @@ class GapScore:
         return 1 - after / before if before > 0 else 0.0
 
     def _gap(self, e: FloatArray) -> float:
-        """Return the gap in units of the residuals: every balance over its own σ."""
+        """Return the gap of all balances, weighted as in `balance_closure`."""
         r2 = np.hstack(self.linear.held_out.unweighted(e)) ** 2
         count = np.hstack(self.linear.held_out.used).sum(axis=1)
-        excess = np.maximum(r2.sum(axis=1) / np.maximum(count, 1) - self.levels.noise**2, 0.0)
-        before = self.linear.train.sigma
-        importance = np.maximum(before**2 - self.levels.noise**2, 0.0) / self.levels.signal**4
-        return float(np.sqrt(importance @ excess))
+        noise, signal = self.levels.noise, self.levels.signal
+        left = gap(r2.sum(axis=1) / np.maximum(count, 1), noise)
+        importance = gap(self.linear.train.sigma**2, noise, signal) ** 2 / signal**2
+        return float(np.sqrt(importance @ left**2))
 
 
 def predicted_by(

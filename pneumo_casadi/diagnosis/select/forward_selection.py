@@ -162,8 +162,7 @@ def _forward(
     current = nominal
     for round_ in range(MAX_EFFECTS):
         known: Names = path[-1] if path else ()
-        left = share_left(nominal, current, levels)
-        if round_ >= MAX_UNEXPLAINED and left > MAX_SHARE_LEFT:
+        if round_ >= MAX_UNEXPLAINED and share_left(nominal, current, levels) > MAX_SHARE_LEFT:
             break
         if round_:
             report(f"looking for effect {round_ + 1}", 0.4 + 0.07 * round_)

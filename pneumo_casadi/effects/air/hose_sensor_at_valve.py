@@ -5,13 +5,15 @@ from typing import Any
 
 import casadi as ca
 
+from pneumo_casadi.effects.common.hose_volume_line import (
+    PARAMETERS,
+    SOURCE,
+    hose_capacity,
+    hose_flow,
+    hose_share,
+)
 from pneumo_casadi.model.effect import Effect, Scope, State
 from pneumo_casadi.model.junctions import Expression, Pair
-from pneumo_casadi.parameters import Parameter
-from pneumo_casadi.valve.orifice import orifice_expression
-
-#: As of `HoseVolume`: hose and fittings after ISO 6358, and the volume below which it fades out.
-B_HOSE, M_HOSE, RATIO_LAMINAR, V_REGULAR = 0.3, 0.5, 0.995, 3e-6
 
 
 class HoseSensorAtValve(Effect):
@@ -29,37 +31,12 @@ class HoseSensorAtValve(Effect):
     name = "hose_sensor_at_valve"
     cause = "hose"
     equation = "V/(r T) ṗ = q_valve(u, p) − q_h, (X_s1 + X_s2 x) ṗ_c = q_h − X_s3 p_c ẋ"
-    source = "mass balance of a volume at one temperature; ISO 6358-1:2013 for hose and fittings"
+    source = SOURCE
     shows = "all balances: the force follows the pressures shown late"
     confused_with = ("hose", "pressure_sensor_lag", "f_v", "X_s1", "X_s4")
     separated_by = "sensors at the valve beside those at the chamber"
     through_states = True
-    parameters = (
-        Parameter(
-            "V",
-            0.0,
-            "m³",
-            lower=0.0,
-            upper=1e-3,
-            scale=2e-5,
-            null=0.0,
-            start=5e-5,
-            description="volume between valve and restriction",
-            source="28 ml a metre of 6 mm bore, 50 ml of 8 mm",
-        ),
-        Parameter(
-            "C",
-            6e-9,
-            "m³/(s Pa)",
-            lower=5e-10,
-            upper=1e-7,
-            scale=2e-9,
-            null=6e-9,
-            start=6e-9,
-            description="sonic conductance of hose and fittings",
-            source="ISO 6358-3 for hoses of 4 to 8 mm, 1 to 5 m: 2e-9 to 3e-8 m³/(s Pa)",
-        ),
-    )
+    parameters = PARAMETERS
     states = tuple(State(f"p_{c}", "Pa", 1e5) for c in "PN")
 
     def rest(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
@@ -76,24 +53,19 @@ class HoseSensorAtValve(Effect):
 
     def chamber_energy(self, q_m: Pair, at: Scope) -> Pair:
         """Return the flow that would raise the pressure of a chamber as that of the hose."""
-        w = _share(at)
-        V = at["V"] + V_REGULAR * (1 - w)
+        w = hose_share(at)
         flows = []
         for (c, p, q), nominal in zip(_chambers(at), q_m, strict=True):
             capacity, displaced = _nominal(at, c)
-            rate = at.axis["r"] * at.axis["T"] / V * (nominal - q)
+            rate = (nominal - q) / hose_capacity(at)
             flows.append(nominal + w * (displaced * p * at.v + capacity * rate - nominal))
         return Pair(*flows)
 
     def force(self, F: Expression, at: Scope) -> Expression:
         """Replace the pressures shown by those in the chambers."""
-        w = _share(at)
+        w = hose_share(at)
         more = at.axis["S_P"] * (at["p_P"] - at.p.P) - at.axis["S_N"] * (at["p_N"] - at.p.N)
         return F + w * more
-
-
-def _share(at: Scope) -> Expression:
-    return 1 - ca.exp(-at["V"] / V_REGULAR)
 
 
 def _nominal(at: Scope, c: str) -> tuple[Expression, Expression]:
@@ -106,14 +78,7 @@ def _nominal(at: Scope, c: str) -> tuple[Expression, Expression]:
 
 def _chambers(at: Scope) -> list[tuple[str, Expression, Expression]]:
     """Return name, pressure shown and flow through the hose of each chamber."""
-    T = at.axis["T"]
     return [
-        (
-            c,
-            p,
-            orifice_expression(
-                at["C"], B_HOSE, M_HOSE, p, ca.fmax(at[f"p_{c}"], 1e3), T, RATIO_LAMINAR
-            ),
-        )
+        (c, p, hose_flow(at, p, ca.fmax(at[f"p_{c}"], 1e3)))
         for c, p in zip("PN", at.p, strict=True)
     ]

@@ -1,0 +1,59 @@
+"""Volume at the valve behind a turbulent conductance: what the hoses with a volume share."""
+
+import casadi as ca
+
+from pneumo_casadi.model.effect import Scope
+from pneumo_casadi.model.junctions import Expression
+from pneumo_casadi.parameters import Parameter
+from pneumo_casadi.valve.orifice import orifice_expression
+
+#: Critical pressure ratio and subsonic index of hose and fittings.
+B_HOSE, M_HOSE = 0.3, 0.5
+#: Pressure ratio above which the flow is laminar; Reynolds numbers of some thousand.
+RATIO_LAMINAR = 0.995
+#: Volume below which the hose fades out of the axis [m³]: 10 cm of 6 mm bore.
+V_REGULAR = 3e-6
+
+SOURCE = "mass balance of a volume at one temperature; ISO 6358-1:2013 for hose and fittings"
+PARAMETERS = (
+    Parameter(
+        "V",
+        0.0,
+        "m³",
+        lower=0.0,
+        upper=1e-3,
+        scale=2e-5,
+        null=0.0,
+        start=5e-5,
+        description="volume between valve and restriction",
+        source="28 ml a metre of 6 mm bore, 50 ml of 8 mm",
+    ),
+    Parameter(
+        "C",
+        6e-9,
+        "m³/(s Pa)",
+        lower=5e-10,
+        upper=1e-7,
+        scale=2e-9,
+        null=6e-9,
+        start=6e-9,
+        description="sonic conductance of hose and fittings",
+        source="ISO 6358-3 for hoses of 4 to 8 mm, 1 to 5 m: 2e-9 to 3e-8 m³/(s Pa)",
+    ),
+)
+
+
+def hose_share(at: Scope) -> Expression:
+    """Return the share w of the hose in the model: 0 without a volume, 1 from 10 ml on."""
+    return 1 - ca.exp(-at["V"] / V_REGULAR)
+
+
+def hose_capacity(at: Scope) -> Expression:
+    """Return V/(r T) [kg/Pa], which stays positive where the hose fades out."""
+    V = at["V"] + V_REGULAR * (1 - hose_share(at))
+    return V / (at.axis["r"] * at.axis["T"])
+
+
+def hose_flow(at: Scope, p_h: Expression, p: Expression) -> Expression:
+    """Return the flow from the hose at p_h into the chamber at p [kg/s]."""
+    return orifice_expression(at["C"], B_HOSE, M_HOSE, p_h, p, at.axis["T"], RATIO_LAMINAR)
