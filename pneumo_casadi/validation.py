@@ -8,6 +8,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from pneumo_casadi.data import Recording
+from pneumo_casadi.data.recording.curves import MEASURED, Curves
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.estimation.output_error.initial_states import estimate_initial_states
 from pneumo_casadi.estimation.output_error.shooting.segments import measured_states
@@ -56,6 +57,11 @@ class Error:
     noise_percent: float
 
     @property
+    def noise(self) -> float:
+        """Standard deviation of one sample of the sensor, in `unit`; 0 where it is unknown."""
+        return self.rms * self.noise_percent / self.percent if self.percent else 0.0
+
+    @property
     def gap_percent(self) -> float:
         """Error above the noise floor in per cent of the signal; see `pneumo_casadi.metrics`."""
         return float(gap(self.percent**2, self.noise_percent))
@@ -93,6 +99,27 @@ class Validation(Presentable):
     closed_loop: Mapping[str, Error] | None
     windows: Mapping[float, Mapping[str, Error]]
     runs: tuple[Run, ...]
+
+    @property
+    def curves(self) -> tuple[Curves, ...]:
+        """Outputs of the held-out records over time, measured and simulated."""
+        return tuple(self._curves(run) for run in self.runs)
+
+    def _curves(self, run: Run) -> Curves:
+        simulated = {"open loop": run.open_loop}
+        if run.closed_loop is not None:
+            simulated["closed loop"] = run.closed_loop
+        return Curves(
+            run.record.name,
+            run.record.t,
+            {name: error.unit for name, error in self.open_loop.items()},
+            {name: error.noise for name, error in self.open_loop.items()},
+            {
+                name: {MEASURED: run.record[name]}
+                | {label: trajectory[name] for label, trajectory in simulated.items()}
+                for name in self.open_loop
+            },
+        )
 
     @property
     def headline(self) -> str:

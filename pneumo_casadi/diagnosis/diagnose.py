@@ -24,6 +24,7 @@ from pneumo_casadi.diagnosis.metrics.findings import (
     joined_names,
 )
 from pneumo_casadi.diagnosis.metrics.residual_size import balance_closure
+from pneumo_casadi.diagnosis.metrics.simulated_curves import simulated_curves
 from pneumo_casadi.diagnosis.metrics.simulated_gap import simulated_gap
 from pneumo_casadi.diagnosis.prepare.prepare_study import applicable, prepare_study
 from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue
@@ -146,6 +147,9 @@ def diagnose(
     gap, more = simulated_gap(
         selection.simulations, selection.nominal, final, shown, selection.levels
     )
+    curves = simulated_curves(
+        selection.simulations, selection.nominal, final if shown else None, shown
+    )
     discovered = None
     if decision.verdict is Verdict.UNKNOWN:
         report("looking for a term outside the catalogue", 0.93)
@@ -169,7 +173,9 @@ def diagnose(
         nominal=parameter_values(study.axis, selection.nominal),
         fitted=parameter_values(study.axis.with_effects(*shown), final),
         seconds=time.perf_counter() - began,
-        evidence=collect_evidence(study, inputs, selection.nominal, final if shown else None),
+        evidence=collect_evidence(
+            study, inputs, selection.nominal, final if shown else None, curves
+        ),
         flow_selection=flow_selection,
         discovered=discovered,
         findings=tuple(each for each in case.findings if each.grade is Grade.SEVERE),

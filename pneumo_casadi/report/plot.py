@@ -35,7 +35,6 @@ from pneumo_casadi.report.figures.identification.overview import overview_figure
 from pneumo_casadi.report.figures.identification.parameters import correlation_figure, forest_figure
 from pneumo_casadi.report.figures.identification.regressor import regressor_figure
 from pneumo_casadi.report.figures.identification.residuals import fit_figure, residual_figure
-from pneumo_casadi.report.figures.identification.validation import validation_figure
 from pneumo_casadi.report.figures.studies.design import design_figure
 from pneumo_casadi.report.figures.style import (
     LINE,
@@ -46,6 +45,7 @@ from pneumo_casadi.report.figures.style import (
     new_figure,
     thin,
 )
+from pneumo_casadi.report.figures.time_series import time_series_figure
 from pneumo_casadi.validation import Validation
 from pneumo_casadi.valve import FlowMap, FlowModel, each_valve
 
@@ -115,7 +115,14 @@ def validation(result: Identification | Validation, record: int = 0) -> Figure:
     checked = result.validation if isinstance(result, Identification) else result
     if checked is None:
         raise ModelError("no validation to plot; the case has no held-out record")
-    return validation_figure(checked.runs[record], checked.open_loop)
+    return time_series_figure(checked.curves[record])
+
+
+def simulations(diagnosis: Diagnosis, record: int = 0) -> Figure:
+    """Plot a held-out record over time, measured and simulated without and with the effects."""
+    curves = _evidence(diagnosis).simulations
+    _needed(bool(curves), "simulations of the held-out record")
+    return time_series_figure(curves[record])
 
 
 def gap(diagnosis: Diagnosis) -> Figure:

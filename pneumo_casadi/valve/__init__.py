@@ -3,7 +3,13 @@
 from pneumo_casadi.valve.data_sheet import iso6358_from_data_sheet
 from pneumo_casadi.valve.degree_selection import DegreeSelection, select_degrees
 from pneumo_casadi.valve.flow_map import FlowMap, read_flow_map
-from pneumo_casadi.valve.flow_model import FlowModel, edge_slopes, flow_function
+from pneumo_casadi.valve.flow_model import (
+    FlowModel,
+    SonicConductances,
+    edge_slopes,
+    flow_function,
+    sonic_conductances,
+)
 from pneumo_casadi.valve.flow_pair import (
     AnyFlowMap,
     AnyFlowModel,
@@ -50,6 +56,7 @@ __all__ = [
     "Projections",
     "Reason",
     "ResidualMap",
+    "SonicConductances",
     "choose_flow_form",
     "each_valve",
     "edge_slopes",
@@ -65,4 +72,5 @@ __all__ = [
     "project_flow_map",
     "read_flow_map",
     "select_degrees",
+    "sonic_conductances",
 ]

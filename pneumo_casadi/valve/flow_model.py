@@ -1,6 +1,7 @@
 """What every flow model offers: the interface that the servosystem is written against."""
 
 import logging
+from dataclasses import dataclass
 from typing import Any, ClassVar, Literal, Protocol
 
 import casadi as ca
@@ -9,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from pneumo_casadi.parameters import FloatArray, Parameters
 from pneumo_casadi.valve.flow_map import FlowMap
-from pneumo_casadi.valve.orifice import RHO_ANR, orifice_expression
+from pneumo_casadi.valve.orifice import RHO_ANR, T_ANR, orifice_expression
 
 Symbol = Literal["SX", "MX"]
 
@@ -159,6 +160,64 @@ def evaluate(function: ca.Function, u: ArrayLike, p: ArrayLike, theta: FloatArra
     columns = np.repeat(theta.reshape(-1, 1), u_all.size, axis=1)
     flows = function(u_all.reshape(1, -1), p_all.reshape(1, -1), columns)
     return np.asarray(flows, dtype=float).reshape(u_all.shape)
+
+
+@dataclass(frozen=True, slots=True)
+class SonicConductances:
+    """Sonic conductances of the two edges of a valve (ISO 6358-1), ANR [m³/(s Pa)].
+
+    Parameters
+    ----------
+    fill, exhaust : float
+        Of the edge from the supply, and of the edge to the exhaust.
+    u_fill, u_exhaust : float
+        Commands at which they hold [V].
+    """
+
+    fill: float
+    exhaust: float
+    u_fill: float
+    u_exhaust: float
+
+
+def sonic_conductances(
+    flow: FlowModel,
+    u: tuple[float, float],
+    ports: tuple[float, float],
+    T: float = T_ANR,
+    theta: FloatArray | None = None,
+) -> SonicConductances:
+    """Return C = q_m/(ρ_0 p_1) √(T/T_0) of both edges where the flow is choked.
+
+    The supply edge is evaluated against the exhaust pressure, the other from the supply pressure.
+
+    Parameters
+    ----------
+    flow : FlowModel
+        Any form of the flow map.
+    u : tuple of float
+        Lowest and highest command [V]; the valve fills at the highest.
+    ports : tuple of float
+        Exhaust and supply pressure, absolute [Pa].
+    T : float, optional
+        Temperature upstream [K].
+    theta : (n,) array, optional
+        Parameters of the flow; by default those of `flow`.
+
+    Examples
+    --------
+    >>> import pneumo_casadi as pc
+    >>> table = pc.valve.read_flow_map(pc.example_case().flow_map_path)
+    >>> C = sonic_conductances(pc.valve.fit_polynomials(table), (-3.0, 3.0), (1e5, 7e5))
+    >>> f"{1e8 * C.fill:.2f} l/(s bar) at {C.u_fill:g} V"
+    '0.94 l/(s bar) at 3 V'
+    """
+    p_ext, p_supply = ports
+    values = flow.parameters.values if theta is None else theta
+    q_m = flow_function(flow)
+    fill, exhaust = (float(q_m(*at, values)) for at in ((u[1], p_ext), (u[0], p_supply)))
+    scale = float(np.sqrt(T / T_ANR)) / (RHO_ANR * p_supply)
+    return SonicConductances(fill * scale, -exhaust * scale, u[1], u[0])
 
 
 def edge_slopes(model: FlowModel, u: ArrayLike) -> FloatArray:

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from pneumo_casadi.data.recording.curves import Curves
 from pneumo_casadi.diagnosis import (
     Candidate,
     Check,
@@ -137,7 +138,10 @@ def evidence(K=200):
         for name, unit in (("v", "m/s"), ("x", "m"), ("p_P", "Pa"))
     )
     after = tuple(replace(regime_map, mean=0.1 * mean) for regime_map in before)
-    return Evidence((inputs,), before, after)
+    x = 0.02 * np.sin(t)
+    shown = {"measured": x, "without effects": 0.9 * x, "with effects": 0.99 * x}
+    curves = Curves("held_out", t, {"x": "m"}, {"x": 1e-5}, {"x": shown})
+    return Evidence((inputs,), before, after, (curves,))
 
 
 def with_curves():

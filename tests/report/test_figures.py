@@ -129,7 +129,8 @@ def test_the_lowest_panel_has_a_time_axis(drawn):
 
 def test_figures_are_as_wide_as_a_column_or_the_page(drawn):
     for name, item in drawn.items():
-        width = PAGE if name == "overview" else COLUMN
+        wide = name == "overview" or name.startswith("validation_")
+        width = PAGE if wide else COLUMN
         assert item.figure.get_figwidth() == pytest.approx(width * MM)
 
 

@@ -37,6 +37,7 @@ OF_DIAGNOSIS = {
     "gap",
     "ranking",
     "regimes",
+    "simulations",
     "unknown_inputs",
     "where",
 }

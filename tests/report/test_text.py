@@ -9,7 +9,8 @@ import pytest
 from pneumo_casadi.data import Grade, ValveData, Valves
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.identification.warnings import ResultWarning
-from pneumo_casadi.report.pages.identification import Picture, html_report
+from pneumo_casadi.report.pages.identification import html_report
+from pneumo_casadi.report.pages.page import Picture
 from pneumo_casadi.report.pages.write import Kind, folder_in_one_step
 from pneumo_casadi.report.tables.paper import TABLE_1
 from pneumo_casadi.report.tables.parameters import parameter_table, scale_notes
@@ -116,12 +117,16 @@ def test_the_page_stands_alone_and_escapes_what_it_shows(quick):
     picture = Picture("overview", PIXEL, "Flow map & parameters.")
     page = html_report(changed, [picture], paper=True)
     assert '<html lang="en">' in page
-    assert "<script>" not in page
+    own, _, scripts = page.partition("<script>")  # the scripts of plots stand at the end
+    assert "</script" not in own.replace("</script>\n</div>", "") and "&lt;script&gt;" in own
+    assert scripts.count("<script>") == 1
     assert "a &lt; b &amp; &lt;script&gt;: <code>std</code> of F_c⁺" in page
-    assert not re.search(r"(src|href)=\"(?!data:)", page)
+    assert not re.search(r"(src|href)=\"(?!data:|#)", own)
     assert 'alt="Flow map &amp; parameters."' in page
     assert 'width="800" height="600"' in page
-    assert page.index("Before you use these numbers") < page.index("<h2>Results</h2>")
+    order = ("Usable", "Parameters", "Before you use these numbers", "Why to trust it", "Details")
+    at = [page.index(f">{title}</h2>") for title in order]
+    assert at == sorted(at)
 
 
 def test_a_result_folder_is_replaced_only_by_its_own_kind(tmp_path):

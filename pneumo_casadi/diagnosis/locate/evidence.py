@@ -1,7 +1,8 @@
-"""Curves for the figures of a diagnosis: unknown inputs over time, regime maps."""
+"""Curves for the figures of a diagnosis: simulations, unknown inputs, regime maps."""
 
 from dataclasses import dataclass
 
+from pneumo_casadi.data.recording.curves import Curves
 from pneumo_casadi.diagnosis.locate.regime_maps import RegimeMap, map_regimes
 from pneumo_casadi.diagnosis.locate.unknown_inputs import UnknownInputs
 from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study
@@ -18,11 +19,14 @@ class Evidence:
     before, after : tuple of RegimeMap
         Residuals of the balances over operating conditions, without effects and with those found;
         `after` is empty where none was found.
+    simulations : tuple of Curves
+        Outputs of the held-out records, measured and simulated; see `simulated_curves`.
     """
 
     inputs: tuple[UnknownInputs, ...]
     before: tuple[RegimeMap, ...]
     after: tuple[RegimeMap, ...] = ()
+    simulations: tuple[Curves, ...] = ()
 
 
 def collect_evidence(
@@ -30,6 +34,7 @@ def collect_evidence(
     inputs: tuple[UnknownInputs, ...],
     nominal: FittedModel,
     final: FittedModel | None = None,
+    simulations: tuple[Curves, ...] = (),
 ) -> Evidence:
     """Return the curves behind a diagnosis.
 
@@ -43,6 +48,8 @@ def collect_evidence(
         The fit without effects.
     final : FittedModel, optional
         The fit with the effects found.
+    simulations : tuple of Curves, optional
+        From `simulated_curves`.
     """
     after = () if final is None else map_regimes(study, final)
-    return Evidence(inputs, map_regimes(study, nominal), after)
+    return Evidence(inputs, map_regimes(study, nominal), after, simulations)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pneumo_casadi.data import Recording
 from pneumo_casadi.diagnosis.metrics.findings import Closure, Gap
 from pneumo_casadi.diagnosis.metrics.residual_size import (
     BalanceLevels,
@@ -24,8 +25,9 @@ from pneumo_casadi.metrics import (
 from pneumo_casadi.metrics.gap import SMALLEST_GAP
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.effect import Effect
+from pneumo_casadi.model.simulation import Trajectory
 from pneumo_casadi.parameters import FloatArray
-from pneumo_casadi.validation import loop_errors, window_runs
+from pneumo_casadi.validation import Rows, loop_errors, window_runs
 
 #: Length of the open-loop windows [s].
 WINDOW = 0.5
@@ -71,17 +73,22 @@ class Simulations:
         self._kept.append((fitted, windows))
 
     def _simulated(self, fitted: FittedModel, effects: Sequence[Effect]) -> FloatArray | str:
-        axis = self._axis(fitted, effects)
         try:
-            pairs = window_runs(axis, self.study.held_out, WINDOW)
+            pairs = self.trajectories(fitted, effects)
         except (FitError, ModelError) as error:
             return str(error)
-        squares = []
+        axis, squares = self.study.axis, []
         for record, rows, run in pairs:
             L = round(WINDOW / record.dt)
             e = np.stack([record[name][rows] - run[name] for name in axis.outputs])
             squares.append(np.mean(e.reshape(len(e), -1, L) ** 2, axis=2).T)
         return np.asarray(np.concatenate(squares) / _signal_stds(self.study) ** 2 * 1e4)
+
+    def trajectories(
+        self, fitted: FittedModel, effects: Sequence[Effect]
+    ) -> list[tuple[Recording, Rows, Trajectory]]:
+        """Return records, samples and simulations of their windows; errors are those of a fit."""
+        return window_runs(self._axis(fitted, effects), self.study.held_out, WINDOW)
 
     def loop(self, fitted: FittedModel, effects: Sequence[Effect]) -> dict[str, float] | str:
         """Return the gap of every output under the controller, or why there is none."""

@@ -1,7 +1,6 @@
 """A diagnosis as one HTML file and as a folder."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +9,16 @@ from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.effects.term import write_term
 from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.identification.result_file import result_dict
+from pneumo_casadi.report.pages import page
 from pneumo_casadi.report.pages.drawing import can_draw
-from pneumo_casadi.report.pages.identification import Picture, page
+from pneumo_casadi.report.pages.page import (
+    TIME_FIGURE,
+    Picture,
+    Plot,
+    Section,
+    html_page,
+    plots_of,
+)
 from pneumo_casadi.report.pages.write import Kind, folder_in_one_step
 from pneumo_casadi.report.tables.diagnosis import (
     check_table,
@@ -23,7 +30,6 @@ from pneumo_casadi.report.tables.diagnosis import (
 from pneumo_casadi.report.tables.flow_form import flow_form_tables
 from pneumo_casadi.report.tables.parameters import parameter_table
 from pneumo_casadi.report.tables.quantities import between, chance, percent, plain, whole
-from pneumo_casadi.report.tables.table import Table
 from pneumo_casadi.report.text.diagnosis import (
     FINDINGS_TITLE,
     VERDICTS,
@@ -43,25 +49,8 @@ from pneumo_casadi.report.text.diagnosis import (
 )
 from pneumo_casadi.runtime.json_files import write_json
 
-#: Colour of the bar beside a verdict; the words say the same.
-_COLOURS = {Verdict.NONE: "#009E73", Verdict.EFFECT: "#0072B2"}
-_OTHER = "#D55E00"
-
-
-@dataclass(frozen=True, slots=True)
-class _Section:
-    anchor: str
-    title: str
-    sentences: Sequence[str] = ()
-    pictures: Sequence[Picture] = ()
-    tables: Sequence[Table] = ()
-    checks: Sequence[tuple[bool, str]] = ()
-
-    @property
-    def empty(self) -> bool:
-        return not (
-            self.sentences or self.pictures or self.checks or any(t.rows for t in self.tables)
-        )
+#: Grades of verdicts, which give the colour; the words say the same.
+_GRADES = {Verdict.NONE: "good", Verdict.EFFECT: "effect"}
 
 
 def diagnosis_html(
@@ -86,21 +75,26 @@ def diagnosis_html(
     refined : Identification, optional
         The final model refined by output error.
     """
-    sections = [
-        section
-        for section in _sections(diagnosis, pictures, catalogue, refined)
-        if not section.empty
-    ]
-    return page(
-        "diagnosis.html.jinja",
-        diagnosis=diagnosis,
-        verdict=VERDICTS[diagnosis.verdict],
-        colour=_COLOURS.get(diagnosis.verdict, _OTHER),
-        headline=headline(diagnosis),
-        facts=_facts(diagnosis),
-        sections=sections,
-        provenance=provenance or {},
+    simulations = () if diagnosis.evidence is None else diagnosis.evidence.simulations
+    plots, left = plots_of(simulations, pictures)
+    words = VERDICTS[diagnosis.verdict]
+    answer = page.Verdict(
+        _GRADES.get(diagnosis.verdict, "care"),
+        words[:1].upper() + words[1:],
+        headline(diagnosis),
+        _facts(diagnosis),
     )
+    sections = _sections(diagnosis, left, catalogue, refined)
+    sections.insert(1, _simulated(plots, left))
+    seconds = f"Computing time: {diagnosis.seconds:.0f} s."
+    sections.append(Section("provenance", "Provenance", (seconds,), provenance=provenance or {}))
+    return html_page(f"Diagnosis of {diagnosis.case}", answer, sections)
+
+
+def _simulated(plots: Sequence[Plot], pictures: Sequence[Picture]) -> Section:
+    """Return the section with the outputs over time."""
+    still = [picture for picture in pictures if picture.name.startswith(TIME_FIGURE)]
+    return Section("simulation", "Measurement and simulation", pictures=still, plots=plots)
 
 
 def _sections(
@@ -108,42 +102,42 @@ def _sections(
     pictures: Sequence[Picture],
     catalogue: Catalogue,
     refined: Identification | None,
-) -> list[_Section]:
+) -> list[Section]:
     def drawn(*starts: str) -> list[Picture]:
         return [picture for picture in pictures if picture.name.startswith(starts)]
 
     return [
-        _Section("findings", FINDINGS_TITLE, finding_sentences(diagnosis)),
-        _Section(
+        Section("findings", FINDINGS_TITLE, finding_sentences(diagnosis)),
+        Section(
             "where", "Where model and measurement disagree", where_sentences(diagnosis, catalogue),
             drawn("where", "unknown_inputs"), [regime_table(diagnosis)],
         ),
-        _Section(
+        Section(
             "which", "Candidate causes", cause_sentences(diagnosis, catalogue), drawn("ranking"),
             [ranking_table(diagnosis)],
         ),
-        _Section(
+        Section(
             "size", size_title(diagnosis), size_sentences(diagnosis), drawn("gap"),
             [gap_table(diagnosis)],
         ),
-        _Section(
+        Section(
             "discovered", "Discovered term", discovered_sentences(diagnosis),
             drawn("discovered_term"),
         ),
-        _Section("else", "Other possible causes", alternative_sentences(diagnosis, catalogue)),
-        _Section("shape", "Residuals over the operating conditions", pictures=drawn("regimes")),
-        _Section(
+        Section("else", "Other possible causes", alternative_sentences(diagnosis, catalogue)),
+        Section("shape", "Residuals over the operating conditions", pictures=drawn("regimes")),
+        Section(
             "checks", "Parameters compared with geometry and data sheet",
-            checks=check_sentences(diagnosis), tables=[check_table(diagnosis)],
+            tables=[check_table(diagnosis)], checks=check_sentences(diagnosis),
         ),
-        _Section("parameters", "Fitted parameters", tables=[fitted_table(diagnosis)]),
-        _Section(
+        Section("parameters", "Fitted parameters", tables=[fitted_table(diagnosis)]),
+        Section(
             "refined", "Final model refined by output error",
             () if refined is None else refined_sentences(refined),
             tables=() if refined is None else [parameter_table(refined)],
         ),
-        _Section("flow_form", "Flow map", tables=flow_form_tables(diagnosis.flow_selection)),
-        _Section("notes", "Notes", diagnosis.notes),
+        Section("flow_form", "Flow map", tables=flow_form_tables(diagnosis.flow_selection)),
+        Section("notes", "Notes", diagnosis.notes),
     ]  # fmt: skip
 
 
@@ -233,8 +227,9 @@ def _save_figures(diagnosis: Diagnosis, folder: Path) -> list[Picture]:
 
     pictures = []
     for drawn in diagnosis_figures(diagnosis):
-        picture = Picture(drawn.name, drawn.svg(), drawn.caption)
-        (folder / f"{drawn.name}.png").write_bytes(drawn.png())
-        (folder / f"{drawn.name}.svg").write_bytes(picture.content)
-        pictures.append(picture)
+        raster, drawing = drawn.png(), drawn.svg()
+        (folder / f"{drawn.name}.png").write_bytes(raster)
+        (folder / f"{drawn.name}.svg").write_bytes(drawing)
+        smaller = min(raster, drawing, key=len)
+        pictures.append(Picture(drawn.name, smaller, drawn.caption))
     return pictures

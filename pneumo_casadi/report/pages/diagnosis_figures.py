@@ -11,6 +11,7 @@ from pneumo_casadi.report.figures.diagnosis.ranking import ranking_figure
 from pneumo_casadi.report.figures.diagnosis.regimes import regime_figure
 from pneumo_casadi.report.figures.diagnosis.unknown_inputs import unknown_input_figure
 from pneumo_casadi.report.figures.diagnosis.where import where_figure
+from pneumo_casadi.report.figures.time_series import time_series_figure
 from pneumo_casadi.report.pages.identification_figures import Drawn
 from pneumo_casadi.report.tables.diagnosis import has_after
 from pneumo_casadi.report.tables.quantities import chance, percent, plain, whole
@@ -21,6 +22,15 @@ SHARE = 0.1
 
 def diagnosis_figures(diagnosis: Diagnosis) -> Iterator[Drawn]:
     """Draw all figures of a diagnosis, in order; curves where it carries its evidence."""
+    for curves in () if diagnosis.evidence is None else diagnosis.evidence.simulations:
+        yield Drawn(
+            f"validation_{curves.record}",
+            time_series_figure(curves),
+            f"Held-out record {curves.record}, measured and simulated over windows of 0.5 s, "
+            f"{' and '.join(curves.simulations)}; each window starts at an estimated state. Below, "
+            "measured minus simulated, averaged over 20 ms; the band is ±2σ of one sensor sample. "
+            "Right: the part with the largest difference, shaded on the left.",
+        )
     if diagnosis.gap.views:
         yield Drawn(
             "gap",

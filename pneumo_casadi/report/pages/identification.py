@@ -1,85 +1,37 @@
-"""The report as one HTML file with all figures embedded."""
+"""The report of an identification: the answer, why to trust it, details."""
 
-import base64
-import re
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from typing import Any
-
-from jinja2 import Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup, escape
 
 from pneumo_casadi.estimation.output_error import OutputErrorResult
 from pneumo_casadi.estimation.wls import format_table
 from pneumo_casadi.identification.result import Identification
-from pneumo_casadi.identification.result_file import identification_provenance
-from pneumo_casadi.report.pages.drawing import NOT_DRAWN, matplotlib_installed
+from pneumo_casadi.identification.result_file import result_dict
+from pneumo_casadi.identification.warnings import Usability, Usable
+from pneumo_casadi.report.pages.page import (
+    TIME_FIGURE,
+    Picture,
+    Section,
+    Verdict,
+    html_page,
+    plots_of,
+)
 from pneumo_casadi.report.tables.content import all_tables
+from pneumo_casadi.report.tables.laboratory import laboratory_tables, legend_table
 from pneumo_casadi.report.tables.table import Table, with_symbols
 
-#: Size of an SVG file, in points: what Matplotlib writes into its first tag.
-_SVG_SIZE = re.compile(rb'<svg[^>]*?\bwidth="([\d.]+)pt"[^>]*', re.DOTALL)
-_SVG_HEIGHT = re.compile(rb'\bheight="([\d.]+)pt"')
-#: Code in a sentence.
-_CODE = re.compile("`([^`]+)`")
-#: CSS pixels a point.
-_POINT = 96 / 72
-
-
-@dataclass(frozen=True, slots=True)
-class Picture:
-    """A figure as PNG or SVG.
-
-    Parameters
-    ----------
-    name : str
-        Of its file, without suffix.
-    content : bytes
-        The PNG or SVG file.
-    caption : str
-        What it shows; also its alternative text.
-    """
-
-    name: str
-    content: bytes
-    caption: str
-
-    @property
-    def is_svg(self) -> bool:
-        """Whether the file is a drawing, not a raster."""
-        return not self.content.startswith(b"\x89PNG")
-
-    @property
-    def uri(self) -> str:
-        """The picture as a data URI."""
-        kind = "svg+xml" if self.is_svg else "png"
-        return f"data:image/{kind};base64," + base64.b64encode(self.content).decode("ascii")
-
-    @property
-    def width(self) -> int:
-        """Width in pixels, as the file states it."""
-        return self._svg_size[0] if self.is_svg else int.from_bytes(self.content[16:20], "big")
-
-    @property
-    def height(self) -> int:
-        """Height in pixels, as the file states it."""
-        return self._svg_size[1] if self.is_svg else int.from_bytes(self.content[20:24], "big")
-
-    @property
-    def dense(self) -> float:
-        """Pixels of the file for each one of the page."""
-        return 0.6 if self.is_svg else 1.6
-
-    @property
-    def _svg_size(self) -> tuple[int, int]:
-        first = _SVG_SIZE.search(self.content)
-        height = _SVG_HEIGHT.search(first.group(0)) if first else None
-        if first is None or height is None:
-            raise ValueError(f"{self.name}: no PNG file, and no SVG file with its size in points")
-        return round(float(first.group(1)) * _POINT), round(float(height.group(1)) * _POINT)
+#: Grade and words of the verdict.
+VERDICTS = {
+    Usable.YES: ("good", "Usable"),
+    Usable.WITH_CARE: ("care", "Usable with care"),
+    Usable.NO: ("bad", "Do not use"),
+}
+#: Figures of the section on trust, by the beginning of their names; the others are details.
+_TRUST = ("parameters", "residuals", TIME_FIGURE)
 
 
 def html_report(
-    identification: Identification, pictures: list[Picture], paper: bool = False
+    identification: Identification, pictures: Sequence[Picture], paper: bool = False
 ) -> str:
     """Return the report of an identification as one HTML page.
 
@@ -87,52 +39,91 @@ def html_report(
     ----------
     identification : Identification
         What was identified.
-    pictures : list of Picture
+    pictures : sequence of Picture
         Its figures, in order.
     paper : bool, optional
         Whether to set the paper's Table 1 beside the results.
     """
-    return page(
-        "report.html.jinja",
-        identification=identification,
-        result=identification.output_error,
-        tables=all_tables(identification, paper),
-        stages=_stages(identification.output_error),
-        pictures=pictures,
-        wls=format_table(identification.wls, robust=True),
-        plan=identification.wls.plan.describe(),
-        provenance=identification_provenance(identification.case, identification.options),
+    content = result_dict(identification)
+    validation = identification.validation
+    plots, left = plots_of(() if validation is None else validation.curves, pictures)
+    trusted = [picture for picture in left if picture.name.startswith(_TRUST)]
+    tables = all_tables(identification, paper)
+    answer = [*laboratory_tables(content), tables[0]]
+    texts = (
+        "Weighted least squares, in the form of Table 1 of the paper\n\n"
+        + format_table(identification.wls, robust=True),
+        "Filters\n\n" + identification.wls.plan.describe(),
     )
+    used = " ".join(row[0] for table in (*answer, *tables) for row in table.rows) + " φ b σ WLS Y u"
+    sections = [
+        Section("answer", "Parameters", (next_record(content),), tables=answer),
+        Section("warnings", "Before you use these numbers", warning_sentences(content)),
+        Section("trust", "Why to trust it", tables=tables[1:], plots=plots),
+        Section("checks", "Estimates and residuals", pictures=trusted),
+        Section(
+            "details", "Details", pictures=[each for each in left if each not in trusted],
+            tables=(stage_table(identification.output_error),), texts=texts,
+        ),
+        Section("symbols", "Symbols", tables=(legend_table(used),)),
+        Section("provenance", "Provenance", provenance=content["provenance"]),
+    ]  # fmt: skip
+    title = f"Identification of {identification.case.name}"
+    return html_page(title, usability_verdict(identification.usability, content), sections)
 
 
-def page(template: str, **content: Any) -> str:
-    """Return a filled-in template of this package; all text is escaped."""
-    environment = Environment(
-        loader=PackageLoader("pneumo_casadi", "report/pages/templates"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        finalize=_unbroken,
-    )
-    content["not_drawn"] = "" if matplotlib_installed() else NOT_DRAWN
-    environment.filters["marked"] = _marked
-    return environment.get_template(template).render(**content).lstrip()
+def usability_verdict(usability: Usability, content: Mapping[str, Any]) -> Verdict:
+    """Return whether the result can be used, with the mass and the status of the fit."""
+    grade, words = VERDICTS[usability.usable]
+    reason = usability.reason
+    fit = content["output_error"]
+    solves = f"{fit['status']} after {fit['iterations']} iterations"
+    facts = [("Output error by multiple shooting", solves)]
+    for table in laboratory_tables(content):
+        facts += [
+            (row[0], row[1]) for row in table.rows if row[0].startswith(("Moving", "Viscous"))
+        ]
+    errors = content["validation"]
+    if errors is not None:
+        outputs = {name: errors[name] for name in fit["sigma"] if name in errors}
+        worst = max(outputs, key=lambda name: outputs[name]["percent"])
+        text = f"{outputs[worst]['percent']:.2g} % of {worst}, "
+        text += f"of which sensor noise {outputs[worst]['noise_percent']:.2g} %"
+        facts.append(("Largest error of the simulated held-out record", text))
+    return Verdict(grade, words, reason[:1].upper() + reason[1:], facts)
 
 
-def _marked(text: str) -> Markup:
-    """Return a sentence with `code` as HTML code and parameters as symbols."""
-    escaped = str(escape(_unbroken(with_symbols(text))))
-    return Markup(_CODE.sub(r"<code>\1</code>", escaped))
+def warning_sentences(content: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return the warnings, the gravest first; a single sentence where there are none."""
+    warnings = content["warnings"]
+    return tuple(f"{item['grade']}: {item['text']}" for item in warnings) or ("No warnings.",)
 
 
-def _unbroken(value: Any) -> Any:
-    """Keep numbers and their units on one line."""
-    return value.replace(" %", "\N{NO-BREAK SPACE}%") if isinstance(value, str) else value
+def next_record(content: Mapping[str, Any]) -> str:
+    """Return which parameter is the least certain, and how to plan a record that improves it."""
+    relative = {
+        name: 200 * item["std_robust"] / abs(item["value"])
+        for name, item in content["output_error"]["parameters"].items()
+        if item["std_robust"] and item["value"]
+    }
+    unknown = content["output_error"]["uninformed"]
+    if unknown:
+        least = f"The records say nothing about {', '.join(map(with_symbols, unknown))}"
+    elif relative:
+        name = max(relative, key=lambda each: relative[each])
+        least = (
+            f"The least certain parameter is {with_symbols(name)}, ± {relative[name]:.2g} % (2σ)"
+        )
+    else:
+        least = "No parameter was estimated with an interval"
+    return f"{least}. `pneumo-casadi design` plans the next record for the parameters of this one."
 
 
-def _stages(result: OutputErrorResult) -> Table:
+def stage_table(result: OutputErrorResult) -> Table:
+    """Return every solve of an output-error fit."""
     rows = [
         (stage.name, stage.status, str(stage.iterations), f"{stage.cost:.6g}")
         for stage in result.stages
     ]
-    return Table("All solves", ("stage", "status", "iterations", "cost"), tuple(rows))
+    title = "Stages of the output-error fit"
+    return Table(title, ("stage", "status", "iterations", "cost"), tuple(rows))

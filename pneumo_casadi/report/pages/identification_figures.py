@@ -14,8 +14,8 @@ from pneumo_casadi.report.figures.identification.overview import overview_figure
 from pneumo_casadi.report.figures.identification.parameters import correlation_figure, forest_figure
 from pneumo_casadi.report.figures.identification.regressor import regressor_figure
 from pneumo_casadi.report.figures.identification.residuals import fit_figure, residual_figure
-from pneumo_casadi.report.figures.identification.validation import validation_figure
 from pneumo_casadi.report.figures.style import Figure, png, svg
+from pneumo_casadi.report.figures.time_series import time_series_figure
 from pneumo_casadi.validation import Validation
 from pneumo_casadi.valve import FlowMap, FlowModel, each_valve
 
@@ -150,11 +150,12 @@ def validation_figures(validation: Validation) -> Iterator[Drawn]:
     Drawn
         One figure a record, with its name and caption.
     """
-    for run in validation.runs:
+    for curves in validation.curves:
         yield Drawn(
-            f"validation_{run.record.name}",
-            validation_figure(run, validation.open_loop),
-            f"Held-out record {run.record.name}: simulations over the whole record with the "
+            f"validation_{curves.record}",
+            time_series_figure(curves),
+            f"Held-out record {curves.record}: simulations over the whole record with the "
             "recorded inputs (open loop) and under the recorded controller (closed loop); below, "
-            "measured minus simulated, averaged over 20 ms; the band is ±2σ of one sensor sample.",
+            "measured minus simulated, averaged over 20 ms; the band is ±2σ of one sensor sample. "
+            "Right: the part with the largest difference, shaded on the left.",
         )

@@ -16,7 +16,8 @@ from pneumo_casadi.identification.trajectory_file import (
     write_frames,
 )
 from pneumo_casadi.report.pages.drawing import can_draw
-from pneumo_casadi.report.pages.identification import Picture, html_report
+from pneumo_casadi.report.pages.identification import html_report
+from pneumo_casadi.report.pages.page import Picture
 from pneumo_casadi.report.tables.comparison import comparison_tables
 from pneumo_casadi.report.tables.validation import validation_table
 from pneumo_casadi.report.text.identification import render, text_report

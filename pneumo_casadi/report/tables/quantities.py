@@ -3,13 +3,14 @@
 import math
 
 from pneumo_casadi.diagnosis import Closure, Value
-from pneumo_casadi.report.tables.table import SUPERSCRIPTS, exponent_of, interval_text
+from pneumo_casadi.report.tables.table import SUPERSCRIPTS, exponent_of, interval_text, scaled_unit
 
 #: SI unit -> unit of display and factor.
 DISPLAY_UNITS = {
     "m": ("mm", 1e3),
     "m/s": ("mm/s", 1e3),
     "m2": ("cm²", 1e4),
+    "m3": ("cm³", 1e6),
     "s": ("ms", 1e3),
     "Pa": ("kPa", 1e-3),
     "kg/s": ("g/s", 1e3),
@@ -17,9 +18,6 @@ DISPLAY_UNITS = {
     "N s2/m2": ("N s²/m²", 1.0),
     "1": ("", 1.0),
 }
-#: Units that take prefixes where a value is very small or large, and the prefixes.
-PREFIXED = ("m", "s", "V", "N", "Pa", "m/s")
-PREFIXES = {-9: "n", -6: "µ", -3: "m", 3: "k", 6: "M"}
 
 
 def quantity(value: Value, held: str = " (not fitted)") -> str:
@@ -37,16 +35,17 @@ def quantity(value: Value, held: str = " (not fitted)") -> str:
     >>> quantity(Value(0.0213, 0.0004, "m/s"))
     '21.30 ± 0.80 mm/s'
     >>> quantity(Value(3.49e-9, 0.0, "kg/Pa"))
-    '3.490·10⁻⁹ kg/Pa (not fitted)'
+    '3.490 µg/Pa (not fitted)'
     >>> quantity(Value(6.69e-4, 4.365e-4, "V"))
     '669 ± 873 µV'
     """
     unit, factor = DISPLAY_UNITS.get(value.unit, (value.unit, 1.0))
     exponent = exponent_of(value.value * factor)
-    if exponent and value.unit in PREFIXED and exponent_of(value.value) in PREFIXES:
-        exponent = exponent_of(value.value)
-        unit, factor = PREFIXES[exponent] + value.unit, 10.0**-exponent
-        exponent = 0
+    if exponent:
+        own = exponent_of(value.value)
+        prefixed = scaled_unit(value.unit, own)
+        if not prefixed.startswith("10"):
+            unit, factor, exponent = prefixed, 10.0**-own, 0
     size, half = value.value * factor, 2 * value.std * factor
     text = interval_text(size, math.inf if math.isnan(half) else half or None, exponent)
     if exponent:

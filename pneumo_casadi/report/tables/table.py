@@ -6,6 +6,10 @@ from dataclasses import dataclass
 
 #: SI unit -> unit of display and factor.
 DISPLAY = {"m": ("mm", 1e3), "Pa": ("kPa", 1e-3)}
+#: Prefixes of units by power of ten.
+PREFIXES = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
+#: Units whose first symbol takes a prefix; not those of a power, as m³.
+_PREFIXED = re.compile(r"(kg|N|V|Pa|m|s|J|W)(?![²³\d])")
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _SYMBOLS = {
     "F_c_plus": "F_c⁺",
@@ -115,11 +119,20 @@ def with_symbols(text: str) -> str:
 
 
 def scaled_unit(unit: str, exponent: int) -> str:
-    """Return a unit with the power of ten that was taken out of its values.
+    """Return a unit for values from which a power of ten, a multiple of three, was taken out.
+
+    With a prefix where the unit takes one, otherwise with the power itself.
 
     Examples
     --------
-    >>> scaled_unit("kg/Pa", -9), scaled_unit("kg", 0)
-    ('10⁻⁹ kg/Pa', 'kg')
+    >>> scaled_unit("kg/Pa", -9), scaled_unit("V", -6), scaled_unit("m3", -6), scaled_unit("kg", 0)
+    ('µg/Pa', 'µV', '10⁻⁶ m3', 'kg')
     """
-    return unit if exponent == 0 else f"10{str(exponent).translate(SUPERSCRIPTS)} {unit}".rstrip()
+    if exponent == 0:
+        return unit
+    first = _PREFIXED.match(unit)
+    if first is not None:
+        symbol, power = ("g", exponent + 3) if first[0] == "kg" else (first[0], exponent)
+        if power in PREFIXES:
+            return PREFIXES[power] + symbol + unit[first.end() :]
+    return f"10{str(exponent).translate(SUPERSCRIPTS)} {unit}".rstrip()

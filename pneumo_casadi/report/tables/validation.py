@@ -36,5 +36,4 @@ def _noise_text(error: Error) -> str:
     if not error.noise_percent or not error.percent:
         return "unknown"
     factor = DISPLAY.get(error.unit, ("", 1.0))[1]
-    noise = error.rms * error.noise_percent / error.percent
-    return f"{noise * factor:.3g} ({error.noise_percent:.2g} %)"
+    return f"{error.noise * factor:.3g} ({error.noise_percent:.2g} %)"

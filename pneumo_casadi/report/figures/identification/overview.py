@@ -6,7 +6,6 @@ from matplotlib.figure import Figure
 
 from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.report.figures.identification.parameters import draw_forest
-from pneumo_casadi.report.figures.identification.validation import AVERAGED
 from pneumo_casadi.report.figures.style import (
     BLUE,
     CLOSED,
@@ -22,6 +21,7 @@ from pneumo_casadi.report.figures.style import (
     new_figure,
     thin,
 )
+from pneumo_casadi.report.figures.time_series import AVERAGED
 from pneumo_casadi.validation import Run
 from pneumo_casadi.valve import FlowMap, FlowModel, each_valve
 

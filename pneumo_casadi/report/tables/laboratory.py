@@ -1,0 +1,146 @@
+"""The axis in the terms of a laboratory: areas, volumes, friction, conductances; and a legend.
+
+The tables are made from the plain values of `result.json`, so that a report can be written again
+from the file alone.
+"""
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from pneumo_casadi.diagnosis import Value
+from pneumo_casadi.report.tables.quantities import DISPLAY_UNITS, quantity
+from pneumo_casadi.report.tables.table import Table, with_symbols
+
+#: Quantities of one chamber: words, symbol, and what the symbol becomes for chamber P or N.
+_CHAMBER = (
+    ("Piston area", "S"),
+    ("Volume at mid-stroke", "V(0)"),
+    ("Dead volume", "V_D"),
+    ("Dead length", "l_D"),
+    ("Polytropic coefficient", "k"),
+)
+_MOTION = {
+    "M": "Moving mass",
+    "f_v": "Viscous friction",
+    "F_c_plus": "Coulomb friction forward",
+    "F_c_minus": "Coulomb friction backward",
+}
+#: Meaning of every symbol of the reports.
+LEGEND = {
+    "P, N": "chambers: pressure in P pushes towards +x, pressure in N towards -x",
+    "x, v": "position from the middle of the stroke, velocity",
+    "u": "command of a valve; u > 0 fills its chamber",
+    "p_P, p_N": "absolute pressures of the chambers",
+    "p_ext, p_supply": "ambient and supply pressure",
+    "q_mP, q_mN": "mass flows into the chambers",
+    "S_P, S_N": "piston areas",
+    "V(0)": "volume of a chamber at x = 0, its tubes and ports included",
+    "V_D, l_D": "dead volume: what is left at the end of the stroke; l_D = V_D/S",
+    "k_P, k_N": "polytropic coefficients: 1 isothermal, 1.4 adiabatic",
+    "r, T": "gas constant related to unit mass, temperature of the gas",
+    "X_s1, X_s4": "V(0)/(k r T) of chambers P and N",
+    "X_s2, X_s5": "S/(k r T) of chambers P and N",
+    "X_s3, X_s6": "S/(r T) of chambers P and N",
+    "M": "moving mass",
+    "f_v": "viscous friction coefficient",
+    "F_c⁺, F_c⁻": "Coulomb friction of forward and backward motion",
+    "φ, ψ⁺, ψ⁻": "coefficients of the flow map (eq. 12): q_m = φ(p) + ψ(p, sign u) u",
+    "C, b, m": "sonic conductance, critical pressure ratio, subsonic index (ISO 6358)",
+    "Y, W, X̂, ρ": "left side of the balances, regressor, estimates, residuals (eq. 13)",
+    "σ": "standard deviation; ± 2σ is an interval of about 95 %",
+    "WLS, OE": "weighted least squares on filtered data; output error by simulation",
+}
+
+
+def laboratory_tables(content: Mapping[str, Any]) -> tuple[Table, ...]:
+    """Return chambers, motion and valve in laboratory units.
+
+    Parameters
+    ----------
+    content : mapping
+        Plain values of an identification, as in ``result.json``.
+    """
+    tables = (_chambers(content), _motion(content), _valve(content))
+    return tuple(table for table in tables if table.rows)
+
+
+def legend_table(used: str) -> Table:
+    """Return the legend of the symbols.
+
+    Parameters
+    ----------
+    used : str
+        Text of a report; symbols that it does not hold are left out.
+    """
+    rows = [
+        (symbols, meaning)
+        for symbols, meaning in LEGEND.items()
+        if any(symbol in used for symbol in symbols.split(", "))
+    ]
+    return Table("Symbols", ("", "meaning"), tuple(rows))
+
+
+def _chambers(content: Mapping[str, Any]) -> Table:
+    derived = content["output_error"]["derived"]
+    rows = []
+    for words, symbol in _CHAMBER:
+        names = [_of_chamber(symbol, chamber) for chamber in "PN"]
+        if names[0] in derived:
+            cells = [_estimate(derived[name]) for name in names]
+            rows.append((f"{words} {symbol}", *cells))
+    return Table("Chambers, estimate ± 2σ", ("", "P", "N"), tuple(rows), _stated_areas(content))
+
+
+def _of_chamber(symbol: str, chamber: str) -> str:
+    return f"V_{chamber}(0)" if symbol == "V(0)" else f"{symbol}_{chamber}".replace("D_", "D")
+
+
+def _stated_areas(content: Mapping[str, Any]) -> tuple[str, ...]:
+    bench = (content["model"] or {}).get("bench", {})
+    if "S_P_m2" not in bench:
+        return ()
+    S_P, S_N = (f"{1e4 * bench[key]:.4g} cm²" for key in ("S_P_m2", "S_N_m2"))
+    return (f"bench.json states S_P = {S_P} and S_N = {S_N}.",)
+
+
+def _motion(content: Mapping[str, Any]) -> Table:
+    parameters = content["output_error"]["parameters"]
+    sheet = (content["model"] or {}).get("bench", {}).get("datasheet", {})
+    rows = []
+    for name, item in parameters.items():
+        if name.startswith("X_s"):
+            continue
+        words = _MOTION.get(name, "")
+        stated = f"{sheet['M_kg']:.4g} kg" if name == "M" and "M_kg" in sheet else ""
+        rows.append((f"{words} {with_symbols(name)}".strip(), _estimate(item), stated))
+    table = Table("Motion, estimate ± 2σ", ("", "estimate", "data sheet"), tuple(rows))
+    return table if any(row[2] for row in rows) else table.without("data sheet")
+
+
+def _valve(content: Mapping[str, Any]) -> Table:
+    return Table("Valve", ("", "filling", "exhausting"), tuple(_valve_rows(content["flow"] or {})))
+
+
+def _valve_rows(flow: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
+    unit, factor = DISPLAY_UNITS["m³/(s Pa)"]
+    for key, item in flow.get("conductance", {}).items():
+        which, end = ("", "") if key == "both" else (f" {key}", f"_{key}")
+        fill, exhaust = (
+            f"{factor * item[f'C_{edge}_m3_per_s_Pa']:.3g} {unit} at {item[f'u_{edge}_V']:.3g} V"
+            for edge in ("fill", "exhaust")
+        )
+        yield f"Sonic conductance C{which}", fill, exhaust
+        ratios = [flow["parameters"].get(f"b_{edge}{end}") for edge in ("supply", "exhaust")]
+        if ratios[0] is not None and ratios[1] is not None:
+            yield f"Critical pressure ratio b{which}", _estimate(ratios[0]), _estimate(ratios[1])
+
+
+def _estimate(item: Mapping[str, Any]) -> str:
+    """Return an estimate ± 2σ, or what its note says of it."""
+    note = item.get("note")
+    if note is not None:
+        return quantity(Value(item["value"], 0.0, item["unit"]), held=f" ({note})")
+    # JSON holds no infinity: None stands for an estimate without information.
+    stds = [math.nan if item[key] is None else item[key] for key in ("std", "std_robust")]
+    return quantity(Value(item["value"], max(stds), item["unit"]))
