@@ -1,6 +1,5 @@
 """The command line, put together from one module per command."""
 
-import sys
 from collections.abc import Sequence
 from typing import Annotated, Any
 
@@ -22,7 +21,7 @@ from pneumo_casadi.cli.withheld import withheld
 app = typer.Typer(
     help="Identify physical parameters of pneumatic servo axes from recordings, with intervals.",
     epilog="Exit codes: 0 success, 1 a fit failed, 2 bad input or usage, "
-    "3 a result that --strict refuses, 130 interrupted.",
+    "3 a result that --strict refuses, 130 interrupted, 129 or 143 ended by SIGHUP or SIGTERM.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
@@ -79,8 +78,3 @@ def run(arguments: Sequence[str] | None = None) -> int:
         complain(f"{message()} Try pneumo-casadi --help.")
         return BAD_INPUT
     return int(code or OK)
-
-
-def main() -> None:
-    """Entry point of ``pneumo-casadi``."""
-    sys.exit(run())

@@ -2,26 +2,25 @@
 
 import logging
 import shutil
-import signal
 import sys
 import traceback
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from threading import Event, current_thread, main_thread
-from types import FrameType
 from typing import TYPE_CHECKING
 
 import typer
 
 from pneumo_casadi.errors import FitError, PneumoError
 from pneumo_casadi.runtime.input_files import printable
+from pneumo_casadi.runtime.interruption import interruptible
+from pneumo_casadi.runtime.processes import WorkerDiedError
 
 if TYPE_CHECKING:
     from pneumo_casadi.identification.warnings import Usable
     from pneumo_casadi.report.tables.table import Table
 
-OK, FIT_FAILED, BAD_INPUT, NOT_USABLE, INTERRUPTED = 0, 1, 2, 3, 130
+OK, FIT_FAILED, BAD_INPUT, NOT_USABLE = 0, 1, 2, 3
 
 
 def say(text: str = "") -> None:
@@ -78,58 +77,34 @@ def guarded(debug: bool, kept: str = "nothing was written") -> Iterator[None]:
     kept : str, optional
         What to say of the work done when it is interrupted.
     """
-    from pneumo_casadi.signals.filter_plan import SamplingWarning
-
     handler = logging.StreamHandler()
     logger = logging.getLogger("pneumo_casadi")
     level = logger.level
     logger.addHandler(handler)
     logger.setLevel(logging.DEBUG if debug else logging.WARNING)
     try:
-        with warnings.catch_warnings(), _interruption() as interrupted:
+        with warnings.catch_warnings(), interruptible() as interruption:
+            from pneumo_casadi.signals.filter_plan import SamplingWarning
+
+            interruption.message = f"interrupted; {kept}"
             warnings.simplefilter("ignore", SamplingWarning)  # among the result's own warnings
             yield
     except (KeyboardInterrupt, Exception) as raised:
-        error = KeyboardInterrupt() if interrupted.is_set() else raised
-        if not isinstance(error, KeyboardInterrupt | PneumoError | OSError):
+        interrupted = interruption.number or isinstance(raised, KeyboardInterrupt)
+        if not interrupted and not isinstance(raised, PneumoError | OSError):
             raise  # a defect
         if debug:
             traceback.print_exc()
-        raise typer.Exit(explain(error, kept)) from None
+        if interrupted:
+            typer.echo(interruption.line, err=True, nl=False)
+            interruption.explained = True
+            raise typer.Exit(interruption.exit_code) from None
+        complain(str(raised))
+        failed = isinstance(raised, FitError | WorkerDiedError)
+        raise typer.Exit(FIT_FAILED if failed else BAD_INPUT) from None
     finally:
         logger.removeHandler(handler)
         logger.setLevel(level)
-
-
-@contextmanager
-def _interruption() -> Iterator[Event]:
-    """Yield an event that is set by Ctrl-C.
-
-    Inside a compiled function KeyboardInterrupt comes out as another error, or not at all.
-    """
-    event = Event()
-
-    def interrupt(number: int, frame: FrameType | None) -> None:
-        event.set()
-        raise KeyboardInterrupt
-
-    if current_thread() is not main_thread():  # only there may a handler be set
-        yield event
-        return
-    before = signal.signal(signal.SIGINT, interrupt)
-    try:
-        yield event
-    finally:
-        signal.signal(signal.SIGINT, before)
-
-
-def explain(error: BaseException, kept: str) -> int:
-    """Print an error in one line and return the exit code."""
-    if isinstance(error, KeyboardInterrupt):
-        complain(f"interrupted; {kept}")
-        return INTERRUPTED
-    complain(str(error))
-    return FIT_FAILED if isinstance(error, FitError) else BAD_INPUT
 
 
 def complain(message: str) -> None:

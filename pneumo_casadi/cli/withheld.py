@@ -98,16 +98,14 @@ def check(
     MissingExtraError
         If numba is not installed.
     """
-    from concurrent.futures import ProcessPoolExecutor
-
     from pneumo_casadi.evaluation.sealed_check import (  # needs the extra `bench`
         WithheldOptions,
         check_withheld,
     )
-    from pneumo_casadi.runtime.processes import ignore_interrupts
+    from pneumo_casadi.runtime.processes import worker_pool
 
     chosen = _seed_of(folder) if seed is None else seed
-    with ProcessPoolExecutor(workers, initializer=ignore_interrupts) as executor:
+    with worker_pool(workers) as executor:
         scores = check_withheld(
             folder,
             WithheldOptions(cases, chosen, duration=duration, rivals=rivals),

@@ -2,7 +2,6 @@
 
 import hashlib
 import re
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -17,6 +16,7 @@ from pneumo_casadi.export.function_check import CLASSES, refusal
 from pneumo_casadi.export.model import FORMAT, IdentifiedModel, description
 from pneumo_casadi.model.integration import Stepping, step_function
 from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.runtime.atomic_files import draft_folder
 from pneumo_casadi.runtime.input_files import read_bytes, shown
 from pneumo_casadi.runtime.json_files import json_text
 from pneumo_casadi.runtime.json_input import Section, check_format, read_json, typed
@@ -181,8 +181,8 @@ def _bound(model: IdentifiedModel) -> dict[str, ca.Function]:
 
 
 def _saved(f: ca.Function) -> bytes:
-    with tempfile.TemporaryDirectory() as scratch:
-        path = Path(scratch) / "f.casadi"
+    with draft_folder() as scratch:
+        path = scratch / "f.casadi"
         f.save(str(path))
         return path.read_bytes()
 

@@ -5,8 +5,6 @@ import importlib.util
 import io
 import logging
 import platform
-import subprocess
-import tempfile
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -18,6 +16,8 @@ from pneumo_casadi.export.fmi_xml import build_description, model_description
 from pneumo_casadi.export.folder import write_files
 from pneumo_casadi.export.model import IdentifiedModel, description
 from pneumo_casadi.model.compilation import compiler
+from pneumo_casadi.runtime.atomic_files import draft_folder
+from pneumo_casadi.runtime.child_process import last_line, run_child
 from pneumo_casadi.runtime.json_files import json_text
 
 logger = logging.getLogger(__name__)
@@ -111,19 +111,16 @@ def _binary(sources: Mapping[str, str]) -> dict[str, bytes]:
     if cc is None or architecture is None or system is None:
         logger.warning("no C compiler for %s: the FMU holds sources only", platform.platform())
         return {}
-    with tempfile.TemporaryDirectory() as scratch:
+    with draft_folder() as scratch:
         for name, text in sources.items():
-            (Path(scratch) / Path(name).name).write_text(text, "utf-8")
+            (scratch / Path(name).name).write_text(text, "utf-8")
         library = f"{NAME}.{suffix}"
         command = [cc, *_FLAGS, f"{NAME}.c", "fmi3.c", "-o", library, "-lm"]
-        done = subprocess.run(command, cwd=scratch, capture_output=True, text=True, check=False)
+        done = run_child(command, cwd=scratch)
         if done.returncode:
-            tail = done.stderr.strip().splitlines()[-1:] or ["no message"]
-            logger.warning("%s failed (%s): the FMU holds sources only", cc, tail[0])
+            logger.warning("%s failed (%s): the FMU holds sources only", cc, last_line(done.stderr))
             return {}
-        return {
-            f"binaries/{architecture}-{system}/{library}": (Path(scratch) / library).read_bytes()
-        }
+        return {f"binaries/{architecture}-{system}/{library}": (scratch / library).read_bytes()}
 
 
 def _zipped(files: Mapping[str, bytes]) -> bytes:

@@ -10,7 +10,6 @@ import json
 import os
 import subprocess
 import sys
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -44,23 +43,23 @@ def refusal(functions: Sequence[str]) -> str:
     functions : sequence of str
         As CasADi writes them.
     """
-    with tempfile.TemporaryDirectory() as empty:
+    from pneumo_casadi.runtime.atomic_files import draft_folder
+    from pneumo_casadi.runtime.child_process import last_line, run_child
+
+    with draft_folder() as empty:
         try:
-            done = subprocess.run(
+            done = run_child(
                 [sys.executable, "-P", str(Path(__file__))],
-                input=json.dumps(list(functions)).encode(),
-                capture_output=True,
-                cwd=empty,
-                env={name: value for name, value in os.environ.items() if name != "CASADIPATH"},
-                timeout=TIME,
-                check=False,
+                json.dumps(list(functions)).encode(),
+                TIME,
+                empty,
+                {name: value for name, value in os.environ.items() if name != "CASADIPATH"},
             )
         except subprocess.TimeoutExpired:
             return f"it is not read within {TIME:g} s"
     if done.returncode == 0:
         return ""
-    lines = done.stderr.decode("utf-8", "replace").strip().splitlines() or ["no message"]
-    return lines[-1][:200]
+    return last_line(done.stderr)
 
 
 def main() -> None:

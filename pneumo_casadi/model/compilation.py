@@ -10,8 +10,6 @@ import logging
 import os
 import platform
 import shutil
-import subprocess
-import tempfile
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
@@ -21,6 +19,7 @@ import casadi as ca
 import numpy as np
 
 from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.runtime.atomic_files import draft_folder
 from pneumo_casadi.runtime.cache import (
     FOLDER,
     LENGTH,
@@ -28,6 +27,7 @@ from pneumo_casadi.runtime.cache import (
     cache_folder,
     is_own_file,
 )
+from pneumo_casadi.runtime.child_process import last_line, run_child
 
 logger = logging.getLogger(__name__)
 
@@ -192,17 +192,16 @@ def generate_code(functions: Sequence[ca.Function]) -> str:
 
 def _build(cc: str, code: str, path: Path) -> bool:
     """Compile `code` to `path` by way of a temporary file; tell whether it worked."""
-    with tempfile.TemporaryDirectory(dir=path.parent) as scratch:
-        source, library = Path(scratch) / "code.c", Path(scratch) / "code.so"
+    with draft_folder(path.parent, path.name) as scratch:
+        source, library = scratch / "code.c", scratch / "code.so"
         source.write_text(code)
         for flags in (FAST, PLAIN):
             command = [cc, *flags, "-shared", "-fPIC", str(source), "-o", str(library), "-lm"]
-            done = subprocess.run(command, capture_output=True, text=True, check=False)
+            done = run_child(command)
             if done.returncode == 0:
                 break
         else:
-            tail = done.stderr.strip().splitlines()[-1:] or ["no message"]
-            logger.warning("%s failed (%s); functions run interpreted", cc, tail[0])
+            logger.warning("%s failed (%s); functions run interpreted", cc, last_line(done.stderr))
             return False
         content = library.read_bytes()
         library.chmod(0o600)

@@ -9,11 +9,12 @@ import hmac
 import os
 import secrets
 import stat
-import tempfile
 from functools import cache
 from pathlib import Path
 
 from platformdirs import user_cache_path, user_data_path
+
+from pneumo_casadi.runtime.atomic_files import draft_folder
 
 #: Environment variable that names another cache folder.
 FOLDER = "PNEUMO_CASADI_CACHE"
@@ -99,8 +100,8 @@ def _key() -> bytes:
     try:
         _make(path.parent.absolute())
         if not is_own_file(path) or path.stat().st_size != LENGTH:
-            with tempfile.TemporaryDirectory(dir=path.parent) as scratch:
-                draft = Path(scratch) / path.name
+            with draft_folder(path.parent, path.name) as scratch:
+                draft = scratch / path.name
                 draft.touch(mode=0o600)
                 draft.write_bytes(secrets.token_bytes(LENGTH))
                 draft.replace(path)

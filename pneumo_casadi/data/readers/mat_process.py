@@ -41,24 +41,23 @@ def vectors_of(content: bytes, wanted: Collection[str]) -> dict[str, Any]:
     UnreadableError
         If the parser fails, crashes, or takes too long.
     """
+    from pneumo_casadi.runtime.child_process import last_line, run_child
+
     command = [sys.executable, "-P", str(Path(__file__))]
     single = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     try:
-        done = subprocess.run(
+        done = run_child(
             command,
-            input=json.dumps(list(wanted)).encode() + b"\n" + content,
-            capture_output=True,
-            timeout=TIME + TIME_PER_100_MB * len(content) / 1e8,
+            json.dumps(list(wanted)).encode() + b"\n" + content,
+            TIME + TIME_PER_100_MB * len(content) / 1e8,
             env={**os.environ, **single},
-            check=False,
         )
     except subprocess.TimeoutExpired:
         raise UnreadableError("it is not parsed within the time of a sound file") from None
     if done.returncode < 0:
         raise UnreadableError(f"the parser ended with signal {-done.returncode}")
     if done.returncode:
-        lines = done.stderr.decode("utf-8", "replace").strip().splitlines() or ["no message"]
-        raise UnreadableError(lines[-1][:200])
+        raise UnreadableError(last_line(done.stderr))
     with np.load(io.BytesIO(done.stdout), allow_pickle=False) as held:
         names = json.loads(str(held["names"]))
         return {name: held.get(str(k)) for k, name in enumerate(names)}

@@ -1,7 +1,8 @@
 """The sealed check from draw to scores; it goes on where it was interrupted."""
 
+import os
 from collections.abc import Mapping
-from concurrent.futures import Executor, ProcessPoolExecutor
+from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -28,6 +29,7 @@ from pneumo_casadi.evaluation.sealed_check.score import Judged, scored
 from pneumo_casadi.evaluation.sealed_check.seal import ABSENT, opened, seal
 from pneumo_casadi.runtime.json_files import write_json
 from pneumo_casadi.runtime.json_input import read_json
+from pneumo_casadi.runtime.processes import worker_pool
 from pneumo_casadi.runtime.progress import Progress
 
 MEASURES, RIVALS, SCORES = "measures", "rivals", "scores.json"
@@ -102,7 +104,7 @@ def check_withheld(
         If the folder holds another draw, or labels or verdicts were tampered with.
     """
     if executor is None:
-        with ProcessPoolExecutor() as pool:
+        with worker_pool(os.cpu_count() or 1) as pool:
             return check_withheld(folder, options, pool, diagnosing, progress)
     folder = Path(folder)
     draws = draw_cases(options.cases, options.seed, options.proportions, options.background)

@@ -15,7 +15,6 @@ noise and background without the causes.
   After its first step the selection goes on among the `BEAM` best only.
 """
 
-import tempfile
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -35,6 +34,7 @@ from pneumo_casadi.errors import PneumoError
 from pneumo_casadi.evaluation.sealed_check.draw import Draw, make_twin
 from pneumo_casadi.metrics import closure, combined_gap, gap
 from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.runtime.atomic_files import draft_folder
 from pneumo_casadi.runtime.json_files import write_json
 from pneumo_casadi.runtime.threads import one_thread
 
@@ -53,8 +53,8 @@ def measure_one(
     """Measure one case and write the figures to ``folder/NAME.json``."""
 
     def figures() -> dict[str, Any]:
-        with tempfile.TemporaryDirectory() as scratch:
-            twin, _ = prepare_study(make_twin(draw, Path(scratch) / "twin", duration, fs))
+        with draft_folder() as scratch:
+            twin, _ = prepare_study(make_twin(draw, scratch / "twin", duration, fs))
             floor = residual_rms(fit_model(twin, ()))
         return measured(prepare_study(read_case(case))[0], floor, draw, named)
 

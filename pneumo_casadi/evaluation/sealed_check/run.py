@@ -20,6 +20,7 @@ from pneumo_casadi.evaluation.sealed_check.seal import (
     write_verdict,
 )
 from pneumo_casadi.model.effect import Effect
+from pneumo_casadi.runtime.processes import WorkerDiedError
 from pneumo_casadi.runtime.progress import Progress, no_progress
 
 #: What is checked: a case and a catalogue to the JSON of a diagnosis. It must be importable, so
@@ -70,20 +71,28 @@ def in_turn(
 
     Raises
     ------
+    WorkerDiedError
+        At the end, if the process of a task died; the message names the task.
     Exception
-        The first that a task raises; tasks that have not started by then are cancelled.
+        The first other that a task raises; tasks that have not started by then are cancelled.
     """
     report = progress or no_progress
     began, n = time.monotonic(), len(tasks)
-    futures: list[Future[Any]] = [executor.submit(task) for task in tasks.values()]
+    futures: dict[Future[Any], str] = {executor.submit(task): name for name, task in tasks.items()}
+    died: dict[str, WorkerDiedError] = {}
     try:
         for done, future in enumerate(as_completed(futures), 1):
-            future.result()
+            try:
+                future.result()
+            except WorkerDiedError as error:  # costs this task only
+                died[futures[future]] = error
             left = (time.monotonic() - began) / done * (n - done)
             report(f"{texts}: {done} of {n}, {_duration(left)} left", done / n)
     finally:
         for future in futures:
             future.cancel()
+    for name, death in died.items():
+        raise WorkerDiedError(f"{name}: {death}; what is finished is kept") from death
 
 
 def _duration(seconds: float) -> str:

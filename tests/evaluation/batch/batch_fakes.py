@@ -70,6 +70,13 @@ def killed_once(folder):
     return marked(folder)
 
 
+def killed_always(folder):
+    """The fourth case costs its worker each time."""
+    if folder.name == "c4":
+        os.kill(os.getpid(), signal.SIGKILL)
+    return marked(folder)
+
+
 def spring_load(folder: Path):
     """A real diagnosis with a catalogue of one."""
     return diagnose(folder, {"spring_load": EFFECTS["spring_load"]}).as_dict()

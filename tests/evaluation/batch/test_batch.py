@@ -6,9 +6,10 @@ import os
 import shutil
 import sys
 import threading
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
+from multiprocessing import get_context
 from pathlib import Path
 
 import pandas as pd
@@ -149,18 +150,28 @@ def test_threads_give_what_one_gives_and_an_interruption_leaves_the_rest_undone(
 
 
 @pytest.mark.slow
-def test_processes_give_what_one_gives_and_a_killed_one_loses_nothing(tmp_path, fakes):
+def test_processes_give_what_one_gives_and_one_that_dies_costs_its_case_only(tmp_path, fakes):
+    cases, out = made_cases(tmp_path, 6), tmp_path / "out"
+    alone = diagnose_many(cases, keep=tmp_path / "alone", diagnosing=fakes.verdict)
+    with processes(2) as executor:
+        rows = diagnose_many(cases, executor, keep=out, diagnosing=fakes.killed_once)
+        assert (tmp_path / "killed").exists() and without_time(rows) == without_time(alone)
+        rows = diagnose_many(cases, executor, keep=out, diagnosing=fakes.killed_always)
+    assert [row.case for row in rows if row.verdict == "failed"] == ["c4"]
+    assert "WorkerDiedError" in rows[3].error and "signal 9" in rows[3].error
+    assert without_time(rows[:3] + rows[4:]) == without_time(alone[:3] + alone[4:])
+
+
+@pytest.mark.slow
+def test_the_end_of_a_foreign_pool_is_told_and_loses_nothing(tmp_path, fakes):
     cases, out = made_cases(tmp_path, 6), tmp_path / "out"
     with (
+        ProcessPoolExecutor(2, get_context("spawn")) as executor,
         pytest.raises(PneumoError, match=r"finished cases are in .*call it again"),
-        processes(2) as executor,
     ):
         diagnose_many(cases, executor, keep=out, diagnosing=fakes.killed_once)
-    assert (tmp_path / "killed").exists()
     rows = diagnose_many(cases, keep=out, diagnosing=fakes.killed_once)
-    assert without_time(rows) == without_time(
-        diagnose_many(cases, keep=tmp_path / "alone", diagnosing=fakes.verdict)
-    )
+    assert [row.error for row in rows] == [""] * 6
 
 
 @contextmanager
@@ -198,6 +209,9 @@ def test_a_killed_dask_worker_changes_no_result(tmp_path, fakes):
         (cases[0] / "bench.json").write_text("77.5")
         rows = diagnose_many(cases, client.get_executor(), keep=out, diagnosing=fakes.killed_once)
         assert [row.gap_before_percent for row in rows][:2] == [77.5, alone[1].gap_before_percent]
+        rows = diagnose_many(cases, client.get_executor(), keep=out, diagnosing=fakes.killed_always)
+        assert [row.case for row in rows if row.verdict == "failed"] == ["c4"]
+        assert "KilledWorker" in rows[3].error
 
 
 @pytest.mark.slow
