@@ -144,7 +144,10 @@ def _locked_folder(parent: Path, name: str) -> tuple[Path, int | None]:
         folder = Path(tempfile.mkdtemp(prefix=f"{_PREFIX}{name}{_SUFFIX}", dir=parent))
         if sys.platform == "win32":
             return folder, None
-        lock = os.open(folder, os.O_RDONLY)
+        try:
+            lock = os.open(folder, os.O_RDONLY)
+        except FileNotFoundError:
+            continue
         with suppress(OSError):  # a file system without locks: stale drafts stay there
             flock(lock, LOCK_EX)
         if folder.exists():

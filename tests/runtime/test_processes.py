@@ -36,7 +36,11 @@ def child(folder):
 
 if __name__ == "__main__":
     folder, compiled = sys.argv[1], sys.argv[2] == "compiled"
-    with interruptible() as interruption, draft_folder(folder, "of_command"), worker_pool(2) as pool:
+    with (
+        interruptible() as interruption,
+        draft_folder(folder, "of_command"),
+        worker_pool(2) as pool,
+    ):
         job = pool.submit(stuck, folder)
         thread = threading.Thread(target=child, args=(folder,), daemon=True)
         thread.start()

@@ -31,6 +31,9 @@ Diagnosing = Callable[[Path], Mapping[str, Any]]
 
 #: Where the records lie within the output folder.
 CASES = "cases"
+#: Error of Dask where workers died over a task. It also blames tasks that waited on the same
+#: worker: each is tried once more, alone.
+KILLED = "KilledWorker"
 #: Files of a case folder that a diagnosis reads: when one of them changes, it is diagnosed again.
 DATA = ("bench.json", "columns.json", "flow_map.csv", "identify*", "validate*", "DATA_EMPS*.mat")
 
@@ -193,8 +196,16 @@ def _rows(
     try:
         for folder in folders:
             futures[executor.submit(diagnose_one, folder, out, diagnosing, call)] = folder
+        neighbours = []
         for future in as_completed(futures):
-            yield _outcome(futures[future], future.result)
+            folder = futures[future]
+            if type(future.exception()).__name__ == KILLED:
+                neighbours.append(folder)
+            else:
+                yield _outcome(folder, future.result)
+        for folder in neighbours:
+            again = executor.submit(diagnose_one, folder, out, diagnosing, secrets.token_hex(8))
+            yield _outcome(folder, again.result)
     except (BrokenExecutor, CancelledError) as error:
         raise PneumoError(
             f"the workers are gone ({_one_line(error)}): killed, out of memory or closed; finished "
