@@ -49,7 +49,9 @@ def check(
     with guarded(debug):
         from pneumo_casadi.data.check import check
         from pneumo_casadi.runtime.json_files import without_infinities, write_json
+        from pneumo_casadi.runtime.output_folder import check_result_file
 
+        check_result_file(json_file, "findings")
         result = check(case)
         say(result.summary())
         if json_file is not None:

@@ -29,12 +29,18 @@ def compare(
     """
     with guarded(debug):
         from pneumo_casadi.identification.compare import compare
-        from pneumo_casadi.report.pages.write import Kind, check_replaceable, write_comparison
+        from pneumo_casadi.report.pages.write import write_comparison
         from pneumo_casadi.report.tables.comparison import comparison_tables
         from pneumo_casadi.runtime.json_files import write_json
+        from pneumo_casadi.runtime.output_folder import (
+            OutputKind,
+            check_replaceable,
+            check_result_file,
+        )
 
         if output is not None:
-            check_replaceable(output, Kind.COMPARISON)
+            check_replaceable(output, OutputKind.COMPARISON)
+        check_result_file(json_file, "differences")
         with progress_bar() as report:
             comparison = compare(*results, progress=report)
         if output is not None:

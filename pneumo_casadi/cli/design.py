@@ -87,12 +87,17 @@ def design(
         from pneumo_casadi.identification.options import IdentifyOptions
         from pneumo_casadi.identification.read_result import read_options
         from pneumo_casadi.report.pages.design import design_text, write_design
-        from pneumo_casadi.report.pages.write import Kind, check_replaceable
         from pneumo_casadi.runtime.json_files import write_json
+        from pneumo_casadi.runtime.output_folder import (
+            OutputKind,
+            check_replaceable,
+            check_result_file,
+        )
         from pneumo_casadi.runtime.progress import progress_range
 
         folder = report_folder(output, case, "-design")
-        check_replaceable(folder, Kind.DESIGN)
+        check_replaceable(folder, OutputKind.DESIGN)
+        check_result_file(json_file, "evaluations")
         request = ExperimentRequest(
             separate, Criterion(criterion), duration, common, velocity, command, tries, seed
         )

@@ -88,14 +88,19 @@ def diagnose(
         from pneumo_casadi.diagnosis.diagnose import diagnose
         from pneumo_casadi.identification.warnings import Usable
         from pneumo_casadi.report.pages.diagnosis import write_diagnosis
-        from pneumo_casadi.report.pages.write import Kind, check_replaceable
         from pneumo_casadi.report.text.diagnosis import summary_text
         from pneumo_casadi.runtime.json_files import write_json
+        from pneumo_casadi.runtime.output_folder import (
+            OutputKind,
+            check_replaceable,
+            check_result_file,
+        )
         from pneumo_casadi.runtime.processes import processes
         from pneumo_casadi.runtime.progress import progress_range
 
         folder = report_folder(output, case, "-diagnosis")
-        check_replaceable(folder, Kind.DIAGNOSIS)
+        check_replaceable(folder, OutputKind.DIAGNOSIS)
+        check_result_file(json_file, "verdict")
         effects = effects_without(without or ())
         if catalogue is not None:
             effects |= effects_of_file(catalogue)

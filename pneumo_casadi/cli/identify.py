@@ -168,15 +168,17 @@ def _identify(
 ) -> "Usable":
     from pneumo_casadi.identification.identify import identify
     from pneumo_casadi.identification.result_file import result_dict
-    from pneumo_casadi.report.pages.write import Kind, check_replaceable, write_identification
+    from pneumo_casadi.report.pages.write import write_identification
     from pneumo_casadi.report.tables.parameters import parameter_table, record_table
     from pneumo_casadi.report.tables.table import with_symbols
     from pneumo_casadi.report.tables.validation import validation_table
     from pneumo_casadi.report.text.identification import render_warnings
     from pneumo_casadi.runtime.json_files import write_json
+    from pneumo_casadi.runtime.output_folder import OutputKind, check_replaceable, check_result_file
     from pneumo_casadi.runtime.progress import progress_range
 
-    check_replaceable(folder, Kind.IDENTIFICATION)
+    check_replaceable(folder, OutputKind.IDENTIFICATION)
+    check_result_file(json_file, "wls")
     with progress_bar() as report:
         result = identify(case, options, progress_range(report, 0.0, 0.8))
         write_identification(result, folder, paper, progress_range(report, 0.8, 1.0))

@@ -57,8 +57,10 @@ def simulate(
     """
     with guarded(debug):
         from pneumo_casadi.runtime.json_files import write_json
+        from pneumo_casadi.runtime.output_folder import check_result_file
 
         content: dict[str, Any]
+        check_result_file(json_file, "seed" if bench else "files")
         if bench:
             if case is not None or parameters is not None:
                 raise CaseError("--bench generates its own axis: leave out CASE and --parameters")
@@ -81,12 +83,13 @@ def _simulate(
     from pneumo_casadi.data import read_case
     from pneumo_casadi.identification.read_result import read_axis
     from pneumo_casadi.identification.trajectory_file import RecordSet, simulate_case
-    from pneumo_casadi.report.pages.write import Kind, check_replaceable, write_simulations
+    from pneumo_casadi.report.pages.write import write_simulations
+    from pneumo_casadi.runtime.output_folder import OutputKind, check_replaceable
 
     if case is None or parameters is None:
         raise CaseError("simulate needs CASE and --parameters, or --bench to make a case")
     folder = report_folder(output, case, "-simulation")
-    check_replaceable(folder, Kind.SIMULATION)
+    check_replaceable(folder, OutputKind.SIMULATION)
     read = read_case(case)
     axis = read_axis(parameters, read)
     with progress_bar() as report:

@@ -36,13 +36,19 @@ def validate(
             simulation_sentence,
             validation_warnings,
         )
-        from pneumo_casadi.report.pages.write import Kind, check_replaceable, write_validation
+        from pneumo_casadi.report.pages.write import write_validation
         from pneumo_casadi.report.tables.validation import validation_table
         from pneumo_casadi.runtime.json_files import write_json
+        from pneumo_casadi.runtime.output_folder import (
+            OutputKind,
+            check_replaceable,
+            check_result_file,
+        )
         from pneumo_casadi.validation import validate
 
         if output is not None:
-            check_replaceable(output, Kind.VALIDATION)
+            check_replaceable(output, OutputKind.VALIDATION)
+        check_result_file(json_file, "validation")
         read = read_case(case)
         axis = read_axis(parameters, read)
         if not read.validate:

@@ -13,8 +13,6 @@ from pneumo_casadi.errors import CaseError
 if TYPE_CHECKING:
     from pneumo_casadi.runtime.progress import Progress
 
-SEED_FILE = "seed.txt"
-
 
 def withheld(
     output: Annotated[
@@ -48,16 +46,21 @@ def withheld(
     with guarded(debug, f"finished cases are in {output}; run the same command again to resume"):
         from pneumo_casadi.report.pages.drawing import can_draw
         from pneumo_casadi.report.tables.sealed_check import withheld_table
+        from pneumo_casadi.runtime.atomic_files import atomic_file
         from pneumo_casadi.runtime.json_files import write_json
+        from pneumo_casadi.runtime.output_folder import check_result_file
 
+        check_result_file(json_file, "seed")
         with progress_bar() as report:
             scores = check(output, cases, seed, workers, duration, report, rivals)
         show(withheld_table(scores))
         if can_draw():
+            from pneumo_casadi.evaluation.sealed_check.check import FIGURE
             from pneumo_casadi.report.figures.studies.withheld import withheld_figure
             from pneumo_casadi.report.figures.style import png
 
-            (output / "withheld.png").write_bytes(png(withheld_figure(scores)))
+            with atomic_file(output / FIGURE) as draft:
+                draft.write_bytes(png(withheld_figure(scores)))
         if json_file is not None:
             write_json(scores, json_file)
         say(f"\nscores: {output / 'scores.json'}")
@@ -102,8 +105,11 @@ def check(
         WithheldOptions,
         check_withheld,
     )
+    from pneumo_casadi.evaluation.sealed_check.check import NAMES
+    from pneumo_casadi.runtime.output_folder import OutputKind, claim_names
     from pneumo_casadi.runtime.processes import worker_pool
 
+    claim_names(folder, OutputKind.SEALED_CHECK, NAMES)
     chosen = _seed_of(folder) if seed is None else seed
     with worker_pool(workers) as executor:
         scores = check_withheld(
@@ -117,6 +123,9 @@ def check(
 
 def _seed_of(folder: Path) -> int:
     """Return the seed that an earlier call kept in a folder, or keep a new one."""
+    from pneumo_casadi.evaluation.sealed_check.check import SEED_FILE
+    from pneumo_casadi.runtime.atomic_files import atomic_file
+
     path = folder / SEED_FILE
     if path.is_file():
         try:
@@ -124,6 +133,6 @@ def _seed_of(folder: Path) -> int:
         except ValueError:
             raise CaseError(f"{path}: not an integer; give --seed") from None
     drawn = secrets.randbits(48)
-    folder.mkdir(parents=True, exist_ok=True)
-    path.write_text(f"{drawn}\n", encoding="utf-8")
+    with atomic_file(path) as draft:
+        draft.write_text(f"{drawn}\n", encoding="utf-8")
     return drawn

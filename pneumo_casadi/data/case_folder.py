@@ -33,6 +33,7 @@ from pneumo_casadi.data.seal_friction import is_seal_friction, read_seal_frictio
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.runtime.atomic_files import atomic_folder
 from pneumo_casadi.runtime.input_files import is_named
+from pneumo_casadi.runtime.output_folder import check_new
 
 TIME_DECIMALS = 10
 #: The case that comes with the package.
@@ -262,8 +263,7 @@ def write_case(
     ['bench.json', 'flow_map.csv', 'identify.csv.gz']
     """
     folder = Path(folder)
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise CaseError(f"{folder}: is there already and not empty; choose a new folder")
+    check_new(folder)
     if not identify:
         raise CaseError(f"{folder}: no record to identify on; a case needs at least one")
     with atomic_folder(folder, over=False) as draft:

@@ -15,8 +15,8 @@ from pneumo_casadi.data.case import Case
 from pneumo_casadi.data.case_folder import example_case, read_case
 from pneumo_casadi.data.readers.columns import COLUMNS_FILE
 from pneumo_casadi.data.recording.recording import Recording
-from pneumo_casadi.errors import CaseError
 from pneumo_casadi.runtime.atomic_files import atomic_folder
+from pneumo_casadi.runtime.output_folder import check_new
 
 ROWS_PER_ROW = 5
 """Of the example at 5 kHz; 1 kHz is what most loggers do, and keeps the files small."""
@@ -51,8 +51,7 @@ def write_example(folder: str | Path) -> Case:
     (1000.0, ())
     """
     folder = Path(folder)
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise CaseError(f"{folder}: is there already and not empty; choose a new folder")
+    check_new(folder)
     example = example_case()
     bench = example.bench
     assert isinstance(bench, Bench) and example.flow_map_path is not None

@@ -9,8 +9,8 @@ from typing import Any
 import casadi as ca
 
 from pneumo_casadi import __version__
-from pneumo_casadi.export.folder import write_files
 from pneumo_casadi.export.model import IdentifiedModel, identifier, plain
+from pneumo_casadi.runtime.output_folder import write_files
 
 #: Name of files and prefix of every symbol.
 NAME = "axis"

@@ -11,7 +11,6 @@ import numpy as np
 from msgspec import Meta
 
 from pneumo_casadi.errors import CaseError
-from pneumo_casadi.export.folder import write_files
 from pneumo_casadi.export.function_check import CLASSES, refusal
 from pneumo_casadi.export.model import FORMAT, IdentifiedModel, description
 from pneumo_casadi.model.integration import Stepping, step_function
@@ -20,6 +19,7 @@ from pneumo_casadi.runtime.atomic_files import draft_folder
 from pneumo_casadi.runtime.input_files import read_bytes, shown
 from pneumo_casadi.runtime.json_files import json_text
 from pneumo_casadi.runtime.json_input import Section, check_format, read_json, typed
+from pneumo_casadi.runtime.output_folder import write_files
 
 SIDECAR = "functions.json"
 _KIND = "pneumo_casadi functions"

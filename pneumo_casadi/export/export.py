@@ -11,6 +11,7 @@ from pneumo_casadi.export.fmu import write_fmu
 from pneumo_casadi.export.linear import write_state_space
 from pneumo_casadi.export.model import IdentifiedModel, identified_model, read_model, write_model
 from pneumo_casadi.identification.result import Identification
+from pneumo_casadi.runtime.output_folder import OutputKind, check_writable_files
 
 
 class Format(Enum):
@@ -77,6 +78,7 @@ def export_model(
         raise ModelError(f"no export format {format!r}; there are {known}") from None
     if at and chosen is not Format.SS:
         raise ModelError(f"`at` is for the format ss alone, not for {chosen.value}")
+    check_writable_files(folder, OutputKind.EXPORT, ())
     if isinstance(model, Identification):
         model = identified_model(model)
     elif not isinstance(model, IdentifiedModel):

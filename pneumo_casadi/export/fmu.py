@@ -13,12 +13,12 @@ from string import Template
 from pneumo_casadi.errors import MissingExtraError
 from pneumo_casadi.export.c_code import NAME, c_sources, template, values
 from pneumo_casadi.export.fmi_xml import build_description, model_description
-from pneumo_casadi.export.folder import write_files
 from pneumo_casadi.export.model import IdentifiedModel, description
 from pneumo_casadi.model.compilation import compiler
 from pneumo_casadi.runtime.atomic_files import draft_folder
 from pneumo_casadi.runtime.child_process import last_line, run_child
 from pneumo_casadi.runtime.json_files import json_text
+from pneumo_casadi.runtime.output_folder import write_files
 
 logger = logging.getLogger(__name__)
 

@@ -11,11 +11,11 @@ import numpy as np
 import scipy.io
 
 from pneumo_casadi.errors import MissingExtraError, ModelError
-from pneumo_casadi.export.folder import write_files
 from pneumo_casadi.export.model import IdentifiedModel, balanced_state, description, identifier
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.runtime.json_files import json_text
+from pneumo_casadi.runtime.output_folder import write_files
 
 #: Within this time a rate of one state scale a second counts; a rest is found to 1e-9 of it [s].
 _TIME = 0.1

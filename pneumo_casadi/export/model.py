@@ -17,8 +17,9 @@ from pneumo_casadi.identification.result_file import result_dict
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.integration import substeps_for
 from pneumo_casadi.parameters import FloatArray
-from pneumo_casadi.runtime.json_files import write_json
+from pneumo_casadi.runtime.json_files import json_text
 from pneumo_casadi.runtime.json_input import Section, check_format, read_json, typed
+from pneumo_casadi.runtime.output_folder import write_files
 
 #: Of axis.json; raised when a reader of the old one would misread the new.
 FORMAT = 1
@@ -185,8 +186,7 @@ def write_model(model: IdentifiedModel, folder: str | Path) -> Path:
     ModelError
         If an effect or the flow map is your own: a file cannot hold its equations.
     """
-    path = Path(folder) / "axis.json"
-    write_json(model_dict(model), path)
+    (path,) = write_files({"axis.json": json_text(model_dict(model))}, folder)
     return path
 
 

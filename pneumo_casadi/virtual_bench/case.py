@@ -10,6 +10,7 @@ import pandas as pd
 
 from pneumo_casadi.data import Case, Recording, read_case, write_case
 from pneumo_casadi.errors import CaseError
+from pneumo_casadi.runtime.output_folder import check_new
 from pneumo_casadi.virtual_bench.axis import VirtualAxis, random_axis
 from pneumo_casadi.virtual_bench.catalogue import (
     EffectRequest,
@@ -123,6 +124,7 @@ def make_case(
             f"{folder}: no record: {duration:g} s at {fs:g} Hz is less than 2 rows; give a longer "
             "duration"
         )
+    check_new(folder)
     axis = laboratory.equip(axis or random_axis(seed))
     hidden = effects_for(axis, effects, seed)
     if isinstance(background, bool):

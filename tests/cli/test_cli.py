@@ -216,6 +216,7 @@ def test_identify_leaves_a_report_and_prints_table_and_warnings(
         "report.html",
         "table.txt",
         "figures",
+        ".pneumo_casadi.json",
     }
     text = capsys.readouterr().out
     assert "Table 1" in text

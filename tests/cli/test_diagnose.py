@@ -25,7 +25,7 @@ _spec.loader.exec_module(made)
 
 #: The module; as an attribute of its package the name is the function's.
 MODULE = importlib.import_module("pneumo_casadi.diagnosis.diagnose")
-FILES = {"diagnosis.json", "report.html", "summary.txt", "figures"}
+FILES = {"diagnosis.json", "report.html", "summary.txt", "figures", ".pneumo_casadi.json"}
 
 
 def error_line(capsys) -> str:
@@ -139,7 +139,7 @@ def test_a_diagnosis_that_ends_early_leaves_nothing_but_its_fits(
 def test_a_folder_of_another_kind_is_refused_before_any_work(embedded, tmp_path, capsys, given):
     (tmp_path / "result.json").write_text("{}")
     assert cli.run(["diagnose", str(embedded), "-o", str(tmp_path)]) == 2
-    assert "would be lost" in error_line(capsys)
+    assert "holds result.json and no earlier diagnosis" in error_line(capsys)
     assert not given
 
 

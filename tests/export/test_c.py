@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from pneumo_casadi.errors import CaseError
 from pneumo_casadi.export import IdentifiedModel, write_c
 from pneumo_casadi.model.simulation import simulate
 
@@ -86,8 +87,14 @@ def test_the_header_names_all_quantities_with_units(models, tmp_path):
 
 def test_other_files_in_the_folder_stay(models, tmp_path):
     (tmp_path / "controller.c").write_text("mine")
-    (tmp_path / "axis.c").write_text("old")
+    write_c(models["force"], tmp_path)
+    first = (tmp_path / "axis.c").read_text("utf-8")
     write_c(models["force"], tmp_path)
     assert (tmp_path / "controller.c").read_text() == "mine"
-    assert "CasADi" in (tmp_path / "axis.c").read_text("utf-8")
-    assert {p.name for p in tmp_path.iterdir()} == {"controller.c", "axis.c", "axis.h", "main.c"}
+    assert "CasADi" in first and (tmp_path / "axis.c").read_text("utf-8") == first
+    files = {"controller.c", "axis.c", "axis.h", "main.c", ".pneumo_casadi.json"}
+    assert {p.name for p in tmp_path.iterdir()} == files
+    (tmp_path / "axis.c").write_text("mine too")
+    with pytest.raises(CaseError, match=r"axis.c: was changed"):
+        write_c(models["force"], tmp_path)
+    assert (tmp_path / "axis.c").read_text() == "mine too"

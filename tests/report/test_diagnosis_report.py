@@ -307,6 +307,7 @@ def test_a_folder_is_written_whole(written):
         "summary.txt",
         "discovered_term.json",
         "figures",
+        ".pneumo_casadi.json",
     }
     content = json.loads((written / "diagnosis.json").read_text("utf-8"))
     assert content == json.loads(json.dumps(made.with_curves().as_dict()))

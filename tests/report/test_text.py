@@ -7,11 +7,9 @@ from dataclasses import replace
 import pytest
 
 from pneumo_casadi.data import Grade, ValveData, Valves
-from pneumo_casadi.errors import CaseError
 from pneumo_casadi.identification.warnings import ResultWarning
 from pneumo_casadi.report.pages.identification import html_report
 from pneumo_casadi.report.pages.page import Picture
-from pneumo_casadi.report.pages.write import Kind, folder_in_one_step
 from pneumo_casadi.report.tables.paper import TABLE_1
 from pneumo_casadi.report.tables.parameters import parameter_table, scale_notes
 from pneumo_casadi.report.tables.table import interval_text, with_symbols
@@ -127,19 +125,3 @@ def test_the_page_stands_alone_and_escapes_what_it_shows(quick):
     order = ("Usable", "Parameters", "Before you use these numbers", "Why to trust it", "Details")
     at = [page.index(f">{title}</h2>") for title in order]
     assert at == sorted(at)
-
-
-def test_a_result_folder_is_replaced_only_by_its_own_kind(tmp_path):
-    def make(folder, kind):
-        with folder_in_one_step(folder, kind) as draft:
-            for name in kind.value:
-                (draft / name).write_text(kind.name)
-
-    for kind in Kind:
-        folder = tmp_path / kind.name
-        make(folder, kind)
-        make(folder, kind)  # again: an earlier one of the same kind may go
-        for other in set(Kind) - {kind}:
-            with pytest.raises(CaseError, match="would be lost"):
-                make(folder, other)
-        assert sorted(path.name for path in folder.iterdir()) == sorted(kind.value)

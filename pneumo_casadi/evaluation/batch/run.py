@@ -19,9 +19,10 @@ from pneumo_casadi import __version__
 from pneumo_casadi.data.emps import IDENTIFY as EMPS_FILE
 from pneumo_casadi.diagnosis import diagnose
 from pneumo_casadi.errors import CaseError, PneumoError
-from pneumo_casadi.evaluation.batch.table import FAILED, Row, row_of, write_tables
+from pneumo_casadi.evaluation.batch.table import CSV, FAILED, PARQUET, Row, row_of, write_tables
 from pneumo_casadi.runtime.json_files import write_json
 from pneumo_casadi.runtime.json_input import read_json
+from pneumo_casadi.runtime.output_folder import OutputKind, claim_names
 from pneumo_casadi.runtime.progress import Progress, no_progress
 from pneumo_casadi.runtime.provenance import sha256
 
@@ -104,6 +105,7 @@ def diagnose_many(
     paths = [Path(os.path.abspath(folder)) for folder in folders]  # noqa: PTH100
     _check_names(paths)
     out = Path(keep).resolve()
+    claim_names(out, OutputKind.CASES, (CASES, CSV, PARQUET))
     report = progress or no_progress
     rows: dict[str, Row] = {}
     for row in _rows(paths, out, diagnosing, executor):

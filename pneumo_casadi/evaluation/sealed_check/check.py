@@ -26,13 +26,25 @@ from pneumo_casadi.evaluation.sealed_check.run import (
     real_diagnosis,
 )
 from pneumo_casadi.evaluation.sealed_check.score import Judged, scored
-from pneumo_casadi.evaluation.sealed_check.seal import ABSENT, opened, seal
+from pneumo_casadi.evaluation.sealed_check.seal import (
+    ABSENT,
+    LABELS,
+    OPENED,
+    SEAL,
+    VERDICTS,
+    opened,
+    seal,
+)
 from pneumo_casadi.runtime.json_files import write_json
 from pneumo_casadi.runtime.json_input import read_json
+from pneumo_casadi.runtime.output_folder import OutputKind, claim_names
 from pneumo_casadi.runtime.processes import worker_pool
 from pneumo_casadi.runtime.progress import Progress
 
 MEASURES, RIVALS, SCORES = "measures", "rivals", "scores.json"
+SEED_FILE, FIGURE = "seed.txt", "withheld.png"
+#: What a sealed check writes into its folder.
+NAMES = (SEAL, LABELS, OPENED, CASES, VERDICTS, MEASURES, RIVALS, SCORES, SEED_FILE, FIGURE)
 #: Kinds of cases on which the simple rivals are run.
 KINDS_OF_RIVALS = (Kind.SINGLE, Kind.PAIR, Kind.NONE)
 
@@ -107,6 +119,7 @@ def check_withheld(
         with worker_pool(os.cpu_count() or 1) as pool:
             return check_withheld(folder, options, pool, diagnosing, progress)
     folder = Path(folder)
+    claim_names(folder, OutputKind.SEALED_CHECK, NAMES)
     draws = draw_cases(options.cases, options.seed, options.proportions, options.background)
     seal(folder, draws, options.duration, options.fs)
     make_cases(folder, draws, options.duration, options.fs, executor, progress)

@@ -7,10 +7,10 @@ import pandas as pd
 
 from pneumo_casadi.design import COMMON, KINDS, Design, Part, Precision
 from pneumo_casadi.report.pages.drawing import can_draw
-from pneumo_casadi.report.pages.write import Kind, folder_in_one_step
 from pneumo_casadi.report.tables.table import Table, exponent_of, value_text
 from pneumo_casadi.report.text.identification import render
 from pneumo_casadi.runtime.json_files import write_json
+from pneumo_casadi.runtime.output_folder import OutputKind, output_folder
 
 UNITS = {"position": "m", "velocity": "m/s", "p_min": "Pa", "p_max": "Pa", "command": "V"}
 
@@ -23,7 +23,7 @@ def write_design(design: Design, folder: str | Path) -> Path:
     design : Design
         What was designed.
     folder : path
-        Folder to make. One that holds an earlier design is replaced as a whole.
+        Folder to make. One that holds an earlier design is replaced; what you added to it stays.
 
     Returns
     -------
@@ -33,9 +33,9 @@ def write_design(design: Design, folder: str | Path) -> Path:
     Raises
     ------
     CaseError
-        If the folder holds anything but an earlier design.
+        If the folder holds no earlier design, or one that was changed.
     """
-    with folder_in_one_step(folder, Kind.DESIGN) as draft:
+    with output_folder(folder, OutputKind.DESIGN) as draft:
         frame = reference_frame(design)
         frame.to_csv(draft / "reference.csv", index=False, lineterminator="\n")
         write_json(design.as_dict(), draft / "design.json")

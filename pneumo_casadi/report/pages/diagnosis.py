@@ -19,7 +19,6 @@ from pneumo_casadi.report.pages.page import (
     html_page,
     plots_of,
 )
-from pneumo_casadi.report.pages.write import Kind, folder_in_one_step
 from pneumo_casadi.report.tables.diagnosis import (
     check_table,
     fitted_table,
@@ -48,6 +47,7 @@ from pneumo_casadi.report.text.diagnosis import (
     where_sentences,
 )
 from pneumo_casadi.runtime.json_files import write_json
+from pneumo_casadi.runtime.output_folder import OutputKind, output_folder
 
 #: Grades of verdicts, which give the colour; the words say the same.
 _GRADES = {Verdict.NONE: "good", Verdict.EFFECT: "effect"}
@@ -183,7 +183,7 @@ def write_diagnosis(
     diagnosis : Diagnosis
         The diagnosis.
     folder : path
-        Folder to make. One that holds an earlier diagnosis is replaced as a whole.
+        Folder to make. One that holds an earlier diagnosis is replaced; what you added to it stays.
     catalogue : mapping of str to effect class, optional
         Where the effects are described.
     provenance : mapping, optional
@@ -201,10 +201,10 @@ def write_diagnosis(
     Raises
     ------
     CaseError
-        If the folder holds anything but an earlier diagnosis.
+        If the folder holds no earlier diagnosis, or one that was changed.
     """
     known = {"provenance": dict(provenance)} if provenance else {}
-    with folder_in_one_step(folder, Kind.DIAGNOSIS) as draft:
+    with output_folder(folder, OutputKind.DIAGNOSIS) as draft:
         write_json(diagnosis.as_dict() | known, draft / "diagnosis.json")
         if diagnosis.discovered is not None:
             write_term(diagnosis.discovered.term, draft / "discovered_term.json")

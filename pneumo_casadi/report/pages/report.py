@@ -27,7 +27,8 @@ def write_report(
     result : Identification, Diagnosis, Design, Validation or Comparison
         What to report.
     folder : path
-        Folder to make. One that holds an earlier report of the same kind is replaced as a whole.
+        Folder to make. One that holds an earlier report of the same kind is replaced;
+        what you added to it stays.
 
     Returns
     -------
@@ -41,7 +42,7 @@ def write_report(
     Raises
     ------
     CaseError
-        If the folder holds anything but an earlier report of this kind.
+        If the folder holds no earlier report of this kind, or one that was changed.
     ModelError
         If the result is of another type.
 
@@ -52,7 +53,7 @@ def write_report(
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     report = pc.write_report(result, folder + "/report")
-    ...     sorted(path.name for path in report.iterdir())
+    ...     sorted(path.name for path in report.iterdir() if path.name[0] != ".")
     ['figures', 'report.html', 'result.json', 'table.txt']
     """
     if isinstance(result, Identification):

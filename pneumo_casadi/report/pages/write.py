@@ -1,12 +1,9 @@
 """Report folders: written beside their place, then renamed, so that none is ever half there."""
 
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
-from enum import Enum
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pneumo_casadi.errors import CaseError
 from pneumo_casadi.identification.comparison import Comparison
 from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.identification.result_file import result_dict, validation_dict
@@ -21,28 +18,13 @@ from pneumo_casadi.report.pages.page import Picture
 from pneumo_casadi.report.tables.comparison import comparison_tables
 from pneumo_casadi.report.tables.validation import validation_table
 from pneumo_casadi.report.text.identification import render, text_report
-from pneumo_casadi.runtime.atomic_files import atomic_folder
 from pneumo_casadi.runtime.json_files import write_json
+from pneumo_casadi.runtime.output_folder import OutputKind, output_folder
 from pneumo_casadi.runtime.progress import Progress, no_progress
 from pneumo_casadi.validation import Validation
 
 if TYPE_CHECKING:
     from pneumo_casadi.report.pages.identification_figures import Drawn
-
-
-class Kind(Enum):
-    """Kinds of result folders: what each of them holds, its own mark first.
-
-    A folder is replaced only by one of its own kind: a simulation must not cost the
-    identification that it simulates.
-    """
-
-    IDENTIFICATION = ("report.html", "result.json", "table.txt", "figures")
-    VALIDATION = ("table.txt", "result.json", "figures")
-    SIMULATION = ("simulation",)
-    DIAGNOSIS = ("diagnosis.json", "report.html", "summary.txt", "result.json", "figures")
-    COMPARISON = ("comparison.json", "comparison.txt")
-    DESIGN = ("design.json", "design.txt", "design.png", "reference.csv")
 
 
 def write_identification(
@@ -58,7 +40,7 @@ def write_identification(
     identification : Identification
         What was identified.
     folder : path
-        Folder to make. One that holds an earlier report is replaced as a whole.
+        Folder to make. One that holds an earlier report is replaced; what you added to it stays.
     paper : bool, optional
         Whether to set the paper's Table 1 beside the results.
     progress : callable, optional
@@ -72,10 +54,10 @@ def write_identification(
     Raises
     ------
     CaseError
-        If the folder holds anything but an earlier report.
+        If the folder holds no earlier report, or one that was changed.
     """
     report = progress or no_progress
-    with folder_in_one_step(folder, Kind.IDENTIFICATION) as draft:
+    with output_folder(folder, OutputKind.IDENTIFICATION) as draft:
         write_json(result_dict(identification), draft / "result.json")
         (draft / "table.txt").write_text(text_report(identification, paper), "utf-8")
         report("figures", 0.1)
@@ -87,7 +69,7 @@ def write_identification(
 
 def write_validation(validation: Validation, folder: str | Path) -> Path:
     """Write errors and figures of a validation on its own into a folder."""
-    with folder_in_one_step(folder, Kind.VALIDATION) as draft:
+    with output_folder(folder, OutputKind.VALIDATION) as draft:
         write_json({"validation": validation_dict(validation)}, draft / "result.json")
         (draft / "table.txt").write_text(render(validation_table(validation)) + "\n", "utf-8")
         _save(_figures_of(validation), draft / "figures")
@@ -96,7 +78,7 @@ def write_validation(validation: Validation, folder: str | Path) -> Path:
 
 def write_simulations(runs: Sequence[RecordSimulation], folder: str | Path) -> tuple[Path, ...]:
     """Write simulations as CSV into ``folder/simulation``, one file a record."""
-    with folder_in_one_step(folder, Kind.SIMULATION) as draft:
+    with output_folder(folder, OutputKind.SIMULATION) as draft:
         (draft / "simulation").mkdir()
         frames = [(run.record.name, trajectory_frame(run)) for run in runs]
         written = write_frames(frames, draft / "simulation")
@@ -105,30 +87,12 @@ def write_simulations(runs: Sequence[RecordSimulation], folder: str | Path) -> t
 
 def write_comparison(comparison: Comparison, folder: str | Path) -> Path:
     """Write a comparison of results into a folder: ``comparison.json``, ``comparison.txt``."""
-    with folder_in_one_step(folder, Kind.COMPARISON) as draft:
+    with output_folder(folder, OutputKind.COMPARISON) as draft:
         write_json(comparison.as_dict(), draft / "comparison.json")
         tables = [render(table) for table in comparison_tables(comparison)]
         text = "\n\n\n".join([comparison.headline, *tables])
         (draft / "comparison.txt").write_text(text + "\n", "utf-8")
     return Path(folder)
-
-
-def check_replaceable(folder: str | Path, kind: Kind) -> None:
-    """Raise a `CaseError` if a folder is there that is not empty and not of this kind."""
-    folder = Path(folder)
-    if not folder.exists():
-        return
-    if not folder.is_dir():
-        raise CaseError(f"{folder}: is a file; name a folder for the report")
-    names = {path.name for path in folder.iterdir()}
-    foreign = sorted(names - set(kind.value))
-    if names and kind.value[0] not in names:
-        foreign = sorted(names)
-    if foreign:
-        raise CaseError(
-            f"{folder}: holds {', '.join(foreign[:3])}, which is no earlier {kind.name.lower()} "
-            "and would be lost; choose another folder"
-        )
 
 
 def _figures_of(result: Identification | Validation) -> "Iterable[Drawn]":
@@ -150,14 +114,3 @@ def _save(figures: "Iterable[Drawn]", folder: Path) -> list[Picture]:
         (folder / f"{picture.name}.png").write_bytes(picture.content)
         pictures.append(picture)
     return pictures
-
-
-@contextmanager
-def folder_in_one_step(folder: str | Path, kind: Kind) -> Iterator[Path]:
-    """Yield a draft folder that takes the place of `folder` when all is well.
-
-    After an error the draft is gone and `folder` is as it was.
-    """
-    check_replaceable(folder, kind)
-    with atomic_folder(folder) as draft:
-        yield draft

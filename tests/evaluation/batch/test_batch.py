@@ -66,7 +66,8 @@ def test_each_case_gets_a_record_and_a_row_in_both_tables(tmp_path, cases, fakes
     )
     assert [row.case for row in rows] == ["c1", "c2", "c3", "c4"]
     assert told == [(f"diagnosed {i} of 4", i / 4) for i in (1, 2, 3, 4)]
-    assert sorted(path.name for path in out.iterdir()) == ["cases", "cases.csv", "cases.parquet"]
+    tables = ["cases", "cases.csv", "cases.parquet"]
+    assert sorted(path.name for path in out.iterdir()) == [".pneumo_casadi.json", *tables]
     assert json.loads((out / "cases" / "c2.json").read_text())["diagnosis"]["gap"]["before"] == 2.5
     text, table = pd.read_csv(out / "cases.csv"), pd.read_parquet(out / "cases.parquet")
     assert list(text.columns) == list(table.columns)

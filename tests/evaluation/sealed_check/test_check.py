@@ -84,7 +84,7 @@ def test_a_diagnosis_that_always_says_stribeck_scores_as_it_must(
     names = {path.name for path in tmp_path.iterdir()}
     assert names == {
         *("seal.json", "labels.sealed", "opened.json", "scores.json"),
-        *("cases", "verdicts", "measures", "rivals"),
+        *("cases", "verdicts", "measures", "rivals", ".pneumo_casadi.json"),
     }
 
 
