@@ -267,7 +267,45 @@ def _run(axis: Axis, record: Recording) -> Run:
 
 def window_errors(axis: Axis, records: Sequence[Recording], window: float) -> dict[str, Error]:
     """Simulate whole windows [s] of all records in open loop from their estimated states."""
-    return _errors(axis, axis.outputs, window_runs(axis, records, window))
+    return errors_of_runs(axis, window_runs(axis, records, window))
+
+
+def errors_of_runs(
+    axis: Axis, runs: Sequence[tuple[Recording, Rows, Trajectory]]
+) -> dict[str, Error]:
+    """Return the errors of simulations, as `window_runs` returns them, by output."""
+    return _errors(axis, axis.outputs, runs)
+
+
+def window_curves(
+    axis: Axis, runs: Mapping[str, Sequence[tuple[Recording, Rows, Trajectory]]]
+) -> tuple[Curves, ...]:
+    """Return outputs over time as several models simulate them over windows of the same records.
+
+    Parameters
+    ----------
+    axis : Axis
+        Gives outputs, units and the noise of the sensors.
+    runs : mapping of str to sequence
+        What `window_runs` returns, by the name of the simulation.
+    """
+    if not runs:
+        return ()
+    records = [record for record, _, _ in next(iter(runs.values()))]
+    units = {output: axis.unit(output) for output in axis.outputs}
+    noise = {output: output_noise(axis, records, output) for output in axis.outputs}
+    curves = []
+    for record, several in zip(records, zip(*runs.values(), strict=True), strict=True):
+        # Windows in which one model cannot start are left out for all.
+        common = np.arange(record.N)
+        for _, rows, _ in several:
+            common = np.intersect1d(common, np.arange(record.N)[rows])
+        values = {output: {MEASURED: record[output][common]} for output in axis.outputs}
+        for name, (_, rows, run) in zip(runs, several, strict=True):
+            for output in axis.outputs:
+                values[output][name] = run[output][np.isin(np.arange(record.N)[rows], common)]
+        curves.append(Curves(record.name, record.t[common], units, noise, values))
+    return tuple(curves)
 
 
 def window_runs(

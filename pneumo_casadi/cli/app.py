@@ -13,6 +13,7 @@ from pneumo_casadi.cli.diagnose import diagnose
 from pneumo_casadi.cli.diagnose_many import diagnose_many
 from pneumo_casadi.cli.export import export
 from pneumo_casadi.cli.identify import demo, identify
+from pneumo_casadi.cli.report import report
 from pneumo_casadi.cli.simulate import simulate
 from pneumo_casadi.cli.terminal import BAD_INPUT, OK, complain, say
 from pneumo_casadi.cli.validate import validate
@@ -53,6 +54,7 @@ for _command in (
     simulate,
     diagnose,
     compare,
+    report,
     diagnose_many,
     export,
     withheld,

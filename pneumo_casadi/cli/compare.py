@@ -25,7 +25,8 @@ def compare(
     """Compare results: which parameters moved by how many standard deviations.
 
     Also simulates the records of each with the parameters of each. Cases are identified first. The
-    others are compared with A. FOLDER, if given, gets comparison.txt and comparison.json.
+    others are compared with A. FOLDER, if given, gets report.html, comparison.txt,
+    comparison.json and figures.
     """
     with guarded(debug):
         from pneumo_casadi.identification.compare import compare

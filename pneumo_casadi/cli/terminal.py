@@ -3,6 +3,7 @@
 import logging
 import shutil
 import sys
+import time
 import traceback
 import warnings
 from collections.abc import Callable, Iterator
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
     from pneumo_casadi.identification.warnings import Usable
     from pneumo_casadi.report.tables.table import Table
 
+#: Seconds between lines of progress in a log file: a job of ten minutes fills half a page.
+LOG_SECONDS = 30.0
 OK, FIT_FAILED, BAD_INPUT, NOT_USABLE = 0, 1, 2, 3
 
 
@@ -56,14 +59,36 @@ def exit_unless_usable(usable: "Usable", strict: bool) -> None:
 
 @contextmanager
 def progress_bar() -> Iterator[Callable[[str, float], None]]:
-    """Yield a callback that moves a progress bar on standard error."""
+    """Yield a callback that moves a progress bar on standard error; in a log file, some lines."""
     if not sys.stderr.isatty():
-        yield lambda text, share: None
+        yield log_progress(time.monotonic)
         return
     from pneumo_casadi.cli.parts.bar import shown_bar
 
     with shown_bar() as report:
         yield report
+
+
+def log_progress(clock: Callable[[], float]) -> Callable[[str, float], None]:
+    """Return a callback that writes a line on standard error every `LOG_SECONDS`.
+
+    Parameters
+    ----------
+    clock : callable
+        Returns seconds.
+    """
+    began = last = clock()
+
+    def report(text: str, share: float) -> None:
+        nonlocal last
+        now = clock()
+        if now - last < LOG_SECONDS:
+            return
+        last = now
+        left = f", about {(now - began) * (1 - share) / share:.0f} s left" if share > 0 else ""
+        typer.echo(f"{100 * share:.0f} %{left}: {printable(text)}", err=True)
+
+    return report
 
 
 @contextmanager

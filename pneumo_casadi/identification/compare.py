@@ -1,17 +1,19 @@
 """Results compared: which parameters moved, and how well each simulates the others' records."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from math import hypot, inf
 from pathlib import Path
 
 from pneumo_casadi.data import Case
+from pneumo_casadi.data.recording.curves import Curves
 from pneumo_casadi.errors import CaseError, FitError, ModelError
 from pneumo_casadi.identification.compared_model import ComparedModel, Estimate, compared_model
 from pneumo_casadi.identification.comparison import Comparison, CrossSimulation, Difference
 from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.runtime.progress import Progress, no_progress, progress_range
 from pneumo_casadi.runtime.threads import one_thread
-from pneumo_casadi.validation import window_errors
+from pneumo_casadi.validation import errors_of_runs, window_curves, window_runs
 
 #: Length of the windows of the simulations [s]: longer than the axis remembers, shorter than an
 #: open-loop position drifts.
@@ -64,7 +66,7 @@ def compare(
     names = _labels([model.name for model in models])
     parameters = dict.fromkeys(name for model in models for name in model.estimates)
     estimates = {name: tuple(model.estimates.get(name) for model in models) for name in parameters}
-    simulations, failures = _simulate_all(models, names, progress_range(report, 0.6, 1.0))
+    simulations, curves, failures = _simulate_all(models, names, progress_range(report, 0.6, 1.0))
     report("done", 1.0)
     return Comparison(
         names,
@@ -72,6 +74,7 @@ def compare(
         tuple(_differences(estimates, names)),
         simulations,
         (*_notes(models, names), *failures),
+        curves,
     )
 
 
@@ -107,22 +110,28 @@ def _differences(
 
 def _simulate_all(
     models: Sequence[ComparedModel], names: Sequence[str], progress: Progress
-) -> tuple[tuple[CrossSimulation, ...], tuple[str, ...]]:
-    simulations, failures = [], []
-    pairs = [(i, j) for j in range(len(models)) for i in range(len(models))]
-    for number, (i, j) in enumerate(pairs):
-        axis, records = models[i].axis, models[j].records
-        if axis is None or not records:
+) -> tuple[tuple[CrossSimulation, ...], tuple[Curves, ...], tuple[str, ...]]:
+    """Return errors, outputs over time, and why simulations failed."""
+    simulations, curves, failures = [], [], []
+    for j, (owner, records_of) in enumerate(zip(models, names, strict=True)):
+        if owner.axis is None or not owner.records:
             continue
-        progress(f"{names[i]} on {names[j]}", number / len(pairs))
-        window = min(WINDOW, *(record.duration - 2 * record.dt for record in records))
-        try:
-            errors = window_errors(axis, records, window)
-        except (ModelError, FitError, CaseError) as error:
-            failures.append(f"{names[i]} could not simulate the records of {names[j]}: {error}")
-            continue
-        simulations.append(CrossSimulation(names[i], names[j], errors))
-    return tuple(simulations), tuple(failures)
+        window = min(WINDOW, *(record.duration - 2 * record.dt for record in owner.records))
+        runs = {}
+        for i, (model, name) in enumerate(zip(models, names, strict=True)):
+            if model.axis is None:
+                continue
+            progress(f"{name} on {records_of}", (j * len(models) + i) / len(models) ** 2)
+            try:
+                runs[name] = window_runs(model.axis, owner.records, window)
+            except (ModelError, FitError, CaseError) as error:
+                failures.append(f"{name} could not simulate the records of {records_of}: {error}")
+                continue
+            errors = errors_of_runs(model.axis, runs[name])
+            simulations.append(CrossSimulation(name, records_of, errors))
+        drawn = window_curves(owner.axis, runs)
+        curves += [replace(each, record=f"{records_of} {each.record}") for each in drawn]
+    return tuple(simulations), tuple(curves), tuple(failures)
 
 
 def _notes(models: Sequence[ComparedModel], names: Sequence[str]) -> list[str]:

@@ -10,6 +10,7 @@ from typing import Any
 
 import pandas as pd
 
+from pneumo_casadi.data.recording.curves import Curves
 from pneumo_casadi.identification.compared_model import Estimate
 from pneumo_casadi.runtime.presentation import Presentable
 from pneumo_casadi.validation import Error
@@ -83,6 +84,8 @@ class Comparison(Presentable):
         Every result's parameters on every result's records.
     notes : tuple of str
         What limits the comparison.
+    curves : tuple of Curves, optional
+        Outputs of every record over time, measured and as each result simulates them.
 
     Examples
     --------
@@ -100,6 +103,7 @@ class Comparison(Presentable):
     differences: tuple[Difference, ...]
     simulations: tuple[CrossSimulation, ...]
     notes: tuple[str, ...]
+    curves: tuple[Curves, ...] = ()
 
     @property
     def headline(self) -> str:

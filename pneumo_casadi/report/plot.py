@@ -1,6 +1,7 @@
 """Figures of results, one function each: ``pc.plot.parameters(result)`` returns a Figure.
 
-A figure is shown by a notebook as it is, and saved by ``figure.savefig(path)``.
+A figure is shown by a notebook as it is, and saved by ``figure.savefig(path)`` as PNG, SVG or PDF,
+by the suffix of the path. Its width is that of a column or the page of an IFAC paper.
 
 Examples
 --------
@@ -18,6 +19,7 @@ from pneumo_casadi.design import Design
 from pneumo_casadi.diagnosis import Diagnosis
 from pneumo_casadi.diagnosis.locate.evidence import Evidence
 from pneumo_casadi.errors import ModelError
+from pneumo_casadi.identification.comparison import Comparison
 from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.report.figures.diagnosis.dashboard import dashboard_figure
 from pneumo_casadi.report.figures.diagnosis.discovered_term import discovered_term_figure
@@ -129,6 +131,12 @@ def gap(diagnosis: Diagnosis) -> Figure:
     """Plot the error on held-out data without and with the effects added, by output."""
     _needed(bool(diagnosis.gap.views), "simulations of the held-out record")
     return gap_figure(diagnosis)
+
+
+def comparison(comparison: Comparison, record: int = 0) -> Figure:
+    """Plot a record over time, measured and as each of the compared results simulates it."""
+    _needed(bool(comparison.curves), "simulations")
+    return time_series_figure(comparison.curves[record])
 
 
 def ranking(diagnosis: Diagnosis) -> Figure:

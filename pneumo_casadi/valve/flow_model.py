@@ -210,7 +210,7 @@ def sonic_conductances(
     >>> table = pc.valve.read_flow_map(pc.example_case().flow_map_path)
     >>> C = sonic_conductances(pc.valve.fit_polynomials(table), (-3.0, 3.0), (1e5, 7e5))
     >>> f"{1e8 * C.fill:.2f} l/(s bar) at {C.u_fill:g} V"
-    '0.94 l/(s bar) at 3 V'
+    '0.95 l/(s bar) at 3 V'
     """
     p_ext, p_supply = ports
     values = flow.parameters.values if theta is None else theta

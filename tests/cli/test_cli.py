@@ -213,6 +213,7 @@ def test_identify_leaves_a_report_and_prints_table_and_warnings(
     assert cli.run(["identify", "anything", "-o", str(out), "--paper"]) == 0
     assert {path.name for path in out.iterdir()} == {
         "result.json",
+        "curves.json",
         "report.html",
         "table.txt",
         "figures",

@@ -93,8 +93,11 @@ def test_strict_refuses_what_is_not_to_be_used(tmp_path, capsys, given, grades, 
     content = json.loads(file.read_text("utf-8"))
     assert content["usable"] == usable
     assert [item["grade"] for item in content["warnings"]] == [grade.value for grade in grades]
-    for name in ("table.txt", "report.html"):  # a refused result is written all the same
-        assert lead[usable] in (out / name).read_text("utf-8")
+    # A refused result is written all the same.
+    assert lead[usable] in (out / "table.txt").read_text("utf-8")
+    words, _, reason = lead[usable].partition(": ")
+    page = (out / "report.html").read_text("utf-8")
+    assert f">{words}</h2>\n<p>{reason[:1].upper()}{reason[1:]}" in page
 
 
 @pytest.fixture

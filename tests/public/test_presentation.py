@@ -50,3 +50,15 @@ def test_a_long_table_is_cut_in_the_repr_and_whole_in_the_summary():
 
     assert len(repr(Long())) <= LONGEST_REPR + 2 and repr(Long()).endswith("…")
     assert Long().summary().count("\n") == 501
+
+
+def test_results_go_into_papers_and_sheets(results, tmp_path):
+    for number, result in enumerate(results):
+        latex = result.to_latex()
+        assert latex.startswith("\\begin{tabular}{") and latex.rstrip().endswith("\\end{tabular}")
+        rows = [line for line in latex.splitlines() if line.endswith("\\\\")]
+        assert len({line.count("&") - line.count("\\&") for line in rows}) == 1
+        assert len(rows) == len(result.overview()) + 1
+        result.to_csv(tmp_path / f"{number}.csv")
+        read = pd.read_csv(tmp_path / f"{number}.csv")
+        assert len(read) == len(result.to_frame())

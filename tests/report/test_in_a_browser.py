@@ -4,18 +4,19 @@ import importlib.util
 import os
 import shutil
 from io import BytesIO
+from itertools import islice
 from pathlib import Path
 
 import matplotlib.image
 import numpy as np
 import pytest
 
-from pneumo_casadi.report.figures.style import png
 from pneumo_casadi.report.pages.diagnosis import write_diagnosis
 from pneumo_casadi.report.pages.identification import html_report
 from pneumo_casadi.report.pages.identification_figures import figures_of
 from pneumo_casadi.report.pages.page import Picture
 
+pytest.importorskip("bokeh", reason="Bokeh is not installed: pip install '.[interactive]'")
 playwright = pytest.importorskip(
     "playwright.sync_api", reason="playwright is not installed: pip install '.[browser]'"
 )
@@ -53,10 +54,10 @@ def browser():
 def reports(quick, tmp_path_factory):
     folder = tmp_path_factory.mktemp("reports")
     diagnosis = write_diagnosis(made.with_curves(), folder / "diagnosis")
-    first = next(iter(figures_of(quick)))
+    drawn = islice(figures_of(quick), 3)  # the third is the time plot's
     identification = folder / "identification.html"
-    picture = Picture(first.name, png(first.figure), first.caption)
-    identification.write_text(html_report(quick, [picture], paper=True), "utf-8")
+    pictures = [Picture(each.name, each.png(), each.caption) for each in drawn]
+    identification.write_text(html_report(quick, pictures, paper=True), "utf-8")
     return {"diagnosis": diagnosis / "report.html", "identification": identification}
 
 
@@ -93,9 +94,68 @@ def test_there_is_no_barrier_and_the_page_stands_alone(browser, path, size):
     page.close()
 
 
+def ranges(page):
+    return page.evaluate(
+        "document.querySelector('.plot').panels.map(p => [p.x_range.start, p.x_range.end])"
+    )
+
+
+def test_time_plots_zoom_together_and_curves_are_switched(browser, path):
+    page, said, asked = opened(browser, path, DESKTOP)
+    page.wait_for_selector(".plot[data-ready=yes]")
+    whole = ranges(page)
+    assert len(whole) >= 2 and all(each == whole[0] for each in whole)
+    assert not page.locator(
+        ".plot figure img"
+    ).first.is_visible()  # the drawing stands in its place
+    button = page.locator("button[data-action=in]").first
+    button.focus()
+    page.keyboard.press("Enter")
+    near = ranges(page)
+    assert all(each == near[0] for each in near)
+    length = whole[0][1] - whole[0][0]
+    assert near[0][1] - near[0][0] == pytest.approx(0.5 * length)
+    page.locator("button[data-action=all]").first.click()
+    assert ranges(page) == whole
+    canvas = page.locator(".plot .canvas").first.bounding_box()
+    y = canvas["y"] + 60
+    page.mouse.move(canvas["x"] + 300, y)
+    page.mouse.down()
+    page.mouse.move(canvas["x"] + 500, y, steps=4)
+    page.mouse.up()
+    assert ranges(page)[0][1] - ranges(page)[0][0] < 0.5 * length
+    name = page.locator(".plot input").nth(1)
+    name.focus()
+    page.keyboard.press("Space")
+    shown = page.evaluate(
+        "document.querySelector('.plot').panels.flatMap(p => p.renderers)"
+        ".map(r => [r.name, r.visible])"
+    )
+    hidden = {each for each, visible in shown if not visible}
+    assert hidden == {name.get_attribute("value")}
+    assert not said and all(url.startswith("data:") for url in asked)
+    page.close()
+
+
+def test_without_scripts_a_still_figure_is_shown(browser, path):
+    context = browser.new_context(java_script_enabled=False)
+    page = context.new_page()
+    page.goto(path.as_uri())
+    assert page.locator(".plot figure img").first.is_visible()
+    assert not page.locator(".plot .controls").first.is_visible()
+    context.close()
+
+
+def test_a_report_is_small_enough_to_send(path):
+    assert path.stat().st_size < 4e6
+
+
 def test_every_picture_is_shown(browser, path):
     page, _, _ = opened(browser, path, DESKTOP)
-    sizes = page.evaluate("[...document.images].map(i => [i.complete, i.naturalWidth, i.width])")
+    sizes = page.evaluate(
+        "[...document.images].filter(i => i.checkVisibility())"
+        ".map(i => [i.complete, i.naturalWidth, i.width])"
+    )
     assert sizes and all(done and natural > 0 and width > 200 for done, natural, width in sizes)
     page.close()
 

@@ -50,7 +50,7 @@ def assert_drawn(figure):
 
 
 def test_the_cases_below_are_all_figures():
-    assert OF_IDENTIFICATION | OF_DIAGNOSIS | {"recording", "design"} == FIGURES
+    assert OF_IDENTIFICATION | OF_DIAGNOSIS | {"recording", "design", "comparison"} == FIGURES
 
 
 @pytest.mark.parametrize("name", sorted(FIGURES))

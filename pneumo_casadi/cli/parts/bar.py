@@ -15,6 +15,10 @@ from rich.progress import (
 )
 from rich.text import Text
 
+#: Narrower terminals have no room for bar and clock beside the text [characters].
+WIDE = 80
+#: Characters of all columns but the text: bar, clock and time left; share and time left.
+OTHERS, OTHERS_NARROW = 60, 25
 #: The time left is shown once this share of the work is done.
 SHOWN_FROM = 0.05
 
@@ -22,24 +26,37 @@ SHOWN_FROM = 0.05
 @contextmanager
 def shown_bar() -> Iterator[Callable[[str, float], None]]:
     """Yield a callback that moves a progress bar on standard error."""
-    columns = (
-        SpinnerColumn(),
-        BarColumn(bar_width=30),
-        TimeElapsedColumn(),
-        _TimeLeft(),
-        TextColumn("{task.description}"),
-    )
     console = Console(stderr=True, highlight=False)
-    with Progress(*columns, console=console, transient=True) as bar:
+    with Progress(*columns_for(console.width), console=console, transient=True) as bar:
         task = bar.add_task("reading", total=1.0, end=None)
 
         def report(text: str, share: float) -> None:
             elapsed = bar.tasks[0].elapsed or 0.0
             left = time_left(elapsed, share)
             end = None if left is None else elapsed + left
-            bar.update(task, description=text, completed=share, end=end)
+            bar.update(task, description=shortened(text, console.width), completed=share, end=end)
 
         yield report
+
+
+def columns_for(width: int) -> tuple[ProgressColumn, ...]:
+    """Return what a terminal of so many characters shows in one line, the text last."""
+    text = TextColumn("{task.description}")
+    if width < WIDE:
+        return TextColumn("{task.percentage:3.0f} %"), _TimeLeft(), text
+    return SpinnerColumn(), BarColumn(bar_width=30), TimeElapsedColumn(), _TimeLeft(), text
+
+
+def shortened(text: str, width: int) -> str:
+    """Return a text that leaves room for the other columns in a terminal of that width.
+
+    Examples
+    --------
+    >>> shortened("output error, friction width 3 mm/s", 40)
+    'output error, …'
+    """
+    room = width - (OTHERS if width >= WIDE else OTHERS_NARROW)
+    return text if len(text) <= room else text[: room - 1] + "…"
 
 
 def time_left(elapsed: float, share: float) -> float | None:

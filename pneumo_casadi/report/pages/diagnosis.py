@@ -1,8 +1,8 @@
 """A diagnosis as one HTML file and as a folder."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pneumo_casadi.diagnosis import Diagnosis, Verdict
 from pneumo_casadi.effects import EFFECTS
@@ -19,6 +19,7 @@ from pneumo_casadi.report.pages.page import (
     html_page,
     plots_of,
 )
+from pneumo_casadi.report.pages.write import save_figures
 from pneumo_casadi.report.tables.diagnosis import (
     check_table,
     fitted_table,
@@ -48,6 +49,9 @@ from pneumo_casadi.report.text.diagnosis import (
 )
 from pneumo_casadi.runtime.json_files import write_json
 from pneumo_casadi.runtime.output_folder import OutputKind, output_folder
+
+if TYPE_CHECKING:
+    from pneumo_casadi.report.pages.identification_figures import Drawn
 
 #: Grades of verdicts, which give the colour; the words say the same.
 _GRADES = {Verdict.NONE: "good", Verdict.EFFECT: "effect"}
@@ -212,24 +216,16 @@ def write_diagnosis(
             write_json(result_dict(refined), draft / "result.json")
         summary = summary_text(diagnosis, catalogue, refined)
         (draft / "summary.txt").write_text(summary, "utf-8")
-        pictures = _save_figures(diagnosis, draft / "figures")
+        pictures = save_figures(_figures_of(diagnosis), draft / "figures", drawings=True)
         html = diagnosis_html(diagnosis, pictures, catalogue, provenance, refined)
         (draft / "report.html").write_text(html, "utf-8")
     return Path(folder)
 
 
-def _save_figures(diagnosis: Diagnosis, folder: Path) -> list[Picture]:
-    """Save the figures as PNG and SVG; none without matplotlib."""
-    folder.mkdir()
+def _figures_of(diagnosis: Diagnosis) -> "Iterable[Drawn]":
+    """Return the figures; none without matplotlib."""
     if not can_draw():
-        return []
+        return ()
     from pneumo_casadi.report.pages.diagnosis_figures import diagnosis_figures
 
-    pictures = []
-    for drawn in diagnosis_figures(diagnosis):
-        raster, drawing = drawn.png(), drawn.svg()
-        (folder / f"{drawn.name}.png").write_bytes(raster)
-        (folder / f"{drawn.name}.svg").write_bytes(drawing)
-        smaller = min(raster, drawing, key=len)
-        pictures.append(Picture(drawn.name, smaller, drawn.caption))
-    return pictures
+    return diagnosis_figures(diagnosis)

@@ -7,7 +7,7 @@ from pneumo_casadi.estimation.output_error import OutputErrorResult
 from pneumo_casadi.estimation.wls import format_table
 from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.identification.result_file import result_dict
-from pneumo_casadi.identification.warnings import Usability, Usable
+from pneumo_casadi.identification.warnings import Usable
 from pneumo_casadi.report.pages.page import (
     TIME_FIGURE,
     Picture,
@@ -69,13 +69,13 @@ def html_report(
         Section("provenance", "Provenance", provenance=content["provenance"]),
     ]  # fmt: skip
     title = f"Identification of {identification.case.name}"
-    return html_page(title, usability_verdict(identification.usability, content), sections)
+    return html_page(title, usability_verdict(content), sections)
 
 
-def usability_verdict(usability: Usability, content: Mapping[str, Any]) -> Verdict:
+def usability_verdict(content: Mapping[str, Any]) -> Verdict:
     """Return whether the result can be used, with the mass and the status of the fit."""
-    grade, words = VERDICTS[usability.usable]
-    reason = usability.reason
+    grade, words = VERDICTS[Usable(content["usable"])]
+    reason = content["reason"]
     fit = content["output_error"]
     solves = f"{fit['status']} after {fit['iterations']} iterations"
     facts = [("Output error by multiple shooting", solves)]

@@ -33,11 +33,12 @@ def write_report(
     Returns
     -------
     Path
-        The folder. An identification gives ``report.html``, ``result.json``, ``table.txt`` and
-        ``figures``; a diagnosis ``report.html``, ``diagnosis.json``, ``summary.txt`` and
-        ``figures``; a design ``reference.csv``, ``design.json``, ``design.txt`` and
-        ``design.png``; a validation ``result.json``, ``table.txt`` and ``figures``; a comparison
-        ``comparison.json`` and ``comparison.txt``.
+        The folder. An identification gives ``report.html``, ``result.json``, ``curves.json``,
+        ``table.txt`` and ``figures``; a diagnosis ``report.html``, ``diagnosis.json``,
+        ``summary.txt`` and ``figures``; a design ``reference.csv``, ``design.json``,
+        ``design.txt`` and ``design.png``; a validation ``result.json``,
+        ``table.txt`` and ``figures``; a comparison
+        ``comparison.json``, ``comparison.txt``, ``report.html`` and ``figures``.
 
     Raises
     ------
@@ -54,7 +55,7 @@ def write_report(
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     report = pc.write_report(result, folder + "/report")
     ...     sorted(path.name for path in report.iterdir() if path.name[0] != ".")
-    ['figures', 'report.html', 'result.json', 'table.txt']
+    ['curves.json', 'figures', 'report.html', 'result.json', 'table.txt']
     """
     if isinstance(result, Identification):
         return write_identification(result, folder)

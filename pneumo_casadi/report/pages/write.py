@@ -1,10 +1,11 @@
 """Report folders: written beside their place, then renamed, so that none is ever half there."""
 
+import json
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pneumo_casadi.identification.comparison import Comparison
+from pneumo_casadi.identification.comparison import MOVED, Comparison
 from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.identification.result_file import result_dict, validation_dict
 from pneumo_casadi.identification.trajectory_file import (
@@ -14,7 +15,14 @@ from pneumo_casadi.identification.trajectory_file import (
 )
 from pneumo_casadi.report.pages.drawing import can_draw
 from pneumo_casadi.report.pages.identification import html_report
-from pneumo_casadi.report.pages.page import Picture
+from pneumo_casadi.report.pages.page import (
+    TIME_FIGURE,
+    Picture,
+    Section,
+    Verdict,
+    html_page,
+    plots_of,
+)
 from pneumo_casadi.report.tables.comparison import comparison_tables
 from pneumo_casadi.report.tables.validation import validation_table
 from pneumo_casadi.report.text.identification import render, text_report
@@ -49,7 +57,8 @@ def write_identification(
     Returns
     -------
     Path
-        The folder: ``result.json``, ``report.html``, ``table.txt``, ``figures/*.png``.
+        The folder: ``result.json``, ``curves.json`` with the held-out records over time,
+        ``report.html``, ``table.txt``, ``figures/*.png``.
 
     Raises
     ------
@@ -59,9 +68,12 @@ def write_identification(
     report = progress or no_progress
     with output_folder(folder, OutputKind.IDENTIFICATION) as draft:
         write_json(result_dict(identification), draft / "result.json")
+        if identification.validation is not None:
+            records = [curves.as_dict() for curves in identification.validation.curves]
+            (draft / "curves.json").write_text(json.dumps({"records": records}), "utf-8")
         (draft / "table.txt").write_text(text_report(identification, paper), "utf-8")
         report("figures", 0.1)
-        pictures = _save(_figures_of(identification), draft / "figures")
+        pictures = save_figures(_figures_of(identification), draft / "figures")
         (draft / "report.html").write_text(html_report(identification, pictures, paper), "utf-8")
     report("done", 1.0)
     return Path(folder)
@@ -72,7 +84,7 @@ def write_validation(validation: Validation, folder: str | Path) -> Path:
     with output_folder(folder, OutputKind.VALIDATION) as draft:
         write_json({"validation": validation_dict(validation)}, draft / "result.json")
         (draft / "table.txt").write_text(render(validation_table(validation)) + "\n", "utf-8")
-        _save(_figures_of(validation), draft / "figures")
+        save_figures(_figures_of(validation), draft / "figures")
     return Path(folder)
 
 
@@ -86,13 +98,43 @@ def write_simulations(runs: Sequence[RecordSimulation], folder: str | Path) -> t
 
 
 def write_comparison(comparison: Comparison, folder: str | Path) -> Path:
-    """Write a comparison of results into a folder: ``comparison.json``, ``comparison.txt``."""
+    """Write a comparison of results into a folder.
+
+    ``comparison.json``, ``comparison.txt``, and ``report.html`` with all simulations over time.
+    """
     with output_folder(folder, OutputKind.COMPARISON) as draft:
         write_json(comparison.as_dict(), draft / "comparison.json")
-        tables = [render(table) for table in comparison_tables(comparison)]
-        text = "\n\n\n".join([comparison.headline, *tables])
+        tables = comparison_tables(comparison)
+        text = "\n\n\n".join([comparison.headline, *map(render, tables)])
         (draft / "comparison.txt").write_text(text + "\n", "utf-8")
+        pictures = save_figures(_overlays(comparison), draft / "figures")
+        plots, left = plots_of(comparison.curves, pictures)
+        moved = sum(item.moved for item in comparison.differences)
+        words = f"{moved} of {len(comparison.differences)} differences exceed {MOVED:g} σ"
+        sections = [
+            Section("parameters", "Parameters", tables=tables),
+            Section("simulation", "Measurement and simulations", pictures=left, plots=plots),
+        ]
+        title = f"Comparison of {' and '.join(comparison.names)}"
+        verdict = Verdict("care" if moved else "good", words, comparison.headline)
+        (draft / "report.html").write_text(html_page(title, verdict, sections), "utf-8")
     return Path(folder)
+
+
+def _overlays(comparison: Comparison) -> "Iterable[Drawn]":
+    if not can_draw():
+        return
+    from pneumo_casadi.report.figures.time_series import time_series_figure
+    from pneumo_casadi.report.pages.identification_figures import Drawn
+
+    for curves in comparison.curves:
+        yield Drawn(
+            f"{TIME_FIGURE}{curves.record}",
+            time_series_figure(curves),
+            f"Record {curves.record}, measured and simulated over windows of up to 2 s with the "
+            f"parameters of {' and of '.join(curves.simulations)}; below, measured minus "
+            "simulated, averaged over 20 ms. Right: the part with the largest difference.",
+        )
 
 
 def _figures_of(result: Identification | Validation) -> "Iterable[Drawn]":
@@ -106,11 +148,16 @@ def _figures_of(result: Identification | Validation) -> "Iterable[Drawn]":
     return figures_of(result)
 
 
-def _save(figures: "Iterable[Drawn]", folder: Path) -> list[Picture]:
+def save_figures(figures: "Iterable[Drawn]", folder: Path, drawings: bool = False) -> list[Picture]:
+    """Save figures as PNG, on request as SVG besides; return the smaller file of each."""
     folder.mkdir()
     pictures = []
     for drawn in figures:
-        picture = Picture(drawn.name, drawn.png(), drawn.caption)
-        (folder / f"{picture.name}.png").write_bytes(picture.content)
-        pictures.append(picture)
+        content = drawn.png()
+        (folder / f"{drawn.name}.png").write_bytes(content)
+        if drawings:
+            drawing = drawn.svg()
+            (folder / f"{drawn.name}.svg").write_bytes(drawing)
+            content = min(content, drawing, key=len)
+        pictures.append(Picture(drawn.name, content, drawn.caption))
     return pictures
