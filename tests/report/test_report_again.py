@@ -43,7 +43,9 @@ def test_other_files_are_refused_in_one_line(written, tmp_path, capsys):
     (tmp_path / "result.json").write_text(json.dumps(content), "utf-8")
     assert cli.run(["report", str(tmp_path)]) == 2
     assert "no complete result" in capsys.readouterr().err
-    (tmp_path / "diagnosis.json").write_text("{}")
-    assert cli.run(["report", str(tmp_path)]) == 2
-    assert "holds a diagnosis" in capsys.readouterr().err
     assert not (tmp_path / "report.html").exists()
+    shutil.copy(written / "result.json", tmp_path / "result.json")
+    (tmp_path / "report.html").write_text("that of a diagnosis")
+    assert cli.run(["report", str(tmp_path)]) == 2
+    assert "would be lost" in capsys.readouterr().err
+    assert (tmp_path / "report.html").read_text() == "that of a diagnosis"

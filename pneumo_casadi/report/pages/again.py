@@ -22,8 +22,8 @@ from pneumo_casadi.report.tables.table import (
     with_symbols,
 )
 from pneumo_casadi.report.tables.validation import validation_table
-from pneumo_casadi.runtime.atomic_files import atomic_file
 from pneumo_casadi.runtime.json_input import check_format, read_json
+from pneumo_casadi.runtime.output_folder import OutputKind, write_files
 from pneumo_casadi.validation import Error, Validation
 
 #: Names of the files of a report.
@@ -47,15 +47,10 @@ def write_report_again(path: str | Path) -> Path:
     Raises
     ------
     CaseError
-        If there is no such result, or it belongs to a diagnosis, whose report would be lost.
+        If there is no such result, or its folder holds another report, as that of a diagnosis.
     """
     path = Path(path)
     file = path / RESULT if path.is_dir() else path
-    if (file.parent / "diagnosis.json").exists():
-        raise CaseError(
-            f"{file.parent}: holds a diagnosis, whose report would be lost; copy {RESULT} to a "
-            "folder of its own"
-        )
     content = read_json(file, "name a report folder of `identify`, or its result.json")
     check_format(content, FORMAT)
     try:
@@ -65,9 +60,7 @@ def write_report_again(path: str | Path) -> Path:
             f"{file}: no complete result of `identify` ({type(error).__name__}: {error}); "
             "identify the case again"
         ) from None
-    report = file.parent / REPORT
-    with atomic_file(report) as draft:
-        draft.write_text(html, "utf-8")
+    (report,) = write_files({REPORT: html}, file.parent, OutputKind.IDENTIFICATION)
     return report
 
 
