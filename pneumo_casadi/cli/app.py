@@ -7,13 +7,12 @@ import typer
 
 from pneumo_casadi import __version__
 from pneumo_casadi.cli.cases import check, example, init
-from pneumo_casadi.cli.compare import compare
+from pneumo_casadi.cli.compare import compare, report
 from pneumo_casadi.cli.design import design
 from pneumo_casadi.cli.diagnose import diagnose
 from pneumo_casadi.cli.diagnose_many import diagnose_many
 from pneumo_casadi.cli.export import export
 from pneumo_casadi.cli.identify import demo, identify
-from pneumo_casadi.cli.report import report
 from pneumo_casadi.cli.simulate import simulate
 from pneumo_casadi.cli.terminal import BAD_INPUT, OK, complain, say
 from pneumo_casadi.cli.validate import validate

@@ -1,4 +1,4 @@
-"""The command ``compare``: results, or cases, side by side."""
+"""The commands ``compare`` and ``report``: results side by side, and reports from result files."""
 
 from pathlib import Path
 from textwrap import fill
@@ -54,3 +54,22 @@ def compare(
             show(table)
         if output is not None:
             say(f"\nreport: {output}")
+
+
+def report(
+    result: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FOLDER", help="Report folder of identify, or its result.json alone."
+        ),
+    ],
+    debug: Debug = False,
+) -> None:
+    """Write report.html again from a result file alone, without the records.
+
+    Time plots come from curves.json beside it; figures that need the records are left out.
+    """
+    with guarded(debug):
+        from pneumo_casadi.report.pages.again import write_report_again
+
+        say(f"report: {write_report_again(result)}")
