@@ -1,7 +1,8 @@
 """Covariance and intervals of estimated parameters, and which of them the data inform."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,16 @@ from pneumo_casadi.signals import white_noise_std
 RANK_TOLERANCE = 1e-13
 #: Share of a parameter in the uninformed directions from which it is called unidentifiable.
 LOADING = 1e-3
+
+
+class EstimateStatus(StrEnum):
+    """What an estimate is worth; only the first has an interval."""
+
+    ESTIMATED = "estimated"
+    HELD = "held"
+    AT_BOUND = "at bound"
+    UNINFORMED = "no information"
+    NOT_CONVERGED = "not converged"
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +61,16 @@ class ParameterUncertainty:
     combinations: tuple[str, ...] = ()
     covariance_robust: FloatArray | None = None
     covariance_scatter: FloatArray | None = None
+
+    def status(self, names: Iterable[str]) -> EstimateStatus:
+        """Return what is known of a quantity that these parameters determine: the worst of it."""
+        of = set(names) & set(self.names)
+        variances = dict(zip(self.names, np.diag(self.covariance), strict=True))
+        if of & set(self.at_bound):
+            return EstimateStatus.AT_BOUND
+        if of & set(self.uninformed) or not all(np.isfinite(variances[name]) for name in of):
+            return EstimateStatus.UNINFORMED
+        return EstimateStatus.ESTIMATED if of else EstimateStatus.HELD
 
     @property
     def std_robust(self) -> FloatArray:

@@ -108,7 +108,8 @@ def _tables(model: IdentifiedModel) -> list[str]:
     for kind, letter in (("states", "x"), ("inputs", "u"), ("outputs", "y"), ("parameters", "p")):
         lines.append(f" * {kind.capitalize()} {letter}[]:")
         for i, (name, unit) in enumerate(model.units[kind].items()):
-            lines.append(f" *   {letter}[{i}]  {plain(name)} [{plain(unit)}]")
+            caution = model.caution(name) if kind == "parameters" else ""
+            lines.append(f" *   {letter}[{i}]  {plain(name)} [{plain(unit)}]{caution}")
     return lines
 
 

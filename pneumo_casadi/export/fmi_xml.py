@@ -74,7 +74,7 @@ def variables(model: IdentifiedModel) -> list[Variable]:
             "exact",
             item.value,
             None,
-            item.description,
+            f"{item.description}{model.caution(item.name)}",
         )
         for item in axis.parameters
     ]

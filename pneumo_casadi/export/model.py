@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from pneumo_casadi.errors import CaseError, ModelError
+from pneumo_casadi.estimation.statistics import EstimateStatus
 from pneumo_casadi.identification.model_file import AxisSection, axis_dict, axis_of_section
 from pneumo_casadi.identification.read_result import ResultSection, result_path
 from pneumo_casadi.identification.result import Identification
@@ -24,6 +25,12 @@ from pneumo_casadi.runtime.output_folder import write_files
 #: Of axis.json; raised when a reader of the old one would misread the new.
 FORMAT = 1
 _KIND = "pneumo_casadi model"
+#: Estimates that a description of the model marks.
+UNTRUSTED = (
+    EstimateStatus.AT_BOUND,
+    EstimateStatus.UNINFORMED,
+    EstimateStatus.NOT_CONVERGED,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +65,13 @@ class IdentifiedModel:
     def __post_init__(self) -> None:
         if not (np.isfinite(self.dt) and self.dt > 0):
             raise ModelError(f"sampling period {self.dt} s: give a positive number of seconds")
+
+    def caution(self, name: str) -> str:
+        """Return why a parameter's estimate has no interval, in brackets; empty if it has one."""
+        entry = self.estimates.get(name)
+        status = entry.get("status") if isinstance(entry, Mapping) else None
+        known = [item.value for item in UNTRUSTED if item.value == status]
+        return f" ({known[0]})" if known else ""
 
     @cached_property
     def substeps(self) -> int:

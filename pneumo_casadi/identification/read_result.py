@@ -26,6 +26,7 @@ class EstimateSection(Section):
     std: float | None = None
     std_robust: float | None = None
     note: str | None = None
+    status: str | None = None
 
 
 class OutputErrorSection(Section):

@@ -1,12 +1,12 @@
 """`result.json`: an identification as strict JSON; `read_result` gives the axis back."""
 
-import math
 from collections.abc import Mapping
 from typing import Any
 
 from pneumo_casadi.data import Bench, Case
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.estimation.output_error import OutputErrorResult, RecordEstimates
+from pneumo_casadi.estimation.statistics import EstimateStatus
 from pneumo_casadi.identification.model_file import axis_dict
 from pneumo_casadi.identification.options import IdentifyOptions, output_error_options
 from pneumo_casadi.identification.result import Identification
@@ -19,8 +19,14 @@ from pneumo_casadi.valve import FlowForm, each_valve, sonic_conductances
 
 #: Of the format; raised when a reader of the old one would misread the new.
 FORMAT = 1
-#: Note of a parameter that was not estimated.
+#: Note of a parameter that was not estimated, and of one whose estimate has no interval.
 HELD = "held fixed"
+NOTES = {
+    EstimateStatus.HELD: HELD,
+    EstimateStatus.AT_BOUND: "held by a bound; the interval is one-sided",
+    EstimateStatus.UNINFORMED: "the data say nothing about it",
+    EstimateStatus.NOT_CONVERGED: "the fit has not converged",
+}
 
 
 def result_dict(identification: Identification) -> dict[str, Any]:
@@ -91,8 +97,7 @@ def output_error_dict(result: OutputErrorResult, identification: Identification)
         "derived": {
             name: {
                 "value": item.value,
-                "std": item.std,
-                "std_robust": item.std_robust,
+                **_interval(result, name),
                 "unit": item.unit,
             }
             for name, item in result.derived.items()
@@ -212,21 +217,25 @@ def _estimates(result: OutputErrorResult, names: Any) -> dict[str, dict[str, Any
         item = result.parameters[name]
         entry: dict[str, Any] = {
             "value": item.value,
-            "std": result.std(name),
-            "std_robust": result.std(name, robust=True),
+            **_interval(result, name),
             "unit": item.unit,
         }
-        note = None
-        if name not in result.uncertainty.names:
-            note = HELD
-        elif name in result.uncertainty.at_bound:
-            note = "held by a bound; the interval is one-sided"
-        elif not math.isfinite(entry["std"]):
-            note = "the data say nothing about it"
+        note = NOTES.get(result.status_of(name))
         if note is not None:
-            entry |= {"std": None, "std_robust": None, "note": note}
+            entry["note"] = note
         estimates[name] = entry
     return estimates
+
+
+def _interval(result: OutputErrorResult, name: str) -> dict[str, Any]:
+    """Return status and standard deviations of an estimate; None where there is no interval."""
+    status = result.status_of(name)
+    known = status is EstimateStatus.ESTIMATED
+    return {
+        "std": result.std(name) if known else None,
+        "std_robust": result.std(name, robust=True) if known else None,
+        "status": status.value,
+    }
 
 
 def _errors(errors: Mapping[str, Error]) -> dict[str, dict[str, Any]]:

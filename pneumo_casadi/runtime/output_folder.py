@@ -134,6 +134,7 @@ def write_files(
     check_writable_files(folder, kind, files)
     owned = _manifest(folder)
     there = folder.is_dir()
+    folder.parent.mkdir(parents=True, exist_ok=True)
     with draft_folder(folder if there else folder.parent, folder.name) as scratch:
         draft = scratch / "files"
         draft.mkdir()

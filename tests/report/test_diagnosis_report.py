@@ -183,7 +183,7 @@ def test_checks_are_printed_in_units_that_people_read():
     [
         (Value(6e-10, 1.2e-12, "m³/(s Pa)"), "0.06000 ± 0.00024 l/(s bar)"),
         (Value(0.5, 0.0, "1"), "0.500 (not fitted)"),
-        (Value(-1.0, float("nan"), "1"), "-1.000 ± ∞"),
+        (Value(-1.0, float("nan"), "1"), "-1.000 (no interval)"),
         (Value(3.49e-9, 3e-12, "kg/Pa"), "3.4900 ± 0.0060 µg/Pa"),
         (Value(6.69e-4, 4.365e-4, "V"), "669 ± 873 µV"),
         (Value(-4e-6, 1e-7, "m"), "-4.00 ± 0.20 µm"),

@@ -83,6 +83,7 @@ def test_every_other_folder_is_refused_by_name(tmp_path):
 
 
 def test_an_export_replaces_its_own_files_and_no_others(tmp_path):
+    write_files({"axis.c": "old"}, tmp_path / "a" / "b")
     write_files({"axis.c": "old"}, tmp_path / "out")
     write_files({"axis.fmu": b"zip"}, tmp_path / "out")
     (tmp_path / "out" / "axis.h").write_text("mine")

@@ -9,10 +9,18 @@ import pandas as pd
 from pneumo_casadi.estimation.flow_anchor import Anchor
 from pneumo_casadi.estimation.output_error.derived import derived_quantities
 from pneumo_casadi.estimation.output_error.shooting.segments import Segment
-from pneumo_casadi.estimation.statistics import ParameterUncertainty, delta_std, interval_factor
+from pneumo_casadi.estimation.statistics import (
+    EstimateStatus,
+    ParameterUncertainty,
+    delta_std,
+    interval_factor,
+)
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.parameters import FloatArray, Parameters
 from pneumo_casadi.runtime.presentation import Presentable
+
+#: Status of a fit that has reached its optimum.
+CONVERGED = "converged"
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,12 +64,15 @@ class DerivedQuantity:
         The same where residuals may be correlated, see `ParameterUncertainty`.
     unit : str
         SI unit.
+    status : EstimateStatus
+        The worst of the parameters that it is computed from.
     """
 
     value: float
     std: float
     std_robust: float
     unit: str
+    status: EstimateStatus
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,25 +175,47 @@ class OutputErrorResult(Presentable):
     def to_frame(self) -> pd.DataFrame:
         """Return one row a parameter or derived quantity: estimate and standard deviations [SI].
 
-        The coefficients of the flow map come last. A parameter that was held has std 0.
+        The coefficients of the flow map come last. A parameter that was held has std 0; ``status``
+        tells an estimate without an interval (`EstimateStatus`).
         """
         flow = set(self.axis.flow_parameters)
         own = [item for item in self.parameters if item.name not in flow]
         coefficients = [item for item in self.parameters if item.name in flow]
         rows = [
-            (item.name, item.value, self.std(item.name), self.std(item.name, True), item.unit)
+            (
+                item.name,
+                item.value,
+                self.std(item.name),
+                self.std(item.name, True),
+                item.unit,
+                self.status_of(item.name).value,
+            )
             for item in (*own, *coefficients)
         ]
         rows[len(own) : len(own)] = [
-            (name, item.value, item.std, item.std_robust, item.unit)
+            (name, item.value, item.std, item.std_robust, item.unit, self.status_of(name).value)
             for name, item in self.derived.items()
         ]
-        columns = ["parameter", "estimate", "std", "std_robust", "unit"]
+        columns = ["parameter", "estimate", "std", "std_robust", "unit", "status"]
         return pd.DataFrame(rows, columns=columns).set_index("parameter")
 
     def overview(self) -> pd.DataFrame:
         """Return the table without the coefficients of the flow map."""
         return self.to_frame().drop(index=list(self.axis.flow_parameters))
+
+    def status_of(self, name: str) -> EstimateStatus:
+        """Return what the estimate of a parameter or derived quantity is worth.
+
+        An unknown name raises `ModelError`.
+        """
+        if name in self.derived:
+            status = self.derived[name].status
+        else:
+            self.parameters[name]
+            status = self.uncertainty.status([name])
+        if status is EstimateStatus.ESTIMATED and self.status != CONVERGED:
+            return EstimateStatus.NOT_CONVERGED
+        return status
 
     def std(self, name: str, robust: bool = False) -> float:
         """Return a parameter's standard deviation; 0 if it was held, infinite if uninformed.
@@ -217,5 +250,6 @@ def evaluate_derived_quantities(
         std = delta_std(gradient, estimate.covariance)
         robust = estimate.covariance_robust
         wider = std if robust is None else delta_std(gradient, robust)
-        derived[name] = DerivedQuantity(item(theta), std, wider, item.unit)
+        used = [n for n, slope in zip(estimate.names, gradient, strict=True) if slope != 0]
+        derived[name] = DerivedQuantity(item(theta), std, wider, item.unit, estimate.status(used))
     return derived

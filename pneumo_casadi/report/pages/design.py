@@ -79,7 +79,7 @@ def precision_table(precision: Precision) -> Table:
         exponent = exponent_of(value)
         shown = value_text(value, exponent, 4) + (f"e{exponent}" if exponent else "")
         columns = (precision.now[i], precision.designed[i], precision.together[i])
-        percent = [f"{100 * std / abs(value):.4f}" if value else "" for std in columns]
+        percent = [_percent(std, value) for std in columns]
         rows.append((name, shown, precision.units[i], *percent, f"{precision.ratio(name):.2f}"))
     ratio = precision.after / precision.before
     sizes = [f"{100 * size:.4f}" for size in (precision.before, precision.after, precision.both)]
@@ -90,6 +90,12 @@ def precision_table(precision: Precision) -> Table:
         tuple(rows),
         ("Without the bias of an incomplete model. Both: one fit to the two records together.",),
     )
+
+
+def _percent(std: float, value: float) -> str:
+    if not np.isfinite(std):
+        return "no information"
+    return f"{100 * std / abs(value):.4f}" if value else ""
 
 
 def distance_table(design: Design) -> Table:

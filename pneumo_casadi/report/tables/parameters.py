@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from pneumo_casadi.data import Bench
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.estimation.flow_anchor import flow_scale_std
+from pneumo_casadi.estimation.statistics import EstimateStatus
 from pneumo_casadi.estimation.wls import ratios
 from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.report.tables.paper import TABLE_1
@@ -21,6 +22,9 @@ PAPER = (
     'Table 1: estimates ± 2σ of "Identification of physical parameters of a pneumatic '
     'servosystem" (IFAC 2005), on the bench of its authors.'
 )
+
+#: Estimates that may be compared with the truth.
+TRUSTED = (EstimateStatus.ESTIMATED, EstimateStatus.HELD)
 
 
 def parameter_table(identification: Identification, paper: bool = False) -> Table:
@@ -44,9 +48,7 @@ def parameter_table(identification: Identification, paper: bool = False) -> Tabl
     for name in identification.parameter_names:
         item = identification.output_error.parameters[name]
         wls = wls_estimate(identification, name)
-        oe = (item.value, output_error_half_width(identification, name))
-        held = name not in identification.output_error.uncertainty.names
-        rows.append(_row(name, item.unit, wls, oe, truth, paper, held))
+        rows.append(_row(identification, name, item.unit, wls, truth, paper))
     for name in ("k_P", "k_N"):
         if name in identification.output_error.derived:
             rows.append(_derived_row(identification, name, truth, paper))
@@ -116,30 +118,46 @@ def wls_half_width(identification: Identification, name: str) -> float:
 def output_error_half_width(identification: Identification, name: str) -> float | None:
     """Return 2σ of an output-error estimate, the wider of ideal and robust; None without one."""
     result = identification.output_error
-    if name not in result.uncertainty.names or name in result.uncertainty.at_bound:
+    if result.status_of(name) is not EstimateStatus.ESTIMATED:
         return None
     return 2 * max(result.std(name), result.std(name, robust=True))
 
 
+def output_error_text(identification: Identification, name: str, exponent: int = 0) -> str:
+    """Return an output-error estimate ± 2σ, or why it has no interval.
+
+    A value about which the data say nothing is that of the start, and is not shown.
+    """
+    result = identification.output_error
+    status = result.status_of(name)
+    if status is EstimateStatus.UNINFORMED:
+        return status.value
+    known = result.derived if name in result.derived else result.parameters
+    value = known[name].value
+    if status is EstimateStatus.ESTIMATED:
+        return interval_text(value, output_error_half_width(identification, name), exponent)
+    return f"{value / 10.0**exponent:.4g} ({status.value})"
+
+
 def _row(
+    identification: Identification,
     name: str,
     unit: str,
     wls: tuple[float, float] | None,
-    output_error: tuple[float, float | None],
     truth: Mapping[str, float],
     paper: bool,
-    held: bool,
 ) -> tuple[str, ...]:
-    oe = output_error[0]
+    oe = identification.output_error.parameters[name].value
+    trusted = identification.output_error.status_of(name) in TRUSTED
     e = exponent_of(oe)
     true = truth.get(name)
     return (
         with_symbols(name),
         scaled_unit("" if unit == "1" else unit, e),
         "" if wls is None else interval_text(*wls, e),
-        f"{oe / 10.0**e:.4g} (held)" if held else interval_text(*output_error, e),
+        output_error_text(identification, name, e),
         "" if true is None else f"{true / 10.0**e:.4g}",
-        "" if not true else f"{100 * (oe / true - 1):+.2f} %",
+        f"{100 * (oe / true - 1):+.2f} %" if true and trusted else "",
         interval_text(*TABLE_1[name], e) if paper and name in TABLE_1 else "",
     )
 
@@ -161,9 +179,9 @@ def _derived_row(
         name,
         "",
         wls,
-        interval_text(item.value, 2 * max(item.std, item.std_robust)),
+        output_error_text(identification, name),
         "" if true is None else f"{true:.4g}",
-        "" if true is None else f"{item.value - true:+.4f}",
+        "" if true is None or item.status not in TRUSTED else f"{item.value - true:+.4f}",
         f"{TABLE_1[top][0] / TABLE_1[bottom][0]:.3g}" if paper else "",
     )
 
@@ -182,7 +200,7 @@ def record_table(identification: Identification) -> Table:
             (
                 with_symbols(name),
                 scaled_unit("" if item.unit == "1" else item.unit, e),
-                interval_text(item.value, output_error_half_width(identification, name), e),
+                output_error_text(identification, name, e),
                 *(
                     interval_text(float(value), 2 * float(std), e)
                     for value, std in zip(

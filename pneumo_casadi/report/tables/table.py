@@ -88,17 +88,17 @@ def interval_text(value: float, half: float | None, exponent: int = 0) -> str:
     value : float
         Estimate.
     half : float or None
-        Half width of the interval; infinite without information, None where there is none.
+        Half width of the interval; infinite where nothing is known of it, None for no mention.
 
     Examples
     --------
     >>> interval_text(3.4879e-9, 3.01e-12, -9)
     '3.4879 ± 0.0030'
     >>> interval_text(16.9, float("inf"))
-    '16.900 ± ∞'
+    '16.900 (no interval)'
     """
     if half is None or not math.isfinite(half) or half == 0:
-        tail = "" if half is None else " ± 0" if half == 0 else " ± ∞"
+        tail = "" if half is None else " ± 0" if half == 0 else " (no interval)"
         return value_text(value, exponent) + tail
     scaled = half / 10.0**exponent
     decimals = min(max(1 - math.floor(math.log10(scaled)), 0), 6)

@@ -1,5 +1,6 @@
 """Parameters at a glance: estimates with intervals beside the truth; correlations."""
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -8,6 +9,7 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from pneumo_casadi.estimation.statistics import EstimateStatus
 from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.report.figures.style import (
@@ -22,7 +24,11 @@ from pneumo_casadi.report.figures.style import (
     new_figure,
     symbol,
 )
-from pneumo_casadi.report.tables.parameters import output_error_half_width, wls_half_width
+from pneumo_casadi.report.tables.parameters import (
+    TRUSTED,
+    output_error_half_width,
+    wls_half_width,
+)
 
 #: Correlations of at least this size are written into their cell.
 WRITTEN = 0.5
@@ -50,6 +56,18 @@ def draw_forest(axes: Axes, identification: Identification) -> None:
         for n, value in zip(names, identification.wls.estimate, strict=True)
     ]
     oe = [(result.parameters[n].value, output_error_half_width(identification, n)) for n in names]
+    statuses = [result.status_of(name) for name in names]
+    # A point without a bar would look like the most certain of all.
+    oe = [
+        estimate if status in TRUSTED else (math.nan, None)
+        for estimate, status in zip(oe, statuses, strict=True)
+    ]
+    for row, status in enumerate(statuses):
+        if status is not EstimateStatus.ESTIMATED:
+            axes.annotate(
+                status.value, (0.0, row + 0.16), (3, 0), textcoords="offset points", va="center",
+                fontsize=SMALL, color=SIMULATED,
+            )  # fmt: skip
     references = [base[n] for n in names]
     _points(axes, wls, references, -0.16, WLS, "s", "WLS")
     _points(axes, oe, references, 0.16, SIMULATED, "o", "output error")
@@ -65,7 +83,8 @@ def draw_forest(axes: Axes, identification: Identification) -> None:
 def correlation_figure(identification: Identification) -> Figure:
     """Draw the correlations of the output-error estimates, flow coefficients left out."""
     estimate = identification.output_error.uncertainty
-    names = [n for n in identification.parameter_names if n in estimate.names]
+    known = [n for n in estimate.names if n not in (*estimate.at_bound, *estimate.uninformed)]
+    names = [n for n in identification.parameter_names if n in known]
     at = [estimate.names.index(n) for n in names]
     return matrix_figure(estimate.correlation[np.ix_(at, at)], names)
 
