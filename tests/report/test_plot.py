@@ -2,6 +2,7 @@
 
 import importlib.util
 import inspect
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -51,6 +52,12 @@ def assert_drawn(figure):
 
 def test_the_cases_below_are_all_figures():
     assert OF_IDENTIFICATION | OF_DIAGNOSIS | {"recording", "design", "comparison"} == FIGURES
+
+
+def test_the_gallery_shows_every_figure():
+    page = Path(__file__).resolve().parents[2] / "docs" / "tutorials" / "gallery.md"
+    shown = re.findall(r"^pc\.plot\.(\w+)\(", page.read_text("utf-8"), re.MULTILINE)
+    assert sorted(shown) == sorted(FIGURES)
 
 
 @pytest.mark.parametrize("name", sorted(FIGURES))

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from pneumo_casadi.estimation.output_error import OutputErrorResult
-from pneumo_casadi.estimation.wls import format_table
+from pneumo_casadi.estimation.wls import WLSResult, format_table, results_table
 from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.identification.result_file import result_dict
 from pneumo_casadi.identification.warnings import Usable
@@ -50,11 +50,7 @@ def html_report(
     trusted = [picture for picture in left if picture.name.startswith(_TRUST)]
     tables = all_tables(identification, paper)
     answer = [*laboratory_tables(content), tables[0]]
-    texts = (
-        "Weighted least squares, in the form of Table 1 of the paper\n\n"
-        + format_table(identification.wls, robust=True),
-        "Filters\n\n" + identification.wls.plan.describe(),
-    )
+    texts = ("Filters\n\n" + identification.wls.plan.describe(),)
     used = " ".join(row[0] for table in (*answer, *tables) for row in table.rows) + " φ b σ WLS Y u"
     sections = [
         Section("answer", "Parameters", (next_record(content),), tables=answer),
@@ -63,7 +59,8 @@ def html_report(
         Section("checks", "Estimates and residuals", pictures=trusted),
         Section(
             "details", "Details", pictures=[each for each in left if each not in trusted],
-            tables=(stage_table(identification.output_error),), texts=texts,
+            tables=(wls_table(identification.wls), stage_table(identification.output_error)),
+            texts=texts,
         ),
         Section("symbols", "Symbols", tables=(legend_table(used),)),
         Section("provenance", "Provenance", provenance=content["provenance"]),
@@ -117,6 +114,24 @@ def next_record(content: Mapping[str, Any]) -> str:
     else:
         least = "No parameter was estimated with an interval"
     return f"{least}. `pneumo-casadi design` plans the next record for the parameters of this one."
+
+
+def wls_table(result: WLSResult) -> Table:
+    """Return weighted least squares in the form of Table 1 of the paper, SI units."""
+    frame = results_table(result, robust=True)
+    rows = [
+        (
+            with_symbols(str(name)),
+            *(
+                f"{value:.4f}" if column.startswith("%") else f"{value:.2e}"
+                for column, value in zip(frame.columns, row, strict=True)
+            ),
+        )
+        for name, row in frame.iterrows()
+    ]
+    notes = format_table(result, robust=True).partition("\n\n")[2].splitlines()
+    title = "Weighted least squares, in the form of Table 1 of the paper"
+    return Table(title, ("", *frame.columns), tuple(rows), tuple(notes))
 
 
 def stage_table(result: OutputErrorResult) -> Table:
