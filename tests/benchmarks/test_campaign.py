@@ -1,4 +1,4 @@
-"""A fast share of the campaign of damaged files, with a fixed seed."""
+"""A fast share of the campaigns of damaged and hostile files and of kills, with fixed seeds."""
 
 import json
 import subprocess
@@ -10,15 +10,43 @@ import pytest
 BENCHMARKS = Path(__file__).resolve().parents[2] / "benchmarks"
 
 
+@pytest.fixture
+def figures_of(tmp_path):
+    """Return a function that runs a script in a process of its own and reads its figures.
+
+    The workers of a script import it by its name.
+    """
+
+    def run(script, *options):
+        result = tmp_path / "figures.json"
+        command = [sys.executable, script, *options, "--json", str(result)]
+        done = subprocess.run(command, cwd=BENCHMARKS, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+        return json.loads(result.read_text("utf-8"))
+
+    return run
+
+
 @pytest.mark.slow
-def test_damaged_files_are_refused_or_named(tmp_path):
-    # In a process of its own: its workers import the script by its name.
-    result = tmp_path / "campaign.json"
+def test_damaged_files_are_refused_or_named(figures_of):
     options = ["--cases", "1000", "--seed", "4", "--workers", "2", "--commands", "0"]
-    command = [sys.executable, "campaign.py", *options, "--json", str(result)]
-    done = subprocess.run(command, cwd=BENCHMARKS, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    figures = json.loads(result.read_text("utf-8"))
+    figures = figures_of("campaign.py", *options)
     assert figures["cases"] == 1000
     for fault in ("tracebacks", "hangs", "crashes", "silent", "valid_refused", "nameless"):
+        assert figures[fault] == 0, figures["examples"]
+
+
+@pytest.mark.slow
+def test_hostile_files_do_nothing_but_be_read(figures_of):
+    figures = figures_of("hostile.py")
+    assert figures["files"] >= 40
+    assert figures["succeeded"] == 0, figures["won"]
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/proc").is_dir(), reason="processes are listed by Linux")
+def test_commands_that_are_ended_leave_nothing_half_done(figures_of):
+    figures = figures_of("kills.py", "--kills", "12", "--seed", "7", "--quick")
+    assert figures["kills"] == 12
+    for fault in ("half", "left_processes", "left_drafts", "different"):
         assert figures[fault] == 0, figures["examples"]
