@@ -303,13 +303,16 @@ def kills(number: int, seed: int, only: str = "", cheap: bool = False) -> dict[s
                 seconds[command.name].append(took)
             faults = {"half": is_half(run, command, reference), "left_processes": bool(left)}
             again = run.start(words).wait(LONGEST)
-            if (refused := again == 2) and not faults["half"]:  # a new folder that is there by now
+            if again == 2 and not faults["half"]:  # refused: the new folder is there by now
                 again = reference.code
             same = again == reference.code and run.results() == reference.results
             faults |= {"different": not same, "left_drafts": bool(run.drafts())}
             for fault in (fault for fault, holds in faults.items() if holds):
                 counted[fault] += 1
-                text = f"{ending.name} after {share:.0%}, {left or run.drafts()}, refused {refused}"
+                results = run.results()
+                names = results.keys() | reference.results.keys()
+                other = [n for n in sorted(names) if results.get(n) != reference.results.get(n)]
+                text = f"{ending.name} after {share:.0%}: {left} {run.drafts()} {other}"
                 examples.setdefault(f"{fault}: {command.name}", text)
             shutil.rmtree(folder, ignore_errors=True)
     interrupts = [value for values in seconds.values() for value in values]

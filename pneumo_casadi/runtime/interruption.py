@@ -47,6 +47,14 @@ class Interruption:
 _current: list[Interruption] = []
 
 
+def is_ending() -> bool:
+    """Return whether this process was asked to end: an error may then be no result of the work.
+
+    Inside a compiled function KeyboardInterrupt comes out as another error.
+    """
+    return any(interruption.number for interruption in _current)
+
+
 @contextmanager
 def at_hard_end(cleanup: Callable[[], object]) -> Iterator[None]:
     """Have `cleanup` called if the process comes to a hard end within the block.

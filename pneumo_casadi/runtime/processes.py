@@ -198,7 +198,7 @@ def _work(connection: "Connection[Any, Any]") -> None:
                 answer = pickle.dumps((True, fn(*args, **kwargs)))
             except BaseException as error:
                 if interruption.number:
-                    raise
+                    return
                 answer = _packed_error(error)
             connection.send_bytes(answer)
 

@@ -20,6 +20,7 @@ from pneumo_casadi.data.emps import IDENTIFY as EMPS_FILE
 from pneumo_casadi.diagnosis import diagnose
 from pneumo_casadi.errors import CaseError, PneumoError
 from pneumo_casadi.evaluation.batch.table import CSV, FAILED, PARQUET, Row, row_of, write_tables
+from pneumo_casadi.runtime.interruption import is_ending
 from pneumo_casadi.runtime.json_files import write_json
 from pneumo_casadi.runtime.json_input import read_json
 from pneumo_casadi.runtime.output_folder import OutputKind, claim_names
@@ -172,6 +173,8 @@ def diagnose_one(folder: Path, out: Path, diagnosing: Diagnosing, call: str = ""
     except (ImportError, OSError, MemoryError):
         raise
     except Exception as fault:  # one defect must not cost the other cases
+        if is_ending():
+            raise
         diagnosis, error = None, _one_line(fault)
     record = {
         "case": folder.name,

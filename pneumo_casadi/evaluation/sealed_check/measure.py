@@ -35,6 +35,7 @@ from pneumo_casadi.evaluation.sealed_check.draw import Draw, make_twin
 from pneumo_casadi.metrics import closure, combined_gap, gap
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.runtime.atomic_files import draft_folder
+from pneumo_casadi.runtime.interruption import is_ending
 from pneumo_casadi.runtime.json_files import write_json
 from pneumo_casadi.runtime.threads import one_thread
 
@@ -71,6 +72,8 @@ def _write(figures: Callable[[], dict[str, Any]], folder: Path, draw: Draw) -> N
     try:
         content = figures()
     except (PneumoError, np.linalg.LinAlgError) as error:
+        if is_ending():
+            raise
         content = {"failure": f"{type(error).__name__}: {error}"}
     write_json(content, folder / f"{draw.name}.json")
 

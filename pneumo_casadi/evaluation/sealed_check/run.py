@@ -20,6 +20,7 @@ from pneumo_casadi.evaluation.sealed_check.seal import (
     write_verdict,
 )
 from pneumo_casadi.model.effect import Effect
+from pneumo_casadi.runtime.interruption import is_ending
 from pneumo_casadi.runtime.processes import WorkerDiedError
 from pneumo_casadi.runtime.progress import Progress, no_progress
 
@@ -174,5 +175,7 @@ def diagnose_one(folder: Path, name: str, without: Sequence[str], diagnosing: Di
     except (ImportError, OSError, MemoryError):
         raise  # of this machine, not of the diagnosis
     except Exception as error:  # one defect must not cost the other cases
+        if is_ending():
+            raise
         verdict = {"verdict": FAILED, "error": f"{type(error).__name__}: {error}"}
     write_verdict(folder, name, verdict)

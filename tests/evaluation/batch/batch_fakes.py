@@ -60,6 +60,14 @@ def interrupted(folder):
     return marked(folder)
 
 
+def garbled(folder):
+    """What becomes of Ctrl-C within a compiled function."""
+    try:
+        signal.raise_signal(signal.SIGINT)
+    except KeyboardInterrupt:
+        raise NotImplementedError("wrong type of arguments") from None
+
+
 def killed_once(folder):
     """In the middle of the fourth case its worker is killed, once."""
     time.sleep(0.02)

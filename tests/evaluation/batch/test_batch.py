@@ -4,6 +4,7 @@ import importlib.util
 import json
 import os
 import shutil
+import signal
 import sys
 import threading
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
@@ -18,7 +19,9 @@ import pytest
 from pneumo_casadi.cli import app as cli
 from pneumo_casadi.errors import CaseError, PneumoError
 from pneumo_casadi.evaluation.batch import CSV, PARQUET, Row, case_folders, diagnose_many
+from pneumo_casadi.evaluation.batch.run import diagnose_one
 from pneumo_casadi.evaluation.batch.table import write_tables
+from pneumo_casadi.runtime.interruption import interruptible
 from pneumo_casadi.runtime.processes import processes
 
 needs_dask = pytest.mark.skipif(
@@ -119,6 +122,13 @@ def test_what_is_finished_is_not_done_again_unless_its_data_change(tmp_path, cas
     assert again[0].gap_before_percent == 9.5
     diagnose_many(cases, keep=out, diagnosing=fakes.marked)  # another way to diagnose
     assert len(marks(tmp_path)) == 11
+
+
+def test_an_interruption_that_comes_out_as_an_error_is_no_result(tmp_path, cases, fakes):
+    with interruptible() as interruption, pytest.raises(NotImplementedError):
+        diagnose_one(cases[0], tmp_path / "out", fakes.garbled)
+    assert interruption.number == signal.SIGINT
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_fault_of_the_machine_is_tried_again_by_the_next_call(tmp_path, cases, fakes):
