@@ -38,15 +38,17 @@ def test_damaged_files_are_refused_or_named(figures_of):
 
 @pytest.mark.slow
 def test_hostile_files_do_nothing_but_be_read(figures_of):
-    figures = figures_of("hostile.py")
-    assert figures["files"] >= 40
+    # Those that try to run code by way of exported functions; all of them take minutes.
+    figures = figures_of("hostile.py", "--quick")
+    assert figures["files"] >= 9
     assert figures["succeeded"] == 0, figures["won"]
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="processes are listed by Linux")
 def test_commands_that_are_ended_leave_nothing_half_done(figures_of):
-    figures = figures_of("kills.py", "--kills", "12", "--seed", "7", "--quick")
-    assert figures["kills"] == 12
+    # Each signal once; tests/runtime/ ends workers, compilers and compiled functions by each.
+    figures = figures_of("kills.py", "--kills", "4", "--seed", "7", "--quick")
+    assert figures["kills"] == 4
     for fault in ("half", "left_processes", "left_drafts", "different"):
         assert figures[fault] == 0, figures["examples"]
