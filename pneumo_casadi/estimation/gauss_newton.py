@@ -130,12 +130,15 @@ class Minimum(Generic[Point, Linear]):
         Why it ended.
     trials : int
         Steps computed, rejected ones included.
+    costs : tuple of float
+        Cost of every point that was linearised.
     """
 
     point: Point
     linear: Linear | None
     status: Status
     trials: int
+    costs: tuple[float, ...]
 
 
 def minimise(
@@ -171,15 +174,15 @@ def minimise(
     for trial in range(1, max_trials + 1):
         if linear is None:
             if len(costs) == max_iterations:
-                return Minimum(point, last, Status.EXHAUSTED, trial - 1)
+                return Minimum(point, last, Status.EXHAUSTED, trial - 1, tuple(costs))
             last = linear = problem.linearise(point)
             costs.append(linear.cost)
             rejections = 0
         step = problem.step(linear, value)
         if step is None:
-            return Minimum(point, linear, Status.NOT_FINITE, trial)
+            return Minimum(point, linear, Status.NOT_FINITE, trial, tuple(costs))
         if problem.settled(linear, step, value, costs):
-            return Minimum(point, linear, Status.CONVERGED, trial)
+            return Minimum(point, linear, Status.CONVERGED, trial, tuple(costs))
         ahead = problem.take(linear, step, len(costs))
         share = (linear.cost - ahead.cost) / max(step.gain, 1e-300)
         value = float(damping.after(np.asarray(value), np.asarray(share)))
@@ -188,8 +191,8 @@ def minimise(
             continue
         rejections += 1
         if value > damping.most or rejections >= damping.max_rejections:
-            return Minimum(point, linear, Status.NO_STEP_HELPS, trial)
-    return Minimum(point, last, Status.EXHAUSTED, max_trials)
+            return Minimum(point, linear, Status.NO_STEP_HELPS, trial, tuple(costs))
+    return Minimum(point, last, Status.EXHAUSTED, max_trials, tuple(costs))
 
 
 def minimise_in_box(

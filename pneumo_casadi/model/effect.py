@@ -126,6 +126,10 @@ class Effect:
     sensors : tuple of str
         Outputs (``"p_P"``, ``"p_N"``, ``"x"``) that `output` changes, for a sensor effect; empty
         for an effect of the axis itself.
+    hides_motion : bool
+        Whether the sensors cannot show the motion while the effect acts, as while a play is
+        crossed. Other effects of sensors, lags for one, are inverted along the measured motion;
+        such an effect is judged by simulations.
     absorbed_by : Absorption or None
         Which checks of the parameters fail if a refit of the nominal axis absorbs the effect, so
         that trajectories show no gap; None for an effect that no parameter can take up.
@@ -183,6 +187,7 @@ class Effect:
     credible: ClassVar[Mapping[str, tuple[float, float]]] = MappingProxyType({})
     one_form: ClassVar[bool] = False
     sensors: ClassVar[tuple[str, ...]] = ()
+    hides_motion: ClassVar[bool] = False
     absorbed_by: ClassVar[Absorption | None] = None
     masses: ClassVar[tuple[str, ...]] = ()
     metered: ClassVar[bool] = False

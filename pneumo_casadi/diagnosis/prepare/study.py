@@ -12,6 +12,7 @@ from pneumo_casadi.data import Recording
 from pneumo_casadi.errors import FitError
 from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
 from pneumo_casadi.estimation.equation_error.fit import (
+    MAX_ITERATIONS,
     default_residual_floor,
     equation_error_costs,
     fit_equation_error,
@@ -122,6 +123,8 @@ class FittedModel:
         Rows that count.
     converged : bool
         Whether the fit settled.
+    pace : float
+        Decrease of the cost per iteration where the fit was cut short, else 0.
     """
 
     effects: tuple[str, ...]
@@ -133,6 +136,7 @@ class FittedModel:
     used_train: tuple[NDArray[np.bool_], ...]
     used_held_out: tuple[NDArray[np.bool_], ...]
     converged: bool
+    pace: float = 0.0
 
 
 def fit_model(
@@ -141,6 +145,7 @@ def fit_model(
     start: Mapping[str, float] | None = None,
     shapes: Sequence[Mapping[str, float]] = (),
     base: float | None = None,
+    max_iterations: int = MAX_ITERATIONS,
 ) -> FittedModel:
     """Fit the nominal axis with some effects to the balances.
 
@@ -153,17 +158,24 @@ def fit_model(
     base : float, optional
         Cost of the fit to be improved. Where nothing is gained on it, effects are tried larger
         too: a back pressure that leaves the valves choked has no influence.
+    max_iterations : int, optional
+        Of every fit. One that is cut short, see `FittedModel.pace`, is not rejected yet.
     """
     axis = study.axis.with_effects(*effects).at_starting_values()
     known = {name: value for name, value in (start or {}).items() if name in axis.parameters}
     axis = _scanned(study, axis.with_parameters(known), known)
     fitted = min(
-        (_fit_with_recovery(study, axis.with_parameters(s)) for s in shapes or ({},)), key=_cost
+        (
+            _fit_with_recovery(study, axis.with_parameters(s), max_iterations)
+            for s in shapes or ({},)
+        ),
+        key=_cost,
     )
     if base is not None and effects and fitted.cost >= base - MIN_GAIN:
         new = [n for n in axis.parameters.free_names if "." in n and n not in known]
         fitted = _fit_from_larger_starts(study, axis, new, fitted)
-    require_credible(study, effects, fitted)
+    if not fitted.pace:  # one cut short may pass through what is not credible
+        require_credible(study, effects, fitted)
     return fitted
 
 
@@ -197,17 +209,18 @@ def _fit_from_larger_starts(
     return small
 
 
-def _fit_with_recovery(study: Study, axis: Axis) -> FittedModel:
+def _fit_with_recovery(study: Study, axis: Axis, max_iterations: int) -> FittedModel:
     """Fit; if a chamber's parameter ends at its bound, fit again from the geometric values.
 
     The bounds are a factor of 20 from the geometry: a fit that ends there has diverged.
     """
-    fitted = _fit(study, axis)
+    fitted = _fit(study, axis, max_iterations=max_iterations)
     items = [item for item in axis.parameters if item.free and item.name.startswith("X_s")]
     if all(item.lower < fitted.values[item.name] < item.upper for item in items):
         return fitted
     geometry = {item.name: item.scale for item in items}
-    return min(fitted, _fit(study, axis.with_parameters(geometry)), key=_cost)
+    again = _fit(study, axis.with_parameters(geometry), max_iterations=max_iterations)
+    return min(fitted, again, key=_cost)
 
 
 def refine_model(study: Study, fitted: FittedModel, effects: Sequence[Effect]) -> FittedModel:
@@ -277,7 +290,9 @@ def _cost(fitted: FittedModel) -> float:
     return fitted.cost
 
 
-def _fit(study: Study, axis: Axis, whole: bool = False) -> FittedModel:
+def _fit(
+    study: Study, axis: Axis, whole: bool = False, max_iterations: int = MAX_ITERATIONS
+) -> FittedModel:
     train, held_out = study.smoothed
     result = fit_equation_error(
         axis,
@@ -285,6 +300,7 @@ def _fit(study: Study, axis: Axis, whole: bool = False) -> FittedModel:
         study.anchor_with(axis.effects),
         residual_floor=default_residual_floor(study.axis),
         state_derivatives=whole or any(effect.through_states for effect in axis.effects),
+        max_iterations=max_iterations,
     )
     return FittedModel(
         tuple(effect.name for effect in axis.effects),
@@ -296,4 +312,5 @@ def _fit(study: Study, axis: Axis, whole: bool = False) -> FittedModel:
         result.used,
         tuple(motion.used(axis) for motion in held_out),
         result.converged,
+        result.pace,
     )

@@ -23,6 +23,12 @@ SHARE = 0.1
 CERTAIN = 0.95
 
 
+def can_matter(origin: FittedModel, before: FittedModel, levels: BalanceLevels) -> bool:
+    """Return whether enough of the gap is left for a further effect to be accepted."""
+    first, old = (gaps(residual_rms(fit), levels) for fit in (origin, before))
+    return bool(np.any(old > SHARE * first))
+
+
 def accepted(
     origin: FittedModel, before: FittedModel, after: FittedModel, levels: BalanceLevels
 ) -> bool:

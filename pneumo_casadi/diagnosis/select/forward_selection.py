@@ -22,17 +22,17 @@ from pneumo_casadi.diagnosis.metrics.simulated_gap import Simulations
 from pneumo_casadi.diagnosis.prepare.fit_store import Store
 from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study, fit_model
 from pneumo_casadi.diagnosis.screen.screen import ScreenResult, background
-from pneumo_casadi.diagnosis.select.acceptance import accepted
+from pneumo_casadi.diagnosis.select.acceptance import accepted, can_matter
 from pneumo_casadi.diagnosis.select.contributions import contributions
 from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue, Failed, FitLedger, Names, Start
 from pneumo_casadi.diagnosis.select.forms import forms_to_fit, keep_best_forms
-from pneumo_casadi.diagnosis.select.plausibility import find_plausible_extension
+from pneumo_casadi.diagnosis.select.plausibility import find_plausible_extension, is_implausible
 from pneumo_casadi.diagnosis.select.sensor_effects import (
     closes_in_simulation,
     extend_by_simulation,
     find_sensor_extension,
+    motion_is_hidden,
 )
-from pneumo_casadi.estimation.equation_error.balance_functions import any_sensor_memory
 from pneumo_casadi.runtime.progress import Progress, no_progress
 
 #: Largest number of effects in a model: four to six weak ones act on a real axis.
@@ -162,7 +162,7 @@ def _forward(
     current = nominal
     for round_ in range(MAX_EFFECTS):
         known: Names = path[-1] if path else ()
-        if round_ >= MAX_UNEXPLAINED and share_left(nominal, current, levels) > MAX_SHARE_LEFT:
+        if round_ and not _needs_more(ledger, nominal, current, known, levels):
             break
         if round_:
             report(f"looking for effect {round_ + 1}", 0.4 + 0.07 * round_)
@@ -193,7 +193,7 @@ def _forward(
             gaps(residual_rms(ledger.fits[best]), levels)
         ):
             break
-        if round_ and any_sensor_memory(ledger.effects(best)):
+        if round_ and motion_is_hidden(ledger.effects(best)):
             break  # a sensor that hides the motion makes the balances unreliable
         current = ledger.fits[best]
     report("comparing simulations", 0.85)
@@ -202,6 +202,19 @@ def _forward(
         final, effects = ledger.fits[taken[-1]], ledger.effects(taken[-1])
         ledger.gap_left[taken[-1]] = ledger.simulations.share(nominal, final, effects)
     return taken
+
+
+def _needs_more(
+    ledger: FitLedger,
+    nominal: FittedModel,
+    current: FittedModel,
+    known: Names,
+    levels: BalanceLevels,
+) -> bool:
+    """Return whether a further effect is to be looked for beside those known."""
+    if len(known) >= MAX_UNEXPLAINED and share_left(nominal, current, levels) > MAX_SHARE_LEFT:
+        return False
+    return can_matter(nominal, current, levels) or is_implausible(ledger, current, known)
 
 
 def _coarse(

@@ -28,7 +28,7 @@ def find_plausible_extension(ledger: FitLedger, current: FittedModel, known: Nam
     current : FittedModel
         The best model so far, with the effects `known`.
     """
-    if not known or len(_wrong(ledger, known, current)) < WRONG:
+    if not is_implausible(ledger, current, known):
         return None
     better = {
         key: fitted
@@ -40,6 +40,11 @@ def find_plausible_extension(ledger: FitLedger, current: FittedModel, known: Nam
         if not _wrong(ledger, key, better[key]):
             return key
     return None
+
+
+def is_implausible(ledger: FitLedger, current: FittedModel, known: Names) -> bool:
+    """Return whether a model with effects has several implausible parameters."""
+    return bool(known) and len(_wrong(ledger, known, current)) >= WRONG
 
 
 def _wrong(ledger: FitLedger, names: Names, fitted: FittedModel) -> set[str]:

@@ -19,10 +19,7 @@ from pneumo_casadi.diagnosis.prepare.study import (
 )
 from pneumo_casadi.diagnosis.select.fit_ledger import FAULTS, Failed, FitLedger, Names
 from pneumo_casadi.diagnosis.select.output_error_refinement import refine_by_output_error
-from pneumo_casadi.estimation.equation_error.balance_functions import (
-    any_sensor_effect,
-    any_sensor_memory,
-)
+from pneumo_casadi.estimation.equation_error.balance_functions import any_sensor_effect
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.parameters import FloatArray
 
@@ -36,6 +33,11 @@ MIN_RESIDUAL_OVER_NOISE, CLOSED = 1.3, 0.7
 LEAST, UNEXPLAINED = 0.05, 0.5
 #: So many of the best pairs, and of the best effects alone, are tried beside a sensor.
 TRIED = 3
+
+
+def motion_is_hidden(effects: Sequence[Effect]) -> bool:
+    """Tell whether the sensors cannot show the motion of a model with these effects."""
+    return any(effect.hides_motion for effect in effects)
 
 
 def find_sensor_extension(
@@ -59,7 +61,7 @@ def find_sensor_extension(
     effects, before = ledger.effects(best), ledger.effects(known)
     if (
         fits[best].cost > current.cost - MIN_FORM_GAIN
-        or not any_sensor_memory(effects)
+        or not motion_is_hidden(effects)
         or any_sensor_effect(before)
     ):
         return None
@@ -72,7 +74,7 @@ def find_sensor_extension(
 
 def closes_in_simulation(ledger: FitLedger, nominal: FittedModel, names: Names) -> bool:
     """Tell whether a model with a sensor that remembers closes the gap once it is simulated."""
-    if not any_sensor_memory(ledger.effects(names)):
+    if not motion_is_hidden(ledger.effects(names)):
         return False
     _refine_all(ledger, nominal, {names: ledger.fits[names]})
     if ledger.trials[names][1] < CLOSED_SHARE_LEFT:
@@ -89,12 +91,12 @@ def extend_by_simulation(
     Where what the balances say of further effects does not settle in simulations, what grows from
     the sensor alone is tried, and taken if it leaves no more.
     """
-    if not path or not any_sensor_memory(ledger.effects(path[-1])):
+    if not path or not motion_is_hidden(ledger.effects(path[-1])):
         return path
     _refine_all(ledger, nominal, {path[-1]: ledger.fits[path[-1]]})
     first = path[-1]
     if ledger.trials[first][1] >= CLOSED_SHARE_LEFT:
-        alone = ledger.key(n for n in first if any_sensor_memory(ledger.effects((n,))))
+        alone = ledger.key(n for n in first if motion_is_hidden(ledger.effects((n,))))
         first = alone if alone in ledger.fits else first
     grown = [first]
     while len(grown[-1]) < max_effects:
@@ -143,7 +145,7 @@ def _candidates(ledger: FitLedger, known: Names) -> Sequence[str]:
     alone = {key: f for key, f in ledger.extensions(()).items() if not set(key) & set(known)}
     names = {name for key in (*best(ledger.extensions(known)), *best(alone)) for name in key}
     for effect in ledger.effects(known):
-        if any_sensor_memory((effect,)):
+        if effect.hides_motion:
             names |= {n for n in effect.confused_with if n in ledger.catalogue}
     names -= {*known, *ledger.left_out}
     made = {name: ledger.catalogue[name]() for name in ledger.key(names)}
@@ -153,7 +155,7 @@ def _candidates(ledger: FitLedger, known: Names) -> Sequence[str]:
     return [
         name
         for name, effect in made.items()
-        if not effect.metered and (_gains(ledger, known, name) or not any_sensor_memory((effect,)))
+        if not effect.metered and (_gains(ledger, known, name) or not effect.hides_motion)
     ]
 
 

@@ -30,6 +30,7 @@ class Backlash(Effect):
 
     name = "backlash"
     sensors = ("x",)
+    hides_motion = True
     equation = "y = x − e, ė = v within |e| < b/2, e = (b/2) sign(v) in contact"
     source = "play operator; Nordin, Gutman (2002), Automatica 38(10), 1633-1649"
     shows = "position, at reversals: it stays for the width of the gap"

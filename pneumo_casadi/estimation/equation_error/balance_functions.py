@@ -5,7 +5,7 @@ serves every case.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -18,7 +18,7 @@ from pneumo_casadi.estimation.equation_error.balance_code import (
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.model.sample_function import SampleFunction
-from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.parameters import FloatArray, Parameters
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,6 +91,20 @@ class BalanceFunctions:
     def free(self) -> tuple[str, ...]:
         """All free parameters, in the order of every Jacobian."""
         return (*self.analytic, *self.by_difference)
+
+    @cached_property
+    def sensors(self) -> "BalanceFunctions":
+        """The same axis with the effects of sensors alone: these act on nominal states only."""
+        effects = tuple(effect for effect in self.axis.effects if any_sensor_effect((effect,)))
+        if effects == self.axis.effects:
+            return self
+        kept = {effect.name for effect in effects}
+        parameters = Parameters(
+            item
+            for item in self.axis.parameters
+            if "." not in item.name or item.name.split(".")[0] in kept
+        )
+        return BalanceFunctions(replace(self.axis, effects=effects, parameters=parameters))
 
     @property
     def functions(self) -> dict[str, SampleFunction]:

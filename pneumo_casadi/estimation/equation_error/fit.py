@@ -7,16 +7,18 @@ import numpy as np
 from pneumo_casadi.data import Recording
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
-from pneumo_casadi.estimation.equation_error.problem import DAMPING, Problem, Trial
+from pneumo_casadi.estimation.equation_error.problem import DAMPING, Linearised, Problem, Trial
 from pneumo_casadi.estimation.equation_error.result import EquationErrorResult
 from pneumo_casadi.estimation.equation_error.smoothed_motion import SmoothedMotion, smooth_motion
 from pneumo_casadi.estimation.flow_anchor import Anchor, anchor_flow
-from pneumo_casadi.estimation.gauss_newton import Status, minimise
+from pneumo_casadi.estimation.gauss_newton import Minimum, Status, minimise
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.valve import AnyFlowMap
 
 MAX_ITERATIONS = 30
+#: Iterations over which the pace of a fit is taken: single steps are erratic.
+PACE_OVER = 3
 
 
 def fit_equation_error(
@@ -26,6 +28,7 @@ def fit_equation_error(
     *,
     residual_floor: FloatArray | None = None,
     state_derivatives: bool = False,
+    max_iterations: int = MAX_ITERATIONS,
 ) -> EquationErrorResult:
     r"""Estimate the free parameters of an axis from the residuals of its balances.
 
@@ -63,6 +66,8 @@ def fit_equation_error(
         Whether derivatives with respect to the nominal parameters include the states of the
         effects. It costs one simulation of these states per parameter; without it a fit may stop
         before the minimum.
+    max_iterations : int, optional
+        Steps before giving up; `EquationErrorResult.pace` then tells how fast the cost still falls.
 
     Returns
     -------
@@ -107,8 +112,8 @@ def fit_equation_error(
     floor = default_residual_floor(axis) if residual_floor is None else residual_floor
     problem = Problem(BalanceFunctions(axis), motions, anchor, floor, state_derivatives)
     start = Trial(axis.parameters.values, np.inf)
-    trials = MAX_ITERATIONS * DAMPING.max_rejections
-    minimum = minimise(problem, start, DAMPING, MAX_ITERATIONS, trials)
+    trials = max_iterations * DAMPING.max_rejections
+    minimum = minimise(problem, start, DAMPING, max_iterations, trials)
     assert minimum.linear is not None  # at least one iteration was asked for
     theta = minimum.point.theta
     residuals = problem.residuals(theta)
@@ -121,8 +126,17 @@ def fit_equation_error(
         residuals,
         tuple(motion.used(axis) for motion in motions),
         minimum.status is Status.CONVERGED,
+        _pace(minimum),
         problem.model,
     )
+
+
+def _pace(minimum: Minimum[Trial, Linearised]) -> float:
+    """Return the decrease of the cost per iteration where a fit was cut short, else 0."""
+    if minimum.status is not Status.EXHAUSTED:
+        return 0.0
+    last = (*minimum.costs, minimum.point.cost)[-1 - PACE_OVER :]
+    return (last[0] - last[-1]) / (len(last) - 1)
 
 
 def equation_error_costs(

@@ -13,7 +13,8 @@ from pneumo_casadi.estimation.flow_anchor import Anchor
 from pneumo_casadi.estimation.gauss_newton import Damping, minimise_in_box
 from pneumo_casadi.parameters import FloatArray
 
-#: A step that predicts less than this decrease of the cost per row ends the iteration.
+#: A step that predicts less than this decrease of the cost per row ends the iteration, and so do
+#: two steps that together kept less: derivatives that hold the states may promise too much.
 TOLERANCE = 1e-5
 DAMPING = Damping(
     start=1e-6,
@@ -163,8 +164,9 @@ class Problem:
     def settled(
         self, linear: Linearised, step: Step, damping: float, costs: Sequence[float]
     ) -> bool:
-        """Tell whether the step predicts next to no decrease of the cost."""
-        return bool(step.gain < TOLERANCE * self.n_rows.sum())
+        """Tell whether the step predicts, or the last two kept, next to no decrease of the cost."""
+        least = TOLERANCE * float(self.n_rows.sum())
+        return step.gain < least or (len(costs) > 2 and costs[-3] - costs[-1] < least)
 
     def take(self, linear: Linearised, step: Step, iteration: int) -> Trial:
         """Return the trial after a step, doubled in late iterations while that lowers the cost."""

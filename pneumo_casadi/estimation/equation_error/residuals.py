@@ -149,12 +149,12 @@ def _true_motions(
     model: BalanceFunctions, data: SmoothedMotion, variants: Sequence[FloatArray]
 ) -> list[Motion]:
     """Return the motions with the effects of sensors inverted, for every variant of θ."""
-    axis = model.axis
-    sensors = [f"{effect.name}." for effect in axis.effects if any_sensor_effect((effect,))]
-    own = [i for i, n in enumerate(axis.parameters.names) if n.startswith(tuple(sensors))]
+    sensors, names = model.sensors, model.axis.parameters.names
+    shared = [names.index(name) for name in sensors.axis.parameters.names]
+    own = [names.index(name) for name in sensors.axis.parameters.names if "." in name]
     # A sensor effect depends on its own parameters alone: equal variants share a motion.
-    distinct = {theta[own].tobytes(): theta for theta in variants}
-    corrected = _without_sensors(model, data, list(distinct.values()))
+    distinct = {theta[own].tobytes(): theta[shared] for theta in variants}
+    corrected = _without_sensors(sensors, data, list(distinct.values()))
     known = dict(zip(distinct, corrected, strict=True))
     return [known[theta[own].tobytes()] for theta in variants]
 

@@ -34,6 +34,8 @@ class EquationErrorResult:
         Rows that were used: those of the force balance only in motion.
     converged : bool
         False where the iterations were exhausted or no step lowered the cost.
+    pace : float
+        Decrease of the cost per iteration where these were exhausted, else 0.
     model : BalanceFunctions
         The balances as functions of the motion, compiled.
     """
@@ -45,6 +47,7 @@ class EquationErrorResult:
     residuals: tuple[FloatArray, ...]
     used: tuple[NDArray[np.bool_], ...]
     converged: bool
+    pace: float
     model: BalanceFunctions
 
     @property
