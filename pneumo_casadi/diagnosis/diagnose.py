@@ -26,6 +26,7 @@ from pneumo_casadi.diagnosis.metrics.findings import (
 from pneumo_casadi.diagnosis.metrics.residual_size import balance_closure
 from pneumo_casadi.diagnosis.metrics.simulated_curves import simulated_curves
 from pneumo_casadi.diagnosis.metrics.simulated_gap import simulated_gap
+from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA, Criteria
 from pneumo_casadi.diagnosis.prepare.prepare_study import applicable, prepare_study
 from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue
 from pneumo_casadi.diagnosis.select.forms import causes_of
@@ -52,11 +53,14 @@ class DiagnosisOptions:
         Form of the flow map; by default the one that `choose_flow_form` finds.
     degrees : tuple of int, optional
         Degrees of the flow polynomials (eq. 12), as in `IdentifyOptions`.
+    criteria : Criteria, optional
+        The numbers that decide the verdict.
     """
 
     keep: Path | None = None
     flow_form: FlowForm | None = None
     degrees: tuple[int, int, int] | None = None
+    criteria: Criteria = CRITERIA
 
 
 @one_thread
@@ -120,7 +124,7 @@ def diagnose(
     flow_options, flow_selection = resolve_flow_form(
         case, IdentifyOptions(flow_form=options.flow_form, degrees=options.degrees)
     )
-    study, notes = prepare_study(case, flow_options)
+    study, notes = prepare_study(case, flow_options, options.criteria)
     chosen = applicable(study, EFFECTS if catalogue is None else catalogue)
     selection = select_effects(
         study, chosen, executor, progress_range(report, 0.02, 0.8), options.keep

@@ -17,7 +17,8 @@ from pneumo_casadi.diagnosis.decide.credibility import near_noise, review_verdic
 from pneumo_casadi.diagnosis.decide.judgement import Judgement, judge, missed_gain, unexplained
 from pneumo_casadi.diagnosis.locate.locate import balance_of_gap, rival_sensor_effects
 from pneumo_casadi.diagnosis.locate.signatures import Signatures
-from pneumo_casadi.diagnosis.metrics.residual_size import BACKGROUND, BalanceLevels
+from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels
+from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA
 from pneumo_casadi.diagnosis.prepare.study import FittedModel
 from pneumo_casadi.diagnosis.select import plausibility
 from pneumo_casadi.diagnosis.select.acceptance import accepted
@@ -39,7 +40,7 @@ def fitted(*rms, cost=0.0, rows=None):
 
 def with_gap(gap):
     """The residual that leaves a gap [noise floors] above what a right model leaves."""
-    return float(np.hypot(gap, BACKGROUND))
+    return float(np.hypot(gap, CRITERIA.background))
 
 
 def selected(nominal, fits=None, path=(), **given):
@@ -185,8 +186,8 @@ def test_where_simulations_decide_it_is_their_share():
         (0.07, True, 40.0, Verdict.EFFECT),
         (0.09, True, 40.0, Verdict.UNKNOWN),
         # ... where what is left is clear.
-        (0.2, True, 5 * np.sqrt(2.65**2 - BACKGROUND**2), Verdict.UNKNOWN),
-        (0.2, True, 5 * np.sqrt(2.35**2 - BACKGROUND**2), Verdict.EFFECT),
+        (0.2, True, 5 * np.sqrt(2.65**2 - CRITERIA.background**2), Verdict.UNKNOWN),
+        (0.2, True, 5 * np.sqrt(2.35**2 - CRITERIA.background**2), Verdict.EFFECT),
     ],
 )
 def test_an_effect_that_leaves_too_much_is_not_the_cause(left, one_form, nominal, expected):
@@ -202,7 +203,7 @@ def test_an_effect_that_leaves_too_much_is_not_the_cause(left, one_form, nominal
         (1.25, 0.97),  # clean
         (with_gap(1.0), 0.97 - 1.5 * 0.1),
         (with_gap(2.0), 0.75),
-        (1.35, 0.97 - 1.5 * np.sqrt(1.35**2 - BACKGROUND**2) / 10),
+        (1.35, 0.97 - 1.5 * np.sqrt(1.35**2 - CRITERIA.background**2) / 10),
     ],
 )
 def test_the_probability_falls_with_what_is_left(final, expected):
@@ -416,7 +417,9 @@ def test_a_weak_effect_is_accepted_if_it_makes_implausible_parameters_plausible(
     known, pair = ("hose",), ("hose", "stribeck")
     current, better = fitted(1, 1, 2, cost=1000.0), fitted(1, 1, rms, cost=1000.0 - gain)
     ledger = SimpleNamespace(
-        study=None, effects=lambda names: names, extensions=lambda names: {pair: better}
+        study=SimpleNamespace(criteria=CRITERIA),
+        effects=lambda names: names,
+        extensions=lambda names: {pair: better},
     )
     checks = {known: failing(*wrong), pair: failing(*left)}
     monkeypatch.setattr(plausibility, "check_fit", lambda study, fit, effects: checks[effects])

@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA
 from pneumo_casadi.diagnosis.screen.screen import ScreenResult
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger
 from pneumo_casadi.diagnosis.select.forms import cause_of, causes_of, forms_to_fit, keep_best_forms
@@ -15,7 +16,7 @@ def ledger(monkeypatch):
     """A ledger of single fits with made-up costs; nothing is fitted."""
     monkeypatch.setattr(FitLedger, "__post_init__", lambda self: None)
     names = ("hose", "hose_volume", "stribeck", "elastic_load", "position_on_elastic_load")
-    made = FitLedger(None, {name: EFFECTS[name] for name in names})
+    made = FitLedger(SimpleNamespace(criteria=CRITERIA), {name: EFFECTS[name] for name in names})
     made.fits.update(
         {(n,): SimpleNamespace(cost=c) for n, c in zip(names, (50, 3, 4, 1, 2), strict=True)}
     )

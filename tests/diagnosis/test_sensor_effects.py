@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from pneumo_casadi.diagnosis import diagnose
+from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger
 from pneumo_casadi.diagnosis.select.forward_selection import _coarse
 from pneumo_casadi.diagnosis.select.plausibility import find_plausible_extension
@@ -39,14 +40,14 @@ def test_a_second_sensor_is_tried_where_it_gains_in_fits(cost, tried):
     """The first one may stand for it too: alone it is no reason to simulate both."""
     costs = {("position_delay",): 0.0, ("backlash",): 100.0, ("backlash", "position_delay"): cost}
     costs |= {(name, "position_delay"): 0.0 for name in ("hose", "stribeck", "elastic_load")}
-    worker = FitLedger(None, EFFECTS)
+    worker = FitLedger(SimpleNamespace(criteria=CRITERIA), EFFECTS)
     worker.fits = {worker.key(key): SimpleNamespace(cost=value) for key, value in costs.items()}
     assert ("backlash" in _candidates(worker, ("position_delay",))) is tried
 
 
 def test_a_second_refinement_that_fails_leaves_the_first_and_no_failure(monkeypatch):
     names, first = ("backlash", "presliding"), SimpleNamespace(values={})
-    worker = FitLedger(None, EFFECTS)
+    worker = FitLedger(SimpleNamespace(criteria=CRITERIA), EFFECTS)
     worker.trials[names] = first, 0.2
     failed = Future()
     failed.set_exception(FitError("ran away"))
@@ -76,7 +77,7 @@ class Worker(FitLedger):
         fitted = SimpleNamespace(cost=0.0, rms=np.array([4.0, 4.0, 1.0]))
         better = SimpleNamespace(cost=-gain, rms=np.array([3.0, 4.0, 1.0]))
         self.fits = {("one",): fitted, ("one", "other"): better}
-        self.study, self.catalogue = None, {}
+        self.study, self.catalogue = SimpleNamespace(criteria=CRITERIA), {}
         told = {id(fitted): wrong, id(better): ()}
         module = "pneumo_casadi.diagnosis.select.plausibility"
         monkeypatch.setattr(f"{module}.residual_rms", lambda fit: fit.rms)
@@ -122,5 +123,5 @@ def test_a_coarse_map_is_no_shape_of_the_valve(excess, known, names, expected):
     residuals = (np.array([[1.0], [excess], [1.0]]),)
     current = SimpleNamespace(held_out=residuals, used_held_out=(np.ones((3, 1), bool),))
     worker = SimpleNamespace(effects=lambda names: tuple(EFFECTS[n]() for n in names))
-    by = SimpleNamespace(noise=np.ones(3))
+    by = SimpleNamespace(noise=np.ones(3), criteria=CRITERIA)
     assert _coarse(worker, current, known, names, by) is expected

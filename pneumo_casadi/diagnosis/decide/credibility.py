@@ -13,17 +13,11 @@ from pneumo_casadi.model.effect import EffectFactory
 
 #: Checks of piston areas.
 AREAS = ("S_P", "S_N", "S_N/S_P")
-#: Residuals over the noise floor below which a gap is near the noise; a valve with 4/3 of the gain
-#: left 5.3.
-NEAR_NOISE = 6.0
-#: Tolerances by which a piston area must be off to make an effect implausible; the misfit of an
-#: effect's form moves areas by two.
-FAR_TOLERANCES = 3.0
 
 
 def near_noise(judgement: Judgement) -> bool:
     """Return whether the gap is near the noise in all balances."""
-    return float(np.max(judgement.excess)) < NEAR_NOISE
+    return float(np.max(judgement.excess)) < judgement.criteria.near_noise
 
 
 def review_verdict(
@@ -62,11 +56,11 @@ def review_verdict(
         check.name
         for check in checks
         if check.name in AREAS
-        and abs(check.value - check.expected) > FAR_TOLERANCES * check.tolerance
+        and abs(check.value - check.expected) > judgement.criteria.far * check.tolerance
     }
     implausible = bool(far or "M" in failed)
     if verdict is not Verdict.UNKNOWN and is_unknown(
-        judgement.unexplained, implausible=implausible
+        judgement.unexplained, implausible=implausible, criteria=judgement.criteria
     ):
         verdict = Verdict.UNKNOWN
     # Friction is left out: a sensor offset, present beside another valve, shifts it.

@@ -6,30 +6,22 @@ from dataclasses import dataclass
 import numpy as np
 
 from pneumo_casadi.diagnosis.decide.result import Verdict
-from pneumo_casadi.diagnosis.decide.unknown import CLEAR_RESIDUAL, VISIBLE, is_unknown
+from pneumo_casadi.diagnosis.decide.unknown import is_unknown
 from pneumo_casadi.diagnosis.metrics.residual_size import (
     residual_rms,
     share_left,
     squares,
 )
+from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA, Criteria
 from pneumo_casadi.diagnosis.prepare.study import FittedModel
 from pneumo_casadi.diagnosis.select.fit_ledger import Names
 from pneumo_casadi.diagnosis.select.forward_selection import Selection
-from pneumo_casadi.diagnosis.select.sensor_effects import CLOSED_SHARE_LEFT
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.parameters import FloatArray
 
 #: Probability of the best model if no effect of the catalogue explains the gap. Of 38 such cases on
 #: the virtual bench, most of them with the cause taken out of the catalogue, one was right.
 UNKNOWN_CAUSE_PROBABILITY = 0.08
-#: Residuals over the noise floor up to which a model explains the data completely.
-CLEAN = 1.3
-#: Rate at which the weight of an alternative falls with the share of the gain that it misses.
-SHARPNESS = 25.0
-#: Least probability of a model of the ambiguous set.
-MIN_PROBABILITY_IN_SET = 0.10
-#: Least share of the catalogue's total probability for a verdict of one model alone.
-MIN_SHARE_OF_ONE_MODEL = 0.6
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +40,8 @@ class Judgement:
         Share of the gap that the best model leaves in its worst balance.
     excess : (ne,) array
         Held-out residuals of the nominal model over the noise floor.
+    criteria : Criteria
+        What the verdict was decided by.
     """
 
     verdict: Verdict
@@ -55,27 +49,34 @@ class Judgement:
     probability: Mapping[Names, float]
     unexplained: float
     excess: FloatArray
+    criteria: Criteria = CRITERIA
 
 
 def judge(selection: Selection, effects: Sequence[Effect]) -> Judgement:
     """Return the verdict of a selection, given the effects of its final model."""
+    criteria = selection.levels.criteria
     excess = residual_rms(selection.nominal) / selection.levels.noise
     left = unexplained(selection)
-    if is_unknown(left, bool(selection.path), _one_form_residual(selection, effects)):
-        verdict = Verdict.UNKNOWN if np.any(excess > VISIBLE) else Verdict.NONE
+    if is_unknown(
+        left, bool(selection.path), _one_form_residual(selection, effects), False, criteria
+    ):
+        visible = bool(np.any(excess > criteria.coarse_map))
+        verdict = Verdict.UNKNOWN if visible else Verdict.NONE
         weights = _weights(selection, selection.chosen, UNKNOWN_CAUSE_PROBABILITY)
-        return Judgement(verdict, (), weights, left, excess)
+        return Judgement(verdict, (), weights, left, excess, criteria)
     trust = _trust(left, selection)
     weights = _weights(selection, selection.chosen, trust)
     order = sorted(weights, key=lambda key: -weights[key])
-    alike = tuple(key for key in order if weights[key] >= MIN_PROBABILITY_IN_SET)
-    sure = weights[selection.chosen] >= MIN_SHARE_OF_ONE_MODEL * trust
-    return Judgement(Verdict.EFFECT if sure else Verdict.AMBIGUOUS, alike, weights, left, excess)
+    alike = tuple(key for key in order if weights[key] >= criteria.alike)
+    sure = weights[selection.chosen] >= criteria.alone * trust
+    verdict = Verdict.EFFECT if sure else Verdict.AMBIGUOUS
+    return Judgement(verdict, alike, weights, left, excess, criteria)
 
 
 def _one_form_residual(selection: Selection, effects: Sequence[Effect]) -> bool:
     """Return whether effects with one form only leave residuals clearly above the noise."""
-    clear = np.any(residual_rms(selection.final) > CLEAR_RESIDUAL * selection.levels.noise)
+    floor = selection.levels.criteria.clear * selection.levels.noise
+    clear = np.any(residual_rms(selection.final) > floor)
     return bool(clear) and all(effect.one_form for effect in effects)
 
 
@@ -86,7 +87,7 @@ def unexplained(selection: Selection) -> float:
     have decided the selection, the share of the simulated gap is returned.
     """
     simulated = selection.gap_left.get(selection.chosen, 1.0)
-    if simulated < CLOSED_SHARE_LEFT or (
+    if simulated < selection.levels.criteria.simulated or (
         len(selection.chosen) > 1 and selection.chosen in selection.output_error_fits
     ):
         return simulated
@@ -99,7 +100,8 @@ def _trust(left: float, selection: Selection) -> float:
     Of 134 causes named on the virtual bench, 98 % were right if no balance kept more than filters
     and noise leave, 95 % if less than a twentieth of the gap was left, 72 % if more was left.
     """
-    clean = bool(np.all(residual_rms(selection.final) < CLEAN * selection.levels.noise))
+    floor = selection.levels.criteria.clean * selection.levels.noise
+    clean = bool(np.all(residual_rms(selection.final) < floor))
     return float(np.clip(0.97 - (0.0 if clean else 1.5 * left), 0.75, 0.97))
 
 
@@ -110,8 +112,9 @@ def _weights(selection: Selection, best: Names, trust: float) -> dict[Names, flo
         gain = {k: max(selection.nominal.cost - f.cost, 0.0) for k, f in fits.items()}
         total = sum(gain.values()) or 1.0
         return {key: 0.1 * value / total for key, value in gain.items()}
+    sharpness = selection.levels.criteria.sharpness
     weights = {
-        key: float(np.exp(-SHARPNESS * missed_gain(selection, best, key)))
+        key: float(np.exp(-sharpness * missed_gain(selection, best, key)))
         for key in selection.fits
         if len(key) == len(best)
     }

@@ -1,20 +1,12 @@
 """The rule for the verdict ``unknown``: how much of a gap the best effects may leave.
 
-`judgement.judge` asks without the parameter checks; where the cause is unknown but no balance has
-residuals above `VISIBLE`, its verdict is ``none``. `credibility.review_verdict` asks again with the
-checks, unless the verdict is ``none`` or may be ``absorbed``; it turns ``unknown`` into
-``absorbed`` if the parameters show that the valve of chamber N differs.
+`judgement.judge` asks without the parameter checks; where the cause is unknown but no gap is
+visible, its verdict is ``none``. `credibility.review_verdict` asks again with the checks, unless
+the verdict is ``none`` or may be ``absorbed``; it turns ``unknown`` into ``absorbed`` if the
+parameters show that the valve of chamber N differs.
 """
 
-from pneumo_casadi.diagnosis.metrics.residual_size import COARSE_MAP, MAX_SHARE_LEFT
-
-#: Held-out residuals over the noise floor from which a balance has a gap that calls for a cause.
-VISIBLE = COARSE_MAP
-#: The same where every effect of the model has one form only, and residuals over the noise floor
-#: from which that counts: true offsets and leaks leave a twentieth, what is taken for them a tenth.
-MAX_SHARE_LEFT_BY_ONE_FORM, CLEAR_RESIDUAL = 0.08, 2.5
-#: The same where the fitted parameters contradict geometry or data sheet.
-MAX_SHARE_LEFT_IMPLAUSIBLE = 0.1
+from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA, Criteria
 
 
 def is_unknown(
@@ -22,6 +14,7 @@ def is_unknown(
     accepted: bool = True,
     one_form_residual: bool = False,
     implausible: bool = False,
+    criteria: Criteria = CRITERIA,
 ) -> bool:
     """Decide whether the cause of a gap is unknown.
 
@@ -38,9 +31,11 @@ def is_unknown(
         Whether the selection accepted an effect.
     one_form_residual : bool, optional
         Whether all effects have one form only, and some balance keeps residuals above
-        `CLEAR_RESIDUAL` noise floors.
+        `Criteria.clear` noise floors.
     implausible : bool, optional
         Whether mass or piston areas contradict geometry or data sheet.
+    criteria : Criteria, optional
+        How much may be left.
 
     Examples
     --------
@@ -49,8 +44,8 @@ def is_unknown(
     >>> is_unknown(0.3, one_form_residual=True), is_unknown(0.3, implausible=True)
     (True, True)
     """
-    if not accepted or share_left > MAX_SHARE_LEFT:
+    if not accepted or share_left > criteria.unexplained:
         return True
-    if one_form_residual and share_left > MAX_SHARE_LEFT_BY_ONE_FORM:
+    if one_form_residual and share_left > criteria.one_form:
         return True
-    return implausible and share_left > MAX_SHARE_LEFT_IMPLAUSIBLE
+    return implausible and share_left > criteria.contradicted

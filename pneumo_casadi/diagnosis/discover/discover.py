@@ -14,9 +14,6 @@ from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study
 from pneumo_casadi.effects.term import Term
 from pneumo_casadi.model.effect import Effect
 
-#: Share of the held-out gap that a term must close, and that its interval must exceed: a curve
-#: over a signal that merely follows the cause closes less than half of it.
-LEAST_CLOSURE, LEAST_LOWER = 0.5, 0.0
 #: Name of a discovered effect until its reader gives it a better one.
 NAME = "discovered"
 
@@ -74,12 +71,13 @@ def discover_term(
     DiscoveredTerm or None
         None where no term closes a share of the gap that matters.
     """
+    least = 1 - levels.criteria.unexplained
     ranked = search(linearise(study, base, effects), levels)
-    if not ranked or ranked[0].closure < LEAST_CLOSURE:
+    if not ranked or ranked[0].closure < least:
         return None
     joint = fit_jointly(study, base, effects, ranked[0].fit)
     closes = balance_closure(base, joint.model, levels)
-    if closes.value < LEAST_CLOSURE or closes.lower <= LEAST_LOWER:
+    if closes.value < least or closes.lower <= 0:
         return None
     fit = joint.fit
     term = Term(

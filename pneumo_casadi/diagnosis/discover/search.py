@@ -17,8 +17,6 @@ from pneumo_casadi.parameters import FloatArray
 
 #: Sites on which all formulas are tried: those of the best curves.
 SITES = 5
-#: A closure that differs by less does not matter: the simpler formula is taken.
-MATTERS = 0.05
 #: What a formula may close more than a curve at its site: a step or a kink is sharper than splines.
 SHARPER = 0.15
 #: Largest error of a sensor, standard deviation over that of what it shows: larger ones show in any
@@ -29,8 +27,6 @@ LARGEST_SENSOR_ERROR = 0.05
 REPEATS = ("x", "t")
 #: Errors of sensors repeat over the position (scale marks), not over time.
 NEVER_REPEAT = tuple(("t", sensor) for sensor in SENSORS)
-#: Residuals over the noise floor from which a balance has a gap that calls for a term.
-VISIBLE = 1.3
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +62,7 @@ def search(linear: Linearised, levels: BalanceLevels) -> tuple[Scored, ...]:
         Noise of the held-out records.
     """
     kind = linear.train.signals[0].axis.kind
-    high = linear.train.sigma > VISIBLE * levels.noise
+    high = linear.train.sigma > levels.criteria.clean * levels.noise
     visible = {name for name, is_high in zip(linear.train.equations, high, strict=True) if is_high}
     sites = [
         site
@@ -93,7 +89,7 @@ def search(linear: Linearised, levels: BalanceLevels) -> tuple[Scored, ...]:
     for site in [site for site in ranked[:SITES] if closures[site] > most - SHARPER]:
         names = [name for name, formula in FORMULAS.items() if not formula.periodic]
         scored += [_scored(linear, score, site, name) for name in names]
-    return in_order([item for item in scored if item is not None])
+    return in_order([item for item in scored if item is not None], levels.criteria.matters)
 
 
 def _scored(linear: Linearised, score: "GapScore", site: Site, name: str) -> Scored | None:
@@ -118,15 +114,21 @@ def is_small(linear: Linearised, site: Site, f: Callable[[FloatArray], FloatArra
     return bool(np.std(f(d)) < LARGEST_SENSOR_ERROR * np.std(shown))
 
 
-def in_order(scored: Sequence[Scored]) -> tuple[Scored, ...]:
-    """Return formulas, the simplest of those that close as much as the best first."""
+def in_order(scored: Sequence[Scored], matters: float) -> tuple[Scored, ...]:
+    """Return formulas, the simplest of those that close as much as the best first.
+
+    Parameters
+    ----------
+    matters : float
+        Least difference of two closures that matters.
+    """
     most = max((item.closure for item in scored), default=0.0)
     return tuple(
         sorted(
             scored,
             key=lambda item: (
                 (0, item.size, -item.closure)
-                if item.closure >= most - MATTERS
+                if item.closure >= most - matters
                 else (1, 0, -item.closure)
             ),
         )

@@ -6,6 +6,7 @@ import numpy as np
 
 from pneumo_casadi.data.bench.axis_kind import AxisKind
 from pneumo_casadi.diagnosis.metrics.findings import Closure
+from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA, Criteria
 from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study
 from pneumo_casadi.estimation.equation_error.smoothed_motion import SmoothedMotion
 from pneumo_casadi.metrics import (
@@ -22,19 +23,6 @@ from pneumo_casadi.parameters import FloatArray
 #: Rows in one block of the bootstrap: half a second.
 BLOCK = 32
 REPLICATES = 400
-#: Residuals over the noise floor if nothing is wrong: errors of filters, map and quantisation.
-BACKGROUND = 1.1
-#: The same for mass flow balances if the metered points are too coarse to resolve the valve near
-#: its null position.
-COARSE_MAP = 1.5
-#: Largest mass flow residuals over the noise floor that a coarse map alone can explain: two axes of
-#: the virtual bench without any effect in these balances had 1.8.
-MAX_COARSE_MAP = 1.9
-#: Gaps below this share of the largest, in units of their noise floors, are ignored as residual
-#: misfit.
-MAIN_GAP_SHARE = 0.3
-#: Share of the gap that effects may leave and still explain it; more has another cause.
-MAX_SHARE_LEFT = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,10 +36,13 @@ class BalanceLevels:
         force-driven axis m/s²].
     signal : (ne,) array
         Standard deviation of what each balance explains: ṗ, or the driving force.
+    criteria : Criteria
+        What counts as a gap.
     """
 
     noise: FloatArray
     signal: FloatArray
+    criteria: Criteria = CRITERIA
 
 
 def balance_levels(study: Study) -> BalanceLevels:
@@ -59,7 +50,7 @@ def balance_levels(study: Study) -> BalanceLevels:
     _, data = study.smoothed
     noise = np.mean([_noise(study.axis, record) for record in data], axis=0)
     signal = np.sqrt(np.mean([_signal(study.axis, record) ** 2 for record in data], axis=0))
-    return BalanceLevels(noise, signal)
+    return BalanceLevels(noise, signal, study.criteria)
 
 
 def _noise(axis: Axis, data: SmoothedMotion) -> FloatArray:
@@ -109,7 +100,7 @@ def residual_rms(fitted: FittedModel, held_out: bool = True) -> FloatArray:
 
 def gaps(rms: FloatArray, levels: BalanceLevels) -> FloatArray:
     """Return the gap of each balance beyond what a right model leaves; see `metrics.gap`."""
-    return gap(rms**2, levels.noise, levels.signal, margin=BACKGROUND)
+    return gap(rms**2, levels.noise, levels.signal, margin=levels.criteria.background)
 
 
 def share_left(before: FittedModel, after: FittedModel, levels: BalanceLevels) -> float:
@@ -121,8 +112,8 @@ def share_left(before: FittedModel, after: FittedModel, levels: BalanceLevels) -
     old, new = (
         gaps(residual_rms(fit), levels) * levels.signal / levels.noise for fit in (before, after)
     )
-    main = old > max(MAIN_GAP_SHARE * float(old.max(initial=0.0)), 1e-12)
-    coarse = residual_rms(before) < MAX_COARSE_MAP * levels.noise
+    main = old > max(levels.criteria.main_gap * float(old.max(initial=0.0)), 1e-12)
+    coarse = residual_rms(before) < levels.criteria.coarsest_map * levels.noise
     coarse[-1] = False  # the force has no map
     if np.any(main & ~coarse):
         main &= ~coarse

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 
 from pneumo_casadi.data import Case, Recording
+from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA, Criteria
 from pneumo_casadi.diagnosis.prepare.study import Study, start_study
 from pneumo_casadi.diagnosis.prepare.usable_records import require_usable
 from pneumo_casadi.errors import ModelError
@@ -16,7 +17,7 @@ HELD_OUT = 0.4
 
 
 def prepare_study(
-    case: Case, options: IdentifyOptions | None = None
+    case: Case, options: IdentifyOptions | None = None, criteria: Criteria = CRITERIA
 ) -> tuple[Study, tuple[str, ...]]:
     """Check the records of a case, fit its flow map and start a study; with notes.
 
@@ -26,6 +27,8 @@ def prepare_study(
         What was measured.
     options : IdentifyOptions, optional
         Form of the flow map.
+    criteria : Criteria, optional
+        What decides the verdict.
 
     Returns
     -------
@@ -42,7 +45,7 @@ def prepare_study(
     axis = make_axis(case, flow)
     require_usable((*train, *held), axis.outputs)
     axis = with_flow_from_records(axis, train)
-    return start_study(axis, table, train, held), notes
+    return start_study(axis, table, train, held, criteria), notes
 
 
 def split_records(

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneumo_casadi.data import Recording
+from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA, Criteria
 from pneumo_casadi.errors import FitError
 from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
 from pneumo_casadi.estimation.equation_error.fit import (
@@ -30,11 +31,6 @@ from pneumo_casadi.valve import AnyFlowMap
 V_S = 1e-3
 #: An effect that gains less log-likelihood than this is tried so many times larger too.
 MIN_GAIN, LARGER_STARTS = 1.0, (10.0, 100.0, 1000.0)
-#: Residuals of the flow map over those of its own fit, from which on it contradicts a shape of the
-#: valve: the shape is there to lower them.
-MAX_MAP_RESIDUAL_RATIO = 1.2
-#: Another form of an effect must gain so much log-likelihood.
-MIN_FORM_GAIN = 20.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +45,8 @@ class Study:
         Metered points.
     train, held_out : tuple of Recording
         Records.
+    criteria : Criteria
+        What decides the verdict.
 
     Notes
     -----
@@ -59,9 +57,10 @@ class Study:
     flow_map: AnyFlowMap | None
     train: tuple[Recording, ...]
     held_out: tuple[Recording, ...]
+    criteria: Criteria = CRITERIA
 
     def __getstate__(self) -> dict[str, object]:
-        kept = ("axis", "flow_map", "train", "held_out")
+        kept = ("axis", "flow_map", "train", "held_out", "criteria")
         return {name: self.__dict__[name] for name in kept}
 
     @cached_property
@@ -97,12 +96,14 @@ def start_study(
     flow_map: AnyFlowMap | None,
     train: Sequence[Recording],
     held_out: Sequence[Recording],
+    criteria: Criteria = CRITERIA,
 ) -> Study:
     """Start a study with weighted least squares."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the start may be clipped at a bound
         start = axis.started_at(fit_wls(axis, train).parameters)
-    return Study(start.with_parameters({"v_s": V_S}), flow_map, tuple(train), tuple(held_out))
+    start = start.with_parameters({"v_s": V_S})
+    return Study(start, flow_map, tuple(train), tuple(held_out), criteria)
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,7 +239,7 @@ def refine_model(study: Study, fitted: FittedModel, effects: Sequence[Effect]) -
     if not held:
         return fitted
     released = axis.with_parameters(axis.parameters.release(*held))
-    return _better(study, effects, fitted, _fit(study, released), MIN_FORM_GAIN)
+    return _better(study, effects, fitted, _fit(study, released), study.criteria.form_gain)
 
 
 def _better(
@@ -279,7 +280,7 @@ def require_credible(study: Study, effects: Sequence[Effect], fitted: FittedMode
         return
     axis = study.axis.with_effects(*effects).with_parameters(dict(fitted.values))
     deviation = flow_map_deviation(known, axis)
-    if deviation is not None and deviation.rms > MAX_MAP_RESIDUAL_RATIO:
+    if deviation is not None and deviation.rms > study.criteria.map_ratio:
         raise FitError(
             f"the metered flow map contradicts it: with the shape that the motion asks for, its "
             f"residuals are {deviation.rms:.1f} times those of its own fit"

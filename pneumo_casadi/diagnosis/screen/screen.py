@@ -86,10 +86,21 @@ class ScreenResult:
 
 @dataclass(frozen=True, eq=False)
 class Background:
-    """Residuals at a fit, those of the flow map last, and a basis of what a refit would absorb."""
+    """Residuals at a fit, those of the flow map last, and a basis of what a refit would absorb.
+
+    Parameters
+    ----------
+    e : (rows,) array
+        Residuals over the standard deviation that the fit leaves in their balance.
+    Q : (rows, n) array
+        Orthonormal.
+    weight : (rows,) array
+        By which the rows of a `Direction`, weighted as the nominal fit, are weighted as this one.
+    """
 
     e: FloatArray
     Q: FloatArray
+    weight: FloatArray
 
 
 def perturbation(study: Study, nominal: FittedModel, effect: Effect) -> tuple[Direction, ...]:
@@ -161,15 +172,15 @@ def _direction(
     )
 
 
-def _weights(study: Study, nominal: FittedModel) -> FloatArray:
+def _weights(study: Study, fitted: FittedModel) -> FloatArray:
     """Return the standard deviation of every row that counts, record after record."""
-    r = np.hstack(nominal.train)
-    used = np.hstack(nominal.used_train)
+    r = np.hstack(fitted.train)
+    used = np.hstack(fitted.used_train)
     sigma = np.sqrt(
         (r**2 * used).sum(axis=1) / used.sum(axis=1) + default_residual_floor(study.axis) ** 2
     )
     return np.concatenate(
-        [np.broadcast_to(sigma[:, None], mask.shape)[mask] for mask in nominal.used_train]
+        [np.broadcast_to(sigma[:, None], mask.shape)[mask] for mask in fitted.used_train]
     )
 
 
@@ -178,7 +189,8 @@ def background(
 ) -> Background:
     """Linearise a fit and return its residuals with the space that a refit would absorb.
 
-    Weighted as the nominal fit, so that directions need not be computed again.
+    Weighted by what the fit leaves: beside a large effect that was found, a small one counts by
+    what is left. Half the squares that it takes away are then the log-likelihood that it gains.
     """
     axis = study.axis.with_effects(*effects).with_parameters(dict(fitted.values))
     model = BalanceFunctions(axis)
@@ -188,7 +200,8 @@ def background(
         linear, mask = linearise_residuals(model, data, theta), data.used(axis)
         r.append(linear.r[mask])
         J.append(linear.J[mask])
-    weight = _weights(study, nominal)
+    weight = _weights(study, fitted)
+    relative = _weights(study, nominal) / weight
     scales = axis.parameters.select(model.free).scales
     A = np.concatenate(J) * scales / weight[:, None]
     e = np.concatenate(r) / weight
@@ -197,9 +210,10 @@ def background(
         c = known.coefficients(axis.parameters, theta)
         A = np.vstack([A, known.rows(c, model.free) * scales])
         e = np.concatenate([e, known(c)])
+        relative = np.concatenate([relative, np.ones(len(e) - len(relative))])
     size = np.linalg.norm(A, axis=0)
     U, s, _ = np.linalg.svd(A / np.where(size > 0, size, 1.0), full_matrices=False)
-    return Background(e, U[:, s > 1e-9 * s[0]])
+    return Background(e, U[:, s > 1e-9 * s[0]], relative)
 
 
 def screened(name: str, candidates: Sequence[Direction], behind: Background) -> ScreenResult:
@@ -219,7 +233,7 @@ def screened(name: str, candidates: Sequence[Direction], behind: Background) -> 
 
 def _explained_and_observable(direction: Direction, behind: Background) -> tuple[float, float]:
     """Return the shares explained and observable of one direction."""
-    e, Q, D = behind.e, behind.Q, direction.columns
+    e, Q, D = behind.e, behind.Q, direction.columns * behind.weight[:, None]
     gram = D.T @ D - (Q.T @ D).T @ (Q.T @ D)
     slope = D.T @ e - (Q.T @ D).T @ (Q.T @ e)
     whole = np.diag(D.T @ D)

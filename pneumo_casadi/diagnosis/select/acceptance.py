@@ -3,7 +3,6 @@
 import numpy as np
 
 from pneumo_casadi.diagnosis.metrics.residual_size import (
-    COARSE_MAP,
     BalanceLevels,
     block_gain,
     bootstrap_gain,
@@ -12,21 +11,11 @@ from pneumo_casadi.diagnosis.metrics.residual_size import (
 )
 from pneumo_casadi.diagnosis.prepare.study import FittedModel
 
-#: A gain of log σ in one balance that matters, on held-out data; see `accepted`.
-MATTERS = 0.05
-#: The same of a further effect in a mass flow balance, which must be off by more than a coarse map.
-FURTHER = 0.1
-#: Share of the first gap that each effect must close by itself: less is what the form of another
-#: one misses. Large effects of another form than the catalogue's leave up to 0.15.
-SHARE = 0.1
-#: Share of bootstrap replicates in which the gain must be there.
-CERTAIN = 0.95
-
 
 def can_matter(origin: FittedModel, before: FittedModel, levels: BalanceLevels) -> bool:
     """Return whether enough of the gap is left for a further effect to be accepted."""
     first, old = (gaps(residual_rms(fit), levels) for fit in (origin, before))
-    return bool(np.any(old > SHARE * first))
+    return bool(np.any(old > levels.criteria.share * first))
 
 
 def accepted(
@@ -41,16 +30,18 @@ def accepted(
     blocks: of the held-out records, or of all records if a few blocks decide; of the root mean
     square, or of the blocks' mean logarithms if a few large residuals decide.
     """
+    criteria = levels.criteria
     first, old, new = (gaps(residual_rms(fit), levels) for fit in (origin, before, after))
-    enough = old - new > SHARE * first
-    least = np.full(len(enough), MATTERS)
+    enough = old - new > criteria.share * first
+    least = np.full(len(enough), criteria.matters)
     if before is not origin:
-        least[:-1] = FURTHER  # all but the force
-        enough[:-1] &= (residual_rms(before) > COARSE_MAP * levels.noise)[:-1]
+        least[:-1] = criteria.further  # all but the force
+        enough[:-1] &= (residual_rms(before) > criteria.coarse_map * levels.noise)[:-1]
     for kind in (bootstrap_gain, block_gain):
         gain, draws = kind(before, after, levels)
         _, pooled = kind(before, after, levels, pooled=True)
-        sure = np.maximum(*(np.quantile(gains, 1 - CERTAIN, axis=0) for gains in (draws, pooled)))
+        level = 1 - criteria.certain
+        sure = np.maximum(*(np.quantile(gains, level, axis=0) for gains in (draws, pooled)))
         if np.any((gain > least) & (sure > 0) & enough) and gain.sum() > 0:
             return True
     return False

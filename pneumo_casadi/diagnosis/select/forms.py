@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 
-from pneumo_casadi.diagnosis.prepare.study import MIN_FORM_GAIN, FittedModel
+from pneumo_casadi.diagnosis.prepare.study import FittedModel
 from pneumo_casadi.diagnosis.screen.screen import ScreenResult
 from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue, FitLedger, Names
 
@@ -45,13 +45,14 @@ def keep_best_forms(ledger: FitLedger) -> Mapping[str, Mapping[str, FittedModel]
     forms: dict[str, list[str]] = {}
     for name in ledger.catalogue:
         forms.setdefault(cause_of(name, ledger.catalogue), []).append(name)
+    gain = ledger.study.criteria.form_gain
     fits: dict[str, Mapping[str, FittedModel]] = {}
     for cause, names in forms.items():
         fitted = {name: ledger.fits[name,] for name in names if (name,) in ledger.fits}
         if len(names) == 1 or not fitted:
             continue
         # The usual form, named as its cause, has the fewest parameters: others must earn theirs.
-        best = min(fitted, key=lambda name: fitted[name].cost + MIN_FORM_GAIN * (name != cause))
+        best = min(fitted, key=lambda name: fitted[name].cost + gain * (name != cause))
         fits[cause] = fitted
         for name in set(names) - {best}:
             ledger.leave_out(name)

@@ -9,9 +9,6 @@ from pathlib import Path
 import numpy as np
 
 from pneumo_casadi.diagnosis.metrics.residual_size import (
-    COARSE_MAP,
-    MAX_COARSE_MAP,
-    MAX_SHARE_LEFT,
     BalanceLevels,
     balance_levels,
     gaps,
@@ -212,7 +209,8 @@ def _needs_more(
     levels: BalanceLevels,
 ) -> bool:
     """Return whether a further effect is to be looked for beside those known."""
-    if len(known) >= MAX_UNEXPLAINED and share_left(nominal, current, levels) > MAX_SHARE_LEFT:
+    limit = levels.criteria.unexplained
+    if len(known) >= MAX_UNEXPLAINED and share_left(nominal, current, levels) > limit:
         return False
     return can_matter(nominal, current, levels) or is_implausible(ledger, current, known)
 
@@ -225,7 +223,7 @@ def _coarse(
     Beside an effect in another balance that misfit may be all that is left to gain: there the
     residuals must exceed what any coarse map leaves.
     """
-    limit = MAX_COARSE_MAP if known else COARSE_MAP
+    limit = levels.criteria.coarsest_map if known else levels.criteria.coarse_map
     coarse = bool(
         np.all((residual_rms(current) < limit * levels.noise)[:-1])
     )  # the force has no map

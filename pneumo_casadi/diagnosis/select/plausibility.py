@@ -5,15 +5,10 @@ import numpy as np
 from pneumo_casadi.diagnosis.checks.parameter_checks import check_fit
 from pneumo_casadi.diagnosis.metrics.residual_size import residual_rms
 from pneumo_casadi.diagnosis.prepare.study import FittedModel
-from pneumo_casadi.diagnosis.select.acceptance import MATTERS
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger, Names
 
 #: Checks that count, by the property of the axis; the others have causes of their own.
 KNOWN_BY = {"S_P": "areas", "S_N": "areas", "S_N/S_P": "areas", "F_c": "friction", "M": "mass"}
-#: Number of properties that must be implausible: one alone may follow from an effect's misfit.
-WRONG = 2
-#: Log-likelihood that the further effect must gain.
-GAIN = 100.0
 
 
 def find_plausible_extension(ledger: FitLedger, current: FittedModel, known: Names) -> Names | None:
@@ -30,11 +25,12 @@ def find_plausible_extension(ledger: FitLedger, current: FittedModel, known: Nam
     """
     if not is_implausible(ledger, current, known):
         return None
+    criteria = ledger.study.criteria
     better = {
         key: fitted
         for key, fitted in ledger.extensions(known).items()
-        if fitted.cost < current.cost - GAIN
-        and np.any(np.log(residual_rms(current) / residual_rms(fitted)) > MATTERS)
+        if fitted.cost < current.cost - criteria.plausible_gain
+        and np.any(np.log(residual_rms(current) / residual_rms(fitted)) > criteria.matters)
     }
     for key in sorted(better, key=lambda key: better[key].cost):
         if not _wrong(ledger, key, better[key]):
@@ -44,7 +40,7 @@ def find_plausible_extension(ledger: FitLedger, current: FittedModel, known: Nam
 
 def is_implausible(ledger: FitLedger, current: FittedModel, known: Names) -> bool:
     """Return whether a model with effects has several implausible parameters."""
-    return bool(known) and len(_wrong(ledger, known, current)) >= WRONG
+    return bool(known) and len(_wrong(ledger, known, current)) >= ledger.study.criteria.implausible
 
 
 def _wrong(ledger: FitLedger, names: Names, fitted: FittedModel) -> set[str]:

@@ -12,7 +12,6 @@ import numpy as np
 from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels, residual_rms
 from pneumo_casadi.diagnosis.metrics.simulated_gap import Simulations
 from pneumo_casadi.diagnosis.prepare.study import (
-    MIN_FORM_GAIN,
     FittedModel,
     Study,
     require_credible,
@@ -23,14 +22,6 @@ from pneumo_casadi.estimation.equation_error.balance_functions import any_sensor
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.parameters import FloatArray
 
-#: A model that leaves less than this share of the simulated gap needs no further effect.
-CLOSED_SHARE_LEFT = 0.35
-#: An effect of a sensor is worth a simulation where the held-out residuals of some balance are so
-#: many times the noise, and accepted where it leaves less than this share of what was left.
-MIN_RESIDUAL_OVER_NOISE, CLOSED = 1.3, 0.7
-#: Beside a sensor an effect must close the first share of the simulated gap, which at least must be
-#: left; a third effect is sought where two leave more than the second.
-LEAST, UNEXPLAINED = 0.05, 0.5
 #: So many of the best pairs, and of the best effects alone, are tried beside a sensor.
 TRIED = 3
 
@@ -56,17 +47,19 @@ def find_sensor_extension(
     """
     fits = ledger.extensions(known)
     best = min(fits, key=lambda key: fits[key].cost, default=None)
-    if best is None or np.all(residual_rms(current) < MIN_RESIDUAL_OVER_NOISE * levels.noise):
+    if best is None or np.all(residual_rms(current) < levels.criteria.clean * levels.noise):
         return None
     effects, before = ledger.effects(best), ledger.effects(known)
     if (
-        fits[best].cost > current.cost - MIN_FORM_GAIN
+        fits[best].cost > current.cost - ledger.study.criteria.form_gain
         or not motion_is_hidden(effects)
         or any_sensor_effect(before)
     ):
         return None
     _refine_all(ledger, nominal, {best: fits[best]})
-    if ledger.trials[best][1] > CLOSED * ledger.simulations.share(nominal, current, before):
+    if ledger.trials[best][1] > ledger.study.criteria.closed * ledger.simulations.share(
+        nominal, current, before
+    ):
         return None
     ledger.take(best)
     return best
@@ -77,7 +70,7 @@ def closes_in_simulation(ledger: FitLedger, nominal: FittedModel, names: Names) 
     if not motion_is_hidden(ledger.effects(names)):
         return False
     _refine_all(ledger, nominal, {names: ledger.fits[names]})
-    if ledger.trials[names][1] < CLOSED_SHARE_LEFT:
+    if ledger.trials[names][1] < ledger.study.criteria.simulated:
         ledger.take(names)
         return True
     return False
@@ -95,7 +88,7 @@ def extend_by_simulation(
         return path
     _refine_all(ledger, nominal, {path[-1]: ledger.fits[path[-1]]})
     first = path[-1]
-    if ledger.trials[first][1] >= CLOSED_SHARE_LEFT:
+    if ledger.trials[first][1] >= ledger.study.criteria.simulated:
         alone = ledger.key(n for n in first if motion_is_hidden(ledger.effects((n,))))
         first = alone if alone in ledger.fits else first
     grown = [first]
@@ -114,7 +107,8 @@ def _extended(ledger: FitLedger, nominal: FittedModel, known: Names) -> Names | 
     """Return a model with one more effect that simulations show to be better, or None."""
     _refine_all(ledger, nominal, {known: ledger.fits[known]})
     base, share = ledger.trials[known]
-    if share < (LEAST if len(known) == 1 else UNEXPLAINED):
+    criteria = ledger.study.criteria
+    if share < (criteria.matters if len(known) == 1 else criteria.unexplained):
         return None
     keys = {name: ledger.key((*known, name)) for name in _candidates(ledger, known)}
     starts = {
@@ -125,7 +119,7 @@ def _extended(ledger: FitLedger, nominal: FittedModel, known: Names) -> Names | 
     _refine_all(ledger, nominal, starts)
     shares = {key: ledger.trials[key][1] for key in starts}
     best = min(shares, key=lambda key: shares[key], default=None)
-    if best is None or shares[best] > min(CLOSED * share, share - LEAST, 1.0):
+    if best is None or shares[best] > min(criteria.closed * share, share - criteria.matters, 1.0):
         return None
     _refine_again(ledger, nominal, best)
     ledger.fits.setdefault(best, ledger.trials[best][0])
@@ -162,7 +156,10 @@ def _candidates(ledger: FitLedger, known: Names) -> Sequence[str]:
 def _gains(ledger: FitLedger, known: Names, name: str) -> bool:
     """Tell whether an effect more was fitted beside the known ones, and gained something."""
     fitted = ledger.fits.get(ledger.key((*known, name)))
-    return fitted is not None and fitted.cost < ledger.fits[known].cost - MIN_FORM_GAIN
+    return (
+        fitted is not None
+        and fitted.cost < ledger.fits[known].cost - ledger.study.criteria.form_gain
+    )
 
 
 def _beside(ledger: FitLedger, base: FittedModel, known: Names, name: str) -> FittedModel:

@@ -1,0 +1,97 @@
+"""The numbers that decide a verdict, each with its reason, in one place."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Criteria:
+    """What counts as a gap, as a gain, as explained and as sure.
+
+    Residuals are those of the balances on held-out records, root mean square; a *floor* is what the
+    white noise of the sensors leaves of them. Shares refer to the gap of the nominal model. How
+    widely the search looks (candidates a round, iterations of a fit) is no criterion; it stands
+    with the search.
+
+    Parameters
+    ----------
+    background : float
+        Floors that a right model leaves: errors of filters, map and quantisation add a tenth.
+    clean : float
+        Floors up to which a model leaves nothing that calls for a cause.
+    coarse_map, coarsest_map : float
+        Floors of a mass flow balance that the misfit of a coarse flow map leaves near null, usually
+        and at most: two axes of the virtual bench without an effect in these balances had 1.8. The
+        first is also where a gap of any balance begins to be visible.
+    clear : float
+        Floors above which no model whose effects have one form only is right.
+    near_noise : float
+        Floors below which implausible areas say more than the gap: a valve with 4/3 of the gain
+        left 5.3.
+    main_gap : float
+        Gaps below this share of the largest, in floors, are the misfit of its cause.
+    matters : float
+        Decrease of log σ in one balance that matters, and share of a gap that does.
+    further : float
+        The same of a further effect in a mass flow balance.
+    share : float
+        Share of the first gap that each effect must close by itself: less is what the form of
+        another one misses. Large effects of another form than the catalogue's leave up to 0.15.
+    certain : float
+        Share of bootstrap replicates in which a gain must be there.
+    form_gain : float
+        Log-likelihood that a parameter or another form must gain, to be set free or preferred.
+    map_ratio : float
+        Residuals of the metered map over those of its own fit, from which on it contradicts a shape
+        of the valve: the shape is there to lower them.
+    implausible, plausible_gain : int, float
+        Implausible properties of the axis (areas, friction, mass) that call for a further effect:
+        one alone may follow from an effect's misfit; and the log-likelihood that it must gain.
+    simulated, closed : float
+        Where the motion is hidden: share of the simulated gap that a model may leave and explain
+        it, and share of what was left that a further effect may leave.
+    unexplained : float
+        Share of the gap that effects may leave and still explain it; more has another cause. A
+        discovered term must close the rest: curves over signals that merely follow a cause closed
+        up to 0.42.
+    one_form, contradicted : float
+        The same where every effect of the model has one form only (true offsets and leaks leave a
+        twentieth, what is taken for them a tenth), and where the parameters contradict geometry or
+        data sheet.
+    far : float
+        Tolerances by which an area must be off to make an effect implausible; the misfit of an
+        effect's form moves areas by two.
+    sharpness : float
+        Rate at which the weight of an alternative falls with the share of the gain that it misses.
+    alike, alone : float
+        Least probability of a model that the data cannot tell from the best, and least share of the
+        catalogue's probability for a verdict of one model alone.
+    """
+
+    background: float = 1.1
+    clean: float = 1.3
+    coarse_map: float = 1.5
+    coarsest_map: float = 1.9
+    clear: float = 2.5
+    near_noise: float = 6.0
+    main_gap: float = 0.3
+    matters: float = 0.05
+    further: float = 0.1
+    share: float = 0.1
+    certain: float = 0.95
+    form_gain: float = 20.0
+    map_ratio: float = 1.2
+    implausible: int = 2
+    plausible_gain: float = 100.0
+    simulated: float = 0.35
+    closed: float = 0.7
+    unexplained: float = 0.5
+    one_form: float = 0.08
+    contradicted: float = 0.1
+    far: float = 3.0
+    sharpness: float = 25.0
+    alike: float = 0.10
+    alone: float = 0.6
+
+
+CRITERIA = Criteria()
+"""As calibrated on the virtual bench."""
