@@ -65,7 +65,7 @@ def test_the_json_has_what_the_design_asks_for(rubbing):
     told = json.loads(json.dumps(rubbing.as_dict(), allow_nan=False))
     assert told["verdict"] == "effect"
     assert set(told["effects"][0]) == {
-        *("name", "probability", "parameters", "contribution", "form", "forms"),
+        *("name", "probability", "parameters", "contribution", "form", "forms", "rivals"),
     }
     assert set(told["effects"][0]["parameters"]["delta_F"]) == {"value", "std", "unit"}
     assert {"name", "probability", "held_out_shrink"} <= set(told["ranking"][0])

@@ -61,9 +61,23 @@ def effects_found(
             selection.contributions.get(name, 0.0),
             name,
             _closures_of_forms(selection, cause_of(name, catalogue)),
+            _rivals(selection, judgement, name, catalogue),
         )
         for name in selection.contributions
     )
+
+
+def _rivals(
+    selection: Selection, judgement: Judgement, name: str, catalogue: Catalogue
+) -> dict[str, float]:
+    """Return the causes that the data cannot tell from one of the final model's."""
+    others, least = set(selection.chosen) - {name}, selection.levels.criteria.alike
+    rivals: dict[str, float] = {}
+    for names, probability in sorted(judgement.probability.items(), key=lambda item: -item[1]):
+        if probability >= least and name not in names and others < set(names):
+            (rival,) = set(names) - others
+            rivals[cause_of(rival, catalogue)] = probability
+    return rivals
 
 
 def _closures_of_forms(selection: Selection, cause: str) -> dict[str, float]:

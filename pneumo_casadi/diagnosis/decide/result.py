@@ -155,6 +155,7 @@ class Diagnosis(Presentable):
                     "name": effect.name,
                     "form": effect.form,
                     "forms": dict(effect.forms),
+                    "rivals": dict(effect.rivals),
                     "probability": effect.probability,
                     "contribution": effect.contribution,
                     "parameters": _values(effect.parameters),

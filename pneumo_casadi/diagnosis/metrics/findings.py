@@ -72,6 +72,8 @@ class EffectFound:
         that has its name.
     forms : mapping of str to float, optional
         Share of the held-out gap that each form closes alone; empty for a cause of one form.
+    rivals : mapping of str to float, optional
+        Other causes that do nearly as well in its place, with their probabilities.
     """
 
     name: str
@@ -80,6 +82,7 @@ class EffectFound:
     contribution: float = 0.0
     form: str = ""
     forms: Mapping[str, float] = field(default_factory=dict)
+    rivals: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "form", self.form or self.name)

@@ -24,6 +24,7 @@ from pneumo_casadi.diagnosis.select.contributions import contributions
 from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue, Failed, FitLedger, Names, Start
 from pneumo_casadi.diagnosis.select.forms import forms_to_fit, keep_best_forms
 from pneumo_casadi.diagnosis.select.plausibility import find_plausible_extension, is_implausible
+from pneumo_casadi.diagnosis.select.rivals import fit_rivals
 from pneumo_casadi.diagnosis.select.sensor_effects import (
     closes_in_simulation,
     extend_by_simulation,
@@ -134,7 +135,11 @@ def select_effects(
     forms = keep_best_forms(ledger)
     first = {name: result for name, result in first.items() if name not in ledger.left_out}
     path = _forward(ledger, nominal, levels, report)
-    shares = contributions(ledger, nominal, path[-1]) if path else {}
+    shares: Mapping[str, float] = {}
+    if path:
+        report("what each effect contributes", 0.9)
+        shares = contributions(ledger, nominal, path[-1])
+        fit_rivals(ledger, nominal, path[-1])
     failures = tuple(ledger.failures.values())
     return Selection(
         nominal,

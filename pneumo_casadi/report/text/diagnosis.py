@@ -136,7 +136,8 @@ def _cause(effect: EffectFound, catalogue: Catalogue) -> str:
     size = f" Parameters: {'; '.join(sizes)}." if sizes else ""
     return (
         f"{_capital(plain(effect.name))} (probability {chance(effect.probability)}): "
-        f"{described_as(effect.form, catalogue)}{size}{_share(effect)}{_forms(effect)}"
+        f"{described_as(effect.form, catalogue)}{size}"
+        f"{_share(effect)}{_rivals(effect)}{_forms(effect)}"
     )
 
 
@@ -145,6 +146,14 @@ def _share(effect: EffectFound) -> str:
     if not effect.contribution:
         return ""
     return f" Without it {whole(effect.contribution)} of the gap come back."
+
+
+def _rivals(effect: EffectFound) -> str:
+    """Return which other causes do nearly as well."""
+    if not effect.rivals:
+        return ""
+    others = [f"{plain(name)} ({chance(share)})" for name, share in effect.rivals.items()]
+    return f" The data hardly tell it from {joined(others)}, which fits nearly as well."
 
 
 def _forms(effect: EffectFound) -> str:
