@@ -129,7 +129,7 @@ def _undecimated(
     jacobian: bool = False,
 ) -> list[FloatArray]:
     """Return r (ne, N) for every variant of θ, and last the Jacobian of the first (N, ne n)."""
-    motions = _true_motions(model, data, variants)
+    motions = true_motions(model, data, variants)
     states = simulate_effect_states(model, data, variants, motions)
     residuals: list[FloatArray] = []
     jacobians: list[FloatArray] = []
@@ -145,7 +145,7 @@ def _undecimated(
     return residuals + jacobians
 
 
-def _true_motions(
+def true_motions(
     model: BalanceFunctions, data: SmoothedMotion, variants: Sequence[FloatArray]
 ) -> list[Motion]:
     """Return the motions with the effects of sensors inverted, for every variant of θ."""

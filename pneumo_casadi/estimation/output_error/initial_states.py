@@ -6,6 +6,7 @@ import numpy as np
 
 from pneumo_casadi.data import Recording
 from pneumo_casadi.errors import FitError
+from pneumo_casadi.estimation.equation_error.driven_states import states_along
 from pneumo_casadi.estimation.gauss_newton import Damping
 from pneumo_casadi.estimation.output_error.shooting.condensing import condense, linearise
 from pneumo_casadi.estimation.output_error.shooting.interval import IntervalFunctions
@@ -94,7 +95,9 @@ def _problem(axis: Axis, record: Recording, window: float | None) -> Problem:
     stepping = stepping_for(axis, record.dt, record.hold, sample_lengths(record, record.dt))
     model = SampledAxis(axis, stepping)
     n = max(1, round(BLOCK / record.dt))
-    segments = cut_segments(model, [record], n, window, INTERVAL)
+    # What an effect remembers from before a window, no step within it brings back.
+    driven = states_along(axis, [record]) if window is not None else ()
+    segments = cut_segments(model, [record], n, window, INTERVAL, driven)
     whole = tuple(segment for segment in segments if segment.K == segments[0].K)
     functions = IntervalFunctions(model, n, whole[0].per, ())
     return Problem(model, axis.parameters.fix(), whole, functions, None)

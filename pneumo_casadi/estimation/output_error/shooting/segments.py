@@ -89,6 +89,7 @@ def cut_segments(
     n: int,
     window: float | None = None,
     interval: float = np.inf,
+    effect_states: Sequence[FloatArray] = (),
 ) -> tuple[Segment, ...]:
     """Cut records into segments of whole blocks, and these into intervals.
 
@@ -101,6 +102,8 @@ def cut_segments(
         every window make a badly misfitting model converge, at the price of slow effects.
     interval : float
         Longest distance of two shooting nodes [s].
+    effect_states : sequence of (nz, N) array, optional
+        By record, the states of effects to start from; by default these are at rest.
 
     Returns
     -------
@@ -120,6 +123,9 @@ def cut_segments(
         )
         for record in records
     ]
+    n_motion = len(model.axis.motion_states)
+    for state, driven in zip(states, effect_states, strict=False):
+        state[n_motion : n_motion + len(driven)] = driven
     segments = []
     for i, first, K in spans:
         samples = slice(first, first + K * n)

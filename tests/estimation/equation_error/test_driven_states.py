@@ -1,0 +1,47 @@
+"""States of effects along a record, as the measured motion drives them."""
+
+import numpy as np
+import pytest
+
+from pneumo_casadi.data import ForceBench, InputHold, NestedController, Recording
+from pneumo_casadi.effects import EFFECTS
+from pneumo_casadi.estimation.equation_error.driven_states import states_along
+from pneumo_casadi.model.servosystem import ForceAxis
+from pneumo_casadi.model.simulation import simulate
+
+GAP = 2e-3
+
+
+@pytest.fixture(scope="module")
+def axis():
+    """A mass whose position sensor has a play."""
+    bench = ForceBench(1e3, 0.5, NestedController(30.0, 60.0, 1.0, 60.0))
+    known = {"M": 18.0, "f_v": 25.0, "F_c_plus": 12.0, "F_c_minus": 17.0, "backlash.gap": GAP}
+    return ForceAxis(bench).with_effects(EFFECTS["backlash"]()).with_parameters(known)
+
+
+@pytest.fixture(scope="module")
+def run(axis):
+    t = np.arange(4000) / 1e3
+    force = 60.0 * np.sin(2 * np.pi * t)
+    start = np.zeros(len(axis.states))
+    return t, force, simulate(axis, force[:, None], 1e-3, start)
+
+
+@pytest.fixture(scope="module")
+def record(run):
+    t, force, trajectory = run
+    return Recording(t, {"F": force, "x": trajectory["x"]}, "sine", "simulated", InputHold.ZERO)
+
+
+def test_the_play_lies_where_the_motion_has_left_it(axis, run, record):
+    (states,) = states_along(axis, [record])
+    offset = run[2]["backlash.offset"][: record.N]
+    settled = record.t > 1.0  # both have been across the play
+    away = np.abs(states[0] - offset)[settled]
+    assert np.ptp(offset) > 0.9 * GAP
+    assert np.quantile(away, 0.9) < 0.1 * GAP
+
+
+def test_an_axis_without_states_of_effects_has_none(axis, record):
+    assert states_along(ForceAxis(axis.bench), [record]) == ()
