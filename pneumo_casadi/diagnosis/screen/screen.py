@@ -67,6 +67,8 @@ class ScreenResult:
         Effect.
     explained : float
         Share of the squared residuals that it takes away.
+    gain : float
+        Log-likelihood that it gains thereby, to second order.
     observable : float
         Share of its influence that the nominal parameters cannot take up.
     felt : bool
@@ -79,6 +81,7 @@ class ScreenResult:
 
     name: str
     explained: float
+    gain: float
     observable: float
     felt: bool
     starts: tuple[Mapping[str, float], ...]
@@ -228,7 +231,9 @@ def screened(name: str, candidates: Sequence[Direction], behind: Background) -> 
     for _, _, values in promises:
         starts.setdefault(tuple(value < 0 for value in values.values()), values)
     felt = any(np.any(direction.columns) for direction in candidates)
-    return ScreenResult(name, promises[0][0], observable, felt, tuple(starts.values()))
+    explained = promises[0][0]
+    gain = 0.5 * explained * float(behind.e @ behind.e)
+    return ScreenResult(name, explained, gain, observable, felt, tuple(starts.values()))
 
 
 def _explained_and_observable(direction: Direction, behind: Background) -> tuple[float, float]:

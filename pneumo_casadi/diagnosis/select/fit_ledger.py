@@ -70,6 +70,8 @@ class FitLedger:
         Results so far; see `Selection`.
     alone : tuple of str
         Effects accepted alone, the best first.
+    promised : mapping of str to float
+        Log-likelihood that the screen promised of each effect alone.
     left_out : set of str
         Effects of the catalogue that no further model has.
     trials : dict of tuple of str to (FittedModel, float)
@@ -87,6 +89,7 @@ class FitLedger:
     gap_left: dict[Names, float] = field(default_factory=dict)
     trials: dict[Names, tuple[FittedModel, float]] = field(default_factory=dict)
     alone: Names = ()
+    promised: Mapping[str, float] = field(default_factory=dict)
     left_out: set[str] = field(default_factory=set)
 
     def __post_init__(self) -> None:

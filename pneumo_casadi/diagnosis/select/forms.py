@@ -31,6 +31,7 @@ def forms_to_fit(ledger: FitLedger, screened: Mapping[str, ScreenResult]) -> lis
         name
         for name, result in screened.items()
         if cause_of(name, ledger.catalogue) == name
+        or not result.felt
         or getattr(ledger.catalogue[name], "scanned", {})
         or result.explained >= PROMISE
     ]

@@ -41,9 +41,11 @@ MAX_UNEXPLAINED = 3
 #: Effects refitted in later rounds, in the order of the screen. The first round refits all: a
 #: linearisation at the nominal fit does not predict the gain of a large effect.
 LATER_ROUNDS = 5
-#: Number of effects accepted alone that are refitted besides, whatever their later screen, and
-#: number of those tried in pairs: the first choice may replace two causes.
-ALONE, PAIRED = 3, 5
+#: An effect that gained so many times what the screen had promised of it alone is refitted in all
+#: rounds, whatever they promise: a resonance, or a back pressure not felt while it is small.
+UNFORESEEN = 3.0
+#: Number of effects accepted alone that are tried in pairs: the first choice may replace two.
+PAIRED = 5
 #: Number of effects beside which a valve shape is tried that the metered map contradicts alone: it
 #: may be right once it need not replace them.
 CONTRADICTED = 4
@@ -131,6 +133,7 @@ def select_effects(
     ledger.screen_all(nominal)
     first = ledger.over(background(study, nominal, nominal))
     report("refitting single effects", 0.3)
+    ledger.promised = {name: result.gain for name, result in first.items()}
     _fit_beside(ledger, (), nominal, first, forms_to_fit(ledger, first))
     forms = keep_best_forms(ledger)
     first = {name: result for name, result in first.items() if name not in ledger.left_out}
@@ -237,12 +240,27 @@ def _coarse(
 
 
 def _extend(ledger: FitLedger, nominal: FittedModel, current: FittedModel, known: Names) -> None:
-    """Fit the most promising additions to a model."""
+    """Fit the additions to a model that promise most, and those whose promise is not to be trusted.
+
+    An addition that promises less than another form of an effect must gain is left alone.
+    """
     behind = background(ledger.study, nominal, current, ledger.effects(known))
     screened = ledger.over(behind, known)
-    tried = list(screened)[:LATER_ROUNDS]
-    alone = [name for name in ledger.alone if name in screened and name not in tried][:ALONE]
-    _fit_beside(ledger, known, current, screened, (*tried, *alone))
+    least = ledger.study.criteria.form_gain
+    promising = [name for name, result in screened.items() if result.gain > least]
+    unforeseen = [name for name in _unforeseen(ledger, nominal) if name in screened]
+    _fit_beside(ledger, known, current, screened, (*promising[:LATER_ROUNDS], *unforeseen))
+
+
+def _unforeseen(ledger: FitLedger, nominal: FittedModel) -> list[str]:
+    """Return effects that alone gained far more than the screen had promised of them."""
+    least, promised = ledger.study.criteria.form_gain, ledger.promised
+    gains = {key[0]: nominal.cost - fit.cost for key, fit in ledger.extensions(()).items()}
+    return [
+        name
+        for name, gain in gains.items()
+        if gain > max(least, UNFORESEEN * promised.get(name, 0.0))
+    ]
 
 
 def _fit_beside(
@@ -252,8 +270,7 @@ def _fit_beside(
     screened: Mapping[str, ScreenResult],
     names: Sequence[str],
 ) -> None:
-    """Fit a model with each of some effects added, and with each that has no influence if small."""
-    unfelt = [name for name, result in screened.items() if not result.felt]
+    """Fit a model with each of some effects added."""
     ledger.fit_all(
         {
             ledger.key((*known, name)): (
@@ -261,7 +278,7 @@ def _fit_beside(
                 screened[name].starts,
                 None if screened[name].felt else current.cost,
             )
-            for name in dict.fromkeys((*names, *unfelt))
+            for name in dict.fromkeys(names)
         }
     )
 
