@@ -7,9 +7,12 @@ from pathlib import Path
 import pytest
 
 import pneumo_casadi
+from pneumo_casadi.diagnosis.prepare.criteria import Criteria
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "explanation" / "diagnosis.md"
-QUOTED = re.findall(r"`([A-Z_]+)` = ([\d.]+)", PAGE.read_text("utf-8"))
+TEXT = PAGE.read_text("utf-8")
+QUOTED = re.findall(r"`([A-Z_]+)` = ([\d.]+)", TEXT)
+CRITERIA = re.findall(r"`([a-z_]+)` = ([\d.]+)", TEXT)
 
 
 def constants() -> set[tuple[str, float]]:
@@ -35,7 +38,12 @@ def constants() -> set[tuple[str, float]]:
 
 
 def test_the_page_quotes_criteria():
-    assert len(QUOTED) > 12
+    assert len(QUOTED) + len(CRITERIA) > 12
+
+
+@pytest.mark.parametrize(("name", "value"), CRITERIA)
+def test_a_criterion_of_the_verdict_is_as_stated(name, value):
+    assert getattr(Criteria(), name) == float(value)
 
 
 @pytest.mark.parametrize(("name", "value"), QUOTED)
