@@ -98,9 +98,17 @@ def extend_by_simulation(
             break
         grown.append(more)
     if len(grown) == 1 or ledger.trials[grown[-1]][1] > ledger.trials[path[-1]][1]:
+        _take_refined(ledger, nominal, path[-1])
         return path
     ledger.take(grown[-1])
     return (*(names for names in path if set(names) < set(first)), *grown)
+
+
+def _take_refined(ledger: FitLedger, nominal: FittedModel, names: Names) -> None:
+    """Choose a model as refined, unless the fit to the balances leaves less of the gap."""
+    effects = ledger.effects(names)
+    if ledger.trials[names][1] < ledger.simulations.share(nominal, ledger.fits[names], effects):
+        ledger.take(names)
 
 
 def _extended(ledger: FitLedger, nominal: FittedModel, known: Names) -> Names | None:
