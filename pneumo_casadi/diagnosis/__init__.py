@@ -16,6 +16,7 @@ from pneumo_casadi.diagnosis.metrics.findings import (
 )
 from pneumo_casadi.diagnosis.metrics.location import Location
 from pneumo_casadi.diagnosis.metrics.regime import Condition, Regime, RegimeKind
+from pneumo_casadi.diagnosis.prepare.criteria import Criteria
 from pneumo_casadi.diagnosis.prepare.prepare_study import applicable, prepare_study
 from pneumo_casadi.diagnosis.refined_identification import (
     options_of_diagnosis,
@@ -27,6 +28,7 @@ __all__ = [
     "Check",
     "Closure",
     "Condition",
+    "Criteria",
     "Diagnosis",
     "DiagnosisOptions",
     "EffectFound",

@@ -225,11 +225,13 @@ def test_identify_leaves_a_report_and_prints_table_and_warnings(
 
 
 @pytest.mark.slow
-def test_an_earlier_report_is_replaced_as_a_whole(quick, tmp_path, one_figure):
+def test_an_earlier_report_is_replaced_and_what_was_added_stays(quick, tmp_path, one_figure):
     folder = write_report(quick, tmp_path / "out")
-    (folder / "figures" / "old.png").write_bytes(b"")
+    report = (folder / "report.html").stat().st_ino
+    (folder / "figures" / "mine.png").write_bytes(b"mine")
     write_report(quick, folder)
-    assert not (folder / "figures" / "old.png").exists()
+    assert (folder / "report.html").stat().st_ino != report
+    assert (folder / "figures" / "mine.png").read_bytes() == b"mine"
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
 
 
