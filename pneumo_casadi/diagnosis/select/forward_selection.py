@@ -23,14 +23,14 @@ from pneumo_casadi.diagnosis.select.acceptance import accepted, can_matter
 from pneumo_casadi.diagnosis.select.contributions import contributions
 from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue, Failed, FitLedger, Names, Start
 from pneumo_casadi.diagnosis.select.forms import forms_to_fit, keep_best_forms
-from pneumo_casadi.diagnosis.select.plausibility import find_plausible_extension, is_implausible
-from pneumo_casadi.diagnosis.select.rivals import fit_rivals
-from pneumo_casadi.diagnosis.select.sensor_effects import (
+from pneumo_casadi.diagnosis.select.hidden_motion import (
     closes_in_simulation,
     extend_by_simulation,
-    find_sensor_extension,
+    find_hiding_extension,
     motion_is_hidden,
 )
+from pneumo_casadi.diagnosis.select.plausibility import find_plausible_extension, is_implausible
+from pneumo_casadi.diagnosis.select.rivals import fit_rivals
 from pneumo_casadi.runtime.progress import Progress, no_progress
 
 #: Largest number of effects in a model: four to six weak ones act on a real axis.
@@ -186,7 +186,7 @@ def _forward(
             ledger.alone = tuple(key[0] for _, key in sorted(options))
         plausible = None if options else find_plausible_extension(ledger, current, known)
         if not options and plausible is None:
-            more = find_sensor_extension(ledger, nominal, current, known, levels)
+            more = find_hiding_extension(ledger, nominal, current, known, levels)
             path += [] if more is None else [more]
             break
         best = plausible or min(options)[1]
@@ -199,7 +199,7 @@ def _forward(
         ):
             break
         if round_ and motion_is_hidden(ledger.effects(best)):
-            break  # a sensor that hides the motion makes the balances unreliable
+            break  # where the motion is hidden, the balances are not reliable
         current = ledger.fits[best]
     report("comparing simulations", 0.85)
     taken = extend_by_simulation(ledger, nominal, tuple(path), MAX_EFFECTS)

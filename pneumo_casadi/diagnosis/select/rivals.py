@@ -4,7 +4,7 @@ import numpy as np
 
 from pneumo_casadi.diagnosis.prepare.study import FittedModel
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger, Names, Start
-from pneumo_casadi.diagnosis.select.sensor_effects import motion_is_hidden
+from pneumo_casadi.diagnosis.select.hidden_motion import motion_is_hidden
 
 
 def fit_rivals(ledger: FitLedger, nominal: FittedModel, final: Names) -> None:

@@ -10,8 +10,8 @@ from pneumo_casadi.diagnosis import diagnose
 from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger
 from pneumo_casadi.diagnosis.select.forward_selection import _coarse
+from pneumo_casadi.diagnosis.select.hidden_motion import _candidates, _refine_again
 from pneumo_casadi.diagnosis.select.plausibility import find_plausible_extension
-from pneumo_casadi.diagnosis.select.sensor_effects import _candidates, _refine_again
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.errors import FitError
 

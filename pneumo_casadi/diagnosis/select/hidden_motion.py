@@ -1,7 +1,7 @@
-"""Effects of sensors and beside them, which only simulations show to be better.
+"""Effects that hide the motion, and effects beside them: only simulations show their gain.
 
-The smoothed motion knows nothing of a play that is being crossed: the best fit of the records
-fitted may be no better on those held out until it is refined by output error.
+While a play is crossed, no sensor shows the motion: the best fit to the balances may be no better
+on held-out records until it is refined by output error.
 """
 
 from collections.abc import Mapping, Sequence
@@ -22,7 +22,7 @@ from pneumo_casadi.estimation.equation_error.balance_functions import any_sensor
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.parameters import FloatArray
 
-#: So many of the best pairs, and of the best effects alone, are tried beside a sensor.
+#: Number of the best pairs, and of the best effects alone, that are tried beside such an effect.
 TRIED = 3
 
 
@@ -31,14 +31,14 @@ def motion_is_hidden(effects: Sequence[Effect]) -> bool:
     return any(effect.hides_motion for effect in effects)
 
 
-def find_sensor_extension(
+def find_hiding_extension(
     ledger: FitLedger,
     nominal: FittedModel,
     current: FittedModel,
     known: Names,
     levels: BalanceLevels,
 ) -> Names | None:
-    """Return a model with one more effect, of a sensor, that only simulations show to be better.
+    """Return a model with one more effect, which hides the motion, if simulations gain by it.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def find_sensor_extension(
 
 
 def closes_in_simulation(ledger: FitLedger, nominal: FittedModel, names: Names) -> bool:
-    """Tell whether a model with a sensor that remembers closes the gap once it is simulated."""
+    """Tell whether a model that hides the motion closes the gap once it is simulated."""
     if not motion_is_hidden(ledger.effects(names)):
         return False
     _refine_all(ledger, nominal, {names: ledger.fits[names]})
@@ -79,10 +79,10 @@ def closes_in_simulation(ledger: FitLedger, nominal: FittedModel, names: Names) 
 def extend_by_simulation(
     ledger: FitLedger, nominal: FittedModel, path: tuple[Names, ...], max_effects: int
 ) -> tuple[Names, ...]:
-    """Go on by simulations where a sensor that remembers was found, and return the path taken.
+    """Go on by simulations where the motion is hidden, and return the path taken.
 
-    Where what the balances say of further effects does not settle in simulations, what grows from
-    the sensor alone is tried, and taken if it leaves no more.
+    If the effects that the balances have added leave much of the simulated gap, the search starts
+    again from the effect that hides the motion; its result is taken if it leaves no more.
     """
     if not path or not motion_is_hidden(ledger.effects(path[-1])):
         return path
@@ -135,10 +135,10 @@ def _extended(ledger: FitLedger, nominal: FittedModel, known: Names) -> Names | 
 
 
 def _candidates(ledger: FitLedger, known: Names) -> Sequence[str]:
-    """Return effects to try beside known sensor effects: the best fits, and `confused_with`.
+    """Return effects to try where the motion is hidden: the best fits, and `confused_with`.
 
-    The latter are tried whatever their fit, because the fit uses the measured motion: a sensor
-    effect distorts it, and the estimate of an effect that acts in this motion may go to zero.
+    The latter are tried whatever their fit, because the fit uses the measured motion: while that is
+    distorted, the estimate of an effect that acts in this motion may go to zero.
     """
 
     def best(fits: dict[Names, FittedModel]) -> list[Names]:
@@ -152,7 +152,7 @@ def _candidates(ledger: FitLedger, known: Names) -> Sequence[str]:
     names -= {*known, *ledger.left_out}
     made = {name: ledger.catalogue[name]() for name in ledger.key(names)}
     # A refinement fixes the flow map, so that effects of the metered valve shape are left out. A
-    # second sensor effect with memory is tried only if it lowers the cost of the fit as well: the
+    # second one that hides the motion is tried only if it lowers the cost of the fit as well: the
     # first one may already describe the same error.
     return [
         name
