@@ -127,9 +127,9 @@ class Effect:
         Outputs (``"p_P"``, ``"p_N"``, ``"x"``) that `output` changes, for a sensor effect; empty
         for an effect of the axis itself.
     hides_motion : bool
-        Whether the sensors cannot show the motion while the effect acts, as while a play is
-        crossed. Other effects of sensors, lags for one, are inverted along the measured motion;
-        such an effect is judged by simulations.
+        Whether the motion cannot be told from what the sensors show: while a play is crossed they
+        stand still, and to take a delay back amplifies noise. Such an effect is judged by
+        simulations; others of sensors, a lag for one, are inverted along the measured motion.
     absorbed_by : Absorption or None
         Which checks of the parameters fail if a refit of the nominal axis absorbs the effect, so
         that trajectories show no gap; None for an effect that no parameter can take up.
