@@ -3,6 +3,7 @@
 import os
 import pickle
 import re
+import signal
 
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):  # before any import of numpy
     os.environ.setdefault(_name, "1")
@@ -14,6 +15,15 @@ import pytest  # noqa: E402
 from filelock import FileLock  # noqa: E402
 
 import pneumo_casadi as pc  # noqa: E402
+
+
+def pytest_configure() -> None:
+    """Hear signals as in a terminal: what a script starts in the background ignores some of them."""
+    usual = {"SIGINT": signal.default_int_handler, "SIGHUP": signal.SIG_DFL}
+    for name, handler in usual.items():
+        number = getattr(signal, name, None)  # not all are known everywhere
+        if number is not None and signal.getsignal(number) is signal.SIG_IGN:
+            signal.signal(number, handler)
 
 
 @pytest.fixture(scope="session")
