@@ -18,7 +18,7 @@ import pneumo_casadi as pc  # noqa: E402
 
 
 def pytest_configure() -> None:
-    """Hear signals as in a terminal: what a script starts in the background ignores some of them."""
+    """Hear signals as in a terminal: what runs in the background may ignore some of them."""
     usual = {"SIGINT": signal.default_int_handler, "SIGHUP": signal.SIG_DFL}
     for name, handler in usual.items():
         number = getattr(signal, name, None)  # not all are known everywhere

@@ -44,6 +44,7 @@ def test_the_page_runs(tmp_path):
         "std_robust": None,
         "unit": "kg",
         "note": "held fixed",
+        "status": "held",
     }
     compared = json.loads((tmp_path / "compared.json").read_text("utf-8"))
     assert len(compared["simulations"]) == 4
