@@ -49,15 +49,15 @@ def find_hiding_extension(
     best = min(fits, key=lambda key: fits[key].cost, default=None)
     if best is None or np.all(residual_rms(current) < levels.criteria.clean * levels.noise):
         return None
-    effects, before = ledger.effects(best), ledger.effects(known)
+    criteria, effects, before = levels.criteria, ledger.effects(best), ledger.effects(known)
     if (
-        fits[best].cost > current.cost - ledger.study.criteria.form_gain
+        fits[best].cost > current.cost - criteria.form_gain
         or not motion_is_hidden(effects)
         or any_sensor_effect(before)
     ):
         return None
     _refine_all(ledger, nominal, {best: fits[best]})
-    if ledger.trials[best][1] > ledger.study.criteria.closed * ledger.simulations.share(
+    if ledger.trials[best][1] > criteria.closed * ledger.simulations.share(
         nominal, current, before
     ):
         return None

@@ -121,8 +121,3 @@ class BalanceFunctions:
 def any_sensor_effect(effects: Sequence[Effect]) -> bool:
     """Tell whether an effect acts on a measured output."""
     return any("output" in effect.junctions for effect in effects)
-
-
-def any_sensor_memory(effects: Sequence[Effect]) -> bool:
-    """Tell whether an effect with states acts on a measured output."""
-    return any("output" in effect.junctions and effect.states for effect in effects)

@@ -8,7 +8,6 @@ import numpy as np
 from pneumo_casadi.estimation.equation_error.balance_functions import (
     BalanceFunctions,
     any_sensor_effect,
-    any_sensor_memory,
 )
 from pneumo_casadi.estimation.equation_error.smoothed_motion import SmoothedMotion
 from pneumo_casadi.parameters import FloatArray
@@ -164,14 +163,8 @@ def _without_sensors(
 ) -> list[Motion]:
     motions = [(data.x, data.dx)] * len(variants)
     effects = model.axis.effects
-    states = [np.zeros((model.n_z, data.N))] * len(variants)
     for _ in range(CORRECTIONS if any_sensor_effect(effects) else 0):
-        # A sensor effect without states needs no simulation of them.
-        states = (
-            simulate_effect_states(model, data, variants, motions)
-            if any_sensor_memory(effects)
-            else states
-        )
+        states = simulate_effect_states(model, data, variants, motions)
         last = motions
         motions = [
             _corrected(model, data, theta, z, motion)
