@@ -29,10 +29,9 @@ from pneumo_casadi.report.tables.diagnosis import (
     ranking_table,
 )
 from pneumo_casadi.report.tables.quantities import quantity
+from pneumo_casadi.report.text.causes import cause_sentences, described_as
 from pneumo_casadi.report.text.diagnosis import (
     alternative_sentences,
-    cause_sentences,
-    described_as,
     headline,
     size_sentences,
     summary_text,

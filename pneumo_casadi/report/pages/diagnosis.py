@@ -30,14 +30,12 @@ from pneumo_casadi.report.tables.diagnosis import (
 from pneumo_casadi.report.tables.flow_form import flow_form_tables
 from pneumo_casadi.report.tables.parameters import parameter_table
 from pneumo_casadi.report.tables.quantities import between, chance, percent, plain, whole
+from pneumo_casadi.report.text.causes import Catalogue, cause_sentences, discovered_sentences
 from pneumo_casadi.report.text.diagnosis import (
     FINDINGS_TITLE,
     VERDICTS,
-    Catalogue,
     alternative_sentences,
-    cause_sentences,
     check_sentences,
-    discovered_sentences,
     finding_sentences,
     headline,
     location_text,

@@ -1,15 +1,13 @@
 """A diagnosis in sentences."""
 
 import textwrap
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 
-from pneumo_casadi.diagnosis import Diagnosis, EffectFound, Verdict
+from pneumo_casadi.diagnosis import Diagnosis, Verdict
 from pneumo_casadi.diagnosis.metrics.findings import joined_names
-from pneumo_casadi.diagnosis.metrics.location import Location
 from pneumo_casadi.diagnosis.wording.location_sentences import location_sentences
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.identification.result import Identification
-from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.report.tables.diagnosis import (
     BALANCES,
     GAP_DEFINITION,
@@ -18,11 +16,16 @@ from pneumo_casadi.report.tables.diagnosis import (
     nearest,
 )
 from pneumo_casadi.report.tables.parameters import parameter_table
-from pneumo_casadi.report.tables.quantities import between, chance, percent, plain, quantity, whole
-from pneumo_casadi.report.tables.table import with_symbols
+from pneumo_casadi.report.tables.quantities import between, chance, percent, plain, whole
+from pneumo_casadi.report.text.causes import (
+    Catalogue,
+    capitalised,
+    cause_sentences,
+    described_as,
+    discovered_sentences,
+    joined,
+)
 from pneumo_casadi.report.text.identification import WIDTH, render
-
-Catalogue = Mapping[str, type[Effect]]
 
 #: A verdict in one or two words.
 VERDICTS = {
@@ -37,24 +40,6 @@ FINDINGS_TITLE = "Correct the records first"
 WORTH_NAMING = 0.01
 #: No advice to check the sensors first if every effect is more probable than this.
 SURE = 0.85
-#: Largest number of parameters of an effect in a sentence.
-TOLD = 4
-#: Drivers of a discovered term in words.
-DRIVER_NAMES = {
-    "x": "the position x",
-    "v": "the velocity v",
-    "t": "time t",
-    "p_P": "the pressure p_P",
-    "p_N": "the pressure p_N",
-    "p_mean": "the mean of both pressures",
-    "p_difference": "the difference of the pressures",
-    "u": "the command of the valve",
-    "p": "the pressure of the chamber",
-    "p_other": "the pressure of the other chamber",
-    "F": "the force of the drive F",
-    "t_reversal": "the time since the last reversal",
-    "s_reversal": "the travel since the last reversal",
-}
 #: Smallest probability of a cause outside the catalogue that is reported.
 OUTSIDE = 0.1
 
@@ -70,7 +55,7 @@ def headline(diagnosis: Diagnosis) -> str:
     if diagnosis.verdict is Verdict.EFFECT:
         names = joined([plain(effect.name) for effect in diagnosis.effects])
         verb = "explains" if len(diagnosis.effects) == 1 else "together explain"
-        return f"{_capital(names)} {verb} the difference between model and measurement: {fall}."
+        return f"{capitalised(names)} {verb} the difference between model and measurement: {fall}."
     if diagnosis.verdict is Verdict.AMBIGUOUS:
         names = joined([plain(joined_names(names)) for names in diagnosis.ambiguous], "or")
         added = joined([plain(effect.name) for effect in diagnosis.effects])
@@ -114,71 +99,6 @@ def _change(before: float, after: float) -> str:
 def finding_sentences(diagnosis: Diagnosis) -> tuple[str, ...]:
     """Return what is wrong with the records, to be corrected before a cause is looked for."""
     return tuple(finding.sentence for finding in diagnosis.findings)
-
-
-def cause_sentences(diagnosis: Diagnosis, catalogue: Catalogue = EFFECTS) -> tuple[str, ...]:
-    """Return what was added to the model, one sentence an effect, with sizes ± 2σ."""
-    return tuple(_cause(effect, catalogue) for effect in diagnosis.effects)
-
-
-def _cause(effect: EffectFound, catalogue: Catalogue) -> str:
-    known = catalogue.get(effect.form)
-    described = {item.name: item.description for item in known().parameters} if known else {}
-    largest = sorted(effect.parameters, key=lambda name: -abs(effect.parameters[name].value))[:TOLD]
-    sizes = [
-        f"{with_symbols(name)} = {quantity(value)}"
-        + (f" ({described[name]})" if name in described else "")
-        for name, value in effect.parameters.items()
-        if len(effect.parameters) <= TOLD or name in largest
-    ]
-    if len(effect.parameters) > TOLD:
-        sizes.append(f"and {len(effect.parameters) - TOLD} smaller ones")
-    size = f" Parameters: {'; '.join(sizes)}." if sizes else ""
-    return (
-        f"{_capital(plain(effect.name))} (probability {chance(effect.probability)}): "
-        f"{described_as(effect.form, catalogue)}{size}"
-        f"{_share(effect)}{_rivals(effect)}{_forms(effect)}"
-    )
-
-
-def _share(effect: EffectFound) -> str:
-    """Return how much of the gap comes back without an effect, if that was worked out."""
-    if not effect.contribution:
-        return ""
-    return f" Without it {whole(effect.contribution)} of the gap come back."
-
-
-def _rivals(effect: EffectFound) -> str:
-    """Return which other causes do nearly as well."""
-    if not effect.rivals:
-        return ""
-    others = [f"{plain(name)} ({chance(share)})" for name, share in effect.rivals.items()]
-    return f" The data hardly tell it from {joined(others)}, which fits nearly as well."
-
-
-def _forms(effect: EffectFound) -> str:
-    """Return which form of the cause fits best, and what the others close."""
-    others = {name: closed for name, closed in effect.forms.items() if name != effect.form}
-    if not others:
-        return ""
-    rest = joined([f"{plain(name)} {whole(closed)}" for name, closed in others.items()])
-    own = f"{plain(effect.form)} closes {whole(effect.forms[effect.form])} of the gap alone"
-    return f" Form that fits best: {own}, {rest}."
-
-
-def described_as(name: str, catalogue: Catalogue = EFFECTS) -> str:
-    """Return what an effect is, in one sentence.
-
-    Examples
-    --------
-    >>> described_as("stribeck")
-    'Extra friction near standstill that decays with speed.'
-    >>> described_as("one of your own")
-    'An effect of your own.'
-    """
-    known = catalogue.get(name)
-    text = (known.__doc__ or "").strip() if known else ""
-    return text.splitlines()[0].replace("`", "") if text else "An effect of your own."
 
 
 def where_sentences(diagnosis: Diagnosis, catalogue: Catalogue = EFFECTS) -> tuple[str, ...]:
@@ -233,7 +153,7 @@ def alternative_sentences(diagnosis: Diagnosis, catalogue: Catalogue = EFFECTS) 
     for names in diagnosis.ambiguous:
         meaning = " ".join(described_as(name, catalogue) for name in names)
         odds = f" (probability {chance(odds_of[names])})" if names in odds_of else ""
-        parts.append(f"{_capital(plain(joined_names(names)))}{odds}: {meaning}")
+        parts.append(f"{capitalised(plain(joined_names(names)))}{odds}: {meaning}")
     if not diagnosis.ambiguous and diagnosis.verdict is Verdict.EFFECT:
         cause = {effect.name for effect in diagnosis.effects}
         others = [candidate for candidate in diagnosis.ranking if set(candidate.names) != cause]
@@ -264,24 +184,6 @@ def alternative_sentences(diagnosis: Diagnosis, catalogue: Catalogue = EFFECTS) 
     if diagnosis.experiment:
         parts.append(f"Experiment that separates them: {plain(diagnosis.experiment)}.")
     return tuple(parts)
-
-
-def discovered_sentences(diagnosis: Diagnosis) -> tuple[str, ...]:
-    """Return what a discovered term is, its parameters with 95 % intervals, and its closure."""
-    if diagnosis.discovered is None:
-        return ()
-    term = diagnosis.discovered
-    where = joined([BALANCES[Location(name)] for name in term.balance.split(" + ")])
-    beside = f" beside {joined([plain(name) for name in term.beside])}" if term.beside else ""
-    sizes = "; ".join(f"{name} = {quantity(value)}" for name, value in term.parameters.items())
-    return (
-        f"A term over {DRIVER_NAMES[term.term.driver]} in the {where}{beside} "
-        f"closes {whole(term.closes.value)} of the held-out gap of the balances (95 % interval "
-        f"{between(term.closes)}).",
-        f"Formula: {term.term.expression} [{term.term.unit}], with {sizes}.",
-        "It is a description, not a cause: look for what acts over "
-        f"{DRIVER_NAMES[term.term.driver]} in this way.",
-    )
 
 
 def check_sentences(diagnosis: Diagnosis) -> tuple[tuple[bool, str], ...]:
@@ -350,20 +252,3 @@ def _section(name: str, sentences: Sequence[str]) -> Iterator[str]:
     yield from ("", name, "-" * len(name))
     for sentence in sentences:
         yield textwrap.fill(sentence, WIDTH, initial_indent="- ", subsequent_indent="  ")
-
-
-def joined(words: Sequence[str], last: str = "and") -> str:
-    """Return words as one enumeration.
-
-    Examples
-    --------
-    >>> joined(["a", "b", "c"], "or")
-    'a, b or c'
-    """
-    if len(words) < 2:
-        return "".join(words)
-    return f"{', '.join(words[:-1])} {last} {words[-1]}"
-
-
-def _capital(text: str) -> str:
-    return text[:1].upper() + text[1:]

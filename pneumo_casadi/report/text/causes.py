@@ -1,0 +1,133 @@
+"""The causes that a diagnosis names, and the term that it discovered, in sentences."""
+
+from collections.abc import Mapping, Sequence
+
+from pneumo_casadi.diagnosis import Diagnosis, EffectFound
+from pneumo_casadi.diagnosis.metrics.location import Location
+from pneumo_casadi.effects import EFFECTS
+from pneumo_casadi.model.effect import Effect
+from pneumo_casadi.report.tables.diagnosis import BALANCES
+from pneumo_casadi.report.tables.quantities import between, chance, plain, quantity, whole
+from pneumo_casadi.report.tables.table import with_symbols
+
+Catalogue = Mapping[str, type[Effect]]
+
+#: Largest number of parameters of an effect in a sentence.
+TOLD = 4
+#: Drivers of a discovered term in words.
+DRIVER_NAMES = {
+    "x": "the position x",
+    "v": "the velocity v",
+    "t": "time t",
+    "p_P": "the pressure p_P",
+    "p_N": "the pressure p_N",
+    "p_mean": "the mean of both pressures",
+    "p_difference": "the difference of the pressures",
+    "u": "the command of the valve",
+    "p": "the pressure of the chamber",
+    "p_other": "the pressure of the other chamber",
+    "F": "the force of the drive F",
+    "t_reversal": "the time since the last reversal",
+    "s_reversal": "the travel since the last reversal",
+}
+
+
+def cause_sentences(diagnosis: Diagnosis, catalogue: Catalogue = EFFECTS) -> tuple[str, ...]:
+    """Return what was added to the model, one sentence an effect, with sizes ± 2σ."""
+    return tuple(_cause(effect, catalogue) for effect in diagnosis.effects)
+
+
+def _cause(effect: EffectFound, catalogue: Catalogue) -> str:
+    known = catalogue.get(effect.form)
+    described = {item.name: item.description for item in known().parameters} if known else {}
+    largest = sorted(effect.parameters, key=lambda name: -abs(effect.parameters[name].value))[:TOLD]
+    sizes = [
+        f"{with_symbols(name)} = {quantity(value)}"
+        + (f" ({described[name]})" if name in described else "")
+        for name, value in effect.parameters.items()
+        if len(effect.parameters) <= TOLD or name in largest
+    ]
+    if len(effect.parameters) > TOLD:
+        sizes.append(f"and {len(effect.parameters) - TOLD} smaller ones")
+    size = f" Parameters: {'; '.join(sizes)}." if sizes else ""
+    return (
+        f"{capitalised(plain(effect.name))} (probability {chance(effect.probability)}): "
+        f"{described_as(effect.form, catalogue)}{size}"
+        f"{_share(effect)}{_rivals(effect)}{_forms(effect)}"
+    )
+
+
+def _share(effect: EffectFound) -> str:
+    """Return how much of the gap comes back without an effect, if that was worked out."""
+    if not effect.contribution:
+        return ""
+    return f" Without it {whole(effect.contribution)} of the gap come back."
+
+
+def _rivals(effect: EffectFound) -> str:
+    """Return which other causes do nearly as well."""
+    if not effect.rivals:
+        return ""
+    others = [f"{plain(name)} ({chance(share)})" for name, share in effect.rivals.items()]
+    return f" The data hardly tell it from {joined(others)}, which fits nearly as well."
+
+
+def _forms(effect: EffectFound) -> str:
+    """Return which form of the cause fits best, and what the others close."""
+    others = {name: closed for name, closed in effect.forms.items() if name != effect.form}
+    if not others:
+        return ""
+    rest = joined([f"{plain(name)} {whole(closed)}" for name, closed in others.items()])
+    own = f"{plain(effect.form)} closes {whole(effect.forms[effect.form])} of the gap alone"
+    return f" Form that fits best: {own}, {rest}."
+
+
+def described_as(name: str, catalogue: Catalogue = EFFECTS) -> str:
+    """Return what an effect is, in one sentence.
+
+    Examples
+    --------
+    >>> described_as("stribeck")
+    'Extra friction near standstill that decays with speed.'
+    >>> described_as("one of your own")
+    'An effect of your own.'
+    """
+    known = catalogue.get(name)
+    text = (known.__doc__ or "").strip() if known else ""
+    return text.splitlines()[0].replace("`", "") if text else "An effect of your own."
+
+
+def discovered_sentences(diagnosis: Diagnosis) -> tuple[str, ...]:
+    """Return what a discovered term is, its parameters with 95 % intervals, and its closure."""
+    if diagnosis.discovered is None:
+        return ()
+    term = diagnosis.discovered
+    where = joined([BALANCES[Location(name)] for name in term.balance.split(" + ")])
+    beside = f" beside {joined([plain(name) for name in term.beside])}" if term.beside else ""
+    sizes = "; ".join(f"{name} = {quantity(value)}" for name, value in term.parameters.items())
+    return (
+        f"A term over {DRIVER_NAMES[term.term.driver]} in the {where}{beside} "
+        f"closes {whole(term.closes.value)} of the held-out gap of the balances (95 % interval "
+        f"{between(term.closes)}).",
+        f"Formula: {term.term.expression} [{term.term.unit}], with {sizes}.",
+        "It is a description, not a cause: look for what acts over "
+        f"{DRIVER_NAMES[term.term.driver]} in this way.",
+    )
+
+
+def joined(words: Sequence[str], last: str = "and") -> str:
+    """Return words as one enumeration.
+
+    Examples
+    --------
+    >>> joined(["a", "b", "c"], "or")
+    'a, b or c'
+    """
+    if len(words) < 2:
+        return "".join(words)
+    return f"{', '.join(words[:-1])} {last} {words[-1]}"
+
+
+def capitalised(text: str) -> str:
+    """Return a text that begins with a capital letter; the rest as it is."""
+    return text[:1].upper() + text[1:]
