@@ -10,14 +10,15 @@ import logging
 import os
 import platform
 import shutil
-from collections.abc import Sequence
-from functools import cache
+from collections.abc import Callable, Sequence
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from pneumo_casadi.model.code_constants import separate_constants
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.runtime.atomic_files import draft_folder
 from pneumo_casadi.runtime.cache import (
@@ -75,9 +76,10 @@ def compile_functions(functions: Sequence[ca.Function]) -> tuple[ca.Function, ..
     Notes
     -----
     The library's file name is the hash of its C code, the compiler, its flags and the
-    processor: a library is never used for a changed model or on another kind of machine. It is
-    written to a temporary file and renamed, so that two processes may build at once. A library
-    that is damaged or does not load is built again.
+    processor: a library is never used for a changed model or on another kind of machine. Models
+    that differ in their constants only share what was compiled. Files are written to a temporary
+    one and renamed, so that two processes may build at once. A library that is damaged or does
+    not load is built again.
 
     Examples
     --------
@@ -96,18 +98,17 @@ def compile_functions(functions: Sequence[ca.Function]) -> tuple[ca.Function, ..
 def build_library(code: str) -> Path | None:
     """Return the shared library made of C code, or None where that is not possible.
 
-    It is built unless the cache holds it, and is known to load.
+    It is built unless the cache holds it, and is known to load. Its instructions are compiled
+    apart from its constants, see `separate_constants`.
     """
-    cc = compiler()
-    if cc is None:
+    if compiler() is None:
         return None
-    key = hashlib.sha256(
-        "\0".join((code, cc, *FAST, ca.CasadiMeta.version(), platform.platform(), _cpu())).encode()
-    )
+    instructions, table = separate_constants(code)
     for _ in range(2):
         try:
-            path = cache_folder() / f"{key.hexdigest()[:32]}.so"
-            if not _is_intact(path) and not _build(cc, code, path):
+            name = f"{_key(instructions, table)}.so"
+            path = _built(name, partial(_link, instructions, table))
+            if path is None:
                 return None
         except OSError as error:
             logger.warning(
@@ -123,6 +124,7 @@ def build_library(code: str) -> Path | None:
         except OSError as error:
             logger.warning("compiled library %s does not load (%s); building again", path, error)
             path.unlink(missing_ok=True)
+            (cache_folder() / f"{_key(instructions)}.o").unlink(missing_ok=True)
     return None
 
 
@@ -190,27 +192,53 @@ def generate_code(functions: Sequence[ca.Function]) -> str:
     return str(generator.dump())
 
 
-def _build(cc: str, code: str, path: Path) -> bool:
-    """Compile `code` to `path` by way of a temporary file; tell whether it worked."""
+def _key(*code: str) -> str:
+    """Return the name of what is built of code here: the compiler and the processor count."""
+    parts = (*code, str(compiler()), *FAST, ca.CasadiMeta.version(), platform.platform(), _cpu())
+    return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:32]
+
+
+def _built(name: str, build: Callable[[Path], bool]) -> Path | None:
+    """Return a file of the cache, built where it is missing or damaged; None where that fails."""
+    path = cache_folder() / name
+    if _is_intact(path):
+        return path
     with draft_folder(path.parent, path.name) as scratch:
-        source, library = scratch / "code.c", scratch / "code.so"
-        source.write_text(code)
-        for flags in (FAST, PLAIN):
-            command = [cc, *flags, "-shared", "-fPIC", str(source), "-o", str(library), "-lm"]
-            done = run_child(command)
-            if done.returncode == 0:
-                break
-        else:
-            logger.warning("%s failed (%s); functions run interpreted", cc, last_line(done.stderr))
-            return False
-        content = library.read_bytes()
-        library.chmod(0o600)
-        with library.open("ab") as file:
+        draft = scratch / path.name
+        if not build(draft):
+            return None
+        content = draft.read_bytes()
+        draft.chmod(0o600)
+        with draft.open("ab") as file:
             file.write(authentication_code(content))
             file.flush()
             os.fsync(file.fileno())
-        library.replace(path)
-    return True
+        draft.replace(path)
+    return path
+
+
+def _compile(instructions: str, target: Path) -> bool:
+    """Compile code; tell whether it worked."""
+    source = target.with_name("code.c")
+    source.write_text(instructions)
+    return any(_run([*flags, "-c", str(source)], target, flags == PLAIN) for flags in (FAST, PLAIN))
+
+
+def _link(instructions: str, table: str, target: Path) -> bool:
+    """Link instructions, compiled where no other constants had them, with their constants."""
+    compiled = _built(f"{_key(instructions)}.o", partial(_compile, instructions))
+    source = target.with_name("constants.c")
+    source.write_text(table)
+    return compiled is not None and _run(["-shared", str(source), str(compiled), "-lm"], target)
+
+
+def _run(arguments: Sequence[str], target: Path, last: bool = True) -> bool:
+    """Run the compiler; tell whether it worked, and log why not unless there is another try."""
+    done = run_child([str(compiler()), *arguments, "-fPIC", "-o", str(target)])
+    if done.returncode != 0 and last:
+        why = last_line(done.stderr)
+        logger.warning("%s failed (%s); functions run interpreted", compiler(), why)
+    return done.returncode == 0
 
 
 def _is_intact(path: Path) -> bool:

@@ -37,6 +37,10 @@ def cache(tmp_path, monkeypatch):
     compiler.cache_clear()
 
 
+def libraries(cache):
+    return sorted(cache.glob("*.so"))
+
+
 needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler")
 
 
@@ -62,12 +66,12 @@ def test_compiled_functions_equal_the_interpreted_ones_and_keep_their_signature(
 @needs_compiler
 def test_the_same_function_is_built_once_and_a_changed_one_again(cache):
     compile_functions([function()])
-    (first,) = cache.iterdir()
+    (first,) = libraries(cache)
     stamp = first.stat().st_mtime_ns
     compile_functions([function()])
-    assert [p.stat().st_mtime_ns for p in cache.iterdir()] == [stamp]
+    assert [p.stat().st_mtime_ns for p in libraries(cache)] == [stamp]
     (changed,) = compile_functions([function(factor=2.0)])
-    assert len(list(cache.iterdir())) == 2
+    assert len(libraries(cache)) == 2
     assert float(changed([1, 0], 1)[0][0]) == pytest.approx(2 * np.sin(1.0))
     (same,) = compile_functions([function()])
     assert float(same([1, 0], 1)[0][0]) == pytest.approx(np.sin(1.0))
@@ -86,7 +90,29 @@ def test_other_flags_or_another_compiler_make_another_library(cache, monkeypatch
         compiler.cache_clear()
         assert compiler() == str(link)
     compile_functions([function()])
-    assert len(list(cache.iterdir())) == 2
+    assert len(libraries(cache)) == 2
+
+
+@needs_compiler
+def test_functions_that_differ_in_constants_only_are_compiled_once(cache):
+    for factor in (0.3, 724100.0, 1.7e-3):
+        (f,) = compile_functions([function("scaled", factor)])
+        assert is_compiled(f)
+        assert float(f([1, 0], 1)[0][0]) == pytest.approx(factor * np.sin(1.0), rel=1e-15)
+    assert len(libraries(cache)) == 3
+    assert len(list(cache.glob("*.o"))) == 1
+
+
+@needs_compiler
+@pytest.mark.slow
+def test_code_with_damaged_instructions_is_compiled_again(cache, caplog):
+    compile_functions([function("half", 0.3)])
+    (path,) = cache.glob("*.o")
+    path.write_bytes(path.read_bytes()[:100])
+    with caplog.at_level(logging.WARNING):
+        (f,) = compile_functions([function("half", 0.4)])
+    assert "building again" in caplog.text
+    assert float(f([1, 0], 1)[0][0]) == pytest.approx(0.4 * np.sin(1.0))
 
 
 @pytest.mark.slow
@@ -98,7 +124,7 @@ def test_a_damaged_library_is_built_again_with_a_notice(cache, caplog, damage):
     share = isinstance(damage, float)
     f = function(f"broken_{round(1e4 * damage) if share else 'b' + str(len(damage))}")
     compile_functions([f])
-    (path,) = cache.iterdir()
+    (path,) = libraries(cache)
     good = path.read_bytes()
     path.unlink()
     path.write_bytes(good[: int(damage * len(good))] if share else damage)
@@ -164,7 +190,7 @@ def test_the_cache_is_for_this_user_alone_and_holds_no_scratch(cache):
     assert cache_folder() == cache
     if os.name == "posix":
         assert cache.stat().st_mode & 0o077 == 0
-    assert all(path.suffix == ".so" for path in cache.iterdir())
+    assert {path.suffix for path in cache.iterdir()} == {".o", ".so"}
 
 
 def _build(queue, barrier):
@@ -187,7 +213,7 @@ def test_processes_that_build_at_once_both_get_a_library(cache):
         assert worker.exitcode == 0
     assert all(ok for ok, _ in found)
     np.testing.assert_allclose([value for _, value in found], np.sin(1.0))
-    assert len(list(cache.iterdir())) == 1
+    assert len(libraries(cache)) == 1
 
 
 def test_a_cache_that_others_may_write_to_is_not_trusted(tmp_path, monkeypatch, caplog):
