@@ -112,7 +112,9 @@ def runge_kutta(
     ]
 
 
-def inputs_between(w: Expression, nu: int, stepping: Stepping) -> Callable[[float], Expression]:
+def inputs_between(
+    w: Expression, nu: int, stepping: Stepping
+) -> Callable[[Expression], Expression]:
     """Return the input as a function of the share of a sample that has passed.
 
     `w` is what `held_inputs` gives for the sample: the input, under linear hold with the next
@@ -127,23 +129,27 @@ def step_function(axis: Axis, stepping: Stepping, inline: bool = False) -> ca.Fu
     """Return one sample of integration, (x, w, θ) → x at the next sample.
 
     `w` is the input of this sample, under linear hold that of the next one below it, and the
-    length of a timed sample over dt last. With `inline` the rates are written out, not called.
+    length of a timed sample over dt last. With `inline` everything is written out; otherwise
+    every Runge-Kutta step calls the same function, which is compiled once.
     """
-    sym = axis.symbol.sym
+    sym = (axis.symbol if inline else ca.MX).sym
     nu = len(axis.inputs)
     x = sym("x", len(axis.states))
     w = sym("w", nu * (2 if stepping.hold is InputHold.LINEAR else 1) + stepping.timed)
-    length = stepping.dt * w[-1] if stepping.timed else stepping.dt
     theta = sym("theta", len(axis.parameters))
     u = inputs_between(w, nu, stepping)
+    h, begin = sym("h"), sym("begin")
+
+    def rates(share: float, at: Sequence[Expression]) -> list[Expression]:
+        given = [at[0], u(begin + share / stepping.substeps), theta]
+        return list(axis.rhs.call(given, inline, False))
+
+    substep = ca.Function("substep", [x, w, theta, h, begin], runge_kutta(rates, [x], h))
+    length = stepping.dt * w[-1] if stepping.timed else stepping.dt
     end: Expression = x
     for step in range(stepping.substeps):
-
-        def rates(share: float, at: Sequence[Expression], step: int = step) -> list[Expression]:
-            given = [at[0], u((step + share) / stepping.substeps), theta]
-            return list(axis.rhs.call(given, inline, False))
-
-        (end,) = runge_kutta(rates, [end], length / stepping.substeps)
+        given = [end, w, theta, length / stepping.substeps, step / stepping.substeps]
+        (end,) = substep.call(given, inline, False)
     return ca.Function("step", [x, w, theta], [end], ["x", "w", "theta"], ["x_next"])
 
 

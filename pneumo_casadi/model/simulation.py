@@ -229,8 +229,7 @@ def simulate_closed_loop(
 
 def _closed_step(model: SampledAxis) -> ca.Function:
     """Return one sample of the loop, ([x; memory], w, θ) → (next, x, u), w as in its streams."""
-    axis = model.axis
-    sym = axis.symbol.sym
+    axis, sym = model.axis, ca.MX.sym
     nx, nu = len(axis.states), len(axis.inputs)
     state, w, theta = sym("state", model.nx), sym("w", model.nw), sym("theta", len(axis.parameters))
     output = model.feedback(state, w, theta)

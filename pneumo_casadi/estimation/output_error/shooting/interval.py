@@ -135,43 +135,46 @@ def _sample(model: SampledAxis, free: Sequence[str] | None = None) -> ca.Functio
     total = [ca.MX.sym("total", ny), ca.MX.sym("J", ny, m)][:width]
     own = [part[:nxa, :] for part in state]
     moving = model.controller is not None
-    rates = _with_sensitivities("rates", axis.rhs, axis, at, m, moving)
     output = _with_sensitivities("outputs", axis.output, axis, at, m, False)
-    kept: list[ca.MX] = []
+    u, kept = [w], []
     if moving:
-        feedback = _with_sensitivities("loop", model.feedback, axis, at, m, False).call(
-            [*state, w, theta]
-        )
-        u_of, kept = (
-            _constant_course([part[:nu, :] for part in feedback]),
-            [p[nu:, :] for p in feedback],
-        )
-    else:
-        between = inputs_between(w, nu, model.stepping)
-        u_of = _input_course(between)
-    u_at_sample = w[:nu] if not moving else u_of(0.0)[0]
-    y = output.call([*own, u_at_sample, theta])
+        feedback = _with_sensitivities("loop", model.feedback, axis, at, m, False)
+        law = feedback.call([*state, w, theta])
+        u, kept = [part[:nu, :] for part in law], [part[nu:, :] for part in law]
+    y = output.call([*own, u[0][:nu], theta])
     substeps = model.stepping.substeps
     length = h * w[-1] if model.stepping.timed else h
+    substep = _substep(model, at, m)
     end = own
     for step in range(substeps):
-
-        def f(share: float, z: Sequence[Expression], step: int = step) -> list[Expression]:
-            return list(rates.call([*z, *u_of((step + share) / substeps), theta]))
-
-        end = runge_kutta(f, end, length / substeps)
-    if moving:
-        end = [ca.vertcat(a, b) for a, b in zip(end, kept, strict=True)]
+        end = substep.call([*end, *u, theta, length / substeps, step / substeps])
+    end = [ca.vertcat(a, b) for a, b in zip(end, kept, strict=True)] if moving else end
     sums = [a + b for a, b in zip(total, y, strict=True)]
     return ca.Function("sample", [*state, *total, w, theta, h], [*end, *sums])
 
 
-def _constant_course(values: list[ca.MX]) -> Callable[[float], list[ca.MX]]:
-    return lambda share: values
+def _substep(model: SampledAxis, at: Sequence[int] | None, m: int) -> ca.Function:
+    """Return one Runge-Kutta step, ``(x[, S], w or u[, du], θ, h, begin) -> (x[, S])``.
 
+    A controller's inputs u hold over the sample; without one they are those in w after the share
+    `begin` of the sample.
+    """
+    axis, moving = model.axis, model.controller is not None
+    nx, nu = len(axis.states), len(axis.inputs)
+    width = 1 + (at is not None)
+    own = [ca.MX.sym("x", nx), ca.MX.sym("S", nx, m)][:width]
+    theta, h, begin = ca.MX.sym("theta", len(axis.parameters)), ca.MX.sym("h"), ca.MX.sym("begin")
+    given = [ca.MX.sym("w", model.nw)]
+    if moving:
+        given = [ca.MX.sym("u", nu), ca.MX.sym("du", nu, m)][:width]
+    rates = _with_sensitivities("rates", axis.rhs, axis, at, m, moving)
+    between = inputs_between(given[0], nu, model.stepping)
 
-def _input_course(between: Callable[[float], Expression]) -> Callable[[float], list[ca.MX]]:
-    return lambda share: [between(share)]
+    def f(share: float, z: Sequence[Expression]) -> list[Expression]:
+        u = given if moving else [between(begin + share / model.stepping.substeps)]
+        return list(rates.call([*z, *u, theta]))
+
+    return ca.Function("substep", [*own, *given, theta, h, begin], runge_kutta(f, own, h))
 
 
 def _with_sensitivities(
