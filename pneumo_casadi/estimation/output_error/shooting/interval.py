@@ -5,7 +5,7 @@ and their sensitivities S = ∂x/∂(x_0, θ) run along, and block after block t
 outputs leave only their sums JᵀJ and Jᵀe: a long record needs few nodes and little memory.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
