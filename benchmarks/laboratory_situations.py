@@ -30,13 +30,15 @@ class Situation:
     """What a laboratory has, how its case is changed, and how close the estimates must be.
 
     `laboratory` is made for an axis; `change` rewrites the folder; `tolerances` are relative errors
-    by the beginning of a name, intervals count where there is none.
+    by the beginning of a name, intervals count where there is none. An error that all parameters
+    of an axis share makes one draw of them: `axes` says how many times as many axes it needs.
     """
 
     laboratory: Callable[[VirtualAxis], Laboratory]
     change: Callable[[Path, VirtualAxis], None] | None = None
     axis: Callable[[VirtualAxis], VirtualAxis] = lambda axis: axis
     tolerances: Mapping[str, float] = field(default_factory=lambda: METERED)
+    axes: int = 1
 
 
 def owning(**owned: Any) -> Callable[[VirtualAxis], Laboratory]:
@@ -96,7 +98,7 @@ def in_two_files(folder: Path, axis: VirtualAxis) -> None:
 
 SITUATIONS = {
     "metered, two 3/2 valves": Situation(owning()),
-    "metered, meter of 1 %": Situation(owning(meter_accuracy=0.01)),
+    "metered, meter of 1 %": Situation(owning(meter_accuracy=0.01), axes=4),
     "one 5/3 valve": Situation(owning(arrangement=Arrangement.ONE_5_3)),
     "two valves with different maps": Situation(owning(other_valve=0.25)),
     "data sheet, C and b 30 % off": Situation(

@@ -14,6 +14,7 @@ from tables.diagnosis import (
 from tables.estimation import coverage, emps, emps_output_error, loops, starts, truth
 from tables.flow import flow_answer, flow_forms, flow_metering
 from tables.headlines import headlines
+from tables.laboratories import laboratories, mistakes
 from tables.speed import batch, peers, scaling, solvers
 
 #: Tables by name: the function, and the committed results that it takes.
@@ -24,6 +25,8 @@ TABLES: dict[str, tuple[Callable[..., str], *tuple[str, ...]]] = {
     "flow_answer": (flow_answer, "flow_sensitivity"),
     "flow_forms": (flow_forms, "flow_sensitivity"),
     "flow_metering": (flow_metering, "flow_sensitivity"),
+    "laboratories": (laboratories, "laboratories"),
+    "mistakes": (mistakes, "laboratories"),
     "loops": (loops, "loops"),
     "peers": (peers, "peers"),
     "solvers": (solvers, "peers"),

@@ -1,0 +1,36 @@
+"""Tables on what laboratories own, and on their mistakes."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from tables.common import rows
+
+#: Parameters that the table shows, by the beginning of their names.
+GROUPS = {"M": "M", "X_s": "X_s", "f_v": "f_v", "F_c": "F_c"}
+
+
+def laboratories(result: Mapping[str, Any]) -> str:
+    """Return the worst errors and the coverage of every situation."""
+    head = ["situation", "axes", *(f"{name} %" for name in GROUPS.values()), "covered %", "usable"]
+    body = []
+    for name, entry in result["situations"].items():
+        worst = entry["worst_error_percent"]
+        cells = [_worst(worst, group) for group in GROUPS]
+        covered = f"{100 * entry['coverage']:.0f}"
+        body.append([name, str(len(entry["axes"])), *cells, covered, entry["usable"]])
+    return rows(head, body)
+
+
+def mistakes(result: Mapping[str, Any]) -> str:
+    """Return what the first line says of every mistake."""
+    body = [
+        [name, str(row["exit_code"]), row["first_line"].replace("|", "\\|")]
+        for name, entries in result["mistakes"].items()
+        for row in entries
+    ]
+    return rows(["mistake", "exit code", "first line"], body)
+
+
+def _worst(worst: Mapping[str, float], group: str) -> str:
+    errors = [error for name, error in worst.items() if name.startswith(group)]
+    return f"{max(errors):.2f}" if errors else ""
