@@ -87,7 +87,8 @@ def commit(mistake: str, seed: int) -> dict[str, Any]:
             text=True,
             check=False,
         )
-    lines = [line for line in (run.stdout + run.stderr).splitlines() if line.strip()]
+    said = (run.stdout + run.stderr).replace(folder, "")
+    lines = [line for line in said.splitlines() if line.strip()]
     first = lines[0].strip() if lines else ""
     named = word in first.lower()
     return {

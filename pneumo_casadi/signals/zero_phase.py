@@ -1,6 +1,7 @@
 """Zero-phase Butterworth filter, central differences, and what both do to an amplitude."""
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -52,9 +53,15 @@ def zero_phase_lowpass(
             f"{signals.shape[0]} samples are too few to filter: order {order} needs more than "
             f"{padding}; give a longer record or a lower order"
         )
-    sections = signal.butter(order, cutoff, fs=sampling_frequency, output="sos")
+    sections = _sections(order, cutoff, sampling_frequency)
     filtered = signal.sosfiltfilt(sections, signals, axis=0, padlen=padding)
     return np.asarray(filtered, dtype=float)
+
+
+@cache
+def _sections(order: int, cutoff: float, sampling_frequency: float) -> FloatArray:
+    """Return a low-pass as second-order sections: designing it costs more than a short record."""
+    return np.asarray(signal.butter(order, cutoff, fs=sampling_frequency, output="sos"))
 
 
 def central_difference(values: ArrayLike, dt: float) -> FloatArray:
