@@ -87,7 +87,7 @@ def commit(mistake: str, seed: int) -> dict[str, Any]:
             text=True,
             check=False,
         )
-    said = (run.stdout + run.stderr).replace(folder, "")
+    said = (run.stdout + run.stderr).replace(f"{folder}/", "")
     lines = [line for line in said.splitlines() if line.strip()]
     first = lines[0].strip() if lines else ""
     named = word in first.lower()
