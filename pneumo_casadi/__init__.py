@@ -102,7 +102,7 @@ if TYPE_CHECKING:
     from pneumo_casadi.parameters import Parameter
     from pneumo_casadi.report import plot as plot
     from pneumo_casadi.report.pages.report import write_report
-    from pneumo_casadi.validation import validate
+    from pneumo_casadi.validation.validate import validate
     from pneumo_casadi.virtual_bench import make_case
 
 

@@ -44,14 +44,14 @@ def separate_constants(code: str) -> tuple[str, str]:
     """
     places: dict[str, int] = {}
 
-    def place(match: re.Match[str]) -> str:
+    def entry(match: re.Match[str]) -> str:
         return f"{_TABLE}[{places.setdefault(match[0], len(places))}]"
 
     lines = []
     literal = False
     for line in _COMMENT.sub("", code).splitlines():
         literal = literal or line.lstrip().startswith(_STATIC)
-        lines.append(line if literal else _NUMBER.sub(place, line))
+        lines.append(line if literal else _NUMBER.sub(entry, line))
         literal = literal and _END not in line
     table = ", ".join([*places, "0."])  # C has no empty tables
     instructions = _DECLARATION + "\n".join(lines) + "\n"

@@ -8,8 +8,9 @@ extra ``bench``.
 from pneumo_casadi.evaluation.sealed_check.answer import Answer, read_answer
 from pneumo_casadi.evaluation.sealed_check.check import WithheldOptions, check_withheld
 from pneumo_casadi.evaluation.sealed_check.draw import Draw, Kind, Proportions, draw_cases
+from pneumo_casadi.evaluation.sealed_check.judged import Judged
 from pneumo_casadi.evaluation.sealed_check.run import Diagnosing, real_diagnosis
-from pneumo_casadi.evaluation.sealed_check.score import Judged, scored
+from pneumo_casadi.evaluation.sealed_check.score import scored
 from pneumo_casadi.evaluation.sealed_check.tally import Calibration, Share, calibration
 
 __all__ = [

@@ -16,6 +16,7 @@ from pneumo_casadi.evaluation.sealed_check.draw import (
     Proportions,
     draw_cases,
 )
+from pneumo_casadi.evaluation.sealed_check.judged import Judged
 from pneumo_casadi.evaluation.sealed_check.measure import measure_one, rivals_of_one
 from pneumo_casadi.evaluation.sealed_check.run import (
     CASES,
@@ -25,7 +26,7 @@ from pneumo_casadi.evaluation.sealed_check.run import (
     make_cases,
     real_diagnosis,
 )
-from pneumo_casadi.evaluation.sealed_check.score import Judged, scored
+from pneumo_casadi.evaluation.sealed_check.score import scored
 from pneumo_casadi.evaluation.sealed_check.seal import (
     ABSENT,
     LABELS,

@@ -1,0 +1,83 @@
+"""One judged case: what was true, what was said, and what the labels allow to measure."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from pneumo_casadi.evaluation.sealed_check.answer import Answer
+from pneumo_casadi.evaluation.sealed_check.draw import Draw, Kind
+
+#: Kinds whose cause the catalogue does not hold.
+UNKNOWN_CAUSE = (Kind.LEFT_OUT, Kind.NEVER_LISTED)
+#: Verdict of a diagnosis that ended in an error.
+FAILED = "failed"
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """One case: what was true, what was said, and what the labels allow to measure.
+
+    Parameters
+    ----------
+    draw : Draw
+        The label.
+    answer : Answer
+        The verdict.
+    measured : mapping
+        See `measure`.
+    """
+
+    draw: Draw
+    answer: Answer
+    measured: Mapping[str, Any]
+
+    @property
+    def causes(self) -> frozenset[str]:
+        """True effects."""
+        return frozenset(self.draw.effects)
+
+    @property
+    def clouded(self) -> bool:
+        """Whether there are weak effects besides."""
+        return bool(self.draw.background)
+
+    @property
+    def true_names(self) -> frozenset[str]:
+        """Effects that it is right to name: the causes, and the weak effects."""
+        return (self.causes if self.draw.listed else frozenset()) | self.draw.weak_causes
+
+    @property
+    def kind(self) -> Kind:
+        """What the case asks."""
+        return self.draw.kind
+
+    @property
+    def counts_as_visible(self) -> bool:
+        """Whether the cause shows, or there is none."""
+        return self.kind is Kind.NONE or bool(self.measured.get("visible"))
+
+    @property
+    def first_is_right(self) -> bool:
+        """Whether the ranking begins with the causes."""
+        return self.draw.listed and bool(self.causes) and self.answer.ranking[:1] == (self.causes,)
+
+    @property
+    def shrink_ratio(self) -> float | None:
+        """Closure with what was named, over the oracle's; None without an oracle."""
+        oracle, own = self.measured.get("oracle_shrink"), self.measured.get("named_shrink")
+        if oracle is None or oracle <= 0:
+            return None
+        return max(0.0, own or 0.0) / float(oracle)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the case as plain data."""
+        return {
+            **self.draw.as_dict(),
+            "verdict": self.answer.verdict,
+            "named": sorted(self.answer.named),
+            "offered": sorted(self.answer.offered),
+            "ranking": [" + ".join(sorted(names)) for names in self.answer.ranking[:3]],
+            "probability": self.answer.probability,
+            "balance": self.answer.balance,
+            "measured": {**self.measured, "by_error": self.measured.get("by_error", [])[:3]},
+        }
