@@ -24,6 +24,7 @@ LABORATORIES = {
     "five_three": Laboratory(arrangement=Arrangement.ONE_5_3),
     "sensors": Laboratory(v_noise=2e-3, a_noise=0.2, load_force=20.0, supply=True),
     "vertical": Laboratory(angle_deg=90.0),
+    "double_rod": Laboratory(double_rod=True),
     "pressures": Laboratory(pressures=True),
     "jitter": Laboratory(jitter=0.1, gaps=((2.0, 2.3),)),
     "manual": Laboratory(controller=NoController(), reference=False),
