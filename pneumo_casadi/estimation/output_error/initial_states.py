@@ -25,9 +25,11 @@ BLOCK = 2e-3
 INTERVAL = 0.1
 #: Damped Gauss-Newton iterations; a window that sticks needs a dozen.
 ITERATIONS = 15
-#: Relative decrease of a window's cost below which it has settled: the next step gains far less,
-#: and the gap of all windows changes by less than it does with the start of the iteration (2 %).
-SETTLED = 1e-2
+#: Relative decrease of a window's cost below which it has settled; beside a play, steps that gain
+#: ten times as much may still precede long ones.
+SETTLED = 1e-3
+#: Damping up to which a step is nearly the undamped one: only such a step can tell.
+NEARLY_FULL = 1.0
 #: Share of its windows still at work below which a problem is written anew for these alone.
 SHRUNK = 0.9
 #: Any step that lowers the cost of a window is accepted.
@@ -78,7 +80,7 @@ def estimate_initial_states(
         ahead = x_0[:, at] + np.where(active[at], step, 0.0)
         trial, new = _costs(problem, ahead, sigma)
         better = new < cost[at]
-        small = better & (cost[at] - new < SETTLED * cost[at])
+        small = better & (cost[at] - new < SETTLED * cost[at]) & (damping[at] <= NEARLY_FULL)
         x_0[:, at[better]] = ahead[:, better]
         nodes[:, at[better]] = trial[:, better]
         cost[at[better]] = new[better]

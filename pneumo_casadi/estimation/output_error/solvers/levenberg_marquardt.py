@@ -24,8 +24,10 @@ DAMPING = Damping(start=1e-3, accept=1e-3, trust=0.5, fall=5.0, grow=5.0, least=
 #: A small step counts as converged only where λ is at most this multiple of its start.
 MAX_SETTLED_DAMPING = 100.0
 #: Where sticking makes the cost rough, the iteration ends once so many accepted steps together
-#: have gained less than this log-likelihood, and the next one predicts no more.
+#: have gained less than this log-likelihood, or so many rejections have raised λ, and the next
+#: step predicts no more.
 STALL_STEPS, STALL_GAIN = 10, 0.05
+STALL_DAMPING = DAMPING.start * DAMPING.grow**STALL_STEPS
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +79,9 @@ class _ClosedNodes:
         if predicted <= 0.1 * self.tolerance and damping <= MAX_SETTLED_DAMPING * DAMPING.start:
             return True
         before = costs[-1 - STALL_STEPS] if len(costs) > STALL_STEPS else np.inf
-        return before - costs[-1] < STALL_GAIN * unit and step.gain < STALL_GAIN * unit
+        in_vain = len(costs) > 1 and damping >= STALL_DAMPING
+        gained_little = before - costs[-1] < STALL_GAIN * unit
+        return (gained_little or in_vain) and step.gain < STALL_GAIN * unit
 
     def take(self, linear: _Linearised, step: Step, iteration: int) -> _Simulated:
         return self.simulate(apply_step(self.problem, linear.simulated.point, step))
