@@ -65,9 +65,8 @@ def ledger_of(left):
     kept = SimpleNamespace(
         fits={}, output_error_fits={}, fit_all=fit_all,
         key=lambda names: tuple(sorted(names)), effects=lambda names: names,
-        simulations=SimpleNamespace(
-            knows=lambda fit: True, share=lambda nominal, fit, effects: left[effects]
-        ),
+        simulate=lambda fits: None,
+        simulations=SimpleNamespace(share=lambda nominal, fit, effects: left[effects]),
     )  # fmt: skip
     return kept
 

@@ -1,12 +1,10 @@
 """Held-out records over time beside their simulations, without effects and with them."""
 
 from collections.abc import Sequence
-from contextlib import suppress
 
 from pneumo_casadi.data.recording.curves import Curves
 from pneumo_casadi.diagnosis.metrics.simulated_gap import Simulations
 from pneumo_casadi.diagnosis.prepare.study import FittedModel
-from pneumo_casadi.errors import FitError, ModelError
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.validation import window_curves
 
@@ -39,8 +37,6 @@ def simulated_curves(
         One a record; a simulation that fails is left out, and without any there is none.
     """
     models = {BEFORE: (nominal, ())} | ({} if final is None else {AFTER: (final, effects)})
-    runs = {}
-    for name, model in models.items():
-        with suppress(FitError, ModelError):  # a note of `simulated_gap` says so
-            runs[name] = simulations.trajectories(*model)
-    return window_curves(simulations.study.axis, runs)
+    runs = {name: simulations.trajectories(*model) for name, model in models.items()}
+    # Of a simulation that fails a note of `simulated_gap` says why.
+    return window_curves(simulations.study.axis, {name: run for name, run in runs.items() if run})

@@ -38,6 +38,22 @@ REPLICATES = 1000
 View = dict[str, dict[str, float]]
 
 
+@dataclass(frozen=True, eq=False)
+class Simulated:
+    """A fit simulated over the windows of the held-out records, or why that cannot be done.
+
+    Parameters
+    ----------
+    runs : tuple
+        Samples and trajectory of every record's windows.
+    failure : str
+        Why there are none; empty where there are.
+    """
+
+    runs: tuple[tuple[Rows, Trajectory], ...]
+    failure: str = ""
+
+
 @dataclass(eq=False)
 class Simulations:
     """Simulations of a study's held-out records, each done once.
@@ -51,48 +67,49 @@ class Simulations:
     study: Study
 
     def __post_init__(self) -> None:
-        self._kept: list[tuple[FittedModel, FloatArray | str]] = []
+        self._kept: list[tuple[FittedModel, Simulated]] = []
 
-    def windows(self, fitted: FittedModel, effects: Sequence[Effect]) -> FloatArray | str:
-        """Return squared errors of every window, or why it cannot be simulated.
-
-        Shape (windows, ny), in per cent of the signals squared; initial states estimated.
-        """
-        for known, squares in self._kept:
+    def of(self, fitted: FittedModel, effects: Sequence[Effect]) -> Simulated:
+        """Return the simulations of a fit, initial states estimated."""
+        for known, simulated in self._kept:
             if known is fitted:
-                return squares
-        self.keep(fitted, self._simulated(fitted, effects))
+                return simulated
+        self.keep(fitted, simulate_fit(self.study, fitted, effects))
         return self._kept[-1][1]
 
     def knows(self, fitted: FittedModel) -> bool:
         """Tell whether a fit was simulated."""
         return any(known is fitted for known, _ in self._kept)
 
-    def keep(self, fitted: FittedModel, windows: FloatArray | str) -> None:
+    def keep(self, fitted: FittedModel, simulated: Simulated) -> None:
         """Remember what was simulated elsewhere."""
-        self._kept.append((fitted, windows))
+        self._kept.append((fitted, simulated))
 
-    def _simulated(self, fitted: FittedModel, effects: Sequence[Effect]) -> FloatArray | str:
-        try:
-            pairs = self.trajectories(fitted, effects)
-        except (FitError, ModelError) as error:
-            return str(error)
-        axis, squares = self.study.axis, []
-        for record, rows, run in pairs:
+    def windows(self, fitted: FittedModel, effects: Sequence[Effect]) -> FloatArray | str:
+        """Return squared errors of every window, or why it cannot be simulated.
+
+        Shape (windows, ny), in per cent of the signals squared.
+        """
+        simulated = self.of(fitted, effects)
+        if simulated.failure:
+            return simulated.failure
+        outputs, squares = self.study.axis.outputs, []
+        for record, (rows, run) in zip(self.study.held_out, simulated.runs, strict=True):
             L = round(WINDOW / record.dt)
-            e = np.stack([record[name][rows] - run[name] for name in axis.outputs])
+            e = np.stack([record[name][rows] - run[name] for name in outputs])
             squares.append(np.mean(e.reshape(len(e), -1, L) ** 2, axis=2).T)
         return np.asarray(np.concatenate(squares) / _signal_stds(self.study) ** 2 * 1e4)
 
     def trajectories(
         self, fitted: FittedModel, effects: Sequence[Effect]
     ) -> list[tuple[Recording, Rows, Trajectory]]:
-        """Return records, samples and simulations of their windows; errors are those of a fit."""
-        return window_runs(self._axis(fitted, effects), self.study.held_out, WINDOW)
+        """Return records, samples and simulations of their windows; none where they fail."""
+        runs = self.of(fitted, effects).runs
+        return [(record, *run) for record, run in zip(self.study.held_out, runs, strict=False)]
 
     def loop(self, fitted: FittedModel, effects: Sequence[Effect]) -> dict[str, float] | str:
         """Return the gap of every output under the controller, or why there is none."""
-        axis = self._axis(fitted, effects)
+        axis = _simulated_axis(self.study, fitted, effects)
         try:
             errors = loop_errors(axis, self.study.held_out)
         except (FitError, ModelError) as error:
@@ -107,9 +124,19 @@ class Simulations:
             return 1.0
         return _overall_gap(after, floor) / max(_overall_gap(before, floor), SMALLEST_GAP)
 
-    def _axis(self, fitted: FittedModel, effects: Sequence[Effect]) -> Axis:
-        axis = self.study.axis.with_effects(*effects).with_parameters(dict(fitted.values))
-        return axis.with_parameters({"v_s": V_S_SIMULATED})
+
+def simulate_fit(study: Study, fitted: FittedModel, effects: Sequence[Effect]) -> Simulated:
+    """Simulate a fit over the windows of a study's held-out records."""
+    try:
+        runs = window_runs(_simulated_axis(study, fitted, effects), study.held_out, WINDOW)
+    except (FitError, ModelError) as error:
+        return Simulated((), str(error))
+    return Simulated(tuple((rows, run) for _, rows, run in runs))
+
+
+def _simulated_axis(study: Study, fitted: FittedModel, effects: Sequence[Effect]) -> Axis:
+    axis = study.axis.with_effects(*effects).with_parameters(dict(fitted.values))
+    return axis.with_parameters({"v_s": V_S_SIMULATED})
 
 
 def simulated_gap(

@@ -1,12 +1,7 @@
 """What each effect of the final model contributes: the gap that comes back without it."""
 
-from collections.abc import Mapping, Sequence
-
-from pneumo_casadi.diagnosis.metrics.simulated_gap import Simulations
-from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study
+from pneumo_casadi.diagnosis.prepare.study import FittedModel
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger, Names, Start
-from pneumo_casadi.model.effect import Effect
-from pneumo_casadi.parameters import FloatArray
 
 
 def contributions(ledger: FitLedger, nominal: FittedModel, final: Names) -> dict[str, float]:
@@ -29,7 +24,8 @@ def contributions(ledger: FitLedger, nominal: FittedModel, final: Names) -> dict
     starts: dict[Names, Start] = {key: (values, (), None) for key in without.values() if key}
     ledger.fit_all(starts)
     fits = {key: _fit_of(ledger, key) for key in (final, *starts)}
-    _simulate_all(ledger, {key: fitted for key, fitted in fits.items() if fitted is not None})
+    models = {(): nominal} | {key: fitted for key, fitted in fits.items() if fitted is not None}
+    ledger.simulate(models)
     left = {
         key: 1.0
         if fitted is None
@@ -44,17 +40,3 @@ def contributions(ledger: FitLedger, nominal: FittedModel, final: Names) -> dict
 def _fit_of(ledger: FitLedger, names: Names) -> FittedModel | None:
     """Return the fit of a model, refined where it was; None where it failed."""
     return ledger.output_error_fits.get(names, ledger.fits.get(names))
-
-
-def _simulate_all(ledger: FitLedger, fits: Mapping[Names, FittedModel]) -> None:
-    jobs = {
-        key: ledger.run(_windows, fitted, ledger.effects(key))
-        for key, fitted in fits.items()
-        if not ledger.simulations.knows(fitted)
-    }
-    for key, job in jobs.items():
-        ledger.simulations.keep(fits[key], job.result())
-
-
-def _windows(study: Study, fitted: FittedModel, effects: Sequence[Effect]) -> FloatArray | str:
-    return Simulations(study).windows(fitted, effects)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from pneumo_casadi.diagnosis.metrics.simulated_gap import Simulations
+from pneumo_casadi.diagnosis.metrics.simulated_gap import Simulations, simulate_fit
 from pneumo_casadi.diagnosis.prepare.fit_store import Store
 from pneumo_casadi.diagnosis.prepare.study import (
     FittedModel,
@@ -116,6 +116,16 @@ class FitLedger:
         except FAULTS as error:
             done.set_exception(error)
         return done
+
+    def simulate(self, fits: Mapping[Names, FittedModel]) -> None:
+        """Simulate the held-out records by fits, side by side, where that was not done yet."""
+        jobs = {
+            key: self.run(simulate_fit, fitted, self.effects(key))
+            for key, fitted in fits.items()
+            if not self.simulations.knows(fitted)
+        }
+        for key, job in jobs.items():
+            self.simulations.keep(fits[key], job.result())
 
     def screen_all(self, nominal: FittedModel) -> None:
         """Work out the directions of all effects at the nominal fit."""

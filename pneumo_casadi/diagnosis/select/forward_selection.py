@@ -205,6 +205,7 @@ def _forward(
     taken = extend_by_simulation(ledger, nominal, tuple(path), MAX_EFFECTS)
     if taken and taken[-1] not in ledger.gap_left:
         final, effects = ledger.fits[taken[-1]], ledger.effects(taken[-1])
+        ledger.simulate({(): nominal, taken[-1]: final})
         ledger.gap_left[taken[-1]] = ledger.simulations.share(nominal, final, effects)
     return taken
 

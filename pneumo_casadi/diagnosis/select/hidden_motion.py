@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels, residual_rms
-from pneumo_casadi.diagnosis.metrics.simulated_gap import Simulations
+from pneumo_casadi.diagnosis.metrics.simulated_gap import Simulated, simulate_fit
 from pneumo_casadi.diagnosis.prepare.study import (
     FittedModel,
     Study,
@@ -20,7 +20,6 @@ from pneumo_casadi.diagnosis.select.fit_ledger import FAULTS, Failed, FitLedger,
 from pneumo_casadi.diagnosis.select.output_error_refinement import refine_by_output_error
 from pneumo_casadi.estimation.equation_error.balance_functions import any_sensor_effect
 from pneumo_casadi.model.effect import Effect
-from pneumo_casadi.parameters import FloatArray
 
 #: Number of the best pairs, and of the best effects alone, that are tried beside such an effect.
 TRIED = 3
@@ -192,13 +191,13 @@ def _refine_all(
     }
     for key, job in jobs.items():
         try:
-            better, windows = job.result()
+            better, simulated = job.result()
         except FAULTS as error:
             ledger.trials[key] = starts[key], np.inf
             if key not in ledger.fits:
                 ledger.failures[key] = Failed(key, f"refined by output error: {error}")
             continue
-        ledger.simulations.keep(better, windows)
+        ledger.simulations.keep(better, simulated)
         share = ledger.simulations.share(nominal, better, ledger.effects(key))
         ledger.trials[key] = better, share
 
@@ -213,7 +212,7 @@ def _refine_again(ledger: FitLedger, nominal: FittedModel, names: Names) -> None
 
 def _refine_and_simulate(
     study: Study, start: FittedModel, effects: Sequence[Effect]
-) -> tuple[FittedModel, FloatArray | str]:
+) -> tuple[FittedModel, Simulated]:
     better = refine_by_output_error(study, start, effects)
     require_credible(study, effects, better)
-    return better, Simulations(study).windows(better, effects)
+    return better, simulate_fit(study, better, effects)
