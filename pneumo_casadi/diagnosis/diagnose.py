@@ -161,15 +161,17 @@ def diagnose(
         discovered = discover_beside(study, models, selection.levels)
     report("done", 1.0)
     judgement = decision.judgement
+    in_model = effects_found(study, selection, judgement, chosen) if named else ()
     alternatives = tuple(dict.fromkeys(causes_of(names, known) for names in decision.alternatives))
     return Diagnosis(
         case=case.name,
         verdict=decision.verdict,
-        effects=effects_found(study, selection, judgement, chosen) if named else (),
+        effects=tuple(each for each in in_model if each.form not in judgement.undecided),
+        undecided=tuple(each for each in in_model if each.form in judgement.undecided),
         ranking=rank_candidates(study, selection, judgement, decision.absorbed, chosen),
         where=where,
         gap=gap,
-        ambiguous=alternatives if len(alternatives) > 1 or decision.absorbed else (),
+        ambiguous=alternatives if decision.is_open else (),
         experiment=separating_experiment(alternatives, chosen),
         hint=_hint(where, selection, decision),
         checks=checks,

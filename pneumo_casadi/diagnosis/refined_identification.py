@@ -19,7 +19,7 @@ from pneumo_casadi.runtime.progress import Progress
 def options_of_diagnosis(case: Case, diagnosis: Diagnosis) -> IdentifyOptions:
     """Return the options of `identify` that start from the final model of a diagnosis.
 
-    The model has the effects that the verdict names; for other verdicts it is the nominal one.
+    The model is the final one of the diagnosis: nominal where no effect is named.
     Parameters of effects that the diagnosis held stay held, and so do the coefficients of curves:
     output error does not know the priors that hold them where the records say little.
 
@@ -42,7 +42,7 @@ def options_of_diagnosis(case: Case, diagnosis: Diagnosis) -> IdentifyOptions:
     options = IdentifyOptions(
         flow_form=None if selection is None else selection.chosen,
         degrees=None if selection is None else selection.degrees,
-        effects=tuple(effect.form for effect in diagnosis.effects),
+        effects=tuple(effect.form for effect in diagnosis.final_effects),
         each_record=False,
     )
     _, flow = read_flow(case, options)

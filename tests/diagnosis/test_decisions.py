@@ -46,7 +46,8 @@ def with_gap(gap):
 def selected(nominal, fits=None, path=(), **given):
     return Selection(
         nominal, fits or {}, (), {}, path, LEVELS, given.get("refined", {}),
-        given.get("gap_left", {}), given.get("trials", {}), None,
+        given.get("gap_left", {}), given.get("trials", {}), None, {},
+        given.get("contributions", {}),
     )  # fmt: skip
 
 
@@ -229,6 +230,25 @@ def test_an_effect_with_a_close_rival_is_ambiguous(ratio, expected, alike):
     assert len(judgement.alike) == alike
     assert judgement.alike[0] == ("stribeck",)
     assert sum(judgement.probability.values()) == pytest.approx(0.97)
+
+
+@pytest.mark.parametrize(
+    ("share", "verdict", "undecided"),
+    [
+        (0.01, Verdict.EFFECT, ("valve_null_shift",)),
+        (0.06, Verdict.AMBIGUOUS, ()),  # it matters: the verdict must say that it is open
+    ],
+)
+def test_a_weak_effect_with_a_close_rival_leaves_the_strong_one_named(share, verdict, undecided):
+    first = {("stribeck",): fitted(1, 1, 2.0), ("presliding",): fitted(1, 1, 9.0)}
+    weak = {("stribeck", n): fitted(1, 1, 1.0) for n in ("leakage_N", "valve_null_shift")}
+    chosen = ("stribeck", "valve_null_shift")
+    selection = selected(
+        fitted(1, 1, 10.0), first | weak, (("stribeck",), chosen),
+        contributions={"stribeck": 0.9, "valve_null_shift": share},
+    )  # fmt: skip
+    judgement = judge(selection, ())
+    assert (judgement.verdict, judgement.undecided) == (verdict, undecided)
 
 
 def test_the_best_guess_of_an_unknown_cause_has_little_probability():

@@ -82,6 +82,15 @@ AMBIGUOUS = replace(
     ranking=(replace(STRIBECK, probability=0.55), replace(STRIBECK, names=("presliding",))),
     experiment="creep at three or more speeds",
 )
+UNDECIDED = replace(
+    EFFECT,
+    undecided=(
+        EffectFound(
+            "valve_null_shift", 0.37, {"shift": Value(0.011, 0.002, "V")}, 0.008,
+            "valve_null_shift", {}, {"piston_seal_leakage": 0.35},
+        ),
+    ),
+)  # fmt: skip
 NONE = replace(
     EFFECT,
     verdict=Verdict.NONE,

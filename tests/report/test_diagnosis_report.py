@@ -92,6 +92,19 @@ def test_an_effect_is_said_with_its_size_in_units():
     assert "v_stribeck = 55.3 ± 1.0 mm/s" in sentence
 
 
+def test_a_weak_effect_that_is_open_is_told_with_its_rivals_and_not_named():
+    sentences = cause_sentences(made.UNDECIDED)
+    assert len(sentences) == 2
+    assert sentences[1] == (
+        "Also there: valve null shift (37 %) or piston seal leakage (35 %); the data cannot tell "
+        "which. Without it 1 % of the gap come back."
+    )
+    assert "null shift" not in headline(made.UNDECIDED)
+    page = diagnosis_html(made.UNDECIDED)
+    assert "<dt>One of</dt>" in page
+    assert made.UNDECIDED.as_dict()["undecided"][0]["rivals"] == {"piston_seal_leakage": 0.35}
+
+
 def test_a_gap_that_grows_is_not_said_to_fall():
     worse = replace(made.EFFECT, gap=replace(made.EFFECT.gap, after=14.0))
     assert "does not fall" in headline(worse)

@@ -48,6 +48,12 @@ class Decision:
             return self.judgement.alike
         return tuple((name,) for name in self.absorbed)
 
+    @property
+    def is_open(self) -> bool:
+        """Whether these models are told as alternatives, and not by what is undecided."""
+        several = len(self.alternatives) > 1 and not self.judgement.undecided
+        return several or bool(self.absorbed)
+
 
 def decide_verdict(
     selection: Selection,

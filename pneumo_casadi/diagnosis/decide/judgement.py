@@ -1,6 +1,6 @@
 """From the selection to a verdict: probabilities, and models that fit the data equally well."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,6 +42,9 @@ class Judgement:
         Held-out residuals of the nominal model over the noise floor.
     criteria : Criteria
         What the verdict was decided by.
+    undecided : tuple of str
+        Effects of the final model that the data cannot tell from others, and that close next to
+        nothing: they are no reason to doubt the rest.
     """
 
     verdict: Verdict
@@ -50,6 +53,7 @@ class Judgement:
     unexplained: float
     excess: FloatArray
     criteria: Criteria = CRITERIA
+    undecided: Names = ()
 
 
 def judge(selection: Selection, effects: Sequence[Effect]) -> Judgement:
@@ -68,9 +72,27 @@ def judge(selection: Selection, effects: Sequence[Effect]) -> Judgement:
     weights = _weights(selection, selection.chosen, trust)
     order = sorted(weights, key=lambda key: -weights[key])
     alike = tuple(key for key in order if weights[key] >= criteria.alike)
-    sure = weights[selection.chosen] >= criteria.alone * trust
-    verdict = Verdict.EFFECT if sure else Verdict.AMBIGUOUS
-    return Judgement(verdict, alike, weights, left, excess, criteria)
+    least = criteria.alone * trust
+    undecided = _undecided(selection, weights, least)
+    if _probability(weights, set(selection.chosen) - set(undecided)) < least:
+        return Judgement(Verdict.AMBIGUOUS, alike, weights, left, excess, criteria)
+    return Judgement(Verdict.EFFECT, alike, weights, left, excess, criteria, undecided)
+
+
+def _probability(weights: Mapping[Names, float], names: Collection[str]) -> float:
+    """Return the probability of all models that hold some effects."""
+    return sum(weight for key, weight in weights.items() if set(key) >= set(names))
+
+
+def _undecided(selection: Selection, weights: Mapping[Names, float], least: float) -> Names:
+    """Return effects of the final model that are neither sure nor matter."""
+    matters, shares = selection.levels.criteria.matters, selection.contributions
+    undecided = tuple(
+        name
+        for name in selection.chosen
+        if _probability(weights, {name}) < least and shares.get(name, 1.0) < matters
+    )
+    return undecided if len(undecided) < len(selection.chosen) else ()
 
 
 def _one_form_residual(selection: Selection, effects: Sequence[Effect]) -> bool:

@@ -55,6 +55,9 @@ class Diagnosis(Presentable):
     effects : tuple of EffectFound
         Effects of the final model, the one that closes most of the gap first; empty for the
         verdicts none, unknown and absorbed.
+    undecided : tuple of EffectFound
+        Further effects of the final model that close next to nothing and that the data cannot
+        tell from their `rivals`: one of them acts, which one is open.
     ranking : tuple of Candidate
         All candidates, the most probable first, failed ones last.
     where : Where
@@ -116,6 +119,12 @@ class Diagnosis(Presentable):
     flow_selection: FormSelection | None = None
     discovered: DiscoveredTerm | None = None
     findings: tuple[Finding, ...] = ()
+    undecided: tuple[EffectFound, ...] = ()
+
+    @property
+    def final_effects(self) -> tuple[EffectFound, ...]:
+        """All effects of the final model: those named, and those undecided."""
+        return (*self.effects, *self.undecided)
 
     @property
     def headline(self) -> str:
@@ -150,18 +159,8 @@ class Diagnosis(Presentable):
         """Return everything as plain data, the keys of the design first."""
         return {
             "verdict": self.verdict.value,
-            "effects": [
-                {
-                    "name": effect.name,
-                    "form": effect.form,
-                    "forms": dict(effect.forms),
-                    "rivals": dict(effect.rivals),
-                    "probability": effect.probability,
-                    "contribution": effect.contribution,
-                    "parameters": _values(effect.parameters),
-                }
-                for effect in self.effects
-            ],
+            "effects": [_effect(effect) for effect in self.effects],
+            "undecided": [_effect(effect) for effect in self.undecided],
             "ranking": [_candidate(candidate) for candidate in self.ranking],
             "where": _where(self.where),
             "gap": _gap(self.gap),
@@ -179,6 +178,18 @@ class Diagnosis(Presentable):
             "case": self.case,
             "seconds": self.seconds,
         }
+
+
+def _effect(effect: EffectFound) -> dict[str, Any]:
+    return {
+        "name": effect.name,
+        "form": effect.form,
+        "forms": dict(effect.forms),
+        "rivals": dict(effect.rivals),
+        "probability": effect.probability,
+        "contribution": effect.contribution,
+        "parameters": _values(effect.parameters),
+    }
 
 
 def _candidate(candidate: Candidate) -> dict[str, Any]:

@@ -30,7 +30,12 @@ from pneumo_casadi.report.tables.diagnosis import (
 from pneumo_casadi.report.tables.flow_form import flow_form_tables
 from pneumo_casadi.report.tables.parameters import parameter_table
 from pneumo_casadi.report.tables.quantities import between, chance, percent, plain, whole
-from pneumo_casadi.report.text.causes import Catalogue, cause_sentences, discovered_sentences
+from pneumo_casadi.report.text.causes import (
+    Catalogue,
+    cause_sentences,
+    discovered_sentences,
+    joined,
+)
 from pneumo_casadi.report.text.diagnosis import (
     FINDINGS_TITLE,
     VERDICTS,
@@ -152,6 +157,10 @@ def _facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
             f"{plain(effect.name)}, probability {chance(effect.probability)}",
         )
         for effect in diagnosis.effects
+    ]
+    facts += [
+        ("One of", joined([plain(name) for name in (effect.name, *effect.rivals)], "or"))
+        for effect in diagnosis.undecided
     ]
     if diagnosis.discovered is not None:
         term = diagnosis.discovered

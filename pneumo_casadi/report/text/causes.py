@@ -34,7 +34,19 @@ DRIVER_NAMES = {
 
 def cause_sentences(diagnosis: Diagnosis, catalogue: Catalogue = EFFECTS) -> tuple[str, ...]:
     """Return what was added to the model, one sentence an effect, with sizes ± 2σ."""
-    return tuple(_cause(effect, catalogue) for effect in diagnosis.effects)
+    return (
+        *(_cause(effect, catalogue) for effect in diagnosis.effects),
+        *(_undecided(effect) for effect in diagnosis.undecided),
+    )
+
+
+def _undecided(effect: EffectFound) -> str:
+    shares = {effect.name: effect.probability} | dict(effect.rivals)
+    names = [f"{plain(name)} ({chance(share)})" for name, share in shares.items()]
+    return (
+        f"Also there: {joined(names, 'or')}; the data cannot tell which. Without it "
+        f"{whole(effect.contribution)} of the gap come back."
+    )
 
 
 def _cause(effect: EffectFound, catalogue: Catalogue) -> str:

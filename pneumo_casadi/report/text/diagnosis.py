@@ -137,7 +137,7 @@ def size_sentences(diagnosis: Diagnosis) -> tuple[str, ...]:
         names = joined([plain(name) for name in nearest(diagnosis)])
         which = f"{names}, the best candidate," if names else "the best candidate"
         return GAP_DEFINITION, f"{before}; with {which} it is {percent(gap.after)}.", *floor
-    names = joined([plain(effect.name) for effect in diagnosis.effects])
+    names = joined([plain(effect.name) for effect in diagnosis.final_effects])
     return (
         GAP_DEFINITION,
         f"{before}; with {names} it is {percent(gap.after)}.",
@@ -155,7 +155,7 @@ def alternative_sentences(diagnosis: Diagnosis, catalogue: Catalogue = EFFECTS) 
         odds = f" (probability {chance(odds_of[names])})" if names in odds_of else ""
         parts.append(f"{capitalised(plain(joined_names(names)))}{odds}: {meaning}")
     if not diagnosis.ambiguous and diagnosis.verdict is Verdict.EFFECT:
-        cause = {effect.name for effect in diagnosis.effects}
+        cause = {effect.name for effect in diagnosis.final_effects}
         others = [candidate for candidate in diagnosis.ranking if set(candidate.names) != cause]
         close = [candidate for candidate in others if candidate.probability >= WORTH_NAMING][:3]
         parts += [
