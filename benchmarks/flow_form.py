@@ -34,7 +34,7 @@ from pneumo_casadi.identification.flow_form import read_flow
 from pneumo_casadi.identification.options import IdentifyOptions
 from pneumo_casadi.identification.starting_axis import make_axis
 from pneumo_casadi.model.axis import Axis
-from pneumo_casadi.validation import window_errors
+from pneumo_casadi.validation.errors import window_errors
 from pneumo_casadi.valve import PAPER_DEGREES, FlowForm, choose_flow_form
 
 WINDOW = 0.5

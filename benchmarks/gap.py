@@ -29,7 +29,7 @@ from pneumo_casadi.identification.options import IdentifyOptions
 from pneumo_casadi.identification.starting_axis import make_axis
 from pneumo_casadi.metrics import closure, combined_gap
 from pneumo_casadi.model.axis import Axis
-from pneumo_casadi.validation import loop_errors, window_errors
+from pneumo_casadi.validation.errors import loop_errors, window_errors
 from pneumo_casadi.valve import FlowForm, FlowMap
 
 #: Length of the open-loop windows on the held-out record [s].

@@ -58,7 +58,7 @@ def read_case(
     folder : str or Path
         The case folder.
     check : bool, optional
-        Whether to hold the records against the bench (`check_records`).
+        Whether to compare the records with the bench (`check_records`).
     hold : InputHold, optional
         Course of the inputs between samples: constant (``ZERO``, right for commands of a sampled
         controller) or linear (``LINEAR``, for a measured continuous signal). By default constant,
@@ -231,7 +231,7 @@ def write_case(
     Parameters
     ----------
     folder : str or Path
-        Folder to make; it must not exist, or be empty.
+        Folder to make; it must be new or empty.
     bench : Bench or ForceBench
         The axis.
     identify, validate : sequence of Recording

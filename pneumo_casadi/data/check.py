@@ -150,7 +150,7 @@ class CaseCheck(Presentable):
 def check(case: Case | str | Path) -> CaseCheck:
     """Check the data of a case before anything is fitted to them; a matter of seconds.
 
-    Units, clock, delays, swapped channels, the map of another valve; noise against the noise
+    Units, clock, delays, swapped channels, a flow map of another valve; noise against the noise
     stated; what the motion can and cannot tell, and what to record next.
 
     Parameters

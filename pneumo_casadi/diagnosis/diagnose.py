@@ -71,7 +71,7 @@ def diagnose(
     progress: Progress | None = None,
     executor: Executor | None = None,
 ) -> Diagnosis:
-    """Say where model and measurement disagree, which effect causes it, and what it explains.
+    """Say where model and measurement disagree, which effect causes it, and how far it explains it.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ def diagnose(
 
     Examples
     --------
-    Three seconds of the example, and two effects instead of all. It has no withheld effect:
+    Three seconds of the example, recorded without any effect, and two effects instead of all:
 
     >>> from dataclasses import replace
     >>> import pneumo_casadi as pc

@@ -114,7 +114,7 @@ def read_model(path: str | Path) -> IdentifiedModel:
     Parameters
     ----------
     path : path
-        Folder written by ``identify``, or a JSON file.
+        Report folder of `write_report` or the command ``identify``, or a JSON file.
 
     Raises
     ------

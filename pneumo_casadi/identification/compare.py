@@ -13,7 +13,8 @@ from pneumo_casadi.identification.comparison import Comparison, CrossSimulation,
 from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.runtime.progress import Progress, no_progress, progress_range
 from pneumo_casadi.runtime.threads import one_thread
-from pneumo_casadi.validation import errors_of_runs, window_curves, window_runs
+from pneumo_casadi.validation.errors import errors_of_runs
+from pneumo_casadi.validation.simulations import window_curves, window_runs
 
 #: Length of the windows of the simulations [s]: longer than the axis remembers, shorter than an
 #: open-loop position drifts.

@@ -38,15 +38,15 @@ class IdentifyOptions:
     identifiability : bool
         Whether to analyse which data inform each parameter, and which parameters are collinear.
     effects : tuple of str
-        Effects of the catalogue (`EFFECTS`) to add to the nominal axis. Those in which the
-        balances are linear join weighted least squares, all of them output error.
+        Effects of the catalogue (`EFFECTS`) to add to the nominal axis. Output error estimates
+        all of them, weighted least squares those whose parameters enter linearly.
     fixed : mapping of str to float
         Parameters to hold at a value [SI], as ``{"M": 16.4, "stribeck.v_stribeck": 0.02}``.
     start_values : mapping of str to float
         Values at which output error starts [SI]; by default those of weighted least squares, and
-        for effects that it does not see those of the catalogue. ``k_P`` and ``k_N`` can be given
-        too: they set X_s2 and X_s1 (X_s5 and X_s4) from X_s3 (X_s6). A parameter that an effect
-        holds by default is estimated if it stands here.
+        for effects that it does not see those of the catalogue. The polytropic exponents can be
+        given too: ``k_P`` sets X_s2 and X_s1 from X_s3, ``k_N`` sets X_s5 and X_s4 from X_s6. A
+        parameter that an effect holds by default is estimated if it is listed here.
     each_record : bool
         Whether each of several records is also fitted alone, flow map held, to set the spread of
         the estimates beside their intervals.

@@ -45,13 +45,13 @@ class Identification(Presentable):
     output_error : OutputErrorResult
         Output error, started from `wls`.
     predictions : tuple of Prediction
-        Flows and effort predicted by `wls` on the held-out records.
+        Flows and force predicted by `wls` on the held-out records.
     validation : Validation or None
         Simulations of the held-out records; None where the case has none.
     truth : mapping of str to float, or None
         True parameters where they are known: ``truth.json`` in the case folder.
     warnings : tuple of ResultWarning
-        Weaknesses of the result, graded, the gravest first; `usability` is the conclusion.
+        Weaknesses of the result, graded, the most severe first; `usability` is the conclusion.
     identifiability : Identifiability or None
         Where it was asked for.
     seconds : float

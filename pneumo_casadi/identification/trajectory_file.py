@@ -16,7 +16,7 @@ from pneumo_casadi.model.simulation import (
     Trajectory,
 )
 from pneumo_casadi.runtime.progress import Progress, no_progress
-from pneumo_casadi.validation import free_run, loop_run
+from pneumo_casadi.validation.simulations import free_run, loop_run
 
 
 class RecordSet(Enum):

@@ -1,6 +1,8 @@
 """The balances of the axis, written once, in residual form, with the effects folded in.
 
-Everything else - simulation, regressor, sensitivities - is derived from `write_balances`.
+The mass balances of the chambers P and N, which give their pressures (eq. 1), the force of the
+ambient pressure (eq. 2), the volumes (eq. 3) and friction in the force balance (eq. 4). Everything
+else - simulation, regressor, sensitivities - is derived from `write_balances`.
 """
 
 from collections.abc import Mapping, Sequence

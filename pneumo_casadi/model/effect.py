@@ -151,8 +151,8 @@ class Effect:
         of a resonance has a narrow valley, which no step finds from afar.
     needs_chambers : bool
         Whether the effect reads chamber pressures; it then cannot be added to a force-driven
-        axis. Set it also if the effect overrides only junctions of both kinds of axis, for example
-        a friction force that depends on the pressures.
+        axis. Set it also if the effect reads pressures but overrides only junctions that every axis
+        has, for example a friction force that depends on the pressures.
     needs_constants : tuple of str
         Constants of the bench that the effect reads, such as ``"stroke"``; it cannot be added to an
         axis whose bench does not state them.
@@ -283,11 +283,11 @@ class Effect:
         return q_m
 
     def chamber_energy(self, q_m: Pair, at: Scope) -> Pair:
-        """Return the mass flow that would raise the pressure equally, heat included [kg/s]."""
+        """Return the mass flow that alone raises the pressure equally, heat included [kg/s]."""
         return q_m
 
     def drive(self, F: Expression, at: Scope) -> Expression:
-        """Return the force of the drive on the force-driven axis [N]."""
+        """Return the force that drives the mass, on axes without valves [N]."""
         return F
 
     def force(self, F: Expression, at: Scope) -> Expression:

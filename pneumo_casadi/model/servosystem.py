@@ -14,7 +14,10 @@ V_S = 1e-3
 
 
 def Servosystem(bench: Bench, flow: AnyFlowModel, effects: Iterable[Effect] = ()) -> Axis:
-    """Make the two-valve pneumatic axis of eq. 1-4.
+    """Make the two-valve pneumatic axis of eq. 1-4; a function that returns an `Axis`.
+
+    Its chamber parameters are X_s1 = V_P(0)/(k_P r T), X_s2 = S_P/(k_P r T), X_s3 = S_P/(r T), and
+    X_s4 ... X_s6 the same of chamber N.
 
     Parameters
     ----------

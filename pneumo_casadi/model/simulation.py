@@ -105,7 +105,7 @@ def simulate(
     axis : Axis
         With the parameters to simulate with.
     u : (N, nu) array
-        Inputs at the sampling instants [V or N].
+        Inputs at the sampling instants [V; N for a force-driven, Pa for a pressure-driven axis].
     dt : float
         Sampling period [s].
     x_0 : (nx,) array
@@ -115,7 +115,7 @@ def simulate(
     hold : InputHold
         Course of the inputs between the sampling instants: constant, or linear.
     lengths : (N - 1,) array, optional
-        Lengths of the samples over dt, where the clock is not uniform.
+        Length of each sampling interval divided by `dt`, where the clock is not uniform.
 
     Returns
     -------

@@ -94,7 +94,7 @@ def make_case(
     axis : VirtualAxis, optional
         Instead of a random one.
     laboratory : Laboratory, optional
-        What it owns and records.
+        Valves, sensors and data of the laboratory that records the case.
     background : bool or sequence of str, optional
         Weak effects besides, by name of their form; True draws four to six of other causes.
 

@@ -100,7 +100,7 @@ def test_a_weak_effect_that_is_open_is_told_with_its_rivals_and_not_named():
         "which. Without it 1 % of the gap come back."
     )
     assert "null shift" not in headline(made.UNDECIDED)
-    page = diagnosis_html(made.UNDECIDED)
+    page = diagnosis_html(made.UNDECIDED, {})
     assert "<dt>One of</dt>" in page
     assert made.UNDECIDED.as_dict()["undecided"][0]["rivals"] == {"piston_seal_leakage": 0.35}
 

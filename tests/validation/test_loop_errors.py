@@ -6,7 +6,8 @@ import pytest
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.errors import PneumoError
 from pneumo_casadi.estimation.output_error import initial_states
-from pneumo_casadi.validation import loop_errors, validate, window_errors
+from pneumo_casadi.validation import validate
+from pneumo_casadi.validation.errors import loop_errors, window_errors
 
 
 def test_loop_and_windows_alone_err_as_in_a_whole_validation(quick):

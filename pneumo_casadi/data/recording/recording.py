@@ -23,8 +23,8 @@ class Recording(Presentable):
     """Channels sampled at the same instants.
 
     The inputs u[k] act from t[k] to t[k+1] as `hold` says; the outputs y[k] belong to the
-    state at t[k]. All channels of a row were taken at the same instant; where they were not,
-    align them with `aligned` first.
+    state at t[k]. The channels of a row are taken as simultaneous; where one was logged late,
+    correct it with `aligned`.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ class Recording(Presentable):
         Time stamps [s]; N ≥ 2. By default stored as the uniform clock nearest to them.
     channels : mapping of str to (N,) array
         Signals in SI units, by symbol: ``u_P, u_N`` [V], ``p_P, p_N`` [Pa, absolute],
-        ``x, x_ref`` [m], ``F`` [N]. Copied, and read-only from then on.
+        ``x, x_ref`` [m], ``F`` [N] and others, see `UNITS`. Copied, and read-only from then on.
     name : str
         Name in messages, tables and figures.
     source : str
@@ -263,7 +263,7 @@ class Recording(Presentable):
         return self._taken(slice(None, None, n), channels, f"{self.name} (1:{n})")
 
     def shifted(self, channel: str, samples: int) -> "Recording":
-        """Return the recording with a delay of one channel by `samples` rows undone.
+        """Return the recording with one channel shifted to `samples` rows earlier.
 
         See `aligned`, of which this is the case of one channel.
         """

@@ -156,7 +156,7 @@ class Diagnosis(Presentable):
         return self.to_frame().head(MOST_SHOWN)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return everything as plain data, the keys of the design first."""
+        """Return everything as plain data, verdict and reasons first."""
         return {
             "verdict": self.verdict.value,
             "effects": [_effect(effect) for effect in self.effects],

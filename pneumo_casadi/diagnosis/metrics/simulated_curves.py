@@ -6,7 +6,7 @@ from pneumo_casadi.data.recording.curves import Curves
 from pneumo_casadi.diagnosis.metrics.simulated_gap import Simulations
 from pneumo_casadi.diagnosis.prepare.study import FittedModel
 from pneumo_casadi.model.effect import Effect
-from pneumo_casadi.validation import window_curves
+from pneumo_casadi.validation.simulations import window_curves
 
 #: Names of the simulations.
 BEFORE, AFTER = "without effects", "with effects"

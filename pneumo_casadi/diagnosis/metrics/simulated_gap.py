@@ -27,7 +27,8 @@ from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.model.simulation import Trajectory
 from pneumo_casadi.parameters import FloatArray
-from pneumo_casadi.validation import Rows, loop_errors, window_runs
+from pneumo_casadi.validation.errors import loop_errors
+from pneumo_casadi.validation.simulations import Rows, window_runs
 
 #: Length of the open-loop windows [s].
 WINDOW = 0.5

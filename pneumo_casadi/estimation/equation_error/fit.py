@@ -39,11 +39,11 @@ def fit_equation_error(
               + \tfrac12 \lVert r_{map}(\theta) \rVert^2, \qquad
               \sigma_e^2 = \frac{1}{n_e} \sum_k r_e(t_k; \theta)^2 + \sigma_{0,e}^2
 
-    The sum runs over the balances e. n_e is the number of rows used of a balance, σ_e the standard
-    deviation of its residuals, and r_map are the residuals of the measured flow map, each divided
-    by its standard deviation. That is the maximum likelihood for white residuals of unknown
-    variance, within the bounds of the parameters. States of effects are simulated along the
-    measured motion, and sensor effects are inverted.
+    The sum runs over the balances e. n_e is the number of rows used of a balance, σ_e² the mean
+    square of its residuals plus the floor σ₀², and r_map are the residuals of the measured flow
+    map, each divided by its standard deviation. That is the maximum likelihood for white residuals
+    of unknown variance, within the bounds of the parameters. States of effects are simulated along
+    the measured motion, and sensor effects are inverted.
 
     A fit takes milliseconds where output error takes seconds, and does not diverge from poor
     starting values, because nothing is integrated. The estimates are biased: noise and filters

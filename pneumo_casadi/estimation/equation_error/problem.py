@@ -128,7 +128,8 @@ class Problem:
 
     def sigma(self, r: Sequence[FloatArray]) -> FloatArray:
         """Return the standard deviation of the residuals of each balance, (ne,)."""
-        squares = np.sum((np.hstack(r) * self.weights) ** 2, axis=1)
+        with np.errstate(over="ignore"):  # a trial may run away: then it costs infinitely much
+            squares = np.sum((np.hstack(r) * self.weights) ** 2, axis=1)
         return np.asarray(np.sqrt(squares / self.n_rows + self.residual_floor**2))
 
     def linearise(self, point: Trial) -> Linearised:

@@ -52,8 +52,8 @@ def fit_output_error(
 ) -> OutputErrorResult:
     """Fit all free parameters of an axis by multiple shooting.
 
-    Minimises ½ Σ ((y - ȳ)/σ)² over parameters and initial states, subject to the axis'
-    equations. y are the measured and ȳ the simulated outputs (p_P and p_N [Pa], x [m]), both as
+    Minimises ½ Σ ((y - ŷ)/σ)² over parameters and initial states, subject to the axis'
+    equations. y are the measured and ŷ the simulated outputs (p_P and p_N [Pa], x [m]), both as
     means over blocks of samples; σ is the standard deviation of the noise of each mean. If flow
     coefficients are free, the squared residuals of the measured flow map are added.
 

@@ -65,8 +65,9 @@ def fit_wls(
         Speed below which a sample counts as at rest [m/s]; by default 5 standard deviations of the
         noise of the filtered velocity, and at least 0.2 % of the largest speed.
     pairing : InputPairing, optional
-        Inputs that belong to a derivative at t[k]: the mean of the balance over u[k-1] and u[k], or
-        u[k]. By default the first for inputs held at zero order, the second otherwise.
+        Which input is paired with the derivative at t[k]: ``MEAN_OF_HOLDS`` averages the balance
+        over u[k-1] and u[k], ``SAMPLE`` takes u[k]. By default the first for inputs held at zero
+        order, the second otherwise.
     equation_std : mapping of str to float, optional
         σ_e by equation: ``"mass_flow_P"``, ``"mass_flow_N"`` [kg/s], ``"force"`` [N]; by default
         estimated from a first solution.

@@ -43,7 +43,7 @@ def write_report(
     Raises
     ------
     CaseError
-        If the folder holds no earlier report of this kind, or one that was changed.
+        If the folder holds anything but an unchanged earlier report of this kind.
     ModelError
         If the result is of another type.
 

@@ -22,7 +22,7 @@ from pneumo_casadi.report.figures.style import (
     thin,
 )
 from pneumo_casadi.report.figures.time_series import AVERAGED
-from pneumo_casadi.validation import Run
+from pneumo_casadi.validation.validate import Run
 from pneumo_casadi.valve import FlowMap, FlowModel, each_valve
 
 #: Commands whose flow is drawn.
