@@ -72,7 +72,11 @@ def check_driven_mass(
             f"a constant force of about {feigned:.3g} N is left over, as gauge pressures leave it; "
             "give absolute pressures, or state the load in bench.json.",
             "columns.json",
-            entries.corrected("p_P", offset=p_ext) | entries.corrected("p_N", offset=p_ext),
+            {
+                channel: entry
+                for name in record.chambers
+                for channel, entry in entries.corrected(f"p_{name}", offset=p_ext).items()
+            },
             source,
         )
 
@@ -119,8 +123,8 @@ def _fit(record: SmoothedRecord, S_P: float, S_N: float) -> _Fit | None:
     if int(moving.sum()) < FEWEST_BLOCKS:
         return None
     v, a = record.v[inner][moving], record.a[inner][moving]
-    p_P, p_N = (record.chambers[name].p[inner][moving] for name in "PN")
-    effort = S_P * p_P - S_N * p_N
+    areas = {"P": S_P, "N": -S_N}
+    effort = np.sum([areas[n] * c.p[inner][moving] for n, c in record.chambers.items()], axis=0)
     if "F_load" in record.recording:
         effort = effort + record.smooth(record.recording["F_load"])[inner][moving]
     (constant, M, f_v, F_c), share = least_squares([np.ones_like(v), a, v, np.sign(v)], effort)

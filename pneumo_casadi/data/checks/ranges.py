@@ -42,8 +42,9 @@ def check_ranges(recording: Recording, bench: AnyBench, entries: ColumnEntries) 
             )
     if isinstance(bench, Bench):
         _check_position(recording, bench, entries)
-        for channel in ("p_P", "p_N"):
-            _check_pressure(recording, channel, bench, entries)
+        for channel in ("p_P", "p_N", "p_supply"):
+            if channel in recording:
+                _check_pressure(recording, channel, bench, entries)
         controller = bench.controller
         if isinstance(controller, ProportionalController | PidController | CascadeController):
             limit = max(map(abs, controller.limits)) + abs(controller.u_0)

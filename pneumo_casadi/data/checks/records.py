@@ -198,7 +198,7 @@ def _findings(
     check_ranges(recording, bench, entries)
     yield from check_sensors(recording, bench)
     if isinstance(bench, Bench):
-        yield from check_supply(recording, bench, flows)
+        yield from check_supply(recording, bench, flows, entries)
         record = smoothed_record(recording)
         if record is None:
             yield cannot_tell(recording)
@@ -215,6 +215,10 @@ def _findings(
             yield from check_motion_sensors(record, bench, entries)
 
 
+#: Where nobody recorded the reference, nothing can be said of the closed loop.
+_WITHOUT_REFERENCE = '; if it was not recorded, write in bench.json "controller": {"type": "none"}'
+
+
 def _check_channels(recording: Recording, bench: AnyBench) -> None:
     reference = ("x_ref",) if bench.controller.closes_loop else ()
     needed = (*bench.kind.inputs, *bench.kind.outputs, *reference)
@@ -224,7 +228,8 @@ def _check_channels(recording: Recording, bench: AnyBench) -> None:
         raise CaseError(
             f"{recording.source}: no column {', '.join(f'`{name}`' for name in missing)}; the file "
             f"has {', '.join(f'`{name}`' for name in names)}; add the column, or write in "
-            f'{COLUMNS_FILE} which of them it is, as "{missing[0]}": "{names[-1]}"'
+            f'{COLUMNS_FILE} which of them it is, as "{missing[0]}": "NAME"'
+            + (_WITHOUT_REFERENCE if missing == [column_name("x_ref")] else "")
         )
     if recording.N < FEWEST_ROWS:
         raise CaseError(

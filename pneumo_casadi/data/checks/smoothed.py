@@ -140,6 +140,8 @@ def smoothed_record(recording: Recording) -> SmoothedRecord | None:
     v = np.gradient(x, smooth.dt)
     chambers = {}
     for name, sign in (("P", 1), ("N", -1)):
+        if f"p_{name}" not in recording:  # a single-acting cylinder
+            continue
         p = smooth(recording[f"p_{name}"])
         chambers[name] = SmoothedChamber(name, sign, p, np.gradient(p, smooth.dt))
     return SmoothedRecord(recording, smooth, x, v, np.gradient(v, smooth.dt), chambers)

@@ -11,6 +11,7 @@ import numpy as np
 from pneumo_casadi.data.bench.bench import Bench
 from pneumo_casadi.data.checks.finding import Finding, Grade
 from pneumo_casadi.data.checks.metered_flow import MeteredFlow
+from pneumo_casadi.data.readers.column_entries import ColumnEntries
 from pneumo_casadi.data.recording.recording import Recording
 
 GAUGE_ACCURACY = 0.02
@@ -24,10 +25,14 @@ RARE = 1e-3
 
 
 def check_supply(
-    recording: Recording, bench: Bench, flows: Mapping[str, MeteredFlow]
+    recording: Recording,
+    bench: Bench,
+    flows: Mapping[str, MeteredFlow],
+    entries: ColumnEntries,
 ) -> Iterator[Finding]:
     """Yield what contradicts the supply pressure, and commands beyond the map."""
     yield from _chambers_above(recording, bench)
+    yield from _recorded_supply(recording, bench, entries)
     for flow in {id(flow): flow for flow in flows.values()}.values():
         yield from _map_of_other_supply(flow, bench)
     yield from _commands_beyond(recording, flows)
@@ -51,6 +56,29 @@ def _chambers_above(recording: Recording, bench: Bench) -> Iterator[Finding]:
         f"% of the rows, up to {highest:.4g} Pa; give the absolute pressure at the valve's inlet.",
         "bench.json" if highest <= 1.02 * gauge else "",
         {"p_supply_Pa": gauge} if highest <= 1.02 * gauge else {},
+        recording.name,
+    )
+
+
+def _recorded_supply(
+    recording: Recording, bench: Bench, entries: ColumnEntries
+) -> Iterator[Finding]:
+    """Yield a finding where the recorded supply pressure is not the one of the bench."""
+    if "p_supply" not in recording:
+        return
+    recorded = float(np.median(recording["p_supply"]))
+    if abs(recorded / bench.p_supply - 1) < OTHER_SUPPLY:
+        return
+    gauge = abs((recorded + bench.p_ext) / bench.p_supply - 1) < GAUGE_ACCURACY
+    question = "is the column a gauge pressure?" if gauge else "correct one of them."
+    yield Finding(
+        Grade.SEVERE if gauge else Grade.CAUTION,
+        "other supply pressure",
+        "p_supply",
+        f"`p_supply` is {recorded:.4g} Pa in the record (median) and {bench.p_supply:.4g} Pa in "
+        f"bench.json: {question}",
+        "columns.json" if gauge else "",
+        entries.corrected("p_supply", offset=bench.p_ext) if gauge else {},
         recording.name,
     )
 

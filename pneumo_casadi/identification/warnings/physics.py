@@ -29,7 +29,9 @@ def physics_warnings(case: Case, result: OutputErrorResult) -> Iterator[ResultWa
         )
     if case.bench.kind.gas_chambers:
         yield from _of_chambers(case, result)
-    yield from _of_friction(result)
+    else:
+        yield from _of_estimated_areas(case, result)
+    yield from _of_friction(case, result)
 
 
 def _half(result: OutputErrorResult, name: str) -> float:
@@ -71,6 +73,20 @@ def _of_chambers(case: Case, result: OutputErrorResult) -> Iterator[ResultWarnin
         )
 
 
+def _of_estimated_areas(case: Case, result: OutputErrorResult) -> Iterator[ResultWarning]:
+    """Yield where the areas that a measured force gives are not those of the bench."""
+    for name in {"S_P", "S_N"} & set(result.parameters.free_names):
+        geometric = getattr(case.bench, name)
+        area = result.parameters[name].value
+        yield from limited(
+            "area",
+            (abs(area - geometric) - _half(result, name)) / geometric,
+            "physics",
+            f"The estimated area {name} is {100 * (area / geometric - 1):+.0f} % off that of the "
+            "bench: look at scale and sign of the measured force, and for gauge pressures.",
+        )
+
+
 def _of_dead_volumes(case: Case, result: OutputErrorResult) -> Iterator[ResultWarning]:
     for chamber in case.bench.kind.gas_chambers:
         name = f"l_D{chamber}"
@@ -84,7 +100,7 @@ def _of_dead_volumes(case: Case, result: OutputErrorResult) -> Iterator[ResultWa
         )
 
 
-def _of_friction(result: OutputErrorResult) -> Iterator[ResultWarning]:
+def _of_friction(case: Case, result: OutputErrorResult) -> Iterator[ResultWarning]:
     sides = {name: result.parameters[name].value for name in ("F_c_plus", "F_c_minus")}
     mean = result.derived["F_c"].value
     if mean < -_half(result, "F_c"):
@@ -95,6 +111,13 @@ def _of_friction(result: OutputErrorResult) -> Iterator[ResultWarning]:
             "sign of the position, the chambers and the areas.",
         )
         return
+    load = case.bench.load
+    remedy = (
+        f"bench.json states {load.angle_deg:g}° and {load.force:g} N: are they right, sign of x "
+        "included?"
+        if load.angle_deg or load.force
+        else "State it in bench.json: `load.angle_deg` of an inclined axis, or `load.force_N`."
+    )
     force, weight = -result.derived["F_offset"].value, GRAVITY * result.parameters["M"].value
     for name, value in sides.items():
         if value < -_half(result, name):
@@ -104,6 +127,5 @@ def _of_friction(result: OutputErrorResult) -> Iterator[ResultWarning]:
                 f"{name} = {value:.3g} N is negative: "
                 "the friction parameters contain a constant force, "
                 f"of {force:+.4g} N in +x if friction is equal in both directions (weight of the "
-                f"moving mass: {weight:.4g} N). State it in bench.json: `load.angle_deg` of an "
-                "inclined axis, or `load.force_N`.",
+                f"moving mass: {weight:.4g} N). {remedy}",
             )

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from pneumo_casadi.data import Bench
+from pneumo_casadi.data import Bench, PressureBench
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.estimation.flow_anchor import flow_scale_std
 from pneumo_casadi.estimation.statistics import EstimateStatus
@@ -71,6 +71,12 @@ def parameter_table(identification: Identification, paper: bool = False) -> Tabl
 def scale_notes(identification: Identification) -> tuple[str, ...]:
     """Return on which source the scale of X_s1 ... X_s6 rests, and how well that is known."""
     bench = identification.case.bench
+    free = identification.output_error.parameters.free_names
+    if isinstance(bench, PressureBench) and "S_P" not in free:
+        return (
+            "M, f_v and F_c have the scale of the piston areas in bench.json, known to "
+            f"{100 * bench.area_accuracy:.2g} % (1σ, not in 2σ above).",
+        )
     if not isinstance(bench, Bench):
         return ()
     if not bench.valves.metered:
