@@ -136,9 +136,11 @@ def guess_columns(
     commanded = "u" in channels or {"u_P", "u_N"} <= channels.keys()
     missing = [c for c in NEEDED if c not in channels] + ([] if commanded else ["u"])
     if missing:
+        free = [name for name in columns if name not in channels.values()] or ["NAME"]
+        two = "; of two valves: --column u_P=NAME --column u_N=NAME" if "u" in missing else ""
         raise CaseError(
             f"no column was recognised as {', '.join(missing)}; the file has {', '.join(columns)}; "
-            f"name it, as --column {missing[0]}={next(iter(columns))}"
+            f"name it, as --column '{missing[0]}={free[0]}'{two}"
         )
     guesses = [
         _guess(channel, column, columns[column], stated.get(channel, ("", ""))[1], cylinder)

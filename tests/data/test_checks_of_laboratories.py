@@ -111,3 +111,48 @@ def test_an_unstated_weight_is_not_taken_for_gauge_pressures(recorded):
     level = replace(case.bench, load=type(case.bench.load)())
     findings = check_records(case.identify, level, metered_flows(case.folder))
     assert not [finding for finding in findings if finding.grade is Grade.SEVERE]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "laboratory", [Laboratory(load_force=60.0), Laboratory(load_force=60.0, pressures=True)]
+)
+def test_a_measured_force_with_the_other_sign_is_named(laboratory, tmp_path):
+    case = make_case(tmp_path / "case", 3, duration=8.0, laboratory=laboratory).case
+    assert not check_records(case.identify, case.bench, metered_flows(case.folder), refuse=False)
+    turned = [record.with_channels({"F_load": -record["F_load"]}) for record in case.identify]
+    findings = check_records(turned, case.bench, metered_flows(case.folder), refuse=False)
+    assert (findings[0].name, findings[0].grade) == ("sign of the force", Grade.SEVERE)
+    assert "F_load" in str(dict(findings[0].suggestion))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("change", "name"),
+    [
+        (lambda p, bench: p - bench.p_ext, "other supply pressure"),
+        (lambda p, bench: 1e-5 * p, "unit"),
+        (lambda p, bench: np.where(np.arange(p.size) == 500, 0.0, p), "out of range"),
+    ],
+)
+def test_a_recorded_supply_that_cannot_be_is_named(change, name, recorded):
+    case = recorded("recorded supply")
+    wrong = [
+        record.with_channels({"p_supply": change(record["p_supply"], case.bench)})
+        for record in case.identify
+    ]
+    findings = check_records(wrong, case.bench, metered_flows(case.folder), refuse=False)
+    assert (findings[0].name, findings[0].grade) == (name, Grade.SEVERE)
+    assert "p_supply" in findings[0].about
+
+
+@pytest.mark.slow
+def test_a_single_acting_cylinder_has_one_pressure(recorded):
+    case = recorded("pressures")
+    bench = replace(case.bench, S_N=0.0)
+    records = [
+        replace(r, channels={n: v for n, v in r.channels.items() if n != "p_N"})
+        for r in case.identify
+    ]
+    findings = check_records(records, bench, {}, refuse=False)  # the force is missing, not p_N
+    assert all("p_N" not in finding.about for finding in findings)

@@ -27,8 +27,11 @@ SINGLE_ROD = 0.03
 FEWEST_BLOCKS = 50
 
 
-def check_force_balance(record: SmoothedRecord, bench: Bench) -> Iterator[Finding]:
+def check_force_balance(
+    record: SmoothedRecord, bench: Bench, entries: ColumnEntries
+) -> Iterator[Finding]:
     """Yield a finding where the force balance holds better with the areas swapped."""
+    yield from _check_measured_force(record, bench, entries)
     if abs(bench.S_P / bench.S_N - 1) < SINGLE_ROD:
         return
     given, swapped = (_left(record, *areas) for areas in _both(bench))
@@ -49,6 +52,7 @@ def check_driven_mass(
     record: SmoothedRecord, bench: PressureBench, entries: ColumnEntries
 ) -> Iterator[Finding]:
     """Yield what the force balance alone says of an axis that is driven by measured pressures."""
+    yield from _check_measured_force(record, bench, entries)
     fit = _fit(record, bench.S_P, bench.S_N)
     if fit is None:
         return
@@ -81,6 +85,26 @@ def check_driven_mass(
         )
 
 
+def _check_measured_force(
+    record: SmoothedRecord, bench: Bench | PressureBench, entries: ColumnEntries
+) -> Iterator[Finding]:
+    """Yield a finding where the force balance holds better with a measured force turned round."""
+    if "F_load" not in record.recording:
+        return
+    given, turned = (_left(record, bench.S_P, bench.S_N, sign) for sign in (1.0, -1.0))
+    if given > LESS * turned:
+        yield Finding(
+            Grade.SEVERE,
+            "sign of the force",
+            "F_load",
+            f"`F_load` has the other sign: the force balance leaves {given:.3g} N with it and "
+            f"{turned:.3g} N with its negative; it counts as a force on the mass in +x.",
+            "columns.json",
+            entries.corrected("F_load", factor=-1.0),
+            record.recording.name,
+        )
+
+
 def effort_looks_gauge(record: SmoothedRecord, bench: Bench | PressureBench) -> bool:
     """Return whether the constant force of the record is the one that gauge pressures feign.
 
@@ -99,8 +123,8 @@ def _both(bench: Bench) -> tuple[tuple[float, float], tuple[float, float]]:
     return (bench.S_P, bench.S_N), (bench.S_N, bench.S_P)
 
 
-def _left(record: SmoothedRecord, S_P: float, S_N: float) -> float:
-    fit = _fit(record, S_P, S_N)
+def _left(record: SmoothedRecord, S_P: float, S_N: float, force_sign: float = 1.0) -> float:
+    fit = _fit(record, S_P, S_N, force_sign)
     return 0.0 if fit is None else fit.left
 
 
@@ -117,7 +141,7 @@ class _Fit:
     left: float
 
 
-def _fit(record: SmoothedRecord, S_P: float, S_N: float) -> _Fit | None:
+def _fit(record: SmoothedRecord, S_P: float, S_N: float, force_sign: float = 1.0) -> _Fit | None:
     inner = record.inner
     moving = np.abs(record.v[inner]) > SLOWEST
     if int(moving.sum()) < FEWEST_BLOCKS:
@@ -126,7 +150,8 @@ def _fit(record: SmoothedRecord, S_P: float, S_N: float) -> _Fit | None:
     areas = {"P": S_P, "N": -S_N}
     effort = np.sum([areas[n] * c.p[inner][moving] for n, c in record.chambers.items()], axis=0)
     if "F_load" in record.recording:
-        effort = effort + record.smooth(record.recording["F_load"])[inner][moving]
+        measured = record.smooth(record.recording["F_load"])[inner][moving]
+        effort = effort + force_sign * measured
     (constant, M, f_v, F_c), share = least_squares([np.ones_like(v), a, v, np.sign(v)], effort)
     friction = F_c + f_v * float(np.abs(v).mean())
     return _Fit(float(constant), float(M), float(friction), float(np.sqrt(share * effort.var())))

@@ -205,7 +205,7 @@ def _findings(
             return
         yield from check_chambers(record, entries)
         yield from check_mass_balances(record, bench, flows, entries)
-        yield from check_force_balance(record, bench)
+        yield from check_force_balance(record, bench, entries)
         yield from check_timing(recording, bench, entries)
         yield from check_motion_sensors(record, bench, entries)
     elif isinstance(bench, PressureBench):

@@ -18,6 +18,8 @@ GAUGE_ACCURACY = 0.02
 """Of a pressure gauge at the supply, relative."""
 OTHER_SUPPLY = 0.05
 """From this difference on, the map was metered at another setting of the regulator."""
+DROOP = 0.4
+"""How far the flow lowers a supply below its setting at most, over the ambient pressure."""
 OFTEN = 0.05
 """Share of the rows from which an excess is no compression of a closed chamber by the load."""
 RARE = 1e-3
@@ -69,7 +71,7 @@ def _recorded_supply(
     recorded = float(np.median(recording["p_supply"]))
     if abs(recorded / bench.p_supply - 1) < OTHER_SUPPLY:
         return
-    gauge = abs((recorded + bench.p_ext) / bench.p_supply - 1) < GAUGE_ACCURACY
+    gauge = abs(recorded + bench.p_ext - bench.p_supply) < DROOP * bench.p_ext
     question = "is the column a gauge pressure?" if gauge else "correct one of them."
     yield Finding(
         Grade.SEVERE if gauge else Grade.CAUTION,

@@ -154,6 +154,11 @@ def _header(path: Path, text: bytes) -> list[str]:
     line = text.split(b"\n", 1)[0].decode()
     if not line.strip(" ,\r"):
         raise CaseError(f"{path}: line 1 is empty; it must name the columns")
+    if "," not in line and (";" in line or "\t" in line):
+        raise CaseError(
+            f"{path}: line 1 separates columns by semicolon or tab; use commas between columns "
+            "and a point in numbers"
+        )
     first_row = text.split(b"\n", 2)[1:2]
     if first_row and b'"' not in first_row[0] and first_row[0].count(b",") > line.count(","):
         raise CaseError(
@@ -165,11 +170,6 @@ def _header(path: Path, text: bytes) -> list[str]:
         raise CaseError(
             f"{path}: line 1 names {len(names)} columns, more than the {MOST_COLUMNS} that are read"
             "; is the file transposed?"
-        )
-    if len(names) == 1 and (";" in line or "\t" in line):
-        raise CaseError(
-            f"{path}: line 1 separates columns by semicolon or tab; use commas between columns "
-            "and a point in numbers"
         )
     _check_unique(path, names)
     return names
