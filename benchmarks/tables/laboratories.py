@@ -8,6 +8,9 @@ from tables.common import rows
 #: Parameters that the table shows, by the beginning of their names.
 GROUPS = {"M": "M", "X_s": "X_s", "f_v": "f_v", "F_c": "F_c"}
 
+#: Length to which a line is shown.
+LONGEST = 160
+
 
 def laboratories(result: Mapping[str, Any]) -> str:
     """Return the worst errors and the coverage of every situation."""
@@ -22,13 +25,17 @@ def laboratories(result: Mapping[str, Any]) -> str:
 
 
 def mistakes(result: Mapping[str, Any]) -> str:
-    """Return what the first line says of every mistake."""
-    body = [
-        [name, str(row["exit_code"]), row["first_line"].replace("|", "\\|")]
+    """Return what the first line says of every mistake, as a list: sentences do not fit a table."""
+    return "\n".join(
+        f"- {name} (exit code {row['exit_code']}): {_shortened(row['first_line'])}"
         for name, entries in result["mistakes"].items()
         for row in entries
-    ]
-    return rows(["mistake", "exit code", "first line"], body)
+    )
+
+
+def _shortened(line: str) -> str:
+    """Return the beginning of a line, cut between words."""
+    return line if len(line) <= LONGEST else line[:LONGEST].rsplit(" ", 1)[0] + " ..."
 
 
 def _worst(worst: Mapping[str, float], group: str) -> str:
