@@ -24,6 +24,7 @@ import provenance
 from gap import kept
 from laboratory_mistakes import DURATION, MISTAKES, commit
 from laboratory_situations import METERED, SITUATIONS, Situation
+from tables.laboratories import worst_of
 
 from pneumo_casadi.data import read_case
 from pneumo_casadi.errors import PneumoError
@@ -169,10 +170,7 @@ def run(
 def print_situation(name: str, judged: Mapping[str, Any]) -> None:
     """Print one row of the table, and below it what was missed."""
     worst = judged["worst_error_percent"]
-    groups = {
-        group: max((value for n, value in worst.items() if n.startswith(group)), default=np.nan)
-        for group in METERED
-    }
+    groups = {group: worst_of(worst, group) for group in METERED}
     figures = "  ".join(f"{group} {value:6.2f} %" for group, value in groups.items())
     state = "met" if judged["met"] else "missed"
     print(

@@ -3,10 +3,12 @@
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
 from tables.common import rows
 
 #: Parameters that the table shows, by the beginning of their names.
-GROUPS = {"M": "M", "X_s": "X_s", "f_v": "f_v", "F_c": "F_c"}
+GROUPS = ("M", "X_s", "f_v", "F_c")
 
 #: Length to which a line is shown.
 LONGEST = 160
@@ -14,11 +16,11 @@ LONGEST = 160
 
 def laboratories(result: Mapping[str, Any]) -> str:
     """Return the worst errors and the coverage of every situation."""
-    head = ["situation", "axes", *(f"{name} %" for name in GROUPS.values()), "covered %", "usable"]
+    head = ["situation", "axes", *(f"{group} %" for group in GROUPS), "covered %", "usable"]
     body = []
     for name, entry in result["situations"].items():
         worst = entry["worst_error_percent"]
-        cells = [_worst(worst, group) for group in GROUPS]
+        cells = ["" if np.isnan(w := worst_of(worst, group)) else f"{w:.2f}" for group in GROUPS]
         covered = f"{100 * entry['coverage']:.0f}"
         body.append([name, str(len(entry["axes"])), *cells, covered, entry["usable"]])
     return rows(head, body)
@@ -38,6 +40,6 @@ def _shortened(line: str) -> str:
     return line if len(line) <= LONGEST else line[:LONGEST].rsplit(" ", 1)[0] + " ..."
 
 
-def _worst(worst: Mapping[str, float], group: str) -> str:
-    errors = [error for name, error in worst.items() if name.startswith(group)]
-    return f"{max(errors):.2f}" if errors else ""
+def worst_of(worst: Mapping[str, float], group: str) -> float:
+    """Return the worst error of the parameters whose names begin so; NaN without any."""
+    return max((error for name, error in worst.items() if name.startswith(group)), default=np.nan)

@@ -112,6 +112,50 @@ def runge_kutta(
     ]
 
 
+def runge_kutta_sample(
+    rates: Callable[[Expression, Sequence[Expression]], Sequence[Expression]],
+    states: Sequence[Expression],
+    given: Sequence[Expression],
+    substeps: int,
+    inline: bool = False,
+) -> Callable[[Sequence[Expression], Sequence[Expression], Expression], list[Expression]]:
+    """Return what integrates one sample by calls of one Runge-Kutta step, compiled once.
+
+    Parameters
+    ----------
+    rates : callable
+        ``rates(share, states)`` returns the rates after a share of the sample.
+    states, given : sequence of Expression
+        Symbols of what moves, and of what the rates depend on besides.
+    substeps : int
+        Steps per sample.
+    inline : bool
+        Whether the steps are written out, not called.
+
+    Returns
+    -------
+    callable
+        ``(states, given, length) -> states`` at the end of a sample of that length [s].
+    """
+    sym = type(states[0]).sym
+    h, begin = sym("h"), sym("begin")
+
+    def f(share: float, z: Sequence[Expression]) -> Sequence[Expression]:
+        return rates(begin + share / substeps, z)
+
+    step = ca.Function("substep", [*states, *given, h, begin], runge_kutta(f, states, h))
+
+    def integrate(
+        start: Sequence[Expression], at: Sequence[Expression], length: Expression
+    ) -> list[Expression]:
+        end = list(start)
+        for k in range(substeps):
+            end = step.call([*end, *at, length / substeps, k / substeps], inline, False)
+        return end
+
+    return integrate
+
+
 def inputs_between(
     w: Expression, nu: int, stepping: Stepping
 ) -> Callable[[Expression], Expression]:
@@ -138,18 +182,12 @@ def step_function(axis: Axis, stepping: Stepping, inline: bool = False) -> ca.Fu
     w = sym("w", nu * (2 if stepping.hold is InputHold.LINEAR else 1) + stepping.timed)
     theta = sym("theta", len(axis.parameters))
     u = inputs_between(w, nu, stepping)
-    h, begin = sym("h"), sym("begin")
 
-    def rates(share: float, at: Sequence[Expression]) -> list[Expression]:
-        given = [at[0], u(begin + share / stepping.substeps), theta]
-        return list(axis.rhs.call(given, inline, False))
+    def rates(share: Expression, at: Sequence[Expression]) -> list[Expression]:
+        return list(axis.rhs.call([at[0], u(share), theta], inline, False))
 
-    substep = ca.Function("substep", [x, w, theta, h, begin], runge_kutta(rates, [x], h))
-    length = stepping.dt * w[-1] if stepping.timed else stepping.dt
-    end: Expression = x
-    for step in range(stepping.substeps):
-        given = [end, w, theta, length / stepping.substeps, step / stepping.substeps]
-        (end,) = substep.call(given, inline, False)
+    integrate = runge_kutta_sample(rates, [x], [w, theta], stepping.substeps, inline)
+    (end,) = integrate([x], [w, theta], stepping.dt * w[-1] if stepping.timed else stepping.dt)
     return ca.Function("step", [x, w, theta], [end], ["x", "w", "theta"], ["x_next"])
 
 

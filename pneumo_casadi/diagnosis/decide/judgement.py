@@ -74,12 +74,12 @@ def judge(selection: Selection, effects: Sequence[Effect]) -> Judgement:
     alike = tuple(key for key in order if weights[key] >= criteria.alike)
     least = criteria.alone * trust
     undecided = _undecided(selection, weights, least)
-    if _probability(weights, set(selection.chosen) - set(undecided)) < least:
+    if probability_of(weights, set(selection.chosen) - set(undecided)) < least:
         return Judgement(Verdict.AMBIGUOUS, alike, weights, left, excess, criteria)
     return Judgement(Verdict.EFFECT, alike, weights, left, excess, criteria, undecided)
 
 
-def _probability(weights: Mapping[Names, float], names: Collection[str]) -> float:
+def probability_of(weights: Mapping[Names, float], names: Collection[str]) -> float:
     """Return the probability of all models that hold some effects."""
     return sum(weight for key, weight in weights.items() if set(key) >= set(names))
 
@@ -90,7 +90,7 @@ def _undecided(selection: Selection, weights: Mapping[Names, float], least: floa
     undecided = tuple(
         name
         for name in selection.chosen
-        if _probability(weights, {name}) < least and shares.get(name, 1.0) < matters
+        if probability_of(weights, {name}) < least and shares.get(name, 1.0) < matters
     )
     return undecided if len(undecided) < len(selection.chosen) else ()
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pneumo_casadi.diagnosis.decide.judgement import Judgement
+from pneumo_casadi.diagnosis.decide.judgement import Judgement, probability_of
 from pneumo_casadi.diagnosis.metrics.findings import (
     Candidate,
     EffectFound,
@@ -56,7 +56,7 @@ def effects_found(
     return tuple(
         EffectFound(
             cause_of(name, catalogue),
-            min(1.0, sum(p for names, p in judgement.probability.items() if name in names)),
+            min(1.0, probability_of(judgement.probability, {name})),
             _short(own, name),
             selection.contributions.get(name, 0.0),
             name,

@@ -45,14 +45,14 @@ class Simulated:
 
     Parameters
     ----------
+    windows : (windows, ny) array, or str
+        Squared errors of every window, in per cent of the signals squared; or why there are none.
     runs : tuple
         Samples and trajectory of every record's windows.
-    failure : str
-        Why there are none; empty where there are.
     """
 
-    runs: tuple[tuple[Rows, Trajectory], ...]
-    failure: str = ""
+    windows: FloatArray | str
+    runs: tuple[tuple[Rows, Trajectory], ...] = ()
 
 
 @dataclass(eq=False)
@@ -87,26 +87,19 @@ class Simulations:
         self._kept.append((fitted, simulated))
 
     def windows(self, fitted: FittedModel, effects: Sequence[Effect]) -> FloatArray | str:
-        """Return squared errors of every window, or why it cannot be simulated.
-
-        Shape (windows, ny), in per cent of the signals squared.
-        """
-        simulated = self.of(fitted, effects)
-        if simulated.failure:
-            return simulated.failure
-        outputs, squares = self.study.axis.outputs, []
-        for record, (rows, run) in zip(self.study.held_out, simulated.runs, strict=True):
-            L = round(WINDOW / record.dt)
-            e = np.stack([record[name][rows] - run[name] for name in outputs])
-            squares.append(np.mean(e.reshape(len(e), -1, L) ** 2, axis=2).T)
-        return np.asarray(np.concatenate(squares) / _signal_stds(self.study) ** 2 * 1e4)
+        """Return squared errors of every window, or why it cannot be simulated."""
+        return self.of(fitted, effects).windows
 
     def trajectories(
         self, fitted: FittedModel, effects: Sequence[Effect]
     ) -> list[tuple[Recording, Rows, Trajectory]]:
         """Return records, samples and simulations of their windows; none where they fail."""
-        runs = self.of(fitted, effects).runs
-        return [(record, *run) for record, run in zip(self.study.held_out, runs, strict=False)]
+        simulated = self.of(fitted, effects)
+        if isinstance(simulated.windows, str):
+            return []
+        return [
+            (record, *run) for record, run in zip(self.study.held_out, simulated.runs, strict=True)
+        ]
 
     def loop(self, fitted: FittedModel, effects: Sequence[Effect]) -> dict[str, float] | str:
         """Return the gap of every output under the controller, or why there is none."""
@@ -131,8 +124,14 @@ def simulate_fit(study: Study, fitted: FittedModel, effects: Sequence[Effect]) -
     try:
         runs = window_runs(_simulated_axis(study, fitted, effects), study.held_out, WINDOW)
     except (FitError, ModelError) as error:
-        return Simulated((), str(error))
-    return Simulated(tuple((rows, run) for _, rows, run in runs))
+        return Simulated(str(error))
+    squares = []
+    for record, rows, run in runs:
+        L = round(WINDOW / record.dt)
+        e = np.stack([record[name][rows] - run[name] for name in study.axis.outputs])
+        squares.append(np.mean(e.reshape(len(e), -1, L) ** 2, axis=2).T)
+    windows = np.asarray(np.concatenate(squares) / _signal_stds(study) ** 2 * 1e4)
+    return Simulated(windows, tuple((rows, run) for _, rows, run in runs))
 
 
 def _simulated_axis(study: Study, fitted: FittedModel, effects: Sequence[Effect]) -> Axis:

@@ -24,8 +24,7 @@ def contributions(ledger: FitLedger, nominal: FittedModel, final: Names) -> dict
     starts: dict[Names, Start] = {key: (values, (), None) for key in without.values() if key}
     ledger.fit_all(starts)
     fits = {key: _fit_of(ledger, key) for key in (final, *starts)}
-    models = {(): nominal} | {key: fitted for key, fitted in fits.items() if fitted is not None}
-    ledger.simulate(models)
+    ledger.simulate({key: fitted for key, fitted in fits.items() if fitted is not None})
     left = {
         key: 1.0
         if fitted is None

@@ -75,7 +75,9 @@ def _of_chambers(case: Case, result: OutputErrorResult) -> Iterator[ResultWarnin
 
 def _of_estimated_areas(case: Case, result: OutputErrorResult) -> Iterator[ResultWarning]:
     """Yield where the areas that a measured force gives are not those of the bench."""
-    for name in {"S_P", "S_N"} & set(result.parameters.free_names):
+    for name in ("S_P", "S_N"):
+        if name not in result.parameters.free_names:
+            continue
         geometric = getattr(case.bench, name)
         area = result.parameters[name].value
         yield from limited(

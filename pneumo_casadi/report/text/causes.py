@@ -41,12 +41,8 @@ def cause_sentences(diagnosis: Diagnosis, catalogue: Catalogue = EFFECTS) -> tup
 
 
 def _undecided(effect: EffectFound) -> str:
-    shares = {effect.name: effect.probability} | dict(effect.rivals)
-    names = [f"{plain(name)} ({chance(share)})" for name, share in shares.items()]
-    return (
-        f"Also there: {joined(names, 'or')}; the data cannot tell which. Without it "
-        f"{whole(effect.contribution)} of the gap come back."
-    )
+    names = _with_chances({effect.name: effect.probability, **effect.rivals})
+    return f"Also there: {joined(names, 'or')}; the data cannot tell which.{_share(effect)}"
 
 
 def _cause(effect: EffectFound, catalogue: Catalogue) -> str:
@@ -80,8 +76,12 @@ def _rivals(effect: EffectFound) -> str:
     """Return which other causes do nearly as well."""
     if not effect.rivals:
         return ""
-    others = [f"{plain(name)} ({chance(share)})" for name, share in effect.rivals.items()]
-    return f" The data hardly tell it from {joined(others)}, which fits nearly as well."
+    others = joined(_with_chances(effect.rivals))
+    return f" The data hardly tell it from {others}, which fits nearly as well."
+
+
+def _with_chances(probabilities: Mapping[str, float]) -> list[str]:
+    return [f"{plain(name)} ({chance(share)})" for name, share in probabilities.items()]
 
 
 def _forms(effect: EffectFound) -> str:

@@ -5,7 +5,7 @@ and their sensitivities S = ∂x/∂(x_0, θ) run along, and block after block t
 outputs leave only their sums JᵀJ and Jᵀe: a long record needs few nodes and little memory.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -13,7 +13,7 @@ import casadi as ca
 import numpy as np
 
 from pneumo_casadi.model.compilation import compile_functions
-from pneumo_casadi.model.integration import inputs_between, runge_kutta
+from pneumo_casadi.model.integration import inputs_between, runge_kutta_sample
 from pneumo_casadi.model.junctions import Expression
 from pneumo_casadi.model.sampled_axis import SampledAxis
 
@@ -142,39 +142,35 @@ def _sample(model: SampledAxis, free: Sequence[str] | None = None) -> ca.Functio
         law = feedback.call([*state, w, theta])
         u, kept = [part[:nu, :] for part in law], [part[nu:, :] for part in law]
     y = output.call([*own, u[0][:nu], theta])
-    substeps = model.stepping.substeps
-    length = h * w[-1] if model.stepping.timed else h
-    substep = _substep(model, at, m)
-    end = own
-    for step in range(substeps):
-        end = substep.call([*end, *u, theta, length / substeps, step / substeps])
+    integrate = _integration(model, at, m)
+    end = integrate(own, [*u, theta], h * w[-1] if model.stepping.timed else h)
     end = [ca.vertcat(a, b) for a, b in zip(end, kept, strict=True)] if moving else end
     sums = [a + b for a, b in zip(total, y, strict=True)]
     return ca.Function("sample", [*state, *total, w, theta, h], [*end, *sums])
 
 
-def _substep(model: SampledAxis, at: Sequence[int] | None, m: int) -> ca.Function:
-    """Return one Runge-Kutta step, ``(x[, S], w or u[, du], θ, h, begin) -> (x[, S])``.
+def _integration(
+    model: SampledAxis, at: Sequence[int] | None, m: int
+) -> Callable[[Sequence[Expression], Sequence[Expression], Expression], list[Expression]]:
+    """Return what integrates one sample, ``([x[, S]], [w or u[, du], θ], length) -> [x[, S]]``.
 
-    A controller's inputs u hold over the sample; without one they are those in w after the share
-    `begin` of the sample.
+    A controller's inputs u hold over the sample; without one they are those in w.
     """
     axis, moving = model.axis, model.controller is not None
     nx, nu = len(axis.states), len(axis.inputs)
     width = 1 + (at is not None)
     own = [ca.MX.sym("x", nx), ca.MX.sym("S", nx, m)][:width]
-    theta, h, begin = ca.MX.sym("theta", len(axis.parameters)), ca.MX.sym("h"), ca.MX.sym("begin")
+    theta = ca.MX.sym("theta", len(axis.parameters))
     given = [ca.MX.sym("w", model.nw)]
     if moving:
         given = [ca.MX.sym("u", nu), ca.MX.sym("du", nu, m)][:width]
     rates = _with_sensitivities("rates", axis.rhs, axis, at, m, moving)
     between = inputs_between(given[0], nu, model.stepping)
 
-    def f(share: float, z: Sequence[Expression]) -> list[Expression]:
-        u = given if moving else [between(begin + share / model.stepping.substeps)]
-        return list(rates.call([*z, *u, theta]))
+    def f(share: Expression, z: Sequence[Expression]) -> list[Expression]:
+        return list(rates.call([*z, *(given if moving else [between(share)]), theta]))
 
-    return ca.Function("substep", [*own, *given, theta, h, begin], runge_kutta(f, own, h))
+    return runge_kutta_sample(f, own, [*given, theta], model.stepping.substeps)
 
 
 def _with_sensitivities(
