@@ -13,6 +13,7 @@ from pneumo_casadi.data.case import Case
 from pneumo_casadi.data.case_folder import inspect_case
 from pneumo_casadi.data.checks.finding import Finding, Grade, merge_findings
 from pneumo_casadi.data.checks.metered_flow import metered_flows
+from pneumo_casadi.data.readers.recordings import FEWEST_ROWS
 from pneumo_casadi.data.record_contents import (
     RecordContents,
     Statement,
@@ -180,7 +181,8 @@ def check(case: Case | str | Path) -> CaseCheck:
     contents = tuple(
         record_contents(record, case.bench, held_out)
         for record, held_out in records
-        if all(name in record for name in (*case.bench.kind.inputs, *case.bench.kind.outputs))
+        if record.N >= FEWEST_ROWS
+        and all(name in record for name in (*case.bench.kind.inputs, *case.bench.kind.outputs))
     )
     return CaseCheck(
         case,

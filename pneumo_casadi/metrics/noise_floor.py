@@ -88,7 +88,7 @@ def exact_row_gains(data: SmoothedMotion) -> RowGains:
     acceleration = data.derivative(rate)
     return RowGains(
         *(
-            float(np.sqrt(np.sum(data.averaged(part[:, None]) ** 2) * stride))
+            float(np.sqrt(np.sum(data.averaged(part) ** 2) * stride))
             for part in (level, rate, acceleration)
         )
     )

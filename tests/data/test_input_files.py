@@ -96,6 +96,16 @@ def flow_map(folder, change):
     return [finding.name for finding in check_flow_map(metered_flows(folder)["P"])]
 
 
+@pytest.mark.parametrize("rows", [np.r_[0:81, 0:81:3], np.r_[0:40, 41:81]])
+def test_repeated_and_missing_points_change_no_interpolated_flow(tmp_path, rows):
+    flow_map(tmp_path, lambda u, p, q: (u, p, q))
+    whole = metered_flows(tmp_path)["P"]
+    flow_map(tmp_path, lambda u, p, q: [a[rows] for a in (u, p, q)])
+    part = metered_flows(tmp_path)["P"]
+    u, p = np.linspace(-3, 3, 50), np.linspace(1e5, 3e5, 50)
+    np.testing.assert_allclose(part(u, p), whole(u, p), atol=0.03 * np.abs(whole.q_m).max())
+
+
 def test_a_sound_map_has_no_finding(tmp_path):
     assert flow_map(tmp_path, lambda u, p, q: (u, p, q)) == []
 
@@ -111,6 +121,7 @@ def test_a_sound_map_has_no_finding(tmp_path):
             "flow map with two flows of a point",
         ),
         (lambda u, p, q: [a[[0, 8, 72, 80]] for a in (u, p, q)], "flow map too small"),
+        (lambda u, p, q: [a[[0, 40, 77]] for a in (u, p, q)], "flow map too small"),
         (lambda u, p, q: (u, p, 0 * q), "flow map without flow"),
     ],
 )

@@ -18,6 +18,8 @@ from pneumo_casadi.runtime.input_files import is_named
 
 FEWEST = 3
 """Commands and pressures of a map: the least with which its three branches have a slope."""
+KNOTS = 100
+"""Commands and pressures, at most, between which scattered points are interpolated."""
 REPEATED = 0.05
 """Difference of two flows at one point, over the size of the flow: hysteresis stays below it."""
 CONTRADICTED = 0.3
@@ -111,12 +113,12 @@ def check_flow_map(flow: MeteredFlow) -> Iterator[Finding]:
             f"{name}: states {flow.q_m[0]:g} kg/s at all points; is it the right column?",
         )
         return
-    if commands < FEWEST or pressures < FEWEST:
+    if commands < FEWEST or pressures < FEWEST or u.size < FEWEST**2:
         yield _finding(
             Grade.SEVERE,
             "flow map too small",
-            f"{name}: {commands} commands and {pressures} pressures; meter at least filling, "
-            "closed and emptying at three pressures.",
+            f"{name}: {u.size} points, {commands} commands and {pressures} pressures; meter at "
+            "least filling, closed and emptying at three pressures each.",
         )
         return
     size = float(np.quantile(np.abs(flow.q_m), 0.9)) or float(np.abs(flow.q_m).max())
@@ -173,8 +175,23 @@ def _finding(grade: Grade, name: str, text: str) -> Finding:
 
 
 def _interpolation(u: FloatArray, p: FloatArray, q_m: FloatArray) -> Any:
-    distinct_u, distinct_p = np.unique(u), np.unique(p)
-    if distinct_u.size * distinct_p.size == u.size:
-        grid = q_m[np.lexsort((p, u))].reshape(distinct_u.size, distinct_p.size)
+    points, which, times = np.unique(
+        np.column_stack([u, p]), axis=0, return_inverse=True, return_counts=True
+    )
+    q_m = np.bincount(which, weights=q_m) / times  # the mean of a point's flows
+    distinct_u, distinct_p = (np.unique(values) for values in points.T)
+    if distinct_u.size * distinct_p.size == len(points):  # in the order of the commands
+        grid = q_m.reshape(distinct_u.size, distinct_p.size)
         return RegularGridInterpolator((distinct_u, distinct_p), grid)
-    return LinearNDInterpolator((u, p), q_m, fill_value=0.0, rescale=True)
+    scattered = LinearNDInterpolator(points, q_m, fill_value=0.0, rescale=True)
+    # To find the triangle of every sample of a record takes seconds; they are looked up once, at
+    # the knots of a grid.
+    knots = tuple(_knots(distinct) for distinct in (distinct_u, distinct_p))
+    return RegularGridInterpolator(knots, scattered(*np.meshgrid(*knots, indexing="ij")))
+
+
+def _knots(distinct: FloatArray) -> FloatArray:
+    """Return the distinct values, or some spread over them where there are many."""
+    if distinct.size <= KNOTS:
+        return distinct
+    return np.asarray(np.unique(np.quantile(distinct, np.linspace(0.0, 1.0, KNOTS))))

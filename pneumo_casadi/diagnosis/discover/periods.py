@@ -91,7 +91,7 @@ def _row_means(rows: Rows, site: Site) -> tuple[FloatArray, FloatArray, FloatArr
     for signals, motion, used in zip(rows.signals, rows.motions, rows.used, strict=True):
         for equation, mask in zip(rows.equations, used, strict=True):
             values = signals.driver(site.driver, equation)
-            mean = np.zeros(motion.m) if values is None else motion.averaged(values[:, None])[:, 0]
+            mean = np.zeros(motion.m) if values is None else motion.averaged(values)
             parts.append((mean[mask], np.gradient(mean)[mask]))
     factor = rows.columns(site, lambda d: np.ones((d.size, 1)))[:, 0]
     return (

@@ -33,7 +33,7 @@ def band_regimes(
     residual, signal = [], []
     used = (*fit.used_train, *fit.used_held_out)
     for data, r, counts in zip(study.all_smoothed, (*fit.train, *fit.held_out), used, strict=True):
-        drive = data.averaged(_signal(study.axis, data, balance)[:, None])[:, 0]
+        drive = data.averaged(_signal(study.axis, data, balance))
         for first in range(0, data.m - length + 1, length):
             part = slice(first, first + length)
             mask = counts[i, part]
@@ -66,7 +66,7 @@ def _noise_spectrum(study: Study, fit: FittedModel, i: int, length: int) -> Floa
     white = data.smooth(np.random.default_rng(0).standard_normal(data.N))
     for _ in range(order):
         white = data.derivative(white)
-    rows = data.averaged(white[:, None])[:, 0]
+    rows = data.averaged(white)
     every = [rows[k : k + length] for k in range(0, data.m - length + 1, length)]
     shape = np.mean([_spectrum(part, np.ones(length, dtype=bool)) for part in every], axis=0)
     variance = noise_variance(study.axis, fit.values, data)[i]

@@ -55,7 +55,7 @@ def _averaged(axis: Axis, data: SmoothedMotion) -> dict[str, FloatArray]:
     columns = [*data.x, *data.u, data.t, _after_reversal(v, data)]
     columns += [data.dx[i] for i, _ in enumerate(axis.outputs[:-1])]
     rates = tuple(f"d{name}" for name in axis.outputs[:-1])
-    averages = data.averaged(np.array(columns).T).T
+    averages = data.averaged(np.array(columns))
     return dict(zip((*names, "t", "reversal", *rates), averages, strict=True))
 
 

@@ -74,7 +74,7 @@ def _signal(axis: Axis, data: SmoothedMotion) -> FloatArray:
         / (axis.parameters["M"].value if balance.over_inertia else 1.0)
         for balance in axis.kind.balances
     ]
-    return np.asarray(np.std(data.averaged(np.column_stack(rows)), axis=0))
+    return np.asarray(np.std(data.averaged(np.stack(rows)), axis=1))
 
 
 def squares(fitted: FittedModel, held_out: bool = True) -> tuple[FloatArray, FloatArray]:

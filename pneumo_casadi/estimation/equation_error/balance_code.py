@@ -4,17 +4,21 @@ Values and bounds of parameters, geometry, pressures and gas enter as numbers at
 machine code therefore serves every case, and a process writes it once for all fits of a model.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any
 
 import casadi as ca
 
+from pneumo_casadi.model.along_record import (
+    ArrayFunction,
+    SampleFunction,
+    compile_sample_functions,
+)
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.balances import Balances, write_balances
 from pneumo_casadi.model.junctions import Expression
-from pneumo_casadi.model.sample_function import SampleFunction, compile_sample_functions
 from pneumo_casadi.valve import FlowISO6358, FlowPair
 from pneumo_casadi.valve.flow_pair import valve_of
 
@@ -93,8 +97,8 @@ class BalanceCode:
         return [x, dx, u, z, c, theta], write(states | own), write(states | settled)
 
     @cached_property
-    def functions(self) -> dict[str, SampleFunction]:
-        """Residuals, these with Jacobian; where effects need them, sensors, rest and steps."""
+    def functions(self) -> dict[str, ArrayFunction | SampleFunction]:
+        """Residuals, these with Jacobian; where effects need them, sensors and states at rest."""
         axis = self.axis
         symbols, written, at_rest = self._written
         theta = symbols[-1]
@@ -116,11 +120,13 @@ class BalanceCode:
             functions.append(ca.Function("shown", symbols, [y]))
         if self.n_z:
             rest = ca.vertcat(*(at_rest.rest[name] for name in axis.states[-self.n_z :]))
-            functions += [
-                ca.Function("rest", symbols, [ca.densify(rest)]),
-                self._step(),
-            ]
-        return {f.function.name(): f for f in compile_sample_functions(functions)}
+            functions.append(ca.Function("rest", symbols, [ca.densify(rest)]))
+        return along_record(functions)
+
+    @cached_property
+    def step(self) -> SampleFunction:
+        """One sample of the effects' states, compiled: every sample needs the one before."""
+        return compile_sample_functions([self._step()])[0]
 
     def _step(self) -> ca.Function:
         """One sample of the effects' states by ROS2: (z, x, x⁺, dx, dx⁺, u, h, c, θ) → z⁺."""
@@ -155,6 +161,13 @@ class BalanceCode:
         nominal = (name for name in free if "." not in name)
         own = (name for name in free if "." in name and name not in self.state_parameters)
         return (*nominal, *own)
+
+
+def along_record(functions: Sequence[ca.Function]) -> dict[str, ArrayFunction | SampleFunction]:
+    """Return functions by name, to be evaluated along records; compiled where NumPy cannot."""
+    if all(ArrayFunction.suits(f) for f in functions):
+        return {f.name(): ArrayFunction(f) for f in functions}
+    return {f.function.name(): f for f in compile_sample_functions(functions)}
 
 
 class _Structure:

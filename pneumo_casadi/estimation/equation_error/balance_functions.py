@@ -15,9 +15,9 @@ from pneumo_casadi.estimation.equation_error.balance_code import (
     balance_code,
     constants_of,
 )
+from pneumo_casadi.model.along_record import ArrayFunction, SampleFunction
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.effect import Effect
-from pneumo_casadi.model.sample_function import SampleFunction
 from pneumo_casadi.parameters import FloatArray, Parameters
 
 
@@ -107,15 +107,19 @@ class BalanceFunctions:
         return BalanceFunctions(replace(self.axis, effects=effects, parameters=parameters))
 
     @property
-    def functions(self) -> dict[str, SampleFunction]:
+    def functions(self) -> dict[str, ArrayFunction | SampleFunction]:
         """Functions of one sample of ``(x, dx, u, z, c, θ)``, by name.
 
         ``residual -> (r,)``, the residuals of the balances (ne,); ``residual_and_jacobian -> (r,
         ∂r/∂θ)`` with θ in the order of `analytic`. Where effects act on sensors, ``shown -> (y,)``,
-        what these show (ny,). Where effects have states, ``rest -> (z,)``, and ``step -> (z,)`` of
-        ``(z, x, x_next, dx, dx_next, u, h, c, θ)``.
+        what these show (ny,). Where effects have states, ``rest -> (z,)``.
         """
         return self._code.functions
+
+    @property
+    def step(self) -> SampleFunction:
+        """States of the effects a sample later, ``(z, x, x_next, dx, dx_next, u, h, c, θ)``."""
+        return self._code.step
 
 
 def any_sensor_effect(effects: Sequence[Effect]) -> bool:

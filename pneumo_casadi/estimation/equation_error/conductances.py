@@ -84,5 +84,5 @@ def _chamber_rows(
     volumes = [*own, none, none] if chamber == "P" else [none, none, *own]
     S = bench.S_P if chamber == "P" else bench.S_N
     displaced = sign * S / (bench.r * bench.T) * p * states["v"]
-    columns = motion.averaged(np.column_stack([inlet, -outlet, *volumes, displaced]))
+    columns = motion.averaged(np.stack([inlet, -outlet, *volumes, displaced])).T
     return columns[:, :-1], columns[:, -1]

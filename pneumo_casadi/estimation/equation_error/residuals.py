@@ -44,7 +44,7 @@ def balance_residuals(
 ) -> FloatArray:
     """Return the decimated residuals at some parameters, shape (ne, m)."""
     (r,) = _undecimated(model, data, [theta])
-    return data.averaged(r.T).T
+    return data.averaged(r)
 
 
 def linearise_residuals(
@@ -62,20 +62,14 @@ def linearise_residuals(
     variants, step_sizes = _perturbed(model, theta, (*model.by_difference, *holding), {})
     residuals = _undecimated(model, data, variants, jacobian=True)
     r, J = residuals[0], residuals[-1]
-    ne, N = r.shape
-    columns = [r.T.reshape(N, ne)]
-    columns += [
-        (perturbed - r).T / h for perturbed, h in zip(residuals[1:-1], step_sizes, strict=True)
-    ]
-    low = data.averaged(np.concatenate([*columns, J.reshape(N, -1)], axis=1))
-    m = len(low)
-    moved = (
-        low[:, ne : ne * (1 + len(step_sizes))].reshape(m, len(step_sizes), ne).transpose(2, 0, 1)
-    )
-    exact = low[:, ne * (1 + len(step_sizes)) :].reshape(m, -1, ne).transpose(2, 0, 1)
+    ne, k = len(r), len(step_sizes)
+    moved = [(perturbed - r) / h for perturbed, h in zip(residuals[1:-1], step_sizes, strict=True)]
+    low = data.averaged(np.concatenate([r, J, *moved]))
+    derivatives = low[ne:].reshape(-1, ne, data.m).transpose(1, 2, 0)
+    exact, quotients = np.split(derivatives, [derivatives.shape[2] - k], axis=2)
     own = len(model.by_difference)
-    exact[:, :, [model.analytic.index(name) for name in holding]] = moved[:, :, own:]
-    return LinearisedResiduals(low[:, :ne].T, np.concatenate([exact, moved[:, :, :own]], axis=2))
+    exact[:, :, [model.analytic.index(name) for name in holding]] = quotients[:, :, own:]
+    return LinearisedResiduals(low[:ne], np.concatenate([exact, quotients[:, :, :own]], axis=2))
 
 
 def effect_derivatives(
@@ -91,13 +85,13 @@ def effect_derivatives(
     """
     variants, step_sizes = _perturbed(model, theta, names, sizes or {})
     residuals = _undecimated(model, data, variants)
-    columns = [
-        (perturbed - residuals[0]).T / h
+    moved = [
+        (perturbed - residuals[0]) / h
         for perturbed, h in zip(residuals[1:], step_sizes, strict=True)
     ]
     ne, k = len(residuals[0]), len(names)
-    low = data.averaged(np.concatenate(columns, axis=1)) if k else np.zeros((data.m, 0))
-    return low.reshape(data.m, k, ne).transpose(2, 0, 1)
+    low = data.averaged(np.concatenate(moved)) if k else np.zeros((0, data.m))
+    return low.reshape(k, ne, data.m).transpose(1, 2, 0)
 
 
 def _perturbed(
@@ -127,7 +121,7 @@ def _undecimated(
     variants: Sequence[FloatArray],
     jacobian: bool = False,
 ) -> list[FloatArray]:
-    """Return r (ne, N) for every variant of θ, and last the Jacobian of the first (N, ne n)."""
+    """Return r (ne, N) for every variant of θ, and last the Jacobian of the first (ne n, N)."""
     motions = true_motions(model, data, variants)
     states = simulate_effect_states(model, data, variants, motions)
     residuals: list[FloatArray] = []
@@ -137,7 +131,7 @@ def _undecimated(
         given = (x, dx, data.u, z, c, theta)
         if jacobian and i == 0:
             r, slope = functions["residual_and_jacobian"].evaluate(data.N, *given)
-            jacobians = [slope.T]
+            jacobians = [slope]
         else:
             (r,) = functions["residual"].evaluate(data.N, *given)
         residuals.append(r)
@@ -213,7 +207,7 @@ def _states_along(
         longer[:, :N], longer[:, N] = part, part[:, -1]
         now_and_next += [longer[:, :N], longer[:, 1:]]
     given = (at_rest[:, 0], *now_and_next, data.u, np.array([data.dt]), c, theta)
-    return model.functions["step"].accumulate(N, *given)[:, :N]
+    return model.step.accumulate(N, *given)[:, :N]
 
 
 def _corrected(

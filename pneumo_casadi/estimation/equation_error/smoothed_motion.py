@@ -86,9 +86,11 @@ class SmoothedMotion:
         rows[axis.equations.index("force")] = self.moving
         return rows
 
-    def averaged(self, columns: FloatArray) -> FloatArray:
-        """Average columns (N, n) over the windows, (m, n)."""
-        return np.asarray(self.weak @ columns)
+    def averaged(self, rows: FloatArray) -> FloatArray:
+        """Average a signal (N,), or rows of signals (n, N), over the windows: (m,) or (n, m)."""
+        if rows.ndim == 1:
+            return np.asarray(self.weak @ rows)
+        return np.array([self.weak @ row for row in rows])
 
     def smooth(self, values: FloatArray) -> FloatArray:
         """Pass values (N,) through the filter that the measurements went through."""

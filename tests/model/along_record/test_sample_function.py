@@ -4,8 +4,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from pneumo_casadi.model.along_record import SampleFunction, compile_sample_functions
 from pneumo_casadi.model.compilation import compiler
-from pneumo_casadi.model.sample_function import SampleFunction, compile_sample_functions
 
 
 def functions():

@@ -1,0 +1,277 @@
+"""Functions of one sample, evaluated for all samples at once, operation by operation.
+
+NumPy works through a function's operations on arrays of some thousand samples. That is about as
+fast as machine code, whose loop takes sample after sample, and nothing has to be compiled: a
+diagnosis tries dozens of models, most of them for some ten evaluations.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cache, cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from pneumo_casadi.parameters import FloatArray
+
+#: Samples that are worked on at once: their arrays stay in the processor's cache.
+BLOCK = 4096
+
+Operation = Callable[..., Any]
+
+
+def _if_else_zero(condition: Any, value: Any, out: FloatArray | None = None) -> Any:
+    chosen = np.where(condition != 0, value, 0.0)
+    if out is None:
+        return chosen
+    out[...] = chosen
+    return out
+
+
+def _twice(value: Any, out: FloatArray | None = None) -> Any:
+    return np.multiply(value, 2.0, out=out)
+
+
+#: What CasADi's operations on SX are in NumPy.
+_OPERATIONS: dict[int, Operation] = {
+    ca.OP_ADD: np.add,
+    ca.OP_SUB: np.subtract,
+    ca.OP_MUL: np.multiply,
+    ca.OP_DIV: np.divide,
+    ca.OP_NEG: np.negative,
+    ca.OP_EXP: np.exp,
+    ca.OP_LOG: np.log,
+    ca.OP_POW: np.power,
+    ca.OP_CONSTPOW: np.power,
+    ca.OP_SQRT: np.sqrt,
+    ca.OP_SQ: np.square,
+    ca.OP_TWICE: _twice,
+    ca.OP_SIN: np.sin,
+    ca.OP_COS: np.cos,
+    ca.OP_TAN: np.tan,
+    ca.OP_ASIN: np.arcsin,
+    ca.OP_ACOS: np.arccos,
+    ca.OP_ATAN: np.arctan,
+    ca.OP_ATAN2: np.arctan2,
+    ca.OP_SINH: np.sinh,
+    ca.OP_COSH: np.cosh,
+    ca.OP_TANH: np.tanh,
+    ca.OP_FLOOR: np.floor,
+    ca.OP_CEIL: np.ceil,
+    ca.OP_FABS: np.fabs,
+    ca.OP_SIGN: np.sign,
+    ca.OP_INV: np.reciprocal,
+    ca.OP_FMIN: np.fmin,
+    ca.OP_FMAX: np.fmax,
+    ca.OP_LT: np.less,
+    ca.OP_LE: np.less_equal,
+    ca.OP_EQ: np.equal,
+    ca.OP_NE: np.not_equal,
+    ca.OP_NOT: np.logical_not,
+    ca.OP_AND: np.logical_and,
+    ca.OP_OR: np.logical_or,
+    ca.OP_IF_ELSE_ZERO: _if_else_zero,
+    ca.OP_LOG1P: np.log1p,
+    ca.OP_EXPM1: np.expm1,
+    ca.OP_HYPOT: np.hypot,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class _Line:
+    """One operation: ``values[result] = operation(values[given] ...)``."""
+
+    operation: Operation
+    given: tuple[int, ...]
+    result: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Program:
+    """A function as operations on numbered values, each value given once.
+
+    Parameters
+    ----------
+    inputs : tuple of (int, int, int)
+        Value, input and row.
+    constants : tuple of (int, float)
+        Value and number.
+    lines : tuple of _Line
+        In order.
+    outputs : tuple of (int, int, int)
+        Output, row and value.
+    size : int
+        Number of values.
+    """
+
+    inputs: tuple[tuple[int, int, int], ...]
+    constants: tuple[tuple[int, float], ...]
+    lines: tuple[_Line, ...]
+    outputs: tuple[tuple[int, int, int], ...]
+    size: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Plan:
+    """Which lines are done once, which for every block, and where their results are kept.
+
+    Parameters
+    ----------
+    once, repeated : tuple of _Line
+        Operations on numbers that all samples share, and on arrays.
+    buffer : tuple of int
+        Array that each repeated line writes to; arrays no longer needed are used again.
+    buffers : int
+        Number of arrays.
+    """
+
+    once: tuple[_Line, ...]
+    repeated: tuple[_Line, ...]
+    buffer: tuple[int, ...]
+    buffers: int
+
+
+@dataclass(frozen=True, eq=False)
+class ArrayFunction:
+    """A function of columns, evaluated for all samples of a record.
+
+    Parameters
+    ----------
+    function : casadi.Function
+        Made of SX, with dense inputs and outputs.
+
+    Examples
+    --------
+    >>> x, h = ca.SX.sym("x"), ca.SX.sym("h")
+    >>> decay = ArrayFunction(ca.Function("decay", [x, h], [x - h * x, 2 * h]))
+    >>> decay.evaluate(2, np.array([[1.0, 2.0]]), np.array([0.5]))
+    (array([[0.5, 1. ]]), array([[1., 1.]]))
+    """
+
+    function: ca.Function
+
+    @staticmethod
+    def suits(function: ca.Function) -> bool:
+        """Tell whether a function is made of operations that are known here."""
+        if not function.is_a("SXFunction"):
+            return False
+        known = {*_OPERATIONS, ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST}
+        return all(function.instruction_id(k) in known for k in range(function.n_instructions()))
+
+    def evaluate(self, N: int, *given: FloatArray) -> tuple[FloatArray, ...]:
+        """Evaluate N samples.
+
+        Parameters
+        ----------
+        N : int
+            Number of samples.
+        given : array
+            One array per input: (n, N), or (n,) where all samples have the same.
+
+        Returns
+        -------
+        tuple of (n, N) array
+            One per output, a matrix column after column.
+        """
+        self._check(N, given)
+        f, program = self.function, self._program
+        shared = tuple(a.ndim == 1 for a in given)
+        plan = self._plans(shared)
+        rows = [np.ascontiguousarray(a) for a in given]
+        outputs = tuple(np.zeros((f.numel_out(i), N)) for i in range(f.n_out()))
+        values: list[Any] = [0.0] * program.size
+        for value, number in program.constants:
+            values[value] = number
+        moving = []
+        for value, i, row in program.inputs:
+            if shared[i]:
+                values[value] = float(rows[i][row])
+            else:
+                moving.append((value, rows[i][row]))
+        with np.errstate(all="ignore"):  # as machine code: what is no number shows in the result
+            for line in plan.once:
+                values[line.result] = float(line.operation(*(values[k] for k in line.given)))
+            for first in range(0, N, BLOCK):
+                n = min(BLOCK, N - first)
+                for value, row_values in moving:
+                    values[value] = row_values[first : first + n]
+                self._run(plan, values, n)
+                for i, row, value in program.outputs:
+                    outputs[i][row, first : first + n] = values[value]
+        return outputs
+
+    def _run(self, plan: _Plan, values: list[Any], n: int) -> None:
+        arrays = [np.empty(n) for _ in range(plan.buffers)]
+        for line, buffer in zip(plan.repeated, plan.buffer, strict=True):
+            given = line.given
+            if len(given) == 2:
+                line.operation(values[given[0]], values[given[1]], out=arrays[buffer])
+            else:
+                line.operation(values[given[0]], out=arrays[buffer])
+            values[line.result] = arrays[buffer]
+
+    def _check(self, N: int, given: Sequence[FloatArray]) -> None:
+        f = self.function
+        for i, a in enumerate(given):
+            n = f.numel_in(i)
+            if a.shape[0] != n or (a.ndim == 2 and a.shape[1] < N):
+                raise ValueError(
+                    f"{f.name()}: input {i} has shape {a.shape}, expected {(n, N)} or {(n,)}"
+                )
+
+    @cached_property
+    def _program(self) -> _Program:
+        """The function's operations, every result a value of its own."""
+        f = self.function
+        held: dict[int, int] = {}  # value in each of CasADi's registers, which are used again
+        inputs, constants, lines, outputs = [], [], [], []
+        for k in range(f.n_instructions()):
+            operation, given = f.instruction_id(k), f.instruction_input(k)
+            result = f.instruction_output(k)
+            if operation == ca.OP_OUTPUT:
+                outputs.append((result[0], result[1], held[given[0]]))
+                continue
+            if operation == ca.OP_INPUT:
+                inputs.append((k, given[0], given[1]))
+            elif operation == ca.OP_CONST:
+                constants.append((k, f.instruction_constant(k)))
+            else:
+                known = tuple(held[register] for register in given)
+                lines.append(_Line(_OPERATIONS[operation], known, k))
+            held[result[0]] = k
+        return _Program(
+            tuple(inputs), tuple(constants), tuple(lines), tuple(outputs), f.n_instructions()
+        )
+
+    @cached_property
+    def _plans(self) -> Callable[[tuple[bool, ...]], _Plan]:
+        program = self._program
+        return cache(lambda shared: _plan(program, shared))
+
+
+def _plan(program: _Program, shared: Sequence[bool]) -> _Plan:
+    """Return the plan of a program of which some inputs are shared by all samples."""
+    moving = {value for value, i, _ in program.inputs if not shared[i]}
+    once, repeated = [], []
+    for line in program.lines:
+        if moving.isdisjoint(line.given):
+            once.append(line)
+        else:
+            moving.add(line.result)
+            repeated.append(line)
+    last = {value: k for k, line in enumerate(repeated) for value in line.given}
+    last |= {value: len(repeated) for _, _, value in program.outputs}
+    free: list[int] = []
+    held: dict[int, int] = {}
+    buffer = []
+    count = 0
+    for k, line in enumerate(repeated):
+        if not free:
+            free.append(count)
+            count += 1
+        held[line.result] = free.pop()
+        buffer.append(held[line.result])
+        ending = {*line.given, line.result}
+        free += [held.pop(v) for v in sorted(ending) if v in held and last.get(v, k) <= k]
+    return _Plan(tuple(once), tuple(repeated), tuple(buffer), count)
