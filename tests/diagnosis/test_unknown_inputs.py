@@ -80,7 +80,7 @@ def test_smoothing_agrees_with_the_residuals_along_the_motion(tmp_path):
     capacity = nominal.values["X_s1"] + nominal.values["X_s2"] * data.x[names.index("x")]
     w = np.interp(data.t, inputs.t, inputs.w[0])
     # Where the balance has too much, an input must take it away.
-    expected = data.averaged(-(w / capacity)[:, None])[:, 0]
+    expected = data.averaged(-(w / capacity))
     residual = nominal.held_out[0][0]
     noise = residual_floor(study.axis, nominal.values, data)[0]
     assert np.std(residual) > 1.8 * noise
