@@ -1,11 +1,16 @@
 """An axis whose valve nobody metered: areas give the scale, the records the rest."""
 
+import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 
 import pneumo_casadi as pc
 from pneumo_casadi.data import FlowSource, ValveData, Valves
+from pneumo_casadi.identification.warnings.flow_map import flow_map_warnings
+from pneumo_casadi.model.servosystem import Servosystem
+from pneumo_casadi.valve import iso6358_from_data_sheet
 
 WRONG_SHEET = ValveData(FlowSource.DATA_SHEET, None, 1e-8, 1.9e-8, 0.4, u_full=5.0)
 
@@ -30,6 +35,22 @@ def test_parameters_are_found_without_a_flow_map(valve):
         assert result.wls.std_hac[result.wls.names.index(name)] / frame.wls[name] > 0.007
     assert abs(error["M"]) < 0.005
     assert not any(warning.grade == "severe" for warning in result.warnings)
+
+
+@pytest.mark.parametrize(
+    ("factor", "grade"), [(0.1, "severe"), (0.45, "caution"), (1.4, None), (2.5, "caution")]
+)
+def test_a_data_sheet_that_the_records_contradict_is_named(factor, grade):
+    bench = without_map(WRONG_SHEET).bench
+    axis = Servosystem(bench, iso6358_from_data_sheet(bench, WRONG_SHEET))
+    fitted = axis.with_parameters({"k_supply": factor * axis.parameters["k_supply"].value})
+    found = list(flow_map_warnings((), None, SimpleNamespace(axis=fitted)))
+    assert [warning.grade for warning in found] == [grade] * (grade is not None)
+    if found:
+        told = re.match(
+            r"The records need (\S+) times the flow that C_fill = 1e-08 ", found[0].text
+        )
+        assert float(told[1]) == pytest.approx(factor, rel=0.1)
 
 
 def test_a_case_without_a_map_says_what_to_write():

@@ -1,21 +1,24 @@
 """Warnings about the flow map: its range, its form, and what the trajectories make of it."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from pneumo_casadi.data import Recording
+from pneumo_casadi.data import Bench, FlowSource, Recording
 from pneumo_casadi.estimation.flow_anchor import flow_scale_std
 from pneumo_casadi.estimation.output_error import OutputErrorResult
 from pneumo_casadi.identification.warnings.grading import SIGMAS, ResultWarning, limited
-from pneumo_casadi.valve import AnyFlowMap, FormSelection
+from pneumo_casadi.valve import AnyFlowMap, FlowISO6358, FormSelection, iso6358_from_data_sheet
+from pneumo_casadi.valve.flow_pair import FlowPair, valve_of
 
 
 def flow_map_warnings(
     records: Sequence[Recording], flow_map: AnyFlowMap | None, result: OutputErrorResult
 ) -> Iterator[ResultWarning]:
-    """Yield what records and fit say of the map."""
+    """Yield what records and fit say of the map, or of the data sheet in place of one."""
     if flow_map is None:
+        yield from _data_sheet_warnings(result)
         return
     ranges = (
         ("p_P", flow_map.p_range, "Pa"),
@@ -52,6 +55,44 @@ def flow_map_warnings(
         f"The trajectories have multiplied all flows of the map by {deviation.scale:.4f}, more "
         "than the accuracy of a flow meter.",
     )
+
+
+def _data_sheet_warnings(result: OutputErrorResult) -> Iterator[ResultWarning]:
+    """Yield where the records need another flow at full opening than the data sheet states."""
+    axis, bench = result.axis, result.axis.bench
+    if not isinstance(bench, Bench):
+        return
+    both = isinstance(axis.flow, FlowPair)
+    for chamber, valve in zip("PN" if both else "P", bench.valves, strict=False):
+        if valve.source is not FlowSource.DATA_SHEET or not isinstance(
+            valve_of(axis.flow, chamber)[0], FlowISO6358
+        ):
+            continue
+        stated = iso6358_from_data_sheet(bench, valve)
+        names = axis.flow_parameters[valve_of(axis.flow, chamber)[1]]
+        values = [axis.parameters[name].value for name in names]
+        fitted = replace(
+            stated,
+            parameters=stated.parameters.with_values(
+                dict(zip(stated.parameters.names, values, strict=True))
+            ),
+        )
+        assert valve.u_full and valve.accuracy
+        for conductance, u, p in (
+            ("C_fill", valve.u_full, bench.p_ext),
+            ("C_exhaust", -valve.u_full, bench.p_supply),
+        ):
+            ratio = float(fitted(u, p) / stated(u, p))
+            yield from limited(
+                "data sheet",
+                abs(np.log(max(ratio, 1e-12))) / valve.accuracy,
+                "flow_map",
+                f"{f'Valve of chamber {chamber}: the' if both else 'The'} records need "
+                f"{ratio:.2g} times the flow that "
+                f"{conductance} = {getattr(valve, conductance):.3g} m³/(s Pa) of the data sheet "
+                "gives. Correct it in bench.json (1 dm³/(s bar) is 1e-8 m³/(s Pa)), or state the "
+                "source 'none': a wrong value pulls X_s1 to X_s6.",
+            )
 
 
 def flow_form_warnings(selection: FormSelection | None) -> Iterator[ResultWarning]:

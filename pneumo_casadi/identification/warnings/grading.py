@@ -100,6 +100,14 @@ LIMITS: Mapping[str, Limit] = MappingProxyType(
             caution=0.02,
             severe=0.1,
         ),
+        "data sheet": Limit(
+            "logarithm of the flow that the records need over that of the data sheet, over the "
+            "stated accuracy [1]",
+            "up to twice the accuracy is a poor data sheet; four times 30 % is a factor of three, "
+            "another unit or another valve, and its pull on the estimates is no longer right",
+            caution=2.0,
+            severe=4.0,
+        ),
         "outside map": Limit(
             "share of the samples outside the metered range [1]",
             "single samples do not move an estimate; from a twentieth on extrapolation takes part",
