@@ -1,13 +1,13 @@
 """The metered flow of a valve, interpolated: enough for a check, and no model."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import LinearNDInterpolator, RegularGridInterpolator
-from scipy.spatial import QhullError, cKDTree
+from scipy.interpolate import RegularGridInterpolator
+from scipy.spatial import cKDTree
 from scipy.stats import spearmanr
 
 from pneumo_casadi.data.checks.finding import Finding, Grade
@@ -20,6 +20,9 @@ FEWEST = 3
 """Commands and pressures of a map: the least with which its three branches have a slope."""
 KNOTS = 100
 """Commands and pressures, at most, between which scattered points are interpolated."""
+PLANE, NEAR, FLAT = 8, 1e-3, 1e-6
+"""Points that a plane is laid through, the distance, in shares of the ranges, up to which one is at
+the very place, and the weight that keeps a plane flat where its points lie on a line."""
 REPEATED = 0.05
 """Difference of two flows at one point, over the size of the flow: hysteresis stays below it."""
 CONTRADICTED = 0.3
@@ -94,7 +97,7 @@ def _read(path: Path) -> MeteredFlow | None:
     u, p, q_m = points.T
     try:
         interpolation = _interpolation(u, p, q_m)
-    except (ValueError, QhullError):
+    except ValueError:
         raise CaseError(
             f"{path}: its {u.size} points span no area of commands and pressures; meter several "
             "commands at several pressures"
@@ -183,11 +186,30 @@ def _interpolation(u: FloatArray, p: FloatArray, q_m: FloatArray) -> Any:
     if distinct_u.size * distinct_p.size == len(points):  # in the order of the commands
         grid = q_m.reshape(distinct_u.size, distinct_p.size)
         return RegularGridInterpolator((distinct_u, distinct_p), grid)
-    scattered = LinearNDInterpolator(points, q_m, fill_value=0.0, rescale=True)
-    # To find the triangle of every sample of a record takes seconds; they are looked up once, at
-    # the knots of a grid.
     knots = tuple(_knots(distinct) for distinct in (distinct_u, distinct_p))
-    return RegularGridInterpolator(knots, scattered(*np.meshgrid(*knots, indexing="ij")))
+    return RegularGridInterpolator(knots, _at_knots(points, q_m, knots))
+
+
+def _at_knots(points: FloatArray, q_m: FloatArray, knots: Sequence[FloatArray]) -> FloatArray:
+    """Return flows at the knots of a grid, each by a plane through the points around it.
+
+    Near points weigh most, and no flow is beyond those around. Triangles between the points would
+    do as well where these are spread, but take seconds where they lie almost on lines.
+    """
+    size = np.ptp(points, axis=0)
+    if not size.all() or np.linalg.matrix_rank((points - points.mean(axis=0)) / size, 1e-6) < 2:
+        raise ValueError("the points lie on a line")
+    at = np.stack(np.meshgrid(*knots, indexing="ij"), axis=-1) / size
+    count = min(PLANE, len(points))
+    distance, nearest = cKDTree(points / size).query(at, k=count)
+    away = points[nearest] / size - at[:, :, None]
+    plane = np.concatenate([np.ones((*away.shape[:-1], 1)), away], axis=-1)
+    weights = 1.0 / (np.square(distance) + NEAR**2)
+    H = np.einsum("...k,...ki,...kj->...ij", weights, plane, plane)
+    g = np.einsum("...k,...ki,...k->...i", weights, plane, q_m[nearest])
+    level = np.linalg.solve(H + FLAT * np.diag([0.0, 1.0, 1.0]), g[..., None])[..., 0, 0]
+    around = q_m[nearest]
+    return np.asarray(np.clip(level, around.min(axis=-1), around.max(axis=-1)))
 
 
 def _knots(distinct: FloatArray) -> FloatArray:
