@@ -158,5 +158,5 @@ def _no_column(table: Table, channel: str) -> str:
     return (
         f"{table.path}: no column `{column_name(channel)}`; the file has "
         f"{listed(table.names)}; write in {COLUMNS_FILE} which of them it is, as "
-        f'"{column_name(channel)}": "{table.names[0]}"'
+        f'"{column_name(channel)}": "NAME"'
     )
