@@ -142,7 +142,10 @@ def _by_command(kind: Kind, folder: Path) -> Outcome:
         return Outcome(kind.name, "valid_refused", said[-300:])
     if done.returncode == 2 and (len(lines) != 1 or kind.file not in lines[0]):
         return Outcome(kind.name, "nameless", said[-300:])
-    return Outcome(kind.name, how={0: "accepted", 3: "severe"}.get(done.returncode, "refused"))
+    how = {0: "accepted", 3: "severe"}.get(done.returncode, "refused")
+    if how == "accepted" and kind.due is Due.REFUSE:
+        return Outcome(kind.name, "silent", said[-300:], how=how)
+    return Outcome(kind.name, how=how)
 
 
 def work(connection: Connection, bases: Path, scratch: Path) -> None:

@@ -48,11 +48,13 @@ def check(
     """
     with guarded(debug):
         from pneumo_casadi.data.check import check
+        from pneumo_casadi.identification.identify import read_truth
         from pneumo_casadi.runtime.json_files import without_infinities, write_json
         from pneumo_casadi.runtime.output_folder import check_result_file
 
         check_result_file(json_file, "findings")
         result = check(case)
+        read_truth(case)  # a fit reads it, and would refuse it
         say(result.summary())
         if json_file is not None:
             write_json(without_infinities(result.as_dict()), json_file)

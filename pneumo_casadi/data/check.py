@@ -8,6 +8,7 @@ from typing import Any
 
 import pandas as pd
 
+from pneumo_casadi.data.bench.bench import Bench
 from pneumo_casadi.data.bench.bench_sections import noise_content
 from pneumo_casadi.data.case import Case
 from pneumo_casadi.data.case_folder import inspect_case
@@ -186,10 +187,23 @@ def check(case: Case | str | Path) -> CaseCheck:
     )
     return CaseCheck(
         case,
-        merge_findings((*case.findings, *_noise(case, contents))),
+        merge_findings((*case.findings, *_noise(case, contents), *_flow_map(case))),
         contents,
         statements(contents, case.bench, metered_flows(case.folder)),
     )
+
+
+def _flow_map(case: Case) -> Iterator[Finding]:
+    bench = case.bench
+    if isinstance(bench, Bench) and bench.valves.metered and case.flow_map_path is None:
+        yield Finding(
+            Grade.SEVERE,
+            "no flow map",
+            "flow_map",
+            "there is no flow_map.csv, but bench.json does not say that the valve is not metered. "
+            'Add the map (columns u_V,p_Pa,q_m_kg_per_s), or write "valve": '
+            '{"source": "none"} or C and b of the data sheet.',
+        )
 
 
 def _noise(case: Case, contents: tuple[RecordContents, ...]) -> Iterator[Finding]:

@@ -85,3 +85,12 @@ def test_a_refused_record_is_checked_all_the_same(tmp_path, case, capsys):
 def test_a_missing_case_is_one_line(tmp_path, capsys):
     assert cli.run(["check", str(tmp_path / "nowhere")]) == 2
     assert "no such folder" in capsys.readouterr().err
+
+
+def test_what_a_fit_would_refuse_is_told_by_the_check(case, case_folder, capsys):
+    folder = case_folder()
+    (folder / "truth.json").write_text('{"M": "heavy"}')
+    assert cli.run(["check", str(folder)]) == 2
+    assert "truth.json: `M`" in capsys.readouterr().err
+    missing = pc.check(replace(case, flow_map_path=None))
+    assert not missing.usable and 'write "valve": {"source": "none"}' in missing.headline
