@@ -15,6 +15,7 @@ from tables.estimation import coverage, emps, emps_output_error, loops, starts, 
 from tables.flow import flow_answer, flow_forms, flow_metering
 from tables.headlines import headlines
 from tables.laboratories import laboratories, mistakes
+from tables.robustness import damaged, hostile
 from tables.speed import batch, peers, scaling, solvers
 
 #: Tables by name: the function, and the committed results that it takes.
@@ -27,6 +28,8 @@ TABLES: dict[str, tuple[Callable[..., str], *tuple[str, ...]]] = {
     "flow_metering": (flow_metering, "flow_sensitivity"),
     "laboratories": (laboratories, "laboratories"),
     "mistakes": (mistakes, "laboratories"),
+    "damaged": (damaged, "campaign"),
+    "hostile": (hostile, "hostile"),
     "loops": (loops, "loops"),
     "peers": (peers, "peers"),
     "solvers": (solvers, "peers"),
