@@ -181,7 +181,7 @@ def _interpolation(u: FloatArray, p: FloatArray, q_m: FloatArray) -> Any:
     points, which, times = np.unique(
         np.column_stack([u, p]), axis=0, return_inverse=True, return_counts=True
     )
-    q_m = np.bincount(which, weights=q_m) / times  # the mean of a point's flows
+    q_m = np.bincount(which.ravel(), weights=q_m) / times  # the mean of a point's flows
     distinct_u, distinct_p = (np.unique(values) for values in points.T)
     if distinct_u.size * distinct_p.size == len(points):  # in the order of the commands
         grid = q_m.reshape(distinct_u.size, distinct_p.size)

@@ -1,7 +1,7 @@
-"""The balances of one structure of an axis, written symbolically and compiled.
+"""The balances of one structure of an axis, written symbolically and made into functions.
 
-Values and bounds of parameters, geometry, pressures and gas enter as numbers at run time. One
-machine code therefore serves every case, and a process writes it once for all fits of a model.
+Values and bounds of parameters, geometry, pressures and gas enter as numbers at run time. One set
+of functions therefore serves all fits of a model, and one machine code of its states every case.
 """
 
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,7 @@
-"""The balances as functions along a given motion, compiled once for all axes of a kind.
+"""The balances as functions along a given motion, made once for all axes of a kind.
 
-Geometry, pressures and gas enter as numbers at run time, so that the machine code of an effect
-serves every case.
+Geometry, pressures and gas enter as numbers at run time, so that the functions of an effect
+serve every case.
 """
 
 from collections.abc import Sequence
