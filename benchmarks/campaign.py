@@ -32,6 +32,7 @@ from typing import Any
 import provenance
 from damage.base import all_kinds, make_bases
 from damage.kind import Due, Kind, Subject
+from tables.robustness import FAULTS
 
 #: Seconds of processor time, and of the clock, after which reading counts as hanging: other work
 #: on the machine must not make a hang.
@@ -90,8 +91,8 @@ def _read(subject: Subject, folder: Path, bases: Path) -> list[str]:
     """Read a folder as the commands do before their work; return the grades of what they say."""
     import pneumo_casadi as pc
     from pneumo_casadi.data.bench.bench import Bench
+    from pneumo_casadi.data.truth import read_truth
     from pneumo_casadi.identification.flow_form import read_flow_maps
-    from pneumo_casadi.identification.identify import read_truth
     from pneumo_casadi.identification.read_result import read_axis
 
     if subject is Subject.RESULT:
@@ -247,9 +248,6 @@ def outcomes(
     finally:
         for worker in pool:
             worker.stop()
-
-
-FAULTS = ("tracebacks", "hangs", "crashes", "silent", "valid_refused", "nameless")
 
 
 def campaign(

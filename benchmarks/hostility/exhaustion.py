@@ -12,6 +12,7 @@ from pathlib import Path
 
 from hostility.attack import Attack
 from hostility.execution import READ_CASE, READ_FUNCTIONS, READ_MODEL
+from pneumo_casadi.runtime.output_folder import MANIFEST
 
 HEADER = "t_s,u_P_V,u_N_V,p_P_Pa,p_N_Pa,x_m,x_ref_m\n"
 
@@ -136,7 +137,7 @@ def through_link(folder: Path, canary: Path) -> None:
 
 
 #: What an export to JSON leaves in its folder: the axis, and the list of what belongs to it.
-EXPORTED = {"axis.json", ".pneumo_casadi.json"}
+EXPORTED = {"axis.json", MANIFEST}
 
 
 def elsewhere(folder: Path, canary: Path) -> None:

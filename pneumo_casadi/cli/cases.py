@@ -48,7 +48,7 @@ def check(
     """
     with guarded(debug):
         from pneumo_casadi.data.check import check
-        from pneumo_casadi.identification.identify import read_truth
+        from pneumo_casadi.data.truth import read_truth
         from pneumo_casadi.runtime.json_files import without_infinities, write_json
         from pneumo_casadi.runtime.output_folder import check_result_file
 

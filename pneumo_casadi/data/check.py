@@ -13,7 +13,7 @@ from pneumo_casadi.data.bench.bench_sections import noise_content
 from pneumo_casadi.data.case import Case
 from pneumo_casadi.data.case_folder import inspect_case
 from pneumo_casadi.data.checks.finding import Finding, Grade, merge_findings
-from pneumo_casadi.data.checks.metered_flow import metered_flows
+from pneumo_casadi.data.checks.metered_flow import NO_FLOW_MAP, metered_flows
 from pneumo_casadi.data.readers.recordings import FEWEST_ROWS
 from pneumo_casadi.data.record_contents import (
     RecordContents,
@@ -196,14 +196,7 @@ def check(case: Case | str | Path) -> CaseCheck:
 def _flow_map(case: Case) -> Iterator[Finding]:
     bench = case.bench
     if isinstance(bench, Bench) and bench.valves.metered and case.flow_map_path is None:
-        yield Finding(
-            Grade.SEVERE,
-            "no flow map",
-            "flow_map",
-            "there is no flow_map.csv, but bench.json does not say that the valve is not metered. "
-            'Add the map (columns u_V,p_Pa,q_m_kg_per_s), or write "valve": '
-            '{"source": "none"} or C and b of the data sheet.',
-        )
+        yield Finding(Grade.SEVERE, "no flow map", "flow_map", f"there is {NO_FLOW_MAP}.")
 
 
 def _noise(case: Case, contents: tuple[RecordContents, ...]) -> Iterator[Finding]:

@@ -5,6 +5,7 @@ from dataclasses import replace
 from functools import partial
 
 from pneumo_casadi.data import Bench, Case, FlowSource, Recording
+from pneumo_casadi.data.checks.metered_flow import NO_FLOW_MAP
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.estimation.equation_error.conductances import estimate_conductances
 from pneumo_casadi.identification.options import IdentifyOptions
@@ -106,11 +107,7 @@ def _unmetered(bench: Bench, records: Sequence[Recording]) -> AnyFlowModel:
 def read_flow_maps(case: Case, bench: Bench) -> tuple[FlowMap, FlowMap | None]:
     """Read the metered points of the valves: of both, or of P and of N where they differ."""
     if case.flow_map_path is None:
-        raise CaseError(
-            f"{case.folder}: no flow_map.csv, but bench.json does not say that the valve is not "
-            'metered; add the map (columns u_V,p_Pa,q_m_kg_per_s), or write "valve": '
-            '{"source": "none"} or the data sheet\'s C and b'
-        )
+        raise CaseError(f"{case.folder}: {NO_FLOW_MAP}")
     P, N = (
         None if path is None else read_flow_map(path, p_supply=bench.p_supply, p_ext=bench.p_ext)
         for path in (case.flow_map_path, case.flow_map_N_path)

@@ -5,7 +5,7 @@ import time
 from pathlib import Path
 
 from pneumo_casadi.data import Case, Recording, read_case
-from pneumo_casadi.errors import CaseError
+from pneumo_casadi.data.truth import read_truth
 from pneumo_casadi.estimation.output_error import (
     fit_each_record,
     fit_output_error,
@@ -22,8 +22,6 @@ from pneumo_casadi.identification.starting_axis import (
     with_flow_from_records,
 )
 from pneumo_casadi.identification.warnings import result_warnings
-from pneumo_casadi.runtime.input_files import is_named
-from pneumo_casadi.runtime.json_input import read_json, typed
 from pneumo_casadi.runtime.progress import Progress, no_progress, progress_range
 from pneumo_casadi.runtime.threads import one_thread
 from pneumo_casadi.validation import validate
@@ -138,24 +136,6 @@ def identify(
     )
     report("done", _SHARES["done"])
     return identification
-
-
-def read_truth(folder: Path) -> dict[str, float] | None:
-    """Read the true parameters of a case where they are known (``truth.json``).
-
-    Raises
-    ------
-    CaseError
-        If the file is no JSON object of numbers.
-    """
-    path = folder / "truth.json"
-    if not is_named(path):
-        return None
-    content = read_json(path, 'write one as {"M": 16.9}')
-    try:
-        return typed(content, dict[str, float])
-    except CaseError as error:
-        raise CaseError(f"{path}: {error}") from None
 
 
 def _cut(records: tuple[Recording, ...], options: IdentifyOptions) -> tuple[Recording, ...]:

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from pneumo_casadi.data import read_case
+from pneumo_casadi.data.truth import read_truth
 from pneumo_casadi.errors import CaseError, FitError
 from pneumo_casadi.estimation.output_error import OutputErrorOptions
-from pneumo_casadi.identification.identify import identify, read_truth
+from pneumo_casadi.identification.identify import identify
 from pneumo_casadi.identification.options import FORCE_WINDOW, IdentifyOptions
 from pneumo_casadi.identification.read_result import read_axis
 from pneumo_casadi.identification.result_file import result_dict

@@ -16,6 +16,11 @@ from pneumo_casadi.errors import CaseError
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.runtime.input_files import is_named
 
+NO_FLOW_MAP = (
+    "no flow_map.csv, but bench.json does not say that the valve is not metered; add the map "
+    '(columns u_V,p_Pa,q_m_kg_per_s), or write "valve": {"source": "none"} or the data '
+    "sheet's C and b"
+)
 FEWEST = 3
 """Commands and pressures of a map: the least with which its three branches have a slope."""
 KNOTS = 100

@@ -13,6 +13,7 @@ import casadi as ca
 
 from pneumo_casadi.model.along_record import (
     ArrayFunction,
+    RecordFunction,
     SampleFunction,
     compile_sample_functions,
 )
@@ -97,7 +98,7 @@ class BalanceCode:
         return [x, dx, u, z, c, theta], write(states | own), write(states | settled)
 
     @cached_property
-    def functions(self) -> dict[str, ArrayFunction | SampleFunction]:
+    def functions(self) -> dict[str, RecordFunction]:
         """Residuals, these with Jacobian; where effects need them, sensors and states at rest."""
         axis = self.axis
         symbols, written, at_rest = self._written
@@ -163,7 +164,7 @@ class BalanceCode:
         return (*nominal, *own)
 
 
-def along_record(functions: Sequence[ca.Function]) -> dict[str, ArrayFunction | SampleFunction]:
+def along_record(functions: Sequence[ca.Function]) -> dict[str, RecordFunction]:
     """Return functions by name, to be evaluated along records; compiled where NumPy cannot."""
     if all(ArrayFunction.suits(f) for f in functions):
         return {f.name(): ArrayFunction(f) for f in functions}

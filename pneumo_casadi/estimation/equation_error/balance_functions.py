@@ -15,7 +15,7 @@ from pneumo_casadi.estimation.equation_error.balance_code import (
     balance_code,
     constants_of,
 )
-from pneumo_casadi.model.along_record import ArrayFunction, SampleFunction
+from pneumo_casadi.model.along_record import RecordFunction, SampleFunction
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.parameters import FloatArray, Parameters
@@ -107,7 +107,7 @@ class BalanceFunctions:
         return BalanceFunctions(replace(self.axis, effects=effects, parameters=parameters))
 
     @property
-    def functions(self) -> dict[str, ArrayFunction | SampleFunction]:
+    def functions(self) -> dict[str, RecordFunction]:
         """Functions of one sample of ``(x, dx, u, z, c, θ)``, by name.
 
         ``residual -> (r,)``, the residuals of the balances (ne,); ``residual_and_jacobian -> (r,

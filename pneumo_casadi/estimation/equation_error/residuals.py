@@ -64,7 +64,7 @@ def linearise_residuals(
     r, J = residuals[0], residuals[-1]
     ne, k = len(r), len(step_sizes)
     moved = [(perturbed - r) / h for perturbed, h in zip(residuals[1:-1], step_sizes, strict=True)]
-    low = data.averaged(np.concatenate([r, J, *moved]))
+    low = np.concatenate([data.averaged(part) for part in (r, J, *moved)])
     derivatives = low[ne:].reshape(-1, ne, data.m).transpose(1, 2, 0)
     exact, quotients = np.split(derivatives, [derivatives.shape[2] - k], axis=2)
     own = len(model.by_difference)
@@ -90,8 +90,8 @@ def effect_derivatives(
         for perturbed, h in zip(residuals[1:], step_sizes, strict=True)
     ]
     ne, k = len(residuals[0]), len(names)
-    low = data.averaged(np.concatenate(moved)) if k else np.zeros((0, data.m))
-    return low.reshape(k, ne, data.m).transpose(1, 2, 0)
+    low = np.array([data.averaged(part) for part in moved]).reshape(k, ne, data.m)
+    return low.transpose(1, 2, 0)
 
 
 def _perturbed(

@@ -1,7 +1,6 @@
 """Warnings about the flow map: its range, its form, and what the trajectories make of it."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -9,7 +8,12 @@ from pneumo_casadi.data import Bench, FlowSource, Recording
 from pneumo_casadi.estimation.flow_anchor import flow_scale_std
 from pneumo_casadi.estimation.output_error import OutputErrorResult
 from pneumo_casadi.identification.warnings.grading import SIGMAS, ResultWarning, limited
-from pneumo_casadi.valve import AnyFlowMap, FlowISO6358, FormSelection, iso6358_from_data_sheet
+from pneumo_casadi.valve import (
+    AnyFlowMap,
+    FormSelection,
+    iso6358_from_data_sheet,
+    sonic_conductances,
+)
 from pneumo_casadi.valve.flow_pair import FlowPair, valve_of
 
 
@@ -64,25 +68,18 @@ def _data_sheet_warnings(result: OutputErrorResult) -> Iterator[ResultWarning]:
         return
     both = isinstance(axis.flow, FlowPair)
     for chamber, valve in zip("PN" if both else "P", bench.valves, strict=False):
-        if valve.source is not FlowSource.DATA_SHEET or not isinstance(
-            valve_of(axis.flow, chamber)[0], FlowISO6358
-        ):
+        if valve.source is not FlowSource.DATA_SHEET:
             continue
-        stated = iso6358_from_data_sheet(bench, valve)
-        names = axis.flow_parameters[valve_of(axis.flow, chamber)[1]]
-        values = [axis.parameters[name].value for name in names]
-        fitted = replace(
-            stated,
-            parameters=stated.parameters.with_values(
-                dict(zip(stated.parameters.names, values, strict=True))
-            ),
-        )
         assert valve.u_full and valve.accuracy
-        for conductance, u, p in (
-            ("C_fill", valve.u_full, bench.p_ext),
-            ("C_exhaust", -valve.u_full, bench.p_supply),
+        model, rows = valve_of(axis.flow, chamber)
+        theta = axis.parameters.select(axis.flow_parameters[rows]).values
+        at = (-valve.u_full, valve.u_full), (bench.p_ext, bench.p_supply), bench.T
+        stated = sonic_conductances(iso6358_from_data_sheet(bench, valve), *at)
+        fitted = sonic_conductances(model, *at, theta)
+        for conductance, ratio in (
+            ("C_fill", fitted.fill / stated.fill),
+            ("C_exhaust", fitted.exhaust / stated.exhaust),
         ):
-            ratio = float(fitted(u, p) / stated(u, p))
             yield from limited(
                 "data sheet",
                 abs(np.log(max(ratio, 1e-12))) / valve.accuracy,

@@ -13,6 +13,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from pneumo_casadi.model.along_record.record_function import RecordFunction
 from pneumo_casadi.parameters import FloatArray
 
 #: Samples that are worked on at once: their arrays stay in the processor's cache.
@@ -122,18 +123,20 @@ class _Plan:
         Operations on numbers that all samples share, and on arrays.
     buffer : tuple of int
         Array that each repeated line writes to; arrays no longer needed are used again.
-    buffers : int
-        Number of arrays.
     """
 
     once: tuple[_Line, ...]
     repeated: tuple[_Line, ...]
     buffer: tuple[int, ...]
-    buffers: int
+
+    @property
+    def buffers(self) -> int:
+        """Number of arrays."""
+        return max(self.buffer, default=-1) + 1
 
 
 @dataclass(frozen=True, eq=False)
-class ArrayFunction:
+class ArrayFunction(RecordFunction):
     """A function of columns, evaluated for all samples of a record.
 
     Parameters
@@ -149,8 +152,6 @@ class ArrayFunction:
     (array([[0.5, 1. ]]), array([[1., 1.]]))
     """
 
-    function: ca.Function
-
     @staticmethod
     def suits(function: ca.Function) -> bool:
         """Tell whether a function is made of operations that are known here."""
@@ -159,22 +160,7 @@ class ArrayFunction:
         known = {*_OPERATIONS, ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST}
         return all(function.instruction_id(k) in known for k in range(function.n_instructions()))
 
-    def evaluate(self, N: int, *given: FloatArray) -> tuple[FloatArray, ...]:
-        """Evaluate N samples.
-
-        Parameters
-        ----------
-        N : int
-            Number of samples.
-        given : array
-            One array per input: (n, N), or (n,) where all samples have the same.
-
-        Returns
-        -------
-        tuple of (n, N) array
-            One per output, a matrix column after column.
-        """
-        self._check(N, given)
+    def _evaluate(self, N: int, given: Sequence[FloatArray]) -> tuple[FloatArray, ...]:
         f, program = self.function, self._program
         shared = tuple(a.ndim == 1 for a in given)
         plan = self._plans(shared)
@@ -189,6 +175,7 @@ class ArrayFunction:
                 values[value] = float(rows[i][row])
             else:
                 moving.append((value, rows[i][row]))
+        buffers = np.empty((plan.buffers, min(N, BLOCK)))
         with np.errstate(all="ignore"):  # as machine code: what is no number shows in the result
             for line in plan.once:
                 values[line.result] = float(line.operation(*(values[k] for k in line.given)))
@@ -196,13 +183,12 @@ class ArrayFunction:
                 n = min(BLOCK, N - first)
                 for value, row_values in moving:
                     values[value] = row_values[first : first + n]
-                self._run(plan, values, n)
+                self._run(plan, values, list(buffers[:, :n]))
                 for i, row, value in program.outputs:
                     outputs[i][row, first : first + n] = values[value]
         return outputs
 
-    def _run(self, plan: _Plan, values: list[Any], n: int) -> None:
-        arrays = [np.empty(n) for _ in range(plan.buffers)]
+    def _run(self, plan: _Plan, values: list[Any], arrays: Sequence[FloatArray]) -> None:
         for line, buffer in zip(plan.repeated, plan.buffer, strict=True):
             given = line.given
             if len(given) == 2:
@@ -210,15 +196,6 @@ class ArrayFunction:
             else:
                 line.operation(values[given[0]], out=arrays[buffer])
             values[line.result] = arrays[buffer]
-
-    def _check(self, N: int, given: Sequence[FloatArray]) -> None:
-        f = self.function
-        for i, a in enumerate(given):
-            n = f.numel_in(i)
-            if a.shape[0] != n or (a.ndim == 2 and a.shape[1] < N):
-                raise ValueError(
-                    f"{f.name()}: input {i} has shape {a.shape}, expected {(n, N)} or {(n,)}"
-                )
 
     @cached_property
     def _program(self) -> _Program:
@@ -264,14 +241,10 @@ def _plan(program: _Program, shared: Sequence[bool]) -> _Plan:
     last |= {value: len(repeated) for _, _, value in program.outputs}
     free: list[int] = []
     held: dict[int, int] = {}
-    buffer = []
-    count = 0
+    buffer: list[int] = []
     for k, line in enumerate(repeated):
-        if not free:
-            free.append(count)
-            count += 1
-        held[line.result] = free.pop()
+        held[line.result] = free.pop() if free else len(held)
         buffer.append(held[line.result])
         ending = {*line.given, line.result}
         free += [held.pop(v) for v in sorted(ending) if v in held and last.get(v, k) <= k]
-    return _Plan(tuple(once), tuple(repeated), tuple(buffer), count)
+    return _Plan(tuple(once), tuple(repeated), tuple(buffer))

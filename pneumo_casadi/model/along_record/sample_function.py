@@ -16,6 +16,7 @@ import casadi as ca
 import numpy as np
 
 from pneumo_casadi.errors import ModelError
+from pneumo_casadi.model.along_record.record_function import RecordFunction
 from pneumo_casadi.model.compilation import (
     build_library,
     call_with_arrays,
@@ -43,7 +44,7 @@ int evaluate_samples(sample_function f, int memory, long long N, long long n_in,
 
 
 @dataclass(frozen=True, eq=False)
-class SampleFunction:
+class SampleFunction(RecordFunction):
     """A function of columns, evaluated for the samples of a record.
 
     Parameters
@@ -54,25 +55,9 @@ class SampleFunction:
         Shared library with its machine code; None to run it interpreted.
     """
 
-    function: ca.Function
     library: Path | None
 
-    def evaluate(self, N: int, *given: FloatArray) -> tuple[FloatArray, ...]:
-        """Evaluate N samples.
-
-        Parameters
-        ----------
-        N : int
-            Number of samples.
-        given : array
-            One array per input: (n, N), or (n,) where all samples have the same.
-
-        Returns
-        -------
-        tuple of (n, N) array
-            One per output, a matrix column after column.
-        """
-        self._check(N, given)
+    def _evaluate(self, N: int, given: Sequence[FloatArray]) -> tuple[FloatArray, ...]:
         sizes = self._sizes_out
         if self.library is None:
             whole = [self._for_all(i, a, N) for i, a in enumerate(given)]
@@ -108,14 +93,6 @@ class SampleFunction:
         self._run(N, (states, *given[1:]), [(states[:, 1:], n)])
         return states
 
-    def _check(self, N: int, given: Sequence[FloatArray]) -> None:
-        for i, (a, n) in enumerate(zip(given, self._sizes_in, strict=True)):
-            if a.shape[0] != n or (a.ndim == 2 and a.shape[1] < N):
-                raise ValueError(
-                    f"{self.function.name()}: input {i} has shape {a.shape}, expected "
-                    f"{(n, N)} or {(n,)}"
-                )
-
     def _run(
         self, N: int, given: Sequence[FloatArray], outputs: Sequence[tuple[FloatArray, int]]
     ) -> None:
@@ -142,10 +119,6 @@ class SampleFunction:
         columns = given[:, :N] if given.ndim == 2 else np.tile(given[:, None], N)
         rows = self.function.size1_in(i)
         return np.asarray(columns).reshape((rows, -1), order="F")
-
-    @cached_property
-    def _sizes_in(self) -> tuple[int, ...]:
-        return tuple(self.function.numel_in(i) for i in range(self.function.n_in()))
 
     @cached_property
     def _sizes_out(self) -> tuple[int, ...]:

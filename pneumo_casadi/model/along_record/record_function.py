@@ -1,0 +1,51 @@
+"""What functions of one sample have in common, however they are evaluated along a record."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+
+from pneumo_casadi.parameters import FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class RecordFunction:
+    """A function of columns, evaluated for the samples of a record.
+
+    Parameters
+    ----------
+    function : casadi.Function
+        With dense inputs and outputs.
+    """
+
+    function: ca.Function
+
+    def evaluate(self, N: int, *given: FloatArray) -> tuple[FloatArray, ...]:
+        """Evaluate N samples.
+
+        Parameters
+        ----------
+        N : int
+            Number of samples.
+        given : array
+            One array per input: (n, N), or (n,) where all samples have the same.
+
+        Returns
+        -------
+        tuple of (n, N) array
+            One per output, a matrix column after column.
+        """
+        self._check(N, given)
+        return self._evaluate(N, given)
+
+    def _evaluate(self, N: int, given: Sequence[FloatArray]) -> tuple[FloatArray, ...]:
+        raise NotImplementedError
+
+    def _check(self, N: int, given: Sequence[FloatArray]) -> None:
+        for i, a in enumerate(given):
+            n = self.function.numel_in(i)
+            if a.shape[0] != n or (a.ndim == 2 and a.shape[1] < N):
+                raise ValueError(
+                    f"{self.function.name()}: input {i} has shape {a.shape}, expected "
+                    f"{(n, N)} or {(n,)}"
+                )
