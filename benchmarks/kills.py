@@ -13,6 +13,7 @@ import contextlib
 import json
 import os
 import random
+import re
 import shutil
 import signal
 import subprocess
@@ -39,7 +40,8 @@ LONGEST = 1800.0
 FRESH = 4
 #: Environment variable that marks the processes of a run.
 MARK = "PNEUMO_CASADI_KILLS"
-#: Entries of results that differ from run to run.
+#: Digests (some with a secret salt) and entries of results that differ from run to run.
+DIGEST = re.compile(r"\b[0-9a-f]{64}\b")
 VOLATILE = ("seconds", "provenance", "folder", "files", "made_of")
 
 
@@ -192,23 +194,26 @@ class Run:
         }
 
     def results(self) -> dict[str, Any]:
-        """Return what the JSON and CSV files of the output hold, but times and paths."""
+        """Return what the JSON and CSV files of the output hold, but times, paths and digests."""
         contents: dict[str, Any] = {}
         for name in sorted(self.files()):
             path = self.out / name
             if path.suffix == ".json" and path.name[0] != ".":
-                contents[name] = _stable(json.loads(path.read_text("utf-8")))
+                text = path.read_text("utf-8").replace(str(self.folder), "RUN")
+                contents[name] = _stable(json.loads(text))
             elif path.suffix == ".csv" and path.name != "cases.csv":  # holds seconds
                 contents[name] = path.read_bytes()
         return contents
 
 
 def _stable(value: Any) -> Any:
-    """Return a result without times and paths, numbers to nine digits."""
+    """Return a result without times and digests of what holds them, numbers to nine digits."""
     if isinstance(value, dict):
         return {key: _stable(item) for key, item in value.items() if key not in VOLATILE}
     if isinstance(value, list):
         return [_stable(item) for item in value]
+    if isinstance(value, str):
+        return DIGEST.sub("digest", value)
     return float(f"{value:.9g}") if isinstance(value, float) else value
 
 
@@ -335,6 +340,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--json", type=Path)
     parser.add_argument("--quick", action="store_true", help="cheap commands, one cache")
     options = parser.parse_args(arguments)
+    for number in (signal.SIGINT, signal.SIGHUP):
+        # A shell that starts this in the background has them ignored, by the commands as well.
+        signal.signal(number, signal.default_int_handler)
     figures = kills(options.kills, options.seed, options.only, options.quick)
     provenance.write(options.json, {**provenance.made(options.seed, options.quick), **figures})
     for name in ("kills", "half", "left_processes", "left_drafts", "different", "interrupt_s_p95"):

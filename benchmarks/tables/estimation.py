@@ -29,7 +29,7 @@ def coverage(result: Mapping[str, Any]) -> str:
     head = ["parameter"]
     for label in ("WLS", "OE"):
         head += [f"{label} bias %", f"{label} spread %", f"{label} coverage %"]
-    head += ["OE error / bound", "OE coverage %, coloured noise"]
+    head += ["OE error / bound", "coloured noise: WLS coverage %", "OE coverage %"]
     body = []
     for name in result["wls"]:
         row = [SYMBOLS.get(name, name)]
@@ -41,10 +41,12 @@ def coverage(result: Mapping[str, Any]) -> str:
                 f"{spread:.3f}",
                 f"{entry['coverage_percent']:.1f}",
             ]
-        coloured = result["coloured"]["output_error_robust"][name]
         row += [
             f"{result['output_error'][name]['rms_error_over_bound']:.2f}",
-            f"{coloured['coverage_percent']:.1f}",
+            *(
+                f"{result['coloured'][key][name]['coverage_percent']:.1f}"
+                for key in ("wls", "output_error_robust")
+            ),
         ]
         body.append(row)
     return rows(head, body)

@@ -116,7 +116,7 @@ def _binary(sources: Mapping[str, str]) -> dict[str, bytes]:
             (scratch / Path(name).name).write_text(text, "utf-8")
         library = f"{NAME}.{suffix}"
         command = [cc, *_FLAGS, f"{NAME}.c", "fmi3.c", "-o", library, "-lm"]
-        done = run_child(command, cwd=scratch)
+        done = run_child(command, cwd=scratch, scratch=scratch)
         if done.returncode:
             logger.warning("%s failed (%s): the FMU holds sources only", cc, last_line(done.stderr))
             return {}

@@ -163,15 +163,8 @@ class Axis(AxisDescription):
         (50.0, [[3.0, 0.2, 1.0, 0.0]])
         """
         chosen = tuple(names) if names is not None else self.regressor_names
-        sym = self.symbol.sym
-        x, dx = (sym(name, len(self.motion_states)) for name in ("x", "dx"))
-        u = sym("u", len(self.inputs))
-        theta = sym("theta", len(chosen))
-        values = (parameters or self.parameters).as_dict() | {"v_s": V_S_SHARP}
-        named: dict[str, Expression] = {**values, **{n: theta[i] for i, n in enumerate(chosen)}}
-        direct = tuple(effect for effect in self.effects if not effect.through_states)
-        written = replace(self, effects=direct).balances(x, dx, u, named, at_rest=True)
-        r = ca.vertcat(*(written.residual[name] for name in self.equations))
+        theta = self.symbol.sym("theta", len(chosen))
+        (x, dx, u), r = self._motion_balances(chosen, theta, parameters or self.parameters)
         W = -ca.jacobian(r, theta)
         nonlinear = [chosen[i] for i in _dependence(W, theta)]
         if nonlinear:
@@ -183,6 +176,38 @@ class Axis(AxisDescription):
         return ca.Function(
             "regressor", [x, dx, u], [Y, ca.densify(W)], ["x", "dx", "u"], ["Y", "W"]
         )
+
+    def flow_slopes(self) -> ca.Function:
+        """Derive how the flow coefficients change the balances at the states of a regressor.
+
+        Returns
+        -------
+        casadi.Function
+            ``(x, dx, u) -> D``, (ne, n_c): derivatives of Y (eq. 7) to the coefficients of the flow
+            map, at the values of all parameters.
+        """
+        names = self.flow_parameters
+        c = self.symbol.sym("c", len(names))
+        signals, r = self._motion_balances(names, c, self.parameters)
+        D = ca.substitute(ca.jacobian(r, c), c, ca.DM([self.parameters[n].value for n in names]))
+        return ca.Function("flow_slopes", [*signals], [ca.densify(D)], ["x", "dx", "u"], ["D"])
+
+    def _motion_balances(
+        self, names: Sequence[str], theta: Expression, parameters: Parameters
+    ) -> tuple[tuple[Expression, Expression, Expression], Expression]:
+        """Return (x, dx, u) and the balances of the nominal states, with `theta` for `names`.
+
+        All other parameters have their values; the effects' own states are at rest.
+        """
+        sym = self.symbol.sym
+        x, dx = (sym(name, len(self.motion_states)) for name in ("x", "dx"))
+        u = sym("u", len(self.inputs))
+        values = parameters.as_dict() | {"v_s": V_S_SHARP}
+        named: dict[str, Expression] = {**values, **{n: theta[i] for i, n in enumerate(names)}}
+        direct = tuple(effect for effect in self.effects if not effect.through_states)
+        written = replace(self, effects=direct).balances(x, dx, u, named, at_rest=True)
+        r = ca.vertcat(*(written.residual[name] for name in self.equations))
+        return (x, dx, u), r
 
     @property
     def regressor_names(self) -> tuple[str, ...]:

@@ -234,7 +234,8 @@ def _link(instructions: str, table: str, target: Path) -> bool:
 
 def _run(arguments: Sequence[str], target: Path, last: bool = True) -> bool:
     """Run the compiler; tell whether it worked, and log why not unless there is another try."""
-    done = run_child([str(compiler()), *arguments, "-fPIC", "-o", str(target)])
+    command = [str(compiler()), *arguments, "-fPIC", "-o", str(target)]
+    done = run_child(command, scratch=target.parent)
     if done.returncode != 0 and last:
         why = last_line(done.stderr)
         logger.warning("%s failed (%s); functions run interpreted", compiler(), why)

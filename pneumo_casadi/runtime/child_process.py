@@ -16,6 +16,8 @@ from pathlib import Path
 
 #: How often the parent is looked for [s]: far below the five seconds in which all is to be gone.
 PERIOD = 0.2
+#: Environment variables that name the folder for temporary files.
+_TEMPORARY = ("TMPDIR", "TMP", "TEMP")
 
 
 def run_child(
@@ -24,6 +26,7 @@ def run_child(
     timeout: float | None = None,
     cwd: str | Path | None = None,
     env: Mapping[str, str] | None = None,
+    scratch: str | Path | None = None,
 ) -> "subprocess.CompletedProcess[bytes]":
     """Run a program to its end; nothing of it outlives an interruption or this process.
 
@@ -35,8 +38,12 @@ def run_child(
         Standard input.
     timeout : float, optional
         Longest time [s].
-    cwd, env : optional
-        Folder and environment; by default those of this process.
+    cwd : str or Path, optional
+        Folder in which it runs; by default that of this process.
+    env : mapping of str to str, optional
+        Environment; by default that of this process.
+    scratch : str or Path, optional
+        Folder for its temporary files, which a compiler that is killed leaves there.
 
     Raises
     ------
@@ -50,6 +57,8 @@ def run_child(
     """
     from pneumo_casadi.runtime.interruption import at_hard_end
 
+    if scratch is not None:
+        env = {**(os.environ if env is None else env), **dict.fromkeys(_TEMPORARY, str(scratch))}
     watched = [sys.executable, "-I", "-S", __file__, str(os.getpid()), *command]
     process = subprocess.Popen(
         watched,

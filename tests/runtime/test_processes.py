@@ -143,3 +143,9 @@ def test_a_program_that_crashes_or_stalls_is_told():
     assert run_child([sys.executable, "-c", "raise SystemExit(7)"]).returncode == 7
     with pytest.raises(subprocess.TimeoutExpired):
         run_child(["sleep", "60"], timeout=0.5)
+
+
+def test_temporary_files_of_a_program_lie_in_the_folder_given(tmp_path):
+    asked = [sys.executable, "-c", "import tempfile; print(tempfile.gettempdir())"]
+    assert Path(run_child(asked, scratch=tmp_path).stdout.decode().strip()) == tmp_path
+    assert Path(run_child(asked).stdout.decode().strip()) != tmp_path

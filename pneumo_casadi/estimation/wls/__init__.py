@@ -7,6 +7,7 @@ from pneumo_casadi.estimation.wls.base_parameters import (
 )
 from pneumo_casadi.estimation.wls.cross_validation import Prediction, cross_validate
 from pneumo_casadi.estimation.wls.derived import DerivedEstimates, linear_combinations, ratios
+from pneumo_casadi.estimation.wls.evaluation import evaluate_regressor
 from pneumo_casadi.estimation.wls.fit import fit_wls
 from pneumo_casadi.estimation.wls.linear import LinearFit, solve_wls
 from pneumo_casadi.estimation.wls.linear_system import LinearSystem, stack_systems
@@ -14,7 +15,6 @@ from pneumo_casadi.estimation.wls.regressor import (
     LinearModel,
     Observation,
     StickPhases,
-    evaluate_regressor,
     observe,
 )
 from pneumo_casadi.estimation.wls.result import Removal, WLSResult

@@ -205,4 +205,4 @@ def _polytropic(fit: LinearFit) -> DerivedEstimates | None:
     known = {
         name: pair for name, pair in POLYTROPIC.items() if all(part in fit.names for part in pair)
     }
-    return ratios(fit, known) if known else None
+    return ratios(fit, known, covariance=fit.covariance_hac) if known else None

@@ -27,7 +27,8 @@ class LinearFit:
     covariance : (n, n) array
         Eq. 16: as if the weighted residuals were white.
     covariance_hac : (n, n) array
-        Newey-West: residuals may be correlated in time and between equations.
+        Newey-West: residuals may be correlated in time and between equations. Contains the errors
+        that all rows share.
     condition_number : float
         Of the weighted W with its columns scaled to unit length.
     residual_std : mapping of str to float
@@ -175,13 +176,15 @@ def _statistics(system: LinearSystem, solution: _Solution, sigma: FloatArray) ->
     free = np.count_nonzero(system.row_weight) - len(system.names)
     scale = float(weighted @ weighted) / free
     used = system.row_weight > 0
-    scores, instant = (W * weighted[:, None])[used], system.instant[used]
+    own, shared = _separate_shared_errors(system, solution, weighted, scale)
+    scores, instant = (W * own[:, None])[used], system.instant[used]
+    correlated = newey_west_sandwich(solution.inverse, scores, instant) + shared
     errors, rows = _by_equation(system, residual)
     return LinearFit(
         names=system.names,
         estimate=read_only(solution.estimate),
         covariance=read_only(scale * solution.inverse),
-        covariance_hac=read_only(newey_west_sandwich(solution.inverse, scores, instant)),
+        covariance_hac=read_only(correlated),
         condition_number=solution.condition,
         residual_std=dict(zip(system.equations, map(float, sigma), strict=True)),
         relative_error_percent=errors,
@@ -189,6 +192,22 @@ def _statistics(system: LinearSystem, solution: _Solution, sigma: FloatArray) ->
         residual=read_only(residual),
         base=solution.base,
     )
+
+
+def _separate_shared_errors(
+    system: LinearSystem, solution: _Solution, weighted: FloatArray, scale: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return the weighted residual without errors that all rows share, and what they add.
+
+    The shared errors e, of standard deviation one, move the estimate by S e; what they leave in
+    the residual is estimated with this prior and taken out, since it would count twice.
+    """
+    W = system.W * solution.weight[:, None]
+    D = system.errors_in_common * solution.weight[:, None]
+    S = solution.inverse @ (W.T @ D)
+    left = D - W @ S
+    precision = left.T @ left + scale * np.eye(D.shape[1])
+    return weighted - left @ np.linalg.solve(precision, left.T @ weighted), S @ S.T
 
 
 def _by_equation(

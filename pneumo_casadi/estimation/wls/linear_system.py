@@ -34,6 +34,9 @@ class LinearSystem:
         instants of one record differ by one, records lie apart.
     weight : (r,) array, optional
         Factor on each row besides that of its equation, from 0 (left out) to 1.
+    shared_error : (r, k) array, optional
+        Changes of Y by k independent errors of standard deviation one that all rows share, as
+        those of a flow map; by default there is none.
 
     Raises
     ------
@@ -48,15 +51,20 @@ class LinearSystem:
     equation: IntArray
     instant: IntArray
     weight: FloatArray | None = None
+    shared_error: FloatArray | None = None
 
     def __post_init__(self) -> None:
         rows, n = self.W.shape
         weight = np.ones(rows) if self.weight is None else np.asarray(self.weight, dtype=float)
         object.__setattr__(self, "weight", weight)
+        shared = np.zeros((rows, 0)) if self.shared_error is None else self.shared_error
+        object.__setattr__(self, "shared_error", shared)
         parts = {"Y": self.Y, "equation": self.equation, "instant": self.instant, "weight": weight}
         for label, values in parts.items():
             if values.shape != (rows,):
                 raise ModelError(f"{label} has shape {values.shape}, W has {rows} rows")
+        if shared.shape[0] != rows:
+            raise ModelError(f"shared_error has shape {shared.shape}, W has {rows} rows")
         if n != len(self.names):
             raise ModelError(f"W has {n} columns for {len(self.names)} names")
         if not (np.all(np.isfinite(self.Y)) and np.all(np.isfinite(self.W))):
@@ -72,6 +80,12 @@ class LinearSystem:
         """Weights of the rows, shape (r,)."""
         assert self.weight is not None
         return self.weight
+
+    @property
+    def errors_in_common(self) -> FloatArray:
+        """Changes of Y by errors that all rows share, shape (r, k)."""
+        assert self.shared_error is not None
+        return self.shared_error
 
     def without(self, name: str) -> "LinearSystem":
         """Return the system without one parameter, which is thereby put to zero."""
@@ -98,4 +112,5 @@ def stack_systems(systems: Sequence[LinearSystem]) -> LinearSystem:
         equation=np.concatenate([s.equation for s in systems]),
         instant=np.concatenate(instants),
         weight=np.concatenate([s.row_weight for s in systems]),
+        shared_error=np.vstack([s.errors_in_common for s in systems]),
     )

@@ -9,12 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneumo_casadi.data import Recording
-from pneumo_casadi.errors import ModelError
+from pneumo_casadi.estimation.wls.evaluation import evaluate_regressor
+from pneumo_casadi.estimation.wls.flow_map_error import flow_map_error
 from pneumo_casadi.estimation.wls.linear_system import LinearSystem
-from pneumo_casadi.model.compilation import call_with_arrays
 from pneumo_casadi.parameters import FloatArray, Parameters
 from pneumo_casadi.signals import (
-    FilteredRecording,
     FilterPlan,
     InputPairing,
     decimated_rows,
@@ -26,8 +25,9 @@ from pneumo_casadi.signals import (
 NOISE_MULTIPLE = 5.0
 #: ... and at least this share of the largest velocity, for sensors that show no noise.
 LEAST_SHARE = 2e-3
-#: Samples at which the regressor is evaluated at a time.
-STRETCH = 20_000
+#: Reach of a row's low-pass to each side, in decimated rows: its edge is at 0.8 times the new
+#: Nyquist frequency, so the main lobe ends after 1.25 rows, and it rings on.
+REACH = 1.5
 
 
 class LinearModel(Protocol):
@@ -85,6 +85,8 @@ class Observation:
         Measured side of each equation.
     W : (ne, m, n) array
         Regressor of each equation.
+    flow_error : (ne, m, k) array
+        Change of Y by each error of the flow map, of standard deviation one (`flow_map_error`).
     moving : (m,) array
         Share of the samples in a row's low-pass at which the axis moved, from 0 to 1.
     names, equations : tuple of str
@@ -102,6 +104,7 @@ class Observation:
     t: FloatArray
     Y: FloatArray
     W: FloatArray
+    flow_error: FloatArray
     moving: FloatArray
     names: tuple[str, ...]
     equations: tuple[str, ...]
@@ -135,6 +138,7 @@ class Observation:
             equation=equation[used],
             instant=instant[used],
             weight=weight.ravel()[used],
+            shared_error=self.flow_error.reshape(ne * m, -1)[used],
         )
 
 
@@ -188,6 +192,7 @@ def observe(
         t=filtered.t[rows],
         Y=low[:, :, 0],
         W=low[:, :, 1:],
+        flow_error=flow_map_error(model, filtered, plan),
         moving=_moving_share(v >= velocity_threshold, plan.factor)[rows],
         names=tuple(names),
         equations=model.equations,
@@ -198,56 +203,12 @@ def observe(
     )
 
 
-def evaluate_regressor(
-    model: LinearModel, filtered: FilteredRecording, names: Sequence[str]
-) -> tuple[FloatArray, FloatArray]:
-    """Evaluate the regressor at every sample, averaged over the inputs around it.
-
-    Returns
-    -------
-    Y : (ne, N) array
-    W : (ne, N, n) array
-
-    Raises
-    ------
-    ModelError
-        If a value is not finite; the message names equation and instant.
-    """
-    regressor = model.regressor(names)
-    x = filtered.stack_states(model.motion_states)
-    dx = filtered.stack_derivatives(model.motion_states)
-    ne, N, n = len(model.equations), filtered.N, len(names)
-    sets = filtered.stack_inputs(model.inputs)
-    Y = np.zeros((ne, N))
-    W = np.zeros((ne, N, n))
-    # In stretches: the memory of a long record is that of its regressor, not a multiple of it.
-    for first in range(0, N, STRETCH):
-        at = slice(first, min(first + STRETCH, N))
-        mapped = regressor.map(at.stop - first)
-        for u in sets:
-            y, w = call_with_arrays(mapped, x[:, at], dx[:, at], u[:, at])
-            Y[:, at] += y / len(sets)
-            # CasADi lays the maps side by side: columns k n to (k + 1) n belong to sample k.
-            W[:, at] += w.reshape(ne, -1, n) / len(sets)
-    for label, values in (("Y", Y[:, :, None]), ("W", W)):
-        wrong = np.argwhere(~np.isfinite(values))
-        if wrong.size:
-            e, k, _ = wrong[0]
-            raise ModelError(
-                f"{filtered.source}: {label} of {model.equations[e]} is not finite at "
-                f"t = {filtered.t[k]:g} s; do the states leave the flow map's range?"
-            )
-    return Y, W
-
-
 def _moving_share(moving: NDArray[np.bool_], factor: int) -> FloatArray:
-    """Return the share of moving samples among those that a row's low-pass draws on.
-
-    The main lobe of the low-pass reaches one decimated row to each side.
-    """
+    """Return the share of moving samples among those that a row's low-pass draws on."""
     if factor == 1:
         return moving.astype(float)
-    window = 2 * factor + 1
-    padded = np.pad(moving.astype(float), factor, mode="edge")
+    reach = round(REACH * factor)
+    window = 2 * reach + 1
+    padded = np.pad(moving.astype(float), reach, mode="edge")
     total = np.concatenate([[0.0], np.cumsum(padded)])
     return np.asarray((total[window:] - total[:-window]) / window)

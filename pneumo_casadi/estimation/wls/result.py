@@ -41,10 +41,10 @@ class Removal:
 class WLSResult(Presentable):
     """Estimates of weighted least squares with their statistics.
 
-    There are two covariances. `covariance` is eq. 16 of the paper and is right if the decimated
-    residuals are white. The parallel low-pass removes fast noise, but not the slow residuals of
-    unmodelled effects; `covariance_hac` allows for their correlation. If the two differ, use
-    `covariance_hac` (on the EMPS benchmark its intervals are two to five times wider).
+    There are two covariances. `covariance` is eq. 16 of the paper, right if the decimated residuals
+    are white and the flow map is exact. `covariance_hac` allows for the correlation that the
+    filters and unmodelled effects leave in the residuals, and contains the noise of the flow map;
+    reports print its intervals.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ class WLSResult(Presentable):
     samples_dropped : mapping of str to (int, int)
         Per record, raw samples dropped at front and back for the edges of the filter.
     derived : DerivedEstimates or None
-        Polytropic coefficients k_P and k_N, where the axis has chambers.
+        Polytropic coefficients k_P and k_N by `covariance_hac`, where the axis has chambers.
     model : LinearModel
         Whose regressor was used.
     pairing : InputPairing or None
@@ -105,7 +105,7 @@ class WLSResult(Presentable):
 
     @property
     def covariance_hac(self) -> FloatArray:
-        """Covariance that allows for correlated residuals, shape (n, n)."""
+        """Covariance for correlated residuals and a noisy flow map, shape (n, n)."""
         return self.fit.covariance_hac
 
     @property
@@ -115,7 +115,7 @@ class WLSResult(Presentable):
 
     @property
     def std_hac(self) -> FloatArray:
-        """Standard deviations that allow for correlated residuals, shape (n,)."""
+        """Standard deviations for correlated residuals and a noisy flow map, shape (n,)."""
         return self.fit.std_hac
 
     @property

@@ -6,7 +6,6 @@ from pneumo_casadi.data import Bench, PressureBench
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.estimation.flow_anchor import flow_scale_std
 from pneumo_casadi.estimation.statistics import EstimateStatus
-from pneumo_casadi.estimation.wls import ratios
 from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.report.tables.paper import TABLE_1
 from pneumo_casadi.report.tables.table import (
@@ -58,8 +57,9 @@ def parameter_table(identification: Identification, paper: bool = False) -> Tabl
         tuple(columns),
         tuple(rows),
         (
-            "2σ includes the correlation of the residuals and, of output error, the biases of the "
-            "smoothed friction and of the form of a flow map, not that of an incomplete model.",
+            "2σ includes the correlation of the residuals, the noise of a metered flow map and, in "
+            "output error, the biases of the smoothed friction and of the form of the map. It does "
+            "not include the bias of an incomplete model.",
             *scale_notes(identification),
             *((PAPER,) if paper else ()),
         ),
@@ -116,9 +116,9 @@ def wls_estimate(identification: Identification, name: str) -> tuple[float, floa
 
 
 def wls_half_width(identification: Identification, name: str) -> float:
-    """Return 2σ of a WLS estimate: the wider of eq. 16 and HAC."""
+    """Return 2σ of a WLS estimate, which allows for correlation and for the flow map's noise."""
     at = identification.wls.names.index(name)
-    return 2 * max(float(identification.wls.std[at]), float(identification.wls.std_hac[at]))
+    return 2 * float(identification.wls.std_hac[at])
 
 
 def output_error_half_width(identification: Identification, name: str) -> float | None:
@@ -174,13 +174,9 @@ def _derived_row(
     item = identification.output_error.derived[name]
     top, bottom = ("X_s3", "X_s2") if name == "k_P" else ("X_s6", "X_s5")
     true = truth[top] / truth[bottom] if {top, bottom} <= truth.keys() else None
-    wls = ""
-    if {top, bottom} <= set(identification.wls.names):
-        pair = {name: (top, bottom)}
-        ideal = ratios(identification.wls, pair)
-        hac = ratios(identification.wls, pair, covariance=identification.wls.covariance_hac)
-        half = 2 * max(float(ideal.std[0]), float(hac.std[0]))
-        wls = interval_text(float(ideal.values[0]), half)
+    derived = identification.wls.derived
+    linear = {} if derived is None else derived.as_dict()
+    wls = interval_text(linear[name]["value"], 2 * linear[name]["std"]) if name in linear else ""
     return (
         name,
         "",

@@ -48,7 +48,7 @@ LONGLEY_STD = [
 ]
 
 
-def system(Y, W, equation=None, names=None, weight=None, instant=None):
+def system(Y, W, equation=None, names=None, weight=None, instant=None, shared_error=None):
     r, n = W.shape
     labels = np.zeros(r, dtype=np.intp) if equation is None else equation
     return LinearSystem(
@@ -59,6 +59,7 @@ def system(Y, W, equation=None, names=None, weight=None, instant=None):
         equation=labels,
         instant=np.arange(r) if instant is None else instant,
         weight=weight,
+        shared_error=shared_error,
     )
 
 
@@ -97,6 +98,23 @@ def test_intervals_cover_the_truth_and_only_robust_ones_where_residuals_are_corr
         inside += [np.mean(gap < 1.96 * fit.std), np.mean(gap < 1.96 * fit.std_hac)]
     assert classical[0] < inside[0] / seeds < classical[1]
     assert robust[0] < inside[1] / seeds < robust[1]
+
+
+def test_intervals_contain_an_error_that_all_rows_share():
+    rng = np.random.default_rng(11)
+    t = np.linspace(0, 1, 200)
+    W = np.column_stack([np.ones(200), t])
+    D = 0.3 * np.column_stack([t**2, np.sin(9 * t)])
+    inside = np.zeros(2)
+    for _ in range(300):
+        Y = W @ [1.0, -2.0] + D @ rng.normal(size=2) + 0.05 * rng.normal(size=200)
+        known, ignored = (solve_wls(system(Y, W, shared_error=part)) for part in (D, None))
+        for k, fit in enumerate((known, ignored)):
+            inside[k] += np.mean(np.abs(fit.estimate - [1.0, -2.0]) < 1.96 * fit.std_hac)
+        np.testing.assert_allclose(known.estimate, ignored.estimate)
+        np.testing.assert_allclose(known.std, ignored.std)
+    assert 0.92 < inside[0] / 300 < 0.98
+    assert inside[1] / 300 < 0.8
 
 
 def two_equations(rng, r=400, sigma=(0.1, 10.0)):
