@@ -3,7 +3,9 @@
 import os
 import pickle
 import re
+import runpy
 import signal
+import sys
 
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):  # before any import of numpy
     os.environ.setdefault(_name, "1")
@@ -16,9 +18,20 @@ from filelock import FileLock  # noqa: E402
 
 import pneumo_casadi as pc  # noqa: E402
 
+#: Holds a `sitecustomize` that forbids connections to other hosts.
+NO_NETWORK = Path(__file__).parent / "tests" / "no_network"
+
 
 def pytest_configure() -> None:
-    """Hear signals as in a terminal: what runs in the background may ignore some of them."""
+    """Allow no network, and hear signals as in a terminal.
+
+    What runs in the background may ignore some signals.
+    """
+    os.environ["PYTHONPATH"] = os.pathsep.join(
+        [str(NO_NETWORK), *filter(None, [os.environ.get("PYTHONPATH")])]
+    )
+    if not hasattr(sys.modules.get("sitecustomize"), "forbid"):  # inherited by this process
+        runpy.run_path(str(NO_NETWORK / "sitecustomize.py"))
     usual = {"SIGINT": signal.default_int_handler, "SIGHUP": signal.SIG_DFL}
     for name, handler in usual.items():
         number = getattr(signal, name, None)  # not all are known everywhere
