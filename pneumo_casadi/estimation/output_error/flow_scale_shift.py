@@ -20,6 +20,7 @@ from scipy.optimize import least_squares
 from pneumo_casadi.data import Recording
 from pneumo_casadi.estimation.flow_anchor import Anchor, static_flow
 from pneumo_casadi.estimation.output_error.shooting.problem import Problem
+from pneumo_casadi.model.along_record import evaluated_without_compiling
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.parameters import FloatArray, Parameters
 from pneumo_casadi.valve import FlowPair
@@ -105,11 +106,10 @@ def _flows(
     flows = []
     for chamber in chambers:
         function, names = _coefficients(axis, chamber)
-        c = ca.DM(parameters.select(names).values)
+        static, c = evaluated_without_compiling(function), parameters.select(names).values
         for record in records:
-            u, p = (ca.DM(record[f"{name}_{chamber}"]).T for name in ("u", "p"))
-            q = function.map(u.shape[1])(u, p, ca.repmat(c, 1, u.shape[1]))
-            flows.append(np.asarray(q, dtype=float).ravel())
+            u, p = (record[f"{name}_{chamber}"][None] for name in ("u", "p"))
+            flows.append(static.evaluate(u.shape[1], u, p, c)[0].ravel())
     return np.concatenate(flows)
 
 

@@ -1,18 +1,21 @@
-"""Evaluation of a model's regressor along a record, in bounded memory."""
+"""Evaluation of a model's regressor along a record."""
 
 from collections.abc import Sequence
 from typing import Any
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from pneumo_casadi.errors import ModelError
-from pneumo_casadi.model.compilation import call_with_arrays
+from pneumo_casadi.model.along_record import evaluated_without_compiling
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.signals import FilteredRecording
 
+IntArray = NDArray[np.intp]
+
 #: Samples at which a function is evaluated at a time.
-STRETCH = 20_000
+STRETCH = 100_000
 
 
 def evaluate_regressor(
@@ -43,27 +46,32 @@ def evaluate_regressor(
 
 
 def evaluate_along(
-    function: ca.Function, model: Any, filtered: FilteredRecording
+    function: ca.Function,
+    model: Any,
+    filtered: FilteredRecording,
+    samples: IntArray | slice = slice(None),
 ) -> tuple[FloatArray, ...]:
-    """Evaluate a function (x, dx, u) at every sample, averaged over the inputs around it.
+    """Evaluate a function (x, dx, u) at some samples, averaged over the inputs around each.
 
     Returns
     -------
     tuple of (r, N, c) array
-        One for each output, (r, c), of the function.
+        One for each output, (r, c), of the function, at the N samples asked for, by default all.
     """
-    x = filtered.stack_states(model.motion_states)
-    dx = filtered.stack_derivatives(model.motion_states)
-    sets = filtered.stack_inputs(model.inputs)
-    shapes = [function.size_out(k) for k in range(function.n_out())]
-    results = tuple(np.zeros((r, filtered.N, c)) for r, c in shapes)
+    x = filtered.stack_states(model.motion_states)[:, samples]
+    dx = filtered.stack_derivatives(model.motion_states)[:, samples]
+    sets = [u[:, samples] for u in filtered.stack_inputs(model.inputs)]
+    uncompiled = evaluated_without_compiling(function)
+    results = tuple(
+        np.zeros((r, x.shape[1], c))
+        for r, c in (function.size_out(k) for k in range(function.n_out()))
+    )
     # In stretches: the memory of a long record is that of its results, not a multiple of them.
-    for first in range(0, filtered.N, STRETCH):
-        at = slice(first, min(first + STRETCH, filtered.N))
-        mapped = function.map(at.stop - first)
+    for first in range(0, x.shape[1], STRETCH):
+        at = slice(first, first + STRETCH)
         for u in sets:
-            values = call_with_arrays(mapped, x[:, at], dx[:, at], u[:, at])
-            for result, value, (r, c) in zip(results, values, shapes, strict=True):
-                # CasADi lays the maps side by side: columns k c to (k + 1) c belong to sample k.
-                result[:, at] += np.reshape(value, (r, -1, c)) / len(sets)
+            values = uncompiled.evaluate(x[:, at].shape[1], x[:, at], dx[:, at], u[:, at])
+            for result, value in zip(results, values, strict=True):
+                r, _, c = result.shape  # a value holds the columns of a matrix one below the other
+                result[:, at] += value.reshape(c, r, -1).transpose(1, 2, 0) / len(sets)
     return results

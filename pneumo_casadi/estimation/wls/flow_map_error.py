@@ -7,15 +7,12 @@ import numpy as np
 from pneumo_casadi.data import Bench
 from pneumo_casadi.estimation.wls.evaluation import evaluate_along
 from pneumo_casadi.parameters import FloatArray
-from pneumo_casadi.signals import (
-    FilteredRecording,
-    FilterPlan,
-    decimated_rows,
-    parallel_decimate,
-)
+from pneumo_casadi.signals import FilteredRecording, FilterPlan, decimated_rows
 
 #: Directions of a covariance below this share of the largest are rounding.
 TOLERANCE = 1e-12
+#: Samples around a decimated row at which the flow is evaluated.
+POINTS = 10
 
 
 def flow_map_error(model: Any, filtered: FilteredRecording, plan: FilterPlan) -> FloatArray:
@@ -37,18 +34,19 @@ def flow_map_error(model: Any, filtered: FilteredRecording, plan: FilterPlan) ->
     Returns
     -------
     (ne, m, k) array
-        ∂Y/∂c L, filtered and decimated as Y; k = 0 without a metered map.
+        ∂Y/∂c L, averaged around each decimated row of Y; k = 0 without a metered map.
     """
     ne, rows = len(model.equations), decimated_rows(filtered.N, plan.factor)
     bench = getattr(model, "bench", None)
     if not isinstance(bench, Bench) or not bench.valves.metered:
         return np.zeros((ne, rows.size, 0))
     L = covariance_root(model.flow.covariance)
-    (slopes,) = evaluate_along(model.flow_slopes(), model, filtered)
-    shared = np.zeros((ne, rows.size, L.shape[1]))
-    for e in np.flatnonzero(slopes.any(axis=(1, 2))):
-        shared[e] = parallel_decimate(slopes[e], plan.factor, plan.decimation) @ L
-    return shared
+    # A covariance needs no filter of its own: a mean over the reach of Y's is within some per cent.
+    around = np.linspace(-plan.factor / 2, plan.factor / 2, min(POINTS, plan.factor))
+    samples = np.clip(rows[:, None] + np.rint(around).astype(int), 0, filtered.N - 1)
+    (slopes,) = evaluate_along(model.flow_slopes(), model, filtered, samples.ravel())
+    mean: FloatArray = slopes.reshape(ne, *samples.shape, -1).mean(axis=2)
+    return mean @ L
 
 
 def covariance_root(covariance: FloatArray) -> FloatArray:
