@@ -3,12 +3,12 @@
 import logging
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from itertools import combinations
 from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array, triu
 
 from pneumo_casadi.data.bench.bench import Bench
 from pneumo_casadi.data.bench.driven_bench import AnyBench, PressureBench
@@ -136,10 +136,9 @@ def _check_copies(recordings: Sequence[Recording], bench: AnyBench) -> Iterator[
     signals = (*bench.kind.outputs, *bench.kind.inputs)
     names = [name for name in signals if all(name in recording for recording in recordings)]
     keys = [_row_keys(recording, names) for recording in recordings] if names else []
-    for (first, a), (second, b) in combinations(zip(recordings, keys, strict=False), 2):
-        fewest = min(a.size, b.size)
-        share = np.intersect1d(a, b, assume_unique=True).size / fewest if fewest else 0.0
-        if fewest >= FEWEST_ROWS and share > SHARED:
+    for i, j, share in _shared_rows(keys):
+        first, second = recordings[i], recordings[j]
+        if share > SHARED:
             yield Finding(
                 Grade.SEVERE,
                 "copied rows",
@@ -151,14 +150,37 @@ def _check_copies(recordings: Sequence[Recording], bench: AnyBench) -> Iterator[
             )
 
 
-def _row_keys(recording: Recording, names: Sequence[str]) -> NDArray[np.void]:
-    """Return the rows of the sensors, those that occur once, to seven digits."""
+def _row_keys(recording: Recording, names: Sequence[str]) -> NDArray[np.uint64]:
+    """Return numbers that stand for the rows of the sensors, those that occur once.
+
+    Rows that agree to seven digits have the same number. Others share one by chance of N² / 2⁶⁴.
+    """
+    factors = np.random.default_rng(0).integers(1, 2**63, len(names), dtype=np.uint64)
+    keys = np.zeros(recording.N, dtype=np.uint64)
     with np.errstate(over="ignore"):  # what is beyond all sensors is alike
-        rows = np.ascontiguousarray(recording.stack(names), dtype=np.float32)
-    keys = rows.view(np.dtype((np.void, rows.itemsize * len(names)))).ravel()
+        for name, factor in zip(names, factors, strict=True):
+            digits = np.asarray(recording[name], dtype=np.float32).view(np.uint32)
+            keys = (keys ^ digits.astype(np.uint64)) * (2 * factor + 1)
+            keys ^= keys >> np.uint64(32)
     values, counts = np.unique(keys, return_counts=True)
-    once: NDArray[np.void] = values[counts == 1]
+    once: NDArray[np.uint64] = values[counts == 1]
     return once
+
+
+def _shared_rows(keys: Sequence[NDArray[np.uint64]]) -> Iterator[tuple[int, int, float]]:
+    """Yield the pairs of records with common rows, and their share of the shorter one's rows."""
+    sizes = np.array([key.size for key in keys])
+    long_enough = np.flatnonzero(sizes >= FEWEST_ROWS)
+    if long_enough.size < 2:
+        return
+    record = np.repeat(long_enough, sizes[long_enough])
+    rows: NDArray[np.uint64] = np.concatenate([keys[i] for i in long_enough])
+    _, row = np.unique(rows, return_inverse=True)
+    # Counts of common rows for all pairs at once: they would be compared one by one otherwise.
+    occurs = coo_array((np.ones(row.size, dtype=np.int32), (record, row))).tocsr()
+    common = triu(occurs @ occurs.T, k=1).tocoo()
+    for i, j, shared in zip(*common.coords, common.data, strict=True):
+        yield int(i), int(j), float(shared) / float(min(sizes[i], sizes[j]))
 
 
 def _check_willingly(
