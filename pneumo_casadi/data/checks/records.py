@@ -174,7 +174,7 @@ def _shared_rows(keys: Sequence[NDArray[np.uint64]]) -> Iterator[tuple[int, int,
     if long_enough.size < 2:
         return
     record = np.repeat(long_enough, sizes[long_enough])
-    rows: NDArray[np.uint64] = np.concatenate([keys[i] for i in long_enough])
+    rows: NDArray[np.uint64] = np.concatenate([keys[i] for i in long_enough.tolist()])
     _, row = np.unique(rows, return_inverse=True)
     # Counts of common rows for all pairs at once: they would be compared one by one otherwise.
     occurs = coo_array((np.ones(row.size, dtype=np.int32), (record, row))).tocsr()
