@@ -8,9 +8,9 @@ starts from WLS and estimates the flow map and the initial state as well.
 
 Figures per parameter: bias and spread of the estimates, the standard deviation that the estimator
 claims, how often its 95 % interval covers the truth, and, under white noise, the root mean square
-error over the Cramér-Rao bound (the square root of the inverse information at the truth). Both
-claim two: one that believes in white noise (eq. 16 of the paper for WLS), one robust to
-correlation. Tables print the robust one of WLS, and the wider of the two of output error.
+error over the Cramér-Rao bound (the square root of the inverse information at the truth). Output
+error claims two: one that believes in white noise, one robust to correlation; tables print the
+wider of the two.
 """
 
 import argparse
@@ -66,10 +66,9 @@ def one_seed(correlation: float, seed: int) -> dict[str, Any]:
         warnings.simplefilter("ignore")  # a clipped start is no news here
         wls = fit_wls(axis, [record])
     oe = fit_output_error(axis.started_at(wls.parameters), [record], table, OPTIONS)
-    wls_table = wls.to_frame()
+    wls_std = dict(zip(wls.parameters.names, wls.std, strict=True))
     results = {
-        "wls": {n: (wls_table["estimate"][n], wls_table["std_hac"][n]) for n in TABLE_1},
-        "wls_eq_16": {n: (wls_table["estimate"][n], wls_table["std"][n]) for n in TABLE_1},
+        "wls": {name: (wls.parameters[name].value, wls_std[name]) for name in TABLE_1},
         "output_error": {n: (oe.parameters[n].value, oe.std(n)) for n in oe.uncertainty.names},
         "output_error_robust": {
             n: (oe.parameters[n].value, oe.std(n, robust=True)) for n in oe.uncertainty.names
@@ -135,7 +134,7 @@ def study(seeds: list[int], correlation: float, executor: Executor) -> dict[str,
     result = list(track(mapped, label, total=len(seeds)))
     values = truth().axis.parameters.as_dict()
     values |= {k: values[a] / values[b] for k, (a, b) in RATIOS.items()}
-    keys = ("wls", "wls_eq_16", "output_error", "output_error_robust", "output_error_printed")
+    keys = ("wls", "output_error", "output_error_robust", "output_error_printed")
     return {
         "replicates": len(result),
         **{key: {n: figures(result, key, n, values) for n in result[0][key]} for key in keys},

@@ -11,16 +11,17 @@ from tables.diagnosis import (
     withheld,
     withheld_effects,
 )
-from tables.estimation import coverage, emps, emps_output_error, loops, starts, truth
+from tables.estimation import coverage, emps, emps_output_error, loops, starts, truth, wls_coverage
 from tables.flow import flow_answer, flow_forms, flow_metering
 from tables.headlines import headlines
 from tables.laboratories import laboratories, mistakes
-from tables.robustness import damaged, hostile
+from tables.robustness import damaged, hostile, kills
 from tables.speed import batch, peers, scaling, solvers
 
 #: Tables by name: the function, and the committed results that it takes.
 TABLES: dict[str, tuple[Callable[..., str], *tuple[str, ...]]] = {
     "coverage": (coverage, "wls_vs_output_error"),
+    "wls_coverage": (wls_coverage, "wls_coverage"),
     "truth": (truth, "table1"),
     "emps": (emps, "emps"),
     "flow_answer": (flow_answer, "flow_sensitivity"),
@@ -28,8 +29,9 @@ TABLES: dict[str, tuple[Callable[..., str], *tuple[str, ...]]] = {
     "flow_metering": (flow_metering, "flow_sensitivity"),
     "laboratories": (laboratories, "laboratories"),
     "mistakes": (mistakes, "laboratories"),
-    "damaged": (damaged, "campaign"),
+    "damaged": (damaged, "campaign", "campaign_8128"),
     "hostile": (hostile, "hostile"),
+    "kills": (kills, "kills"),
     "loops": (loops, "loops"),
     "peers": (peers, "peers"),
     "solvers": (solvers, "peers"),

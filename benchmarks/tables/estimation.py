@@ -29,7 +29,7 @@ def coverage(result: Mapping[str, Any]) -> str:
     head = ["parameter"]
     for label in ("WLS", "OE"):
         head += [f"{label} bias %", f"{label} spread %", f"{label} coverage %"]
-    head += ["OE error / bound", "coloured noise: WLS coverage %", "OE coverage %"]
+    head += ["OE error / bound", "OE coverage %, coloured noise"]
     body = []
     for name in result["wls"]:
         row = [SYMBOLS.get(name, name)]
@@ -41,14 +41,30 @@ def coverage(result: Mapping[str, Any]) -> str:
                 f"{spread:.3f}",
                 f"{entry['coverage_percent']:.1f}",
             ]
+        coloured = result["coloured"]["output_error_robust"][name]
         row += [
             f"{result['output_error'][name]['rms_error_over_bound']:.2f}",
-            *(
-                f"{result['coloured'][key][name]['coverage_percent']:.1f}"
-                for key in ("wls", "output_error_robust")
-            ),
+            f"{coloured['coverage_percent']:.1f}",
         ]
         body.append(row)
+    return rows(head, body)
+
+
+def wls_coverage(result: Mapping[str, Any]) -> str:
+    """Coverage of both intervals of WLS, under white and coloured noise."""
+    head = [
+        "coverage of the 95 % interval",
+        *(SYMBOLS.get(n, n) for n in result["white"]["printed"]),
+    ]
+    body = []
+    for key, label in (("eq_16", "eq. 16"), ("printed", "as printed")):
+        for noise in ("white", "coloured"):
+            found = result[noise][key]
+            shares = [
+                f"{found[name]['coverage_percent']:.1f}" if name in found else ""
+                for name in result["white"]["printed"]
+            ]
+            body.append([f"{label}, {noise} noise", *shares])
     return rows(head, body)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pneumo_casadi.data import Grade, read_case
-from pneumo_casadi.estimation.output_error import RecordEstimates
+from pneumo_casadi.estimation.output_error import RecordEstimates, each_record
 from pneumo_casadi.identification.identify import identify
 from pneumo_casadi.identification.options import IdentifyOptions
 from pneumo_casadi.identification.result_file import result_dict
@@ -42,6 +42,17 @@ def warned(quick, alone):
 
 def test_records_that_agree_within_their_intervals_are_no_warning(quick):
     assert warned(quick, estimates(16.9, 17.0, 16.95)) == []
+
+
+def test_many_records_are_fitted_in_groups_of_neighbours(quick):
+    record = quick.records[0]
+    many = [replace(record, name=f"run_{i + 1}") for i in range(25)]
+    groups = each_record.record_groups(many)
+    assert len(groups) == each_record.MOST_FITS
+    assert [item for group in groups.values() for item in group] == many
+    assert next(iter(groups)) == "run_1 ... run_2"
+    assert {len(group) for group in groups.values()} == {2, 3}
+    assert list(each_record.record_groups(many[:3])) == ["run_1", "run_2", "run_3"]
 
 
 def test_records_that_lie_apart_are_a_caution_with_the_factor(quick):

@@ -18,7 +18,11 @@ from pneumo_casadi.data.recording.recording import Recording
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.parameters import FloatArray
 
-CLEAR = 0.4  # partial correlations below this decide nothing
+#: Partial correlations below this decide nothing.
+CLEAR = 0.4
+#: Nor do those of a signal of whose scatter the others leave less than this share: on a sine all
+#: signals are sines, and what is left of one is what eq. 1 in its linear form does not hold.
+OWN = 0.35
 
 
 def check_chambers(record: SmoothedRecord, entries: ColumnEntries) -> Iterator[Finding]:
@@ -35,7 +39,7 @@ def check_chambers(record: SmoothedRecord, entries: ColumnEntries) -> Iterator[F
         If the signs of eq. 1 hold only after a swap.
     """
     recording, signs = record.recording, chamber_correlations(record)
-    if np.abs(signs).min() < CLEAR:
+    if np.abs(signs).min() < CLEAR or own_scatter(record).min() < OWN:
         yield cannot_tell(recording)
         return
     measured = f"{recording.source}: rows 1 to {recording.N}: {_measured(signs)}"
@@ -104,24 +108,53 @@ def chamber_correlations(record: SmoothedRecord) -> FloatArray:
         Rows P and N; columns: with u at given p ẋ, with p ẋ at given u (p itself and a
         constant always given). Expected signs by eq. 1: [[+, −], [+, +]].
     """
-    rows = []
+    return np.array(
+        [
+            [_partial(p_rate, u, motion, p), _partial(p_rate, motion, u, p)]
+            for p_rate, u, motion, p in _signals(record)
+        ]
+    )
+
+
+def own_scatter(record: SmoothedRecord) -> FloatArray:
+    """Return the share of the scatter of u that p ẋ and p leave, and of p ẋ that u and p leave.
+
+    Returns
+    -------
+    (2, 2) array
+        Rows P and N; columns u and p ẋ; 0 for a signal that is constant.
+    """
+    return np.array(
+        [[_share(u, motion, p), _share(motion, u, p)] for _, u, motion, p in _signals(record)]
+    )
+
+
+def _signals(record: SmoothedRecord) -> Iterator[tuple[FloatArray, ...]]:
+    """Yield ṗ, u, p ẋ and p of each chamber."""
     for name, chamber in record.chambers.items():
-        u, rate, motion = (
-            record.smooth(record.recording[f"u_{name}"]),
-            chamber.p_rate,
-            chamber.p * record.v,
-        )
-        rows.append([_partial(rate, u, motion, chamber.p), _partial(rate, motion, u, chamber.p)])
-    return np.array(rows)
+        u = record.smooth(record.recording[f"u_{name}"])
+        yield chamber.p_rate, u, chamber.p * record.v, chamber.p
 
 
 def _partial(y: FloatArray, z: FloatArray, *given: FloatArray) -> float:
     """Return the correlation of y and z once the given signals are taken out of both."""
-    basis = np.column_stack([*given, np.ones_like(y)])
-    basis = np.linalg.qr(basis / np.maximum(np.abs(basis).max(axis=0), 1e-300))[0]
-    y, z = (signal - basis @ (basis.T @ signal) for signal in (y, z))
+    y, z = (_without(signal, *given) for signal in (y, z))
     norm = np.linalg.norm(y) * np.linalg.norm(z)
     return float(y @ z / norm) if norm > 0 else 0.0
+
+
+def _share(signal: FloatArray, *given: FloatArray) -> float:
+    """Return the share of the scatter of a signal that the given signals leave."""
+    whole = np.linalg.norm(_without(signal))
+    return float(np.linalg.norm(_without(signal, *given)) / whole) if whole > 0 else 0.0
+
+
+def _without(signal: FloatArray, *given: FloatArray) -> FloatArray:
+    """Return what the given signals and a constant do not give of a signal."""
+    basis = np.column_stack([*given, np.ones_like(signal)])
+    basis = np.linalg.qr(basis / np.maximum(np.abs(basis).max(axis=0), 1e-300))[0]
+    rest: FloatArray = signal - basis @ (basis.T @ signal)
+    return rest
 
 
 def _measured(signs: FloatArray) -> str:

@@ -1,7 +1,8 @@
-"""Estimates from each of several records alone: their spread beside their intervals."""
+"""Estimates from each of several records, or groups of many: their spread and intervals."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from scipy import stats
@@ -16,16 +17,19 @@ from pneumo_casadi.runtime.progress import Progress, no_progress, progress_range
 
 #: Probability that records of one axis exceed the limit of the spread in any parameter by chance.
 CHANCE = 0.01
+#: Most fits; more records are fitted in groups. What drifts shows in ten as in hundreds, and a
+#: table has room for them.
+MOST_FITS = 10
 
 
 @dataclass(frozen=True, eq=False)
 class RecordEstimates:
-    """Output-error estimates from single records.
+    """Output-error estimates from single records, or from groups of records where there are many.
 
     Parameters
     ----------
     records : tuple of str
-        Names of the records that could be fitted alone.
+        Names of the records that could be fitted alone; of a group the first and the last.
     names : tuple of str
         Parameters, those of the flow map excepted.
     values, std : (nr, n) array
@@ -88,7 +92,7 @@ def fit_each_record(
     options: OutputErrorOptions,
     progress: Progress | None = None,
 ) -> RecordEstimates:
-    """Fit each record alone, from the solution of all together.
+    """Fit each record alone, from the solution of all together; of many, groups in their order.
 
     The flow map is held where the joint fit has left it: it belongs to all records, and a single
     one would move it.
@@ -111,14 +115,15 @@ def fit_each_record(
     fitted: list[str] = []
     failed: list[str] = []
     rows: list[list[tuple[float, float]]] = []
-    for i, record in enumerate(records):
-        stage = progress_range(report, i / len(records), (i + 1) / len(records), record.name)
+    groups = record_groups(records)
+    for i, (name, group) in enumerate(groups.items()):
+        stage = progress_range(report, i / len(groups), (i + 1) / len(groups), name)
         try:
-            fit = fit_output_error(axis, [record], None, replace(options, recover=False), stage)
+            fit = fit_output_error(axis, group, None, replace(options, recover=False), stage)
         except FitError:
-            failed.append(record.name)
+            failed.append(name)
             continue
-        fitted.append(record.name)
+        fitted.append(name)
         rows.append([(fit.parameters[name].value, _std(fit, name)) for name in names])
     table = np.array(rows, dtype=float).reshape(len(fitted), len(names), 2)
     return RecordEstimates(
@@ -130,6 +135,16 @@ def fit_each_record(
         np.array([_std(joint, name) for name in names]),
         tuple(failed),
     )
+
+
+def record_groups(records: Sequence[Recording]) -> dict[str, Sequence[Recording]]:
+    """Return the records by name, or `MOST_FITS` groups of neighbours where there are more."""
+    cuts = np.linspace(0, len(records), min(len(records), MOST_FITS) + 1).astype(int)
+    parts = [records[first:last] for first, last in pairwise(cuts)]
+    names = [
+        part[0].name if len(part) == 1 else f"{part[0].name} ... {part[-1].name}" for part in parts
+    ]
+    return dict(zip(names, parts, strict=True))
 
 
 def _std(fit: OutputErrorResult, name: str) -> float:
