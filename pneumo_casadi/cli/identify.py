@@ -122,8 +122,8 @@ def identify(
         bool,
         typer.Option(
             "--each-record/--together",
-            help="With several records, also fit each one alone (of more than ten, groups) and compare "
-            "the estimates.",
+            help="With several records, also fit each one alone (of more than ten, groups), and "
+            "compare the estimates.",
         ),
     ] = True,
     strict: Strict = False,
