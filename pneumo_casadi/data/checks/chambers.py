@@ -22,7 +22,7 @@ from pneumo_casadi.parameters import FloatArray
 CLEAR = 0.4
 #: Nor do those of a signal of whose scatter the others leave less than this share: on a sine all
 #: signals are sines, and what is left of one is what eq. 1 in its linear form does not hold.
-OWN = 0.35
+OWN = 0.25
 
 
 def check_chambers(record: SmoothedRecord, entries: ColumnEntries) -> Iterator[Finding]:
