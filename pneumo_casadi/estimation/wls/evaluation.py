@@ -23,6 +23,15 @@ def evaluate_regressor(
 ) -> tuple[FloatArray, FloatArray]:
     """Evaluate the regressor at every sample, averaged over the inputs around it.
 
+    Parameters
+    ----------
+    model : LinearModel
+        Supplies the regressor.
+    filtered : FilteredRecording
+        N samples of states, derivatives and inputs.
+    names : sequence of str
+        The n parameters, in the order of the columns of W.
+
     Returns
     -------
     Y : (ne, N) array
