@@ -34,6 +34,11 @@ def _twice(value: Any, out: FloatArray | None = None) -> Any:
     return np.multiply(value, 2.0, out=out)
 
 
+def _sign(value: Any, out: FloatArray | None = None) -> Any:
+    """Return the sign, that of zero as it is: CasADi keeps it, and an arc tangent tells it."""
+    return np.copysign(np.sign(value), value, out=out)
+
+
 #: What CasADi's operations on SX are in NumPy.
 _OPERATIONS: dict[int, Operation] = {
     ca.OP_ADD: np.add,
@@ -61,7 +66,7 @@ _OPERATIONS: dict[int, Operation] = {
     ca.OP_FLOOR: np.floor,
     ca.OP_CEIL: np.ceil,
     ca.OP_FABS: np.fabs,
-    ca.OP_SIGN: np.sign,
+    ca.OP_SIGN: _sign,
     ca.OP_INV: np.reciprocal,
     ca.OP_FMIN: np.fmin,
     ca.OP_FMAX: np.fmax,
