@@ -29,7 +29,7 @@ TABLES: dict[str, tuple[Callable[..., str], *tuple[str, ...]]] = {
     "flow_metering": (flow_metering, "flow_sensitivity"),
     "laboratories": (laboratories, "laboratories"),
     "mistakes": (mistakes, "laboratories"),
-    "damaged": (damaged, "campaign", "campaign_8128"),
+    "damaged": (damaged, "campaign", "campaign_8128", "campaign_6174"),
     "hostile": (hostile, "hostile"),
     "kills": (kills, "kills"),
     "loops": (loops, "loops"),
