@@ -46,6 +46,12 @@ def truth(v_s: float = V_S) -> Truth:
     return Truth(axis, table.u, table.p, x_0)
 
 
+def true_values() -> dict[str, float]:
+    """Return the true parameters, and k_P and k_N that follow from them."""
+    values = truth().axis.parameters.as_dict()
+    return values | {k: values[upper] / values[lower] for k, (upper, lower) in RATIOS.items()}
+
+
 def reference(duration: float = DURATION, rate: float = RATE) -> FloatArray:
     """Return a chirp of 0-2 Hz, then squares of two amplitudes [m], over and over every 4 s."""
     t = np.arange(round(duration * rate)) / rate

@@ -12,16 +12,14 @@ import os
 import warnings
 from collections.abc import Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import provenance
 import tables
-from own_model import RATIOS, TABLE_1, metered, nominal, record_with_noise, truth
-from rich.progress import track
-from wls_vs_output_error import CORRELATION, figures
+from own_model import TABLE_1, metered, nominal, record_with_noise, true_values, truth
+from wls_vs_output_error import CORRELATION, figures, replicates
 
 from pneumo_casadi.estimation.wls import fit_wls
 
@@ -52,11 +50,7 @@ def one_seed(correlation: float, seed: int) -> dict[str, Any]:
 
 def study(seeds: Sequence[int], correlation: float, executor: Executor) -> dict[str, Any]:
     """Return the figures of all replicates with one kind of noise."""
-    mapped = executor.map(partial(one_seed, correlation), seeds)
-    label = "coloured noise" if correlation else "white noise"
-    result = list(track(mapped, label, total=len(seeds)))
-    values = truth().axis.parameters.as_dict()
-    values |= {k: values[a] / values[b] for k, (a, b) in RATIOS.items()}
+    result, values = replicates(one_seed, seeds, correlation, executor), true_values()
     return {
         key: {name: figures(result, key, name, values) for name in result[0][key]}
         for key in INTERVALS

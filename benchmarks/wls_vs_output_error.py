@@ -16,7 +16,7 @@ wider of the two.
 import argparse
 import os
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
 from dataclasses import replace
 from functools import partial
@@ -37,6 +37,7 @@ from own_model import (
     metered,
     nominal,
     record_with_noise,
+    true_values,
     truth,
 )
 from rich.progress import track
@@ -129,11 +130,7 @@ def run(seeds: Iterable[int], executor: Executor) -> dict[str, Any]:
 
 def study(seeds: list[int], correlation: float, executor: Executor) -> dict[str, Any]:
     """Return the figures of all replicates with one kind of noise."""
-    label = "coloured noise" if correlation else "white noise"
-    mapped = executor.map(partial(one_seed, correlation), seeds)
-    result = list(track(mapped, label, total=len(seeds)))
-    values = truth().axis.parameters.as_dict()
-    values |= {k: values[a] / values[b] for k, (a, b) in RATIOS.items()}
+    result, values = replicates(one_seed, seeds, correlation, executor), true_values()
     keys = ("wls", "output_error", "output_error_robust", "output_error_printed")
     return {
         "replicates": len(result),
@@ -144,6 +141,18 @@ def study(seeds: list[int], correlation: float, executor: Executor) -> dict[str,
         },
         "recovered_starts": sum(item["stages"] > 1 for item in result),
     }
+
+
+def replicates(
+    one_seed: Callable[[float, int], dict[str, Any]],
+    seeds: Sequence[int],
+    correlation: float,
+    executor: Executor,
+) -> list[dict[str, Any]]:
+    """Return what one seed gives, for all seeds with one kind of noise."""
+    mapped = executor.map(partial(one_seed, correlation), seeds)
+    label = "coloured noise" if correlation else "white noise"
+    return list(track(mapped, label, total=len(seeds)))
 
 
 def figures(

@@ -5,14 +5,12 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from pneumo_casadi.errors import ModelError
+from pneumo_casadi.estimation.wls.linear_system import IntArray
 from pneumo_casadi.model.along_record import evaluated_without_compiling
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.signals import FilteredRecording
-
-IntArray = NDArray[np.intp]
 
 #: Samples at which a function is evaluated at a time.
 STRETCH = 100_000
