@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pneumo_casadi.data import Recording
 from pneumo_casadi.estimation.wls.arrays import read_only
 from pneumo_casadi.estimation.wls.linear import relative_error_percent
-from pneumo_casadi.estimation.wls.regressor import observe
+from pneumo_casadi.estimation.wls.regressor import Observation, StickPhases, observe
 from pneumo_casadi.estimation.wls.result import WLSResult
 from pneumo_casadi.parameters import FloatArray
 
@@ -29,9 +29,10 @@ class Prediction:
     used : mapping of str to (m,) array of bool
         Rows that count, by the treatment of samples at rest.
     relative_error_percent : mapping of str to float
-        100 ‖measured - predicted‖ / ‖measured‖ over the rows that count.
+        100 ‖measured - predicted‖ / ‖measured‖ over the rows that count, with the samples at
+        rest treated as in the fit.
     relative_error_percent_all : mapping of str to float
-        Over all rows, those at rest included.
+        Over all rows, samples at rest included.
     """
 
     name: str
@@ -65,29 +66,38 @@ def cross_validate(
 
 
 def _predict(result: WLSResult, recording: Recording) -> Prediction:
-    o = observe(
+    whole = _observe(result, recording, StickPhases.KEEP)
+    counted = (
+        whole if result.stick is StickPhases.KEEP else _observe(result, recording, result.stick)
+    )
+    names = whole.equations
+    predicted = whole.W @ result.estimate
+    return Prediction(
+        name=recording.name,
+        t=whole.t,
+        measured=dict(zip(names, map(read_only, whole.Y), strict=True)),
+        predicted=dict(zip(names, map(read_only, predicted), strict=True)),
+        used=dict(zip(names, counted.used, strict=True)),
+        relative_error_percent=_relative_errors(counted, result.estimate),
+        relative_error_percent_all=_relative_errors(whole, result.estimate),
+    )
+
+
+def _observe(result: WLSResult, recording: Recording, stick: StickPhases) -> Observation:
+    return observe(
         result.model,
         recording,
         result.names,
         result.plan,
+        stick=stick,
         velocity_threshold=max(result.velocity_threshold.values()),
         pairing=result.pairing,
     )
-    predicted = o.W @ result.estimate
-    used = o.weights(result.stick) > 0
-    rho = o.Y - predicted
-    names = o.equations
-    return Prediction(
-        name=recording.name,
-        t=o.t,
-        measured=dict(zip(names, map(read_only, o.Y), strict=True)),
-        predicted=dict(zip(names, map(read_only, predicted), strict=True)),
-        used=dict(zip(names, used, strict=True)),
-        relative_error_percent={
-            name: relative_error_percent(rho[e, used[e]], o.Y[e, used[e]])
-            for e, name in enumerate(names)
-        },
-        relative_error_percent_all={
-            name: relative_error_percent(rho[e], o.Y[e]) for e, name in enumerate(names)
-        },
-    )
+
+
+def _relative_errors(observation: Observation, estimate: FloatArray) -> dict[str, float]:
+    residual = observation.Y - observation.W @ estimate
+    return {
+        name: relative_error_percent(residual[e, used], observation.Y[e, used])
+        for e, (name, used) in enumerate(zip(observation.equations, observation.used, strict=True))
+    }

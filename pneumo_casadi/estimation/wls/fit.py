@@ -104,10 +104,18 @@ def fit_wls(
     chosen = tuple(names) if names is not None else tuple(model.regressor_names)
     plan = plan or plan_filters_for(recordings)
     observations = [
-        observe(model, rec, chosen, plan, velocity_threshold=velocity_threshold, pairing=pairing)
+        observe(
+            model,
+            rec,
+            chosen,
+            plan,
+            stick=stick,
+            velocity_threshold=velocity_threshold,
+            pairing=pairing,
+        )
         for rec in recordings
     ]
-    system = stack_systems([observation.system(stick) for observation in observations])
+    system = stack_systems([observation.system() for observation in observations])
     fit, removed = _fit_and_remove(system, equation_std, remove_above)
     fit = _with_scale_uncertainty(fit, flow_scale_std(getattr(model, "bench", None)))
     parameters, outside = _at_estimates(model.parameters.select(fit.names), fit.estimate)

@@ -133,7 +133,7 @@ def solve_wls(
 @dataclass(frozen=True, slots=True, eq=False)
 class _Solution:
     estimate: FloatArray
-    weight: FloatArray  # of each row, equation weight included
+    weight: FloatArray  # of each row, that of its equation
     leverage: FloatArray  # diagonal of the hat matrix
     inverse: FloatArray  # (Wᵀ W)⁻¹ of the weighted W
     condition: float
@@ -141,7 +141,7 @@ class _Solution:
 
 
 def _solve(system: LinearSystem, sigma: FloatArray, tolerance: float) -> _Solution:
-    weight = system.row_weight / np.where(sigma > 0, sigma, 1.0)[system.equation]
+    weight = 1.0 / np.where(sigma > 0, sigma, 1.0)[system.equation]
     W = system.W * weight[:, None]
     base = base_parameters(W, system.names, tolerance)
     if base.dependent:
@@ -159,10 +159,10 @@ def _solve(system: LinearSystem, sigma: FloatArray, tolerance: float) -> _Soluti
 
 
 def _equation_std(system: LinearSystem, solution: _Solution) -> FloatArray:
-    rho = (system.Y - system.W @ solution.estimate) * system.row_weight
+    rho = system.Y - system.W @ solution.estimate
     std = []
     for e in range(len(system.equations)):
-        mine = (system.equation == e) & (system.row_weight > 0)
+        mine = system.equation == e
         free = np.count_nonzero(mine) - float(np.sum(solution.leverage[mine]))
         std.append(np.linalg.norm(rho[mine]) / np.sqrt(max(free, 1.0)))
     return np.array(std)
@@ -173,12 +173,11 @@ def _statistics(system: LinearSystem, solution: _Solution, sigma: FloatArray) ->
     weighted = residual * solution.weight
     W = system.W * solution.weight[:, None]
     # The weights are relative: the residuals set the scale, as in eq. 15 and 16.
-    free = np.count_nonzero(system.row_weight) - len(system.names)
+    free = system.Y.size - len(system.names)
     scale = float(weighted @ weighted) / free
-    used = system.row_weight > 0
     own, shared = _separate_shared_errors(system, solution, weighted, scale)
-    scores, instant = (W * own[:, None])[used], system.instant[used]
-    correlated = newey_west_sandwich(solution.inverse, scores, instant) + shared
+    scores = W * own[:, None]
+    correlated = newey_west_sandwich(solution.inverse, scores, system.instant) + shared
     errors, rows = _by_equation(system, residual)
     return LinearFit(
         names=system.names,
@@ -216,7 +215,7 @@ def _by_equation(
     errors: dict[str, float] = {}
     rows: dict[str, int] = {}
     for e, name in enumerate(system.equations):
-        used = (system.equation == e) & (system.row_weight > 0)
+        used = system.equation == e
         errors[name] = relative_error_percent(residual[used], system.Y[used])
         rows[name] = int(np.count_nonzero(used))
     return errors, rows

@@ -32,8 +32,6 @@ class LinearSystem:
     instant : (r,) array of int
         Instant of each row: rows of several equations at one instant share it, consecutive
         instants of one record differ by one, records lie apart.
-    weight : (r,) array, optional
-        Factor on each row besides that of its equation, from 0 (left out) to 1.
     shared_error : (r, k) array, optional
         Changes of Y by k independent errors of standard deviation one that all rows share, as
         those of a flow map; by default there is none.
@@ -50,16 +48,13 @@ class LinearSystem:
     equations: tuple[str, ...]
     equation: IntArray
     instant: IntArray
-    weight: FloatArray | None = None
     shared_error: FloatArray | None = None
 
     def __post_init__(self) -> None:
         rows, n = self.W.shape
-        weight = np.ones(rows) if self.weight is None else np.asarray(self.weight, dtype=float)
-        object.__setattr__(self, "weight", weight)
         shared = np.zeros((rows, 0)) if self.shared_error is None else self.shared_error
         object.__setattr__(self, "shared_error", shared)
-        parts = {"Y": self.Y, "equation": self.equation, "instant": self.instant, "weight": weight}
+        parts = {"Y": self.Y, "equation": self.equation, "instant": self.instant}
         for label, values in parts.items():
             if values.shape != (rows,):
                 raise ModelError(f"{label} has shape {values.shape}, W has {rows} rows")
@@ -69,17 +64,10 @@ class LinearSystem:
             raise ModelError(f"W has {n} columns for {len(self.names)} names")
         if not (np.all(np.isfinite(self.Y)) and np.all(np.isfinite(self.W))):
             raise ModelError("Y or W hold values that are not finite")
-        if np.count_nonzero(weight) <= n:
+        if rows <= n:
             raise ModelError(
-                f"{np.count_nonzero(weight)} rows cannot determine {n} parameters: "
-                "give longer records or decimate less"
+                f"{rows} rows cannot determine {n} parameters: give longer records or decimate less"
             )
-
-    @property
-    def row_weight(self) -> FloatArray:
-        """Weights of the rows, shape (r,)."""
-        assert self.weight is not None
-        return self.weight
 
     @property
     def errors_in_common(self) -> FloatArray:
@@ -111,6 +99,5 @@ def stack_systems(systems: Sequence[LinearSystem]) -> LinearSystem:
         equations=first.equations,
         equation=np.concatenate([s.equation for s in systems]),
         instant=np.concatenate(instants),
-        weight=np.concatenate([s.row_weight for s in systems]),
         shared_error=np.vstack([s.errors_in_common for s in systems]),
     )

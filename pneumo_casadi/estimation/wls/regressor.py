@@ -7,6 +7,7 @@ from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from pneumo_casadi.data import Recording
 from pneumo_casadi.estimation.wls.evaluation import evaluate_regressor
@@ -25,9 +26,11 @@ from pneumo_casadi.signals import (
 NOISE_MULTIPLE = 5.0
 #: ... and at least this share of the largest velocity, for sensors that show no noise.
 LEAST_SHARE = 2e-3
-#: Reach of a row's low-pass to each side, in decimated rows: its edge is at 0.8 times the new
-#: Nyquist frequency, so the main lobe ends after 1.25 rows, and it rings on.
-REACH = 1.5
+#: Length of the edge of a stretch of motion, in decimated rows: a sharp one would fold noise
+#: from above the low-pass into the rows.
+EDGE = 1.0
+#: A row counts if more than this share of its low-pass lies in motion.
+IN_MOTION = 0.5
 
 
 class LinearModel(Protocol):
@@ -66,11 +69,12 @@ class StickPhases(Enum):
     """
 
     OMIT = "omit"
-    """Leave out every decimated row to whose low-pass a slow sample contributed."""
-    WEIGHT = "weight"
-    """Weight a row with the square of the share of moving samples in its low-pass."""
+    """Multiply both sides of the balance by zero at rest, before the low-pass.
+
+    What holds for Y = W X then holds for the low-pass of both sides, whatever its reach.
+    """
     KEEP = "keep"
-    """Keep all rows alike, as for an axis that never rests."""
+    """Keep all samples alike, as for an axis that never rests."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -87,8 +91,8 @@ class Observation:
         Regressor of each equation.
     flow_error : (ne, m, k) array
         Change of Y by each error of the flow map, of standard deviation one (`flow_map_error`).
-    moving : (m,) array
-        Share of the samples in a row's low-pass at which the axis moved, from 0 to 1.
+    used : (ne, m) array of bool
+        Rows that count; those of the force balance only where the axis moved.
     names, equations : tuple of str
         Parameters and equations.
     plan : FilterPlan
@@ -105,7 +109,7 @@ class Observation:
     Y: FloatArray
     W: FloatArray
     flow_error: FloatArray
-    moving: FloatArray
+    used: NDArray[np.bool_]
     names: tuple[str, ...]
     equations: tuple[str, ...]
     plan: FilterPlan
@@ -113,23 +117,12 @@ class Observation:
     source: str
     dropped: tuple[int, int]
 
-    def weights(self, stick: StickPhases) -> FloatArray:
-        """Return the weight of each row of each equation, shape (ne, m)."""
-        weight = np.ones_like(self.Y)
-        force = self.equations.index("force")
-        if stick is StickPhases.OMIT:
-            weight[force] = self.moving >= 1.0
-        elif stick is StickPhases.WEIGHT:
-            weight[force] = self.moving**2
-        return weight
-
-    def system(self, stick: StickPhases) -> LinearSystem:
+    def system(self) -> LinearSystem:
         """Return the rows that count as a linear system."""
-        weight = self.weights(stick)
         ne, m = self.Y.shape
         equation = np.repeat(np.arange(ne), m)
         instant = np.tile(np.arange(m), ne)
-        used = weight.ravel() > 0
+        used = self.used.ravel()
         return LinearSystem(
             Y=self.Y.ravel()[used],
             W=self.W.reshape(ne * m, -1)[used],
@@ -137,7 +130,6 @@ class Observation:
             equations=self.equations,
             equation=equation[used],
             instant=instant[used],
-            weight=weight.ravel()[used],
             shared_error=self.flow_error.reshape(ne * m, -1)[used],
         )
 
@@ -148,6 +140,7 @@ def observe(
     names: Sequence[str],
     plan: FilterPlan,
     *,
+    stick: StickPhases = StickPhases.OMIT,
     velocity_threshold: float | None = None,
     pairing: InputPairing | None = None,
 ) -> Observation:
@@ -163,6 +156,8 @@ def observe(
         Parameters to estimate.
     plan : FilterPlan
         Both filters.
+    stick : StickPhases, optional
+        Treatment of samples at rest.
     velocity_threshold : float, optional
         Below it a sample counts as at rest [m/s]; by default 5 standard deviations of the
         velocity's noise after filtering, so that the sign of a moving sample is certain.
@@ -175,25 +170,27 @@ def observe(
     """
     filtered = filter_recording(recording, plan, pairing)
     Y, W = evaluate_regressor(model, filtered, names)
-    ne, N, n = W.shape
-    rows = decimated_rows(N, plan.factor)
-    low = np.zeros((ne, rows.size, n + 1))
-    for e in range(ne):
-        # Most columns belong to another equation and are zero throughout.
-        used = np.flatnonzero(W[e].any(axis=0))
-        columns = np.column_stack([Y[e], W[e][:, used]])
-        low[e][:, [0, *(used + 1)]] = parallel_decimate(columns, plan.factor, plan.decimation)
     v = np.abs(filtered.states["v"])
     if velocity_threshold is None:
         velocity_threshold = max(
             NOISE_MULTIPLE * filtered.velocity_noise, LEAST_SHARE * float(v.max())
         )
+    ne, N, _ = W.shape
+    rows = decimated_rows(N, plan.factor)
+    used = np.ones((ne, rows.size), dtype=bool)
+    if stick is StickPhases.OMIT:
+        force = model.equations.index("force")
+        motion = _in_motion(v >= velocity_threshold, plan.factor)
+        Y[force] *= motion
+        W[force] *= motion[:, None]
+        used[force] = parallel_decimate(motion, plan.factor, plan.decimation) > IN_MOTION
+    low = _low_passed(Y, W, plan)
     return Observation(
         t=filtered.t[rows],
         Y=low[:, :, 0],
         W=low[:, :, 1:],
         flow_error=flow_map_error(model, filtered, plan),
-        moving=_moving_share(v >= velocity_threshold, plan.factor)[rows],
+        used=used,
         names=tuple(names),
         equations=model.equations,
         plan=plan,
@@ -203,12 +200,23 @@ def observe(
     )
 
 
-def _moving_share(moving: NDArray[np.bool_], factor: int) -> FloatArray:
-    """Return the share of moving samples among those that a row's low-pass draws on."""
+def _in_motion(moving: NDArray[np.bool_], factor: int) -> FloatArray:
+    """Return a window over time, zero wherever the axis rests, with edges of one decimated row."""
     if factor == 1:
         return moving.astype(float)
-    reach = round(REACH * factor)
-    window = 2 * reach + 1
-    padded = np.pad(moving.astype(float), reach, mode="edge")
-    total = np.concatenate([[0.0], np.cumsum(padded)])
-    return np.asarray((total[window:] - total[:-window]) / window)
+    length = 2 * max(1, round(EDGE * factor / 2)) + 1
+    inside = ndimage.minimum_filter1d(moving.astype(float), length)
+    edge = np.hanning(length + 2)[1:-1]
+    return np.asarray(ndimage.convolve1d(inside, edge / edge.sum()))
+
+
+def _low_passed(Y: FloatArray, W: FloatArray, plan: FilterPlan) -> FloatArray:
+    """Return Y and the columns of W after the parallel filter, shape (ne, m, n + 1)."""
+    ne, N, n = W.shape
+    low = np.zeros((ne, decimated_rows(N, plan.factor).size, n + 1))
+    for e in range(ne):
+        # Most columns belong to another equation and are zero throughout.
+        used = np.flatnonzero(W[e].any(axis=0))
+        columns = np.column_stack([Y[e], W[e][:, used]])
+        low[e][:, [0, *(used + 1)]] = parallel_decimate(columns, plan.factor, plan.decimation)
+    return low

