@@ -128,8 +128,9 @@ class Effect:
         for an effect of the axis itself.
     hides_motion : bool
         Whether the motion cannot be told from what the sensors show: while a play is crossed they
-        stand still, and to take a delay back amplifies noise. Such an effect is judged by
-        simulations; others of sensors, a lag for one, are inverted along the measured motion.
+        stand still, and to take a long delay back amplifies noise. Such an effect is judged by
+        simulations; others of sensors, a lag for one, are inverted along the measured motion. See
+        `hides`.
     absorbed_by : Absorption or None
         Which checks of the parameters fail if a refit of the nominal axis absorbs the effect, so
         that trajectories show no gap; None for an effect that no parameter can take up.
@@ -241,6 +242,14 @@ class Effect:
         its second differences over the roughness that is expected.
         """
         return ()
+
+    def hides(self, values: Mapping[str, float], bandwidth: float) -> bool:
+        """Return whether the motion is hidden at these values of the parameters, by short name.
+
+        `bandwidth` is that up to which the motion is taken from the measurements [rad/s].
+        """
+        del values, bandwidth
+        return self.hides_motion
 
     def rest(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
         """Return the states at which the effect is at rest, by short name; zeros by default."""

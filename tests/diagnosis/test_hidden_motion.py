@@ -1,6 +1,7 @@
 """Two causes of which one is a sensor that hides the motion, or one mends what the other spoils."""
 
 from concurrent.futures import Future
+from dataclasses import dataclass
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,12 +9,23 @@ import pytest
 
 from pneumo_casadi.diagnosis import diagnose
 from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA
+from pneumo_casadi.diagnosis.select import hidden_motion
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger
 from pneumo_casadi.diagnosis.select.forward_selection import _coarse
-from pneumo_casadi.diagnosis.select.hidden_motion import _candidates, _refine_again
+from pneumo_casadi.diagnosis.select.hidden_motion import (
+    _candidates,
+    _refine_again,
+    motion_is_hidden,
+)
 from pneumo_casadi.diagnosis.select.plausibility import find_plausible_extension
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.errors import FitError
+
+
+@dataclass(frozen=True)
+class SimpleFit:
+    effects: tuple[str, ...]
+    values: dict[str, float]
 
 
 def named(case, *catalogue):
@@ -125,3 +137,40 @@ def test_a_coarse_map_is_no_shape_of_the_valve(excess, known, names, expected):
     worker = SimpleNamespace(effects=lambda names: tuple(EFFECTS[n]() for n in names))
     by = SimpleNamespace(noise=np.ones(3), criteria=CRITERIA)
     assert _coarse(worker, current, known, names, by) is expected
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "hidden"),
+    [
+        ("position_delay", {"T": 0.7e-3}, False),  # taken back within 60 Hz
+        ("position_delay", {"T": 12e-3}, True),
+        ("backlash", {"gap": 1e-4}, True),
+        ("pressure_sensor_lag", {"tau": 10e-3}, False),
+    ],
+)
+def test_a_short_delay_hides_no_motion(name, values, hidden):
+    effect = EFFECTS[name]()
+    own = {item.name: values.get(item.name, item.value) for item in effect.parameters}
+    fitted = SimpleNamespace(values={f"{name}.{key}": value for key, value in own.items()})
+    assert motion_is_hidden((effect,), fitted) is hidden
+
+
+@pytest.mark.parametrize(("again", "needed"), [(0.5, True), (0.2, False), (0.28, False)])
+def test_an_effect_that_only_led_out_of_a_local_minimum_is_not_needed(monkeypatch, again, needed):
+    """The smaller model begins where the larger one ended; 0.2 of the gap is what that left."""
+    known, names = ("backlash",), ("backlash", "stribeck")
+    ended = SimpleFit(
+        ("backlash", "stribeck"), {"M": 2.0, "backlash.gap": 1e-3, "stribeck.delta_F": 1}
+    )
+    worker = FitLedger(SimpleNamespace(criteria=CRITERIA), EFFECTS)
+    worker.trials = {known: (None, 0.6), names: (ended, 0.2)}
+
+    def refined(ledger, nominal, starts):
+        ((key, start),) = starts.items()
+        assert key == known
+        assert start.values == {"M": 2.0, "backlash.gap": 1e-3}
+        ledger.trials[key] = start, again
+
+    monkeypatch.setattr(hidden_motion, "_refine_all", refined)
+    assert hidden_motion._is_needed(worker, None, known, names) is needed
+    assert worker.trials[known][1] == again

@@ -17,7 +17,7 @@ FINAL = ("large", "shift")
 def ledger(monkeypatch):
     """Beside the large effect a shift gains 100, a leak `leak`, another effect 80."""
     monkeypatch.setattr(FitLedger, "__post_init__", lambda self: None)
-    monkeypatch.setattr(rivals, "motion_is_hidden", lambda effects: False)
+    monkeypatch.setattr(rivals, "motion_is_hidden", lambda effects, fitted: False)
 
     def made(leak):
         kept = FitLedger(SimpleNamespace(criteria=CRITERIA), CATALOGUE)

@@ -198,7 +198,7 @@ def _forward(
             gaps(residual_rms(ledger.fits[best]), levels)
         ):
             break
-        if round_ and motion_is_hidden(ledger.effects(best)):
+        if round_ and motion_is_hidden(ledger.effects(best), ledger.fits[best]):
             break  # where the motion is hidden, the balances are not reliable
         current = ledger.fits[best]
     report("comparing simulations", 0.85)

@@ -17,17 +17,28 @@ from pneumo_casadi.diagnosis.prepare.study import (
     require_credible,
 )
 from pneumo_casadi.diagnosis.select.fit_ledger import FAULTS, Failed, FitLedger, Names
-from pneumo_casadi.diagnosis.select.output_error_refinement import refine_by_output_error
+from pneumo_casadi.diagnosis.select.output_error_refinement import (
+    MAX_ITERATIONS,
+    refine_by_output_error,
+)
 from pneumo_casadi.estimation.equation_error.balance_functions import any_sensor_effect
+from pneumo_casadi.estimation.equation_error.smoothed_motion import BANDWIDTH
 from pneumo_casadi.model.effect import Effect
 
 #: Number of the best pairs, and of the best effects alone, that are tried beside such an effect.
 TRIED = 3
+#: Iterations of output error for each of them; the best goes on to its end.
+TRIAL_ITERATIONS = 12
 
 
-def motion_is_hidden(effects: Sequence[Effect]) -> bool:
-    """Tell whether the sensors cannot show the motion of a model with these effects."""
-    return any(effect.hides_motion for effect in effects)
+def motion_is_hidden(effects: Sequence[Effect], fitted: FittedModel) -> bool:
+    """Tell whether the sensors cannot show the motion of a model with these effects, as fitted."""
+    return any(_hides(effect, fitted) for effect in effects)
+
+
+def _hides(effect: Effect, fitted: FittedModel) -> bool:
+    short = {item.name: fitted.values[f"{effect.name}.{item.name}"] for item in effect.parameters}
+    return effect.hides(short, BANDWIDTH)
 
 
 def find_hiding_extension(
@@ -51,7 +62,7 @@ def find_hiding_extension(
     criteria, effects, before = levels.criteria, ledger.effects(best), ledger.effects(known)
     if (
         fits[best].cost > current.cost - criteria.form_gain
-        or not motion_is_hidden(effects)
+        or not motion_is_hidden(effects, fits[best])
         or any_sensor_effect(before)
     ):
         return None
@@ -66,7 +77,7 @@ def find_hiding_extension(
 
 def closes_in_simulation(ledger: FitLedger, nominal: FittedModel, names: Names) -> bool:
     """Tell whether a model that hides the motion closes the gap once it is simulated."""
-    if not motion_is_hidden(ledger.effects(names)):
+    if not motion_is_hidden(ledger.effects(names), ledger.fits[names]):
         return False
     _refine_all(ledger, nominal, {names: ledger.fits[names]})
     if ledger.trials[names][1] < ledger.study.criteria.simulated:
@@ -83,12 +94,12 @@ def extend_by_simulation(
     If the effects that the balances have added leave much of the simulated gap, the search starts
     again from the effect that hides the motion; its result is taken if it leaves no more.
     """
-    if not path or not motion_is_hidden(ledger.effects(path[-1])):
+    if not path or not motion_is_hidden(ledger.effects(path[-1]), ledger.fits[path[-1]]):
         return path
     _refine_all(ledger, nominal, {path[-1]: ledger.fits[path[-1]]})
-    first = path[-1]
+    first = path[-1] if len(path) == 1 else _without_needless(ledger, nominal, path)
     if ledger.trials[first][1] >= ledger.study.criteria.simulated:
-        alone = ledger.key(n for n in first if motion_is_hidden(ledger.effects((n,))))
+        alone = _hiding(ledger, first)
         first = alone if alone in ledger.fits else first
     grown = [first]
     while len(grown[-1]) < max_effects:
@@ -123,14 +134,48 @@ def _extended(ledger: FitLedger, nominal: FittedModel, known: Names) -> Names | 
         for name, key in keys.items()
         if key not in ledger.failures  # refused with a reason
     }
-    _refine_all(ledger, nominal, starts)
+    _refine_all(ledger, nominal, starts, TRIAL_ITERATIONS)
     shares = {key: ledger.trials[key][1] for key in starts}
     best = min(shares, key=lambda key: shares[key], default=None)
     if best is None or shares[best] > min(criteria.closed * share, share - criteria.matters, 1.0):
         return None
     _refine_again(ledger, nominal, best)
+    if not _is_needed(ledger, nominal, known, best):
+        return None
     ledger.fits.setdefault(best, ledger.trials[best][0])
     return best
+
+
+def _is_needed(ledger: FitLedger, nominal: FittedModel, known: Names, names: Names) -> bool:
+    """Tell whether a model needs the effects that it has beside the known ones.
+
+    While sensors hide the motion, the cost is rough, and a fit may end in a local minimum out of
+    which another effect has led by chance. So the smaller model begins again where the larger one
+    has ended, and keeps what it gains by that.
+    """
+    larger, share = ledger.trials[names]
+    added = tuple(f"{name}." for name in names if name not in known)
+    values = {n: v for n, v in larger.values.items() if not n.startswith(added)}
+    before = ledger.trials.pop(known)
+    _refine_all(ledger, nominal, {known: replace(larger, effects=known, values=values)})
+    ledger.trials[known] = min(before, ledger.trials[known], key=lambda trial: trial[1])
+    ledger.failures.pop(known, None)
+    criteria, least = ledger.study.criteria, ledger.trials[known][1]
+    return share <= min(criteria.closed * least, least - criteria.matters)
+
+
+def _without_needless(ledger: FitLedger, nominal: FittedModel, path: tuple[Names, ...]) -> Names:
+    """Return the first effect alone if it hides the motion, and others were added in vain."""
+    names, first = path[-1], path[0]
+    if first != _hiding(ledger, names):
+        return names
+    _refine_all(ledger, nominal, {first: ledger.fits[first]})
+    return names if _is_needed(ledger, nominal, first, names) else first
+
+
+def _hiding(ledger: FitLedger, names: Names) -> Names:
+    """Return those effects of a model that hide the motion."""
+    return tuple(n for n in names if motion_is_hidden(ledger.effects((n,)), ledger.fits[names]))
 
 
 def _candidates(ledger: FitLedger, known: Names) -> Sequence[str]:
@@ -181,11 +226,14 @@ def _beside(ledger: FitLedger, base: FittedModel, known: Names, name: str) -> Fi
 
 
 def _refine_all(
-    ledger: FitLedger, nominal: FittedModel, starts: Mapping[Names, FittedModel]
+    ledger: FitLedger,
+    nominal: FittedModel,
+    starts: Mapping[Names, FittedModel],
+    iterations: int = MAX_ITERATIONS,
 ) -> None:
     """Refine models by output error and simulate them, those that were not tried already."""
     jobs = {
-        key: ledger.run(_refine_and_simulate, start, ledger.effects(key))
+        key: ledger.run(_refine_and_simulate, start, ledger.effects(key), iterations)
         for key, start in starts.items()
         if key not in ledger.trials
     }
@@ -211,8 +259,8 @@ def _refine_again(ledger: FitLedger, nominal: FittedModel, names: Names) -> None
 
 
 def _refine_and_simulate(
-    study: Study, start: FittedModel, effects: Sequence[Effect]
+    study: Study, start: FittedModel, effects: Sequence[Effect], iterations: int
 ) -> tuple[FittedModel, Simulated]:
-    better = refine_by_output_error(study, start, effects)
+    better = refine_by_output_error(study, start, effects, iterations)
     require_credible(study, effects, better)
     return better, simulate_fit(study, better, effects)

@@ -21,13 +21,16 @@ from pneumo_casadi.estimation.output_error import (
 )
 from pneumo_casadi.model.effect import Effect
 
-OPTIONS = OutputErrorOptions(
-    window=WINDOW, widths=(V_S_SIMULATED,), max_iterations=30, recover=False
-)
+#: Iterations of a refinement.
+MAX_ITERATIONS = 30
+OPTIONS = OutputErrorOptions(window=WINDOW, widths=(V_S_SIMULATED,), recover=False)
 
 
 def refine_by_output_error(
-    study: Study, fitted: FittedModel, effects: Sequence[Effect]
+    study: Study,
+    fitted: FittedModel,
+    effects: Sequence[Effect],
+    iterations: int = MAX_ITERATIONS,
 ) -> FittedModel:
     """Refine a fit by output error over windows; return it as it was where that fails.
 
@@ -41,7 +44,9 @@ def refine_by_output_error(
         axis = axis.with_parameters(axis.parameters.fix(*fixed))
     result: object
     try:
-        result = fit_output_error(axis, study.train, None, OPTIONS)
+        result = fit_output_error(
+            axis, study.train, None, replace(OPTIONS, max_iterations=iterations)
+        )
     except FitError as error:
         result = error.partial
     except ModelError:

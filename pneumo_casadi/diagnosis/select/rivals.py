@@ -19,7 +19,7 @@ def fit_rivals(ledger: FitLedger, nominal: FittedModel, final: Names) -> None:
     final : tuple of str
         Effects of the final model.
     """
-    if motion_is_hidden(ledger.effects(final)):
+    if motion_is_hidden(ledger.effects(final), ledger.fits[final]):
         return  # the balances do not tell
     values = ledger.fits[final].values
     starts: dict[Names, Start] = {}

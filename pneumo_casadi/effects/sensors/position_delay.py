@@ -47,6 +47,10 @@ class PositionDelay(Effect):
     )
     states = (State("v_mean", "m/s", 0.5), State("a_mean", "m/s2", 10.0))
 
+    def hides(self, values: Mapping[str, float], bandwidth: float) -> bool:
+        """Return whether the delay is too long to be taken back: T ω > 1 within the bandwidth."""
+        return values["T"] * bandwidth > 1.0
+
     def rest(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
         """Start in steady motion."""
         return {"v_mean": at.v, "a_mean": 0.0}

@@ -22,6 +22,8 @@ from pneumo_casadi.signals.zero_phase import central_difference, zero_phase_lowp
 
 #: Cut-off of the zero-phase filter on the measurements [Hz].
 CUTOFF = 60.0
+#: The same as an angular frequency [rad/s].
+BANDWIDTH = 2 * np.pi * CUTOFF
 #: Rate of the rows that a fit sees [1/s].
 ROW_RATE = 62.5
 #: Rate to which faster records are thinned once they are smooth [Hz].
