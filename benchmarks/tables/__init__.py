@@ -5,6 +5,7 @@ from collections.abc import Callable
 from tables.diagnosis import (
     bench_sanity,
     designs,
+    effect_coverage,
     effect_visibility,
     practice,
     verdicts,

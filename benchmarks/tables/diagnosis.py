@@ -23,17 +23,30 @@ ASKED = {
 
 
 def verdicts(result: Mapping[str, Any]) -> str:
-    """Return what the diagnosis says of the practice cases."""
+    """Return what the diagnosis says of labelled cases."""
     head = ["case", "named (probability)", "balance", "gap %", "after", "closed %"]
     body = []
     for name, entry in result["cases"].items():
         named = ", ".join(f"{e['name']} ({e['probability']:.2f})" for e in entry["effects"])
         gap, mark = entry["gap"], "" if entry["right"] else " (wrong)"
         closed = f"{100 * gap['shrink']:.0f}" if named else ""
-        verdict = (named or entry["verdict"]) + mark
+        term = entry["discovered"]
+        over = f": {term['form']} over {term['driver']}" if term else ""
+        verdict = (named or entry["verdict"] + over) + mark
         balance = entry["where"]["balance"].replace("_", " ")
         body.append([name, verdict, balance, f"{gap['before']:.2f}", f"{gap['after']:.2f}", closed])
     return rows(head, body)
+
+
+def effect_coverage(result: Mapping[str, Any]) -> str:
+    """Coverage of the intervals of effects, where model and data have the same form."""
+    kinds = ("white", "coloured")
+    body = [
+        [name.replace("_", " "), *(share_text(result[kind]["by_effect"][name]) for kind in kinds)]
+        for name in result["white"]["by_effect"]
+    ]
+    body.append(["all", *(share_text(result[kind]["coverage"]) for kind in kinds)])
+    return rows(["covered, %", "white noise", "coloured noise"], body)
 
 
 def withheld(result: Mapping[str, Any]) -> str:
