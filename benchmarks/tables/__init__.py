@@ -43,6 +43,8 @@ TABLES: dict[str, tuple[Callable[..., str], *tuple[str, ...]]] = {
     "practice": (practice, "practice"),
     "effect_visibility": (effect_visibility, "effect_visibility"),
     "verdicts": (verdicts, "practice_verdicts"),
+    "verdicts_more": (verdicts, "practice_more_verdicts"),
+    "effect_coverage": (effect_coverage, "effect_coverage"),
     "batch": (batch, "batch"),
     "designs": (designs, "design"),
     "withheld": (withheld, "withheld"),
