@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pneumo_casadi.data import Recording
-from pneumo_casadi.estimation.equation_error.smoothed_motion import ROW_RATE, SmoothedMotion
+from pneumo_casadi.estimation.equation_error.smoothed_motion import SmoothedMotion
 from pneumo_casadi.estimation.statistics import stated_or_estimated_noise
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.parameters import FloatArray
@@ -82,13 +82,12 @@ def exact_row_gains(data: SmoothedMotion) -> RowGains:
     """Return the gains from the impulse response of filter, derivative and windows."""
     impulse = np.zeros(data.N)
     impulse[data.N // 2] = 1.0
-    stride = max(1, round(1 / (ROW_RATE * data.dt)))
     level = data.smooth(impulse)
     rate = data.derivative(level)
     acceleration = data.derivative(rate)
     return RowGains(
         *(
-            float(np.sqrt(np.sum(data.averaged(part) ** 2) * stride))
+            float(np.sqrt(np.sum(data.averaged(part) ** 2) * data.stride))
             for part in (level, rate, acceleration)
         )
     )

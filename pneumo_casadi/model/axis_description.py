@@ -55,6 +55,12 @@ class AxisDescription:
                 raise ModelError(
                     f"effect {effect.name} needs pressures, which a {kind.title} has not"
                 )
+            unseen = [sensor for sensor in effect.sensors if sensor not in kind.outputs]
+            if unseen:
+                raise ModelError(
+                    f"effect {effect.name} concerns the sensor of {', '.join(unseen)}, which is no "
+                    f"output of a {kind.title}"
+                )
             absent = [name for name in effect.needs_constants if name not in self.constants]
             if absent:
                 raise ModelError(

@@ -2,6 +2,7 @@
 
 import gzip
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,10 @@ import pytest
 
 from pneumo_casadi.data import Clock, read_case, read_seal_friction
 from pneumo_casadi.data.seal_friction import COLUMNS, FILES, P_EXT
-from pneumo_casadi.errors import CaseError
+from pneumo_casadi.diagnosis import diagnose
+from pneumo_casadi.effects import EFFECTS
+from pneumo_casadi.errors import CaseError, ModelError
+from pneumo_casadi.model.servosystem import PressureAxis
 
 RESULT = Path(__file__).parents[2] / "benchmarks" / "results" / "seal_friction.json"
 
@@ -57,6 +61,39 @@ def test_area_friction_over_pressure_and_the_force_at_the_withheld_pressure():
     assert 10 * friction["std"] < friction["value"] < 0.75
     for direction in result["prediction_at_7_bar"].values():
         assert abs(direction["error_N"]) < 1.0
+
+
+def test_the_cause_is_named_at_three_pressures_and_closes_the_gap_at_the_fourth():
+    told = json.loads(RESULT.read_text())["diagnosis"]
+    assert told["named"] == ["pressure_friction"] and told["probability"][0] > 0.9
+    assert told["second"]["probability"] < 0.01
+    # Half the force loop grows by 0.78 N/bar; the regulator's own pressure is part of that.
+    assert 0.5 < told["k_p_N_per_bar"] < 0.78
+    assert told["closes_of_force_balance"]["interval"][0] > 0.3
+    assert told["gap_percent"]["after"] < 0.01 * told["gap_percent"]["before"]
+
+
+@pytest.mark.data
+@pytest.mark.slow
+def test_records_too_slow_for_accelerations_are_diagnosed(data_folder):
+    """At 100 Hz differences lose much of an acceleration; friction shows all the same."""
+    case = read_seal_friction(data_folder / "seal_friction")
+    few = {name: EFFECTS[name] for name in ("pressure_friction", "asymmetric_viscous_friction")}
+    by_length = sorted(case.identify, key=lambda record: record.duration)[-3:]
+    short = [
+        record.window(float(record.t[0]) + 2.0, float(record.t[0]) + 14.0) for record in by_length
+    ]
+    held_out = case.validate[-1].window(10.0, 18.0)
+    told = diagnose(replace(case, identify=tuple(short), validate=(held_out,)), few)
+    assert [effect.name for effect in told.effects] == ["pressure_friction"]
+    assert told.effects[0].parameters["k_p"].value == pytest.approx(0.68e-5, rel=0.15)
+
+
+def test_an_effect_on_a_sensor_that_the_axis_has_not_is_refused(tmp_path):
+    write(tmp_path)
+    axis = PressureAxis(read_case(tmp_path).bench)
+    with pytest.raises(ModelError, match="concerns the sensor of p_P, p_N, which is no output"):
+        axis.with_effects(EFFECTS["pressure_sensor_bias"]())
 
 
 @pytest.mark.data

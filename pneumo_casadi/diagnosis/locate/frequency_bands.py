@@ -9,10 +9,7 @@ from pneumo_casadi.diagnosis.locate.signatures import noise_variance
 from pneumo_casadi.diagnosis.metrics.location import Location
 from pneumo_casadi.diagnosis.metrics.regime import Condition, Regime, RegimeKind
 from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study
-from pneumo_casadi.estimation.equation_error.smoothed_motion import (
-    ROW_RATE,
-    SmoothedMotion,
-)
+from pneumo_casadi.estimation.equation_error.smoothed_motion import SmoothedMotion
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.parameters import FloatArray
 
@@ -29,7 +26,8 @@ def band_regimes(
 ) -> list[Regime]:
     """Compare the spectrum of a balance's residual with that of its signal."""
     i = study.axis.equations.index(balance)
-    length = round(STRETCH * ROW_RATE)
+    rate = study.all_smoothed[0].row_rate
+    length = round(STRETCH * rate)
     residual, signal = [], []
     used = (*fit.used_train, *fit.used_held_out)
     for data, r, counts in zip(study.all_smoothed, (*fit.train, *fit.held_out), used, strict=True):
@@ -46,7 +44,7 @@ def band_regimes(
     R -= _noise_spectrum(study, fit, i, length)
     if R.sum() <= 0:
         return []
-    f = np.fft.rfftfreq(length, 1 / ROW_RATE)
+    f = np.fft.rfftfreq(length, 1 / rate)
     regimes = []
     for low, high in pairwise(BANDS):
         inside = (f >= low) & (f < high)
@@ -61,7 +59,7 @@ def band_regimes(
 
 def _noise_spectrum(study: Study, fit: FittedModel, i: int, length: int) -> FloatArray:
     """Return what the sensors' noise adds to the spectrum of balance `i`, (length // 2 + 1,)."""
-    data = study.all_smoothed[0]
+    data = max(study.all_smoothed, key=lambda data: data.m)
     order = 2 if study.axis.equations[i] == "force" else 1
     white = data.smooth(np.random.default_rng(0).standard_normal(data.N))
     for _ in range(order):

@@ -93,8 +93,8 @@ def conditions_of(rows: BalanceRows, axis: Axis) -> Iterator[tuple[Condition, ND
     yield Condition(kind.LAST_THIRD), t > last - (last - first) / 3
     if rows.balance is not Location.FORCE:
         yield from _valve_regimes(rows, axis)
-    elif "p_P" in at:
-        mean = at["p_P"] + at["p_N"]
+    elif pressures := [at[name] for name in ("p_P", "p_N") if name in at]:
+        mean = np.mean(pressures, axis=0)
         yield Condition(kind.HIGH_PRESSURES), mean > np.quantile(mean, 0.75)
         yield Condition(kind.LOW_PRESSURES), mean < np.quantile(mean, 0.25)
 

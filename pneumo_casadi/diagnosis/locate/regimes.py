@@ -11,9 +11,6 @@ from pneumo_casadi.diagnosis.locate.regime_conditions import (
 from pneumo_casadi.diagnosis.locate.signatures import residual_floor
 from pneumo_casadi.diagnosis.metrics.regime import Regime
 from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study
-from pneumo_casadi.estimation.equation_error.smoothed_motion import (
-    ROW_RATE,
-)
 from pneumo_casadi.model.axis import Axis
 
 #: Length of the blocks that are shuffled [s]: longer than residuals remember.
@@ -56,7 +53,7 @@ def find_regimes(study: Study, fit: FittedModel, seed: int = 0) -> tuple[Regime,
     )
     for rows, least in zip(balance_rows(study, fit), floor, strict=True):
         if np.mean(rows.r**2) > (FLOORS * least) ** 2:
-            regimes += _tested(rows, study.axis, rng)
+            regimes += _tested(rows, study.axis, study.all_smoothed[0].row_rate, rng)
             regimes += band_regimes(study, fit, rows.balance, rng)
     telling = [r for r in regimes if r.ratio > RATIO and r.p_value < P_VALUE]
     telling.sort(key=lambda r: -r.share * np.log(min(r.ratio, RATIO_CAP)))
@@ -69,8 +66,8 @@ def _same(regime: Regime, other: Regime) -> bool:
     return close and regime.balance == other.balance
 
 
-def _tested(rows: BalanceRows, axis: Axis, rng: np.random.Generator) -> list[Regime]:
-    """Test all regimes of one balance."""
+def _tested(rows: BalanceRows, axis: Axis, rate: float, rng: np.random.Generator) -> list[Regime]:
+    """Test all regimes of one balance, whose rows follow each other at some rate [1/s]."""
     inside = {
         condition: mask
         for condition, mask in conditions_of(rows, axis)
@@ -81,7 +78,7 @@ def _tested(rows: BalanceRows, axis: Axis, rng: np.random.Generator) -> list[Reg
         return []
     masks = np.array(list(inside.values()), dtype=float)
     shares = masks @ square / square.sum()
-    length = round(BLOCK * ROW_RATE)
+    length = round(BLOCK * rate)
     count = rows.r.size // length
     blocks = np.arange(count * length).reshape(count, length)
     reached = np.ones(len(masks))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pneumo_casadi.data import Recording
 from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA, Criteria
-from pneumo_casadi.errors import FitError
+from pneumo_casadi.errors import CaseError, FitError
 from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
 from pneumo_casadi.estimation.equation_error.fit import (
     MAX_ITERATIONS,
@@ -18,13 +18,18 @@ from pneumo_casadi.estimation.equation_error.fit import (
     equation_error_costs,
     fit_equation_error,
 )
-from pneumo_casadi.estimation.equation_error.smoothed_motion import SmoothedMotion, smooth_motions
+from pneumo_casadi.estimation.equation_error.smoothed_motion import (
+    SmoothedMotion,
+    smooth_motions,
+    smoothing_filter,
+)
 from pneumo_casadi.estimation.flow_anchor import Anchor, anchor_flow
 from pneumo_casadi.estimation.output_error.result import flow_map_deviation
 from pneumo_casadi.estimation.wls import fit_wls
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.signals import FilterPlan, plan_filters_for
 from pneumo_casadi.valve import AnyFlowMap
 
 #: Width of the smoothed sign of the velocity; slower rows are left out [m/s].
@@ -101,9 +106,17 @@ def start_study(
     """Start a study with weighted least squares."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the start may be clipped at a bound
-        start = axis.started_at(fit_wls(axis, train).parameters)
+        start = axis.started_at(fit_wls(axis, train, plan=_filters(train)).parameters)
     start = start.with_parameters({"v_s": V_S})
     return Study(start, flow_map, tuple(train), tuple(held_out), criteria)
+
+
+def _filters(records: Sequence[Recording]) -> FilterPlan:
+    """Return the filters of the start; those of the smoothed motion where no others will do."""
+    try:
+        return plan_filters_for(records)
+    except CaseError:  # sampled too slowly to bound what the differences distort
+        return smoothing_filter(records[0].dt)
 
 
 @dataclass(frozen=True, eq=False)

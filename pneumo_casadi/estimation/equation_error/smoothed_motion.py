@@ -82,6 +82,16 @@ class SmoothedMotion:
         """Number of rows."""
         return int(self.moving.size)
 
+    @property
+    def stride(self) -> int:
+        """Samples from row to row."""
+        return _stride(self.dt)
+
+    @property
+    def row_rate(self) -> float:
+        """Rate of the rows [1/s]: `ROW_RATE`, as nearly as whole samples allow."""
+        return 1 / (self.dt * self.stride)
+
     def used(self, axis: Axis) -> NDArray[np.bool_]:
         """Return which rows of each balance count, shape (ne, m): force only in motion."""
         rows = np.ones((len(axis.equations), self.m), dtype=bool)
@@ -96,7 +106,7 @@ class SmoothedMotion:
 
     def smooth(self, values: FloatArray) -> FloatArray:
         """Pass values (N,) through the filter that the measurements went through."""
-        return zero_phase_lowpass(values, CUTOFF, 1 / self.dt, _ORDER)
+        return zero_phase_lowpass(values, smoothing_filter(self.dt).cutoff, 1 / self.dt, _ORDER)
 
     def derivative(self, values: FloatArray) -> FloatArray:
         """Differentiate values (N,) as the measurements were."""
@@ -104,6 +114,11 @@ class SmoothedMotion:
 
 
 _ORDER = 4
+
+
+def smoothing_filter(dt: float) -> FilterPlan:
+    """Return the filter that records with a sampling period [s] are smoothed with."""
+    return FilterPlan(sampling_frequency=1 / dt, cutoff=min(CUTOFF, 0.4 / dt))
 
 
 def smooth_motion(axis: Axis, record: Recording) -> SmoothedMotion:
@@ -126,8 +141,7 @@ def smooth_motion(axis: Axis, record: Recording) -> SmoothedMotion:
         If the record is too short for the filters.
     """
     fs = 1 / record.dt
-    plan = FilterPlan(sampling_frequency=fs, cutoff=min(CUTOFF, 0.4 * fs))
-    filtered = filter_recording(record, plan, InputPairing.SAMPLE)
+    filtered = filter_recording(record, smoothing_filter(record.dt), InputPairing.SAMPLE)
     names = axis.motion_states
     x, dx = filtered.stack_states(names), filtered.stack_derivatives(names)
     (u,) = filtered.stack_inputs(axis.inputs)
@@ -140,7 +154,7 @@ def smooth_motion(axis: Axis, record: Recording) -> SmoothedMotion:
     dt = thin * record.dt
     x, dx, u = (_thinned(part, thin) for part in (x, dx, u))
     slow = np.abs(x[names.index("v")]) < max(SLOW, NOISE_MULTIPLE * filtered.velocity_noise)
-    weak = _windows(x.shape[1], max(1, round(1 / dt / ROW_RATE)))
+    weak = _windows(x.shape[1], _stride(dt))
     return SmoothedMotion(
         filtered.t[: x.shape[1] * thin : thin],
         x,
@@ -153,6 +167,10 @@ def smooth_motion(axis: Axis, record: Recording) -> SmoothedMotion:
         filtered.velocity_noise,
         record.name,
     )
+
+
+def _stride(dt: float) -> int:
+    return max(1, round(1 / dt / ROW_RATE))
 
 
 def _thinned(values: FloatArray, factor: int) -> FloatArray:
