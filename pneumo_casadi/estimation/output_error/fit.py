@@ -40,9 +40,6 @@ logger = logging.getLogger(__name__)
 REWEIGHTINGS = 40
 #: How often a stage is solved again with steps as fine as the friction found needs.
 STEPPINGS = 3
-#: From so many records on, so many of them are fitted first: from WLS full steps seldom contract,
-#: and damped steps over all records take most of the time; from a share of them full steps do.
-MANY_RECORDS, FIRST_RECORDS = 40, 10
 
 
 @one_thread
@@ -101,11 +98,8 @@ def fit_output_error(
     if not records:
         raise ModelError("no record to fit")
     sigma = np.array([stated_or_estimated_noise(axis.bench, records, c) for c in axis.outputs])
-    some = _fit_some(axis, records, flow_map, options)
-    stages = (
-        [] if some is None else [replace(s, name=f"some records, {s.name}") for s in some.stages]
-    )
-    parameters = (axis if some is None else some.axis).parameters
+    stages: list[Stage] = []
+    parameters = axis.parameters
     rungs = plan_stages(options)
     dt = records[0].dt
     for i, rung in enumerate(rungs):
@@ -158,22 +152,6 @@ def fit_output_error(
         "more misfit, and see where model and measurement disagree",
         result,
     )
-
-
-def _fit_some(
-    axis: Axis,
-    records: Sequence[Recording],
-    flow_map: AnyFlowMap | None,
-    options: OutputErrorOptions,
-) -> OutputErrorResult | None:
-    """Fit some of many records; None where there are few, or where that fails."""
-    if len(records) < MANY_RECORDS:
-        return None
-    some = records[:: len(records) // FIRST_RECORDS]
-    try:
-        return fit_output_error(axis, some, flow_map, replace(options, recover=False))
-    except (FitError, ModelError):
-        return None
 
 
 def write_problem(
