@@ -206,7 +206,9 @@ def _states_along(
         longer = np.empty((len(part), N + 1), order="F")
         longer[:, :N], longer[:, N] = part, part[:, -1]
         now_and_next += [longer[:, :N], longer[:, 1:]]
-    given = (at_rest[:, 0], *now_and_next, data.u, np.array([data.dt]), c, theta)
+    # From one row to the next an input that is held has both its values, half the time each.
+    between = np.asfortranarray((data.u + np.hstack([data.u[:, 1:], data.u[:, -1:]])) / 2)
+    given = (at_rest[:, 0], *now_and_next, between, np.array([data.dt]), c, theta)
     return model.step.accumulate(N, *given)[:, :N]
 
 
