@@ -55,7 +55,6 @@ SIZES: Mapping[str, Mapping[str, float]] = {
 
 def one_case(job: tuple[str, int], correlation: float) -> dict[str, Any]:
     """Return truth, estimate and claimed standard deviation of one effect's parameters."""
-    logging.disable(logging.WARNING)
     name, seed = job
     rng = np.random.default_rng([SEED, round(10 * correlation), list(SIZES).index(name), seed])
     sizes = {key: size * rng.uniform(2 / 3, 3 / 2) for key, size in SIZES[name].items()}
@@ -125,7 +124,9 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="one case of each effect")
     arguments = parser.parse_args()
     cases = 1 if arguments.quick else arguments.cases
-    with ProcessPoolExecutor(max_workers=os.cpu_count()) as executor:
+    # Only in the workers: that a start was clipped is no news there.
+    quiet = {"initializer": logging.disable, "initargs": (logging.WARNING,)}
+    with ProcessPoolExecutor(os.cpu_count(), **quiet) as executor:
         result = {
             "white": study(cases, 0.0, executor),
             "coloured": study(cases, CORRELATION, executor),

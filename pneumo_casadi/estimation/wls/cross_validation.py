@@ -25,12 +25,12 @@ class Prediction:
     t : (m,) array
         Instants of the decimated rows [s].
     measured, predicted : mapping of str to (m,) array
-        By equation: ``mass_flow_P``, ``mass_flow_N`` [kg/s], ``force`` [N].
+        By equation: ``mass_flow_P``, ``mass_flow_N`` [kg/s], ``force`` [N]; as the fit counts
+        them, so that of force nothing remains of a rest.
     used : mapping of str to (m,) array of bool
         Rows that count, by the treatment of samples at rest.
     relative_error_percent : mapping of str to float
-        100 ‖measured - predicted‖ / ‖measured‖ over the rows that count, with the samples at
-        rest treated as in the fit.
+        100 ‖measured - predicted‖ / ‖measured‖ over the rows that count.
     relative_error_percent_all : mapping of str to float
         Over all rows, samples at rest included.
     """
@@ -66,20 +66,18 @@ def cross_validate(
 
 
 def _predict(result: WLSResult, recording: Recording) -> Prediction:
+    counted = _observe(result, recording, result.stick)
     whole = _observe(result, recording, StickPhases.KEEP)
-    counted = (
-        whole if result.stick is StickPhases.KEEP else _observe(result, recording, result.stick)
-    )
-    names = whole.equations
-    predicted = whole.W @ result.estimate
+    predicted, used = counted.W @ result.estimate, counted.used
+    names = counted.equations
     return Prediction(
         name=recording.name,
-        t=whole.t,
-        measured=dict(zip(names, map(read_only, whole.Y), strict=True)),
+        t=counted.t,
+        measured=dict(zip(names, map(read_only, counted.Y), strict=True)),
         predicted=dict(zip(names, map(read_only, predicted), strict=True)),
-        used=dict(zip(names, counted.used, strict=True)),
-        relative_error_percent=_relative_errors(counted, result.estimate),
-        relative_error_percent_all=_relative_errors(whole, result.estimate),
+        used=dict(zip(names, used, strict=True)),
+        relative_error_percent=_relative_errors(counted, result.estimate, used),
+        relative_error_percent_all=_relative_errors(whole, result.estimate, whole.used),
     )
 
 
@@ -95,9 +93,11 @@ def _observe(result: WLSResult, recording: Recording, stick: StickPhases) -> Obs
     )
 
 
-def _relative_errors(observation: Observation, estimate: FloatArray) -> dict[str, float]:
-    residual = observation.Y - observation.W @ estimate
+def _relative_errors(
+    o: Observation, estimate: FloatArray, used: NDArray[np.bool_]
+) -> dict[str, float]:
+    rho = o.Y - o.W @ estimate
     return {
-        name: relative_error_percent(residual[e, used], observation.Y[e, used])
-        for e, (name, used) in enumerate(zip(observation.equations, observation.used, strict=True))
+        name: relative_error_percent(rho[e, used[e]], o.Y[e, used[e]])
+        for e, name in enumerate(o.equations)
     }

@@ -91,8 +91,10 @@ class Observation:
         Regressor of each equation.
     flow_error : (ne, m, k) array
         Change of Y by each error of the flow map, of standard deviation one (`flow_map_error`).
-    used : (ne, m) array of bool
-        Rows that count; those of the force balance only where the axis moved.
+    in_motion : (m,) array
+        Share of each row's low-pass in which the axis moved, but for the filter's ripple.
+    stick : StickPhases
+        How samples at rest were treated.
     names, equations : tuple of str
         Parameters and equations.
     plan : FilterPlan
@@ -109,13 +111,22 @@ class Observation:
     Y: FloatArray
     W: FloatArray
     flow_error: FloatArray
-    used: NDArray[np.bool_]
+    in_motion: FloatArray
+    stick: StickPhases
     names: tuple[str, ...]
     equations: tuple[str, ...]
     plan: FilterPlan
     velocity_threshold: float
     source: str
     dropped: tuple[int, int]
+
+    @property
+    def used(self) -> NDArray[np.bool_]:
+        """Rows that count, (ne, m): those of force only where most of the low-pass is motion."""
+        used = np.ones(self.Y.shape, dtype=bool)
+        if self.stick is StickPhases.OMIT:
+            used[self.equations.index("force")] = self.in_motion > IN_MOTION
+        return used
 
     def system(self) -> LinearSystem:
         """Return the rows that count as a linear system."""
@@ -175,22 +186,19 @@ def observe(
         velocity_threshold = max(
             NOISE_MULTIPLE * filtered.velocity_noise, LEAST_SHARE * float(v.max())
         )
-    ne, N, _ = W.shape
-    rows = decimated_rows(N, plan.factor)
-    used = np.ones((ne, rows.size), dtype=bool)
+    motion = _in_motion(v >= velocity_threshold, plan.factor)
     if stick is StickPhases.OMIT:
         force = model.equations.index("force")
-        motion = _in_motion(v >= velocity_threshold, plan.factor)
         Y[force] *= motion
         W[force] *= motion[:, None]
-        used[force] = parallel_decimate(motion, plan.factor, plan.decimation) > IN_MOTION
     low = _low_passed(Y, W, plan)
     return Observation(
-        t=filtered.t[rows],
+        t=filtered.t[decimated_rows(v.size, plan.factor)],
         Y=low[:, :, 0],
         W=low[:, :, 1:],
         flow_error=flow_map_error(model, filtered, plan),
-        used=used,
+        in_motion=parallel_decimate(motion, plan.factor, plan.decimation),
+        stick=stick,
         names=tuple(names),
         equations=model.equations,
         plan=plan,

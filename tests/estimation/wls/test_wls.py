@@ -135,9 +135,7 @@ def test_flows_and_effort_of_another_record_are_predicted(made, clean):
         assert measured.shape == result.predicted[name].shape == result.t.shape
         rho = (measured - result.predicted[name])[result.used[name]]
         expected = 100 * np.linalg.norm(rho) / np.linalg.norm(measured[result.used[name]])
-        # The turns of the motion, where the sign of friction is unsure, count in no row of force.
-        rel = 0.02 if name == "force" else 1e-9
-        assert result.relative_error_percent[name] == pytest.approx(expected, rel=rel)
+        assert result.relative_error_percent[name] == pytest.approx(expected)
 
 
 def test_the_error_of_effort_in_motion_is_free_of_what_rests_do_to_it(made):
