@@ -9,13 +9,10 @@ interval of each of its parameters covers the truth.
 """
 
 import argparse
-import logging
-import os
 import tempfile
 from collections.abc import Mapping
-from concurrent.futures import Executor, ProcessPoolExecutor
+from concurrent.futures import Executor
 from dataclasses import replace
-from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -24,8 +21,7 @@ import numpy as np
 import provenance
 import tables
 from own_model import metered, record_with_noise, truth
-from rich.progress import track
-from wls_vs_output_error import CORRELATION
+from wls_vs_output_error import replicates, under_both_noises
 
 from pneumo_casadi.data import Case
 from pneumo_casadi.diagnosis import diagnose
@@ -53,7 +49,7 @@ SIZES: Mapping[str, Mapping[str, float]] = {
 }
 
 
-def one_case(job: tuple[str, int], correlation: float) -> dict[str, Any]:
+def one_case(correlation: float, job: tuple[str, int]) -> dict[str, Any]:
     """Return truth, estimate and claimed standard deviation of one effect's parameters."""
     name, seed = job
     rng = np.random.default_rng([SEED, round(10 * correlation), list(SIZES).index(name), seed])
@@ -94,9 +90,7 @@ def _write(flow_map: FlowMap, path: Path) -> None:
 def study(cases: int, correlation: float, executor: Executor) -> dict[str, Any]:
     """Return coverage by effect and of all, with one kind of noise."""
     jobs = [(name, seed) for seed in range(cases) for name in SIZES]
-    label = "coloured noise" if correlation else "white noise"
-    mapped = executor.map(partial(one_case, correlation=correlation), jobs)
-    each = list(track(mapped, label, total=len(jobs)))
+    each = replicates(one_case, jobs, correlation, executor)
     factor = interval_factor(0.95)
     answers = {
         name: [
@@ -124,13 +118,7 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="one case of each effect")
     arguments = parser.parse_args()
     cases = 1 if arguments.quick else arguments.cases
-    # Only in the workers: that a start was clipped is no news there.
-    quiet = {"initializer": logging.disable, "initargs": (logging.WARNING,)}
-    with ProcessPoolExecutor(os.cpu_count(), **quiet) as executor:
-        result = {
-            "white": study(cases, 0.0, executor),
-            "coloured": study(cases, CORRELATION, executor),
-        } | provenance.made(SEED, arguments.quick)
+    result = under_both_noises(study, cases) | provenance.made(SEED, arguments.quick)
     print(tables.effect_coverage(result))
     provenance.write(arguments.json, result)
 

@@ -65,25 +65,20 @@ def run(case: Case) -> dict[str, Any]:
     """Return areas and slopes of both fits, and the prediction of the held-out record."""
     axis = PressureAxis(case.bench, [EFFECTS["pressure_friction"]()])
     plan = plan_filters(case.bench.sampling_frequency, F_DYN)
-    identify = [record for record in case.identify if record.duration >= SHORTEST]
-    validate = [record for record in case.validate if record.duration >= SHORTEST]
-    measured = _fit(axis, identify, plan)
-    held = _fit(axis, [_at_mean_pressure(record) for record in identify], plan)
+    case = _long_enough(case)
+    measured = _fit(axis, case.identify, plan)
+    held = _fit(axis, [_at_mean_pressure(record) for record in case.identify], plan)
     return {
         **provenance.made(SEED, quick=False),
         "measured_pressure": _estimates(measured),
         "mean_pressure": _estimates(held),
-        f"prediction_at_{HELD_OUT}_bar": _prediction(measured, validate, plan),
+        f"prediction_at_{HELD_OUT}_bar": _prediction(measured, case.validate, plan),
     }
 
 
 def told(case: Case) -> dict[str, Any]:
     """Return what the diagnosis says of the records that filters leave something of."""
-    identify, validate = (
-        tuple(record for record in records if record.duration >= SHORTEST)
-        for records in (case.identify, case.validate)
-    )
-    diagnosis = diagnose(replace(case, identify=identify, validate=validate))
+    diagnosis = diagnose(_long_enough(case))
     first = diagnosis.ranking[0]
     assert first.closure is not None
     return {
@@ -101,6 +96,14 @@ def told(case: Case) -> dict[str, Any]:
         },
         "gap_percent": {"before": diagnosis.gap.before, "after": diagnosis.gap.after},
     }
+
+
+def _long_enough(case: Case) -> Case:
+    identify, validate = (
+        tuple(record for record in records if record.duration >= SHORTEST)
+        for records in (case.identify, case.validate)
+    )
+    return replace(case, identify=identify, validate=validate)
 
 
 def _fit(axis: Axis, records: Sequence[Recording], plan: FilterPlan) -> WLSResult:

@@ -8,10 +8,9 @@ correlated residuals and contains the noise of the map.
 """
 
 import argparse
-import os
 import warnings
 from collections.abc import Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor
+from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,7 @@ import numpy as np
 import provenance
 import tables
 from own_model import TABLE_1, metered, nominal, record_with_noise, true_values, truth
-from wls_vs_output_error import CORRELATION, figures, replicates
+from wls_vs_output_error import figures, replicates, under_both_noises
 
 from pneumo_casadi.estimation.wls import fit_wls
 
@@ -65,12 +64,8 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="four replicates, to see it run")
     arguments = parser.parse_args()
     seeds = range(4 if arguments.quick else arguments.seeds)
-    with ProcessPoolExecutor(max_workers=os.cpu_count()) as executor:
-        result = {
-            "replicates": len(seeds),
-            "white": study(seeds, 0.0, executor),
-            "coloured": study(seeds, CORRELATION, executor),
-        } | provenance.made(SEED, arguments.quick)
+    result = {"replicates": len(seeds), **under_both_noises(study, seeds)}
+    result |= provenance.made(SEED, arguments.quick)
     print(tables.wls_coverage(result))
     provenance.write(arguments.json, result)
 

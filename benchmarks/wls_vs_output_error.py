@@ -14,6 +14,7 @@ wider of the two.
 """
 
 import argparse
+import logging
 import os
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -21,7 +22,7 @@ from concurrent.futures import Executor, ProcessPoolExecutor
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import provenance
@@ -49,6 +50,8 @@ from pneumo_casadi.estimation.output_error.information import estimate_uncertain
 from pneumo_casadi.estimation.output_error.shooting.problem import Unknowns, shoot_segments
 from pneumo_casadi.estimation.statistics import delta_std, interval_factor
 from pneumo_casadi.estimation.wls import fit_wls
+
+Given, Seed = TypeVar("Given"), TypeVar("Seed")
 
 SEED = 20050704
 #: Correlation of neighbouring noise samples in the coloured case.
@@ -143,9 +146,22 @@ def study(seeds: list[int], correlation: float, executor: Executor) -> dict[str,
     }
 
 
+def under_both_noises(
+    study: Callable[[Given, float, Executor], dict[str, Any]], given: Given
+) -> dict[str, Any]:
+    """Return what a study finds under white and under coloured noise; its workers log nothing."""
+    with ProcessPoolExecutor(
+        os.cpu_count(), initializer=logging.disable, initargs=(logging.WARNING,)
+    ) as executor:
+        return {
+            "white": study(given, 0.0, executor),
+            "coloured": study(given, CORRELATION, executor),
+        }
+
+
 def replicates(
-    one_seed: Callable[[float, int], dict[str, Any]],
-    seeds: Sequence[int],
+    one_seed: Callable[[float, Seed], dict[str, Any]],
+    seeds: Sequence[Seed],
     correlation: float,
     executor: Executor,
 ) -> list[dict[str, Any]]:

@@ -11,7 +11,7 @@ RESULTS = Path(__file__).parents[2] / "benchmarks" / "results"
 @pytest.mark.slow
 def test_the_lag_of_a_valve_is_not_shortened_by_half_a_sample(script):
     """An input that is held has two values from the middle of a sample to that of the next."""
-    made = script(RESULTS.parent / "effect_coverage.py").one_case(("valve_dynamics", 0), 0.0)
+    made = script(RESULTS.parent / "effect_coverage.py").one_case(0.0, ("valve_dynamics", 0))
     tau = made["parameters"]["tau"]
     assert tau["value"] == pytest.approx(tau["truth"], rel=0.01)  # half of 1 ms is a tenth
     assert abs(tau["value"] - tau["truth"]) < 3 * tau["std"]

@@ -156,10 +156,7 @@ def _is_needed(ledger: FitLedger, nominal: FittedModel, known: Names, names: Nam
     larger, share = ledger.trials[names]
     added = tuple(f"{name}." for name in names if name not in known)
     values = {n: v for n, v in larger.values.items() if not n.startswith(added)}
-    before = ledger.trials.pop(known)
-    _refine_all(ledger, nominal, {known: replace(larger, effects=known, values=values)})
-    ledger.trials[known] = min(before, ledger.trials[known], key=lambda trial: trial[1])
-    ledger.failures.pop(known, None)
+    _refine_again(ledger, nominal, known, replace(larger, effects=known, values=values))
     criteria, least = ledger.study.criteria, ledger.trials[known][1]
     return share <= min(criteria.closed * least, least - criteria.matters)
 
@@ -175,7 +172,8 @@ def _without_needless(ledger: FitLedger, nominal: FittedModel, path: tuple[Names
 
 def _hiding(ledger: FitLedger, names: Names) -> Names:
     """Return those effects of a model that hide the motion."""
-    return tuple(n for n in names if motion_is_hidden(ledger.effects((n,)), ledger.fits[names]))
+    fitted = ledger.fits[names]
+    return tuple(effect.name for effect in ledger.effects(names) if _hides(effect, fitted))
 
 
 def _candidates(ledger: FitLedger, known: Names) -> Sequence[str]:
@@ -250,10 +248,12 @@ def _refine_all(
         ledger.trials[key] = better, share
 
 
-def _refine_again(ledger: FitLedger, nominal: FittedModel, names: Names) -> None:
-    """Let a fit that may have been cut short go on from where it ended, if that leaves less."""
+def _refine_again(
+    ledger: FitLedger, nominal: FittedModel, names: Names, start: FittedModel | None = None
+) -> None:
+    """Refine a model again, from where it ended or another start; what leaves less is kept."""
     before = ledger.trials.pop(names)
-    _refine_all(ledger, nominal, {names: before[0]})
+    _refine_all(ledger, nominal, {names: start or before[0]})
     ledger.trials[names] = min(before, ledger.trials[names], key=lambda trial: trial[1])
     ledger.failures.pop(names, None)  # where only the second refinement failed
 

@@ -67,17 +67,17 @@ def cross_validate(
 
 def _predict(result: WLSResult, recording: Recording) -> Prediction:
     counted = _observe(result, recording, result.stick)
-    whole = _observe(result, recording, StickPhases.KEEP)
-    predicted, used = counted.W @ result.estimate, counted.used
-    names = counted.equations
+    all_alike = result.stick is StickPhases.KEEP
+    whole = counted if all_alike else _observe(result, recording, StickPhases.KEEP)
+    predicted, names = counted.W @ result.estimate, counted.equations
     return Prediction(
         name=recording.name,
         t=counted.t,
         measured=dict(zip(names, map(read_only, counted.Y), strict=True)),
         predicted=dict(zip(names, map(read_only, predicted), strict=True)),
-        used=dict(zip(names, used, strict=True)),
-        relative_error_percent=_relative_errors(counted, result.estimate, used),
-        relative_error_percent_all=_relative_errors(whole, result.estimate, whole.used),
+        used=dict(zip(names, counted.used, strict=True)),
+        relative_error_percent=_relative_errors(counted, result.estimate),
+        relative_error_percent_all=_relative_errors(whole, result.estimate),
     )
 
 
@@ -93,10 +93,8 @@ def _observe(result: WLSResult, recording: Recording, stick: StickPhases) -> Obs
     )
 
 
-def _relative_errors(
-    o: Observation, estimate: FloatArray, used: NDArray[np.bool_]
-) -> dict[str, float]:
-    rho = o.Y - o.W @ estimate
+def _relative_errors(o: Observation, estimate: FloatArray) -> dict[str, float]:
+    rho, used = o.Y - o.W @ estimate, o.used
     return {
         name: relative_error_percent(rho[e, used[e]], o.Y[e, used[e]])
         for e, name in enumerate(o.equations)
