@@ -16,6 +16,10 @@ from pneumo_casadi.parameters import FloatArray
 THREADS = 2
 #: Fastest rate times sampling period up to which a sample is one step.
 ONE_STEP = 0.5
+#: Length of a step times the fastest rate: accurate to a millionth of laboratory noise ...
+ACCURATE = 1.0
+#: ... and to a hundredth of it (0.1 Pa, 0.1 µm), in half the time.
+COARSE = 2.0
 #: Steps in one call of CasADi.
 CHUNK = 250
 
@@ -42,21 +46,21 @@ class Stepping:
     timed: bool = False
 
 
-def substeps_for(axis: Axis, dt: float) -> int:
+def substeps_for(axis: Axis, dt: float, longest: float = ACCURATE) -> int:
     """Return the Runge-Kutta steps per sample that the axis needs at standstill to stay stable.
 
     There smoothed friction is steepest, (F_c⁺ + F_c⁻) / (2 M v_s) on the nominal axis, and
     effects add their own (a lag, Stribeck's force). RK4 is stable up to 2.78 times the fastest
-    rate and accurate below about 1 per step; a whole
-    sample is taken in one step only below half of that, because such a step is long compared with
-    all other time constants too.
+    rate and accurate below about 1 per step, the `longest` one; a whole sample is taken in one step
+    only below half of that, because such a step is long compared with all other time constants
+    too.
     """
     rate = dt * _fastest_rate(axis)
     if rate <= ONE_STEP:
         return 1
     # Few different counts: a small change of friction then seldom changes the step.
     count = 2
-    while count < rate:
+    while count * longest < rate:
         count = count * 3 // 2 if count & (count - 1) == 0 else count * 4 // 3
     return count
 

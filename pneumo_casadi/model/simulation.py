@@ -13,6 +13,7 @@ from pneumo_casadi.errors import ModelError
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.compilation import compile_functions
 from pneumo_casadi.model.integration import (
+    ACCURATE,
     Stepping,
     accumulate,
     held_inputs,
@@ -60,14 +61,19 @@ class Trajectory:
 
 
 def stepping_for(
-    axis: Axis, dt: float, hold: InputHold = InputHold.ZERO, lengths: FloatArray | None = None
+    axis: Axis,
+    dt: float,
+    hold: InputHold = InputHold.ZERO,
+    lengths: FloatArray | None = None,
+    longest_step: float = ACCURATE,
 ) -> Stepping:
     """Return a stepping that keeps the axis' smoothed friction stable.
 
     `lengths` are those of timed samples over dt, see `sample_lengths`; the longest one counts.
+    `longest_step` is the length of a step times the fastest rate, see `substeps_for`.
     """
     longest = dt if lengths is None else dt * max(1.0, float(lengths.max()))
-    return Stepping(dt, hold, substeps_for(axis, longest), timed=lengths is not None)
+    return Stepping(dt, hold, substeps_for(axis, longest, longest_step), timed=lengths is not None)
 
 
 def simulate_windows(axis: Axis, stepping: Stepping, w: FloatArray, x_0: FloatArray) -> FloatArray:

@@ -11,7 +11,7 @@ from pneumo_casadi.estimation.output_error.initial_states import estimate_initia
 from pneumo_casadi.estimation.output_error.shooting.segments import measured_states
 from pneumo_casadi.metrics import output_noise
 from pneumo_casadi.model.axis import Axis
-from pneumo_casadi.model.integration import held_inputs, sample_lengths
+from pneumo_casadi.model.integration import ACCURATE, held_inputs, sample_lengths
 from pneumo_casadi.model.sampled_axis import SampledAxis, added_inputs
 from pneumo_casadi.model.simulation import (
     Trajectory,
@@ -66,19 +66,22 @@ def loop_run(axis: Axis, record: Recording, estimated: bool = False) -> Trajecto
 
 
 def window_runs(
-    axis: Axis, records: Sequence[Recording], window: float
+    axis: Axis, records: Sequence[Recording], window: float, longest_step: float = ACCURATE
 ) -> list[tuple[Recording, Rows, Trajectory]]:
-    """Return records, samples and simulations of their whole windows [s], one after another."""
+    """Return records, samples and simulations of their whole windows [s], one after another.
+
+    `longest_step` is the length of a Runge-Kutta step times the fastest rate, see `substeps_for`.
+    """
     pairs: list[tuple[Recording, Rows, Trajectory]] = []
     for record in records:
         L = round(window / record.dt)
-        states = estimate_initial_states(axis, record, window)
+        states = estimate_initial_states(axis, record, window, longest_step)
         starts = [(first, x_0) for first, x_0 in states if first + L < record.N]
         lengths = sample_lengths(record, record.dt)
         w = held_inputs(record.stack(axis.inputs), record.hold, lengths)
         stretches = np.stack([w[:, first : first + L] for first, _ in starts])
         x_0 = np.stack([x for _, x in starts], axis=1)
-        stepping = stepping_for(axis, record.dt, record.hold, lengths)
+        stepping = stepping_for(axis, record.dt, record.hold, lengths, longest_step)
         x = simulate_windows(axis, stepping, stretches, x_0)[:, :, :L]
         joined = np.hstack(list(x))
         u = np.hstack(list(stretches))[: len(axis.inputs)]

@@ -25,6 +25,7 @@ from pneumo_casadi.metrics import (
 from pneumo_casadi.metrics.gap import SMALLEST_GAP
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.effect import Effect
+from pneumo_casadi.model.integration import COARSE
 from pneumo_casadi.model.simulation import Trajectory
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.validation.errors import loop_errors
@@ -122,7 +123,8 @@ class Simulations:
 def simulate_fit(study: Study, fitted: FittedModel, effects: Sequence[Effect]) -> Simulated:
     """Simulate a fit over the windows of a study's held-out records."""
     try:
-        runs = window_runs(_simulated_axis(study, fitted, effects), study.held_out, WINDOW)
+        axis = _simulated_axis(study, fitted, effects)
+        runs = window_runs(axis, study.held_out, WINDOW, COARSE)
     except (FitError, ModelError) as error:
         return Simulated(str(error))
     squares = []

@@ -34,8 +34,10 @@ from pneumo_casadi.valve import AnyFlowMap
 
 #: Width of the smoothed sign of the velocity; slower rows are left out [m/s].
 V_S = 1e-3
-#: An effect that gains less log-likelihood than this is tried so many times larger too.
-MIN_GAIN, LARGER_STARTS = 1.0, (10.0, 100.0, 1000.0)
+#: Log-likelihood that ends a search: a twentieth of what another form of an effect must gain. ...
+MIN_GAIN = 1.0
+#: An effect that gains less than that is tried so many times larger too.
+LARGER_STARTS = (10.0, 100.0, 1000.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,8 +162,9 @@ def fit_model(
     shapes: Sequence[Mapping[str, float]] = (),
     base: float | None = None,
     max_iterations: int = MAX_ITERATIONS,
+    trials: Sequence[Mapping[str, float]] = (),
 ) -> FittedModel:
-    """Fit the nominal axis with some effects to the balances.
+    """Fit the nominal axis with some effects to the balances; `refine_model` takes it to its end.
 
     Parameters
     ----------
@@ -174,10 +177,14 @@ def fit_model(
         too: a back pressure that leaves the valves choked has no influence.
     max_iterations : int, optional
         Of every fit. One that is cut short, see `FittedModel.pace`, is not rejected yet.
+    trials : sequence of mapping, optional
+        Further values of the effects; the fit begins where its cost is least.
     """
     axis = study.axis.with_effects(*effects).at_starting_values()
     known = {name: value for name, value in (start or {}).items() if name in axis.parameters}
     axis = _scanned(study, axis.with_parameters(known), known)
+    if trials:
+        axis = _cheapest(study, axis, [{}, *trials])
     fitted = min(
         (
             _fit_with_recovery(study, axis.with_parameters(s), max_iterations)
@@ -199,15 +206,21 @@ def _scanned(study: Study, axis: Axis, known: Mapping[str, float]) -> Axis:
         for short, values in effect.scanned.items():
             name = f"{effect.name}.{short}"
             if name not in known:
-                costs = equation_error_costs(
-                    axis,
-                    [axis.parameters.with_values({name: value}).values for value in values],
-                    study.smoothed[0],
-                    study.anchor_with(axis.effects),
-                    residual_floor=default_residual_floor(study.axis),
-                )
-                axis = axis.with_parameters({name: values[int(np.argmin(costs))]})
+                axis = _cheapest(study, axis, [{name: value} for value in values])
     return axis
+
+
+def _cheapest(study: Study, axis: Axis, changes: Sequence[Mapping[str, float]]) -> Axis:
+    """Return the axis with those of several values that cost least; the first where none costs."""
+    costs = equation_error_costs(
+        axis,
+        [axis.parameters.with_values(values).values for values in changes],
+        study.smoothed[0],
+        study.anchor_with(axis.effects),
+        residual_floor=default_residual_floor(study.axis),
+    )
+    finite = np.where(np.isfinite(costs), costs, np.inf)
+    return axis.with_parameters(changes[int(np.argmin(finite))])
 
 
 def _fit_from_larger_starts(
@@ -217,7 +230,8 @@ def _fit_from_larger_starts(
     items = axis.parameters.select(names)
     for factor in LARGER_STARTS:
         larger = np.clip(items.values * factor, items.lower, items.upper)
-        again = _fit(study, axis.with_parameters(dict(zip(names, larger.tolist(), strict=True))))
+        start = axis.with_parameters(dict(zip(names, larger.tolist(), strict=True)))
+        again = _fit(study, start, least_gain=MIN_GAIN)
         if again.cost < small.cost - MIN_GAIN:
             return again
     return small
@@ -228,26 +242,28 @@ def _fit_with_recovery(study: Study, axis: Axis, max_iterations: int) -> FittedM
 
     The bounds are a factor of 20 from the geometry: a fit that ends there has diverged.
     """
-    fitted = _fit(study, axis, max_iterations=max_iterations)
+    least_gain = MIN_GAIN if axis.effects else None
+    fitted = _fit(study, axis, max_iterations=max_iterations, least_gain=least_gain)
     items = [item for item in axis.parameters if item.free and item.name.startswith("X_s")]
     if all(item.lower < fitted.values[item.name] < item.upper for item in items):
         return fitted
     geometry = {item.name: item.scale for item in items}
-    again = _fit(study, axis.with_parameters(geometry), max_iterations=max_iterations)
+    elsewhere = axis.with_parameters(geometry)
+    again = _fit(study, elsewhere, max_iterations=max_iterations, least_gain=least_gain)
     return min(fitted, again, key=_cost)
 
 
 def refine_model(study: Study, fitted: FittedModel, effects: Sequence[Effect]) -> FittedModel:
-    """Return a fit continued with complete derivatives, then with all effect parameters free.
+    """Return a fit taken to its minimum, with complete derivatives, all effect parameters free.
 
     Parameters held so far distinguish the forms of an effect; they are estimated once the effect
     was accepted, and stay held if they gain little. A fit that is
     not credible is rejected.
     """
     axis = study.axis.with_effects(*effects).with_parameters(dict(fitted.values))
-    if BalanceFunctions(axis).state_dependent:
-        fitted = _better(study, effects, fitted, _fit(study, axis, whole=True), 0.0)
-        axis = axis.with_parameters(dict(fitted.values))
+    whole = bool(BalanceFunctions(axis).state_dependent)
+    fitted = _better(study, effects, fitted, _fit(study, axis, whole=whole), 0.0)
+    axis = axis.with_parameters(dict(fitted.values))
     held = [n for n in axis.parameters.names if "." in n and n not in axis.parameters.free_names]
     if not held:
         return fitted
@@ -305,7 +321,11 @@ def _cost(fitted: FittedModel) -> float:
 
 
 def _fit(
-    study: Study, axis: Axis, whole: bool = False, max_iterations: int = MAX_ITERATIONS
+    study: Study,
+    axis: Axis,
+    whole: bool = False,
+    max_iterations: int = MAX_ITERATIONS,
+    least_gain: float | None = None,
 ) -> FittedModel:
     train, held_out = study.smoothed
     result = fit_equation_error(
@@ -315,6 +335,7 @@ def _fit(
         residual_floor=default_residual_floor(study.axis),
         state_derivatives=whole or any(effect.through_states for effect in axis.effects),
         max_iterations=max_iterations,
+        least_gain=least_gain,
     )
     return FittedModel(
         tuple(effect.name for effect in axis.effects),

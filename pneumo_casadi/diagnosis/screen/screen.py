@@ -48,6 +48,8 @@ class Direction:
         map last.
     lower, upper : (k,) array
         How far they may go from their null, scaled.
+    null, scales : (k,) array
+        Their values at null, and their scales.
     """
 
     values: Mapping[str, float]
@@ -55,6 +57,13 @@ class Direction:
     columns: FloatArray
     lower: FloatArray
     upper: FloatArray
+    null: FloatArray
+    scales: FloatArray
+
+    def at(self, step: FloatArray) -> Mapping[str, float]:
+        """Return all values after a scaled step (k,) from null."""
+        sizes = (self.null + step * self.scales).tolist()
+        return {**self.values, **dict(zip(self.names, sizes, strict=True))}
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +86,8 @@ class ScreenResult:
     starts : tuple of mapping of str to float
         Shapes from which a refit had better start, the most promising first: one for each sign
         that a shape may have.
+    sizes : mapping of str to float
+        Values of all its parameters where it would take away that share.
     """
 
     name: str
@@ -85,6 +96,7 @@ class ScreenResult:
     observable: float
     felt: bool
     starts: tuple[Mapping[str, float], ...]
+    sizes: Mapping[str, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,9 +153,8 @@ def perturbation(study: Study, nominal: FittedModel, effect: Effect) -> tuple[Di
 def _without(direction: Direction, shapes: Sequence[str], values: Mapping[str, float]) -> Direction:
     kept = [i for i, name in enumerate(direction.names) if name not in shapes]
     names = tuple(direction.names[i] for i in kept)
-    return Direction(
-        values, names, direction.columns[:, kept], direction.lower[kept], direction.upper[kept]
-    )
+    parts = ("columns", "lower", "upper", "null", "scales")
+    return Direction(values, names, *(getattr(direction, part)[..., kept] for part in parts))
 
 
 def _direction(
@@ -172,6 +183,8 @@ def _direction(
         rows * items.scales,
         (items.lower - items.values) / items.scales,
         (items.upper - items.values) / items.scales,
+        items.values,
+        items.scales,
     )
 
 
@@ -221,23 +234,22 @@ def background(
 
 def screened(name: str, candidates: Sequence[Direction], behind: Background) -> ScreenResult:
     """Return what an effect promises over a background."""
-    promises = [
-        (*_explained_and_observable(direction, behind), direction.values)
-        for direction in candidates
-    ]
-    observable = max(seen for _, seen, _ in promises)
-    promises.sort(key=lambda direction: -direction[0])
+    promises = [(*_promise(direction, behind), direction) for direction in candidates]
+    observable = max(seen for _, seen, _, _ in promises)
+    promises.sort(key=lambda promise: -promise[0])
     starts: dict[tuple[bool, ...], Mapping[str, float]] = {}
-    for _, _, values in promises:
+    for _, _, _, direction in promises:
+        values = direction.values
         starts.setdefault(tuple(value < 0 for value in values.values()), values)
     felt = any(np.any(direction.columns) for direction in candidates)
-    explained = promises[0][0]
+    explained, _, step, best = promises[0]
     gain = 0.5 * explained * float(behind.e @ behind.e)
-    return ScreenResult(name, explained, gain, observable, felt, tuple(starts.values()))
+    shapes = tuple(starts.values())
+    return ScreenResult(name, explained, gain, observable, felt, shapes, best.at(step))
 
 
-def _explained_and_observable(direction: Direction, behind: Background) -> tuple[float, float]:
-    """Return the shares explained and observable of one direction."""
+def _promise(direction: Direction, behind: Background) -> tuple[float, float, FloatArray]:
+    """Return the shares explained and observable of one direction, and the scaled step."""
     e, Q, D = behind.e, behind.Q, direction.columns * behind.weight[:, None]
     gram = D.T @ D - (Q.T @ D).T @ (Q.T @ D)
     slope = D.T @ e - (Q.T @ D).T @ (Q.T @ e)
@@ -245,12 +257,12 @@ def _explained_and_observable(direction: Direction, behind: Background) -> tuple
     left = np.divide(np.diag(gram), whole, out=np.zeros(len(whole)), where=whole > 0)
     seen = left > ROUNDING
     observable = float(left.max(initial=0.0))
-    if not seen.any():
-        return 0.0, observable
     step = np.zeros(len(whole))
+    if not seen.any():
+        return 0.0, observable, step
     both = np.ix_(seen, seen)
     step[seen] = minimise_in_box(
         gram[both], -slope[seen], direction.lower[seen], direction.upper[seen]
     )
     gain = -(2 * slope @ step + step @ gram @ step) / float(e @ e)
-    return max(float(gain), 0.0), observable
+    return max(float(gain), 0.0), observable, step

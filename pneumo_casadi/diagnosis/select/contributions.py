@@ -21,7 +21,7 @@ def contributions(ledger: FitLedger, nominal: FittedModel, final: Names) -> dict
     """
     without = {name: ledger.key(set(final) - {name}) for name in final}
     values = ledger.fits[final].values
-    starts: dict[Names, Start] = {key: (values, (), None) for key in without.values() if key}
+    starts: dict[Names, Start] = {key: Start(values) for key in without.values() if key}
     ledger.fit_all(starts)
     fits = {key: _fit_of(ledger, key) for key in (final, *starts)}
     ledger.simulate({key: fitted for key, fitted in fits.items() if fitted is not None})

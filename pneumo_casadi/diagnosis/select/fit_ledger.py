@@ -33,8 +33,6 @@ from pneumo_casadi.runtime.threads import one_thread
 
 Catalogue = Mapping[str, EffectFactory]
 Names = tuple[str, ...]
-#: Where a fit begins: values, shapes to try in turn, and the cost to be improved; see `fit`.
-Start = tuple[Mapping[str, float], Sequence[Mapping[str, float]], float | None]
 
 #: Iterations that every candidate gets. Of 68 fits of an axis with hoses and weak effects five
 #: needed more, and took half the time of all; none of them came near the best.
@@ -42,6 +40,16 @@ SEARCH_ITERATIONS = 8
 
 #: Errors in which a fit may end; any other is a defect of the program.
 FAULTS = (FitError, ModelError, ArithmeticError, np.linalg.LinAlgError)
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """Where a fit begins; see `fit_model`."""
+
+    values: Mapping[str, float]
+    shapes: Sequence[Mapping[str, float]] = ()
+    base: float | None = None
+    trials: Sequence[Mapping[str, float]] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,7 +171,7 @@ class FitLedger:
             key: self.fits[key] for key in new if key in self.fits and self.fits[key].pace
         }
         near = [k for k, f in unfinished.items() if f.cost - SEARCH_ITERATIONS * f.pace <= best]
-        self._submit({key: (unfinished[key].values, (), None) for key in near}, MAX_ITERATIONS)
+        self._submit({key: Start(unfinished[key].values) for key in near}, MAX_ITERATIONS)
         for key in set(unfinished) - set(near):
             try:
                 require_credible(self.study, self.effects(key), self.fits[key])
@@ -177,7 +185,8 @@ class FitLedger:
             effects = self.effects(key)
             kept = None if self.store is None else self.store.read(effects)
             if kept is None:
-                jobs[key] = self.run(fit_model, effects, *start, max_iterations)
+                given = (start.values, start.shapes, start.base, max_iterations, start.trials)
+                jobs[key] = self.run(fit_model, effects, *given)
             else:
                 self.fits[key] = kept
         for key, job in jobs.items():

@@ -1,6 +1,6 @@
 """Forward selection of effects from the nominal model, with one backtracking pass."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from itertools import combinations
@@ -134,7 +134,7 @@ def select_effects(
     first = ledger.over(background(study, nominal, nominal))
     report("refitting single effects", 0.3)
     ledger.promised = {name: result.gain for name, result in first.items()}
-    _fit_beside(ledger, (), nominal, first, forms_to_fit(ledger, first))
+    _fit_alone(ledger, nominal, first)
     forms = keep_best_forms(ledger)
     first = {name: result for name, result in first.items() if name not in ledger.left_out}
     path = _forward(ledger, nominal, levels, report)
@@ -250,7 +250,15 @@ def _extend(ledger: FitLedger, nominal: FittedModel, current: FittedModel, known
     least = ledger.study.criteria.form_gain
     promising = [name for name, result in screened.items() if result.gain > least]
     unforeseen = [name for name in _unforeseen(ledger, nominal) if name in screened]
-    _fit_beside(ledger, known, current, screened, (*promising[:LATER_ROUNDS], *unforeseen))
+    chosen = dict.fromkeys((*promising[:LATER_ROUNDS], *unforeseen))
+    ledger.fit_all(
+        {
+            ledger.key((*known, name)): Start(
+                current.values, trials=_where_to_begin(ledger, screened[name])
+            )
+            for name in chosen
+        }
+    )
 
 
 def _unforeseen(ledger: FitLedger, nominal: FittedModel) -> list[str]:
@@ -264,24 +272,33 @@ def _unforeseen(ledger: FitLedger, nominal: FittedModel) -> list[str]:
     ]
 
 
-def _fit_beside(
-    ledger: FitLedger,
-    known: Names,
-    current: FittedModel,
-    screened: Mapping[str, ScreenResult],
-    names: Sequence[str],
+def _fit_alone(
+    ledger: FitLedger, nominal: FittedModel, screened: Mapping[str, ScreenResult]
 ) -> None:
-    """Fit a model with each of some effects added."""
+    """Fit a model with each effect alone, from every sign of its shape."""
     ledger.fit_all(
         {
-            ledger.key((*known, name)): (
-                current.values,
+            (name,): Start(
+                nominal.values,
                 screened[name].starts,
-                None if screened[name].felt else current.cost,
+                None if screened[name].felt else nominal.cost,
             )
-            for name in dict.fromkeys(names)
+            for name in forms_to_fit(ledger, screened)
         }
     )
+
+
+def _where_to_begin(ledger: FitLedger, screened: ScreenResult) -> list[Mapping[str, float]]:
+    """Return values of an effect from which a fit beside others may begin.
+
+    Those that the screen promises most of, and those that it had alone: where others have taken
+    over what it stood for it is mostly small, but what small ones do may not be felt.
+    """
+    alone = ledger.fits.get((screened.name,))
+    own = {} if alone is None else dict(alone.values)
+    prefix = f"{screened.name}."
+    at_end = {name: value for name, value in own.items() if name.startswith(prefix)}
+    return [screened.sizes, *screened.starts, at_end]
 
 
 def _fit_pairs(ledger: FitLedger) -> None:
@@ -294,7 +311,7 @@ def _fit_pairs(ledger: FitLedger) -> None:
     for first, second in combinations(ledger.alone[:PAIRED], 2):
         better, added = (ledger.fits[name,] for name in (first, second))
         own = {n: v for n, v in added.values.items() if n.startswith(f"{second}.")}
-        starts[ledger.key((first, second))] = {**better.values, **own}, (), None
+        starts[ledger.key((first, second))] = Start({**better.values, **own})
     ledger.fit_all(starts | _starts_of_contradicted_shapes(ledger))
     pairs = [key for key in ledger.fits if len(key) == 2]
     if pairs:
@@ -306,7 +323,7 @@ def _starts_of_contradicted_shapes(ledger: FitLedger) -> dict[Names, Start]:
     refused = [k[0] for k in ledger.failures if len(k) == 1 and ledger.effects(k)[0].metered]
     alone = sorted((f.cost, key) for key, f in ledger.fits.items() if len(key) == 1)
     return {
-        ledger.key((name, other)): (ledger.fits[other,].values, (), None)
+        ledger.key((name, other)): Start(ledger.fits[other,].values)
         for name in refused
         for _, (other,) in alone[:CONTRADICTED]
     }

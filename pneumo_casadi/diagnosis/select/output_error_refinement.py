@@ -20,10 +20,13 @@ from pneumo_casadi.estimation.output_error import (
     fit_output_error,
 )
 from pneumo_casadi.model.effect import Effect
+from pneumo_casadi.model.integration import COARSE
 
 #: Iterations of a refinement.
 MAX_ITERATIONS = 30
-OPTIONS = OutputErrorOptions(window=WINDOW, widths=(V_S_SIMULATED,), recover=False)
+OPTIONS = OutputErrorOptions(
+    window=WINDOW, widths=(V_S_SIMULATED,), recover=False, longest_step=COARSE
+)
 
 
 def refine_by_output_error(

@@ -27,7 +27,7 @@ def fit_rivals(ledger: FitLedger, nominal: FittedModel, final: Names) -> None:
         for other, fitted in near_rivals(ledger, nominal, final, name).items():
             own = {n: v for n, v in fitted.values.items() if n.startswith(f"{other}.")}
             key = ledger.key({*final, other} - {name})
-            starts[key] = {**values, **own}, (), None
+            starts[key] = Start({**values, **own})
     ledger.fit_all(starts)
 
 

@@ -29,6 +29,7 @@ def fit_equation_error(
     residual_floor: FloatArray | None = None,
     state_derivatives: bool = False,
     max_iterations: int = MAX_ITERATIONS,
+    least_gain: float | None = None,
 ) -> EquationErrorResult:
     r"""Estimate the free parameters of an axis from the residuals of its balances.
 
@@ -68,6 +69,9 @@ def fit_equation_error(
         before the minimum.
     max_iterations : int, optional
         Steps before giving up; `EquationErrorResult.pace` then tells how fast the cost still falls.
+    least_gain : float, optional
+        Decrease of the cost, a log-likelihood, below which the iteration ends; by default a
+        hundred-thousandth for every row of a balance.
 
     Returns
     -------
@@ -110,7 +114,7 @@ def fit_equation_error(
     )
     anchor = flow_map if isinstance(flow_map, Anchor) else anchor_flow(axis, flow_map)
     floor = default_residual_floor(axis) if residual_floor is None else residual_floor
-    problem = Problem(BalanceFunctions(axis), motions, anchor, floor, state_derivatives)
+    problem = Problem(BalanceFunctions(axis), motions, anchor, floor, state_derivatives, least_gain)
     start = Trial(axis.parameters.values, np.inf)
     trials = max_iterations * DAMPING.max_rejections
     minimum = minimise(problem, start, DAMPING, max_iterations, trials)

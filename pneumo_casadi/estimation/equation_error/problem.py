@@ -13,8 +13,7 @@ from pneumo_casadi.estimation.flow_anchor import Anchor
 from pneumo_casadi.estimation.gauss_newton import Damping, minimise_in_box
 from pneumo_casadi.parameters import FloatArray
 
-#: A step that predicts less than this decrease of the cost per row ends the iteration, and so do
-#: two steps that together kept less: derivatives that hold the states may promise too much.
+#: Decrease of the cost per row that ends the iteration, where no other is asked for.
 TOLERANCE = 1e-5
 DAMPING = Damping(
     start=1e-6,
@@ -23,7 +22,7 @@ DAMPING = Damping(
     fall=10.0,
     grow=10.0,
     least=1e-9,
-    least_after_rejection=1e-6,
+    least_after_rejection=1e-3,  # less hardly changes a step that went wrong
     max_rejections=12,
 )
 #: From this iteration on an accepted step is doubled while that lowers the cost, at most so many
@@ -68,6 +67,7 @@ class Problem:
     anchor: Anchor | None
     residual_floor: FloatArray
     state_derivatives: bool
+    least_gain: float | None = None
 
     @cached_property
     def free(self) -> list[int]:
@@ -165,8 +165,11 @@ class Problem:
     def settled(
         self, linear: Linearised, step: Step, damping: float, costs: Sequence[float]
     ) -> bool:
-        """Tell whether the step predicts, or the last two kept, next to no decrease of the cost."""
-        least = TOLERANCE * float(self.n_rows.sum())
+        """Tell whether the step predicts, or the last two kept, next to no decrease of the cost.
+
+        Derivatives that hold the states may promise too much.
+        """
+        least = self.least_gain or TOLERANCE * float(self.n_rows.sum())
         return step.gain < least or (len(costs) > 2 and costs[-3] - costs[-1] < least)
 
     def take(self, linear: Linearised, step: Step, iteration: int) -> Trial:

@@ -204,7 +204,8 @@ def _substeps(axis: Axis, options: OutputErrorOptions, dt: float) -> int:
     (presliding) may vanish on the way.
     """
     narrow = axis.with_parameters({"v_s": min(options.widths)})
-    return max(substeps_for(each, dt) for each in (narrow, narrow.at_null_values()))
+    each = (narrow, narrow.at_null_values())
+    return max(substeps_for(axis, dt, options.longest_step) for axis in each)
 
 
 def _refuse_free_gauge(axis: Axis, parameters: Parameters, flow_map: AnyFlowMap | None) -> None:

@@ -14,7 +14,7 @@ from pneumo_casadi.estimation.output_error.shooting.problem import Problem, Unkn
 from pneumo_casadi.estimation.output_error.shooting.segments import cut_segments
 from pneumo_casadi.estimation.statistics import stated_or_estimated_noise
 from pneumo_casadi.model.axis import Axis
-from pneumo_casadi.model.integration import sample_lengths
+from pneumo_casadi.model.integration import ACCURATE, sample_lengths
 from pneumo_casadi.model.sampled_axis import SampledAxis
 from pneumo_casadi.model.simulation import stepping_for
 from pneumo_casadi.parameters import FloatArray
@@ -37,7 +37,10 @@ DAMPING = Damping(start=0.1, accept=0.0, trust=0.0, fall=5.0, grow=10.0, most=1e
 
 
 def estimate_initial_states(
-    axis: Axis, record: Recording, window: float | None = None
+    axis: Axis,
+    record: Recording,
+    window: float | None = None,
+    longest_step: float = ACCURATE,
 ) -> tuple[tuple[int, FloatArray], ...]:
     """Estimate the state at the start of a record, or of each whole window, by output error.
 
@@ -53,6 +56,8 @@ def estimate_initial_states(
         Measured inputs and outputs.
     window : float, optional
         Length of the windows [s]; None for the whole record.
+    longest_step : float, optional
+        See `substeps_for`.
 
     Returns
     -------
@@ -64,7 +69,9 @@ def estimate_initial_states(
     FitError
         If a window's simulation leaves the finite numbers already at the measured state.
     """
-    problem = _problem(axis, record, window)
+    lengths = sample_lengths(record, record.dt)
+    stepping = stepping_for(axis, record.dt, record.hold, lengths, longest_step)
+    problem = _problem(SampledAxis(axis, stepping), record, window)
     sigma = np.array([stated_or_estimated_noise(axis.bench, [record], c) for c in axis.outputs])
     segments = problem.segments
     x_0 = np.stack([segment.x[:, 0] for segment in segments], axis=1)
@@ -94,9 +101,8 @@ def estimate_initial_states(
     return tuple((segment.first, x_0[:, i]) for i, segment in enumerate(segments))
 
 
-def _problem(axis: Axis, record: Recording, window: float | None) -> Problem:
-    stepping = stepping_for(axis, record.dt, record.hold, sample_lengths(record, record.dt))
-    model = SampledAxis(axis, stepping)
+def _problem(model: SampledAxis, record: Recording, window: float | None) -> Problem:
+    axis = model.axis
     n = max(1, round(BLOCK / record.dt))
     # What an effect remembers from before a window, no step within it brings back.
     driven = states_along(axis, [record]) if window is not None else ()

@@ -7,6 +7,7 @@ from enum import Enum
 import numpy as np
 
 from pneumo_casadi.errors import ModelError
+from pneumo_casadi.model.integration import ACCURATE
 
 #: Windows through which a fit is recovered are at most this long [s].
 RECOVERY_WINDOW = 0.5
@@ -54,6 +55,9 @@ class OutputErrorOptions:
     recover : bool
         If the requested stages fail, fit short windows with a wider smoothed sign first, and start
         the requested fit again from their result.
+    longest_step : float
+        Longest Runge-Kutta step times the fastest rate of the axis, at standstill; see
+        `substeps_for`.
 
     Raises
     ------
@@ -78,6 +82,7 @@ class OutputErrorOptions:
     reweight: bool = True
     max_iterations: int = 150
     recover: bool = True
+    longest_step: float = ACCURATE
 
     def __post_init__(self) -> None:
         window = np.inf if self.window is None else self.window

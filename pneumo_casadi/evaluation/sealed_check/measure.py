@@ -27,7 +27,7 @@ from pneumo_casadi.diagnosis import applicable, prepare_study
 from pneumo_casadi.diagnosis.metrics.residual_size import residual_rms
 from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study, fit_model
 from pneumo_casadi.diagnosis.screen.screen import ScreenResult, background
-from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger
+from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger, Start
 from pneumo_casadi.diagnosis.select.forms import cause_of, causes_of
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.errors import PneumoError
@@ -176,12 +176,11 @@ class Models:
                 origin = min(alone, key=lambda fit: fit.cost, default=origin)
             screened = [self.screen[name].starts for name in key if name in self.screen]
             if len(key) == 1:
-                self.ledger.fit_all(
-                    {key: (origin.values, screened[0] if screened else (), origin.cost)}
-                )
+                shapes = screened[0] if screened else ()
+                self.ledger.fit_all({key: Start(origin.values, shapes, origin.cost)})
             else:
                 begin = {k: v for starts in screened for k, v in starts[0].items()}
-                self.ledger.fit_all({key: ({**begin, **origin.values}, (), origin.cost)})
+                self.ledger.fit_all({key: Start({**begin, **origin.values}, (), origin.cost)})
         return self.ledger.fits.get(key)
 
 

@@ -20,8 +20,9 @@ from pneumo_casadi.parameters import FloatArray
 
 #: Full steps must shrink at least by this over two iterations, or damped ones take over.
 SHRINK = 0.5
-#: Full steps are tried at most this often.
-FULL_STEPS = 25
+#: Full steps are tried at most this often, and for this share of the iterations: damped ones,
+#: where they are needed, need most of them.
+FULL_STEPS, FULL_SHARE = 25, 1 / 3
 #: Defects of the dynamics, in scaled states, that count as closed.
 CLOSED = 1e-6
 #: Step, in standard deviations of a parameter, below which the noise may be estimated again.
@@ -62,7 +63,8 @@ def solve_gauss_newton(
     Solution
     """
     first = point
-    full = _full_steps(problem, point, sigma, reweight, min(FULL_STEPS, max_iterations), tolerance)
+    most = min(FULL_STEPS, max(1, round(FULL_SHARE * max_iterations)))
+    full = _full_steps(problem, point, sigma, reweight, most, tolerance)
     if full.status == "converged":
         return full
     left = max_iterations - full.iterations
