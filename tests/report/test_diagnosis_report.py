@@ -315,6 +315,7 @@ def test_equal_diagnoses_give_equal_drawings():
 def test_a_folder_is_written_whole(written):
     assert {path.name for path in written.iterdir()} == {
         "diagnosis.json",
+        "curves.json",
         "report.html",
         "summary.txt",
         "discovered_term.json",

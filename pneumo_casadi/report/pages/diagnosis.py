@@ -1,14 +1,18 @@
 """A diagnosis as one HTML file and as a folder."""
 
+import json
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pneumo_casadi.diagnosis import Diagnosis, Verdict
+from pneumo_casadi.diagnosis.decide.plain_evidence import evidence_dict
+from pneumo_casadi.diagnosis.decide.read_diagnosis import CURVES
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.effects.term import write_term
 from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.identification.result_file import result_dict
+from pneumo_casadi.identification.warnings import Usability
 from pneumo_casadi.report.pages import page
 from pneumo_casadi.report.pages.drawing import can_draw
 from pneumo_casadi.report.pages.page import (
@@ -30,6 +34,7 @@ from pneumo_casadi.report.tables.diagnosis import (
 from pneumo_casadi.report.tables.flow_form import flow_form_tables
 from pneumo_casadi.report.tables.parameters import parameter_table
 from pneumo_casadi.report.tables.quantities import between, chance, percent, plain, whole
+from pneumo_casadi.report.tables.table import Table
 from pneumo_casadi.report.text.causes import (
     Catalogue,
     cause_sentences,
@@ -65,7 +70,7 @@ def diagnosis_html(
     pictures: Sequence[Picture],
     catalogue: Catalogue = EFFECTS,
     provenance: Mapping[str, Any] | None = None,
-    refined: Identification | None = None,
+    refined: Section | None = None,
 ) -> str:
     """Return a diagnosis as one HTML page that requests nothing.
 
@@ -79,8 +84,8 @@ def diagnosis_html(
         Where the effects are described.
     provenance : mapping, optional
         ``versions``, ``sha256`` and ``options``.
-    refined : Identification, optional
-        The final model refined by output error.
+    refined : Section, optional
+        On the final model refined by output error; see `refined_section`.
     """
     simulations = () if diagnosis.evidence is None else diagnosis.evidence.simulations
     plots, left = plots_of(simulations, pictures)
@@ -108,7 +113,7 @@ def _sections(
     diagnosis: Diagnosis,
     pictures: Sequence[Picture],
     catalogue: Catalogue,
-    refined: Identification | None,
+    refined: Section | None,
 ) -> list[Section]:
     def drawn(*starts: str) -> list[Picture]:
         return [picture for picture in pictures if picture.name.startswith(starts)]
@@ -138,11 +143,7 @@ def _sections(
             tables=[check_table(diagnosis)], checks=check_sentences(diagnosis),
         ),
         Section("parameters", "Fitted parameters", tables=[fitted_table(diagnosis)]),
-        Section(
-            "refined", "Final model refined by output error",
-            () if refined is None else refined_sentences(refined),
-            tables=() if refined is None else [parameter_table(refined)],
-        ),
+        *([] if refined is None else [refined]),
         Section("flow_form", "Flow map", tables=flow_form_tables(diagnosis.flow_selection)),
         Section("notes", "Notes", diagnosis.notes),
     ]  # fmt: skip
@@ -205,9 +206,9 @@ def write_diagnosis(
     Returns
     -------
     Path
-        The folder: ``diagnosis.json``, ``report.html``, ``summary.txt``, ``figures`` as PNG and
-        SVG, with `refined` ``result.json``, and ``discovered_term.json`` where a term was
-        discovered.
+        The folder: ``diagnosis.json``, ``curves.json`` with the curves of the figures,
+        ``report.html``, ``summary.txt``, ``figures`` as PNG and SVG, with `refined`
+        ``result.json``, and ``discovered_term.json`` where a term was discovered.
 
     Raises
     ------
@@ -219,12 +220,18 @@ def write_diagnosis(
         write_json(diagnosis.as_dict() | known, draft / "diagnosis.json")
         if diagnosis.discovered is not None:
             write_term(diagnosis.discovered.term, draft / "discovered_term.json")
+        if diagnosis.evidence is not None:
+            curves = evidence_dict(diagnosis.evidence)
+            (draft / CURVES).write_text(json.dumps(curves, allow_nan=False), "utf-8")
         if refined is not None:
             write_json(result_dict(refined), draft / "result.json")
         summary = summary_text(diagnosis, catalogue, refined)
         (draft / "summary.txt").write_text(summary, "utf-8")
         pictures = save_figures(_figures_of(diagnosis), draft / "figures", drawings=True)
-        html = diagnosis_html(diagnosis, pictures, catalogue, provenance, refined)
+        final = None
+        if refined is not None:
+            final = refined_section(refined.usability, parameter_table(refined))
+        html = diagnosis_html(diagnosis, pictures, catalogue, provenance, final)
         (draft / "report.html").write_text(html, "utf-8")
     return Path(folder)
 
@@ -236,3 +243,27 @@ def _figures_of(diagnosis: Diagnosis) -> "Iterable[Drawn]":
     from pneumo_casadi.report.pages.diagnosis_figures import diagnosis_figures
 
     return diagnosis_figures(diagnosis)
+
+
+def drawn_pictures(diagnosis: Diagnosis) -> list[Picture]:
+    """Return the figures as they stand in the report; none without matplotlib."""
+    return [
+        Picture(drawn.name, min(drawn.png(), drawn.svg(), key=len), drawn.caption)
+        for drawn in _figures_of(diagnosis)
+    ]
+
+
+def refined_section(usability: Usability, table: Table) -> Section:
+    """Return the section on the final model refined by output error.
+
+    Parameters
+    ----------
+    usability : Usability
+        Whether it can be used.
+    table : Table
+        Its parameters.
+    """
+    return Section(
+        "refined", "Final model refined by output error", refined_sentences(usability),
+        tables=[table],
+    )  # fmt: skip

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pneumo_casadi.identification.comparison import MOVED, Comparison
+from pneumo_casadi.identification.comparison import Comparison
 from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.identification.result_file import result_dict, validation_dict
 from pneumo_casadi.identification.trajectory_file import (
@@ -13,16 +13,10 @@ from pneumo_casadi.identification.trajectory_file import (
     trajectory_frame,
     write_frames,
 )
+from pneumo_casadi.report.pages.comparison import comparison_html, overlays
 from pneumo_casadi.report.pages.drawing import can_draw
 from pneumo_casadi.report.pages.identification import html_report
-from pneumo_casadi.report.pages.page import (
-    TIME_FIGURE,
-    Picture,
-    Section,
-    Verdict,
-    html_page,
-    plots_of,
-)
+from pneumo_casadi.report.pages.page import Picture
 from pneumo_casadi.report.tables.comparison import comparison_tables
 from pneumo_casadi.report.tables.validation import validation_table
 from pneumo_casadi.report.text.identification import render, text_report
@@ -100,41 +94,19 @@ def write_simulations(runs: Sequence[RecordSimulation], folder: str | Path) -> t
 def write_comparison(comparison: Comparison, folder: str | Path) -> Path:
     """Write a comparison of results into a folder.
 
-    ``comparison.json``, ``comparison.txt``, and ``report.html`` with all simulations over time.
+    ``comparison.json``, ``comparison.txt``, ``curves.json`` and ``report.html`` with all
+    simulations over time.
     """
     with output_folder(folder, OutputKind.COMPARISON) as draft:
         write_json(comparison.as_dict(), draft / "comparison.json")
         tables = comparison_tables(comparison)
         text = "\n\n\n".join([comparison.headline, *map(render, tables)])
         (draft / "comparison.txt").write_text(text + "\n", "utf-8")
-        pictures = save_figures(_overlays(comparison), draft / "figures")
-        plots, left = plots_of(comparison.curves, pictures)
-        moved = sum(item.moved for item in comparison.differences)
-        words = f"{moved} of {len(comparison.differences)} differences exceed {MOVED:g} σ"
-        sections = [
-            Section("parameters", "Parameters", tables=tables),
-            Section("simulation", "Measurement and simulations", pictures=left, plots=plots),
-        ]
-        title = f"Comparison of {' and '.join(comparison.names)}"
-        verdict = Verdict("care" if moved else "good", words, comparison.headline)
-        (draft / "report.html").write_text(html_page(title, verdict, sections), "utf-8")
+        records = [curves.as_dict() for curves in comparison.curves]
+        (draft / "curves.json").write_text(json.dumps({"records": records}), "utf-8")
+        pictures = save_figures(overlays(comparison), draft / "figures")
+        (draft / "report.html").write_text(comparison_html(comparison, pictures), "utf-8")
     return Path(folder)
-
-
-def _overlays(comparison: Comparison) -> "Iterable[Drawn]":
-    if not can_draw():
-        return
-    from pneumo_casadi.report.figures.time_series import time_series_figure
-    from pneumo_casadi.report.pages.identification_figures import Drawn
-
-    for curves in comparison.curves:
-        yield Drawn(
-            f"{TIME_FIGURE}{curves.record}",
-            time_series_figure(curves),
-            f"Record {curves.record}, measured and simulated over windows of up to 2 s with the "
-            f"parameters of {' and of '.join(curves.simulations)}; below, measured minus "
-            "simulated, averaged over 20 ms. Right: the part with the largest difference.",
-        )
 
 
 def _figures_of(result: Identification | Validation) -> "Iterable[Drawn]":

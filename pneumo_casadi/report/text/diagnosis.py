@@ -8,6 +8,7 @@ from pneumo_casadi.diagnosis.metrics.findings import joined_names
 from pneumo_casadi.diagnosis.wording.location_sentences import location_sentences
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.identification.result import Identification
+from pneumo_casadi.identification.warnings import Usability
 from pneumo_casadi.report.tables.diagnosis import (
     BALANCES,
     GAP_DEFINITION,
@@ -199,10 +200,10 @@ def location_text(diagnosis: Diagnosis) -> str:
     return BALANCES.get(diagnosis.where.balance, plain(diagnosis.where.balance))
 
 
-def refined_sentences(refined: Identification) -> tuple[str, ...]:
+def refined_sentences(usability: Usability) -> tuple[str, ...]:
     """Return whether the final model, refined by output error, can be used."""
     return (
-        f"{refined.usability.sentence}",
+        usability.sentence,
         "It is in result.json, which validate, simulate, export, design and compare take.",
     )
 
@@ -231,7 +232,7 @@ def summary_text(
         ("Parameters compared with geometry and data sheet", checks),
         (
             "Final model refined by output error",
-            () if refined is None else refined_sentences(refined),
+            () if refined is None else refined_sentences(refined.usability),
         ),
         ("Notes", diagnosis.notes),
     ]
