@@ -14,7 +14,7 @@ from matplotlib.text import Text
 
 from pneumo_casadi.data import Finding, Grade
 from pneumo_casadi.diagnosis import Value, Verdict
-from pneumo_casadi.diagnosis.metrics.findings import Closure
+from pneumo_casadi.diagnosis.metrics.findings import Closure, joined_names
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.report.figures.diagnosis.ranking import ranking_figure
 from pneumo_casadi.report.figures.style import COLUMN, MM, PAGE, svg
@@ -28,11 +28,13 @@ from pneumo_casadi.report.tables.diagnosis import (
     gap_table,
     ranking_table,
 )
-from pneumo_casadi.report.tables.quantities import quantity
+from pneumo_casadi.report.tables.quantities import plain, quantity
 from pneumo_casadi.report.text.causes import cause_sentences, described_as
 from pneumo_casadi.report.text.diagnosis import (
     alternative_sentences,
     headline,
+    note_sentences,
+    refused_sentences,
     size_sentences,
     summary_text,
 )
@@ -156,11 +158,48 @@ def test_contradicting_checks_come_first():
     assert text.index("NOT  S_P comes out") < text.index("ok   M = 16.9 kg")
 
 
-def test_a_failed_candidate_is_in_the_table_as_failed():
-    rows = {row[0]: row for row in ranking_table(made.EFFECT).rows}
+def test_a_candidate_that_matters_is_in_the_table_with_what_became_of_it():
+    promising = replace(made.FAILED, explained=0.3)
+    ranking = (made.STRIBECK, made.DRAG, replace(made.SILENT, probability=0.02), promising)
+    rows = {row[0]: row for row in ranking_table(replace(made.EFFECT, ranking=ranking)).rows}
     assert rows["hose"][2] == "fit failed"
     assert rows["valve mismatch"][2] == "not fitted"
     assert rows["stribeck"][1:4] == ("97 %", "95 %", "93 to 96 %")
+
+
+def test_refused_candidates_are_counted_not_listed():
+    weak = replace(made.DRAG, names=("hose",), probability=0.001, closure=Closure(0.04, 0, 0.1))
+    diagnosis = replace(made.EFFECT, ranking=(made.STRIBECK, weak, made.SILENT, made.FAILED))
+    assert [row[0] for row in ranking_table(diagnosis).rows] == ["stribeck"]
+    assert refused_sentences(diagnosis) == (
+        "Further candidates that were refused: 3. None has a probability of 1 %, and none removes "
+        "more than 4 % of the gap; the fit of 1 failed or gave values that physics excludes. All "
+        "are in diagnosis.json.",
+    )
+    assert note_sentences(replace(diagnosis, notes=("hose: no step was found", "a"))) == ("a",)
+    page = diagnosis_html(diagnosis, [])
+    assert "refused: 3" in page and "no step was found" not in page
+    assert "refused: 3" in summary_text(diagnosis)
+    both = replace(made.STRIBECK, names=("hose", "stribeck"), probability=0.0)
+    with_both = replace(diagnosis, ranking=(*diagnosis.ranking, both))
+    assert len(ranking_table(with_both).rows) == 1
+    assert "more than 4 % of the gap without the effects found" in refused_sentences(with_both)[0]
+    promising = replace(made.FAILED, explained=0.3)  # its fit could have changed the verdict
+    open_ = replace(diagnosis, ranking=(made.STRIBECK, promising))
+    assert note_sentences(open_) == open_.notes and not refused_sentences(open_)
+    # Few bars say nothing: three candidates are drawn in any case.
+    assert len(ranking_figure(diagnosis).axes[0].get_yticklabels()) == 3
+
+
+@pytest.mark.parametrize("verdict", list(Verdict))
+def test_what_a_verdict_names_is_in_the_ranking(verdict):
+    diagnosis = made.ALL[verdict]
+    shown = {row[0] for row in ranking_table(diagnosis).rows}
+    named = {
+        names for names in diagnosis.ambiguous if any(names == c.names for c in diagnosis.ranking)
+    }
+    assert shown >= {plain(joined_names(names)) for names in named}
+    assert shown >= {plain(effect.name) for effect in diagnosis.effects}
 
 
 def test_a_candidate_far_worse_than_none_is_an_arrow_at_the_edge():

@@ -54,6 +54,12 @@ def test_the_answer_is_that_of_the_first_report(written, tmp_path):
     for part in ("Piston area S", "Sonic conductance C", "Moving mass M"):
         at, there = first.index(part), again.index(part)
         assert first[at : at + 200] == again[there : there + 200]
+    for part in (">X_s3</th>", ">f_v</th>", ">k_P</th>"):
+        at, there = first.index(part), again.index(part)
+        assert (
+            first[at:].partition(' data-label="truth">')[0]
+            == (again[there:].partition(' data-label="truth">')[0])
+        )
     assert 'class="plot' in again
 
 

@@ -14,6 +14,7 @@ from pneumo_casadi.report.pages.page import (
     plots_of,
 )
 from pneumo_casadi.report.tables.comparison import comparison_tables
+from pneumo_casadi.report.tables.laboratory import legend_table
 
 if TYPE_CHECKING:
     from pneumo_casadi.report.pages.identification_figures import Drawn
@@ -32,9 +33,11 @@ def comparison_html(comparison: Comparison, pictures: Sequence[Picture]) -> str:
     plots, left = plots_of(comparison.curves, pictures)
     moved = sum(item.moved for item in comparison.differences)
     words = f"{moved} of {len(comparison.differences)} differences exceed {MOVED:g} σ"
+    used = " ".join(comparison.estimates) + " x p_P σ"
     sections = [
         Section("parameters", "Parameters", tables=comparison_tables(comparison)),
         Section("simulation", "Measurement and simulations", pictures=left, plots=plots),
+        Section("symbols", "Symbols", tables=[legend_table(used)]),
     ]
     title = f"Comparison of {' and '.join(comparison.names)}"
     verdict = Verdict("care" if moved else "good", words, comparison.headline)

@@ -26,12 +26,14 @@ from pneumo_casadi.report.pages.page import (
 from pneumo_casadi.report.pages.write import save_figures
 from pneumo_casadi.report.tables.diagnosis import (
     check_table,
+    diagnosis_tables,
     fitted_table,
     gap_table,
     ranking_table,
     regime_table,
 )
 from pneumo_casadi.report.tables.flow_form import flow_form_tables
+from pneumo_casadi.report.tables.laboratory import legend_table
 from pneumo_casadi.report.tables.parameters import parameter_table
 from pneumo_casadi.report.tables.quantities import between, chance, percent, plain, whole
 from pneumo_casadi.report.tables.table import Table
@@ -49,7 +51,9 @@ from pneumo_casadi.report.text.diagnosis import (
     finding_sentences,
     headline,
     location_text,
+    note_sentences,
     refined_sentences,
+    refused_sentences,
     size_sentences,
     size_title,
     summary_text,
@@ -125,7 +129,9 @@ def _sections(
             drawn("where", "unknown_inputs"), [regime_table(diagnosis)],
         ),
         Section(
-            "which", "Candidate causes", cause_sentences(diagnosis, catalogue), drawn("ranking"),
+            "which", "Candidate causes",
+            (*cause_sentences(diagnosis, catalogue), *refused_sentences(diagnosis)),
+            drawn("ranking"),
             [ranking_table(diagnosis)],
         ),
         Section(
@@ -145,8 +151,16 @@ def _sections(
         Section("parameters", "Fitted parameters", tables=[fitted_table(diagnosis)]),
         *([] if refined is None else [refined]),
         Section("flow_form", "Flow map", tables=flow_form_tables(diagnosis.flow_selection)),
-        Section("notes", "Notes", diagnosis.notes),
+        Section("notes", "Notes", note_sentences(diagnosis)),
+        Section("symbols", "Symbols", tables=[_legend(diagnosis)]),
     ]  # fmt: skip
+
+
+def _legend(diagnosis: Diagnosis) -> Table:
+    """Return the meaning of the symbols that the page uses."""
+    tables = diagnosis_tables(diagnosis)
+    used = " ".join(cell for table in tables for row in table.rows for cell in row[:1])
+    return legend_table(f"{used} x v u p_P q_mP σ WLS")
 
 
 def _facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:

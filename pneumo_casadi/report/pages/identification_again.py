@@ -52,16 +52,18 @@ def estimate_table(content: dict[str, Any]) -> Table:
     """Return WLS and output error side by side, and the truth if it is known."""
     wls, truth = content["wls"]["parameters"], content["truth"] or {}
     fit = content["output_error"]
+    wls = wls | (content["wls"]["derived"] or {})
+    ratios = {name: fit["derived"][name] for name in ("k_P", "k_N") if name in fit["derived"]}
     rows = []
-    for name, item in (fit["parameters"] | fit["derived"]).items():
+    for name, item in (fit["parameters"] | ratios).items():
         e = exponent_of(item["value"])
         linear = wls.get(name)
         rows.append(
             (
                 with_symbols(name),
                 scaled_unit("" if item["unit"] == "1" else item["unit"], e),
-                "" if linear is None else _interval(linear, "std_hac", e),
-                _interval(item, "std_robust", e) + (f" ({item['note']})" if "note" in item else ""),
+                "" if linear is None else _wls(linear, e),
+                _interval(item, e) + (f" ({item['note']})" if "note" in item else ""),
                 f"{truth[name] / 10.0**e:.4g}" if name in truth else "",
             )
         )
@@ -70,8 +72,13 @@ def estimate_table(content: dict[str, Any]) -> Table:
     return table if truth else table.without("truth")
 
 
-def _interval(item: dict[str, Any], robust: str, exponent: int) -> str:
-    stds = [item[key] for key in ("std", robust) if item.get(key) is not None]
+def _wls(item: dict[str, Any], exponent: int) -> str:
+    """Return an estimate of WLS; only its parameters have an interval that allows for all."""
+    return interval_text(item["value"], 2 * item.get("std_hac", item["std"]), exponent)
+
+
+def _interval(item: dict[str, Any], exponent: int) -> str:
+    stds = [item[key] for key in ("std", "std_robust") if item.get(key) is not None]
     return interval_text(item["value"], 2 * max(stds) if stds else None, exponent)
 
 
