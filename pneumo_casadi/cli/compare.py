@@ -61,15 +61,15 @@ def report(
         Path,
         typer.Argument(
             metavar="FOLDER",
-            help="Report folder of identify, diagnose or compare, or its result file alone.",
+            help="Report folder of identify, validate, diagnose or compare, or its result file.",
         ),
     ],
     debug: Debug = False,
 ) -> None:
     """Write report.html again from a result file alone, without the records.
 
-    Curves come from curves.json beside it. The report of a diagnosis or a comparison is complete
-    then; of an identification, figures that need the records are left out.
+    Curves come from curves.json beside it. Reports are complete then, but for that of an
+    identification: its figures that need the records are left out.
     """
     with guarded(debug):
         from pneumo_casadi.report.pages.again import write_report_again

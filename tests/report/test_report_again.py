@@ -20,10 +20,15 @@ from pneumo_casadi.diagnosis.metrics.findings import SensorError
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.identification.compared_model import Estimate
 from pneumo_casadi.identification.read_comparison import read_comparison
+from pneumo_casadi.identification.warnings import simulation_sentence
 from pneumo_casadi.report.pages.again import write_report_again
 from pneumo_casadi.report.pages.diagnosis import write_diagnosis
 from pneumo_casadi.report.pages.diagnosis_figures import diagnosis_figures
-from pneumo_casadi.report.pages.write import write_comparison, write_identification
+from pneumo_casadi.report.pages.write import (
+    write_comparison,
+    write_identification,
+    write_validation,
+)
 from pneumo_casadi.runtime.json_files import write_json
 from pneumo_casadi.valve import FlowForm, FormSelection
 
@@ -219,3 +224,15 @@ def test_a_comparison_that_was_changed_is_refused_with_the_field(compared, tmp_p
     write_json(content, tmp_path / "comparison.json")
     with pytest.raises(CaseError, match=r"parameters.M"):
         read_comparison(tmp_path)
+
+
+def test_a_validation_has_a_report_that_is_written_again(quick, tmp_path):
+    folder = write_validation(quick.validation, tmp_path / "validation")
+    first = (folder / "report.html").read_text("utf-8")
+    sentence = simulation_sentence(quick.validation)
+    assert sentence[1:] in first.replace("\N{NO-BREAK SPACE}", " ")
+    (folder / "report.html").unlink()
+    assert cli.run(["report", str(folder)]) == 0
+    again = (folder / "report.html").read_text("utf-8")
+    assert again.partition('<div class="plot')[0] == first.partition('<div class="plot')[0]
+    assert again.count('class="plot') == len(quick.validation.runs) > 0

@@ -12,14 +12,21 @@ from pneumo_casadi.identification.result_file import FORMAT
 from pneumo_casadi.identification.warnings import Usability, Usable
 from pneumo_casadi.report.pages.comparison import comparison_html, overlays
 from pneumo_casadi.report.pages.diagnosis import diagnosis_html, drawn_pictures, refined_section
-from pneumo_casadi.report.pages.identification_again import estimate_table, identification_again
+from pneumo_casadi.report.pages.identification_again import (
+    CAPTION,
+    estimate_table,
+    identification_again,
+    time_pictures,
+    validation_of,
+)
 from pneumo_casadi.report.pages.page import Picture, Section
+from pneumo_casadi.report.pages.validation import validation_html
 from pneumo_casadi.runtime.json_input import check_format, read_json
 from pneumo_casadi.runtime.output_folder import OutputKind, write_files
 
 #: Names of the files of a report.
 RESULT, CURVES, REPORT = "result.json", "curves.json", "report.html"
-_ABSENT = "name a report folder of `identify`, `diagnose` or `compare`, or its result file"
+_ABSENT = "name a report folder of `identify`, `validate`, `diagnose` or `compare`"
 
 
 def write_report_again(path: str | Path) -> Path:
@@ -28,13 +35,13 @@ def write_report_again(path: str | Path) -> Path:
     Parameters
     ----------
     path : path
-        Report folder of ``identify``, ``diagnose`` or ``compare``, or the file ``result.json``,
-        ``diagnosis.json`` or ``comparison.json`` of one.
+        Report folder of ``identify``, ``validate``, ``diagnose`` or ``compare``, or the file
+        ``result.json``, ``diagnosis.json`` or ``comparison.json`` of one.
 
     Returns
     -------
     Path
-        The report. That of a diagnosis or a comparison is complete where there is a
+        The report. That of a diagnosis, a comparison or a validation is complete where there is a
         ``curves.json``. That of an identification has verdict, parameters, warnings, errors and
         provenance, and the time plots with ``curves.json``; its other figures need the records.
 
@@ -80,6 +87,11 @@ def _identification(content: dict[str, Any], file: Path) -> str:
     return identification_again(content, _records(file.parent / CURVES))
 
 
+def _validation(content: dict[str, Any], file: Path) -> str:
+    curves = _records(file.parent / CURVES)
+    return validation_html(validation_of(content), curves, time_pictures(curves, CAPTION))
+
+
 def _diagnosis(content: dict[str, Any], file: Path) -> str:
     diagnosis = read_diagnosis(file)
     pictures = drawn_pictures(diagnosis)
@@ -115,10 +127,12 @@ Page = Callable[[dict[str, Any], Path], str]
 _PAGES: dict[str, tuple[OutputKind, Page]] = {
     "verdict": (OutputKind.DIAGNOSIS, _diagnosis),
     "differences": (OutputKind.COMPARISON, _comparison),
-    "wls": (OutputKind.IDENTIFICATION, _identification),
+    "output_error": (OutputKind.IDENTIFICATION, _identification),
+    "validation": (OutputKind.VALIDATION, _validation),  # an identification has it besides
 }
 _REMEDIES = {
     OutputKind.DIAGNOSIS: "diagnose the case again",
     OutputKind.COMPARISON: "compare the results again",
     OutputKind.IDENTIFICATION: "identify the case again",
+    OutputKind.VALIDATION: "validate the parameters again",
 }

@@ -21,7 +21,7 @@ from pneumo_casadi.report.tables.table import (
 from pneumo_casadi.report.tables.validation import validation_table
 from pneumo_casadi.validation import Error, Validation
 
-_CAPTION = "Held-out record {}, measured and simulated; below, measured minus simulated."
+CAPTION = "Held-out record {}, measured and simulated; below, measured minus simulated."
 
 
 def identification_again(content: dict[str, Any], curves: tuple[Curves, ...]) -> str:
@@ -34,9 +34,9 @@ def identification_again(content: dict[str, Any], curves: tuple[Curves, ...]) ->
     curves : tuple of Curves
         Of ``curves.json``; none where there is no such file.
     """
-    plots, left = plots_of(curves, time_pictures(curves, _CAPTION))
+    plots, left = plots_of(curves, time_pictures(curves, CAPTION))
     answer = (*laboratory_tables(content), estimate_table(content))
-    errors = () if content["validation"] is None else (validation_table(_validation(content)),)
+    errors = () if content["validation"] is None else (validation_table(validation_of(content)),)
     used = " ".join(row[0] for table in answer for row in table.rows) + " σ WLS u"
     sections = [
         Section("answer", "Parameters", (next_record(content),), tables=answer),
@@ -82,10 +82,10 @@ def _interval(item: dict[str, Any], exponent: int) -> str:
     return interval_text(item["value"], 2 * max(stds) if stds else None, exponent)
 
 
-def _validation(content: dict[str, Any]) -> Validation:
+def validation_of(content: dict[str, Any]) -> Validation:
     """Return the errors on held-out records, without their trajectories."""
     plain = content["validation"]
-    outputs = [name for name in content["output_error"]["sigma"] if name in plain]
+    outputs = [name for name in plain if name not in ("closed_loop", "windows", "records")]
 
     def errors(values: dict[str, Any]) -> dict[str, Error]:
         return {name: Error(**values[name]) for name in outputs if name in values}

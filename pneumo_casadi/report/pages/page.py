@@ -23,6 +23,8 @@ from pneumo_casadi.report.tables.table import Table, with_symbols
 #: Size of an SVG file, in points: what Matplotlib writes into its first tag.
 _SVG_SIZE = re.compile(rb'<svg[^>]*?\bwidth="([\d.]+)pt"[^>]*', re.DOTALL)
 _SVG_HEIGHT = re.compile(rb'\bheight="([\d.]+)pt"')
+#: The denominator of a unit, as in kg/(Pa m).
+_UNIT = re.compile(r"/\([^()]{1,9}\)")
 #: Code in a sentence.
 _CODE = re.compile("`([^`]+)`")
 #: CSS pixels a point.
@@ -255,5 +257,6 @@ def _unbroken(value: Any) -> Any:
     """Keep numbers with interval and per cent on one line; what is marked up stays as it is."""
     if isinstance(value, str) and not isinstance(value, Markup):
         space = "\N{NO-BREAK SPACE}"
+        value = _UNIT.sub(lambda found: found[0].replace(" ", space), value)
         return value.replace(" %", f"{space}%").replace(" ± ", f"{space}±{space}")
     return value

@@ -36,8 +36,8 @@ def write_report(
         The folder. An identification gives ``report.html``, ``result.json``, ``curves.json``,
         ``table.txt`` and ``figures``; a diagnosis ``report.html``, ``diagnosis.json``,
         ``curves.json``, ``summary.txt`` and ``figures``; a design ``reference.csv``,
-        ``design.json``, ``design.txt`` and ``design.png``; a validation ``result.json``,
-        ``table.txt`` and ``figures``; a comparison
+        ``design.json``, ``design.txt`` and ``design.png``; a validation ``report.html``,
+        ``result.json``, ``curves.json``, ``table.txt`` and ``figures``; a comparison
         ``comparison.json``, ``comparison.txt``, ``curves.json``, ``report.html`` and
         ``figures``.
 
