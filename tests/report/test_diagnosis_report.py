@@ -29,10 +29,11 @@ from pneumo_casadi.report.tables.diagnosis import (
     ranking_table,
 )
 from pneumo_casadi.report.tables.quantities import plain, quantity
-from pneumo_casadi.report.text.causes import cause_sentences, described_as
+from pneumo_casadi.report.text.causes import cause_sentences, described_as, discovered_fact
 from pneumo_casadi.report.text.diagnosis import (
     alternative_sentences,
     headline,
+    next_step,
     note_sentences,
     refused_sentences,
     size_sentences,
@@ -211,6 +212,29 @@ def test_a_candidate_far_worse_than_none_is_an_arrow_at_the_edge():
     assert all(axes.get_xlim()[0] <= x for line in axes.lines for x in line.get_xdata())
 
 
+@pytest.mark.parametrize(
+    ("diagnosis", "words"),
+    [
+        (made.EFFECT, "use the model with it (result.json)"),
+        (made.AMBIGUOUS, "record creep at three or more speeds"),
+        (made.NONE, "check S_P in bench.json"),
+        (replace(made.NONE, checks=()), "nothing for motions like these"),
+        (made.ABSORBED, "check S_P in bench.json"),
+        (made.UNKNOWN, "acts over the position x, and record slow strokes over the whole travel"),
+        (replace(made.UNKNOWN, discovered=None), "record where the residual is large"),
+    ],
+)
+def test_every_verdict_says_what_to_do_next(diagnosis, words):
+    assert words in next_step(diagnosis)
+    assert "<dt>Next</dt>" in diagnosis_html(diagnosis, [])
+
+
+def test_a_discovered_term_is_told_with_its_sizes():
+    text = discovered_fact(made.DISCOVERED)
+    assert "over the position x" in text and "amplitude 28.00 ± 0.40 N" in text
+    assert "period 9.6000 ± 0.0020 mm" in text and "closes 94 %" in text
+
+
 def test_every_view_and_output_has_its_row():
     table = gap_table(made.EFFECT)
     assert len(table.rows) == 9
@@ -237,6 +261,9 @@ def test_checks_are_printed_in_units_that_people_read():
         (Value(-1.0, float("nan"), "1"), "-1.000 (no interval)"),
         (Value(3.49e-9, 3e-12, "kg/Pa"), "3.4900 ± 0.0060 µg/Pa"),
         (Value(6.69e-4, 4.365e-4, "V"), "669 ± 873 µV"),
+        (Value(-0.0087, 0.00295, "1"), "-0.0087 ± 0.0059"),
+        (Value(2e-4, 6.5e-4, "rad"), "0.2 ± 1.3 mrad"),
+        (Value(8.8e-5, 1.83e-4, "1/V"), "0.009 ± 0.037 %/V"),
         (Value(-4e-6, 1e-7, "m"), "-4.00 ± 0.20 µm"),
         (Value(2.5e8, 0.0, "Pa"), "250.000 MPa (not fitted)"),
     ],

@@ -40,6 +40,7 @@ from pneumo_casadi.report.tables.table import Table
 from pneumo_casadi.report.text.causes import (
     Catalogue,
     cause_sentences,
+    discovered_fact,
     discovered_sentences,
     joined,
 )
@@ -51,6 +52,7 @@ from pneumo_casadi.report.text.diagnosis import (
     finding_sentences,
     headline,
     location_text,
+    next_step,
     note_sentences,
     refined_sentences,
     refused_sentences,
@@ -178,10 +180,7 @@ def _facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
         for effect in diagnosis.undecided
     ]
     if diagnosis.discovered is not None:
-        term = diagnosis.discovered
-        facts.append(
-            ("Discovered term", f"{term.term.expression}, closes {whole(term.closes.value)}")
-        )
+        facts.append(("Discovered term", discovered_fact(diagnosis.discovered)))
     if diagnosis.effects:
         facts += [
             ("Error on held-out data", f"{percent(gap.before)} → {percent(gap.after)}"),
@@ -192,7 +191,7 @@ def _facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
     wrong = sum(not check.agrees for check in diagnosis.checks)
     if diagnosis.checks:
         facts.append(("Parameter checks", f"{wrong} of {len(diagnosis.checks)} fail"))
-    return facts
+    return [*facts, ("Next", next_step(diagnosis))]
 
 
 def write_diagnosis(

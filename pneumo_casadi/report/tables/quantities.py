@@ -45,6 +45,8 @@ def quantity(value: Value, held: str = " (not fitted)") -> str:
     # The larger of value and half width is read: with a common power of ten neither is lost.
     largest = max(abs(value.value), 2 * value.std if math.isfinite(value.std) else 0.0)
     exponent = exponent_of(largest * factor)
+    if exponent == -3 and not unit:
+        exponent = 0  # a number without a unit has no prefix: 0.0087, not 8.7·10⁻³
     if exponent:
         own = exponent_of(largest)
         prefixed = scaled_unit(value.unit, own)
@@ -96,7 +98,7 @@ def between(closure: Closure) -> str:
     >>> between(Closure(0.996, 0.995, 0.997))
     '99.5 to 99.7 %'
     """
-    if round(100 * closure.lower) == round(100 * closure.upper) and closure.lower < closure.upper:
+    if closure.lower > 0.9 and round(100 * closure.lower) == round(100 * closure.upper):
         return f"{100 * closure.lower:.1f} to {100 * closure.upper:.1f} %"
     return f"{whole(closure.lower).removesuffix(' %')} to {whole(closure.upper)}"
 
