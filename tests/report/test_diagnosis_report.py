@@ -215,7 +215,7 @@ def test_a_candidate_far_worse_than_none_is_an_arrow_at_the_edge():
 @pytest.mark.parametrize(
     ("diagnosis", "words"),
     [
-        (made.EFFECT, "use the model with it (result.json)"),
+        (made.EFFECT, "`identify --with stribeck`; `design` plans"),
         (made.AMBIGUOUS, "record creep at three or more speeds"),
         (made.NONE, "check S_P in bench.json"),
         (replace(made.NONE, checks=()), "nothing for motions like these"),
@@ -231,7 +231,7 @@ def test_every_verdict_says_what_to_do_next(diagnosis, words):
 
 def test_a_discovered_term_is_told_with_its_sizes():
     text = discovered_fact(made.DISCOVERED)
-    assert "over the position x" in text and "amplitude 28.00 ± 0.40 N" in text
+    assert "x/period" in text and "amplitude 28.00 ± 0.40 N" in text
     assert "period 9.6000 ± 0.0020 mm" in text and "closes 94 %" in text
 
 

@@ -129,12 +129,10 @@ def discovered_sentences(diagnosis: Diagnosis) -> tuple[str, ...]:
 
 
 def discovered_fact(discovered: DiscoveredTerm) -> str:
-    """Return a discovered term in a few words: formula, driver, sizes, closure."""
+    """Return a discovered term in a few words: formula, sizes, closure."""
     sizes = ", ".join(f"{name} {quantity(item)}" for name, item in discovered.parameters.items())
-    return (
-        f"{discovered.term.expression} over {DRIVER_NAMES[discovered.term.driver]}; {sizes}; "
-        f"closes {whole(discovered.closes.value)} of the gap of the balances"
-    )
+    closes = f"closes {whole(discovered.closes.value)} of the gap of the balances"
+    return f"{discovered.term.expression}; {sizes}; {closes}"
 
 
 def joined(words: Sequence[str], last: str = "and") -> str:

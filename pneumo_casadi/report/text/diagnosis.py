@@ -259,7 +259,11 @@ def next_step(diagnosis: Diagnosis) -> str:
             return "record where the residual is large: see the conditions below"
         driver = diagnosis.discovered.term.driver
         return f"look for what acts over {DRIVER_NAMES[driver]}, and {_RECORDS.get(driver, _ANY)}"
-    return "use the model with it (result.json); record with `pneumo-casadi design`"
+    forms = [effect.form for effect in diagnosis.effects]
+    if not all(form in EFFECTS for form in forms):
+        return "plan a record for the model with it: `pneumo-casadi design`"
+    with_effects = " ".join(f"--with {form}" for form in forms)
+    return f"`identify {with_effects}`; `design` plans the next record"
 
 
 def check_sentences(diagnosis: Diagnosis) -> tuple[tuple[bool, str], ...]:
