@@ -33,12 +33,12 @@ from pneumo_casadi.report.text.causes import cause_sentences, described_as, disc
 from pneumo_casadi.report.text.diagnosis import (
     alternative_sentences,
     headline,
-    next_step,
     note_sentences,
     refused_sentences,
     size_sentences,
     summary_text,
 )
+from pneumo_casadi.report.text.next_step import next_step
 
 _spec = importlib.util.spec_from_file_location(
     "diagnoses", Path(__file__).with_name("diagnoses.py")

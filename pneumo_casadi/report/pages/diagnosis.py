@@ -52,7 +52,6 @@ from pneumo_casadi.report.text.diagnosis import (
     finding_sentences,
     headline,
     location_text,
-    next_step,
     note_sentences,
     refined_sentences,
     refused_sentences,
@@ -61,6 +60,7 @@ from pneumo_casadi.report.text.diagnosis import (
     summary_text,
     where_sentences,
 )
+from pneumo_casadi.report.text.next_step import next_step
 from pneumo_casadi.runtime.json_files import write_json
 from pneumo_casadi.runtime.output_folder import OutputKind, output_folder
 

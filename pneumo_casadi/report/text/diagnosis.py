@@ -22,7 +22,6 @@ from pneumo_casadi.report.tables.diagnosis import (
 from pneumo_casadi.report.tables.parameters import parameter_table
 from pneumo_casadi.report.tables.quantities import between, chance, percent, plain, whole
 from pneumo_casadi.report.text.causes import (
-    DRIVER_NAMES,
     Catalogue,
     capitalised,
     cause_sentences,
@@ -40,19 +39,6 @@ VERDICTS = {
     Verdict.UNKNOWN: "cause unknown",
     Verdict.NONE: "model and measurement agree",
 }
-#: Record that shows more of a term over its driver, after "and".
-_RECORDS = {
-    "x": "record slow strokes over the whole travel",
-    "v": "record strokes at several constant speeds",
-    "t": "record for longer, warm and cold",
-    "p_P": "record at several supply pressures",
-    "p_N": "record at several supply pressures",
-    "p_mean": "record at several supply pressures",
-    "p_difference": "record with several loads",
-    "t_reversal": "record reversals after rests of several lengths",
-    "s_reversal": "record small strokes of several lengths",
-}
-_ANY = "record motions in which it varies more"
 FINDINGS_TITLE = "Correct the records first"
 #: Candidates less probable than this are not named in a sentence.
 WORTH_NAMING = 0.01
@@ -229,41 +215,6 @@ def alternative_sentences(diagnosis: Diagnosis, catalogue: Catalogue = EFFECTS) 
     if diagnosis.experiment:
         parts.append(f"Experiment that separates them: {plain(diagnosis.experiment)}.")
     return tuple(parts)
-
-
-def next_step(diagnosis: Diagnosis) -> str:
-    """Return what should be done or recorded next, in a few words.
-
-    Examples
-    --------
-    With ``diagnosis = pc.diagnose(pc.example_case())``:
-
-    >>> next_step(diagnosis)
-    'nothing for motions like these; record others to test the model there'
-    """
-    verdict = diagnosis.verdict
-    if diagnosis.findings:
-        return "correct the records: see below"
-    if diagnosis.experiment:
-        return f"record {plain(diagnosis.experiment)}"
-    if verdict is Verdict.NONE:
-        wrong = [check.name for check in diagnosis.checks if not check.agrees]
-        if wrong:
-            return f"check {joined(wrong)} in bench.json and on the axis"
-        return "nothing for motions like these; record others to test the model there"
-    if verdict is Verdict.ABSORBED:
-        wrong = [check.name for check in diagnosis.checks if not check.agrees]
-        return f"check {joined(wrong) or 'the bench'} in bench.json and on the axis"
-    if verdict is Verdict.UNKNOWN:
-        if diagnosis.discovered is None:
-            return "record where the residual is large: see the conditions below"
-        driver = diagnosis.discovered.term.driver
-        return f"look for what acts over {DRIVER_NAMES[driver]}, and {_RECORDS.get(driver, _ANY)}"
-    forms = [effect.form for effect in diagnosis.effects]
-    if not all(form in EFFECTS for form in forms):
-        return "plan a record for the model with it: `pneumo-casadi design`"
-    with_effects = " ".join(f"--with {form}" for form in forms)
-    return f"`identify {with_effects}`; `design` plans the next record"
 
 
 def check_sentences(diagnosis: Diagnosis) -> tuple[tuple[bool, str], ...]:
