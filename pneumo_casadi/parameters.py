@@ -84,7 +84,11 @@ class Parameter:
         object.__setattr__(self, "scale", scale)
 
 
-@dataclass(frozen=True, slots=True)
+#: Parameters that a `repr` shows.
+SHOWN = 12
+
+
+@dataclass(frozen=True, slots=True, repr=False)
 class Parameters:
     """An ordered, immutable collection of parameters: names on one side, vectors on the other.
 
@@ -114,6 +118,13 @@ class Parameters:
             raise ModelError(f"parameter named twice: {', '.join(twice)}")
         object.__setattr__(self, "items", parameters)
         object.__setattr__(self, "_index", index)
+
+    def __repr__(self) -> str:
+        """Return the first values with their units; a flow map alone has forty of them."""
+        shown = [f"{item.name} = {item.value:.4g} {item.unit}" for item in self.items[:SHOWN]]
+        left = len(self.items) - len(shown)
+        more = f", and {left} more" if left else ""
+        return f"Parameters({', '.join(shown)}{more})"
 
     def __len__(self) -> int:
         return len(self.items)

@@ -60,14 +60,16 @@ def report(
     result: Annotated[
         Path,
         typer.Argument(
-            metavar="FOLDER", help="Report folder of identify, or its result.json alone."
+            metavar="FOLDER",
+            help="Report folder of identify, validate, diagnose or compare, or its result file.",
         ),
     ],
     debug: Debug = False,
 ) -> None:
     """Write report.html again from a result file alone, without the records.
 
-    Time plots come from curves.json beside it; figures that need the records are left out.
+    Curves come from curves.json beside it. Reports are complete then, but for that of an
+    identification: its figures that need the records are left out.
     """
     with guarded(debug):
         from pneumo_casadi.report.pages.again import write_report_again

@@ -78,8 +78,8 @@ def diagnose(
     Verdicts: effect (one or more effects of the catalogue), ambiguous (several explain the data
     equally well), absorbed (the parameters contradict geometry or data sheet), unknown (no effect
     of the catalogue explains the data), none. FOLDER (default: report/CASE-diagnosis) gets
-    report.html, summary.txt, diagnosis.json, result.json and figures. --strict refuses a final
-    model that is not to be used, or that could not be refined.
+    report.html, summary.txt, diagnosis.json, curves.json, result.json and figures. --strict
+    refuses a final model that is not to be used, or that could not be refined.
     """
     kept = "nothing was written" if keep is None else f"finished fits are in {keep}"
     with guarded(debug, kept):

@@ -25,7 +25,8 @@ def validate(
     """Compare simulations with identified parameters with the held-out records of CASE.
 
     Open loop and closed loop over whole records, and windows of 0.1, 0.5 and 2 s. --strict refuses
-    parameters whose simulation is far from the records.
+    parameters whose simulation is far from the records. FOLDER, if given, gets report.html,
+    result.json, curves.json, table.txt and figures.
     """
     with guarded(debug):
         from pneumo_casadi.data import read_case
@@ -62,7 +63,7 @@ def validate(
         show(validation_table(validation))
         if output is not None:
             write_validation(validation, output)
-            say(f"\nreport: {output}")
+            say(f"\nreport: {output}/report.html")
         if json_file is not None:
             content = {"usable": usability.usable.value, "reason": usability.reason}
             write_json({**content, "validation": validation_dict(validation)}, json_file)

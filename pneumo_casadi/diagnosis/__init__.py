@@ -1,5 +1,6 @@
 """Diagnosis: where simulation and measurement disagree, which effect causes it, what it closes."""
 
+from pneumo_casadi.diagnosis.decide.read_diagnosis import read_diagnosis
 from pneumo_casadi.diagnosis.decide.result import (
     Diagnosis,
     Verdict,
@@ -43,5 +44,6 @@ __all__ = [
     "diagnose",
     "options_of_diagnosis",
     "prepare_study",
+    "read_diagnosis",
     "refine_diagnosis",
 ]

@@ -15,6 +15,7 @@ from pneumo_casadi.diagnosis.decide.ranking import (
     rank_candidates,
 )
 from pneumo_casadi.diagnosis.decide.result import Diagnosis, Verdict
+from pneumo_casadi.diagnosis.decide.term_in_model import fit_with_term
 from pneumo_casadi.diagnosis.discover.discover import discover_beside
 from pneumo_casadi.diagnosis.locate.evidence import collect_evidence
 from pneumo_casadi.diagnosis.locate.locate import locate
@@ -151,14 +152,15 @@ def diagnose(
     gap, more = simulated_gap(
         selection.simulations, selection.nominal, final, shown, selection.levels
     )
-    curves = simulated_curves(
-        selection.simulations, selection.nominal, final if shown else None, shown
-    )
-    discovered = None
+    discovered = with_term = None
     if decision.verdict is Verdict.UNKNOWN:
         report("looking for a term outside the catalogue", 0.93)
         models = ((selection.nominal, ()), (selection.final, effects))
         discovered = discover_beside(study, models, selection.levels)
+        with_term = fit_with_term(study, discovered, models)
+    curves = simulated_curves(
+        selection.simulations, selection.nominal, final if shown else None, shown, with_term
+    )
     report("done", 1.0)
     judgement = decision.judgement
     in_model = effects_found(study, selection, judgement, chosen) if named else ()

@@ -12,10 +12,11 @@ from pneumo_casadi.data.bench.axis_kind import SCALES, UNITS
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.parameters import FloatArray, Parameter, Parameters
+from pneumo_casadi.runtime.presentation import Brief
 
 
-@dataclass(frozen=True, eq=False)
-class AxisDescription:
+@dataclass(frozen=True, eq=False, repr=False)
+class AxisDescription(Brief):
     """An axis with its effects; `Axis` adds the equations.
 
     Parameters

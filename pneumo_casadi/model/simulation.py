@@ -22,10 +22,11 @@ from pneumo_casadi.model.integration import (
 )
 from pneumo_casadi.model.sampled_axis import SampledAxis
 from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.runtime.presentation import Brief
 
 
-@dataclass(frozen=True, eq=False)
-class Trajectory:
+@dataclass(frozen=True, eq=False, repr=False)
+class Trajectory(Brief):
     """States, outputs and inputs at the sampling instants.
 
     Parameters

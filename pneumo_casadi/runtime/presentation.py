@@ -1,15 +1,21 @@
 """How results show themselves: in a shell, in a notebook, as text and as a table."""
 
 import math
+from collections.abc import Mapping
+from dataclasses import fields
 from html import escape
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from pneumo_casadi.runtime.atomic_files import atomic_file
 
 #: A `repr` is cut at a line once it is longer than this [characters].
 LONGEST_REPR = 1100
+#: Longest text of a field in the `repr` of a part of a result [characters].
+_LONGEST_FIELD = 160
 
 
 #: Characters that LaTeX would take for commands.
@@ -97,3 +103,41 @@ def _latex(cell: object) -> str:
         return ""
     mantissa, _, exponent = f"{number:.4g}".partition("e")
     return f"${mantissa}" + (rf" \cdot 10^{{{int(exponent)}}}" if exponent else "") + "$"
+
+
+class Brief:
+    """A dataclass whose `repr` gives arrays by their shapes and cuts what is long.
+
+    As a dataclass it needs ``repr=False``.
+
+    Examples
+    --------
+    >>> from dataclasses import dataclass
+    >>> @dataclass(repr=False)
+    ... class Curve(Brief):
+    ...     t: np.ndarray
+    ...     unit: str
+    >>> Curve(np.zeros(5000), "m")
+    Curve(t=<array of 5000>, unit='m')
+    """
+
+    __slots__ = ()
+
+    def __repr__(self) -> str:
+        shown = [item.name for item in fields(self) if item.repr]  # type: ignore[arg-type]
+        parts = ", ".join(f"{name}={_text(getattr(self, name))}" for name in shown)
+        return _cut(f"{type(self).__name__}({parts})", LONGEST_REPR)
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, np.ndarray):
+        return f"<array of {' x '.join(map(str, value.shape))}>"
+    if isinstance(value, Mapping):
+        return _cut(f"{{{', '.join(f'{key}: {_text(item)}' for key, item in value.items())}}}")
+    if isinstance(value, tuple | list):
+        return _cut(f"({', '.join(map(_text, value))})")
+    return _cut(repr(value))
+
+
+def _cut(text: str, longest: int = _LONGEST_FIELD) -> str:
+    return text if len(text) <= longest else f"{text[: longest - 1]}…"

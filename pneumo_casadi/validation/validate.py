@@ -10,7 +10,7 @@ from pneumo_casadi.data.recording.curves import MEASURED, Curves
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.simulation import Trajectory
-from pneumo_casadi.runtime.presentation import Presentable
+from pneumo_casadi.runtime.presentation import Brief, Presentable
 from pneumo_casadi.runtime.progress import Progress, no_progress
 from pneumo_casadi.validation.errors import (
     WHOLE,
@@ -22,8 +22,8 @@ from pneumo_casadi.validation.errors import (
 from pneumo_casadi.validation.simulations import free_run, loop_run
 
 
-@dataclass(frozen=True, eq=False)
-class Run:
+@dataclass(frozen=True, eq=False, repr=False)
+class Run(Brief):
     """A validation record and its simulations."""
 
     record: Recording

@@ -7,6 +7,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from pneumo_casadi.parameters import FloatArray, Parameters
+from pneumo_casadi.runtime.presentation import Brief
 from pneumo_casadi.valve.flow_map import FlowMap
 from pneumo_casadi.valve.flow_model import FlowModel
 
@@ -38,8 +39,8 @@ class FlowMapPair(NamedTuple):
         return max(self.P.q_max, self.N.q_max)
 
 
-@dataclass(frozen=True, eq=False)
-class FlowPair:
+@dataclass(frozen=True, eq=False, repr=False)
+class FlowPair(Brief):
     """The flow models of two valves that differ.
 
     Parameters

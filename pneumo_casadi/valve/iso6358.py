@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from pneumo_casadi.errors import CaseError, ModelError
 from pneumo_casadi.parameters import FloatArray, Parameter, Parameters
+from pneumo_casadi.runtime.presentation import Brief
 from pneumo_casadi.valve.flow_map import FlowMap
 from pneumo_casadi.valve.flow_model import Symbol, scale_sigma
 from pneumo_casadi.valve.orifice import (
@@ -26,8 +27,8 @@ EDGE = ("k", "u_0", "w", "h", "C_leak")
 SOURCE = "ISO 6358-1:2013"
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class FlowISO6358:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class FlowISO6358(Brief):
     r"""Mass flow of a spool valve whose two edges are ISO 6358 restrictions.
 
     q_m = q(C_s(u), b_s, m; p_supply → p) − q(C_e(−u), b_e, m; p → p_ext), with the opening law

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.parameters import FloatArray, Parameters
+from pneumo_casadi.runtime.presentation import Brief
 from pneumo_casadi.valve.flow_map import FlowMap
 from pneumo_casadi.valve.flow_model import Symbol, leakage_change, scale_sigma
 
@@ -19,8 +20,8 @@ BRANCHES = ("phi", "psi_plus", "psi_minus")
 """The three polynomials, in the order of their coefficients in theta."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class FlowPolynomials:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class FlowPolynomials(Brief):
     r"""Mass flow as polynomials in the outlet pressure, affine in the command on either side.
 
     .. math:: q_m(u, p) = φ(p) + ψ(p, sign u) u \qquad (12)

@@ -10,6 +10,7 @@ from scipy.interpolate import BSpline
 
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.parameters import FloatArray, Parameter, Parameters
+from pneumo_casadi.runtime.presentation import Brief
 from pneumo_casadi.valve.flow_map import FlowMap
 from pneumo_casadi.valve.flow_model import (
     Symbol,
@@ -23,8 +24,8 @@ REACH = 100.0
 """Width of the linear continuation on either side, in ranges of the map."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class FlowSpline:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class FlowSpline(Brief):
     """Mass flow as a tensor-product B-spline times one gain.
 
     Parameters

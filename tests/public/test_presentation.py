@@ -20,6 +20,19 @@ def test_a_repr_is_short_and_says_what_it_is(results):
         assert repr(result).startswith(result.headline.splitlines()[0])
 
 
+def test_a_repr_of_a_part_is_short_and_begins_with_its_kind(quick):
+    """What a notebook shows of an attribute: a whole axis had 12,000 characters."""
+    run = quick.validation.runs[0]
+    parts = [
+        quick.axis, quick.axis.parameters, quick.flow, run, run.open_loop,
+        quick.validation.curves[0], quick.case.bench, quick.flow_map,
+    ]  # fmt: skip
+    for part in parts:
+        assert repr(part).startswith(f"{type(part).__name__}("), repr(part)[:80]
+        assert 20 < len(repr(part)) < 1200, type(part)
+    assert "X_s1 = " in repr(quick.axis.parameters) and "more)" in repr(quick.axis.parameters)
+
+
 def test_notebooks_get_a_table(results):
     for result in results:
         html = result._repr_html_()

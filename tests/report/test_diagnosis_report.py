@@ -14,7 +14,7 @@ from matplotlib.text import Text
 
 from pneumo_casadi.data import Finding, Grade
 from pneumo_casadi.diagnosis import Value, Verdict
-from pneumo_casadi.diagnosis.metrics.findings import Closure
+from pneumo_casadi.diagnosis.metrics.findings import Closure, joined_names
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.report.figures.diagnosis.ranking import ranking_figure
 from pneumo_casadi.report.figures.style import COLUMN, MM, PAGE, svg
@@ -28,14 +28,17 @@ from pneumo_casadi.report.tables.diagnosis import (
     gap_table,
     ranking_table,
 )
-from pneumo_casadi.report.tables.quantities import quantity
-from pneumo_casadi.report.text.causes import cause_sentences, described_as
+from pneumo_casadi.report.tables.quantities import plain, quantity
+from pneumo_casadi.report.text.causes import cause_sentences, described_as, discovered_fact
 from pneumo_casadi.report.text.diagnosis import (
     alternative_sentences,
     headline,
+    note_sentences,
+    refused_sentences,
     size_sentences,
     summary_text,
 )
+from pneumo_casadi.report.text.next_step import next_step
 
 _spec = importlib.util.spec_from_file_location(
     "diagnoses", Path(__file__).with_name("diagnoses.py")
@@ -156,11 +159,48 @@ def test_contradicting_checks_come_first():
     assert text.index("NOT  S_P comes out") < text.index("ok   M = 16.9 kg")
 
 
-def test_a_failed_candidate_is_in_the_table_as_failed():
-    rows = {row[0]: row for row in ranking_table(made.EFFECT).rows}
+def test_a_candidate_that_matters_is_in_the_table_with_what_became_of_it():
+    promising = replace(made.FAILED, explained=0.3)
+    ranking = (made.STRIBECK, made.DRAG, replace(made.SILENT, probability=0.02), promising)
+    rows = {row[0]: row for row in ranking_table(replace(made.EFFECT, ranking=ranking)).rows}
     assert rows["hose"][2] == "fit failed"
     assert rows["valve mismatch"][2] == "not fitted"
     assert rows["stribeck"][1:4] == ("97 %", "95 %", "93 to 96 %")
+
+
+def test_refused_candidates_are_counted_not_listed():
+    weak = replace(made.DRAG, names=("hose",), probability=0.001, closure=Closure(0.04, 0, 0.1))
+    diagnosis = replace(made.EFFECT, ranking=(made.STRIBECK, weak, made.SILENT, made.FAILED))
+    assert [row[0] for row in ranking_table(diagnosis).rows] == ["stribeck"]
+    assert refused_sentences(diagnosis) == (
+        "Further candidates that were refused: 3. None has a probability of 1 %, and none removes "
+        "more than 4 % of the gap; the fit of 1 failed or gave values that physics excludes. All "
+        "are in diagnosis.json.",
+    )
+    assert note_sentences(replace(diagnosis, notes=("hose: no step was found", "a"))) == ("a",)
+    page = diagnosis_html(diagnosis, [])
+    assert "refused: 3" in page and "no step was found" not in page
+    assert "refused: 3" in summary_text(diagnosis)
+    both = replace(made.STRIBECK, names=("hose", "stribeck"), probability=0.0)
+    with_both = replace(diagnosis, ranking=(*diagnosis.ranking, both))
+    assert len(ranking_table(with_both).rows) == 1
+    assert "more than 4 % of the gap without the effects found" in refused_sentences(with_both)[0]
+    promising = replace(made.FAILED, explained=0.3)  # its fit could have changed the verdict
+    open_ = replace(diagnosis, ranking=(made.STRIBECK, promising))
+    assert note_sentences(open_) == open_.notes and not refused_sentences(open_)
+    # Few bars say nothing: three candidates are drawn in any case.
+    assert len(ranking_figure(diagnosis).axes[0].get_yticklabels()) == 3
+
+
+@pytest.mark.parametrize("verdict", list(Verdict))
+def test_what_a_verdict_names_is_in_the_ranking(verdict):
+    diagnosis = made.ALL[verdict]
+    shown = {row[0] for row in ranking_table(diagnosis).rows}
+    named = {
+        names for names in diagnosis.ambiguous if any(names == c.names for c in diagnosis.ranking)
+    }
+    assert shown >= {plain(joined_names(names)) for names in named}
+    assert shown >= {plain(effect.name) for effect in diagnosis.effects}
 
 
 def test_a_candidate_far_worse_than_none_is_an_arrow_at_the_edge():
@@ -170,6 +210,29 @@ def test_a_candidate_far_worse_than_none_is_an_arrow_at_the_edge():
     arrow = next(line for line in axes.lines if line.get_marker() == "<")
     assert axes.get_xlim()[0] < arrow.get_xdata()[0] == -100
     assert all(axes.get_xlim()[0] <= x for line in axes.lines for x in line.get_xdata())
+
+
+@pytest.mark.parametrize(
+    ("diagnosis", "words"),
+    [
+        (made.EFFECT, "`identify --with stribeck`; `design` plans"),
+        (made.AMBIGUOUS, "record creep at three or more speeds"),
+        (made.NONE, "check S_P in bench.json"),
+        (replace(made.NONE, checks=()), "nothing for motions like these"),
+        (made.ABSORBED, "check S_P in bench.json"),
+        (made.UNKNOWN, "acts over the position x, and record slow strokes over the whole travel"),
+        (replace(made.UNKNOWN, discovered=None), "record where the residual is large"),
+    ],
+)
+def test_every_verdict_says_what_to_do_next(diagnosis, words):
+    assert words in next_step(diagnosis)
+    assert "<dt>Next</dt>" in diagnosis_html(diagnosis, [])
+
+
+def test_a_discovered_term_is_told_with_its_sizes():
+    text = discovered_fact(made.DISCOVERED)
+    assert "x/period" in text and "amplitude 28.00 ± 0.40 N" in text
+    assert "period 9.6000 ± 0.0020 mm" in text and "closes 94 %" in text
 
 
 def test_every_view_and_output_has_its_row():
@@ -198,6 +261,9 @@ def test_checks_are_printed_in_units_that_people_read():
         (Value(-1.0, float("nan"), "1"), "-1.000 (no interval)"),
         (Value(3.49e-9, 3e-12, "kg/Pa"), "3.4900 ± 0.0060 µg/Pa"),
         (Value(6.69e-4, 4.365e-4, "V"), "669 ± 873 µV"),
+        (Value(-0.0087, 0.00295, "1"), "-0.0087 ± 0.0059"),
+        (Value(2e-4, 6.5e-4, "rad"), "0.2 ± 1.3 mrad"),
+        (Value(8.8e-5, 1.83e-4, "1/V"), "0.009 ± 0.037 %/V"),
         (Value(-4e-6, 1e-7, "m"), "-4.00 ± 0.20 µm"),
         (Value(2.5e8, 0.0, "Pa"), "250.000 MPa (not fitted)"),
     ],
@@ -315,6 +381,7 @@ def test_equal_diagnoses_give_equal_drawings():
 def test_a_folder_is_written_whole(written):
     assert {path.name for path in written.iterdir()} == {
         "diagnosis.json",
+        "curves.json",
         "report.html",
         "summary.txt",
         "discovered_term.json",
@@ -346,7 +413,8 @@ def test_the_page_requests_nothing_and_is_built_of_headings_tables_and_captions(
     assert len(page.alternatives) == 7 and all(
         len(alternative) > 60 for alternative in page.alternatives
     )
-    assert page.count["table"] == page.count["caption"] == len(diagnosis_tables(made.EFFECT))
+    tables = len(diagnosis_tables(made.EFFECT)) + 1  # and the legend
+    assert page.count["table"] == page.count["caption"] == tables
     assert page.count["th"] > page.count["tr"]  # every row and column is named
 
 

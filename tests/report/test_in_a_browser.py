@@ -2,6 +2,7 @@
 
 import importlib.util
 import os
+import re
 import shutil
 from io import BytesIO
 from itertools import islice
@@ -11,10 +12,12 @@ import matplotlib.image
 import numpy as np
 import pytest
 
+import pneumo_casadi as pc
 from pneumo_casadi.report.pages.diagnosis import write_diagnosis
 from pneumo_casadi.report.pages.identification import html_report
 from pneumo_casadi.report.pages.identification_figures import figures_of
 from pneumo_casadi.report.pages.page import Picture
+from pneumo_casadi.report.pages.write import write_comparison, write_validation
 
 pytest.importorskip("bokeh", reason="Bokeh is not installed: pip install '.[interactive]'")
 playwright = pytest.importorskip(
@@ -58,17 +61,24 @@ def reports(quick, tmp_path_factory):
     identification = folder / "identification.html"
     pictures = [Picture(each.name, each.png(), each.caption) for each in drawn]
     identification.write_text(html_report(quick, pictures, paper=True), "utf-8")
-    return {"diagnosis": diagnosis / "report.html", "identification": identification}
+    comparison = write_comparison(pc.compare(quick, quick), folder / "comparison")
+    validation = write_validation(quick.validation, folder / "validation")
+    return {
+        "diagnosis": diagnosis / "report.html",
+        "identification": identification,
+        "comparison": comparison / "report.html",
+        "validation": validation / "report.html",
+    }
 
 
-@pytest.fixture(params=["diagnosis", "identification"])
+@pytest.fixture(params=["diagnosis", "identification", "comparison", "validation"])
 def path(request, reports):
     return reports[request.param]
 
 
-def opened(browser, path, size):
+def opened(browser, path, size, colours="light"):
     """Open a page; return it with what it said and asked for."""
-    page = browser.new_page(viewport=size)
+    page = browser.new_page(viewport=size, color_scheme=colours)
     said, asked = [], []
     page.on("console", lambda message: said.append(message.text))
     page.on("pageerror", lambda error: said.append(str(error)))
@@ -77,9 +87,12 @@ def opened(browser, path, size):
     return page, said, [url for url in asked if url != path.as_uri()]
 
 
-@pytest.mark.parametrize("size", [DESKTOP, PHONE], ids=["desktop", "phone"])
-def test_there_is_no_barrier_and_the_page_stands_alone(browser, path, size):
-    page, said, asked = opened(browser, path, size)
+@pytest.mark.parametrize(
+    ("size", "colours"), [(DESKTOP, "light"), (DESKTOP, "dark"), (PHONE, "light")]
+)
+def test_there_is_no_barrier_and_the_page_stands_alone(browser, path, size, colours):
+    page, said, asked = opened(browser, path, size, colours)
+    page.wait_for_selector(".plot[data-ready=yes]")
     barriers = [
         (violation["id"], violation["impact"], [node["html"][:100] for node in violation["nodes"]])
         for violation in axe.Axe().run(page).response["violations"]
@@ -90,7 +103,8 @@ def test_there_is_no_barrier_and_the_page_stands_alone(browser, path, size):
     # Wide tables scroll by themselves: the page does not.
     assert page.evaluate("document.documentElement.scrollWidth") <= size["width"]
     shot = matplotlib.image.imread(BytesIO(page.screenshot()))
-    assert float(np.mean(shot[..., :3] < 0.5)) > 0.01  # there is text on it
+    dark = float(np.mean(shot[..., :3] < 0.5))
+    assert 0.01 < (dark if colours == "light" else 1 - dark) < 0.5  # there is text on it
     page.close()
 
 
@@ -137,6 +151,51 @@ def test_time_plots_zoom_together_and_curves_are_switched(browser, path):
     page.close()
 
 
+def test_keys_reach_every_control_and_link_in_view(browser, path):
+    page, _, _ = opened(browser, path, DESKTOP)
+    page.wait_for_selector(".plot[data-ready=yes]")
+    controls = page.locator("a[href], button, input, .scroll").count()
+    reached, places = set(), []
+    for _ in range(2 * controls + 20):  # the plots themselves take the focus too
+        page.keyboard.press("Tab")
+        at = page.evaluate(
+            "(() => { const e = document.activeElement, b = e.getBoundingClientRect();"
+            "const all = [...document.querySelectorAll('a[href], button, input, .scroll')];"
+            "return [all.indexOf(e), b.bottom > 0 && b.top < innerHeight,"
+            "getComputedStyle(e).outlineStyle] })()"
+        )
+        if at[0] >= 0:
+            reached.add(at[0])
+            places.append(at[1:])
+        if len(reached) == controls:
+            break
+    assert reached == set(range(controls)) and controls > 8
+    assert all(in_view and outline != "none" for in_view, outline in places)
+    page.close()
+
+
+def test_on_a_phone_the_answer_comes_before_the_contents(browser, path):
+    page, _, _ = opened(browser, path, PHONE)
+    tops = page.evaluate(
+        "['h1', '.verdict', 'nav', 'main > section:not(.verdict)']"
+        ".map(name => document.querySelector(name).getBoundingClientRect().top)"
+    )
+    assert tops == sorted(tops) and tops[1] < 0.2 * PHONE["height"]
+    page.close()
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_on_paper_a_page_is_light_and_at_most_six_sheets(browser, path, scheme):
+    page, _, _ = opened(browser, path, DESKTOP, scheme)
+    page.wait_for_selector(".plot[data-ready=yes]")
+    pdf = page.pdf(prefer_css_page_size=True)
+    assert 1 <= len(re.findall(rb"/Type\s*/Page\b", pdf)) <= 6
+    page.emulate_media(media="print")
+    colour = page.evaluate("getComputedStyle(document.body).backgroundColor")
+    assert colour == "rgb(255, 255, 255)"
+    page.close()
+
+
 def test_without_scripts_a_still_figure_is_shown(browser, path):
     context = browser.new_context(java_script_enabled=False)
     page = context.new_page()
@@ -152,11 +211,17 @@ def test_a_report_is_small_enough_to_send(path):
 
 def test_every_picture_is_shown(browser, path):
     page, _, _ = opened(browser, path, DESKTOP)
-    sizes = page.evaluate(
-        "[...document.images].filter(i => i.checkVisibility())"
-        ".map(i => [i.complete, i.naturalWidth, i.width])"
-    )
-    assert sizes and all(done and natural > 0 and width > 200 for done, natural, width in sizes)
+    page.wait_for_selector(".plot[data-ready=yes]")
+    shown = []
+    for media in ("screen", "print"):  # on paper those that stand in for the plots too
+        page.emulate_media(media=media)
+        sizes = page.evaluate(
+            "[...document.images].filter(i => i.checkVisibility())"
+            ".map(i => [i.complete, i.naturalWidth, i.width])"
+        )
+        assert all(done and natural > 0 and width > 200 for done, natural, width in sizes)
+        shown.append(len(sizes))
+    assert shown[1] == page.evaluate("document.images.length") > shown[0]
     page.close()
 
 

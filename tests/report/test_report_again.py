@@ -1,13 +1,44 @@
 """A report written again from its result file: the same answer, without the records."""
 
+import importlib.util
 import json
+import math
+import re
 import shutil
+from dataclasses import replace
+from pathlib import Path
 
+import numpy as np
 import pytest
 
+import pneumo_casadi as pc
 from pneumo_casadi.cli import app as cli
+from pneumo_casadi.data import Finding, Grade
+from pneumo_casadi.diagnosis import Condition, RegimeKind, Value, Verdict, read_diagnosis
+from pneumo_casadi.diagnosis.decide.plain_evidence import evidence_dict, evidence_of
+from pneumo_casadi.diagnosis.metrics.findings import SensorError
+from pneumo_casadi.errors import CaseError
+from pneumo_casadi.identification.compared_model import Estimate
+from pneumo_casadi.identification.read_comparison import read_comparison
+from pneumo_casadi.identification.warnings import simulation_sentence
 from pneumo_casadi.report.pages.again import write_report_again
-from pneumo_casadi.report.pages.write import write_identification
+from pneumo_casadi.report.pages.diagnosis import write_diagnosis
+from pneumo_casadi.report.pages.diagnosis_figures import diagnosis_figures
+from pneumo_casadi.report.pages.write import (
+    write_comparison,
+    write_identification,
+    write_validation,
+)
+from pneumo_casadi.runtime.json_files import write_json
+from pneumo_casadi.valve import FlowForm, FormSelection
+
+_spec = importlib.util.spec_from_file_location(
+    "diagnoses", Path(__file__).with_name("diagnoses.py")
+)
+made = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(made)
+
+ORIGIN = {"versions": {"numpy": "2"}, "sha256": {"bench.json": "0123"}, "options": {}}
 
 
 @pytest.fixture(scope="module")
@@ -28,6 +59,12 @@ def test_the_answer_is_that_of_the_first_report(written, tmp_path):
     for part in ("Piston area S", "Sonic conductance C", "Moving mass M"):
         at, there = first.index(part), again.index(part)
         assert first[at : at + 200] == again[there : there + 200]
+    for part in (">X_s3</th>", ">f_v</th>", ">k_P</th>"):
+        at, there = first.index(part), again.index(part)
+        assert (
+            first[at:].partition(' data-label="truth">')[0]
+            == (again[there:].partition(' data-label="truth">')[0])
+        )
     assert 'class="plot' in again
 
 
@@ -49,3 +86,153 @@ def test_other_files_are_refused_in_one_line(written, tmp_path, capsys):
     assert cli.run(["report", str(tmp_path)]) == 2
     assert "would be lost" in capsys.readouterr().err
     assert (tmp_path / "report.html").read_text() == "that of a diagnosis"
+
+
+@pytest.mark.parametrize("name", ["effect", "ambiguous", "none", "absorbed", "unknown", "curves"])
+def test_a_diagnosis_is_read_back_as_it_was_written(name, tmp_path):
+    diagnosis = made.with_curves() if name == "curves" else made.ALL[Verdict(name)]
+    write_json(diagnosis.as_dict(), tmp_path / "diagnosis.json")
+    assert read_diagnosis(tmp_path).as_dict() == diagnosis.as_dict()
+
+
+def test_what_json_cannot_hold_is_read_back(tmp_path):
+    finding = Finding(
+        Grade.SEVERE, "unit", "p", "`p` is in bar.", "bench.json", {"p_Pa": 7e5}, "identify"
+    )
+    band = replace(
+        made.EFFECT.where.regimes[0], condition=Condition(RegimeKind.BAND, lower=8.0, chamber="P")
+    )
+    sensor = SensorError("position", 0.4)
+    where = replace(
+        made.EFFECT.where, regimes=(band,), sensor_error=sensor, effects=("hose",), rivals=("a",)
+    )
+    flow = FormSelection.given(FlowForm.POLYNOMIALS, (7, 7, 4))
+    nominal = {"M": Value(16.9, math.nan, "kg")}
+    diagnosis = replace(
+        made.UNDECIDED, findings=(finding,), where=where, flow_selection=flow, nominal=nominal
+    )
+    write_json(diagnosis.as_dict(), tmp_path / "diagnosis.json")
+    again = read_diagnosis(tmp_path / "diagnosis.json")
+    assert again.as_dict() == diagnosis.as_dict()
+    assert (again.findings, again.where, again.flow_selection) == ((finding,), where, flow)
+    assert math.isnan(again.nominal["M"].std)
+
+
+def test_the_curves_of_a_diagnosis_are_read_back():
+    evidence = made.evidence()
+    plain = json.loads(json.dumps(evidence_dict(evidence), allow_nan=False))
+    again = evidence_of(plain)
+    assert evidence_dict(again) == plain
+    np.testing.assert_allclose(again.inputs[0].std, evidence.inputs[0].std, rtol=1e-5)
+    np.testing.assert_array_equal(again.inputs[0].counts, evidence.inputs[0].counts)
+    plain["unknown_inputs"][0]["w"].pop()
+    with pytest.raises(ValueError, match="shape"):
+        evidence_of(plain)
+
+
+@pytest.fixture(scope="module")
+def diagnosed(quick, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("again") / "diagnosis"
+    monkeypatch = pytest.MonkeyPatch()  # one figure a kind is enough, and drawing takes seconds
+    drawn = {each.name: each for each in diagnosis_figures(made.with_curves())}
+    few = [drawn["validation_held_out"], drawn["discovered_term"]]
+    monkeypatch.setattr("pneumo_casadi.report.pages.diagnosis._figures_of", lambda result: few)
+    yield write_diagnosis(made.with_curves(), folder, provenance=ORIGIN, refined=quick)
+    monkeypatch.undo()
+
+
+@pytest.mark.slow
+def test_the_report_of_a_diagnosis_is_written_again(diagnosed, tmp_path):
+    folder = shutil.copytree(diagnosed, tmp_path / "copy")
+    first = (folder / "report.html").read_text("utf-8")
+    assert cli.run(["report", str(folder)]) == 0
+    again = (folder / "report.html").read_text("utf-8")
+
+    def fixed(page):
+        """Return a page up to the final model without the points of curves, which are rounded."""
+        page = re.sub(r'<script type="application/json">.*?</script>', "", page, flags=re.DOTALL)
+        page = re.sub(r'src="data:[^"]*"', "", page)
+        return page.partition('<h2 id="refined">')[0]
+
+    assert fixed(again) == fixed(first)
+    assert again.count('class="plot') == first.count('class="plot') == 1
+    final = again.partition('<h2 id="refined">')[2]
+    M = f"{diagnosed_mass(folder):.2f}"
+    assert M in final.partition("</section>")[0] and "sha256 0123" in final
+
+
+def diagnosed_mass(folder):
+    content = json.loads((folder / "result.json").read_text("utf-8"))
+    return content["output_error"]["parameters"]["M"]["value"]
+
+
+def test_a_diagnosis_without_its_curves_has_a_report(diagnosed, tmp_path):
+    shutil.copy(diagnosed / "diagnosis.json", tmp_path / "diagnosis.json")
+    page = write_report_again(tmp_path / "diagnosis.json").read_text("utf-8")
+    assert "Stribeck explains" in page and 'class="plot' not in page
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda c: c.pop("format"), "`format`"),
+        (lambda c: c["gap"].update(before="12.7 %"), "`gap.before`: expected a number"),
+        (lambda c: c["where"].update(junction="elsewhere"), "elsewhere"),
+        (lambda c: c["where"]["regime_details"][0]["condition"].update(kind="os"), "'os'"),
+        (lambda c: c["discovered"].update(driver="__import__"), "no driver '__import__'"),
+        (lambda c: c["discovered"]["curve"]["value"].pop(), "differ in length"),
+    ],
+)
+def test_a_diagnosis_that_was_changed_is_refused_with_the_field(change, words, tmp_path, capsys):
+    content = made.with_curves().as_dict()
+    change(content)
+    write_json(content, tmp_path / "diagnosis.json")
+    assert cli.run(["report", str(tmp_path)]) == 2
+    told = capsys.readouterr().err
+    assert words in told and "diagnosis.json: no complete diagnosis" in told
+    assert "diagnose the case again" in told
+    assert [path.name for path in tmp_path.iterdir()] == ["diagnosis.json"]
+
+
+@pytest.fixture(scope="module")
+def compared(quick):
+    return pc.compare(quick, quick)
+
+
+def test_a_comparison_is_read_back_and_its_report_written_again(compared, tmp_path):
+    held = {"M": (Estimate(16.9, math.inf, "kg"), None)}
+    odd = replace(compared, estimates=dict(compared.estimates) | held)
+    folder = write_comparison(odd, tmp_path / "comparison")
+    again = read_comparison(folder)
+    assert again.as_dict() == odd.as_dict() and again.estimates["M"] == held["M"]
+    first = (folder / "report.html").read_text("utf-8")
+    (folder / "report.html").unlink()
+    assert cli.run(["report", str(folder)]) == 0
+    page = (folder / "report.html").read_text("utf-8")
+    assert page.partition('<div class="plot')[0] == first.partition('<div class="plot')[0]
+    assert page.count('class="plot') == len(compared.curves) > 0
+
+
+def test_a_comparison_that_was_changed_is_refused_with_the_field(compared, tmp_path):
+    content = compared.as_dict()
+    content["differences"][0]["sigmas"] = "many"
+    write_json(content, tmp_path / "comparison.json")
+    with pytest.raises(CaseError, match=r"comparison.json: .*differences\[0\].sigmas"):
+        read_comparison(tmp_path)
+    del content["parameters"]["M"][compared.names[0]]
+    content["differences"] = []
+    write_json(content, tmp_path / "comparison.json")
+    with pytest.raises(CaseError, match=r"parameters.M"):
+        read_comparison(tmp_path)
+
+
+def test_a_validation_has_a_report_that_is_written_again(quick, tmp_path):
+    folder = write_validation(quick.validation, tmp_path / "validation")
+    first = (folder / "report.html").read_text("utf-8")
+    sentence = simulation_sentence(quick.validation)
+    assert sentence[1:] in first.replace("\N{NO-BREAK SPACE}", " ")
+    (folder / "report.html").unlink()
+    assert cli.run(["report", str(folder)]) == 0
+    again = (folder / "report.html").read_text("utf-8")
+    assert again.partition('<div class="plot')[0] == first.partition('<div class="plot')[0]
+    assert again.count('class="plot') == len(quick.validation.runs) > 0

@@ -89,6 +89,7 @@ class Finding:
             "text": self.sentence,
             "file": self.file or None,
             "suggestion": dict(self.suggestion),
+            "source": self.source,
         }
 
 

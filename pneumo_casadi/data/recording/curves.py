@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.runtime.presentation import Brief
 
 #: Points of a stored curve: four for each pixel of a figure over half of a wide screen, and some
 #: 150 kB of JSON for a record of three outputs.
@@ -17,8 +18,8 @@ DIGITS = 6
 MEASURED = "measured"
 
 
-@dataclass(frozen=True, eq=False)
-class Curves:
+@dataclass(frozen=True, eq=False, repr=False)
+class Curves(Brief):
     """Outputs of one record over time: measured, and simulated in one or more ways.
 
     Parameters

@@ -8,6 +8,15 @@ from typing import Any
 import pandas as pd
 
 from pneumo_casadi.data import Finding
+from pneumo_casadi.diagnosis.decide.plain_findings import (
+    FORMAT,
+    candidate_dict,
+    discovered_dict,
+    effect_dict,
+    gap_dict,
+    values_dict,
+    where_dict,
+)
 from pneumo_casadi.diagnosis.discover.discovered import DiscoveredTerm
 from pneumo_casadi.diagnosis.locate.evidence import Evidence
 from pneumo_casadi.diagnosis.metrics.findings import (
@@ -19,7 +28,7 @@ from pneumo_casadi.diagnosis.metrics.findings import (
     Where,
     joined_names,
 )
-from pneumo_casadi.diagnosis.wording.location_sentences import location_sentences
+from pneumo_casadi.runtime.json_files import without_infinities
 from pneumo_casadi.runtime.presentation import Presentable
 from pneumo_casadi.valve import FormSelection
 
@@ -156,93 +165,34 @@ class Diagnosis(Presentable):
         return self.to_frame().head(MOST_SHOWN)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return everything as plain data, verdict and reasons first."""
-        return {
+        """Return everything but the curves as plain data, verdict and reasons first.
+
+        `read_diagnosis` makes a diagnosis of it again. A number that is not finite is None.
+        """
+        content: dict[str, Any] = {
             "verdict": self.verdict.value,
-            "effects": [_effect(effect) for effect in self.effects],
-            "undecided": [_effect(effect) for effect in self.undecided],
-            "ranking": [_candidate(candidate) for candidate in self.ranking],
-            "where": _where(self.where),
-            "gap": _gap(self.gap),
+            "effects": [effect_dict(effect) for effect in self.effects],
+            "undecided": [effect_dict(effect) for effect in self.undecided],
+            "ranking": [candidate_dict(candidate) for candidate in self.ranking],
+            "where": where_dict(self.where),
+            "gap": gap_dict(self.gap),
             "ambiguous": [joined_names(names) for names in self.ambiguous],
             "experiment": self.experiment,
             "hint": self.hint,
             "checks": [asdict(check) for check in self.checks],
             "notes": list(self.notes),
             "findings": [finding.as_dict() for finding in self.findings],
-            "parameters": {"nominal": _values(self.nominal), "fitted": _values(self.fitted)},
+            "parameters": {
+                "nominal": values_dict(self.nominal),
+                "fitted": values_dict(self.fitted),
+            },
             "flow_selection": (
                 None if self.flow_selection is None else self.flow_selection.as_dict()
             ),
-            "discovered": None if self.discovered is None else self.discovered.as_dict(),
+            "discovered": None if self.discovered is None else discovered_dict(self.discovered),
             "case": self.case,
             "seconds": self.seconds,
+            "format": FORMAT,
         }
-
-
-def _effect(effect: EffectFound) -> dict[str, Any]:
-    return {
-        "name": effect.name,
-        "form": effect.form,
-        "forms": dict(effect.forms),
-        "rivals": dict(effect.rivals),
-        "probability": effect.probability,
-        "contribution": effect.contribution,
-        "parameters": _values(effect.parameters),
-    }
-
-
-def _candidate(candidate: Candidate) -> dict[str, Any]:
-    closure = candidate.closure
-    return {
-        "name": candidate.label,
-        "probability": candidate.probability,
-        "held_out_shrink": None if closure is None else closure.value,
-        "shrink_interval": None if closure is None else [closure.lower, closure.upper],
-        "explained": candidate.explained,
-        "observable": candidate.observable,
-        "parameters": _values(candidate.parameters),
-        "failure": candidate.failure or None,
-    }
-
-
-def _where(where: Where) -> dict[str, Any]:
-    return {
-        "balance": where.balance.value,
-        "junction": "" if where.junction is None else where.junction.value,
-        "regimes": [regime.name for regime in where.regimes],
-        "regime_details": [
-            {
-                "name": regime.name,
-                "balance": regime.balance.value,
-                "share": regime.share,
-                "time": regime.time,
-                "p_value": regime.p_value,
-            }
-            for regime in where.regimes
-        ],
-        "shares": dict(where.shares),
-        "rivals": list(where.rivals),
-        "words": list(location_sentences(where)),
-    }
-
-
-def _gap(gap: Gap) -> dict[str, Any]:
-    return {
-        "before": gap.before,
-        "after": gap.after,
-        "noise_floor": gap.noise_floor,
-        "shrink": gap.closure.value,
-        "shrink_interval": [gap.closure.lower, gap.closure.upper],
-        "views": {
-            view: {name: dict(values) for name, values in outputs.items()}
-            for view, outputs in gap.views.items()
-        },
-    }
-
-
-def _values(values: Mapping[str, Value]) -> dict[str, dict[str, Any]]:
-    return {
-        name: {"value": value.value, "std": value.std, "unit": value.unit}
-        for name, value in values.items()
-    }
+        plain: dict[str, Any] = without_infinities(content)
+        return plain

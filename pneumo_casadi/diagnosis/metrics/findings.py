@@ -7,6 +7,9 @@ from pneumo_casadi.diagnosis.metrics.location import Location
 from pneumo_casadi.diagnosis.metrics.regime import Regime
 from pneumo_casadi.model.junctions import Junction
 
+#: What stands between the names of effects that act together.
+_BOTH = " + "
+
 
 def joined_names(names: Sequence[str]) -> str:
     """Return the names of effects that act together as one label of a JSON result or a table.
@@ -16,7 +19,18 @@ def joined_names(names: Sequence[str]) -> str:
     >>> joined_names(("stribeck", "hose"))
     'stribeck + hose'
     """
-    return " + ".join(names)
+    return _BOTH.join(names)
+
+
+def split_names(label: str) -> tuple[str, ...]:
+    """Return the names of effects from their label, as `joined_names` wrote it.
+
+    Examples
+    --------
+    >>> split_names("stribeck + hose")
+    ('stribeck', 'hose')
+    """
+    return tuple(label.split(_BOTH)) if label else ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,33 +1,32 @@
-"""The report of an identification written again from its result file alone."""
+"""Reports written again from the result files of a folder alone."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from pneumo_casadi.data.recording.curves import Curves, curves_of
+from pneumo_casadi.diagnosis.decide.read_diagnosis import DIAGNOSIS, read_diagnosis
 from pneumo_casadi.errors import CaseError
+from pneumo_casadi.identification.read_comparison import COMPARISON, read_comparison
 from pneumo_casadi.identification.result_file import FORMAT
-from pneumo_casadi.report.pages.drawing import can_draw
-from pneumo_casadi.report.pages.identification import (
-    next_record,
-    usability_verdict,
-    warning_sentences,
+from pneumo_casadi.identification.warnings import Usability, Usable
+from pneumo_casadi.report.pages.comparison import comparison_html, overlays
+from pneumo_casadi.report.pages.diagnosis import diagnosis_html, drawn_pictures, refined_section
+from pneumo_casadi.report.pages.identification_again import (
+    CAPTION,
+    estimate_table,
+    identification_again,
+    time_pictures,
+    validation_of,
 )
-from pneumo_casadi.report.pages.page import TIME_FIGURE, Picture, Section, html_page, plots_of
-from pneumo_casadi.report.tables.laboratory import laboratory_tables, legend_table
-from pneumo_casadi.report.tables.table import (
-    Table,
-    exponent_of,
-    interval_text,
-    scaled_unit,
-    with_symbols,
-)
-from pneumo_casadi.report.tables.validation import validation_table
+from pneumo_casadi.report.pages.page import Picture, Section
+from pneumo_casadi.report.pages.validation import validation_html
 from pneumo_casadi.runtime.json_input import check_format, read_json
 from pneumo_casadi.runtime.output_folder import OutputKind, write_files
-from pneumo_casadi.validation import Error, Validation
 
 #: Names of the files of a report.
 RESULT, CURVES, REPORT = "result.json", "curves.json", "report.html"
+_ABSENT = "name a report folder of `identify`, `validate`, `diagnose` or `compare`"
 
 
 def write_report_again(path: str | Path) -> Path:
@@ -36,106 +35,104 @@ def write_report_again(path: str | Path) -> Path:
     Parameters
     ----------
     path : path
-        Report folder of ``identify``, or a result file.
+        Report folder of ``identify``, ``validate``, ``diagnose`` or ``compare``, or the file
+        ``result.json``, ``diagnosis.json`` or ``comparison.json`` of one.
 
     Returns
     -------
     Path
-        The report. It has verdict, parameters, warnings, errors and provenance, and the time
-        plots where there is a ``curves.json``; other figures need the records.
+        The report. That of a diagnosis, a comparison or a validation is complete where there is a
+        ``curves.json``. That of an identification has verdict, parameters, warnings, errors and
+        provenance, and the time plots with ``curves.json``; its other figures need the records.
 
     Raises
     ------
     CaseError
-        If there is no such result, or its folder holds another report, as that of a diagnosis.
+        If there is no such result, or its folder holds another report.
     """
-    path = Path(path)
-    file = path / RESULT if path.is_dir() else path
-    content = read_json(file, "name a report folder of `identify`, or its result.json")
-    check_format(content, FORMAT)
+    file = _result_file(Path(path))
+    content = read_json(file, _ABSENT)
+    kind, page = _kind_of(content, file)
     try:
-        html = _html(content, _curves(file.parent / CURVES))
+        html = page(content, file)
     except (KeyError, TypeError, AttributeError, ValueError) as error:
         raise CaseError(
-            f"{file}: no complete result of `identify` ({type(error).__name__}: {error}); "
-            "identify the case again"
+            f"{file}: no complete result ({type(error).__name__}: {error}); {_REMEDIES[kind]}"
         ) from None
-    (report,) = write_files({REPORT: html}, file.parent, OutputKind.IDENTIFICATION)
+    (report,) = write_files({REPORT: html}, file.parent, kind)
     return report
 
 
-def _curves(path: Path) -> tuple[Curves, ...]:
+def _result_file(path: Path) -> Path:
+    """Return the result file of a folder: that of what the folder is a report of."""
+    if not path.is_dir():
+        return path
+    # A diagnosis holds the result of its final model besides.
+    there = [path / name for name in (DIAGNOSIS, COMPARISON) if (path / name).exists()]
+    return there[0] if there else path / RESULT
+
+
+def _kind_of(content: dict[str, Any], file: Path) -> tuple[OutputKind, "Page"]:
+    """Return of which kind a result is, and what makes its page."""
+    for key, (kind, page) in _PAGES.items():
+        if key in content:
+            return kind, page
+    raise CaseError(
+        f"{file}: no complete result: it has no {', '.join(map(repr, _PAGES))}; {_ABSENT}"
+    )
+
+
+def _identification(content: dict[str, Any], file: Path) -> str:
+    check_format(content, FORMAT)
+    return identification_again(content, _records(file.parent / CURVES))
+
+
+def _validation(content: dict[str, Any], file: Path) -> str:
+    curves = _records(file.parent / CURVES)
+    return validation_html(validation_of(content), curves, time_pictures(curves, CAPTION))
+
+
+def _diagnosis(content: dict[str, Any], file: Path) -> str:
+    diagnosis = read_diagnosis(file)
+    pictures = drawn_pictures(diagnosis)
+    final = _refined(file.parent / RESULT)
+    return diagnosis_html(diagnosis, pictures, provenance=content.get("provenance"), refined=final)
+
+
+def _refined(path: Path) -> Section | None:
+    """Return the section on the final model, where it was refined."""
+    if not path.exists():
+        return None
+    content = read_json(path, "")
+    check_format(content, FORMAT)
+    usability = Usability(Usable(content["usable"]), content["reason"])
+    return refined_section(usability, estimate_table(content))
+
+
+def _comparison(content: dict[str, Any], file: Path) -> str:
+    comparison = read_comparison(file)
+    drawn = overlays(comparison)
+    pictures = [Picture(each.name, each.png(), each.caption) for each in drawn]
+    return comparison_html(comparison, pictures)
+
+
+def _records(path: Path) -> tuple[Curves, ...]:
     if not path.exists():
         return ()
-    return tuple(map(curves_of, read_json(path, "identify the case again")["records"]))
+    return tuple(map(curves_of, read_json(path, _ABSENT)["records"]))
 
 
-def _html(content: dict[str, Any], curves: tuple[Curves, ...]) -> str:
-    plots, left = plots_of(curves, _pictures(curves))
-    answer = (*laboratory_tables(content), _estimates(content))
-    errors = () if content["validation"] is None else (validation_table(_validation(content)),)
-    used = " ".join(row[0] for table in answer for row in table.rows) + " σ WLS u"
-    sections = [
-        Section("answer", "Parameters", (next_record(content),), tables=answer),
-        Section("warnings", "Before you use these numbers", warning_sentences(content)),
-        Section("trust", "Why to trust it", pictures=left, tables=errors, plots=plots),
-        Section("symbols", "Symbols", tables=(legend_table(used),)),
-        Section("provenance", "Provenance", provenance=content["provenance"]),
-    ]
-    return html_page(f"Identification of {content['case']}", usability_verdict(content), sections)
-
-
-def _pictures(curves: tuple[Curves, ...]) -> list[Picture]:
-    if not curves or not can_draw():
-        return []
-    from pneumo_casadi.report.figures.style import png
-    from pneumo_casadi.report.figures.time_series import time_series_figure
-
-    caption = "Held-out record {}, measured and simulated; below, measured minus simulated."
-    return [
-        Picture(
-            f"{TIME_FIGURE}{each.record}",
-            png(time_series_figure(each)),
-            caption.format(each.record),
-        )
-        for each in curves
-    ]
-
-
-def _estimates(content: dict[str, Any]) -> Table:
-    """Return WLS and output error side by side, and the truth if it is known."""
-    wls, truth = content["wls"]["parameters"], content["truth"] or {}
-    rows = []
-    for name, item in content["output_error"]["parameters"].items():
-        e = exponent_of(item["value"])
-        linear = wls.get(name)
-        rows.append(
-            (
-                with_symbols(name),
-                scaled_unit("" if item["unit"] == "1" else item["unit"], e),
-                "" if linear is None else _interval(linear, "std_hac", e),
-                _interval(item, "std_robust", e) + (f" ({item['note']})" if "note" in item else ""),
-                f"{truth[name] / 10.0**e:.4g}" if name in truth else "",
-            )
-        )
-    columns = ("", "unit", "WLS", "output error", "truth")
-    table = Table("Identified parameters, estimate ± 2σ", columns, tuple(rows))
-    return table if truth else table.without("truth")
-
-
-def _interval(item: dict[str, Any], robust: str, exponent: int) -> str:
-    stds = [item[key] for key in ("std", robust) if item.get(key) is not None]
-    return interval_text(item["value"], 2 * max(stds) if stds else None, exponent)
-
-
-def _validation(content: dict[str, Any]) -> Validation:
-    """Return the errors on held-out records, without their trajectories."""
-    plain = content["validation"]
-    outputs = [name for name in content["output_error"]["sigma"] if name in plain]
-
-    def errors(values: dict[str, Any]) -> dict[str, Error]:
-        return {name: Error(**values[name]) for name in outputs if name in values}
-
-    closed = plain["closed_loop"]
-    windows = {float(length): errors(values) for length, values in plain["windows"].items()}
-    return Validation(errors(plain), None if closed is None else errors(closed), windows, ())
+Page = Callable[[dict[str, Any], Path], str]
+#: What a result is, by a key that no other has, and what makes its page.
+_PAGES: dict[str, tuple[OutputKind, Page]] = {
+    "verdict": (OutputKind.DIAGNOSIS, _diagnosis),
+    "differences": (OutputKind.COMPARISON, _comparison),
+    "output_error": (OutputKind.IDENTIFICATION, _identification),
+    "validation": (OutputKind.VALIDATION, _validation),  # an identification has it besides
+}
+_REMEDIES = {
+    OutputKind.DIAGNOSIS: "diagnose the case again",
+    OutputKind.COMPARISON: "compare the results again",
+    OutputKind.IDENTIFICATION: "identify the case again",
+    OutputKind.VALIDATION: "validate the parameters again",
+}

@@ -1,14 +1,18 @@
 """A diagnosis as one HTML file and as a folder."""
 
+import json
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pneumo_casadi.diagnosis import Diagnosis, Verdict
+from pneumo_casadi.diagnosis.decide.plain_evidence import evidence_dict
+from pneumo_casadi.diagnosis.decide.read_diagnosis import CURVES
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.effects.term import write_term
 from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.identification.result_file import result_dict
+from pneumo_casadi.identification.warnings import Usability
 from pneumo_casadi.report.pages import page
 from pneumo_casadi.report.pages.drawing import can_draw
 from pneumo_casadi.report.pages.page import (
@@ -22,17 +26,21 @@ from pneumo_casadi.report.pages.page import (
 from pneumo_casadi.report.pages.write import save_figures
 from pneumo_casadi.report.tables.diagnosis import (
     check_table,
+    diagnosis_tables,
     fitted_table,
     gap_table,
     ranking_table,
     regime_table,
 )
 from pneumo_casadi.report.tables.flow_form import flow_form_tables
+from pneumo_casadi.report.tables.laboratory import legend_table
 from pneumo_casadi.report.tables.parameters import parameter_table
 from pneumo_casadi.report.tables.quantities import between, chance, percent, plain, whole
+from pneumo_casadi.report.tables.table import Table
 from pneumo_casadi.report.text.causes import (
     Catalogue,
     cause_sentences,
+    discovered_fact,
     discovered_sentences,
     joined,
 )
@@ -44,12 +52,15 @@ from pneumo_casadi.report.text.diagnosis import (
     finding_sentences,
     headline,
     location_text,
+    note_sentences,
     refined_sentences,
+    refused_sentences,
     size_sentences,
     size_title,
     summary_text,
     where_sentences,
 )
+from pneumo_casadi.report.text.next_step import next_step
 from pneumo_casadi.runtime.json_files import write_json
 from pneumo_casadi.runtime.output_folder import OutputKind, output_folder
 
@@ -65,7 +76,7 @@ def diagnosis_html(
     pictures: Sequence[Picture],
     catalogue: Catalogue = EFFECTS,
     provenance: Mapping[str, Any] | None = None,
-    refined: Identification | None = None,
+    refined: Section | None = None,
 ) -> str:
     """Return a diagnosis as one HTML page that requests nothing.
 
@@ -79,8 +90,8 @@ def diagnosis_html(
         Where the effects are described.
     provenance : mapping, optional
         ``versions``, ``sha256`` and ``options``.
-    refined : Identification, optional
-        The final model refined by output error.
+    refined : Section, optional
+        On the final model refined by output error; see `refined_section`.
     """
     simulations = () if diagnosis.evidence is None else diagnosis.evidence.simulations
     plots, left = plots_of(simulations, pictures)
@@ -108,7 +119,7 @@ def _sections(
     diagnosis: Diagnosis,
     pictures: Sequence[Picture],
     catalogue: Catalogue,
-    refined: Identification | None,
+    refined: Section | None,
 ) -> list[Section]:
     def drawn(*starts: str) -> list[Picture]:
         return [picture for picture in pictures if picture.name.startswith(starts)]
@@ -120,7 +131,9 @@ def _sections(
             drawn("where", "unknown_inputs"), [regime_table(diagnosis)],
         ),
         Section(
-            "which", "Candidate causes", cause_sentences(diagnosis, catalogue), drawn("ranking"),
+            "which", "Candidate causes",
+            (*cause_sentences(diagnosis, catalogue), *refused_sentences(diagnosis)),
+            drawn("ranking"),
             [ranking_table(diagnosis)],
         ),
         Section(
@@ -138,14 +151,18 @@ def _sections(
             tables=[check_table(diagnosis)], checks=check_sentences(diagnosis),
         ),
         Section("parameters", "Fitted parameters", tables=[fitted_table(diagnosis)]),
-        Section(
-            "refined", "Final model refined by output error",
-            () if refined is None else refined_sentences(refined),
-            tables=() if refined is None else [parameter_table(refined)],
-        ),
+        *([] if refined is None else [refined]),
         Section("flow_form", "Flow map", tables=flow_form_tables(diagnosis.flow_selection)),
-        Section("notes", "Notes", diagnosis.notes),
+        Section("notes", "Notes", note_sentences(diagnosis)),
+        Section("symbols", "Symbols", tables=[_legend(diagnosis)]),
     ]  # fmt: skip
+
+
+def _legend(diagnosis: Diagnosis) -> Table:
+    """Return the meaning of the symbols that the page uses."""
+    tables = diagnosis_tables(diagnosis)
+    used = " ".join(cell for table in tables for row in table.rows for cell in row[:1])
+    return legend_table(f"{used} x v u p_P q_mP σ WLS")
 
 
 def _facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
@@ -163,10 +180,7 @@ def _facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
         for effect in diagnosis.undecided
     ]
     if diagnosis.discovered is not None:
-        term = diagnosis.discovered
-        facts.append(
-            ("Discovered term", f"{term.term.expression}, closes {whole(term.closes.value)}")
-        )
+        facts.append(("Discovered term", discovered_fact(diagnosis.discovered)))
     if diagnosis.effects:
         facts += [
             ("Error on held-out data", f"{percent(gap.before)} → {percent(gap.after)}"),
@@ -177,7 +191,7 @@ def _facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
     wrong = sum(not check.agrees for check in diagnosis.checks)
     if diagnosis.checks:
         facts.append(("Parameter checks", f"{wrong} of {len(diagnosis.checks)} fail"))
-    return facts
+    return [*facts, ("Next", next_step(diagnosis))]
 
 
 def write_diagnosis(
@@ -205,9 +219,9 @@ def write_diagnosis(
     Returns
     -------
     Path
-        The folder: ``diagnosis.json``, ``report.html``, ``summary.txt``, ``figures`` as PNG and
-        SVG, with `refined` ``result.json``, and ``discovered_term.json`` where a term was
-        discovered.
+        The folder: ``diagnosis.json``, ``curves.json`` with the curves of the figures,
+        ``report.html``, ``summary.txt``, ``figures`` as PNG and SVG, with `refined`
+        ``result.json``, and ``discovered_term.json`` where a term was discovered.
 
     Raises
     ------
@@ -219,12 +233,18 @@ def write_diagnosis(
         write_json(diagnosis.as_dict() | known, draft / "diagnosis.json")
         if diagnosis.discovered is not None:
             write_term(diagnosis.discovered.term, draft / "discovered_term.json")
+        if diagnosis.evidence is not None:
+            curves = evidence_dict(diagnosis.evidence)
+            (draft / CURVES).write_text(json.dumps(curves, allow_nan=False), "utf-8")
         if refined is not None:
             write_json(result_dict(refined), draft / "result.json")
         summary = summary_text(diagnosis, catalogue, refined)
         (draft / "summary.txt").write_text(summary, "utf-8")
         pictures = save_figures(_figures_of(diagnosis), draft / "figures", drawings=True)
-        html = diagnosis_html(diagnosis, pictures, catalogue, provenance, refined)
+        final = None
+        if refined is not None:
+            final = refined_section(refined.usability, parameter_table(refined))
+        html = diagnosis_html(diagnosis, pictures, catalogue, provenance, final)
         (draft / "report.html").write_text(html, "utf-8")
     return Path(folder)
 
@@ -236,3 +256,27 @@ def _figures_of(diagnosis: Diagnosis) -> "Iterable[Drawn]":
     from pneumo_casadi.report.pages.diagnosis_figures import diagnosis_figures
 
     return diagnosis_figures(diagnosis)
+
+
+def drawn_pictures(diagnosis: Diagnosis) -> list[Picture]:
+    """Return the figures as they stand in the report; none without matplotlib."""
+    return [
+        Picture(drawn.name, min(drawn.png(), drawn.svg(), key=len), drawn.caption)
+        for drawn in _figures_of(diagnosis)
+    ]
+
+
+def refined_section(usability: Usability, table: Table) -> Section:
+    """Return the section on the final model refined by output error.
+
+    Parameters
+    ----------
+    usability : Usability
+        Whether it can be used.
+    table : Table
+        Its parameters.
+    """
+    return Section(
+        "refined", "Final model refined by output error", refined_sentences(usability),
+        tables=[table],
+    )  # fmt: skip

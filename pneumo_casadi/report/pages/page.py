@@ -23,12 +23,24 @@ from pneumo_casadi.report.tables.table import Table, with_symbols
 #: Size of an SVG file, in points: what Matplotlib writes into its first tag.
 _SVG_SIZE = re.compile(rb'<svg[^>]*?\bwidth="([\d.]+)pt"[^>]*', re.DOTALL)
 _SVG_HEIGHT = re.compile(rb'\bheight="([\d.]+)pt"')
+#: The denominator of a unit, as in kg/(Pa m).
+_UNIT = re.compile(r"/\([^()]{1,9}\)")
 #: Code in a sentence.
 _CODE = re.compile("`([^`]+)`")
 #: CSS pixels a point.
 _POINT = 96 / 72
 #: Figures wider than this take both columns [CSS pixels]: those of the page's width.
 _WIDE = 500
+#: Width of a column of a window of 1280 pixels, of a character of a table, and of what lies between
+#: its columns [CSS pixels].
+_COLUMN, _CHARACTER, _BETWEEN = 484, 7.8, 20
+#: Characters of the first column after which it is wrapped.
+_FIRST = 20
+#: What can be done with a time plot.
+_HANDLING = (
+    "Drag over a plot to enlarge that time in all of them; the pointer shows the values; "
+    "`largest difference` goes to where measurement and first simulation differ most."
+)
 #: Name of the still figure of a record's time plot, before the name of the record.
 TIME_FIGURE = "validation_"
 
@@ -107,6 +119,8 @@ class Plot:
         What it shows.
     picture : Picture or None
         The still figure.
+    caption : str
+        Below the plot: that of the still figure without its enlarged part, and what can be done.
     """
 
     json: str
@@ -114,6 +128,7 @@ class Plot:
     curves: Sequence[tuple[str, str]]
     label: str
     picture: Picture | None
+    caption: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,6 +171,12 @@ class Section:
         parts = (self.sentences, self.pictures, self.plots, self.checks, self.texts)
         return any(parts) or bool(self.provenance) or any(table.rows for table in self.tables)
 
+    @property
+    def beside(self) -> bool:
+        """Whether the sentences stand beside the first figure, which would be alone in its row."""
+        narrow = [picture for picture in self.pictures if not picture.is_wide]
+        return bool(self.sentences) and len(narrow) == 1
+
 
 def html_page(title: str, verdict: Verdict, sections: Sequence[Section]) -> str:
     """Return a report as one HTML page; all text is escaped."""
@@ -167,6 +188,7 @@ def html_page(title: str, verdict: Verdict, sections: Sequence[Section]) -> str:
         finalize=_unbroken,
     )
     environment.filters["marked"] = _marked
+    environment.tests["wide"] = is_wide
     filled = [section for section in sections if section.filled]
     plotted = any(section.plots for section in filled)
     template = environment.get_template("report.html.jinja")
@@ -192,16 +214,37 @@ def plots_of(
     plots = []
     for each in curves:
         names = next(iter(each.values.values()))
+        picture = still.pop(f"{TIME_FIGURE}{each.record}", None)
+        shown = "" if picture is None else picture.caption.partition(" Right: ")[0]
         plots.append(
             Plot(
                 time_plot(each),
                 detail_of(each),
                 list(zip(names, COLOURS, strict=False)),
                 f"Outputs of {each.record} over time, measured and simulated, and the residuals.",
-                still.pop(f"{TIME_FIGURE}{each.record}", None),
+                picture,
+                f"{shown} {_HANDLING}".lstrip(),
             )
         )
     return plots, list(still.values())
+
+
+def is_wide(table: Table) -> bool:
+    """Return whether a table needs both columns of the page.
+
+    Examples
+    --------
+    >>> is_wide(Table("", ("", "estimate"), (("Moving mass M", "16.8975 ± 0.0054 kg"),)))
+    False
+    >>> is_wide(Table("", ("", "unit", "A", "B"), (("X", "µg/Pa", 25 * "1", 25 * "2"),)))
+    True
+    """
+    characters = 0
+    for i, name in enumerate(table.columns):
+        longest = max((len(row[i]) for row in table.rows), default=0)
+        heading = max(map(len, name.split()), default=0)  # wrapped between words
+        characters += max(heading, longest if i else min(longest, _FIRST))
+    return _CHARACTER * characters + _BETWEEN * len(table.columns) > _COLUMN
 
 
 def _marked(text: str) -> Markup:
@@ -211,7 +254,9 @@ def _marked(text: str) -> Markup:
 
 
 def _unbroken(value: Any) -> Any:
-    """Keep numbers and their units on one line; what is marked up already stays as it is."""
+    """Keep numbers with interval and per cent on one line; what is marked up stays as it is."""
     if isinstance(value, str) and not isinstance(value, Markup):
-        return value.replace(" %", "\N{NO-BREAK SPACE}%")
+        space = "\N{NO-BREAK SPACE}"
+        value = _UNIT.sub(lambda found: found[0].replace(" ", space), value)
+        return value.replace(" %", f"{space}%").replace(" ± ", f"{space}±{space}")
     return value

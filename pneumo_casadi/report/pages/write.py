@@ -5,7 +5,8 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pneumo_casadi.identification.comparison import MOVED, Comparison
+from pneumo_casadi.data.recording.curves import Curves
+from pneumo_casadi.identification.comparison import Comparison
 from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.identification.result_file import result_dict, validation_dict
 from pneumo_casadi.identification.trajectory_file import (
@@ -13,16 +14,11 @@ from pneumo_casadi.identification.trajectory_file import (
     trajectory_frame,
     write_frames,
 )
+from pneumo_casadi.report.pages.comparison import comparison_html, overlays
 from pneumo_casadi.report.pages.drawing import can_draw
 from pneumo_casadi.report.pages.identification import html_report
-from pneumo_casadi.report.pages.page import (
-    TIME_FIGURE,
-    Picture,
-    Section,
-    Verdict,
-    html_page,
-    plots_of,
-)
+from pneumo_casadi.report.pages.page import Picture
+from pneumo_casadi.report.pages.validation import validation_html
 from pneumo_casadi.report.tables.comparison import comparison_tables
 from pneumo_casadi.report.tables.validation import validation_table
 from pneumo_casadi.report.text.identification import render, text_report
@@ -69,8 +65,7 @@ def write_identification(
     with output_folder(folder, OutputKind.IDENTIFICATION) as draft:
         write_json(result_dict(identification), draft / "result.json")
         if identification.validation is not None:
-            records = [curves.as_dict() for curves in identification.validation.curves]
-            (draft / "curves.json").write_text(json.dumps({"records": records}), "utf-8")
+            _write_curves(identification.validation.curves, draft)
         (draft / "table.txt").write_text(text_report(identification, paper), "utf-8")
         report("figures", 0.1)
         pictures = save_figures(_figures_of(identification), draft / "figures")
@@ -80,12 +75,24 @@ def write_identification(
 
 
 def write_validation(validation: Validation, folder: str | Path) -> Path:
-    """Write errors and figures of a validation on its own into a folder."""
+    """Write errors and figures of a validation on its own into a folder.
+
+    ``result.json``, ``table.txt``, ``figures``, and ``report.html`` with the records over time,
+    which are in ``curves.json``.
+    """
     with output_folder(folder, OutputKind.VALIDATION) as draft:
         write_json({"validation": validation_dict(validation)}, draft / "result.json")
         (draft / "table.txt").write_text(render(validation_table(validation)) + "\n", "utf-8")
-        save_figures(_figures_of(validation), draft / "figures")
+        _write_curves(validation.curves, draft)
+        pictures = save_figures(_figures_of(validation), draft / "figures")
+        html = validation_html(validation, validation.curves, pictures)
+        (draft / "report.html").write_text(html, "utf-8")
     return Path(folder)
+
+
+def _write_curves(curves: Sequence[Curves], folder: Path) -> None:
+    records = [each.as_dict() for each in curves]
+    (folder / "curves.json").write_text(json.dumps({"records": records}), "utf-8")
 
 
 def write_simulations(runs: Sequence[RecordSimulation], folder: str | Path) -> tuple[Path, ...]:
@@ -100,41 +107,18 @@ def write_simulations(runs: Sequence[RecordSimulation], folder: str | Path) -> t
 def write_comparison(comparison: Comparison, folder: str | Path) -> Path:
     """Write a comparison of results into a folder.
 
-    ``comparison.json``, ``comparison.txt``, and ``report.html`` with all simulations over time.
+    ``comparison.json``, ``comparison.txt``, ``curves.json`` and ``report.html`` with all
+    simulations over time.
     """
     with output_folder(folder, OutputKind.COMPARISON) as draft:
         write_json(comparison.as_dict(), draft / "comparison.json")
         tables = comparison_tables(comparison)
         text = "\n\n\n".join([comparison.headline, *map(render, tables)])
         (draft / "comparison.txt").write_text(text + "\n", "utf-8")
-        pictures = save_figures(_overlays(comparison), draft / "figures")
-        plots, left = plots_of(comparison.curves, pictures)
-        moved = sum(item.moved for item in comparison.differences)
-        words = f"{moved} of {len(comparison.differences)} differences exceed {MOVED:g} σ"
-        sections = [
-            Section("parameters", "Parameters", tables=tables),
-            Section("simulation", "Measurement and simulations", pictures=left, plots=plots),
-        ]
-        title = f"Comparison of {' and '.join(comparison.names)}"
-        verdict = Verdict("care" if moved else "good", words, comparison.headline)
-        (draft / "report.html").write_text(html_page(title, verdict, sections), "utf-8")
+        _write_curves(comparison.curves, draft)
+        pictures = save_figures(overlays(comparison), draft / "figures")
+        (draft / "report.html").write_text(comparison_html(comparison, pictures), "utf-8")
     return Path(folder)
-
-
-def _overlays(comparison: Comparison) -> "Iterable[Drawn]":
-    if not can_draw():
-        return
-    from pneumo_casadi.report.figures.time_series import time_series_figure
-    from pneumo_casadi.report.pages.identification_figures import Drawn
-
-    for curves in comparison.curves:
-        yield Drawn(
-            f"{TIME_FIGURE}{curves.record}",
-            time_series_figure(curves),
-            f"Record {curves.record}, measured and simulated over windows of up to 2 s with the "
-            f"parameters of {' and of '.join(curves.simulations)}; below, measured minus "
-            "simulated, averaged over 20 ms. Right: the part with the largest difference.",
-        )
 
 
 def _figures_of(result: Identification | Validation) -> "Iterable[Drawn]":

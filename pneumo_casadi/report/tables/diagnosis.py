@@ -34,8 +34,11 @@ GAP_DEFINITION = (
     "Gap: error of the simulation on held-out data beyond the sensor noise, in per cent of the "
     "signal's standard deviation."
 )
-#: Candidates shown; the JSON file has them all.
+#: Candidates shown at most; the JSON file has them all.
 SHOWN = 12
+#: A candidate that is not named matters from this probability on, or from this share of the gap
+#: that it removes or is predicted to remove [1].
+PROBABLE, REMOVES = 0.01, 0.1
 
 
 def diagnosis_tables(diagnosis: Diagnosis) -> tuple[Table, ...]:
@@ -66,10 +69,7 @@ def gap_table(diagnosis: Diagnosis) -> Table:
         "Gap on held-out data",
         ("", "without effects", with_what(diagnosis), "reduction", "sensor noise"),
         tuple(rows),
-        (
-            GAP_DEFINITION,
-            "Residuals of the balances: left minus right side of eq. 1 along the measured motion.",
-        ),
+        ("Residuals of the balances: left minus right side of eq. 1 along the measured motion.",),
     )
     return table if has_after(diagnosis) else table.without(with_what(diagnosis), "reduction")
 
@@ -125,10 +125,34 @@ def regime_table(diagnosis: Diagnosis) -> Table:
     )
 
 
+def matters(diagnosis: Diagnosis, candidate: Candidate) -> bool:
+    """Return whether a candidate is part of the conclusion, or could have been.
+
+    It is named, has a probability worth a look, or removes a tenth of the gap; where there is no
+    fit, the linearised model predicts that it would. What the effects found remove with a further
+    one is their doing.
+    """
+    if contains_found(diagnosis, candidate):
+        return candidate.probability >= PROBABLE
+    shares = (candidate.probability >= PROBABLE, candidate.explained >= REMOVES)
+    if candidate.failure:
+        return any(shares)
+    named = {item for each in diagnosis.final_effects for item in (each.name, *each.rivals)}
+    if candidate.names in diagnosis.ambiguous or (named and named.issuperset(candidate.names)):
+        return True
+    closure = candidate.closure
+    return shares[0] or (shares[1] if closure is None else closure.value >= REMOVES)
+
+
+def contains_found(diagnosis: Diagnosis, candidate: Candidate) -> bool:
+    """Return whether a candidate is the effects found with further ones."""
+    found = {effect.name for effect in diagnosis.final_effects}
+    return bool(found) and found < set(candidate.names)
+
+
 def ranking_table(diagnosis: Diagnosis) -> Table:
-    """Return the most probable candidates, and those whose fit failed."""
-    first = [candidate for candidate in diagnosis.ranking if not candidate.failure]
-    failed = [candidate for candidate in diagnosis.ranking if candidate.failure]
+    """Return the candidates that matter, the most probable first, and fits of such that failed."""
+    shown = [item for item in diagnosis.ranking if matters(diagnosis, item)]
     rows = [
         (
             plain(candidate.label),
@@ -137,9 +161,8 @@ def ranking_table(diagnosis: Diagnosis) -> Table:
             whole(candidate.explained),
             whole(candidate.observable),
         )
-        for candidate in (*first[:SHOWN], *failed)
+        for candidate in shown[:SHOWN]
     ]
-    left = len(first) - len(first[:SHOWN])
     return Table(
         "Candidates",
         ("", "probability", "reduction", "95 % interval", "predicted", "identifiable"),
@@ -148,7 +171,6 @@ def ranking_table(diagnosis: Diagnosis) -> Table:
             "Reduction: share of the held-out gap in the balances that the candidate removes.",
             "Predicted: the same for the squared residuals, by the linearised model before a fit.",
             "Identifiable: share of its influence that the other parameters cannot reproduce.",
-            *((f"{left} further candidates are in diagnosis.json.",) if left else ()),
         ),
     )
 
@@ -161,16 +183,31 @@ def _reduction(candidate: Candidate) -> tuple[str, str]:
     return whole(candidate.closure.value), between(candidate.closure)
 
 
+#: Checked quantities in words, where the name is not that of a symbol.
+_CHECKED = {
+    "V_P(0)": "dead length of P",
+    "V_N(0)": "dead length of N",
+    "k_P-k_N": "k_P − k_N",
+    "F_c": "F_c⁺ − F_c⁻",
+    "flow map": "residual of the flow map, over its own fit's",
+    "map form": "error of the form of the flow map",
+}
+#: Units of checked quantities that have none of their own.
+_CHECK_UNITS = {"map form": ("% of the largest flow", 100.0)}
+
+
 def check_table(diagnosis: Diagnosis) -> Table:
     """Return the parameters beside the values expected from geometry and data sheet."""
     rows = []
     for check in diagnosis.checks:
-        unit, factor = DISPLAY_UNITS.get(check.unit, (check.unit, 1.0))
+        unit, factor = _CHECK_UNITS.get(check.name) or DISPLAY_UNITS.get(
+            check.unit, (check.unit, 1.0)
+        )
         value = Value(check.value * factor, check.std * factor, "")
         expected, tolerance = check.expected * factor, check.tolerance * factor
         rows.append(
             (
-                check.name,
+                _CHECKED.get(check.name, check.name),
                 unit,
                 quantity(value, held=""),
                 f"{expected:.4g} ± {tolerance:.2g}",

@@ -46,6 +46,12 @@ LEGEND = {
     "f_v": "viscous friction coefficient",
     "F_c⁺, F_c⁻": "Coulomb friction of forward and backward motion",
     "φ, ψ⁺, ψ⁻": "coefficients of the flow map (eq. 12): q_m = φ(p) + ψ(p, sign u) u",
+    "k_supply, k_exhaust": "sonic conductance per volt of the edge that fills, that empties",
+    "u_0_supply, u_0_exhaust": "command at which the edge opens",
+    "w_supply, w_exhaust": "width of the rounding about that command",
+    "h_supply, h_exhaust": "saturation of the conductance over the command",
+    "C_leak_supply, C_leak_exhaust": "conductance of the closed edge",
+    "v_s": "speed within which Coulomb friction is smoothed",
     "C, b, m": "sonic conductance, critical pressure ratio, subsonic index (ISO 6358)",
     "Y, W, X̂, ρ": "left side of the balances, regressor, estimates, residuals (eq. 13)",
     "σ": "standard deviation; ± 2σ is an interval of about 95 %",
@@ -78,7 +84,7 @@ def legend_table(used: str) -> Table:
         for symbols, meaning in LEGEND.items()
         if any(symbol in used for symbol in symbols.split(", "))
     ]
-    return Table("Symbols", ("", "meaning"), tuple(rows))
+    return Table("Symbols of this report", ("", "meaning"), tuple(rows))
 
 
 def _chambers(content: Mapping[str, Any]) -> Table:

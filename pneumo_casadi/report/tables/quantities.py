@@ -15,6 +15,8 @@ DISPLAY_UNITS = {
     "Pa": ("kPa", 1e-3),
     "kg/s": ("g/s", 1e3),
     "m³/(s Pa)": ("l/(s bar)", 1e8),
+    "m³/(s Pa V)": ("l/(s bar V)", 1e8),
+    "1/V": ("%/V", 1e2),
     "N s2/m2": ("N s²/m²", 1.0),
     "1": ("", 1.0),
 }
@@ -40,9 +42,13 @@ def quantity(value: Value, held: str = " (not fitted)") -> str:
     '669 ± 873 µV'
     """
     unit, factor = DISPLAY_UNITS.get(value.unit, (value.unit, 1.0))
-    exponent = exponent_of(value.value * factor)
+    # The larger of value and half width is read: with a common power of ten neither is lost.
+    largest = max(abs(value.value), 2 * value.std if math.isfinite(value.std) else 0.0)
+    exponent = exponent_of(largest * factor)
+    if exponent == -3 and not unit:
+        exponent = 0  # a number without a unit has no prefix: 0.0087, not 8.7·10⁻³
     if exponent:
-        own = exponent_of(value.value)
+        own = exponent_of(largest)
         prefixed = scaled_unit(value.unit, own)
         if not prefixed.startswith("10"):
             unit, factor, exponent = prefixed, 10.0**-own, 0
@@ -89,7 +95,11 @@ def between(closure: Closure) -> str:
     --------
     >>> between(Closure(0.9, 0.874, 0.926))
     '87 to 93 %'
+    >>> between(Closure(0.996, 0.995, 0.997))
+    '99.5 to 99.7 %'
     """
+    if closure.lower > 0.9 and round(100 * closure.lower) == round(100 * closure.upper):
+        return f"{100 * closure.lower:.1f} to {100 * closure.upper:.1f} %"
     return f"{whole(closure.lower).removesuffix(' %')} to {whole(closure.upper)}"
 
 

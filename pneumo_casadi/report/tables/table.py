@@ -9,7 +9,7 @@ DISPLAY = {"m": ("mm", 1e3), "Pa": ("kPa", 1e-3)}
 #: Prefixes of units by power of ten.
 PREFIXES = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 #: Units whose first symbol takes a prefix; not those of a power, as m³.
-_PREFIXED = re.compile(r"(kg|N|V|Pa|m|s|J|W)(?![²³\d])")
+_PREFIXED = re.compile(r"(kg|N|V|Pa|m|s|J|W|rad)(?![²³\d])")
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _SYMBOLS = {
     "F_c_plus": "F_c⁺",

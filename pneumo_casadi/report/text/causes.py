@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 
 from pneumo_casadi.diagnosis import Diagnosis, EffectFound
+from pneumo_casadi.diagnosis.discover.discovered import DiscoveredTerm
 from pneumo_casadi.diagnosis.metrics.location import Location
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.model.effect import Effect
@@ -125,6 +126,13 @@ def discovered_sentences(diagnosis: Diagnosis) -> tuple[str, ...]:
         "It is a description, not a cause: look for what acts over "
         f"{DRIVER_NAMES[term.term.driver]} in this way.",
     )
+
+
+def discovered_fact(discovered: DiscoveredTerm) -> str:
+    """Return a discovered term in a few words: formula, sizes, closure."""
+    sizes = ", ".join(f"{name} {quantity(item)}" for name, item in discovered.parameters.items())
+    closes = f"closes {whole(discovered.closes.value)} of the gap of the balances"
+    return f"{discovered.term.expression}; {sizes}; {closes}"
 
 
 def joined(words: Sequence[str], last: str = "and") -> str:

@@ -8,11 +8,15 @@ from pneumo_casadi.diagnosis.metrics.findings import joined_names
 from pneumo_casadi.diagnosis.wording.location_sentences import location_sentences
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.identification.result import Identification
+from pneumo_casadi.identification.warnings import Usability
 from pneumo_casadi.report.tables.diagnosis import (
     BALANCES,
     GAP_DEFINITION,
+    PROBABLE,
+    contains_found,
     diagnosis_tables,
     has_after,
+    matters,
     nearest,
 )
 from pneumo_casadi.report.tables.parameters import parameter_table
@@ -104,7 +108,7 @@ def finding_sentences(diagnosis: Diagnosis) -> tuple[str, ...]:
 def where_sentences(diagnosis: Diagnosis, catalogue: Catalogue = EFFECTS) -> tuple[str, ...]:
     """Return where model and measurement disagree, in words."""
     sentences = location_sentences(diagnosis.where)
-    return tuple(without_underscores(text, catalogue) for text in sentences)
+    return tuple(capitalised(without_underscores(text, catalogue)) for text in sentences)
 
 
 def without_underscores(text: str, catalogue: Catalogue = EFFECTS) -> str:
@@ -118,6 +122,33 @@ def without_underscores(text: str, catalogue: Catalogue = EFFECTS) -> str:
     for name in sorted({*EFFECTS, *catalogue}, key=len, reverse=True):
         text = text.replace(name, plain(name))
     return text
+
+
+def refused_sentences(diagnosis: Diagnosis) -> tuple[str, ...]:
+    """Return how many candidates do not matter, and the most that one of them removes."""
+    shown = sum(matters(diagnosis, item) for item in diagnosis.ranking)
+    others = [item for item in diagnosis.ranking if not matters(diagnosis, item)]
+    if not others:
+        return ()
+    alone = [item for item in others if not contains_found(diagnosis, item)]
+    closures = [item.closure.value for item in alone if item.closure is not None]
+    without = "" if len(alone) == len(others) else " without the effects found"
+    largest = whole(max(0.0, *closures)) if closures else ""
+    most = f", and none removes more than {largest} of the gap{without}" if closures else ""
+    lead = "Further candidates" if shown else "Candidates"
+    failed = sum(bool(item.failure) for item in others)
+    end = f"; the fit of {failed} failed or gave values that physics excludes" if failed else ""
+    return (
+        f"{lead} that were refused: {len(others)}. None has a probability of "
+        f"{whole(PROBABLE)}{most}{end}. All are in diagnosis.json.",
+    )
+
+
+def note_sentences(diagnosis: Diagnosis) -> tuple[str, ...]:
+    """Return the notes, without those on candidates that do not matter."""
+    refused = [item for item in diagnosis.ranking if not matters(diagnosis, item)]
+    left_out = tuple(f"{item.label}: {item.failure}" for item in refused if item.failure)
+    return tuple(text for text in diagnosis.notes if text not in left_out)
 
 
 def size_title(diagnosis: Diagnosis) -> str:
@@ -199,10 +230,10 @@ def location_text(diagnosis: Diagnosis) -> str:
     return BALANCES.get(diagnosis.where.balance, plain(diagnosis.where.balance))
 
 
-def refined_sentences(refined: Identification) -> tuple[str, ...]:
+def refined_sentences(usability: Usability) -> tuple[str, ...]:
     """Return whether the final model, refined by output error, can be used."""
     return (
-        f"{refined.usability.sentence}",
+        usability.sentence,
         "It is in result.json, which validate, simulate, export, design and compare take.",
     )
 
@@ -224,16 +255,19 @@ def summary_text(
     checks = [f"{'ok ' if ok else 'NOT'}  {text}" for ok, text in check_sentences(diagnosis)]
     sections = [
         ("Where model and measurement disagree", where_sentences(diagnosis, catalogue)),
-        ("Effects found", cause_sentences(diagnosis, catalogue)),
+        (
+            "Effects found" if diagnosis.final_effects else "Candidate causes",
+            (*cause_sentences(diagnosis, catalogue), *refused_sentences(diagnosis)),
+        ),
         (size_title(diagnosis), size_sentences(diagnosis)),
         ("Other possible causes", alternative_sentences(diagnosis, catalogue)),
         ("Discovered term", discovered_sentences(diagnosis)),
         ("Parameters compared with geometry and data sheet", checks),
         (
             "Final model refined by output error",
-            () if refined is None else refined_sentences(refined),
+            () if refined is None else refined_sentences(refined.usability),
         ),
-        ("Notes", diagnosis.notes),
+        ("Notes", note_sentences(diagnosis)),
     ]
     title = f"Diagnosis of {diagnosis.case}: {VERDICTS[diagnosis.verdict]}"
     head = [title, "=" * len(title)]

@@ -49,7 +49,9 @@ def discovered_term_figure(discovered: DiscoveredTerm) -> Figure:
     low, high = ((curve.value + side * curve.band) * scale for side in (-1, 1))
     axes.fill_between(d, low, high, color=SKY, alpha=0.6, linewidth=0, label="95 % band")
     axes.plot(d, curve.value * scale, color=BLUE, linewidth=0.8, label="curve without a formula")
-    axes.plot(d, curve.formula * scale, color=ORANGE, linewidth=1.0, label="formula")
+    axes.plot(
+        d, curve.formula * scale, color=ORANGE, linewidth=1.0, linestyle="--", label="formula"
+    )
     axes.axhline(0, color=BLACK, linewidth=0.5, zorder=1)
     symbol = _SYMBOLS.get(term.driver, f"${term.driver}$")
     symbol += " within one period" if term.law.periodic else ""

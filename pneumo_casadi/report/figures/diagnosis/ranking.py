@@ -16,10 +16,11 @@ from pneumo_casadi.report.figures.style import (
     new_figure,
     write_at_bar,
 )
+from pneumo_casadi.report.tables.diagnosis import matters
 from pneumo_casadi.report.tables.quantities import chance, plain
 
-#: Candidates drawn.
-DRAWN = 8
+#: Candidates drawn: those that matter up to the first number, and the first ones up to the second.
+DRAWN, LEAST = 8, 3
 #: Reduction of the gap [%] at which the axis ends; smaller values are arrows there.
 WORST = -100.0
 
@@ -58,7 +59,9 @@ def draw_ranking(left: Axes, right: Axes, diagnosis: Diagnosis, most: int = DRAW
 
 
 def _first(diagnosis: Diagnosis, most: int) -> list[Candidate]:
-    return [candidate for candidate in diagnosis.ranking if not candidate.failure][:most]
+    fitted = [candidate for candidate in diagnosis.ranking if not candidate.failure]
+    shown = [candidate for candidate in fitted if matters(diagnosis, candidate)]
+    return (shown if len(shown) >= LEAST else fitted[:LEAST])[:most]
 
 
 def _closing(axes: Axes, i: int, candidate: Candidate, colour: str) -> None:

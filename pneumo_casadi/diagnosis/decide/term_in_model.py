@@ -1,0 +1,42 @@
+"""The model with a discovered term, fitted to the balances so that it can be simulated."""
+
+from collections.abc import Sequence
+
+from pneumo_casadi.diagnosis.discover.discovered import DiscoveredTerm
+from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study, fit_model
+from pneumo_casadi.effects.term import term_effect
+from pneumo_casadi.errors import FitError
+from pneumo_casadi.model.effect import Effect
+
+Model = tuple[FittedModel, Sequence[Effect]]
+
+
+def fit_with_term(
+    study: Study, discovered: DiscoveredTerm | None, models: Sequence[Model]
+) -> Model | None:
+    """Return the model to which a term was added, fitted with it.
+
+    Parameters
+    ----------
+    study : Study
+        Records and nominal axis.
+    discovered : DiscoveredTerm or None
+        The term.
+    models : sequence of (FittedModel, sequence of Effect)
+        Those beside which a term was looked for.
+
+    Returns
+    -------
+    (FittedModel, sequence of Effect) or None
+        None where there is no term, or the fit with it fails.
+    """
+    if discovered is None:
+        return None
+    base, effects = next(model for model in models if model[0].effects == discovered.beside)
+    term = term_effect(discovered.term)()
+    begin = {f"{term.name}.{name}": value for name, value in discovered.term.parameters.items()}
+    try:
+        fitted = fit_model(study, (*effects, term), {**base.values, **begin})
+    except FitError:  # the formula closes the gap of the linearised balances only
+        return None
+    return fitted, (*effects, term)

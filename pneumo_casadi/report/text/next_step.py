@@ -1,0 +1,60 @@
+"""What a diagnosis asks for next: a command, a check, or a record."""
+
+from pneumo_casadi.diagnosis import Diagnosis, Verdict
+from pneumo_casadi.effects import EFFECTS
+from pneumo_casadi.report.tables.quantities import plain
+from pneumo_casadi.report.text.causes import DRIVER_NAMES, joined
+
+#: Record that shows more of a term over its driver, after "and".
+_RECORDS = {
+    "x": "record slow strokes over the whole travel",
+    "v": "record strokes at several constant speeds",
+    "t": "record for longer, warm and cold",
+    "p_P": "record at several supply pressures",
+    "p_N": "record at several supply pressures",
+    "p_mean": "record at several supply pressures",
+    "p_difference": "record with several loads",
+    "t_reversal": "record reversals after rests of several lengths",
+    "s_reversal": "record small strokes of several lengths",
+}
+_ANY = "record motions in which it varies more"
+
+
+def next_step(diagnosis: Diagnosis) -> str:
+    """Return what should be done or recorded next, in a few words.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+        The diagnosis.
+
+    Examples
+    --------
+    With ``diagnosis = pc.diagnose(pc.example_case())``:
+
+    >>> next_step(diagnosis)
+    'nothing for motions like these; record others to test the model there'
+    """
+    verdict = diagnosis.verdict
+    if diagnosis.findings:
+        return "correct the records: see below"
+    if diagnosis.experiment:
+        return f"record {plain(diagnosis.experiment)}"
+    if verdict is Verdict.NONE:
+        wrong = [check.name for check in diagnosis.checks if not check.agrees]
+        if wrong:
+            return f"check {joined(wrong)} in bench.json and on the axis"
+        return "nothing for motions like these; record others to test the model there"
+    if verdict is Verdict.ABSORBED:
+        wrong = [check.name for check in diagnosis.checks if not check.agrees]
+        return f"check {joined(wrong) or 'the bench'} in bench.json and on the axis"
+    if verdict is Verdict.UNKNOWN:
+        if diagnosis.discovered is None:
+            return "record where the residual is large: see the conditions below"
+        driver = diagnosis.discovered.term.driver
+        return f"look for what acts over {DRIVER_NAMES[driver]}, and {_RECORDS.get(driver, _ANY)}"
+    forms = [effect.form for effect in diagnosis.effects]
+    if not all(form in EFFECTS for form in forms):
+        return "plan a record for the model with it: `pneumo-casadi design`"
+    with_effects = " ".join(f"--with {form}" for form in forms)
+    return f"`identify {with_effects}`; `design` plans the next record"
