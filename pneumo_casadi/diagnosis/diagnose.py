@@ -15,8 +15,8 @@ from pneumo_casadi.diagnosis.decide.ranking import (
     rank_candidates,
 )
 from pneumo_casadi.diagnosis.decide.result import Diagnosis, Verdict
-from pneumo_casadi.diagnosis.decide.term_in_model import fit_with_term
 from pneumo_casadi.diagnosis.discover.discover import discover_beside
+from pneumo_casadi.diagnosis.discover.term_in_model import fit_with_term
 from pneumo_casadi.diagnosis.locate.evidence import collect_evidence
 from pneumo_casadi.diagnosis.locate.locate import locate
 from pneumo_casadi.diagnosis.locate.unknown_inputs import estimate_unknown_inputs

@@ -11,6 +11,7 @@ from scipy import stats
 from pneumo_casadi.data import Recording
 from pneumo_casadi.estimation.robust_covariance import batch_sandwich
 from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.runtime.presentation import Brief
 from pneumo_casadi.signals import white_noise_std
 
 #: Smallest eigenvalue of the scaled information, relative to the largest, that counts.
@@ -29,8 +30,8 @@ class EstimateStatus(StrEnum):
     NOT_CONVERGED = "not converged"
 
 
-@dataclass(frozen=True, slots=True)
-class ParameterUncertainty:
+@dataclass(frozen=True, slots=True, repr=False)
+class ParameterUncertainty(Brief):
     """Covariance of estimated parameters, infinite where the data hold no information.
 
     Parameters

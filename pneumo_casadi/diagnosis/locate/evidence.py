@@ -6,10 +6,11 @@ from pneumo_casadi.data.recording.curves import Curves
 from pneumo_casadi.diagnosis.locate.regime_maps import RegimeMap, map_regimes
 from pneumo_casadi.diagnosis.locate.unknown_inputs import UnknownInputs
 from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study
+from pneumo_casadi.runtime.presentation import Brief
 
 
-@dataclass(frozen=True, eq=False)
-class Evidence:
+@dataclass(frozen=True, eq=False, repr=False)
+class Evidence(Brief):
     """Curves behind a diagnosis.
 
     Parameters

@@ -22,10 +22,11 @@ from pneumo_casadi.estimation.equation_error.smoothed_motion import (
 )
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.runtime.presentation import Brief
 
 
-@dataclass(frozen=True, eq=False)
-class UnknownInputs:
+@dataclass(frozen=True, eq=False, repr=False)
+class UnknownInputs(Brief):
     """Unknown inputs of one record, with standard deviations.
 
     Parameters

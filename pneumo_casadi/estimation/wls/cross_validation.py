@@ -12,10 +12,11 @@ from pneumo_casadi.estimation.wls.linear import relative_error_percent
 from pneumo_casadi.estimation.wls.regressor import Observation, StickPhases, observe
 from pneumo_casadi.estimation.wls.result import WLSResult
 from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.runtime.presentation import Brief
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Prediction:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Prediction(Brief):
     """Measured and predicted sides of the balances on one record (Figs. 4 and 5).
 
     Parameters

@@ -12,10 +12,11 @@ from pneumo_casadi.estimation.wls.arrays import read_only
 from pneumo_casadi.estimation.wls.base_parameters import TOLERANCE, BaseParameters, base_parameters
 from pneumo_casadi.estimation.wls.linear_system import LinearSystem
 from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.runtime.presentation import Brief
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class LinearFit:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class LinearFit(Brief):
     """The weighted least squares solution of a linear system.
 
     Parameters

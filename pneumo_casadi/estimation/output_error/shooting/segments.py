@@ -11,13 +11,14 @@ from pneumo_casadi.errors import ModelError
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.sampled_axis import SampledAxis
 from pneumo_casadi.parameters import FloatArray, Parameters
+from pneumo_casadi.runtime.presentation import Brief
 
 #: Length of the polynomial smoother that starts the states [s].
 SMOOTHING = 0.02
 
 
-@dataclass(frozen=True, slots=True)
-class Segment:
+@dataclass(frozen=True, slots=True, repr=False)
+class Segment(Brief):
     """A stretch of one record with a free initial state, cut into intervals of whole blocks.
 
     Parameters

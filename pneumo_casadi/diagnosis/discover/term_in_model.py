@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pneumo_casadi.diagnosis.discover.discovered import DiscoveredTerm
 from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study, fit_model
 from pneumo_casadi.effects.term import term_effect
-from pneumo_casadi.errors import FitError
+from pneumo_casadi.errors import FitError, ModelError
 from pneumo_casadi.model.effect import Effect
 
 Model = tuple[FittedModel, Sequence[Effect]]
@@ -37,6 +37,6 @@ def fit_with_term(
     begin = {f"{term.name}.{name}": value for name, value in discovered.term.parameters.items()}
     try:
         fitted = fit_model(study, (*effects, term), {**base.values, **begin})
-    except FitError:  # the formula closes the gap of the linearised balances only
+    except (FitError, ModelError):  # the formula closes the gap of the linearised balances only
         return None
     return fitted, (*effects, term)
