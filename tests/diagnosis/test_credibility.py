@@ -66,7 +66,7 @@ def test_a_fit_that_ran_away_begins_again_from_the_geometry(made_case, monkeypat
     right, lost = fit_model(study, ()), study.axis.parameters["X_s5"].lower
     begun = []
 
-    def fake(study, axis, max_iterations):
+    def fake(study, axis, max_iterations, least_gain):
         begun.append(axis.parameters["X_s5"].value)
         if len(begun) == 1:
             return replace(right, values={**right.values, "X_s5": lost}, cost=right.cost + 1)

@@ -48,7 +48,7 @@ def test_the_final_model_is_fitted_with_each_rival_in_its_place(ledger, monkeypa
     monkeypatch.setattr(FitLedger, "fit_all", lambda self, starts: fitted.update(starts))
     monkeypatch.setattr(FitLedger, "effects", lambda self, names: ())
     fit_rivals(ledger(95), SimpleNamespace(cost=1000), FINAL)
-    values, shapes, base = fitted.pop(("large", "leak"))
+    start = fitted.pop(("large", "leak"))
     assert not fitted
-    assert values["leak.size"] == 405
-    assert (values["M"], shapes, base) == (1.0, (), None)
+    assert start.values["leak.size"] == 405
+    assert (start.values["M"], start.shapes, start.base) == (1.0, (), None)

@@ -8,6 +8,8 @@ from scipy.optimize import brentq
 from pneumo_casadi.data import InputHold
 from pneumo_casadi.effects import Stribeck
 from pneumo_casadi.model.integration import (
+    ACCURATE,
+    COARSE,
     Stepping,
     held_inputs,
     step_function,
@@ -139,6 +141,18 @@ def test_sticking_under_narrow_friction_is_stable_at_the_substeps_chosen(made, v
     # Held by friction: it creeps at the speed where the smoothed friction balances 4 N.
     creep = brentq(lambda v: 25.0 * v - 2.5 + 14.5 * np.tanh(v / v_s) - 4.0, 0.0, v_s)
     assert x[1, -1] == pytest.approx(creep, rel=1e-4)
+
+
+@pytest.mark.slow
+def test_coarse_steps_take_half_as_many_and_change_less_than_a_hundredth_of_the_noise(made):
+    """Strokes that stick and slide, 10 µm of noise: what a diagnosis simulates with."""
+    axis = made.true_force_axis().with_parameters({"v_s": 3e-4})
+    few, many = (substeps_for(axis, 1e-3, longest) for longest in (COARSE, ACCURATE))
+    assert few <= many / 2 + 0.5
+    F = 18.0 * np.sin(2 * np.pi * 2.0 * np.arange(1000) / 1e3)[:, None]
+    coarse, fine = (made.steps(axis, F, [0.0, 0.0], substeps=n)[0] for n in (few, 4 * many))
+    assert np.ptp(fine) > 1e-3  # it moves
+    assert np.abs(coarse - fine).max() < 1e-7
 
 
 @pytest.mark.slow

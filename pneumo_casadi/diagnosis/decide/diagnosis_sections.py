@@ -96,11 +96,11 @@ class DiscoveredSection(Section):
     @property
     def read(self) -> DiscoveredTerm:
         """The term."""
-        found = values_of(self.parameters)
-        values = {name: item.value for name, item in found.items()}
+        quantities = values_of(self.parameters)
+        values = {name: item.value for name, item in quantities.items()}
         return DiscoveredTerm(
             Term(self.name, self.balances, self.factor, self.driver, self.form, values),
-            {name: item.std for name, item in found.items()},
+            {name: item.std for name, item in quantities.items()},
             Closure(self.closes.value, *self.closes.interval),
             self.beside,
             self.curve.read,

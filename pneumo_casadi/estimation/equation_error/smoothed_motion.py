@@ -161,7 +161,7 @@ def smooth_motion(axis: Axis, record: Recording) -> SmoothedMotion:
     dt = thin * record.dt
     x, dx, u = (_thinned(part, thin) for part in (x, dx, u))
     slow = np.abs(x[names.index("v")]) < max(SLOW, NOISE_MULTIPLE * filtered.velocity_noise)
-    weak = _windows(x.shape[1], _stride(dt))
+    weak = row_windows(x.shape[1], _stride(dt))
     return SmoothedMotion(
         filtered.t[: x.shape[1] * thin : thin],
         x,
@@ -193,7 +193,7 @@ def _window(every: int) -> FloatArray:
     return np.pad(hann / hann.sum(), (0, every - 1))
 
 
-def _windows(N: int, every: int) -> Any:
+def row_windows(N: int, every: int) -> Any:
     """Return the window of every row as rows of a matrix."""
     window = _window(every)[: WIDTH * every + 1]
     first = np.arange(0, N - window.size + 1, every)

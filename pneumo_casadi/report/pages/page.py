@@ -257,6 +257,6 @@ def _unbroken(value: Any) -> Any:
     """Keep numbers with interval and per cent on one line; what is marked up stays as it is."""
     if isinstance(value, str) and not isinstance(value, Markup):
         space = "\N{NO-BREAK SPACE}"
-        value = _UNIT.sub(lambda found: found[0].replace(" ", space), value)
+        value = _UNIT.sub(lambda unit: unit[0].replace(" ", space), value)
         return value.replace(" %", f"{space}%").replace(" ± ", f"{space}±{space}")
     return value

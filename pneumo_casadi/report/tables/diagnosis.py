@@ -146,8 +146,8 @@ def matters(diagnosis: Diagnosis, candidate: Candidate) -> bool:
 
 def contains_found(diagnosis: Diagnosis, candidate: Candidate) -> bool:
     """Return whether a candidate is the effects found with further ones."""
-    found = {effect.name for effect in diagnosis.final_effects}
-    return bool(found) and found < set(candidate.names)
+    effects = {effect.name for effect in diagnosis.final_effects}
+    return bool(effects) and effects < set(candidate.names)
 
 
 def ranking_table(diagnosis: Diagnosis) -> Table:

@@ -2,12 +2,19 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from pneumo_casadi.diagnosis import applicable, prepare_study
 from pneumo_casadi.diagnosis.prepare.study import fit_model, refine_model
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
 from pneumo_casadi.estimation.equation_error.residuals import balance_residuals, linearise_residuals
+from pneumo_casadi.estimation.equation_error.smoothed_motion import (
+    ROW_RATE,
+    SmoothedMotion,
+    row_windows,
+)
 
 
 @pytest.fixture(scope="module")
@@ -87,3 +94,42 @@ def test_a_refined_fit_has_nothing_left_to_gain_where_states_hang_on_the_nominal
     again = refine_model(one, once, (effect,))
     assert once.cost < found.cost - 10  # what derivatives with held states leave
     assert once.cost - again.cost < 0.5
+
+
+@pytest.mark.slow
+def test_a_fit_begins_where_its_cost_is_least(one):
+    study, effect = one, EFFECTS["stribeck"]()
+    nominal = fit_model(study, ())
+    best = fit_model(study, (effect,), nominal.values)
+    own = {name: value for name, value in best.values.items() if name.startswith("stribeck.")}
+    far = {name: 5 * value for name, value in own.items()}
+    values = {name: value for name, value in best.values.items() if name not in own}
+    one_step = [
+        fit_model(study, (effect,), values, max_iterations=1, trials=trials).cost
+        for trials in ((far,), (far, own))
+    ]
+    assert one_step[1] < one_step[0]
+    assert one_step[1] == pytest.approx(best.cost, abs=1.0)
+
+
+@pytest.mark.slow
+def test_a_search_ends_within_a_unit_of_likelihood_and_refining_leaves_nothing(one):
+    study, effect = one, EFFECTS["stribeck"]()
+    rough = fit_model(study, (effect,), fit_model(study, ()).values)
+    whole = refine_model(study, rough, (effect,))
+    again = refine_model(study, whole, (effect,))
+    assert 0 <= rough.cost - whole.cost < 5.0
+    assert whole.cost - again.cost < 0.1
+
+
+@given(N=st.integers(70, 400), stride=st.sampled_from([2, 8, 12, 16]), n=st.integers(1, 3))
+def test_averages_are_those_of_the_windows(N, stride, n):
+    dt = 1 / (ROW_RATE * stride)
+    windows = row_windows(N, stride)
+    motion = SmoothedMotion(
+        np.arange(N) * dt, np.zeros((0, N)), np.zeros((0, N)), np.zeros((0, N)), windows,
+        np.ones(windows.shape[0], dtype=bool), dt, np.zeros(0), 0.0, "made",
+    )  # fmt: skip
+    rows = np.random.default_rng(N).normal(size=(n, N))
+    np.testing.assert_allclose(motion.averaged(rows), (windows @ rows.T).T, atol=1e-14)
+    np.testing.assert_allclose(motion.averaged(rows[0]), windows @ rows[0], atol=1e-14)
