@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from pneumo_casadi.data import Case
-from pneumo_casadi.diagnosis.decide.result import Diagnosis
+from pneumo_casadi.diagnosis.decide.result import Diagnosis, Verdict
 from pneumo_casadi.diagnosis.metrics.simulated_gap import WINDOW
 from pneumo_casadi.diagnosis.prepare.prepare_study import split_records
 from pneumo_casadi.errors import FitError
@@ -14,6 +14,9 @@ from pneumo_casadi.identification.options import IdentifyOptions
 from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.identification.starting_axis import axis_of_options, started_from
 from pneumo_casadi.runtime.progress import Progress
+
+#: How a model without the cause is fitted.
+WITHOUT_CAUSE = OutputErrorOptions(window=WINDOW, recover=False, max_iterations=30)
 
 
 def options_of_diagnosis(case: Case, diagnosis: Diagnosis) -> IdentifyOptions:
@@ -63,7 +66,8 @@ def refine_diagnosis(
 ) -> Identification:
     """Refine the final model of a diagnosis by output error.
 
-    Over whole records; where that does not converge, over windows of half a second. Held-out
+    Over whole records; where that does not converge, over windows of half a second. With an unknown
+    cause only windows are tried, and not for long: a model without it seldom settles. Held-out
     records are those of the diagnosis.
 
     Parameters
@@ -90,9 +94,11 @@ def refine_diagnosis(
     options = options_of_diagnosis(case, diagnosis)
     train, held_out, _ = split_records(case)
     split = replace(case, identify=tuple(train), validate=tuple(held_out))
+    windows = replace(options, output_error=OutputErrorOptions(window=WINDOW))
+    if diagnosis.verdict is Verdict.UNKNOWN:
+        return identify(split, replace(options, output_error=WITHOUT_CAUSE), progress)
     try:
         whole = replace(options, output_error=OutputErrorOptions(recover=False))
         return identify(split, whole, progress)
     except FitError:
-        windows = replace(options, output_error=OutputErrorOptions(window=WINDOW))
         return identify(split, windows, progress)

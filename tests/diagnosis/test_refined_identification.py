@@ -1,6 +1,7 @@
 """The final model of a diagnosis as a result that other commands take."""
 
 import json
+from dataclasses import replace
 
 import pytest
 
@@ -36,6 +37,25 @@ def test_windows_are_taken_where_whole_records_do_not_converge(quick_diagnosis, 
     monkeypatch.setattr(module, "identify", identify)
     assert module.refine_diagnosis(quick.case, quick_diagnosis) is quick
     assert [options.window for options in tried] == [None, 0.5]
+
+
+def test_without_the_cause_windows_alone_are_tried_and_not_for_long(
+    quick_diagnosis, quick, monkeypatch
+):
+    """It took three minutes in vain, ten times the diagnosis."""
+    tried = []
+
+    def identify(case, options, progress):
+        tried.append(options.output_error)
+        raise FitError("iterations exhausted")
+
+    monkeypatch.setattr(module, "identify", identify)
+    unknown = replace(quick_diagnosis, verdict=Verdict.UNKNOWN)
+    with pytest.raises(FitError, match="exhausted"):
+        module.refine_diagnosis(quick.case, unknown)
+    (options,) = tried
+    assert (options.window, options.recover) == (0.5, False)
+    assert options.max_iterations <= 30
 
 
 @pytest.mark.slow
