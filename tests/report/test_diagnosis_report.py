@@ -173,9 +173,9 @@ def test_refused_candidates_are_counted_not_listed():
     diagnosis = replace(made.EFFECT, ranking=(made.STRIBECK, weak, made.SILENT, made.FAILED))
     assert [row[0] for row in ranking_table(diagnosis).rows] == ["stribeck"]
     assert refused_sentences(diagnosis) == (
-        "Further candidates that were refused: 3. None has a probability of 1 %, and none removes "
-        "more than 4 % of the gap; the fit of 1 failed or gave values that physics excludes. All "
-        "are in diagnosis.json.",
+        "Further candidates that were refused: 3. None reaches a probability of 1 %, and none "
+        "removes more than 4 % of the gap; the fit of 1 failed or gave values that physics "
+        "excludes. All are in diagnosis.json.",
     )
     assert note_sentences(replace(diagnosis, notes=("hose: no step was found", "a"))) == ("a",)
     page = diagnosis_html(diagnosis, [])
@@ -227,6 +227,13 @@ def test_a_candidate_far_worse_than_none_is_an_arrow_at_the_edge():
 def test_every_verdict_says_what_to_do_next(diagnosis, words):
     assert words in next_step(diagnosis)
     assert "<dt>Next</dt>" in diagnosis_html(diagnosis, [])
+
+
+def test_parameters_without_the_cause_are_not_to_be_quoted():
+    page, known = diagnosis_html(made.UNKNOWN, []), diagnosis_html(made.EFFECT, [])
+    for words in ("Error on held-out data without the cause", "Do not quote them"):
+        assert words in page and words not in known
+    assert "Do not quote them" in summary_text(made.UNKNOWN)
 
 
 def test_a_discovered_term_is_told_with_its_sizes():

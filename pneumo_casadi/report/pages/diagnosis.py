@@ -187,10 +187,11 @@ def _facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
             ("Reduction", f"{whole(closure.value)} ({between(closure)})"),
         ]
     else:
-        facts.append(("Error on held-out data", percent(gap.before)))
-    wrong = sum(not check.agrees for check in diagnosis.checks)
+        lacking = " without the cause" if diagnosis.verdict is Verdict.UNKNOWN else ""
+        facts.append((f"Error on held-out data{lacking}", percent(gap.before)))
+    agreeing = sum(check.agrees for check in diagnosis.checks)
     if diagnosis.checks:
-        facts.append(("Parameter checks", f"{wrong} of {len(diagnosis.checks)} fail"))
+        facts.append(("Parameter checks", f"{agreeing} of {len(diagnosis.checks)} agree"))
     return [*facts, ("Next", next_step(diagnosis))]
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 
-from pneumo_casadi.diagnosis import Candidate, Diagnosis, Value
+from pneumo_casadi.diagnosis import Candidate, Diagnosis, Value, Verdict
 from pneumo_casadi.report.tables.flow_form import flow_form_tables
 from pneumo_casadi.report.tables.quantities import (
     DISPLAY_UNITS,
@@ -33,6 +33,11 @@ VIEWS = {
 GAP_DEFINITION = (
     "Gap: error of the simulation on held-out data beyond the sensor noise, in per cent of the "
     "signal's standard deviation."
+)
+#: What parameters are worth while the cause is unknown.
+WITHOUT_CAUSE = (
+    "The cause is not in this model: the parameters may be off by far more than 2σ. Do not quote "
+    "them."
 )
 #: Candidates shown at most; the JSON file has them all.
 SHOWN = 12
@@ -218,6 +223,10 @@ def check_table(diagnosis: Diagnosis) -> Table:
         "Parameters compared with geometry and data sheet",
         ("", "unit", "estimate ± 2σ", "expected", "agrees"),
         tuple(rows),
+        (
+            "An estimate agrees if it differs by less than the expected ± and six of its own "
+            "standard deviations.",
+        ),
     )
 
 
@@ -227,9 +236,10 @@ def fitted_table(diagnosis: Diagnosis) -> Table:
     both = [(name, diagnosis.nominal.get(name), diagnosis.fitted.get(name)) for name in names]
     rows = [(with_symbols(name), *map(_cell, (without, with_))) for name, without, with_ in both]
     title = "Fitted parameters ± 2σ"
+    notes = (WITHOUT_CAUSE,) if diagnosis.verdict is Verdict.UNKNOWN else ()
     if not has_after(diagnosis):
-        return Table(title, ("", "estimate"), tuple(row[:2] for row in rows))
-    return Table(title, ("", "without effects", with_what(diagnosis)), tuple(rows))
+        return Table(title, ("", "estimate"), tuple(row[:2] for row in rows), notes)
+    return Table(title, ("", "without effects", with_what(diagnosis)), tuple(rows), notes)
 
 
 def _cell(value: Value | None) -> str:

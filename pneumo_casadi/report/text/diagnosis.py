@@ -139,7 +139,7 @@ def refused_sentences(diagnosis: Diagnosis) -> tuple[str, ...]:
     failed = sum(bool(item.failure) for item in others)
     end = f"; the fit of {failed} failed or gave values that physics excludes" if failed else ""
     return (
-        f"{lead} that were refused: {len(others)}. None has a probability of "
+        f"{lead} that were refused: {len(others)}. None reaches a probability of "
         f"{whole(PROBABLE)}{most}{end}. All are in diagnosis.json.",
     )
 
