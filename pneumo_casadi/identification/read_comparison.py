@@ -3,7 +3,7 @@
 from math import inf
 from pathlib import Path
 
-from pneumo_casadi.data.recording.curves import Curves, curves_of
+from pneumo_casadi.data.recording.curves import read_curves
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.identification.compared_model import Estimate
 from pneumo_casadi.identification.comparison import Comparison, CrossSimulation, Difference
@@ -124,7 +124,7 @@ def read_comparison(path: str | Path) -> Comparison:
         tuple(item.read for item in read.differences),
         tuple(item.read for item in read.simulations),
         read.notes,
-        _curves(file.parent / CURVES),
+        read_curves(file.parent / CURVES, _AGAIN),
     )
 
 
@@ -135,14 +135,3 @@ def _row(read: ComparisonSection, name: str) -> tuple[Estimate | None, ...]:
         raise CaseError(f"`parameters.{name}`: expected an estimate of {', '.join(read.results)}")
     items = (row[label] for label in read.results)
     return tuple(None if item is None else item.read for item in items)
-
-
-def _curves(path: Path) -> tuple[Curves, ...]:
-    if not path.exists():
-        return ()
-    try:
-        return tuple(map(curves_of, read_json(path, _AGAIN)["records"]))
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise CaseError(
-            f"{path}: no curves of records ({type(error).__name__}: {error}); {_AGAIN}"
-        ) from None

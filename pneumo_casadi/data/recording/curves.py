@@ -2,11 +2,14 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from pneumo_casadi.errors import CaseError
 from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.runtime.json_input import read_json
 from pneumo_casadi.runtime.presentation import Brief
 
 #: Points of a stored curve: four for each pixel of a figure over half of a wide screen, and some
@@ -95,11 +98,11 @@ class Curves(Brief):
         few = self.thinned()
         return {
             "record": self.record,
-            "t": _rounded(few.t),
+            "t": rounded(few.t),
             "units": dict(self.units),
             "noise": dict(self.noise),
             "values": {
-                output: {name: _rounded(curve) for name, curve in curves.items()}
+                output: {name: rounded(curve) for name, curve in curves.items()}
                 for output, curves in few.values.items()
             },
         }
@@ -119,5 +122,24 @@ def curves_of(plain: Mapping[str, Any]) -> Curves:
     )
 
 
-def _rounded(values: FloatArray) -> list[float]:
+def read_curves(path: Path, remedy: str) -> tuple[Curves, ...]:
+    """Return the curves of a file of records; none where there is no file.
+
+    Raises
+    ------
+    CaseError
+        If it holds something else; the message ends with the remedy.
+    """
+    if not path.exists():
+        return ()
+    try:
+        return tuple(map(curves_of, read_json(path, remedy)["records"]))
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise CaseError(
+            f"{path}: no curves of records ({type(error).__name__}: {error}); {remedy}"
+        ) from None
+
+
+def rounded(values: FloatArray) -> list[float]:
+    """Return numbers as they are stored, to `DIGITS`."""
     return [float(f"{value:.{DIGITS}g}") for value in values]

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from pneumo_casadi.data.recording.curves import DIGITS, curves_of
+from pneumo_casadi.data.recording.curves import curves_of, rounded
 from pneumo_casadi.diagnosis.locate.evidence import Evidence
 from pneumo_casadi.diagnosis.locate.regime_maps import RegimeMap
 from pneumo_casadi.diagnosis.locate.unknown_inputs import UnknownInputs
@@ -62,10 +62,10 @@ def evidence_of(plain: Mapping[str, Any]) -> Evidence:
 def _inputs(inputs: UnknownInputs) -> dict[str, Any]:
     step = max(1, int(np.ceil(inputs.t.size / NODES)))
     return {
-        "t": _rounded(inputs.t[::step]),
-        "w": [_rounded(row[::step]) for row in inputs.w],
-        "std": [_rounded(row[::step]) for row in inputs.std],
-        "states": [_rounded(row[::step]) for row in inputs.states],
+        "t": rounded(inputs.t[::step]),
+        "w": [rounded(row[::step]) for row in inputs.w],
+        "std": [rounded(row[::step]) for row in inputs.std],
+        "states": [rounded(row[::step]) for row in inputs.states],
         "counts": inputs.counts[:, ::step].tolist(),
         "signal": inputs.signal.tolist(),
         "walk_std": inputs.walk_std.tolist(),
@@ -89,9 +89,9 @@ def _map(regime_map: RegimeMap) -> dict[str, Any]:
         "name": regime_map.name,
         "unit": regime_map.unit,
         "balance": regime_map.balance,
-        "edges": _rounded(regime_map.edges),
-        "mean": _rounded(regime_map.mean),
-        "band": _rounded(regime_map.band),
+        "edges": rounded(regime_map.edges),
+        "mean": rounded(regime_map.mean),
+        "band": rounded(regime_map.band),
         "residual_unit": regime_map.residual_unit,
     }
 
@@ -108,7 +108,3 @@ def _map_of(plain: Mapping[str, Any]) -> RegimeMap:
 def _arrays(plain: Mapping[str, Any]) -> Callable[[str], FloatArray]:
     """Return entries as arrays; None is a number that was not finite."""
     return lambda name: np.asarray(plain[name], dtype=float)
-
-
-def _rounded(values: FloatArray) -> list[float]:
-    return [float(f"{value:.{DIGITS}g}") for value in values]

@@ -155,6 +155,11 @@ class FittedModel:
     pace: float = 0.0
 
 
+def values_of(effect: str, values: Mapping[str, float]) -> dict[str, float]:
+    """Return the parameters of one effect among those of a model, by their full names."""
+    return {name: value for name, value in values.items() if name.startswith(f"{effect}.")}
+
+
 def fit_model(
     study: Study,
     effects: Sequence[Effect],

@@ -17,7 +17,7 @@ from pneumo_casadi.diagnosis.metrics.residual_size import (
 )
 from pneumo_casadi.diagnosis.metrics.simulated_gap import Simulations
 from pneumo_casadi.diagnosis.prepare.fit_store import Store
-from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study, fit_model
+from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study, fit_model, values_of
 from pneumo_casadi.diagnosis.screen.screen import ScreenResult, background
 from pneumo_casadi.diagnosis.select.acceptance import accepted, can_matter
 from pneumo_casadi.diagnosis.select.contributions import contributions
@@ -295,10 +295,8 @@ def _where_to_begin(ledger: FitLedger, screened: ScreenResult) -> list[Mapping[s
     over what it stood for it is mostly small, but what small ones do may not be felt.
     """
     alone = ledger.fits.get((screened.name,))
-    own = {} if alone is None else dict(alone.values)
-    prefix = f"{screened.name}."
-    at_end = {name: value for name, value in own.items() if name.startswith(prefix)}
-    return [screened.sizes, *screened.starts, at_end]
+    at_end = () if alone is None else (values_of(screened.name, alone.values),)
+    return [screened.sizes, *screened.starts, *at_end]
 
 
 def _fit_pairs(ledger: FitLedger) -> None:
@@ -310,8 +308,9 @@ def _fit_pairs(ledger: FitLedger) -> None:
     starts: dict[Names, Start] = {}
     for first, second in combinations(ledger.alone[:PAIRED], 2):
         better, added = (ledger.fits[name,] for name in (first, second))
-        own = {n: v for n, v in added.values.items() if n.startswith(f"{second}.")}
-        starts[ledger.key((first, second))] = Start({**better.values, **own})
+        starts[ledger.key((first, second))] = Start(
+            {**better.values, **values_of(second, added.values)}
+        )
     ledger.fit_all(starts | _starts_of_contradicted_shapes(ledger))
     pairs = [key for key in ledger.fits if len(key) == 2]
     if pairs:

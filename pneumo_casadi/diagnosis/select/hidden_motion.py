@@ -15,6 +15,7 @@ from pneumo_casadi.diagnosis.prepare.study import (
     FittedModel,
     Study,
     require_credible,
+    values_of,
 )
 from pneumo_casadi.diagnosis.select.fit_ledger import FAULTS, Failed, FitLedger, Names
 from pneumo_casadi.diagnosis.select.output_error_refinement import (
@@ -218,8 +219,7 @@ def _beside(ledger: FitLedger, base: FittedModel, known: Names, name: str) -> Fi
     axis = ledger.study.axis.with_effects(*ledger.effects(key)).at_starting_values()
     values = axis.with_parameters(dict(base.values)).parameters.as_dict()
     if _gains(ledger, known, name):
-        fitted = ledger.fits[key].values
-        values |= {n: v for n, v in fitted.items() if n.startswith(f"{name}.")}
+        values |= values_of(name, ledger.fits[key].values)
     return replace(base, effects=key, values=values)
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from pneumo_casadi.diagnosis.prepare.study import FittedModel
+from pneumo_casadi.diagnosis.prepare.study import FittedModel, values_of
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger, Names, Start
 from pneumo_casadi.diagnosis.select.hidden_motion import motion_is_hidden
 
@@ -25,9 +25,8 @@ def fit_rivals(ledger: FitLedger, nominal: FittedModel, final: Names) -> None:
     starts: dict[Names, Start] = {}
     for name in final:
         for other, fitted in near_rivals(ledger, nominal, final, name).items():
-            own = {n: v for n, v in fitted.values.items() if n.startswith(f"{other}.")}
             key = ledger.key({*final, other} - {name})
-            starts[key] = Start({**values, **own})
+            starts[key] = Start({**values, **values_of(other, fitted.values)})
     ledger.fit_all(starts)
 
 

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from pneumo_casadi.data.recording.curves import Curves, curves_of
+from pneumo_casadi.data.recording.curves import read_curves
 from pneumo_casadi.diagnosis.decide.read_diagnosis import DIAGNOSIS, read_diagnosis
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.identification.read_comparison import COMPARISON, read_comparison
@@ -84,11 +84,13 @@ def _kind_of(content: dict[str, Any], file: Path) -> tuple[OutputKind, "Page"]:
 
 def _identification(content: dict[str, Any], file: Path) -> str:
     check_format(content, FORMAT)
-    return identification_again(content, _records(file.parent / CURVES))
+    return identification_again(
+        content, read_curves(file.parent / CURVES, _REMEDIES[OutputKind.IDENTIFICATION])
+    )
 
 
 def _validation(content: dict[str, Any], file: Path) -> str:
-    curves = _records(file.parent / CURVES)
+    curves = read_curves(file.parent / CURVES, _REMEDIES[OutputKind.VALIDATION])
     return validation_html(validation_of(content), curves, time_pictures(curves, CAPTION))
 
 
@@ -114,12 +116,6 @@ def _comparison(content: dict[str, Any], file: Path) -> str:
     drawn = overlays(comparison)
     pictures = [Picture(each.name, each.png(), each.caption) for each in drawn]
     return comparison_html(comparison, pictures)
-
-
-def _records(path: Path) -> tuple[Curves, ...]:
-    if not path.exists():
-        return ()
-    return tuple(map(curves_of, read_json(path, _ABSENT)["records"]))
 
 
 Page = Callable[[dict[str, Any], Path], str]

@@ -36,18 +36,17 @@ def next_step(diagnosis: Diagnosis) -> str:
     'nothing for motions like these; record others to test the model there'
     """
     verdict = diagnosis.verdict
+    wrong = joined([check.name for check in diagnosis.checks if not check.agrees])
     if diagnosis.findings:
         return "correct the records: see below"
     if diagnosis.experiment:
         return f"record {plain(diagnosis.experiment)}"
     if verdict is Verdict.NONE:
-        wrong = [check.name for check in diagnosis.checks if not check.agrees]
         if wrong:
-            return f"check {joined(wrong)} in bench.json and on the axis"
+            return f"check {wrong} in bench.json and on the axis"
         return "nothing for motions like these; record others to test the model there"
     if verdict is Verdict.ABSORBED:
-        wrong = [check.name for check in diagnosis.checks if not check.agrees]
-        return f"check {joined(wrong) or 'the bench'} in bench.json and on the axis"
+        return f"check {wrong or 'the bench'} in bench.json and on the axis"
     if verdict is Verdict.UNKNOWN:
         if diagnosis.discovered is None:
             return "record where the residual is large: see the conditions below"
