@@ -26,7 +26,7 @@ from pneumo_casadi.diagnosis.metrics.findings import (
 )
 from pneumo_casadi.diagnosis.metrics.residual_size import balance_closure
 from pneumo_casadi.diagnosis.metrics.simulated_curves import simulated_curves
-from pneumo_casadi.diagnosis.metrics.simulated_gap import simulated_gap
+from pneumo_casadi.diagnosis.metrics.simulated_gap import gap_with_term, simulated_gap
 from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA, Criteria
 from pneumo_casadi.diagnosis.prepare.prepare_study import applicable, prepare_study
 from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue
@@ -158,6 +158,7 @@ def diagnose(
         models = ((selection.nominal, ()), (selection.final, effects))
         discovered = discover_beside(study, models, selection.levels)
         with_term = fit_with_term(study, discovered, models)
+        gap = gap_with_term(selection.simulations, gap, with_term)
     curves = simulated_curves(
         selection.simulations, selection.nominal, final if shown else None, shown, with_term
     )

@@ -16,6 +16,7 @@ from pneumo_casadi.data import Finding, Grade
 from pneumo_casadi.diagnosis import Value, Verdict
 from pneumo_casadi.diagnosis.metrics.findings import Closure, joined_names
 from pneumo_casadi.errors import CaseError
+from pneumo_casadi.report.figures.diagnosis.gap import gap_figure
 from pneumo_casadi.report.figures.diagnosis.ranking import ranking_figure
 from pneumo_casadi.report.figures.style import COLUMN, MM, PAGE, svg
 from pneumo_casadi.report.pages.diagnosis import diagnosis_html, write_diagnosis
@@ -150,7 +151,7 @@ def test_a_cause_in_the_parameters_does_not_talk_a_gap_away():
     assert "agrees with the records" in headline(made.ABSORBED)
     apart = headline(replace(made.ABSORBED, where=made.UNKNOWN.where, gap=made.UNKNOWN.gap))
     assert "agrees" not in apart
-    assert "error of the simulation on held-out data is 13 % of the signals" in apart
+    assert "held-out data, beyond the sensor noise, is 13 % of the signals" in apart
     assert "valve mismatch may be the cause" in apart
 
 
@@ -164,7 +165,7 @@ def test_a_candidate_that_matters_is_in_the_table_with_what_became_of_it():
     ranking = (made.STRIBECK, made.DRAG, replace(made.SILENT, probability=0.02), promising)
     rows = {row[0]: row for row in ranking_table(replace(made.EFFECT, ranking=ranking)).rows}
     assert rows["hose"][2] == "fit failed"
-    assert rows["valve mismatch"][2] == "not fitted"
+    assert rows["valve mismatch"][2] == "not fitted (0 % predicted)"
     assert rows["stribeck"][1:4] == ("97 %", "95 %", "93 to 96 %")
 
 
@@ -231,7 +232,7 @@ def test_every_verdict_says_what_to_do_next(diagnosis, words):
 
 def test_parameters_without_the_cause_are_not_to_be_quoted():
     page, known = diagnosis_html(made.UNKNOWN, []), diagnosis_html(made.EFFECT, [])
-    for words in ("Error on held-out data without the cause", "Do not quote them"):
+    for words in ("no: the model lacks the cause", "Do not quote them"):
         assert words in page and words not in known
     assert "Do not quote them" in summary_text(made.UNKNOWN)
 
@@ -257,7 +258,30 @@ def test_without_effects_nothing_is_said_of_an_after():
 
 def test_checks_are_printed_in_units_that_people_read():
     rows = {row[0]: row for row in check_table(made.EFFECT).rows}
-    assert rows["S_P"] == ("S_P", "cm²", "8.5000 ± 0.0020", "8.24 ± 0.1", "NO")
+    assert rows["S_P"] == ("S_P", "cm²", "8.5000 ± 0.0020", "8.14 to 8.34", "NO")
+
+
+def test_what_a_discovered_term_leaves_stands_beside_what_was_there():
+    views = {view: dict(outputs) for view, outputs in made.UNKNOWN.gap.views.items()}
+    views["windows"] = {name: {**gap, "with_term": 0.3} for name, gap in views["windows"].items()}
+    gap = replace(made.UNKNOWN.gap, views=views, with_term=0.25)
+    diagnosis = replace(made.UNKNOWN, gap=gap)
+    table = gap_table(diagnosis)
+    at = table.columns.index("with the discovered term")
+    cells = {row[0]: row[at] for row in table.rows}
+    assert cells["open loop, windows of 0.5 s: x"] == "0.30 %" and cells["closed loop: x"] == ""
+    assert "With the discovered term it is 0.25 %." in size_sentences(diagnosis)
+    assert "→ 0.25\xa0% with the discovered term" in diagnosis_html(diagnosis, [])
+    labels = [text.get_text() for text in gap_figure(diagnosis).axes[0].get_legend().get_texts()]
+    assert "with the discovered term" in labels
+    assert "with the discovered term" not in summary_text(made.UNKNOWN)
+
+
+def test_an_estimate_at_its_bound_has_no_interval():
+    stuck = Value(0.0, 4.7, "N s/m", at_bound=True)
+    diagnosis = replace(made.NONE, nominal={**made.NONE.nominal, "f_v": stuck})
+    rows = dict(fitted_table(diagnosis).rows)
+    assert rows["f_v"] == "0 N s/m (at its bound)"
 
 
 @pytest.mark.parametrize(

@@ -149,16 +149,17 @@ def test_the_report_of_a_diagnosis_is_written_again(diagnosed, tmp_path):
     again = (folder / "report.html").read_text("utf-8")
 
     def fixed(page):
-        """Return a page up to the final model without the points of curves, which are rounded."""
+        """Return a page without the points of curves, which are rounded."""
         page = re.sub(r'<script type="application/json">.*?</script>', "", page, flags=re.DOTALL)
-        page = re.sub(r'src="data:[^"]*"', "", page)
-        return page.partition('<h2 id="refined">')[0]
+        return re.sub(r'src="data:[^"]*"', "", page)
 
     assert fixed(again) == fixed(first)
     assert again.count('class="plot') == first.count('class="plot') == 1
-    final = again.partition('<h2 id="refined">')[2]
+    final = again.partition('<h2 id="final">')[2]
     M = f"{diagnosed_mass(folder):.2f}"
     assert M in final.partition("</section>")[0] and "sha256 0123" in final
+    head = again.partition("</section>")[0]
+    assert "Parameters usable" in head and M in head.partition("Moving mass M")[2]
 
 
 def diagnosed_mass(folder):

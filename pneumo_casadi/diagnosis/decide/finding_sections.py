@@ -30,11 +30,13 @@ class ValueSection(Section):
     value: float
     unit: str
     std: float | None = None
+    at_bound: bool = False
 
     @property
     def read(self) -> Value:
         """The quantity."""
-        return Value(self.value, nan if self.std is None else self.std, self.unit)
+        std = nan if self.std is None else self.std
+        return Value(self.value, std, self.unit, self.at_bound)
 
 
 class EffectSection(Section):
@@ -157,6 +159,7 @@ class GapSection(Section):
     shrink: float
     shrink_interval: tuple[float, float]
     views: dict[str, dict[str, dict[str, float | None]]]
+    with_term: float | None = None
 
     @property
     def read(self) -> Gap:
@@ -169,7 +172,7 @@ class GapSection(Section):
             for view, outputs in self.views.items()
         }
         closure = Closure(self.shrink, *self.shrink_interval)
-        return Gap(self.before, self.after, self.noise_floor, closure, views)
+        return Gap(self.before, self.after, self.noise_floor, closure, views, self.with_term)
 
 
 class CheckSection(Section):

@@ -84,6 +84,7 @@ def gap_dict(gap: Gap) -> dict[str, Any]:
         "noise_floor": gap.noise_floor,
         "shrink": gap.closure.value,
         "shrink_interval": [gap.closure.lower, gap.closure.upper],
+        "with_term": gap.with_term,
         "views": {
             view: {name: dict(values) for name, values in outputs.items()}
             for view, outputs in gap.views.items()
@@ -108,7 +109,9 @@ def discovered_dict(discovered: DiscoveredTerm) -> dict[str, Any]:
 
 def values_dict(values: Mapping[str, Value]) -> dict[str, dict[str, Any]]:
     """Return quantities by name."""
-    return {
-        name: {"value": value.value, "std": value.std, "unit": value.unit}
-        for name, value in values.items()
-    }
+    return {name: _value(value) for name, value in values.items()}
+
+
+def _value(value: Value) -> dict[str, Any]:
+    bound = {"at_bound": True} if value.at_bound else {}
+    return {"value": value.value, "std": value.std, "unit": value.unit} | bound

@@ -25,10 +25,12 @@ ABSORBED_PROBABILITY = 0.8
 
 def parameter_values(axis: Axis, fitted: FittedModel) -> dict[str, Value]:
     """Return all parameters of a fit with standard deviation and unit."""
-    return {
-        item.name: Value(fitted.values[item.name], fitted.std.get(item.name, 0.0), item.unit)
-        for item in axis.parameters
-    }
+    values = {}
+    for item in axis.parameters:
+        value, std = fitted.values[item.name], fitted.std.get(item.name, 0.0)
+        at_bound = std > 0 and value in (item.lower, item.upper)
+        values[item.name] = Value(value, std, item.unit, at_bound)
+    return values
 
 
 def _own(study: Study, fitted: FittedModel, names: Names, catalogue: Catalogue) -> dict[str, Value]:

@@ -9,7 +9,9 @@ from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.parameters import FloatArray
 
-BINS = 12
+#: Bins of a quantity; more of the position, since what acts over it may repeat every few
+#: millimetres.
+BINS, BINS_X = 12, 60
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +51,8 @@ def map_regimes(study: Study, fit: FittedModel) -> tuple[RegimeMap, ...]:
         own = units_of[rows.balance]
         for name in _quantities(study.axis, rows.balance):
             values = rows.at[name]
-            edges = np.unique(np.quantile(values, np.linspace(0, 1, BINS + 1)))
+            ends = np.linspace(0, 1, (BINS_X if name == "x" else BINS) + 1)
+            edges = np.unique(np.quantile(values, ends))
             if edges.size < 3:
                 continue
             bins = np.clip(np.searchsorted(edges, values, "right") - 1, 0, edges.size - 2)

@@ -43,11 +43,14 @@ class Value:
         Estimate and standard deviation, in `unit`; 0 where it was held.
     unit : str
         SI unit.
+    at_bound : bool, optional
+        Whether the estimate ends at a bound: its interval is one-sided.
     """
 
     value: float
     std: float
     unit: str
+    at_bound: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -203,7 +206,9 @@ class Gap:
         Of this gap.
     views : mapping of str to mapping of str to mapping of str to float
         The same by view (``windows``, ``closed_loop``, ``balances``) and output or balance:
-        ``before``, ``after``, ``noise``.
+        ``before``, ``after``, ``noise``; in windows ``with_term`` besides.
+    with_term : float, optional
+        As `after`, with a discovered term in the model; None where there is none to simulate.
     """
 
     before: float
@@ -211,6 +216,7 @@ class Gap:
     noise_floor: float
     closure: Closure
     views: Mapping[str, Mapping[str, Mapping[str, float]]]
+    with_term: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

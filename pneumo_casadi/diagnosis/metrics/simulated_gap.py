@@ -1,7 +1,7 @@
 """The gap of simulations on held-out records, before and after effects are added."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -189,6 +189,30 @@ def simulated_gap(
     return Gap(*gaps, combined_gap(floor), closed, views), tuple(notes)
 
 
+def gap_with_term(
+    done: Simulations, gap: Gap, with_term: tuple[FittedModel, Sequence[Effect]] | None
+) -> Gap:
+    """Return a gap to which that of the model with a discovered term is added, over windows.
+
+    Parameters
+    ----------
+    gap : Gap
+        As `simulated_gap` returns it.
+    with_term : (FittedModel, sequence of Effect) or None
+        The fit with the term, and its effects. Without one, or where it cannot be simulated, the
+        gap stays as it is.
+    """
+    squares = "no term" if with_term is None else done.windows(*with_term)
+    if isinstance(squares, str) or "windows" not in gap.views:
+        return gap
+    noise = _noise_percent(done.study)
+    each = _gaps(done.study.axis.outputs, squares, noise)
+    shown = gap.views["windows"]
+    windows = {name: dict(shown[name]) | {"with_term": each[name]} for name in shown}
+    overall = _overall_gap(squares, np.array(list(noise.values())))
+    return replace(gap, views={**gap.views, "windows": windows}, with_term=overall)
+
+
 def _signal_stds(study: Study) -> FloatArray:
     return np.array([signal_std(study.held_out, name) for name in study.axis.outputs])
 
@@ -203,14 +227,14 @@ def _noise_percent(study: Study) -> dict[str, float]:
 def _view(
     outputs: Sequence[str], before: FloatArray, after: FloatArray, noise: Mapping[str, float]
 ) -> View:
-    return {
-        name: {
-            "before": float(gap(before[:, i].mean(), noise[name])),
-            "after": float(gap(after[:, i].mean(), noise[name])),
-            "noise": noise[name],
-        }
-        for i, name in enumerate(outputs)
-    }
+    b, a = (_gaps(outputs, squares, noise) for squares in (before, after))
+    return {name: {"before": b[name], "after": a[name], "noise": noise[name]} for name in outputs}
+
+
+def _gaps(
+    outputs: Sequence[str], squares: FloatArray, noise: Mapping[str, float]
+) -> dict[str, float]:
+    return {name: float(gap(squares[:, i].mean(), noise[name])) for i, name in enumerate(outputs)}
 
 
 def _balances(

@@ -9,18 +9,17 @@ from pneumo_casadi.diagnosis.decide.read_diagnosis import DIAGNOSIS, read_diagno
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.identification.read_comparison import COMPARISON, read_comparison
 from pneumo_casadi.identification.result_file import FORMAT
-from pneumo_casadi.identification.warnings import Usability, Usable
 from pneumo_casadi.report.pages.comparison import comparison_html, overlays
-from pneumo_casadi.report.pages.diagnosis import diagnosis_html, drawn_pictures, refined_section
+from pneumo_casadi.report.pages.diagnosis import diagnosis_html, drawn_pictures
 from pneumo_casadi.report.pages.identification_again import (
     CAPTION,
-    estimate_table,
     identification_again,
     time_pictures,
     validation_of,
 )
-from pneumo_casadi.report.pages.page import Picture, Section
+from pneumo_casadi.report.pages.page import Picture
 from pneumo_casadi.report.pages.validation import validation_html
+from pneumo_casadi.report.text.final_model import FinalModel, final_model
 from pneumo_casadi.runtime.json_input import check_format, read_json
 from pneumo_casadi.runtime.output_folder import OutputKind, write_files
 
@@ -98,17 +97,16 @@ def _diagnosis(content: dict[str, Any], file: Path) -> str:
     diagnosis = read_diagnosis(file)
     pictures = drawn_pictures(diagnosis)
     final = _refined(file.parent / RESULT)
-    return diagnosis_html(diagnosis, pictures, provenance=content.get("provenance"), refined=final)
+    return diagnosis_html(diagnosis, pictures, provenance=content.get("provenance"), final=final)
 
 
-def _refined(path: Path) -> Section | None:
-    """Return the section on the final model, where it was refined."""
+def _refined(path: Path) -> FinalModel | None:
+    """Return the final model, where it was refined."""
     if not path.exists():
         return None
     content = read_json(path, "")
     check_format(content, FORMAT)
-    usability = Usability(Usable(content["usable"]), content["reason"])
-    return refined_section(usability, estimate_table(content))
+    return final_model(content)
 
 
 def _comparison(content: dict[str, Any], file: Path) -> str:

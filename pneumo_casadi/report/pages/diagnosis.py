@@ -12,7 +12,6 @@ from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.effects.term import write_term
 from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.identification.result_file import result_dict
-from pneumo_casadi.identification.warnings import Usability
 from pneumo_casadi.report.pages import page
 from pneumo_casadi.report.pages.drawing import can_draw
 from pneumo_casadi.report.pages.page import (
@@ -34,7 +33,6 @@ from pneumo_casadi.report.tables.diagnosis import (
 )
 from pneumo_casadi.report.tables.flow_form import flow_form_tables
 from pneumo_casadi.report.tables.laboratory import legend_table
-from pneumo_casadi.report.tables.parameters import parameter_table
 from pneumo_casadi.report.tables.quantities import between, chance, percent, plain, whole
 from pneumo_casadi.report.tables.table import Table
 from pneumo_casadi.report.text.causes import (
@@ -53,12 +51,18 @@ from pneumo_casadi.report.text.diagnosis import (
     headline,
     location_text,
     note_sentences,
-    refined_sentences,
     refused_sentences,
     size_sentences,
     size_title,
     summary_text,
     where_sentences,
+)
+from pneumo_casadi.report.text.final_model import (
+    FinalModel,
+    final_facts,
+    final_model,
+    final_sentences,
+    final_title,
 )
 from pneumo_casadi.report.text.next_step import next_step
 from pneumo_casadi.runtime.json_files import write_json
@@ -67,6 +71,8 @@ from pneumo_casadi.runtime.output_folder import OutputKind, output_folder
 if TYPE_CHECKING:
     from pneumo_casadi.report.pages.identification_figures import Drawn
 
+#: The gap, as the head of a report calls it.
+_ERROR = "Error on held-out data, beyond noise"
 #: Grades of verdicts, which give the colour; the words say the same.
 _GRADES = {Verdict.NONE: "good", Verdict.EFFECT: "effect"}
 
@@ -76,7 +82,7 @@ def diagnosis_html(
     pictures: Sequence[Picture],
     catalogue: Catalogue = EFFECTS,
     provenance: Mapping[str, Any] | None = None,
-    refined: Section | None = None,
+    final: FinalModel | None = None,
 ) -> str:
     """Return a diagnosis as one HTML page that requests nothing.
 
@@ -90,8 +96,8 @@ def diagnosis_html(
         Where the effects are described.
     provenance : mapping, optional
         ``versions``, ``sha256`` and ``options``.
-    refined : Section, optional
-        On the final model refined by output error; see `refined_section`.
+    final : FinalModel, optional
+        The final model refined by output error.
     """
     simulations = () if diagnosis.evidence is None else diagnosis.evidence.simulations
     plots, left = plots_of(simulations, pictures)
@@ -100,9 +106,9 @@ def diagnosis_html(
         _GRADES.get(diagnosis.verdict, "care"),
         words[:1].upper() + words[1:],
         headline(diagnosis),
-        _facts(diagnosis),
+        _facts(diagnosis, final),
     )
-    sections = _sections(diagnosis, left, catalogue, refined)
+    sections = _sections(diagnosis, left, catalogue, final)
     sections.insert(1, _simulated(plots, left))
     seconds = f"Computing time: {diagnosis.seconds:.0f} s."
     sections.append(Section("provenance", "Provenance", (seconds,), provenance=provenance or {}))
@@ -119,7 +125,7 @@ def _sections(
     diagnosis: Diagnosis,
     pictures: Sequence[Picture],
     catalogue: Catalogue,
-    refined: Section | None,
+    final: FinalModel | None,
 ) -> list[Section]:
     def drawn(*starts: str) -> list[Picture]:
         return [picture for picture in pictures if picture.name.startswith(starts)]
@@ -129,6 +135,10 @@ def _sections(
         Section(
             "where", "Where model and measurement disagree", where_sentences(diagnosis, catalogue),
             drawn("where", "unknown_inputs"), [regime_table(diagnosis)],
+        ),
+        Section(
+            "discovered", "Discovered term", discovered_sentences(diagnosis),
+            drawn("discovered_term"),
         ),
         Section(
             "which", "Candidate causes",
@@ -141,8 +151,8 @@ def _sections(
             [gap_table(diagnosis)],
         ),
         Section(
-            "discovered", "Discovered term", discovered_sentences(diagnosis),
-            drawn("discovered_term"),
+            "final", final_title(diagnosis), final_sentences(diagnosis, final),
+            tables=() if final is None else final.tables,
         ),
         Section("else", "Other possible causes", alternative_sentences(diagnosis, catalogue)),
         Section("shape", "Residuals over the operating conditions", pictures=drawn("regimes")),
@@ -150,8 +160,7 @@ def _sections(
             "checks", "Parameters compared with geometry and data sheet",
             tables=[check_table(diagnosis)], checks=check_sentences(diagnosis),
         ),
-        Section("parameters", "Fitted parameters", tables=[fitted_table(diagnosis)]),
-        *([] if refined is None else [refined]),
+        Section("parameters", "Estimates behind the verdict", tables=[fitted_table(diagnosis)]),
         Section("flow_form", "Flow map", tables=flow_form_tables(diagnosis.flow_selection)),
         Section("notes", "Notes", note_sentences(diagnosis)),
         Section("symbols", "Symbols", tables=[_legend(diagnosis)]),
@@ -165,7 +174,7 @@ def _legend(diagnosis: Diagnosis) -> Table:
     return legend_table(f"{used} x v u p_P q_mP σ WLS")
 
 
-def _facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
+def _facts(diagnosis: Diagnosis, final: FinalModel | None) -> list[tuple[str, str]]:
     gap, closure = diagnosis.gap, diagnosis.gap.closure
     facts = [("Where", location_text(diagnosis))]
     facts += [
@@ -183,15 +192,17 @@ def _facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
         facts.append(("Discovered term", discovered_fact(diagnosis.discovered)))
     if diagnosis.effects:
         facts += [
-            ("Error on held-out data", f"{percent(gap.before)} → {percent(gap.after)}"),
+            (_ERROR, f"{percent(gap.before)} → {percent(gap.after)}"),
             ("Reduction", f"{whole(closure.value)} ({between(closure)})"),
         ]
     else:
-        lacking = " without the cause" if diagnosis.verdict is Verdict.UNKNOWN else ""
-        facts.append((f"Error on held-out data{lacking}", percent(gap.before)))
+        term = gap.with_term
+        with_term = "" if term is None else f" → {percent(term)} with the discovered term"
+        facts.append((_ERROR, percent(gap.before) + with_term))
     agreeing = sum(check.agrees for check in diagnosis.checks)
     if diagnosis.checks:
-        facts.append(("Parameter checks", f"{agreeing} of {len(diagnosis.checks)} agree"))
+        facts.append(("Parameter checks", f"{agreeing} of {len(diagnosis.checks)} in range"))
+    facts += final_facts(diagnosis, final)
     return [*facts, ("Next", next_step(diagnosis))]
 
 
@@ -242,9 +253,7 @@ def write_diagnosis(
         summary = summary_text(diagnosis, catalogue, refined)
         (draft / "summary.txt").write_text(summary, "utf-8")
         pictures = save_figures(_figures_of(diagnosis), draft / "figures", drawings=True)
-        final = None
-        if refined is not None:
-            final = refined_section(refined.usability, parameter_table(refined))
+        final = None if refined is None else final_model(refined)
         html = diagnosis_html(diagnosis, pictures, catalogue, provenance, final)
         (draft / "report.html").write_text(html, "utf-8")
     return Path(folder)
@@ -265,19 +274,3 @@ def drawn_pictures(diagnosis: Diagnosis) -> list[Picture]:
         Picture(drawn.name, min(drawn.png(), drawn.svg(), key=len), drawn.caption)
         for drawn in _figures_of(diagnosis)
     ]
-
-
-def refined_section(usability: Usability, table: Table) -> Section:
-    """Return the section on the final model refined by output error.
-
-    Parameters
-    ----------
-    usability : Usability
-        Whether it can be used.
-    table : Table
-        Its parameters.
-    """
-    return Section(
-        "refined", "Final model refined by output error", refined_sentences(usability),
-        tables=[table],
-    )  # fmt: skip

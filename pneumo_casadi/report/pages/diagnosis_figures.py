@@ -13,8 +13,9 @@ from pneumo_casadi.report.figures.diagnosis.unknown_inputs import unknown_input_
 from pneumo_casadi.report.figures.diagnosis.where import where_figure
 from pneumo_casadi.report.figures.time_series import time_series_figure
 from pneumo_casadi.report.pages.identification_figures import Drawn
-from pneumo_casadi.report.tables.diagnosis import has_after
+from pneumo_casadi.report.tables.diagnosis import gap_models, has_after
 from pneumo_casadi.report.tables.quantities import chance, percent, plain, whole
+from pneumo_casadi.report.text.causes import joined
 
 #: A balance is drawn in detail from this share of the unknown inputs.
 SHARE = 0.1
@@ -36,8 +37,8 @@ def diagnosis_figures(diagnosis: Diagnosis) -> Iterator[Drawn]:
             "gap",
             gap_figure(diagnosis),
             "Gap (error of the simulation beyond the sensor noise) on held-out data, "
-            f"{' and '.join(gap_labels(diagnosis))}, in per cent of each signal; the black mark is "
-            "the sensor noise. " + _gap_words(diagnosis),
+            f"{joined(list(gap_models(diagnosis).values()))}, in per cent of each signal; the "
+            "black mark is the sensor noise. " + _gap_words(diagnosis),
         )
     if any(
         candidate.closure is not None or candidate.probability > 0
@@ -106,12 +107,12 @@ def _curves(diagnosis: Diagnosis, evidence: Evidence) -> Iterator[Drawn]:
 def _gap_words(diagnosis: Diagnosis) -> str:
     """Return the main numbers of the figure, for readers who cannot see it."""
     gap = diagnosis.gap
-    if not has_after(diagnosis):
-        return f"Over all outputs: {percent(gap.before)}."
-    return f"Over all outputs: {percent(gap.before)} before, {percent(gap.after)} after."
+    after = f", {percent(gap.after)} after" if has_after(diagnosis) else ""
+    term = "" if gap.with_term is None else f", {percent(gap.with_term)} with the discovered term"
+    return f"Over all outputs: {percent(gap.before)}{' before' if after else ''}{after}{term}."
 
 
 def _ranking_words(diagnosis: Diagnosis) -> str:
     first = diagnosis.ranking[0]
-    removed = "" if first.closure is None else f", reduction {whole(first.closure.value)}"
+    removed = "" if first.closure is None else f", closes {whole(first.closure.value)}"
     return f"First: {plain(first.label)}, probability {chance(first.probability)}{removed}."

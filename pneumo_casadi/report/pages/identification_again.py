@@ -10,14 +10,7 @@ from pneumo_casadi.report.pages.identification import (
     warning_sentences,
 )
 from pneumo_casadi.report.pages.page import TIME_FIGURE, Picture, Section, html_page, plots_of
-from pneumo_casadi.report.tables.laboratory import laboratory_tables, legend_table
-from pneumo_casadi.report.tables.table import (
-    Table,
-    exponent_of,
-    interval_text,
-    scaled_unit,
-    with_symbols,
-)
+from pneumo_casadi.report.tables.laboratory import estimate_table, laboratory_tables, legend_table
 from pneumo_casadi.report.tables.validation import validation_table
 from pneumo_casadi.validation import Error, Validation
 
@@ -46,40 +39,6 @@ def identification_again(content: dict[str, Any], curves: tuple[Curves, ...]) ->
         Section("provenance", "Provenance", provenance=content["provenance"]),
     ]
     return html_page(f"Identification of {content['case']}", usability_verdict(content), sections)
-
-
-def estimate_table(content: dict[str, Any]) -> Table:
-    """Return WLS and output error side by side, and the truth if it is known."""
-    wls, truth = content["wls"]["parameters"], content["truth"] or {}
-    fit = content["output_error"]
-    wls = wls | (content["wls"]["derived"] or {})
-    ratios = {name: fit["derived"][name] for name in ("k_P", "k_N") if name in fit["derived"]}
-    rows = []
-    for name, item in (fit["parameters"] | ratios).items():
-        e = exponent_of(item["value"])
-        linear = wls.get(name)
-        rows.append(
-            (
-                with_symbols(name),
-                scaled_unit("" if item["unit"] == "1" else item["unit"], e),
-                "" if linear is None else _wls(linear, e),
-                _interval(item, e) + (f" ({item['note']})" if "note" in item else ""),
-                f"{truth[name] / 10.0**e:.4g}" if name in truth else "",
-            )
-        )
-    columns = ("", "unit", "WLS", "output error", "truth")
-    table = Table("Identified parameters, estimate ± 2σ", columns, tuple(rows))
-    return table if truth else table.without("truth")
-
-
-def _wls(item: dict[str, Any], exponent: int) -> str:
-    """Return an estimate of WLS; only its parameters have an interval that allows for all."""
-    return interval_text(item["value"], 2 * item.get("std_hac", item["std"]), exponent)
-
-
-def _interval(item: dict[str, Any], exponent: int) -> str:
-    stds = [item[key] for key in ("std", "std_robust") if item.get(key) is not None]
-    return interval_text(item["value"], 2 * max(stds) if stds else None, exponent)
 
 
 def validation_of(content: dict[str, Any]) -> Validation:

@@ -34,10 +34,18 @@ GAP_DEFINITION = (
     "Gap: error of the simulation on held-out data beyond the sensor noise, in per cent of the "
     "signal's standard deviation."
 )
+#: Name of the model with a discovered term.
+WITH_TERM = "with the discovered term"
 #: What parameters are worth while the cause is unknown.
 WITHOUT_CAUSE = (
     "The cause is not in this model: the parameters may be off by far more than 2σ. Do not quote "
     "them."
+)
+#: What the estimates behind the verdict are for.
+BALANCE_FITS = (
+    "Fitted to the balances along the smoothed measured motion, to compare candidates. ± 2σ does "
+    "not include the bias of smoothing, nor that of an incomplete model: use the parameters of the "
+    "final model refined by output error."
 )
 #: Candidates shown at most; the JSON file has them all.
 SHOWN = 12
@@ -61,22 +69,34 @@ def diagnosis_tables(diagnosis: Diagnosis) -> tuple[Table, ...]:
 
 def gap_table(diagnosis: Diagnosis) -> Table:
     """Return the gap by view and output, without effects and with them."""
-    rows = [
-        (
-            f"{VIEWS.get(view, plain(view))}: {_short(name)}",
-            *(percent(values[key]) for key in ("before", "after")),
-            _share_removed(values["before"], values["after"]),
-            percent(values["noise"]),
-        )
-        for view, name, values in gap_rows(diagnosis)
-    ]
+    models = gap_models(diagnosis)
+    rows = []
+    for view, name, values in gap_rows(diagnosis):
+        sizes = [values.get(key) for key in models]
+        cells = ["" if size is None else percent(size) for size in sizes]
+        removed = "" if sizes[-1] is None else _share_removed(values["before"], sizes[-1])
+        label = f"{VIEWS.get(view, plain(view))}: {_short(name)}"
+        rows.append((label, *cells, removed, percent(values["noise"])))
     table = Table(
         "Gap on held-out data",
-        ("", "without effects", with_what(diagnosis), "reduction", "sensor noise"),
+        ("", *models.values(), "reduction", "sensor noise"),
         tuple(rows),
-        ("Residuals of the balances: left minus right side of eq. 1 along the measured motion.",),
+        (
+            "Residuals of the balances: left minus right side of the balances of mass flow and "
+            "force, along the measured motion.",
+        ),
     )
-    return table if has_after(diagnosis) else table.without(with_what(diagnosis), "reduction")
+    return table if len(models) > 1 else table.without("reduction")
+
+
+def gap_models(diagnosis: Diagnosis) -> dict[str, str]:
+    """Return the models whose gap was simulated: keys of the views, and names."""
+    models = {"before": "without effects"}
+    if has_after(diagnosis):
+        models["after"] = with_what(diagnosis)
+    if diagnosis.gap.with_term is not None:
+        models["with_term"] = WITH_TERM
+    return models
 
 
 def has_after(diagnosis: Diagnosis) -> bool:
@@ -126,6 +146,7 @@ def regime_table(diagnosis: Diagnosis) -> Table:
             "Share of residual: of the squared residual of the balance. For a frequency band, "
             "share of time is the share of the signal.",
             "p: probability of such a share if the residuals are shuffled in blocks.",
+            "Conditions overlap: their shares do not add up to 100 %.",
         ),
     )
 
@@ -163,18 +184,18 @@ def ranking_table(diagnosis: Diagnosis) -> Table:
             plain(candidate.label),
             chance(candidate.probability),
             *_reduction(candidate),
-            whole(candidate.explained),
             whole(candidate.observable),
         )
         for candidate in shown[:SHOWN]
     ]
     return Table(
         "Candidates",
-        ("", "probability", "reduction", "95 % interval", "predicted", "identifiable"),
+        ("", "probability", "closes in the balances", "95 % interval", "identifiable"),
         tuple(rows),
         (
-            "Reduction: share of the held-out gap in the balances that the candidate removes.",
-            "Predicted: the same for the squared residuals, by the linearised model before a fit.",
+            "Closes in the balances: share of the held-out gap in the balances that the candidate "
+            "removes. In simulations errors add up, so that this share differs from the reduction "
+            "of the gap there.",
             "Identifiable: share of its influence that the other parameters cannot reproduce.",
         ),
     )
@@ -184,7 +205,7 @@ def _reduction(candidate: Candidate) -> tuple[str, str]:
     if candidate.failure:
         return "fit failed", ""
     if candidate.closure is None:
-        return "not fitted", ""
+        return f"not fitted ({whole(candidate.explained)} predicted)", ""
     return whole(candidate.closure.value), between(candidate.closure)
 
 
@@ -215,19 +236,24 @@ def check_table(diagnosis: Diagnosis) -> Table:
                 _CHECKED.get(check.name, check.name),
                 unit,
                 quantity(value, held=""),
-                f"{expected:.4g} ± {tolerance:.2g}",
+                f"{_bound(expected - tolerance)} to {_bound(expected + tolerance)}",
                 "yes" if check.agrees else "NO",
             )
         )
     return Table(
         "Parameters compared with geometry and data sheet",
-        ("", "unit", "estimate ± 2σ", "expected", "agrees"),
+        ("", "unit", "estimate ± 2σ", "expected", "in range"),
         tuple(rows),
         (
-            "An estimate agrees if it differs by less than the expected ± and six of its own "
-            "standard deviations.",
+            "Estimates of the fits that decide the verdict. An estimate may leave the range by six "
+            "of its standard deviations. The range of a dead length, of k_P − k_N and of friction "
+            "is what is physically plausible, and excludes gross errors only.",
         ),
     )
+
+
+def _bound(value: float) -> str:
+    return f"{value:.3g}" if abs(value) > 1e-9 else "0"
 
 
 def fitted_table(diagnosis: Diagnosis) -> Table:
@@ -235,8 +261,8 @@ def fitted_table(diagnosis: Diagnosis) -> Table:
     names = list(dict.fromkeys([*diagnosis.fitted, *diagnosis.nominal]))
     both = [(name, diagnosis.nominal.get(name), diagnosis.fitted.get(name)) for name in names]
     rows = [(with_symbols(name), *map(_cell, (without, with_))) for name, without, with_ in both]
-    title = "Fitted parameters ± 2σ"
-    notes = (WITHOUT_CAUSE,) if diagnosis.verdict is Verdict.UNKNOWN else ()
+    title = "Estimates of the fits that decide the verdict ± 2σ"
+    notes = (BALANCE_FITS, *((WITHOUT_CAUSE,) if diagnosis.verdict is Verdict.UNKNOWN else ()))
     if not has_after(diagnosis):
         return Table(title, ("", "estimate"), tuple(row[:2] for row in rows), notes)
     return Table(title, ("", "without effects", with_what(diagnosis)), tuple(rows), notes)

@@ -5,7 +5,7 @@ from pneumo_casadi.valve import FlowForm, FormError, FormSelection, Reason
 
 #: A form in words.
 FORMS = {
-    FlowForm.POLYNOMIALS: "polynomials (eq. 12)",
+    FlowForm.POLYNOMIALS: "polynomials (eq. 12 of the paper)",
     FlowForm.ISO6358: "ISO 6358",
     FlowForm.SPLINE: "spline",
 }

@@ -1,16 +1,23 @@
-"""The axis in the terms of a laboratory: areas, volumes, friction, conductances; and a legend.
+"""The axis in the terms of a laboratory: areas, volumes, friction; its parameters; a legend.
 
 The tables are made from the plain values of `result.json`, so that a report can be written again
 from the file alone.
 """
 
 import math
+import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
 from pneumo_casadi.diagnosis import Value
 from pneumo_casadi.report.tables.quantities import DISPLAY_UNITS, quantity
-from pneumo_casadi.report.tables.table import Table, with_symbols
+from pneumo_casadi.report.tables.table import (
+    Table,
+    exponent_of,
+    interval_text,
+    scaled_unit,
+    with_symbols,
+)
 
 #: Quantities of one chamber: words, symbol, and what the symbol becomes for chamber P or N.
 _CHAMBER = (
@@ -82,9 +89,14 @@ def legend_table(used: str) -> Table:
     rows = [
         (symbols, meaning)
         for symbols, meaning in LEGEND.items()
-        if any(symbol in used for symbol in symbols.split(", "))
+        if any(_holds(used, symbol) for symbol in symbols.split(", "))
     ]
     return Table("Symbols of this report", ("", "meaning"), tuple(rows))
+
+
+def _holds(text: str, symbol: str) -> bool:
+    """Return whether a text holds a symbol as a word of its own."""
+    return re.search(rf"(?<![\w]){re.escape(symbol)}(?![\w⁺⁻])", text) is not None
 
 
 def _chambers(content: Mapping[str, Any]) -> Table:
@@ -150,3 +162,43 @@ def _estimate(item: Mapping[str, Any]) -> str:
     # JSON holds no infinity: None stands for an estimate without information.
     stds = [math.nan if item[key] is None else item[key] for key in ("std", "std_robust")]
     return quantity(Value(item["value"], max(stds), item["unit"]))
+
+
+def estimate_table(content: Mapping[str, Any]) -> Table:
+    """Return WLS and output error side by side, and the truth if it is known.
+
+    Parameters
+    ----------
+    content : mapping
+        Plain values of an identification, as in ``result.json``.
+    """
+    wls, truth = content["wls"]["parameters"], content["truth"] or {}
+    fit = content["output_error"]
+    wls = wls | (content["wls"]["derived"] or {})
+    ratios = {name: fit["derived"][name] for name in ("k_P", "k_N") if name in fit["derived"]}
+    rows = []
+    for name, item in (fit["parameters"] | ratios).items():
+        e = exponent_of(item["value"])
+        linear = wls.get(name)
+        rows.append(
+            (
+                with_symbols(name),
+                scaled_unit("" if item["unit"] == "1" else item["unit"], e),
+                "" if linear is None else _wls(linear, e),
+                _interval(item, e) + (f" ({item['note']})" if "note" in item else ""),
+                f"{truth[name] / 10.0**e:.4g}" if name in truth else "",
+            )
+        )
+    columns = ("", "unit", "WLS", "output error", "truth")
+    table = Table("Identified parameters, estimate ± 2σ", columns, tuple(rows))
+    return table if truth else table.without("truth")
+
+
+def _wls(item: Mapping[str, Any], exponent: int) -> str:
+    """Return an estimate of WLS; only its parameters have an interval that allows for all."""
+    return interval_text(item["value"], 2 * item.get("std_hac", item["std"]), exponent)
+
+
+def _interval(item: Mapping[str, Any], exponent: int) -> str:
+    stds = [item[key] for key in ("std", "std_robust") if item.get(key) is not None]
+    return interval_text(item["value"], 2 * max(stds) if stds else None, exponent)

@@ -40,7 +40,12 @@ def quantity(value: Value, held: str = " (not fitted)") -> str:
     '3.490 µg/Pa (not fitted)'
     >>> quantity(Value(6.69e-4, 4.365e-4, "V"))
     '669 ± 873 µV'
+    >>> quantity(Value(0.0, 4.7, "N s/m", at_bound=True))
+    '0 N s/m (at its bound)'
     """
+    if value.at_bound:
+        return f"{_plain_value(value)} (at its bound)"
+
     unit, factor = DISPLAY_UNITS.get(value.unit, (value.unit, 1.0))
     # The larger of value and half width is read: with a common power of ten neither is lost.
     largest = max(abs(value.value), 2 * value.std if math.isfinite(value.std) else 0.0)
@@ -58,6 +63,12 @@ def quantity(value: Value, held: str = " (not fitted)") -> str:
         power = f"·10{str(exponent).translate(SUPERSCRIPTS)}"
         text = f"({text}){power}" if half else f"{text}{power}"
     return f"{text} {unit}".rstrip() + ("" if half else held)
+
+
+def _plain_value(value: Value) -> str:
+    """Return a value without its interval; that at a bound is one-sided."""
+    unit, factor = DISPLAY_UNITS.get(value.unit, (value.unit, 1.0))
+    return f"{value.value * factor:.4g} {unit}".rstrip()
 
 
 def percent(value: float) -> str:

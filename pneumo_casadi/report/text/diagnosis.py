@@ -8,7 +8,6 @@ from pneumo_casadi.diagnosis.metrics.findings import joined_names
 from pneumo_casadi.diagnosis.wording.location_sentences import location_sentences
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.identification.result import Identification
-from pneumo_casadi.identification.warnings import Usability
 from pneumo_casadi.report.tables.diagnosis import (
     BALANCES,
     GAP_DEFINITION,
@@ -19,7 +18,6 @@ from pneumo_casadi.report.tables.diagnosis import (
     matters,
     nearest,
 )
-from pneumo_casadi.report.tables.parameters import parameter_table
 from pneumo_casadi.report.tables.quantities import between, chance, percent, plain, whole
 from pneumo_casadi.report.text.causes import (
     Catalogue,
@@ -29,6 +27,7 @@ from pneumo_casadi.report.text.causes import (
     discovered_sentences,
     joined,
 )
+from pneumo_casadi.report.text.final_model import final_model, final_sentences, final_title
 from pneumo_casadi.report.text.identification import WIDTH, render
 
 #: A verdict in one or two words.
@@ -53,7 +52,7 @@ def headline(diagnosis: Diagnosis) -> str:
     gap = diagnosis.gap
     them = "it" if len(diagnosis.effects) == 1 else "them"
     fall = (
-        f"with {them} in the model the error on held-out data "
+        f"with {them} in the model the error on held-out data, beyond the sensor noise, "
         f"{_change(gap.before, gap.after)} of the signals"
     )
     if diagnosis.verdict is Verdict.EFFECT:
@@ -67,7 +66,7 @@ def headline(diagnosis: Diagnosis) -> str:
             "Several effects explain the difference between model and measurement equally well: "
             f"{names}; "
             + (f"with {added} in the model " if added else "")
-            + "the error on held-out data "
+            + "the error on held-out data, beyond the sensor noise, "
             + f"{_change(gap.before, gap.after)} of the signals."
         )
     if diagnosis.verdict is Verdict.ABSORBED:
@@ -75,8 +74,9 @@ def headline(diagnosis: Diagnosis) -> str:
         possible = f": {names} may be the cause" if names else ""
         if diagnosis.where.balance != "none":
             return (
-                f"The error of the simulation on held-out data is {percent(gap.before)} of the "
-                f"signals, and its parameters contradict geometry or data sheet{possible}."
+                "The error of the simulation on held-out data, beyond the sensor noise, is "
+                f"{percent(gap.before)} of the signals, and its parameters contradict geometry or "
+                f"data sheet{possible}."
             )
         return (
             "The simulation agrees with the records, but its parameters contradict geometry or "
@@ -85,7 +85,8 @@ def headline(diagnosis: Diagnosis) -> str:
     if diagnosis.verdict is Verdict.UNKNOWN:
         return (
             "The model omits dynamics that no effect of the catalogue explains, alone or combined; "
-            f"the error on held-out data is {percent(gap.before)} of the signals."
+            f"the error on held-out data, beyond the sensor noise, is {percent(gap.before)} of the "
+            "signals."
         )
     wrong = sum(not check.agrees for check in diagnosis.checks)
     but = f", but {wrong} of {len(diagnosis.checks)} parameter checks fail" if wrong else ""
@@ -162,12 +163,15 @@ def size_sentences(diagnosis: Diagnosis) -> tuple[str, ...]:
     noise = f"The sensor noise itself, {percent(gap.noise_floor)}, is already subtracted."
     floor = (noise,) if gap.noise_floor > 0 else ()
     before = f"The gap of the model without effects is {percent(gap.before)}"
+    term = gap.with_term
+    sentences = () if term is None else (f"With the discovered term it is {percent(term)}.",)
     if not has_after(diagnosis):
-        return GAP_DEFINITION, f"{before}.", *floor
+        return GAP_DEFINITION, f"{before}.", *sentences, *floor
     if not diagnosis.effects:
         names = joined([plain(name) for name in nearest(diagnosis)])
         which = f"{names}, the best candidate," if names else "the best candidate"
-        return GAP_DEFINITION, f"{before}; with {which} it is {percent(gap.after)}.", *floor
+        after = f"{before}; with {which} it is {percent(gap.after)}."
+        return GAP_DEFINITION, after, *sentences, *floor
     names = joined([plain(effect.name) for effect in diagnosis.final_effects])
     return (
         GAP_DEFINITION,
@@ -230,14 +234,6 @@ def location_text(diagnosis: Diagnosis) -> str:
     return BALANCES.get(diagnosis.where.balance, plain(diagnosis.where.balance))
 
 
-def refined_sentences(usability: Usability) -> tuple[str, ...]:
-    """Return whether the final model, refined by output error, can be used."""
-    return (
-        usability.sentence,
-        "It is in result.json, which validate, simulate, export, design and compare take.",
-    )
-
-
 def summary_text(
     diagnosis: Diagnosis, catalogue: Catalogue = EFFECTS, refined: Identification | None = None
 ) -> str:
@@ -252,6 +248,7 @@ def summary_text(
     refined : Identification, optional
         The final model refined by output error.
     """
+    final = None if refined is None else final_model(refined)
     checks = [f"{'ok ' if ok else 'NOT'}  {text}" for ok, text in check_sentences(diagnosis)]
     sections = [
         ("Where model and measurement disagree", where_sentences(diagnosis, catalogue)),
@@ -260,13 +257,10 @@ def summary_text(
             (*cause_sentences(diagnosis, catalogue), *refused_sentences(diagnosis)),
         ),
         (size_title(diagnosis), size_sentences(diagnosis)),
+        (final_title(diagnosis), final_sentences(diagnosis, final)),
         ("Other possible causes", alternative_sentences(diagnosis, catalogue)),
         ("Discovered term", discovered_sentences(diagnosis)),
         ("Parameters compared with geometry and data sheet", checks),
-        (
-            "Final model refined by output error",
-            () if refined is None else refined_sentences(refined.usability),
-        ),
         ("Notes", note_sentences(diagnosis)),
     ]
     title = f"Diagnosis of {diagnosis.case}: {VERDICTS[diagnosis.verdict]}"
@@ -274,7 +268,7 @@ def summary_text(
     head += _section(FINDINGS_TITLE, finding_sentences(diagnosis))
     head += ["", textwrap.fill(headline(diagnosis), WIDTH)]
     body = [line for name, sentences in sections for line in _section(name, sentences)]
-    shown = [*diagnosis_tables(diagnosis), *([] if refined is None else [parameter_table(refined)])]
+    shown = [*([] if final is None else final.tables), *diagnosis_tables(diagnosis)]
     tables = [render(table) for table in shown]
     end = f"Computing time: {diagnosis.seconds:.0f} s."
     return "\n".join([*head, *body]) + "\n\n\n" + "\n\n\n".join([*tables, end]) + "\n"

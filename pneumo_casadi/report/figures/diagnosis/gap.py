@@ -10,6 +10,7 @@ from pneumo_casadi.diagnosis import Diagnosis
 from pneumo_casadi.report.figures.style import (
     BLACK,
     BLUE,
+    GREEN,
     HEAD,
     ORANGE,
     REST,
@@ -21,11 +22,13 @@ from pneumo_casadi.report.figures.style import (
     new_figure,
     symbol,
 )
-from pneumo_casadi.report.tables.diagnosis import VIEWS, has_after, with_what
+from pneumo_casadi.report.tables.diagnosis import VIEWS, gap_models
 from pneumo_casadi.report.tables.quantities import percent, plain
 
-#: Without effects, with them.
-BEFORE, AFTER = ORANGE, BLUE
+#: Colours of the models, by their keys in the views.
+_COLOURS = {"before": ORANGE, "after": BLUE, "with_term": GREEN}
+#: Height of all bars of an output [rows].
+_BARS = 0.76
 
 
 def gap_figure(diagnosis: Diagnosis) -> Figure:
@@ -33,29 +36,38 @@ def gap_figure(diagnosis: Diagnosis) -> Figure:
     views = [name for name in (*VIEWS, *diagnosis.gap.views) if name in diagnosis.gap.views]
     views = list(dict.fromkeys(views))
     counts = [len(diagnosis.gap.views[name]) for name in views]
-    height = sum(ROW * 1.4 * n + REST + 2 for n in counts) + HEAD
+    models = gap_models(diagnosis)
+    height = sum(ROW * (0.7 + 0.35 * len(models)) * n + REST + 2 for n in counts) + HEAD
     figure = new_figure(height, head=HEAD)
     panels = figure.subplots(len(views), 1, squeeze=False, height_ratios=counts)[:, 0]
     for axes, view in zip(panels, views, strict=True):
-        draw_gap(axes, view, diagnosis.gap.views[view], gap_labels(diagnosis))
-    legend_above(panels[0], 3)
+        draw_gap(axes, view, diagnosis.gap.views[view], models)
+    legend_above(panels[0], 2 if len(models) > 2 else 3)
     return figure
 
 
 def draw_gap(
-    axes: Axes, view: str, outputs: Mapping[str, Mapping[str, float]], labels: list[str]
+    axes: Axes, view: str, outputs: Mapping[str, Mapping[str, float]], models: Mapping[str, str]
 ) -> None:
-    """Draw one view of the gap into given axes, a row an output."""
+    """Draw one view of the gap into given axes, a row an output.
+
+    Parameters
+    ----------
+    models : mapping of str to str
+        Keys of the values to draw, and names; see `gap_models`. One that the view lacks is left
+        out.
+    """
     y = np.arange(len(outputs), dtype=float)
-    both = len(labels) == 2
-    kinds = [("before", BEFORE, -0.2), ("after", AFTER, 0.2)]
-    thick = 0.36 if both else 0.6
+    shown = {
+        key: label for key, label in models.items() if all(key in gap for gap in outputs.values())
+    }
+    pitch = _BARS / len(shown)
     noise = [gap["noise"] for gap in outputs.values()]
-    largest = max(max(gap["before"], gap["after"], gap["noise"]) for gap in outputs.values())
-    for label, (key, colour, shift) in zip(labels, kinds, strict=False):
-        at = y + (shift if both else 0.0)
+    largest = max(max(gap[key] for key in (*shown, "noise")) for gap in outputs.values())
+    for i, (key, label) in enumerate(shown.items()):
+        at = y + (i - (len(shown) - 1) / 2) * pitch
         values = [gap[key] for gap in outputs.values()]
-        axes.barh(at, values, thick, color=colour, label=label, zorder=2)
+        axes.barh(at, values, min(0.9 * pitch, 0.6), color=_COLOURS[key], label=label, zorder=2)
         for row, value, mark in zip(at, values, noise, strict=True):
             # Beyond the mark where the number would stand on it.
             end = mark if value <= mark < value + 0.13 * largest else value
@@ -74,7 +86,7 @@ def draw_gap(
 
 
 def gap_labels(diagnosis: Diagnosis) -> list[str]:
-    """Name the bars: without effects, and with effects where that was simulated."""
-    if not has_after(diagnosis):
-        return ["without effects"]
-    return ["without effects", with_what(diagnosis)]
+    """Return the names of the models without effects, and with them where that was simulated."""
+    models = gap_models(diagnosis)
+    models.pop("with_term", None)
+    return list(models.values())

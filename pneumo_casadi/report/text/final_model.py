@@ -1,0 +1,81 @@
+"""What a diagnosis reports of its final model, refined by output error."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from pneumo_casadi.diagnosis import Diagnosis, Verdict
+from pneumo_casadi.identification.result import Identification
+from pneumo_casadi.identification.result_file import result_dict
+from pneumo_casadi.identification.warnings import Usability, Usable
+from pneumo_casadi.report.tables.laboratory import estimate_table, laboratory_tables
+from pneumo_casadi.report.tables.table import Table
+
+#: Title of the section.
+TITLE = "Parameters to use: final model refined by output error"
+#: The same where the cause is unknown.
+TITLE_WITHOUT_CAUSE = "Final model refined by output error: not to be used"
+_INTERVALS = (
+    "2σ includes the correlation of the residuals, the noise of a metered flow map and the biases "
+    "of the smoothed friction and of the form of the map."
+)
+
+
+@dataclass(frozen=True, slots=True)
+class FinalModel:
+    """The final model as a report shows it.
+
+    Parameters
+    ----------
+    usability : Usability
+        Whether it can be used.
+    mass : str
+        The moving mass with its interval; empty where it was not estimated.
+    tables : tuple of Table
+        Its parameters, in laboratory terms first.
+    """
+
+    usability: Usability
+    mass: str
+    tables: tuple[Table, ...]
+
+
+def final_model(refined: Identification | Mapping[str, Any]) -> FinalModel:
+    """Return what is shown of a final model.
+
+    Parameters
+    ----------
+    refined : Identification or mapping
+        The model refined by output error, or the plain values of its ``result.json``.
+    """
+    content = result_dict(refined) if isinstance(refined, Identification) else refined
+    usability = Usability(Usable(content["usable"]), content["reason"])
+    terms, table = laboratory_tables(content), estimate_table(content).without("WLS")
+    mass = [row[1] for each in terms for row in each.rows if row[0] == "Moving mass M"]
+    tables = (*terms, replace(table, notes=(*table.notes, _INTERVALS)))
+    return FinalModel(usability, "".join(mass), tables)
+
+
+def final_title(diagnosis: Diagnosis) -> str:
+    """Return the title of the section on the final model."""
+    return TITLE_WITHOUT_CAUSE if diagnosis.verdict is Verdict.UNKNOWN else TITLE
+
+
+def final_facts(diagnosis: Diagnosis, final: FinalModel | None) -> list[tuple[str, str]]:
+    """Return whether the parameters can be used, and the moving mass, for the head of a report."""
+    if diagnosis.verdict is Verdict.UNKNOWN:
+        return [("Parameters usable", "no: the model lacks the cause")]
+    if final is None:
+        return []
+    mass = [("Moving mass M", final.mass)] if final.mass else []
+    return [("Parameters usable", final.usability.usable.value), *mass]
+
+
+def final_sentences(diagnosis: Diagnosis, final: FinalModel | None) -> tuple[str, ...]:
+    """Return whether the final model can be used, and where it is."""
+    if final is None:
+        return ()
+    file = "It is in result.json, which validate, simulate, export, design and compare take."
+    if diagnosis.verdict is Verdict.UNKNOWN:
+        return ("The model lacks the cause: its parameters absorb a part of it.", file)
+    return final.usability.sentence, file

@@ -1,0 +1,28 @@
+"""The gap of simulations on held-out records."""
+
+import pytest
+
+from pneumo_casadi.diagnosis import prepare_study
+from pneumo_casadi.diagnosis.metrics.residual_size import balance_levels
+from pneumo_casadi.diagnosis.metrics.simulated_gap import Simulations, gap_with_term, simulated_gap
+from pneumo_casadi.diagnosis.prepare.study import fit_model
+from pneumo_casadi.effects import EFFECTS
+
+
+@pytest.mark.slow
+def test_a_discovered_term_is_measured_as_an_effect_is(made_case):
+    study, _ = prepare_study(made_case(12, stribeck="large"))
+    stribeck = (EFFECTS["stribeck"](),)
+    nominal, final = fit_model(study, ()), fit_model(study, stribeck)
+    done = Simulations(study)
+    gap, _ = simulated_gap(done, nominal, final, stribeck, balance_levels(study))
+    assert gap.before > 2 * gap.after > 0
+
+    same = gap_with_term(done, gap, (nominal, ()))
+    assert same.with_term == pytest.approx(gap.before)
+    closed = gap_with_term(done, gap, (final, stribeck))
+    assert closed.with_term == pytest.approx(gap.after)
+    for values in closed.views["windows"].values():
+        assert values["with_term"] == pytest.approx(values["after"])
+    assert all("with_term" not in values for values in closed.views["balances"].values())
+    assert gap_with_term(done, gap, None) is gap
