@@ -13,7 +13,8 @@ from gap import finite, gaps
 
 from pneumo_casadi.data import Case
 from pneumo_casadi.diagnosis.metrics.simulated_gap import V_S_SIMULATED
-from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study, fit_model
+from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel, fit_model
+from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.diagnosis.screen.screen import background, perturbation, screened
 from pneumo_casadi.diagnosis.select.output_error_refinement import refine_by_output_error
 from pneumo_casadi.estimation.equation_error.balance_functions import any_sensor_effect

@@ -29,7 +29,7 @@ from pneumo_casadi.diagnosis import diagnose, prepare_study
 from pneumo_casadi.diagnosis.discover.discover import discover_term
 from pneumo_casadi.diagnosis.discover.discovered import DiscoveredTerm
 from pneumo_casadi.diagnosis.metrics.residual_size import balance_levels, residual_rms
-from pneumo_casadi.diagnosis.prepare.study import fit_model
+from pneumo_casadi.diagnosis.prepare.fitted_model import fit_model
 from pneumo_casadi.identification.flow_form import resolve_flow_form
 from pneumo_casadi.identification.options import IdentifyOptions
 from pneumo_casadi.virtual_bench import make_case

@@ -39,7 +39,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from pneumo_casadi.diagnosis import prepare_study
-from pneumo_casadi.diagnosis.prepare.study import FittedModel, fit_model
+from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel, fit_model
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.report.figures.style import (
     BLUE,

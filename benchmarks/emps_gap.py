@@ -36,7 +36,7 @@ from pneumo_casadi.diagnosis.discover.periods import best_period, sine_removes
 from pneumo_casadi.diagnosis.discover.search import search
 from pneumo_casadi.diagnosis.discover.sites import Site
 from pneumo_casadi.diagnosis.metrics.residual_size import balance_levels, residual_rms
-from pneumo_casadi.diagnosis.prepare.study import fit_model
+from pneumo_casadi.diagnosis.prepare.fitted_model import fit_model
 from pneumo_casadi.effects import AsymmetricViscousFriction
 from pneumo_casadi.parameters import FloatArray
 

@@ -9,7 +9,8 @@ from pneumo_casadi.data import read_case
 from pneumo_casadi.data.bench.bench_file import read_bench
 from pneumo_casadi.diagnosis.checks.absorbed import absorbed_candidates
 from pneumo_casadi.diagnosis.checks.parameter_checks import check_fit, check_parameters
-from pneumo_casadi.diagnosis.prepare.study import fit_model, start_study
+from pneumo_casadi.diagnosis.prepare.fitted_model import fit_model
+from pneumo_casadi.diagnosis.prepare.study import start_study
 from pneumo_casadi.effects import EFFECTS, ElasticLoad
 from pneumo_casadi.estimation.output_error.result import FlowMapDeviation
 from pneumo_casadi.identification.flow_form import read_flow

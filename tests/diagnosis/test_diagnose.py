@@ -164,7 +164,7 @@ def test_kept_fits_of_another_flow_map_are_not_taken(made_case, tmp_path):
 
 
 def _counting(fitted):
-    from pneumo_casadi.diagnosis.prepare.study import fit_model
+    from pneumo_casadi.diagnosis.prepare.fitted_model import fit_model
 
     def counted(study, effects, *rest):
         fitted.append(tuple(effect.name for effect in effects))

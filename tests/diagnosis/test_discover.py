@@ -9,8 +9,9 @@ from pneumo_casadi.diagnosis.discover.joint_fit import fit_jointly
 from pneumo_casadi.diagnosis.discover.linearised import linearise
 from pneumo_casadi.diagnosis.discover.search import search
 from pneumo_casadi.diagnosis.metrics.residual_size import balance_levels
+from pneumo_casadi.diagnosis.prepare.fitted_model import fit_model
 from pneumo_casadi.diagnosis.prepare.prepare_study import prepare_study
-from pneumo_casadi.diagnosis.prepare.study import fit_model, start_study
+from pneumo_casadi.diagnosis.prepare.study import start_study
 from pneumo_casadi.effects.term import Term, term_effect
 from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
 from pneumo_casadi.estimation.equation_error.residuals import balance_residuals

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pneumo_casadi.diagnosis import prepare_study
-from pneumo_casadi.diagnosis.prepare.study import fit_model
+from pneumo_casadi.diagnosis.prepare.fitted_model import fit_model
 from pneumo_casadi.diagnosis.screen.screen import perturbation
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions

@@ -5,7 +5,7 @@ import pytest
 from pneumo_casadi.diagnosis import prepare_study
 from pneumo_casadi.diagnosis.metrics.residual_size import balance_levels
 from pneumo_casadi.diagnosis.metrics.simulated_gap import Simulations, gap_with_term, simulated_gap
-from pneumo_casadi.diagnosis.prepare.study import fit_model
+from pneumo_casadi.diagnosis.prepare.fitted_model import fit_model
 from pneumo_casadi.effects import EFFECTS
 
 

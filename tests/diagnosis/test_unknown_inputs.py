@@ -9,7 +9,8 @@ import pytest
 from pneumo_casadi.data import read_case
 from pneumo_casadi.diagnosis.locate.signatures import residual_floor
 from pneumo_casadi.diagnosis.locate.unknown_inputs import unknown_inputs
-from pneumo_casadi.diagnosis.prepare.study import fit_model, start_study
+from pneumo_casadi.diagnosis.prepare.fitted_model import fit_model
+from pneumo_casadi.diagnosis.prepare.study import start_study
 from pneumo_casadi.identification.flow_form import read_flow
 from pneumo_casadi.identification.options import IdentifyOptions
 from pneumo_casadi.identification.starting_axis import make_axis

@@ -11,7 +11,8 @@ from pneumo_casadi.diagnosis.locate.regime_maps import map_regimes
 from pneumo_casadi.diagnosis.locate.regimes import find_regimes
 from pneumo_casadi.diagnosis.locate.signatures import HYPOTHESES, Signatures, signatures
 from pneumo_casadi.diagnosis.metrics.regime import RegimeKind
-from pneumo_casadi.diagnosis.prepare.study import fit_model, start_study
+from pneumo_casadi.diagnosis.prepare.fitted_model import fit_model
+from pneumo_casadi.diagnosis.prepare.study import start_study
 from pneumo_casadi.diagnosis.wording.location_sentences import location_sentences
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.identification.flow_form import read_flow

@@ -11,7 +11,8 @@ from math import hypot
 from pneumo_casadi.data import Bench
 from pneumo_casadi.diagnosis.checks.static_map import map_deviation, map_misfit
 from pneumo_casadi.diagnosis.metrics.findings import Check
-from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study
+from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
+from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.diagnosis.wording import check_texts as texts
 from pneumo_casadi.estimation.output_error.result import FlowMapDeviation
 from pneumo_casadi.identification.warnings.grading import K_RANGE, LIMITS

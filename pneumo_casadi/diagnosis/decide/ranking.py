@@ -12,7 +12,8 @@ from pneumo_casadi.diagnosis.metrics.findings import (
     Value,
 )
 from pneumo_casadi.diagnosis.metrics.residual_size import balance_closure
-from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study
+from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
+from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue, Names
 from pneumo_casadi.diagnosis.select.forms import cause_of, causes_of
 from pneumo_casadi.diagnosis.select.forward_selection import Selection

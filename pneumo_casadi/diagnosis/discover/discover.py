@@ -10,7 +10,8 @@ from pneumo_casadi.diagnosis.discover.joint_fit import fit_jointly
 from pneumo_casadi.diagnosis.discover.linearised import linearise
 from pneumo_casadi.diagnosis.discover.search import search
 from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels, balance_closure
-from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study
+from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
+from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.effects.term import Term
 from pneumo_casadi.model.effect import Effect
 

@@ -12,7 +12,8 @@ import numpy as np
 from pneumo_casadi.diagnosis.discover.formula_fits import FormulaFit, refit_shape
 from pneumo_casadi.diagnosis.discover.linearised import Linearised, Rows, linearise
 from pneumo_casadi.diagnosis.discover.search import predicted_by
-from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study
+from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
+from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.estimation.robust_covariance import batch_sandwich
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.parameters import FloatArray

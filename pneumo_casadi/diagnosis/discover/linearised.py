@@ -18,7 +18,8 @@ from pneumo_casadi.diagnosis.discover.sensor_errors import SENSORS, sensor_opera
 from pneumo_casadi.diagnosis.discover.signals import Signals
 from pneumo_casadi.diagnosis.discover.sites import LEAST_VARIATION, Site
 from pneumo_casadi.diagnosis.metrics.residual_size import residual_rms
-from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study
+from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
+from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
 from pneumo_casadi.estimation.equation_error.residuals import linearise_residuals
 from pneumo_casadi.estimation.equation_error.smoothed_motion import SmoothedMotion

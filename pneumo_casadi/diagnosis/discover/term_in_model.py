@@ -3,7 +3,8 @@
 from collections.abc import Sequence
 
 from pneumo_casadi.diagnosis.discover.discovered import DiscoveredTerm
-from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study, fit_model
+from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel, fit_model
+from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.effects.term import term_effect
 from pneumo_casadi.errors import FitError, ModelError
 from pneumo_casadi.model.effect import Effect

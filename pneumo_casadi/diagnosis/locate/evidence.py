@@ -5,7 +5,8 @@ from dataclasses import dataclass
 from pneumo_casadi.data.recording.curves import Curves
 from pneumo_casadi.diagnosis.locate.regime_maps import RegimeMap, map_regimes
 from pneumo_casadi.diagnosis.locate.unknown_inputs import UnknownInputs
-from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study
+from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
+from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.runtime.presentation import Brief
 
 

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from pneumo_casadi.diagnosis.locate.regime_conditions import balance_rows
-from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study
+from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
+from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.parameters import FloatArray
 

@@ -10,7 +10,8 @@ from pneumo_casadi.diagnosis.locate.regime_conditions import (
 )
 from pneumo_casadi.diagnosis.locate.signatures import residual_floor
 from pneumo_casadi.diagnosis.metrics.regime import Regime
-from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study
+from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
+from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.model.axis import Axis
 
 #: Length of the blocks that are shuffled [s]: longer than residuals remember.

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from pneumo_casadi.diagnosis.locate.input_smoother import NODE, discretise, smooth_inputs
 from pneumo_casadi.diagnosis.locate.nominal_dynamics import evaluate_dynamics, signals_of
 from pneumo_casadi.diagnosis.locate.random_walk import random_walk_stds
-from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study
+from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
+from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.estimation.equation_error.smoothed_motion import (
     NOISE_MULTIPLE,
     SLOW,

@@ -7,7 +7,8 @@ import numpy as np
 from pneumo_casadi.data.bench.axis_kind import AxisKind
 from pneumo_casadi.diagnosis.metrics.findings import Closure
 from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA, Criteria
-from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study
+from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
+from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.estimation.equation_error.smoothed_motion import SmoothedMotion
 from pneumo_casadi.metrics import (
     balance_noise,

@@ -12,7 +12,8 @@ from pneumo_casadi.diagnosis.metrics.residual_size import (
     balance_closure,
     residual_rms,
 )
-from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study
+from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
+from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.errors import FitError, ModelError
 from pneumo_casadi.metrics import (
     closure,

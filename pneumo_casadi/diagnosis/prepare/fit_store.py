@@ -11,7 +11,8 @@ from zipfile import BadZipFile
 import numpy as np
 
 from pneumo_casadi import __version__
-from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study
+from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
+from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.runtime.atomic_files import atomic_file
 

@@ -9,7 +9,7 @@ from pneumo_casadi.diagnosis.metrics.residual_size import (
     gaps,
     residual_rms,
 )
-from pneumo_casadi.diagnosis.prepare.study import FittedModel
+from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 
 
 def can_matter(origin: FittedModel, before: FittedModel, levels: BalanceLevels) -> bool:

@@ -1,6 +1,6 @@
 """What each effect of the final model contributes: the gap that comes back without it."""
 
-from pneumo_casadi.diagnosis.prepare.study import FittedModel
+from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger, Names, Start
 
 

@@ -12,13 +12,13 @@ import numpy as np
 
 from pneumo_casadi.diagnosis.metrics.simulated_gap import Simulations, simulate_fit
 from pneumo_casadi.diagnosis.prepare.fit_store import Store
-from pneumo_casadi.diagnosis.prepare.study import (
+from pneumo_casadi.diagnosis.prepare.fitted_model import (
     FittedModel,
-    Study,
     fit_model,
     refine_model,
     require_credible,
 )
+from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.diagnosis.screen.screen import (
     Background,
     Direction,

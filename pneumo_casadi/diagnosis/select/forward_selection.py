@@ -17,7 +17,8 @@ from pneumo_casadi.diagnosis.metrics.residual_size import (
 )
 from pneumo_casadi.diagnosis.metrics.simulated_gap import Simulations
 from pneumo_casadi.diagnosis.prepare.fit_store import Store
-from pneumo_casadi.diagnosis.prepare.study import FittedModel, Study, fit_model, values_of
+from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel, fit_model, values_of
+from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.diagnosis.screen.screen import ScreenResult, background
 from pneumo_casadi.diagnosis.select.acceptance import accepted, can_matter
 from pneumo_casadi.diagnosis.select.contributions import contributions

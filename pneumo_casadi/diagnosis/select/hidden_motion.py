@@ -11,12 +11,8 @@ import numpy as np
 
 from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels, residual_rms
 from pneumo_casadi.diagnosis.metrics.simulated_gap import Simulated, simulate_fit
-from pneumo_casadi.diagnosis.prepare.study import (
-    FittedModel,
-    Study,
-    require_credible,
-    values_of,
-)
+from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel, require_credible, values_of
+from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.diagnosis.select.fit_ledger import FAULTS, Failed, FitLedger, Names
 from pneumo_casadi.diagnosis.select.output_error_refinement import (
     MAX_ITERATIONS,

@@ -4,7 +4,7 @@ import numpy as np
 
 from pneumo_casadi.diagnosis.checks.parameter_checks import check_fit
 from pneumo_casadi.diagnosis.metrics.residual_size import residual_rms
-from pneumo_casadi.diagnosis.prepare.study import FittedModel
+from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger, Names
 
 #: Checks that count, by the property of the axis; the others have causes of their own.

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from pneumo_casadi.diagnosis.prepare.study import FittedModel, values_of
+from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel, values_of
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger, Names, Start
 from pneumo_casadi.diagnosis.select.hidden_motion import motion_is_hidden
 

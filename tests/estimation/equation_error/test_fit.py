@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pneumo_casadi.diagnosis import applicable, prepare_study
-from pneumo_casadi.diagnosis.prepare.study import fit_model, refine_model
+from pneumo_casadi.diagnosis.prepare.fitted_model import fit_model, refine_model
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
 from pneumo_casadi.estimation.equation_error.residuals import balance_residuals, linearise_residuals

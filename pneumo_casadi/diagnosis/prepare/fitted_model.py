@@ -1,0 +1,261 @@
+"""The axis of a study fitted to the balances, without effects and with some."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pneumo_casadi.diagnosis.prepare.study import Study
+from pneumo_casadi.errors import FitError
+from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
+from pneumo_casadi.estimation.equation_error.fit import (
+    MAX_ITERATIONS,
+    default_residual_floor,
+    equation_error_costs,
+    fit_equation_error,
+)
+from pneumo_casadi.estimation.output_error.result import flow_map_deviation
+from pneumo_casadi.model.axis import Axis
+from pneumo_casadi.model.effect import Effect
+from pneumo_casadi.parameters import FloatArray
+
+#: Log-likelihood that ends a search: a twentieth of what another form of an effect must gain. ...
+MIN_GAIN = 1.0
+#: An effect that gains less than that is tried so many times larger too.
+LARGER_STARTS = (10.0, 100.0, 1000.0)
+
+
+@dataclass(frozen=True, eq=False)
+class FittedModel:
+    """One fit of the balances as plain numbers.
+
+    Parameters
+    ----------
+    effects : tuple of str
+        Names of the effects in the model.
+    values, std : mapping of str to float
+        All parameters; standard deviations of the free ones.
+    cost : float
+        See `EquationErrorResult`.
+    train, held_out : tuple of (ne, m) array
+        Residuals by record [Pa/s, Pa/s, N], of a force-driven axis over the mass [m/s²].
+    used_train, used_held_out : tuple of (ne, m) array of bool
+        Rows that count.
+    converged : bool
+        Whether the fit settled.
+    pace : float
+        Decrease of the cost per iteration where the fit was cut short, else 0.
+    """
+
+    effects: tuple[str, ...]
+    values: Mapping[str, float]
+    std: Mapping[str, float]
+    cost: float
+    train: tuple[FloatArray, ...]
+    held_out: tuple[FloatArray, ...]
+    used_train: tuple[NDArray[np.bool_], ...]
+    used_held_out: tuple[NDArray[np.bool_], ...]
+    converged: bool
+    pace: float = 0.0
+
+
+def values_of(effect: str, values: Mapping[str, float]) -> dict[str, float]:
+    """Return the parameters of one effect among those of a model, by their full names."""
+    return {name: value for name, value in values.items() if name.startswith(f"{effect}.")}
+
+
+def fit_model(
+    study: Study,
+    effects: Sequence[Effect],
+    start: Mapping[str, float] | None = None,
+    shapes: Sequence[Mapping[str, float]] = (),
+    base: float | None = None,
+    max_iterations: int = MAX_ITERATIONS,
+    trials: Sequence[Mapping[str, float]] = (),
+) -> FittedModel:
+    """Fit the nominal axis with some effects to the balances; `refine_model` takes it to its end.
+
+    Parameters
+    ----------
+    start : mapping of str to float, optional
+        Values to begin at; effects that are not named there begin at their starting values.
+    shapes : sequence of mapping, optional
+        Values of shape parameters to begin at, in turn; the best fit counts.
+    base : float, optional
+        Cost of the fit to be improved. Where nothing is gained on it, effects are tried larger
+        too: a back pressure that leaves the valves choked has no influence.
+    max_iterations : int, optional
+        Of every fit. One that is cut short, see `FittedModel.pace`, is not rejected yet.
+    trials : sequence of mapping, optional
+        Further values of the effects; the fit begins where its cost is least.
+    """
+    axis = study.axis.with_effects(*effects).at_starting_values()
+    known = {name: value for name, value in (start or {}).items() if name in axis.parameters}
+    axis = _scanned(study, axis.with_parameters(known), known)
+    if trials:
+        axis = _cheapest(study, axis, [{}, *trials])
+    fitted = min(
+        (
+            _fit_with_recovery(study, axis.with_parameters(s), max_iterations)
+            for s in shapes or ({},)
+        ),
+        key=_cost,
+    )
+    if base is not None and effects and fitted.cost >= base - MIN_GAIN:
+        new = [n for n in axis.parameters.free_names if "." in n and n not in known]
+        fitted = _fit_from_larger_starts(study, axis, new, fitted)
+    if not fitted.pace:  # one cut short may pass through what is not credible
+        require_credible(study, effects, fitted)
+    return fitted
+
+
+def _scanned(study: Study, axis: Axis, known: Mapping[str, float]) -> Axis:
+    """Return the axis at the best of the starts that its effects name; see `Effect.scanned`."""
+    for effect in axis.effects:
+        for short, values in effect.scanned.items():
+            name = f"{effect.name}.{short}"
+            if name not in known:
+                axis = _cheapest(study, axis, [{name: value} for value in values])
+    return axis
+
+
+def _cheapest(study: Study, axis: Axis, changes: Sequence[Mapping[str, float]]) -> Axis:
+    """Return the axis with those of several values that cost least; the first where none costs."""
+    costs = equation_error_costs(
+        axis,
+        [axis.parameters.with_values(values).values for values in changes],
+        study.smoothed[0],
+        study.anchor_with(axis.effects),
+        residual_floor=default_residual_floor(study.axis),
+    )
+    finite = np.where(np.isfinite(costs), costs, np.inf)
+    return axis.with_parameters(changes[int(np.argmin(finite))])
+
+
+def _fit_from_larger_starts(
+    study: Study, axis: Axis, names: Sequence[str], small: FittedModel
+) -> FittedModel:
+    """Return a fit from larger values of some parameters; the small one where none is better."""
+    items = axis.parameters.select(names)
+    for factor in LARGER_STARTS:
+        larger = np.clip(items.values * factor, items.lower, items.upper)
+        start = axis.with_parameters(dict(zip(names, larger.tolist(), strict=True)))
+        again = _fit(study, start, least_gain=MIN_GAIN)
+        if again.cost < small.cost - MIN_GAIN:
+            return again
+    return small
+
+
+def _fit_with_recovery(study: Study, axis: Axis, max_iterations: int) -> FittedModel:
+    """Fit; if a chamber's parameter ends at its bound, fit again from the geometric values.
+
+    The bounds are a factor of 20 from the geometry: a fit that ends there has diverged.
+    """
+    least_gain = MIN_GAIN if axis.effects else None
+    fitted = _fit(study, axis, max_iterations=max_iterations, least_gain=least_gain)
+    items = [item for item in axis.parameters if item.free and item.name.startswith("X_s")]
+    if all(item.lower < fitted.values[item.name] < item.upper for item in items):
+        return fitted
+    geometry = {item.name: item.scale for item in items}
+    elsewhere = axis.with_parameters(geometry)
+    again = _fit(study, elsewhere, max_iterations=max_iterations, least_gain=least_gain)
+    return min(fitted, again, key=_cost)
+
+
+def refine_model(study: Study, fitted: FittedModel, effects: Sequence[Effect]) -> FittedModel:
+    """Return a fit taken to its minimum, with complete derivatives, all effect parameters free.
+
+    Parameters held so far distinguish the forms of an effect; they are estimated once the effect
+    was accepted, and stay held if they gain little. A fit that is
+    not credible is rejected.
+    """
+    axis = study.axis.with_effects(*effects).with_parameters(dict(fitted.values))
+    whole = bool(BalanceFunctions(axis).state_dependent)
+    fitted = _better(study, effects, fitted, _fit(study, axis, whole=whole), 0.0)
+    axis = axis.with_parameters(dict(fitted.values))
+    held = [n for n in axis.parameters.names if "." in n and n not in axis.parameters.free_names]
+    if not held:
+        return fitted
+    released = axis.with_parameters(axis.parameters.release(*held))
+    return _better(study, effects, fitted, _fit(study, released), study.criteria.form_gain)
+
+
+def _better(
+    study: Study,
+    effects: Sequence[Effect],
+    fitted: FittedModel,
+    candidate: FittedModel,
+    gain: float,
+) -> FittedModel:
+    """Return the candidate if it gains enough and is credible, else the fit."""
+    if candidate.cost >= fitted.cost - gain:
+        return fitted
+    try:
+        require_credible(study, effects, candidate)
+    except FitError:
+        return fitted
+    return candidate
+
+
+def require_credible(study: Study, effects: Sequence[Effect], fitted: FittedModel) -> None:
+    """Reject a valve shape that the metered map contradicts, and values out of range.
+
+    Raises
+    ------
+    FitError
+        Naming the parameter and what is known of it.
+    """
+    for effect in effects:
+        for name, (low, high) in effect.credible.items():
+            value = fitted.values[f"{effect.name}.{name}"]
+            if not low <= value <= high:
+                raise FitError(
+                    f"{effect.name}.{name} = {value:.3g} is not credible, by physics it is "
+                    f"{low:g} to {high:g}: another effect acts"
+                )
+    known = study.anchor_with(effects)
+    if known is None or known is study.anchor:
+        return
+    axis = study.axis.with_effects(*effects).with_parameters(dict(fitted.values))
+    deviation = flow_map_deviation(known, axis)
+    if deviation is not None and deviation.rms > study.criteria.map_ratio:
+        raise FitError(
+            f"the metered flow map contradicts it: with the shape that the motion asks for, its "
+            f"residuals are {deviation.rms:.1f} times those of its own fit"
+        )
+
+
+def _cost(fitted: FittedModel) -> float:
+    return fitted.cost
+
+
+def _fit(
+    study: Study,
+    axis: Axis,
+    whole: bool = False,
+    max_iterations: int = MAX_ITERATIONS,
+    least_gain: float | None = None,
+) -> FittedModel:
+    train, held_out = study.smoothed
+    result = fit_equation_error(
+        axis,
+        train,
+        study.anchor_with(axis.effects),
+        residual_floor=default_residual_floor(study.axis),
+        state_derivatives=whole or any(effect.through_states for effect in axis.effects),
+        max_iterations=max_iterations,
+        least_gain=least_gain,
+    )
+    return FittedModel(
+        tuple(effect.name for effect in axis.effects),
+        result.parameters.as_dict(),
+        result.std,
+        result.cost,
+        result.residuals,
+        tuple(result.residuals_of(motion) for motion in held_out),
+        result.used,
+        tuple(motion.used(axis) for motion in held_out),
+        result.converged,
+        result.pace,
+    )
