@@ -16,11 +16,12 @@ from pneumo_casadi.diagnosis.decide.ranking import (
 )
 from pneumo_casadi.diagnosis.decide.result import Diagnosis, Verdict
 from pneumo_casadi.diagnosis.discover.discover import discover_beside
-from pneumo_casadi.diagnosis.discover.term_in_model import fit_with_term
+from pneumo_casadi.diagnosis.discover.term_in_model import Model, fit_with_term
 from pneumo_casadi.diagnosis.locate.evidence import collect_evidence
 from pneumo_casadi.diagnosis.locate.locate import locate
 from pneumo_casadi.diagnosis.locate.unknown_inputs import estimate_unknown_inputs
 from pneumo_casadi.diagnosis.metrics.findings import (
+    Value,
     Where,
     joined_names,
 )
@@ -29,6 +30,7 @@ from pneumo_casadi.diagnosis.metrics.simulated_curves import simulated_curves
 from pneumo_casadi.diagnosis.metrics.simulated_gap import gap_with_term, simulated_gap
 from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA, Criteria
 from pneumo_casadi.diagnosis.prepare.prepare_study import applicable, prepare_study
+from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue
 from pneumo_casadi.diagnosis.select.forms import causes_of
 from pneumo_casadi.diagnosis.select.forward_selection import Selection, select_effects
@@ -158,7 +160,7 @@ def diagnose(
         models = ((selection.nominal, ()), (selection.final, effects))
         discovered = discover_beside(study, models, selection.levels)
         with_term = fit_with_term(study, discovered, models)
-        gap = gap_with_term(selection.simulations, gap, with_term)
+        gap = gap_with_term(selection.simulations, gap, with_term, selection.levels)
     curves = simulated_curves(
         selection.simulations, selection.nominal, final if shown else None, shown, with_term
     )
@@ -181,6 +183,7 @@ def diagnose(
         notes=(*notes, *more, *_failures(selection)),
         nominal=parameter_values(study.axis, selection.nominal),
         fitted=parameter_values(study.axis.with_effects(*shown), final),
+        with_term=_values_with_term(study, with_term),
         seconds=time.perf_counter() - began,
         evidence=collect_evidence(
             study, inputs, selection.nominal, final if shown else None, curves
@@ -189,6 +192,13 @@ def diagnose(
         discovered=discovered,
         findings=tuple(each for each in case.findings if each.grade is Grade.SEVERE),
     )
+
+
+def _values_with_term(study: Study, with_term: Model | None) -> dict[str, Value]:
+    if with_term is None:
+        return {}
+    fitted, effects = with_term
+    return parameter_values(study.axis.with_effects(*effects), fitted)
 
 
 def _hint(where: Where, selection: Selection, decision: Decision) -> str:

@@ -72,7 +72,7 @@ def test_a_fit_that_ran_away_begins_again_from_the_geometry(made_case, monkeypat
             return replace(right, values={**right.values, "X_s5": lost}, cost=right.cost + 1)
         return right
 
-    monkeypatch.setattr("pneumo_casadi.diagnosis.prepare.study._fit", fake)
+    monkeypatch.setattr("pneumo_casadi.diagnosis.prepare.fitted_model._fit", fake)
     assert fit_model(study, ()) is right
     item = study.axis.parameters["X_s5"]
     assert begun == [item.value, item.scale]

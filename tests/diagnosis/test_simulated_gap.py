@@ -15,14 +15,15 @@ def test_a_discovered_term_is_measured_as_an_effect_is(made_case):
     stribeck = (EFFECTS["stribeck"](),)
     nominal, final = fit_model(study, ()), fit_model(study, stribeck)
     done = Simulations(study)
-    gap, _ = simulated_gap(done, nominal, final, stribeck, balance_levels(study))
+    levels = balance_levels(study)
+    gap, _ = simulated_gap(done, nominal, final, stribeck, levels)
     assert gap.before > 2 * gap.after > 0
 
-    same = gap_with_term(done, gap, (nominal, ()))
+    same = gap_with_term(done, gap, (nominal, ()), levels)
     assert same.with_term == pytest.approx(gap.before)
-    closed = gap_with_term(done, gap, (final, stribeck))
+    closed = gap_with_term(done, gap, (final, stribeck), levels)
     assert closed.with_term == pytest.approx(gap.after)
-    for values in closed.views["windows"].values():
-        assert values["with_term"] == pytest.approx(values["after"])
-    assert all("with_term" not in values for values in closed.views["balances"].values())
-    assert gap_with_term(done, gap, None) is gap
+    for outputs in closed.views.values():
+        for values in outputs.values():
+            assert values["with_term"] == pytest.approx(values["after"])
+    assert gap_with_term(done, gap, None, levels) is gap

@@ -14,7 +14,7 @@ from matplotlib.text import Text
 
 from pneumo_casadi.data import Finding, Grade
 from pneumo_casadi.diagnosis import Value, Verdict
-from pneumo_casadi.diagnosis.metrics.findings import Closure, joined_names
+from pneumo_casadi.diagnosis.metrics.findings import Check, Closure, joined_names
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.report.figures.diagnosis.gap import gap_figure
 from pneumo_casadi.report.figures.diagnosis.ranking import ranking_figure
@@ -129,9 +129,9 @@ def test_what_is_left_for_causes_outside_the_catalogue_is_said():
 def test_the_hint_of_an_unknown_cause_and_rival_sensors_are_said():
     changed = replace(made.UNKNOWN, where=replace(made.UNKNOWN.where, rivals=("backlash",)))
     text = summary_text(changed)
-    assert made.UNKNOWN.hint in text and "backlash would give a similar error" in text.replace(
-        "\n ", ""
-    )
+    assert "backlash would give a similar error" in text.replace("\n ", "")
+    without_term = replace(changed, discovered=None)  # a term says more than a hint
+    assert made.UNKNOWN.hint in summary_text(without_term) and made.UNKNOWN.hint not in text
     assert "with stribeck, the best candidate, it is 9.1 %" in " ".join(size_sentences(changed))
 
 
@@ -230,6 +230,10 @@ def test_every_verdict_says_what_to_do_next(diagnosis, words):
     assert "<dt>Next</dt>" in diagnosis_html(diagnosis, [])
 
 
+def test_a_model_that_is_ready_is_not_identified_again():
+    assert next_step(made.EFFECT, ready=True).startswith("use the model in result.json")
+
+
 def test_parameters_without_the_cause_are_not_to_be_quoted():
     page, known = diagnosis_html(made.UNKNOWN, []), diagnosis_html(made.EFFECT, [])
     for words in ("no: the model lacks the cause", "Do not quote them"):
@@ -239,8 +243,11 @@ def test_parameters_without_the_cause_are_not_to_be_quoted():
 
 def test_a_discovered_term_is_told_with_its_sizes():
     text = discovered_fact(made.DISCOVERED)
-    assert "x/period" in text and "amplitude 28.00 ± 0.40 N" in text
-    assert "period 9.6000 ± 0.0020 mm" in text and "closes 94 %" in text
+    assert "x/period" in text and "amplitude 28 N, period 9.6 mm" in text
+    assert "closes 94 %" in text
+    page = diagnosis_html(made.UNKNOWN, []).replace("\xa0", " ")
+    assert "amplitude = 28.00 ± 0.40 N" in page and "period = 9.6000 ± 0.0020 mm" in page
+    assert "again and again, such as the pitch of a belt" in page
 
 
 def test_every_view_and_output_has_its_row():
@@ -282,6 +289,12 @@ def test_an_estimate_at_its_bound_has_no_interval():
     diagnosis = replace(made.NONE, nominal={**made.NONE.nominal, "f_v": stuck})
     rows = dict(fitted_table(diagnosis).rows)
     assert rows["f_v"] == "0 N s/m (at its bound)"
+
+
+def test_an_estimate_outside_its_range_does_not_simply_agree():
+    mass = Check("M", 19.3, 0.3, 21.0, 1.05, "kg", True, "M = 19.3 kg")
+    apart = replace(made.EFFECT, checks=(mass, replace(mass, value=20.5)))
+    assert [row[-1] for row in check_table(apart).rows] == ["within 6σ", "yes"]
 
 
 @pytest.mark.parametrize(

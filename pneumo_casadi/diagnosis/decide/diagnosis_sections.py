@@ -1,5 +1,6 @@
 """The parts of `diagnosis.json`, typed, and the diagnosis that is made of them again."""
 
+import msgspec
 import numpy as np
 
 from pneumo_casadi.diagnosis.decide.finding_sections import (
@@ -112,6 +113,7 @@ class ParametersSection(Section):
 
     nominal: dict[str, ValueSection]
     fitted: dict[str, ValueSection]
+    with_term: dict[str, ValueSection] = msgspec.field(default_factory=dict)
 
 
 class DiagnosisSection(Section):
@@ -158,4 +160,5 @@ class DiagnosisSection(Section):
             flow_selection=None if flow is None else flow.read,
             discovered=None if term is None else term.read,
             findings=tuple(item.read for item in self.findings),
+            with_term=values_of(self.parameters.with_term),
         )

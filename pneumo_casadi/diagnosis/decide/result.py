@@ -1,7 +1,7 @@
 """The result of a diagnosis: verdict, reasons, and closure of the gap."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from enum import Enum
 from typing import Any
 
@@ -99,6 +99,8 @@ class Diagnosis(Presentable):
     findings : tuple of Finding
         Severe findings of the check of the records, such as a sensor that contradicts the others:
         correct these before you look for a cause in the axis.
+    with_term : mapping of str to Value
+        As `nominal`, with the discovered term in the model; empty where there is none.
 
     Examples
     --------
@@ -129,6 +131,7 @@ class Diagnosis(Presentable):
     discovered: DiscoveredTerm | None = None
     findings: tuple[Finding, ...] = ()
     undecided: tuple[EffectFound, ...] = ()
+    with_term: Mapping[str, Value] = field(default_factory=dict)
 
     @property
     def final_effects(self) -> tuple[EffectFound, ...]:
@@ -185,6 +188,7 @@ class Diagnosis(Presentable):
             "parameters": {
                 "nominal": values_dict(self.nominal),
                 "fitted": values_dict(self.fitted),
+                "with_term": values_dict(self.with_term),
             },
             "flow_selection": (
                 None if self.flow_selection is None else self.flow_selection.as_dict()

@@ -206,7 +206,8 @@ class Gap:
         Of this gap.
     views : mapping of str to mapping of str to mapping of str to float
         The same by view (``windows``, ``closed_loop``, ``balances``) and output or balance:
-        ``before``, ``after``, ``noise``; in windows ``with_term`` besides.
+        ``before``, ``after``, ``noise``; ``with_term`` besides where it was
+        simulated.
     with_term : float, optional
         As `after`, with a discovered term in the model; None where there is none to simulate.
     """

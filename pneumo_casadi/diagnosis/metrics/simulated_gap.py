@@ -191,9 +191,12 @@ def simulated_gap(
 
 
 def gap_with_term(
-    done: Simulations, gap: Gap, with_term: tuple[FittedModel, Sequence[Effect]] | None
+    done: Simulations,
+    gap: Gap,
+    with_term: tuple[FittedModel, Sequence[Effect]] | None,
+    levels: BalanceLevels,
 ) -> Gap:
-    """Return a gap to which that of the model with a discovered term is added, over windows.
+    """Return a gap to which that of the model with a discovered term is added, view by view.
 
     Parameters
     ----------
@@ -203,15 +206,30 @@ def gap_with_term(
         The fit with the term, and its effects. Without one, or where it cannot be simulated, the
         gap stays as it is.
     """
-    squares = "no term" if with_term is None else done.windows(*with_term)
-    if isinstance(squares, str) or "windows" not in gap.views:
+    if with_term is None or "windows" not in gap.views:
+        return gap
+    squares = done.windows(*with_term)
+    if isinstance(squares, str):
         return gap
     noise = _noise_percent(done.study)
-    each = _gaps(done.study.axis.outputs, squares, noise)
-    shown = gap.views["windows"]
-    windows = {name: dict(shown[name]) | {"with_term": each[name]} for name in shown}
+    fitted, _ = with_term
+    balances = _balances(done.study, fitted, fitted, levels)
+    sizes = {
+        "windows": _gaps(done.study.axis.outputs, squares, noise),
+        "balances": {name: values["after"] for name, values in balances.items()},
+    }
+    if "closed_loop" in gap.views:
+        loop = done.loop(*with_term)
+        sizes |= {} if isinstance(loop, str) else {"closed_loop": loop}
+    views = {
+        view: {
+            name: dict(values) | ({"with_term": sizes[view][name]} if view in sizes else {})
+            for name, values in outputs.items()
+        }
+        for view, outputs in gap.views.items()
+    }
     overall = _overall_gap(squares, np.array(list(noise.values())))
-    return replace(gap, views={**gap.views, "windows": windows}, with_term=overall)
+    return replace(gap, views=views, with_term=overall)
 
 
 def _signal_stds(study: Study) -> FloatArray:

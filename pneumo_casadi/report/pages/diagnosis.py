@@ -12,6 +12,7 @@ from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.effects.term import write_term
 from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.identification.result_file import result_dict
+from pneumo_casadi.identification.warnings import Usable
 from pneumo_casadi.report.pages import page
 from pneumo_casadi.report.pages.drawing import can_draw
 from pneumo_casadi.report.pages.page import (
@@ -72,7 +73,7 @@ if TYPE_CHECKING:
     from pneumo_casadi.report.pages.identification_figures import Drawn
 
 #: The gap, as the head of a report calls it.
-_ERROR = "Error on held-out data, beyond noise"
+_ERROR = "Error on held-out data, beyond sensor noise"
 #: Grades of verdicts, which give the colour; the words say the same.
 _GRADES = {Verdict.NONE: "good", Verdict.EFFECT: "effect"}
 
@@ -171,7 +172,7 @@ def _legend(diagnosis: Diagnosis) -> Table:
     """Return the meaning of the symbols that the page uses."""
     tables = diagnosis_tables(diagnosis)
     used = " ".join(cell for table in tables for row in table.rows for cell in row[:1])
-    return legend_table(f"{used} x v u p_P q_mP σ WLS")
+    return legend_table(f"{used} x v u p_P q_mP w σ")
 
 
 def _facts(diagnosis: Diagnosis, final: FinalModel | None) -> list[tuple[str, str]]:
@@ -199,11 +200,12 @@ def _facts(diagnosis: Diagnosis, final: FinalModel | None) -> list[tuple[str, st
         term = gap.with_term
         with_term = "" if term is None else f" → {percent(term)} with the discovered term"
         facts.append((_ERROR, percent(gap.before) + with_term))
-    agreeing = sum(check.agrees for check in diagnosis.checks)
-    if diagnosis.checks:
-        facts.append(("Parameter checks", f"{agreeing} of {len(diagnosis.checks)} in range"))
+    agreeing, all_ = sum(check.agrees for check in diagnosis.checks), len(diagnosis.checks)
+    if agreeing < all_ or (all_ and diagnosis.verdict is not Verdict.UNKNOWN):
+        facts.append(("Parameter checks", f"{agreeing} of {all_} agree"))
     facts += final_facts(diagnosis, final)
-    return [*facts, ("Next", next_step(diagnosis))]
+    ready = final is not None and final.usability.usable is not Usable.NO
+    return [*facts, ("Next", next_step(diagnosis, ready))]
 
 
 def write_diagnosis(

@@ -27,6 +27,8 @@ _SVG_HEIGHT = re.compile(rb'\bheight="([\d.]+)pt"')
 _UNIT = re.compile(r"/\([^()]{1,9}\)")
 #: The space between a number and its unit.
 _MEASURE = re.compile(r"(?<=\d) (?=(?:s|ms|m|mm|µm|kg|N|Pa|kPa|bar|V|mV|µV|Hz|K|cm²|cm³|ml|l)\b)")
+#: What is read as one: the end of an interval, a bound, a value after its sign of equality.
+_TOGETHER = re.compile(r"(?<=\d) to (?=[-−\d])|[<>=] (?=[-−\d])")
 #: Code in a sentence.
 _CODE = re.compile("`([^`]+)`")
 #: CSS pixels a point.
@@ -259,7 +261,7 @@ def _unbroken(value: Any) -> Any:
     """Keep numbers with interval and per cent on one line; what is marked up stays as it is."""
     if isinstance(value, str) and not isinstance(value, Markup):
         space = "\N{NO-BREAK SPACE}"
-        value = _MEASURE.sub(space, value)
+        value = _TOGETHER.sub(lambda part: part[0].replace(" ", space), _MEASURE.sub(space, value))
         value = _UNIT.sub(lambda unit: unit[0].replace(" ", space), value)
         return value.replace(" %", f"{space}%").replace(" ± ", f"{space}±{space}")
     return value

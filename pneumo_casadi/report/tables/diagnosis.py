@@ -1,8 +1,9 @@
 """The tables of a diagnosis."""
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
-from pneumo_casadi.diagnosis import Candidate, Diagnosis, Value, Verdict
+from pneumo_casadi.diagnosis import Candidate, Check, Diagnosis, Value, Verdict
 from pneumo_casadi.report.tables.flow_form import flow_form_tables
 from pneumo_casadi.report.tables.quantities import (
     DISPLAY_UNITS,
@@ -44,14 +45,16 @@ WITHOUT_CAUSE = (
 #: What the estimates behind the verdict are for.
 BALANCE_FITS = (
     "Fitted to the balances along the smoothed measured motion, to compare candidates. ± 2σ does "
-    "not include the bias of smoothing, nor that of an incomplete model: use the parameters of the "
-    "final model refined by output error."
+    "not include the bias of smoothing, nor that of an incomplete model."
 )
+TO_USE = "Use the parameters of the final model refined by output error."
 #: Candidates shown at most; the JSON file has them all.
 SHOWN = 12
 #: A candidate that is not named matters from this probability on, or from this share of the gap
 #: that it removes or is predicted to remove [1].
 PROBABLE, REMOVES = 0.01, 0.1
+#: Smallest probability of a cause outside the catalogue that is reported.
+OUTSIDE = 0.1
 
 
 def diagnosis_tables(diagnosis: Diagnosis) -> tuple[Table, ...]:
@@ -188,6 +191,9 @@ def ranking_table(diagnosis: Diagnosis) -> Table:
         )
         for candidate in shown[:SHOWN]
     ]
+    outside = 1 - sum(candidate.probability for candidate in diagnosis.ranking)
+    if rows and outside > OUTSIDE:
+        rows.append(("none of the catalogue", chance(outside), "", "", ""))
     return Table(
         "Candidates",
         ("", "probability", "closes in the balances", "95 % interval", "identifiable"),
@@ -237,19 +243,25 @@ def check_table(diagnosis: Diagnosis) -> Table:
                 unit,
                 quantity(value, held=""),
                 f"{_bound(expected - tolerance)} to {_bound(expected + tolerance)}",
-                "yes" if check.agrees else "NO",
+                _agreement(check),
             )
         )
     return Table(
         "Parameters compared with geometry and data sheet",
-        ("", "unit", "estimate ± 2σ", "expected", "in range"),
+        ("", "unit", "estimate ± 2σ", "expected", "agrees"),
         tuple(rows),
         (
-            "Estimates of the fits that decide the verdict. An estimate may leave the range by six "
-            "of its standard deviations. The range of a dead length, of k_P − k_N and of friction "
-            "is what is physically plausible, and excludes gross errors only.",
+            "Estimates of the fits that decide the verdict. Within 6σ: outside the range by less "
+            "than six of the fit's standard deviations, which are too small. The range of a dead "
+            "length, of k_P − k_N and of friction is what is plausible, and excludes gross errors.",
         ),
     )
+
+
+def _agreement(check: Check) -> str:
+    if abs(check.value - check.expected) <= check.tolerance:
+        return "yes"
+    return "within 6σ" if check.agrees else "NO"
 
 
 def _bound(value: float) -> str:
@@ -258,14 +270,17 @@ def _bound(value: float) -> str:
 
 def fitted_table(diagnosis: Diagnosis) -> Table:
     """Return all parameters without and with the effects found."""
-    names = list(dict.fromkeys([*diagnosis.fitted, *diagnosis.nominal]))
-    both = [(name, diagnosis.nominal.get(name), diagnosis.fitted.get(name)) for name in names]
-    rows = [(with_symbols(name), *map(_cell, (without, with_))) for name, without, with_ in both]
+    models = (diagnosis.nominal, diagnosis.fitted, diagnosis.with_term)
+    names = dict.fromkeys([*diagnosis.fitted, *diagnosis.nominal, *diagnosis.with_term])
+    rows = [(with_symbols(name), *(_cell(model.get(name)) for model in models)) for name in names]
     title = "Estimates of the fits that decide the verdict ± 2σ"
-    notes = (BALANCE_FITS, *((WITHOUT_CAUSE,) if diagnosis.verdict is Verdict.UNKNOWN else ()))
-    if not has_after(diagnosis):
-        return Table(title, ("", "estimate"), tuple(row[:2] for row in rows), notes)
-    return Table(title, ("", "without effects", with_what(diagnosis)), tuple(rows), notes)
+    unknown = diagnosis.verdict is Verdict.UNKNOWN
+    notes = (f"{BALANCE_FITS} {WITHOUT_CAUSE if unknown else TO_USE}",)
+    columns = ("", "without effects", with_what(diagnosis), WITH_TERM)
+    table = Table(title, columns, tuple(rows), notes)
+    absent = [] if has_after(diagnosis) else [columns[2]]
+    table = table.without(*absent, *([] if diagnosis.with_term else [WITH_TERM]))
+    return table if len(table.columns) > 2 else replace(table, columns=("", "estimate"))
 
 
 def _cell(value: Value | None) -> str:

@@ -42,6 +42,7 @@ LEGEND = {
     "p_ext, p_supply": "ambient and supply pressure",
     "q_mP, q_mN": "mass flows into the chambers",
     "S_P, S_N": "piston areas",
+    "w": "unknown input: what must be added to a balance to explain the record",
     "V(0)": "volume of a chamber at x = 0, its tubes and ports included",
     "V_D, l_D": "dead volume: what is left at the end of the stroke; l_D = V_D/S",
     "k_P, k_N": "polytropic coefficients: 1 isothermal, 1.4 adiabatic",

@@ -44,7 +44,7 @@ def quantity(value: Value, held: str = " (not fitted)") -> str:
     '0 N s/m (at its bound)'
     """
     if value.at_bound:
-        return f"{_plain_value(value)} (at its bound)"
+        return f"{short_quantity(value)} (at its bound)"
 
     unit, factor = DISPLAY_UNITS.get(value.unit, (value.unit, 1.0))
     # The larger of value and half width is read: with a common power of ten neither is lost.
@@ -65,10 +65,16 @@ def quantity(value: Value, held: str = " (not fitted)") -> str:
     return f"{text} {unit}".rstrip() + ("" if half else held)
 
 
-def _plain_value(value: Value) -> str:
-    """Return a value without its interval; that at a bound is one-sided."""
+def short_quantity(value: Value) -> str:
+    """Return a value with three digits, without its interval.
+
+    Examples
+    --------
+    >>> short_quantity(Value(9.63013e-3, 3e-7, "m"))
+    '9.63 mm'
+    """
     unit, factor = DISPLAY_UNITS.get(value.unit, (value.unit, 1.0))
-    return f"{value.value * factor:.4g} {unit}".rstrip()
+    return f"{value.value * factor:.3g} {unit}".rstrip()
 
 
 def percent(value: float) -> str:
@@ -109,7 +115,8 @@ def between(closure: Closure) -> str:
     >>> between(Closure(0.996, 0.995, 0.997))
     '99.5 to 99.7 %'
     """
-    if closure.lower > 0.9 and round(100 * closure.lower) == round(100 * closure.upper):
+    ends = whole(closure.lower), whole(closure.upper)
+    if closure.lower > 0.9 and (ends[0] == ends[1] or "." in "".join(ends)):
         return f"{100 * closure.lower:.1f} to {100 * closure.upper:.1f} %"
     return f"{whole(closure.lower).removesuffix(' %')} to {whole(closure.upper)}"
 
@@ -119,9 +126,11 @@ def whole(share: float) -> str:
 
     Examples
     --------
-    >>> whole(-0.001)
-    '0 %'
+    >>> whole(-0.001), whole(0.996)
+    ('0 %', '99.6 %')
     """
+    if 0.995 <= share < 0.9995:  # not all of it
+        return f"{100 * share:.1f} %"
     return f"{round(100 * share)} %"
 
 

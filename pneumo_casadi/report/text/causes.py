@@ -8,7 +8,14 @@ from pneumo_casadi.diagnosis.metrics.location import Location
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.report.tables.diagnosis import BALANCES
-from pneumo_casadi.report.tables.quantities import between, chance, plain, quantity, whole
+from pneumo_casadi.report.tables.quantities import (
+    between,
+    chance,
+    plain,
+    quantity,
+    short_quantity,
+    whole,
+)
 from pneumo_casadi.report.tables.table import with_symbols
 
 Catalogue = Mapping[str, type[Effect]]
@@ -30,6 +37,25 @@ DRIVER_NAMES = {
     "F": "the force of the drive F",
     "t_reversal": "the time since the last reversal",
     "s_reversal": "the travel since the last reversal",
+}
+#: What may act over a driver, where it repeats and where it does not.
+_SUSPECTS = {
+    "x": (
+        "the pitch of a belt, screw or rack, the poles of a motor or magnet, the period of a scale",
+        "a guide or bore that is tight in places, a cable chain or hose, a spring, magnets",
+    ),
+    "v": ("a resonance", "friction of another form, a damper, an eddy current"),
+    "t": ("the mains, a pump or a neighbouring machine", "warming up, a supply that drifts"),
+    "p_P": ("", "seals that press harder with pressure, the linearity of a sensor"),
+    "p_N": ("", "seals that press harder with pressure, the linearity of a sensor"),
+    "p_mean": ("", "seals that press harder with pressure"),
+    "p_difference": ("", "a load on the guides, an elastic frame, a leak across the piston"),
+    "u": ("", "shape or hysteresis of the valve"),
+    "p": ("", "a leak or a restriction at this chamber"),
+    "p_other": ("", "a leak across the piston, crosstalk of the sensors"),
+    "F": ("", "the amplifier or the motor"),
+    "t_reversal": ("", "creep, presliding, play"),
+    "s_reversal": ("", "presliding, play, a belt that stretches"),
 }
 
 
@@ -123,14 +149,26 @@ def discovered_sentences(diagnosis: Diagnosis) -> tuple[str, ...]:
         f"closes {whole(term.closes.value)} of the held-out gap of the balances (95 % interval "
         f"{between(term.closes)}).",
         f"Formula: {term.term.expression} [{term.term.unit}], with {sizes}.",
-        "It is a description, not a cause: look for what acts over "
-        f"{DRIVER_NAMES[term.term.driver]} in this way.",
+        f"It is a description, not a cause: look for what acts over {_suspects(term)}.",
     )
 
 
+def _suspects(term: DiscoveredTerm) -> str:
+    """Return the driver, and what acts over it on axes."""
+    driver = term.term.driver
+    repeats = "period" in term.term.parameters
+    examples = _SUSPECTS[driver][0 if repeats else 1]
+    name = DRIVER_NAMES[driver] + (", again and again" if repeats else "")
+    return name + (f", such as {examples}" if examples else "")
+
+
 def discovered_fact(discovered: DiscoveredTerm) -> str:
-    """Return a discovered term in a few words: formula, sizes, closure."""
-    sizes = ", ".join(f"{name} {quantity(item)}" for name, item in discovered.parameters.items())
+    """Return a discovered term in a few words: formula, sizes without intervals, closure."""
+    sizes = ", ".join(
+        f"{name} {short_quantity(item)}"
+        for name, item in discovered.parameters.items()
+        if name != "phase"
+    )
     closes = f"closes {whole(discovered.closes.value)} of the gap of the balances"
     return f"{discovered.term.expression}; {sizes}; {closes}"
 

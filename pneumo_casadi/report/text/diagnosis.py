@@ -11,6 +11,7 @@ from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.report.tables.diagnosis import (
     BALANCES,
     GAP_DEFINITION,
+    OUTSIDE,
     PROBABLE,
     contains_found,
     diagnosis_tables,
@@ -43,8 +44,6 @@ FINDINGS_TITLE = "Correct the records first"
 WORTH_NAMING = 0.01
 #: No advice to check the sensors first if every effect is more probable than this.
 SURE = 0.85
-#: Smallest probability of a cause outside the catalogue that is reported.
-OUTSIDE = 0.1
 
 
 def headline(diagnosis: Diagnosis) -> str:
@@ -134,7 +133,7 @@ def refused_sentences(diagnosis: Diagnosis) -> tuple[str, ...]:
     alone = [item for item in others if not contains_found(diagnosis, item)]
     closures = [item.closure.value for item in alone if item.closure is not None]
     without = "" if len(alone) == len(others) else " without the effects found"
-    largest = whole(max(0.0, *closures)) if closures else ""
+    largest = whole(max(PROBABLE, *closures)) if closures else ""
     most = f", and none removes more than {largest} of the gap{without}" if closures else ""
     lead = "Further candidates" if shown else "Candidates"
     failed = sum(bool(item.failure) for item in others)
@@ -205,7 +204,7 @@ def alternative_sentences(diagnosis: Diagnosis, catalogue: Catalogue = EFFECTS) 
         parts.append(
             f"The probability that the cause is not in the catalogue is {chance(outside)}."
         )
-    if diagnosis.verdict is Verdict.UNKNOWN and diagnosis.hint:
+    if diagnosis.verdict is Verdict.UNKNOWN and diagnosis.hint and diagnosis.discovered is None:
         parts.append(f"Hint: {without_underscores(diagnosis.hint, catalogue)}.")
     sure = diagnosis.verdict is Verdict.EFFECT and all(
         effect.probability > SURE for effect in diagnosis.effects

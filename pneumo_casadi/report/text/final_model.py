@@ -51,8 +51,11 @@ def final_model(refined: Identification | Mapping[str, Any]) -> FinalModel:
     content = result_dict(refined) if isinstance(refined, Identification) else refined
     usability = Usability(Usable(content["usable"]), content["reason"])
     terms, table = laboratory_tables(content), estimate_table(content).without("WLS")
+    coefficients = tuple(row for row in table.rows if row[0].startswith("X_s"))
     mass = [row[1] for each in terms for row in each.rows if row[0] == "Moving mass M"]
-    tables = (*terms, replace(table, notes=(*table.notes, _INTERVALS)))
+    title = "Coefficients of the mass balances, estimate ± 2σ"
+    own = replace(table, title=title, rows=coefficients, notes=(*table.notes, _INTERVALS))
+    tables = (*terms, own)
     return FinalModel(usability, "".join(mass), tables)
 
 
@@ -64,10 +67,10 @@ def final_title(diagnosis: Diagnosis) -> str:
 def final_facts(diagnosis: Diagnosis, final: FinalModel | None) -> list[tuple[str, str]]:
     """Return whether the parameters can be used, and the moving mass, for the head of a report."""
     if diagnosis.verdict is Verdict.UNKNOWN:
-        return [("Parameters usable", "no: the model lacks the cause")]
+        return [("Parameters usable", "no: the model lacks the cause, do not quote M or friction")]
     if final is None:
         return []
-    mass = [("Moving mass M", final.mass)] if final.mass else []
+    mass = [("Moving mass M, ± 2σ", final.mass)] if final.mass else []
     return [("Parameters usable", final.usability.usable.value), *mass]
 
 

@@ -20,13 +20,15 @@ _RECORDS = {
 _ANY = "record motions in which it varies more"
 
 
-def next_step(diagnosis: Diagnosis) -> str:
+def next_step(diagnosis: Diagnosis, ready: bool = False) -> str:
     """Return what should be done or recorded next, in a few words.
 
     Parameters
     ----------
     diagnosis : Diagnosis
         The diagnosis.
+    ready : bool, optional
+        Whether its final model was refined and can be used.
 
     Examples
     --------
@@ -52,6 +54,8 @@ def next_step(diagnosis: Diagnosis) -> str:
             return "record where the residual is large: see the conditions below"
         driver = diagnosis.discovered.term.driver
         return f"look for what acts over {DRIVER_NAMES[driver]}, and {_RECORDS.get(driver, _ANY)}"
+    if ready:
+        return "use the model in result.json; `design` plans a record that makes it more certain"
     forms = [effect.form for effect in diagnosis.effects]
     if not all(form in EFFECTS for form in forms):
         return "plan a record for the model with it: `pneumo-casadi design`"

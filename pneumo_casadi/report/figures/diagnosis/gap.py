@@ -9,10 +9,7 @@ from matplotlib.figure import Figure
 from pneumo_casadi.diagnosis import Diagnosis
 from pneumo_casadi.report.figures.style import (
     BLACK,
-    BLUE,
-    GREEN,
     HEAD,
-    ORANGE,
     REST,
     ROW,
     SMALL,
@@ -22,11 +19,10 @@ from pneumo_casadi.report.figures.style import (
     new_figure,
     symbol,
 )
+from pneumo_casadi.report.interactive.look import COLOURS
 from pneumo_casadi.report.tables.diagnosis import VIEWS, gap_models
 from pneumo_casadi.report.tables.quantities import percent, plain
 
-#: Colours of the models, by their keys in the views.
-_COLOURS = {"before": ORANGE, "after": BLUE, "with_term": GREEN}
 #: Height of all bars of an output [rows].
 _BARS = 0.76
 
@@ -64,10 +60,11 @@ def draw_gap(
     pitch = _BARS / len(shown)
     noise = [gap["noise"] for gap in outputs.values()]
     largest = max(max(gap[key] for key in (*shown, "noise")) for gap in outputs.values())
+    colours = dict(zip(models, COLOURS[1:], strict=False))  # as in time plots
     for i, (key, label) in enumerate(shown.items()):
         at = y + (i - (len(shown) - 1) / 2) * pitch
         values = [gap[key] for gap in outputs.values()]
-        axes.barh(at, values, min(0.9 * pitch, 0.6), color=_COLOURS[key], label=label, zorder=2)
+        axes.barh(at, values, min(0.9 * pitch, 0.6), color=colours[key], label=label, zorder=2)
         for row, value, mark in zip(at, values, noise, strict=True):
             # Beyond the mark where the number would stand on it.
             end = mark if value <= mark < value + 0.13 * largest else value

@@ -9,14 +9,13 @@ from matplotlib.figure import Figure
 from pneumo_casadi.diagnosis.locate.regime_maps import RegimeMap
 from pneumo_casadi.report.figures.style import (
     BLACK,
-    BLUE,
     HEAD,
-    ORANGE,
     TEXT,
     dress,
     legend_above,
     new_figure,
 )
+from pneumo_casadi.report.interactive.look import COLOURS
 
 #: Quantities on the horizontal axis: symbol, unit, factor from SI.
 _QUANTITIES = {
@@ -53,9 +52,9 @@ def regime_figure(
     with_effects = {regime_map.name: regime_map for regime_map in after}
     flat = panels.ravel()
     for axes, regime_map in zip(flat, before, strict=False):
-        _steps(axes, regime_map, factor, ORANGE, labels[0])
+        _steps(axes, regime_map, factor, COLOURS[1], labels[0])
         if regime_map.name in with_effects:
-            _steps(axes, with_effects[regime_map.name], factor, BLUE, labels[1])
+            _steps(axes, with_effects[regime_map.name], factor, COLOURS[2], labels[1])
         axes.axhline(0, color=BLACK, linewidth=0.5, zorder=1)
         dress(axes, quantity_label(regime_map.name))
     for axes in flat[len(before) :]:

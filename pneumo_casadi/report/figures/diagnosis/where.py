@@ -12,9 +12,9 @@ from pneumo_casadi.report.figures.style import (
     GREY,
     REST,
     ROW,
+    SKY,
     SMALL,
     TEXT,
-    VERMILION,
     dress,
     legend_above,
     new_figure,
@@ -45,7 +45,7 @@ def draw_regimes(axes: Axes, regimes: Sequence[Regime]) -> None:
     """Draw the conditions with a larger share of the residual than of the time."""
     y = np.arange(len(regimes), dtype=float)
     share, time = ([100 * getattr(regime, key) for regime in regimes] for key in ("share", "time"))
-    axes.barh(y + 0.02, share, 0.22, color=VERMILION, label="of the residual", zorder=2)
+    axes.barh(y + 0.02, share, 0.22, color=SKY, label="of the residual", zorder=2)
     axes.barh(y + 0.26, time, 0.22, color=GREY, label="of the time", zorder=2)
     for i, regime in enumerate(regimes):
         # Names are too long to stand beside the bars in a column.
