@@ -50,7 +50,8 @@ def named_alone(result: Mapping[str, Any]) -> str:
     share = result["scores"]["visible"]["right_first"]
     return (
         f"Of {share['of']} hidden effects large enough to be seen in the record, {share['hits']} "
-        "were named, and nothing else with them (`python benchmarks/withheld.py --cases 160`)"
+        "were named, and nothing else with them "
+        f"(`python benchmarks/withheld.py --cases {result['cases']}`)"
     )
 
 

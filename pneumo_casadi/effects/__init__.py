@@ -48,6 +48,9 @@ from pneumo_casadi.effects.valve.valve_dynamics import ValveDynamics as ValveDyn
 from pneumo_casadi.effects.valve.valve_hysteresis import ValveHysteresis as ValveHysteresis
 from pneumo_casadi.effects.valve.valve_mismatch import ValveMismatch as ValveMismatch
 from pneumo_casadi.effects.valve.valve_null_shift import ValveNullShift as ValveNullShift
+from pneumo_casadi.effects.valve.valve_null_shift_warming import (
+    ValveNullShiftWarming as ValveNullShiftWarming,
+)
 from pneumo_casadi.model.effect import Effect
 
 #: All effects, by name. Models and results list effects in this order, that of the files' names

@@ -1,6 +1,7 @@
 """Pressure sensors that lag, or show an offset."""
 
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 from pneumo_casadi.effects.common.regular_lag import lag_rate, lagged
@@ -68,6 +69,8 @@ class PressureSensorBias(Effect):
     separated_by = "vent both chambers: both sensors must show the ambient pressure"
     needs_chambers = True
     one_form = True
+    # Up to a gauge sensor read as absolute; an estimate beyond is another effect's doing.
+    credible = MappingProxyType({f"b_{chamber}": (-1.2e5, 1.2e5) for chamber in "PN"})
     parameters = tuple(
         Parameter(
             f"b_{chamber}",
