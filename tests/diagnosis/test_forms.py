@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from pneumo_casadi.diagnosis import diagnose
 from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA
 from pneumo_casadi.diagnosis.screen.screen import ScreenResult
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger
@@ -66,3 +67,16 @@ def test_a_further_form_that_promises_nothing_is_not_fitted(ledger):
     # The start of an elastic load is scanned: its screen says little.
     assert set(forms_to_fit(ledger, screened())) == usual | {"position_on_elastic_load"}
     assert "hose_volume" in forms_to_fit(ledger, screened(hose_volume=0.3))
+
+
+@pytest.mark.slow
+def test_a_shifted_null_that_settles_is_named_and_its_gap_closes(made_case):
+    """The bench's valves warm: 15 % of the shift come in the first seconds."""
+    names = ("valve_null_shift", "valve_null_shift_warming", "leakage_P", "leakage_N")
+    diagnosis = diagnose(
+        made_case(12, valve_null_shift="large"), {name: EFFECTS[name] for name in names}
+    )
+    (effect,) = diagnosis.effects
+    assert (effect.name, effect.form) == ("valve_null_shift", "valve_null_shift_warming")
+    assert diagnosis.gap.closure.value > 0.97
+    assert effect.parameters["a"].value == pytest.approx(0.15, abs=0.05)

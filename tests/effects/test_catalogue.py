@@ -52,6 +52,7 @@ ORDER = (
     "valve_hysteresis",
     "valve_mismatch",
     "valve_null_shift",
+    "valve_null_shift_warming",
 )
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from pneumo_casadi.effects.valve.valve_null_shift import ValveNullShift
+from pneumo_casadi.effects.common.null_offsets import ABSORBED_BY, CONFUSED_WITH, OFFSETS
 from pneumo_casadi.model.effect import Effect, Scope, State
 from pneumo_casadi.model.junctions import Expression, Pair
 from pneumo_casadi.parameters import Parameter
@@ -14,22 +14,22 @@ class ValveNullShiftWarming(Effect):
 
     name = "valve_null_shift_warming"
     cause = "valve_null_shift"
-    absorbed_by = ValveNullShift.absorbed_by
+    absorbed_by = ABSORBED_BY
     equation = "u −→ u + u_0 (1 − a c), τ ċ = −c, c = 1 at the start of a record"
     source = "zero drift of the spool's amplifier over temperature, data sheets"
     shows = "mass flow balance of a chamber, most at the start of a record"
-    confused_with = ValveNullShift.confused_with
+    confused_with = CONFUSED_WITH
     separated_by = "the same motion with a cold and with a warm valve"
     one_form = True
     parameters = (
-        *ValveNullShift.parameters,
+        *OFFSETS,
         Parameter(
             "a",
             0.0,
             "1",
             lower=-1.0,
             upper=1.0,
-            scale=0.2,
+            scale=0.5,
             null=0.0,
             start=0.1,
             description="share of the offset that is not there at the start of a record",
@@ -41,7 +41,7 @@ class ValveNullShiftWarming(Effect):
             "s",
             lower=0.5,
             upper=200.0,
-            scale=5.0,
+            scale=20.0,
             null=5.0,
             description="time constant of warming",
             source="seconds for a coil, minutes for a housing",
