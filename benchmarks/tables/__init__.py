@@ -11,6 +11,7 @@ from tables.diagnosis import (
     verdicts,
     withheld,
     withheld_effects,
+    withheld_forms,
 )
 from tables.estimation import coverage, emps, emps_output_error, loops, starts, truth, wls_coverage
 from tables.flow import flow_answer, flow_forms, flow_metering
@@ -49,5 +50,6 @@ TABLES: dict[str, tuple[Callable[..., str], *tuple[str, ...]]] = {
     "designs": (designs, "design"),
     "withheld": (withheld, "withheld"),
     "withheld_effects": (withheld_effects, "withheld"),
-    "headlines": (headlines, "table1", "wls_vs_output_error", "withheld", "peers"),
+    "withheld_forms": (withheld_forms, "withheld_forms"),
+    "headlines": (headlines, "table1", "wls_vs_output_error", "withheld_forms", "peers"),
 }

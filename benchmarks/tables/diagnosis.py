@@ -11,6 +11,19 @@ SCOPES = ("all", "visible")
 VIEWS = ("closed_loop", "windows")
 #: Asked of the sealed check, all singles beside the visible ones where both are.
 ASKED = {
+    "right_first": "≥ 90 visible, ≥ 70 all",
+    "set_covers": "≥ 95 visible",
+    "pair_one": "≥ 95",
+    "pair_both": "≥ 65",
+    "false_alarm": "≤ 4",
+    "unknown_caught": "≥ 85",
+    "false_unknown": "≤ 5",
+    "located": "≥ 92 visible",
+}
+
+
+#: Asked of the check in which forms are drawn and half of the cases have weak effects besides.
+ASKED_OF_FORMS = {
     "right_first": "≥ 96 visible, ≥ 80 all",
     "set_covers": "≥ 97 visible",
     "pair_one": "≥ 96",
@@ -67,14 +80,37 @@ def withheld(result: Mapping[str, Any]) -> str:
     def figures(key: str, name: str) -> list[str]:
         return [f"{entry[key][name]:.2f}" for entry in both]
 
-    body.append(["mean number of possible causes named", *figures("set_size", "mean"), "≤ 1.3"])
+    body.append(["mean number of possible causes named", *figures("set_size", "mean"), "≤ 1.5"])
     body.append(
         [
             "gap reduction relative to the true effect, median",
             *figures("shrink_of_oracle", "median"),
-            "≥ 0.95",
+            "≥ 0.9",
         ]
     )
+    error = result["calibration"]["expected_calibration_error"]
+    body.append(["expected calibration error", f"{error:.3f}", "", "≤ 0.08"])
+    for rival, key, text in (
+        ("training_error", "right_first", "alternative, ranking by training error: first"),
+        ("forward_aic", "right_first", "alternative, forward AIC: named, and nothing else"),
+        ("forward_aic", "pair_both", "alternative, forward AIC: both of a pair"),
+        ("forward_aic", "false_alarm", "alternative, forward AIC: false alarms"),
+    ):
+        shares = (result["rivals"][scope][rival][key] for scope in SCOPES)
+        body.append([text, *map(share_text, shares), ""])
+    chance = [result["rivals"][scope]["chance"]["right_first_percent"] for scope in SCOPES]
+    body.append(["alternative, random ranking: first", *(f"{share:.1f}" for share in chance), ""])
+    return rows(["% (95 % interval) count", "all", "visible", "target"], body)
+
+
+def withheld_forms(result: Mapping[str, Any]) -> str:
+    """Return the same of the check with forms drawn, and what was counted among weak effects."""
+    both = [result["scores"][scope] for scope in SCOPES]
+    body = [
+        [text, *(share_text(entry[key]) for entry in both), ASKED_OF_FORMS.get(key, "")]
+        for key, text in SHARES
+        if key not in ("set_covers_given", "failed")
+    ]
     weak = [result["background"][scope] for scope in SCOPES]
     body += [
         [text, *(share_text(entry[key]) for entry in weak), ASKED_AMONG_WEAK.get(key, "")]
@@ -87,16 +123,6 @@ def withheld(result: Mapping[str, Any]) -> str:
     body.append(["causes listed, or none: a term told", false, "", "≤ 3"])
     error = result["calibration"]["expected_calibration_error"]
     body.append(["expected calibration error", f"{error:.3f}", "", "≤ 0.05"])
-    for rival, key, text in (
-        ("training_error", "right_first", "alternative, ranking by training error: first"),
-        ("forward_aic", "right_first", "alternative, forward AIC: named, and nothing else"),
-        ("forward_aic", "pair_both", "alternative, forward AIC: both of a pair"),
-        ("forward_aic", "false_alarm", "alternative, forward AIC: false alarms"),
-    ):
-        shares = (result["rivals"][scope][rival][key] for scope in SCOPES)
-        body.append([text, *map(share_text, shares), ""])
-    chance = [result["rivals"][scope]["chance"]["right_first_percent"] for scope in SCOPES]
-    body.append(["alternative, random ranking: first", *(f"{share:.1f}" for share in chance), ""])
     return rows(["% (95 % interval) count", "all", "visible", "target"], body)
 
 

@@ -69,6 +69,18 @@ def test_real_closed_loops_err_less_than_published():
                 assert ours[record][signal] < theirs[signal]
 
 
+def test_with_forms_drawn_nothing_is_named_where_nothing_is_and_what_is_first_is_right():
+    figures = result("withheld_forms")
+    assert figures["cases"] >= 200 and figures["background"]["cases"] >= 80
+    every, visible = (figures["scores"][key] for key in ("all", "visible"))
+    assert every["false_alarm"]["percent"] <= 3 and every["failed"]["hits"] == 0
+    assert visible["ranked_first"]["percent"] >= 96 and visible["located"]["percent"] >= 95
+    assert every["set_size"]["mean"] <= 1.3 and every["shrink_of_oracle"]["median"] >= 0.95
+    weak = figures["background"]["visible"]
+    assert weak["false_alarm"]["percent"] <= 3 and weak["unknown_caught"]["percent"] >= 92
+    assert figures["discovered"]["closes"]["median"] >= 0.7
+
+
 def test_causes_withheld_are_named_and_nothing_else_is():
     figures = result("withheld")
     every, visible = (figures["scores"][key] for key in ("all", "visible"))
