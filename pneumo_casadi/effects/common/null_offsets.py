@@ -1,10 +1,7 @@
 """What the forms of a shifted null have in common."""
 
-from pneumo_casadi.model.absorption import Absorption
 from pneumo_casadi.parameters import Parameter
 
-#: Which checks fail if the flow map takes the shift up.
-ABSORBED_BY = Absorption(("flow map", "flow scale"))
 #: Effects and parameters with a similar response.
 CONFUSED_WITH = (
     "leakage_P",

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from pneumo_casadi.effects.common.null_offsets import ABSORBED_BY, CONFUSED_WITH, OFFSETS
+from pneumo_casadi.effects.common.null_offsets import CONFUSED_WITH, OFFSETS
 from pneumo_casadi.model.effect import Effect, Scope, State
 from pneumo_casadi.model.junctions import Expression, Pair
 from pneumo_casadi.parameters import Parameter
@@ -14,7 +14,6 @@ class ValveNullShiftWarming(Effect):
 
     name = "valve_null_shift_warming"
     cause = "valve_null_shift"
-    absorbed_by = ABSORBED_BY
     equation = "u −→ u + u_0 (1 − a c), τ ċ = −c, c = 1 at the start of a record"
     source = "zero drift of the spool's amplifier over temperature, data sheets"
     shows = "mass flow balance of a chamber, most at the start of a record"
