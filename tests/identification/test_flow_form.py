@@ -115,6 +115,10 @@ def test_a_map_that_no_form_follows_is_a_warning(quick):
 
 def test_the_report_shows_the_errors_and_the_reason():
     (table,) = flow_form_tables(selection(0.253, 0.1))
-    assert table.rows[0] == ("polynomials (eq. 12), degrees 3, 3, 3", "0.253 ± 0.010", "")
+    assert table.rows[0] == (
+        "polynomials (eq. 12 of the paper), degrees 3, 3, 3",
+        "0.253 ± 0.010",
+        "",
+    )
     assert table.rows[1] == ("ISO 6358", "0.100 ± 0.010", "yes")
     assert "least held-out error" in table.notes[0]
