@@ -1,6 +1,6 @@
 """Tables on the diagnosis, the virtual bench and designed experiments."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from pneumo_casadi.report.tables.sealed_check import AMONG_WEAK, SHARES, share_text
@@ -68,14 +68,21 @@ def effect_coverage(result: Mapping[str, Any]) -> str:
     return rows(["covered, %", "white noise", "coloured noise"], body)
 
 
+def _shares(
+    both: Sequence[Mapping[str, Any]], shares: Iterable[tuple[str, str]], asked: Mapping[str, str]
+) -> list[list[str]]:
+    """Return a row a share: of all cases, of the visible ones, and what is asked."""
+    return [
+        [text, *(share_text(entry[key]) for entry in both), asked.get(key, "")]
+        for key, text in shares
+        if key not in ("set_covers_given", "failed")
+    ]
+
+
 def withheld(result: Mapping[str, Any]) -> str:
     """Return what the sealed check counted, beside what was asked of it."""
     both = [result["scores"][scope] for scope in SCOPES]
-    body = [
-        [text, *(share_text(entry[key]) for entry in both), ASKED.get(key, "")]
-        for key, text in SHARES
-        if key not in ("set_covers_given", "failed")
-    ]
+    body = _shares(both, SHARES, ASKED)
 
     def figures(key: str, name: str) -> list[str]:
         return [f"{entry[key][name]:.2f}" for entry in both]
@@ -105,17 +112,8 @@ def withheld(result: Mapping[str, Any]) -> str:
 
 def withheld_forms(result: Mapping[str, Any]) -> str:
     """Return the same of the check with forms drawn, and what was counted among weak effects."""
-    both = [result["scores"][scope] for scope in SCOPES]
-    body = [
-        [text, *(share_text(entry[key]) for entry in both), ASKED_OF_FORMS.get(key, "")]
-        for key, text in SHARES
-        if key not in ("set_covers_given", "failed")
-    ]
-    weak = [result["background"][scope] for scope in SCOPES]
-    body += [
-        [text, *(share_text(entry[key]) for entry in weak), ASKED_AMONG_WEAK.get(key, "")]
-        for key, text in AMONG_WEAK
-    ]
+    both, weak = ([result[part][scope] for scope in SCOPES] for part in ("scores", "background"))
+    body = _shares(both, SHARES, ASKED_OF_FORMS) + _shares(weak, AMONG_WEAK, ASKED_AMONG_WEAK)
     term = result["discovered"]
     right, false = (share_text(term[key]) for key in ("driver_right", "false_term"))
     body.append(["cause never listed: driver of the term right", right, "", "≥ 85"])

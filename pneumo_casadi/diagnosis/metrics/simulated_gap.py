@@ -213,10 +213,9 @@ def gap_with_term(
         return gap
     noise = _noise_percent(done.study)
     fitted, _ = with_term
-    balances = _balances(done.study, fitted, fitted, levels)
     sizes = {
         "windows": _gaps(done.study.axis.outputs, squares, noise),
-        "balances": {name: values["after"] for name, values in balances.items()},
+        "balances": _balance_gaps(done.study, fitted, levels),
     }
     if "closed_loop" in gap.views:
         loop = done.loop(*with_term)
@@ -259,18 +258,17 @@ def _gaps(
 def _balances(
     study: Study, nominal: FittedModel, final: FittedModel, levels: BalanceLevels
 ) -> View:
-    b, a, n = (
-        100 * part / levels.signal
-        for part in (residual_rms(nominal), residual_rms(final), levels.noise)
-    )
+    b, a = (_balance_gaps(study, fitted, levels) for fitted in (nominal, final))
+    noise = 100 * levels.noise / levels.signal
     return {
-        name: {
-            "before": float(gap(b[i] ** 2, n[i])),
-            "after": float(gap(a[i] ** 2, n[i])),
-            "noise": float(n[i]),
-        }
+        name: {"before": b[name], "after": a[name], "noise": float(noise[i])}
         for i, name in enumerate(study.axis.equations)
     }
+
+
+def _balance_gaps(study: Study, fitted: FittedModel, levels: BalanceLevels) -> dict[str, float]:
+    size, noise = (100 * part / levels.signal for part in (residual_rms(fitted), levels.noise))
+    return {name: float(gap(size[i] ** 2, noise[i])) for i, name in enumerate(study.axis.equations)}
 
 
 def _overall_gap(squares: FloatArray, floor: FloatArray) -> float:

@@ -22,6 +22,12 @@ PAPER = (
     'servosystem" (IFAC 2005), on the bench of its authors.'
 )
 
+#: What the intervals of estimates include.
+INTERVALS = (
+    "2σ includes the correlation of the residuals, the noise of a metered flow map and, in output "
+    "error, the biases of the smoothed friction and of the form of the map. It does not include "
+    "the bias of an incomplete model."
+)
 #: Estimates that may be compared with the truth.
 TRUSTED = (EstimateStatus.ESTIMATED, EstimateStatus.HELD)
 
@@ -57,9 +63,7 @@ def parameter_table(identification: Identification, paper: bool = False) -> Tabl
         tuple(columns),
         tuple(rows),
         (
-            "2σ includes the correlation of the residuals, the noise of a metered flow map and, in "
-            "output error, the biases of the smoothed friction and of the form of the map. It does "
-            "not include the bias of an incomplete model.",
+            INTERVALS,
             *scale_notes(identification),
             *((PAPER,) if paper else ()),
         ),

@@ -45,7 +45,6 @@ def quantity(value: Value, held: str = " (not fitted)") -> str:
     """
     if value.at_bound:
         return f"{short_quantity(value)} (at its bound)"
-
     unit, factor = DISPLAY_UNITS.get(value.unit, (value.unit, 1.0))
     # The larger of value and half width is read: with a common power of ten neither is lost.
     largest = max(abs(value.value), 2 * value.std if math.isfinite(value.std) else 0.0)

@@ -9,16 +9,13 @@ from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.identification.result_file import result_dict
 from pneumo_casadi.identification.warnings import Usability, Usable
 from pneumo_casadi.report.tables.laboratory import estimate_table, laboratory_tables
+from pneumo_casadi.report.tables.parameters import INTERVALS
 from pneumo_casadi.report.tables.table import Table
 
 #: Title of the section.
 TITLE = "Parameters to use: final model refined by output error"
 #: The same where the cause is unknown.
 TITLE_WITHOUT_CAUSE = "Final model refined by output error: not to be used"
-_INTERVALS = (
-    "2σ includes the correlation of the residuals, the noise of a metered flow map and the biases "
-    "of the smoothed friction and of the form of the map."
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +51,7 @@ def final_model(refined: Identification | Mapping[str, Any]) -> FinalModel:
     coefficients = tuple(row for row in table.rows if row[0].startswith("X_s"))
     mass = [row[1] for each in terms for row in each.rows if row[0] == "Moving mass M"]
     title = "Coefficients of the mass balances, estimate ± 2σ"
-    own = replace(table, title=title, rows=coefficients, notes=(*table.notes, _INTERVALS))
+    own = replace(table, title=title, rows=coefficients, notes=(*table.notes, INTERVALS))
     tables = (*terms, own)
     return FinalModel(usability, "".join(mass), tables)
 

@@ -6,11 +6,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from pneumo_casadi.diagnosis import Diagnosis
-from pneumo_casadi.report.figures.diagnosis.gap import draw_gap
+from pneumo_casadi.report.figures.diagnosis.gap import draw_gap, gap_legend
 from pneumo_casadi.report.figures.diagnosis.ranking import draw_ranking
 from pneumo_casadi.report.figures.diagnosis.unknown_inputs import draw_unknown_input
 from pneumo_casadi.report.figures.diagnosis.where import draw_regimes, draw_shares
-from pneumo_casadi.report.figures.style import HEAD, PAGE, SMALL, TEXT, legend_above, new_figure
+from pneumo_casadi.report.figures.style import HEAD, PAGE, SMALL, TEXT, new_figure
 from pneumo_casadi.report.tables.diagnosis import VIEWS, gap_models
 from pneumo_casadi.report.tables.quantities import plain
 from pneumo_casadi.report.text.diagnosis import headline
@@ -36,7 +36,7 @@ def dashboard_figure(diagnosis: Diagnosis) -> Figure:
     view = next(name for name in (*VIEWS, *diagnosis.gap.views) if name in diagnosis.gap.views)
     models = gap_models(diagnosis)
     draw_gap(gap, view, diagnosis.gap.views[view], models)
-    legend_above(gap, 2 if len(models) > 2 else 3)
+    gap_legend(gap, models)
     left = figure.add_subplot(grid[0, 1])
     right = figure.add_subplot(grid[0, 2], sharey=left)
     right.tick_params(labelleft=False)

@@ -38,7 +38,7 @@ def gap_figure(diagnosis: Diagnosis) -> Figure:
     panels = figure.subplots(len(views), 1, squeeze=False, height_ratios=counts)[:, 0]
     for axes, view in zip(panels, views, strict=True):
         draw_gap(axes, view, diagnosis.gap.views[view], models)
-    legend_above(panels[0], 2 if len(models) > 2 else 3)
+    gap_legend(panels[0], models)
     return figure
 
 
@@ -80,6 +80,11 @@ def draw_gap(
     axes.set_xlim(0, 1.14 * largest if largest > 0 else 1.0)
     axes.grid(False, axis="y")
     axes.tick_params(axis="y", length=0)
+
+
+def gap_legend(axes: Axes, models: Mapping[str, str]) -> None:
+    """Put the names of the models and of the noise above a view, in as many columns as fit."""
+    legend_above(axes, 2 if len(models) > 2 else 3)
 
 
 def gap_labels(diagnosis: Diagnosis) -> list[str]:
