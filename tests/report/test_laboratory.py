@@ -4,6 +4,7 @@ import pytest
 
 from pneumo_casadi.identification.result_file import result_dict
 from pneumo_casadi.report.tables.laboratory import LEGEND, laboratory_tables, legend_table
+from pneumo_casadi.report.tables.table import Table
 
 
 @pytest.fixture(scope="module")
@@ -46,3 +47,8 @@ def test_a_held_parameter_says_so(quick):
 def test_the_legend_explains_what_is_used():
     assert [row[0] for row in legend_table("M and X_s1").rows[-2:]] == ["X_s1, X_s4", "M"]
     assert all(meaning for meaning in LEGEND.values())
+
+
+def test_the_legend_reads_headings_and_first_cells_of_tables():
+    table = Table("", ("", "p_P [kPa]"), (("Piston area S", "M"),))
+    assert [row[0] for row in legend_table("x", table).rows] == ["x, v", "p_P, p_N", "S, S_P, S_N"]

@@ -171,8 +171,7 @@ def _sections(
 def _legend(diagnosis: Diagnosis) -> Table:
     """Return the meaning of the symbols that the page uses."""
     tables = diagnosis_tables(diagnosis)
-    used = " ".join(cell for table in tables for row in table.rows for cell in row[:1])
-    return legend_table(f"{used} x v u p_P q_mP w σ")
+    return legend_table("x v u p_P q_mP w σ", *tables)
 
 
 def _facts(diagnosis: Diagnosis, final: FinalModel | None) -> list[tuple[str, str]]:

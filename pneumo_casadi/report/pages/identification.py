@@ -51,7 +51,6 @@ def html_report(
     tables = all_tables(identification, paper)
     answer = [*laboratory_tables(content), tables[0]]
     texts = ("Filters\n\n" + identification.wls.plan.describe(),)
-    used = " ".join(row[0] for table in (*answer, *tables) for row in table.rows) + " φ b σ WLS Y u"
     sections = [
         Section("answer", "Parameters", (next_record(content),), tables=answer),
         Section("warnings", "Before you use these numbers", warning_sentences(content)),
@@ -62,7 +61,7 @@ def html_report(
             tables=(wls_table(identification.wls), stage_table(identification.output_error)),
             texts=texts,
         ),
-        Section("symbols", "Symbols", tables=(legend_table(used),)),
+        Section("symbols", "Symbols", tables=(legend_table("φ b σ WLS Y u", *answer, *tables),)),
         Section("provenance", "Provenance", provenance=content["provenance"]),
     ]  # fmt: skip
     title = f"Identification of {identification.case.name}"

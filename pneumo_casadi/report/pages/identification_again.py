@@ -30,12 +30,11 @@ def identification_again(content: dict[str, Any], curves: tuple[Curves, ...]) ->
     plots, left = plots_of(curves, time_pictures(curves, CAPTION))
     answer = (*laboratory_tables(content), estimate_table(content))
     errors = () if content["validation"] is None else (validation_table(validation_of(content)),)
-    used = " ".join(row[0] for table in answer for row in table.rows) + " σ WLS u"
     sections = [
         Section("answer", "Parameters", (next_record(content),), tables=answer),
         Section("warnings", "Before you use these numbers", warning_sentences(content)),
         Section("trust", "Why to trust it", pictures=left, tables=errors, plots=plots),
-        Section("symbols", "Symbols", tables=(legend_table(used),)),
+        Section("symbols", "Symbols", tables=(legend_table("σ WLS u", *answer, *errors),)),
         Section("provenance", "Provenance", provenance=content["provenance"]),
     ]
     return html_page(f"Identification of {content['case']}", usability_verdict(content), sections)

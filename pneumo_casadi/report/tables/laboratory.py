@@ -41,7 +41,7 @@ LEGEND = {
     "p_P, p_N": "absolute pressures of the chambers",
     "p_ext, p_supply": "ambient and supply pressure",
     "q_mP, q_mN": "mass flows into the chambers",
-    "S_P, S_N": "piston areas",
+    "S, S_P, S_N": "piston areas",
     "w": "unknown input: what must be added to a balance to explain the record",
     "V(0)": "volume of a chamber at x = 0, its tubes and ports included",
     "V_D, l_D": "dead volume: what is left at the end of the stroke; l_D = V_D/S",
@@ -79,14 +79,18 @@ def laboratory_tables(content: Mapping[str, Any]) -> tuple[Table, ...]:
     return tuple(table for table in tables if table.rows)
 
 
-def legend_table(used: str) -> Table:
+def legend_table(used: str, *tables: Table) -> Table:
     """Return the legend of the symbols.
 
     Parameters
     ----------
     used : str
-        Text of a report; symbols that it does not hold are left out.
+        Text of a report; symbols that neither it nor the tables hold are left out.
+    *tables : Table
+        Tables of the report, of which headings and first cells count.
     """
+    heads = (cell for table in tables for cell in (*table.columns, *(row[0] for row in table.rows)))
+    used = " ".join((used, *heads))
     rows = [
         (symbols, meaning)
         for symbols, meaning in LEGEND.items()
