@@ -32,6 +32,7 @@ from pneumo_casadi.diagnosis.select.hidden_motion import (
 )
 from pneumo_casadi.diagnosis.select.plausibility import find_plausible_extension, is_implausible
 from pneumo_casadi.diagnosis.select.rivals import fit_rivals
+from pneumo_casadi.diagnosis.select.split import split_effects
 from pneumo_casadi.runtime.progress import Progress, no_progress
 
 #: Largest number of effects in a model: four to six weak ones act on a real axis.
@@ -202,6 +203,9 @@ def _forward(
         if round_ and motion_is_hidden(ledger.effects(best), ledger.fits[best]):
             break  # where the motion is hidden, the balances are not reliable
         current = ledger.fits[best]
+    if path and not motion_is_hidden(ledger.effects(path[-1]), ledger.fits[path[-1]]):
+        path[-1] = split_effects(ledger, path[-1], MAX_EFFECTS)
+        ledger.refine(path[-1])
     report("comparing simulations", 0.85)
     taken = extend_by_simulation(ledger, nominal, tuple(path), MAX_EFFECTS)
     if taken and taken[-1] not in ledger.gap_left:
