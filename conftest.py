@@ -89,6 +89,12 @@ def quick(once_a_run):
     return once_a_run("quick", make)
 
 
+@pytest.fixture
+def without_figures(monkeypatch):
+    """Write reports as where matplotlib is not installed: drawing takes longer than most fits."""
+    monkeypatch.setattr("pneumo_casadi.report.pages.drawing.find_spec", lambda name: None)
+
+
 @pytest.fixture(scope="session")
 def quick_diagnosis(once_a_run):
     """Return a diagnosis of a few seconds of record with two effects."""

@@ -1,8 +1,8 @@
 """Build the documentation site: ``python docs/build.py`` (extra ``docs``).
 
-The site is written to ``report/docs``; warnings are errors. Notebooks are executed once and their
-outputs kept in ``report/docs-cache`` until a notebook changes; ``--no-execute`` shows them without
-outputs.
+The site is written to ``report/docs``; warnings are errors, and so is what `site_checks` misses.
+Notebooks are executed once and their outputs kept in ``report/docs-cache`` until a notebook changes;
+``--no-execute`` shows them without outputs.
 """
 
 import argparse
@@ -14,6 +14,7 @@ from importlib import import_module
 from importlib.resources import files
 from pathlib import Path
 
+from site_checks import faults
 from sphinx.cmd.build import build_main
 from typer.cli import get_docs_for_click
 from typer.main import get_command
@@ -88,7 +89,7 @@ def build(output: Path, execute: bool) -> int:
     Returns
     -------
     int
-        0 if there was neither an error nor a warning.
+        0 if there was neither an error nor a warning, and nothing is missing.
 
     Raises
     ------
@@ -107,6 +108,10 @@ def build(output: Path, execute: bool) -> int:
         else:
             options += ["-D", "nb_execution_mode=off"]
         status = build_main([*options, str(source), str(site)])
+        if status == 0:
+            missing = list(faults(site))
+            sys.stderr.write("".join(f"{line}\n" for line in missing))
+            status = min(len(missing), 1)
         if status == 0:
             shutil.rmtree(output, ignore_errors=True)
             shutil.copytree(site, output, ignore=shutil.ignore_patterns(".doctrees", "*.ipynb"))

@@ -230,9 +230,8 @@ def test_a_scattered_flow_map_is_drawn_too(quick):
 
 
 def test_without_matplotlib_a_report_has_its_tables_and_names_the_extra(
-    quick, tmp_path, monkeypatch, caplog
+    quick, tmp_path, without_figures, caplog
 ):
-    monkeypatch.setattr("pneumo_casadi.report.pages.drawing.find_spec", lambda name: None)
     folder = write_identification(quick, tmp_path / "report")
     assert list((folder / "figures").iterdir()) == []
     page = (folder / "report.html").read_text("utf-8")

@@ -1,0 +1,57 @@
+"""What a built site must hold: no request to another host, every public name, every command."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pneumo_casadi
+from pneumo_casadi.cli.app import app
+
+#: What a page loads by itself; a link that a reader follows is not among it.
+LOADED = re.compile(
+    r"""<(?:script|img|iframe|source)\b[^>]*\bsrc=["']?(?:https?:)?//"""
+    r"""|<link\b(?![^>]*rel=["']?(?:canonical|license))[^>]*\bhref=["']?(?:https?:)?//"""
+    r"""|(?:url\(|@import)\s*["']?(?:https?:)?//""",
+)
+#: Public names that are no object with a page of its own.
+NO_PAGE = ("__version__", "plot", "EFFECTS")
+#: A page with many formulas.
+FORMULAS = "explanation/model.html"
+
+
+def faults(site: Path) -> Iterator[str]:
+    """Say what a site lacks, a line each.
+
+    Parameters
+    ----------
+    site : Path
+        Folder of the site.
+
+    Yields
+    ------
+    str
+        File or name, and what is wrong with it.
+    """
+    for path in sorted(site.rglob("*")):
+        if path.suffix in (".html", ".css") and LOADED.search(path.read_text("utf-8")):
+            yield f"{path.relative_to(site)}: asks another host"
+    pages = "".join(path.read_text("utf-8") for path in (site / "reference").glob("*.html"))
+    for name in sorted(set(pneumo_casadi.__all__).difference(NO_PAGE)):
+        if not re.search(rf'id="pneumo_casadi\.[\w.]*{name}"', pages):
+            yield f"{name}: is public and on no page of the reference"
+    commands = (site / "reference" / "command_line.html").read_text("utf-8")
+    for command in app.registered_commands:
+        name = command.name or getattr(command.callback, "__name__", "").replace("_", "-")
+        if not re.search(rf"pneumo-casadi {name}(?![\w-])", commands):
+            yield f"{name}: is a command without help on the site"
+    yield from _faults_of_formulas(site / FORMULAS)
+
+
+def _faults_of_formulas(path: Path) -> Iterator[str]:
+    """Say whether the formulas of a page would not be drawn."""
+    page = path.read_text("utf-8")
+    if page.count('class="math notranslate nohighlight"') < 10:
+        yield f"{path.name}: its formulas are missing"
+    script = re.search(r'src="([^"]*tex-svg.js[^"]*)"', page)
+    if script is None or not (path.parent / script[1].split("?")[0]).is_file():
+        yield f"{path.name}: the script that draws formulas is not on the site"
