@@ -200,7 +200,9 @@ def compared(quick):
     return pc.compare(quick, quick)
 
 
-def test_a_comparison_is_read_back_and_its_report_written_again(compared, tmp_path):
+def test_a_comparison_is_read_back_and_its_report_written_again(
+    compared, without_figures, tmp_path
+):
     held = {"M": (Estimate(16.9, math.inf, "kg"), None)}
     odd = replace(compared, estimates=dict(compared.estimates) | held)
     folder = write_comparison(odd, tmp_path / "comparison")
@@ -227,7 +229,7 @@ def test_a_comparison_that_was_changed_is_refused_with_the_field(compared, tmp_p
         read_comparison(tmp_path)
 
 
-def test_a_validation_has_a_report_that_is_written_again(quick, tmp_path):
+def test_a_validation_has_a_report_that_is_written_again(quick, without_figures, tmp_path):
     folder = write_validation(quick.validation, tmp_path / "validation")
     first = (folder / "report.html").read_text("utf-8")
     sentence = simulation_sentence(quick.validation)
