@@ -29,6 +29,11 @@ OTHER_VALVE = {
 }
 
 
+#: Seconds of a record; the long one moves little at first.
+SECONDS = {"example": 6.0, "p13_none_5kHz_60s": 10.0}
+OTHERS = 5.0
+
+
 @pytest.fixture(scope="module")
 def folders(data_folder):
     practice = {path.name: path for path in (data_folder / "practice").iterdir() if path.is_dir()}
@@ -37,13 +42,14 @@ def folders(data_folder):
 
 @pytest.fixture(scope="module")
 def subject(folders):
-    """Return a function that reads a case once, its first ten seconds."""
+    """Return a function that reads a case once, the first seconds of its records."""
     known = {}
 
     def read(name):
         if name not in known:
             case = read_case(folders[name], check=False)
-            records = [record.window(record.t[0], record.t[0] + 10) for record in case.identify]
+            seconds = SECONDS.get(name, OTHERS)
+            records = [r.window(r.t[0], r.t[0] + seconds) for r in case.identify]
             known[name] = replace(case, identify=tuple(records), validate=())
         return known[name]
 
