@@ -187,10 +187,12 @@ def test_the_end_of_a_foreign_pool_is_told_and_loses_nothing(tmp_path, fakes):
 
 @contextmanager
 def cluster():
-    """Two Dask workers in processes of their own."""
+    """Two Dask workers in processes of their own; two that die are too many for a case."""
+    import dask
     from distributed import Client, LocalCluster
 
     with (
+        dask.config.set({"distributed.scheduler.allowed-failures": 1}),
         LocalCluster(
             n_workers=2,
             threads_per_worker=1,
