@@ -13,9 +13,9 @@ from pneumo_casadi.virtual_bench import make_case
 
 @pytest.fixture(scope="module")
 def case(tmp_path_factory):
-    """Three seconds of an axis of the virtual bench."""
+    """Two seconds of an axis of the virtual bench."""
     folder = tmp_path_factory.mktemp("design") / "case"
-    make_case(folder, 1, fs=500.0, duration=3.0)
+    make_case(folder, 1, fs=500.0, duration=2.0)
     return folder
 
 
