@@ -22,7 +22,7 @@ def case(tmp_path_factory):
 
     laboratory = Laboratory(controller=NoController(), reference=False)
     folder = tmp_path_factory.mktemp("manual") / "case"
-    return make_case(folder, 1, duration=3.0, laboratory=laboratory)
+    return make_case(folder, 1, duration=2.0, laboratory=laboratory)
 
 
 @pytest.mark.slow
