@@ -126,7 +126,7 @@ def test_validate_takes_a_folder_and_refuses_what_is_far_off(quick, short_case, 
     assert capsys.readouterr().out.startswith("Do not use: On held-out records the simulation")
 
 
-def test_compare_prints_what_moved_and_writes_json(quick, tmp_path, capsys):
+def test_compare_prints_what_moved_and_writes_json(quick, tmp_path, capsys, without_figures):
     content = result_dict(quick)
     write_json(content, tmp_path / "before" / "result.json")
     content["output_error"]["parameters"]["M"]["value"] *= 1.1

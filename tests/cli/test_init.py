@@ -72,7 +72,7 @@ def test_init_guesses_channels_and_units_and_the_check_asks_for_gauge(example, t
 
 
 def test_a_mat_file_with_a_struct_and_a_load_make_a_case(example, tmp_path):
-    table = pd.read_csv(example / "identify.csv")
+    table = pd.read_csv(example / "identify.csv", nrows=5000)
     log = tmp_path / "run.mat"
     scipy.io.savemat(log, {"log": {name: table[name].to_numpy() for name in table}})
     run = ["init", str(log), "--output", str(tmp_path / "axis"), "--ambient", "1", "--gauge"]
@@ -81,8 +81,8 @@ def test_a_mat_file_with_a_struct_and_a_load_make_a_case(example, tmp_path):
     assert columns["x_m"] == {"column": "log.pos", "unit": "mm", "offset": -0.25}
     case = read_case(tmp_path / "axis", check=False)
     assert (case.bench.load.angle_deg, case.bench.load.force) == (90.0, 20.0)
-    theirs = read_case(example).identify[0]
-    np.testing.assert_allclose(case.identify[0]["p_P"], theirs["p_P"], atol=1e-3)
+    theirs = read_case(example).identify[0]["p_P"][: len(table)]
+    np.testing.assert_allclose(case.identify[0]["p_P"], theirs, atol=1e-3)
 
 
 def test_gauge_can_be_said_at_once(example, tmp_path):
