@@ -93,8 +93,8 @@ def test_a_large_cause_shows_and_an_oracle_removes_more_than_another_effect(tmp_
     few = {name: EFFECTS[name] for name in ("stribeck", "quadratic_drag", "drive_lag")}
     monkeypatch.setattr(measure, "EFFECTS", few)
     draw = Draw("w001", Kind.SINGLE, 5, {"stribeck": "large"})
-    case = make(draw, tmp_path / "case", duration=4.0, fs=500.0).folder
-    measure_one(tmp_path, case, draw, ["quadratic_drag"], duration=4.0, fs=500.0)
+    case = make(draw, tmp_path / "case", duration=3.0, fs=500.0).folder
+    measure_one(tmp_path, case, draw, ["quadratic_drag"], duration=3.0, fs=500.0)
     content = json.loads((tmp_path / "w001.json").read_text())
     assert content["visible"]
     assert content["rms"]["force"] > 3 * content["twin_rms"]["force"]
