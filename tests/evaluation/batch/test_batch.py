@@ -230,7 +230,7 @@ def test_a_killed_dask_worker_changes_no_result(tmp_path, fakes):
 @pytest.mark.slow
 def test_a_real_case_is_diagnosed_and_one_too_short_says_so(tmp_path, fakes):
     testbed = pytest.importorskip("pneumo_casadi.virtual_bench", exc_type=ImportError)
-    for name, duration in (("good", 4.0), ("short", 0.5)):
+    for name, duration in (("good", 3.0), ("short", 0.5)):
         folder = tmp_path / "data" / name
         testbed.make_case(folder, 0, {"spring_load": "large"}, fs=500.0, duration=duration)
     good, short = diagnose_many(
