@@ -30,6 +30,17 @@ VIEWS = {
     "closed_loop": "closed loop",
     "balances": "residuals of the balances",
 }
+#: What a view means that its name does not say.
+MEANINGS = {
+    "closed_loop": (
+        "Closed loop: from its first state to the end of the record the model follows the "
+        "reference, under the controller of bench.json."
+    ),
+    "balances": (
+        "Residuals of the balances: left minus right side of the balances of mass flow and "
+        "force, along the measured motion."
+    ),
+}
 #: The gap, defined where it first appears in a report.
 GAP_DEFINITION = (
     "Gap: error of the simulation on held-out data beyond the sensor noise, in per cent of the "
@@ -84,10 +95,7 @@ def gap_table(diagnosis: Diagnosis) -> Table:
         "Gap on held-out data",
         ("", *models.values(), "reduction", "sensor noise"),
         tuple(rows),
-        (
-            "Residuals of the balances: left minus right side of the balances of mass flow and "
-            "force, along the measured motion.",
-        ),
+        tuple(text for view, text in MEANINGS.items() if diagnosis.gap.views.get(view)),
     )
     return table if len(models) > 1 else table.without("reduction")
 
