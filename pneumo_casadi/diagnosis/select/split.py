@@ -15,9 +15,10 @@ PAIRED = 3
 def split_effects(ledger: FitLedger, final: Names, most: int) -> Names:
     """Return the final model, an effect replaced by two where these explain the records better.
 
-    The search takes the effect that gains most, and then finds nothing left for the two of which it
-    stands in place. Only effects of which one form is known are replaced, and by those with which
-    they are confused: of others a foreign form leaves residuals that any pair would lower.
+    The search takes the effect that gains most; if that stands for two others, neither has anything
+    left to gain. Replaced are effects of which one form is known, by pairs of those they are
+    confused with. Effects with further forms stay: what an unknown form leaves, any pair would
+    lower.
 
     Parameters
     ----------
