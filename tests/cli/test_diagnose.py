@@ -49,9 +49,7 @@ def given(monkeypatch):
 
 
 @pytest.mark.slow
-def test_a_case_folder_is_diagnosed_and_the_fits_are_kept(
-    made_case, tmp_path, capsys, without_figures
-):
+def test_a_case_folder_is_diagnosed_and_the_fits_are_kept(made_case, tmp_path, capsys):
     case = made_case(5, 3.0, spring_load="medium").folder
     others = [name for name in EFFECTS if name not in ("spring_load", "stribeck")]
     leave_out = [word for name in others for word in ("--without", name)]
