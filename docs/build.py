@@ -1,6 +1,6 @@
 """Build the documentation site: ``python docs/build.py`` (extra ``docs``).
 
-The site is written to ``report/docs``; warnings are errors, and so is what `site_checks` misses.
+The site is written to ``report/docs``; warnings are errors, and so is every fault of `site_checks`.
 Notebooks are executed once, their outputs kept in ``report/docs-cache`` until a notebook changes;
 ``--no-execute`` shows them without outputs.
 """

@@ -158,8 +158,9 @@ class Effect:
         Constants of the bench that the effect reads, such as ``"stroke"``; it cannot be added to an
         axis whose bench does not state them.
 
-    `equation`, `source`, `shows`, `confused_with`, `separated_by` and `passive` are for reports and
-    documentation; an effect of your own does not need them.
+    `equation`, `source`, `shows`, `separated_by` and `passive` are for reports and documentation;
+    an effect of your own does not need them. By `confused_with` a diagnosis also finds what to try
+    in the place of an effect.
 
     Examples
     --------

@@ -17,6 +17,7 @@ from pneumo_casadi.diagnosis.prepare.fitted_model import (
     fit_model,
     refine_model,
     require_credible,
+    values_of,
 )
 from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.diagnosis.screen.screen import (
@@ -50,6 +51,11 @@ class Start:
     shapes: Sequence[Mapping[str, float]] = ()
     base: float | None = None
     trials: Sequence[Mapping[str, float]] = ()
+
+
+def start_with(base: FittedModel, name: str, fitted: FittedModel) -> Start:
+    """Return the start of a model with an effect more: where the two fits have ended."""
+    return Start({**base.values, **values_of(name, fitted.values)})
 
 
 @dataclass(frozen=True, slots=True)

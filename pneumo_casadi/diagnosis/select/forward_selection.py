@@ -22,7 +22,14 @@ from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.diagnosis.screen.screen import ScreenResult, background
 from pneumo_casadi.diagnosis.select.acceptance import accepted, can_matter
 from pneumo_casadi.diagnosis.select.contributions import contributions
-from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue, Failed, FitLedger, Names, Start
+from pneumo_casadi.diagnosis.select.fit_ledger import (
+    Catalogue,
+    Failed,
+    FitLedger,
+    Names,
+    Start,
+    start_with,
+)
 from pneumo_casadi.diagnosis.select.forms import forms_to_fit, keep_best_forms
 from pneumo_casadi.diagnosis.select.hidden_motion import (
     closes_in_simulation,
@@ -313,9 +320,7 @@ def _fit_pairs(ledger: FitLedger) -> None:
     starts: dict[Names, Start] = {}
     for first, second in combinations(ledger.alone[:PAIRED], 2):
         better, added = (ledger.fits[name,] for name in (first, second))
-        starts[ledger.key((first, second))] = Start(
-            {**better.values, **values_of(second, added.values)}
-        )
+        starts[ledger.key((first, second))] = start_with(better, second, added)
     ledger.fit_all(starts | _starts_of_contradicted_shapes(ledger))
     pairs = [key for key in ledger.fits if len(key) == 2]
     if pairs:

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel, values_of
-from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger, Names, Start
+from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
+from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger, Names, Start, start_with
 from pneumo_casadi.diagnosis.select.hidden_motion import motion_is_hidden
 
 
@@ -21,12 +21,11 @@ def fit_rivals(ledger: FitLedger, nominal: FittedModel, final: Names) -> None:
     """
     if motion_is_hidden(ledger.effects(final), ledger.fits[final]):
         return  # the balances do not tell
-    values = ledger.fits[final].values
     starts: dict[Names, Start] = {}
     for name in final:
         for other, fitted in near_rivals(ledger, nominal, final, name).items():
             key = ledger.key({*final, other} - {name})
-            starts[key] = Start({**values, **values_of(other, fitted.values)})
+            starts[key] = start_with(ledger.fits[final], other, fitted)
     ledger.fit_all(starts)
 
 

@@ -5,8 +5,7 @@ from itertools import combinations
 import numpy as np
 
 from pneumo_casadi.diagnosis.metrics.residual_size import residual_rms
-from pneumo_casadi.diagnosis.prepare.fitted_model import values_of
-from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger, Names, Start
+from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger, Names, start_with
 
 #: Number of effects, the best in place of one, that are tried in pairs there.
 PAIRED = 3
@@ -46,7 +45,6 @@ def split_effects(ledger: FitLedger, final: Names, most: int) -> Names:
 def _fit_pairs_in_place(ledger: FitLedger, final: Names, name: str) -> list[Names]:
     """Fit the model with an effect replaced by each that is confused with it, the best in pairs."""
     rest = tuple(each for each in final if each != name)
-    values = ledger.fits[final].values
     single = {
         ledger.key((*rest, other)): other
         for other in _confused(ledger, name)
@@ -54,16 +52,15 @@ def _fit_pairs_in_place(ledger: FitLedger, final: Names, name: str) -> list[Name
     }
     ledger.fit_all(
         {
-            key: Start({**values, **values_of(other, ledger.fits[other,].values)})
+            key: start_with(ledger.fits[final], other, ledger.fits[other,])
             for key, other in single.items()
         }
     )
     fitted = sorted((ledger.fits[key].cost, key) for key in single if key in ledger.fits)[:PAIRED]
     pairs = {}
     for (_, first), (_, second) in combinations(fitted, 2):
-        other = ledger.fits[second].values
-        start = {**ledger.fits[first].values, **values_of(single[second], other)}
-        pairs[ledger.key({*first, *second})] = Start(start)
+        start = start_with(ledger.fits[first], single[second], ledger.fits[second])
+        pairs[ledger.key({*first, *second})] = start
     ledger.fit_all(pairs)
     return [key for key in pairs if key in ledger.fits]
 
