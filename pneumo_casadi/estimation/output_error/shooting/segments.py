@@ -59,7 +59,9 @@ def measured_states(axis: Axis, record: Recording, parameters: Parameters) -> Fl
 
     Position and velocity come from a local quadratic over `SMOOTHING` seconds, which has no
     edge transient: corrupted velocities in the first samples cost an optimiser dozens of
-    iterations.
+    iterations. What the sensors of the axis add is taken off, so that its outputs are those
+    measured: from a pressure off by a sensor's bias, the initial state of an axis that sticks may
+    not be found.
     """
     # A start only: for it a clock with jitter counts as uniform.
     length = max(5, 2 * round(SMOOTHING / record.dt / 2) + 1)
@@ -77,11 +79,18 @@ def measured_states(axis: Axis, record: Recording, parameters: Parameters) -> Fl
 
     pressures = [smooth(name) for name in axis.motion_states if name not in ("x", "v")]
     states = np.vstack([*pressures, smooth("x"), smooth("x", 1)])
-    if axis.states == axis.motion_states:
+    if not axis.effects:
         return states
-    u = record.stack(axis.inputs).T
-    full = axis.rest.map(record.N)(states, u, parameters.values[:, None])
-    return np.asarray(full, dtype=float)
+    u, par = record.stack(axis.inputs).T, parameters.values[:, None]
+    at_rest, sensors = axis.rest.map(record.N), axis.output.map(record.N)
+    full = np.asarray(at_rest(states, u, par), dtype=float)
+    outputs = np.asarray(sensors(full, u, par), dtype=float)
+    true = states.copy()
+    for i, name in enumerate(axis.outputs):
+        if name in axis.motion_states:
+            row = axis.motion_states.index(name)
+            true[row] += states[row] - outputs[i]
+    return np.asarray(at_rest(true, u, par), dtype=float)
 
 
 def cut_segments(
