@@ -148,8 +148,8 @@ class Effect:
         Whether force or flow reach the axis by way of the states alone, as through a spring. A fit
         to the balances then needs derivatives of these states to the nominal parameters too.
     scanned : mapping of str to tuple of float
-        Values of a parameter among which a fit to the balances first looks for its start. The cost
-        of a resonance has a narrow valley, which no step finds from afar.
+        Values of parameters among whose combinations a fit to the balances first looks for its
+        start. The cost of a resonance has a narrow valley, which no step finds from afar.
     needs_chambers : bool
         Whether the effect reads chamber pressures; it then cannot be added to a force-driven
         axis. Set it also if the effect reads pressures but overrides only junctions that every axis

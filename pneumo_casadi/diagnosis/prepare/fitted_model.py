@@ -1,6 +1,7 @@
 """The axis of a study fitted to the balances, without effects and with some."""
 
-from collections.abc import Mapping, Sequence
+import itertools
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -95,10 +96,12 @@ def fit_model(
     axis = _scanned(study, axis.with_parameters(known), known)
     if trials:
         axis = _cheapest(study, axis, [{}, *trials])
+    # A start looked for at full size tells more than the shape that an effect near null promises.
+    looked_for = {f"{effect.name}.{short}" for effect in axis.effects for short in effect.scanned}
     fitted = min(
         (
             _fit_with_recovery(study, axis.with_parameters(s), max_iterations)
-            for s in shapes or ({},)
+            for s in _without(looked_for, shapes) or ({},)
         ),
         key=_cost,
     )
@@ -110,13 +113,22 @@ def fit_model(
     return fitted
 
 
+def _without(
+    names: Collection[str], shapes: Sequence[Mapping[str, float]]
+) -> list[dict[str, float]]:
+    """Return shapes without the values of some parameters, each once."""
+    left = [{name: value for name, value in s.items() if name not in names} for s in shapes]
+    return [shape for i, shape in enumerate(left) if shape not in left[:i]]
+
+
 def _scanned(study: Study, axis: Axis, known: Mapping[str, float]) -> Axis:
     """Return the axis at the best of the starts that its effects name; see `Effect.scanned`."""
     for effect in axis.effects:
-        for short, values in effect.scanned.items():
-            name = f"{effect.name}.{short}"
-            if name not in known:
-                axis = _cheapest(study, axis, [{name: value} for value in values])
+        values = {f"{effect.name}.{short}": each for short, each in effect.scanned.items()}
+        names = [name for name in values if name not in known]
+        grid = itertools.product(*(values[name] for name in names))
+        if names:
+            axis = _cheapest(study, axis, [dict(zip(names, at, strict=True)) for at in grid])
     return axis
 
 
