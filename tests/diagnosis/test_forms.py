@@ -6,6 +6,7 @@ import pytest
 
 from pneumo_casadi.diagnosis import diagnose
 from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA
+from pneumo_casadi.diagnosis.prepare.fitted_model import _without
 from pneumo_casadi.diagnosis.screen.screen import ScreenResult
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger
 from pneumo_casadi.diagnosis.select.forms import cause_of, causes_of, forms_to_fit, keep_best_forms
@@ -80,3 +81,9 @@ def test_a_shifted_null_that_settles_is_named_and_its_gap_closes(made_case):
     assert (effect.name, effect.form) == ("valve_null_shift", "valve_null_shift_warming")
     assert diagnosis.gap.closure.value > 0.97
     assert effect.parameters["a"].value == pytest.approx(0.15, abs=0.05)
+
+
+def test_a_start_looked_for_at_full_size_is_not_replaced_by_the_shape_a_screen_promises():
+    shapes = [{"e.s": 0.95, "e.zeta": 0.1}, {"e.s": 0.05, "e.zeta": 0.1}, {"e.zeta": 0.2}]
+    assert _without({"e.s"}, shapes) == [{"e.zeta": 0.1}, {"e.zeta": 0.2}]
+    assert _without((), shapes) == shapes

@@ -3,7 +3,10 @@
 import numpy as np
 import pytest
 
+from pneumo_casadi.data import Recording
+from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.errors import ModelError
+from pneumo_casadi.estimation.output_error.shooting.segments import measured_states
 from pneumo_casadi.model.simulation import simulate, simulate_closed_loop
 from pneumo_casadi.validation import validate
 
@@ -73,3 +76,14 @@ def test_the_loop_closed_by_hand_is_the_simulated_loop(made, simulated):
     np.testing.assert_allclose(loop.u.T, u, atol=1e-12)  # u_k answers the position of instant k
     again = simulate(axis, u, 1 / made.FS, x_0)
     np.testing.assert_allclose(again.x, loop.x, rtol=1e-9, atol=1e-12)
+
+
+def test_windows_and_loop_begin_at_the_pressures_behind_a_biased_sensor(simulated, record):
+    axis, *_ = simulated
+    channels = {name: record[name] for name in record.channels}
+    channels |= {"p_P": record["p_P"] + 2e4, "p_N": record["p_N"] - 1e4}
+    biased = Recording(record.t, channels, "biased", record.source, record.hold)
+    offset = {"pressure_sensor_bias.b_P": 2e4, "pressure_sensor_bias.b_N": -1e4}
+    behind = axis.with_effects(EFFECTS["pressure_sensor_bias"]()).with_parameters(offset)
+    true = measured_states(axis, record, axis.parameters)
+    np.testing.assert_allclose(measured_states(behind, biased, behind.parameters), true, rtol=1e-9)
