@@ -39,8 +39,8 @@ class PositionOnElasticLoad(Effect):
     confused_with = ("elastic_load", "position_delay", "backlash", "X_s2", "X_s5", "M")
     separated_by = "a second position sensor at the piston; reversals at several accelerations"
     through_states = True
-    # Between 70 and 5 Hz in steps of 15 %: wider steps miss the resonance of a light damping. From a
-    # light load the piston moves away half as far as from a heavy one.
+    # Between 70 and 5 Hz in steps of 15 %: wider steps miss the resonance of a light damping. A
+    # light load leaves the piston half as far behind as a heavy one.
     scanned = MappingProxyType({"D": tuple(0.0023 * 1.15**i for i in range(20)), "s": (0.15, 0.5)})
     parameters = (
         Parameter(
