@@ -3,7 +3,7 @@
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -115,10 +115,9 @@ def diagnose(
                 stage = progress_range(report, 0.7, 0.97, "final model: ")
                 refined, failure = _refined(read, result, stage)
             report("report", 0.97)
-            origin = origin_of(read, without or ())
-            write_diagnosis(result, folder, effects, origin, refined)
+            write_diagnosis(result, folder, effects, refined)
         if json_file is not None:
-            write_json(result.as_dict() | {"provenance": origin}, json_file)
+            write_json(result.as_dict(), json_file)
         say(summary_text(result, effects, refined))
         if failure:
             say(f"no result.json: {failure}\n")
@@ -187,13 +186,6 @@ def _workers(asked_for: int | None, catalogue: Path | None) -> int:
     if catalogue is not None and catalogue.suffix == ".py":
         return 1
     return asked_for or default_workers()
-
-
-def origin_of(case: "Case", without: Sequence[str]) -> dict[str, Any]:
-    """Return what is needed to repeat a diagnosis: versions, hashes of the data, options."""
-    from pneumo_casadi.runtime.provenance import provenance
-
-    return provenance(case.files, {"without": list(dict.fromkeys(without))})
 
 
 def default_workers() -> int:

@@ -4,8 +4,10 @@ import time
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from pneumo_casadi.data import Case, Grade, read_case
+from pneumo_casadi.data.record_ranges import record_ranges
 from pneumo_casadi.diagnosis.checks.parameter_checks import check_fit
 from pneumo_casadi.diagnosis.decide.decision import Decision, decide_verdict
 from pneumo_casadi.diagnosis.decide.ranking import (
@@ -39,6 +41,7 @@ from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.identification.flow_form import resolve_flow_form
 from pneumo_casadi.identification.options import IdentifyOptions
 from pneumo_casadi.runtime.progress import Progress, no_progress, progress_range
+from pneumo_casadi.runtime.provenance import provenance
 from pneumo_casadi.runtime.threads import one_thread
 from pneumo_casadi.valve import FlowForm
 
@@ -128,7 +131,8 @@ def diagnose(
         case, IdentifyOptions(flow_form=options.flow_form, degrees=options.degrees)
     )
     study, notes = prepare_study(case, flow_options, options.criteria)
-    chosen = applicable(study, EFFECTS if catalogue is None else catalogue)
+    offered = EFFECTS if catalogue is None else catalogue
+    chosen = applicable(study, offered)
     selection = select_effects(
         study, chosen, executor, progress_range(report, 0.02, 0.8), options.keep
     )
@@ -191,7 +195,21 @@ def diagnose(
         flow_selection=flow_selection,
         discovered=discovered,
         findings=tuple(each for each in case.findings if each.grade is Grade.SEVERE),
+        provenance=_provenance(case, offered, options),
     )
+
+
+def _provenance(case: Case, offered: Catalogue, options: DiagnosisOptions) -> dict[str, Any]:
+    """Return what is needed to repeat a diagnosis."""
+    fitted = "fitted" if case.validate else "fitted, its last part held out"
+    chosen = {
+        "without": [name for name in EFFECTS if name not in offered],
+        "added": [name for name in offered if name not in EFFECTS],
+        "flow_form": None if options.flow_form is None else options.flow_form.value,
+        "degrees": None if options.degrees is None else list(options.degrees),
+    }
+    records = record_ranges({fitted: case.identify, "held out": case.validate})
+    return provenance(case.files, chosen, records=records)
 
 
 def _values_with_term(study: Study, with_term: Model | None) -> dict[str, Value]:

@@ -1,7 +1,7 @@
 """The result of an identification."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import pandas as pd
 
@@ -18,6 +18,7 @@ from pneumo_casadi.identification.warnings import (
 )
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.runtime.presentation import Presentable
+from pneumo_casadi.runtime.provenance import now
 from pneumo_casadi.validation import Validation
 from pneumo_casadi.valve import AnyFlowMap, AnyFlowModel, FormSelection
 
@@ -58,6 +59,8 @@ class Identification(Presentable):
         Computing time [s].
     each_record : RecordEstimates or None
         Estimates from each record alone; None for a single record or where it was not asked for.
+    made : str
+        When it was made, ISO 8601.
 
     Examples
     --------
@@ -89,6 +92,7 @@ class Identification(Presentable):
     identifiability: Identifiability | None
     seconds: float
     each_record: RecordEstimates | None = None
+    made: str = field(default_factory=now)
 
     @property
     def axis(self) -> Axis:

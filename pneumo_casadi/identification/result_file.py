@@ -3,12 +3,13 @@
 from collections.abc import Mapping
 from typing import Any
 
-from pneumo_casadi.data import Bench, Case
+from pneumo_casadi.data import Bench
+from pneumo_casadi.data.record_ranges import record_ranges
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.estimation.output_error import OutputErrorResult, RecordEstimates
 from pneumo_casadi.estimation.statistics import EstimateStatus
 from pneumo_casadi.identification.model_file import axis_dict
-from pneumo_casadi.identification.options import IdentifyOptions, output_error_options
+from pneumo_casadi.identification.options import output_error_options
 from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.runtime.input_files import printable
@@ -74,7 +75,7 @@ def result_dict(identification: Identification) -> dict[str, Any]:
             for p in identification.predictions
         },
         "truth": None if identification.truth is None else dict(identification.truth),
-        "provenance": identification_provenance(identification.case, identification.options),
+        "provenance": identification_provenance(identification),
         "seconds": identification.seconds,
     }
     plain: dict[str, Any] = without_infinities(content)
@@ -137,8 +138,9 @@ def validation_dict(validation: Validation) -> dict[str, Any]:
     }
 
 
-def identification_provenance(case: Case, options: IdentifyOptions) -> dict[str, Any]:
+def identification_provenance(identification: Identification) -> dict[str, Any]:
     """Return what is needed to repeat an identification: options, versions, hashes of the data."""
+    case, options = identification.case, identification.options
     chosen = output_error_options(case, options)
     return provenance(
         case.files,
@@ -162,6 +164,8 @@ def identification_provenance(case: Case, options: IdentifyOptions) -> dict[str,
             "validation_windows": list(options.windows),
         },
         seeds={},  # no random number enters an identification
+        records=record_ranges({"fitted": identification.records, "held out": case.validate}),
+        made=identification.made,
     )
 
 

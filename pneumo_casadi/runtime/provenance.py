@@ -1,10 +1,11 @@
-"""Where a result comes from: versions, machine, options and hashes of the data."""
+"""Where a result comes from: date, versions, machine, options, records and their hashes."""
 
 import hashlib
 import importlib.metadata
 import os
 import platform
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,8 @@ def provenance(
     files: Iterable[Path],
     options: Mapping[str, Any],
     seeds: Mapping[str, int] | None = None,
+    records: Sequence[Mapping[str, Any]] = (),
+    made: str = "",
 ) -> dict[str, Any]:
     """Return what is needed to repeat a result.
 
@@ -29,19 +32,34 @@ def provenance(
         How it was made, as plain values.
     seeds : mapping of str to int, optional
         Of the random numbers; left out if None.
+    records : sequence of mapping, optional
+        What the records cover, see `record_ranges`.
+    made : str, optional
+        When the result was made; by default now.
 
     Returns
     -------
     dict
-        ``versions``, ``platform``, ``sha256`` by name of the file, ``options``, and ``seeds``.
+        ``made``, ``versions``, ``platform``, ``sha256`` by name of the file, ``records``,
+        ``options``, and ``seeds``.
     """
-    content = {"versions": package_versions(), "platform": platform.platform()}
+    content: dict[str, Any] = {
+        "made": made or now(),
+        "versions": package_versions(),
+        "platform": platform.platform(),
+    }
     if seeds is not None:
         content["seeds"] = dict(seeds)
     return content | {
         "sha256": {path.name: sha256(path) for path in files},
+        "records": [dict(record) for record in records],
         "options": dict(options),
     }
+
+
+def now() -> str:
+    """Return date and time in ISO 8601, coordinated universal time, to the second."""
+    return datetime.now(UTC).isoformat(timespec="seconds")
 
 
 def package_versions(packages: Iterable[str] = PACKAGES) -> dict[str, str]:

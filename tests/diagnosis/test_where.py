@@ -22,6 +22,9 @@ from pneumo_casadi.valve import FlowForm
 from pneumo_casadi.virtual_bench import make_case, random_axis
 
 
+FORCE_X = ("force", "x")
+
+
 @pytest.fixture(scope="module")
 def bench(tmp_path_factory):
     """Return a function that fits the nominal axis to a bench with hidden effects."""
@@ -160,6 +163,13 @@ def test_maps_show_the_spring_as_a_slope_over_position(bench):
     # The model pushes too far out: it has no spring that pulls back to the middle.
     assert slope.mean[0] < -slope.band[0]
     assert slope.mean[-1] > slope.band[-1]
+
+
+def test_the_position_is_resolved_to_its_ends(bench):
+    (x,) = (m for m in map_regimes(*bench(spring_load="medium")) if (m.balance, m.name) == FORCE_X)
+    widths = np.diff(x.edges)
+    assert widths.max() < 4 * np.median(widths)
+    assert x.mean.size > 40
 
 
 def test_a_force_driven_axis_has_a_force_alone(emps_like):

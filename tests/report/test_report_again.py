@@ -38,7 +38,22 @@ _spec = importlib.util.spec_from_file_location(
 made = importlib.util.module_from_spec(_spec)
 _spec.loader.exec_module(made)
 
-ORIGIN = {"versions": {"numpy": "2"}, "sha256": {"bench.json": "0123"}, "options": {}}
+ORIGIN = {
+    "made": "2026-11-24T10:40:00+00:00",
+    "versions": {"numpy": "2"},
+    "platform": "Linux",
+    "sha256": {"bench.json": "0123"},
+    "records": [
+        {
+            "name": "validate",
+            "use": "held out",
+            "duration": 10.0,
+            "rate": 1000.0,
+            "ranges": {"x": [-0.1, 0.1], "v": [-0.52, 0.5]},
+        }
+    ],
+    "options": {},
+}
 
 
 @pytest.fixture(scope="module")
@@ -137,7 +152,8 @@ def diagnosed(quick, tmp_path_factory):
     drawn = {each.name: each for each in diagnosis_figures(made.with_curves())}
     few = [drawn["validation_held_out"], drawn["discovered_term"]]
     monkeypatch.setattr("pneumo_casadi.report.pages.diagnosis._figures_of", lambda result: few)
-    yield write_diagnosis(made.with_curves(), folder, provenance=ORIGIN, refined=quick)
+    told = replace(made.with_curves(), provenance=ORIGIN)
+    yield write_diagnosis(told, folder, refined=quick)
     monkeypatch.undo()
 
 
@@ -158,6 +174,9 @@ def test_the_report_of_a_diagnosis_is_written_again(diagnosed, tmp_path):
     final = again.partition('<h2 id="final">')[2]
     M = f"{diagnosed_mass(folder):.2f}"
     assert M in final.partition("</section>")[0] and "sha256 0123" in final
+    assert "Made 2026-11-24 10:40:00 UTC with numpy 2, on Linux" in final
+    for cell in ("held out", "10 s", "1000 Hz", "−100 to 100", "−520 to 500"):
+        assert f">{cell}</td>" in final.replace("\xa0", " "), cell
     head = again.partition("</section>")[0]
     assert "Parameters usable" in head and M in head.partition("Moving mass M")[2]
 

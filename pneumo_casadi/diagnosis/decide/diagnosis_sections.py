@@ -1,5 +1,7 @@
 """The parts of `diagnosis.json`, typed, and the diagnosis that is made of them again."""
 
+from typing import Any
+
 import msgspec
 import numpy as np
 
@@ -136,6 +138,7 @@ class DiagnosisSection(Section):
     flow_selection: FlowSelectionSection | None
     discovered: DiscoveredSection | None
     seconds: float
+    provenance: dict[str, Any] = msgspec.field(default_factory=dict)
 
     @property
     def read(self) -> Diagnosis:
@@ -161,4 +164,5 @@ class DiagnosisSection(Section):
             discovered=None if term is None else term.read,
             findings=tuple(item.read for item in self.findings),
             with_term=values_of(self.parameters.with_term),
+            provenance=self.provenance,
         )

@@ -101,6 +101,8 @@ class Diagnosis(Presentable):
         correct these before you look for a cause in the axis.
     with_term : mapping of str to Value
         As `nominal`, with the discovered term in the model; empty where there is none.
+    provenance : mapping
+        What is needed to repeat it: date, versions, options, records and hashes of the data.
 
     Examples
     --------
@@ -132,6 +134,7 @@ class Diagnosis(Presentable):
     findings: tuple[Finding, ...] = ()
     undecided: tuple[EffectFound, ...] = ()
     with_term: Mapping[str, Value] = field(default_factory=dict)
+    provenance: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def final_effects(self) -> tuple[EffectFound, ...]:
@@ -196,6 +199,7 @@ class Diagnosis(Presentable):
             "discovered": None if self.discovered is None else discovered_dict(self.discovered),
             "case": self.case,
             "seconds": self.seconds,
+            "provenance": dict(self.provenance),
             "format": FORMAT,
         }
         plain: dict[str, Any] = without_infinities(content)

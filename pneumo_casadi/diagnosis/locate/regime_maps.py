@@ -13,6 +13,8 @@ from pneumo_casadi.parameters import FloatArray
 #: Bins of a quantity; more of the position, since what acts over it may repeat every few
 #: millimetres.
 BINS, BINS_X = 12, 60
+#: Rows that a bin of the position holds at least: two windows that share no measurement.
+FEWEST = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +28,7 @@ class RegimeMap:
     balance : str
         Which.
     edges : (n + 1,) array
-        Of the bins, each with as many rows.
+        Of the bins: of the position about as wide, of the others with as many rows.
     mean, band : (n,) array
         Mean residual, positive where the model has too much, and twice its standard deviation,
         windows' overlap counted.
@@ -52,8 +54,7 @@ def map_regimes(study: Study, fit: FittedModel) -> tuple[RegimeMap, ...]:
         own = units_of[rows.balance]
         for name in _quantities(study.axis, rows.balance):
             values = rows.at[name]
-            ends = np.linspace(0, 1, (BINS_X if name == "x" else BINS) + 1)
-            edges = np.unique(np.quantile(values, ends))
+            edges = _even_edges(values) if name == "x" else _quantiles(values)
             if edges.size < 3:
                 continue
             bins = np.clip(np.searchsorted(edges, values, "right") - 1, 0, edges.size - 2)
@@ -64,6 +65,30 @@ def map_regimes(study: Study, fit: FittedModel) -> tuple[RegimeMap, ...]:
             band = 2 * np.sqrt(np.maximum(square - mean**2, 0.0) * 4 / count)
             maps.append(RegimeMap(name, units[name[0]], rows.balance, edges, mean, band, own))
     return tuple(maps)
+
+
+def _quantiles(values: FloatArray) -> FloatArray:
+    """Return edges of bins that hold as many rows."""
+    return np.unique(np.quantile(values, np.linspace(0, 1, BINS + 1)))
+
+
+def _even_edges(values: FloatArray) -> FloatArray:
+    """Return edges of even bins, joined where they hold too few rows.
+
+    Where the axis turns there are few rows; bins of as many rows would be wide there and average
+    what repeats every few millimetres.
+    """
+    even = np.unique(np.linspace(values.min(), values.max(), BINS_X + 1))
+    if even.size < 3:
+        return even
+    kept, held = [even[0]], 0
+    for count, edge in zip(np.histogram(values, even)[0], even[1:], strict=True):
+        held += count
+        if held >= FEWEST:
+            kept.append(edge)
+            held = 0
+    kept[-1] = even[-1]  # what is left over belongs to the last bin
+    return np.array(kept)
 
 
 def _quantities(axis: Axis, balance: str) -> tuple[str, ...]:

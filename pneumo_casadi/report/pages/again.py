@@ -97,7 +97,7 @@ def _diagnosis(content: dict[str, Any], file: Path) -> str:
     diagnosis = read_diagnosis(file)
     pictures = drawn_pictures(diagnosis)
     final = _refined(file.parent / RESULT)
-    return diagnosis_html(diagnosis, pictures, provenance=content.get("provenance"), final=final)
+    return diagnosis_html(diagnosis, pictures, final=final)
 
 
 def _refined(path: Path) -> FinalModel | None:

@@ -1,9 +1,9 @@
 """A diagnosis as one HTML file and as a folder."""
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from pneumo_casadi.diagnosis import Diagnosis, Verdict
 from pneumo_casadi.diagnosis.decide.plain_evidence import evidence_dict
@@ -35,6 +35,7 @@ from pneumo_casadi.report.tables.diagnosis import (
 from pneumo_casadi.report.tables.flow_form import flow_form_tables
 from pneumo_casadi.report.tables.laboratory import legend_table
 from pneumo_casadi.report.tables.quantities import between, chance, percent, plain, whole
+from pneumo_casadi.report.tables.records import records_table
 from pneumo_casadi.report.tables.table import Table
 from pneumo_casadi.report.text.causes import (
     Catalogue,
@@ -82,7 +83,6 @@ def diagnosis_html(
     diagnosis: Diagnosis,
     pictures: Sequence[Picture],
     catalogue: Catalogue = EFFECTS,
-    provenance: Mapping[str, Any] | None = None,
     final: FinalModel | None = None,
 ) -> str:
     """Return a diagnosis as one HTML page that requests nothing.
@@ -95,8 +95,6 @@ def diagnosis_html(
         Its figures.
     catalogue : mapping of str to effect class, optional
         Where the effects are described.
-    provenance : mapping, optional
-        ``versions``, ``sha256`` and ``options``.
     final : FinalModel, optional
         The final model refined by output error.
     """
@@ -112,7 +110,13 @@ def diagnosis_html(
     sections = _sections(diagnosis, left, catalogue, final)
     sections.insert(1, _simulated(plots, left))
     seconds = f"Computing time: {diagnosis.seconds:.0f} s."
-    sections.append(Section("provenance", "Provenance", (seconds,), provenance=provenance or {}))
+    origin = diagnosis.provenance
+    sections.append(
+        Section(
+            "provenance", "Provenance", (seconds,), tables=[records_table(origin)],
+            provenance=origin,
+        )
+    )  # fmt: skip
     return html_page(f"Diagnosis of {diagnosis.case}", answer, sections)
 
 
@@ -211,7 +215,6 @@ def write_diagnosis(
     diagnosis: Diagnosis,
     folder: str | Path,
     catalogue: Catalogue = EFFECTS,
-    provenance: Mapping[str, Any] | None = None,
     refined: Identification | None = None,
 ) -> Path:
     """Write a diagnosis into a folder.
@@ -224,8 +227,6 @@ def write_diagnosis(
         Folder to make. One that holds an earlier diagnosis is replaced; what you added to it stays.
     catalogue : mapping of str to effect class, optional
         Where the effects are described.
-    provenance : mapping, optional
-        ``versions``, ``sha256`` and ``options``.
     refined : Identification, optional
         The final model refined by output error (`refine_diagnosis`), for ``result.json``.
 
@@ -241,9 +242,8 @@ def write_diagnosis(
     CaseError
         If the folder holds no earlier diagnosis, or one that was changed.
     """
-    known = {"provenance": dict(provenance)} if provenance else {}
     with output_folder(folder, OutputKind.DIAGNOSIS) as draft:
-        write_json(diagnosis.as_dict() | known, draft / "diagnosis.json")
+        write_json(diagnosis.as_dict(), draft / "diagnosis.json")
         if diagnosis.discovered is not None:
             write_term(diagnosis.discovered.term, draft / "discovered_term.json")
         if diagnosis.evidence is not None:
@@ -255,7 +255,7 @@ def write_diagnosis(
         (draft / "summary.txt").write_text(summary, "utf-8")
         pictures = save_figures(_figures_of(diagnosis), draft / "figures", drawings=True)
         final = None if refined is None else final_model(refined)
-        html = diagnosis_html(diagnosis, pictures, catalogue, provenance, final)
+        html = diagnosis_html(diagnosis, pictures, catalogue, final)
         (draft / "report.html").write_text(html, "utf-8")
     return Path(folder)
 

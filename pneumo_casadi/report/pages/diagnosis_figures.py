@@ -87,8 +87,9 @@ def _curves(diagnosis: Diagnosis, evidence: Evidence) -> Iterator[Drawn]:
             f"unknown_inputs_{i}" if several else "unknown_inputs",
             unknown_input_figure(inputs, diagnosis.where.shares),
             f"Unknown input of each balance over time{which}, with a band of ±2σ. Where the model "
-            "is right the band covers zero. Grey: the axis sticks, and static friction balances "
-            "any force.",
+            "is right the band covers zero, but for a narrow spike where the command jumps: the "
+            "pressures are smoothed, the command is not. Grey: the axis sticks, and static "
+            "friction balances any force.",
         )
     shares, labels = diagnosis.where.shares, gap_labels(diagnosis)
     for balance in sorted(shares, key=lambda name: -shares[name]):

@@ -18,6 +18,7 @@ from pneumo_casadi.report.pages.page import (
 )
 from pneumo_casadi.report.tables.content import all_tables
 from pneumo_casadi.report.tables.laboratory import laboratory_tables, legend_table
+from pneumo_casadi.report.tables.records import records_table
 from pneumo_casadi.report.tables.table import Table, with_symbols
 
 #: Grade and words of the verdict.
@@ -50,11 +51,12 @@ def html_report(
     trusted = [picture for picture in left if picture.name.startswith(_TRUST)]
     tables = all_tables(identification, paper)
     answer = [*laboratory_tables(content), tables[0]]
+    records = records_table(content["provenance"])
     texts = ("Filters\n\n" + identification.wls.plan.describe(),)
     sections = [
         Section("answer", "Parameters", (next_record(content),), tables=answer),
         Section("warnings", "Before you use these numbers", warning_sentences(content)),
-        Section("trust", "Why to trust it", tables=tables[1:], plots=plots),
+        Section("trust", "Why to trust it", tables=[*tables[1:], records], plots=plots),
         Section("checks", "Estimates and residuals", pictures=trusted),
         Section(
             "details", "Details", pictures=[each for each in left if each not in trusted],

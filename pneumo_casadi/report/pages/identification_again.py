@@ -11,6 +11,7 @@ from pneumo_casadi.report.pages.identification import (
 )
 from pneumo_casadi.report.pages.page import TIME_FIGURE, Picture, Section, html_page, plots_of
 from pneumo_casadi.report.tables.laboratory import estimate_table, laboratory_tables, legend_table
+from pneumo_casadi.report.tables.records import records_table
 from pneumo_casadi.report.tables.validation import validation_table
 from pneumo_casadi.validation import Error, Validation
 
@@ -30,10 +31,11 @@ def identification_again(content: dict[str, Any], curves: tuple[Curves, ...]) ->
     plots, left = plots_of(curves, time_pictures(curves, CAPTION))
     answer = (*laboratory_tables(content), estimate_table(content))
     errors = () if content["validation"] is None else (validation_table(validation_of(content)),)
+    records = records_table(content["provenance"])
     sections = [
         Section("answer", "Parameters", (next_record(content),), tables=answer),
         Section("warnings", "Before you use these numbers", warning_sentences(content)),
-        Section("trust", "Why to trust it", pictures=left, tables=errors, plots=plots),
+        Section("trust", "Why to trust it", pictures=left, tables=(*errors, records), plots=plots),
         Section("symbols", "Symbols", tables=(legend_table("σ WLS u", *answer, *errors),)),
         Section("provenance", "Provenance", provenance=content["provenance"]),
     ]
