@@ -34,7 +34,7 @@ def record_ranges(records: Mapping[str, Sequence[Recording]]) -> list[dict[str, 
     >>> case = example_case()
     >>> (covered,) = record_ranges({"held out": case.validate})
     >>> covered["use"], covered["rate"], [round(x, 3) for x in covered["ranges"]["x"]]
-    ('held out', 1000.0, [-0.101, 0.099])
+    ('held out', 5000.0, [-0.044, 0.057])
     """
     return [_covered(record, use) for use, those in records.items() for record in those]
 

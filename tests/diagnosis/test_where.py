@@ -21,7 +21,6 @@ from pneumo_casadi.identification.starting_axis import make_axis
 from pneumo_casadi.valve import FlowForm
 from pneumo_casadi.virtual_bench import make_case, random_axis
 
-
 FORCE_X = ("force", "x")
 
 

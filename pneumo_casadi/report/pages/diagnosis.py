@@ -35,8 +35,8 @@ from pneumo_casadi.report.tables.diagnosis import (
 from pneumo_casadi.report.tables.flow_form import flow_form_tables
 from pneumo_casadi.report.tables.laboratory import legend_table
 from pneumo_casadi.report.tables.quantities import between, chance, percent, plain, whole
-from pneumo_casadi.report.tables.records import records_table
 from pneumo_casadi.report.tables.table import Table
+from pneumo_casadi.report.tables.validation import records_table
 from pneumo_casadi.report.text.causes import (
     Catalogue,
     cause_sentences,

@@ -18,8 +18,8 @@ from pneumo_casadi.report.pages.page import (
 )
 from pneumo_casadi.report.tables.content import all_tables
 from pneumo_casadi.report.tables.laboratory import laboratory_tables, legend_table
-from pneumo_casadi.report.tables.records import records_table
 from pneumo_casadi.report.tables.table import Table, with_symbols
+from pneumo_casadi.report.tables.validation import records_table
 
 #: Grade and words of the verdict.
 VERDICTS = {

@@ -11,8 +11,7 @@ from pneumo_casadi.report.pages.identification import (
 )
 from pneumo_casadi.report.pages.page import TIME_FIGURE, Picture, Section, html_page, plots_of
 from pneumo_casadi.report.tables.laboratory import estimate_table, laboratory_tables, legend_table
-from pneumo_casadi.report.tables.records import records_table
-from pneumo_casadi.report.tables.validation import validation_table
+from pneumo_casadi.report.tables.validation import records_table, validation_table
 from pneumo_casadi.validation import Error, Validation
 
 CAPTION = "Held-out record {}, measured and simulated; below, measured minus simulated."

@@ -1,9 +1,23 @@
-"""Tables of errors on held-out records."""
+"""Tables of errors on held-out records, and of what all records cover."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from pneumo_casadi.report.tables.table import DISPLAY, Table
 from pneumo_casadi.validation import Error, Validation
+
+#: Symbols of the ranges, with unit and factor from SI.
+_RANGES = {
+    "x": ("mm", 1e3),
+    "v": ("mm/s", 1e3),
+    "p_P": ("bar", 1e-5),
+    "p_N": ("bar", 1e-5),
+    "F": ("N", 1.0),
+}
+_NOTE = (
+    "A model is tested over the ranges of the records held out. Velocities are differences of the "
+    "position over 20 ms."
+)
 
 
 def validation_table(validation: Validation) -> Table:
@@ -37,3 +51,40 @@ def _noise_text(error: Error) -> str:
         return "unknown"
     factor = DISPLAY.get(error.unit, ("", 1.0))[1]
     return f"{error.noise * factor:.3g} ({error.noise_percent:.2g} %)"
+
+
+def records_table(provenance: Mapping[str, Any]) -> Table:
+    """Return what each record was used for, its length and rate, and the ranges of its channels.
+
+    Parameters
+    ----------
+    provenance : mapping
+        Of a result; one that names no records gives an empty table.
+    """
+    records: Sequence[Mapping[str, Any]] = provenance.get("records", ())
+    shown = [name for name in _RANGES if any(name in each["ranges"] for each in records)]
+    headings = [f"{name} [{_RANGES[name][0]}]" for name in shown]
+    rows = tuple(
+        (
+            each["name"],
+            each["use"],
+            f"{each['duration']:.4g} s",
+            f"{each['rate']:.5g} Hz",
+            *(_range(each["ranges"].get(name), _RANGES[name][1]) for name in shown),
+        )
+        for each in records
+    )
+    columns = ("record", "used", "duration", "sampling", *headings)
+    return Table("Records and the ranges that they cover", columns, rows, (_NOTE,))
+
+
+def _range(ends: Sequence[float] | None, factor: float) -> str:
+    if ends is None:
+        return "not recorded"
+    low, high = (_short(end * factor) for end in ends)
+    return f"{low} to {high}"
+
+
+def _short(value: float) -> str:
+    """Return three digits and a true minus sign."""
+    return f"{value:.3g}".replace("-", "\N{MINUS SIGN}")
