@@ -123,7 +123,7 @@ class Identification(Presentable):
     @property
     def usability(self) -> Usability:
         """Whether the result can be used, by its gravest warning, with the reason."""
-        reason = "the fit has converged, and the parameters agree with geometry and data sheet"
+        reason = "the fit has converged, and no parameter contradicts what is stated of the axis"
         simulated = "." if self.validation is None else f"; {simulation_sentence(self.validation)}"
         return judge_usability(self.warnings, reason + simulated)
 

@@ -101,7 +101,7 @@ def test_a_weak_effect_that_is_open_is_told_with_its_rivals_and_not_named():
     assert len(sentences) == 2
     assert sentences[1] == (
         "Also there: valve null shift (37 %) or piston seal leakage (35 %); the data cannot tell "
-        "which. Without it 1 % of the gap come back."
+        "which. Without it 1 % of the gap comes back."
     )
     assert "null shift" not in headline(made.UNDECIDED)
     page = diagnosis_html(made.UNDECIDED, {})

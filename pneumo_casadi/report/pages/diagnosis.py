@@ -29,6 +29,7 @@ from pneumo_casadi.report.tables.diagnosis import (
     diagnosis_tables,
     fitted_table,
     gap_table,
+    has_after,
     ranking_table,
     regime_table,
 )
@@ -49,6 +50,7 @@ from pneumo_casadi.report.text.diagnosis import (
     VERDICTS,
     alternative_sentences,
     check_sentences,
+    checks_of_what,
     finding_sentences,
     headline,
     location_text,
@@ -74,7 +76,7 @@ if TYPE_CHECKING:
     from pneumo_casadi.report.pages.identification_figures import Drawn
 
 #: The gap, as the head of a report calls it.
-_ERROR = "Error on held-out data, beyond sensor noise"
+_ERROR = "Error on held-out data, beyond sensor noise, windows of 0.5 s"
 #: Grades of verdicts, which give the colour; the words say the same.
 _GRADES = {Verdict.NONE: "good", Verdict.EFFECT: "effect"}
 
@@ -163,7 +165,8 @@ def _sections(
         Section("shape", "Residuals over the operating conditions", pictures=drawn("regimes")),
         Section(
             "checks", "Parameters compared with geometry and data sheet",
-            tables=[check_table(diagnosis)], checks=check_sentences(diagnosis),
+            checks_of_what(diagnosis), tables=[check_table(diagnosis)],
+            checks=check_sentences(diagnosis),
         ),
         Section("parameters", "Estimates behind the verdict", tables=[fitted_table(diagnosis)]),
         Section("flow_form", "Flow map", tables=flow_form_tables(diagnosis.flow_selection)),
@@ -181,13 +184,7 @@ def _legend(diagnosis: Diagnosis) -> Table:
 def _facts(diagnosis: Diagnosis, final: FinalModel | None) -> list[tuple[str, str]]:
     gap, closure = diagnosis.gap, diagnosis.gap.closure
     facts = [("Where", location_text(diagnosis))]
-    facts += [
-        (
-            "Cause" if effect is diagnosis.effects[0] else "and",
-            f"{plain(effect.name)}, probability {chance(effect.probability)}",
-        )
-        for effect in diagnosis.effects
-    ]
+    facts += _causes(diagnosis)
     facts += [
         ("One of", joined([plain(name) for name in (effect.name, *effect.rivals)], "or"))
         for effect in diagnosis.undecided
@@ -203,12 +200,39 @@ def _facts(diagnosis: Diagnosis, final: FinalModel | None) -> list[tuple[str, st
         term = gap.with_term
         with_term = "" if term is None else f" → {percent(term)} with the discovered term"
         facts.append((_ERROR, percent(gap.before) + with_term))
+    facts += _in_closed_loop(diagnosis)
     agreeing, all_ = sum(check.agrees for check in diagnosis.checks), len(diagnosis.checks)
     if agreeing < all_ or (all_ and diagnosis.verdict is not Verdict.UNKNOWN):
         facts.append(("Parameter checks", f"{agreeing} of {all_} agree"))
     facts += final_facts(diagnosis, final)
     ready = final is not None and final.usability.usable is not Usable.NO
     return [*facts, ("Next", next_step(diagnosis, ready))]
+
+
+def _causes(diagnosis: Diagnosis) -> list[tuple[str, str]]:
+    """Return the effects named, with the probability of each, or of all where it is one."""
+    effects = diagnosis.effects
+    odds = {chance(effect.probability) for effect in effects}
+    together = len(effects) > 1 and len(odds) == 1
+    facts = [
+        (
+            "Cause" if effect is effects[0] else "and",
+            plain(effect.name)
+            + ("" if together else f", probability {chance(effect.probability)}"),
+        )
+        for effect in effects
+    ]
+    return [*facts, ("Probability of all together", odds.pop())] if together else facts
+
+
+def _in_closed_loop(diagnosis: Diagnosis) -> list[tuple[str, str]]:
+    """Return the error of the position over a whole record under its controller."""
+    error = diagnosis.gap.views.get("closed_loop", {}).get("x")
+    if error is None:
+        return []
+    after = "with_term" if "with_term" in error else "after"
+    changed = f" → {percent(error[after])}" if has_after(diagnosis) or after != "after" else ""
+    return [("The same of x, whole record in closed loop", percent(error["before"]) + changed)]
 
 
 def write_diagnosis(

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from pneumo_casadi.diagnosis import Diagnosis
+from pneumo_casadi.diagnosis import Diagnosis, Verdict
 from pneumo_casadi.diagnosis.locate.evidence import Evidence
 from pneumo_casadi.report.figures.diagnosis.dashboard import dashboard_figure
 from pneumo_casadi.report.figures.diagnosis.discovered_term import discovered_term_figure
@@ -47,8 +47,9 @@ def diagnosis_figures(diagnosis: Diagnosis) -> Iterator[Drawn]:
         yield Drawn(
             "ranking",
             ranking_figure(diagnosis),
-            "The most probable causes, and the share of the held-out gap in the balances that each "
-            "removes, with its 95 % interval. " + _ranking_words(diagnosis),
+            ("None is needed. " if diagnosis.verdict is Verdict.NONE else "")
+            + "The most probable causes, and the share of the held-out gap in the balances that "
+            "each removes, with its 95 % interval. " + _ranking_words(diagnosis),
         )
     if any(diagnosis.where.shares.values()) or diagnosis.where.regimes:
         yield Drawn(

@@ -19,7 +19,7 @@ from pneumo_casadi.report.pages.page import (
 from pneumo_casadi.report.tables.content import all_tables
 from pneumo_casadi.report.tables.laboratory import laboratory_tables, legend_table
 from pneumo_casadi.report.tables.table import Table, with_symbols
-from pneumo_casadi.report.tables.validation import records_table
+from pneumo_casadi.report.tables.validation import RESOLVED, records_table
 
 #: Grade and words of the verdict.
 VERDICTS = {
@@ -79,15 +79,18 @@ def usability_verdict(content: Mapping[str, Any]) -> Verdict:
     facts = [("Output error by multiple shooting", solves)]
     for table in laboratory_tables(content):
         facts += [
-            (row[0], row[1]) for row in table.rows if row[0].startswith(("Moving", "Viscous"))
+            (f"{row[0]}, ± 2σ", row[1])
+            for row in table.rows
+            if row[0].startswith(("Moving", "Viscous"))
         ]
     errors = content["validation"]
     if errors is not None:
         outputs = {name: errors[name] for name in fit["sigma"] if name in errors}
         worst = max(outputs, key=lambda name: outputs[name]["percent"])
-        text = f"{outputs[worst]['percent']:.2g} % of {worst}, "
-        text += f"of which sensor noise {outputs[worst]['noise_percent']:.2g} %"
-        facts.append(("Largest error of the simulated held-out record", text))
+        noise = outputs[worst]["noise_percent"]
+        text = f"{outputs[worst]['percent']:.2g} % of {worst}"
+        text += f"; the sensor noise is {noise:.2g} %" if noise >= RESOLVED else ""
+        facts.append(("Largest error of a held-out record, simulated whole in open loop", text))
     return Verdict(grade, words, reason[:1].upper() + reason[1:], facts)
 
 
@@ -109,9 +112,8 @@ def next_record(content: Mapping[str, Any]) -> str:
         least = f"The records say nothing about {', '.join(map(with_symbols, unknown))}"
     elif relative:
         name = max(relative, key=lambda each: relative[each])
-        least = (
-            f"The least certain parameter is {with_symbols(name)}, ± {relative[name]:.2g} % (2σ)"
-        )
+        own = f"{with_symbols(name)}, ± {relative[name]:.2g} % (2σ)"
+        least = f"The least certain identified parameter is {own}"
     else:
         least = "No parameter was estimated with an interval"
     return f"{least}. `pneumo-casadi design` plans the next record for the parameters of this one."

@@ -126,7 +126,7 @@ def _output_error_figures(identification: Identification) -> Iterator[Drawn]:
         "residuals",
         residual_figure(identification.output_error, identification.records),
         "Residuals of the output-error fit and their autocorrelation. A complete model leaves "
-        "white residuals, inside the band.",
+        "white residuals, inside the band; the ±2σ of the estimates allow for what is left.",
     )
     yield Drawn(
         "correlations",

@@ -254,14 +254,18 @@ def check_table(diagnosis: Diagnosis) -> Table:
                 _agreement(check),
             )
         )
+    near = (
+        "Within 6σ: outside the range by less than six standard deviations, which do not include "
+        "the bias of the fit.",
+    )
     return Table(
         "Parameters compared with geometry and data sheet",
         ("", "unit", "estimate ± 2σ", "expected", "agrees"),
         tuple(rows),
         (
-            "Estimates of the fits that decide the verdict. Within 6σ: outside the range by less "
-            "than six of the fit's standard deviations, which are too small. The range of a dead "
-            "length, of k_P − k_N and of friction is what is plausible, and excludes gross errors.",
+            "Estimates of the fits that decide the verdict. The range of a dead length, of "
+            "k_P − k_N and of friction is what is plausible, and excludes gross errors.",
+            *(near if any(row[-1] == "within 6σ" for row in rows) else ()),
         ),
     )
 

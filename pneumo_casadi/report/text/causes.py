@@ -96,7 +96,7 @@ def _share(effect: EffectFound) -> str:
     """Return how much of the gap comes back without an effect, if that was worked out."""
     if not effect.contribution:
         return ""
-    return f" Without it {whole(effect.contribution)} of the gap come back."
+    return f" Without it {whole(effect.contribution)} of the gap comes back."
 
 
 def _rivals(effect: EffectFound) -> str:
@@ -143,7 +143,12 @@ def discovered_sentences(diagnosis: Diagnosis) -> tuple[str, ...]:
     term = diagnosis.discovered
     where = joined([BALANCES[Location(name)] for name in term.balance.split(" + ")])
     beside = f" beside {joined([plain(name) for name in term.beside])}" if term.beside else ""
-    sizes = "; ".join(f"{name} = {quantity(value)}" for name, value in term.parameters.items())
+    # Where the model was fitted again with the term, its parameters are those of the tables.
+    fitted = {
+        name: diagnosis.with_term.get(f"{term.term.name}.{name}", value)
+        for name, value in term.parameters.items()
+    }
+    sizes = "; ".join(f"{name} = {quantity(value)}" for name, value in fitted.items())
     return (
         f"A term over {DRIVER_NAMES[term.term.driver]} in the {where}{beside} "
         f"closes {whole(term.closes.value)} of the held-out gap of the balances (95 % interval "

@@ -197,7 +197,7 @@ def alternative_sentences(diagnosis: Diagnosis, catalogue: Catalogue = EFFECTS) 
             f"probability {chance(candidate.probability)}."
             for candidate in close
         ]
-        if not close:
+        if not close and not diagnosis.where.rivals:
             parts.append("No other effect of the catalogue explains these data.")
     outside = 1 - sum(candidate.probability for candidate in diagnosis.ranking)
     if diagnosis.effects and outside > OUTSIDE:
@@ -226,6 +226,16 @@ def check_sentences(diagnosis: Diagnosis) -> tuple[tuple[bool, str], ...]:
         (check.agrees, check.text)
         for check in sorted(diagnosis.checks, key=lambda check: check.agrees)
     )
+
+
+def checks_of_what(diagnosis: Diagnosis) -> tuple[str, ...]:
+    """Return of which model the parameters are that are checked."""
+    if diagnosis.verdict is Verdict.UNKNOWN:
+        return (
+            "The cause is not in this model. That a parameter agrees does not make it right: its "
+            "error may lie within the range.",
+        )
+    return ()
 
 
 def location_text(diagnosis: Diagnosis) -> str:

@@ -68,14 +68,19 @@ def final_facts(diagnosis: Diagnosis, final: FinalModel | None) -> list[tuple[st
     if final is None:
         return []
     mass = [("Moving mass M, ± 2σ", final.mass)] if final.mass else []
-    return [("Parameters usable", final.usability.usable.value), *mass]
+    usable, reason = final.usability.usable, final.usability.reason
+    why = "" if usable is Usable.YES else f": {reason}"
+    return [("Parameters usable", f"{usable.value}{why}"), *mass]
 
 
 def final_sentences(diagnosis: Diagnosis, final: FinalModel | None) -> tuple[str, ...]:
     """Return whether the final model can be used, and where it is."""
     if final is None:
         return ()
-    file = "It is in result.json, which validate, simulate, export, design and compare take."
+    file = (
+        "It is stored in result.json, from which `validate`, `simulate`, `export`, `design` and "
+        "`compare` go on."
+    )
     if diagnosis.verdict is Verdict.UNKNOWN:
         return ("The model lacks the cause: its parameters absorb a part of it.", file)
     return final.usability.sentence, file

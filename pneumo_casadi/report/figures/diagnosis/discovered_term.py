@@ -57,5 +57,6 @@ def discovered_term_figure(discovered: DiscoveredTerm) -> Figure:
     symbol += " within one period" if term.law.periodic else ""
     kind = "relative change" if term.unit == "1" else "term"
     dress(axes, f"{symbol} [{unit}]", f"{kind} [{term_unit}]")
+    axes.set_xlim(float(d[0]), float(d[-1]))
     legend_above(axes, 3)
     return figure

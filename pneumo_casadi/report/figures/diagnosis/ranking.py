@@ -21,13 +21,17 @@ from pneumo_casadi.report.tables.quantities import chance, plain
 
 #: Candidates drawn: those that matter up to the first number, and the first ones up to the second.
 DRAWN, LEAST = 8, 3
+#: Height of a line of a label [rows].
+LINE = 0.62
 #: Reduction of the gap [%] at which the axis ends; smaller values are arrows there.
 WORST = -100.0
 
 
 def ranking_figure(diagnosis: Diagnosis) -> Figure:
     """Draw the first candidates: probability, and the share of the gap that each removes."""
-    figure = new_figure(ROW * len(_first(diagnosis, DRAWN)) + REST + 2)
+    shown = _first(diagnosis, DRAWN)
+    lines = max((_lines(candidate.label).count("\n") + 1 for candidate in shown), default=1)
+    figure = new_figure(ROW * max(1.0, LINE * lines) * len(shown) + REST + 2)
     left, right = figure.subplots(1, 2, sharey=True)
     draw_ranking(left, right, diagnosis)
     return figure

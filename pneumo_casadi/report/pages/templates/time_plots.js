@@ -8,6 +8,7 @@
   function paint(panels) {
     const ink = dark.matches ? "#e6e6e6" : "#1a1a1a";
     for (const panel of panels) {
+      for (const grid of panel.center) grid.grid_line_color = dark.matches ? "#2b3238" : "#e8e8e8";
       for (const axis of [...panel.below, ...panel.left]) {
         axis.axis_label_text_color = ink;
         axis.major_label_text_color = ink;
