@@ -11,6 +11,7 @@ DISPLAY_UNITS = {
     "m/s": ("mm/s", 1e3),
     "m2": ("cm²", 1e4),
     "m3": ("cm³", 1e6),
+    "m³": ("cm³", 1e6),
     "s": ("ms", 1e3),
     "Pa": ("kPa", 1e-3),
     "kg/s": ("g/s", 1e3),

@@ -133,7 +133,12 @@ def described_as(name: str, catalogue: Catalogue = EFFECTS) -> str:
     """
     known = catalogue.get(name)
     text = (known.__doc__ or "").strip() if known else ""
-    return text.splitlines()[0].replace("`", "") if text else "An effect of your own."
+    if not text:
+        return "An effect of your own."
+    first = text.splitlines()[0].replace("`", "")
+    for other in catalogue:
+        first = first.replace(other, plain(other))
+    return first
 
 
 def discovered_sentences(diagnosis: Diagnosis) -> tuple[str, ...]:
