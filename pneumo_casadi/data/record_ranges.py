@@ -3,13 +3,12 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
-
 from pneumo_casadi.data.recording.recording import Recording
+from pneumo_casadi.parameters import FloatArray
 
 #: Channels whose range is told; velocity besides.
 CHANNELS = ("x", "p_P", "p_N", "F")
-#: Span of the differences of the position [s]: longer than noise, shorter than motion
+#: Span of the differences of the position [s]: longer than noise, shorter than motion.
 SPAN = 0.02
 
 
@@ -43,7 +42,8 @@ def _covered(record: Recording, use: str) -> dict[str, Any]:
     ranges = {name: _range(record[name]) for name in CHANNELS if name in record}
     rows = max(1, round(SPAN / record.dt))
     if "x" in record and rows < record.N:
-        ranges["v"] = _range((record["x"][rows:] - record["x"][:-rows]) / _spans(record, rows))
+        moved = record["x"][rows:] - record["x"][:-rows]
+        ranges["v"] = _range(moved / (record.t[rows:] - record.t[:-rows]))
     return {
         "name": record.name,
         "use": use,
@@ -53,9 +53,5 @@ def _covered(record: Recording, use: str) -> dict[str, Any]:
     }
 
 
-def _spans(record: Recording, rows: int) -> np.ndarray:
-    return record.t[rows:] - record.t[:-rows]
-
-
-def _range(values: np.ndarray) -> list[float]:
+def _range(values: FloatArray) -> list[float]:
     return [float(f"{value:.4g}") for value in (values.min(), values.max())]

@@ -258,3 +258,21 @@ def test_a_validation_has_a_report_that_is_written_again(quick, without_figures,
     again = (folder / "report.html").read_text("utf-8")
     assert again.partition('<div class="plot')[0] == first.partition('<div class="plot')[0]
     assert again.count('class="plot') == len(quick.validation.runs) > 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "damaged",
+    [
+        {"versions": "2"},
+        {"versions": {}, "sha256": {}, "options": {}, "records": [{"name": "identify"}]},
+    ],
+)
+def test_damaged_provenance_is_named_and_the_report_stays(diagnosed, tmp_path, capsys, damaged):
+    folder = shutil.copytree(diagnosed, tmp_path / "copy")
+    before = (folder / "report.html").read_bytes()
+    content = json.loads((folder / "diagnosis.json").read_text("utf-8"))
+    write_json(content | {"provenance": damaged}, folder / "diagnosis.json")
+    assert cli.run(["report", str(folder)]) == 2
+    assert "diagnosis.json: no complete result" in capsys.readouterr().err.replace("\n", " ")
+    assert (folder / "report.html").read_bytes() == before

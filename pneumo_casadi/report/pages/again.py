@@ -4,6 +4,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from jinja2 import TemplateError
+
 from pneumo_casadi.data.recording.curves import read_curves
 from pneumo_casadi.diagnosis.decide.read_diagnosis import DIAGNOSIS, read_diagnosis
 from pneumo_casadi.errors import CaseError
@@ -54,7 +56,7 @@ def write_report_again(path: str | Path) -> Path:
     kind, page = _kind_of(content, file)
     try:
         html = page(content, file)
-    except (KeyError, TypeError, AttributeError, ValueError) as error:
+    except (KeyError, TypeError, AttributeError, ValueError, TemplateError) as error:
         raise CaseError(
             f"{file}: no complete result ({type(error).__name__}: {error}); {_REMEDIES[kind]}"
         ) from None

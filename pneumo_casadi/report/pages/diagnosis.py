@@ -76,7 +76,7 @@ if TYPE_CHECKING:
     from pneumo_casadi.report.pages.identification_figures import Drawn
 
 #: The gap, as the head of a report calls it.
-_ERROR = "Error on held-out data, beyond sensor noise, windows of 0.5 s"
+_ERROR = "Error on held-out data, beyond sensor noise"
 #: Grades of verdicts, which give the colour; the words say the same.
 _GRADES = {Verdict.NONE: "good", Verdict.EFFECT: "effect"}
 
@@ -183,6 +183,7 @@ def _legend(diagnosis: Diagnosis) -> Table:
 
 def _facts(diagnosis: Diagnosis, final: FinalModel | None) -> list[tuple[str, str]]:
     gap, closure = diagnosis.gap, diagnosis.gap.closure
+    error = f"{_ERROR}, windows of 0.5 s" if gap.views.get("windows") else _ERROR
     facts = [("Where", location_text(diagnosis))]
     facts += _causes(diagnosis)
     facts += [
@@ -193,13 +194,13 @@ def _facts(diagnosis: Diagnosis, final: FinalModel | None) -> list[tuple[str, st
         facts.append(("Discovered term", discovered_fact(diagnosis.discovered)))
     if diagnosis.effects:
         facts += [
-            (_ERROR, f"{percent(gap.before)} → {percent(gap.after)}"),
+            (error, f"{percent(gap.before)} → {percent(gap.after)}"),
             ("Reduction", f"{whole(closure.value)} ({between(closure)})"),
         ]
     else:
         term = gap.with_term
         with_term = "" if term is None else f" → {percent(term)} with the discovered term"
-        facts.append((_ERROR, percent(gap.before) + with_term))
+        facts.append((error, percent(gap.before) + with_term))
     facts += _in_closed_loop(diagnosis)
     agreeing, all_ = sum(check.agrees for check in diagnosis.checks), len(diagnosis.checks)
     if agreeing < all_ or (all_ and diagnosis.verdict is not Verdict.UNKNOWN):

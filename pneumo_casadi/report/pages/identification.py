@@ -89,7 +89,7 @@ def usability_verdict(content: Mapping[str, Any]) -> Verdict:
         worst = max(outputs, key=lambda name: outputs[name]["percent"])
         noise = outputs[worst]["noise_percent"]
         text = f"{outputs[worst]['percent']:.2g} % of {worst}"
-        text += f"; the sensor noise is {noise:.2g} %" if noise >= RESOLVED else ""
+        text += f"; the sensor noise is {noise:.2g} %" if noise and noise >= RESOLVED else ""
         facts.append(("Largest error of a held-out record, simulated whole in open loop", text))
     return Verdict(grade, words, reason[:1].upper() + reason[1:], facts)
 
