@@ -135,10 +135,20 @@ def described_as(name: str, catalogue: Catalogue = EFFECTS) -> str:
     text = (known.__doc__ or "").strip() if known else ""
     if not text:
         return "An effect of your own."
-    first = text.splitlines()[0].replace("`", "")
-    for other in catalogue:
-        first = first.replace(other, plain(other))
-    return first
+    return without_underscores(text.splitlines()[0].replace("`", ""), catalogue)
+
+
+def without_underscores(text: str, catalogue: Catalogue = EFFECTS) -> str:
+    """Return a sentence with the names of effects in plain words.
+
+    Examples
+    --------
+    >>> without_underscores("position_delay may be part of it; k_P is 1.2")
+    'position delay may be part of it; k_P is 1.2'
+    """
+    for name in sorted({*EFFECTS, *catalogue}, key=len, reverse=True):
+        text = text.replace(name, plain(name))
+    return text
 
 
 def discovered_sentences(diagnosis: Diagnosis) -> tuple[str, ...]:

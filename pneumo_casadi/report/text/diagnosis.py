@@ -27,6 +27,7 @@ from pneumo_casadi.report.text.causes import (
     described_as,
     discovered_sentences,
     joined,
+    without_underscores,
 )
 from pneumo_casadi.report.text.final_model import final_model, final_sentences, final_title
 from pneumo_casadi.report.text.identification import WIDTH, render
@@ -109,19 +110,6 @@ def where_sentences(diagnosis: Diagnosis, catalogue: Catalogue = EFFECTS) -> tup
     """Return where model and measurement disagree, in words."""
     sentences = location_sentences(diagnosis.where)
     return tuple(capitalised(without_underscores(text, catalogue)) for text in sentences)
-
-
-def without_underscores(text: str, catalogue: Catalogue = EFFECTS) -> str:
-    """Return a sentence with the names of effects in plain words.
-
-    Examples
-    --------
-    >>> without_underscores("position_delay may be part of it; k_P is 1.2")
-    'position delay may be part of it; k_P is 1.2'
-    """
-    for name in sorted({*EFFECTS, *catalogue}, key=len, reverse=True):
-        text = text.replace(name, plain(name))
-    return text
 
 
 def refused_sentences(diagnosis: Diagnosis) -> tuple[str, ...]:
