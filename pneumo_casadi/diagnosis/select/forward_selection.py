@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
-from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -17,20 +16,13 @@ from pneumo_casadi.diagnosis.metrics.residual_size import (
 )
 from pneumo_casadi.diagnosis.metrics.simulated_gap import Simulations
 from pneumo_casadi.diagnosis.prepare.fit_store import Store
-from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel, fit_model, values_of
+from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel, fit_model
 from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.diagnosis.screen.screen import ScreenResult, background
 from pneumo_casadi.diagnosis.select.acceptance import accepted, can_matter
 from pneumo_casadi.diagnosis.select.contributions import contributions
-from pneumo_casadi.diagnosis.select.fit_ledger import (
-    Catalogue,
-    Failed,
-    FitLedger,
-    Names,
-    Start,
-    start_with,
-)
-from pneumo_casadi.diagnosis.select.forms import forms_to_fit, keep_best_forms
+from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue, Failed, FitLedger, Names
+from pneumo_casadi.diagnosis.select.forms import keep_best_forms
 from pneumo_casadi.diagnosis.select.hidden_motion import (
     closes_in_simulation,
     extend_by_simulation,
@@ -38,6 +30,7 @@ from pneumo_casadi.diagnosis.select.hidden_motion import (
     motion_is_hidden,
 )
 from pneumo_casadi.diagnosis.select.plausibility import find_plausible_extension, is_implausible
+from pneumo_casadi.diagnosis.select.propose import fit_alone, fit_extensions, fit_pairs
 from pneumo_casadi.diagnosis.select.rivals import fit_rivals
 from pneumo_casadi.diagnosis.select.split import split_effects
 from pneumo_casadi.runtime.progress import Progress, no_progress
@@ -47,17 +40,6 @@ MAX_EFFECTS = 6
 #: A model of so many effects that does not explain the gap gets no more: one by one, effects would
 #: take up parts of a cause that is none of them.
 MAX_UNEXPLAINED = 3
-#: Effects refitted in later rounds, in the order of the screen. The first round refits all: a
-#: linearisation at the nominal fit does not predict the gain of a large effect.
-LATER_ROUNDS = 5
-#: An effect that gained so many times what the screen had promised of it alone is refitted in all
-#: rounds, whatever they promise: a resonance, or a back pressure not felt while it is small.
-UNFORESEEN = 3.0
-#: Number of effects accepted alone that are tried in pairs: the first choice may replace two.
-PAIRED = 5
-#: Number of effects beside which a valve shape is tried that the metered map contradicts alone: it
-#: may be right once it need not replace them.
-CONTRADICTED = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +125,7 @@ def select_effects(
     first = ledger.over(background(study, nominal, nominal))
     report("refitting single effects", 0.3)
     ledger.promised = {name: result.gain for name, result in first.items()}
-    _fit_alone(ledger, nominal, first)
+    fit_alone(ledger, nominal, first)
     forms = keep_best_forms(ledger)
     first = {name: result for name, result in first.items() if name not in ledger.left_out}
     path = _forward(ledger, nominal, levels, report)
@@ -180,9 +162,9 @@ def _forward(
             break
         if round_:
             report(f"looking for effect {round_ + 1}", 0.4 + 0.07 * round_)
-            _extend(ledger, nominal, current, known)
+            fit_extensions(ledger, nominal, current, known, levels)
         if round_ == 1:
-            _fit_pairs(ledger)
+            fit_pairs(ledger)
         options = [
             (fitted.cost, key)
             for key, fitted in ledger.fits.items()
@@ -252,92 +234,6 @@ def _coarse(
     return coarse and all(effect.metered for effect in ledger.effects(added))
 
 
-def _extend(ledger: FitLedger, nominal: FittedModel, current: FittedModel, known: Names) -> None:
-    """Fit the additions to a model that promise most, and those whose promise is not to be trusted.
-
-    An addition that promises less than another form of an effect must gain is left alone.
-    """
-    behind = background(ledger.study, nominal, current, ledger.effects(known))
-    screened = ledger.over(behind, known)
-    least = ledger.study.criteria.form_gain
-    promising = [name for name, result in screened.items() if result.gain > least]
-    unforeseen = [name for name in _unforeseen(ledger, nominal) if name in screened]
-    chosen = dict.fromkeys((*promising[:LATER_ROUNDS], *unforeseen))
-    ledger.fit_all(
-        {
-            ledger.key((*known, name)): Start(
-                current.values, trials=_where_to_begin(ledger, screened[name])
-            )
-            for name in chosen
-        }
-    )
-
-
-def _unforeseen(ledger: FitLedger, nominal: FittedModel) -> list[str]:
-    """Return effects that alone gained far more than the screen had promised of them."""
-    least, promised = ledger.study.criteria.form_gain, ledger.promised
-    gains = {key[0]: nominal.cost - fit.cost for key, fit in ledger.extensions(()).items()}
-    return [
-        name
-        for name, gain in gains.items()
-        if gain > max(least, UNFORESEEN * promised.get(name, 0.0))
-    ]
-
-
-def _fit_alone(
-    ledger: FitLedger, nominal: FittedModel, screened: Mapping[str, ScreenResult]
-) -> None:
-    """Fit a model with each effect alone, from every sign of its shape."""
-    ledger.fit_all(
-        {
-            (name,): Start(
-                nominal.values,
-                screened[name].starts,
-                None if screened[name].felt else nominal.cost,
-            )
-            for name in forms_to_fit(ledger, screened)
-        }
-    )
-
-
-def _where_to_begin(ledger: FitLedger, screened: ScreenResult) -> list[Mapping[str, float]]:
-    """Return values of an effect from which a fit beside others may begin.
-
-    Those that the screen promises most of, and those that it had alone: where others have taken
-    over what it stood for it is mostly small, but what small ones do may not be felt.
-    """
-    alone = ledger.fits.get((screened.name,))
-    at_end = () if alone is None else (values_of(screened.name, alone.values),)
-    return [screened.sizes, *screened.starts, *at_end]
-
-
-def _fit_pairs(ledger: FitLedger) -> None:
-    """Fit the best effects in pairs, each beginning where it ended alone.
-
-    One effect may replace two, and then no pair with it is right; if these two have an unusual
-    form, only a pair of them shows it.
-    """
-    starts: dict[Names, Start] = {}
-    for first, second in combinations(ledger.alone[:PAIRED], 2):
-        better, added = (ledger.fits[name,] for name in (first, second))
-        starts[ledger.key((first, second))] = start_with(better, second, added)
-    ledger.fit_all(starts | _starts_of_contradicted_shapes(ledger))
-    pairs = [key for key in ledger.fits if len(key) == 2]
-    if pairs:
-        ledger.refine(min(pairs, key=lambda key: ledger.fits[key].cost))
-
-
-def _starts_of_contradicted_shapes(ledger: FitLedger) -> dict[Names, Start]:
-    """Return starts of shapes of the valve beside the effects that fit best alone."""
-    refused = [k[0] for k in ledger.failures if len(k) == 1 and ledger.effects(k)[0].metered]
-    alone = sorted((f.cost, key) for key, f in ledger.fits.items() if len(key) == 1)
-    return {
-        ledger.key((name, other)): Start(ledger.fits[other,].values)
-        for name in refused
-        for _, (other,) in alone[:CONTRADICTED]
-    }
-
-
 def _backtrack(
     ledger: FitLedger, nominal: FittedModel, pair: Names, levels: BalanceLevels, single: FittedModel
 ) -> Names:
@@ -345,7 +241,7 @@ def _backtrack(
     for name in pair:
         alone = ledger.fits.get((name,))
         if alone is not None and alone is not single:
-            _extend(ledger, nominal, alone, (name,))
+            fit_extensions(ledger, nominal, alone, (name,), levels)
     options = [
         (fitted.cost, key)
         for key, fitted in ledger.fits.items()

@@ -1,0 +1,60 @@
+"""What a round of the selection fits besides the model that it starts from."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from pneumo_casadi.diagnosis import diagnose
+from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels
+from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA
+from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger
+from pneumo_casadi.diagnosis.select.propose import _for_open_balances
+from pneumo_casadi.effects import EFFECTS
+
+LEVELS = BalanceLevels(np.ones(3), np.ones(3))
+
+
+def leaving(*rms):
+    """Return a fit that leaves residuals of some size in each balance."""
+    rows = np.outer(rms, np.ones(8))
+    return SimpleNamespace(held_out=(rows,), used_held_out=(np.ones((3, 8), dtype=bool),))
+
+
+@pytest.fixture
+def ledger():
+    ledger = FitLedger(SimpleNamespace(criteria=CRITERIA), EFFECTS)
+    ledger.fits = {
+        ("leakage_P",): leaving(2.0, 9.0, 9.0),
+        ("leakage_N",): leaving(9.0, 2.0, 9.0),
+        ("stribeck",): leaving(9.0, 9.0, 5.0),
+        ("spring_load",): leaving(9.0, 9.0, 6.0),
+        ("quadratic_drag",): leaving(9.0, 9.0, 7.0),
+        ("backlash",): leaving(9.0, 9.0, 8.9),
+    }
+    return ledger
+
+
+@pytest.mark.parametrize(
+    ("left", "proposed"),
+    [
+        ((1.0, 1.0, 4.0), ["stribeck", "spring_load"]),
+        ((1.0, 4.0, 1.0), ["leakage_N"]),
+        ((4.0, 1.0, 4.0), ["leakage_P", "stribeck", "spring_load"]),
+        ((1.4, 1.4, 1.4), []),
+    ],
+)
+def test_each_open_balance_has_its_own_candidates(ledger, left, proposed):
+    """What gains most of all may act in balances that are at their floor already."""
+    chosen = _for_open_balances(ledger, leaving(9.0, 9.0, 9.0), leaving(*left), LEVELS)
+    assert chosen == proposed
+
+
+@pytest.mark.slow
+def test_a_delay_that_no_spool_is_fast_enough_for_is_no_valve_dynamics(made_case):
+    """The start of a fit lets it through, its end does not: 0.3 ms are the sampling's."""
+    case = made_case(12, stribeck="medium")
+    names = ("valve_dynamics", "stribeck")
+    diagnosis = diagnose(case, {name: EFFECTS[name] for name in names})
+    assert [effect.name for effect in diagnosis.effects] == ["stribeck"]
+    assert any("valve_dynamics.tau" in note and "not credible" in note for note in diagnosis.notes)
