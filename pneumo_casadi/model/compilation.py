@@ -210,9 +210,7 @@ def _built(name: str, build: Callable[[Path], bool]) -> Path | None:
         content = draft.read_bytes()
         draft.chmod(0o600)
         with draft.open("ab") as file:
-            file.write(authentication_code(content))
-            file.flush()
-            os.fsync(file.fileno())
+            file.write(authentication_code(content))  # tells a file that a crash has cut short
         draft.replace(path)
     return path
 

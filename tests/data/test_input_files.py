@@ -1,6 +1,8 @@
 """Files of others: what is no file, text of all encodings, JSON without bounds, maps and copies."""
 
+import json
 import os
+import signal
 
 import numpy as np
 import pytest
@@ -8,6 +10,8 @@ import scipy.io
 
 from pneumo_casadi.data import Grade, InputHold, read_case, read_recording
 from pneumo_casadi.data.checks.metered_flow import check_flow_map, metered_flows
+from pneumo_casadi.data.readers import mat_process
+from pneumo_casadi.data.readers.columns import COLUMNS
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.runtime.input_files import read_bytes
 from pneumo_casadi.runtime.json_input import read_json
@@ -130,10 +134,18 @@ def test_a_map_that_contradicts_itself_is_named(tmp_path, change, name):
 
 
 def test_a_hidden_parser_crash_costs_an_error_only(tmp_path):
-    path = tmp_path / "run.mat"
+    path, sound = tmp_path / "run.mat", tmp_path / "sound.mat"
     scipy.io.savemat(path, {"t_s": np.arange(99.0)})
+    scipy.io.savemat(sound, {name: np.arange(99.0) for name in COLUMNS})
     content = bytearray(path.read_bytes())
     content[145] = 0xAC  # with which the parser ends the process
     path.write_bytes(bytes(content))
     with pytest.raises(CaseError, match=r"run\.mat"):
         read_recording(path, InputHold.ZERO)
+    assert read_recording(sound, InputHold.ZERO).N == 99
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="processes fork on POSIX")
+def test_a_parser_that_a_file_ends_is_told_and_is_not_the_process_that_serves():
+    said = mat_process._in_a_fork(lambda _: os.kill(os.getpid(), signal.SIGKILL), b"")
+    assert json.loads(said.partition(b"\n")[0]) == "the parser ended with signal 9"

@@ -9,7 +9,12 @@ from pathlib import Path
 import pytest
 
 from pneumo_casadi.runtime.atomic_files import atomic_file, atomic_folder, draft_folder
-from pneumo_casadi.runtime.child_process import run_child
+from pneumo_casadi.runtime.child_process import (
+    ChildEndedError,
+    ServingChild,
+    end_group,
+    run_child,
+)
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 
@@ -149,3 +154,23 @@ def test_temporary_files_of_a_program_lie_in_the_folder_given(tmp_path):
     asked = [sys.executable, "-c", "import tempfile; print(tempfile.gettempdir())"]
     assert Path(run_child(asked, scratch=tmp_path).stdout.decode().strip()) == tmp_path
     assert Path(run_child(asked).stdout.decode().strip()) != tmp_path
+
+
+def test_a_program_that_serves_is_started_anew_where_it_has_ended():
+    child = ServingChild(["cat"])
+    assert child.ask(b"one", 20.0) == b"one"
+    first = child._process
+    assert child.ask(b"two", 20.0) == b"two" and child._process is first
+    end_group(first)
+    first.wait()
+    assert child.ask(b"three", 20.0) == b"three" and child._process is not first
+    child.end()
+    assert child._process is None
+
+
+@pytest.mark.parametrize(
+    ("command", "error"), [(["true"], ChildEndedError), (["sleep", "60"], TimeoutError)]
+)
+def test_a_program_that_does_not_answer_is_told(command, error):
+    with pytest.raises(error):
+        ServingChild(command).ask(b"one", 0.3)

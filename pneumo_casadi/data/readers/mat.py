@@ -1,16 +1,30 @@
 """MAT files as MATLAB users have them: vectors, matrices, structs, cells; up to 7 and 7.3."""
 
 import importlib.util
+import io
+import json
+import sys
 from collections import Counter
 from collections.abc import Collection
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from pneumo_casadi.data.readers.mat_process import UnreadableError, is_hdf5, vectors_of
+from pneumo_casadi.data.readers import mat_process
+from pneumo_casadi.data.readers.mat_process import is_hdf5
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.runtime.child_process import ChildEndedError, ServingChild
 from pneumo_casadi.runtime.input_files import printable
+
+#: Time to parse a file [s], and in addition per 100 MB; a few seconds are usual.
+TIME, TIME_PER_100_MB = 20.0, 20.0
+
+
+class UnreadableError(Exception):
+    """A file that the parsers do not read; the message says why."""
 
 
 def read_mat(
@@ -61,3 +75,33 @@ def read_mat(
         if names[-1] in wanted and values is not None:
             columns[names[-1]] = np.asarray(values, dtype=float)
     return columns, tuple(names)
+
+
+def vectors_of(content: bytes, wanted: Collection[str]) -> dict[str, Any]:
+    """Return the vectors of a MAT file by name, values of those only that are wanted.
+
+    Raises
+    ------
+    UnreadableError
+        If the parser fails, crashes, or takes too long.
+    """
+    request = json.dumps(list(wanted)).encode() + b"\n" + content
+    try:
+        answer = _parser().ask(request, TIME + TIME_PER_100_MB * len(content) / 1e8)
+    except TimeoutError:
+        raise UnreadableError("it is not parsed within the time of a sound file") from None
+    except ChildEndedError:
+        raise UnreadableError("the parser ended without an answer") from None
+    wrong, _, vectors = answer.partition(b"\n")
+    if reason := json.loads(wrong):
+        raise UnreadableError(reason)
+    with np.load(io.BytesIO(vectors), allow_pickle=False) as held:
+        names = json.loads(str(held["names"]))
+        return {name: held.get(str(k)) for k, name in enumerate(names)}
+
+
+@cache
+def _parser() -> ServingChild:
+    """Return the process that parses all files."""
+    single = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    return ServingChild([sys.executable, "-P", str(Path(mat_process.__file__))], single)

@@ -1,16 +1,18 @@
-"""MAT files parsed in a process of its own: a damaged file may crash or stall the parsers.
+"""MAT files parsed in a process of their own: a damaged file may crash or stall the parsers.
 
-Run as a script, without the rest of the package: standard input holds a line of JSON, the names
-wanted, and then the file; standard output gets the vectors as npz.
+Run as a script, without the rest of the package: it answers the requests of a `ServingChild`. A
+request is a line of JSON, the names wanted, and then the file; the answer is a line of JSON, what
+went wrong, and then the vectors as npz. Where processes can fork, each file has one of its own, and
+the parsers are imported once for all.
 """
 
 import io
 import json
 import os
-import subprocess
+import struct
 import sys
-from collections.abc import Collection, Iterator
-from pathlib import Path
+import traceback
+from collections.abc import Callable, Collection, Iterator
 from typing import Any
 
 import numpy as np
@@ -23,51 +25,56 @@ MOST_VECTORS, DEEPEST = 20_000, 30
 MOST_VALUES = 2 * 10**8
 #: Address space of the process [bytes]: a compressed file may claim any size.
 MEMORY = 8 * 2**30
-#: Time to parse a file [s], and in addition per 100 MB; a few seconds are usual.
-TIME, TIME_PER_100_MB = 20.0, 20.0
+#: The length that begins a request and its answer.
+_LENGTH = struct.Struct("<Q")
 
 Vectors = Iterator[tuple[str, Any]]
 
 
-class UnreadableError(Exception):
-    """A file that the parsers do not read; the message says why."""
-
-
-def vectors_of(content: bytes, wanted: Collection[str]) -> dict[str, Any]:
-    """Return the vectors of a MAT file by name, values of those only that are wanted.
-
-    Raises
-    ------
-    UnreadableError
-        If the parser fails, crashes, or takes too long.
-    """
-    from pneumo_casadi.runtime.child_process import last_line, run_child
-
-    command = [sys.executable, "-P", str(Path(__file__))]
-    single = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-    try:
-        done = run_child(
-            command,
-            json.dumps(list(wanted)).encode() + b"\n" + content,
-            TIME + TIME_PER_100_MB * len(content) / 1e8,
-            env={**os.environ, **single},
-        )
-    except subprocess.TimeoutExpired:
-        raise UnreadableError("it is not parsed within the time of a sound file") from None
-    if done.returncode < 0:
-        raise UnreadableError(f"the parser ended with signal {-done.returncode}")
-    if done.returncode:
-        raise UnreadableError(last_line(done.stderr))
-    with np.load(io.BytesIO(done.stdout), allow_pickle=False) as held:
-        names = json.loads(str(held["names"]))
-        return {name: held.get(str(k)) for k, name in enumerate(names)}
-
-
 def main() -> None:
-    """Parse standard input."""
+    """Answer requests on standard input until it ends."""
     _limit_memory()
-    wanted = frozenset(json.loads(sys.stdin.buffer.readline()))
-    content = sys.stdin.buffer.read()
+    isolated = hasattr(os, "fork")
+    if isolated:
+        import scipy.io  # noqa: F401 - before all forks
+    while head := sys.stdin.buffer.read(_LENGTH.size):
+        request = sys.stdin.buffer.read(*_LENGTH.unpack(head))
+        answer = _in_a_fork(_answer, request) if isolated else _answer(request)
+        sys.stdout.buffer.write(_LENGTH.pack(len(answer)) + answer)
+        sys.stdout.buffer.flush()
+
+
+def _in_a_fork(answer: Callable[[bytes], bytes], request: bytes) -> bytes:
+    """Answer a request in a process of its own, and say so where that does not survive it."""
+    reader, writer = os.pipe()
+    child = os.fork()
+    if not child:
+        os.close(reader)
+        with os.fdopen(writer, "wb") as stream:
+            stream.write(answer(request))
+        os._exit(0)
+    os.close(writer)
+    with os.fdopen(reader, "rb") as stream:
+        answered = stream.read()
+    _, status = os.waitpid(child, 0)
+    if os.WIFSIGNALED(status):
+        return _packed(f"the parser ended with signal {os.WTERMSIG(status)}")
+    return answered
+
+
+def _answer(request: bytes) -> bytes:
+    names, _, content = request.partition(b"\n")
+    try:
+        return _packed("", _vectors_as_npz(content, frozenset(json.loads(names))))
+    except Exception as error:
+        return _packed(traceback.format_exception_only(error)[-1].strip()[:200])
+
+
+def _packed(wrong: str, vectors: bytes = b"") -> bytes:
+    return json.dumps(wrong).encode() + b"\n" + vectors
+
+
+def _vectors_as_npz(content: bytes, wanted: Collection[str]) -> bytes:
     names: list[str] = []
     arrays: dict[str, Any] = {}
     for name, values in _parsed(content):
@@ -76,9 +83,9 @@ def main() -> None:
         if values is not None and (name in wanted or name.rpartition(".")[2] in wanted):
             arrays[str(len(names))] = np.asarray(values).astype(float)
         names.append(name)
-    packed = io.BytesIO()
-    np.savez(packed, names=np.array(json.dumps(names)), **arrays)
-    sys.stdout.buffer.write(packed.getvalue())
+    vectors = io.BytesIO()
+    np.savez(vectors, names=np.array(json.dumps(names)), **arrays)
+    return vectors.getvalue()
 
 
 def _limit_memory() -> None:
