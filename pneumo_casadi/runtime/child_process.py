@@ -16,7 +16,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
-from typing import BinaryIO
+from typing import IO
 
 #: How often the parent is looked for [s]: far below the five seconds in which all is to be gone.
 PERIOD = 0.2
@@ -153,9 +153,14 @@ class ServingChild:
         from pneumo_casadi.runtime.interruption import at_hard_end
 
         late = threading.Event()
+
+        def give_up(process: "subprocess.Popen[bytes]") -> None:
+            late.set()
+            end_group(process)
+
         with self._turn:
             process = self._running()
-            limit = threading.Timer(timeout, lambda: (late.set(), end_group(process)))
+            limit = threading.Timer(timeout, give_up, (process,))
             limit.daemon = True
             limit.start()
             try:
@@ -210,7 +215,7 @@ def _exchange(process: "subprocess.Popen[bytes]", request: bytes) -> bytes:
     return answer
 
 
-def _read(stream: BinaryIO) -> bytes | None:
+def _read(stream: IO[bytes]) -> bytes | None:
     """Return the next message of a stream, None at its end."""
     head = stream.read(_LENGTH.size)
     if len(head) < _LENGTH.size:
