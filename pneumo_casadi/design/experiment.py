@@ -195,16 +195,20 @@ class ExperimentSimulator:
     @cached_property
     def step(self) -> ca.Function:
         """One sample, ``(x, w, θ) -> (x_next, x, u, y)``, compiled."""
+        return compile_functions([self.sample])[0]
+
+    @property
+    def sample(self) -> ca.Function:
+        """One sample as an expression; what it calls is compiled once."""
         axis, model = self.axis, self.model
-        sym = axis.symbol.sym
-        x, w = sym("x", model.nx), sym("w", model.nw)
-        theta = sym("theta", len(axis.parameters))
+        x, w = ca.MX.sym("x", model.nx), ca.MX.sym("w", model.nw)
+        theta = ca.MX.sym("theta", len(axis.parameters))
         u = model.feedback(x, w, theta)
         u_max = self.controller.u_max
         u = ca.fmin(ca.fmax(u, -u_max), u_max)
         following = step_function(axis, model.stepping)(x, u, theta)
         results = [following, x, u, axis.output(x, u, theta)]
-        return compile_functions([ca.Function("experiment_step", [x, w, theta], results)])[0]
+        return ca.Function("experiment_step", [x, w, theta], results)
 
     def __call__(self, reference: Reference) -> SimulatedExperiment:
         """Simulate a reference from where it was begun, or after settling on its first values."""

@@ -125,6 +125,8 @@ def runge_kutta_sample(
 ) -> Callable[[Sequence[Expression], Sequence[Expression], Expression], list[Expression]]:
     """Return what integrates one sample by calls of one Runge-Kutta step, compiled once.
 
+    Steps are called in groups, which are functions as well: every call is code to be compiled.
+
     Parameters
     ----------
     rates : callable
@@ -148,16 +150,31 @@ def runge_kutta_sample(
         return rates(begin + share / substeps, z)
 
     step = ca.Function("substep", [*states, *given, h, begin], runge_kutta(f, states, h))
+    size = 1 if inline else _group_size(substeps)
+    group = step
+    if size > 1:
+        end = list(states)
+        for k in range(size):
+            end = step.call([*end, *given, h, begin + k / substeps], False, False)
+        group = ca.Function("substeps", [*states, *given, h, begin], end)
 
     def integrate(
         start: Sequence[Expression], at: Sequence[Expression], length: Expression
     ) -> list[Expression]:
         end = list(start)
-        for k in range(substeps):
-            end = step.call([*end, *at, length / substeps, k / substeps], inline, False)
+        for k in range(0, substeps, size):
+            end = group.call([*end, *at, length / substeps, k / substeps], inline, False)
         return end
 
     return integrate
+
+
+def _group_size(count: int) -> int:
+    """Return in groups of how many a number of calls takes the least code."""
+    return min(
+        (size for size in range(1, count + 1) if count % size == 0),
+        key=lambda size: count // size + (size if size > 1 else 0),
+    )
 
 
 def inputs_between(

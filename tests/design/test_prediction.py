@@ -12,6 +12,7 @@ from pneumo_casadi.design.reference import make_reference
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.errors import FitError, ModelError
 from pneumo_casadi.estimation.output_error import OutputErrorOptions, fit_output_error
+from pneumo_casadi.model.compilation import generate_code
 from pneumo_casadi.report.pages.design import write_design
 
 
@@ -142,3 +143,13 @@ def test_an_effect_is_told_from_the_nominal_axis_and_written_down(
     files = {"design.json", "design.txt", "design.png", "reference.csv", ".pneumo_casadi.json"}
     assert {path.name for path in folder.iterdir()} == files
     assert "quadratic_drag" in (folder / "design.txt").read_text("utf-8")
+
+
+def test_an_experiment_is_little_more_code_with_many_steps(made):
+    axis = made.true_axis().with_parameters({"v_s": 1e-4})
+    codes = []
+    for dt in (2e-4, 1e-2):
+        simulator = ExperimentSimulator(axis, dt)
+        codes.append(generate_code([simulator.sample]))
+    assert simulator.model.stepping.substeps > 16
+    assert len(codes[1]) < 3 * len(codes[0])

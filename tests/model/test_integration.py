@@ -7,6 +7,7 @@ from scipy.optimize import brentq
 
 from pneumo_casadi.data import InputHold
 from pneumo_casadi.effects import Stribeck
+from pneumo_casadi.model.compilation import generate_code
 from pneumo_casadi.model.integration import (
     ACCURATE,
     COARSE,
@@ -203,3 +204,25 @@ def test_samples_of_their_own_lengths_are_integrated_over_these(made):
     at = np.concatenate([[0], np.cumsum(counts)])
     for name in axis.outputs:
         assert rounded[name] == pytest.approx(reference[name][at], rel=1e-4, abs=1e-8)
+
+
+@pytest.mark.parametrize("hold", list(InputHold))
+def test_steps_in_groups_are_the_steps_written_out(smooth, hold):
+    axis, u, x = smooth
+    stepping = Stepping(4e-3, hold, substeps=12)
+    w = held_inputs(u[:2], hold)[:, 0]
+    called, written = (
+        step_function(axis, stepping, inline)(x, w, axis.parameters.values)
+        for inline in (False, True)
+    )
+    scaled = (called - written).full().ravel() / axis.state_scales
+    assert np.abs(scaled).max() < 1e-14
+
+
+def test_many_steps_a_sample_are_little_more_code(made):
+    """Every call of a step is code: 48 calls in a row took seconds to compile."""
+    axis = made.true_axis()
+    few, many = (
+        len(generate_code([step_function(axis, Stepping(1e-2, substeps=n))])) for n in (4, 48)
+    )
+    assert many < 3 * few
