@@ -16,7 +16,7 @@ from pneumo_casadi.export.fmi_xml import build_description, model_description
 from pneumo_casadi.export.model import IdentifiedModel, description
 from pneumo_casadi.model.compilation import compiler
 from pneumo_casadi.runtime.atomic_files import draft_folder
-from pneumo_casadi.runtime.child_process import last_line, run_child
+from pneumo_casadi.runtime.children import last_line, run_child
 from pneumo_casadi.runtime.json_files import json_text
 from pneumo_casadi.runtime.output_folder import write_files
 

@@ -44,7 +44,7 @@ def refusal(functions: Sequence[str]) -> str:
         As CasADi writes them.
     """
     from pneumo_casadi.runtime.atomic_files import draft_folder
-    from pneumo_casadi.runtime.child_process import last_line, run_child
+    from pneumo_casadi.runtime.children import last_line, run_child
 
     with draft_folder() as empty:
         try:

@@ -28,7 +28,7 @@ from pneumo_casadi.runtime.cache import (
     cache_folder,
     is_own_file,
 )
-from pneumo_casadi.runtime.child_process import last_line, run_child
+from pneumo_casadi.runtime.children import last_line, run_child
 
 logger = logging.getLogger(__name__)
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from pneumo_casadi.runtime.atomic_files import atomic_file, atomic_folder, draft_folder
-from pneumo_casadi.runtime.child_process import (
+from pneumo_casadi.runtime.children import (
     ChildEndedError,
     ServingChild,
     end_group,
@@ -24,7 +24,7 @@ COMMAND = """
 import ctypes, os, subprocess, sys, threading
 from pathlib import Path
 from pneumo_casadi.runtime.atomic_files import draft_folder
-from pneumo_casadi.runtime.child_process import run_child
+from pneumo_casadi.runtime.children import run_child
 from pneumo_casadi.runtime.interruption import interruptible
 from pneumo_casadi.runtime.processes import worker_pool
 

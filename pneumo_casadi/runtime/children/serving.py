@@ -1,13 +1,10 @@
-"""Programs that end with this process, whatever ends it.
+"""A program that answers one request after the other, and ends with this process.
 
-Run as a script, without the rest of the package: it starts a program in a group of processes of its
-own and ends the whole group when its parent is gone. A compiler is a driver with children, which
-the death of the driver alone would leave.
+What it imports is imported once for all requests.
 """
 
 import atexit
 import os
-import signal
 import struct
 import subprocess
 import sys
@@ -18,90 +15,11 @@ from functools import partial
 from pathlib import Path
 from typing import IO
 
-#: How often the parent is looked for [s]: far below the five seconds in which all is to be gone.
-PERIOD = 0.2
-#: Environment variables that name the folder for temporary files.
-_TEMPORARY = ("TMPDIR", "TMP", "TEMP")
-#: The length that begins a request to a `ServingChild`, and its answer.
+from pneumo_casadi.runtime.children.running import end_group, start_watched
+from pneumo_casadi.runtime.interruption import at_hard_end
+
+#: The length that begins a request, and its answer.
 _LENGTH = struct.Struct("<Q")
-
-
-def run_child(
-    command: Sequence[str],
-    content: bytes = b"",
-    timeout: float | None = None,
-    cwd: str | Path | None = None,
-    env: Mapping[str, str] | None = None,
-    scratch: str | Path | None = None,
-) -> "subprocess.CompletedProcess[bytes]":
-    """Run a program to its end; nothing of it outlives an interruption or this process.
-
-    Parameters
-    ----------
-    command : sequence of str
-        Program and arguments.
-    content : bytes, optional
-        Standard input.
-    timeout : float, optional
-        Longest time [s].
-    cwd : str or Path, optional
-        Folder in which it runs; by default that of this process.
-    env : mapping of str to str, optional
-        Environment; by default that of this process.
-    scratch : str or Path, optional
-        Folder for its temporary files, which a compiler that is killed leaves there.
-
-    Raises
-    ------
-    subprocess.TimeoutExpired
-        If it takes longer.
-
-    Examples
-    --------
-    >>> run_child([sys.executable, "-c", "print(6 * 7)"]).stdout.split()
-    [b'42']
-    """
-    from pneumo_casadi.runtime.interruption import at_hard_end
-
-    if scratch is not None:
-        env = {**(os.environ if env is None else env), **dict.fromkeys(_TEMPORARY, str(scratch))}
-    process = start_watched(command, subprocess.PIPE, cwd, env)
-    with at_hard_end(partial(end_group, process)):
-        try:
-            output, errors = process.communicate(content, timeout)
-        except BaseException:
-            end_group(process)
-            process.communicate()
-            raise
-    return subprocess.CompletedProcess(list(command), process.returncode, output, errors)
-
-
-def start_watched(
-    command: Sequence[str],
-    errors: int,
-    cwd: str | Path | None = None,
-    env: Mapping[str, str] | None = None,
-) -> "subprocess.Popen[bytes]":
-    """Start a program in a group of its own, which ends with this process.
-
-    Parameters
-    ----------
-    command : sequence of str
-        Program and arguments.
-    errors : int
-        Where standard error goes, as `subprocess.Popen` takes it; the others are pipes.
-    cwd, env
-        As in `run_child`.
-    """
-    return subprocess.Popen(
-        [sys.executable, "-I", "-S", __file__, str(os.getpid()), *command],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=errors,
-        cwd=cwd,
-        env=env,
-        start_new_session=True,
-    )
 
 
 class ChildEndedError(Exception):
@@ -150,8 +68,6 @@ class ServingChild:
         ChildEndedError
             If the program ends without an answer.
         """
-        from pneumo_casadi.runtime.interruption import at_hard_end
-
         late = threading.Event()
 
         def give_up(process: "subprocess.Popen[bytes]") -> None:
@@ -223,37 +139,3 @@ def _read(stream: IO[bytes]) -> bytes | None:
     (length,) = _LENGTH.unpack(head)
     message = stream.read(length)
     return message if len(message) == length else None
-
-
-def last_line(errors: bytes) -> str:
-    """Return what a program says last on standard error, short."""
-    lines = errors.decode("utf-8", "replace").strip().splitlines() or ["no message"]
-    return lines[-1][:200]
-
-
-def end_group(process: "subprocess.Popen[bytes]") -> None:
-    """End a watched program with all that it has started."""
-    if hasattr(os, "killpg"):
-        with suppress(ProcessLookupError):
-            os.killpg(process.pid, signal.SIGKILL)
-    else:
-        process.kill()
-
-
-def main() -> None:
-    """Run the program that the arguments name, and end as it does."""
-    parent, command = int(sys.argv[1]), sys.argv[2:]
-    process = subprocess.Popen(command)
-    while True:
-        with suppress(subprocess.TimeoutExpired):
-            code = process.wait(PERIOD)
-            break
-        if os.name == "posix" and os.getppid() != parent:
-            os.killpg(0, signal.SIGKILL)
-    if code < 0:
-        os.kill(os.getpid(), -code)
-    sys.exit(code)
-
-
-if __name__ == "__main__":
-    main()
