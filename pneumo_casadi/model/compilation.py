@@ -39,6 +39,8 @@ FAST = ("-O3", "-march=native", "-fno-math-errno", "-fno-trapping-math")
 PLAIN = ("-O2",)
 #: Environment variable that switches compilation off ("0").
 SWITCH = "PNEUMO_CASADI_COMPILE"
+#: Environment variable with flags in the place of `FAST`, parted by spaces.
+FLAGS = "PNEUMO_CASADI_FLAGS"
 
 
 @cache
@@ -194,7 +196,8 @@ def generate_code(functions: Sequence[ca.Function]) -> str:
 
 def _key(*code: str) -> str:
     """Return the name of what is built of code here: the compiler and the processor count."""
-    parts = (*code, str(compiler()), *FAST, ca.CasadiMeta.version(), platform.platform(), _cpu())
+    machine = (platform.platform(), _cpu())
+    parts = (*code, str(compiler()), *_flags(), ca.CasadiMeta.version(), *machine)
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:32]
 
 
@@ -219,7 +222,13 @@ def _compile(instructions: str, target: Path) -> bool:
     """Compile code; tell whether it worked."""
     source = target.with_name("code.c")
     source.write_text(instructions)
-    return any(_run([*flags, "-c", str(source)], target, flags == PLAIN) for flags in (FAST, PLAIN))
+    tries = (_flags(), PLAIN)
+    return any(_run([*flags, "-c", str(source)], target, flags == PLAIN) for flags in tries)
+
+
+def _flags() -> tuple[str, ...]:
+    """Return the flags that are tried first."""
+    return tuple(os.environ.get(FLAGS, "").split()) or FAST
 
 
 def _link(instructions: str, table: str, target: Path) -> bool:
