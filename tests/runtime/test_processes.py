@@ -9,12 +9,8 @@ from pathlib import Path
 import pytest
 
 from pneumo_casadi.runtime.atomic_files import atomic_file, atomic_folder, draft_folder
-from pneumo_casadi.runtime.children import (
-    ChildEndedError,
-    ServingChild,
-    end_group,
-    run_child,
-)
+from pneumo_casadi.runtime.children import end_group, run_child
+from pneumo_casadi.runtime.children.serving import ChildEndedError, ServingChild
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 

@@ -16,7 +16,7 @@ from pneumo_casadi.data.readers import mat_process
 from pneumo_casadi.data.readers.mat_process import is_hdf5
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.parameters import FloatArray
-from pneumo_casadi.runtime.children import ChildEndedError, ServingChild
+from pneumo_casadi.runtime.children.serving import ChildEndedError, ServingChild
 from pneumo_casadi.runtime.input_files import printable
 
 #: Time to parse a file [s], and in addition per 100 MB; a few seconds are usual.
