@@ -42,6 +42,11 @@ def run_child(
     scratch : str or Path, optional
         Folder for its temporary files, which a compiler that is killed leaves there.
 
+    Returns
+    -------
+    subprocess.CompletedProcess
+        Its exit code, standard output and standard error.
+
     Raises
     ------
     subprocess.TimeoutExpired
@@ -94,13 +99,25 @@ def start_watched(
 
 
 def last_line(errors: bytes) -> str:
-    """Return what a program says last on standard error, short."""
+    """Return what a program says last on standard error, short.
+
+    Parameters
+    ----------
+    errors : bytes
+        All that it wrote there.
+    """
     lines = errors.decode("utf-8", "replace").strip().splitlines() or ["no message"]
     return lines[-1][:200]
 
 
 def end_group(process: "subprocess.Popen[bytes]") -> None:
-    """End a watched program with all that it has started."""
+    """End a watched program with all that it has started.
+
+    Parameters
+    ----------
+    process : subprocess.Popen
+        As `start_watched` returns it.
+    """
     if hasattr(os, "killpg"):
         with suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGKILL)
