@@ -1,8 +1,9 @@
 """The mass balances of both chambers (eq. 5, 6), fitted to a record by least squares."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import partial
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -10,6 +11,8 @@ from pneumo_casadi.data.bench.bench import Bench
 from pneumo_casadi.data.checks.metered_flow import MeteredFlow
 from pneumo_casadi.data.checks.smoothed import SmoothedChamber, SmoothedRecord, least_squares
 from pneumo_casadi.parameters import FloatArray
+
+T = TypeVar("T")
 
 DEAD_VOLUME = 0.1
 """Dead volume over S l, for the position: between a cushion and a hose of a metre."""
@@ -38,6 +41,7 @@ class MassBalances:
     record: SmoothedRecord
     bench: Bench
     flows: Mapping[str, MeteredFlow]
+    _kept: dict[Hashable, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @property
     def metered(self) -> bool:
@@ -82,7 +86,7 @@ class MassBalances:
         Also the dead zone over the standard deviation of the command.
         """
         side = self.record.chambers[chamber]
-        coefficients, _ = self._fit(side, 0.0, None, self._valve_faults(side))
+        coefficients, _ = self._fit_with(self._valve_faults(side), side, 0.0, None)
         spread = float(self.record.recording[f"u_{chamber}"].std())
         return float(coefficients[0] / self._area(chamber)), float(coefficients[-1]) / spread
 
@@ -90,12 +94,34 @@ class MassBalances:
         """Return X_s3 or X_s6 as the bench has it [kg/(s Pa m/s)]."""
         return float(getattr(self.bench, f"S_{chamber}") / (self.bench.r * self.bench.T))
 
+    def _once(self, key: Hashable, make: Callable[[], T]) -> T:
+        """Return what was made before under a key: checks ask for the same fits again and again."""
+        if key not in self._kept:
+            self._kept[key] = make()
+        kept: T = self._kept[key]
+        return kept
+
     def _fit(
+        self, chamber: SmoothedChamber, pressure_offset: float, position_offset: float | None
+    ) -> tuple[FloatArray, float]:
+        key = ("fit", chamber.name, pressure_offset, position_offset)
+        return self._once(
+            key, lambda: self._fit_with((), chamber, pressure_offset, position_offset)
+        )
+
+    def _metered_flow(self, chamber: SmoothedChamber, pressure_offset: float) -> FloatArray:
+        flow = self.flows[chamber.name]
+        return self._once(
+            ("flow", chamber.name, pressure_offset),
+            lambda: self.record.flow(flow, chamber.name, pressure_offset),
+        )
+
+    def _fit_with(
         self,
+        further: Sequence[FloatArray],
         chamber: SmoothedChamber,
         pressure_offset: float,
         position_offset: float | None,
-        further: Sequence[FloatArray] = (),
     ) -> tuple[FloatArray, float]:
         record, inner = self.record, self.record.inner
         x = chamber.sign * record.x
@@ -106,7 +132,7 @@ class MassBalances:
             length = (0.5 + DEAD_VOLUME) * self.bench.stroke
             volume = [(length + x + chamber.sign * position_offset) * chamber.p_rate]
         if chamber.name in self.flows:
-            y = record.flow(self.flows[chamber.name], chamber.name, pressure_offset)
+            y = self._metered_flow(chamber, pressure_offset)
             columns = [swept, *volume, *further]
         else:
             y, columns = swept, [*volume, *self._orifices(chamber, pressure_offset)]
@@ -140,8 +166,9 @@ class MassBalances:
         def dead_zone(u: FloatArray, p: FloatArray) -> FloatArray:
             return np.sign(u) * slope(u, p)
 
-        flow, slopes, dead_zones = (
-            self.record.flow(function, chamber.name) for function in (metered, slope, dead_zone)
+        flow = self._metered_flow(chamber, 0.0)
+        slopes, dead_zones = (
+            self.record.flow(function, chamber.name) for function in (slope, dead_zone)
         )
         return [np.gradient(flow, self.record.smooth.dt), slopes, dead_zones]
 
