@@ -1,14 +1,16 @@
 """Question: does the form of the flow map that fits the map best also identify the axis best.
 
 Data: ``practice/`` (the cases of 20 s) and ``practice_more/`` of the data folder, recorded from a
-bench program that shares no equation with this package, and ten axes of the virtual bench without
-effects (seeds below); true parameters are known of all.
+bench program that shares no equation with this package, and three axes of the virtual bench without
+effects (seeds below); true parameters are known of all. Cases with several weak effects are left
+out: the model has none of these effects, and what they do to the parameters hides the form.
 
-Each case is identified with every form of the flow map over windows of 0.5 s of the first seconds
-of its record, anchored by the map: the polynomials of eq. 12 with the paper's degrees and with
-cross-validated ones, ISO 6358, and the spline, of which only the gain is refined. Beside the
-held-out error on the map stand the error of windows of 0.5 s of the held-out record, after weighted
-least squares (WLS) and after output error (OE), and the errors of X_s1 ... X_s6 against the truth.
+Each case is identified with several forms of the flow map over windows of 0.5 s of the first
+seconds of its record, anchored by the map: the polynomials of eq. 12 with the paper's degrees and
+with cross-validated ones, and ISO 6358. The spline is fitted only where it is chosen, because its
+output error takes ten times as long. Beside the held-out error on the map stand the error of
+windows of 0.5 s of the held-out record, after weighted least squares (WLS) and after output error
+(OE), and the errors of X_s1 ... X_s6 against the truth.
 """
 
 import argparse
@@ -41,7 +43,9 @@ WINDOW = 0.5
 #: Length of record that is identified on, and that is held out [s].
 SECONDS = 3.0
 #: Axes of the virtual bench.
-SEEDS = tuple(range(301, 311))
+SEEDS = (301, 302, 303)
+#: Ends of the names of cases that are left out: long ones, and those with several effects.
+LEFT_OUT = ("60s", "_among_weak", "_weak_only")
 CHAMBERS = tuple(f"X_s{i}" for i in range(1, 7))
 
 
@@ -61,7 +65,7 @@ def names_of(data: Path) -> list[str]:
         [
             folder.relative_to(data).as_posix()
             for folder in sorted((data / group).iterdir())
-            if folder.is_dir() and not folder.name.endswith("60s")
+            if folder.is_dir() and not folder.name.endswith(LEFT_OUT)
         ]
         for group in ("practice", "practice_more")
     ]
@@ -147,18 +151,17 @@ def compared(case: Case, truth: Mapping[str, float]) -> dict[str, Any]:
             FlowForm.POLYNOMIALS, selection.error_of(FlowForm.POLYNOMIALS).degrees
         ),
         "iso6358": IdentifyOptions(FlowForm.ISO6358),
-        "spline": IdentifyOptions(FlowForm.SPLINE),
     }
+    asked.setdefault(selection.chosen.value, IdentifyOptions(selection.chosen))
     forms = {name: identified(case, options, truth) for name, options in asked.items()}
     return {"selection": selection.as_dict(), "selection_seconds": seconds, "forms": forms}
 
 
 def summarised(cases: Mapping[str, Any]) -> dict[str, Any]:
     """Return means over the cases, and how often each criterion picks the best form."""
-    forms = list(next(iter(cases.values()))["forms"])
     means: dict[str, Any] = {}
-    for form in forms:
-        fitted = [case["forms"][form] for case in cases.values()]
+    for form in dict.fromkeys(form for case in cases.values() for form in case["forms"]):
+        fitted = [case["forms"][form] for case in cases.values() if form in case["forms"]]
         wls = [fit["wls"] for fit in fitted]
         done = [fit["output_error"] for fit in fitted if fit["output_error"] is not None]
         means[form] = {

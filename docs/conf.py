@@ -14,9 +14,7 @@ extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ex
 html_theme = "furo"
 html_title = f"pneumo_casadi {__version__}"
 mathjax_path = "tex-svg.js"  # copied by build.py; letters are paths, so no font is loaded
-mathjax3_config = {
-    "options": {"enableMenu": False, "enableSpeech": False, "enableBraille": False},
-}
+mathjax3_config = {"options": {"enableMenu": False}}
 html_static_path = ["static"]
 html_css_files = ["site.css"]
 html_show_sphinx = False
