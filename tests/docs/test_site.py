@@ -56,7 +56,7 @@ def test_a_request_to_another_host_is_a_fault(site, faults, text):
         ("<td>a</td></table>\n<p>| <code>b</code> | c |</p>", "a row of a table stands as text"),
         (
             "<pre>&lt;Sheet size 762.205x935.433 with 3 Axes&gt;</pre>",
-            "a figure is not drawn; is `%matplotlib inline` missing?",
+            "a figure is not drawn: `%matplotlib inline`",
         ),
     ],
 )
