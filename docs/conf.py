@@ -37,10 +37,18 @@ napoleon_preprocess_types = False
 
 
 def setup(app: Any) -> None:
-    """Let numbered references stand as text: their numbers repeat from docstring to docstring."""
+    """Make docstrings and signatures readable as they stand on a page."""
     app.connect("autodoc-process-docstring", _plain_references)
+    app.connect("autodoc-process-signature", _plain_defaults)
+
+
+def _plain_defaults(*arguments: Any) -> tuple[str | None, str | None]:
+    """Let a frozen empty mapping, where it is a default, stand as an empty one."""
+    signature, returned = arguments[-2:]
+    return signature and signature.replace("mappingproxy({})", "{}"), returned
 
 
 def _plain_references(*arguments: Any) -> None:
+    """Let numbered references stand as text: their numbers repeat from docstring to docstring."""
     lines = arguments[-1]
     lines[:] = [re.sub(r"(?:^\.\. (?=\[))|(?<=\[\d\])_", "", line) for line in lines]

@@ -16,6 +16,7 @@ LOADED = re.compile(
 #: What a page shows where its source was not understood, or a notebook drew no figure.
 MISTAKES = {
     re.compile(r"<p>\s*\|"): "a row of a table stands as text",
+    re.compile(r"PosixPath\(|mappingproxy\("): "a value of the program is printed as it is",
     re.compile(r"&lt;(?:Sheet|Figure) size"): "a figure is not drawn: `%matplotlib inline`",
 }
 #: Public names that are no object with a page of its own.

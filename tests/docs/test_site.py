@@ -54,6 +54,7 @@ def test_a_request_to_another_host_is_a_fault(site, faults, text):
     ("text", "fault"),
     [
         ("<td>a</td></table>\n<p>| <code>b</code> | c |</p>", "a row of a table stands as text"),
+        ("<em>= PosixPath('/home/me')</em>", "a value of the program is printed as it is"),
         (
             "<pre>&lt;Sheet size 762.205x935.433 with 3 Axes&gt;</pre>",
             "a figure is not drawn: `%matplotlib inline`",
