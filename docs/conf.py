@@ -3,6 +3,8 @@
 import re
 from typing import Any
 
+from sphinx.ext.napoleon.docstring import GoogleDocstring
+
 from pneumo_casadi import __version__
 
 project = "pneumo_casadi"
@@ -40,6 +42,13 @@ def setup(app: Any) -> None:
     """Make docstrings and signatures readable as they stand on a page."""
     app.connect("autodoc-process-docstring", _plain_references)
     app.connect("autodoc-process-signature", _plain_defaults)
+    # A docstring such as "A caution: some numbers are worse" states no type.
+    GoogleDocstring._consume_inline_attribute = _whole_text
+
+
+def _whole_text(docstring: GoogleDocstring) -> tuple[str, list[str]]:
+    """Return no type and all lines of what describes an attribute."""
+    return "", docstring._consume_to_end()
 
 
 def _plain_defaults(*arguments: Any) -> tuple[str | None, str | None]:

@@ -158,6 +158,8 @@ class Effect:
         Constants of the bench that the effect reads, such as ``"stroke"``; it cannot be added to an
         axis whose bench does not state them.
 
+    Notes
+    -----
     `equation`, `source`, `shows`, `separated_by` and `passive` are for reports and documentation;
     an effect of your own does not need them. A diagnosis also reads from `confused_with` what to
     try in place of an effect.
