@@ -1,20 +1,24 @@
 """Question: does the form of the flow map that fits the map best also identify the axis best.
 
 Data: ``practice/`` (the cases of 20 s) and ``practice_more/`` of the data folder, recorded from a
-bench program that shares no equation with this package, and ten axes of the virtual bench without
-effects (seeds below); true parameters are known of all.
+bench program that shares no equation with this package; true parameters are known of all. Cases
+with several weak effects are left out: the model has none of these effects, and what they do to the
+parameters hides the form. Axes of the virtual bench are left out for time: output error with eq. 12
+takes many damped steps there. Nothing is random.
 
-Each case is identified with every form of the flow map over windows of 0.5 s of the first seconds
-of its record, anchored by the map: the polynomials of eq. 12 with the paper's degrees and with
-cross-validated ones, ISO 6358, and the spline, of which only the gain is refined. Beside the
-held-out error on the map stand the error of windows of 0.5 s of the held-out record, after weighted
-least squares (WLS) and after output error (OE), and the errors of X_s1 ... X_s6 against the truth.
+Each case is identified with several forms of the flow map over windows of 0.5 s of the first
+seconds of its record, anchored by the map: the polynomials of eq. 12 with the paper's degrees and
+with cross-validated ones, and ISO 6358. The spline is fitted only where it is chosen, because its
+output error takes ten times as long. Beside the held-out error on the map stand the error of
+windows of 0.5 s of the held-out record, after weighted least squares (WLS) and after output error
+(OE), and the errors of X_s1 ... X_s6 against the truth. The model is the nominal one; where the
+effect of a case is so large that output error does not converge in 40 iterations, it counts as
+failed.
 """
 
 import argparse
 import json
 import logging
-import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -38,19 +42,23 @@ from pneumo_casadi.validation.errors import window_errors
 from pneumo_casadi.valve import PAPER_DEGREES, FlowForm, choose_flow_form
 
 WINDOW = 0.5
+OUTPUT_ERROR = OutputErrorOptions(window=WINDOW, max_iterations=40, recover=False)
 #: Length of record that is identified on, and that is held out [s].
 SECONDS = 3.0
-#: Axes of the virtual bench.
-SEEDS = tuple(range(301, 311))
-CHAMBERS = tuple(f"X_s{i}" for i in range(1, 7))
+#: Ends of the names of cases that are left out: long ones, and those with several effects.
+LEFT_OUT = ("60s", "_among_weak", "_weak_only")
 
 
 def chamber_parameters(true: Mapping[str, float], rT: float) -> dict[str, float]:
-    """Return X_s1 ... X_s6 of a labelled case (eq. 10 and 11)."""
+    """Return X_s1 ... X_s6 of a labelled case (eq. 10 and 11).
+
+    Where heat is exchanged there is no true polytropic exponent: X_s3 and X_s6 alone.
+    """
     X_s = {}
     for chamber, first in (("P", 1), ("N", 4)):
-        V, S, k = (true[name] for name in (f"V{chamber}0", f"S{chamber}", f"k{chamber}"))
-        X_s |= {f"X_s{first}": V / (k * rT), f"X_s{first + 1}": S / (k * rT)}
+        V, S, k = true[f"V{chamber}0"], true[f"S{chamber}"], true.get(f"k{chamber}")
+        if k is not None:
+            X_s |= {f"X_s{first}": V / (k * rT), f"X_s{first + 1}": S / (k * rT)}
         X_s |= {f"X_s{first + 2}": S / rT}
     return X_s
 
@@ -61,25 +69,18 @@ def names_of(data: Path) -> list[str]:
         [
             folder.relative_to(data).as_posix()
             for folder in sorted((data / group).iterdir())
-            if folder.is_dir() and not folder.name.endswith("60s")
+            if folder.is_dir() and not folder.name.endswith(LEFT_OUT)
         ]
         for group in ("practice", "practice_more")
     ]
-    groups.append([f"bench/{seed}" for seed in SEEDS])
     return [name for names in zip_longest(*groups) for name in names if name]
 
 
-def load(data: Path, name: str, scratch: Path) -> tuple[Case, dict[str, float]]:
-    """Return a case and its true X_s1 ... X_s6; an axis of the virtual bench is recorded anew."""
+def load(data: Path, name: str) -> tuple[Case, dict[str, float]]:
+    """Return a case and its true X_s1 ... X_s6."""
     group, label = name.split("/")
-    if group == "bench":
-        from pneumo_casadi.virtual_bench import make_case
-
-        made = make_case(scratch / "case", int(label), duration=SECONDS)
-        case, truth = made.case, dict(made.axis.truth)
-    else:
-        case = read_case(data / name)
-        truth = json.loads((data / group / "labels.json").read_text("utf-8"))[label]["truth"]
+    case = read_case(data / name)
+    truth = json.loads((data / group / "labels.json").read_text("utf-8"))[label]["truth"]
     assert isinstance(case.bench, Bench)
     return case, chamber_parameters(truth, case.bench.r * case.bench.T)
 
@@ -105,7 +106,7 @@ def identified(case: Case, options: IdentifyOptions, truth: Mapping[str, float])
     wls = axis.started_at(fit_wls(axis, train).parameters)
     figures: dict[str, Any] = {"wls": summary(wls, test, truth)}
     try:
-        fit = fit_output_error(wls, train, table, OutputErrorOptions(window=WINDOW))
+        fit = fit_output_error(wls, train, table, OUTPUT_ERROR)
     except PneumoError as error:
         return figures | {"output_error": None, "failure": str(error)}
     return figures | {
@@ -118,7 +119,7 @@ def identified(case: Case, options: IdentifyOptions, truth: Mapping[str, float])
 
 def summary(axis: Axis, test: Sequence[Recording], truth: Mapping[str, float]) -> dict[str, Any]:
     """Return the held-out error of an axis and the errors of its parameters [%]."""
-    errors = {name: 100 * (axis.parameters[name].value / truth[name] - 1) for name in CHAMBERS}
+    errors = {name: 100 * (axis.parameters[name].value / truth[name] - 1) for name in truth}
     return {
         "held_out_percent": held_out(axis, test),
         "errors_percent": errors,
@@ -129,9 +130,7 @@ def summary(axis: Axis, test: Sequence[Recording], truth: Mapping[str, float]) -
 def one_case(data: Path, name: str) -> dict[str, Any]:
     """Return the selection by the map and what every form makes of the case."""
     logging.disable(logging.WARNING)
-    with tempfile.TemporaryDirectory() as scratch:
-        case, truth = load(data, name, Path(scratch))
-        return compared(case, truth)
+    return compared(*load(data, name))
 
 
 def compared(case: Case, truth: Mapping[str, float]) -> dict[str, Any]:
@@ -147,18 +146,20 @@ def compared(case: Case, truth: Mapping[str, float]) -> dict[str, Any]:
             FlowForm.POLYNOMIALS, selection.error_of(FlowForm.POLYNOMIALS).degrees
         ),
         "iso6358": IdentifyOptions(FlowForm.ISO6358),
-        "spline": IdentifyOptions(FlowForm.SPLINE),
     }
+    asked.setdefault(selection.chosen.value, IdentifyOptions(selection.chosen))
     forms = {name: identified(case, options, truth) for name, options in asked.items()}
     return {"selection": selection.as_dict(), "selection_seconds": seconds, "forms": forms}
 
 
 def summarised(cases: Mapping[str, Any]) -> dict[str, Any]:
-    """Return means over the cases, and how often each criterion picks the best form."""
-    forms = list(next(iter(cases.values()))["forms"])
+    """Return medians over the cases, and how often each criterion picks the best form.
+
+    Criteria are compared on the cases where output error converged with every form.
+    """
     means: dict[str, Any] = {}
-    for form in forms:
-        fitted = [case["forms"][form] for case in cases.values()]
+    for form in dict.fromkeys(form for case in cases.values() for form in case["forms"]):
+        fitted = [case["forms"][form] for case in cases.values() if form in case["forms"]]
         wls = [fit["wls"] for fit in fitted]
         done = [fit["output_error"] for fit in fitted if fit["output_error"] is not None]
         means[form] = {
@@ -168,6 +169,11 @@ def summarised(cases: Mapping[str, Any]) -> dict[str, Any]:
             "median_held_out_percent_wls": median(fit["held_out_percent"] for fit in wls),
             "median_held_out_percent": median(fit["held_out_percent"] for fit in done),
         }
+    converged = [
+        case
+        for case in cases.values()
+        if all(fit["output_error"] is not None for fit in case["forms"].values())
+    ]
     rules = {
         "map": lambda case: case["selection"]["chosen"],
         "held_out_after_wls": lambda case: least(case, "wls", "held_out_percent"),
@@ -176,13 +182,10 @@ def summarised(cases: Mapping[str, Any]) -> dict[str, Any]:
     picked = {
         rule: {
             "nearest_to_truth": sum(
-                pick(case) == least(case, "output_error", "rms_error_percent")
-                for case in cases.values()
+                pick(case) == least(case, "output_error", "rms_error_percent") for case in converged
             ),
             "median_rms_error_percent": median(
-                case["forms"][pick(case)]["output_error"]["rms_error_percent"]
-                for case in cases.values()
-                if case["forms"][pick(case)]["output_error"] is not None
+                case["forms"][pick(case)]["output_error"]["rms_error_percent"] for case in converged
             ),
         }
         for rule, pick in rules.items()
@@ -191,6 +194,7 @@ def summarised(cases: Mapping[str, Any]) -> dict[str, Any]:
     return {
         "forms": means,
         "rules": picked,
+        "converged_with_every_form": len(converged),
         "chosen": {form: chosen.count(form) for form in sorted(set(chosen))},
         "longest_selection_s": max(case["selection_seconds"] for case in cases.values()),
     }
@@ -198,15 +202,14 @@ def summarised(cases: Mapping[str, Any]) -> dict[str, Any]:
 
 def least(case: Mapping[str, Any], stage: str, figure: str) -> str:
     """Return the form with the least figure after a stage."""
-    known = {
-        name: fit[stage][figure] for name, fit in case["forms"].items() if fit[stage] is not None
-    }
-    return min(known, key=known.__getitem__)
+    figures = {name: fit[stage][figure] for name, fit in case["forms"].items()}
+    return min(figures, key=figures.__getitem__)
 
 
 def median(values: Iterator[float]) -> float:
-    """Return the median of some figures."""
-    return float(np.median(list(values)))
+    """Return the median of some figures; NaN without any."""
+    known = list(values)
+    return float(np.median(known)) if known else float("nan")
 
 
 def main() -> None:
@@ -227,7 +230,7 @@ def main() -> None:
             told = {form: fit and round(fit["rms_error_percent"], 2) for form, fit in fits.items()}
             print(f"{name}: {case['selection']['chosen']}, X_s off by [%] {told}", flush=True)
             result = {"seconds_of_record": SECONDS, "cases": cases, "summary": summarised(cases)}
-            provenance.write(arguments.json, result | provenance.made(SEEDS[0], arguments.quick))
+            provenance.write(arguments.json, result | provenance.made(None, arguments.quick))
     print(json.dumps(result["summary"], indent=1))
 
 

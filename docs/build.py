@@ -16,6 +16,7 @@ from pathlib import Path
 
 from site_checks import faults
 from sphinx.cmd.build import build_main
+from sphinx.pycode import ModuleAnalyzer
 from typer.cli import get_docs_for_click
 from typer.main import get_command
 
@@ -148,11 +149,23 @@ def exports(package: str) -> str:
     for key in public:
         item = getattr(module, key)
         if isinstance(item, type):
-            kind, options = "autoclass", "\n   :members:"
+            kind, content = "autoclass", "   :members:"
+        elif callable(item):
+            kind, content = "autofunction", ""
         else:
-            kind, options = ("autofunction" if callable(item) else "autodata"), ""
-        directives.append(f"```{{eval-rst}}\n.. {kind}:: {name}.{key}{options}\n```\n")
+            kind, content = "py:data", f"\n   {comment(name, key)}"
+        directives.append(f"```{{eval-rst}}\n.. {kind}:: {name}.{key}\n{content}\n```\n")
     return "\n".join(directives)
+
+
+def comment(package: str, key: str) -> str:
+    """Return what stands above a constant in the source; its value may fill pages."""
+    inside = [name for name in sys.modules if name.startswith(f"{package}.")]
+    for name in (package, *sorted(inside)):
+        comments = ModuleAnalyzer.for_module(name).find_attr_docs()
+        if ("", key) in comments:
+            return " ".join(comments["", key]).strip()
+    raise LookupError(f"{package}.{key}: a constant on the site needs a comment (#:)")
 
 
 def command_line() -> str:

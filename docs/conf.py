@@ -3,6 +3,8 @@
 import re
 from typing import Any
 
+from sphinx.ext.napoleon.docstring import GoogleDocstring
+
 from pneumo_casadi import __version__
 
 project = "pneumo_casadi"
@@ -14,9 +16,7 @@ extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ex
 html_theme = "furo"
 html_title = f"pneumo_casadi {__version__}"
 mathjax_path = "tex-svg.js"  # copied by build.py; letters are paths, so no font is loaded
-mathjax3_config = {
-    "options": {"enableMenu": False, "enableSpeech": False, "enableBraille": False},
-}
+mathjax3_config = {"options": {"enableMenu": False}}
 html_static_path = ["static"]
 html_css_files = ["site.css"]
 html_show_sphinx = False
@@ -39,10 +39,25 @@ napoleon_preprocess_types = False
 
 
 def setup(app: Any) -> None:
-    """Let numbered references stand as text: their numbers repeat from docstring to docstring."""
+    """Make docstrings and signatures readable as they stand on a page."""
     app.connect("autodoc-process-docstring", _plain_references)
+    app.connect("autodoc-process-signature", _plain_defaults)
+    # A docstring such as "A caution: some numbers are worse" states no type.
+    GoogleDocstring._consume_inline_attribute = _whole_text
+
+
+def _whole_text(docstring: GoogleDocstring) -> tuple[str, list[str]]:
+    """Return no type and all lines of what describes an attribute."""
+    return "", docstring._consume_to_end()
+
+
+def _plain_defaults(*arguments: Any) -> tuple[str | None, str | None]:
+    """Let a frozen empty mapping, where it is a default, stand as an empty one."""
+    signature, returned = arguments[-2:]
+    return signature and signature.replace("mappingproxy({})", "{}"), returned
 
 
 def _plain_references(*arguments: Any) -> None:
+    """Let numbered references stand as text: their numbers repeat from docstring to docstring."""
     lines = arguments[-1]
     lines[:] = [re.sub(r"(?:^\.\. (?=\[))|(?<=\[\d\])_", "", line) for line in lines]

@@ -13,6 +13,12 @@ LOADED = re.compile(
     r"""|<link\b(?![^>]*rel=["']?(?:canonical|license))[^>]*\bhref=["']?(?:https?:)?//"""
     r"""|(?:url\(|@import)\s*["']?(?:https?:)?//""",
 )
+#: What a page shows where its source was not understood, or a notebook drew no figure.
+MISTAKES = {
+    re.compile(r"<p>\s*\|"): "a row of a table stands as text",
+    re.compile(r"PosixPath\(|mappingproxy\("): "a value of the program is printed as it is",
+    re.compile(r"&lt;(?:Sheet|Figure) size"): "a figure is not drawn: `%matplotlib inline`",
+}
 #: Public names that are no object with a page of its own.
 NO_PAGE = ("__version__", "plot", "EFFECTS")
 #: A page with many formulas.
@@ -33,8 +39,12 @@ def faults(site: Path) -> Iterator[str]:
         File or name, and what is wrong with it.
     """
     for path in sorted(site.rglob("*")):
-        if path.suffix in (".html", ".css") and LOADED.search(path.read_text("utf-8")):
-            yield f"{path.relative_to(site)}: asks another host"
+        if path.suffix not in (".html", ".css"):
+            continue
+        text, name = path.read_text("utf-8"), path.relative_to(site)
+        if LOADED.search(text):
+            yield f"{name}: asks another host"
+        yield from (f"{name}: {fault}" for form, fault in MISTAKES.items() if form.search(text))
     pages = "".join(path.read_text("utf-8") for path in (site / "reference").glob("*.html"))
     for name in sorted(set(pneumo_casadi.__all__).difference(NO_PAGE)):
         if not re.search(rf'id="pneumo_casadi\.[\w.]*{name}"', pages):

@@ -14,7 +14,13 @@ from tables.diagnosis import (
     withheld_forms,
 )
 from tables.estimation import coverage, emps, emps_output_error, loops, starts, truth, wls_coverage
-from tables.flow import flow_answer, flow_forms, flow_metering
+from tables.flow import (
+    flow_answer,
+    flow_default,
+    flow_default_answer,
+    flow_forms,
+    flow_metering,
+)
 from tables.headlines import headlines
 from tables.laboratories import laboratories, mistakes
 from tables.robustness import damaged, hostile, kills
@@ -29,6 +35,8 @@ TABLES: dict[str, tuple[Callable[..., str], *tuple[str, ...]]] = {
     "flow_answer": (flow_answer, "flow_sensitivity"),
     "flow_forms": (flow_forms, "flow_sensitivity"),
     "flow_metering": (flow_metering, "flow_sensitivity"),
+    "flow_default_answer": (flow_default_answer, "flow_form"),
+    "flow_default": (flow_default, "flow_form"),
     "laboratories": (laboratories, "laboratories"),
     "mistakes": (mistakes, "laboratories"),
     "damaged": (damaged, "campaign", "campaign_8128", "campaign_6174"),

@@ -54,7 +54,7 @@ def verdicts(result: Mapping[str, Any]) -> str:
         verdict = (named or entry["verdict"] + over) + mark
         balance = entry["where"]["balance"].replace("_", " ")
         body.append([name, verdict, balance, f"{gap['before']:.2f}", f"{gap['after']:.2f}", closed])
-    return rows(head, body)
+    return rows(head, body, texts=head[1:3])
 
 
 def effect_coverage(result: Mapping[str, Any]) -> str:
@@ -187,7 +187,7 @@ def effect_visibility(result: Mapping[str, Any]) -> str:
         verdicts = [axis[name]["verdict"] for axis in axes.values()]
         label = name + ("" if entry["listed"] else " (not in the catalogue)") + _failed(entry)
         body.append([label, *verdicts, *gaps, _moves(entry)])
-    return rows(head, body)
+    return rows(head, body, texts=(head[-1], *head[1 : 1 + len(axes)]))
 
 
 def bench_sanity(result: Mapping[str, Any]) -> str:

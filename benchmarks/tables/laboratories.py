@@ -36,8 +36,10 @@ def mistakes(result: Mapping[str, Any]) -> str:
 
 
 def _shortened(line: str) -> str:
-    """Return the beginning of a line, cut between words."""
-    return line if len(line) <= LONGEST else line[:LONGEST].rsplit(" ", 1)[0] + " ..."
+    """Return the beginning of a message, cut between words; its first line may be cut already."""
+    if len(line) > LONGEST:
+        line = line[:LONGEST].rsplit(" ", 1)[0]
+    return line if line.endswith(".") else f"{line} ..."
 
 
 def worst_of(worst: Mapping[str, float], group: str) -> float:

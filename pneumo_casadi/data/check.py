@@ -150,10 +150,11 @@ class CaseCheck(Presentable):
 
 
 def check(case: Case | str | Path) -> CaseCheck:
-    """Check the data of a case before anything is fitted to them; a matter of seconds.
+    """Check the data of a case before anything is fitted to them, in seconds.
 
-    Units, clock, delays, swapped channels, a flow map of another valve; noise against the noise
-    stated; what the motion can and cannot tell, and what to record next.
+    Looks for wrong units, clock errors, delays, swapped channels and the flow map of another
+    valve, compares the noise with the noise stated, and lists what the motion can and cannot tell
+    and what to record next.
 
     Parameters
     ----------

@@ -77,7 +77,7 @@ def diagnose(
     progress: Progress | None = None,
     executor: Executor | None = None,
 ) -> Diagnosis:
-    """Say where model and measurement disagree, which effect causes it, and how far it explains it.
+    """Find where model and measurement disagree, which effect causes it, and how much it closes.
 
     Parameters
     ----------

@@ -130,7 +130,7 @@ class Identification(Presentable):
     def to_frame(self) -> pd.DataFrame:
         """Return one row a parameter: WLS and output error with robust std, truth if known [SI].
 
-        WLS is NaN where it does not see a parameter; the std of one that was held is 0.
+        WLS is NaN for a parameter that it does not estimate; the std of a held parameter is 0.
         """
         index = pd.Index(self.parameter_names, name="parameter")
         wls = self.wls.to_frame().reindex(index)

@@ -46,7 +46,7 @@ def simulate_case(
     Parameters
     ----------
     axis : Axis
-        With the parameters to simulate with.
+        The axis, with the values of its parameters.
     case : Case
         Supplies references or inputs, and the initial states.
     records : RecordSet

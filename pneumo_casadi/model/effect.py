@@ -127,10 +127,10 @@ class Effect:
         Outputs (``"p_P"``, ``"p_N"``, ``"x"``) that `output` changes, for a sensor effect; empty
         for an effect of the axis itself.
     hides_motion : bool
-        Whether the motion cannot be told from what the sensors show: while a play is crossed they
-        stand still, and to take a long delay back amplifies noise. Such an effect is judged by
-        simulations; others of sensors, a lag for one, are inverted along the measured motion. See
-        `hides`.
+        Whether the motion cannot be computed back from what the sensors show: while a play is
+        crossed they stand still, and undoing a long delay amplifies noise. Such an effect is
+        judged by simulation. Other sensor effects, such as a lag, are inverted along the measured
+        motion. See `hides`.
     absorbed_by : Absorption or None
         Which checks of the parameters fail if a refit of the nominal axis absorbs the effect, so
         that trajectories show no gap; None for an effect that no parameter can take up.
@@ -142,14 +142,14 @@ class Effect:
         belongs to the shape of the valve. Its action at the spool must then agree with the
         metered points.
     measured_by : str
-        Further signal that, where it is recorded, leaves the effect nothing to explain, such as
-        ``"p_supply"`` for a supply that droops; empty if there is none.
+        Signal that, if it is recorded, already contains the effect, such as ``"p_supply"`` for a
+        supply that droops; empty if there is none.
     through_states : bool
         Whether force or flow reach the axis by way of the states alone, as through a spring. A fit
         to the balances then needs derivatives of these states to the nominal parameters too.
     scanned : mapping of str to tuple of float
-        Values of parameters among whose combinations a fit to the balances first looks for its
-        start. The cost of a resonance has a narrow valley, which no step finds from afar.
+        Values of parameters; a fit to the balances starts from the best of their combinations.
+        The cost of a resonance has a narrow valley, which no step finds from afar.
     needs_chambers : bool
         Whether the effect reads chamber pressures; it then cannot be added to a force-driven
         axis. Set it also if the effect reads pressures but overrides only junctions that every axis
@@ -158,9 +158,11 @@ class Effect:
         Constants of the bench that the effect reads, such as ``"stroke"``; it cannot be added to an
         axis whose bench does not state them.
 
+    Notes
+    -----
     `equation`, `source`, `shows`, `separated_by` and `passive` are for reports and documentation;
-    an effect of your own does not need them. By `confused_with` a diagnosis also finds what to try
-    in the place of an effect.
+    an effect of your own does not need them. A diagnosis also reads from `confused_with` what to
+    try in place of an effect.
 
     Examples
     --------
@@ -239,15 +241,16 @@ class Effect:
     def prior_rows(cls) -> Iterable[Mapping[str, float]]:
         """Return what is known of the parameters before any record: weights by short name.
 
-        Each row, the sum of weight times value, is a standard normal variable. Of a curve these are
-        its second differences over the roughness that is expected.
+        Each row, the sum of weight times value, is a standard normal variable. For a curve,
+        the rows are its second differences divided by the expected roughness.
         """
         return ()
 
     def hides(self, values: Mapping[str, float], bandwidth: float) -> bool:
         """Return whether the motion is hidden at these values of the parameters, by short name.
 
-        `bandwidth` is that up to which the motion is taken from the measurements [rad/s].
+        `bandwidth` is the highest frequency of the motion that is taken from the measurements
+        [rad/s].
         """
         del values, bandwidth
         return self.hides_motion

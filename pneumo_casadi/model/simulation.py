@@ -110,7 +110,7 @@ def simulate(
     Parameters
     ----------
     axis : Axis
-        With the parameters to simulate with.
+        The axis, with the values of its parameters.
     u : (N, nu) array
         Inputs at the sampling instants [V; N for a force-driven, Pa for a pressure-driven axis].
     dt : float

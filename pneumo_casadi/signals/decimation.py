@@ -78,7 +78,7 @@ def decimated_rows(N: int, factor: int) -> NDArray[np.intp]:
     N : int
         Number of rows before.
     factor : int
-        Rows per row kept.
+        Every `factor`-th row is kept.
 
     Examples
     --------
@@ -94,7 +94,7 @@ def passband_edge(factor: int, sampling_frequency: float) -> float:
     Parameters
     ----------
     factor : int
-        Rows per row kept.
+        Every `factor`-th row is kept.
     sampling_frequency : float
         Before decimation [Hz].
 

@@ -98,7 +98,9 @@ class FlowPair(Brief):
         return slice(0, first) if chamber == "P" else slice(first, None)
 
 
+#: One measured map for both valves, or one for each.
 AnyFlowMap = FlowMap | FlowMapPair
+#: One form of the flow for both valves, or one for each.
 AnyFlowModel = FlowModel | FlowPair
 
 

@@ -43,7 +43,7 @@ class SyntheticCase:
     effects : tuple of VirtualEffect
         The labels.
     background : tuple of VirtualEffect
-        Weak effects besides.
+        Weak effects that were added.
     """
 
     case: Case
@@ -96,7 +96,7 @@ def make_case(
     laboratory : Laboratory, optional
         Valves, sensors and data of the laboratory that records the case.
     background : bool or sequence of str, optional
-        Weak effects besides, by name of their form; True draws four to six of other causes.
+        Weak effects to add, by name of their form; True draws four to six of other causes.
 
     Returns
     -------

@@ -50,6 +50,22 @@ def test_a_request_to_another_host_is_a_fault(site, faults, text):
     assert faults(site) == ["index.html: asks another host"]
 
 
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        ("<td>a</td></table>\n<p>| <code>b</code> | c |</p>", "a row of a table stands as text"),
+        ("<em>= PosixPath('/home/me')</em>", "a value of the program is printed as it is"),
+        (
+            "<pre>&lt;Sheet size 762.205x935.433 with 3 Axes&gt;</pre>",
+            "a figure is not drawn: `%matplotlib inline`",
+        ),
+    ],
+)
+def test_a_source_that_is_not_understood_is_a_fault(site, faults, text, fault):
+    (site / "index.html").write_text(text, "utf-8")
+    assert faults(site) == [f"index.html: {fault}"]
+
+
 def test_a_public_name_without_a_page_is_a_fault(site, faults):
     page = site / "reference" / "model.html"
     page.write_text(page.read_text("utf-8").replace(".Servosystem", ".Axis"), "utf-8")

@@ -157,6 +157,7 @@ SCALES = {"p_P": 1e5, "p_N": 1e5, "x": 0.1, "v": 0.5}
 
 _MOTION_SENSORS = {"v": "output", "a": "output", "F_load": "input"}
 
+#: The servo axis of eq. 1-4: two valves, two chambers and a mass.
 PNEUMATIC = AxisKind(
     name="pneumatic",
     title="servo axis",
@@ -187,6 +188,7 @@ PNEUMATIC = AxisKind(
     further=MappingProxyType({"p_supply": "input", **_MOTION_SENSORS}),
 )
 
+#: A mass that a known force drives.
 FORCE_DRIVEN = AxisKind(
     name="force",
     title="force-driven axis",

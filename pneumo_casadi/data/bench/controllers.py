@@ -214,6 +214,7 @@ class NoController:
     sample_time: ClassVar[None] = None
 
 
+#: Any control law that closes the loop of a simulation.
 Controller = (
     ProportionalController
     | NestedController

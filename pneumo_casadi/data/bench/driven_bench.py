@@ -151,4 +151,5 @@ class PressureBench:
         return rebuilt(self)
 
 
+#: A bench with valves, a known force, or measured pressures.
 AnyBench = Bench | ForceBench | PressureBench

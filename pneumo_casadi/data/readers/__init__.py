@@ -2,5 +2,5 @@
 
 A column becomes a channel in SI units in this chain: file -> table of numbers (`tables`, `mat`) ->
 channel, unit and offset of each column as ``columns.json`` states them (`columns`, `units`) ->
-``Column.to_si``, for example bar to Pa -> `Recording` (`recordings.read_recording`).
+``Column.to_si``, for example bar to pascals -> `Recording` (`recordings.read_recording`).
 """

@@ -213,7 +213,7 @@ class Recording(Presentable):
         parts : int, optional
             Number of pieces of equal length (to one row).
         duration : float, optional
-            Length of a piece [s]; the last one is what is left. One of the two must be given.
+            Length of a piece [s]; the last one may be shorter. One of the two must be given.
 
         Raises
         ------
@@ -248,7 +248,7 @@ class Recording(Presentable):
         Parameters
         ----------
         n : int
-            Rows per row kept.
+            Every n-th row is kept.
         average : iterable of str, optional
             Channels (inputs held at zero order) to replace by their mean over the n rows from
             the one kept on, so that the longer hold carries the same integral.

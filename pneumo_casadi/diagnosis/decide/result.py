@@ -65,8 +65,8 @@ class Diagnosis(Presentable):
         Effects of the final model, the one that closes most of the gap first; empty for the
         verdicts none, unknown and absorbed.
     undecided : tuple of EffectFound
-        Further effects of the final model that close next to nothing and that the data cannot
-        tell from their `rivals`: one of them acts, which one is open.
+        Further effects of the final model that close next to nothing of the gap. The data cannot
+        distinguish them from their `rivals`: one of these acts, but which one is not known.
     ranking : tuple of Candidate
         All candidates, the most probable first, failed ones last.
     where : Where
@@ -94,7 +94,7 @@ class Diagnosis(Presentable):
     flow_selection : FormSelection or None
         How the form of the flow map was chosen; None for a force-driven axis.
     discovered : DiscoveredTerm or None
-        For ``unknown``: the term outside the catalogue that closes most of the gap, told as a
+        For ``unknown``: the term outside the catalogue that closes most of the gap, as a
         formula; None where there is none.
     findings : tuple of Finding
         Severe findings of the check of the records, such as a sensor that contradicts the others:

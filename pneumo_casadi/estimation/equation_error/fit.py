@@ -53,9 +53,9 @@ def fit_equation_error(
     Parameters
     ----------
     axis : Axis
-        Its parameters are the start and tell what is free. Rows slower than 2 mm/s are left out
-        of the force balance; at the other rows the smoothed sign tanh(v/v_s) is -1 or 1 within 4 %
-        for a width ``v_s`` of 1 mm/s.
+        Its parameters give the starting values and what is free. Rows slower than 2 mm/s are left
+        out of the force balance; at the other rows the smoothed sign tanh(v/v_s) is -1 or 1 within
+        4 % for a width ``v_s`` of 1 mm/s.
     records : sequence of Recording or SmoothedMotion
         Fitted together.
     flow_map : FlowMap or Anchor, optional
@@ -71,7 +71,7 @@ def fit_equation_error(
         Steps before giving up; `EquationErrorResult.pace` then tells how fast the cost still falls.
     least_gain : float, optional
         Decrease of the cost, a log-likelihood, below which the iteration ends; by default a
-        hundred-thousandth for every row of a balance.
+        hundred-thousandth times the number of rows of all balances.
 
     Returns
     -------

@@ -60,7 +60,7 @@ def fit_output_error(
     Parameters
     ----------
     axis : Axis
-        Its parameters are the start (from WLS, say) and tell what is free.
+        Its parameters give the starting values (from WLS, say) and what is free.
     records : sequence of Recording
         Fitted together; each has its own initial state.
     flow_map : FlowMap, optional

@@ -52,6 +52,7 @@ class Limit:
         return next(graded, None)
 
 
+#: Quantities that decide a warning, by name: from which size on which grade, and why.
 LIMITS: Mapping[str, Limit] = MappingProxyType(
     {
         "mass": Limit(
@@ -155,6 +156,7 @@ LIMITS: Mapping[str, Limit] = MappingProxyType(
     }
 )
 
+#: Warnings that no size decides, by name: grade and reason.
 CONDITIONS: Mapping[str, tuple[Grade, str]] = MappingProxyType(
     {
         "not converged": (Grade.SEVERE, "the numbers are those of an iteration"),
