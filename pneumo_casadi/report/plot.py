@@ -152,7 +152,7 @@ def where(diagnosis: Diagnosis) -> Figure:
 
 def unknown_inputs(diagnosis: Diagnosis, record: int = 0) -> Figure:
     """Plot the input over time that each balance lacks on a held-out record, with ±2σ."""
-    return unknown_input_figure(_evidence(diagnosis).inputs[record], diagnosis.where.shares)
+    return unknown_input_figure(_evidence(diagnosis).inputs[record], diagnosis.where.unknown_inputs)
 
 
 def regimes(diagnosis: Diagnosis, balance: str = "force") -> Figure:

@@ -18,6 +18,7 @@ from pneumo_casadi.diagnosis.metrics.findings import Check, Closure, joined_name
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.report.figures.diagnosis.gap import gap_figure
 from pneumo_casadi.report.figures.diagnosis.ranking import ranking_figure
+from pneumo_casadi.report.figures.diagnosis.where import where_figure
 from pneumo_casadi.report.figures.style import COLUMN, MM, PAGE, svg
 from pneumo_casadi.report.pages.diagnosis import diagnosis_html, write_diagnosis
 from pneumo_casadi.report.pages.diagnosis_figures import diagnosis_figures
@@ -34,10 +35,12 @@ from pneumo_casadi.report.text.causes import cause_sentences, described_as, disc
 from pneumo_casadi.report.text.diagnosis import (
     alternative_sentences,
     headline,
+    location_text,
     note_sentences,
     refused_sentences,
     size_sentences,
     summary_text,
+    where_sentences,
 )
 from pneumo_casadi.report.text.next_step import next_step
 
@@ -47,6 +50,7 @@ _spec = importlib.util.spec_from_file_location(
 made = importlib.util.module_from_spec(_spec)
 _spec.loader.exec_module(made)
 
+_SIZES = "added by the effects [% of the balance's signal]"
 SVG = b'<svg xmlns="http://www.w3.org/2000/svg" width="72pt" height="36pt"></svg>'
 
 
@@ -359,9 +363,7 @@ def test_the_dashboard_says_the_verdict_and_shows_what_there_is(drawn):
     figure = drawn["dashboard"].figure
     assert figure.texts[0].get_text().replace("\n", " ") == headline(made.EFFECT)
     labels = [axes.get_xlabel() for axes in figure.axes]
-    assert labels[1:] == [
-        *("probability [%]", "gap reduction [%]", "share of the unknown inputs [%]", "$t$ [s]")
-    ]
+    assert labels[1:] == [*("probability [%]", "closes in the balances [%]", _SIZES, "$t$ [s]")]
     without = {drawing.name: drawing for drawing in diagnosis_figures(made.EFFECT)}["dashboard"]
     assert without.figure.axes[-1].get_xlabel() == "share [%]"  # regimes where there are no curves
 
@@ -398,6 +400,35 @@ def test_a_model_that_is_only_the_best_candidate_is_not_called_found():
     names = {drawing.name: drawing for drawing in diagnosis_figures(changed)}
     for name in ("gap", "regimes_force"):
         assert "without effects and with the best candidate" in names[name].caption
+
+
+@pytest.mark.parametrize("diagnosis", [made.EFFECT, made.HOSE, made.UNKNOWN], ids=str)
+def test_bars_and_sentence_name_the_same_balances(diagnosis):
+    """Of a hose the unknown inputs are larger in one chamber, what it adds in the other."""
+    (bars,) = where_figure(replace(diagnosis, where=replace(diagnosis.where, regimes=()))).axes
+    lengths = dict(
+        zip(diagnosis.where.shares, (bar.get_width() for bar in bars.patches), strict=True)
+    )
+    largest = max(lengths, key=lambda name: lengths[name])
+    assert largest in diagnosis.where.balances
+    assert {name for name in lengths if lengths[name] > 0.5 * lengths[largest]} == set(
+        diagnosis.where.balances
+    )
+
+
+def test_both_chambers_are_named_where_both_are_affected():
+    assert location_text(made.HOSE) == "mass flows into both chambers"
+    sentence = where_sentences(made.HOSE)[0]
+    assert sentence == "Model and measurement disagree in the mass flows into both chambers."
+
+
+def test_an_effect_has_one_name_whatever_its_form():
+    """The name of the form is said once, beside those of the other forms."""
+    page = diagnosis_html(made.HOSE, [])
+    text = re.sub(r"<(style|script|code).*?</\1>", "", page, flags=re.DOTALL)
+    assert "hose_volume" not in text
+    assert text.count("hose volume") == 1
+    assert "hose: V" in text
 
 
 def test_while_the_axis_sticks_no_unknown_force_is_drawn(drawn):

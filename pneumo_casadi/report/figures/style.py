@@ -18,6 +18,7 @@ from matplotlib.figure import Figure as Figure
 from matplotlib.transforms import Bbox
 
 from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.report.tables.table import with_symbols
 
 #: Widths of one column and of the page [mm] (IFAC).
 COLUMN, PAGE = 88.0, 181.0
@@ -38,16 +39,14 @@ HEAD = 4.0
 #: Height of a bar's row, and of what an axis needs beside its rows [mm].
 ROW, REST = 5.4, 11.0
 
-#: Display units: SI unit -> (text, factor).
+#: Display units: SI unit -> (text, factor). Residuals have the unit of their signal.
 DISPLAY = {
     "m": ("mm", 1e3),
-    "Pa": ("bar", 1e-5),
+    "Pa": ("kPa", 1e-3),
     "kg/s": ("g/s", 1e3),
     "N": ("N", 1.0),
     "V": ("V", 1.0),
 }
-#: Errors of pressures and positions are small; these units read better.
-ERROR_DISPLAY = {**DISPLAY, "Pa": ("kPa", 1e-3), "m": ("mm", 1e3)}
 
 SYMBOLS = {
     "X_s1": r"$X_{s1}$",
@@ -147,15 +146,15 @@ def symbol(name: str) -> str:
     Examples
     --------
     >>> symbol("F_c_plus"), symbol("stribeck.delta_F")
-    ('$F_c^+$', 'stribeck.delta_F')
+    ('$F_c^+$', 'stribeck: delta_F')
     """
     coefficient = _COEFFICIENT.fullmatch(name)
     if coefficient is not None:
         return f"${_BRANCHES[coefficient[1]]}_{{{coefficient[2]}}}$"
-    return SYMBOLS.get(name, name)
+    return SYMBOLS.get(name) or with_symbols(name)
 
 
-def axis_label(name: str, unit: str, error: bool = False) -> tuple[str, float]:
+def axis_label(name: str, unit: str) -> tuple[str, float]:
     """Return the label of a quantity with its display unit, and the factor from SI.
 
     Examples
@@ -163,7 +162,7 @@ def axis_label(name: str, unit: str, error: bool = False) -> tuple[str, float]:
     >>> axis_label("x", "m")
     ('$x$ [mm]', 1000.0)
     """
-    text, factor = (ERROR_DISPLAY if error else DISPLAY).get(unit, (unit, 1.0))
+    text, factor = DISPLAY.get(unit, (unit, 1.0))
     return f"{symbol(name)} [{text}]", factor
 
 

@@ -57,7 +57,7 @@ def _draw(
     """Draw one output and its residuals, whole (column 0) or enlarged (column 1)."""
     unit = curves.units[output]
     label, factor = axis_label(output, unit)
-    error_label, error_factor = axis_label("error", unit, error=True)
+    error_label, error_factor = axis_label("error", unit)
     shown = slice(None)
     if column == 1:
         first, end = np.searchsorted(curves.t, detail)

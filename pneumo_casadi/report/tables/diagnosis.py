@@ -14,7 +14,7 @@ from pneumo_casadi.report.tables.quantities import (
     quantity,
     whole,
 )
-from pneumo_casadi.report.tables.table import Table, with_symbols
+from pneumo_casadi.report.tables.table import Table, cause_name, with_symbols
 
 #: Balances in words.
 BALANCES = {
@@ -117,7 +117,8 @@ def has_after(diagnosis: Diagnosis) -> bool:
 
 def nearest(diagnosis: Diagnosis) -> tuple[str, ...]:
     """Return the effects of the best candidate where no effect is the cause."""
-    new = [name.partition(".")[0] for name in diagnosis.fitted if name not in diagnosis.nominal]
+    own = [name for name in diagnosis.fitted if name not in diagnosis.nominal]
+    new = [cause_name(name.partition(".")[0]) for name in own]
     return tuple(dict.fromkeys(new))
 
 

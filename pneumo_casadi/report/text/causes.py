@@ -16,7 +16,7 @@ from pneumo_casadi.report.tables.quantities import (
     short_quantity,
     whole,
 )
-from pneumo_casadi.report.tables.table import with_symbols
+from pneumo_casadi.report.tables.table import cause_name, with_symbols
 
 Catalogue = Mapping[str, type[Effect]]
 
@@ -117,8 +117,8 @@ def _forms(effect: EffectFound) -> str:
     if not others:
         return ""
     rest = joined([f"{plain(name)} {whole(closed)}" for name, closed in others.items()])
-    own = f"{plain(effect.form)} closes {whole(effect.forms[effect.form])} of the gap alone"
-    return f" Form that fits best: {own}, {rest}."
+    own = f"{plain(effect.form)} closes {whole(effect.forms[effect.form])} in the balances alone"
+    return f" Of its forms {own}, {rest}."
 
 
 def described_as(name: str, catalogue: Catalogue = EFFECTS) -> str:
@@ -139,7 +139,7 @@ def described_as(name: str, catalogue: Catalogue = EFFECTS) -> str:
 
 
 def without_underscores(text: str, catalogue: Catalogue = EFFECTS) -> str:
-    """Return a sentence with the names of effects in plain words.
+    """Return a sentence with the names of effects in plain words, forms by that of their cause.
 
     Examples
     --------
@@ -147,7 +147,7 @@ def without_underscores(text: str, catalogue: Catalogue = EFFECTS) -> str:
     'position delay may be part of it; k_P is 1.2'
     """
     for name in sorted({*EFFECTS, *catalogue}, key=len, reverse=True):
-        text = text.replace(name, plain(name))
+        text = text.replace(name, cause_name(name))
     return text
 
 

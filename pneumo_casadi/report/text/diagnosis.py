@@ -5,7 +5,11 @@ from collections.abc import Iterator, Sequence
 
 from pneumo_casadi.diagnosis import Diagnosis, Verdict
 from pneumo_casadi.diagnosis.metrics.findings import joined_names
-from pneumo_casadi.diagnosis.wording.location_sentences import location_sentences
+from pneumo_casadi.diagnosis.metrics.location import Location
+from pneumo_casadi.diagnosis.wording.location_sentences import (
+    location_sentences,
+    locations_in_words,
+)
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.report.tables.diagnosis import (
@@ -155,7 +159,7 @@ def size_sentences(diagnosis: Diagnosis) -> tuple[str, ...]:
     if not has_after(diagnosis):
         return GAP_DEFINITION, f"{before}.", *sentences, *floor
     if not diagnosis.effects:
-        names = joined([plain(name) for name in nearest(diagnosis)])
+        names = joined(nearest(diagnosis))
         which = f"{names}, the best candidate," if names else "the best candidate"
         after = f"{before}; with {which} it is {percent(gap.after)}."
         return GAP_DEFINITION, after, *sentences, *floor
@@ -227,8 +231,10 @@ def checks_of_what(diagnosis: Diagnosis) -> tuple[str, ...]:
 
 
 def location_text(diagnosis: Diagnosis) -> str:
-    """Return the balance in which model and measurement disagree, in a few words."""
-    return BALANCES.get(diagnosis.where.balance, plain(diagnosis.where.balance))
+    """Return the locations in which model and measurement disagree, in a few words."""
+    if diagnosis.where.balance is Location.NONE:
+        return BALANCES[Location.NONE]
+    return locations_in_words(diagnosis.where.balances).replace("the ", "")
 
 
 def summary_text(
