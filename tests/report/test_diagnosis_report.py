@@ -23,14 +23,10 @@ from pneumo_casadi.report.figures.style import COLUMN, MM, PAGE, svg
 from pneumo_casadi.report.pages.diagnosis import diagnosis_html, write_diagnosis
 from pneumo_casadi.report.pages.diagnosis_figures import diagnosis_figures
 from pneumo_casadi.report.pages.page import Picture
-from pneumo_casadi.report.tables.diagnosis import (
-    check_table,
-    diagnosis_tables,
-    fitted_table,
-    gap_table,
-    ranking_table,
-)
+from pneumo_casadi.report.tables.diagnosis import gap_table, ranking_table
 from pneumo_casadi.report.tables.quantities import plain, quantity
+from pneumo_casadi.report.tables.verdict.estimates import diagnosis_tables, fitted_table
+from pneumo_casadi.report.tables.verdict.parameter_checks import check_table
 from pneumo_casadi.report.text.causes import cause_sentences, described_as, discovered_fact
 from pneumo_casadi.report.text.diagnosis import (
     alternative_sentences,
@@ -43,6 +39,11 @@ from pneumo_casadi.report.text.diagnosis import (
     where_sentences,
 )
 from pneumo_casadi.report.text.next_step import next_step
+from pneumo_casadi.report.text.parameter_checks import (
+    check_sentences,
+    check_summary,
+    checks_of_what,
+)
 
 _spec = importlib.util.spec_from_file_location(
     "diagnoses", Path(__file__).with_name("diagnoses.py")
@@ -161,7 +162,50 @@ def test_a_cause_in_the_parameters_does_not_talk_a_gap_away():
 
 def test_contradicting_checks_come_first():
     text = summary_text(made.EFFECT)
-    assert text.index("NOT  S_P comes out") < text.index("ok   M = 16.9 kg")
+    assert text.index("contradicts: S_P comes out") < text.index("agrees: M = 16.9 kg")
+
+
+def test_a_check_that_nothing_could_contradict_is_not_counted():
+    wide = Check(
+        "k_P-k_N", 0.06, 0.007, 0.0, 0.25, "1", True, "k_P − k_N = +0.06: no gross error.", False
+    )
+    diagnosis = replace(made.EFFECT, checks=(*made.EFFECT.checks, wide))
+    assert check_summary(made.EFFECT) == "1 of 2 agree"
+    assert check_summary(diagnosis) == "1 of 2 agree; 1 cannot tell"
+    assert check_table(diagnosis).rows[-1][-1] == "cannot tell"
+    assert [result for result, _ in check_sentences(diagnosis)] == [
+        *("contradicts", "agrees", "cannot tell")
+    ]
+    failing = replace(diagnosis, checks=(replace(wide, agrees=False),))
+    assert check_summary(failing) == "0 of 1 agree"
+    assert check_summary(replace(diagnosis, checks=(wide,))) == ""
+
+
+def test_the_parameters_to_use_are_those_that_are_checked():
+    """What the fits behind the verdict contradicted is told beside it."""
+    refined = tuple(replace(check, agrees=True) for check in made.EFFECT.checks)
+    diagnosis = replace(made.EFFECT, refined_checks=refined)
+    assert check_summary(diagnosis) == "2 of 2 agree"
+    assert [result for result, _ in check_sentences(diagnosis)] == ["agrees", "agrees"]
+    behind = checks_of_what(diagnosis)[-1]
+    assert "The fits behind the verdict contradict" in behind
+    assert "S_P comes out +3.2 %" in behind
+    assert check_table(diagnosis).notes[0] == "Estimates of the final model."
+
+
+def test_sizes_of_a_cause_are_those_of_the_final_model():
+    final = {"stribeck.delta_F": Value(8.5, 0.1, "N"), "stribeck.v_stribeck": Value(0.05, 0, "m/s")}
+    (sentence,) = cause_sentences(made.EFFECT, final=final)
+    assert "delta_F = 8.50 ± 0.20 N" in sentence
+    assert "v_stribeck = 55.3 ± 1.0 mm/s" in sentence  # held in the final model
+
+
+def test_estimates_that_do_not_meet_those_of_the_final_model_are_named():
+    final = {"M": Value(16.9, 0.02, "kg"), "X_s1": Value(3.6e-9, 4e-12, "kg/Pa")}
+    table = fitted_table(made.EFFECT, final)
+    assert table.columns[-1] == "final model, to use"
+    assert table.notes[-1].endswith("both intervals together: X_s1.")
+    assert "final model" not in fitted_table(made.UNKNOWN, final).columns[-1]
 
 
 def test_a_candidate_that_matters_is_in_the_table_with_what_became_of_it():

@@ -192,6 +192,7 @@ class CheckSection(Section):
     unit: str
     agrees: bool
     text: str
+    decisive: bool = True
 
     @property
     def read(self) -> Check:
@@ -199,7 +200,7 @@ class CheckSection(Section):
         std = nan if self.std is None else self.std
         return Check(
             self.name, self.value, std, self.expected, self.tolerance, self.unit, self.agrees,
-            self.text,
+            self.text, self.decisive,
         )  # fmt: skip
 
 

@@ -247,6 +247,9 @@ class Check:
         Whether it does.
     text : str
         In words.
+    decisive : bool, optional
+        Whether agreement says anything: not where the range excludes gross errors only, or the
+        estimate is so uncertain that hardly any value would contradict.
     """
 
     name: str
@@ -257,3 +260,4 @@ class Check:
     unit: str
     agrees: bool
     text: str
+    decisive: bool = True

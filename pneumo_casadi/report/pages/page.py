@@ -165,7 +165,7 @@ class Section:
     pictures: Sequence[Picture] = ()
     tables: Sequence[Table] = ()
     plots: Sequence[Plot] = ()
-    checks: Sequence[tuple[bool, str]] = ()
+    checks: Sequence[tuple[str, str]] = ()
     texts: Sequence[str] = ()
     provenance: Mapping[str, Any] = field(default_factory=dict)
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from pneumo_casadi.diagnosis import Diagnosis, Verdict
 from pneumo_casadi.diagnosis.metrics.findings import joined_names
 from pneumo_casadi.diagnosis.metrics.location import Location
+from pneumo_casadi.diagnosis.refined_identification import with_refined_checks
 from pneumo_casadi.diagnosis.wording.location_sentences import (
     location_sentences,
     locations_in_words,
@@ -18,12 +19,12 @@ from pneumo_casadi.report.tables.diagnosis import (
     OUTSIDE,
     PROBABLE,
     contains_found,
-    diagnosis_tables,
     has_after,
     matters,
     nearest,
 )
 from pneumo_casadi.report.tables.quantities import between, chance, percent, plain, whole
+from pneumo_casadi.report.tables.verdict.estimates import diagnosis_tables
 from pneumo_casadi.report.text.causes import (
     Catalogue,
     capitalised,
@@ -35,6 +36,7 @@ from pneumo_casadi.report.text.causes import (
 )
 from pneumo_casadi.report.text.final_model import final_model, final_sentences, final_title
 from pneumo_casadi.report.text.identification import WIDTH, render
+from pneumo_casadi.report.text.parameter_checks import check_sentences, checks_of_what
 
 #: A verdict in one or two words.
 VERDICTS = {
@@ -92,8 +94,8 @@ def headline(diagnosis: Diagnosis) -> str:
             f"the error on held-out data, beyond the sensor noise, is {percent(gap.before)} of the "
             "signals."
         )
-    wrong = sum(not check.agrees for check in diagnosis.checks)
-    but = f", but {wrong} of {len(diagnosis.checks)} parameter checks fail" if wrong else ""
+    wrong = sum(not check.agrees for check in diagnosis.final_checks)
+    but = f", but {wrong} of {len(diagnosis.final_checks)} parameter checks fail" if wrong else ""
     return (
         "Model and measurement agree: beyond the sensor noise they differ by "
         f"{percent(gap.before)} of the signals on held-out data{but}."
@@ -212,24 +214,6 @@ def alternative_sentences(diagnosis: Diagnosis, catalogue: Catalogue = EFFECTS) 
     return tuple(parts)
 
 
-def check_sentences(diagnosis: Diagnosis) -> tuple[tuple[bool, str], ...]:
-    """Return each check of the parameters: whether it agrees, and its text; failures first."""
-    return tuple(
-        (check.agrees, check.text)
-        for check in sorted(diagnosis.checks, key=lambda check: check.agrees)
-    )
-
-
-def checks_of_what(diagnosis: Diagnosis) -> tuple[str, ...]:
-    """Return of which model the parameters are that are checked."""
-    if diagnosis.verdict is Verdict.UNKNOWN:
-        return (
-            "The cause is not in this model. That a parameter agrees does not make it right: its "
-            "error may lie within the range.",
-        )
-    return ()
-
-
 def location_text(diagnosis: Diagnosis) -> str:
     """Return the locations in which model and measurement disagree, in a few words."""
     if diagnosis.where.balance is Location.NONE:
@@ -251,19 +235,24 @@ def summary_text(
     refined : Identification, optional
         The final model refined by output error.
     """
+    diagnosis = with_refined_checks(diagnosis, refined)
     final = None if refined is None else final_model(refined)
-    checks = [f"{'ok ' if ok else 'NOT'}  {text}" for ok, text in check_sentences(diagnosis)]
+    values = None if final is None else final.values
+    checks = [f"{result}: {text}" for result, text in check_sentences(diagnosis)]
     sections = [
         ("Where model and measurement disagree", where_sentences(diagnosis, catalogue)),
         (
             "Effects found" if diagnosis.final_effects else "Candidate causes",
-            (*cause_sentences(diagnosis, catalogue), *refused_sentences(diagnosis)),
+            (*cause_sentences(diagnosis, catalogue, values), *refused_sentences(diagnosis)),
         ),
         (size_title(diagnosis), size_sentences(diagnosis)),
         (final_title(diagnosis), final_sentences(diagnosis, final)),
         ("Other possible causes", alternative_sentences(diagnosis, catalogue)),
         ("Discovered term", discovered_sentences(diagnosis)),
-        ("Parameters compared with geometry and data sheet", checks),
+        (
+            "Parameters compared with geometry and data sheet",
+            (*checks_of_what(diagnosis), *checks),
+        ),
         ("Notes", note_sentences(diagnosis)),
     ]
     title = f"Diagnosis of {diagnosis.case}: {VERDICTS[diagnosis.verdict]}"
@@ -271,7 +260,7 @@ def summary_text(
     head += _section(FINDINGS_TITLE, finding_sentences(diagnosis))
     head += ["", textwrap.fill(headline(diagnosis), WIDTH)]
     body = [line for name, sentences in sections for line in _section(name, sentences)]
-    shown = [*([] if final is None else final.tables), *diagnosis_tables(diagnosis)]
+    shown = [*([] if final is None else final.tables), *diagnosis_tables(diagnosis, values)]
     tables = [render(table) for table in shown]
     end = f"Computing time: {diagnosis.seconds:.0f} s."
     return "\n".join([*head, *body]) + "\n\n\n" + "\n\n\n".join([*tables, end]) + "\n"

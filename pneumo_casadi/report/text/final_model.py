@@ -4,7 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from pneumo_casadi.diagnosis import Diagnosis, Verdict
+from pneumo_casadi.diagnosis import Diagnosis, Value, Verdict
+from pneumo_casadi.estimation.statistics import EstimateStatus
 from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.identification.result_file import result_dict
 from pneumo_casadi.identification.warnings import Usability, Usable
@@ -30,11 +31,14 @@ class FinalModel:
         The moving mass with its interval; empty where it was not estimated.
     tables : tuple of Table
         Its parameters, in laboratory terms first.
+    values : mapping of str to Value
+        All of them; those that were held have no standard deviation.
     """
 
     usability: Usability
     mass: str
     tables: tuple[Table, ...]
+    values: Mapping[str, Value]
 
 
 def final_model(refined: Identification | Mapping[str, Any]) -> FinalModel:
@@ -53,7 +57,21 @@ def final_model(refined: Identification | Mapping[str, Any]) -> FinalModel:
     title = "Coefficients of the mass balances, estimate ± 2σ"
     own = replace(table, title=title, rows=coefficients, notes=(*table.notes, INTERVALS))
     tables = (*terms, own)
-    return FinalModel(usability, "".join(mass), tables)
+    return FinalModel(usability, "".join(mass), tables, _values(content))
+
+
+def _values(content: Mapping[str, Any]) -> dict[str, Value]:
+    flow = (content["flow"] or {}).get("parameters", {})
+    items = content["output_error"]["parameters"] | flow
+    return {
+        name: Value(
+            item["value"],
+            max(item["std"] or 0.0, item["std_robust"] or 0.0),
+            item["unit"],
+            item.get("status") == EstimateStatus.AT_BOUND,
+        )
+        for name, item in items.items()
+    }
 
 
 def final_title(diagnosis: Diagnosis) -> str:

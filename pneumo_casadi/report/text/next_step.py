@@ -38,7 +38,7 @@ def next_step(diagnosis: Diagnosis, ready: bool = False) -> str:
     'nothing for motions like these; record others to test the model there'
     """
     verdict = diagnosis.verdict
-    wrong = joined([check.name for check in diagnosis.checks if not check.agrees])
+    wrong = joined([check.name for check in diagnosis.final_checks if not check.agrees])
     if diagnosis.findings:
         return "correct the records: see below"
     if diagnosis.experiment:
