@@ -1,7 +1,7 @@
 """Figures of results, one function each: ``pc.plot.parameters(result)`` returns a Figure.
 
-A figure is shown by a notebook as it is, and saved by ``figure.savefig(path)`` as PNG, SVG or PDF,
-by the suffix of the path. Its width is that of a column or the page of an IFAC paper.
+A figure is shown by a notebook as it is. ``pc.plot.save(figure, path)`` saves it as PNG, SVG and
+PDF, ``figure.savefig(path)`` as one of them by the suffix of the path. Its width is that of a column or the page of an IFAC paper.
 
 Examples
 --------
@@ -45,11 +45,14 @@ from pneumo_casadi.report.figures.style import (
     axis_label,
     dress,
     new_figure,
+    save_figure,
     thin,
 )
 from pneumo_casadi.report.figures.time_series import time_series_figure
 from pneumo_casadi.validation import Validation
 from pneumo_casadi.valve import FlowMap, FlowModel, each_valve
+
+save = save_figure
 
 
 def recording(recording: Recording, channels: Sequence[str] = ("x",)) -> Figure:

@@ -509,7 +509,7 @@ def test_a_folder_is_written_whole(written):
     }
     content = json.loads((written / "diagnosis.json").read_text("utf-8"))
     assert content == json.loads(json.dumps(made.with_curves().as_dict()))
-    assert {path.suffix for path in (written / "figures").iterdir()} == {".png", ".svg"}
+    assert {path.suffix for path in (written / "figures").iterdir()} == {".png", ".svg", ".pdf"}
 
 
 def test_a_folder_with_anything_else_in_it_is_left_alone(tmp_path):

@@ -6,6 +6,7 @@ Figures are made through the object interface, without pyplot: no global state, 
 import re
 from collections.abc import Sequence
 from io import BytesIO
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -210,6 +211,48 @@ def png(figure: Figure) -> bytes:
     buffer = BytesIO()
     # Without version and date equal results give equal files.
     figure.savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})
+    return buffer.getvalue()
+
+
+def save_figure(figure: Figure, path: str | Path) -> tuple[Path, ...]:
+    """Save a figure as PNG, SVG and PDF, in the width of a column or of the page of an IFAC paper.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        From one of the functions of ``pc.plot``.
+    path : path
+        Of the files, without suffix.
+
+    Returns
+    -------
+    tuple of Path
+        The three files.
+
+    Examples
+    --------
+    With ``result = pc.identify(pc.example_case())``:
+
+    >>> import tempfile
+    >>> folder = tempfile.mkdtemp()
+    >>> [file.name for file in pc.plot.save(pc.plot.parameters(result), folder + "/parameters")]
+    ['parameters.png', 'parameters.svg', 'parameters.pdf']
+    """
+    path = Path(path)
+    written = []
+    for suffix, content in (("png", png(figure)), ("svg", svg(figure)), ("pdf", pdf(figure))):
+        file = path.with_name(f"{path.name}.{suffix}")
+        file.write_bytes(content)
+        written.append(file)
+    return tuple(written)
+
+
+def pdf(figure: Figure) -> bytes:
+    """Return a figure as the content of a PDF file, with its fonts embedded."""
+    buffer = BytesIO()
+    # Type 42: publishers refuse the bitmaps of type 3. No date: equal results give equal files.
+    with rc_context({"pdf.fonttype": 42}):
+        figure.savefig(buffer, format="pdf", metadata={"CreationDate": None})
     return buffer.getvalue()
 
 

@@ -198,7 +198,7 @@ def write_diagnosis(
     -------
     Path
         The folder: ``diagnosis.json``, ``curves.json`` with the curves of the figures,
-        ``report.html``, ``summary.txt``, ``figures`` as PNG and SVG, with `refined`
+        ``report.html``, ``summary.txt``, ``figures`` as PNG, SVG and PDF, with `refined`
         ``result.json``, and ``discovered_term.json`` where a term was discovered.
 
     Raises
@@ -218,7 +218,7 @@ def write_diagnosis(
             write_json(result_dict(refined), draft / "result.json")
         summary = summary_text(diagnosis, catalogue, refined)
         (draft / "summary.txt").write_text(summary, "utf-8")
-        pictures = save_figures(_figures_of(diagnosis), draft / "figures", drawings=True)
+        pictures = save_figures(_figures_of(diagnosis), draft / "figures")
         final = None if refined is None else final_model(refined)
         html = diagnosis_html(diagnosis, pictures, catalogue, final)
         (draft / "report.html").write_text(html, "utf-8")
