@@ -1,7 +1,8 @@
 """Figures of results, one function each: ``pc.plot.parameters(result)`` returns a Figure.
 
 A figure is shown by a notebook as it is. ``pc.plot.save(figure, path)`` saves it as PNG, SVG and
-PDF, ``figure.savefig(path)`` as one of them by the suffix of the path. Its width is that of a column or the page of an IFAC paper.
+PDF, ``figure.savefig(path)`` as one of them by the suffix of the path. Its width is that of a
+column or the page of an IFAC paper.
 
 Examples
 --------

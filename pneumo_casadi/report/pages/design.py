@@ -80,11 +80,10 @@ def design_html(design: Design, pictures: list[Picture]) -> str:
         Its figure; empty without matplotlib.
     """
     gained, *others = design_tables(design)
-    limits = [f"{name.replace('_', ' ')}" for name in ("position", "velocity", "command")]
     facts = [
         ("Duration", f"{design.reference.duration:g} s"),
         ("Gain over the recorded reference", f"{design.gain:.3g} times"),
-        ("Kept within the limits of", ", ".join(limits) + " and pressure"),
+        ("Kept within the limits of", "position, velocity, command and pressure"),
         (
             "Next",
             "record the motion of reference.csv under the controller of bench.json, then "
@@ -104,6 +103,5 @@ def design_html(design: Design, pictures: list[Picture]) -> str:
         Section("symbols", "Symbols", tables=[legend_table("x u p_P", gained)]),
         Section("provenance", "Provenance", provenance=origin),
     ]
-    return html_page(
-        "Design of an experiment", Verdict(worth, words, design.headline, facts), sections
-    )
+    verdict = Verdict(worth, words, design.headline, facts)
+    return html_page("Design of an experiment", verdict, sections)

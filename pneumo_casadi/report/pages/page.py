@@ -45,6 +45,14 @@ _HANDLING = (
     "Drag over a plot to enlarge that time in all of them; the pointer shows the values; "
     "`largest difference` goes to where measurement and first simulation differ most."
 )
+#: Equations, tables and figures of the paper that the method comes from, which is [1] in reports.
+_OF_PAPER = re.compile(
+    r"\b(eq\. \d+|Figs?\. \d(?: and \d)?|Table 1)(?: of the paper)?(?! of \[1\])"
+)
+_REFERENCE = (
+    '[1] "Identification of physical parameters of a pneumatic servosystem", IFAC 2005; its '
+    "equations, table and figures are those that this report refers to."
+)
 #: Name of the still figure of a record's time plot, before the name of the record.
 TIME_FIGURE = "validation_"
 
@@ -196,13 +204,14 @@ def html_page(title: str, verdict: Verdict, sections: Sequence[Section]) -> str:
     filled = [section for section in sections if section.filled]
     plotted = any(section.plots for section in filled)
     template = environment.get_template("report.html.jinja")
-    return template.render(
-        title=title,
-        verdict=verdict,
-        sections=filled,
-        not_drawn="" if matplotlib_installed() else NOT_DRAWN,
-        library=library() if plotted else "",
-    ).lstrip()
+    shown = {
+        "title": title,
+        "verdict": verdict,
+        "not_drawn": "" if matplotlib_installed() else NOT_DRAWN,
+    }
+    if " of [1]" in template.render(**shown, sections=filled, library=""):
+        filled.append(Section("reference", "Reference", (_REFERENCE,)))
+    return template.render(**shown, sections=filled, library=library() if plotted else "").lstrip()
 
 
 def plots_of(
@@ -262,6 +271,7 @@ def _unbroken(value: Any) -> Any:
     if isinstance(value, str) and not isinstance(value, Markup):
         space = "\N{NO-BREAK SPACE}"
         value = _TOGETHER.sub(lambda part: part[0].replace(" ", space), _MEASURE.sub(space, value))
+        value = _OF_PAPER.sub(r"\1 of [1]", value)
         value = _UNIT.sub(lambda unit: unit[0].replace(" ", space), value)
         return value.replace(" %", f"{space}%").replace(" ± ", f"{space}±{space}")
     return value

@@ -43,9 +43,9 @@ def precision_table(precision: Precision) -> Table:
                 f"{precision.ratio(name):.2f}",
             )
         )
-    ratio = precision.after / precision.before
+    gain = precision.after / precision.before
     sizes = [f"{100 * size:.4f}" for size in (precision.before, precision.after, precision.both)]
-    rows.append((f"criterion {precision.criterion.value}", "", "", *sizes, f"{ratio:.2f}"))
+    rows.append((f"criterion {precision.criterion.value}", "", "", *sizes, f"{gain:.2f}"))
     return Table(
         "Predicted standard errors [%]",
         ("", "value", "unit", "recorded", "designed", "both", "designed/recorded"),
