@@ -139,10 +139,10 @@ def matters(diagnosis: Diagnosis, candidate: Candidate) -> bool:
     """Return whether a candidate is part of the conclusion, or could have been.
 
     It is named, has a probability worth a look, or removes a tenth of the gap; where there is no
-    fit, the linearised model predicts that it would. What the effects found remove with a further
-    one is their doing.
+    fit, the linearised model predicts that it would. What some of the effects found remove with
+    others is their doing.
     """
-    if contains_found(diagnosis, candidate):
+    if builds_on_found(diagnosis, candidate):
         return candidate.probability >= PROBABLE
     shares = (candidate.probability >= PROBABLE, candidate.explained >= REMOVES)
     if candidate.failure:
@@ -154,10 +154,11 @@ def matters(diagnosis: Diagnosis, candidate: Candidate) -> bool:
     return shares[0] or (shares[1] if closure is None else closure.value >= REMOVES)
 
 
-def contains_found(diagnosis: Diagnosis, candidate: Candidate) -> bool:
-    """Return whether a candidate is the effects found with further ones."""
+def builds_on_found(diagnosis: Diagnosis, candidate: Candidate) -> bool:
+    """Return whether a candidate holds effects that were found, and others besides."""
     effects = {effect.name for effect in diagnosis.final_effects}
-    return bool(effects) and effects < set(candidate.names)
+    names = set(candidate.names)
+    return bool(names & effects) and bool(names - effects)
 
 
 def ranking_table(diagnosis: Diagnosis) -> Table:

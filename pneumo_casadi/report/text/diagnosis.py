@@ -18,7 +18,7 @@ from pneumo_casadi.report.tables.diagnosis import (
     GAP_DEFINITION,
     OUTSIDE,
     PROBABLE,
-    contains_found,
+    builds_on_found,
     has_after,
     matters,
     nearest,
@@ -124,7 +124,7 @@ def refused_sentences(diagnosis: Diagnosis) -> tuple[str, ...]:
     others = [item for item in diagnosis.ranking if not matters(diagnosis, item)]
     if not others:
         return ()
-    alone = [item for item in others if not contains_found(diagnosis, item)]
+    alone = [item for item in others if not builds_on_found(diagnosis, item)]
     closures = [item.closure.value for item in alone if item.closure is not None]
     without = "" if len(alone) == len(others) else " without the effects found"
     largest = whole(max(PROBABLE, *closures)) if closures else ""

@@ -42,7 +42,7 @@ def facts(diagnosis: Diagnosis, final: FinalModel | None) -> list[tuple[str, str
         shown.append(("Parameter checks", checks))
     shown += final_facts(diagnosis, final)
     ready = final is not None and final.usability.usable is not Usable.NO
-    return [*shown, ("Next", next_step(diagnosis, ready))]
+    return [*shown, ("Next", next_step(diagnosis, ready, "" if final is None else final.least))]
 
 
 def _causes(diagnosis: Diagnosis) -> list[tuple[str, str]]:

@@ -11,7 +11,7 @@ from pneumo_casadi.identification.result_file import result_dict
 from pneumo_casadi.identification.warnings import Usability, Usable
 from pneumo_casadi.report.tables.laboratory import estimate_table, laboratory_tables
 from pneumo_casadi.report.tables.parameters import INTERVALS
-from pneumo_casadi.report.tables.table import Table
+from pneumo_casadi.report.tables.table import Table, with_symbols
 
 #: Title of the section.
 TITLE = "Parameters to use: final model refined by output error"
@@ -33,12 +33,15 @@ class FinalModel:
         Its parameters, in laboratory terms first.
     values : mapping of str to Value
         All of them; those that were held have no standard deviation.
+    least : str
+        The least certain one that the axis or its effects have, with its interval.
     """
 
     usability: Usability
     mass: str
     tables: tuple[Table, ...]
     values: Mapping[str, Value]
+    least: str = ""
 
 
 def final_model(refined: Identification | Mapping[str, Any]) -> FinalModel:
@@ -57,7 +60,26 @@ def final_model(refined: Identification | Mapping[str, Any]) -> FinalModel:
     title = "Coefficients of the mass balances, estimate ± 2σ"
     own = replace(table, title=title, rows=coefficients, notes=(*table.notes, INTERVALS))
     tables = (*terms, own)
-    return FinalModel(usability, "".join(mass), tables, _values(content))
+    return FinalModel(usability, "".join(mass), tables, _values(content), least_certain(content))
+
+
+def least_certain(content: Mapping[str, Any]) -> str:
+    """Return the identified parameter with the largest relative interval; empty without one.
+
+    Parameters
+    ----------
+    content : mapping
+        Plain values of an identification, as in ``result.json``.
+    """
+    relative = {
+        name: 200 * item["std_robust"] / abs(item["value"])
+        for name, item in content["output_error"]["parameters"].items()
+        if item["std_robust"] and item["value"]
+    }
+    if not relative:
+        return ""
+    name = max(relative, key=lambda each: relative[each])
+    return f"{with_symbols(name)}, ± {relative[name]:.2g} % (2σ)"
 
 
 def _values(content: Mapping[str, Any]) -> dict[str, Value]:
