@@ -3,7 +3,7 @@
 import base64
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -185,9 +185,9 @@ class Section:
 
     @property
     def beside(self) -> bool:
-        """Whether the sentences stand beside the first figure, which would be alone in its row."""
+        """Whether the sentences stand beside the figures, which are too few for own rows."""
         narrow = [picture for picture in self.pictures if not picture.is_wide]
-        return bool(self.sentences) and len(narrow) == 1
+        return bool(self.sentences) and len(narrow) in (1, 2)
 
 
 def html_page(title: str, verdict: Verdict, sections: Sequence[Section]) -> str:
@@ -210,8 +210,23 @@ def html_page(title: str, verdict: Verdict, sections: Sequence[Section]) -> str:
         "not_drawn": "" if matplotlib_installed() else NOT_DRAWN,
     }
     if " of [1]" in template.render(**shown, sections=filled, library=""):
-        filled.append(Section("reference", "Reference", (_REFERENCE,)))
+        filled = _with_reference(filled)
     return template.render(**shown, sections=filled, library=library() if plotted else "").lstrip()
+
+
+def _with_reference(sections: Sequence[Section]) -> list[Section]:
+    """Return the sections with the reference below the symbols, or in a section of its own."""
+    if all(section.anchor != "symbols" for section in sections):
+        return [*sections, Section("reference", "Reference", (_REFERENCE,))]
+    return [
+        replace(
+            section,
+            tables=[replace(each, notes=(*each.notes, _REFERENCE)) for each in section.tables],
+        )
+        if section.anchor == "symbols"
+        else section
+        for section in sections
+    ]
 
 
 def plots_of(

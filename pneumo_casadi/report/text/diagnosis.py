@@ -141,8 +141,12 @@ def refused_sentences(diagnosis: Diagnosis) -> tuple[str, ...]:
 def note_sentences(diagnosis: Diagnosis) -> tuple[str, ...]:
     """Return the notes, without those on candidates that do not matter."""
     refused = [item for item in diagnosis.ranking if not matters(diagnosis, item)]
-    left_out = tuple(f"{item.label}: {item.failure}" for item in refused if item.failure)
-    return tuple(text for text in diagnosis.notes if text not in left_out)
+    left_out = {
+        without_underscores(f"{item.label}: {item.failure}") for item in refused if item.failure
+    }
+    # Notes name the forms that were fitted, the ranking their causes.
+    notes = map(without_underscores, diagnosis.notes)
+    return tuple(text for text in dict.fromkeys(notes) if text not in left_out)
 
 
 def size_title(diagnosis: Diagnosis) -> str:

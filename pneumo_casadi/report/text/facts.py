@@ -46,19 +46,18 @@ def facts(diagnosis: Diagnosis, final: FinalModel | None) -> list[tuple[str, str
 
 
 def _causes(diagnosis: Diagnosis) -> list[tuple[str, str]]:
-    """Return the effects named, with the probability of each, or of all where it is one."""
+    """Return the effects named, with the probability of each, or of all where it is the same."""
     effects = diagnosis.effects
-    odds = {chance(effect.probability) for effect in effects}
-    together = len(effects) > 1 and len(odds) == 1
-    facts = [
-        (
-            "Cause" if effect is effects[0] else "and",
-            plain(effect.name)
-            + ("" if together else f", probability {chance(effect.probability)}"),
-        )
-        for effect in effects
-    ]
-    return [*facts, ("Probability of all together", odds.pop())] if together else facts
+    if not effects:
+        return []
+    names = [plain(effect.name) for effect in effects]
+    odds = [chance(effect.probability) for effect in effects]
+    if len(effects) == 1:
+        return [("Cause", f"{names[0]}, probability {odds[0]}")]
+    if len(set(odds)) == 1:
+        return [("Causes", f"{joined(names)}, all together with probability {odds[0]}")]
+    each = [f"{name} ({share})" for name, share in zip(names, odds, strict=True)]
+    return [("Causes, probability of each", joined(each))]
 
 
 def _in_closed_loop(diagnosis: Diagnosis) -> list[tuple[str, str]]:

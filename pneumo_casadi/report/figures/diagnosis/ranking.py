@@ -20,7 +20,7 @@ from pneumo_casadi.report.tables.diagnosis import matters
 from pneumo_casadi.report.tables.quantities import chance, plain
 
 #: Candidates drawn: those that matter up to the first number, and the first ones up to the second.
-DRAWN, LEAST = 8, 3
+DRAWN, LEAST = 5, 3
 #: Height of a line of a label [rows].
 LINE = 0.62
 #: Closing [%] at which the axis ends; smaller values are arrows there.

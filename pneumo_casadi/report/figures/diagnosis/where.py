@@ -96,6 +96,8 @@ def _draw_sizes(axes: Axes, names: Sequence[str], sizes: Mapping[str, Mapping[st
         colour = COLOURS[1:][k % (len(COLOURS) - 1)]
         axes.barh(at, values, min(0.9 * pitch, 0.6), color=colour, label=plain(cause), zorder=2)
         for row, value in zip(at, values, strict=True):
+            if value == 0:
+                continue
             axes.annotate(
                 percent(value), (value, row), (2, -0.4), textcoords="offset points", va="center",
                 fontsize=SMALL - 1.0, zorder=4,

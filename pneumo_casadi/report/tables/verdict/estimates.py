@@ -48,9 +48,12 @@ def fitted_table(diagnosis: Diagnosis, final: Mapping[str, Value] | None = None)
     own = final if final is not None and not unknown else {}
     models = (diagnosis.nominal, diagnosis.fitted, diagnosis.with_term, own)
     names = dict.fromkeys([*diagnosis.fitted, *diagnosis.nominal, *diagnosis.with_term])
+    every, names = len(names), dict.fromkeys(filter(_of_axis, names))
     rows = [(with_symbols(name), *(_cell(model.get(name)) for model in models)) for name in names]
     title = "Estimates of the fits that decide the verdict ± 2σ"
     notes = [f"{BALANCE_FITS} {WITHOUT_CAUSE if unknown else TO_USE}"]
+    if every > len(names):
+        notes.append("The coefficients of the flow map are in diagnosis.json.")
     apart = differing(diagnosis.fitted, own)
     if apart:
         notes.append(
@@ -81,6 +84,11 @@ def differing(fitted: Mapping[str, Value], final: Mapping[str, Value]) -> list[s
         if isfinite(first.std) and isfinite(second.std) and first.std > 0 and second.std > 0
         if abs(first.value - second.value) > 2 * (first.std + second.std)
     ]
+
+
+def _of_axis(name: str) -> bool:
+    """Return whether a parameter is of the axis or an effect, not a coefficient of the flow map."""
+    return "." in name or name.startswith(("X_s", "F_c_")) or name in ("M", "f_v", "v_s")
 
 
 def diagnosis_tables(
