@@ -181,3 +181,35 @@ def evidence(K=200):
 
 def with_curves():
     return replace(EFFECT, evidence=evidence(), discovered=DISCOVERED)
+
+
+def three_effects():
+    """A hose and two weak effects, with all that a page can hold."""
+    spring = EffectFound("spring_load", 0.9, {"k": Value(5.3, 0.75, "N/m")}, 0.02)
+    effects = (*HOSE.effects, EFFECT.effects[0], spring)
+    names = ("hose", "stribeck", "spring_load")
+    alone = [replace(STRIBECK, names=(name,), probability=0.0) for name in names]
+    pairs = [replace(STRIBECK, names=(names[0], name), probability=0.0) for name in names[1:]]
+    regimes = tuple(
+        Regime(Condition(RegimeKind.STANDSTILL, upper=0.01 * i), Location.FORCE, 0.5, 0.1, 0.001)
+        for i in range(1, 6)
+    )
+    curves = evidence()
+    before, after = (
+        tuple(replace(item, balance=balance) for balance in BALANCES for item in (*maps, *maps[:2]))
+        for maps in (curves.before, curves.after)
+    )
+    checks = tuple(replace(EFFECT.checks[0], name=name) for name in "ABCDEFGHIJKL")
+    return replace(
+        HOSE,
+        effects=effects,
+        ranking=(replace(STRIBECK, names=names, probability=0.9), *pairs, *alone, DRAG, FAILED),
+        where=replace(
+            HOSE.where,
+            regimes=regimes,
+            balances=(*HOSE.where.balances, Location.FORCE),
+            sizes=dict(HOSE.where.sizes) | {"stribeck": {"force": 0.009}},
+        ),
+        checks=checks,
+        evidence=replace(curves, before=before, after=after),
+    )
