@@ -38,6 +38,7 @@ from pneumo_casadi.report.text.diagnosis import (
     summary_text,
     where_sentences,
 )
+from pneumo_casadi.report.text.facts import facts
 from pneumo_casadi.report.text.next_step import next_step
 from pneumo_casadi.report.text.parameter_checks import (
     check_sentences,
@@ -198,6 +199,18 @@ def test_sizes_of_a_cause_are_those_of_the_final_model():
     (sentence,) = cause_sentences(made.EFFECT, final=final)
     assert "delta_F = 8.50 ± 0.20 N" in sentence
     assert "v_stribeck = 55.3 ± 1.0 mm/s" in sentence  # held in the final model
+
+
+def test_the_head_shows_no_change_by_a_candidate_that_is_not_the_cause():
+    head = dict(facts(replace(made.UNKNOWN, discovered=None), None))
+    assert head["The same of x, whole record in closed loop"] == "15 %"
+    assert " → " in dict(facts(made.EFFECT, None))["The same of x, whole record in closed loop"]
+
+
+def test_causes_stand_together_with_their_probability():
+    head = dict(facts(made.three_effects(), None))
+    assert head["Causes, probability of each"].startswith("hose (76 %), stribeck (97 %) and")
+    assert head["Where"] == "mass flows into both chambers and force on piston"
 
 
 def test_estimates_that_do_not_meet_those_of_the_final_model_are_named():

@@ -3,7 +3,14 @@
 import numpy as np
 
 from pneumo_casadi.design import COMMON, KINDS, Design, Part, Precision
-from pneumo_casadi.report.tables.table import Table, exponent_of, value_text, with_symbols
+from pneumo_casadi.report.tables.quantities import DISPLAY_UNITS
+from pneumo_casadi.report.tables.table import (
+    Table,
+    exponent_of,
+    scaled_unit,
+    value_text,
+    with_symbols,
+)
 from pneumo_casadi.report.text.identification import render
 
 UNITS = {"position": "m", "velocity": "m/s", "p_min": "Pa", "p_max": "Pa", "command": "V"}
@@ -31,14 +38,14 @@ def precision_table(precision: Precision) -> Table:
     for i, name in enumerate(precision.names):
         value = precision.values[i]
         exponent = exponent_of(value)
-        shown = value_text(value, exponent, 4) + (f"e{exponent}" if exponent else "")
+        unit = scaled_unit(precision.units[i], exponent)
         columns = (precision.now[i], precision.designed[i], precision.together[i])
         percent = [_percent(std, value) for std in columns]
         rows.append(
             (
                 with_symbols(name),
-                shown,
-                precision.units[i],
+                value_text(value, exponent, 4),
+                unit,
                 *percent,
                 f"{precision.ratio(name):.2f}",
             )
@@ -110,10 +117,12 @@ def _numbers(part: Part) -> str:
 def limits_table(design: Design) -> Table:
     """Return the extremes of the simulation beside the limits."""
     limits = design.options.limits
-    rows = [
-        (name, unit, f"{design.extremes[name]:.4g}", f"{getattr(limits, name):.4g}")
-        for name, unit in UNITS.items()
-    ]
+    rows = []
+    for name, unit in UNITS.items():
+        shown, factor = DISPLAY_UNITS.get(unit, (unit, 1.0))
+        values = (design.extremes[name], getattr(limits, name))
+        cells = (f"{factor * value:.4g}" for value in values)
+        rows.append((name.replace("_", " "), shown, *cells))
     notes = (
         "Amplitudes are shares of the allowed position range, steps of the allowed common command.",
     )

@@ -2,7 +2,6 @@
 
 from pneumo_casadi.diagnosis import Diagnosis, Verdict
 from pneumo_casadi.identification.warnings import Usable
-from pneumo_casadi.report.tables.diagnosis import has_after
 from pneumo_casadi.report.tables.quantities import between, chance, percent, plain, whole
 from pneumo_casadi.report.text.causes import discovered_fact, joined
 from pneumo_casadi.report.text.diagnosis import location_text
@@ -66,5 +65,5 @@ def _in_closed_loop(diagnosis: Diagnosis) -> list[tuple[str, str]]:
     if error is None:
         return []
     after = "with_term" if "with_term" in error else "after"
-    changed = f" → {percent(error[after])}" if has_after(diagnosis) or after != "after" else ""
+    changed = f" → {percent(error[after])}" if diagnosis.effects or after != "after" else ""
     return [("The same of x, whole record in closed loop", percent(error["before"]) + changed)]
