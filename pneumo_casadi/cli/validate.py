@@ -65,7 +65,7 @@ def validate(
         say()
         show(validation_table(validation))
         files = [*read.files, result_path(parameters)]
-        origin = validation.provenance | {"sha256": provenance(files, {})["sha256"]}
+        origin = dict(validation.provenance) | {"sha256": provenance(files, {})["sha256"]}
         validation = replace(validation, provenance=origin)
         if output is not None:
             write_validation(validation, output)
