@@ -76,7 +76,7 @@ def design(
     CASE is identified first (with --parameters beginning from that result), and the design is
     compared with its record. FOLDER (default: report/CASE-design) gets reference.csv (t_s, x_ref_m
     and, with --common, u_common_V to be added to the command of both valves), design.txt,
-    design.json and design.png.
+    design.json, report.html and the figure as PNG, SVG and PDF.
     """
     with guarded(debug):
         from dataclasses import replace
@@ -86,7 +86,8 @@ def design(
         from pneumo_casadi.identification.identify import identify
         from pneumo_casadi.identification.options import IdentifyOptions
         from pneumo_casadi.identification.read_result import read_options
-        from pneumo_casadi.report.pages.design import design_text, write_design
+        from pneumo_casadi.report.pages.design import write_design
+        from pneumo_casadi.report.text.design import design_text
         from pneumo_casadi.runtime.json_files import write_json
         from pneumo_casadi.runtime.output_folder import (
             OutputKind,
@@ -114,3 +115,4 @@ def design(
             write_json(designed.as_dict(), json_file)
         say(design_text(designed))
         say(f"\nreference: {folder}/reference.csv")
+        say(f"report: {folder}/report.html")

@@ -1,6 +1,8 @@
 """The command ``validate``."""
 
+from dataclasses import replace
 from textwrap import fill
+from typing import Any
 
 from pneumo_casadi.cli.options import CasePath, Debug, Json, Output, Parameters, Strict
 from pneumo_casadi.cli.terminal import (
@@ -30,7 +32,7 @@ def validate(
     """
     with guarded(debug):
         from pneumo_casadi.data import read_case
-        from pneumo_casadi.identification.read_result import read_axis
+        from pneumo_casadi.identification.read_result import read_axis, result_path
         from pneumo_casadi.identification.result_file import validation_dict
         from pneumo_casadi.identification.warnings import (
             judge_usability,
@@ -45,6 +47,7 @@ def validate(
             check_replaceable,
             check_result_file,
         )
+        from pneumo_casadi.runtime.provenance import provenance
         from pneumo_casadi.validation import validate
 
         if output is not None:
@@ -61,10 +64,14 @@ def validate(
         say(fill(usability.sentence, min(width(), 100)))
         say()
         show(validation_table(validation))
+        files = [*read.files, result_path(parameters)]
+        origin = dict(validation.provenance) | {"sha256": provenance(files, {})["sha256"]}
+        validation = replace(validation, provenance=origin)
         if output is not None:
             write_validation(validation, output)
             say(f"\nreport: {output}/report.html")
         if json_file is not None:
-            content = {"usable": usability.usable.value, "reason": usability.reason}
-            write_json({**content, "validation": validation_dict(validation)}, json_file)
+            content: dict[str, Any] = {"usable": usability.usable.value, "reason": usability.reason}
+            content |= {"validation": validation_dict(validation), "provenance": origin}
+            write_json(content, json_file)
         exit_unless_usable(usability.usable, strict)

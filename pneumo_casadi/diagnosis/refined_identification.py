@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 from pneumo_casadi.data import Case
+from pneumo_casadi.diagnosis.checks.parameter_checks import check_output_error
 from pneumo_casadi.diagnosis.decide.result import Diagnosis, Verdict
 from pneumo_casadi.diagnosis.metrics.simulated_gap import WINDOW
 from pneumo_casadi.diagnosis.prepare.prepare_study import split_records
@@ -59,6 +60,24 @@ def options_of_diagnosis(case: Case, diagnosis: Diagnosis) -> IdentifyOptions:
         and (not (item.free or known[item.name].std) or item.name.split(".")[0] in curves)
     ]
     return started_from(options, axis, {n: item.value for n, item in known.items()}, held)
+
+
+def with_refined_checks(diagnosis: Diagnosis, refined: Identification | None) -> Diagnosis:
+    """Return a diagnosis with the checks of its final model as refined by output error.
+
+    The form of the flow map was checked without any record, and is what it was.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+        The diagnosis.
+    refined : Identification or None
+        From `refine_diagnosis`; None where there is none.
+    """
+    if refined is None:
+        return diagnosis
+    misfit = next((check.value for check in diagnosis.checks if check.name == "map form"), None)
+    return replace(diagnosis, refined_checks=check_output_error(refined.output_error, misfit))
 
 
 def refine_diagnosis(

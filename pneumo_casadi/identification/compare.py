@@ -4,14 +4,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import hypot, inf
 from pathlib import Path
+from typing import Any
 
 from pneumo_casadi.data import Case
+from pneumo_casadi.data.record_ranges import record_ranges
 from pneumo_casadi.data.recording.curves import Curves
 from pneumo_casadi.errors import CaseError, FitError, ModelError
 from pneumo_casadi.identification.compared_model import ComparedModel, Estimate, compared_model
 from pneumo_casadi.identification.comparison import Comparison, CrossSimulation, Difference
 from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.runtime.progress import Progress, no_progress, progress_range
+from pneumo_casadi.runtime.provenance import provenance
 from pneumo_casadi.runtime.threads import one_thread
 from pneumo_casadi.validation.errors import errors_of_runs
 from pneumo_casadi.validation.simulations import window_curves, window_runs
@@ -76,7 +79,22 @@ def compare(
         simulations,
         (*_notes(models, names), *failures),
         curves,
+        _provenance(models, names),
     )
+
+
+def _provenance(models: Sequence[ComparedModel], names: Sequence[str]) -> dict[str, Any]:
+    """Return what is needed to repeat a comparison: records and hashes, by result."""
+    records = record_ranges(
+        {f"simulated, of {name}": each.records for name, each in zip(names, models, strict=True)}
+    )
+    hashes = {
+        f"{name}: {file}": value
+        for name, each in zip(names, models, strict=True)
+        for file, value in each.sources.items()
+    }
+    origin = provenance([], {"results": list(names), "window": WINDOW}, records=records)
+    return origin | {"sha256": hashes}
 
 
 def _labels(names: Sequence[str]) -> tuple[str, ...]:

@@ -4,7 +4,7 @@ Two units of one type, one axis before and after a repair, or one record identif
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import isfinite
 from typing import Any
 
@@ -86,6 +86,8 @@ class Comparison(Presentable):
         What limits the comparison.
     curves : tuple of Curves, optional
         Outputs of every record over time, measured and as each result simulates them.
+    provenance : mapping, optional
+        What is needed to repeat it: date, versions, records, hashes of the data of each result.
 
     Examples
     --------
@@ -104,6 +106,7 @@ class Comparison(Presentable):
     simulations: tuple[CrossSimulation, ...]
     notes: tuple[str, ...]
     curves: tuple[Curves, ...] = ()
+    provenance: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def headline(self) -> str:
@@ -199,4 +202,5 @@ class Comparison(Presentable):
                 for item in self.simulations
             ],
             "notes": list(self.notes),
+            "provenance": dict(self.provenance),
         }

@@ -2,6 +2,9 @@
 
 from math import inf
 from pathlib import Path
+from typing import Any
+
+import msgspec
 
 from pneumo_casadi.data.recording.curves import read_curves
 from pneumo_casadi.errors import CaseError
@@ -77,6 +80,7 @@ class ComparisonSection(Section):
     differences: tuple[DifferenceSection, ...]
     simulations: tuple[CrossSection, ...]
     notes: tuple[str, ...]
+    provenance: dict[str, Any] = msgspec.field(default_factory=dict)
 
 
 def read_comparison(path: str | Path) -> Comparison:
@@ -125,6 +129,7 @@ def read_comparison(path: str | Path) -> Comparison:
         tuple(item.read for item in read.simulations),
         read.notes,
         read_curves(file.parent / CURVES, _AGAIN),
+        read.provenance,
     )
 
 

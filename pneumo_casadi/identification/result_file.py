@@ -3,10 +3,10 @@
 from collections.abc import Mapping
 from typing import Any
 
-from pneumo_casadi.data import Bench
 from pneumo_casadi.data.record_ranges import record_ranges
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.estimation.output_error import OutputErrorResult, RecordEstimates
+from pneumo_casadi.estimation.output_error.conductance import conductances
 from pneumo_casadi.estimation.statistics import EstimateStatus
 from pneumo_casadi.identification.model_file import axis_dict
 from pneumo_casadi.identification.options import output_error_options
@@ -16,7 +16,7 @@ from pneumo_casadi.runtime.input_files import printable
 from pneumo_casadi.runtime.json_files import without_infinities
 from pneumo_casadi.runtime.provenance import provenance
 from pneumo_casadi.validation import Error, Validation
-from pneumo_casadi.valve import FlowForm, each_valve, sonic_conductances
+from pneumo_casadi.valve import FlowForm
 
 #: Of the format; raised when a reader of the old one would misread the new.
 FORMAT = 1
@@ -47,7 +47,9 @@ def result_dict(identification: Identification) -> dict[str, Any]:
             "selection": None if selection is None else selection.as_dict(),
             "p_range": list(identification.flow.p_range),
             "sigma": identification.flow.sigma,
-            "conductance": _conductances(identification),
+            "conductance": conductances(
+                identification.output_error, identification.flow_map, identification.flow
+            ),
             "parameters": _estimates(
                 identification.output_error, identification.flow.parameters.names
             ),
@@ -167,29 +169,6 @@ def identification_provenance(identification: Identification) -> dict[str, Any]:
         records=record_ranges({"fitted": identification.records, "held out": case.validate}),
         made=identification.made,
     )
-
-
-def _conductances(identification: Identification) -> dict[str, dict[str, float]]:
-    """Return the sonic conductances at the largest metered commands, by valve (P, N or both)."""
-    table, flow, bench = identification.flow_map, identification.flow, identification.case.bench
-    if table is None or flow is None or not isinstance(bench, Bench):
-        return {}
-    valves = each_valve(table, flow)
-    keys = ("P", "N") if len(valves) > 1 else ("both",)
-    entries = {}
-    for key, (metered, model) in zip(keys, valves.values(), strict=True):
-        end = "" if key == "both" else f"_{key}"
-        names = [f"{name}{end}" for name in model.parameters.names]
-        theta = identification.output_error.parameters.select(names).values
-        u = (float(metered.u.min()), float(metered.u.max()))
-        C = sonic_conductances(model, u, (bench.p_ext, bench.p_supply), bench.T, theta)
-        entries[key] = {
-            "C_fill_m3_per_s_Pa": C.fill,
-            "C_exhaust_m3_per_s_Pa": C.exhaust,
-            "u_fill_V": C.u_fill,
-            "u_exhaust_V": C.u_exhaust,
-        }
-    return entries
 
 
 def _each_record(alone: RecordEstimates | None) -> dict[str, Any] | None:

@@ -1,7 +1,8 @@
 """Figures of results, one function each: ``pc.plot.parameters(result)`` returns a Figure.
 
-A figure is shown by a notebook as it is, and saved by ``figure.savefig(path)`` as PNG, SVG or PDF,
-by the suffix of the path. Its width is that of a column or the page of an IFAC paper.
+A figure is shown by a notebook as it is. ``pc.plot.save(figure, path)`` saves it as PNG, SVG and
+PDF, ``figure.savefig(path)`` as one of them by the suffix of the path. Its width is that of a
+column or the page of an IFAC paper.
 
 Examples
 --------
@@ -45,11 +46,14 @@ from pneumo_casadi.report.figures.style import (
     axis_label,
     dress,
     new_figure,
+    save_figure,
     thin,
 )
 from pneumo_casadi.report.figures.time_series import time_series_figure
 from pneumo_casadi.validation import Validation
 from pneumo_casadi.valve import FlowMap, FlowModel, each_valve
+
+save = save_figure
 
 
 def recording(recording: Recording, channels: Sequence[str] = ("x",)) -> Figure:
@@ -152,7 +156,7 @@ def where(diagnosis: Diagnosis) -> Figure:
 
 def unknown_inputs(diagnosis: Diagnosis, record: int = 0) -> Figure:
     """Plot the input over time that each balance lacks on a held-out record, with ±2σ."""
-    return unknown_input_figure(_evidence(diagnosis).inputs[record], diagnosis.where.shares)
+    return unknown_input_figure(_evidence(diagnosis).inputs[record], diagnosis.where.unknown_inputs)
 
 
 def regimes(diagnosis: Diagnosis, balance: str = "force") -> Figure:

@@ -1,17 +1,20 @@
 """Validation: how far simulation and measurement disagree on held-out data."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import pandas as pd
 
 from pneumo_casadi.data import Recording
+from pneumo_casadi.data.record_ranges import record_ranges
 from pneumo_casadi.data.recording.curves import MEASURED, Curves
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.simulation import Trajectory
 from pneumo_casadi.runtime.presentation import Brief, Presentable
 from pneumo_casadi.runtime.progress import Progress, no_progress
+from pneumo_casadi.runtime.provenance import provenance
 from pneumo_casadi.validation.errors import (
     WHOLE,
     Error,
@@ -48,12 +51,15 @@ class Validation(Presentable):
         Open loop over windows of so many seconds, each with an estimated initial state.
     runs : tuple of Run
         The trajectories.
+    provenance : mapping, optional
+        What is needed to repeat it: date, versions, records, and from the command line the files.
     """
 
     open_loop: Mapping[str, Error]
     closed_loop: Mapping[str, Error] | None
     windows: Mapping[float, Mapping[str, Error]]
     runs: tuple[Run, ...]
+    provenance: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def curves(self) -> tuple[Curves, ...]:
@@ -160,6 +166,7 @@ def validate(
         errors_of_loops(axis, closed) if closed else None,
         errors,
         tuple(runs),
+        provenance([], {"windows": lengths}, records=record_ranges({"held out": records})),
     )
 
 

@@ -37,6 +37,9 @@ def test_a_design_is_written_whole_and_keeps_its_limits(case, tmp_path, capsys):
     assert all(one["std_both"] < one["std_now"] for one in parameters.values())
     assert json.loads(copy.read_text("utf-8"))["gain"] == found["gain"]
     assert (folder / "design.png").read_bytes().startswith(b"\x89PNG")
+    page = (folder / "report.html").read_text("utf-8")
+    assert "Reference designed" in page and f"{found['gain']:.3g} times" in page
+    assert "record the motion of reference.csv" in page and "Provenance" in page
     text = (folder / "design.txt").read_text("utf-8")
     assert "designed/recorded" in text and text.strip().splitlines()[0] in capsys.readouterr().out
     # The record's reference and the designed one are for the same clock.

@@ -140,7 +140,8 @@ def test_an_effect_is_told_from_the_nominal_axis_and_written_down(
     assert after > 2 * before and design.gain == pytest.approx(after / before)
     assert all(run.excess(limits) == 0.0 for run in design.runs.values())
     folder = write_design(design, tmp_path / "design")
-    files = {"design.json", "design.txt", "design.png", "reference.csv", ".pneumo_casadi.json"}
+    files = {"design.json", "design.txt", "design.png", "design.svg", "design.pdf", "reference.csv"}
+    files |= {"report.html", ".pneumo_casadi.json"}
     assert {path.name for path in folder.iterdir()} == files
     assert "quadratic_drag" in (folder / "design.txt").read_text("utf-8")
 

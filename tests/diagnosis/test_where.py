@@ -6,10 +6,16 @@ import numpy as np
 import pytest
 
 from pneumo_casadi.data import read_case
-from pneumo_casadi.diagnosis.locate.locate import balance_of_effect, locate, rival_sensor_effects
+from pneumo_casadi.diagnosis.locate.locate import (
+    balance_of_effect,
+    locate,
+    rival_sensor_effects,
+    with_other_chamber,
+)
 from pneumo_casadi.diagnosis.locate.regime_maps import map_regimes
 from pneumo_casadi.diagnosis.locate.regimes import find_regimes
 from pneumo_casadi.diagnosis.locate.signatures import HYPOTHESES, Signatures, signatures
+from pneumo_casadi.diagnosis.metrics.location import Location
 from pneumo_casadi.diagnosis.metrics.regime import RegimeKind
 from pneumo_casadi.diagnosis.prepare.fitted_model import fit_model
 from pneumo_casadi.diagnosis.prepare.study import start_study
@@ -84,10 +90,17 @@ def test_the_location_of_an_effect_is_where_it_acts(bench):
     fitted = fit_model(study, (leak,), nominal.values)
     where = locate(study, nominal, (leak,), fitted)
     assert (where.balance, where.junction) == ("mass_flow_N", "chamber_flow")
+    assert where.balances == ("mass_flow_N",)
+    added = where.sizes["leakage_N"]
+    assert max(added, key=lambda name: added[name]) == "mass_flow_N"
+    assert added["mass_flow_P"] == added["force"] == 0.0
     assert "leakage_N" in " ".join(location_sentences(where))
     # Beside another effect that mends more elsewhere it stays where it is.
     spring_too = fit_model(study, (leak, spring), nominal.values)
-    assert locate(study, nominal, (leak, spring), spring_too).balance == "mass_flow_N"
+    both = locate(study, nominal, (leak, spring), spring_too)
+    assert both.balance == "mass_flow_N"
+    assert both.balances == ("mass_flow_N", "force")
+    assert set(both.sizes["spring_load"]) == {"force"}
     # It is the effect that tells, not the residuals.
     assert balance_of_effect(lag, {}) == "measurement"
     assert balance_of_effect(spring, {"mass_flow_P": 1.0, "force": 0.0}) == "force"
@@ -97,6 +110,9 @@ def test_an_effect_of_both_chambers_is_where_it_adds_more():
     valve = EFFECTS["valve_dynamics"]()
     added = {"mass_flow_P": 0.2, "mass_flow_N": 0.3, "force": 0.9}
     assert balance_of_effect(valve, added) == "mass_flow_N"
+    flows = ("mass_flow_N", "mass_flow_P")
+    assert with_other_chamber(Location.MASS_FLOW_N, added) == flows
+    assert with_other_chamber(Location.MASS_FLOW_N, added | {"mass_flow_P": 0.05}) == flows[:1]
 
 
 @pytest.mark.slow

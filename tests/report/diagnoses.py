@@ -61,6 +61,7 @@ EFFECT = Diagnosis(
         {"mass_flow_P": 0.03, "mass_flow_N": 0.05, "force": 0.92},
         (),
         {"mass_flow_P": 0.004, "mass_flow_N": 0.006, "force": 0.11},
+        sizes={"stribeck": {"force": 0.105}},
     ),
     gap=Gap(12.7, 0.64, 0.5, Closure(0.95, 0.93, 0.96), _views(0.05)),
     ambiguous=(),
@@ -82,6 +83,30 @@ AMBIGUOUS = replace(
     ranking=(replace(STRIBECK, probability=0.55), replace(STRIBECK, names=("presliding",))),
     experiment="creep at three or more speeds",
 )
+#: A hose of one of its further forms, on both chambers; what is lacked is more in the other one.
+HOSE = replace(
+    EFFECT,
+    effects=(
+        EffectFound(
+            "hose", 0.76, {"V": Value(1.34e-4, 3.4e-7, "m3")}, 0.86, "hose_volume",
+            {"hose": 0.55, "hose_volume": 0.59},
+        ),
+    ),
+    ranking=(replace(STRIBECK, names=("hose",)), DRAG),
+    fitted=NOMINAL | {"hose_volume.V": Value(1.34e-4, 3.4e-7, "m3")},
+    where=Where(
+        Location.MASS_FLOW_N,
+        Junction.LINE,
+        (),
+        {"mass_flow_P": 0.6, "mass_flow_N": 0.4, "force": 0.0},
+        (),
+        {"mass_flow_P": 0.069, "mass_flow_N": 0.058, "force": 0.004},
+        None,
+        ("hose",),
+        (Location.MASS_FLOW_N, Location.MASS_FLOW_P),
+        {"hose": {"mass_flow_P": 0.061, "mass_flow_N": 0.063, "force": 0.0}},
+    ),
+)  # fmt: skip
 UNDECIDED = replace(
     EFFECT,
     undecided=(
@@ -123,6 +148,7 @@ UNKNOWN = replace(
     EFFECT,
     verdict=Verdict.UNKNOWN,
     effects=(),
+    where=replace(EFFECT.where, sizes={}),
     hint="what is missing acts in force; most near standstill",
     gap=Gap(12.7, 9.1, 0.5, Closure(0.28, 0.2, 0.4), _views(0.72)),
     discovered=DISCOVERED,
@@ -155,3 +181,35 @@ def evidence(K=200):
 
 def with_curves():
     return replace(EFFECT, evidence=evidence(), discovered=DISCOVERED)
+
+
+def three_effects():
+    """A hose and two weak effects, with all that a page can hold."""
+    spring = EffectFound("spring_load", 0.9, {"k": Value(5.3, 0.75, "N/m")}, 0.02)
+    effects = (*HOSE.effects, EFFECT.effects[0], spring)
+    names = ("hose", "stribeck", "spring_load")
+    alone = [replace(STRIBECK, names=(name,), probability=0.0) for name in names]
+    pairs = [replace(STRIBECK, names=(names[0], name), probability=0.0) for name in names[1:]]
+    regimes = tuple(
+        Regime(Condition(RegimeKind.STANDSTILL, upper=0.01 * i), Location.FORCE, 0.5, 0.1, 0.001)
+        for i in range(1, 6)
+    )
+    curves = evidence()
+    before, after = (
+        tuple(replace(item, balance=balance) for balance in BALANCES for item in (*maps, *maps[:2]))
+        for maps in (curves.before, curves.after)
+    )
+    checks = tuple(replace(EFFECT.checks[0], name=name) for name in "ABCDEFGHIJKL")
+    return replace(
+        HOSE,
+        effects=effects,
+        ranking=(replace(STRIBECK, names=names, probability=0.9), *pairs, *alone, DRAG, FAILED),
+        where=replace(
+            HOSE.where,
+            regimes=regimes,
+            balances=(*HOSE.where.balances, Location.FORCE),
+            sizes=dict(HOSE.where.sizes) | {"stribeck": {"force": 0.009}},
+        ),
+        checks=checks,
+        evidence=replace(curves, before=before, after=after),
+    )

@@ -18,28 +18,33 @@ from pneumo_casadi.diagnosis.metrics.findings import Check, Closure, joined_name
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.report.figures.diagnosis.gap import gap_figure
 from pneumo_casadi.report.figures.diagnosis.ranking import ranking_figure
+from pneumo_casadi.report.figures.diagnosis.where import where_figure
 from pneumo_casadi.report.figures.style import COLUMN, MM, PAGE, svg
 from pneumo_casadi.report.pages.diagnosis import diagnosis_html, write_diagnosis
 from pneumo_casadi.report.pages.diagnosis_figures import diagnosis_figures
 from pneumo_casadi.report.pages.page import Picture
-from pneumo_casadi.report.tables.diagnosis import (
-    check_table,
-    diagnosis_tables,
-    fitted_table,
-    gap_table,
-    ranking_table,
-)
+from pneumo_casadi.report.tables.diagnosis import gap_table, ranking_table
 from pneumo_casadi.report.tables.quantities import plain, quantity
+from pneumo_casadi.report.tables.verdict.estimates import diagnosis_tables, fitted_table
+from pneumo_casadi.report.tables.verdict.parameter_checks import check_table
 from pneumo_casadi.report.text.causes import cause_sentences, described_as, discovered_fact
 from pneumo_casadi.report.text.diagnosis import (
     alternative_sentences,
     headline,
+    location_text,
     note_sentences,
     refused_sentences,
     size_sentences,
     summary_text,
+    where_sentences,
 )
+from pneumo_casadi.report.text.facts import facts
 from pneumo_casadi.report.text.next_step import next_step
+from pneumo_casadi.report.text.parameter_checks import (
+    check_sentences,
+    check_summary,
+    checks_of_what,
+)
 
 _spec = importlib.util.spec_from_file_location(
     "diagnoses", Path(__file__).with_name("diagnoses.py")
@@ -47,6 +52,7 @@ _spec = importlib.util.spec_from_file_location(
 made = importlib.util.module_from_spec(_spec)
 _spec.loader.exec_module(made)
 
+_SIZES = "added by the effects [% of the balance's signal]"
 SVG = b'<svg xmlns="http://www.w3.org/2000/svg" width="72pt" height="36pt"></svg>'
 
 
@@ -157,7 +163,62 @@ def test_a_cause_in_the_parameters_does_not_talk_a_gap_away():
 
 def test_contradicting_checks_come_first():
     text = summary_text(made.EFFECT)
-    assert text.index("NOT  S_P comes out") < text.index("ok   M = 16.9 kg")
+    assert text.index("contradicts: S_P comes out") < text.index("agrees: M = 16.9 kg")
+
+
+def test_a_check_that_nothing_could_contradict_is_not_counted():
+    wide = Check(
+        "k_P-k_N", 0.06, 0.007, 0.0, 0.25, "1", True, "k_P − k_N = +0.06: no gross error.", False
+    )
+    diagnosis = replace(made.EFFECT, checks=(*made.EFFECT.checks, wide))
+    assert check_summary(made.EFFECT) == "1 of 2 agree"
+    assert check_summary(diagnosis) == "1 of 2 agree; 1 cannot tell"
+    assert check_table(diagnosis).rows[-1][-1] == "cannot tell"
+    assert [result for result, _ in check_sentences(diagnosis)] == [
+        *("contradicts", "agrees", "cannot tell")
+    ]
+    failing = replace(diagnosis, checks=(replace(wide, agrees=False),))
+    assert check_summary(failing) == "0 of 1 agree"
+    assert check_summary(replace(diagnosis, checks=(wide,))) == ""
+
+
+def test_the_parameters_to_use_are_those_that_are_checked():
+    """What the fits behind the verdict contradicted is told beside it."""
+    refined = tuple(replace(check, agrees=True) for check in made.EFFECT.checks)
+    diagnosis = replace(made.EFFECT, refined_checks=refined)
+    assert check_summary(diagnosis) == "2 of 2 agree"
+    assert [result for result, _ in check_sentences(diagnosis)] == ["agrees", "agrees"]
+    behind = checks_of_what(diagnosis)[-1]
+    assert "The fits behind the verdict contradict" in behind
+    assert "S_P comes out +3.2 %" in behind
+    assert check_table(diagnosis).notes[0] == "Estimates of the final model."
+
+
+def test_sizes_of_a_cause_are_those_of_the_final_model():
+    final = {"stribeck.delta_F": Value(8.5, 0.1, "N"), "stribeck.v_stribeck": Value(0.05, 0, "m/s")}
+    (sentence,) = cause_sentences(made.EFFECT, final=final)
+    assert "delta_F = 8.50 ± 0.20 N" in sentence
+    assert "v_stribeck = 55.3 ± 1.0 mm/s" in sentence  # held in the final model
+
+
+def test_the_head_shows_no_change_by_a_candidate_that_is_not_the_cause():
+    head = dict(facts(replace(made.UNKNOWN, discovered=None), None))
+    assert head["The same of x, whole record in closed loop"] == "15 %"
+    assert " → " in dict(facts(made.EFFECT, None))["The same of x, whole record in closed loop"]
+
+
+def test_causes_stand_together_with_their_probability():
+    head = dict(facts(made.three_effects(), None))
+    assert head["Causes, probability of each"].startswith("hose (76 %), stribeck (97 %) and")
+    assert head["Where"] == "mass flows into both chambers and force on piston"
+
+
+def test_estimates_that_do_not_meet_those_of_the_final_model_are_named():
+    final = {"M": Value(16.9, 0.02, "kg"), "X_s1": Value(3.6e-9, 4e-12, "kg/Pa")}
+    table = fitted_table(made.EFFECT, final)
+    assert table.columns[-1] == "final model, to use"
+    assert table.notes[-1].endswith("both intervals together: X_s1.")
+    assert "final model" not in fitted_table(made.UNKNOWN, final).columns[-1]
 
 
 def test_a_candidate_that_matters_is_in_the_table_with_what_became_of_it():
@@ -359,9 +420,7 @@ def test_the_dashboard_says_the_verdict_and_shows_what_there_is(drawn):
     figure = drawn["dashboard"].figure
     assert figure.texts[0].get_text().replace("\n", " ") == headline(made.EFFECT)
     labels = [axes.get_xlabel() for axes in figure.axes]
-    assert labels[1:] == [
-        *("probability [%]", "gap reduction [%]", "share of the unknown inputs [%]", "$t$ [s]")
-    ]
+    assert labels[1:] == [*("probability [%]", "closes in the balances [%]", _SIZES, "$t$ [s]")]
     without = {drawing.name: drawing for drawing in diagnosis_figures(made.EFFECT)}["dashboard"]
     assert without.figure.axes[-1].get_xlabel() == "share [%]"  # regimes where there are no curves
 
@@ -400,6 +459,35 @@ def test_a_model_that_is_only_the_best_candidate_is_not_called_found():
         assert "without effects and with the best candidate" in names[name].caption
 
 
+@pytest.mark.parametrize("diagnosis", [made.EFFECT, made.HOSE, made.UNKNOWN], ids=str)
+def test_bars_and_sentence_name_the_same_balances(diagnosis):
+    """Of a hose the unknown inputs are larger in one chamber, what it adds in the other."""
+    (bars,) = where_figure(replace(diagnosis, where=replace(diagnosis.where, regimes=()))).axes
+    lengths = dict(
+        zip(diagnosis.where.shares, (bar.get_width() for bar in bars.patches), strict=True)
+    )
+    largest = max(lengths, key=lambda name: lengths[name])
+    assert largest in diagnosis.where.balances
+    assert {name for name in lengths if lengths[name] > 0.5 * lengths[largest]} == set(
+        diagnosis.where.balances
+    )
+
+
+def test_both_chambers_are_named_where_both_are_affected():
+    assert location_text(made.HOSE) == "mass flows into both chambers"
+    sentence = where_sentences(made.HOSE)[0]
+    assert sentence == "Model and measurement disagree in the mass flows into both chambers."
+
+
+def test_an_effect_has_one_name_whatever_its_form():
+    """The name of the form is said once, beside those of the other forms."""
+    page = diagnosis_html(made.HOSE, [])
+    text = re.sub(r"<(style|script|code).*?</\1>", "", page, flags=re.DOTALL)
+    assert "hose_volume" not in text
+    assert text.count("hose volume") == 1
+    assert "hose: V" in text
+
+
 def test_while_the_axis_sticks_no_unknown_force_is_drawn(drawn):
     force = drawn["unknown_inputs"].figure.axes[-1]
     curve = next(line for line in force.lines if line.get_xdata().size == 200)
@@ -434,7 +522,7 @@ def test_a_folder_is_written_whole(written):
     }
     content = json.loads((written / "diagnosis.json").read_text("utf-8"))
     assert content == json.loads(json.dumps(made.with_curves().as_dict()))
-    assert {path.suffix for path in (written / "figures").iterdir()} == {".png", ".svg"}
+    assert {path.suffix for path in (written / "figures").iterdir()} == {".png", ".svg", ".pdf"}
 
 
 def test_a_folder_with_anything_else_in_it_is_left_alone(tmp_path):

@@ -57,6 +57,7 @@ def browser():
 def reports(quick, tmp_path_factory):
     folder = tmp_path_factory.mktemp("reports")
     diagnosis = write_diagnosis(made.with_curves(), folder / "diagnosis")
+    several = write_diagnosis(made.three_effects(), folder / "several")
     drawn = islice(figures_of(quick), 3)  # the third is the time plot's
     identification = folder / "identification.html"
     pictures = [Picture(each.name, each.png(), each.caption) for each in drawn]
@@ -65,6 +66,7 @@ def reports(quick, tmp_path_factory):
     validation = write_validation(quick.validation, folder / "validation")
     return {
         "diagnosis": diagnosis / "report.html",
+        "several": several / "report.html",
         "identification": identification,
         "comparison": comparison / "report.html",
         "validation": validation / "report.html",
@@ -194,6 +196,33 @@ def test_on_paper_a_page_is_light_and_at_most_six_sheets(browser, path, scheme):
     colour = page.evaluate("getComputedStyle(document.body).backgroundColor")
     assert colour == "rgb(255, 255, 255)"
     page.close()
+
+
+def test_three_effects_fit_on_six_sheets(browser, reports):
+    page, _, _ = opened(browser, reports["several"], DESKTOP)
+    page.wait_for_selector(".plot[data-ready=yes]")
+    assert len(re.findall(rb"/Type\s*/Page\b", page.pdf(prefer_css_page_size=True))) <= 6
+    page.close()
+
+
+def test_in_a_wide_window_sections_fill_their_width(browser, reports):
+    """No section with figures leaves more than the last third of a row of 1920 pixels empty."""
+    page, _, _ = opened(browser, reports["several"], {"width": 1920, "height": 1080})
+    free = page.evaluate(
+        "[...document.querySelectorAll('.figures.beside')].map(box => {"
+        "const right = box.getBoundingClientRect().right;"
+        "const ends = [...box.children].map(e => e.getBoundingClientRect().right);"
+        "return (right - Math.max(...ends)) / box.clientWidth})"
+    )
+    assert len(free) > 2 and max(free) < 0.05
+    page.close()
+
+
+def test_on_a_phone_the_summary_gives_way_to_its_panels(browser, reports):
+    for size, shown in ((DESKTOP, True), (PHONE, False)):
+        page, _, _ = opened(browser, reports["identification"], size)
+        assert page.locator("#figure-overview").is_visible() is shown
+        page.close()
 
 
 def test_without_scripts_a_still_figure_is_shown(browser, path):

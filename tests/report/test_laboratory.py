@@ -1,7 +1,11 @@
 """The axis in laboratory units: numbers are those of the result, and every symbol is explained."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
+from pneumo_casadi.estimation.output_error.conductance import conductances
 from pneumo_casadi.identification.result_file import result_dict
 from pneumo_casadi.report.tables.laboratory import LEGEND, laboratory_tables, legend_table
 from pneumo_casadi.report.tables.table import Table
@@ -34,6 +38,30 @@ def test_the_valve_has_the_conductance_of_its_largest_command(quick, tables):
     expected = 1e8 * float(choked.mean()) / (1.185 * bench.p_supply)
     assert number(C[1]) == pytest.approx(expected, rel=0.03)
     assert "3 V" in C[1] and "-3 V" in C[2]
+    assert " ± " in C[1] and " ± " in C[2]
+
+
+def test_the_interval_of_a_conductance_is_that_of_the_map(quick):
+    """A common factor of the map is the most uncertain of it; its scatter adds to that."""
+    entry = conductances(quick.output_error, quick.flow_map, quick.flow)["both"]
+    relative = entry["C_fill_std"] / entry["C_fill_m3_per_s_Pa"]
+    model = quick.flow
+    assert 0.5 * model.scale_sigma < relative < 0.03
+    nothing_known = replace(
+        quick.output_error.uncertainty,
+        covariance=np.full_like(quick.output_error.uncertainty.covariance, np.inf),
+    )
+    blind = replace(quick.output_error, uncertainty=nothing_known)
+    assert conductances(blind, quick.flow_map, quick.flow)["both"]["C_fill_std"] is None
+
+
+def test_effects_stand_in_a_table_of_their_own(quick):
+    content = result_dict(quick)
+    V = {"value": 1.3e-4, "std": 1e-6, "std_robust": 1e-6, "unit": "m3"}
+    content["output_error"]["parameters"]["hose_volume.V"] = V
+    (effects,) = (t for t in laboratory_tables(content) if t.title.startswith("Effects"))
+    assert effects.rows == (("hose: V", "130.0 ± 2.0 cm³"),)
+    assert effects.notes == ("hose: V: volume between valve and restriction.",)
 
 
 def test_a_held_parameter_says_so(quick):

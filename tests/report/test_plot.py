@@ -80,7 +80,7 @@ def test_channels_of_a_recording():
     record = pc.example_case().identify[0].window(10.0, 11.0)
     figure = pc.plot.recording(record, ("x", "p_P"))
     assert_drawn(figure)
-    assert [axes.get_ylabel() for axes in figure.axes] == ["$x$ [mm]", "$p_P$ [bar]"]
+    assert [axes.get_ylabel() for axes in figure.axes] == ["$x$ [mm]", "$p_P$ [kPa]"]
 
 
 @pytest.mark.slow

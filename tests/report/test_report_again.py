@@ -22,6 +22,7 @@ from pneumo_casadi.identification.compared_model import Estimate
 from pneumo_casadi.identification.read_comparison import read_comparison
 from pneumo_casadi.identification.warnings import simulation_sentence
 from pneumo_casadi.report.pages.again import write_report_again
+from pneumo_casadi.report.pages.comparison import comparison_html
 from pneumo_casadi.report.pages.diagnosis import write_diagnosis
 from pneumo_casadi.report.pages.diagnosis_figures import diagnosis_figures
 from pneumo_casadi.report.pages.write import (
@@ -258,6 +259,17 @@ def test_a_validation_has_a_report_that_is_written_again(quick, without_figures,
     again = (folder / "report.html").read_text("utf-8")
     assert again.partition('<div class="plot')[0] == first.partition('<div class="plot')[0]
     assert again.count('class="plot') == len(quick.validation.runs) > 0
+    for page in (first, again):
+        assert f"pneumo_casadi {pc.__version__}" in page
+        assert "Records and the ranges that they cover" in page
+
+
+def test_a_comparison_says_where_it_comes_from(compared):
+    """Which records, with which versions, and the hashes of the data of each result."""
+    page = comparison_html(compared, [])
+    assert f"pneumo_casadi {pc.__version__}" in page
+    assert f"{compared.names[1]}: bench.json: sha256" in page.replace("\N{NO-BREAK SPACE}", " ")
+    assert f"simulated, of {compared.names[0]}" in page
 
 
 @pytest.mark.slow

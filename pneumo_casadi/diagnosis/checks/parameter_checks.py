@@ -14,7 +14,8 @@ from pneumo_casadi.diagnosis.metrics.findings import Check
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.diagnosis.wording import check_texts as texts
-from pneumo_casadi.estimation.output_error.result import FlowMapDeviation
+from pneumo_casadi.estimation.output_error.result import FlowMapDeviation, OutputErrorResult
+from pneumo_casadi.estimation.statistics import EstimateStatus
 from pneumo_casadi.identification.warnings.grading import K_RANGE, LIMITS
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.effect import Effect
@@ -70,6 +71,33 @@ def check_fit(study: Study, fit: FittedModel, effects: Sequence[Effect] = ()) ->
     values = dict(fit.values) | {"M": sum(fit.values[name] for name in ("M", *parts))}
     std = dict(fit.std) | {"M": hypot(*(fit.std.get(name, 0.0) for name in ("M", *parts)))}
     return check_parameters(study.axis, values, std, deviation, misfit)
+
+
+def check_output_error(
+    result: OutputErrorResult, flow_map_misfit: float | None = None
+) -> tuple[Check, ...]:
+    """Check the parameters of a fit by output error, and how it changed the flow map.
+
+    Standard deviations are the wider of those for white residuals and the robust ones; a parameter
+    without one counts as held.
+
+    Parameters
+    ----------
+    result : OutputErrorResult
+        The fit, with or without effects.
+    flow_map_misfit : float, optional
+        Part of the flow map that its form cannot follow; see `static_map.map_misfit`.
+    """
+    values = {item.name: item.value for item in result.parameters}
+    std = {
+        name: max(result.std(name), result.std(name, robust=True))
+        for name in values
+        if result.status_of(name) is EstimateStatus.ESTIMATED
+    }
+    parts = [f"{each.name}.{name}" for each in result.axis.effects for name in each.masses]
+    values |= {"M": sum(values[name] for name in ("M", *parts))}
+    std |= {"M": hypot(*(std.get(name, 0.0) for name in ("M", *parts)))}
+    return check_parameters(result.axis, values, std, result.flow_map_deviation, flow_map_misfit)
 
 
 def check_parameters(
@@ -130,12 +158,18 @@ def _within(
     tolerance: float,
     unit: str,
     either: texts.Texts,
+    gross: bool = False,
 ) -> Check:
-    """Return a check with the text for agreement or for the opposite."""
+    """Return a check with the text for agreement or for the opposite.
+
+    `gross` marks a range that excludes gross errors only. Neither decides anything by agreeing:
+    such a range, and an estimate with more allowed for its error than the range is wide.
+    """
     value, std = estimate
     agrees = abs(value - expected) <= tolerance + SIGMAS * std
     text = either[0] if agrees else either[1]
-    return Check(name, value, std, expected, tolerance, unit, bool(agrees), text)
+    decisive = not gross and SIGMAS * std <= tolerance
+    return Check(name, value, std, expected, tolerance, unit, bool(agrees), text, bool(decisive))
 
 
 def _areas(bench: Bench, known: _Known) -> Iterator[Check]:
@@ -179,6 +213,7 @@ def _polytropic(known: _Known) -> Iterator[Check]:
         UNEQUAL_K,
         "1",
         texts.polytropic_difference_texts(difference),
+        gross=True,
     )
 
 
@@ -194,6 +229,7 @@ def _volumes(bench: Bench, known: _Known) -> Iterator[Check]:
             DEAD_LENGTH * bench.stroke / 2,
             "m",
             texts.volume_texts(chamber, V, dead, bench.stroke),
+            gross=True,
         )
 
 
@@ -218,6 +254,7 @@ def _friction(known: _Known) -> Iterator[Check]:
         2 * mean * (FRICTION_RATIO - 1) / (FRICTION_RATIO + 1),
         "N",
         texts.friction_texts(plus, minus, FRICTION_RATIO),
+        gross=True,
     )
 
 

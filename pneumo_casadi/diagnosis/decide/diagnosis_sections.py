@@ -139,6 +139,7 @@ class DiagnosisSection(Section):
     discovered: DiscoveredSection | None
     seconds: float
     provenance: dict[str, Any] = msgspec.field(default_factory=dict)
+    refined_checks: tuple[CheckSection, ...] = ()
 
     @property
     def read(self) -> Diagnosis:
@@ -165,4 +166,5 @@ class DiagnosisSection(Section):
             findings=tuple(item.read for item in self.findings),
             with_term=values_of(self.parameters.with_term),
             provenance=self.provenance,
+            refined_checks=tuple(item.read for item in self.refined_checks),
         )

@@ -5,6 +5,8 @@ from dataclasses import replace
 from math import inf, nan
 from typing import Any
 
+import msgspec
+
 from pneumo_casadi.data import Finding, Grade
 from pneumo_casadi.diagnosis.metrics.findings import (
     Candidate,
@@ -133,6 +135,8 @@ class WhereSection(Section):
     sensor_error: SensorErrorSection | None
     effects: tuple[str, ...]
     rivals: tuple[str, ...]
+    balances: tuple[Location, ...] = ()
+    sizes: dict[str, dict[str, float]] = msgspec.field(default_factory=dict)
 
     @property
     def read(self) -> Where:
@@ -147,6 +151,8 @@ class WhereSection(Section):
             self.unknown_inputs,
             None if sensor is None else SensorError(sensor.sensor, sensor.explained),
             self.effects,
+            self.balances,
+            self.sizes,
         )
 
 
@@ -186,6 +192,7 @@ class CheckSection(Section):
     unit: str
     agrees: bool
     text: str
+    decisive: bool = True
 
     @property
     def read(self) -> Check:
@@ -193,7 +200,7 @@ class CheckSection(Section):
         std = nan if self.std is None else self.std
         return Check(
             self.name, self.value, std, self.expected, self.tolerance, self.unit, self.agrees,
-            self.text,
+            self.text, self.decisive,
         )  # fmt: skip
 
 

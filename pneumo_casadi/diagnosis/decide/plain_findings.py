@@ -54,6 +54,8 @@ def where_dict(where: Where) -> dict[str, Any]:
             None if sensor is None else {"sensor": sensor.sensor, "explained": sensor.explained}
         ),
         "effects": list(where.effects),
+        "balances": [location.value for location in where.balances],
+        "sizes": {cause: dict(sizes) for cause, sizes in where.sizes.items()},
         "rivals": list(where.rivals),
         "words": list(location_sentences(where)),
     }

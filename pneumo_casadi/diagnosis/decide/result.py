@@ -101,6 +101,9 @@ class Diagnosis(Presentable):
         correct these before you look for a cause in the axis.
     with_term : mapping of str to Value
         As `nominal`, with the discovered term in the model; empty where there is none.
+    refined_checks : tuple of Check
+        As `checks`, of the final model refined by output error, whose parameters are those to use;
+        empty where it was not refined.
     provenance : mapping
         What is needed to repeat it: date, versions, options, records and hashes of the data.
 
@@ -135,6 +138,12 @@ class Diagnosis(Presentable):
     undecided: tuple[EffectFound, ...] = ()
     with_term: Mapping[str, Value] = field(default_factory=dict)
     provenance: Mapping[str, Any] = field(default_factory=dict)
+    refined_checks: tuple[Check, ...] = ()
+
+    @property
+    def final_checks(self) -> tuple[Check, ...]:
+        """The checks of the parameters to use: of the refined model where there is one."""
+        return self.refined_checks or self.checks
 
     @property
     def final_effects(self) -> tuple[EffectFound, ...]:
@@ -186,6 +195,7 @@ class Diagnosis(Presentable):
             "experiment": self.experiment,
             "hint": self.hint,
             "checks": [asdict(check) for check in self.checks],
+            "refined_checks": [asdict(check) for check in self.refined_checks],
             "notes": list(self.notes),
             "findings": [finding.as_dict() for finding in self.findings],
             "parameters": {

@@ -29,10 +29,14 @@ from pneumo_casadi.model.junctions import Junction
 SENSOR, RIVAL = 0.7, 3.0
 #: Factor by which a hypothesis with one more free signal must leave less.
 SIGNAL = 1.7
+#: Junctions of effects on the moving mass, some of which change what its sensor shows besides.
+_MECHANICAL = {Junction.FORCE, Junction.DRIVE, Junction.OUTPUT}
 #: Share of the residuals that a rival must not leave.
 UNEXPLAINED = 0.15
 #: Regimes shown at most.
 REGIMES = 5
+#: Both chambers are affected if the energy in one is more than this share of that in the other.
+BOTH = 0.25
 
 
 def locate(
@@ -53,9 +57,10 @@ def locate(
     nominal : FittedModel
         Its fit without effects.
     cause : sequence of Effect, optional
-        Effects found, the one that closes most first: the location is that of the first.
+        Effects found, the one that closes most first: the location is that of the first, and
+        those of the others are among `Where.balances`.
     fitted : FittedModel, optional
-        The fit with them: shows in which balance the first one adds most.
+        The fit with them: shows how much each one adds to each balance.
     gap : bool, optional
         Whether there is a gap, if known from held-out data: without a gap there is no location,
         with one there is, however small. By default the unknown inputs decide.
@@ -81,18 +86,24 @@ def locate(
         }
     evidence = signatures(study, nominal.values)
     telling = find_regimes(study, nominal)
+    added: dict[str, dict[str, float]] = {}
     if cause:
-        balance = balance_of_effect(
-            cause[0], shares if fitted is None else _added(study, cause, fitted)
-        )
+        if fitted is not None:
+            added = {effect.name: _added(study, cause, effect, fitted) for effect in cause}
+        balance = balance_of_effect(cause[0], added.get(cause[0].name, shares))
         junction = _acts_at(cause[0])
+        balances = _balances_of(cause, added, shares)
     elif gap is False:
         balance, junction = Location.NONE, None
+        balances = (balance,)
     else:
         balance = balance_of_gap(shares, evidence)
         junction = _junction(balance, telling)
+        balances = with_other_chamber(balance, shares)
     # A sensor's error shows in every balance, another cause where it acts.
-    here = [r for r in telling if balance in (r.balance, Location.MEASUREMENT)][:REGIMES]
+    here = [r for r in telling if r.balance in balances or balance is Location.MEASUREMENT][
+        :REGIMES
+    ]
     rivals = (
         ()
         if balance in (Location.MEASUREMENT, Location.NONE)
@@ -106,7 +117,9 @@ def locate(
         rivals,
         {name: value**0.5 for name, value in energy.items()},
         _sensor_error(evidence) if balance is Location.MEASUREMENT else None,
-        tuple(effect.name for effect in cause if _acts_at(effect) == junction),
+        tuple(effect.cause for effect in cause if _acts_at(effect) == junction),
+        balances,
+        {effect.cause: _size(effect, added[effect.name]) for effect in cause if added},
     )
 
 
@@ -131,12 +144,59 @@ def balance_of_effect(cause: Effect, added: Mapping[str, float]) -> Location:
     junctions = set(cause.junctions)
     if junctions <= {Junction.OUTPUT}:
         return Location.MEASUREMENT
-    if junctions <= {Junction.FORCE, Junction.DRIVE, Junction.OUTPUT}:
+    if junctions <= _MECHANICAL:
         return Location.FORCE
     if junctions & {Junction.FORCE, Junction.DRIVE}:
         return Location(max(added, key=lambda name: added[name]))
     flows = {name: value for name, value in added.items() if name != Location.FORCE}
     return Location(max(flows, key=lambda name: flows[name]))
+
+
+def with_other_chamber(balance: Location, energy: Mapping[str, float]) -> tuple[Location, ...]:
+    """Return a location, and where it is a mass flow that of the other chamber if it has as much.
+
+    Parameters
+    ----------
+    balance : Location
+        Where the most lies.
+    energy : mapping of str to float
+        Of each balance; see `BOTH`.
+
+    Examples
+    --------
+    >>> energy = {"mass_flow_P": 0.2, "mass_flow_N": 0.3, "force": 0.5}
+    >>> [location.value for location in with_other_chamber(Location.MASS_FLOW_N, energy)]
+    ['mass_flow_N', 'mass_flow_P']
+    >>> with_other_chamber(Location.FORCE, energy)
+    (<Location.FORCE: 'force'>,)
+    """
+    flows = (Location.MASS_FLOW_P, Location.MASS_FLOW_N)
+    if balance not in flows:
+        return (balance,)
+    (other,) = (flow for flow in flows if flow is not balance)
+    least = BOTH * energy.get(balance, 0.0)
+    return (balance, other) if energy.get(other, 0.0) > least else (balance,)
+
+
+def _balances_of(
+    cause: Sequence[Effect], added: Mapping[str, Mapping[str, float]], shares: Mapping[str, float]
+) -> tuple[Location, ...]:
+    """Return the locations in which some effects act, those of the first one first."""
+    locations: list[Location] = []
+    for effect in cause:
+        energy = added.get(effect.name, shares)
+        locations += with_other_chamber(balance_of_effect(effect, energy), energy)
+    return tuple(dict.fromkeys(locations))
+
+
+def _size(effect: Effect, added: Mapping[str, float]) -> dict[str, float]:
+    """Return what an effect adds to the balances in which it acts, root mean squares [1]."""
+    location = balance_of_effect(effect, added)
+    if location is Location.MEASUREMENT:
+        return {}
+    # What a change of a sensor's reading adds to other balances is not where the effect acts.
+    only = (location,) if set(effect.junctions) <= _MECHANICAL else tuple(added)
+    return {name: added[name] ** 0.5 for name in only}
 
 
 def balance_of_gap(shares: Mapping[str, float], evidence: Signatures) -> Location:
@@ -177,14 +237,16 @@ def rival_sensor_effects(
     )
 
 
-def _added(study: Study, cause: Sequence[Effect], fitted: FittedModel) -> dict[str, float]:
-    """Return what the first effect adds to each balance, as a share of its signal's energy."""
+def _added(
+    study: Study, cause: Sequence[Effect], effect: Effect, fitted: FittedModel
+) -> dict[str, float]:
+    """Return what one of the effects adds to each balance, as a share of its signal's energy."""
     model = BalanceFunctions(study.axis.with_effects(*cause))
     parameters = model.axis.parameters
     theta = np.array([fitted.values[name] for name in parameters.names])
     without = theta.copy()
     for i, item in enumerate(parameters):
-        if item.null is not None and item.name.startswith(f"{cause[0].name}."):
+        if item.null is not None and item.name.startswith(f"{effect.name}."):
             without[i] = np.clip(item.null, item.lower, item.upper)
     train, held = study.smoothed
     shares = []

@@ -178,7 +178,13 @@ class Where:
     sensor_error : SensorError or None, optional
         The best hypothesis about sensors; None unless the balance is ``measurement``.
     effects : tuple of str, optional
-        Effects of the verdict that act at the junction.
+        Causes of the verdict that act at the junction.
+    balances : tuple of Location, optional
+        All places of the answer, that of `balance` among them: both mass flows where both chambers
+        are affected, and those of further effects. By default `balance` alone.
+    sizes : mapping of str to mapping of str to float, optional
+        What each effect found adds to each balance, over the balance's own signal, root mean
+        squares [1]: by cause, then by balance. An effect in a sensor adds to none.
     """
 
     balance: Location
@@ -189,6 +195,11 @@ class Where:
     unknown_inputs: Mapping[str, float] = field(default_factory=dict)
     sensor_error: SensorError | None = None
     effects: tuple[str, ...] = ()
+    balances: tuple[Location, ...] = ()
+    sizes: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "balances", self.balances or (self.balance,))
 
 
 @dataclass(frozen=True, slots=True)
@@ -236,6 +247,9 @@ class Check:
         Whether it does.
     text : str
         In words.
+    decisive : bool, optional
+        Whether agreement says anything: not where the range excludes gross errors only, or the
+        estimate is so uncertain that hardly any value would contradict.
     """
 
     name: str
@@ -246,3 +260,4 @@ class Check:
     unit: str
     agrees: bool
     text: str
+    decisive: bool = True

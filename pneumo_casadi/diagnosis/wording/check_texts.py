@@ -43,7 +43,7 @@ def polytropic_difference_texts(difference: float) -> Texts:
     """Return the texts of k_P − k_N."""
     text = f"k_P − k_N = {difference:+.3f}"
     return (
-        f"{text}: heat exchange is the same in both chambers.",
+        f"{text}: no gross error.",
         f"{text}: heat exchange should be the same in both chambers; the parameters of one have "
         "absorbed an effect "
         "that the model lacks.",

@@ -6,6 +6,7 @@ Figures are made through the object interface, without pyplot: no global state, 
 import re
 from collections.abc import Sequence
 from io import BytesIO
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from matplotlib.figure import Figure as Figure
 from matplotlib.transforms import Bbox
 
 from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.report.tables.table import with_symbols
 
 #: Widths of one column and of the page [mm] (IFAC).
 COLUMN, PAGE = 88.0, 181.0
@@ -38,16 +40,14 @@ HEAD = 4.0
 #: Height of a bar's row, and of what an axis needs beside its rows [mm].
 ROW, REST = 5.4, 11.0
 
-#: Display units: SI unit -> (text, factor).
+#: Display units: SI unit -> (text, factor). Residuals have the unit of their signal.
 DISPLAY = {
     "m": ("mm", 1e3),
-    "Pa": ("bar", 1e-5),
+    "Pa": ("kPa", 1e-3),
     "kg/s": ("g/s", 1e3),
     "N": ("N", 1.0),
     "V": ("V", 1.0),
 }
-#: Errors of pressures and positions are small; these units read better.
-ERROR_DISPLAY = {**DISPLAY, "Pa": ("kPa", 1e-3), "m": ("mm", 1e3)}
 
 SYMBOLS = {
     "X_s1": r"$X_{s1}$",
@@ -147,15 +147,15 @@ def symbol(name: str) -> str:
     Examples
     --------
     >>> symbol("F_c_plus"), symbol("stribeck.delta_F")
-    ('$F_c^+$', 'stribeck.delta_F')
+    ('$F_c^+$', 'stribeck: delta_F')
     """
     coefficient = _COEFFICIENT.fullmatch(name)
     if coefficient is not None:
         return f"${_BRANCHES[coefficient[1]]}_{{{coefficient[2]}}}$"
-    return SYMBOLS.get(name, name)
+    return SYMBOLS.get(name) or with_symbols(name)
 
 
-def axis_label(name: str, unit: str, error: bool = False) -> tuple[str, float]:
+def axis_label(name: str, unit: str) -> tuple[str, float]:
     """Return the label of a quantity with its display unit, and the factor from SI.
 
     Examples
@@ -163,7 +163,7 @@ def axis_label(name: str, unit: str, error: bool = False) -> tuple[str, float]:
     >>> axis_label("x", "m")
     ('$x$ [mm]', 1000.0)
     """
-    text, factor = (ERROR_DISPLAY if error else DISPLAY).get(unit, (unit, 1.0))
+    text, factor = DISPLAY.get(unit, (unit, 1.0))
     return f"{symbol(name)} [{text}]", factor
 
 
@@ -211,6 +211,48 @@ def png(figure: Figure) -> bytes:
     buffer = BytesIO()
     # Without version and date equal results give equal files.
     figure.savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})
+    return buffer.getvalue()
+
+
+def save_figure(figure: Figure, path: str | Path) -> tuple[Path, ...]:
+    """Save a figure as PNG, SVG and PDF, in the width of a column or of the page of an IFAC paper.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        From one of the functions of ``pc.plot``.
+    path : path
+        Of the files, without suffix.
+
+    Returns
+    -------
+    tuple of Path
+        The three files.
+
+    Examples
+    --------
+    With ``result = pc.identify(pc.example_case())``:
+
+    >>> import tempfile
+    >>> folder = tempfile.mkdtemp()
+    >>> [file.name for file in pc.plot.save(pc.plot.parameters(result), folder + "/parameters")]
+    ['parameters.png', 'parameters.svg', 'parameters.pdf']
+    """
+    path = Path(path)
+    written = []
+    for suffix, content in (("png", png(figure)), ("svg", svg(figure)), ("pdf", pdf(figure))):
+        file = path.with_name(f"{path.name}.{suffix}")
+        file.write_bytes(content)
+        written.append(file)
+    return tuple(written)
+
+
+def pdf(figure: Figure) -> bytes:
+    """Return a figure as the content of a PDF file, with its fonts embedded."""
+    buffer = BytesIO()
+    # Type 42: publishers refuse the bitmaps of type 3. No date: equal results give equal files.
+    with rc_context({"pdf.fonttype": 42}):
+        figure.savefig(buffer, format="pdf", metadata={"CreationDate": None})
     return buffer.getvalue()
 
 

@@ -34,7 +34,7 @@ def time_series_figure(curves: Curves) -> Figure:
         Measured and simulated outputs of one record.
     """
     outputs = tuple(curves.values)
-    figure = new_figure(14.0 + 42.0 * len(outputs), PAGE, head=HEAD)
+    figure = new_figure(14.0 + 34.0 * len(outputs), PAGE, head=HEAD)
     grid = figure.subplots(
         2 * len(outputs), 2, sharex="col", squeeze=False,
         height_ratios=[2, 1.1] * len(outputs), width_ratios=[1.7, 1],
@@ -57,7 +57,7 @@ def _draw(
     """Draw one output and its residuals, whole (column 0) or enlarged (column 1)."""
     unit = curves.units[output]
     label, factor = axis_label(output, unit)
-    error_label, error_factor = axis_label("error", unit, error=True)
+    error_label, error_factor = axis_label("error", unit)
     shown = slice(None)
     if column == 1:
         first, end = np.searchsorted(curves.t, detail)

@@ -9,12 +9,8 @@ from pneumo_casadi.report.interactive.look import COLOURS, detail_seconds
 
 #: Height of an output's panel and of its residuals' [pixels].
 HEIGHT, RESIDUAL_HEIGHT = 190, 120
-#: Display units: SI unit -> (text, factor) of an output, and of its residual.
-_UNITS = {
-    "m": (("mm", 1e3), ("mm", 1e3)),
-    "Pa": (("bar", 1e-5), ("kPa", 1e-3)),
-    "m/s": (("mm/s", 1e3), ("mm/s", 1e3)),
-}
+#: Display units: SI unit -> (text, factor) of an output and of its residual.
+_UNITS = {"m": ("mm", 1e3), "Pa": ("kPa", 1e-3), "m/s": ("mm/s", 1e3)}
 
 
 def can_interact() -> bool:
@@ -78,11 +74,11 @@ def _columns(curves: Curves) -> dict[str, Any]:
     """Return what is drawn as 32-bit numbers in display units: half the size of the page."""
     columns = {"t": curves.t.astype("float32")}
     for output, values in curves.values.items():
-        (_, factor), (_, error_factor) = _units(curves.units[output])
+        _, factor = _unit(curves.units[output])
         for k, name in enumerate(values):
             columns[f"{output}_{k}"] = (factor * values[name]).astype("float32")
             if name != MEASURED:
-                residual = error_factor * curves.residual(output, name)
+                residual = factor * curves.residual(output, name)
                 columns[f"e_{output}_{k}"] = residual.astype("float32")
     return columns
 
@@ -91,7 +87,7 @@ def _panel(curves: Curves, output: str, source: Any, x_range: Any, residual: boo
     from bokeh.models import BoxAnnotation, HoverTool
     from bokeh.plotting import figure
 
-    unit, _ = _units(curves.units[output])[residual]
+    unit, factor = _unit(curves.units[output])
     panel = figure(
         height=RESIDUAL_HEIGHT if residual else HEIGHT,
         sizing_mode="stretch_width",
@@ -117,7 +113,7 @@ def _panel(curves: Curves, output: str, source: Any, x_range: Any, residual: boo
         first = first or drawn
         tips.append((name, f"@{column}{{0.000}} {unit}"))
     if residual and curves.noise[output]:
-        band = 2 * curves.noise[output] * _units(curves.units[output])[1][1]
+        band = 2 * curves.noise[output] * factor
         shade = {"fill_color": "#8c8c8c", "fill_alpha": 0.25, "level": "underlay"}
         panel.add_layout(BoxAnnotation(bottom=-band, top=band, **shade))
     panel.add_tools(
@@ -129,5 +125,5 @@ def _panel(curves: Curves, output: str, source: Any, x_range: Any, residual: boo
     return panel
 
 
-def _units(unit: str) -> tuple[tuple[str, float], tuple[str, float]]:
-    return _UNITS.get(unit, ((unit, 1.0), (unit, 1.0)))
+def _unit(unit: str) -> tuple[str, float]:
+    return _UNITS.get(unit, (unit, 1.0))

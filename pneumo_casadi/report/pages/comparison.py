@@ -15,6 +15,7 @@ from pneumo_casadi.report.pages.page import (
 )
 from pneumo_casadi.report.tables.comparison import comparison_tables
 from pneumo_casadi.report.tables.laboratory import legend_table
+from pneumo_casadi.report.tables.validation import records_table
 
 if TYPE_CHECKING:
     from pneumo_casadi.report.pages.identification_figures import Drawn
@@ -38,7 +39,11 @@ def comparison_html(comparison: Comparison, pictures: Sequence[Picture]) -> str:
         Section("parameters", "Parameters", tables=comparison_tables(comparison)),
         Section("simulation", "Measurement and simulations", pictures=left, plots=plots),
         Section("symbols", "Symbols", tables=[legend_table(used)]),
-    ]
+        Section(
+            "provenance", "Provenance", tables=[records_table(comparison.provenance)],
+            provenance=comparison.provenance,
+        ),
+    ]  # fmt: skip
     title = f"Comparison of {' and '.join(comparison.names)}"
     verdict = Verdict("care" if moved else "good", words, comparison.headline)
     return html_page(title, verdict, sections)

@@ -1,22 +1,27 @@
-"""A designed experiment as text and files."""
+"""A designed experiment as a page and as files."""
 
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from pneumo_casadi.design import COMMON, KINDS, Design, Part, Precision
+from pneumo_casadi.design import Design
 from pneumo_casadi.report.pages.drawing import can_draw
-from pneumo_casadi.report.tables.table import Table, exponent_of, value_text
-from pneumo_casadi.report.text.identification import render
+from pneumo_casadi.report.pages.page import Picture, Section, Verdict, html_page
+from pneumo_casadi.report.tables.laboratory import legend_table
+from pneumo_casadi.report.text.design import design_tables, design_text
 from pneumo_casadi.runtime.json_files import write_json
 from pneumo_casadi.runtime.output_folder import OutputKind, output_folder
+from pneumo_casadi.runtime.provenance import provenance
 
-UNITS = {"position": "m", "velocity": "m/s", "p_min": "Pa", "p_max": "Pa", "command": "V"}
+CAPTION = (
+    "The designed reference with the simulated position, both pressures and both commands; below, "
+    "what it is predicted to gain over the recorded one."
+)
 
 
 def write_design(design: Design, folder: str | Path) -> Path:
-    """Write a design into a folder: reference, prediction as JSON and text, figure.
+    """Write a design into a folder: reference, prediction as page, JSON and text, figure.
 
     Parameters
     ----------
@@ -28,7 +33,8 @@ def write_design(design: Design, folder: str | Path) -> Path:
     Returns
     -------
     Path
-        The folder: ``reference.csv``, ``design.json``, ``design.txt``, ``design.png``.
+        The folder: ``reference.csv``, ``report.html``, ``design.json``, ``design.txt``, and the
+        figure as ``design.png``, ``.svg`` and ``.pdf``.
 
     Raises
     ------
@@ -40,11 +46,14 @@ def write_design(design: Design, folder: str | Path) -> Path:
         frame.to_csv(draft / "reference.csv", index=False, lineterminator="\n")
         write_json(design.as_dict(), draft / "design.json")
         (draft / "design.txt").write_text(design_text(design) + "\n", "utf-8")
+        pictures = []
         if can_draw():
             from pneumo_casadi.report.figures.studies.design import design_figure
-            from pneumo_casadi.report.figures.style import png
+            from pneumo_casadi.report.figures.style import save_figure
 
-            (draft / "design.png").write_bytes(png(design_figure(design)))
+            save_figure(design_figure(design), draft / "design")
+            pictures.append(Picture("design", (draft / "design.png").read_bytes(), CAPTION))
+        (draft / "report.html").write_text(design_html(design, pictures), "utf-8")
     return Path(folder)
 
 
@@ -60,101 +69,39 @@ def reference_frame(design: Design) -> pd.DataFrame:
     return pd.DataFrame(columns)
 
 
-def design_text(design: Design) -> str:
-    """Return a design as text: predicted precision, parts of the reference, limits."""
-    gained = (
-        precision_table(design.precision)
-        if design.precision is not None
-        else distance_table(design)
-    )
-    parts = [render(gained), render(parts_table(design)), render(limits_table(design))]
-    return "\n\n\n".join([*parts, *(["\n".join(design.notes)] if design.notes else [])])
+def design_html(design: Design, pictures: list[Picture]) -> str:
+    """Return a design as one HTML page.
 
-
-def precision_table(precision: Precision) -> Table:
-    """Return predicted standard errors, in per cent of the values, and their ratio."""
-    rows = []
-    for i, name in enumerate(precision.names):
-        value = precision.values[i]
-        exponent = exponent_of(value)
-        shown = value_text(value, exponent, 4) + (f"e{exponent}" if exponent else "")
-        columns = (precision.now[i], precision.designed[i], precision.together[i])
-        percent = [_percent(std, value) for std in columns]
-        rows.append((name, shown, precision.units[i], *percent, f"{precision.ratio(name):.2f}"))
-    ratio = precision.after / precision.before
-    sizes = [f"{100 * size:.4f}" for size in (precision.before, precision.after, precision.both)]
-    rows.append((f"criterion {precision.criterion.value}", "", "", *sizes, f"{ratio:.2f}"))
-    return Table(
-        "Predicted standard errors [%]",
-        ("", "value", "unit", "recorded", "designed", "both", "designed/recorded"),
-        tuple(rows),
-        ("Without the bias of an incomplete model. Both: one fit to the two records together.",),
-    )
-
-
-def _percent(std: float, value: float) -> str:
-    if not np.isfinite(std):
-        return "no information"
-    return f"{100 * std / abs(value):.4f}" if value else ""
-
-
-def distance_table(design: Design) -> Table:
-    """Return refitted distances before and after."""
-    rows = [
+    Parameters
+    ----------
+    design : Design
+        What was designed.
+    pictures : list of Picture
+        Its figure; empty without matplotlib.
+    """
+    gained, *others = design_tables(design)
+    facts = [
+        ("Duration", f"{design.reference.duration:g} s"),
+        ("Gain over the recorded reference", f"{design.gain:.3g} times"),
+        ("Kept within the limits of", "position, velocity, command and pressure"),
         (
-            distance.truth,
-            distance.fitted,
-            f"{distance.before:.1f}",
-            f"{distance.after:.1f}",
-            _verdict(distance.hidden),
-        )
-        for distance in design.distances
-    ]
-    samples = design.distances[0].samples
-    return Table(
-        "Residual of one effect after the other is fitted to it [standard deviations]",
-        ("true effect", "fitted effect", "recorded", "designed", ""),
-        tuple(rows),
-        (
-            f"Noise alone gives √{samples} = {samples**0.5:.0f}. Half the square of a distance is "
-            "the expected difference of the log-likelihoods.",
+            "Next",
+            "record the motion of reference.csv under the controller of bench.json, then "
+            "`identify` with both records",
         ),
-    )
-
-
-def _verdict(hidden: bool) -> str:
-    return "compensated by nominal parameters" if hidden else ""
-
-
-def parts_table(design: Design) -> Table:
-    """Return the parts of the reference."""
-    begin, rows = 0.0, []
-    for part in design.parts:
-        whole = part.kind == COMMON
-        length = design.reference.duration * (1.0 if whole else part.share)
-        first = 0.0 if whole else begin
-        rows.append((part.kind, f"{first:.1f} … {first + length:.1f}", _numbers(part)))
-        begin += 0.0 if whole else length
-    return Table("Parts of the reference", ("", "from … to [s]", "settings"), tuple(rows))
-
-
-def _numbers(part: Part) -> str:
-    return ", ".join(
-        f"{number.name} {value:.3g}" + ("" if number.unit == "1" else f" {number.unit}")
-        for number, value in zip(KINDS[part.kind].numbers, part.values, strict=True)
-    )
-
-
-def limits_table(design: Design) -> Table:
-    """Return the extremes of the simulation beside the limits."""
-    limits = design.options.limits
-    rows = [
-        (name, unit, f"{design.extremes[name]:.4g}", f"{getattr(limits, name):.4g}")
-        for name, unit in UNITS.items()
     ]
-    notes = (
-        "Amplitudes are shares of the allowed position range, steps of the allowed common command.",
+    worth = "good" if design.gain > 1 else "care"
+    words = "Reference designed" if design.gain > 1 else "No better than the recorded reference"
+    origin = provenance(
+        [],
+        {"evaluations": design.options.evaluations, "kinds": list(design.options.kinds)},
+        seeds={"search": design.options.seed},
     )
-    return Table(
-        "Simulated extremes and limits", ("", "unit", "extreme", "limit"), tuple(rows), notes
-    )
+    sections = [
+        Section("gain", "Predicted gain", design.notes, pictures, [gained]),
+        Section("reference", "Reference and limits", tables=others),
+        Section("symbols", "Symbols", tables=[legend_table("x u p_P", gained)]),
+        Section("provenance", "Provenance", provenance=origin),
+    ]
+    verdict = Verdict(worth, words, design.headline, facts)
+    return html_page("Design of an experiment", verdict, sections)

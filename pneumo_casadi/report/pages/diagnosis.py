@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 from pneumo_casadi.diagnosis import Diagnosis, Verdict
 from pneumo_casadi.diagnosis.decide.plain_evidence import evidence_dict
 from pneumo_casadi.diagnosis.decide.read_diagnosis import CURVES
+from pneumo_casadi.diagnosis.refined_identification import with_refined_checks
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.effects.term import write_term
 from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.identification.result_file import result_dict
-from pneumo_casadi.identification.warnings import Usable
 from pneumo_casadi.report.pages import page
 from pneumo_casadi.report.pages.drawing import can_draw
 from pneumo_casadi.report.pages.page import (
@@ -25,35 +25,27 @@ from pneumo_casadi.report.pages.page import (
 )
 from pneumo_casadi.report.pages.write import save_figures
 from pneumo_casadi.report.tables.diagnosis import (
-    check_table,
-    diagnosis_tables,
-    fitted_table,
     gap_table,
-    has_after,
     ranking_table,
     regime_table,
 )
 from pneumo_casadi.report.tables.flow_form import flow_form_tables
 from pneumo_casadi.report.tables.laboratory import legend_table
-from pneumo_casadi.report.tables.quantities import between, chance, percent, plain, whole
 from pneumo_casadi.report.tables.table import Table
 from pneumo_casadi.report.tables.validation import records_table
+from pneumo_casadi.report.tables.verdict.estimates import diagnosis_tables, fitted_table
+from pneumo_casadi.report.tables.verdict.parameter_checks import check_table
 from pneumo_casadi.report.text.causes import (
     Catalogue,
     cause_sentences,
-    discovered_fact,
     discovered_sentences,
-    joined,
 )
 from pneumo_casadi.report.text.diagnosis import (
     FINDINGS_TITLE,
     VERDICTS,
     alternative_sentences,
-    check_sentences,
-    checks_of_what,
     finding_sentences,
     headline,
-    location_text,
     note_sentences,
     refused_sentences,
     size_sentences,
@@ -61,22 +53,20 @@ from pneumo_casadi.report.text.diagnosis import (
     summary_text,
     where_sentences,
 )
+from pneumo_casadi.report.text.facts import facts
 from pneumo_casadi.report.text.final_model import (
     FinalModel,
-    final_facts,
     final_model,
     final_sentences,
     final_title,
 )
-from pneumo_casadi.report.text.next_step import next_step
+from pneumo_casadi.report.text.parameter_checks import check_sentences, checks_of_what
 from pneumo_casadi.runtime.json_files import write_json
 from pneumo_casadi.runtime.output_folder import OutputKind, output_folder
 
 if TYPE_CHECKING:
     from pneumo_casadi.report.pages.identification_figures import Drawn
 
-#: The gap, as the head of a report calls it.
-_ERROR = "Error on held-out data, beyond sensor noise"
 #: Grades of verdicts, which give the colour; the words say the same.
 _GRADES = {Verdict.NONE: "good", Verdict.EFFECT: "effect"}
 
@@ -107,7 +97,7 @@ def diagnosis_html(
         _GRADES.get(diagnosis.verdict, "care"),
         words[:1].upper() + words[1:],
         headline(diagnosis),
-        _facts(diagnosis, final),
+        facts(diagnosis, final),
     )
     sections = _sections(diagnosis, left, catalogue, final)
     sections.insert(1, _simulated(plots, left))
@@ -137,6 +127,7 @@ def _sections(
     def drawn(*starts: str) -> list[Picture]:
         return [picture for picture in pictures if picture.name.startswith(starts)]
 
+    values = None if final is None else final.values
     return [
         Section("findings", FINDINGS_TITLE, finding_sentences(diagnosis)),
         Section(
@@ -149,7 +140,7 @@ def _sections(
         ),
         Section(
             "which", "Candidate causes",
-            (*cause_sentences(diagnosis, catalogue), *refused_sentences(diagnosis)),
+            (*cause_sentences(diagnosis, catalogue, values), *refused_sentences(diagnosis)),
             drawn("ranking"),
             [ranking_table(diagnosis)],
         ),
@@ -168,7 +159,10 @@ def _sections(
             checks_of_what(diagnosis), tables=[check_table(diagnosis)],
             checks=check_sentences(diagnosis),
         ),
-        Section("parameters", "Estimates behind the verdict", tables=[fitted_table(diagnosis)]),
+        Section(
+            "parameters", "Estimates behind the verdict",
+            tables=[fitted_table(diagnosis, values)],
+        ),
         Section("flow_form", "Flow map", tables=flow_form_tables(diagnosis.flow_selection)),
         Section("notes", "Notes", note_sentences(diagnosis)),
         Section("symbols", "Symbols", tables=[_legend(diagnosis)]),
@@ -179,61 +173,6 @@ def _legend(diagnosis: Diagnosis) -> Table:
     """Return the meaning of the symbols that the page uses."""
     tables = diagnosis_tables(diagnosis)
     return legend_table("x v u p_P q_mP w σ", *tables)
-
-
-def _facts(diagnosis: Diagnosis, final: FinalModel | None) -> list[tuple[str, str]]:
-    gap, closure = diagnosis.gap, diagnosis.gap.closure
-    error = f"{_ERROR}, windows of 0.5 s" if gap.views.get("windows") else _ERROR
-    facts = [("Where", location_text(diagnosis))]
-    facts += _causes(diagnosis)
-    facts += [
-        ("One of", joined([plain(name) for name in (effect.name, *effect.rivals)], "or"))
-        for effect in diagnosis.undecided
-    ]
-    if diagnosis.discovered is not None:
-        facts.append(("Discovered term", discovered_fact(diagnosis.discovered)))
-    if diagnosis.effects:
-        facts += [
-            (error, f"{percent(gap.before)} → {percent(gap.after)}"),
-            ("Reduction", f"{whole(closure.value)} ({between(closure)})"),
-        ]
-    else:
-        term = gap.with_term
-        with_term = "" if term is None else f" → {percent(term)} with the discovered term"
-        facts.append((error, percent(gap.before) + with_term))
-    facts += _in_closed_loop(diagnosis)
-    agreeing, all_ = sum(check.agrees for check in diagnosis.checks), len(diagnosis.checks)
-    if agreeing < all_ or (all_ and diagnosis.verdict is not Verdict.UNKNOWN):
-        facts.append(("Parameter checks", f"{agreeing} of {all_} agree"))
-    facts += final_facts(diagnosis, final)
-    ready = final is not None and final.usability.usable is not Usable.NO
-    return [*facts, ("Next", next_step(diagnosis, ready))]
-
-
-def _causes(diagnosis: Diagnosis) -> list[tuple[str, str]]:
-    """Return the effects named, with the probability of each, or of all where it is one."""
-    effects = diagnosis.effects
-    odds = {chance(effect.probability) for effect in effects}
-    together = len(effects) > 1 and len(odds) == 1
-    facts = [
-        (
-            "Cause" if effect is effects[0] else "and",
-            plain(effect.name)
-            + ("" if together else f", probability {chance(effect.probability)}"),
-        )
-        for effect in effects
-    ]
-    return [*facts, ("Probability of all together", odds.pop())] if together else facts
-
-
-def _in_closed_loop(diagnosis: Diagnosis) -> list[tuple[str, str]]:
-    """Return the error of the position over a whole record under its controller."""
-    error = diagnosis.gap.views.get("closed_loop", {}).get("x")
-    if error is None:
-        return []
-    after = "with_term" if "with_term" in error else "after"
-    changed = f" → {percent(error[after])}" if has_after(diagnosis) or after != "after" else ""
-    return [("The same of x, whole record in closed loop", percent(error["before"]) + changed)]
 
 
 def write_diagnosis(
@@ -259,7 +198,7 @@ def write_diagnosis(
     -------
     Path
         The folder: ``diagnosis.json``, ``curves.json`` with the curves of the figures,
-        ``report.html``, ``summary.txt``, ``figures`` as PNG and SVG, with `refined`
+        ``report.html``, ``summary.txt``, ``figures`` as PNG, SVG and PDF, with `refined`
         ``result.json``, and ``discovered_term.json`` where a term was discovered.
 
     Raises
@@ -267,6 +206,7 @@ def write_diagnosis(
     CaseError
         If the folder holds no earlier diagnosis, or one that was changed.
     """
+    diagnosis = with_refined_checks(diagnosis, refined)
     with output_folder(folder, OutputKind.DIAGNOSIS) as draft:
         write_json(diagnosis.as_dict(), draft / "diagnosis.json")
         if diagnosis.discovered is not None:
@@ -278,7 +218,7 @@ def write_diagnosis(
             write_json(result_dict(refined), draft / "result.json")
         summary = summary_text(diagnosis, catalogue, refined)
         (draft / "summary.txt").write_text(summary, "utf-8")
-        pictures = save_figures(_figures_of(diagnosis), draft / "figures", drawings=True)
+        pictures = save_figures(_figures_of(diagnosis), draft / "figures")
         final = None if refined is None else final_model(refined)
         html = diagnosis_html(diagnosis, pictures, catalogue, final)
         (draft / "report.html").write_text(html, "utf-8")

@@ -49,15 +49,20 @@ def diagnosis_figures(diagnosis: Diagnosis) -> Iterator[Drawn]:
             ranking_figure(diagnosis),
             ("None is needed. " if diagnosis.verdict is Verdict.NONE else "")
             + "The most probable causes, and the share of the held-out gap in the balances that "
-            "each removes, with its 95 % interval. " + _ranking_words(diagnosis),
+            "each closes, with its 95 % interval. " + _ranking_words(diagnosis),
         )
     if any(diagnosis.where.shares.values()) or diagnosis.where.regimes:
         yield Drawn(
             "where",
             where_figure(diagnosis),
-            "Share of each balance in the unknown inputs of the model without effects; below, the "
-            "conditions with a larger share of the residual than of the time (for a frequency "
-            "band: than of the signal).",
+            (
+                "What the effects found add to each balance, root mean squares over the balance's "
+                "signal; an effect in a sensor is not drawn. "
+                if any(diagnosis.where.sizes.values())
+                else "Share of each balance in the unknown inputs of the model without effects. "
+            )
+            + "Below, the conditions with a larger share of the residual than of the time (for a "
+            "frequency band: than of the signal).",
         )
     if diagnosis.evidence is not None:
         yield from _curves(diagnosis, diagnosis.evidence)
@@ -86,17 +91,20 @@ def _curves(diagnosis: Diagnosis, evidence: Evidence) -> Iterator[Drawn]:
         which = f", held-out record {i}" if several else ""
         yield Drawn(
             f"unknown_inputs_{i}" if several else "unknown_inputs",
-            unknown_input_figure(inputs, diagnosis.where.shares),
-            f"Unknown input of each balance over time{which}, with a band of ±2σ. Where the model "
+            unknown_input_figure(inputs, diagnosis.where.unknown_inputs),
+            f"Unknown input of each balance over time{which}: what the model without effects "
+            "lacks, with a band of ±2σ and its size over the balance's signal. Balances share "
+            "parameters and pressures: what one lacks shows in others too. Where the model "
             "is right the band covers zero, but for a narrow spike where the command jumps: the "
             "pressures are smoothed, the command is not. Grey: the axis sticks, and static "
             "friction balances any force.",
         )
     shares, labels = diagnosis.where.shares, gap_labels(diagnosis)
-    for balance in sorted(shares, key=lambda name: -shares[name]):
+    named = {location.value for location in diagnosis.where.balances}
+    for balance in sorted(shares, key=lambda name: (name not in named, -shares[name])):
         before = [regime for regime in evidence.before if regime.balance == balance]
         after = [regime for regime in evidence.after if regime.balance == balance]
-        if before and shares[balance] >= SHARE:
+        if before and (balance in named or shares[balance] >= SHARE):
             yield Drawn(
                 f"regimes_{balance}",
                 regime_figure(before, after, labels),

@@ -20,6 +20,7 @@ from pneumo_casadi.report.tables.content import all_tables
 from pneumo_casadi.report.tables.laboratory import laboratory_tables, legend_table
 from pneumo_casadi.report.tables.table import Table, with_symbols
 from pneumo_casadi.report.tables.validation import RESOLVED, records_table
+from pneumo_casadi.report.text.final_model import least_certain
 
 #: Grade and words of the verdict.
 VERDICTS = {
@@ -102,18 +103,12 @@ def warning_sentences(content: Mapping[str, Any]) -> tuple[str, ...]:
 
 def next_record(content: Mapping[str, Any]) -> str:
     """Return which parameter is the least certain, and how to plan a record that improves it."""
-    relative = {
-        name: 200 * item["std_robust"] / abs(item["value"])
-        for name, item in content["output_error"]["parameters"].items()
-        if item["std_robust"] and item["value"]
-    }
+    known = least_certain(content)
     unknown = content["output_error"]["uninformed"]
     if unknown:
         least = f"The records say nothing about {', '.join(map(with_symbols, unknown))}"
-    elif relative:
-        name = max(relative, key=lambda each: relative[each])
-        own = f"{with_symbols(name)}, ± {relative[name]:.2g} % (2σ)"
-        least = f"The least certain identified parameter is {own}"
+    elif known:
+        least = f"The least certain identified parameter is {known}"
     else:
         least = "No parameter was estimated with an interval"
     return f"{least}. `pneumo-casadi design` plans the next record for the parameters of this one."

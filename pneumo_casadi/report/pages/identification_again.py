@@ -51,7 +51,10 @@ def validation_of(content: dict[str, Any]) -> Validation:
 
     closed = plain["closed_loop"]
     windows = {float(length): errors(values) for length, values in plain["windows"].items()}
-    return Validation(errors(plain), None if closed is None else errors(closed), windows, ())
+    origin = content.get("provenance", {})  # that of a validation of 0.1 is unknown
+    return Validation(
+        errors(plain), None if closed is None else errors(closed), windows, (), origin
+    )
 
 
 def time_pictures(curves: tuple[Curves, ...], caption: str) -> list[Picture]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.report.figures.identification.cross_validation import cross_validation_figure
@@ -14,7 +15,7 @@ from pneumo_casadi.report.figures.identification.overview import overview_figure
 from pneumo_casadi.report.figures.identification.parameters import correlation_figure, forest_figure
 from pneumo_casadi.report.figures.identification.regressor import regressor_figure
 from pneumo_casadi.report.figures.identification.residuals import fit_figure, residual_figure
-from pneumo_casadi.report.figures.style import Figure, png, svg
+from pneumo_casadi.report.figures.style import Figure, png, save_figure, svg
 from pneumo_casadi.report.figures.time_series import time_series_figure
 from pneumo_casadi.validation import Validation
 from pneumo_casadi.valve import FlowMap, FlowModel, each_valve
@@ -41,6 +42,10 @@ class Drawn:
     def png(self) -> bytes:
         """Return the figure as a PNG file."""
         return png(self.figure)
+
+    def save(self, folder: Path) -> None:
+        """Save the figure as PNG, SVG and PDF."""
+        save_figure(self.figure, folder / self.name)
 
     def svg(self) -> bytes:
         """Return the figure as an SVG file."""

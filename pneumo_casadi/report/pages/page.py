@@ -3,7 +3,7 @@
 import base64
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -44,6 +44,14 @@ _FIRST = 20
 _HANDLING = (
     "Drag over a plot to enlarge that time in all of them; the pointer shows the values; "
     "`largest difference` goes to where measurement and first simulation differ most."
+)
+#: Equations, tables and figures of the paper that the method comes from, which is [1] in reports.
+_OF_PAPER = re.compile(
+    r"\b(eq\. \d+|Figs?\. \d(?: and \d)?|Table 1)(?: of the paper)?(?! of \[1\])"
+)
+_REFERENCE = (
+    '[1] "Identification of physical parameters of a pneumatic servosystem", IFAC 2005; its '
+    "equations, table and figures are those that this report refers to."
 )
 #: Name of the still figure of a record's time plot, before the name of the record.
 TIME_FIGURE = "validation_"
@@ -165,7 +173,7 @@ class Section:
     pictures: Sequence[Picture] = ()
     tables: Sequence[Table] = ()
     plots: Sequence[Plot] = ()
-    checks: Sequence[tuple[bool, str]] = ()
+    checks: Sequence[tuple[str, str]] = ()
     texts: Sequence[str] = ()
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
@@ -177,9 +185,9 @@ class Section:
 
     @property
     def beside(self) -> bool:
-        """Whether the sentences stand beside the first figure, which would be alone in its row."""
+        """Whether the sentences stand beside the figures, which are too few for own rows."""
         narrow = [picture for picture in self.pictures if not picture.is_wide]
-        return bool(self.sentences) and len(narrow) == 1
+        return bool(self.sentences) and len(narrow) in (1, 2)
 
 
 def html_page(title: str, verdict: Verdict, sections: Sequence[Section]) -> str:
@@ -196,13 +204,29 @@ def html_page(title: str, verdict: Verdict, sections: Sequence[Section]) -> str:
     filled = [section for section in sections if section.filled]
     plotted = any(section.plots for section in filled)
     template = environment.get_template("report.html.jinja")
-    return template.render(
-        title=title,
-        verdict=verdict,
-        sections=filled,
-        not_drawn="" if matplotlib_installed() else NOT_DRAWN,
-        library=library() if plotted else "",
-    ).lstrip()
+    shown = {
+        "title": title,
+        "verdict": verdict,
+        "not_drawn": "" if matplotlib_installed() else NOT_DRAWN,
+    }
+    if " of [1]" in template.render(**shown, sections=filled, library=""):
+        filled = _with_reference(filled)
+    return template.render(**shown, sections=filled, library=library() if plotted else "").lstrip()
+
+
+def _with_reference(sections: Sequence[Section]) -> list[Section]:
+    """Return the sections with the reference below the symbols, or in a section of its own."""
+    if all(section.anchor != "symbols" for section in sections):
+        return [*sections, Section("reference", "Reference", (_REFERENCE,))]
+    return [
+        replace(
+            section,
+            tables=[replace(each, notes=(*each.notes, _REFERENCE)) for each in section.tables],
+        )
+        if section.anchor == "symbols"
+        else section
+        for section in sections
+    ]
 
 
 def plots_of(
@@ -262,6 +286,7 @@ def _unbroken(value: Any) -> Any:
     if isinstance(value, str) and not isinstance(value, Markup):
         space = "\N{NO-BREAK SPACE}"
         value = _TOGETHER.sub(lambda part: part[0].replace(" ", space), _MEASURE.sub(space, value))
+        value = _OF_PAPER.sub(r"\1 of [1]", value)
         value = _UNIT.sub(lambda unit: unit[0].replace(" ", space), value)
         return value.replace(" %", f"{space}%").replace(" ± ", f"{space}±{space}")
     return value

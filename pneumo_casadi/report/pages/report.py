@@ -35,10 +35,10 @@ def write_report(
     Path
         The folder. An identification gives ``report.html``, ``result.json``, ``curves.json``,
         ``table.txt`` and ``figures``; a diagnosis ``report.html``, ``diagnosis.json``,
-        ``curves.json``, ``summary.txt`` and ``figures``; a design ``reference.csv``,
-        ``design.json``, ``design.txt`` and ``design.png``; a validation ``report.html``,
-        ``result.json``, ``curves.json``, ``table.txt`` and ``figures``; a comparison
-        ``comparison.json``, ``comparison.txt``, ``curves.json``, ``report.html`` and
+        ``curves.json``, ``summary.txt`` and ``figures``; a design ``report.html``,
+        ``reference.csv``, ``design.json``, ``design.txt`` and its figure; a validation
+        ``report.html``, ``result.json``, ``curves.json``, ``table.txt`` and ``figures``; a
+        comparison ``comparison.json``, ``comparison.txt``, ``curves.json``, ``report.html`` and
         ``figures``.
 
     Raises

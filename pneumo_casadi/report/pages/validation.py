@@ -11,7 +11,7 @@ from pneumo_casadi.identification.warnings import (
 from pneumo_casadi.report.pages.identification import VERDICTS
 from pneumo_casadi.report.pages.page import Picture, Section, Verdict, html_page, plots_of
 from pneumo_casadi.report.tables.laboratory import legend_table
-from pneumo_casadi.report.tables.validation import validation_table
+from pneumo_casadi.report.tables.validation import records_table, validation_table
 from pneumo_casadi.validation import Validation
 
 
@@ -38,5 +38,9 @@ def validation_html(
         Section("errors", "Errors on held-out records", tables=[validation_table(validation)]),
         Section("simulation", "Measurement and simulation", pictures=left, plots=plots),
         Section("symbols", "Symbols", tables=[legend_table("x p_P P, N")]),
-    ]
+        Section(
+            "provenance", "Provenance", tables=[records_table(validation.provenance)],
+            provenance=validation.provenance,
+        ),
+    ]  # fmt: skip
     return html_page("Validation on held-out records", Verdict(grade, words, sentence), sections)

@@ -54,7 +54,7 @@ def write_identification(
     -------
     Path
         The folder: ``result.json``, ``curves.json`` with the held-out records over time,
-        ``report.html``, ``table.txt``, ``figures/*.png``.
+        ``report.html``, ``table.txt``, ``figures`` as PNG, SVG and PDF.
 
     Raises
     ------
@@ -81,7 +81,11 @@ def write_validation(validation: Validation, folder: str | Path) -> Path:
     which are in ``curves.json``.
     """
     with output_folder(folder, OutputKind.VALIDATION) as draft:
-        write_json({"validation": validation_dict(validation)}, draft / "result.json")
+        content = {
+            "validation": validation_dict(validation),
+            "provenance": dict(validation.provenance),
+        }
+        write_json(content, draft / "result.json")
         (draft / "table.txt").write_text(render(validation_table(validation)) + "\n", "utf-8")
         _write_curves(validation.curves, draft)
         pictures = save_figures(_figures_of(validation), draft / "figures")
@@ -132,16 +136,12 @@ def _figures_of(result: Identification | Validation) -> "Iterable[Drawn]":
     return figures_of(result)
 
 
-def save_figures(figures: "Iterable[Drawn]", folder: Path, drawings: bool = False) -> list[Picture]:
-    """Save figures as PNG, on request as SVG besides; return the smaller file of each."""
+def save_figures(figures: "Iterable[Drawn]", folder: Path) -> list[Picture]:
+    """Save figures as PNG, SVG and PDF; return the smaller of the first two of each."""
     folder.mkdir()
     pictures = []
     for drawn in figures:
-        content = drawn.png()
-        (folder / f"{drawn.name}.png").write_bytes(content)
-        if drawings:
-            drawing = drawn.svg()
-            (folder / f"{drawn.name}.svg").write_bytes(drawing)
-            content = min(content, drawing, key=len)
-        pictures.append(Picture(drawn.name, content, drawn.caption))
+        drawn.save(folder)
+        contents = [(folder / f"{drawn.name}.{suffix}").read_bytes() for suffix in ("png", "svg")]
+        pictures.append(Picture(drawn.name, min(contents, key=len), drawn.caption))
     return pictures

@@ -60,10 +60,12 @@ def _estimate_text(item: Estimate | None, exponent: int) -> str:
 def _difference_text(item: Difference | None) -> str:
     if item is None:
         return ""
-    change = f"{item.change_percent:+.2f} %" if isfinite(item.change_percent) else "from 0"
+    # No minus before a change that is rounded to zero.
+    percents = round(item.change_percent, 2) + 0.0 if isfinite(item.change_percent) else None
+    change = "from 0" if percents is None else f"{percents:+.2f} %"
     if item.sigmas is None:
         return change
-    return f"{change} ({item.sigmas:+.1f} σ){' *' if item.moved else ''}"
+    return f"{change} ({round(item.sigmas, 1) + 0.0:+.1f} σ){' *' if item.moved else ''}"
 
 
 def _simulation_table(comparison: Comparison) -> Table:

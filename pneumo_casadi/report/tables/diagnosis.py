@@ -1,20 +1,16 @@
 """The tables of a diagnosis."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 
-from pneumo_casadi.diagnosis import Candidate, Check, Diagnosis, Value, Verdict
-from pneumo_casadi.report.tables.flow_form import flow_form_tables
+from pneumo_casadi.diagnosis import Candidate, Diagnosis
 from pneumo_casadi.report.tables.quantities import (
-    DISPLAY_UNITS,
     between,
     chance,
     percent,
     plain,
-    quantity,
     whole,
 )
-from pneumo_casadi.report.tables.table import Table, with_symbols
+from pneumo_casadi.report.tables.table import Table, cause_name
 
 #: Balances in words.
 BALANCES = {
@@ -48,17 +44,6 @@ GAP_DEFINITION = (
 )
 #: Name of the model with a discovered term.
 WITH_TERM = "with the discovered term"
-#: What parameters are worth while the cause is unknown.
-WITHOUT_CAUSE = (
-    "The cause is not in this model: the parameters may be off by far more than 2σ. Do not quote "
-    "them."
-)
-#: What the estimates behind the verdict are for.
-BALANCE_FITS = (
-    "Fitted to the balances along the smoothed measured motion, to compare candidates. ± 2σ does "
-    "not include the bias of smoothing, nor that of an incomplete model."
-)
-TO_USE = "Use the parameters of the final model refined by output error."
 #: Candidates shown at most; the JSON file has them all.
 SHOWN = 12
 #: A candidate that is not named matters from this probability on, or from this share of the gap
@@ -66,19 +51,6 @@ SHOWN = 12
 PROBABLE, REMOVES = 0.01, 0.1
 #: Smallest probability of a cause outside the catalogue that is reported.
 OUTSIDE = 0.1
-
-
-def diagnosis_tables(diagnosis: Diagnosis) -> tuple[Table, ...]:
-    """Return all tables of a diagnosis that have something to show, in order."""
-    tables = (
-        gap_table(diagnosis),
-        regime_table(diagnosis),
-        ranking_table(diagnosis),
-        check_table(diagnosis),
-        fitted_table(diagnosis),
-        *flow_form_tables(diagnosis.flow_selection),
-    )
-    return tuple(table for table in tables if table.rows)
 
 
 def gap_table(diagnosis: Diagnosis) -> Table:
@@ -117,7 +89,8 @@ def has_after(diagnosis: Diagnosis) -> bool:
 
 def nearest(diagnosis: Diagnosis) -> tuple[str, ...]:
     """Return the effects of the best candidate where no effect is the cause."""
-    new = [name.partition(".")[0] for name in diagnosis.fitted if name not in diagnosis.nominal]
+    own = [name for name in diagnosis.fitted if name not in diagnosis.nominal]
+    new = [cause_name(name.partition(".")[0]) for name in own]
     return tuple(dict.fromkeys(new))
 
 
@@ -166,10 +139,10 @@ def matters(diagnosis: Diagnosis, candidate: Candidate) -> bool:
     """Return whether a candidate is part of the conclusion, or could have been.
 
     It is named, has a probability worth a look, or removes a tenth of the gap; where there is no
-    fit, the linearised model predicts that it would. What the effects found remove with a further
-    one is their doing.
+    fit, the linearised model predicts that it would. What some of the effects found remove with
+    others is their doing.
     """
-    if contains_found(diagnosis, candidate):
+    if builds_on_found(diagnosis, candidate):
         return candidate.probability >= PROBABLE
     shares = (candidate.probability >= PROBABLE, candidate.explained >= REMOVES)
     if candidate.failure:
@@ -181,10 +154,11 @@ def matters(diagnosis: Diagnosis, candidate: Candidate) -> bool:
     return shares[0] or (shares[1] if closure is None else closure.value >= REMOVES)
 
 
-def contains_found(diagnosis: Diagnosis, candidate: Candidate) -> bool:
-    """Return whether a candidate is the effects found with further ones."""
+def builds_on_found(diagnosis: Diagnosis, candidate: Candidate) -> bool:
+    """Return whether a candidate holds effects that were found, and others besides."""
     effects = {effect.name for effect in diagnosis.final_effects}
-    return bool(effects) and effects < set(candidate.names)
+    names = set(candidate.names)
+    return bool(names & effects) and bool(names - effects)
 
 
 def ranking_table(diagnosis: Diagnosis) -> Table:
@@ -221,82 +195,6 @@ def _reduction(candidate: Candidate) -> tuple[str, str]:
     if candidate.closure is None:
         return f"not fitted ({whole(candidate.explained)} predicted)", ""
     return whole(candidate.closure.value), between(candidate.closure)
-
-
-#: Checked quantities in words, where the name is not that of a symbol.
-_CHECKED = {
-    "V_P(0)": "dead length of P",
-    "V_N(0)": "dead length of N",
-    "k_P-k_N": "k_P − k_N",
-    "F_c": "F_c⁺ − F_c⁻",
-    "flow map": "residual of the flow map, over its own fit's",
-    "map form": "error of the form of the flow map",
-}
-#: Units of checked quantities that have none of their own.
-_CHECK_UNITS = {"map form": ("% of the largest flow", 100.0)}
-
-
-def check_table(diagnosis: Diagnosis) -> Table:
-    """Return the parameters beside the values expected from geometry and data sheet."""
-    rows = []
-    for check in diagnosis.checks:
-        unit, factor = _CHECK_UNITS.get(check.name) or DISPLAY_UNITS.get(
-            check.unit, (check.unit, 1.0)
-        )
-        value = Value(check.value * factor, check.std * factor, "")
-        expected, tolerance = check.expected * factor, check.tolerance * factor
-        rows.append(
-            (
-                _CHECKED.get(check.name, check.name),
-                unit,
-                quantity(value, held=""),
-                f"{_bound(expected - tolerance)} to {_bound(expected + tolerance)}",
-                _agreement(check),
-            )
-        )
-    near = (
-        "Within 6σ: outside the range by less than six standard deviations, which do not include "
-        "the bias of the fit.",
-    )
-    return Table(
-        "Parameters compared with geometry and data sheet",
-        ("", "unit", "estimate ± 2σ", "expected", "agrees"),
-        tuple(rows),
-        (
-            "Estimates of the fits that decide the verdict. The range of a dead length, of "
-            "k_P − k_N and of friction is what is plausible, and excludes gross errors.",
-            *(near if any(row[-1] == "within 6σ" for row in rows) else ()),
-        ),
-    )
-
-
-def _agreement(check: Check) -> str:
-    if abs(check.value - check.expected) <= check.tolerance:
-        return "yes"
-    return "within 6σ" if check.agrees else "NO"
-
-
-def _bound(value: float) -> str:
-    return f"{value:.3g}" if abs(value) > 1e-9 else "0"
-
-
-def fitted_table(diagnosis: Diagnosis) -> Table:
-    """Return all parameters without and with the effects found."""
-    models = (diagnosis.nominal, diagnosis.fitted, diagnosis.with_term)
-    names = dict.fromkeys([*diagnosis.fitted, *diagnosis.nominal, *diagnosis.with_term])
-    rows = [(with_symbols(name), *(_cell(model.get(name)) for model in models)) for name in names]
-    title = "Estimates of the fits that decide the verdict ± 2σ"
-    unknown = diagnosis.verdict is Verdict.UNKNOWN
-    notes = (f"{BALANCE_FITS} {WITHOUT_CAUSE if unknown else TO_USE}",)
-    columns = ("", "without effects", with_what(diagnosis), WITH_TERM)
-    table = Table(title, columns, tuple(rows), notes)
-    absent = [] if has_after(diagnosis) else [columns[2]]
-    table = table.without(*absent, *([] if diagnosis.with_term else [WITH_TERM]))
-    return table if len(table.columns) > 2 else replace(table, columns=("", "estimate"))
-
-
-def _cell(value: Value | None) -> str:
-    return "" if value is None else quantity(value)
 
 
 def _short(name: str) -> str:

@@ -10,7 +10,8 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from pneumo_casadi.diagnosis import Value
-from pneumo_casadi.report.tables.quantities import DISPLAY_UNITS, quantity
+from pneumo_casadi.effects import EFFECTS
+from pneumo_casadi.report.tables.quantities import quantity
 from pneumo_casadi.report.tables.table import (
     Table,
     exponent_of,
@@ -68,14 +69,14 @@ LEGEND = {
 
 
 def laboratory_tables(content: Mapping[str, Any]) -> tuple[Table, ...]:
-    """Return chambers, motion and valve in laboratory units.
+    """Return chambers, motion, effects and valve in laboratory units.
 
     Parameters
     ----------
     content : mapping
         Plain values of an identification, as in ``result.json``.
     """
-    tables = (_chambers(content), _motion(content), _valve(content))
+    tables = (_chambers(content), _motion(content), _effects(content), _valve(content))
     return tuple(table for table in tables if table.rows)
 
 
@@ -132,7 +133,7 @@ def _motion(content: Mapping[str, Any]) -> Table:
     sheet = (content["model"] or {}).get("bench", {}).get("datasheet", {})
     rows = []
     for name, item in parameters.items():
-        if name.startswith("X_s"):
+        if name.startswith("X_s") or "." in name:
             continue
         words = _MOTION.get(name, "")
         stated = f"{sheet['M_kg']:.4g} kg" if name == "M" and "M_kg" in sheet else ""
@@ -141,22 +142,50 @@ def _motion(content: Mapping[str, Any]) -> Table:
     return table if any(row[2] for row in rows) else table.without("data sheet")
 
 
+def _effects(content: Mapping[str, Any]) -> Table:
+    """Return the sizes of effects, and below what each one is."""
+    rows, meanings = [], []
+    for name, item in content["output_error"]["parameters"].items():
+        effect, _, own = name.partition(".")
+        if not own:
+            continue
+        rows.append((with_symbols(name), _estimate(item)))
+        known = EFFECTS.get(effect)
+        described = {each.name: each.description for each in known().parameters} if known else {}
+        if own in described:
+            meanings.append(f"{with_symbols(name)}: {described[own]}.")
+    return Table("Effects, estimate ± 2σ", ("", "estimate"), tuple(rows), tuple(meanings))
+
+
 def _valve(content: Mapping[str, Any]) -> Table:
-    return Table("Valve", ("", "filling", "exhausting"), tuple(_valve_rows(content["flow"] or {})))
+    rows = tuple(_valve_rows(content["flow"] or {}))
+    bench = (content["model"] or {}).get("bench", {})
+    unknown = (
+        "The accuracy of the flow meter is not stated (valve.accuracy_percent in bench.json), and "
+        "not in ± 2σ of C.",
+    )
+    notes = () if "accuracy_percent" in str(bench) else unknown
+    return Table("Valve, estimate ± 2σ", ("", "filling", "exhausting"), rows, notes)
 
 
 def _valve_rows(flow: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
-    unit, factor = DISPLAY_UNITS["m³/(s Pa)"]
     for key, item in flow.get("conductance", {}).items():
         which, end = ("", "") if key == "both" else (f" {key}", f"_{key}")
         fill, exhaust = (
-            f"{factor * item[f'C_{edge}_m3_per_s_Pa']:.3g} {unit} at {item[f'u_{edge}_V']:.3g} V"
+            f"{_conductance(item, edge)} at {item[f'u_{edge}_V']:.3g} V"
             for edge in ("fill", "exhaust")
         )
         yield f"Sonic conductance C{which}", fill, exhaust
         ratios = [flow["parameters"].get(f"b_{edge}{end}") for edge in ("supply", "exhaust")]
         if ratios[0] is not None and ratios[1] is not None:
             yield f"Critical pressure ratio b{which}", _estimate(ratios[0]), _estimate(ratios[1])
+
+
+def _conductance(item: Mapping[str, Any], edge: str) -> str:
+    # Earlier results have no interval.
+    std = item.get(f"C_{edge}_std")
+    value = Value(item[f"C_{edge}_m3_per_s_Pa"], math.nan if std is None else std, "m³/(s Pa)")
+    return quantity(value)
 
 
 def _estimate(item: Mapping[str, Any]) -> str:

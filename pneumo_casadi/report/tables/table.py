@@ -4,6 +4,8 @@ import math
 import re
 from dataclasses import dataclass
 
+from pneumo_casadi.effects import EFFECTS
+
 #: SI unit -> unit of display and factor.
 DISPLAY = {"m": ("mm", 1e3), "Pa": ("kPa", 1e-3)}
 #: Prefixes of units by power of ten.
@@ -18,6 +20,8 @@ _SYMBOLS = {
     "psi_minus": "ψ⁻",
     "phi": "φ",
 }
+#: The effect before the name of one of its parameters.
+_OWNER = re.compile(rf"\b({'|'.join(sorted(EFFECTS, key=len, reverse=True))})\.(?=[A-Za-z])")
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,10 +116,25 @@ def with_symbols(text: str) -> str:
     --------
     >>> with_symbols("F_c_plus"), with_symbols("psi_minus_2"), with_symbols("M")
     ('F_c⁺', 'ψ⁻_2', 'M')
+    >>> with_symbols("hose_volume.V")
+    'hose: V'
     """
+    text = _OWNER.sub(lambda owner: f"{cause_name(owner[1])}: ", text)
     for plain, symbol in _SYMBOLS.items():
         text = re.sub(rf"\b{plain}(?=\b|_\d)", symbol, text)
     return text
+
+
+def cause_name(name: str) -> str:
+    """Return the one name under which reports show an effect, whichever form of it is meant.
+
+    Examples
+    --------
+    >>> cause_name("hose_volume"), cause_name("valve_dead_zone"), cause_name("one_of_your_own")
+    ('hose', 'valve dead zone', 'one of your own')
+    """
+    known = EFFECTS.get(name)
+    return (name if known is None else known.cause).replace("_", " ")
 
 
 def scaled_unit(unit: str, exponent: int) -> str:

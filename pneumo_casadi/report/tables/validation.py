@@ -10,8 +10,8 @@ from pneumo_casadi.validation import Error, Validation
 _RANGES = {
     "x": ("mm", 1e3),
     "v": ("mm/s", 1e3),
-    "p_P": ("bar", 1e-5),
-    "p_N": ("bar", 1e-5),
+    "p_P": ("kPa", 1e-3),
+    "p_N": ("kPa", 1e-3),
     "F": ("N", 1.0),
 }
 _NOTE = (

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
-from pneumo_casadi.diagnosis import Diagnosis, EffectFound
+from pneumo_casadi.diagnosis import Diagnosis, EffectFound, Value
 from pneumo_casadi.diagnosis.discover.discovered import DiscoveredTerm
 from pneumo_casadi.diagnosis.metrics.location import Location
 from pneumo_casadi.effects import EFFECTS
@@ -16,7 +16,7 @@ from pneumo_casadi.report.tables.quantities import (
     short_quantity,
     whole,
 )
-from pneumo_casadi.report.tables.table import with_symbols
+from pneumo_casadi.report.tables.table import cause_name, with_symbols
 
 Catalogue = Mapping[str, type[Effect]]
 
@@ -59,10 +59,22 @@ _SUSPECTS = {
 }
 
 
-def cause_sentences(diagnosis: Diagnosis, catalogue: Catalogue = EFFECTS) -> tuple[str, ...]:
-    """Return what was added to the model, one sentence an effect, with sizes ± 2σ."""
+def cause_sentences(
+    diagnosis: Diagnosis, catalogue: Catalogue = EFFECTS, final: Mapping[str, Value] | None = None
+) -> tuple[str, ...]:
+    """Return what was added to the model, one sentence an effect, with sizes ± 2σ.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+        The diagnosis.
+    catalogue : mapping of str to effect class, optional
+        Where the effects are described.
+    final : mapping of str to Value, optional
+        Parameters of the final model: where they have an interval, the sizes are theirs.
+    """
     return (
-        *(_cause(effect, catalogue) for effect in diagnosis.effects),
+        *(_cause(effect, catalogue, final or {}) for effect in diagnosis.effects),
         *(_undecided(effect) for effect in diagnosis.undecided),
     )
 
@@ -72,18 +84,23 @@ def _undecided(effect: EffectFound) -> str:
     return f"Also there: {joined(names, 'or')}; the data cannot tell which.{_share(effect)}"
 
 
-def _cause(effect: EffectFound, catalogue: Catalogue) -> str:
+def _cause(effect: EffectFound, catalogue: Catalogue, final: Mapping[str, Value]) -> str:
     known = catalogue.get(effect.form)
     described = {item.name: item.description for item in known().parameters} if known else {}
-    largest = sorted(effect.parameters, key=lambda name: -abs(effect.parameters[name].value))[:TOLD]
+    parameters = dict(effect.parameters)
+    for name in parameters:
+        refined = final.get(f"{effect.form}.{name}")
+        if refined is not None and refined.std > 0:
+            parameters[name] = refined
+    largest = sorted(parameters, key=lambda name: -abs(parameters[name].value))[:TOLD]
     sizes = [
         f"{with_symbols(name)} = {quantity(value)}"
         + (f" ({described[name]})" if name in described else "")
-        for name, value in effect.parameters.items()
-        if len(effect.parameters) <= TOLD or name in largest
+        for name, value in parameters.items()
+        if len(parameters) <= TOLD or name in largest
     ]
-    if len(effect.parameters) > TOLD:
-        sizes.append(f"and {len(effect.parameters) - TOLD} smaller ones")
+    if len(parameters) > TOLD:
+        sizes.append(f"and {len(parameters) - TOLD} smaller ones")
     size = f" Parameters: {'; '.join(sizes)}." if sizes else ""
     return (
         f"{capitalised(plain(effect.name))} (probability {chance(effect.probability)}): "
@@ -117,8 +134,8 @@ def _forms(effect: EffectFound) -> str:
     if not others:
         return ""
     rest = joined([f"{plain(name)} {whole(closed)}" for name, closed in others.items()])
-    own = f"{plain(effect.form)} closes {whole(effect.forms[effect.form])} of the gap alone"
-    return f" Form that fits best: {own}, {rest}."
+    own = f"{plain(effect.form)} closes {whole(effect.forms[effect.form])} in the balances alone"
+    return f" Of its forms {own}, {rest}."
 
 
 def described_as(name: str, catalogue: Catalogue = EFFECTS) -> str:
@@ -139,7 +156,7 @@ def described_as(name: str, catalogue: Catalogue = EFFECTS) -> str:
 
 
 def without_underscores(text: str, catalogue: Catalogue = EFFECTS) -> str:
-    """Return a sentence with the names of effects in plain words.
+    """Return a sentence with the names of effects in plain words, forms by that of their cause.
 
     Examples
     --------
@@ -147,7 +164,7 @@ def without_underscores(text: str, catalogue: Catalogue = EFFECTS) -> str:
     'position delay may be part of it; k_P is 1.2'
     """
     for name in sorted({*EFFECTS, *catalogue}, key=len, reverse=True):
-        text = text.replace(name, plain(name))
+        text = text.replace(name, cause_name(name))
     return text
 
 

@@ -5,7 +5,12 @@ from collections.abc import Iterator, Sequence
 
 from pneumo_casadi.diagnosis import Diagnosis, Verdict
 from pneumo_casadi.diagnosis.metrics.findings import joined_names
-from pneumo_casadi.diagnosis.wording.location_sentences import location_sentences
+from pneumo_casadi.diagnosis.metrics.location import Location
+from pneumo_casadi.diagnosis.refined_identification import with_refined_checks
+from pneumo_casadi.diagnosis.wording.location_sentences import (
+    location_sentences,
+    locations_in_words,
+)
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.report.tables.diagnosis import (
@@ -13,13 +18,13 @@ from pneumo_casadi.report.tables.diagnosis import (
     GAP_DEFINITION,
     OUTSIDE,
     PROBABLE,
-    contains_found,
-    diagnosis_tables,
+    builds_on_found,
     has_after,
     matters,
     nearest,
 )
 from pneumo_casadi.report.tables.quantities import between, chance, percent, plain, whole
+from pneumo_casadi.report.tables.verdict.estimates import diagnosis_tables
 from pneumo_casadi.report.text.causes import (
     Catalogue,
     capitalised,
@@ -31,6 +36,7 @@ from pneumo_casadi.report.text.causes import (
 )
 from pneumo_casadi.report.text.final_model import final_model, final_sentences, final_title
 from pneumo_casadi.report.text.identification import WIDTH, render
+from pneumo_casadi.report.text.parameter_checks import check_sentences, checks_of_what
 
 #: A verdict in one or two words.
 VERDICTS = {
@@ -88,8 +94,8 @@ def headline(diagnosis: Diagnosis) -> str:
             f"the error on held-out data, beyond the sensor noise, is {percent(gap.before)} of the "
             "signals."
         )
-    wrong = sum(not check.agrees for check in diagnosis.checks)
-    but = f", but {wrong} of {len(diagnosis.checks)} parameter checks fail" if wrong else ""
+    wrong = sum(not check.agrees for check in diagnosis.final_checks)
+    but = f", but {wrong} of {len(diagnosis.final_checks)} parameter checks fail" if wrong else ""
     return (
         "Model and measurement agree: beyond the sensor noise they differ by "
         f"{percent(gap.before)} of the signals on held-out data{but}."
@@ -118,7 +124,7 @@ def refused_sentences(diagnosis: Diagnosis) -> tuple[str, ...]:
     others = [item for item in diagnosis.ranking if not matters(diagnosis, item)]
     if not others:
         return ()
-    alone = [item for item in others if not contains_found(diagnosis, item)]
+    alone = [item for item in others if not builds_on_found(diagnosis, item)]
     closures = [item.closure.value for item in alone if item.closure is not None]
     without = "" if len(alone) == len(others) else " without the effects found"
     largest = whole(max(PROBABLE, *closures)) if closures else ""
@@ -135,8 +141,12 @@ def refused_sentences(diagnosis: Diagnosis) -> tuple[str, ...]:
 def note_sentences(diagnosis: Diagnosis) -> tuple[str, ...]:
     """Return the notes, without those on candidates that do not matter."""
     refused = [item for item in diagnosis.ranking if not matters(diagnosis, item)]
-    left_out = tuple(f"{item.label}: {item.failure}" for item in refused if item.failure)
-    return tuple(text for text in diagnosis.notes if text not in left_out)
+    left_out = {
+        without_underscores(f"{item.label}: {item.failure}") for item in refused if item.failure
+    }
+    # Notes name the forms that were fitted, the ranking their causes.
+    notes = map(without_underscores, diagnosis.notes)
+    return tuple(text for text in dict.fromkeys(notes) if text not in left_out)
 
 
 def size_title(diagnosis: Diagnosis) -> str:
@@ -155,7 +165,7 @@ def size_sentences(diagnosis: Diagnosis) -> tuple[str, ...]:
     if not has_after(diagnosis):
         return GAP_DEFINITION, f"{before}.", *sentences, *floor
     if not diagnosis.effects:
-        names = joined([plain(name) for name in nearest(diagnosis)])
+        names = joined(nearest(diagnosis))
         which = f"{names}, the best candidate," if names else "the best candidate"
         after = f"{before}; with {which} it is {percent(gap.after)}."
         return GAP_DEFINITION, after, *sentences, *floor
@@ -208,27 +218,11 @@ def alternative_sentences(diagnosis: Diagnosis, catalogue: Catalogue = EFFECTS) 
     return tuple(parts)
 
 
-def check_sentences(diagnosis: Diagnosis) -> tuple[tuple[bool, str], ...]:
-    """Return each check of the parameters: whether it agrees, and its text; failures first."""
-    return tuple(
-        (check.agrees, check.text)
-        for check in sorted(diagnosis.checks, key=lambda check: check.agrees)
-    )
-
-
-def checks_of_what(diagnosis: Diagnosis) -> tuple[str, ...]:
-    """Return of which model the parameters are that are checked."""
-    if diagnosis.verdict is Verdict.UNKNOWN:
-        return (
-            "The cause is not in this model. That a parameter agrees does not make it right: its "
-            "error may lie within the range.",
-        )
-    return ()
-
-
 def location_text(diagnosis: Diagnosis) -> str:
-    """Return the balance in which model and measurement disagree, in a few words."""
-    return BALANCES.get(diagnosis.where.balance, plain(diagnosis.where.balance))
+    """Return the locations in which model and measurement disagree, in a few words."""
+    if diagnosis.where.balance is Location.NONE:
+        return BALANCES[Location.NONE]
+    return locations_in_words(diagnosis.where.balances).replace("the ", "")
 
 
 def summary_text(
@@ -245,19 +239,24 @@ def summary_text(
     refined : Identification, optional
         The final model refined by output error.
     """
+    diagnosis = with_refined_checks(diagnosis, refined)
     final = None if refined is None else final_model(refined)
-    checks = [f"{'ok ' if ok else 'NOT'}  {text}" for ok, text in check_sentences(diagnosis)]
+    values = None if final is None else final.values
+    checks = [f"{result}: {text}" for result, text in check_sentences(diagnosis)]
     sections = [
         ("Where model and measurement disagree", where_sentences(diagnosis, catalogue)),
         (
             "Effects found" if diagnosis.final_effects else "Candidate causes",
-            (*cause_sentences(diagnosis, catalogue), *refused_sentences(diagnosis)),
+            (*cause_sentences(diagnosis, catalogue, values), *refused_sentences(diagnosis)),
         ),
         (size_title(diagnosis), size_sentences(diagnosis)),
         (final_title(diagnosis), final_sentences(diagnosis, final)),
         ("Other possible causes", alternative_sentences(diagnosis, catalogue)),
         ("Discovered term", discovered_sentences(diagnosis)),
-        ("Parameters compared with geometry and data sheet", checks),
+        (
+            "Parameters compared with geometry and data sheet",
+            (*checks_of_what(diagnosis), *checks),
+        ),
         ("Notes", note_sentences(diagnosis)),
     ]
     title = f"Diagnosis of {diagnosis.case}: {VERDICTS[diagnosis.verdict]}"
@@ -265,7 +264,7 @@ def summary_text(
     head += _section(FINDINGS_TITLE, finding_sentences(diagnosis))
     head += ["", textwrap.fill(headline(diagnosis), WIDTH)]
     body = [line for name, sentences in sections for line in _section(name, sentences)]
-    shown = [*([] if final is None else final.tables), *diagnosis_tables(diagnosis)]
+    shown = [*([] if final is None else final.tables), *diagnosis_tables(diagnosis, values)]
     tables = [render(table) for table in shown]
     end = f"Computing time: {diagnosis.seconds:.0f} s."
     return "\n".join([*head, *body]) + "\n\n\n" + "\n\n\n".join([*tables, end]) + "\n"

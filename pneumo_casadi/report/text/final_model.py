@@ -4,13 +4,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from pneumo_casadi.diagnosis import Diagnosis, Verdict
+from pneumo_casadi.diagnosis import Diagnosis, Value, Verdict
+from pneumo_casadi.estimation.statistics import EstimateStatus
 from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.identification.result_file import result_dict
 from pneumo_casadi.identification.warnings import Usability, Usable
 from pneumo_casadi.report.tables.laboratory import estimate_table, laboratory_tables
 from pneumo_casadi.report.tables.parameters import INTERVALS
-from pneumo_casadi.report.tables.table import Table
+from pneumo_casadi.report.tables.table import Table, with_symbols
 
 #: Title of the section.
 TITLE = "Parameters to use: final model refined by output error"
@@ -30,11 +31,17 @@ class FinalModel:
         The moving mass with its interval; empty where it was not estimated.
     tables : tuple of Table
         Its parameters, in laboratory terms first.
+    values : mapping of str to Value
+        All of them; those that were held have no standard deviation.
+    least : str
+        The least certain one that the axis or its effects have, with its interval.
     """
 
     usability: Usability
     mass: str
     tables: tuple[Table, ...]
+    values: Mapping[str, Value]
+    least: str = ""
 
 
 def final_model(refined: Identification | Mapping[str, Any]) -> FinalModel:
@@ -53,7 +60,40 @@ def final_model(refined: Identification | Mapping[str, Any]) -> FinalModel:
     title = "Coefficients of the mass balances, estimate ± 2σ"
     own = replace(table, title=title, rows=coefficients, notes=(*table.notes, INTERVALS))
     tables = (*terms, own)
-    return FinalModel(usability, "".join(mass), tables)
+    return FinalModel(usability, "".join(mass), tables, _values(content), least_certain(content))
+
+
+def least_certain(content: Mapping[str, Any]) -> str:
+    """Return the identified parameter with the largest relative interval; empty without one.
+
+    Parameters
+    ----------
+    content : mapping
+        Plain values of an identification, as in ``result.json``.
+    """
+    relative = {
+        name: 200 * item["std_robust"] / abs(item["value"])
+        for name, item in content["output_error"]["parameters"].items()
+        if item["std_robust"] and item["value"]
+    }
+    if not relative:
+        return ""
+    name = max(relative, key=lambda each: relative[each])
+    return f"{with_symbols(name)}, ± {relative[name]:.2g} % (2σ)"
+
+
+def _values(content: Mapping[str, Any]) -> dict[str, Value]:
+    flow = (content["flow"] or {}).get("parameters", {})
+    items = content["output_error"]["parameters"] | flow
+    return {
+        name: Value(
+            item["value"],
+            max(item["std"] or 0.0, item["std_robust"] or 0.0),
+            item["unit"],
+            item.get("status") == EstimateStatus.AT_BOUND,
+        )
+        for name, item in items.items()
+    }
 
 
 def final_title(diagnosis: Diagnosis) -> str:

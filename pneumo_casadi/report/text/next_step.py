@@ -20,7 +20,7 @@ _RECORDS = {
 _ANY = "record motions in which it varies more"
 
 
-def next_step(diagnosis: Diagnosis, ready: bool = False) -> str:
+def next_step(diagnosis: Diagnosis, ready: bool = False, least: str = "") -> str:
     """Return what should be done or recorded next, in a few words.
 
     Parameters
@@ -29,6 +29,8 @@ def next_step(diagnosis: Diagnosis, ready: bool = False) -> str:
         The diagnosis.
     ready : bool, optional
         Whether its final model was refined and can be used.
+    least : str, optional
+        Its least certain parameter, with interval.
 
     Examples
     --------
@@ -38,7 +40,7 @@ def next_step(diagnosis: Diagnosis, ready: bool = False) -> str:
     'nothing for motions like these; record others to test the model there'
     """
     verdict = diagnosis.verdict
-    wrong = joined([check.name for check in diagnosis.checks if not check.agrees])
+    wrong = joined([check.name for check in diagnosis.final_checks if not check.agrees])
     if diagnosis.findings:
         return "correct the records: see below"
     if diagnosis.experiment:
@@ -55,7 +57,8 @@ def next_step(diagnosis: Diagnosis, ready: bool = False) -> str:
         driver = diagnosis.discovered.term.driver
         return f"look for what acts over {DRIVER_NAMES[driver]}, and {_RECORDS.get(driver, _ANY)}"
     if ready:
-        return "use the model in result.json; `design` plans a record that makes it more certain"
+        certain = f"; least certain is {least}" if least else ""
+        return f"use the model in result.json; `design` plans the next record{certain}"
     forms = [effect.form for effect in diagnosis.effects]
     if not all(form in EFFECTS for form in forms):
         return "plan a record for the model with it: `pneumo-casadi design`"

@@ -5,11 +5,11 @@ import textwrap
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from pneumo_casadi.diagnosis import Diagnosis
+from pneumo_casadi.diagnosis import Diagnosis, Where
 from pneumo_casadi.report.figures.diagnosis.gap import draw_gap, gap_legend
 from pneumo_casadi.report.figures.diagnosis.ranking import draw_ranking
 from pneumo_casadi.report.figures.diagnosis.unknown_inputs import draw_unknown_input
-from pneumo_casadi.report.figures.diagnosis.where import draw_regimes, draw_shares
+from pneumo_casadi.report.figures.diagnosis.where import draw_location, draw_regimes
 from pneumo_casadi.report.figures.style import HEAD, PAGE, SMALL, TEXT, new_figure
 from pneumo_casadi.report.tables.diagnosis import VIEWS, gap_models
 from pneumo_casadi.report.tables.quantities import plain
@@ -41,15 +41,20 @@ def dashboard_figure(diagnosis: Diagnosis) -> Figure:
     right = figure.add_subplot(grid[0, 2], sharey=left)
     right.tick_params(labelleft=False)
     draw_ranking(left, right, diagnosis, CAUSES)
-    draw_shares(figure.add_subplot(grid[1, 0]), diagnosis.where.shares)
+    draw_location(figure.add_subplot(grid[1, 0]), diagnosis.where)
     _details(figure.add_subplot(grid[1, 1:]), diagnosis)
     return figure
 
 
+def most_affected(where: Where) -> str:
+    """Return the balance that is named first; where that is a sensor, the one it shows in most."""
+    named = [location.value for location in where.balances if location.value in where.shares]
+    return named[0] if named else max(where.shares, key=lambda name: where.shares[name])
+
+
 def _details(axes: Axes, diagnosis: Diagnosis) -> None:
     """Draw the unknown input of the most affected balance, or without curves the conditions."""
-    shares = diagnosis.where.shares
-    first = max(shares, key=lambda name: shares[name])
+    first = most_affected(diagnosis.where)
     if diagnosis.evidence is not None and diagnosis.evidence.inputs:
         draw_unknown_input(axes, diagnosis.evidence.inputs[0], first)
         axes.set_xlabel("$t$ [s]", fontsize=TEXT, labelpad=2)

@@ -19,7 +19,7 @@ from pneumo_casadi.report.figures.style import (
 _SHOWN = {
     "m": ("mm", 1e3),
     "m/s": ("mm/s", 1e3),
-    "Pa": ("bar", 1e-5),
+    "Pa": ("kPa", 1e-3),
     "kg/s": ("g/s", 1e3),
     "1": ("%", 1e2),
 }

@@ -20,10 +20,10 @@ from pneumo_casadi.report.tables.diagnosis import matters
 from pneumo_casadi.report.tables.quantities import chance, plain
 
 #: Candidates drawn: those that matter up to the first number, and the first ones up to the second.
-DRAWN, LEAST = 8, 3
+DRAWN, LEAST = 5, 3
 #: Height of a line of a label [rows].
 LINE = 0.62
-#: Reduction of the gap [%] at which the axis ends; smaller values are arrows there.
+#: Closing [%] at which the axis ends; smaller values are arrows there.
 WORST = -100.0
 
 
@@ -49,7 +49,7 @@ def draw_ranking(left: Axes, right: Axes, diagnosis: Diagnosis, most: int = DRAW
         _closing(right, i, candidate, colour)
     labels = [_lines(candidate.label) for candidate in shown]
     dress(left, "probability [%]")
-    dress(right, "gap reduction [%]")
+    dress(right, "closes in the balances [%]")
     left.set_xlim(0, 104)
     closures = [candidate.closure for candidate in shown if candidate.closure is not None]
     low = min((100 * closure.lower for closure in closures), default=0.0)

@@ -20,14 +20,14 @@ from pneumo_casadi.report.interactive.look import COLOURS
 #: Quantities on the horizontal axis: symbol, unit, factor from SI.
 _QUANTITIES = {
     "u": (r"$u_0$", "V", 1.0),
-    "p": (r"$p_0$", "bar", 1e-5),
+    "p": (r"$p_0$", "kPa", 1e-3),
     "F": (r"$F$", "N", 1.0),
     "v": (r"$\dot x$", "mm/s", 1e3),
     "x": (r"$x$", "mm", 1e3),
     "t": (r"$t$", "s", 1.0),
 }
 #: Unit of a residual as it is shown, and the factor from SI.
-_RESIDUALS = {"N": ("N", 1.0), "Pa/s": ("bar/s", 1e-5), "m/s2": ("m/s²", 1.0)}
+_RESIDUALS = {"N": ("N", 1.0), "Pa/s": ("kPa/s", 1e-3), "m/s2": ("m/s²", 1.0)}
 _COLUMNS = 2
 
 

@@ -24,30 +24,30 @@ from pneumo_casadi.report.figures.style import (
 _LETTERS = {"mass_flow_P": r"$w_P$", "mass_flow_N": r"$w_N$", "force": r"$w_F$"}
 
 
-def unknown_input_figure(inputs: UnknownInputs, shares: Mapping[str, float]) -> Figure:
-    """Draw the unknown input of each balance, with a band of ±2σ and its share of the whole.
+def unknown_input_figure(inputs: UnknownInputs, sizes: Mapping[str, float]) -> Figure:
+    """Draw the unknown input of each balance, with a band of ±2σ and its size.
 
     Parameters
     ----------
     inputs : UnknownInputs
         Of one record.
-    shares : mapping of str to float
-        Of each balance, written into its panel.
+    sizes : mapping of str to float
+        Root mean square over the signal of each balance [1], written into its panel.
     """
     n = len(inputs.equations)
     figure = new_figure(10.0 + 27.0 * n)
     panels = figure.subplots(n, 1, sharex=True, squeeze=False)[:, 0]
     for axes, name in zip(panels, inputs.equations, strict=True):
-        draw_unknown_input(axes, inputs, name, shares.get(name))
+        draw_unknown_input(axes, inputs, name, sizes.get(name))
     panels[-1].set_xlabel("$t$ [s]", fontsize=TEXT, labelpad=2)
     figure.align_ylabels()
     return figure
 
 
 def draw_unknown_input(
-    axes: Axes, inputs: UnknownInputs, name: str, share: float | None = None
+    axes: Axes, inputs: UnknownInputs, name: str, size: float | None = None
 ) -> None:
-    """Draw the unknown input of a balance into given axes, with its band and share."""
+    """Draw the unknown input of a balance into given axes, with its band and size."""
     i = inputs.equations.index(name)
     unit, factor = DISPLAY[UNITS[name]]
     counts = inputs.counts[i]
@@ -68,6 +68,6 @@ def draw_unknown_input(
         )  # fmt: skip
     dress(axes, None, f"{_LETTERS[name]} [{unit}]")
     axes.set_xlim(float(inputs.t[0]), float(inputs.t[-1]))
-    if share is not None:
+    if size is not None:
         headroom(axes)
-        remark(axes, f"{100 * share:.0f} % of the unknown inputs")
+        remark(axes, f"{100 * size:.2g} % of the balance's signal")

@@ -6,10 +6,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from pneumo_casadi.diagnosis import Diagnosis, Regime
+from pneumo_casadi.diagnosis import Diagnosis, Regime, Where
 from pneumo_casadi.report.figures.style import (
     BLUE,
     GREY,
+    HEAD,
     REST,
     ROW,
     SKY,
@@ -21,18 +22,19 @@ from pneumo_casadi.report.figures.style import (
     symbol,
     write_at_bar,
 )
-from pneumo_casadi.report.tables.quantities import percent
+from pneumo_casadi.report.interactive.look import COLOURS
+from pneumo_casadi.report.tables.quantities import percent, plain
 
 
 def where_figure(diagnosis: Diagnosis) -> Figure:
     """Draw the share of each balance, and conditions with their shares of residual and time."""
-    shares, regimes = diagnosis.where.shares, diagnosis.where.regimes
-    heights = [ROW * len(shares) + REST]
+    where, regimes = diagnosis.where, diagnosis.where.regimes
+    heights = [ROW * len(where.shares) + REST + (HEAD if len(_sized(where)) > 1 else 0.0)]
     if regimes:
         heights.append(ROW * 2.2 * len(regimes) + REST)
     figure = new_figure(sum(heights))
     panels = figure.subplots(len(heights), 1, squeeze=False, height_ratios=heights)[:, 0]
-    draw_shares(panels[0], shares)
+    draw_location(panels[0], where)
     if regimes:
         draw_regimes(panels[1], regimes)
         legend = panels[1].get_legend()
@@ -59,15 +61,47 @@ def draw_regimes(axes: Axes, regimes: Sequence[Regime]) -> None:
     legend_above(axes, 2)
 
 
-def draw_shares(axes: Axes, shares: Mapping[str, float]) -> None:
-    """Draw the share of each balance in the unknown inputs."""
-    y = np.arange(len(shares))
-    axes.barh(y, [100 * share for share in shares.values()], 0.6, color=BLUE, zorder=2)
-    for i, share in enumerate(shares.values()):
-        write_at_bar(axes, 100 * share, i, percent(100 * share))
-    dress(axes, "share of the unknown inputs [%]")
-    axes.set_yticks(y, [symbol(name) for name in shares], fontsize=TEXT)
-    axes.set_ylim(len(shares) - 0.45, -0.55)
-    axes.set_xlim(0, 104)
+def draw_location(axes: Axes, where: Where) -> None:
+    """Draw what the effects found add to each balance; without effects, what each one lacks.
+
+    It is what the sentence on the location is made from: both name the same balance.
+    """
+    names, sizes = list(where.shares), _sized(where)
+    if sizes:
+        _draw_sizes(axes, names, sizes)
+        dress(axes, "added by the effects [% of the balance's signal]")
+    else:
+        for i, share in enumerate(where.shares.values()):
+            axes.barh(i, 100 * share, 0.6, color=BLUE, zorder=2)
+            write_at_bar(axes, 100 * share, i, percent(100 * share))
+        dress(axes, "share of the unknown inputs [%]")
+        axes.set_xlim(0, 104)
+    axes.set_yticks(np.arange(len(names)), [symbol(name) for name in names], fontsize=TEXT)
+    axes.set_ylim(len(names) - 0.45, -0.55)
     axes.grid(False, axis="y")
     axes.tick_params(axis="y", length=0)
+
+
+def _sized(where: Where) -> dict[str, Mapping[str, float]]:
+    """Return the effects that add to a balance: not those in a sensor."""
+    return {cause: sizes for cause, sizes in where.sizes.items() if sizes}
+
+
+def _draw_sizes(axes: Axes, names: Sequence[str], sizes: Mapping[str, Mapping[str, float]]) -> None:
+    pitch = 0.76 / len(sizes)
+    largest = 100 * max(max(each.values()) for each in sizes.values())
+    for k, (cause, added) in enumerate(sizes.items()):
+        at = np.arange(len(names)) + (k - (len(sizes) - 1) / 2) * pitch
+        values = [100 * added.get(name, 0.0) for name in names]
+        colour = COLOURS[1:][k % (len(COLOURS) - 1)]
+        axes.barh(at, values, min(0.9 * pitch, 0.6), color=colour, label=plain(cause), zorder=2)
+        for row, value in zip(at, values, strict=True):
+            if value == 0:
+                continue
+            axes.annotate(
+                percent(value), (value, row), (2, -0.4), textcoords="offset points", va="center",
+                fontsize=SMALL - 1.0, zorder=4,
+            )  # fmt: skip
+    axes.set_xlim(0, 1.18 * largest if largest > 0 else 1.0)
+    if len(sizes) > 1:
+        axes.legend(fontsize=SMALL - 1.0, frameon=False, loc="lower right")

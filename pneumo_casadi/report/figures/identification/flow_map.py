@@ -20,7 +20,7 @@ from pneumo_casadi.report.figures.style import (
 )
 from pneumo_casadi.valve import FlowMap, FlowModel, Projections, map_residuals, project_flow_map
 
-G_PER_S, BAR = 1e3, 1e-5
+G_PER_S, KPA = 1e3, 1e-3
 #: Curves in a projection.
 CURVES = 9
 
@@ -54,14 +54,14 @@ def residual_map_figure(table: FlowMap, model: FlowModel) -> Figure:
         u, p, _ = table.grid()
         order = np.lexsort((residuals.p, residuals.u))
         values = residuals.residual[order].reshape(u.size, p.size).T * G_PER_S
-        axes.pcolormesh(u, p * BAR, values, norm=norm, cmap="PuOr", shading="nearest")
+        axes.pcolormesh(u, p * KPA, values, norm=norm, cmap="PuOr", shading="nearest")
     else:
         values = residuals.residual * G_PER_S
-        axes.scatter(residuals.u, residuals.p * BAR, 6, values, norm=norm, cmap="PuOr")
+        axes.scatter(residuals.u, residuals.p * KPA, 6, values, norm=norm, cmap="PuOr")
     bar = figure.colorbar(ScalarMappable(norm, "PuOr"), ax=axes, pad=0.02)
     bar.set_label(r"measured − fitted $q_m$ [g/s]", fontsize=TEXT)
     bar.ax.tick_params(labelsize=SMALL, width=0.6, length=2.5)
-    dress(axes, "$u$ [V]", "$p$ [bar]")
+    dress(axes, "$u$ [V]", "$p$ [kPa]")
     axes.set_title(
         f"rms {residuals.rms_percent:.2g} %, largest {residuals.max_percent:.2g} % "
         "of the largest flow",
@@ -79,14 +79,14 @@ def _on_grid(table: FlowMap, model: FlowModel) -> Projections:
 
 
 def _surface(axes: Any, fine: Projections) -> None:
-    U, P = np.meshgrid(fine.u, fine.p * BAR, indexing="ij")
+    U, P = np.meshgrid(fine.u, fine.p * KPA, indexing="ij")
     axes.plot_surface(
         U, P, fine.q_m * G_PER_S, cmap="viridis", rstride=3, cstride=3, linewidth=0.2,
         edgecolor="#ffffff60",
     )  # fmt: skip
     axes.tick_params(labelsize=SMALL - 1, pad=-2)
     axes.set_xlabel("$u$ [V]", fontsize=SMALL, labelpad=-5)
-    axes.set_ylabel("$p$ [bar]", fontsize=SMALL, labelpad=-5)
+    axes.set_ylabel("$p$ [kPa]", fontsize=SMALL, labelpad=-5)
     axes.zaxis.set_rotate_label(False)  # by itself it stands on its head
     axes.set_zlabel("$q_m$ [g/s]", fontsize=SMALL, labelpad=-9, rotation=90)
     axes.view_init(elev=24, azim=-132)
@@ -101,10 +101,10 @@ def _flow_against_pressure(
     fine = np.linspace(*table.p_range, 200)
     commands = measured.u if measured is not None else np.linspace(*table.u_range, CURVES)
     for i in _chosen(commands.size):
-        axes.plot(fine * BAR, model(commands[i], fine) * G_PER_S, color=BLUE, linewidth=LINE)
+        axes.plot(fine * KPA, model(commands[i], fine) * G_PER_S, color=BLUE, linewidth=LINE)
         if measured is not None:
-            _dots(axes, measured.p * BAR, measured.q_m[i] * G_PER_S)
-    dress(axes, "$p$ [bar]", "$q_m$ [g/s]")
+            _dots(axes, measured.p * KPA, measured.q_m[i] * G_PER_S)
+    dress(axes, "$p$ [kPa]", "$q_m$ [g/s]")
     span = f"$u$ = {commands[0]:g} … {commands[-1]:g} V".replace("-", "−")
     axes.set_title(span, fontsize=SMALL, pad=2)
 
@@ -119,15 +119,15 @@ def _flow_against_command(
         if measured is not None:
             _dots(axes, measured.u, measured.q_m[:, j] * G_PER_S)
     dress(axes, "$u$ [V]", "$q_m$ [g/s]")
-    span = f"{pressures[0] * BAR:g} … {pressures[-1] * BAR:g} bar"
+    span = f"{pressures[0] * KPA:g} … {pressures[-1] * KPA:g} kPa"
     axes.set_title(f"$p$ = {span}", fontsize=SMALL, pad=2)
 
 
 def _pressure_gain(axes: Axes, measured: Projections | None, fine: Projections) -> None:
-    axes.plot(fine.u, fine.p_closed * BAR, color=BLUE, linewidth=LINE, label="fitted")
+    axes.plot(fine.u, fine.p_closed * KPA, color=BLUE, linewidth=LINE, label="fitted")
     if measured is not None:
-        _dots(axes, measured.u, measured.p_closed * BAR, "measured")
-    dress(axes, "$u$ [V]", "$p$ [bar]")
+        _dots(axes, measured.u, measured.p_closed * KPA, "measured")
+    dress(axes, "$u$ [V]", "$p$ [kPa]")
     axes.set_title("closed outlet, $q_m$ = 0", fontsize=SMALL, pad=2)
     # Left of the steep curve at null, where nothing is drawn.
     axes.legend(

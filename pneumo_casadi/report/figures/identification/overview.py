@@ -53,12 +53,12 @@ def _flow(axes: Axes, table: FlowMap, model: FlowModel) -> None:
     for command in np.unique(chosen):
         at = table.u == command
         fitted, metered = ("fitted", "measured") if command == chosen[0] else (None, None)
-        axes.plot(p * 1e-5, model(command, p) * 1e3, color=BLUE, linewidth=LINE, label=fitted)
+        axes.plot(p * 1e-3, model(command, p) * 1e3, color=BLUE, linewidth=LINE, label=fitted)
         axes.plot(
-            table.p[at] * 1e-5, table.q_m[at] * 1e3, "o", color=MEASURED, markersize=2.6,
+            table.p[at] * 1e-3, table.q_m[at] * 1e3, "o", color=MEASURED, markersize=2.6,
             markeredgewidth=0, zorder=1.8, label=metered,
         )  # fmt: skip
-    dress(axes, "$p$ [bar]", "$q_m(u, p)$ [g/s]")
+    dress(axes, "$p$ [kPa]", "$q_m(u, p)$ [g/s]")
     legend_above(axes, 2)
 
 

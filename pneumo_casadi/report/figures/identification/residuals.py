@@ -57,7 +57,7 @@ def residual_figure(result: OutputErrorResult, records: tuple[Recording, ...]) -
     figure = new_figure(16.0 + 27.0 * len(outputs))
     grid = figure.subplots(len(outputs), 2, squeeze=False, width_ratios=(1.7, 1), sharex="col")
     for i, name in enumerate(outputs):
-        label, factor = axis_label(name, result.axis.unit(name), error=True)
+        label, factor = axis_label(name, result.axis.unit(name))
         e = measured[i] - fitted[i]
         time, shown = thin(t, e)
         grid[i, 0].plot(time, shown * factor, color=BLUE, linewidth=0.4)

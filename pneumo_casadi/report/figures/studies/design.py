@@ -47,14 +47,14 @@ def _trajectories(panels: list[Axes], design: Design) -> None:
     run = next(iter(design.runs.values()))
     reference = design.reference
     t, x_ref, x, p_P, p_N, u_P, u_N = thin(
-        reference.t, 1e3 * reference.x_ref, 1e3 * run.y[2], *(1e-5 * run.y[:2]), *run.u
+        reference.t, 1e3 * reference.x_ref, 1e3 * run.y[2], *(1e-3 * run.y[:2]), *run.u
     )
     curves = (
         ((x_ref, "reference", GREY), (x, "position", BLUE)),
         ((p_P, "$p_P$", VERMILION), (p_N, "$p_N$", SKY)),
         ((u_P, "$u_P$", VERMILION), (u_N, "$u_N$", SKY)),
     )
-    labels = ("$x$ [mm]", "$p$ [bar]", "$u$ [V]")
+    labels = ("$x$ [mm]", "$p$ [kPa]", "$u$ [V]")
     for axes, lines, label in zip(panels, curves, labels, strict=True):
         for values, name, colour in lines:
             axes.plot(t, values, color=colour, linewidth=LINE, label=name)
