@@ -106,9 +106,9 @@ def flow_default_answer(result: Mapping[str, Any]) -> str:
     failed = [sum(fit["output_error"] is None for fit in side) for side in zip(*pairs, strict=True)]
     return (
         f"Of {len(cases)} labelled cases the default chooses {chosen}. Against eq. 12 with the "
-        "paper's degrees, the default of 0.1.0, the root mean square error of X_s1 ... X_s6 falls "
-        f"at the median from {medians('wls', 'rms_error_percent', pairs)} with WLS. With output "
-        "error, which refines the form anchored by the map, it goes from "
+        "paper's degrees, the default of 0.1.0, the median of the root mean square error of "
+        f"X_s1 ... X_s6 goes from {medians('wls', 'rms_error_percent', pairs)} with WLS. With "
+        "output error, which refines the form anchored by the map, it goes from "
         f"{medians('output_error', 'rms_error_percent', both)}, and the error of windows of the "
         f"held-out record from {medians('output_error', 'held_out_percent', both)} of the signal "
         f"({len(both)} cases where both converge; {failed[0]} fail with eq. 12, {failed[1]} with "
@@ -139,11 +139,16 @@ def _before_after(case: Mapping[str, Any]) -> tuple[Mapping[str, Any], Mapping[s
 
 
 def _case_errors(entry: Mapping[str, Any] | None) -> str:
-    """Largest error of X_s1 ... X_s6, then those of k_P = X_s3/X_s2 and k_N = X_s6/X_s5."""
+    """Largest error of X_s1 ... X_s6, then those of k_P = X_s3/X_s2 and k_N = X_s6/X_s5.
+
+    With heat exchange k has no true value, nor have X_s that contain it.
+    """
     if entry is None:
         return "failed"
     factor = {name: 1 + error / 100 for name, error in entry["errors_percent"].items()}
     worst = max(map(abs, entry["errors_percent"].values()))
+    if "X_s2" not in factor:
+        return f"{worst:.1f}"
     k = [100 * (factor[f"X_s{i + 1}"] / factor[f"X_s{i}"] - 1) for i in (2, 5)]
     return f"{worst:.1f} / {k[0]:+.1f} / {k[1]:+.1f}"
 

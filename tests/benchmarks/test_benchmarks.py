@@ -54,6 +54,30 @@ def test_intervals_cover_and_errors_stay_at_the_bound():
         assert 93 <= item["coverage_percent"] <= 97, name
 
 
+def test_the_default_form_of_the_flow_map_errs_less_than_eq_12():
+    figures = result("flow_form")["summary"]
+    default, eq_12 = (figures["forms"][form] for form in ("iso6358", "polynomials_7_7_4"))
+    assert set(figures["chosen"]) == {"iso6358"} and figures["chosen"]["iso6358"] >= 20
+    assert default["median_rms_error_percent_wls"] < 0.5 * eq_12["median_rms_error_percent_wls"]
+    assert default["failed"] <= eq_12["failed"]
+
+
+def test_errors_by_case_take_k_from_the_quotients_and_tell_what_failed(script):
+    table, _ = script(RESULTS.parent / "result_pages.py").TABLES["flow_default"]
+    exact = {f"X_s{i}": 0.0 for i in range(1, 7)} | {"X_s2": -50.0, "X_s6": 10.0}
+    fits = {
+        "polynomials_7_7_4": {"wls": {"errors_percent": exact}, "output_error": None},
+        "iso6358": {
+            "wls": {"errors_percent": {"X_s3": 1.0, "X_s6": -2.0}},
+            "output_error": {"errors_percent": exact, "held_out_percent": 1.234},
+        },
+    }
+    case = {"selection": {"chosen": "iso6358"}, "forms": fits}
+    row = table({"cases": {"practice/p00": case}}).splitlines()[-1]
+    shown = "50.0 / +100.0 / +10.0"
+    assert row == f"| p00 | ISO 6358 | {shown} | 2.0 | failed | {shown} |  | 1.23 |"
+
+
 def test_no_peer_that_reaches_the_optimum_is_near():
     figures = result("peers")
     assert figures["tools"]["pneumo_casadi"]["reached"]
