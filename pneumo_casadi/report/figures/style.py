@@ -238,12 +238,16 @@ def save_figure(figure: Figure, path: str | Path) -> tuple[Path, ...]:
     >>> [file.name for file in pc.plot.save(pc.plot.parameters(result), folder + "/parameters")]
     ['parameters.png', 'parameters.svg', 'parameters.pdf']
     """
-    path = Path(path)
-    written = []
-    for suffix, content in (("png", png(figure)), ("svg", svg(figure)), ("pdf", pdf(figure))):
-        file = path.with_name(f"{path.name}.{suffix}")
-        file.write_bytes(content)
-        written.append(file)
+    path, written = Path(path), []
+    layout = figure.get_layout_engine()
+    try:
+        for content_of in (png, svg, pdf):
+            file = path.with_name(f"{path.name}.{content_of.__name__}")
+            file.write_bytes(content_of(figure))
+            written.append(file)
+            figure.set_layout_engine("none")  # it takes as long as drawing, and would find the same
+    finally:
+        figure.set_layout_engine(layout)
     return tuple(written)
 
 
