@@ -10,9 +10,7 @@ import sys
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):  # before any import of numpy
     os.environ.setdefault(_name, "1")
 # What tests compile runs for milliseconds: compiling it quickly saves more than fast code would.
-os.environ.setdefault(
-    "PNEUMO_CASADI_FLAGS", "-O1 -march=native -fno-math-errno -fno-trapping-math"
-)
+os.environ.setdefault("PNEUMO_CASADI_FLAGS", "-O1 -march=native -fno-math-errno -fno-trapping-math")
 
 from dataclasses import replace  # noqa: E402
 from pathlib import Path  # noqa: E402
@@ -110,9 +108,13 @@ def quick_diagnosis(once_a_run):
 _EXAMPLE_RESULTS = {"result": "quick", "diagnosis": "quick_diagnosis"}
 
 
+#: Functions whose examples write a report and do not speak of its figures.
+_WITHOUT_FIGURES = {"read_comparison", "read_diagnosis"}
+
 #: Functions whose examples take more than a second.
 _SLOW_EXAMPLES = {
     *("Comparison", "compare", "design_experiment", "diagnose", "diagnose_many", "write_report"),
+    *("read_comparison",),
 }
 
 
@@ -141,5 +143,7 @@ def names_of_examples(request, doctest_namespace):
     """Give `pc`, and the shared results that an example reads, to the docstrings."""
     if isinstance(request.node, pytest.DoctestItem):
         doctest_namespace["pc"] = pc
+        if request.node.name.rpartition(".")[2] in _WITHOUT_FIGURES:
+            request.getfixturevalue("without_figures")
         for name in _results_used(request.node):
             doctest_namespace[name] = request.getfixturevalue(_EXAMPLE_RESULTS[name])

@@ -237,7 +237,7 @@ def test_an_earlier_report_is_replaced_and_what_was_added_stays(quick, tmp_path,
 
 @pytest.mark.slow
 def test_a_report_that_breaks_midway_leaves_the_earlier_one(
-    quick, tmp_path, monkeypatch, one_figure
+    quick, tmp_path, monkeypatch, without_figures
 ):
     folder = write_report(quick, tmp_path / "out")
     before = (folder / "result.json").read_bytes()

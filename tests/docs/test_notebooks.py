@@ -75,8 +75,11 @@ def is_drawn(figure):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_the_notebook_runs_to_its_end(path, demo, monkeypatch):
-    """In this process: a kernel for each would cost as much as some of them."""
+def test_the_notebook_runs_to_its_end(path, demo, monkeypatch, without_figures):
+    """In this process: a kernel for each would cost as much as some of them.
+
+    Figures of the notebook itself are drawn, those of reports that it writes are not.
+    """
     identify, names, shown = pc.identify, {"__name__": "__main__"}, []
 
     def identify_once(case, options=None):
