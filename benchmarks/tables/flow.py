@@ -120,7 +120,7 @@ def flow_default_answer(result: Mapping[str, Any]) -> str:
 def flow_default(result: Mapping[str, Any]) -> str:
     """Errors by case with eq. 12 and with the form that is chosen by default."""
     forms = ("eq. 12", "chosen")
-    head = ["case", "chosen"]
+    head = ["case, chosen form"]
     head += [f"{what}, {form}" for what in ("WLS", "OE", "held-out %") for form in forms]
     body = []
     for name, case in result["cases"].items():
@@ -129,8 +129,8 @@ def flow_default(result: Mapping[str, Any]) -> str:
         cells = [_case_errors(fit["wls"]) for fit in fits]
         cells += [_case_errors(entry) for entry in ended]
         cells += ["" if entry is None else f"{entry['held_out_percent']:.2f}" for entry in ended]
-        body.append([name.split("/")[1], NAMES[case["selection"]["chosen"]], *cells])
-    return rows(head, body, texts=head[1:2])
+        body.append([f"{name.split('/')[1]}, {NAMES[case['selection']['chosen']]}", *cells])
+    return rows(head, body)
 
 
 def _before_after(case: Mapping[str, Any]) -> tuple[Mapping[str, Any], Mapping[str, Any]]:

@@ -75,7 +75,7 @@ def test_errors_by_case_take_k_from_the_quotients_and_tell_what_failed(script):
     case = {"selection": {"chosen": "iso6358"}, "forms": fits}
     row = table({"cases": {"practice/p00": case}}).splitlines()[-1]
     shown = "50.0 / +100.0 / +10.0"
-    assert row == f"| p00 | ISO 6358 | {shown} | 2.0 | failed | {shown} |  | 1.23 |"
+    assert row == f"| p00, ISO 6358 | {shown} | 2.0 | failed | {shown} |  | 1.23 |"
 
 
 def test_no_peer_that_reaches_the_optimum_is_near():
