@@ -1,8 +1,11 @@
 """Case folders: several records, in order, written whole and read back number for number."""
 
+import gzip
+import io
 import os
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from pneumo_casadi.data import (
@@ -13,6 +16,7 @@ from pneumo_casadi.data import (
     read_case,
     write_case,
 )
+from pneumo_casadi.data.case_folder import _write_csv
 from pneumo_casadi.errors import CaseError
 
 FLOW_MAP = {
@@ -65,6 +69,19 @@ def test_a_force_driven_axis_may_not_travel_beyond_its_stroke(tmp_path):
     write_case(tmp_path / "c", bench, [Recording(t, channels, "a", "memory", InputHold.ZERO)])
     with pytest.raises(CaseError, match=r"row \d+ .*travels 0\.175023 m, the stroke is 0\.15 m"):
         read_case(tmp_path / "c")
+
+
+def test_numbers_are_written_digit_for_digit_as_pandas_does(tmp_path):
+    rng = np.random.default_rng(0)
+    x = rng.standard_normal(500) * 10.0 ** rng.integers(-12, 18, 500)
+    x[:5] = 0.0, -0.0, 1e-5, 1e16, 123456789.0
+    columns = {"t_s": np.arange(500) / 3, "x_m": x}
+    _write_csv(tmp_path / "run.csv.gz", columns)
+    with gzip.open(tmp_path / "run.csv.gz", "rt", newline="") as file:
+        text = file.read()
+    assert text == pd.DataFrame(columns).to_csv(index=False, lineterminator="\n")
+    read = pd.read_csv(io.StringIO(text), float_precision="round_trip")
+    np.testing.assert_array_equal(read["x_m"], x)
 
 
 def test_a_write_that_fails_leaves_nothing(tmp_path, bench, recording, monkeypatch):
