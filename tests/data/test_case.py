@@ -1,7 +1,6 @@
 """Case folders: several records, in order, written whole and read back number for number."""
 
 import gzip
-import io
 import os
 
 import numpy as np
@@ -80,8 +79,7 @@ def test_numbers_are_written_digit_for_digit_as_pandas_does(tmp_path):
     with gzip.open(tmp_path / "run.csv.gz", "rt", newline="") as file:
         text = file.read()
     assert text == pd.DataFrame(columns).to_csv(index=False, lineterminator="\n")
-    read = pd.read_csv(io.StringIO(text), float_precision="round_trip")
-    np.testing.assert_array_equal(read["x_m"], x)
+    assert [float(line.split(",")[1]) for line in text.splitlines()[1:]] == x.tolist()
 
 
 def test_a_write_that_fails_leaves_nothing(tmp_path, bench, recording, monkeypatch):
