@@ -97,6 +97,24 @@ def without_figures(monkeypatch):
     monkeypatch.setattr("pneumo_casadi.report.pages.drawing.find_spec", lambda name: None)
 
 
+def pdf(figure):
+    """Return no drawing in the place of `style.pdf`, whose name tells the file."""
+    return b"%PDF-1.4"
+
+
+@pytest.fixture(autouse=True)
+def no_pdf(request, monkeypatch):
+    """Draw no PDF but where a test asks for `real_pdf`: it takes longer than both other formats."""
+    style = sys.modules.get("pneumo_casadi.report.figures.style")
+    if style is not None and "real_pdf" not in request.fixturenames:
+        monkeypatch.setattr(style, "pdf", pdf)
+
+
+@pytest.fixture
+def real_pdf():
+    """Draw PDF files as users get them."""
+
+
 @pytest.fixture(scope="session")
 def quick_diagnosis(once_a_run):
     """Return a diagnosis of a few seconds of record with two effects."""

@@ -21,7 +21,7 @@ from pneumo_casadi.report.figures.identification.flow_map import (
 )
 from pneumo_casadi.report.figures.identification.identifiability import profile_figure
 from pneumo_casadi.report.figures.studies.withheld import withheld_figure
-from pneumo_casadi.report.figures.style import COLUMN, MM, PAGE, png, symbol
+from pneumo_casadi.report.figures.style import COLUMN, MM, PAGE, png, save_figure, symbol
 from pneumo_casadi.report.pages.identification_figures import figures_of
 from pneumo_casadi.report.pages.write import write_identification
 from pneumo_casadi.valve import fit_polynomials
@@ -205,6 +205,19 @@ def test_every_figure_has_a_caption_for_those_who_do_not_see_it(drawn):
 def test_equal_results_give_equal_files(quick):
     first, second = (next(iter(figures_of(quick))).figure for _ in range(2))
     assert png(first) == png(second)
+
+
+@pytest.mark.slow
+def test_a_pdf_embeds_its_fonts_as_publishers_ask(quick, real_pdf, tmp_path):
+    """Type 42, not the bitmaps of type 3; equal results give equal files."""
+    contents = []
+    for name in "ab":
+        figure = next(iter(figures_of(quick))).figure
+        files = save_figure(figure, tmp_path / name)
+        contents.append(files[2].read_bytes())
+    assert [path.suffix for path in files] == [".png", ".svg", ".pdf"]
+    assert contents[0] == contents[1]
+    assert b"/FontFile2" in contents[0] and b"/Type3" not in contents[0]
 
 
 @pytest.mark.slow
