@@ -103,6 +103,11 @@ def test_the_effect_without_which_most_of_the_gap_comes_back_is_first(left, expe
         ((1, 1, with_gap(10)), None, (1, 1, with_gap(8.9)), True),
         ((1, 1, with_gap(10)), None, (1, 1, with_gap(9.1)), False),
         ((1, 1, with_gap(30)), (1, 1, with_gap(10)), (1, 1, with_gap(7.2)), False),
+        # Or, in the force balance, three tenths of a visible gap that is left.
+        ((1, 1, with_gap(30)), (1, 1, with_gap(2.5)), (1, 1, with_gap(1.7)), True),
+        ((1, 1, with_gap(30)), (1, 1, with_gap(2.5)), (1, 1, with_gap(1.8)), False),
+        ((1, 1, with_gap(30)), (1, 1, 1.45), (1, 1, 1.0), False),
+        ((with_gap(30), 1, 1), (with_gap(2.5), 1, 1), (with_gap(1.7), 1, 1), False),
         # A further effect in a mass flow must gain twice as much ...
         ((2.2, 1, 1), (2.0, 1, 1), (1.7403, 1, 1), True),
         ((2.2, 1, 1), (2.0, 1, 1), (1.7775, 1, 1), False),
@@ -236,7 +241,8 @@ def test_an_effect_with_a_close_rival_is_ambiguous(ratio, expected, alike):
     ("share", "verdict", "undecided"),
     [
         (0.01, Verdict.EFFECT, ("valve_null_shift",)),
-        (0.06, Verdict.AMBIGUOUS, ()),  # it matters: the verdict must say that it is open
+        # It matters: the verdict must say that it is open, and still not name one of two.
+        (0.06, Verdict.AMBIGUOUS, ("valve_null_shift",)),
     ],
 )
 def test_a_weak_effect_with_a_close_rival_leaves_the_strong_one_named(share, verdict, undecided):

@@ -51,8 +51,8 @@ class Decision:
     @property
     def is_open(self) -> bool:
         """Whether these models are told as alternatives, and not by what is undecided."""
-        several = len(self.alternatives) > 1 and not self.judgement.undecided
-        return several or bool(self.absorbed)
+        told = self.verdict is Verdict.EFFECT and self.judgement.undecided
+        return bool(self.absorbed) or (len(self.alternatives) > 1 and not told)
 
 
 def decide_verdict(

@@ -43,8 +43,8 @@ class Judgement:
     criteria : Criteria
         What the verdict was decided by.
     undecided : tuple of str
-        Effects of the final model that the data cannot tell from others, and that close next to
-        nothing: they are no reason to doubt the rest.
+        Effects of the final model that the data cannot tell from others, while the rest is sure.
+        Where they close next to nothing, they are no reason to doubt the verdict on the rest.
     """
 
     verdict: Verdict
@@ -73,26 +73,19 @@ def judge(selection: Selection, effects: Sequence[Effect]) -> Judgement:
     order = sorted(weights, key=lambda key: -weights[key])
     alike = tuple(key for key in order if weights[key] >= criteria.alike)
     least = criteria.alone * trust
-    undecided = _undecided(selection, weights, least)
-    if probability_of(weights, set(selection.chosen) - set(undecided)) < least:
+    unsure = tuple(n for n in selection.chosen if probability_of(weights, {n}) < least)
+    if len(unsure) == len(selection.chosen):  # one of several stands for the verdict
         return Judgement(Verdict.AMBIGUOUS, alike, weights, left, excess, criteria)
-    return Judgement(Verdict.EFFECT, alike, weights, left, excess, criteria, undecided)
+    matters, shares = criteria.matters, selection.contributions
+    weak = {name for name in unsure if shares.get(name, 1.0) < matters}
+    sure = probability_of(weights, set(selection.chosen) - weak) >= least
+    verdict = Verdict.EFFECT if sure else Verdict.AMBIGUOUS
+    return Judgement(verdict, alike, weights, left, excess, criteria, unsure)
 
 
 def probability_of(weights: Mapping[Names, float], names: Collection[str]) -> float:
     """Return the probability of all models that hold some effects."""
     return sum(weight for key, weight in weights.items() if set(key) >= set(names))
-
-
-def _undecided(selection: Selection, weights: Mapping[Names, float], least: float) -> Names:
-    """Return effects of the final model that are neither sure nor matter."""
-    matters, shares = selection.levels.criteria.matters, selection.contributions
-    undecided = tuple(
-        name
-        for name in selection.chosen
-        if probability_of(weights, {name}) < least and shares.get(name, 1.0) < matters
-    )
-    return undecided if len(undecided) < len(selection.chosen) else ()
 
 
 def _one_form_residual(selection: Selection, effects: Sequence[Effect]) -> bool:

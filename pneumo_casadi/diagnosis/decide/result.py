@@ -65,8 +65,8 @@ class Diagnosis(Presentable):
         Effects of the final model, the one that closes most of the gap first; empty for the
         verdicts none, unknown and absorbed.
     undecided : tuple of EffectFound
-        Further effects of the final model that close next to nothing and that the data cannot
-        tell from their `rivals`: one of them acts, which one is open.
+        Further effects of the final model that the data cannot tell from their `rivals`: one of
+        them acts, which one is open. The verdict is ``ambiguous`` unless they close next to nothing.
     ranking : tuple of Candidate
         All candidates, the most probable first, failed ones last.
     where : Where

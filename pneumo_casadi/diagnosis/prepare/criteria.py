@@ -48,7 +48,9 @@ class Criteria:
         one alone may follow from an effect's misfit; and the log-likelihood that it must gain.
     simulated, closed : float
         Where the motion is hidden: share of the simulated gap that a model may leave and explain
-        it, and share of what was left that a further effect may leave.
+        it, and share of what was left that a further effect may leave; the latter also of a visible
+        gap of the force balance. Of eight large forces of a form that no effect has, what was left
+        fell by no other effect; of true second forces it fell to 0.6.
     unexplained : float
         Share of the gap that effects may leave and still explain it; more has another cause. A
         discovered term must close the rest: curves over signals that merely follow a cause closed
