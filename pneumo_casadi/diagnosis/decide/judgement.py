@@ -72,15 +72,29 @@ def judge(selection: Selection, effects: Sequence[Effect]) -> Judgement:
     weights = _weights(selection, selection.chosen, trust)
     order = sorted(weights, key=lambda key: -weights[key])
     alike = tuple(key for key in order if weights[key] >= criteria.alike)
-    least = criteria.alone * trust
-    unsure = tuple(n for n in selection.chosen if probability_of(weights, {n}) < least)
+    unsure = _unsure(selection, weights, trust)
     if len(unsure) == len(selection.chosen):  # one of several stands for the verdict
         return Judgement(Verdict.AMBIGUOUS, alike, weights, left, excess, criteria)
     matters, shares = criteria.matters, selection.contributions
     weak = {name for name in unsure if shares.get(name, 1.0) < matters}
-    sure = probability_of(weights, set(selection.chosen) - weak) >= least
+    sure = probability_of(weights, set(selection.chosen) - weak) >= criteria.alone * trust
     verdict = Verdict.EFFECT if sure else Verdict.AMBIGUOUS
     return Judgement(verdict, alike, weights, left, excess, criteria, unsure)
+
+
+def _unsure(selection: Selection, weights: Mapping[Names, float], trust: float) -> Names:
+    """Return effects of the final model that the data cannot tell from others.
+
+    More is asked of further effects than of the one that closes most.
+    """
+    criteria = selection.levels.criteria
+    first = next(iter(selection.contributions), selection.chosen[0])
+    return tuple(
+        name
+        for name in selection.chosen
+        if probability_of(weights, {name})
+        < trust * (criteria.alone if name == first else criteria.further_alone)
+    )
 
 
 def probability_of(weights: Mapping[Names, float], names: Collection[str]) -> float:
@@ -121,7 +135,10 @@ def _trust(left: float, selection: Selection) -> float:
 
 
 def _weights(selection: Selection, best: Names, trust: float) -> dict[Names, float]:
-    """Distribute a probability among the models with as many effects as the best one."""
+    """Distribute a probability among the models with as many effects as the best one.
+
+    A model that leaves so much of the gap that its verdict would be unknown is no alternative.
+    """
     if not best:
         fits = {key: fit for key, fit in selection.fits.items() if len(key) == 1}
         gain = {k: max(selection.nominal.cost - f.cost, 0.0) for k, f in fits.items()}
@@ -130,13 +147,21 @@ def _weights(selection: Selection, best: Names, trust: float) -> dict[Names, flo
     sharpness = selection.levels.criteria.sharpness
     weights = {
         key: float(np.exp(-sharpness * missed_gain(selection, best, key)))
-        for key in selection.fits
-        if len(key) == len(best)
+        for key, fitted in selection.fits.items()
+        if len(key) == len(best) and (key == best or _explains(selection, fitted))
     }
     total = sum(weights.values())
     shares = {key: trust * value / total for key, value in weights.items()}
-    smaller = {key: 0.0 for key in selection.fits if len(key) != len(best)}
-    return shares | smaller
+    return dict.fromkeys(selection.fits, 0.0) | shares
+
+
+def _explains(selection: Selection, fitted: FittedModel) -> bool:
+    """Return whether a model explains the gap; where simulations have decided, they tell."""
+    levels = selection.levels
+    return (
+        selection.chosen in selection.output_error_fits
+        or share_left(selection.nominal, fitted, levels) <= levels.criteria.unexplained
+    )
 
 
 def missed_gain(selection: Selection, best: Names, other: Names) -> float:

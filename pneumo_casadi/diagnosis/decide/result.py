@@ -66,7 +66,8 @@ class Diagnosis(Presentable):
         verdicts none, unknown and absorbed.
     undecided : tuple of EffectFound
         Further effects of the final model that the data cannot tell from their `rivals`: one of
-        them acts, which one is open. The verdict is ``ambiguous`` unless they close next to nothing.
+        them acts, which one is open. Unless they close next to nothing the verdict is
+        ``ambiguous``.
     ranking : tuple of Candidate
         All candidates, the most probable first, failed ones last.
     where : Where

@@ -64,9 +64,10 @@ class Criteria:
         effect's form moves areas by two.
     sharpness : float
         Rate at which the weight of an alternative falls with the share of the gain that it misses.
-    alike, alone : float
+    alike, alone, further_alone : float
         Least probability of a model that the data cannot tell from the best, and least share of the
-        catalogue's probability for a verdict of one model alone.
+        catalogue's probability for a verdict of one model alone, and for the name of each further
+        effect: between the two, three of four such names on the virtual bench were not there.
     """
 
     background: float = 1.1
@@ -93,6 +94,7 @@ class Criteria:
     sharpness: float = 25.0
     alike: float = 0.10
     alone: float = 0.6
+    further_alone: float = 0.8
 
 
 CRITERIA = Criteria()

@@ -32,9 +32,10 @@ def accepted(
     and the gap above the noise floor by a share of the first gap: the misfit of a large effect is
     no second cause. In the force balance, which has no map, a further effect may close less, if it
     closes three tenths of a visible gap that is left. In a mass flow balance it must gain more, and
-    the residuals must exceed what a coarse flow map leaves. The gain must be significant in a bootstrap of half-second
-    blocks: of the held-out records, or of all records if a few blocks decide; of the root mean
-    square, or of the blocks' mean logarithms if a few large residuals decide.
+    the residuals must exceed what a coarse flow map leaves. The gain must be significant in a
+    bootstrap of half-second blocks: of the held-out records, or of all records if a few blocks
+    decide; of the root mean square, or of the blocks' mean logarithms if a few large residuals
+    decide.
     """
     criteria = levels.criteria
     first, old, new = (gaps(residual_rms(fit), levels) for fit in (origin, before, after))
