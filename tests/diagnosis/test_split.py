@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA
-from pneumo_casadi.diagnosis.select import exchange
+from pneumo_casadi.diagnosis.select import split
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger
 from pneumo_casadi.diagnosis.select.split import split_effects
 
@@ -22,7 +22,7 @@ IN_PLACE = {"leak_P": 700.0, "leak_N": 650.0}
 def ledger(monkeypatch):
     """A hose and a shift are found; two leaks in the shift's place cost and leave what is given."""
     monkeypatch.setattr(FitLedger, "__post_init__", lambda self: None)
-    monkeypatch.setattr(exchange, "residual_rms", lambda fitted: np.array(fitted.residual))
+    monkeypatch.setattr(split, "residual_rms", lambda fitted: np.array(fitted.residual))
 
     def made(cost=100.0, residual=(0.8, 1.0), one_form=True):
         kept = FitLedger(SimpleNamespace(criteria=CRITERIA), dict.fromkeys(CONFUSED))

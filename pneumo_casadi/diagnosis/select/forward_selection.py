@@ -22,7 +22,6 @@ from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.diagnosis.screen.screen import ScreenResult, background
 from pneumo_casadi.diagnosis.select.acceptance import accepted, can_matter
 from pneumo_casadi.diagnosis.select.contributions import contributions
-from pneumo_casadi.diagnosis.select.exchange import exchange_effects
 from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue, Failed, FitLedger, Names
 from pneumo_casadi.diagnosis.select.forms import keep_best_forms
 from pneumo_casadi.diagnosis.select.hidden_motion import (
@@ -156,35 +155,11 @@ def select_effects(
 def _forward(
     ledger: FitLedger, nominal: FittedModel, levels: BalanceLevels, report: Progress
 ) -> tuple[Names, ...]:
-    path = _grown(ledger, nominal, (), levels, report)
-    while path and not motion_is_hidden(ledger.effects(path[-1]), ledger.fits[path[-1]]):
-        found = split_effects(ledger, path[-1], MAX_EFFECTS)
-        found = exchange_effects(ledger, nominal, found)
-        if found == path[-1]:
-            break
-        path = _grown(ledger, nominal, (*path[:-1], found), levels, report)
-    report("comparing simulations", 0.85)
-    taken = extend_by_simulation(ledger, nominal, path, MAX_EFFECTS)
-    if taken and taken[-1] not in ledger.gap_left:
-        final, effects = ledger.fits[taken[-1]], ledger.effects(taken[-1])
-        ledger.simulate({(): nominal, taken[-1]: final})
-        ledger.gap_left[taken[-1]] = ledger.simulations.share(nominal, final, effects)
-    return taken
-
-
-def _grown(
-    ledger: FitLedger,
-    nominal: FittedModel,
-    found: tuple[Names, ...],
-    levels: BalanceLevels,
-    report: Progress,
-) -> tuple[Names, ...]:
-    """Return the path found so far with all effects that are accepted besides, one by one."""
-    path = list(found)
-    current = ledger.fits[path[-1]] if path else nominal
-    for round_ in range(len(path[-1]) if path else 0, MAX_EFFECTS):
+    path: list[Names] = []
+    current = nominal
+    for round_ in range(MAX_EFFECTS):
         known: Names = path[-1] if path else ()
-        if round_ and not _needs_more(ledger, nominal, path, levels):
+        if path and not _needs_more(ledger, nominal, path, levels):
             break
         if round_:
             report(f"looking for effect {round_ + 1}", 0.4 + 0.07 * round_)
@@ -218,7 +193,16 @@ def _grown(
         if round_ and motion_is_hidden(ledger.effects(best), ledger.fits[best]):
             break  # where the motion is hidden, the balances are not reliable
         current = ledger.fits[best]
-    return tuple(path)
+    if path and not motion_is_hidden(ledger.effects(path[-1]), ledger.fits[path[-1]]):
+        path[-1] = split_effects(ledger, path[-1], MAX_EFFECTS)
+        ledger.refine(path[-1])
+    report("comparing simulations", 0.85)
+    taken = extend_by_simulation(ledger, nominal, tuple(path), MAX_EFFECTS)
+    if taken and taken[-1] not in ledger.gap_left:
+        final, effects = ledger.fits[taken[-1]], ledger.effects(taken[-1])
+        ledger.simulate({(): nominal, taken[-1]: final})
+        ledger.gap_left[taken[-1]] = ledger.simulations.share(nominal, final, effects)
+    return taken
 
 
 def _needs_more(

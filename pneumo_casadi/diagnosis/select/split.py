@@ -2,7 +2,9 @@
 
 from itertools import combinations
 
-from pneumo_casadi.diagnosis.select.exchange import is_clearly_better
+import numpy as np
+
+from pneumo_casadi.diagnosis.metrics.residual_size import residual_rms
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger, Names, start_with
 
 #: Number of effects, the best in place of one, that are tried in pairs there.
@@ -35,10 +37,8 @@ def split_effects(ledger: FitLedger, final: Names, most: int) -> Names:
         if len(best) == most or not effect.one_form or name not in best:
             continue
         pairs = _fit_pairs_in_place(ledger, best, name)
-        better = [
-            (ledger.fits[key].cost, key) for key in pairs if is_clearly_better(ledger, best, key)
-        ]
-        best = min(better, key=lambda key: ledger.fits[key].cost, default=best)
+        better = [(ledger.fits[key].cost, key) for key in pairs if _is_better(ledger, best, key)]
+        best = min(better)[1] if better else best
     return best
 
 
@@ -75,3 +75,15 @@ def _confused(ledger: FitLedger, name: str) -> list[str]:
         if other in effect.confused_with
         or causes.intersection(ledger.effects((other,))[0].confused_with)
     ]
+
+
+def _is_better(ledger: FitLedger, final: Names, key: Names) -> bool:
+    """Return whether a model fits clearly better, on held-out records by a size that matters."""
+    criteria = ledger.study.criteria
+    before, after = ledger.fits[final], ledger.fits[key]
+    decrease = np.log(residual_rms(before) / residual_rms(after))
+    return bool(
+        after.cost < before.cost - criteria.form_gain
+        and decrease.sum() > 0
+        and decrease.max() > criteria.matters
+    )
