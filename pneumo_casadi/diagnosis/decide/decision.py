@@ -51,8 +51,9 @@ class Decision:
     @property
     def is_open(self) -> bool:
         """Whether these models are told as alternatives, and not by what is undecided."""
-        told = self.verdict is Verdict.EFFECT and self.judgement.undecided
-        return bool(self.absorbed) or (len(self.alternatives) > 1 and not told)
+        if self.verdict is Verdict.EFFECT and self.judgement.undecided:
+            return False
+        return len(self.alternatives) > 1 or bool(self.absorbed)
 
 
 def decide_verdict(
