@@ -44,6 +44,9 @@ from pneumo_casadi.effects.table import EffectRow as EffectRow
 from pneumo_casadi.effects.table import effect_row as effect_row
 from pneumo_casadi.effects.valve.flow_map_shape import FlowMapShape as FlowMapShape
 from pneumo_casadi.effects.valve.valve_dead_zone import ValveDeadZone as ValveDeadZone
+from pneumo_casadi.effects.valve.valve_dead_zone_edges import (
+    ValveDeadZoneEdges as ValveDeadZoneEdges,
+)
 from pneumo_casadi.effects.valve.valve_dynamics import ValveDynamics as ValveDynamics
 from pneumo_casadi.effects.valve.valve_hysteresis import ValveHysteresis as ValveHysteresis
 from pneumo_casadi.effects.valve.valve_mismatch import ValveMismatch as ValveMismatch

@@ -4,6 +4,7 @@ Balances are those of the servo axis: two mass flows and the force. Noise floors
 residuals are in units of them.
 """
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -103,6 +104,11 @@ def test_the_effect_without_which_most_of_the_gap_comes_back_is_first(left, expe
         ((1, 1, with_gap(10)), None, (1, 1, with_gap(8.9)), True),
         ((1, 1, with_gap(10)), None, (1, 1, with_gap(9.1)), False),
         ((1, 1, with_gap(30)), (1, 1, with_gap(10)), (1, 1, with_gap(7.2)), False),
+        # Or, in the force balance, three tenths of a visible gap that is left.
+        ((1, 1, with_gap(30)), (1, 1, with_gap(2.5)), (1, 1, with_gap(1.7)), True),
+        ((1, 1, with_gap(30)), (1, 1, with_gap(2.5)), (1, 1, with_gap(1.8)), False),
+        ((1, 1, with_gap(30)), (1, 1, 1.45), (1, 1, 1.0), False),
+        ((with_gap(30), 1, 1), (with_gap(2.5), 1, 1), (with_gap(1.7), 1, 1), False),
         # A further effect in a mass flow must gain twice as much ...
         ((2.2, 1, 1), (2.0, 1, 1), (1.7403, 1, 1), True),
         ((2.2, 1, 1), (2.0, 1, 1), (1.7775, 1, 1), False),
@@ -236,7 +242,8 @@ def test_an_effect_with_a_close_rival_is_ambiguous(ratio, expected, alike):
     ("share", "verdict", "undecided"),
     [
         (0.01, Verdict.EFFECT, ("valve_null_shift",)),
-        (0.06, Verdict.AMBIGUOUS, ()),  # it matters: the verdict must say that it is open
+        # It matters: the verdict must say that it is open, and still not name one of two.
+        (0.06, Verdict.AMBIGUOUS, ("valve_null_shift",)),
     ],
 )
 def test_a_weak_effect_with_a_close_rival_leaves_the_strong_one_named(share, verdict, undecided):
@@ -249,6 +256,39 @@ def test_a_weak_effect_with_a_close_rival_leaves_the_strong_one_named(share, ver
     )  # fmt: skip
     judgement = judge(selection, ())
     assert (judgement.verdict, judgement.undecided) == (verdict, undecided)
+
+
+@pytest.mark.parametrize(
+    ("ratio", "first", "undecided"),
+    [
+        (0.2, "stribeck", ()),  # 0.83 of the probability: a further effect, and sure
+        (0.4, "stribeck", ("valve_null_shift",)),  # 0.71
+        (0.4, "valve_null_shift", ()),  # enough for the one that closes most
+    ],
+)
+def test_of_a_further_effect_more_is_asked(ratio, first, undecided):
+    chosen, missed = ("stribeck", "valve_null_shift"), -np.log(ratio) / CRITERIA.sharpness
+    fits = {
+        ("stribeck",): fitted(1, 1, 2.0),
+        chosen: fitted(1, 1, 1.0),
+        ("leakage_N", "stribeck"): fitted(1, 1, 2.0**missed),
+    }
+    selection = selected(
+        fitted(1, 1, 10.0), fits, (("stribeck",), chosen),
+        contributions={first: 0.5, **dict.fromkeys(chosen, 0.4)},
+    )  # fmt: skip
+    judgement = judge(selection, ())
+    assert (judgement.verdict, judgement.undecided) == (Verdict.EFFECT, undecided)
+
+
+@pytest.mark.parametrize(("left", "expected"), [(4.9, 0.5), (5.1, 1.0)])
+def test_a_model_whose_verdict_would_be_unknown_is_no_alternative(left, expected):
+    """Its records fitted may look as good: what is held out tells."""
+    after = fitted(1, 1, 1.0)
+    other = replace(after, held_out=fitted(1, 1, with_gap(left)).train)
+    fits = {("stribeck",): after, ("presliding",): other}
+    judgement = judge(selected(fitted(1, 1, with_gap(10)), fits, ONE), ())
+    assert judgement.probability[ONE[0]] == pytest.approx(0.97 * expected)
 
 
 def test_the_best_guess_of_an_unknown_cause_has_little_probability():

@@ -83,6 +83,25 @@ def test_a_shifted_null_that_settles_is_named_and_its_gap_closes(made_case):
     assert effect.parameters["a"].value == pytest.approx(0.15, abs=0.05)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("drawn", "sizes"),
+    [
+        ("valve_dead_zone_uneven", {"delta": 0.1612, "e": 0.5}),
+        ("valve_dead_zone_smooth", {}),  # a hyperbolic tangent, which the form resembles
+    ],
+)
+def test_a_dead_zone_of_other_edges_is_named_and_its_gap_closes(made_case, drawn, sizes):
+    """A shifted null beside an even zone opens the valve within it, which uneven edges do not."""
+    names = ("valve_dead_zone", "valve_dead_zone_edges", "valve_null_shift", "supply_droop")
+    diagnosis = diagnose(made_case(12, **{drawn: "large"}), {name: EFFECTS[name] for name in names})
+    (effect,) = diagnosis.effects
+    assert (effect.name, effect.form) == ("valve_dead_zone", "valve_dead_zone_edges")
+    assert diagnosis.gap.closure.value > 0.94
+    for name, value in sizes.items():
+        assert effect.parameters[name].value == pytest.approx(value, rel=0.02)
+
+
 def test_a_start_looked_for_at_full_size_is_not_replaced_by_the_shape_a_screen_promises():
     shapes = [{"e.s": 0.95, "e.zeta": 0.1}, {"e.s": 0.05, "e.zeta": 0.1}, {"e.zeta": 0.2}]
     assert _without({"e.s"}, shapes) == [{"e.zeta": 0.1}, {"e.zeta": 0.2}]

@@ -48,6 +48,7 @@ ORDER = (
     "stribeck",
     "supply_droop",
     "valve_dead_zone",
+    "valve_dead_zone_edges",
     "valve_dynamics",
     "valve_hysteresis",
     "valve_mismatch",

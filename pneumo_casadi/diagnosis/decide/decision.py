@@ -51,8 +51,9 @@ class Decision:
     @property
     def is_open(self) -> bool:
         """Whether these models are told as alternatives, and not by what is undecided."""
-        several = len(self.alternatives) > 1 and not self.judgement.undecided
-        return several or bool(self.absorbed)
+        if self.verdict is Verdict.EFFECT and self.judgement.undecided:
+            return False
+        return len(self.alternatives) > 1 or bool(self.absorbed)
 
 
 def decide_verdict(

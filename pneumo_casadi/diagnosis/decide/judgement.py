@@ -43,8 +43,8 @@ class Judgement:
     criteria : Criteria
         What the verdict was decided by.
     undecided : tuple of str
-        Effects of the final model that the data cannot tell from others, and that close next to
-        nothing: they are no reason to doubt the rest.
+        Effects of the final model that the data cannot tell from others, while the rest is sure.
+        Where they close next to nothing, they are no reason to doubt the verdict on the rest.
     """
 
     verdict: Verdict
@@ -72,27 +72,34 @@ def judge(selection: Selection, effects: Sequence[Effect]) -> Judgement:
     weights = _weights(selection, selection.chosen, trust)
     order = sorted(weights, key=lambda key: -weights[key])
     alike = tuple(key for key in order if weights[key] >= criteria.alike)
-    least = criteria.alone * trust
-    undecided = _undecided(selection, weights, least)
-    if probability_of(weights, set(selection.chosen) - set(undecided)) < least:
+    unsure = _unsure(selection, weights, trust)
+    if len(unsure) == len(selection.chosen):  # one of several stands for the verdict
         return Judgement(Verdict.AMBIGUOUS, alike, weights, left, excess, criteria)
-    return Judgement(Verdict.EFFECT, alike, weights, left, excess, criteria, undecided)
+    matters, shares = criteria.matters, selection.contributions
+    weak = {name for name in unsure if shares.get(name, 1.0) < matters}
+    sure = probability_of(weights, set(selection.chosen) - weak) >= criteria.alone * trust
+    verdict = Verdict.EFFECT if sure else Verdict.AMBIGUOUS
+    return Judgement(verdict, alike, weights, left, excess, criteria, unsure)
+
+
+def _unsure(selection: Selection, weights: Mapping[Names, float], trust: float) -> Names:
+    """Return effects of the final model that the data cannot tell from others.
+
+    More is asked of further effects than of the one that closes most.
+    """
+    criteria = selection.levels.criteria
+    first = next(iter(selection.contributions), selection.chosen[0])
+    return tuple(
+        name
+        for name in selection.chosen
+        if probability_of(weights, {name})
+        < trust * (criteria.alone if name == first else criteria.further_alone)
+    )
 
 
 def probability_of(weights: Mapping[Names, float], names: Collection[str]) -> float:
     """Return the probability of all models that hold some effects."""
     return sum(weight for key, weight in weights.items() if set(key) >= set(names))
-
-
-def _undecided(selection: Selection, weights: Mapping[Names, float], least: float) -> Names:
-    """Return effects of the final model that are neither sure nor matter."""
-    matters, shares = selection.levels.criteria.matters, selection.contributions
-    undecided = tuple(
-        name
-        for name in selection.chosen
-        if probability_of(weights, {name}) < least and shares.get(name, 1.0) < matters
-    )
-    return undecided if len(undecided) < len(selection.chosen) else ()
 
 
 def _one_form_residual(selection: Selection, effects: Sequence[Effect]) -> bool:
@@ -128,7 +135,10 @@ def _trust(left: float, selection: Selection) -> float:
 
 
 def _weights(selection: Selection, best: Names, trust: float) -> dict[Names, float]:
-    """Distribute a probability among the models with as many effects as the best one."""
+    """Distribute a probability among the models with as many effects as the best one.
+
+    A model that leaves so much of the gap that its verdict would be unknown is no alternative.
+    """
     if not best:
         fits = {key: fit for key, fit in selection.fits.items() if len(key) == 1}
         gain = {k: max(selection.nominal.cost - f.cost, 0.0) for k, f in fits.items()}
@@ -137,13 +147,21 @@ def _weights(selection: Selection, best: Names, trust: float) -> dict[Names, flo
     sharpness = selection.levels.criteria.sharpness
     weights = {
         key: float(np.exp(-sharpness * missed_gain(selection, best, key)))
-        for key in selection.fits
-        if len(key) == len(best)
+        for key, fitted in selection.fits.items()
+        if len(key) == len(best) and (key == best or _explains(selection, fitted))
     }
     total = sum(weights.values())
     shares = {key: trust * value / total for key, value in weights.items()}
-    smaller = {key: 0.0 for key in selection.fits if len(key) != len(best)}
-    return shares | smaller
+    return dict.fromkeys(selection.fits, 0.0) | shares
+
+
+def _explains(selection: Selection, fitted: FittedModel) -> bool:
+    """Return whether a model explains the gap; where simulations have decided, they tell."""
+    levels = selection.levels
+    return (
+        selection.chosen in selection.output_error_fits
+        or share_left(selection.nominal, fitted, levels) <= levels.criteria.unexplained
+    )
 
 
 def missed_gain(selection: Selection, best: Names, other: Names) -> float:

@@ -65,8 +65,9 @@ class Diagnosis(Presentable):
         Effects of the final model, the one that closes most of the gap first; empty for the
         verdicts none, unknown and absorbed.
     undecided : tuple of EffectFound
-        Further effects of the final model that close next to nothing of the gap. The data cannot
-        distinguish them from their `rivals`: one of these acts, but which one is not known.
+        Further effects of the final model that the data cannot distinguish from their `rivals`:
+        one of these acts, but which one is not known. Unless they close next to nothing of the gap
+        the verdict is ``ambiguous``.
     ranking : tuple of Candidate
         All candidates, the most probable first, failed ones last.
     where : Where

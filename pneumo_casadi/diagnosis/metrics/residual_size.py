@@ -104,10 +104,10 @@ def gaps(rms: FloatArray, levels: BalanceLevels) -> FloatArray:
     return gap(rms**2, levels.noise, levels.signal, margin=levels.criteria.background)
 
 
-def share_left(before: FittedModel, after: FittedModel, levels: BalanceLevels) -> float:
-    """Return the share of the held-out gap that a model leaves, in the worst balance.
+def shares_left(before: FittedModel, after: FittedModel, levels: BalanceLevels) -> FloatArray:
+    """Return the share of the held-out gap that a model leaves in each balance, shape (ne,).
 
-    Balances whose gap is small compared with the largest are ignored. So are mass flow balances
+    It is zero in balances whose gap is small compared with the largest, and in mass flow balances
     near the misfit of a coarse flow map, if another balance has a larger gap.
     """
     old, new = (
@@ -118,9 +118,12 @@ def share_left(before: FittedModel, after: FittedModel, levels: BalanceLevels) -
     coarse[-1] = False  # the force has no map
     if np.any(main & ~coarse):
         main &= ~coarse
-    if not main.any():
-        return 0.0
-    return float(np.max(new[main] / old[main]))
+    return np.divide(new, old, out=np.zeros(len(old)), where=main)
+
+
+def share_left(before: FittedModel, after: FittedModel, levels: BalanceLevels) -> float:
+    """Return the share of the held-out gap that a model leaves, in the worst balance."""
+    return float(np.max(shares_left(before, after, levels)))
 
 
 def bootstrap_gain(

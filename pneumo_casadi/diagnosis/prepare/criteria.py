@@ -48,7 +48,9 @@ class Criteria:
         one alone may follow from an effect's misfit; and the log-likelihood that it must gain.
     simulated, closed : float
         Where the motion is hidden: share of the simulated gap that a model may leave and explain
-        it, and share of what was left that a further effect may leave.
+        it, and share of what was left that a further effect may leave; the latter also of a visible
+        gap of the force balance. Of eight large forces of a form that no effect has, what was left
+        fell by no other effect; of true second forces it fell to 0.6.
     unexplained : float
         Share of the gap that effects may leave and still explain it; more has another cause. A
         discovered term must close the rest: curves over signals that merely follow a cause closed
@@ -62,9 +64,10 @@ class Criteria:
         effect's form moves areas by two.
     sharpness : float
         Rate at which the weight of an alternative falls with the share of the gain that it misses.
-    alike, alone : float
+    alike, alone, further_alone : float
         Least probability of a model that the data cannot tell from the best, and least share of the
-        catalogue's probability for a verdict of one model alone.
+        catalogue's probability for a verdict of one model alone, and for the name of each further
+        effect: between the two, three of four such names on the virtual bench were not there.
     """
 
     background: float = 1.1
@@ -91,6 +94,7 @@ class Criteria:
     sharpness: float = 25.0
     alike: float = 0.10
     alone: float = 0.6
+    further_alone: float = 0.8
 
 
 CRITERIA = Criteria()

@@ -15,7 +15,12 @@ from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 def can_matter(origin: FittedModel, before: FittedModel, levels: BalanceLevels) -> bool:
     """Return whether enough of the gap is left for a further effect to be accepted."""
     first, old = (gaps(residual_rms(fit), levels) for fit in (origin, before))
-    return bool(np.any(old > levels.criteria.share * first))
+    return bool(np.any(old > levels.criteria.share * first)) or _force_is_open(before, levels)
+
+
+def _force_is_open(fitted: FittedModel, levels: BalanceLevels) -> bool:
+    """Return whether the force balance leaves a visible gap."""
+    return bool(residual_rms(fitted)[-1] > levels.criteria.coarse_map * levels.noise[-1])
 
 
 def accepted(
@@ -25,16 +30,19 @@ def accepted(
 
     In at least one balance the held-out residuals, noise included, must shrink by a twentieth,
     and the gap above the noise floor by a share of the first gap: the misfit of a large effect is
-    no second cause. In a mass flow balance a further effect must gain more, and the residuals must
-    exceed what a coarse flow map leaves. The gain must be significant in a bootstrap of half-second
-    blocks: of the held-out records, or of all records if a few blocks decide; of the root mean
-    square, or of the blocks' mean logarithms if a few large residuals decide.
+    no second cause. In the force balance, which has no map, a further effect may close less, if it
+    closes three tenths of a visible gap that is left. In a mass flow balance it must gain more, and
+    the residuals must exceed what a coarse flow map leaves. The gain must be significant in a
+    bootstrap of half-second blocks: of the held-out records, or of all records if a few blocks
+    decide; of the root mean square, or of the blocks' mean logarithms if a few large residuals
+    decide.
     """
     criteria = levels.criteria
     first, old, new = (gaps(residual_rms(fit), levels) for fit in (origin, before, after))
     enough = old - new > criteria.share * first
     least = np.full(len(enough), criteria.matters)
     if before is not origin:
+        enough[-1] |= _force_is_open(before, levels) and new[-1] < criteria.closed * old[-1]
         least[:-1] = criteria.further  # all but the force
         enough[:-1] &= (residual_rms(before) > criteria.coarse_map * levels.noise)[:-1]
     for kind in (bootstrap_gain, block_gain):

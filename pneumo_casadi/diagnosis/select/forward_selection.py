@@ -1,8 +1,9 @@
 """Forward selection of effects from the nominal model, with one backtracking pass."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from pneumo_casadi.diagnosis.metrics.residual_size import (
     balance_levels,
     gaps,
     residual_rms,
-    share_left,
+    shares_left,
 )
 from pneumo_casadi.diagnosis.metrics.simulated_gap import Simulations
 from pneumo_casadi.diagnosis.prepare.fit_store import Store
@@ -37,8 +38,8 @@ from pneumo_casadi.runtime.progress import Progress, no_progress
 
 #: Largest number of effects in a model: four to six weak ones act on a real axis.
 MAX_EFFECTS = 6
-#: A model of so many effects that does not explain the gap gets no more: one by one, effects would
-#: take up parts of a cause that is none of them.
+#: A model of which so many effects act in a balance, and do not explain its gap, gets no more: one
+#: by one, effects would take up parts of a cause that is none of them.
 MAX_UNEXPLAINED = 3
 
 
@@ -158,7 +159,7 @@ def _forward(
     current = nominal
     for round_ in range(MAX_EFFECTS):
         known: Names = path[-1] if path else ()
-        if round_ and not _needs_more(ledger, nominal, current, known, levels):
+        if path and not _needs_more(ledger, nominal, path, levels):
             break
         if round_:
             report(f"looking for effect {round_ + 1}", 0.4 + 0.07 * round_)
@@ -205,17 +206,26 @@ def _forward(
 
 
 def _needs_more(
-    ledger: FitLedger,
-    nominal: FittedModel,
-    current: FittedModel,
-    known: Names,
-    levels: BalanceLevels,
+    ledger: FitLedger, nominal: FittedModel, path: Sequence[Names], levels: BalanceLevels
 ) -> bool:
-    """Return whether a further effect is to be looked for beside those known."""
-    limit = levels.criteria.unexplained
-    if len(known) >= MAX_UNEXPLAINED and share_left(nominal, current, levels) > limit:
-        return False
-    return can_matter(nominal, current, levels) or is_implausible(ledger, current, known)
+    """Return whether a further effect is to be looked for beside those found."""
+    current = ledger.fits[path[-1]]
+    left = shares_left(nominal, current, levels)
+    worst = int(np.argmax(left))
+    if left[worst] > levels.criteria.unexplained:
+        fits = [nominal, *(ledger.fits[names] for names in path)]
+        if _acting(fits, worst, levels.criteria.matters) >= MAX_UNEXPLAINED:
+            return False
+    return can_matter(nominal, current, levels) or is_implausible(ledger, current, path[-1])
+
+
+def _acting(fits: Sequence[FittedModel], balance: int, matters: float) -> int:
+    """Return how many effects have lowered the residual of a balance, one model after another."""
+    return sum(
+        len(after.effects) - len(before.effects)
+        for before, after in pairwise(fits)
+        if np.log(residual_rms(before) / residual_rms(after))[balance] >= matters
+    )
 
 
 def _coarse(

@@ -9,6 +9,28 @@ from pneumo_casadi.parameters import Parameter
 #: Width over which an edge opens [V]; keeps derivatives smooth and cancels at a zone of zero.
 ROUNDING = 0.002
 
+#: What both forms of a dead zone declare.
+CONFUSED_WITH = (
+    "valve_null_shift",
+    "valve_hysteresis",
+    "flow_map_shape",
+    "stribeck",
+    "F_c_plus",
+)
+SEPARATED_BY = "slow ramps of the command through zero, both ways, at held pressures"
+DELTA = Parameter(
+    "delta",
+    0.0,
+    "V",
+    lower=0.0,
+    upper=2.0,
+    scale=0.05,
+    null=0.0,
+    start=0.1,
+    description="half the width of the dead zone",
+    source="1-5 % of the command range of valves with overlap",
+)
+
 
 class ValveDeadZone(Effect):
     """Overlap of both edges of both valves, rounded where they open.
@@ -22,28 +44,9 @@ class ValveDeadZone(Effect):
     equation = "u −→ u + (√((u − δ)² + w²) − √((u + δ)² + w²))/2, w = 2 mV"
     source = "overlap of spool and port, data sheets of proportional valves"
     shows = "both mass flow balances around u = 0; limit cycles and offsets in closed loop"
-    confused_with = (
-        "valve_null_shift",
-        "valve_hysteresis",
-        "flow_map_shape",
-        "stribeck",
-        "F_c_plus",
-    )
-    separated_by = "slow ramps of the command through zero, both ways, at held pressures"
-    parameters = (
-        Parameter(
-            "delta",
-            0.0,
-            "V",
-            lower=0.0,
-            upper=2.0,
-            scale=0.05,
-            null=0.0,
-            start=0.1,
-            description="half the width of the dead zone",
-            source="1-5 % of the command range of valves with overlap",
-        ),
-    )
+    confused_with = CONFUSED_WITH
+    separated_by = SEPARATED_BY
+    parameters = (DELTA,)
 
     def spool(self, u: Pair, at: Scope) -> Pair:
         """Take the dead zone from the opening."""
