@@ -1,6 +1,8 @@
 """A designed experiment as a page and as files."""
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -12,6 +14,7 @@ from pneumo_casadi.report.tables.laboratory import legend_table
 from pneumo_casadi.report.text.design import design_tables, design_text
 from pneumo_casadi.runtime.json_files import write_json
 from pneumo_casadi.runtime.output_folder import OutputKind, output_folder
+from pneumo_casadi.runtime.progress import Progress, no_progress
 from pneumo_casadi.runtime.provenance import provenance
 
 CAPTION = (
@@ -20,7 +23,7 @@ CAPTION = (
 )
 
 
-def write_design(design: Design, folder: str | Path) -> Path:
+def write_design(design: Design, folder: str | Path, progress: Progress | None = None) -> Path:
     """Write a design into a folder: reference, prediction as page, JSON and text, figure.
 
     Parameters
@@ -29,6 +32,8 @@ def write_design(design: Design, folder: str | Path) -> Path:
         What was designed.
     folder : path
         Folder to make. One that holds an earlier design is replaced; what you added to it stays.
+    progress : callable, optional
+        Called as ``progress(text, share)``.
 
     Returns
     -------
@@ -41,10 +46,13 @@ def write_design(design: Design, folder: str | Path) -> Path:
     CaseError
         If the folder holds no earlier design, or one that was changed.
     """
+    report = progress or no_progress
+    report("figure", 0.0)
     with output_folder(folder, OutputKind.DESIGN) as draft:
         frame = reference_frame(design)
         frame.to_csv(draft / "reference.csv", index=False, lineterminator="\n")
-        write_json(design.as_dict(), draft / "design.json")
+        origin = _origin(design)
+        write_json(design.as_dict() | {"provenance": origin}, draft / "design.json")
         (draft / "design.txt").write_text(design_text(design) + "\n", "utf-8")
         pictures = []
         if can_draw():
@@ -53,7 +61,8 @@ def write_design(design: Design, folder: str | Path) -> Path:
 
             save_figure(design_figure(design), draft / "design")
             pictures.append(Picture("design", (draft / "design.png").read_bytes(), CAPTION))
-        (draft / "report.html").write_text(design_html(design, pictures), "utf-8")
+        (draft / "report.html").write_text(design_html(design, pictures, origin), "utf-8")
+    report("done", 1.0)
     return Path(folder)
 
 
@@ -69,7 +78,17 @@ def reference_frame(design: Design) -> pd.DataFrame:
     return pd.DataFrame(columns)
 
 
-def design_html(design: Design, pictures: list[Picture]) -> str:
+def _origin(design: Design) -> dict[str, Any]:
+    return provenance(
+        [],
+        {"evaluations": design.options.evaluations, "kinds": list(design.options.kinds)},
+        seeds={"search": design.options.seed},
+    )
+
+
+def design_html(
+    design: Design, pictures: list[Picture], origin: Mapping[str, Any] | None = None
+) -> str:
     """Return a design as one HTML page.
 
     Parameters
@@ -78,6 +97,8 @@ def design_html(design: Design, pictures: list[Picture]) -> str:
         What was designed.
     pictures : list of Picture
         Its figure; empty without matplotlib.
+    origin : mapping, optional
+        Provenance as written with it; by default that of now.
     """
     gained, *others = design_tables(design)
     facts = [
@@ -92,16 +113,11 @@ def design_html(design: Design, pictures: list[Picture]) -> str:
     ]
     worth = "good" if design.gain > 1 else "care"
     words = "Reference designed" if design.gain > 1 else "No better than the recorded reference"
-    origin = provenance(
-        [],
-        {"evaluations": design.options.evaluations, "kinds": list(design.options.kinds)},
-        seeds={"search": design.options.seed},
-    )
     sections = [
         Section("gain", "Predicted gain", design.notes, pictures, [gained]),
         Section("reference", "Reference and limits", tables=others),
         Section("symbols", "Symbols", tables=[legend_table("x u p_P", gained)]),
-        Section("provenance", "Provenance", provenance=origin),
+        Section("provenance", "Provenance", provenance=origin or _origin(design)),
     ]
     verdict = Verdict(worth, words, design.headline, facts)
     return html_page("Design of an experiment", verdict, sections)

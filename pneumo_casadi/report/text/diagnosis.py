@@ -23,7 +23,9 @@ from pneumo_casadi.report.tables.diagnosis import (
     matters,
     nearest,
 )
-from pneumo_casadi.report.tables.quantities import between, chance, percent, plain, whole
+from pneumo_casadi.report.tables.quantities import between, chance, percent, whole
+from pneumo_casadi.report.tables.reference import reference_line
+from pneumo_casadi.report.tables.table import plain
 from pneumo_casadi.report.tables.verdict.estimates import diagnosis_tables
 from pneumo_casadi.report.text.causes import (
     Catalogue,
@@ -222,7 +224,7 @@ def location_text(diagnosis: Diagnosis) -> str:
     """Return the locations in which model and measurement disagree, in a few words."""
     if diagnosis.where.balance is Location.NONE:
         return BALANCES[Location.NONE]
-    return locations_in_words(diagnosis.where.balances).replace("the ", "")
+    return locations_in_words(diagnosis.where.balances).removeprefix("the ")
 
 
 def summary_text(
@@ -267,7 +269,9 @@ def summary_text(
     shown = [*([] if final is None else final.tables), *diagnosis_tables(diagnosis, values)]
     tables = [render(table) for table in shown]
     end = f"Computing time: {diagnosis.seconds:.0f} s."
-    return "\n".join([*head, *body]) + "\n\n\n" + "\n\n\n".join([*tables, end]) + "\n"
+    reference = reference_line("\n".join([*body, *tables]))
+    last = [*tables, *([reference] if reference else []), end]
+    return "\n".join([*head, *body]) + "\n\n\n" + "\n\n\n".join(last) + "\n"
 
 
 def _section(name: str, sentences: Sequence[str]) -> Iterator[str]:
