@@ -16,6 +16,7 @@ from pneumo_casadi.data import Finding, Grade
 from pneumo_casadi.diagnosis import Value, Verdict
 from pneumo_casadi.diagnosis.metrics.findings import Check, Closure, joined_names
 from pneumo_casadi.errors import CaseError
+from pneumo_casadi.identification.warnings import Usability, Usable
 from pneumo_casadi.report.figures.diagnosis.gap import gap_figure
 from pneumo_casadi.report.figures.diagnosis.ranking import ranking_figure
 from pneumo_casadi.report.figures.diagnosis.where import where_figure
@@ -25,7 +26,6 @@ from pneumo_casadi.report.pages.diagnosis_figures import diagnosis_figures
 from pneumo_casadi.report.pages.page import Picture
 from pneumo_casadi.report.tables.diagnosis import gap_table, ranking_table
 from pneumo_casadi.report.tables.quantities import quantity
-from pneumo_casadi.report.tables.reference import numbered, reference_line
 from pneumo_casadi.report.tables.table import plain
 from pneumo_casadi.report.tables.verdict.estimates import diagnosis_tables, fitted_table
 from pneumo_casadi.report.tables.verdict.parameter_checks import check_table
@@ -41,12 +41,14 @@ from pneumo_casadi.report.text.diagnosis import (
     where_sentences,
 )
 from pneumo_casadi.report.text.facts import facts
+from pneumo_casadi.report.text.final_model import FinalModel, final_sentences, final_title
 from pneumo_casadi.report.text.next_step import next_step
 from pneumo_casadi.report.text.parameter_checks import (
     check_sentences,
     check_summary,
     checks_of_what,
 )
+from pneumo_casadi.report.text.reference import numbered, reference_line
 
 _spec = importlib.util.spec_from_file_location(
     "diagnoses", Path(__file__).with_name("diagnoses.py")
@@ -299,6 +301,15 @@ def test_every_verdict_says_what_to_do_next(diagnosis, words):
 
 def test_a_model_that_is_ready_is_not_identified_again():
     assert next_step(made.EFFECT, ready=True).startswith("use the model in result.json")
+
+
+def test_absorbed_parameters_are_not_to_be_used():
+    final = FinalModel(Usability(Usable.WITH_CARE, "with care"), "16.5 ± 0.1 kg", (), {})
+    head = dict(facts(made.ABSORBED, final))
+    assert head["Parameters usable"].startswith("not S_P: ")
+    assert head["Moving mass M, ± 2σ"] == "16.5 ± 0.1 kg"
+    assert final_sentences(made.ABSORBED, final)[0].startswith("Do not use S_P: ")
+    assert final_title(made.ABSORBED).endswith("not all of it to be used")
 
 
 def test_the_next_record_shows_the_least_certain_effect():

@@ -203,7 +203,7 @@ def diagnosed_mass(folder):
 def test_a_diagnosis_without_its_curves_has_a_report(diagnosed, tmp_path):
     shutil.copy(diagnosed / "diagnosis.json", tmp_path / "diagnosis.json")
     page = write_report_again(tmp_path / "diagnosis.json").read_text("utf-8")
-    assert "Stribeck explains" in page and 'class="plot' not in page
+    assert "Stribeck friction explains" in page and 'class="plot' not in page
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from pneumo_casadi.errors import CaseError
 from pneumo_casadi.identification.read_comparison import COMPARISON, read_comparison
 from pneumo_casadi.identification.result_file import FORMAT
 from pneumo_casadi.report.pages.comparison import comparison_html, overlays
-from pneumo_casadi.report.pages.design_again import design_again
+from pneumo_casadi.report.pages.design import design_again
 from pneumo_casadi.report.pages.diagnosis import diagnosis_html, drawn_pictures
 from pneumo_casadi.report.pages.identification_again import (
     CAPTION,

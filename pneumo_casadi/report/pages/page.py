@@ -18,8 +18,8 @@ from pneumo_casadi.report.interactive.time_plot import (
     time_plot,
 )
 from pneumo_casadi.report.pages.drawing import NOT_DRAWN, matplotlib_installed
-from pneumo_casadi.report.tables.reference import REFERENCE, numbered
 from pneumo_casadi.report.tables.table import Table, with_symbols
+from pneumo_casadi.report.text.reference import REFERENCE, numbered
 
 #: Size of an SVG file, in points: what Matplotlib writes into its first tag.
 _SVG_SIZE = re.compile(rb'<svg[^>]*?\bwidth="([\d.]+)pt"[^>]*', re.DOTALL)

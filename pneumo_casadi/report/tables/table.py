@@ -154,7 +154,7 @@ def plain(name: str) -> str:
     >>> plain("stribeck + valve_dead_zone")
     'Stribeck friction + valve dead zone'
     """
-    return _NAMED.sub(lambda found: _WORDS[found[1]], name).replace("_", " ")
+    return _NAMED.sub(lambda effect: _WORDS[effect[1]], name).replace("_", " ")
 
 
 def scaled_unit(unit: str, exponent: int) -> str:

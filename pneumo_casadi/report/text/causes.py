@@ -156,9 +156,13 @@ def without_underscores(text: str, catalogue: Catalogue = EFFECTS) -> str:
     --------
     >>> without_underscores("position_delay may be part of it; k_P is 1.2")
     'position delay may be part of it; k_P is 1.2'
+    >>> without_underscores("valve_mismatch.epsilon = 1 is not credible")
+    'valve mismatch: epsilon = 1 is not credible'
     """
     for name in sorted({*EFFECTS, *catalogue}, key=len, reverse=True):
-        text = re.sub(rf"(?<!\w){re.escape(name)}(?!\w)", cause_name(name), text)
+        of_effect = rf"(?<!\w){re.escape(name)}"
+        text = re.sub(rf"{of_effect}\.(?=[A-Za-z])", f"{cause_name(name)}: ", text)
+        text = re.sub(rf"{of_effect}(?!\w)", cause_name(name), text)
     return text
 
 

@@ -24,7 +24,6 @@ from pneumo_casadi.report.tables.diagnosis import (
     nearest,
 )
 from pneumo_casadi.report.tables.quantities import between, chance, percent, whole
-from pneumo_casadi.report.tables.reference import reference_line
 from pneumo_casadi.report.tables.table import plain
 from pneumo_casadi.report.tables.verdict.estimates import diagnosis_tables
 from pneumo_casadi.report.text.causes import (
@@ -39,6 +38,7 @@ from pneumo_casadi.report.text.causes import (
 from pneumo_casadi.report.text.final_model import final_model, final_sentences, final_title
 from pneumo_casadi.report.text.identification import WIDTH, render
 from pneumo_casadi.report.text.parameter_checks import check_sentences, checks_of_what
+from pneumo_casadi.report.text.reference import reference_line
 
 #: A verdict in one or two words.
 VERDICTS = {
@@ -223,7 +223,8 @@ def alternative_sentences(diagnosis: Diagnosis, catalogue: Catalogue = EFFECTS) 
 def location_text(diagnosis: Diagnosis) -> str:
     """Return the locations in which model and measurement disagree, in a few words."""
     if diagnosis.where.balance is Location.NONE:
-        return BALANCES[Location.NONE]
+        absorbed = diagnosis.verdict is Verdict.ABSORBED
+        return "in parameters, not in the simulation" if absorbed else BALANCES[Location.NONE]
     return locations_in_words(diagnosis.where.balances).removeprefix("the ")
 
 

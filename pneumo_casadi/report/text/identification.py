@@ -6,8 +6,8 @@ from pneumo_casadi.estimation.wls import format_table
 from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.identification.warnings import ResultWarning
 from pneumo_casadi.report.tables.content import all_tables
-from pneumo_casadi.report.tables.reference import reference_line
 from pneumo_casadi.report.tables.table import Table, with_symbols
+from pneumo_casadi.report.text.reference import reference_line
 
 WIDTH = 100
 
