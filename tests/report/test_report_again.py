@@ -238,7 +238,9 @@ def test_a_comparison_is_read_back_and_its_report_written_again(
 ):
     held = {"M": (Estimate(16.9, math.inf, "kg"), None)}
     odd = replace(compared, estimates=dict(compared.estimates) | held)
-    folder = write_comparison(odd, tmp_path / "comparison")
+    shares = []
+    folder = write_comparison(odd, tmp_path / "comparison", lambda _, s: shares.append(s))
+    assert shares[0] == 0.0 and shares[-1] == 1.0  # from the first figure to the page
     again = read_comparison(folder)
     assert again.as_dict() == odd.as_dict() and again.estimates["M"] == held["M"]
     first = (folder / "report.html").read_text("utf-8")
@@ -263,7 +265,10 @@ def test_a_comparison_that_was_changed_is_refused_with_the_field(compared, tmp_p
 
 
 def test_a_validation_has_a_report_that_is_written_again(quick, without_figures, tmp_path):
-    folder = write_validation(quick.validation, tmp_path / "validation")
+    shares = []
+    validated = quick.validation
+    folder = write_validation(validated, tmp_path / "validation", lambda _, s: shares.append(s))
+    assert shares[0] == 0.0 and shares[-1] == 1.0
     first = (folder / "report.html").read_text("utf-8")
     sentence = simulation_sentence(quick.validation)
     assert sentence[1:] in first.replace("\N{NO-BREAK SPACE}", " ")

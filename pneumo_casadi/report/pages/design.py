@@ -202,15 +202,19 @@ def _precision(item: Content) -> Precision:
         tuple(parameters),
         tuple(each["unit"] for each in parameters.values()),
         column("value"),
-        *(column(f"std_{key}") for key in ("now", "designed", "both")),
+        column("std_now"),
+        column("std_designed"),
+        column("std_both"),
         Criterion(item["criterion"]),
-        *(_number(item[key]) for key in ("now", "designed", "both")),
+        _number(item["now"]),
+        _number(item["designed"]),
+        _number(item["both"]),
     )
 
 
 def _distance(item: Content) -> Distance:
-    sizes = (_number(item[key]) for key in ("before", "after"))
-    return Distance(item["truth"], item["fitted"], *sizes, item["samples"], item["hidden"])
+    before, after = _number(item["before"]), _number(item["after"])
+    return Distance(item["truth"], item["fitted"], before, after, item["samples"], item["hidden"])
 
 
 def _number(value: float | None) -> float:
