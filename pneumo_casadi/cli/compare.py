@@ -38,14 +38,18 @@ def compare(
             check_replaceable,
             check_result_file,
         )
+        from pneumo_casadi.runtime.progress import progress_range
 
         if output is not None:
             check_replaceable(output, OutputKind.COMPARISON)
         check_result_file(json_file, "differences")
         with progress_bar() as report:
-            comparison = compare(*results, progress=report)
-        if output is not None:
-            write_comparison(comparison, output)
+            # Drawing takes about as long as comparing two results does.
+            share = 1.0 if output is None else 0.5
+            comparison = compare(*results, progress=progress_range(report, 0.0, share))
+            if output is not None:
+                rest = progress_range(report, share, 1.0, "report: ")
+                write_comparison(comparison, output, rest)
         if json_file is not None:
             write_json(comparison.as_dict(), json_file)
         say(fill(comparison.headline, min(width(), 100)))
@@ -61,7 +65,8 @@ def report(
         Path,
         typer.Argument(
             metavar="FOLDER",
-            help="Report folder of identify, validate, diagnose or compare, or its result file.",
+            help="Report folder of identify, validate, diagnose, compare or design, or its result "
+            "file.",
         ),
     ],
     debug: Debug = False,

@@ -108,9 +108,9 @@ def design(
             options = read_options(parameters, read)
         with progress_bar() as report:
             result = identify(read, options, progress_range(report, 0.0, 0.3))
-            rest = progress_range(report, 0.3, 1.0, "design: ")
+            rest = progress_range(report, 0.3, 0.95, "design: ")
             designed = design_experiment(result, request, rest)
-        write_design(designed, folder)
+            write_design(designed, folder, progress_range(report, 0.95, 1.0, "report: "))
         if json_file is not None:
             write_json(designed.as_dict(), json_file)
         say(design_text(designed))

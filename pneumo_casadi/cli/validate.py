@@ -47,6 +47,7 @@ def validate(
             check_replaceable,
             check_result_file,
         )
+        from pneumo_casadi.runtime.progress import progress_range
         from pneumo_casadi.runtime.provenance import provenance
         from pneumo_casadi.validation import validate
 
@@ -58,17 +59,21 @@ def validate(
         if not read.validate:
             raise CaseError(f"{case}: no held-out record; add validate.csv or validate.csv.gz")
         with progress_bar() as report:
-            validation = validate(axis, read.validate, progress=report)
+            share = 1.0 if output is None else 0.7
+            done = progress_range(report, 0.0, share)
+            validation = validate(axis, read.validate, progress=done)
+            files = [*read.files, result_path(parameters)]
+            origin = dict(validation.provenance) | {"sha256": provenance(files, {})["sha256"]}
+            validation = replace(validation, provenance=origin)
+            if output is not None:
+                rest = progress_range(report, share, 1.0, "report: ")
+                write_validation(validation, output, rest)
         warnings = tuple(validation_warnings(validation))
         usability = judge_usability(warnings, simulation_sentence(validation))
         say(fill(usability.sentence, min(width(), 100)))
         say()
         show(validation_table(validation))
-        files = [*read.files, result_path(parameters)]
-        origin = dict(validation.provenance) | {"sha256": provenance(files, {})["sha256"]}
-        validation = replace(validation, provenance=origin)
         if output is not None:
-            write_validation(validation, output)
             say(f"\nreport: {output}/report.html")
         if json_file is not None:
             content: dict[str, Any] = {"usable": usability.usable.value, "reason": usability.reason}

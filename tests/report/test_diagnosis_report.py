@@ -16,6 +16,7 @@ from pneumo_casadi.data import Finding, Grade
 from pneumo_casadi.diagnosis import Value, Verdict
 from pneumo_casadi.diagnosis.metrics.findings import Check, Closure, joined_names
 from pneumo_casadi.errors import CaseError
+from pneumo_casadi.identification.warnings import Usability, Usable
 from pneumo_casadi.report.figures.diagnosis.gap import gap_figure
 from pneumo_casadi.report.figures.diagnosis.ranking import ranking_figure
 from pneumo_casadi.report.figures.diagnosis.where import where_figure
@@ -24,7 +25,8 @@ from pneumo_casadi.report.pages.diagnosis import diagnosis_html, write_diagnosis
 from pneumo_casadi.report.pages.diagnosis_figures import diagnosis_figures
 from pneumo_casadi.report.pages.page import Picture
 from pneumo_casadi.report.tables.diagnosis import gap_table, ranking_table
-from pneumo_casadi.report.tables.quantities import plain, quantity
+from pneumo_casadi.report.tables.quantities import quantity
+from pneumo_casadi.report.tables.table import plain
 from pneumo_casadi.report.tables.verdict.estimates import diagnosis_tables, fitted_table
 from pneumo_casadi.report.tables.verdict.parameter_checks import check_table
 from pneumo_casadi.report.text.causes import cause_sentences, described_as, discovered_fact
@@ -39,12 +41,14 @@ from pneumo_casadi.report.text.diagnosis import (
     where_sentences,
 )
 from pneumo_casadi.report.text.facts import facts
+from pneumo_casadi.report.text.final_model import FinalModel, final_sentences, final_title
 from pneumo_casadi.report.text.next_step import next_step
 from pneumo_casadi.report.text.parameter_checks import (
     check_sentences,
     check_summary,
     checks_of_what,
 )
+from pneumo_casadi.report.text.reference import numbered, reference_line
 
 _spec = importlib.util.spec_from_file_location(
     "diagnoses", Path(__file__).with_name("diagnoses.py")
@@ -122,7 +126,7 @@ def test_a_gap_that_grows_is_not_said_to_fall():
 
 def test_what_cannot_be_told_apart_comes_with_the_experiment():
     text = " ".join(alternative_sentences(made.AMBIGUOUS))
-    assert "Stribeck (probability 55 %)" in text and "Presliding" in text
+    assert "Stribeck friction (probability 55 %)" in text and "Presliding" in text
     assert "creep at three or more speeds" in text
 
 
@@ -138,7 +142,9 @@ def test_the_hint_of_an_unknown_cause_and_rival_sensors_are_said():
     assert "backlash would give a similar error" in text.replace("\n ", "")
     without_term = replace(changed, discovered=None)  # a term says more than a hint
     assert made.UNKNOWN.hint in summary_text(without_term) and made.UNKNOWN.hint not in text
-    assert "with stribeck, the best candidate, it is 9.1 %" in " ".join(size_sentences(changed))
+    assert "with Stribeck friction, the best candidate, it is 9.1 %" in " ".join(
+        size_sentences(changed)
+    )
 
 
 def test_an_effect_of_ones_own_needs_no_description():
@@ -209,8 +215,10 @@ def test_the_head_shows_no_change_by_a_candidate_that_is_not_the_cause():
 
 def test_causes_stand_together_with_their_probability():
     head = dict(facts(made.three_effects(), None))
-    assert head["Causes, probability of each"].startswith("hose (76 %), stribeck (97 %) and")
-    assert head["Where"] == "mass flows into both chambers and force on piston"
+    assert head["Causes, probability of each"].startswith(
+        "hose (76 %), Stribeck friction (97 %) and"
+    )
+    assert head["Where"] == "mass flows into both chambers and the force on the moving mass"
 
 
 def test_estimates_that_do_not_meet_those_of_the_final_model_are_named():
@@ -227,13 +235,13 @@ def test_a_candidate_that_matters_is_in_the_table_with_what_became_of_it():
     rows = {row[0]: row for row in ranking_table(replace(made.EFFECT, ranking=ranking)).rows}
     assert rows["hose"][2] == "fit failed"
     assert rows["valve mismatch"][2] == "not fitted (0 % predicted)"
-    assert rows["stribeck"][1:4] == ("97 %", "95 %", "93 to 96 %")
+    assert rows["Stribeck friction"][1:4] == ("97 %", "95 %", "93 to 96 %")
 
 
 def test_refused_candidates_are_counted_not_listed():
     weak = replace(made.DRAG, names=("hose",), probability=0.001, closure=Closure(0.04, 0, 0.1))
     diagnosis = replace(made.EFFECT, ranking=(made.STRIBECK, weak, made.SILENT, made.FAILED))
-    assert [row[0] for row in ranking_table(diagnosis).rows] == ["stribeck"]
+    assert [row[0] for row in ranking_table(diagnosis).rows] == ["Stribeck friction"]
     assert refused_sentences(diagnosis) == (
         "Further candidates that were refused: 3. None reaches a probability of 1 %, and none "
         "removes more than 4 % of the gap; the fit of 1 failed or gave values that physics "
@@ -282,7 +290,7 @@ def test_a_candidate_far_worse_than_none_is_an_arrow_at_the_edge():
         (made.NONE, "check S_P in bench.json"),
         (replace(made.NONE, checks=()), "nothing for motions like these"),
         (made.ABSORBED, "check S_P in bench.json"),
-        (made.UNKNOWN, "acts over the position x, and record slow strokes over the whole travel"),
+        (made.UNKNOWN, "over the position x, again and again, such as the pitch of a belt"),
         (replace(made.UNKNOWN, discovered=None), "record where the residual is large"),
     ],
 )
@@ -293,6 +301,28 @@ def test_every_verdict_says_what_to_do_next(diagnosis, words):
 
 def test_a_model_that_is_ready_is_not_identified_again():
     assert next_step(made.EFFECT, ready=True).startswith("use the model in result.json")
+
+
+def test_absorbed_parameters_are_not_to_be_used():
+    final = FinalModel(Usability(Usable.WITH_CARE, "with care"), "16.5 ± 0.1 kg", (), {})
+    head = dict(facts(made.ABSORBED, final))
+    assert head["Parameters usable"].startswith("not S_P: ")
+    assert head["Moving mass M, ± 2σ"] == "16.5 ± 0.1 kg"
+    assert final_sentences(made.ABSORBED, final)[0].startswith("Do not use S_P: ")
+    assert final_title(made.ABSORBED).endswith("not all of it to be used")
+
+
+def test_the_next_record_shows_the_least_certain_effect():
+    step = next_step(made.EFFECT, True, "Stribeck friction: v_stribeck, ± 2.5 % (2σ)")
+    assert step.endswith("in creep at three or more speeds below and above the Stribeck velocity")
+    assert next_step(made.EFFECT, True, "X_s2, ± 1 %").endswith("least certain is X_s2, ± 1 %")
+
+
+def test_a_text_names_the_paper_that_it_quotes_once():
+    text = summary_text(made.EFFECT)
+    assert text.count("IFAC 2005") == (1 if "eq. " in text else 0)
+    assert reference_line("polynomials (eq. 12 of the paper)").endswith("IFAC 2005.")
+    assert numbered("eq. 12 of [1]") == "eq. 12 of [1]"
 
 
 def test_parameters_without_the_cause_are_not_to_be_quoted():
@@ -420,7 +450,7 @@ def test_the_dashboard_says_the_verdict_and_shows_what_there_is(drawn):
     figure = drawn["dashboard"].figure
     assert figure.texts[0].get_text().replace("\n", " ") == headline(made.EFFECT)
     labels = [axes.get_xlabel() for axes in figure.axes]
-    assert labels[1:] == [*("probability [%]", "closes in the balances [%]", _SIZES, "$t$ [s]")]
+    assert labels[1:] == [*("probability [%]", "closed in balances [%]", _SIZES, "$t$ [s]")]
     without = {drawing.name: drawing for drawing in diagnosis_figures(made.EFFECT)}["dashboard"]
     assert without.figure.axes[-1].get_xlabel() == "share [%]"  # regimes where there are no curves
 

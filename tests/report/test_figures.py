@@ -171,7 +171,7 @@ def test_coefficients_of_the_flow_are_written_as_in_the_paper(all_correlations):
     labels = [label.get_text() for label in all_correlations.axes[0].get_yticklabels()]
     assert {"$X_{s1}$", r"$\varphi_{7}$", r"$\psi^+_{7}$", r"$\psi^-_{4}$"} <= set(labels)
     assert not any("_minus" in label or "_plus" in label for label in labels)
-    assert symbol("stribeck.delta_F") == "stribeck: delta_F"
+    assert symbol("stribeck.delta_F") == "Stribeck friction: delta_F"
 
 
 def test_the_regressor_is_drawn_with_what_it_leaves(drawn, quick):

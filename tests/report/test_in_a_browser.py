@@ -19,6 +19,9 @@ from pneumo_casadi.report.pages.identification_figures import figures_of
 from pneumo_casadi.report.pages.page import Picture
 from pneumo_casadi.report.pages.write import write_comparison, write_validation
 
+#: Left out of the daily loop: it drives a browser through every kind of page.
+pytestmark = pytest.mark.slow
+
 pytest.importorskip("bokeh", reason="Bokeh is not installed: pip install '.[interactive]'")
 playwright = pytest.importorskip(
     "playwright.sync_api", reason="playwright is not installed: pip install '.[browser]'"
@@ -231,6 +234,17 @@ def test_without_scripts_a_still_figure_is_shown(browser, path):
     page.goto(path.as_uri())
     assert page.locator(".plot figure img").first.is_visible()
     assert not page.locator(".plot .controls").first.is_visible()
+    context.close()
+
+
+def test_without_scripts_a_still_figure_is_read_on_a_phone(browser, path):
+    context = browser.new_context(java_script_enabled=False, viewport=PHONE)
+    page = context.new_page()
+    page.goto(path.as_uri())
+    image = page.locator(".plot figure img").first
+    assert image.bounding_box()["width"] > 650  # scrolled, not shrunk to the width of the screen
+    heading = page.locator("h1").bounding_box()
+    assert heading["x"] + heading["width"] <= PHONE["width"]
     context.close()
 
 

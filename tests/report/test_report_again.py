@@ -14,6 +14,18 @@ import pytest
 import pneumo_casadi as pc
 from pneumo_casadi.cli import app as cli
 from pneumo_casadi.data import Finding, Grade
+from pneumo_casadi.design import (
+    KINDS,
+    Criterion,
+    Design,
+    DesignOptions,
+    Distance,
+    Limits,
+    Part,
+    Precision,
+    Reference,
+)
+from pneumo_casadi.design.experiment import SimulatedExperiment
 from pneumo_casadi.diagnosis import Condition, RegimeKind, Value, Verdict, read_diagnosis
 from pneumo_casadi.diagnosis.decide.plain_evidence import evidence_dict, evidence_of
 from pneumo_casadi.diagnosis.metrics.findings import SensorError
@@ -23,6 +35,7 @@ from pneumo_casadi.identification.read_comparison import read_comparison
 from pneumo_casadi.identification.warnings import simulation_sentence
 from pneumo_casadi.report.pages.again import write_report_again
 from pneumo_casadi.report.pages.comparison import comparison_html
+from pneumo_casadi.report.pages.design import write_design
 from pneumo_casadi.report.pages.diagnosis import write_diagnosis
 from pneumo_casadi.report.pages.diagnosis_figures import diagnosis_figures
 from pneumo_casadi.report.pages.write import (
@@ -190,7 +203,7 @@ def diagnosed_mass(folder):
 def test_a_diagnosis_without_its_curves_has_a_report(diagnosed, tmp_path):
     shutil.copy(diagnosed / "diagnosis.json", tmp_path / "diagnosis.json")
     page = write_report_again(tmp_path / "diagnosis.json").read_text("utf-8")
-    assert "Stribeck explains" in page and 'class="plot' not in page
+    assert "Stribeck friction explains" in page and 'class="plot' not in page
 
 
 @pytest.mark.parametrize(
@@ -225,7 +238,9 @@ def test_a_comparison_is_read_back_and_its_report_written_again(
 ):
     held = {"M": (Estimate(16.9, math.inf, "kg"), None)}
     odd = replace(compared, estimates=dict(compared.estimates) | held)
-    folder = write_comparison(odd, tmp_path / "comparison")
+    shares = []
+    folder = write_comparison(odd, tmp_path / "comparison", lambda _, s: shares.append(s))
+    assert shares[0] == 0.0 and shares[-1] == 1.0  # from the first figure to the page
     again = read_comparison(folder)
     assert again.as_dict() == odd.as_dict() and again.estimates["M"] == held["M"]
     first = (folder / "report.html").read_text("utf-8")
@@ -250,7 +265,10 @@ def test_a_comparison_that_was_changed_is_refused_with_the_field(compared, tmp_p
 
 
 def test_a_validation_has_a_report_that_is_written_again(quick, without_figures, tmp_path):
-    folder = write_validation(quick.validation, tmp_path / "validation")
+    shares = []
+    validated = quick.validation
+    folder = write_validation(validated, tmp_path / "validation", lambda _, s: shares.append(s))
+    assert shares[0] == 0.0 and shares[-1] == 1.0
     first = (folder / "report.html").read_text("utf-8")
     sentence = simulation_sentence(quick.validation)
     assert sentence[1:] in first.replace("\N{NO-BREAK SPACE}", " ")
@@ -288,3 +306,57 @@ def test_damaged_provenance_is_named_and_the_report_stays(diagnosed, tmp_path, c
     assert cli.run(["report", str(folder)]) == 2
     assert "diagnosis.json: no complete result" in capsys.readouterr().err.replace("\n", " ")
     assert (folder / "report.html").read_bytes() == before
+
+
+def made_design(**changes):
+    N = 100
+    t = np.linspace(0.0, 1.0, N)
+    reference = Reference(0.01, 0.1 * np.sin(t), np.zeros(N))
+    x = np.vstack([4e5 + 1e5 * t, 5e5 - 1e5 * t, 0.1 * np.sin(t), 0.1 * np.cos(t)])
+    run = SimulatedExperiment(reference, x, np.vstack([t, -t]), x[:3], 1.25)
+    kind = next(iter(KINDS))
+    part = Part(kind, 1.0, tuple(number.start for number in KINDS[kind].numbers))
+    now = np.array([0.2, np.inf])
+    precision = Precision(
+        ("M", "f_v"),
+        ("kg", "N s/m"),
+        np.array([16.9, 11.0]),
+        now,
+        np.array([0.1, 0.2]),
+        np.array([0.05, 0.1]),
+        Criterion("D"),
+        *(0.04, 0.02, 0.01),
+    )
+    design = Design(
+        reference,
+        (part,),
+        DesignOptions(Limits(0.2, 0.5, 1.5e5, 6e5, 3.0), 1.0, seed=3),
+        {"axis": run},
+        (0.5, 0.4),
+        precision,
+        (),
+        1.5,
+        ("A note.",),
+    )
+    return replace(design, **changes)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"precision": None, "distances": (Distance("hose", "none", 3.0, 9.0, 100),)},
+    ],
+)
+def test_a_design_is_written_again_from_its_file(tmp_path, changes):
+    shares = []
+    folder = write_design(made_design(**changes), tmp_path / "next", lambda _, s: shares.append(s))
+    assert shares[0] == 0.0 and shares[-1] == 1.0  # the figure is part of the work
+    report = folder / "report.html"
+    first = report.read_bytes()
+    report.unlink()
+    assert write_report_again(folder) == report
+    assert report.read_bytes() == first
+    (folder / "design.json").write_text('{"precision": null}')
+    with pytest.raises(CaseError, match="design the experiment again"):
+        write_report_again(folder)

@@ -9,7 +9,7 @@ from pneumo_casadi.diagnosis.metrics.regime import RegimeKind
 _QUANTITIES: Mapping[str, str] = {
     Location.MASS_FLOW_P: "the mass flow into chamber P",
     Location.MASS_FLOW_N: "the mass flow into chamber N",
-    Location.FORCE: "the force on the piston",
+    Location.FORCE: "the force on the moving mass",
     Location.MEASUREMENT: "the reading of a sensor",
 }
 _BOTH_CHAMBERS = "the mass flows into both chambers"
@@ -25,9 +25,9 @@ def location_sentences(where: Where) -> tuple[str, ...]:
     >>> where = Where(Location.FORCE, None, (), {"force": 1.0}, (), {"force": 0.042})
     >>> for sentence in location_sentences(where):
     ...     print(sentence)
-    Model and measurement disagree in the force on the piston.
+    Model and measurement disagree in the force on the moving mass.
     Without effects the model lacks, relative to the signal of each balance: the force on the \
-piston 4.2 %.
+moving mass 4.2 %.
     """
     lacks = f"Without effects the model lacks, {_sizes(where.unknown_inputs)}."
     if where.balance is Location.NONE:
@@ -62,7 +62,7 @@ def locations_in_words(locations: Sequence[Location]) -> str:
     Examples
     --------
     >>> locations_in_words([Location.MASS_FLOW_N, Location.FORCE, Location.MASS_FLOW_P])
-    'the mass flows into both chambers and the force on the piston'
+    'the mass flows into both chambers and the force on the moving mass'
     """
     flows = {Location.MASS_FLOW_P, Location.MASS_FLOW_N}
     both = flows <= set(locations)

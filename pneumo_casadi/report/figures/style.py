@@ -147,7 +147,7 @@ def symbol(name: str) -> str:
     Examples
     --------
     >>> symbol("F_c_plus"), symbol("stribeck.delta_F")
-    ('$F_c^+$', 'stribeck: delta_F')
+    ('$F_c^+$', 'Stribeck friction: delta_F')
     """
     coefficient = _COEFFICIENT.fullmatch(name)
     if coefficient is not None:

@@ -12,6 +12,7 @@ from pneumo_casadi.errors import CaseError
 from pneumo_casadi.identification.read_comparison import COMPARISON, read_comparison
 from pneumo_casadi.identification.result_file import FORMAT
 from pneumo_casadi.report.pages.comparison import comparison_html, overlays
+from pneumo_casadi.report.pages.design import design_again
 from pneumo_casadi.report.pages.diagnosis import diagnosis_html, drawn_pictures
 from pneumo_casadi.report.pages.identification_again import (
     CAPTION,
@@ -26,8 +27,9 @@ from pneumo_casadi.runtime.json_input import check_format, read_json
 from pneumo_casadi.runtime.output_folder import OutputKind, write_files
 
 #: Names of the files of a report.
-RESULT, CURVES, REPORT = "result.json", "curves.json", "report.html"
-_ABSENT = "name a report folder of `identify`, `validate`, `diagnose` or `compare`"
+RESULT, DESIGN, CURVES = "result.json", "design.json", "curves.json"
+REPORT = "report.html"
+_ABSENT = "name a report folder of `identify`, `validate`, `diagnose`, `compare` or `design`"
 
 
 def write_report_again(path: str | Path) -> Path:
@@ -36,15 +38,16 @@ def write_report_again(path: str | Path) -> Path:
     Parameters
     ----------
     path : path
-        Report folder of ``identify``, ``validate``, ``diagnose`` or ``compare``, or the file
-        ``result.json``, ``diagnosis.json`` or ``comparison.json`` of one.
+        Report folder of ``identify``, ``validate``, ``diagnose``, ``compare`` or ``design``, or
+        the file ``result.json``, ``diagnosis.json``, ``comparison.json`` or ``design.json`` of one.
 
     Returns
     -------
     Path
         The report. That of a diagnosis, a comparison or a validation is complete where there is a
-        ``curves.json``. That of an identification has verdict, parameters, warnings, errors and
-        provenance, and the time plots with ``curves.json``; its other figures need the records.
+        ``curves.json``, that of a design with ``design.png``. That of an identification has
+        verdict, parameters, warnings, errors and provenance, and the time plots with
+        ``curves.json``; its other figures need the records.
 
     Raises
     ------
@@ -69,7 +72,7 @@ def _result_file(path: Path) -> Path:
     if not path.is_dir():
         return path
     # A diagnosis holds the result of its final model besides.
-    there = [path / name for name in (DIAGNOSIS, COMPARISON) if (path / name).exists()]
+    there = [path / name for name in (DIAGNOSIS, COMPARISON, DESIGN) if (path / name).exists()]
     return there[0] if there else path / RESULT
 
 
@@ -118,17 +121,23 @@ def _comparison(content: dict[str, Any], file: Path) -> str:
     return comparison_html(comparison, pictures)
 
 
+def _designed(content: dict[str, Any], file: Path) -> str:
+    return design_again(content, file.parent)
+
+
 Page = Callable[[dict[str, Any], Path], str]
 #: What a result is, by a key that no other has, and what makes its page.
 _PAGES: dict[str, tuple[OutputKind, Page]] = {
     "verdict": (OutputKind.DIAGNOSIS, _diagnosis),
     "differences": (OutputKind.COMPARISON, _comparison),
+    "precision": (OutputKind.DESIGN, _designed),
     "output_error": (OutputKind.IDENTIFICATION, _identification),
     "validation": (OutputKind.VALIDATION, _validation),  # an identification has it besides
 }
 _REMEDIES = {
     OutputKind.DIAGNOSIS: "diagnose the case again",
     OutputKind.COMPARISON: "compare the results again",
+    OutputKind.DESIGN: "design the experiment again",
     OutputKind.IDENTIFICATION: "identify the case again",
     OutputKind.VALIDATION: "validate the parameters again",
 }

@@ -14,7 +14,8 @@ from pneumo_casadi.report.figures.diagnosis.where import where_figure
 from pneumo_casadi.report.figures.time_series import time_series_figure
 from pneumo_casadi.report.pages.identification_figures import Drawn
 from pneumo_casadi.report.tables.diagnosis import gap_models, has_after
-from pneumo_casadi.report.tables.quantities import chance, percent, plain, whole
+from pneumo_casadi.report.tables.quantities import chance, percent, whole
+from pneumo_casadi.report.tables.table import plain
 from pneumo_casadi.report.text.causes import joined
 
 #: A balance is drawn in detail from this share of the unknown inputs.

@@ -19,6 +19,7 @@ from pneumo_casadi.report.interactive.time_plot import (
 )
 from pneumo_casadi.report.pages.drawing import NOT_DRAWN, matplotlib_installed
 from pneumo_casadi.report.tables.table import Table, with_symbols
+from pneumo_casadi.report.text.reference import REFERENCE, numbered
 
 #: Size of an SVG file, in points: what Matplotlib writes into its first tag.
 _SVG_SIZE = re.compile(rb'<svg[^>]*?\bwidth="([\d.]+)pt"[^>]*', re.DOTALL)
@@ -28,7 +29,7 @@ _UNIT = re.compile(r"/\([^()]{1,9}\)")
 #: The space between a number and its unit.
 _MEASURE = re.compile(r"(?<=\d) (?=(?:s|ms|m|mm|µm|kg|N|Pa|kPa|bar|V|mV|µV|Hz|K|cm²|cm³|ml|l)\b)")
 #: What is read as one: the end of an interval, a bound, a value after its sign of equality.
-_TOGETHER = re.compile(r"(?<=\d) to (?=[-−\d])|[<>=] (?=[-−\d])")
+_TOGETHER = re.compile(r"(?<=\d) to (?=[-−\d])|(?:(?<=\|) )?[<>=] (?=[-−\d])")
 #: Code in a sentence.
 _CODE = re.compile("`([^`]+)`")
 #: CSS pixels a point.
@@ -44,14 +45,6 @@ _FIRST = 20
 _HANDLING = (
     "Drag over a plot to enlarge that time in all of them; the pointer shows the values; "
     "`largest difference` goes to where measurement and first simulation differ most."
-)
-#: Equations, tables and figures of the paper that the method comes from, which is [1] in reports.
-_OF_PAPER = re.compile(
-    r"\b(eq\. \d+|Figs?\. \d(?: and \d)?|Table 1)(?: of the paper)?(?! of \[1\])"
-)
-_REFERENCE = (
-    '[1] "Identification of physical parameters of a pneumatic servosystem", IFAC 2005; its '
-    "equations, table and figures are those that this report refers to."
 )
 #: Name of the still figure of a record's time plot, before the name of the record.
 TIME_FIGURE = "validation_"
@@ -217,11 +210,11 @@ def html_page(title: str, verdict: Verdict, sections: Sequence[Section]) -> str:
 def _with_reference(sections: Sequence[Section]) -> list[Section]:
     """Return the sections with the reference below the symbols, or in a section of its own."""
     if all(section.anchor != "symbols" for section in sections):
-        return [*sections, Section("reference", "Reference", (_REFERENCE,))]
+        return [*sections, Section("reference", "Reference", (REFERENCE,))]
     return [
         replace(
             section,
-            tables=[replace(each, notes=(*each.notes, _REFERENCE)) for each in section.tables],
+            tables=[replace(each, notes=(*each.notes, REFERENCE)) for each in section.tables],
         )
         if section.anchor == "symbols"
         else section
@@ -286,7 +279,7 @@ def _unbroken(value: Any) -> Any:
     if isinstance(value, str) and not isinstance(value, Markup):
         space = "\N{NO-BREAK SPACE}"
         value = _TOGETHER.sub(lambda part: part[0].replace(" ", space), _MEASURE.sub(space, value))
-        value = _OF_PAPER.sub(r"\1 of [1]", value)
+        value = numbered(value)
         value = _UNIT.sub(lambda unit: unit[0].replace(" ", space), value)
         return value.replace(" %", f"{space}%").replace(" ± ", f"{space}±{space}")
     return value

@@ -74,12 +74,16 @@ def write_identification(
     return Path(folder)
 
 
-def write_validation(validation: Validation, folder: str | Path) -> Path:
+def write_validation(
+    validation: Validation, folder: str | Path, progress: Progress | None = None
+) -> Path:
     """Write errors and figures of a validation on its own into a folder.
 
     ``result.json``, ``table.txt``, ``figures``, and ``report.html`` with the records over time,
-    which are in ``curves.json``.
+    which are in ``curves.json``. `progress` is called as ``progress(text, share)``.
     """
+    report = progress or no_progress
+    report("figures", 0.0)
     with output_folder(folder, OutputKind.VALIDATION) as draft:
         content = {
             "validation": validation_dict(validation),
@@ -89,8 +93,10 @@ def write_validation(validation: Validation, folder: str | Path) -> Path:
         (draft / "table.txt").write_text(render(validation_table(validation)) + "\n", "utf-8")
         _write_curves(validation.curves, draft)
         pictures = save_figures(_figures_of(validation), draft / "figures")
+        report("page", 0.9)
         html = validation_html(validation, validation.curves, pictures)
         (draft / "report.html").write_text(html, "utf-8")
+    report("done", 1.0)
     return Path(folder)
 
 
@@ -108,12 +114,16 @@ def write_simulations(runs: Sequence[RecordSimulation], folder: str | Path) -> t
     return tuple(Path(folder) / "simulation" / path.name for path in written)
 
 
-def write_comparison(comparison: Comparison, folder: str | Path) -> Path:
+def write_comparison(
+    comparison: Comparison, folder: str | Path, progress: Progress | None = None
+) -> Path:
     """Write a comparison of results into a folder.
 
     ``comparison.json``, ``comparison.txt``, ``curves.json`` and ``report.html`` with all
-    simulations over time.
+    simulations over time. `progress` is called as ``progress(text, share)``.
     """
+    report = progress or no_progress
+    report("figures", 0.0)
     with output_folder(folder, OutputKind.COMPARISON) as draft:
         write_json(comparison.as_dict(), draft / "comparison.json")
         tables = comparison_tables(comparison)
@@ -121,7 +131,9 @@ def write_comparison(comparison: Comparison, folder: str | Path) -> Path:
         (draft / "comparison.txt").write_text(text + "\n", "utf-8")
         _write_curves(comparison.curves, draft)
         pictures = save_figures(overlays(comparison), draft / "figures")
+        report("page", 0.9)
         (draft / "report.html").write_text(comparison_html(comparison, pictures), "utf-8")
+    report("done", 1.0)
     return Path(folder)
 
 

@@ -3,20 +3,14 @@
 from collections.abc import Iterator, Mapping
 
 from pneumo_casadi.diagnosis import Candidate, Diagnosis
-from pneumo_casadi.report.tables.quantities import (
-    between,
-    chance,
-    percent,
-    plain,
-    whole,
-)
-from pneumo_casadi.report.tables.table import Table, cause_name
+from pneumo_casadi.report.tables.quantities import between, chance, percent, whole
+from pneumo_casadi.report.tables.table import Table, cause_name, plain
 
 #: Balances in words.
 BALANCES = {
     "mass_flow_P": "mass flow into chamber P",
     "mass_flow_N": "mass flow into chamber N",
-    "force": "force on the piston",
+    "force": "force on the moving mass",
     "measurement": "reading of a sensor",
     "none": "none",
 }

@@ -132,14 +132,3 @@ def whole(share: float) -> str:
     if 0.995 <= share < 0.9995:  # not all of it
         return f"{100 * share:.1f} %"
     return f"{round(100 * share)} %"
-
-
-def plain(name: str) -> str:
-    """Return a name of the catalogue, or several, without underscores.
-
-    Examples
-    --------
-    >>> plain("leakage_P + valve_dead_zone")
-    'leakage P + valve dead zone'
-    """
-    return name.replace("_", " ")

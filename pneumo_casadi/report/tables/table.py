@@ -20,6 +20,14 @@ _SYMBOLS = {
     "psi_minus": "ψ⁻",
     "phi": "φ",
 }
+#: Names of the catalogue that the field calls otherwise; the others are read without underscores.
+_WORDS = {
+    "stribeck": "Stribeck friction",
+    "presliding": "presliding friction",
+    "leakage_P": "leakage of chamber P",
+    "leakage_N": "leakage of chamber N",
+}
+_NAMED = re.compile(rf"\b({'|'.join(_WORDS)})\b")
 #: The effect before the name of one of its parameters.
 _OWNER = re.compile(rf"\b({'|'.join(sorted(EFFECTS, key=len, reverse=True))})\.(?=[A-Za-z])")
 
@@ -120,6 +128,7 @@ def with_symbols(text: str) -> str:
     'hose: V'
     """
     text = _OWNER.sub(lambda owner: f"{cause_name(owner[1])}: ", text)
+    text = re.sub(r"\bdiscovered\.(?=[A-Za-z])", "discovered term: ", text)
     for plain, symbol in _SYMBOLS.items():
         text = re.sub(rf"\b{plain}(?=\b|_\d)", symbol, text)
     return text
@@ -134,7 +143,18 @@ def cause_name(name: str) -> str:
     ('hose', 'valve dead zone', 'one of your own')
     """
     known = EFFECTS.get(name)
-    return (name if known is None else known.cause).replace("_", " ")
+    return plain(name if known is None else known.cause)
+
+
+def plain(name: str) -> str:
+    """Return a name of the catalogue, or several, in the words of the field.
+
+    Examples
+    --------
+    >>> plain("stribeck + valve_dead_zone")
+    'Stribeck friction + valve dead zone'
+    """
+    return _NAMED.sub(lambda effect: _WORDS[effect[1]], name).replace("_", " ")
 
 
 def scaled_unit(unit: str, exponent: int) -> str:

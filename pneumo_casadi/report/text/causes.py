@@ -1,5 +1,6 @@
 """The causes that a diagnosis names, and the term that it discovered, in sentences."""
 
+import re
 from collections.abc import Mapping, Sequence
 
 from pneumo_casadi.diagnosis import Diagnosis, EffectFound, Value
@@ -8,15 +9,8 @@ from pneumo_casadi.diagnosis.metrics.location import Location
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.report.tables.diagnosis import BALANCES
-from pneumo_casadi.report.tables.quantities import (
-    between,
-    chance,
-    plain,
-    quantity,
-    short_quantity,
-    whole,
-)
-from pneumo_casadi.report.tables.table import cause_name, with_symbols
+from pneumo_casadi.report.tables.quantities import between, chance, quantity, short_quantity, whole
+from pneumo_casadi.report.tables.table import cause_name, plain, with_symbols
 
 Catalogue = Mapping[str, type[Effect]]
 
@@ -162,9 +156,13 @@ def without_underscores(text: str, catalogue: Catalogue = EFFECTS) -> str:
     --------
     >>> without_underscores("position_delay may be part of it; k_P is 1.2")
     'position delay may be part of it; k_P is 1.2'
+    >>> without_underscores("valve_mismatch.epsilon = 1 is not credible")
+    'valve mismatch: epsilon = 1 is not credible'
     """
     for name in sorted({*EFFECTS, *catalogue}, key=len, reverse=True):
-        text = text.replace(name, cause_name(name))
+        of_effect = rf"(?<!\w){re.escape(name)}"
+        text = re.sub(rf"{of_effect}\.(?=[A-Za-z])", f"{cause_name(name)}: ", text)
+        text = re.sub(rf"{of_effect}(?!\w)", cause_name(name), text)
     return text
 
 
@@ -186,12 +184,12 @@ def discovered_sentences(diagnosis: Diagnosis) -> tuple[str, ...]:
         f"closes {whole(term.closes.value)} of the held-out gap of the balances (95 % interval "
         f"{between(term.closes)}).",
         f"Formula: {term.term.expression} [{term.term.unit}], with {sizes}.",
-        f"It is a description, not a cause: look for what acts over {_suspects(term)}.",
+        f"It is a description, not a cause: look for what acts over {suspects(term)}.",
     )
 
 
-def _suspects(term: DiscoveredTerm) -> str:
-    """Return the driver, and what acts over it on axes."""
+def suspects(term: DiscoveredTerm) -> str:
+    """Return the driver of a discovered term, and what acts over it on axes."""
     driver = term.term.driver
     repeats = "period" in term.term.parameters
     examples = _SUSPECTS[driver][0 if repeats else 1]

@@ -57,7 +57,11 @@ def precision_table(precision: Precision) -> Table:
         "Predicted standard errors [%]",
         ("", "value", "unit", "recorded", "designed", "both", "designed/recorded"),
         tuple(rows),
-        ("Without the bias of an incomplete model. Both: one fit to the two records together.",),
+        (
+            "From the noise of the sensors alone, 1σ: intervals of an identification are wider, as "
+            "they contain the correlation of the residuals and the noise of the flow map. Compare "
+            "the columns, do not quote them. Both: one fit to the two records together.",
+        ),
     )
 
 

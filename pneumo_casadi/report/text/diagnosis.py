@@ -23,7 +23,8 @@ from pneumo_casadi.report.tables.diagnosis import (
     matters,
     nearest,
 )
-from pneumo_casadi.report.tables.quantities import between, chance, percent, plain, whole
+from pneumo_casadi.report.tables.quantities import between, chance, percent, whole
+from pneumo_casadi.report.tables.table import plain
 from pneumo_casadi.report.tables.verdict.estimates import diagnosis_tables
 from pneumo_casadi.report.text.causes import (
     Catalogue,
@@ -37,6 +38,7 @@ from pneumo_casadi.report.text.causes import (
 from pneumo_casadi.report.text.final_model import final_model, final_sentences, final_title
 from pneumo_casadi.report.text.identification import WIDTH, render
 from pneumo_casadi.report.text.parameter_checks import check_sentences, checks_of_what
+from pneumo_casadi.report.text.reference import reference_line
 
 #: A verdict in one or two words.
 VERDICTS = {
@@ -221,8 +223,9 @@ def alternative_sentences(diagnosis: Diagnosis, catalogue: Catalogue = EFFECTS) 
 def location_text(diagnosis: Diagnosis) -> str:
     """Return the locations in which model and measurement disagree, in a few words."""
     if diagnosis.where.balance is Location.NONE:
-        return BALANCES[Location.NONE]
-    return locations_in_words(diagnosis.where.balances).replace("the ", "")
+        absorbed = diagnosis.verdict is Verdict.ABSORBED
+        return "in parameters, not in the simulation" if absorbed else BALANCES[Location.NONE]
+    return locations_in_words(diagnosis.where.balances).removeprefix("the ")
 
 
 def summary_text(
@@ -267,7 +270,9 @@ def summary_text(
     shown = [*([] if final is None else final.tables), *diagnosis_tables(diagnosis, values)]
     tables = [render(table) for table in shown]
     end = f"Computing time: {diagnosis.seconds:.0f} s."
-    return "\n".join([*head, *body]) + "\n\n\n" + "\n\n\n".join([*tables, end]) + "\n"
+    reference = reference_line("\n".join([*body, *tables]))
+    last = [*tables, *([reference] if reference else []), end]
+    return "\n".join([*head, *body]) + "\n\n\n" + "\n\n\n".join(last) + "\n"
 
 
 def _section(name: str, sentences: Sequence[str]) -> Iterator[str]:

@@ -2,7 +2,8 @@
 
 from pneumo_casadi.diagnosis import Diagnosis, Verdict
 from pneumo_casadi.identification.warnings import Usable
-from pneumo_casadi.report.tables.quantities import between, chance, percent, plain, whole
+from pneumo_casadi.report.tables.quantities import between, chance, percent, whole
+from pneumo_casadi.report.tables.table import plain
 from pneumo_casadi.report.text.causes import discovered_fact, joined
 from pneumo_casadi.report.text.diagnosis import location_text
 from pneumo_casadi.report.text.final_model import FinalModel, final_facts

@@ -12,11 +12,14 @@ from pneumo_casadi.identification.warnings import Usability, Usable
 from pneumo_casadi.report.tables.laboratory import estimate_table, laboratory_tables
 from pneumo_casadi.report.tables.parameters import INTERVALS
 from pneumo_casadi.report.tables.table import Table, with_symbols
+from pneumo_casadi.report.text.causes import joined
 
 #: Title of the section.
 TITLE = "Parameters to use: final model refined by output error"
 #: The same where the cause is unknown.
 TITLE_WITHOUT_CAUSE = "Final model refined by output error: not to be used"
+#: The same where its parameters contradict geometry or data sheet.
+TITLE_ABSORBED = "Final model refined by output error: not all of it to be used"
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +101,16 @@ def _values(content: Mapping[str, Any]) -> dict[str, Value]:
 
 def final_title(diagnosis: Diagnosis) -> str:
     """Return the title of the section on the final model."""
-    return TITLE_WITHOUT_CAUSE if diagnosis.verdict is Verdict.UNKNOWN else TITLE
+    titles = {Verdict.UNKNOWN: TITLE_WITHOUT_CAUSE, Verdict.ABSORBED: TITLE_ABSORBED}
+    return titles.get(diagnosis.verdict, TITLE)
+
+
+def _absorbed(diagnosis: Diagnosis) -> str:
+    """Return which parameters have taken up what the model lacks; empty where none has."""
+    wrong = [check.name for check in diagnosis.final_checks if not check.agrees]
+    if diagnosis.verdict is not Verdict.ABSORBED or not wrong:
+        return ""
+    return f"not {joined(wrong, 'or')}: the fit has taken up there what the model lacks"
 
 
 def final_facts(diagnosis: Diagnosis, final: FinalModel | None) -> list[tuple[str, str]]:
@@ -109,6 +121,9 @@ def final_facts(diagnosis: Diagnosis, final: FinalModel | None) -> list[tuple[st
         return []
     mass = [("Moving mass M, ± 2σ", final.mass)] if final.mass else []
     usable, reason = final.usability.usable, final.usability.reason
+    absorbed = _absorbed(diagnosis)
+    if absorbed and usable is not Usable.NO:
+        return [("Parameters usable", absorbed), *mass]
     why = "" if usable is Usable.YES else f": {reason}"
     return [("Parameters usable", f"{usable.value}{why}"), *mass]
 
@@ -123,4 +138,7 @@ def final_sentences(diagnosis: Diagnosis, final: FinalModel | None) -> tuple[str
     )
     if diagnosis.verdict is Verdict.UNKNOWN:
         return ("The model lacks the cause: its parameters absorb a part of it.", file)
+    absorbed = _absorbed(diagnosis)
+    if absorbed:
+        return f"Do {absorbed.replace('not ', 'not use ', 1)}.", final.usability.sentence, file
     return final.usability.sentence, file

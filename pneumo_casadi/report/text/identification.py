@@ -7,6 +7,7 @@ from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.identification.warnings import ResultWarning
 from pneumo_casadi.report.tables.content import all_tables
 from pneumo_casadi.report.tables.table import Table, with_symbols
+from pneumo_casadi.report.text.reference import reference_line
 
 WIDTH = 100
 
@@ -67,4 +68,5 @@ def text_report(identification: Identification, paper: bool = False) -> str:
         "Weighted least squares, in the form of Table 1 of the paper\n\n" + wls,
         "Filters\n\n" + identification.wls.plan.describe(),
     ]
-    return "\n\n\n".join(parts) + "\n"
+    reference = reference_line("\n".join(parts))
+    return "\n\n\n".join([*parts, *([reference] if reference else [])]) + "\n"

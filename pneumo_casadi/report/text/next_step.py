@@ -2,10 +2,10 @@
 
 from pneumo_casadi.diagnosis import Diagnosis, Verdict
 from pneumo_casadi.effects import EFFECTS
-from pneumo_casadi.report.tables.quantities import plain
-from pneumo_casadi.report.text.causes import DRIVER_NAMES, joined
+from pneumo_casadi.report.tables.table import cause_name, plain
+from pneumo_casadi.report.text.causes import joined, suspects
 
-#: Record that shows more of a term over its driver, after "and".
+#: Record that shows more of a term over its driver.
 _RECORDS = {
     "x": "record slow strokes over the whole travel",
     "v": "record strokes at several constant speeds",
@@ -55,12 +55,23 @@ def next_step(diagnosis: Diagnosis, ready: bool = False, least: str = "") -> str
         if diagnosis.discovered is None:
             return "record where the residual is large: see the conditions below"
         driver = diagnosis.discovered.term.driver
-        return f"look for what acts over {DRIVER_NAMES[driver]}, and {_RECORDS.get(driver, _ANY)}"
+        seek = suspects(diagnosis.discovered)
+        return f"look for what acts over {seek}; {_RECORDS.get(driver, _ANY)}"
     if ready:
-        certain = f"; least certain is {least}" if least else ""
-        return f"use the model in result.json; `design` plans the next record{certain}"
+        return f"use the model in result.json; {_more_certain(diagnosis, least)}"
     forms = [effect.form for effect in diagnosis.effects]
     if not all(form in EFFECTS for form in forms):
         return "plan a record for the model with it: `pneumo-casadi design`"
     with_effects = " ".join(f"--with {form}" for form in forms)
     return f"`identify {with_effects}`; `design` plans the next record"
+
+
+def _more_certain(diagnosis: Diagnosis, least: str) -> str:
+    """Return the record that makes the least certain parameter more certain."""
+    plan = "`design` plans the next record"
+    if not least:
+        return plan
+    known = {cause_name(effect.form): EFFECTS.get(effect.form) for effect in diagnosis.effects}
+    effect = known.get(least.partition(": ")[0])
+    shown = f"; it shows in {effect.separated_by}" if effect and effect.separated_by else ""
+    return f"{plan}; least certain is {least}{shown}"

@@ -12,7 +12,7 @@ from pneumo_casadi.report.figures.diagnosis.unknown_inputs import draw_unknown_i
 from pneumo_casadi.report.figures.diagnosis.where import draw_location, draw_regimes
 from pneumo_casadi.report.figures.style import HEAD, PAGE, SMALL, TEXT, new_figure
 from pneumo_casadi.report.tables.diagnosis import VIEWS, gap_models
-from pneumo_casadi.report.tables.quantities import plain
+from pneumo_casadi.report.tables.table import plain
 from pneumo_casadi.report.text.diagnosis import headline
 
 #: Letters in a line of the headline, height of a line and of both rows of panels [mm].
@@ -23,7 +23,7 @@ CAUSES, REGIMES = 6, 3
 
 def dashboard_figure(diagnosis: Diagnosis) -> Figure:
     """Draw the verdict, the gap, the first causes and the most affected balance."""
-    lines = textwrap.wrap(headline(diagnosis), LETTERS)
+    lines = textwrap.wrap(headline(diagnosis), LETTERS, break_on_hyphens=False)
     top = LINE_HEIGHT * len(lines) + 1.0
     height = ROWS + top + HEAD
     figure = new_figure(height, PAGE, top + HEAD)

@@ -21,7 +21,8 @@ from pneumo_casadi.report.figures.style import (
 )
 from pneumo_casadi.report.interactive.look import COLOURS
 from pneumo_casadi.report.tables.diagnosis import VIEWS, gap_models
-from pneumo_casadi.report.tables.quantities import percent, plain
+from pneumo_casadi.report.tables.quantities import percent
+from pneumo_casadi.report.tables.table import plain
 
 #: Height of all bars of an output [rows].
 _BARS = 0.76

@@ -17,7 +17,8 @@ from pneumo_casadi.report.figures.style import (
     write_at_bar,
 )
 from pneumo_casadi.report.tables.diagnosis import matters
-from pneumo_casadi.report.tables.quantities import chance, plain
+from pneumo_casadi.report.tables.quantities import chance
+from pneumo_casadi.report.tables.table import plain
 
 #: Candidates drawn: those that matter up to the first number, and the first ones up to the second.
 DRAWN, LEAST = 5, 3
@@ -49,7 +50,7 @@ def draw_ranking(left: Axes, right: Axes, diagnosis: Diagnosis, most: int = DRAW
         _closing(right, i, candidate, colour)
     labels = [_lines(candidate.label) for candidate in shown]
     dress(left, "probability [%]")
-    dress(right, "closes in the balances [%]")
+    dress(right, "closed in balances [%]")
     left.set_xlim(0, 104)
     closures = [candidate.closure for candidate in shown if candidate.closure is not None]
     low = min((100 * closure.lower for closure in closures), default=0.0)

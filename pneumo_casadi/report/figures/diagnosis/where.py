@@ -23,7 +23,8 @@ from pneumo_casadi.report.figures.style import (
     write_at_bar,
 )
 from pneumo_casadi.report.interactive.look import COLOURS
-from pneumo_casadi.report.tables.quantities import percent, plain
+from pneumo_casadi.report.tables.quantities import percent
+from pneumo_casadi.report.tables.table import plain
 
 
 def where_figure(diagnosis: Diagnosis) -> Figure:

@@ -15,6 +15,11 @@ _CHECKED = {
     "flow map": "residual of the flow map, over its own fit's",
     "map form": "error of the form of the flow map",
 }
+#: Why the intervals of ratios are not those of the tables of parameters.
+_UNCORRELATED = (
+    "± 2σ of dead lengths, of k and of ratios takes the coefficients as uncorrelated; the tables "
+    "of parameters allow for their correlation.",
+)
 #: Units of checked quantities that have none of their own.
 _CHECK_UNITS = {"map form": ("% of the largest flow", 100.0)}
 
@@ -54,6 +59,7 @@ def check_table(diagnosis: Diagnosis) -> Table:
         tuple(rows),
         (
             f"Estimates of {which}.",
+            *_UNCORRELATED,
             *(near if "within 6σ" in results else ()),
             *(gross if OPEN in results else ()),
         ),
