@@ -48,9 +48,9 @@ def flow_map_warnings(
         "map residuals",
         deviation.rms,
         "flow_map",
-        "The trajectories have moved the flow map: its residuals are "
-        f"{deviation.rms:.2f} times those of its own fit. Map and trajectories disagree beyond "
-        "the map's own misfit: check that it is the map of this valve, at this supply pressure.",
+        "The trajectories have moved the flow map: it now misses the metered points by "
+        f"{deviation.rms:.2f} times as much as when it is fitted to them alone. Check that it is "
+        "the map of this valve, at this supply pressure.",
     )
     yield from limited(
         "map scale",

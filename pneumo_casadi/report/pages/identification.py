@@ -17,6 +17,7 @@ from pneumo_casadi.report.pages.page import (
     plots_of,
 )
 from pneumo_casadi.report.tables.content import all_tables
+from pneumo_casadi.report.tables.diagnosis import BALANCES
 from pneumo_casadi.report.tables.laboratory import laboratory_tables, legend_table
 from pneumo_casadi.report.tables.table import Table, with_symbols
 from pneumo_casadi.report.tables.validation import RESOLVED, records_table
@@ -102,7 +103,7 @@ def warning_sentences(content: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def next_record(content: Mapping[str, Any]) -> str:
-    """Return which parameter is the least certain, and how to plan a record that improves it."""
+    """Return which parameter is the least certain, and what tells more."""
     known = least_certain(content)
     unknown = content["output_error"]["uninformed"]
     if unknown:
@@ -111,7 +112,10 @@ def next_record(content: Mapping[str, Any]) -> str:
         least = f"The least certain identified parameter is {known}"
     else:
         least = "No parameter was estimated with an interval"
-    return f"{least}. `pneumo-casadi design` plans the next record for the parameters of this one."
+    return (
+        f"{least}. `pneumo-casadi design` plans the next record for the parameters of this one; "
+        "`diagnose` tells where model and measurement disagree, and which effect causes it."
+    )
 
 
 def wls_table(result: WLSResult) -> Table:
@@ -127,9 +131,11 @@ def wls_table(result: WLSResult) -> Table:
         )
         for name, row in frame.iterrows()
     ]
-    notes = format_table(result, robust=True).partition("\n\n")[2].splitlines()
+    notes = format_table(result, robust=True).partition("\n\n")[2]
+    for name, words in BALANCES.items():
+        notes = notes.replace(f"{name}:", f"{words}:")
     title = "Weighted least squares, in the form of Table 1 of the paper"
-    return Table(title, ("", *frame.columns), tuple(rows), tuple(notes))
+    return Table(title, ("", *frame.columns), tuple(rows), tuple(notes.splitlines()))
 
 
 def stage_table(result: OutputErrorResult) -> Table:
