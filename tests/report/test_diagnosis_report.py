@@ -301,6 +301,8 @@ def test_every_verdict_says_what_to_do_next(diagnosis, words):
 
 def test_a_model_that_is_ready_is_not_identified_again():
     assert next_step(made.EFFECT, ready=True).startswith("use the model in result.json")
+    careful = next_step(made.EFFECT, ready=True, careful=True)
+    assert careful.startswith("check what calls for care; then use the model in result.json")
 
 
 def test_absorbed_parameters_are_not_to_be_used():

@@ -93,6 +93,9 @@ def usability_verdict(content: Mapping[str, Any]) -> Verdict:
         text = f"{outputs[worst]['percent']:.2g} % of {worst}"
         text += f"; the sensor noise is {noise:.2g} %" if noise and noise >= RESOLVED else ""
         facts.append(("Largest error of a held-out record, simulated whole in open loop", text))
+    first = "" if content["usable"] == Usable.YES.value else "check what is said above; "
+    more = "`diagnose` tells where model and measurement disagree and why, `design` what to record"
+    facts.append(("Next", first + more))
     return Verdict(grade, words, reason[:1].upper() + reason[1:], facts)
 
 

@@ -41,8 +41,10 @@ def facts(diagnosis: Diagnosis, final: FinalModel | None) -> list[tuple[str, str
     if checks and (wrong or diagnosis.verdict is not Verdict.UNKNOWN):
         shown.append(("Parameter checks", checks))
     shown += final_facts(diagnosis, final)
-    ready = final is not None and final.usability.usable is not Usable.NO
-    return [*shown, ("Next", next_step(diagnosis, ready, "" if final is None else final.least))]
+    usable = Usable.NO if final is None else final.usability.usable
+    least = "" if final is None else final.least
+    ready, careful = usable is not Usable.NO, usable is Usable.WITH_CARE
+    return [*shown, ("Next", next_step(diagnosis, ready, least, careful))]
 
 
 def _causes(diagnosis: Diagnosis) -> list[tuple[str, str]]:

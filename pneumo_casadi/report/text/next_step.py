@@ -20,7 +20,9 @@ _RECORDS = {
 _ANY = "record motions in which it varies more"
 
 
-def next_step(diagnosis: Diagnosis, ready: bool = False, least: str = "") -> str:
+def next_step(
+    diagnosis: Diagnosis, ready: bool = False, least: str = "", careful: bool = False
+) -> str:
     """Return what should be done or recorded next, in a few words.
 
     Parameters
@@ -31,6 +33,8 @@ def next_step(diagnosis: Diagnosis, ready: bool = False, least: str = "") -> str
         Whether its final model was refined and can be used.
     least : str, optional
         Its least certain parameter, with interval.
+    careful : bool, optional
+        Whether it is to be used with care.
 
     Examples
     --------
@@ -58,7 +62,8 @@ def next_step(diagnosis: Diagnosis, ready: bool = False, least: str = "") -> str
         seek = suspects(diagnosis.discovered)
         return f"look for what acts over {seek}; {_RECORDS.get(driver, _ANY)}"
     if ready:
-        return f"use the model in result.json; {_more_certain(diagnosis, least)}"
+        first = "check what calls for care; then " if careful else ""
+        return f"{first}use the model in result.json; {_more_certain(diagnosis, least)}"
     forms = [effect.form for effect in diagnosis.effects]
     if not all(form in EFFECTS for form in forms):
         return "plan a record for the model with it: `pneumo-casadi design`"
