@@ -131,8 +131,8 @@ _WITHOUT_FIGURES = {"read_comparison", "read_diagnosis"}
 
 #: Functions whose examples take more than a second.
 _SLOW_EXAMPLES = {
-    *("Comparison", "compare", "design_experiment", "diagnose", "diagnose_many", "write_report"),
-    *("read_comparison",),
+    *("Comparison", "compare", "design_experiment", "diagnose", "diagnose_many"),
+    *("read_comparison", "write_report"),
 }
 
 

@@ -106,7 +106,7 @@ def warning_sentences(content: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def next_record(content: Mapping[str, Any]) -> str:
-    """Return which parameter is the least certain, and what tells more."""
+    """Return which parameter is the least certain, and how to plan a record that improves it."""
     known = least_certain(content)
     unknown = content["output_error"]["uninformed"]
     if unknown:
@@ -115,10 +115,7 @@ def next_record(content: Mapping[str, Any]) -> str:
         least = f"The least certain identified parameter is {known}"
     else:
         least = "No parameter was estimated with an interval"
-    return (
-        f"{least}. `pneumo-casadi design` plans the next record for the parameters of this one; "
-        "`diagnose` tells where model and measurement disagree, and which effect causes it."
-    )
+    return f"{least}. `pneumo-casadi design` plans the next record for the parameters of this one."
 
 
 def wls_table(result: WLSResult) -> Table:
