@@ -193,12 +193,12 @@ def fit_iso6358(
         guess, shape, 0.0, table.p_range, table.u_range, supply, table.p_ext, T, laminar_ratio
     )
     points = np.broadcast_arrays(table.u, table.p, np.asarray(table.p_supply))
-    fitted, covariance, sigma = bounded_least_squares(
-        lambda theta: _evaluate(valve._function, theta, points)[0] - table.q_m,
-        lambda theta: _evaluate(valve._function, theta, points)[1].T,
-        guess,
-        table.q_max,
-    )
+
+    def evaluate(theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+        q_m, jacobian = _evaluate(valve._function, theta, points)
+        return q_m - table.q_m, jacobian.T
+
+    fitted, covariance, sigma = bounded_least_squares(evaluate, guess, table.q_max)
     result = replace(valve, parameters=fitted, covariance=covariance, sigma=sigma)
     if result.at_bound:
         logger.info("%s: at a bound: %s", table.source, ", ".join(result.at_bound))

@@ -14,7 +14,7 @@ from pneumo_casadi.errors import CaseError, FitError
 from pneumo_casadi.parameters import FloatArray, Parameter, Parameters
 from pneumo_casadi.valve.flow_map import P_PLAUSIBLE
 
-VectorFunction = Callable[[FloatArray], FloatArray]
+Evaluation = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 
 RHO_ANR = 1.185
 """Density of the standard reference atmosphere (ANR, ISO 8778), 20 °C, 1 bar, 65 % [kg/m³]."""
@@ -80,15 +80,11 @@ def _subsonic(ratio: Any, b: Any) -> Any:
 
 
 @functools.cache
-def _orifice_functions() -> tuple[ca.Function, ca.Function]:
+def _orifice_function() -> ca.Function:
     theta = ca.SX.sym("theta", 3)
     p_1, p_2, T, laminar = (ca.SX.sym(name) for name in ("p_1", "p_2", "T", "laminar_ratio"))
     q = orifice_expression(theta[0], theta[1], theta[2], p_1, p_2, T, laminar)
-    arguments = [theta, p_1, p_2, T, laminar]
-    return (
-        ca.Function("q_m", arguments, [q]),
-        ca.Function("jacobian", arguments, [ca.jacobian(q, theta).T]),
-    )
+    return ca.Function("q_m", [theta, p_1, p_2, T, laminar], [q, ca.jacobian(q, theta).T])
 
 
 def orifice_flow(
@@ -130,7 +126,7 @@ def orifice_flow(
     if not upstream.size:
         return np.zeros(upstream.shape)
     theta = np.tile([[C], [b], [m]], (1, upstream.size))
-    q = _orifice_functions()[0](
+    q, _ = _orifice_function()(
         theta, upstream.reshape(1, -1), downstream.reshape(1, -1), T, laminar_ratio
     )
     return np.asarray(q, dtype=float).reshape(upstream.shape)
@@ -221,31 +217,25 @@ def fit_orifice(
             Parameter("m", 0.5, "1", lower=0.1, upper=2.0, scale=0.1, source="ISO 6358-1:2013"),
         ]
     )
-    function, jacobian = _orifice_functions()
     fixed = (upstream.reshape(1, -1), downstream.reshape(1, -1), T, laminar_ratio)
 
-    def residuals(theta: FloatArray) -> FloatArray:
-        flows = np.asarray(function(np.tile(theta[:, None], (1, q.size)), *fixed), dtype=float)
-        return np.asarray(flows[0] - q)
+    def evaluate(theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+        flows, jacobian = _orifice_function()(np.tile(theta[:, None], (1, q.size)), *fixed)
+        return np.asarray(flows)[0] - q, np.asarray(jacobian).T
 
-    def gradient(theta: FloatArray) -> FloatArray:
-        return np.asarray(jacobian(np.tile(theta[:, None], (1, q.size)), *fixed)).T
-
-    fitted, covariance, sigma = bounded_least_squares(
-        residuals, gradient, guess, float(np.abs(q).max())
-    )
+    fitted, covariance, sigma = bounded_least_squares(evaluate, guess, float(np.abs(q).max()))
     return Orifice(fitted, covariance, sigma, T, laminar_ratio)
 
 
 def bounded_least_squares(
-    residuals: VectorFunction, jacobian: VectorFunction, guess: Parameters, size: float
+    evaluate: Evaluation, guess: Parameters, size: float
 ) -> tuple[Parameters, FloatArray, float]:
     """Minimise the sum of squared residuals within the bounds of the parameters.
 
     Parameters
     ----------
-    residuals, jacobian : callable
-        theta (n,) -> residuals (N,) and their Jacobian (N, n).
+    evaluate : callable
+        theta (n,) -> residuals (N,) and their Jacobian (N, n); asked once for each theta.
     guess : Parameters
         Start, bounds and scales.
     size : float
@@ -264,16 +254,19 @@ def bounded_least_squares(
     """
     scale = guess.scales
 
-    def scaled_residuals(z: FloatArray) -> FloatArray:
-        return np.asarray(residuals(z * scale) / size)
+    last: tuple[FloatArray, FloatArray, FloatArray] | None = None
 
-    def scaled_jacobian(z: FloatArray) -> FloatArray:
-        return np.asarray(jacobian(z * scale) * scale / size)
+    def at(z: FloatArray) -> tuple[FloatArray, FloatArray]:
+        nonlocal last
+        if last is None or not np.array_equal(last[0], z):
+            residuals, jacobian = evaluate(z * scale)
+            last = z.copy(), residuals / size, jacobian * scale / size
+        return last[1:]
 
     solution = least_squares(
-        scaled_residuals,
+        lambda z: at(z)[0],
         guess.values / scale,
-        jac=scaled_jacobian,
+        jac=lambda z: at(z)[1],
         bounds=(guess.lower / scale, guess.upper / scale),
         method="trf",
         xtol=1e-12,
