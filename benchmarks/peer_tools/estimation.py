@@ -11,8 +11,8 @@ Ten parameters and the initial state minimise ½ Σ_k Σ_i ((y_ik - h_i(x_k)) / 
 y_k belongs to x_k and u_k acts from x_k to x_{k+1}. The flow map is known; v_s is known.
 
 Larger problems cut the record into windows, each with an initial state of its own, or free the
-Chebyshev coefficients of the flow polynomials too; then ½ Σ ((q_m(u, p) - q_m,measured) / σ_q)² over
-the metered points of the flow map is added to the cost.
+Chebyshev coefficients of the flow polynomials too; the metered points of the flow map then
+add ½ Σ ((q_m(u, p) - q_m,measured) / σ_q)² to the cost.
 """
 
 import pickle

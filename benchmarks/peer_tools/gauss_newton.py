@@ -25,7 +25,7 @@ DAMPING, FALL, RISE = 1e-3, 0.1, 10.0
 
 @dataclass(frozen=True)
 class Linearised:
-    """All I intervals at one point, to (x, η) of m columns: ends, sensitivities, JᵀJ, Jᵀe, ½ eᵀe."""
+    """All I intervals at one point, to m columns (x, η): ends, slopes, JᵀJ, Jᵀe and ½ eᵀe."""
 
     ends: np.ndarray
     S: np.ndarray
@@ -61,8 +61,9 @@ def solve(problem: Estimation, backend: Backend, samples: int) -> Answer:
     single = samples * problem.windows == problem.N
     damping = DAMPING if single else 0.0
     at, own = backend(x, eta), _map_part(problem, eta)
-    status, iteration = "iterations exhausted", 0
-    for iteration in range(1, ITERATIONS + 1):
+    status, iterations = "iterations exhausted", 0
+    while iterations < ITERATIONS:
+        iterations += 1
         step = condensed_step(problem, at, own, x, damping)
         trial = backend(x + step.x, eta + step.eta)
         ahead = _map_part(problem, eta + step.eta)
@@ -79,9 +80,7 @@ def solve(problem: Estimation, backend: Backend, samples: int) -> Answer:
             status = "converged"
             break
     firsts = x[:: len(x) // problem.windows] * STATE_SCALES
-    return Answer(
-        eta * problem.scales, firsts.ravel(), at.cost + own[2], status, iterations=iteration
-    )
+    return Answer(eta * problem.scales, firsts.ravel(), at.cost + own[2], status, iterations)
 
 
 def condensed_step(

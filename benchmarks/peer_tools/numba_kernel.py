@@ -106,13 +106,9 @@ def simulate(x, theta, flow, lengths, u, constants, dt, steps, S, outputs, J):
         for _ in range(steps):
             for stage in range(4):
                 if stage == 0:
-                    _rates(
-                        x, S, f, dS, theta, held, u[k], lengths, constants, T, dT, n_free
-                    )
+                    _rates(x, S, f, dS, theta, held, u[k], lengths, constants, T, dT, n_free)
                 else:
-                    _rates(
-                        x_1, S_1, f, dS, theta, held, u[k], lengths, constants, T, dT, n_free
-                    )
+                    _rates(x_1, S_1, f, dS, theta, held, u[k], lengths, constants, T, dT, n_free)
                 share = h / 6 if stage in (0, 3) else h / 3
                 span = h if stage == 2 else h / 2
                 for i in range(4):

@@ -43,7 +43,9 @@ def solve(problem: Estimation, built: Intervals) -> Answer:
         J = np.hstack([to_theta, block_diag(*(J[:, n:] for J in parts))])
         return np.vstack([J, map_rows(problem, z)[1]])
 
-    start = np.concatenate([problem.start / problem.scales, (problem.starts / STATE_SCALES).ravel()])
+    start = np.concatenate(
+        [problem.start / problem.scales, (problem.starts / STATE_SCALES).ravel()]
+    )
     with threadpool_limits(1):
         result = least_squares(residuals, start, jacobian, method="trf", x_scale="jac")
     x_0 = result.x[n:].reshape(-1, 4) * STATE_SCALES

@@ -60,10 +60,14 @@ def main() -> None:
         "iterations": answer.iterations,
         "version": tool.version(),
     }
+    path = folder / "answer.json"
+    path.write_text(json.dumps(results))
     if whole_s < PATIENCE:
-        _, *again = once(tool, problem)
-        results["again_s"] = sum(again)
-    (folder / "answer.json").write_text(json.dumps(results))
+        second, *again = once(tool, problem)
+        if abs(second.objective - answer.objective) <= 1e-6 * answer.objective:
+            draft = folder / "draft"
+            draft.write_text(json.dumps({**results, "again_s": sum(again)}))
+            draft.replace(path)
 
 
 if __name__ == "__main__":
