@@ -28,7 +28,7 @@ COMMON = "common"
 
 
 def problem(result: Mapping[str, Any], name: str) -> str:
-    """Times of all tools on one problem, and what they amount to."""
+    """Return the times of all tools on one problem, and what they amount to."""
     entry = result["problems"][name]
     told = [
         f"{time} {entry[f'speed_up_{time}']:.1f} ({entry[f'fastest_{time}']})"
