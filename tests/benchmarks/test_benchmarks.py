@@ -84,6 +84,23 @@ def test_no_peer_that_reaches_the_optimum_is_near():
     assert figures["speed_up_over_fastest_peer"] >= 10
 
 
+@pytest.mark.parametrize("name", ["common", "windows", "long"])
+def test_all_three_problems_are_compared_cold_and_warm(name):
+    figures = result("peers")
+    problem = figures["problems"][name]
+    tools = problem.get("tools", figures["tools"])
+    ours = tools["pneumo_casadi"]
+    assert ours["reached"] and ours["cost"] <= problem["best_cost"] * 1.001
+    rivals = {"JAX", "JAX, multiple shooting", "numba + SciPy", "numba, multiple shooting"}
+    assert rivals <= tools.keys()
+    assert set(figures["tools"]) == set(tools)  # what is left out stands there with its reason
+    for time in ("cold", "warm", "restart"):
+        seconds = [row[f"{time}_s"] for row in tools.values() if row["reached"] and row is not ours]
+        fastest = min(value for value in seconds if value is not None)
+        expected = pytest.approx(fastest / ours[f"{time}_s"])
+        assert problem[f"speed_up_{time}"] == expected
+
+
 def test_real_closed_loops_err_less_than_published():
     figures = result("emps_output_error")
     for name in ("symmetric", "asymmetric"):
