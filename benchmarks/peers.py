@@ -132,6 +132,7 @@ def _row(given: Estimation, runs: list[dict[str, Any]], formulation: str) -> dic
         "solve_s": median("solve_s"),
         "total_s": statistics.median(map(_seconds, runs)),
         "runs": [_seconds(run) for run in runs],
+        "cpu_s": median("cpu_s"),
         "peak_GB": median("peak_GB"),
         "cost": cost(given, last["theta"], last["x_0"]),
         "own_objective": last["objective"],

@@ -52,6 +52,7 @@ def main() -> None:
         "solve_s": solve_s,
         "whole_s": whole_s,
         # Linux counts in KiB. A tool and the program it starts may peak together: their sum.
+        "cpu_s": sum(item.ru_utime + item.ru_stime for item in used),
         "peak_GB": sum(item.ru_maxrss for item in used) * 1024 / 1e9,
         "theta": [float(value) for value in answer.theta],
         "x_0": [float(value) for value in answer.x_0],
