@@ -71,7 +71,10 @@ def build(problem: Estimation) -> AcadosOcpSolver:
     folder = Path(os.environ.get("TMPDIR", "/tmp")) / "acados"
     ocp.code_export_directory = str(folder / "code")
     folder.mkdir(exist_ok=True)
-    return AcadosOcpSolver(ocp, json_file=str(folder / "ocp.json"), verbose=False)
+    # What was compiled for this problem before is used again.
+    fresh = not list(folder.glob("code/libacados_ocp_solver_*.so"))
+    described = str(folder / "ocp.json")
+    return AcadosOcpSolver(ocp, described, build=fresh, generate=fresh, verbose=False)
 
 
 def solve(problem: Estimation, built: AcadosOcpSolver) -> Answer:
