@@ -92,7 +92,8 @@ def peers_answer(result: Mapping[str, Any]) -> str:
             told = "" if ratio is None else f"{ratio:.1f} times ours, {entry[f'fastest_{time}']}"
             row.append(told)
         body.append(row)
-    return rows(head, body, head[2:])
+    table = rows(head, body, head[2:])
+    return f"{table}\n\nPreliminary: {note}." if (note := result.get("preliminary")) else table
 
 
 def solvers(result: Mapping[str, Any]) -> str:
