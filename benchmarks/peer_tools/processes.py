@@ -28,15 +28,15 @@ def runs_of(module: str, given: Estimation, limit: float) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         given.write(folder / "problem")
-        result = one_run(module, folder, limit)
+        result = one_run(module, folder, limit, True)
         if not failed(result) and result["whole_s"] <= PATIENCE:
-            second = one_run(module, folder, limit)
+            second = one_run(module, folder, limit, False)
             result["restart_s"] = second.get("whole_s")
         return result
 
 
-def one_run(module: str, folder: Path, limit: float) -> dict[str, Any]:
-    """Run one tool once in its own process; return its answer or its failure."""
+def one_run(module: str, folder: Path, limit: float, again: bool) -> dict[str, Any]:
+    """Run one tool in its own process, `again` there; return its answer or its failure."""
     cache = folder / "cache"
     cache.mkdir(mode=0o700, exist_ok=True)
     answer = folder / "answer.json"
@@ -46,7 +46,7 @@ def one_run(module: str, folder: Path, limit: float) -> dict[str, Any]:
     own["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0"
     own[LAUNCHED] = repr(time.monotonic())
     process = subprocess.Popen(
-        [sys.executable, "-m", "peer_tools.run", module, str(folder)],
+        [sys.executable, "-m", "peer_tools.run", module, str(folder), *["again"] * again],
         cwd=Path(__file__).parents[1],
         env={**os.environ, **own},
         stdout=subprocess.DEVNULL,

@@ -1,8 +1,8 @@
-"""Run one tool on one problem in this process: ``python -m peer_tools.run TOOL FOLDER``.
+"""Run one tool on one problem in this process: ``python -m peer_tools.run TOOL FOLDER [again]``.
 
 The folder holds ``problem``; ``answer.json`` is written to it with the times, and the peak of
-memory: of importing, building and solving; of all since the process was started; and, where
-that was quick, of building and solving once more in the same process.
+memory: of importing, building and solving; of all since the process was started; and, with
+``again``, of building and solving once more in the same process, where that was quick.
 """
 
 import importlib
@@ -63,7 +63,7 @@ def main() -> None:
     }
     path = folder / "answer.json"
     path.write_text(json.dumps(results))
-    if whole_s < PATIENCE:
+    if "again" in sys.argv[3:] and whole_s < PATIENCE:
         second, *again = once(tool, problem)
         if abs(second.objective - answer.objective) <= 1e-6 * answer.objective:
             draft = folder / "draft"
