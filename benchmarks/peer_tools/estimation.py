@@ -9,9 +9,12 @@ States x = (p_P, p_N, x, v), inputs u held over each sampling period, and
 
 Ten parameters and the initial state minimise ½ Σ_k Σ_i ((y_ik - h_i(x_k)) / σ_i)², where sample
 y_k belongs to x_k and u_k acts from x_k to x_{k+1}. The flow map is known; v_s is known.
+
+Larger problems cut the record into windows, each with an initial state of its own, or free the
+Chebyshev coefficients of the flow polynomials too; the metered points of the flow map then
+add ½ Σ ((q_m(u, p) - q_m,measured) / σ_q)² to the cost.
 """
 
-import math
 import pickle
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -28,13 +31,24 @@ N_OUTPUTS = 3
 
 
 @dataclass(frozen=True)
+class FlowPoints:
+    """Metered flows q_m [kg/s] at u [V] and p [Pa], and the standard deviation of one."""
+
+    u: np.ndarray
+    p: np.ndarray
+    q_m: np.ndarray
+    sigma: float
+
+
+@dataclass(frozen=True)
 class Estimation:
     """Data, constants and start of the problem.
 
     Parameters
     ----------
     names : tuple of str
-        Free parameters, in the order X_s1 ... X_s6, M, f_v, F_c_plus, F_c_minus.
+        Free parameters, in the order X_s1 ... X_s6, M, f_v, F_c_plus, F_c_minus; then, where they
+        are free, the Chebyshev coefficients of φ, ψ⁺ and ψ⁻.
     start, truth : (10,) array
         Where every tool starts, and the values that made the data.
     dt : float
@@ -54,7 +68,16 @@ class Estimation:
     constants : dict of str to float
         S_P, S_N [m²], p_ext [Pa] and v_s [m/s].
     own : bytes
-        The same start and data as an axis and a recording of this package, pickled.
+        The same start and data as an axis, a recording and a flow map (or None) of this package,
+        pickled.
+    windows : int
+        Windows of equal length with an initial state each; `y` holds them one after another.
+    steps : int
+        Runge-Kutta steps of order four a sample, for tools that take such.
+    scales : (n,) array
+        Sizes of the parameters.
+    flow_map : FlowPoints or None
+        Metered points, where the flow coefficients are free.
     """
 
     names: tuple[str, ...]
@@ -71,6 +94,10 @@ class Estimation:
     p_range: tuple[float, float]
     constants: dict[str, float]
     own: bytes
+    windows: int
+    steps: int
+    scales: np.ndarray
+    flow_map: "FlowPoints | None" = None
 
     @property
     def N(self) -> int:
@@ -80,12 +107,7 @@ class Estimation:
     @cached_property
     def flow_coefficients(self) -> np.ndarray:
         """Powers of z in q_m at every sample's held inputs, shape (N, 2, n)."""
-        n = max(map(len, (self.phi, self.psi_plus, self.psi_minus)))
-        phi, plus, minus = (
-            np.pad(c, (0, n - len(c))) for c in (self.phi, self.psi_plus, self.psi_minus)
-        )
-        opening = self.u[:, :, None]
-        return phi + plus * np.maximum(opening, 0.0) + minus * np.minimum(opening, 0.0)
+        return held_coefficients(self.u, self.phi, self.psi_plus, self.psi_minus)
 
     def z(self, p: Any) -> Any:
         """Return the scaled pressure."""
@@ -147,34 +169,10 @@ class Estimation:
         """Scales of the outputs over their noise, shape (3,)."""
         return STATE_SCALES[:N_OUTPUTS] / self.sigma
 
-    def cost(self, theta: Sequence[float], x_0: Sequence[float], steps: int = 8) -> float:
-        """Return ½ Σ ((y - ŷ)/σ)² by fine Runge-Kutta steps of order four, in plain Python."""
-        h = self.dt / steps
-        x = [float(value) for value in x_0]
-        values = [float(value) for value in theta]
-        total = 0.0
-        y, sigma = self.y.tolist(), self.sigma.tolist()
-        coefficients = self.flow_coefficients.tolist()
-
-        def f(at: list[float], held: list[list[float]]) -> list[float]:
-            q = [polynomial(held[i], self.z(at[i])) for i in range(2)]
-            return self.rates(at, q, values, math.tanh)
-
-        def ahead(at: list[float], rate: list[float], span: float) -> list[float]:
-            return [a + span * b for a, b in zip(at, rate, strict=True)]
-
-        for k in range(self.N):
-            total += sum(((y[k][i] - x[i]) / sigma[i]) ** 2 for i in range(N_OUTPUTS))
-            for _ in range(steps):
-                k_1 = f(x, coefficients[k])
-                k_2 = f(ahead(x, k_1, h / 2), coefficients[k])
-                k_3 = f(ahead(x, k_2, h / 2), coefficients[k])
-                k_4 = f(ahead(x, k_3, h), coefficients[k])
-                stages = zip(x, k_1, k_2, k_3, k_4, strict=True)
-                x = [a + h / 6 * (b + 2 * c + 2 * d + e) for a, b, c, d, e in stages]
-            if not all(map(math.isfinite, x)):
-                return math.inf
-        return total / 2
+    @property
+    def starts(self) -> np.ndarray:
+        """First state of every window to start from, shape (windows, 4)."""
+        return self.states[:: self.N // self.windows]
 
     def write(self, path: Path) -> None:
         """Write the problem to a file of the benchmark's own."""
@@ -196,7 +194,7 @@ class Answer:
     Parameters
     ----------
     theta, x_0 : sequence of float
-        Parameters and initial state, in SI.
+        Parameters and the initial state of every window, flat, in SI.
     objective : float
         ½ Σ ((y - ŷ)/σ)² as the tool itself sees it, on its own grid.
     status : str
@@ -213,6 +211,16 @@ class Answer:
     status: str
     iterations: int | None = None
     solve_s: float | None = None
+
+
+def held_coefficients(
+    u: np.ndarray, phi: np.ndarray, psi_plus: np.ndarray, psi_minus: np.ndarray
+) -> np.ndarray:
+    """Return the coefficients of q_m in the pressure at given inputs, shape (*u.shape, n)."""
+    n = max(map(len, (phi, psi_plus, psi_minus)))
+    zero, plus, minus = (np.pad(c, (0, n - len(c))) for c in (phi, psi_plus, psi_minus))
+    opening = u[..., None]
+    return zero + plus * np.maximum(opening, 0.0) + minus * np.minimum(opening, 0.0)
 
 
 def polynomial(coefficients: Sequence[Any], z: Any) -> Any:

@@ -24,7 +24,15 @@ from tables.flow import (
 from tables.headlines import headlines
 from tables.laboratories import laboratories, mistakes
 from tables.robustness import damaged, hostile, kills
-from tables.speed import batch, peers, scaling, solvers
+from tables.speed import (
+    batch,
+    peers,
+    peers_answer,
+    peers_long,
+    peers_windows,
+    scaling,
+    solvers,
+)
 
 #: Tables by name: the function, and the committed results that it takes.
 TABLES: dict[str, tuple[Callable[..., str], *tuple[str, ...]]] = {
@@ -44,6 +52,9 @@ TABLES: dict[str, tuple[Callable[..., str], *tuple[str, ...]]] = {
     "kills": (kills, "kills"),
     "loops": (loops, "loops"),
     "peers": (peers, "peers"),
+    "peers_answer": (peers_answer, "peers"),
+    "peers_windows": (peers_windows, "peers"),
+    "peers_long": (peers_long, "peers"),
     "solvers": (solvers, "peers"),
     "starts": (starts, "starts"),
     "scaling": (scaling, "scaling"),

@@ -21,13 +21,79 @@ def tools(entries: Mapping[str, Mapping[str, Any]]) -> str:
     return rows(head, body)
 
 
+#: How the times of a problem are called in tables.
+TIMES = ("cold", "warm", "restart")
+#: The problem whose tools stand at the head of the result.
+COMMON = "common"
+
+
+def problem(result: Mapping[str, Any], name: str) -> str:
+    """Return the times of all tools on one problem, and what they amount to."""
+    entry = result["problems"][name]
+    told = [
+        f"{time} {entry[f'speed_up_{time}']:.1f} ({entry[f'fastest_{time}']})"
+        for time in TIMES
+        if entry.get(f"speed_up_{time}") is not None
+    ]
+    head = [
+        "tool",
+        *(f"{label} s" for label in TIMES),
+        "peak GB",
+        "cost",
+        "largest error %",
+        "reached",
+    ]
+    body = []
+    for tool, row in tools_of(result, name).items():
+        label = f"{tool} {row['version']}" if "version" in row else tool
+        if "failure" in row:
+            body.append([label, *[""] * 6, row["failure"]])
+            continue
+        seconds = [row[f"{time}_s"] for time in TIMES]
+        numbers = ["" if s is None else f"{s:.2f}" for s in seconds] + [f"{row['peak_GB']:.2f}"]
+        numbers += [f"{row['cost']:.1f}", f"{row['parameter_error_percent']:.2f}"]
+        body.append([label, *numbers, "yes" if row["reached"] else "no"])
+    answer = f"Fastest other tool that reaches the optimum, in times of ours: {', '.join(told)}."
+    return f"{answer}\n\n{rows(head, body)}"
+
+
+def tools_of(result: Mapping[str, Any], name: str) -> Mapping[str, Mapping[str, Any]]:
+    """Return a problem's tools."""
+    found: Mapping[str, Mapping[str, Any]]
+    found = result["tools"] if name == COMMON else result["problems"][name]["tools"]
+    return found
+
+
 def peers(result: Mapping[str, Any]) -> str:
     """Our time beside that of other tools on the same problem."""
-    answers = (
-        f"Ours, build and solve with a cold cache, is {result['speed_up_over_fastest_peer']:.1f} "
-        f"times faster than the fastest peer that reaches the optimum ({result['fastest_peer']})."
-    )
-    return f"{answers}\n\n{tools(result['tools'])}"
+    return problem(result, "common")
+
+
+def peers_windows(result: Mapping[str, Any]) -> str:
+    """Return the same on 40 windows."""
+    return problem(result, "windows")
+
+
+def peers_long(result: Mapping[str, Any]) -> str:
+    """Return the same on a long record with all parameters free."""
+    return problem(result, "long")
+
+
+def peers_answer(result: Mapping[str, Any]) -> str:
+    """How often as long the fastest other tool takes, on every problem."""
+    head = ["problem", "ours cold s"]
+    head += [f"fastest other, {label}" for label in TIMES]
+    body = []
+    for name, entry in result["problems"].items():
+        ours = tools_of(result, name)["pneumo_casadi"]
+        row = [entry["title"], f"{ours['cold_s']:.1f}"]
+        for time in TIMES:
+            ratio = entry[f"speed_up_{time}"]
+            told = "" if ratio is None else f"{ratio:.1f} times ours, {entry[f'fastest_{time}']}"
+            row.append(told)
+        body.append(row)
+    table = rows(head, body, head[2:])
+    return f"{table}\n\nPreliminary: {note}." if (note := result.get("preliminary")) else table
 
 
 def solvers(result: Mapping[str, Any]) -> str:

@@ -1,8 +1,9 @@
 """The axis as CasADi functions: right-hand side, outputs, regressor."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
+from typing import Self
 
 import casadi as ca
 import numpy as np
@@ -27,6 +28,23 @@ class Axis(AxisDescription):
     bench, flow, effects, parameters
         See `AxisDescription`.
     """
+
+    def with_parameters(self, parameters: Parameters | Mapping[str, float]) -> Self:
+        """Return the axis with other parameter values, bounds or freedom (matched by name)."""
+        other = super().with_parameters(parameters)
+        # Its functions are those of this axis: values are symbols in them.
+        other.__dict__["_written"] = self._written
+        return other
+
+    @cached_property
+    def _written(self) -> dict[str, ca.Function]:
+        """Functions written so far, for all axes that differ in their parameters' values alone."""
+        return {}
+
+    def _once(self, name: str, write: Callable[[], ca.Function]) -> ca.Function:
+        if name not in self._written:
+            self._written[name] = write()
+        return self._written[name]
 
     def balances(
         self,
@@ -71,9 +89,12 @@ class Axis(AxisDescription):
     def _named(self, theta: Expression) -> dict[str, Expression]:
         return {name: theta[i] for i, name in enumerate(self.parameters.names)}
 
-    @cached_property
+    @property
     def rhs(self) -> ca.Function:
         """ẋ = f(x, u, θ): the balances solved for the derivatives, (nx,), (nu,), (n,) → (nx,)."""
+        return self._once("rhs", self._write_rhs)
+
+    def _write_rhs(self) -> ca.Function:
         x, u, theta = self._symbols()
         dx = self.symbol.sym("dx", len(self.states))
         written = self.balances(x, dx, u, self._named(theta))
@@ -90,17 +111,34 @@ class Axis(AxisDescription):
             raise ModelError("an effect couples the derivatives of several states; solve it there")
         return ca.Function("rhs", [x, u, theta], [f], ["x", "u", "theta"], ["dx"])
 
-    @cached_property
+    @property
+    def standstill(self) -> ca.Function:
+        """∂f/∂x with the inputs at rest, (nx,), (n,) → (nx, nx)."""
+        return self._once("standstill", self._write_standstill)
+
+    def _write_standstill(self) -> ca.Function:
+        x, _, theta = self._symbols()
+        # In θ as a symbol: the same expression for all parameter values, and MX maps need it.
+        A = ca.jacobian(self.rhs(x, self.inputs_at_rest, theta), x)
+        return ca.Function("standstill", [x, theta], [A], ["x", "theta"], ["A"])
+
+    @property
     def output(self) -> ca.Function:
         """Y = h(x, u, θ): what the sensors show, (nx,), (nu,), (n,) → (ny,)."""
+        return self._once("output", self._write_output)
+
+    def _write_output(self) -> ca.Function:
         x, u, theta = self._symbols()
         written = self.balances(x, self.symbol(x.shape[0], 1), u, self._named(theta))
         y = ca.vertcat(*(written.output[name] for name in self.outputs))
         return ca.Function("output", [x, u, theta], [y], ["x", "u", "theta"], ["y"])
 
-    @cached_property
+    @property
     def valve_flow(self) -> ca.Function:
         """q_m = (q_mP, q_mN) through the valves [kg/s], (nx,), (nu,), (n,) → (2,)."""
+        return self._once("valve_flow", self._write_valve_flow)
+
+    def _write_valve_flow(self) -> ca.Function:
         x, u, theta = self._symbols()
         written = self.balances(x, self.symbol(x.shape[0], 1), u, self._named(theta))
         q_m = ca.vertcat(*written.q_m)
@@ -119,9 +157,12 @@ class Axis(AxisDescription):
         driving = driving_force(self.kind, signals, {**values, **constants})
         return np.asarray(driving + load_force(signals, values["M"], constants))
 
-    @cached_property
+    @property
     def rest(self) -> ca.Function:
         """States with those of the effects at rest: (n motion states,), (nu,), (n,) → (nx,)."""
+        return self._once("rest", self._write_rest)
+
+    def _write_rest(self) -> ca.Function:
         _, u, theta = self._symbols()
         x = self.symbol.sym("x", len(self.motion_states))
         written = self.balances(x, self.symbol(x.shape[0], 1), u, self._named(theta), at_rest=True)

@@ -71,10 +71,7 @@ def _fastest_rate(axis: Axis) -> float:
     pressures = [(constants["p_supply"] + constants["p_ext"]) / 2 for _ in axis.kind.gas_chambers]
     u = axis.inputs_at_rest
     at_rest = axis.rest([*pressures, 0.0, 0.0], u, theta)
-    x = axis.symbol.sym("x", len(axis.states))
-    # In θ as a symbol: the same expression for all parameter values, and MX maps need it.
-    p = axis.symbol.sym("p", theta.size)
-    A = ca.Function("A", [x, p], [ca.jacobian(axis.rhs(x, u, p), x)])(at_rest, theta).full()
+    A = axis.standstill(at_rest, theta).full()
     if not np.isfinite(A).all():
         raise ModelError("the axis' equations are not finite at standstill; check its parameters")
     return float(np.abs(np.linalg.eigvals(A)).max())

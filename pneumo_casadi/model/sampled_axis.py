@@ -69,11 +69,13 @@ class SampledAxis:
         """Number of states, the controller's memory last."""
         return len(self.axis.states) + self.n_memory
 
-    @property
+    @cached_property
     def state_scales(self) -> FloatArray:
         """Sizes by which an optimiser divides the states, shape (nx,)."""
         remembered = np.zeros(0) if self.law is None else self.law.scales
-        return np.concatenate([self.axis.state_scales, remembered])
+        scales: FloatArray = np.concatenate([self.axis.state_scales, remembered])
+        scales.setflags(write=False)
+        return scales
 
     @property
     def nw(self) -> int:

@@ -90,3 +90,15 @@ def test_a_step_has_the_derivatives_of_finite_differences(made, axis, hold):
 
         wanted = differences(moved, values[i], sizes[i])
         assert_same(found.full(), wanted, axis.state_scales, sizes[i])
+
+
+def test_functions_are_written_once_for_all_values_of_the_parameters(axis):
+    other = axis.with_parameters({"M": 2 * axis.parameters["M"].value})
+    assert all(getattr(other, n) is getattr(axis, n) for n in ("rhs", "output", "rest"))
+    alone = type(axis)(axis.bench, axis.flow, axis.effects, other.parameters)
+    assert alone.rhs is not axis.rhs
+    x = axis.rest([*axis.state_scales[: len(axis.motion_states)]], 0.5, axis.parameters.values)
+    assert np.array_equal(
+        other.rhs(x, 0.5, other.parameters.values).full(),
+        alone.rhs(x, 0.5, alone.parameters.values).full(),
+    )
