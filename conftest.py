@@ -10,7 +10,7 @@ import sys
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):  # before any import of numpy
     os.environ.setdefault(_name, "1")
 # What tests compile runs for milliseconds: compiling it quickly saves more than fast code would.
-os.environ.setdefault("PNEUMO_CASADI_FLAGS", "-O1 -march=native -fno-math-errno -fno-trapping-math")
+os.environ.setdefault("PNEUMO_CASADI_FLAGS", "-Og -march=native -fno-math-errno -fno-trapping-math")
 
 from dataclasses import replace  # noqa: E402
 from pathlib import Path  # noqa: E402

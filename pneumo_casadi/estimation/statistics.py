@@ -6,7 +6,7 @@ from enum import StrEnum
 from typing import Any
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from pneumo_casadi.data import Recording
 from pneumo_casadi.estimation.robust_covariance import batch_sandwich
@@ -206,8 +206,7 @@ def _direction(vector: FloatArray, unit: FloatArray, names: Sequence[str]) -> st
 def interval_factor(level: float = 0.95, dof: float = np.inf) -> float:
     """Return the factor between a standard deviation and half an interval at `level`."""
     quantile = 0.5 + level / 2
-    distribution: Any = stats.norm() if np.isinf(dof) else stats.t(dof)
-    return float(distribution.ppf(quantile))
+    return float(special.ndtri(quantile) if np.isinf(dof) else special.stdtrit(dof, quantile))
 
 
 def delta_std(gradient: FloatArray, covariance: FloatArray) -> float:

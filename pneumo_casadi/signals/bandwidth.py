@@ -1,8 +1,8 @@
 """The bandwidth of the recorded dynamics, to which the filters' cut-offs are tied (eq. 14)."""
 
 import numpy as np
+import scipy  # its submodules are loaded at first use
 from numpy.typing import ArrayLike
-from scipy import signal
 
 from pneumo_casadi.errors import ModelError
 
@@ -80,7 +80,7 @@ def power_bandwidth(x: ArrayLike, sampling_frequency: float, share: float = 0.99
     position = np.asarray(x, dtype=float)
     velocity = np.diff(position) * sampling_frequency
     segment = min(velocity.size, round(SEGMENT * sampling_frequency))
-    f, power = signal.welch(velocity, sampling_frequency, nperseg=segment, detrend="constant")
+    f, power = scipy.signal.welch(velocity, sampling_frequency, nperseg=segment, detrend="constant")
     difference = 2 * sampling_frequency * np.sin(np.pi * f / sampling_frequency)
     sigma = white_noise_std(position)
     noise = sigma**2 * difference**2 * 2 / sampling_frequency

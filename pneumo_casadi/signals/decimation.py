@@ -4,8 +4,8 @@ from collections.abc import Callable
 from enum import Enum
 
 import numpy as np
+import scipy  # its submodules are loaded at first use
 from numpy.typing import ArrayLike, NDArray
-from scipy import signal
 
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.parameters import FloatArray
@@ -110,24 +110,24 @@ def _chebyshev(values: FloatArray, factor: int) -> FloatArray:
     # Second-order sections stay accurate where (b, a) forms lose all digits. A Chebyshev filter
     # of even order passes a constant at the bottom of its ripple; dividing by that gain, which
     # MATLAB does not, leaves every estimate as it is and gives flows and efforts in true size.
-    sections = signal.cheby1(8, RIPPLE_DB, 0.8 / factor, output="sos")
+    sections = scipy.signal.cheby1(8, RIPPLE_DB, 0.8 / factor, output="sos")
     constant = 10 ** (-2 * RIPPLE_DB / 20)
-    return np.asarray(signal.sosfiltfilt(sections, values, axis=0, padlen=24)) / constant
+    return np.asarray(scipy.signal.sosfiltfilt(sections, values, axis=0, padlen=24)) / constant
 
 
 def _butterworth(values: FloatArray, factor: int) -> FloatArray:
-    sections = signal.butter(4, 0.8 / factor, output="sos")
-    return np.asarray(signal.sosfiltfilt(sections, values, axis=0, padlen=12))
+    sections = scipy.signal.butter(4, 0.8 / factor, output="sos")
+    return np.asarray(scipy.signal.sosfiltfilt(sections, values, axis=0, padlen=12))
 
 
 def _fir(values: FloatArray, factor: int) -> FloatArray:
-    taps = signal.firwin(20 * factor + 1, 0.8 / factor)
+    taps = scipy.signal.firwin(20 * factor + 1, 0.8 / factor)
     half = 10 * factor
     padding = [(half, half)] + [(0, 0)] * (values.ndim - 1)
     # The mirror image through the end point is linear in the data, as in filtfilt.
     extended = np.pad(values, padding, mode="reflect", reflect_type="odd")
     shape = (-1, *(1,) * (values.ndim - 1))
-    return np.asarray(signal.oaconvolve(extended, taps.reshape(shape), mode="valid", axes=0))
+    return np.asarray(scipy.signal.oaconvolve(extended, taps.reshape(shape), mode="valid", axes=0))
 
 
 _LOWPASS: dict[Decimation, Callable[[FloatArray, int], FloatArray]] = {

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
+import scipy  # its submodules are loaded at first use
 from numpy.typing import ArrayLike
-from scipy import signal
 
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.parameters import FloatArray
@@ -54,14 +54,14 @@ def zero_phase_lowpass(
             f"{padding}; give a longer record or a lower order"
         )
     sections = _sections(order, cutoff, sampling_frequency)
-    filtered = signal.sosfiltfilt(sections, signals, axis=0, padlen=padding)
+    filtered = scipy.signal.sosfiltfilt(sections, signals, axis=0, padlen=padding)
     return np.asarray(filtered, dtype=float)
 
 
 @cache
 def _sections(order: int, cutoff: float, sampling_frequency: float) -> FloatArray:
     """Return a low-pass as second-order sections: designing it costs more than a short record."""
-    return np.asarray(signal.butter(order, cutoff, fs=sampling_frequency, output="sos"))
+    return np.asarray(scipy.signal.butter(order, cutoff, fs=sampling_frequency, output="sos"))
 
 
 def central_difference(values: ArrayLike, dt: float) -> FloatArray:
@@ -110,7 +110,7 @@ def settling_samples(
     33
     """
     _check_cutoff(cutoff, sampling_frequency)
-    _, poles, _ = signal.butter(order, cutoff, fs=sampling_frequency, output="zpk")
+    _, poles, _ = scipy.signal.butter(order, cutoff, fs=sampling_frequency, output="zpk")
     slowest = float(np.max(np.abs(poles)))
     return int(np.ceil(np.log(tolerance) / np.log(slowest))) + 2
 

@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy  # its submodules are loaded at first use
 from scipy.interpolate import RegularGridInterpolator
 from scipy.spatial import cKDTree
-from scipy.stats import spearmanr
 
 from pneumo_casadi.data.checks.finding import Finding, Grade
 from pneumo_casadi.data.readers.flow_points import read_flow_points
@@ -142,7 +142,7 @@ def check_flow_map(flow: MeteredFlow) -> Iterator[Finding]:
             f"{flow.q_m[order[k]]:.3g} and {flow.q_m[order[k + 1]]:.3g} kg/s "
             f"({int(np.count_nonzero(spread > REPEATED * size))} such points); meter them again.",
         )
-    correlation = float(spearmanr(u, flow.q_m).statistic)
+    correlation = float(scipy.stats.spearmanr(u, flow.q_m).statistic)
     if correlation < CORRELATED:
         remedy = (
             "is the sign of u or q_m reversed?"

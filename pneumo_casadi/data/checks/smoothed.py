@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-from scipy.signal import butter, sosfiltfilt
+import scipy  # its submodules are loaded at first use
 
 from pneumo_casadi.data.recording.recording import Recording
 from pneumo_casadi.parameters import FloatArray
@@ -48,12 +48,16 @@ class BlockMeans:
         # Continued at both ends by three times the filter's order and one, as SciPy does, or by
         # what a very short record has.
         padding = min(9, self.blocks - 1)
-        return np.asarray(sosfiltfilt(_low_pass(self.dt), means, padlen=padding), dtype=float)
+        return np.asarray(
+            scipy.signal.sosfiltfilt(_low_pass(self.dt), means, padlen=padding), dtype=float
+        )
 
 
 @lru_cache(maxsize=8)
 def _low_pass(dt: float) -> FloatArray:
-    return np.asarray(butter(2, min(CUT_OFF, 0.2 / dt), fs=1 / dt, output="sos"), dtype=float)
+    return np.asarray(
+        scipy.signal.butter(2, min(CUT_OFF, 0.2 / dt), fs=1 / dt, output="sos"), dtype=float
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from scipy import stats
+from scipy import special
 
 from pneumo_casadi.data import Recording
 from pneumo_casadi.errors import FitError
@@ -76,7 +76,7 @@ class RecordEstimates:
         z = self._distances(name)
         if not z.size:
             return 0.0
-        return float(z @ z / stats.chi2.isf(CHANCE / len(self.names), z.size))
+        return float(z @ z / special.chdtri(z.size, CHANCE / len(self.names)))
 
     def _distances(self, name: str) -> FloatArray:
         column = self.names.index(name)

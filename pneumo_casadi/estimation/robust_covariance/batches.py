@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
+from scipy import special
 
 from pneumo_casadi.parameters import FloatArray
 
@@ -200,7 +200,7 @@ def _shortest_sufficient(variances: FloatArray, shares: FloatArray) -> NDArray[n
     The last row is kept for `_lugsail`.
     """
     rows = max(1, len(variances) - 1)
-    quantile = stats.norm.ppf(1 - FALSE_ALARM / max(1, rows * (rows - 1) // 2))
+    quantile = special.ndtri(1 - FALSE_ALARM / max(1, rows * (rows - 1) // 2))
     chosen = np.full(variances.shape[1], rows - 1, dtype=np.intp)
     for i in range(rows - 2, -1, -1):
         # Batches are nested: their variances differ by the scatter of the longer batches alone.

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import savgol_filter
+import scipy  # its submodules are loaded at first use
 
 from pneumo_casadi.data import Recording
 from pneumo_casadi.errors import ModelError
@@ -72,7 +72,7 @@ def measured_states(axis: Axis, record: Recording, parameters: Parameters) -> Fl
         )
 
     def smooth(channel: str, derivative: int = 0) -> FloatArray:
-        values: FloatArray = savgol_filter(
+        values: FloatArray = scipy.signal.savgol_filter(
             record[channel], length, 2, deriv=derivative, delta=record.dt, mode="interp"
         )
         return values
