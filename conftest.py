@@ -15,10 +15,12 @@ os.environ.setdefault("PNEUMO_CASADI_FLAGS", "-Og -march=native -fno-math-errno 
 from dataclasses import replace  # noqa: E402
 from pathlib import Path  # noqa: E402
 
+import numpy as np  # noqa: E402
 import pytest  # noqa: E402
 from filelock import FileLock  # noqa: E402
 
 import pneumo_casadi as pc  # noqa: E402
+from pneumo_casadi.valve import choose_flow_form  # noqa: E402
 
 #: Holds a `sitecustomize` that forbids connections to other hosts.
 NO_NETWORK = Path(__file__).parent / "tests" / "no_network"
@@ -89,6 +91,23 @@ def quick(once_a_run):
         )
 
     return once_a_run("quick", make)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def flow_forms_compared_once():
+    """Compare the forms of each flow map once: many tests identify on the same one."""
+    known = {}
+
+    def choose(table, **options):
+        given = (table.u, table.p, table.q_m, np.asarray(table.p_supply))
+        key = (*(a.tobytes() for a in given), table.p_ext, *sorted(options.items()))
+        if key not in known:
+            known[key] = choose_flow_form(table, **options)
+        return known[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("pneumo_casadi.identification.flow_form.choose_flow_form", choose)
+        yield
 
 
 @pytest.fixture

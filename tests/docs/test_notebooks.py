@@ -69,7 +69,7 @@ def run_cell(source, names):
 
 def is_drawn(figure):
     image = BytesIO()
-    figure.savefig(image, format="png")
+    figure.savefig(image, format="png", dpi=30)
     return image.getvalue().startswith(b"\x89PNG")
 
 
