@@ -9,6 +9,7 @@ from pneumo_casadi.data import Recording
 from pneumo_casadi.estimation.flow_anchor import Anchor
 from pneumo_casadi.estimation.output_error.flow_scale_shift import flow_scale_shift
 from pneumo_casadi.estimation.output_error.shooting.condensing import (
+    Linearised,
     anchor_normal_equations,
     block_scores,
     condense,
@@ -17,6 +18,7 @@ from pneumo_casadi.estimation.output_error.shooting.condensing import (
 )
 from pneumo_casadi.estimation.output_error.shooting.problem import Problem, Unknowns
 from pneumo_casadi.estimation.output_error.solvers.condensed_step import condensed_step
+from pneumo_casadi.estimation.output_error.solvers.solution import Solution
 from pneumo_casadi.estimation.statistics import ParameterUncertainty, invert_information
 from pneumo_casadi.parameters import FloatArray
 
@@ -46,13 +48,17 @@ class Information:
     prior: FloatArray | None = None
 
 
-def gauss_newton_information(problem: Problem, point: Unknowns, sigma: FloatArray) -> Information:
+def gauss_newton_information(
+    problem: Problem, point: Unknowns, sigma: FloatArray, linear: Linearised | None = None
+) -> Information:
     """Return the information at a point of the problem.
 
     Parameters
     ----------
     sigma : (ny,) array
         Standard deviation of one sample of each output.
+    linear : Linearised, optional
+        The problem linearised there with this noise; by default it is linearised anew.
 
     Notes
     -----
@@ -62,7 +68,7 @@ def gauss_newton_information(problem: Problem, point: Unknowns, sigma: FloatArra
     free_states = problem.model.n_initial
     total, _ = anchor_normal_equations(problem, point.theta)
     before = np.diag(total).copy()
-    linear = linearise(problem, point, sigma)
+    linear = linearise(problem, point, sigma) if linear is None else linear
     if not linear.finite:  # a trajectory that diverged holds no information
         return Information(0 * total, ((np.zeros((1, len(total))),),))
     rows: dict[int, list[FloatArray]] = {}
@@ -89,17 +95,18 @@ def gauss_newton_information(problem: Problem, point: Unknowns, sigma: FloatArra
 
 
 def estimate_uncertainty(
-    problem: Problem, point: Unknowns, sigma: FloatArray, records: Sequence[Recording]
+    problem: Problem, solution: Solution, records: Sequence[Recording]
 ) -> ParameterUncertainty:
     """Return the covariance of the free parameters at a solution.
 
     Parameters at a bound are named and left out: their interval is one-sided. The robust
     covariance contains two biases: of the smoothed friction, and of the form of the flow map.
     """
+    point, sigma = solution.point, solution.sigma
     free = problem.parameters.with_values(point.theta).select(problem.free)
     gap = np.minimum(free.values - free.lower, free.upper - free.values) / free.scales
     at_bound = [name for name, near in zip(free.names, gap < AT_BOUND, strict=True) if near]
-    information = gauss_newton_information(problem, point, sigma)
+    information = gauss_newton_information(problem, point, sigma, solution.linear)
     scales = problem.free_scales
     return invert_information(
         information.matrix,

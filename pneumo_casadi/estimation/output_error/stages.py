@@ -224,7 +224,7 @@ def _result(
 ) -> OutputErrorResult:
     point, sigma = solution.point, solution.sigma
     axis = problem.axis.with_parameters(problem.parameters.with_values(point.theta))
-    uncertainty = estimate_uncertainty(problem, point, sigma, records)
+    uncertainty = estimate_uncertainty(problem, solution, records)
     own_states = len(problem.axis.states)
     return OutputErrorResult(
         axis,

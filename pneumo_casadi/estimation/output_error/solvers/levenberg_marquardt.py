@@ -143,8 +143,9 @@ def solve_levenberg_marquardt(
     minimum = minimise(closed, start, damping, max_iterations, max_iterations)
     if minimum.linear is not None:
         sigma = minimum.linear.sigma
-    point = minimum.point
-    return Solution(point.point, point.m, sigma, minimum.status.value, minimum.trials)
+    point, at = minimum.point, minimum.linear
+    linear = at.at if at is not None and at.simulated is point else None
+    return Solution(point.point, point.m, sigma, minimum.status.value, minimum.trials, linear)
 
 
 def solve_near_optimum(

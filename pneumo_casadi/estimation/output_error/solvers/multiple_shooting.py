@@ -106,7 +106,7 @@ def _full_steps(
                 sigma, sizes = new, []
                 continue
         if size <= tolerance and _defect(problem, at) < CLOSED:
-            return Solution(point, at.m, sigma, "converged", iteration)
+            return Solution(point, at.m, sigma, "converged", iteration, at)
         if _stopped_shrinking(sizes):
             return Solution(point, at.m, sigma, "full steps do not contract", iteration)
     return Solution(point, at.m, sigma, "iterations exhausted", max_iterations)

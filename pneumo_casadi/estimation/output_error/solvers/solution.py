@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pneumo_casadi.estimation.output_error.shooting.condensing import Linearised
 from pneumo_casadi.estimation.output_error.shooting.problem import Problem, Unknowns
 from pneumo_casadi.parameters import FloatArray
 
@@ -27,6 +28,8 @@ class Solution:
         ``"converged"`` or what went wrong.
     iterations : int
         Iterations taken.
+    linear : Linearised or None
+        The problem linearised at the point with this noise, where the solver has it.
     """
 
     point: Unknowns
@@ -34,6 +37,7 @@ class Solution:
     sigma: FloatArray
     status: str
     iterations: int
+    linear: Linearised | None = None
 
     def after(self, iterations: int) -> "Solution":
         """Return the solution with the iterations that came before it."""
