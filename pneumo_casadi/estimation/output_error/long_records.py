@@ -10,6 +10,7 @@ that misfit may last longer than one of them.
 """
 
 import logging
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -76,7 +77,6 @@ def fit_long_records(
     lengths = horizons(records, options)
     for i, length in enumerate(lengths):
         last = i + 1 == len(lengths)
-        window = None if length >= max(record.duration for record in records) else length
         sample = draw_sample(records, length)
         seconds = sum(record.duration for record in sample)
         stage = progress_range(report, 0.0, SAMPLE_WORK, f"sample of {seconds:.3g} s: ")
@@ -91,18 +91,18 @@ def fit_long_records(
         if ratio > DRIFT and not last:
             continue
         stage = progress_range(report, SAMPLE_WORK, 1.0)
-        asked = replace(options, window=None if options.closed_loop else window)
+        chosen = replace(options, window=equal_window(records, options, length))
         if not last:
             most = min(ITERATIONS, options.max_iterations)
-            asked = replace(asked, recover=False, max_iterations=most)
+            chosen = replace(chosen, recover=False, max_iterations=most)
         start = axis.with_parameters(first.parameters)
         try:
-            result = fit_stages(start, records, flow_map, asked, stage, settled_start)
+            result = fit_stages(start, records, flow_map, chosen, stage, settled_start)
         except FitError:
             if last:
                 raise
             continue
-        return replace(result, chosen_window=asked.window)
+        return replace(result, chosen_window=chosen.window)
     raise AssertionError("the last length returns or raises")
 
 
@@ -116,6 +116,21 @@ def horizons(records: Sequence[Recording], options: OutputErrorOptions) -> tuple
     longest = max(record.duration for record in records)
     shorter = [length for length in HORIZONS if length < longest]
     return tuple(shorter) if longest > HORIZONS[0] else (HORIZONS[0], *shorter)
+
+
+def equal_window(
+    records: Sequence[Recording], options: OutputErrorOptions, length: float
+) -> float | None:
+    """Return at most `length` [s] such that windows of the longest record are equal.
+
+    None for whole records: where none is longer, and in a simulated loop.
+    """
+    longest = max(records, key=lambda record: record.duration)
+    if options.closed_loop or longest.duration <= length:
+        return None
+    n = max(1, round(options.block / longest.dt))
+    blocks, count = (longest.N - 1) // n, math.ceil(longest.duration / length - 1e-6)
+    return math.ceil(blocks / count) * n * longest.dt
 
 
 def draw_sample(records: Sequence[Recording], length: float) -> tuple[Recording, ...]:

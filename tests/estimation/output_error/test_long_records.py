@@ -51,7 +51,7 @@ def test_long_data_reach_the_optimum_of_the_windows_that_they_bear(short_is_long
     begin, records, table, options = data
     long = fit_output_error(begin, records, table, options)
     asked = fit_output_error(begin, records, table, replace(options, window=0.5))
-    assert long.status == "converged" and long.chosen_window == 0.5
+    assert long.status == "converged" and long.chosen_window == pytest.approx(0.5)
     assert asked.chosen_window is None
     assert [s.first for s in long.segments] == [s.first for s in asked.segments]
     assert distance(asked, long) < 0.15  # what steps of a twentieth in rms leave
@@ -63,7 +63,7 @@ def test_windows_are_shortened_where_the_simulation_drifts(short_is_long, data, 
     growth = chain([10.0], repeat(1.0))
     monkeypatch.setattr(long_records, "drift", lambda _: next(growth))
     begin, records, table, options = data
-    assert fit_output_error(begin, records, table, options).chosen_window == 0.25
+    assert fit_output_error(begin, records, table, options).chosen_window == pytest.approx(0.25)
 
 
 def test_a_sample_that_does_not_converge_leads_to_shorter_windows(short_is_long, data, monkeypatch):
@@ -76,7 +76,7 @@ def test_a_sample_that_does_not_converge_leads_to_shorter_windows(short_is_long,
         return fit_stages(axis, records, *given)
 
     monkeypatch.setattr(long_records, "fit_stages", fails_at_first)
-    assert fit_output_error(*data).chosen_window == 0.25
+    assert fit_output_error(*data).chosen_window == pytest.approx(0.25)
     assert lengths == pytest.approx([0.5, 0.25, 2.0], abs=2e-3)
 
 
@@ -108,6 +108,14 @@ def test_a_sample_is_drawn_evenly_from_many_records():
         for i in range(64)
     ]
     assert [piece.t[0] for piece in draw_sample(records, 50.0)] == [800, 2400, 4000, 5600]
+
+
+def test_windows_of_the_longest_record_are_equal(data):
+    _, (record,), _, options = data
+    window = long_records.equal_window([record, record.window(0.0, 0.3)], options, 1.5)
+    assert window == pytest.approx(1.0)
+    assert long_records.equal_window([record], options, 3.0) is None
+    assert long_records.equal_window([record], replace(options, closed_loop=True), 0.5) is None
 
 
 def test_drift_compares_the_ends_of_windows_with_their_beginnings():
