@@ -83,7 +83,7 @@ def gauss_newton_information(
         own.append(rows_of_segment[:, free_states:] - rows_of_segment[:, :free_states] @ to_theta)
     # What the initial states have taken away but for rounding is no information.
     left = (np.diag(total) > CANCELLED * before).astype(float)
-    kinds = [tuple(np.concatenate(rows_of_segment) * left for rows_of_segment in rows.values())]
+    kinds = [tuple(_joined(rows.pop(record), left) for record in list(rows))]
     anchor = problem.anchor
     if anchor is None:
         return Information(total * np.outer(left, left), tuple(kinds))
@@ -92,6 +92,13 @@ def gauss_newton_information(
     c = anchor.coefficients(problem.parameters, point.theta)
     known = anchor.rows(c, problem.free)[anchor.n_points :] * problem.free_scales * left
     return Information(total * np.outer(left, left), tuple(kinds), known.T @ known)
+
+
+def _joined(parts: list[FloatArray], factor: FloatArray) -> FloatArray:
+    """Return the rows of all parts times a factor; of long data without a copy more than needed."""
+    rows = np.concatenate(parts)
+    rows *= factor
+    return rows
 
 
 def estimate_uncertainty(
