@@ -116,8 +116,8 @@ def _of_solution(result: OutputErrorResult) -> Iterator[ResultWarning]:
             "long records",
             "output_error",
             f"The records are long: output error is fitted over windows of "
-            f"{result.chosen_window:g} s with own initial states, over which the open-loop "
-            "simulation does not drift away; --window sets another length.",
+            f"{result.chosen_window:g} s with own initial states, as an open-loop simulation of a "
+            "whole record may drift away; --window sets another length.",
         )
     flow = set(result.axis.flow_parameters)
     for name in result.uncertainty.at_bound:
