@@ -48,6 +48,7 @@ from pneumo_casadi.estimation.output_error import OutputErrorOptions, fit_output
 from pneumo_casadi.estimation.output_error.fit import write_problem
 from pneumo_casadi.estimation.output_error.information import estimate_uncertainty
 from pneumo_casadi.estimation.output_error.shooting.problem import Unknowns, shoot_segments
+from pneumo_casadi.estimation.output_error.solvers.solution import Solution
 from pneumo_casadi.estimation.statistics import delta_std, interval_factor
 from pneumo_casadi.estimation.wls import fit_wls
 
@@ -105,9 +106,10 @@ def bound() -> dict[str, float]:
     noise = NOISE_MAP * float(np.abs(exact).max())
     problem = replace(problem, anchor=anchor_to_flow_map(table, true.axis.flow, noise))
     start = problem.start()
-    nodes, _ = shoot_segments(problem, start.theta, true.x_0[:, None])
+    nodes, m = shoot_segments(problem, start.theta, true.x_0[:, None])
     sigma = np.array([NOISE_P, NOISE_P, NOISE_X])
-    uncertainty = estimate_uncertainty(problem, Unknowns(start.theta, nodes), sigma, [record])
+    at_truth = Solution(Unknowns(start.theta, nodes), m, sigma, "true", 0)
+    uncertainty = estimate_uncertainty(problem, at_truth, [record])
     values = true.axis.parameters.as_dict()
     least = dict(zip(uncertainty.names, uncertainty.std.tolist(), strict=True))
     for k, (upper, lower) in RATIOS.items():

@@ -96,6 +96,7 @@ def output_error_dict(result: OutputErrorResult, identification: Identification)
         "status": result.status,
         "iterations": result.iterations,
         "cost": result.cost,
+        "chosen_window_s": result.chosen_window,
         "parameters": _estimates(result, own),
         "derived": {
             name: {

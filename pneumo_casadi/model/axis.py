@@ -204,8 +204,19 @@ class Axis(AxisDescription):
         (50.0, [[3.0, 0.2, 1.0, 0.0]])
         """
         chosen = tuple(names) if names is not None else self.regressor_names
+        if parameters is not None:
+            return self._write_regressor(chosen, parameters)
+        if chosen not in self._regressors:  # many records ask for the same one
+            self._regressors[chosen] = self._write_regressor(chosen, self.parameters)
+        return self._regressors[chosen]
+
+    @cached_property
+    def _regressors(self) -> dict[tuple[str, ...], ca.Function]:
+        return {}
+
+    def _write_regressor(self, chosen: tuple[str, ...], parameters: Parameters) -> ca.Function:
         theta = self.symbol.sym("theta", len(chosen))
-        (x, dx, u), r = self._motion_balances(chosen, theta, parameters or self.parameters)
+        (x, dx, u), r = self._motion_balances(chosen, theta, parameters)
         W = -ca.jacobian(r, theta)
         nonlinear = [chosen[i] for i in _dependence(W, theta)]
         if nonlinear:
@@ -218,14 +229,12 @@ class Axis(AxisDescription):
             "regressor", [x, dx, u], [Y, ca.densify(W)], ["x", "dx", "u"], ["Y", "W"]
         )
 
+    @cached_property
     def flow_slopes(self) -> ca.Function:
-        """Derive how the flow coefficients change the balances at the states of a regressor.
+        """How the flow coefficients change the balances at the states of a regressor.
 
-        Returns
-        -------
-        casadi.Function
-            ``(x, dx, u) -> D``, (ne, n_c): derivatives of Y (eq. 7) to the coefficients of the flow
-            map, at the values of all parameters.
+        ``(x, dx, u) -> D``, (ne, n_c): derivatives of Y (eq. 7) to the coefficients of the flow
+        map, at the values of all parameters.
         """
         names = self.flow_parameters
         c = self.symbol.sym("c", len(names))

@@ -64,6 +64,11 @@ def test_the_gravest_warning_comes_first_and_decides(quick):
     }
 
 
+def test_windows_that_long_records_have_got_are_noted(quick):
+    (warning,) = [i for i in found_with(quick, chosen_window=20.0) if "20 s" in i.text]
+    assert warning.grade is Grade.NOTE and warning not in found_with(quick)
+
+
 @pytest.mark.parametrize(("factor", "grade"), [(1.05, None), (1.2, "caution"), (1.4, "severe")])
 def test_a_mass_off_the_data_sheet_is_graded_by_its_distance(quick, factor, grade):
     M = quick.case.bench.datasheet["M_kg"]

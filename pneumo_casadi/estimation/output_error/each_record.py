@@ -10,10 +10,14 @@ from scipy import special
 from pneumo_casadi.data import Recording
 from pneumo_casadi.errors import FitError
 from pneumo_casadi.estimation.output_error.fit import fit_output_error
+from pneumo_casadi.estimation.output_error.long_records import are_long
 from pneumo_casadi.estimation.output_error.options import OutputErrorOptions
 from pneumo_casadi.estimation.output_error.result import OutputErrorResult
+from pneumo_casadi.estimation.output_error.stages import fit_stages
+from pneumo_casadi.estimation.output_error.starts import known_start
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.runtime.progress import Progress, no_progress, progress_range
+from pneumo_casadi.runtime.threads import one_thread
 
 #: Probability that records of one axis exceed the limit of the spread in any parameter by chance.
 CHANCE = 0.01
@@ -86,6 +90,7 @@ class RecordEstimates:
         return np.asarray(distances / std[known])
 
 
+@one_thread
 def fit_each_record(
     joint: OutputErrorResult,
     records: Sequence[Recording],
@@ -116,13 +121,23 @@ def fit_each_record(
     failed: list[str] = []
     rows: list[list[tuple[float, float]]] = []
     groups = record_groups(records)
+    alone = replace(options, recover=False)
+    long = are_long(joint.axis, records, options)
+    first = 0
     for i, (name, group) in enumerate(groups.items()):
         stage = progress_range(report, i / len(groups), (i + 1) / len(groups), name)
         try:
-            fit = fit_output_error(axis, group, None, replace(options, recover=False), stage)
+            if long:
+                whole = replace(alone, window=joint.chosen_window)
+                begin = known_start(_initial_states(joint, first, len(group)))
+                fit = fit_stages(axis, group, None, whole, stage, begin)
+            else:
+                fit = fit_output_error(axis, group, None, alone, stage)
         except FitError:
             failed.append(name)
             continue
+        finally:
+            first += len(group)
         fitted.append(name)
         rows.append([(fit.parameters[name].value, _std(fit, name)) for name in names])
     table = np.array(rows, dtype=float).reshape(len(fitted), len(names), 2)
@@ -145,6 +160,13 @@ def record_groups(records: Sequence[Recording]) -> dict[str, Sequence[Recording]
         part[0].name if len(part) == 1 else f"{part[0].name} ... {part[-1].name}" for part in parts
     ]
     return dict(zip(names, parts, strict=True))
+
+
+def _initial_states(fit: OutputErrorResult, first: int, count: int) -> list[FloatArray]:
+    """Return the initial states of the segments of some records, the first of which is given."""
+    wanted = range(first, first + count)
+    pairs = zip(fit.segments, fit.initial_states, strict=True)
+    return [state for segment, state in pairs if segment.record in wanted]
 
 
 def _std(fit: OutputErrorResult, name: str) -> float:

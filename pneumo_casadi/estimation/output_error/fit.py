@@ -1,45 +1,19 @@
-"""The output-error fit: from a start to parameters with intervals, stage by stage."""
+"""The output-error fit: of data as they are, or of long data by way of a sample."""
 
-import logging
-import time
 from collections.abc import Sequence
-from dataclasses import replace
 
-import numpy as np
-
-from pneumo_casadi.data import Clock, Recording
-from pneumo_casadi.errors import FitError, ModelError
-from pneumo_casadi.estimation.flow_anchor import anchor_flow
-from pneumo_casadi.estimation.output_error.information import estimate_uncertainty
-from pneumo_casadi.estimation.output_error.options import Method, OutputErrorOptions, plan_stages
-from pneumo_casadi.estimation.output_error.result import (
-    OutputErrorResult,
-    Stage,
-    evaluate_derived_quantities,
-    flow_map_deviation,
-)
-from pneumo_casadi.estimation.output_error.shooting.interval import IntervalFunctions
-from pneumo_casadi.estimation.output_error.shooting.problem import Problem
-from pneumo_casadi.estimation.output_error.shooting.segments import cut_segments
-from pneumo_casadi.estimation.output_error.solvers.ipopt import IpoptSolver
-from pneumo_casadi.estimation.output_error.solvers.multiple_shooting import solve_gauss_newton
-from pneumo_casadi.estimation.output_error.solvers.solution import Solution, new_sigma
-from pneumo_casadi.estimation.statistics import stated_or_estimated_noise
+from pneumo_casadi.data import Recording
+from pneumo_casadi.errors import ModelError
+from pneumo_casadi.estimation.output_error.long_records import are_long, fit_long_records
+from pneumo_casadi.estimation.output_error.options import OutputErrorOptions
+from pneumo_casadi.estimation.output_error.result import OutputErrorResult
+from pneumo_casadi.estimation.output_error.stages import fit_stages, write_problem
 from pneumo_casadi.model.axis import Axis
-from pneumo_casadi.model.integration import Stepping, substeps_for
-from pneumo_casadi.model.sampled_axis import SampledAxis
-from pneumo_casadi.parameters import FloatArray, Parameters
 from pneumo_casadi.runtime.progress import Progress, no_progress
 from pneumo_casadi.runtime.threads import one_thread
 from pneumo_casadi.valve import AnyFlowMap
 
-logger = logging.getLogger(__name__)
-
-
-#: How often IPOPT solves again with a new estimate of the noise.
-REWEIGHTINGS = 40
-#: How often a stage is solved again with steps as fine as the friction found needs.
-STEPPINGS = 3
+__all__ = ["fit_output_error", "write_problem"]
 
 
 @one_thread
@@ -97,176 +71,6 @@ def fit_output_error(
     report = progress or no_progress
     if not records:
         raise ModelError("no record to fit")
-    sigma = np.array([stated_or_estimated_noise(axis.bench, records, c) for c in axis.outputs])
-    stages: list[Stage] = []
-    parameters = axis.parameters
-    rungs = plan_stages(options)
-    dt = records[0].dt
-    for i, rung in enumerate(rungs):
-        share = i / len(rungs)
-        for attempt in range(STEPPINGS):
-            axis = axis.with_parameters(parameters)
-            done = share + attempt / STEPPINGS / len(rungs)
-            report(f"{rung.name}: writing and compiling", done)
-            problem = write_problem(axis, records, flow_map, rung.options)
-            _ = problem.sensitivity  # compiled here: the time of a stage is that of solving
-            report(rung.name, done + 0.5 / STEPPINGS / len(rungs))
-            began = time.perf_counter()
-            solution = _solve(problem, rung.options, sigma, rung.refine)
-            stage = Stage(
-                rung.name,
-                rung.options.widths[-1],
-                problem.cost(solution.point.theta, solution.m, sigma),
-                solution.iterations,
-                solution.status,
-                time.perf_counter() - began,
-            )
-            result = _result(problem, solution, (*stages, stage), records)
-            stages = list(result.stages)
-            logger.info(
-                "%s: %s, %d iterations, cost %.6g",
-                rung.name,
-                solution.status,
-                solution.iterations,
-                stage.cost,
-            )
-            if solution.status != "converged":
-                break
-            parameters = result.parameters
-            # Stronger friction than at the start needs finer steps; otherwise the error of the
-            # integration biases it, and the result depends on the starting values.
-            if _substeps(result.axis, rung.options, dt) == _substeps(axis, rung.options, dt):
-                break
-        if solution.status == "converged" and rung.last:
-            report("done", 1.0)
-            return result
-    tried = (
-        "iterations, also by way of short windows and wider friction"
-        if options.recover
-        else "iterations"
-    )
-    raise FitError(
-        f"output error: {solution.status} in stage {rung.name!r} after {solution.iterations} "
-        f"{tried}. The model may omit dynamics that the data show, or map and bench may "
-        "not belong to the axis; fit shorter windows (window=0.25, --window 0.25), which tolerate "
-        "more misfit, and see where model and measurement disagree",
-        result,
-    )
-
-
-def write_problem(
-    axis: Axis,
-    records: Sequence[Recording],
-    flow_map: AnyFlowMap | None,
-    options: OutputErrorOptions,
-) -> Problem:
-    """Check that the problem is well posed and write it down."""
-    parameters = axis.parameters
-    if not parameters.free_names:
-        raise ModelError("no parameter is free: release some with `Parameters.release`")
-    _refuse_free_gauge(axis, parameters, flow_map)
-    uniform = records[0].clock is Clock.UNIFORM
-    clocks = {(round(1 / r.dt, 6) if uniform else r.clock, r.hold) for r in records}
-    if len(clocks) > 1:
-        raise ModelError(
-            f"records differ in sampling frequency or input hold: {sorted(clocks, key=str)}"
-        )
-    dt, hold = records[0].dt, records[0].hold
-    n = max(1, round(options.block / dt))
-    longest = dt if uniform else max(float(record.intervals.max()) for record in records)
-    stepping = Stepping(dt, hold, _substeps(axis, options, longest), timed=not uniform)
-    model = SampledAxis(axis, stepping, axis.bench.controller if options.closed_loop else None)
-    segments = cut_segments(model, records, n, options.window, options.interval)
-    functions = IntervalFunctions(model, n, segments[0].per, parameters.free_names)
-    known = anchor_flow(axis, flow_map)
-    if known is not None and not set(known.names) & set(parameters.free_names):
-        known = None
-    problem = Problem(model, parameters, segments, functions, known)
-    _refuse_too_few(problem)
-    return problem
-
-
-def _refuse_too_few(problem: Problem) -> None:
-    states = problem.model.n_initial * len(problem.segments)
-    outputs = problem.y.size
-    points = 0 if problem.anchor is None else problem.anchor.n
-    if outputs <= states or outputs + points <= states + len(problem.free):
-        raise ModelError(
-            f"{outputs} mean outputs for {states} initial states and {len(problem.free)} "
-            "parameters: take longer windows or records, or shorter blocks"
-        )
-
-
-def _substeps(axis: Axis, options: OutputErrorOptions, dt: float) -> int:
-    """Return the Runge-Kutta steps per sample for the narrowest friction of a stage.
-
-    With the effects as they are and without: one that softens the axis where the fit starts
-    (presliding) may vanish on the way.
-    """
-    narrow = axis.with_parameters({"v_s": min(options.widths)})
-    each = (narrow, narrow.at_null_values())
-    return max(substeps_for(axis, dt, options.longest_step) for axis in each)
-
-
-def _refuse_free_gauge(axis: Axis, parameters: Parameters, flow_map: AnyFlowMap | None) -> None:
-    if not axis.kind.needs_flow_map or anchor_flow(axis, flow_map) is not None:
-        return
-    coefficients = set(axis.flow_parameters)
-    chambers = {f"X_s{i}" for i in range(1, 7)}
-    free = set(parameters.free_names)
-    if free >= coefficients | chambers:
-        raise ModelError(
-            "flow coefficients and X_s1 ... X_s6 are free together without a measured flow map: "
-            "multiplying them all by one constant changes no trajectory. Give `flow_map`, or fix "
-            "the coefficients with `parameters.fix(*axis.flow.parameters.names)`"
-        )
-
-
-def _solve(
-    problem: Problem, options: OutputErrorOptions, sigma: FloatArray, reweight: bool
-) -> Solution:
-    """Solve one problem at the width of the stage."""
-    point = problem.start()
-    point.theta[problem.parameters.index("v_s")] = options.widths[-1]
-    if options.method is Method.GAUSS_NEWTON:
-        return solve_gauss_newton(problem, point, sigma, reweight, options.max_iterations)
-    ipopt = IpoptSolver(problem, options.max_iterations)
-    solution = ipopt.solve(point, sigma)
-    iterations = solution.iterations
-    for _ in range(REWEIGHTINGS if reweight else 0):
-        new = new_sigma(problem, solution.m, sigma)
-        if new is None or solution.status != "converged":
-            break
-        sigma = new
-        solution = ipopt.solve(solution.point, sigma)
-        iterations += solution.iterations
-    else:
-        if reweight:
-            solution = replace(solution, status="the noise has not settled")
-    return replace(solution, sigma=sigma, iterations=iterations)
-
-
-def _result(
-    problem: Problem,
-    solution: Solution,
-    stages: tuple[Stage, ...],
-    records: Sequence[Recording],
-) -> OutputErrorResult:
-    point, sigma = solution.point, solution.sigma
-    axis = problem.axis.with_parameters(problem.parameters.with_values(point.theta))
-    uncertainty = estimate_uncertainty(problem, solution, records)
-    own_states = len(problem.axis.states)
-    return OutputErrorResult(
-        axis,
-        solution.status,
-        problem.cost(point.theta, solution.m, sigma),
-        sigma,
-        np.sqrt(np.mean((problem.y - solution.m) ** 2, axis=1)),
-        uncertainty,
-        evaluate_derived_quantities(axis, uncertainty),
-        stages,
-        problem.segments,
-        tuple(np.split(solution.m, np.cumsum([s.K for s in problem.segments])[:-1], axis=1)),
-        tuple(point.x[:own_states, i] for i in problem.firsts),
-        None if problem.anchor is None else flow_map_deviation(problem.anchor, axis),
-    )
+    if are_long(axis, records, options):
+        return fit_long_records(axis, records, flow_map, options, report)
+    return fit_stages(axis, records, flow_map, options, report)

@@ -49,7 +49,7 @@ class Information:
 
 
 def gauss_newton_information(
-    problem: Problem, point: Unknowns, sigma: FloatArray, at: Linearised | None = None
+    problem: Problem, point: Unknowns, sigma: FloatArray, linear: Linearised | None = None
 ) -> Information:
     """Return the information at a point of the problem.
 
@@ -57,8 +57,8 @@ def gauss_newton_information(
     ----------
     sigma : (ny,) array
         Standard deviation of one sample of each output.
-    at : Linearised, optional
-        The problem linearised at that point with `sigma`; made here by default.
+    linear : Linearised, optional
+        The problem linearised there with this noise; by default it is linearised anew.
 
     Notes
     -----
@@ -68,7 +68,7 @@ def gauss_newton_information(
     free_states = problem.model.n_initial
     total, _ = anchor_normal_equations(problem, point.theta)
     before = np.diag(total).copy()
-    linear = at or linearise(problem, point, sigma)
+    linear = linearise(problem, point, sigma) if linear is None else linear
     if not linear.finite:  # a trajectory that diverged holds no information
         return Information(0 * total, ((np.zeros((1, len(total))),),))
     rows: dict[int, list[FloatArray]] = {}
@@ -83,7 +83,7 @@ def gauss_newton_information(
         own.append(rows_of_segment[:, free_states:] - rows_of_segment[:, :free_states] @ to_theta)
     # What the initial states have taken away but for rounding is no information.
     left = (np.diag(total) > CANCELLED * before).astype(float)
-    kinds = [tuple(np.concatenate(rows_of_segment) * left for rows_of_segment in rows.values())]
+    kinds = [tuple(_joined(rows.pop(record), left) for record in list(rows))]
     anchor = problem.anchor
     if anchor is None:
         return Information(total * np.outer(left, left), tuple(kinds))
@@ -92,6 +92,13 @@ def gauss_newton_information(
     c = anchor.coefficients(problem.parameters, point.theta)
     known = anchor.rows(c, problem.free)[anchor.n_points :] * problem.free_scales * left
     return Information(total * np.outer(left, left), tuple(kinds), known.T @ known)
+
+
+def _joined(parts: list[FloatArray], factor: FloatArray) -> FloatArray:
+    """Return the rows of all parts times a factor; of long data without a copy more than needed."""
+    rows = np.concatenate(parts)
+    rows *= factor
+    return rows
 
 
 def estimate_uncertainty(
@@ -106,7 +113,7 @@ def estimate_uncertainty(
     free = problem.parameters.with_values(point.theta).select(problem.free)
     gap = np.minimum(free.values - free.lower, free.upper - free.values) / free.scales
     at_bound = [name for name, near in zip(free.names, gap < AT_BOUND, strict=True) if near]
-    information = gauss_newton_information(problem, point, sigma, solution.at)
+    information = gauss_newton_information(problem, point, sigma, solution.linear)
     scales = problem.free_scales
     return invert_information(
         information.matrix,

@@ -73,12 +73,33 @@ def estimate_initial_states(
     stepping = stepping_for(axis, record.dt, record.hold, lengths, longest_step)
     problem = _problem(SampledAxis(axis, stepping), record, window)
     sigma = np.array([stated_or_estimated_noise(axis.bench, [record], c) for c in axis.outputs])
+    x_0 = settle_initial_states(problem, sigma, record.name)
+    return tuple((segment.first, x_0[:, i]) for i, segment in enumerate(problem.segments))
+
+
+def settle_initial_states(problem: Problem, sigma: FloatArray, name: str) -> FloatArray:
+    """Return the initial states that fit segments of one length best, (nx, segments).
+
+    Parameters
+    ----------
+    problem : Problem
+        Without free parameters and without a flow map.
+    sigma : (ny,) array
+        Noise of one sample of each output.
+    name : str
+        What the data are called where no simulation is possible.
+
+    Raises
+    ------
+    FitError
+        If the simulation of a segment leaves the finite numbers already at the measured state.
+    """
     segments = problem.segments
     x_0 = np.stack([segment.x[:, 0] for segment in segments], axis=1)
     nodes, cost = _costs(problem, x_0, sigma)
     if not np.isfinite(cost).all():
-        start = segments[int(np.argmin(np.isfinite(cost)))].first * record.dt
-        raise FitError(f"{record.name}: no simulation from the measured state at t = {start:g} s")
+        start = segments[int(np.argmin(np.isfinite(cost)))].first * problem.model.stepping.dt
+        raise FitError(f"{name}: no simulation from the measured state at t = {start:g} s")
     damping = np.full(cost.size, DAMPING.start)
     active = np.ones(cost.size, dtype=bool)
     at = np.arange(cost.size)  # the windows of `problem`
@@ -98,7 +119,7 @@ def estimate_initial_states(
         if np.count_nonzero(active) < SHRUNK * at.size:  # some stick, most settle at once
             at = np.flatnonzero(active)
             problem = replace(problem, segments=tuple(segments[i] for i in at))
-    return tuple((segment.first, x_0[:, i]) for i, segment in enumerate(segments))
+    return x_0
 
 
 def _problem(model: SampledAxis, record: Recording, window: float | None) -> Problem:

@@ -139,6 +139,9 @@ class OutputErrorResult(Presentable):
         By segment.
     flow_map_deviation : FlowMapDeviation or None
         None without an anchor.
+    chosen_window : float or None
+        Length of the windows with own initial states over which long records are fitted where no
+        length was asked for [s]; None where the data were fitted as asked for.
     """
 
     axis: Axis
@@ -153,6 +156,7 @@ class OutputErrorResult(Presentable):
     fitted: tuple[FloatArray, ...]
     initial_states: tuple[FloatArray, ...]
     flow_map_deviation: FlowMapDeviation | None
+    chosen_window: float | None = None
 
     @property
     def parameters(self) -> Parameters:

@@ -65,7 +65,8 @@ class Optimum:
         if self.result.status != "converged":
             raise FitError(f"no uncertainty without an optimum: {self.result.status}", self.result)
         v_s = self.result.parameters["v_s"].value
-        object.__setattr__(self, "options", replace(self.options, widths=(v_s,)))
+        window = self.options.window or self.result.chosen_window
+        object.__setattr__(self, "options", replace(self.options, widths=(v_s,), window=window))
         object.__setattr__(self, "records", tuple(self.records))
 
     def __getstate__(self) -> dict[str, Any]:

@@ -44,7 +44,7 @@ def flow_map_error(model: Any, filtered: FilteredRecording, plan: FilterPlan) ->
     # A covariance needs no filter of its own: a mean over the reach of Y's is within some per cent.
     around = np.linspace(-plan.factor / 2, plan.factor / 2, min(POINTS, plan.factor))
     samples = np.clip(rows[:, None] + np.rint(around).astype(int), 0, filtered.N - 1)
-    (slopes,) = evaluate_along(model.flow_slopes(), model, filtered, samples.ravel())
+    (slopes,) = evaluate_along(model.flow_slopes, model, filtered, samples.ravel())
     mean: FloatArray = slopes.reshape(ne, *samples.shape, -1).mean(axis=2)
     return mean @ L
 

@@ -167,6 +167,7 @@ CONDITIONS: Mapping[str, tuple[Grade, str]] = MappingProxyType(
         "uninformed": (Grade.CAUTION, "the value is the starting value"),
         "not held out": (Grade.CAUTION, "nothing tells what a prediction is worth"),
         "stages": (Grade.NOTE, "the way to the optimum does not change it"),
+        "long records": (Grade.NOTE, "initial states are free, and misfit lasts beyond a window"),
         "not alone": (Grade.NOTE, "the joint fit stands without it"),
         "wls impossible": (Grade.NOTE, "output error is bounded and does not inherit it"),
     }

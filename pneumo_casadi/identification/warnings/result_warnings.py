@@ -111,6 +111,14 @@ def _of_solution(result: OutputErrorResult) -> Iterator[ResultWarning]:
             f"The fit needed {len(result.stages)} stages (by way of short windows): the model may "
             "misfit the data, or the start was far off.",
         )
+    if result.chosen_window is not None:
+        yield met(
+            "long records",
+            "output_error",
+            f"The records are long: output error is fitted over windows of "
+            f"{result.chosen_window:g} s with own initial states, as an open-loop simulation of a "
+            "whole record may drift away; --window sets another length.",
+        )
     flow = set(result.axis.flow_parameters)
     for name in result.uncertainty.at_bound:
         if name not in flow:  # the map's residuals tell what its coefficients are worth

@@ -96,12 +96,12 @@ def linearise(problem: Problem, point: Unknowns, sigma: FloatArray) -> Linearise
     joins = problem.joined
     return Linearised(
         ends,
-        means[:, data.real],
+        data.without_padding(means),
         ends[:, joins] - point.x[:, joins + 1],
         S.reshape(nx, intervals, m).transpose(1, 0, 2),
         H.reshape(m, intervals, ny, m).transpose(1, 2, 0, 3),
         g.reshape(m, intervals, ny).transpose(1, 2, 0),
-        scores.T[data.real],
+        data.without_padding(scores).T,
     )
 
 

@@ -59,6 +59,10 @@ class IntervalData:
     y: FloatArray
     real: NDArray[np.bool_]
 
+    def without_padding(self, values: FloatArray) -> FloatArray:
+        """Return the columns of values (..., I B) that belong to blocks of the data."""
+        return values if self.real.all() else values[:, self.real]
+
 
 @dataclass(frozen=True, eq=False)
 class Problem:
@@ -185,7 +189,7 @@ def evaluate_intervals(problem: Problem, point: Unknowns) -> tuple[FloatArray, F
     data = problem.data
     theta = np.tile(point.theta[:, None], problem.I)
     ends, m = call_with_arrays(problem.value_of(problem.I), point.x, data.w, theta, data.h)
-    return ends, m[:, data.real]
+    return ends, data.without_padding(m)
 
 
 def shoot_segments(
@@ -222,4 +226,4 @@ def shoot_segments(
         m[:, at] = means.reshape(len(m), at.size, B)
         going_on = counts[counts > i] > i + 1
         x[:, at[going_on] + 1] = ends[:, going_on]
-    return x, m.reshape(len(m), -1)[:, data.real]
+    return x, data.without_padding(m.reshape(len(m), -1))

@@ -28,8 +28,8 @@ class Solution:
         ``"converged"`` or what went wrong.
     iterations : int
         Iterations taken.
-    at : Linearised or None
-        The problem linearised at the last point with `sigma`, where the solver has it.
+    linear : Linearised or None
+        The problem linearised at the point with this noise, where the solver has it.
     """
 
     point: Unknowns
@@ -37,7 +37,7 @@ class Solution:
     sigma: FloatArray
     status: str
     iterations: int
-    at: Linearised | None = None
+    linear: Linearised | None = None
 
     def after(self, iterations: int) -> "Solution":
         """Return the solution with the iterations that came before it."""
