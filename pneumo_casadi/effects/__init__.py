@@ -23,6 +23,9 @@ from pneumo_casadi.effects.friction.position_friction import PositionFriction as
 from pneumo_casadi.effects.friction.position_friction_curve import (
     PositionFrictionCurve as PositionFrictionCurve,
 )
+from pneumo_casadi.effects.friction.position_friction_step import (
+    PositionFrictionStep as PositionFrictionStep,
+)
 from pneumo_casadi.effects.friction.presliding import Presliding as Presliding
 from pneumo_casadi.effects.friction.pressure_friction import PressureFriction as PressureFriction
 from pneumo_casadi.effects.friction.pressure_friction_per_seal import (

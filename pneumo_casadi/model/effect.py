@@ -119,6 +119,9 @@ class Effect:
     credible : mapping of str to (float, float)
         Plausible ranges by short name of a parameter. An estimate outside its range means that
         another cause is fitted by this effect.
+    command_delays : tuple of str
+        Parameters that delay the command [s], by short name. Less than a sampling interval is when
+        the samples were taken and the command was updated, and no property of the axis.
     one_form : bool
         Whether only one equation of the effect is known, as for an offset. If such an effect is
         the cause, the model with it closes the gap almost entirely. Friction and hysteresis, in
@@ -189,6 +192,7 @@ class Effect:
     cause: ClassVar[str] = ""
     passive: ClassVar[bool] = False
     credible: ClassVar[Mapping[str, tuple[float, float]]] = MappingProxyType({})
+    command_delays: ClassVar[tuple[str, ...]] = ()
     one_form: ClassVar[bool] = False
     sensors: ClassVar[tuple[str, ...]] = ()
     hides_motion: ClassVar[bool] = False
@@ -211,7 +215,7 @@ class Effect:
         without = [item.name for item in cls.parameters if item.null is None]
         if without:
             raise ModelError(f"effect {cls.name}: no null value for {', '.join(without)}")
-        for attribute in ("credible", "scanned"):
+        for attribute in ("credible", "scanned", "command_delays"):
             strange = sorted(set(getattr(cls, attribute)) - {item.name for item in cls.parameters})
             if strange:
                 raise ModelError(

@@ -1,6 +1,7 @@
 """What is not believed although it fits: stand-ins for causes that are something else."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from pneumo_casadi.diagnosis import Verdict, diagnose, prepare_study
 from pneumo_casadi.diagnosis.decide.credibility import review_verdict
 from pneumo_casadi.diagnosis.decide.judgement import Judgement
 from pneumo_casadi.diagnosis.metrics.findings import Check
-from pneumo_casadi.diagnosis.prepare.fitted_model import fit_model
+from pneumo_casadi.diagnosis.prepare.fitted_model import fit_model, require_credible
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.errors import FitError
 from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
@@ -35,6 +36,18 @@ class Gain(Effect):
 
     def output(self, y, at):
         return {**y, "p_P": y["p_P"] * (1 + at["g"])}
+
+
+@pytest.mark.parametrize(("tau", "dt", "refused"), [(7e-4, 1e-3, True), (7e-4, 2e-4, False)])
+def test_a_delay_of_the_command_below_the_sampling_interval_is_that_of_the_log(tau, dt, refused):
+    study = SimpleNamespace(sampling_interval=dt, anchor=None, anchor_with=lambda effects: None)
+    fitted = SimpleNamespace(values={"valve_dynamics.tau": tau})
+    effects = (EFFECTS["valve_dynamics"](),)
+    if refused:
+        with pytest.raises(FitError, match=r"valve_dynamics.tau = 0.0007 s .* interval of 0.001 s"):
+            require_credible(study, effects, fitted)
+    else:
+        require_credible(study, effects, fitted)
 
 
 @pytest.mark.slow

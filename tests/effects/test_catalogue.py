@@ -37,6 +37,7 @@ ORDER = (
     "position_delay",
     "position_friction",
     "position_friction_curve",
+    "position_friction_step",
     "position_on_elastic_load",
     "presliding",
     "pressure_friction",

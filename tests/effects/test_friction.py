@@ -6,6 +6,7 @@ from scipy.integrate import solve_ivp
 
 from pneumo_casadi.effects import (
     PositionFriction,
+    PositionFrictionStep,
     Presliding,
     PressureFriction,
     QuadraticDrag,
@@ -51,6 +52,15 @@ def test_position_friction_has_a_slope_and_a_tight_spot_and_reverses_with_the_mo
         expected = value["slope"] * x + value["height"] * spot
         assert added(axis, made, x=x) == pytest.approx(expected, abs=1e-9)
         assert added(axis, made, x=x, v=-0.3) == pytest.approx(-expected, abs=1e-9)
+
+
+def test_friction_that_steps_is_larger_on_one_side_and_reverses_with_the_motion(made):
+    values = {"step": 6.0, "edge": 0.04, "width": 0.005}
+    own = {f"position_friction_step.{name}": value for name, value in values.items()}
+    axis = made.true_axis(PositionFrictionStep()).with_parameters(own)
+    for x, expected in ((0.0, -3.0), (0.04, 0.0), (0.08, 3.0)):
+        assert added(axis, made, x=x) == pytest.approx(expected, abs=1e-5)
+        assert added(axis, made, x=x, v=-0.3) == pytest.approx(-expected, abs=1e-5)
 
 
 def test_quadratic_drag_takes_power_with_the_cube_of_the_speed(made):

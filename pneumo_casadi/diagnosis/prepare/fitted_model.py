@@ -213,6 +213,9 @@ def _better(
 def require_credible(study: Study, effects: Sequence[Effect], fitted: FittedModel) -> None:
     """Reject a valve shape that the metered map contradicts, and values out of range.
 
+    A delay of the command is told from the clock of the log only if it is longer than the time
+    between two samples: where a controller runs faster, the log has held its commands for half.
+
     Raises
     ------
     FitError
@@ -225,6 +228,13 @@ def require_credible(study: Study, effects: Sequence[Effect], fitted: FittedMode
                 raise FitError(
                     f"{effect.name}.{name} = {value:.3g} is not credible, by physics it is "
                     f"{low:g} to {high:g}: another effect acts"
+                )
+        for name in effect.command_delays:
+            value, dt = fitted.values[f"{effect.name}.{name}"], study.sampling_interval
+            if value < dt:
+                raise FitError(
+                    f"{effect.name}.{name} = {value:.3g} s is not credible, it is less than the "
+                    f"sampling interval of {dt:.3g} s and may be that of the log"
                 )
     known = study.anchor_with(effects)
     if known is None or known is study.anchor:

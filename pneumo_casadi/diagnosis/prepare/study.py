@@ -66,6 +66,11 @@ class Study:
         return (*train, *held_out)
 
     @property
+    def sampling_interval(self) -> float:
+        """Longest time between two samples of a record [s]."""
+        return max(record.dt for record in (*self.train, *self.held_out))
+
+    @property
     def anchor(self) -> Anchor | None:
         """What fixes the scale of the flows; see `anchor_flow`."""
         return self.anchor_with(())

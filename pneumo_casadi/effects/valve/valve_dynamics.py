@@ -32,6 +32,7 @@ class ValveDynamics(Effect):
     # The fastest spools of data sheets have 400 Hz. A shorter delay is one of sampling: recordings
     # of 1 and 5 kHz of an axis without valve dynamics gave 0.15 to 0.29 ms.
     credible = MappingProxyType({"tau": (5e-4, 0.1)})
+    command_delays = ("tau",)
     parameters = (
         Parameter(
             "tau",
