@@ -44,7 +44,7 @@ def test_without_the_refusal_the_gauge_would_be_an_uninformed_direction(
     chambers = [f"X_s{i}" for i in range(1, 7)]
     begin = made.free_only(begin, *chambers, *begin.flow.parameters.names)
     monkeypatch.setattr(
-        "pneumo_casadi.estimation.output_error.fit._refuse_free_gauge", lambda *a: None
+        "pneumo_casadi.estimation.output_error.stages._refuse_free_gauge", lambda *a: None
     )
     result = fit_output_error(begin, [record], None, options(made))
     inside = begin.with_parameters(begin.parameters.fix("X_s3"))
