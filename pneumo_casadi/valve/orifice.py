@@ -259,14 +259,20 @@ def bounded_least_squares(
     def at(z: FloatArray) -> tuple[FloatArray, FloatArray]:
         nonlocal last
         if last is None or not np.array_equal(last[0], z):
-            residuals, jacobian = evaluate(z * scale)
-            last = z.copy(), residuals / size, jacobian * scale / size
-        return last[1:]
+            values, slopes = evaluate(z * scale)
+            last = z.copy(), values / size, slopes * scale / size
+        return last[1], last[2]
+
+    def scaled_residuals(z: FloatArray) -> FloatArray:
+        return at(z)[0]
+
+    def scaled_jacobian(z: FloatArray) -> FloatArray:
+        return at(z)[1]
 
     solution = least_squares(
-        lambda z: at(z)[0],
+        scaled_residuals,
         guess.values / scale,
-        jac=lambda z: at(z)[1],
+        jac=scaled_jacobian,
         bounds=(guess.lower / scale, guess.upper / scale),
         method="trf",
         xtol=1e-12,
