@@ -90,7 +90,7 @@ def test_programs_written_down_whole_are_far_behind():
     ours = tools["pneumo_casadi"]
     assert ours["reached"]
     for name in ("pyomo.dae + pyomo-pounce", "opty", "do-mpc", "SciPy least_squares", "lmfit"):
-        seconds = tools[name]["total_s"] or 60.0  # none: no answer within a minute
+        seconds = tools[name].get("total_s") or 60.0  # none: no answer within a minute
         assert seconds >= 10 * ours["total_s"], name
 
 
