@@ -31,11 +31,11 @@ import tables
 
 from pneumo_casadi.data import InputHold, Recording
 from pneumo_casadi.estimation.output_error import OutputErrorOptions, fit_output_error
-from pneumo_casadi.estimation.output_error.fit import write_problem
 from pneumo_casadi.estimation.output_error.shooting import interval
 from pneumo_casadi.estimation.output_error.shooting.condensing import linearise
 from pneumo_casadi.estimation.output_error.shooting.problem import Problem
 from pneumo_casadi.estimation.output_error.solvers.condensed_step import apply_step, condensed_step
+from pneumo_casadi.estimation.output_error.stages import write_problem
 from pneumo_casadi.estimation.wls import fit_wls
 from pneumo_casadi.model.compilation import call_with_arrays, compile_functions
 from pneumo_casadi.model.integration import THREADS

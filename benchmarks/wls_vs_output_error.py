@@ -45,10 +45,10 @@ from rich.progress import track
 
 from pneumo_casadi.estimation.flow_anchor import anchor_to_flow_map
 from pneumo_casadi.estimation.output_error import OutputErrorOptions, fit_output_error
-from pneumo_casadi.estimation.output_error.fit import write_problem
 from pneumo_casadi.estimation.output_error.information import estimate_uncertainty
 from pneumo_casadi.estimation.output_error.shooting.problem import Unknowns, shoot_segments
 from pneumo_casadi.estimation.output_error.solvers.solution import Solution
+from pneumo_casadi.estimation.output_error.stages import write_problem
 from pneumo_casadi.estimation.statistics import delta_std, interval_factor
 from pneumo_casadi.estimation.wls import fit_wls
 

@@ -6,7 +6,15 @@ from pneumo_casadi.model.effect import Effect, Scope
 from pneumo_casadi.model.junctions import Expression
 from pneumo_casadi.parameters import Parameter
 
-_SOURCE = "engineering judgement for cylinders and guides of a few hundred millimetres"
+#: What forms of position friction declare.
+SOURCE = (
+    "Armstrong-Hélouvry (1991), Control of Machines with Friction, Kluwer: friction that depends "
+    "on position"
+)
+SHOWS = "force balance, over the position, with the sign of the velocity"
+SEPARATED_BY = "slow full strokes both ways: a load keeps its sign, friction reverses it"
+#: Where the sizes of their parameters come from.
+TYPICAL = "engineering judgement for cylinders and guides of a few hundred millimetres"
 
 
 class PositionFriction(Effect):
@@ -17,13 +25,10 @@ class PositionFriction(Effect):
 
     name = "position_friction"
     equation = "F = (c x + ΔF exp(−((x − x_t)/w)²)) sign(v)"
-    source = (
-        "Armstrong-Hélouvry (1991), Control of Machines with Friction, Kluwer: friction that "
-        "depends on position"
-    )
-    shows = "force balance, over the position, with the sign of the velocity"
+    source = SOURCE
+    shows = SHOWS
     confused_with = ("F_c_plus", "F_c_minus", "spring_load", "constant_force", "pressure_friction")
-    separated_by = "slow full strokes both ways: a load keeps its sign, friction reverses it"
+    separated_by = SEPARATED_BY
     parameters = (
         Parameter(
             "slope",
@@ -35,7 +40,7 @@ class PositionFriction(Effect):
             null=0.0,
             start=20.0,
             description="change of Coulomb friction along the stroke",
-            source=_SOURCE,
+            source=TYPICAL,
         ),
         Parameter(
             "height",
@@ -47,7 +52,7 @@ class PositionFriction(Effect):
             null=0.0,
             start=8.0,
             description="extra Coulomb friction in the middle of the tight spot",
-            source=_SOURCE,
+            source=TYPICAL,
         ),
         Parameter(
             "centre",
@@ -59,7 +64,7 @@ class PositionFriction(Effect):
             null=0.0,
             start=0.02,
             description="middle of the tight spot, from mid-stroke",
-            source=_SOURCE,
+            source=TYPICAL,
         ),
         Parameter(
             "width",
@@ -71,7 +76,7 @@ class PositionFriction(Effect):
             null=0.03,
             start=0.03,
             description="distance from the middle at which the tight spot has fallen to 1/e",
-            source=_SOURCE,
+            source=TYPICAL,
         ),
     )
 

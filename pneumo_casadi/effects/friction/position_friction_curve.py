@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 import casadi as ca
 
+from pneumo_casadi.effects.friction.position_friction import SEPARATED_BY, SHOWS
 from pneumo_casadi.model.effect import Effect, Scope
 from pneumo_casadi.model.junctions import Expression
 from pneumo_casadi.parameters import Parameter
@@ -29,9 +30,9 @@ class PositionFrictionCurve(Effect):
     cause = "position_friction"
     equation = "F = Σ c_i B((x − x_i)/d) sign(v), B the cubic B-spline"
     source = "Eilers, Marx (1996), Statistical Science 11(2), 89-121: penalised B-splines"
-    shows = "force balance, over the position, with the sign of the velocity"
+    shows = SHOWS
     confused_with = ("F_c_plus", "F_c_minus", "position_friction", "pressure_friction")
-    separated_by = "slow full strokes both ways: a load keeps its sign, friction reverses it"
+    separated_by = SEPARATED_BY
     needs_constants = ("stroke",)
     parameters = tuple(
         Parameter(

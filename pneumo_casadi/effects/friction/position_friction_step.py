@@ -2,11 +2,10 @@
 
 import casadi as ca
 
+from pneumo_casadi.effects.friction.position_friction import SEPARATED_BY, SHOWS, SOURCE, TYPICAL
 from pneumo_casadi.model.effect import Effect, Scope
 from pneumo_casadi.model.junctions import Expression
 from pneumo_casadi.parameters import Parameter
-
-_SOURCE = "engineering judgement for cylinders and guides of a few hundred millimetres"
 
 
 class PositionFrictionStep(Effect):
@@ -19,13 +18,10 @@ class PositionFrictionStep(Effect):
     name = "position_friction_step"
     cause = "position_friction"
     equation = "F = (ΔF/2) tanh((x − x_s)/w) sign(v)"
-    source = (
-        "Armstrong-Hélouvry (1991), Control of Machines with Friction, Kluwer: friction that "
-        "depends on position"
-    )
-    shows = "force balance, over the position, with the sign of the velocity"
+    source = SOURCE
+    shows = SHOWS
     confused_with = ("F_c_plus", "F_c_minus", "position_friction", "pressure_friction")
-    separated_by = "slow full strokes both ways: a load keeps its sign, friction reverses it"
+    separated_by = SEPARATED_BY
     parameters = (
         Parameter(
             "step",
@@ -37,7 +33,7 @@ class PositionFrictionStep(Effect):
             null=0.0,
             start=8.0,
             description="Coulomb friction beyond the edge less that before it",
-            source=_SOURCE,
+            source=TYPICAL,
         ),
         Parameter(
             "edge",
@@ -49,7 +45,7 @@ class PositionFrictionStep(Effect):
             null=0.0,
             start=0.0,
             description="place of the change, from mid-stroke",
-            source=_SOURCE,
+            source=TYPICAL,
         ),
         Parameter(
             "width",

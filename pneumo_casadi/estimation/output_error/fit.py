@@ -7,13 +7,11 @@ from pneumo_casadi.errors import ModelError
 from pneumo_casadi.estimation.output_error.long_records import are_long, fit_long_records
 from pneumo_casadi.estimation.output_error.options import OutputErrorOptions
 from pneumo_casadi.estimation.output_error.result import OutputErrorResult
-from pneumo_casadi.estimation.output_error.stages import fit_stages, write_problem
+from pneumo_casadi.estimation.output_error.stages import fit_stages
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.runtime.progress import Progress, no_progress
 from pneumo_casadi.runtime.threads import one_thread
 from pneumo_casadi.valve import AnyFlowMap
-
-__all__ = ["fit_output_error", "write_problem"]
 
 
 @one_thread

@@ -15,12 +15,12 @@ from pneumo_casadi.data import Recording
 from pneumo_casadi.errors import FitError, ModelError
 from pneumo_casadi.estimation.output_error import OutputErrorOptions, OutputErrorResult
 from pneumo_casadi.estimation.output_error.derived import Quantity, find_quantity
-from pneumo_casadi.estimation.output_error.fit import write_problem
 from pneumo_casadi.estimation.output_error.information import gauss_newton_information
 from pneumo_casadi.estimation.output_error.shooting.condensing import anchor_normal_equations
 from pneumo_casadi.estimation.output_error.shooting.problem import Problem, Unknowns
 from pneumo_casadi.estimation.output_error.solvers.multiple_shooting import solve_gauss_newton
 from pneumo_casadi.estimation.output_error.solvers.solution import Solution
+from pneumo_casadi.estimation.output_error.stages import write_problem
 from pneumo_casadi.estimation.statistics import delta_std
 from pneumo_casadi.model.integration import substeps_for
 from pneumo_casadi.parameters import FloatArray

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from pneumo_casadi.estimation.output_error import OutputErrorOptions, fit_output_error
-from pneumo_casadi.estimation.output_error.fit import write_problem
 from pneumo_casadi.estimation.output_error.flow_scale_shift import flow_scale_shift
+from pneumo_casadi.estimation.output_error.stages import write_problem
 from pneumo_casadi.valve import FlowMapPair, FlowPair
 
 P, N = [f"X_s{i}" for i in (1, 2, 3)], [f"X_s{i}" for i in (4, 5, 6)]

@@ -8,7 +8,7 @@ import pytest
 from pneumo_casadi.data import InputHold, Recording
 from pneumo_casadi.errors import FitError, ModelError
 from pneumo_casadi.estimation.output_error import Method, OutputErrorOptions, fit_output_error
-from pneumo_casadi.estimation.output_error.fit import write_problem
+from pneumo_casadi.estimation.output_error.stages import write_problem
 
 METHODS = list(Method)
 

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from pneumo_casadi.estimation.output_error import OutputErrorOptions
-from pneumo_casadi.estimation.output_error.fit import write_problem
 from pneumo_casadi.estimation.output_error.shooting.condensing import (
     anchor_normal_equations,
     block_scores,
@@ -18,6 +17,7 @@ from pneumo_casadi.estimation.output_error.shooting.problem import (
     shoot_segments,
 )
 from pneumo_casadi.estimation.output_error.solvers.ipopt import _at_rounding, pack, program, unpack
+from pneumo_casadi.estimation.output_error.stages import write_problem
 
 KINDS = ("servo", "lag", "windows", "force", "one interval")
 

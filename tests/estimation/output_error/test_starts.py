@@ -12,7 +12,6 @@ from pneumo_casadi.estimation.output_error import (
     fit_from_many_starts,
     fit_output_error,
 )
-from pneumo_casadi.estimation.output_error.fit import write_problem
 from pneumo_casadi.estimation.output_error.multistart import draw_parameters
 from pneumo_casadi.estimation.output_error.shooting.problem import shoot_segments
 from pneumo_casadi.estimation.output_error.solvers import condensed_step as steps
@@ -21,6 +20,7 @@ from pneumo_casadi.estimation.output_error.solvers.levenberg_marquardt import (
     solve_levenberg_marquardt,
 )
 from pneumo_casadi.estimation.output_error.solvers.multiple_shooting import solve_gauss_newton
+from pneumo_casadi.estimation.output_error.stages import write_problem
 
 
 @pytest.fixture(scope="module")
