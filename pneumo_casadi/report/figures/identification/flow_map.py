@@ -131,8 +131,8 @@ def _pressure_gain(axes: Axes, measured: Projections | None, fine: Projections) 
     axes.set_title("closed outlet, $q_m$ = 0", fontsize=SMALL, pad=2)
     # Left of the steep curve at null, where nothing is drawn.
     axes.legend(
-        fontsize=SMALL, loc="center left", frameon=False, handlelength=0.8, handletextpad=0.4,
-        borderaxespad=0.1,
+        fontsize=SMALL, loc="center left", frameon=False, handlelength=0.5, handletextpad=0.2,
+        borderaxespad=0.1, borderpad=0.1,
     )  # fmt: skip
 
 
