@@ -136,11 +136,13 @@ def diagnose(
     selection = select_effects(
         study, chosen, executor, progress_range(report, 0.02, 0.8), options.keep
     )
-    effects = tuple(chosen[name]() for name in selection.chosen)
+    effects, besides = (
+        tuple(chosen[name]() for name in names) for names in (selection.chosen, selection.besides)
+    )
     report("parameters and location", 0.82)
     checks = check_fit(study, selection.final, effects)
     known: Catalogue = {**EFFECTS, **chosen}
-    decision = decide_verdict(selection, effects, checks, known)
+    decision = decide_verdict(selection, checks, known)
     inputs = estimate_unknown_inputs(study, selection.nominal)
     named = decision.names_effects
     where = locate(
@@ -151,6 +153,7 @@ def diagnose(
         gap=decision.has_gap,
         inputs=inputs,
         catalogue=known,
+        besides=besides if named else (),
     )
     report("simulating the held-out record", 0.88)
     final = selection.final if decision.has_gap else selection.nominal
@@ -171,12 +174,14 @@ def diagnose(
     report("done", 1.0)
     judgement = decision.judgement
     in_model = effects_found(study, selection, judgement, chosen) if named else ()
+    sure = set(selection.named) - set(judgement.undecided)
     alternatives = tuple(dict.fromkeys(causes_of(names, known) for names in decision.alternatives))
     return Diagnosis(
         case=case.name,
         verdict=decision.verdict,
-        effects=tuple(each for each in in_model if each.form not in judgement.undecided),
-        undecided=tuple(each for each in in_model if each.form in judgement.undecided),
+        effects=tuple(e for e in in_model if e.form in sure),
+        undecided=tuple(e for e in in_model if e.form in judgement.undecided),
+        besides=tuple(e for e in in_model if e.form in selection.besides),
         ranking=rank_candidates(study, selection, judgement, decision.absorbed, chosen),
         where=where,
         gap=gap,

@@ -23,6 +23,7 @@ from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.select import plausibility
 from pneumo_casadi.diagnosis.select.acceptance import accepted
+from pneumo_casadi.diagnosis.select.complete import Completed
 from pneumo_casadi.diagnosis.select.contributions import contributions
 from pneumo_casadi.diagnosis.select.forward_selection import Selection
 from pneumo_casadi.effects import EFFECTS
@@ -48,7 +49,7 @@ def selected(nominal, fits=None, path=(), **given):
     return Selection(
         nominal, fits or {}, (), {}, path, LEVELS, given.get("refined", {}),
         given.get("gap_left", {}), given.get("trials", {}), None, {},
-        given.get("contributions", {}),
+        given.get("contributions", {}), given.get("completed"),
     )  # fmt: skip
 
 
@@ -86,7 +87,7 @@ def test_the_effect_without_which_most_of_the_gap_comes_back_is_first(left, expe
     final = max(left, key=len)
     ledger = ledger_of(left)
     ledger.fits[final] = SimpleNamespace(values={})
-    shares = contributions(ledger, None, final)
+    shares = contributions(ledger, None, final, final)
     assert list(shares) == list(expected)
     assert shares == pytest.approx(expected)
 
@@ -176,10 +177,14 @@ def test_a_mass_flow_near_what_a_coarse_map_leaves_does_not_count_beside_another
 def test_where_simulations_decide_it_is_their_share():
     before, after = fitted(1, 1, 10), fitted(1, 1, 10)
     given = {"fits": {ONE[0]: after}, "path": ONE}
-    assert unexplained(selected(before, **given, gap_left={ONE[0]: 0.34})) == 0.34
-    assert unexplained(selected(before, **given, gap_left={ONE[0]: 0.36})) == pytest.approx(1.0)
+    for left, expected in ((0.34, 0.34), (0.36, 1.0)):
+        shares = {"gap_left": {ONE[0]: left}, "trials": {ONE[0]: left}}
+        assert unexplained(selected(before, **given, **shares)) == pytest.approx(expected)
+    # Without an effect that hides the motion the balances tell, however little a simulation shows.
+    assert unexplained(selected(before, **given, gap_left={ONE[0]: 0.1})) == pytest.approx(1.0)
     pair = ("backlash", "stribeck")
     refined = {"fits": {pair: after}, "path": (pair,), "refined": {pair: after}}
+    refined["trials"] = {pair: 0.8}
     assert unexplained(selected(before, **refined, gap_left={pair: 0.8})) == 0.8
 
 
@@ -199,8 +204,46 @@ def test_where_simulations_decide_it_is_their_share():
 def test_an_effect_that_leaves_too_much_is_not_the_cause(left, one_form, nominal, expected):
     before = fitted(1, 1, with_gap(nominal), cost=100.0)
     after = fitted(1, 1, with_gap(left * nominal))
-    effects = (SimpleNamespace(one_form=one_form),)
+    effects = (acting("force", one_form),)
     assert judge(selected(before, {ONE[0]: after}, ONE), effects).verdict is expected
+
+
+def acting(junction, one_form):
+    return SimpleNamespace(one_form=one_form, junctions=(junction,))
+
+
+@pytest.mark.parametrize(
+    ("others", "expected"),
+    [
+        # Friction, which may have another law, says nothing of what a leak leaves in a mass flow.
+        ((acting("force", False),), Verdict.UNKNOWN),
+        ((acting("chamber_flow", False),), Verdict.EFFECT),
+        ((acting("output", False),), Verdict.EFFECT),  # a sensor's error shows in all balances
+    ],
+)
+def test_what_effects_of_one_form_leave_is_asked_balance_by_balance(others, expected):
+    before, after = fitted(1, with_gap(40), 1, cost=100.0), fitted(1, with_gap(4), 1)
+    leak = acting("chamber_flow", True)
+    assert judge(selected(before, {ONE[0]: after}, ONE), (leak, *others)).verdict is expected
+
+
+@pytest.mark.parametrize(("left", "expected"), [(1.45, Verdict.EFFECT), (1.55, Verdict.UNKNOWN)])
+def test_a_large_share_of_a_gap_is_no_unknown_cause_unless_it_is_visible(left, expected):
+    before, after = fitted(1, 1, 1.7, cost=100.0), fitted(1, 1, left)
+    assert judge(selected(before, {ONE[0]: after}, ONE), ()).verdict is expected
+
+
+def test_weak_effects_besides_are_no_part_of_an_alternative():
+    large, weak = ("stribeck",), ("hose", "stribeck")
+    fits = {large: fitted(1, 1, 2.0), weak: fitted(1, 1, 1.0)}
+    fits["hose", "presliding"] = fitted(1, 1, 1.1)
+    fits["leakage_N", "stribeck"] = fitted(1, 1, 1.01)
+    completed = Completed(weak, large)
+    selection = selected(fitted(1, 1, 10.0), fits, ONE, completed=completed)
+    assert (selection.chosen, selection.named, selection.besides) == (weak, large, ("hose",))
+    judgement = judge(selection, ())
+    assert judgement.verdict is Verdict.EFFECT
+    assert judgement.alike == (("stribeck",), ("leakage_N", "stribeck"), ("presliding",))
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from pneumo_casadi.diagnosis import diagnose
@@ -12,22 +13,34 @@ from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger
 from pneumo_casadi.diagnosis.select.forms import cause_of, causes_of, forms_to_fit, keep_best_forms
 from pneumo_casadi.effects import EFFECTS
 
+#: Rows of the records fitted, and of those held out.
+ROWS = 100
+
+
+def gaining(both, held_out=None):
+    """A fit that gains this log-likelihood on all records, or `held_out` of it on those alone."""
+    share = both / 2 if held_out is None else held_out
+    rms = {True: np.exp(-share / ROWS), False: np.exp(-(both - share) / ROWS)}
+    parts = {held: (np.full((1, ROWS), value),) for held, value in rms.items()}
+    used = (np.ones((1, ROWS)),)
+    return SimpleNamespace(
+        train=parts[False], held_out=parts[True], used_train=used, used_held_out=used
+    )
+
 
 @pytest.fixture
 def ledger(monkeypatch):
-    """A ledger of single fits with made-up costs; nothing is fitted."""
+    """A ledger of single fits with made-up gains; nothing is fitted."""
     monkeypatch.setattr(FitLedger, "__post_init__", lambda self: None)
     names = ("hose", "hose_volume", "stribeck", "elastic_load", "position_on_elastic_load")
     made = FitLedger(SimpleNamespace(criteria=CRITERIA), {name: EFFECTS[name] for name in names})
-    made.fits.update(
-        {(n,): SimpleNamespace(cost=c) for n, c in zip(names, (50, 3, 4, 1, 2), strict=True)}
-    )
+    made.fits.update({(n,): gaining(g) for n, g in zip(names, (50, 97, 96, 99, 98), strict=True)})
     made.directions.update(dict.fromkeys(names, ()))
     return made
 
 
-def test_the_form_of_least_cost_stands_for_its_cause(ledger):
-    forms = keep_best_forms(ledger)
+def test_the_form_that_gains_most_stands_for_its_cause(ledger):
+    forms = keep_best_forms(ledger, gaining(0))
     assert {cause: set(fits) for cause, fits in forms.items()} == {
         "hose": {"hose", "hose_volume"},
         "elastic_load": {"elastic_load", "position_on_elastic_load"},
@@ -37,9 +50,17 @@ def test_the_form_of_least_cost_stands_for_its_cause(ledger):
     assert ledger.left_out == {"hose", "position_on_elastic_load"}
 
 
+@pytest.mark.parametrize(("held_out", "kept"), [(25.0, "hose_volume"), (-25.0, "hose")])
+def test_what_a_form_gains_on_records_held_out_counts_as_well(ledger, held_out, kept):
+    ledger.fits["hose",] = gaining(50)
+    ledger.fits["hose_volume",] = gaining(90 + held_out, held_out)
+    keep_best_forms(ledger, gaining(0))
+    assert (kept,) in ledger.fits
+
+
 def test_a_form_that_failed_is_no_rival(ledger):
     ledger.failures["hose_volume",] = ledger.fits.pop(("hose_volume",))
-    keep_best_forms(ledger)
+    keep_best_forms(ledger, gaining(0))
     assert ("hose",) in ledger.fits and "hose_volume" in ledger.left_out
     assert ("hose_volume",) not in ledger.failures
 
@@ -47,7 +68,7 @@ def test_a_form_that_failed_is_no_rival(ledger):
 def test_where_all_forms_failed_their_reasons_stay(ledger):
     for name in ("hose", "hose_volume"):
         ledger.failures[name,] = ledger.fits.pop((name,))
-    assert "hose" not in keep_best_forms(ledger)
+    assert "hose" not in keep_best_forms(ledger, gaining(0))
     assert set(ledger.failures) == {("hose",), ("hose_volume",)}
 
 

@@ -47,7 +47,9 @@ def test_the_final_model_is_fitted_with_each_rival_in_its_place(ledger, monkeypa
     fitted = {}
     monkeypatch.setattr(FitLedger, "fit_all", lambda self, starts: fitted.update(starts))
     monkeypatch.setattr(FitLedger, "effects", lambda self, names: ())
-    fit_rivals(ledger(95), SimpleNamespace(cost=1000), FINAL)
+    fit_rivals(ledger(95), SimpleNamespace(cost=1000), FINAL, FINAL[:1])
+    assert not fitted  # what stands for a weak effect besides is not asked
+    fit_rivals(ledger(95), SimpleNamespace(cost=1000), FINAL, FINAL)
     start = fitted.pop(("large", "leak"))
     assert not fitted
     assert start.values["leak.size"] == 405

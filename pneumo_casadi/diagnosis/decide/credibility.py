@@ -60,7 +60,10 @@ def review_verdict(
     }
     implausible = bool(far or "M" in failed)
     if verdict is not Verdict.UNKNOWN and is_unknown(
-        judgement.unexplained, implausible=implausible, criteria=judgement.criteria
+        judgement.unexplained,
+        visible=False,  # what is left without a doubt about parameters was judged before
+        implausible=implausible,
+        criteria=judgement.criteria,
     ):
         verdict = Verdict.UNKNOWN
     # Friction is left out: a sensor offset, present beside another valve, shifts it.

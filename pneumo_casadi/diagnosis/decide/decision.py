@@ -9,7 +9,7 @@ from pneumo_casadi.diagnosis.decide.result import Verdict
 from pneumo_casadi.diagnosis.metrics.findings import Check
 from pneumo_casadi.diagnosis.select.fit_ledger import Names
 from pneumo_casadi.diagnosis.select.forward_selection import Selection
-from pneumo_casadi.model.effect import Effect, EffectFactory
+from pneumo_casadi.model.effect import EffectFactory
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +58,6 @@ class Decision:
 
 def decide_verdict(
     selection: Selection,
-    effects: Sequence[Effect],
     checks: Sequence[Check],
     catalogue: Mapping[str, EffectFactory],
 ) -> Decision:
@@ -70,13 +69,11 @@ def decide_verdict(
     ----------
     selection : Selection
         From `select_effects`.
-    effects : sequence of Effect
-        Those of its final model.
     checks : sequence of Check
         From `check_fit`, of that model.
     catalogue : mapping of str to effect class
-        Effects that the parameters may have absorbed.
+        Effects in models, and those that the parameters may have absorbed.
     """
-    judgement = judge(selection, effects)
+    judgement = judge(selection, tuple(catalogue[name]() for name in selection.named))
     verdict, absorbed = review_verdict(judgement, checks, catalogue)
     return Decision(verdict, judgement, absorbed)

@@ -140,6 +140,7 @@ class DiagnosisSection(Section):
     seconds: float
     provenance: dict[str, Any] = msgspec.field(default_factory=dict)
     refined_checks: tuple[CheckSection, ...] = ()
+    besides: tuple[EffectSection, ...] = ()
 
     @property
     def read(self) -> Diagnosis:
@@ -150,6 +151,7 @@ class DiagnosisSection(Section):
             verdict=self.verdict,
             effects=tuple(item.read for item in self.effects),
             undecided=tuple(item.read for item in self.undecided),
+            besides=tuple(item.read for item in self.besides),
             ranking=tuple(item.read for item in self.ranking),
             where=self.where.read,
             gap=self.gap.read,

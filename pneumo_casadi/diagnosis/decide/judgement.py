@@ -8,15 +8,18 @@ import numpy as np
 from pneumo_casadi.diagnosis.decide.result import Verdict
 from pneumo_casadi.diagnosis.decide.unknown import is_unknown
 from pneumo_casadi.diagnosis.metrics.residual_size import (
+    leaves_too_much,
+    log_likelihood_gain,
     residual_rms,
     share_left,
-    squares,
+    shares_left,
 )
 from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA, Criteria
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.select.fit_ledger import Names
 from pneumo_casadi.diagnosis.select.forward_selection import Selection
 from pneumo_casadi.model.effect import Effect
+from pneumo_casadi.model.junctions import Junction
 from pneumo_casadi.parameters import FloatArray
 
 #: Probability of the best model if no effect of the catalogue explains the gap. Of 38 such cases on
@@ -56,13 +59,17 @@ class Judgement:
     undecided: Names = ()
 
 
-def judge(selection: Selection, effects: Sequence[Effect]) -> Judgement:
-    """Return the verdict of a selection, given the effects of its final model."""
-    criteria = selection.levels.criteria
-    excess = residual_rms(selection.nominal) / selection.levels.noise
+def judge(selection: Selection, named: Sequence[Effect]) -> Judgement:
+    """Return the verdict of a selection, given the effects that its final model names."""
+    levels, criteria = selection.levels, selection.levels.criteria
+    excess = residual_rms(selection.nominal) / levels.noise
     left = unexplained(selection)
     if is_unknown(
-        left, bool(selection.path), _one_form_residual(selection, effects), False, criteria
+        left,
+        bool(selection.path),
+        decided_by_simulation(selection) or left_is_visible(selection),
+        left_by_one_form(selection, named),
+        criteria=criteria,
     ):
         visible = bool(np.any(excess > criteria.coarse_map))
         verdict = Verdict.UNKNOWN if visible else Verdict.NONE
@@ -71,27 +78,34 @@ def judge(selection: Selection, effects: Sequence[Effect]) -> Judgement:
     trust = _trust(left, selection)
     weights = _weights(selection, selection.chosen, trust)
     order = sorted(weights, key=lambda key: -weights[key])
-    alike = tuple(key for key in order if weights[key] >= criteria.alike)
+    alike = _alternatives(selection, [key for key in order if weights[key] >= criteria.alike])
     unsure = _unsure(selection, weights, trust)
-    if len(unsure) == len(selection.chosen):  # one of several stands for the verdict
+    if len(unsure) == len(selection.named):  # one of several stands for the verdict
         return Judgement(Verdict.AMBIGUOUS, alike, weights, left, excess, criteria)
     matters, shares = criteria.matters, selection.contributions
     weak = {name for name in unsure if shares.get(name, 1.0) < matters}
-    sure = probability_of(weights, set(selection.chosen) - weak) >= criteria.alone * trust
+    sure = probability_of(weights, set(selection.named) - weak) >= criteria.alone * trust
     verdict = Verdict.EFFECT if sure else Verdict.AMBIGUOUS
     return Judgement(verdict, alike, weights, left, excess, criteria, unsure)
 
 
+def _alternatives(selection: Selection, models: Sequence[Names]) -> tuple[Names, ...]:
+    """Return models by what they name, each once: weak effects besides are none of the cause."""
+    besides = set(selection.besides)
+    named = (tuple(name for name in key if name not in besides) for key in models)
+    return tuple(dict.fromkeys(named))
+
+
 def _unsure(selection: Selection, weights: Mapping[Names, float], trust: float) -> Names:
-    """Return effects of the final model that the data cannot tell from others.
+    """Return effects named that the data cannot tell from others.
 
     More is asked of further effects than of the one that closes most.
     """
     criteria = selection.levels.criteria
-    first = next(iter(selection.contributions), selection.chosen[0])
+    first = next(iter(selection.contributions), selection.named[0])
     return tuple(
         name
-        for name in selection.chosen
+        for name in selection.named
         if probability_of(weights, {name})
         < trust * (criteria.alone if name == first else criteria.further_alone)
     )
@@ -102,11 +116,42 @@ def probability_of(weights: Mapping[Names, float], names: Collection[str]) -> fl
     return sum(weight for key, weight in weights.items() if set(key) >= set(names))
 
 
-def _one_form_residual(selection: Selection, effects: Sequence[Effect]) -> bool:
-    """Return whether effects with one form only leave residuals clearly above the noise."""
-    floor = selection.levels.criteria.clear * selection.levels.noise
-    clear = np.any(residual_rms(selection.final) > floor)
-    return bool(clear) and all(effect.one_form for effect in effects)
+def left_by_one_form(selection: Selection, named: Sequence[Effect]) -> float:
+    """Return the share of the gap left where effects of one form alone act, clear of the noise.
+
+    Balance by balance: friction of another law leaves nothing in the mass flows.
+    """
+    levels = selection.levels
+    shares = shares_left(selection.nominal, selection.final, levels)
+    clear = residual_rms(selection.final) > levels.criteria.clear * levels.noise
+    is_force = np.arange(len(shares)) == len(shares) - 1
+    here = [[effect for effect in named if _acts_in(effect, force)] for force in is_force]
+    certain = [bool(acting) and all(effect.one_form for effect in acting) for acting in here]
+    return float(np.max(shares * clear * certain))
+
+
+def _acts_in(effect: Effect, force: bool) -> bool:
+    """Return whether an effect acts in the force balance, or in a mass flow; a sensor's in both."""
+    junctions, mechanical = set(effect.junctions), {Junction.FORCE, Junction.DRIVE}
+    at = junctions & mechanical if force else junctions - mechanical
+    return bool(at) or Junction.OUTPUT in junctions
+
+
+def decided_by_simulation(selection: Selection) -> bool:
+    """Return whether the motion is hidden, so that simulations tell what is left."""
+    if selection.accepted not in selection.trials:
+        return False
+    simulated = selection.gap_left.get(selection.chosen, 1.0)
+    return simulated < selection.levels.criteria.simulated or (
+        len(selection.chosen) > 1 and selection.chosen in selection.output_error_fits
+    )
+
+
+def left_is_visible(selection: Selection) -> bool:
+    """Return whether what the final model leaves too much of is clear of the noise."""
+    if not selection.path:
+        return True
+    return leaves_too_much(selection.nominal, selection.final, selection.levels)
 
 
 def unexplained(selection: Selection) -> float:
@@ -115,11 +160,8 @@ def unexplained(selection: Selection) -> float:
     See `share_left`. The gap of a sensor effect is visible in simulations only: if simulations
     have decided the selection, the share of the simulated gap is returned.
     """
-    simulated = selection.gap_left.get(selection.chosen, 1.0)
-    if simulated < selection.levels.criteria.simulated or (
-        len(selection.chosen) > 1 and selection.chosen in selection.output_error_fits
-    ):
-        return simulated
+    if decided_by_simulation(selection):
+        return selection.gap_left.get(selection.chosen, 1.0)
     return share_left(selection.nominal, selection.final, selection.levels)
 
 
@@ -157,11 +199,8 @@ def _weights(selection: Selection, best: Names, trust: float) -> dict[Names, flo
 
 def _explains(selection: Selection, fitted: FittedModel) -> bool:
     """Return whether a model explains the gap; where simulations have decided, they tell."""
-    levels = selection.levels
-    return (
-        selection.chosen in selection.output_error_fits
-        or share_left(selection.nominal, fitted, levels) <= levels.criteria.unexplained
-    )
+    decided = selection.chosen in selection.output_error_fits
+    return decided or not leaves_too_much(selection.nominal, fitted, selection.levels)
 
 
 def missed_gain(selection: Selection, best: Names, other: Names) -> float:
@@ -188,10 +227,3 @@ def _missed_simulated_gain(selection: Selection, best: Names, other: Names) -> f
     before = selection.trials.get(common, 1.0)
     gain = max(before - selection.trials[best], 1e-9)
     return float(np.clip(1.0 - (before - selection.trials.get(other, before)) / gain, 0.0, 1.0))
-
-
-def log_likelihood_gain(base: FittedModel, fitted: FittedModel) -> FloatArray:
-    """Return the log-likelihood that a fit gains in each balance of the records fitted."""
-    _, used = squares(base, held_out=False)
-    before, after = residual_rms(base, held_out=False), residual_rms(fitted, held_out=False)
-    return np.asarray(used.sum(axis=1) * np.log(before / after))

@@ -54,7 +54,10 @@ def _labelled(names: Names, own: Mapping[str, Value]) -> Mapping[str, Value]:
 def effects_found(
     study: Study, selection: Selection, judgement: Judgement, catalogue: Catalogue
 ) -> tuple[EffectFound, ...]:
-    """Return the effects, the one that closes most of the gap first."""
+    """Return the effects of the final model: those named, the one that closes most first, others.
+
+    Of weak ones besides it is not asked what they close.
+    """
     own = _own(study, selection.final, selection.chosen, catalogue)
     return tuple(
         EffectFound(
@@ -66,7 +69,7 @@ def effects_found(
             _closures_of_forms(selection, cause_of(name, catalogue)),
             _rivals(selection, judgement, name, catalogue),
         )
-        for name in selection.contributions
+        for name in (*selection.contributions, *selection.besides)
     )
 
 
@@ -92,9 +95,25 @@ def _closures_of_forms(selection: Selection, cause: str) -> dict[str, float]:
 
 
 def by_contribution(selection: Selection, effects: Sequence[Effect]) -> tuple[Effect, ...]:
-    """Return the effects of the final model, the one that closes most of the gap first."""
+    """Return those of some effects that are named, the one that closes most of the gap first."""
     by_name = {effect.name: effect for effect in effects}
     return tuple(by_name[name] for name in selection.contributions)
+
+
+def _by_cause(ranked: Sequence[Candidate], besides: Names) -> list[Candidate]:
+    """Return candidates by what they name, each once: models that differ in weak effects are one.
+
+    Of such models the most probable is shown, with the probability of all.
+    """
+    merged: dict[Names, Candidate] = {}
+    for candidate in ranked:
+        names = tuple(name for name in candidate.names if name not in besides) or candidate.names
+        if names in merged:
+            probability = merged[names].probability + candidate.probability
+            merged[names] = replace(merged[names], probability=probability)
+        else:
+            merged[names] = replace(candidate, names=names)
+    return list(merged.values())
 
 
 def rank_candidates(
@@ -121,6 +140,7 @@ def rank_candidates(
         if names
     ]
     ranked.sort(key=lambda c: (-c.probability, selection.fits[c.names].cost))
+    ranked = _by_cause(ranked, selection.besides)
     for name, screened in selection.screen.items():
         if (name,) not in selection.fits and all(name not in f.effects for f in selection.failures):
             ranked.append(Candidate((name,), 0.0, None, screened.explained, screened.observable))

@@ -62,12 +62,14 @@ class Diagnosis(Presentable):
     verdict : Verdict
         Conclusion.
     effects : tuple of EffectFound
-        Effects of the final model, the one that closes most of the gap first; empty for the
-        verdicts none, unknown and absorbed.
+        Effects that are named, the one that closes most of the gap first; empty for the verdicts
+        none, unknown and absorbed.
     undecided : tuple of EffectFound
         Further effects of the final model that the data cannot distinguish from their `rivals`:
         one of these acts, but which one is not known. Unless they close next to nothing of the gap
         the verdict is ``ambiguous``.
+    besides : tuple of EffectFound
+        Effects of the final model that are probably also there, each too small to be named.
     ranking : tuple of Candidate
         All candidates, the most probable first, failed ones last.
     where : Where
@@ -137,6 +139,7 @@ class Diagnosis(Presentable):
     discovered: DiscoveredTerm | None = None
     findings: tuple[Finding, ...] = ()
     undecided: tuple[EffectFound, ...] = ()
+    besides: tuple[EffectFound, ...] = ()
     with_term: Mapping[str, Value] = field(default_factory=dict)
     provenance: Mapping[str, Any] = field(default_factory=dict)
     refined_checks: tuple[Check, ...] = ()
@@ -148,8 +151,8 @@ class Diagnosis(Presentable):
 
     @property
     def final_effects(self) -> tuple[EffectFound, ...]:
-        """All effects of the final model: those named, and those undecided."""
-        return (*self.effects, *self.undecided)
+        """All effects of the final model: those named, those undecided, and weak ones besides."""
+        return (*self.effects, *self.undecided, *self.besides)
 
     @property
     def headline(self) -> str:
@@ -189,6 +192,7 @@ class Diagnosis(Presentable):
             "verdict": self.verdict.value,
             "effects": [effect_dict(effect) for effect in self.effects],
             "undecided": [effect_dict(effect) for effect in self.undecided],
+            "besides": [effect_dict(effect) for effect in self.besides],
             "ranking": [candidate_dict(candidate) for candidate in self.ranking],
             "where": where_dict(self.where),
             "gap": gap_dict(self.gap),

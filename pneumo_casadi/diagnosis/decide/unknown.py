@@ -12,15 +12,16 @@ from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA, Criteria
 def is_unknown(
     share_left: float,
     accepted: bool = True,
-    one_form_residual: bool = False,
+    visible: bool = True,
+    one_form_left: float = 0.0,
     implausible: bool = False,
     criteria: Criteria = CRITERIA,
 ) -> bool:
     """Decide whether the cause of a gap is unknown.
 
     It is unknown if no effect was accepted, or if the effects of the final model leave too much of
-    the gap. Less may be left if these effects have one form only, so that no other form of them
-    could explain the remainder, and if the fitted parameters are implausible.
+    the gap. Less may be left in a balance whose effects have one form only, so that no other form
+    of them could explain the remainder, and if the fitted parameters are implausible.
 
     Parameters
     ----------
@@ -29,9 +30,10 @@ def is_unknown(
         `unexplained`.
     accepted : bool, optional
         Whether the selection accepted an effect.
-    one_form_residual : bool, optional
-        Whether all effects have one form only, and some balance keeps residuals above
-        `Criteria.clear` noise floors.
+    visible : bool, optional
+        Whether what is left is clear of the noise.
+    one_form_left : float, optional
+        The same share, in the balances in which effects of one form alone act.
     implausible : bool, optional
         Whether mass or piston areas contradict geometry or data sheet.
     criteria : Criteria, optional
@@ -41,11 +43,11 @@ def is_unknown(
     --------
     >>> is_unknown(0.3), is_unknown(0.6), is_unknown(0.0, accepted=False)
     (False, True, True)
-    >>> is_unknown(0.3, one_form_residual=True), is_unknown(0.3, implausible=True)
+    >>> is_unknown(0.3, one_form_left=0.1), is_unknown(0.3, implausible=True)
     (True, True)
     """
-    if not accepted or share_left > criteria.unexplained:
+    if not accepted or (visible and share_left > criteria.unexplained):
         return True
-    if one_form_residual and share_left > criteria.one_form:
+    if one_form_left > criteria.one_form:
         return True
     return implausible and share_left > criteria.contradicted

@@ -47,6 +47,7 @@ def locate(
     gap: bool | None = None,
     inputs: Sequence[UnknownInputs] | None = None,
     catalogue: Mapping[str, EffectFactory] = EFFECTS,
+    besides: Sequence[Effect] = (),
 ) -> Where:
     """Return where model and measurement disagree.
 
@@ -68,6 +69,8 @@ def locate(
         From `estimate_unknown_inputs`, where they are known already.
     catalogue : mapping of str to effect class, optional
         Effects that may be named as sensor errors that look the same.
+    besides : sequence of Effect, optional
+        Weak effects that the fit has too.
 
     Returns
     -------
@@ -89,7 +92,8 @@ def locate(
     added: dict[str, dict[str, float]] = {}
     if cause:
         if fitted is not None:
-            added = {effect.name: _added(study, cause, effect, fitted) for effect in cause}
+            model = (*cause, *besides)
+            added = {effect.name: _added(study, model, effect, fitted) for effect in cause}
         balance = balance_of_effect(cause[0], added.get(cause[0].name, shares))
         junction = _acts_at(cause[0])
         balances = _balances_of(cause, added, shares)

@@ -99,6 +99,21 @@ def residual_rms(fitted: FittedModel, held_out: bool = True) -> FloatArray:
     return np.asarray(np.sqrt((r2 * used).sum(axis=1) / np.maximum(used.sum(axis=1), 1)))
 
 
+def log_likelihood_gain(
+    before: FittedModel, after: FittedModel, held_out: bool = False
+) -> FloatArray:
+    """Return the log-likelihood that a model gains in each balance, (ne,), on either records."""
+    _, used = squares(before, held_out)
+    old, new = (residual_rms(fit, held_out) for fit in (before, after))
+    return np.asarray(used.sum(axis=1) * np.log(old / new))
+
+
+def gain_on_all_records(before: FittedModel, after: FittedModel) -> float:
+    """Return the log-likelihood that a model gains on the records fitted and those held out."""
+    parts = (log_likelihood_gain(before, after, held_out) for held_out in (False, True))
+    return float(sum(part.sum() for part in parts))
+
+
 def gaps(rms: FloatArray, levels: BalanceLevels) -> FloatArray:
     """Return the gap of each balance beyond what a right model leaves; see `metrics.gap`."""
     return gap(rms**2, levels.noise, levels.signal, margin=levels.criteria.background)
@@ -124,6 +139,13 @@ def shares_left(before: FittedModel, after: FittedModel, levels: BalanceLevels) 
 def share_left(before: FittedModel, after: FittedModel, levels: BalanceLevels) -> float:
     """Return the share of the held-out gap that a model leaves, in the worst balance."""
     return float(np.max(shares_left(before, after, levels)))
+
+
+def leaves_too_much(before: FittedModel, after: FittedModel, levels: BalanceLevels) -> bool:
+    """Return whether effects that leave a visible gap in some balance do not explain it."""
+    shares, criteria = shares_left(before, after, levels), levels.criteria
+    visible = residual_rms(after) > criteria.coarse_map * levels.noise
+    return bool(np.any(visible & (shares > criteria.unexplained)))
 
 
 def bootstrap_gain(

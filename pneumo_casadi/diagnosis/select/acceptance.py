@@ -1,5 +1,7 @@
 """Whether a model with more effects is better: by a relevant and significant gain."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from pneumo_casadi.diagnosis.metrics.residual_size import (
@@ -10,6 +12,7 @@ from pneumo_casadi.diagnosis.metrics.residual_size import (
     residual_rms,
 )
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
+from pneumo_casadi.model.effect import Effect
 
 
 def can_matter(origin: FittedModel, before: FittedModel, levels: BalanceLevels) -> bool:
@@ -21,6 +24,19 @@ def can_matter(origin: FittedModel, before: FittedModel, levels: BalanceLevels) 
 def _force_is_open(fitted: FittedModel, levels: BalanceLevels) -> bool:
     """Return whether the force balance leaves a visible gap."""
     return bool(residual_rms(fitted)[-1] > levels.criteria.coarse_map * levels.noise[-1])
+
+
+def only_corrects_map(
+    added: Sequence[Effect], before: FittedModel, levels: BalanceLevels, beside: bool
+) -> bool:
+    """Return whether added effects only correct the misfit of a coarse flow map.
+
+    Beside an effect in another balance that misfit may be all that is left to gain: there the
+    residuals must exceed what any coarse map leaves.
+    """
+    limit = levels.criteria.coarsest_map if beside else levels.criteria.coarse_map
+    coarse = np.all((residual_rms(before) < limit * levels.noise)[:-1])  # the force has no map
+    return bool(coarse) and all(effect.metered for effect in added)
 
 
 def accepted(

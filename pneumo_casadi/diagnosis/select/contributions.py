@@ -4,7 +4,9 @@ from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger, Names, Start
 
 
-def contributions(ledger: FitLedger, nominal: FittedModel, final: Names) -> dict[str, float]:
+def contributions(
+    ledger: FitLedger, nominal: FittedModel, final: Names, named: Names
+) -> dict[str, float]:
     """Return the share of the gap that comes back if an effect is left out, the largest first.
 
     The model is fitted again without each effect, so that the others take over what they can, and
@@ -18,8 +20,10 @@ def contributions(ledger: FitLedger, nominal: FittedModel, final: Names) -> dict
     ----------
     final : tuple of str
         Effects of the model.
+    named : tuple of str
+        Those of which it is asked.
     """
-    without = {name: ledger.key(set(final) - {name}) for name in final}
+    without = {name: ledger.key(set(final) - {name}) for name in named}
     values = ledger.fits[final].values
     starts: dict[Names, Start] = {key: Start(values) for key in without.values() if key}
     ledger.fit_all(starts)

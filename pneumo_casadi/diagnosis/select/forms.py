@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 
+from pneumo_casadi.diagnosis.metrics.residual_size import gain_on_all_records
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.screen.screen import ScreenResult
 from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue, FitLedger, Names
@@ -37,8 +38,10 @@ def forms_to_fit(ledger: FitLedger, screened: Mapping[str, ScreenResult]) -> lis
     ]
 
 
-def keep_best_forms(ledger: FitLedger) -> Mapping[str, Mapping[str, FittedModel]]:
-    """Keep the form of least cost of every cause, if clearly; return the fits of all, by cause.
+def keep_best_forms(
+    ledger: FitLedger, nominal: FittedModel
+) -> Mapping[str, Mapping[str, FittedModel]]:
+    """Keep the form of every cause that fits all records best; return the fits of all, by cause.
 
     Only causes with several forms are returned. The others are out of the screen and of all
     further models: two forms of one cause in a model would share its gain.
@@ -53,7 +56,10 @@ def keep_best_forms(ledger: FitLedger) -> Mapping[str, Mapping[str, FittedModel]
         if len(names) == 1 or not fitted:
             continue
         # The usual form, named as its cause, has the fewest parameters: others must earn theirs.
-        best = min(fitted, key=lambda name: fitted[name].cost + gain * (name != cause))
+        best = max(
+            fitted,
+            key=lambda name: gain_on_all_records(nominal, fitted[name]) - gain * (name != cause),
+        )
         fits[cause] = fitted
         for name in set(names) - {best}:
             ledger.leave_out(name)

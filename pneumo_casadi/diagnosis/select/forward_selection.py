@@ -12,6 +12,7 @@ from pneumo_casadi.diagnosis.metrics.residual_size import (
     BalanceLevels,
     balance_levels,
     gaps,
+    leaves_too_much,
     residual_rms,
     shares_left,
 )
@@ -20,7 +21,8 @@ from pneumo_casadi.diagnosis.prepare.fit_store import Store
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel, fit_model
 from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.diagnosis.screen.screen import ScreenResult, background
-from pneumo_casadi.diagnosis.select.acceptance import accepted, can_matter
+from pneumo_casadi.diagnosis.select.acceptance import accepted, can_matter, only_corrects_map
+from pneumo_casadi.diagnosis.select.complete import Completed, complete
 from pneumo_casadi.diagnosis.select.contributions import contributions
 from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue, Failed, FitLedger, Names
 from pneumo_casadi.diagnosis.select.forms import keep_best_forms
@@ -33,7 +35,6 @@ from pneumo_casadi.diagnosis.select.hidden_motion import (
 from pneumo_casadi.diagnosis.select.plausibility import find_plausible_extension, is_implausible
 from pneumo_casadi.diagnosis.select.propose import fit_alone, fit_extensions, fit_pairs
 from pneumo_casadi.diagnosis.select.rivals import fit_rivals
-from pneumo_casadi.diagnosis.select.split import split_effects
 from pneumo_casadi.runtime.progress import Progress, no_progress
 
 #: Largest number of effects in a model: four to six weak ones act on a real axis.
@@ -58,13 +59,13 @@ class Selection:
     screen : mapping of str to ScreenResult
         Result of the screen at the nominal model.
     path : tuple of tuple of str
-        Models accepted one after another, the last one final; empty if none was.
+        Models accepted one after another; empty if none was.
     levels : BalanceLevels
         Noise and signal of the held-out records.
     output_error_fits : mapping of tuple of str to FittedModel
         Models that were taken as output error has refined them; see `extend_by_simulation`.
     gap_left : mapping of tuple of str to float
-        Share of the simulated gap left by those, and by the final model.
+        Share of the simulated gap left by those, and by a final model that hides the motion.
     trials : mapping of tuple of str to float
         Share of the simulated gap left by every model that output error has refined.
     simulations : Simulations
@@ -72,7 +73,9 @@ class Selection:
     forms : mapping of str to mapping of str to FittedModel
         By cause of which the catalogue has several forms: the fit of each form alone.
     contributions : mapping of str to float
-        Share of the gap that comes back without each effect of the final model, the largest first.
+        Share of the gap that comes back without each effect named, the largest first.
+    completed : Completed, optional
+        The final model; by default the last of the path, of which all effects are named.
     """
 
     nominal: FittedModel
@@ -87,11 +90,27 @@ class Selection:
     simulations: Simulations
     forms: Mapping[str, Mapping[str, FittedModel]] = field(default_factory=dict)
     contributions: Mapping[str, float] = field(default_factory=dict)
+    completed: Completed | None = None
+
+    @property
+    def accepted(self) -> Names:
+        """Effects accepted by forward selection."""
+        return self.path[-1] if self.path else ()
 
     @property
     def chosen(self) -> Names:
         """Effects of the final model."""
-        return self.path[-1] if self.path else ()
+        return self.accepted if self.completed is None else self.completed.acting
+
+    @property
+    def named(self) -> Names:
+        """Those of them that are large enough to be named."""
+        return self.accepted if self.completed is None else self.completed.named
+
+    @property
+    def besides(self) -> Names:
+        """Those that are not."""
+        return tuple(name for name in self.chosen if name not in self.named)
 
     @property
     def final(self) -> FittedModel:
@@ -127,14 +146,18 @@ def select_effects(
     report("refitting single effects", 0.3)
     ledger.promised = {name: result.gain for name, result in first.items()}
     fit_alone(ledger, nominal, first)
-    forms = keep_best_forms(ledger)
+    forms = keep_best_forms(ledger, nominal)
     first = {name: result for name, result in first.items() if name not in ledger.left_out}
     path = _forward(ledger, nominal, levels, report)
     shares: Mapping[str, float] = {}
+    completed = None
     if path:
+        report("what else acts", 0.85)
+        completed = _completed(ledger, nominal, path[-1], levels)
+        final = completed.acting
         report("what each effect contributes", 0.9)
-        shares = contributions(ledger, nominal, path[-1])
-        fit_rivals(ledger, nominal, path[-1])
+        shares = contributions(ledger, nominal, final, completed.named)
+        fit_rivals(ledger, nominal, final, completed.named)
     failures = tuple(ledger.failures.values())
     return Selection(
         nominal,
@@ -149,6 +172,7 @@ def select_effects(
         ledger.simulations,
         forms,
         shares,
+        completed,
     )
 
 
@@ -193,16 +217,24 @@ def _forward(
         if round_ and motion_is_hidden(ledger.effects(best), ledger.fits[best]):
             break  # where the motion is hidden, the balances are not reliable
         current = ledger.fits[best]
-    if path and not motion_is_hidden(ledger.effects(path[-1]), ledger.fits[path[-1]]):
-        path[-1] = split_effects(ledger, path[-1], MAX_EFFECTS)
-        ledger.refine(path[-1])
-    report("comparing simulations", 0.85)
+    report("comparing simulations", 0.8)
     taken = extend_by_simulation(ledger, nominal, tuple(path), MAX_EFFECTS)
-    if taken and taken[-1] not in ledger.gap_left:
+    if taken and taken[-1] in ledger.trials and taken[-1] not in ledger.gap_left:
         final, effects = ledger.fits[taken[-1]], ledger.effects(taken[-1])
         ledger.simulate({(): nominal, taken[-1]: final})
         ledger.gap_left[taken[-1]] = ledger.simulations.share(nominal, final, effects)
     return taken
+
+
+def _completed(
+    ledger: FitLedger, nominal: FittedModel, final: Names, levels: BalanceLevels
+) -> Completed:
+    """Return the final model completed, unless balances do not tell or the cause is unknown."""
+    fitted = ledger.output_error_fits.get(final, ledger.fits[final])
+    hidden = final in ledger.trials or motion_is_hidden(ledger.effects(final), fitted)
+    if hidden or leaves_too_much(nominal, fitted, levels):
+        return Completed(final, final)
+    return complete(ledger, nominal, final, levels)
 
 
 def _needs_more(
@@ -231,17 +263,8 @@ def _acting(fits: Sequence[FittedModel], balance: int, matters: float) -> int:
 def _coarse(
     ledger: FitLedger, current: FittedModel, known: Names, names: Names, levels: BalanceLevels
 ) -> bool:
-    """Return whether the added effects only correct the misfit of a coarse flow map.
-
-    Beside an effect in another balance that misfit may be all that is left to gain: there the
-    residuals must exceed what any coarse map leaves.
-    """
-    limit = levels.criteria.coarsest_map if known else levels.criteria.coarse_map
-    coarse = bool(
-        np.all((residual_rms(current) < limit * levels.noise)[:-1])
-    )  # the force has no map
-    added = [name for name in names if name not in known]
-    return coarse and all(effect.metered for effect in ledger.effects(added))
+    added = ledger.effects(name for name in names if name not in known)
+    return only_corrects_map(added, current, levels, beside=bool(known))
 
 
 def _backtrack(

@@ -7,7 +7,7 @@ from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger, Names, Start, s
 from pneumo_casadi.diagnosis.select.hidden_motion import motion_is_hidden
 
 
-def fit_rivals(ledger: FitLedger, nominal: FittedModel, final: Names) -> None:
+def fit_rivals(ledger: FitLedger, nominal: FittedModel, final: Names, named: Names) -> None:
     """Fit the final model with an effect replaced by each that did nearly as well when it came.
 
     A leak across the piston moves an axis almost as a shifted null of its valve does. The search
@@ -18,11 +18,13 @@ def fit_rivals(ledger: FitLedger, nominal: FittedModel, final: Names) -> None:
     ----------
     final : tuple of str
         Effects of the final model.
+    named : tuple of str
+        Those that are named; what stands for a weak one besides is not asked.
     """
     if motion_is_hidden(ledger.effects(final), ledger.fits[final]):
         return  # the balances do not tell
     starts: dict[Names, Start] = {}
-    for name in final:
+    for name in named:
         for other, fitted in near_rivals(ledger, nominal, final, name).items():
             key = ledger.key({*final, other} - {name})
             starts[key] = start_with(ledger.fits[final], other, fitted)

@@ -70,7 +70,16 @@ def cause_sentences(
     return (
         *(_cause(effect, catalogue, final or {}) for effect in diagnosis.effects),
         *(_undecided(effect) for effect in diagnosis.undecided),
+        *_besides(diagnosis.besides),
     )
+
+
+def _besides(effects: Sequence[EffectFound]) -> tuple[str, ...]:
+    """Return the sentence on effects that are probably also there; none without any."""
+    if not effects:
+        return ()
+    names = joined([plain(effect.name) for effect in effects])
+    return (f"Probably also there, each too small to be named as a cause: {names}.",)
 
 
 def _undecided(effect: EffectFound) -> str:

@@ -189,7 +189,7 @@ def alternative_sentences(diagnosis: Diagnosis, catalogue: Catalogue = EFFECTS) 
         odds = f" (probability {chance(odds_of[names])})" if names in odds_of else ""
         parts.append(f"{capitalised(plain(joined_names(names)))}{odds}: {meaning}")
     if not diagnosis.ambiguous and diagnosis.verdict is Verdict.EFFECT:
-        cause = {effect.name for effect in diagnosis.final_effects}
+        cause = {effect.name for effect in (*diagnosis.effects, *diagnosis.undecided)}
         others = [candidate for candidate in diagnosis.ranking if set(candidate.names) != cause]
         close = [candidate for candidate in others if candidate.probability >= WORTH_NAMING][:3]
         parts += [

@@ -24,6 +24,9 @@ def facts(diagnosis: Diagnosis, final: FinalModel | None) -> list[tuple[str, str
         ("One of", joined([plain(name) for name in (effect.name, *effect.rivals)], "or"))
         for effect in diagnosis.undecided
     ]
+    if diagnosis.besides:
+        besides = joined([plain(effect.name) for effect in diagnosis.besides])
+        shown.append(("Probably also there", besides))
     if diagnosis.discovered is not None:
         shown.append(("Discovered term", discovered_fact(diagnosis.discovered)))
     if diagnosis.effects:

@@ -1,0 +1,150 @@
+"""The final model takes up what the likelihood asks for, and drops what it need not."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA
+from pneumo_casadi.diagnosis.select import complete as stage
+from pneumo_casadi.diagnosis.select.complete import Completed, complete
+from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger
+
+LEVELS = SimpleNamespace(criteria=CRITERIA)
+#: What the screen promises of an effect beside others, over what it gains.
+OPTIMISM = 1.1
+
+
+class Bench:
+    """A ledger whose models gain what a table says, on the records fitted and on all.
+
+    Parameters
+    ----------
+    gains : mapping of frozenset of str to float
+        Log-likelihood of a model over the nominal one; of others it is the sum of `alone`.
+    alone : mapping of str to float
+        Of each effect.
+    held_out : mapping of str to float
+        What an effect gains on all records, where that differs.
+    """
+
+    def __init__(self, monkeypatch, alone, gains=None, held_out=None, large=("hose",)):
+        monkeypatch.setattr(FitLedger, "__post_init__", lambda self: None)
+        self.alone, self.gains, self.held_out = alone, gains or {}, held_out or {}
+        plain = SimpleNamespace(hides_motion=False)
+        hiding = SimpleNamespace(hides_motion=True)
+        self.ledger = FitLedger(
+            SimpleNamespace(criteria=CRITERIA),
+            {name: lambda name=name: hiding if name == "play" else plain for name in alone},
+        )
+        self.refused, self.large, self.asked = set(), set(large), []
+        self.ledger.effects = lambda names: tuple(names)
+        self.ledger.fit_all = self.fit_all
+        self.ledger.refine = lambda names: None
+        self.ledger.over = self.over
+        monkeypatch.setattr(stage, "background", lambda study, nominal, fitted, effects: fitted)
+        monkeypatch.setattr(stage, "accepted", self.accepted)
+        monkeypatch.setattr(stage, "only_corrects_map", lambda *given: False)
+        monkeypatch.setattr(
+            stage, "gain_on_all_records", lambda before, after: after.on_all - before.on_all
+        )
+        self.nominal = self.model(())
+
+    def model(self, names):
+        gain = self.gain(names)
+        extra = sum(self.held_out.get(n, self.alone[n]) - self.alone[n] for n in names)
+        return SimpleNamespace(names=set(names), cost=-gain, on_all=gain + extra, values={})
+
+    def gain(self, names):
+        return self.gains.get(frozenset(names), sum(self.alone[name] for name in names))
+
+    def fit_all(self, starts):
+        for key in starts:
+            self.asked.append(key)
+            if set(key) & self.refused:
+                self.ledger.failures[key] = None
+            else:
+                self.ledger.fits.setdefault(key, self.model(key))
+
+    def over(self, behind, without):
+        promised = {
+            name: SimpleNamespace(
+                gain=OPTIMISM * (self.gain({*behind.names, name}) - self.gain(behind.names)),
+                sizes={}, starts=(),
+            )
+            for name in self.alone
+            if name not in without
+        }  # fmt: skip
+        return dict(sorted(promised.items(), key=lambda item: -item[1].gain))
+
+    def accepted(self, origin, before, after, levels):
+        (added,) = after.names - before.names
+        return added in self.large
+
+    def complete(self, *final):
+        self.fit_all({self.ledger.key(final): None})
+        return complete(self.ledger, self.nominal, self.ledger.key(final), LEVELS)
+
+
+ALONE = {"hose": 900.0, "leak": 150.0, "lag": 120.0, "drag": 90.0, "play": 500.0}
+
+
+def test_weak_effects_join_the_model_and_only_large_ones_are_named(monkeypatch):
+    bench = Bench(monkeypatch, ALONE)
+    # A drag of less than `plausible_gain` stays out, and so does what hides the motion.
+    assert bench.complete("hose") == Completed(("hose", "leak", "lag"), ("hose",))
+
+
+def test_what_records_held_out_do_not_show_stays_out(monkeypatch):
+    bench = Bench(monkeypatch, ALONE, held_out={"leak": 90.0})
+    assert bench.complete("hose") == Completed(("hose", "lag"), ("hose",))
+
+
+def test_one_effect_that_stands_for_others_is_dropped_once_they_are_there(monkeypatch):
+    alone = {"shift": 0.0, "leak": 0.0, "lag": 120.0}
+    gains = {
+        frozenset(names): gain
+        for names, gain in {
+            ("shift",): 800.0, ("leak",): 700.0, ("lag",): 120.0,
+            ("shift", "lag"): 950.0, ("leak", "lag"): 1500.0, ("shift", "leak"): 900.0,
+            ("shift", "leak", "lag"): 1520.0,
+        }.items()
+    }  # fmt: skip
+    bench = Bench(monkeypatch, alone, gains, large=("leak",))
+    assert bench.complete("shift") == Completed(("leak", "lag"), ("leak",))
+
+
+def test_an_effect_is_exchanged_where_another_one_gains_more_beside_the_others(monkeypatch):
+    alone = {"shift": 0.0, "leak": 0.0, "lag": 0.0}
+    gains = {
+        frozenset(names): gain
+        for names, gain in {
+            (): 0.0, ("shift",): 800.0, ("leak",): 700.0, ("lag",): 120.0, ("shift", "lag"): 950.0,
+            ("leak", "lag"): 1000.0, ("shift", "leak"): 850.0, ("shift", "leak", "lag"): 1040.0,
+        }.items()
+    }  # fmt: skip
+    bench = Bench(monkeypatch, alone, gains, large=("leak", "shift"))
+    assert bench.complete("shift") == Completed(("leak", "lag"), ("leak",))
+
+
+def test_what_is_large_enough_to_be_named_is_not_dropped_for_little_likelihood(monkeypatch):
+    bench = Bench(monkeypatch, ALONE, large=("hose", "drag"))
+    assert bench.complete("hose", "drag").named == ("hose", "drag")
+    small = Bench(monkeypatch, ALONE)
+    assert "drag" not in small.complete("hose", "drag").acting
+
+
+def test_an_effect_that_is_not_credible_is_tried_once(monkeypatch):
+    bench = Bench(monkeypatch, ALONE)
+    bench.refused = {"leak"}
+    assert bench.complete("hose").acting == ("hose", "lag")
+    assert sum("leak" in key for key in bench.asked) == 1
+
+
+def test_where_no_effect_is_large_by_itself_the_one_that_is_most_is_named(monkeypatch):
+    assert Bench(monkeypatch, ALONE, large=()).complete("hose").named == ("hose",)
+
+
+@pytest.mark.parametrize("weak", [3, 12])
+def test_a_model_gets_no_more_effects_than_it_may_have(monkeypatch, weak):
+    alone = {"hose": 900.0} | {f"leak{i}": 150.0 for i in range(weak)}
+    assert len(Bench(monkeypatch, alone).complete("hose").acting) == min(1 + weak, stage.MAX_ACTING)
