@@ -15,6 +15,7 @@ from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.screen.screen import background
 from pneumo_casadi.diagnosis.select.acceptance import accepted, only_corrects_map
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger, Names, Start
+from pneumo_casadi.diagnosis.select.hidden_motion import hides
 
 #: Largest number of effects in the final model: one or two that are named, and six weak ones.
 MAX_ACTING = 8
@@ -151,14 +152,14 @@ class _Completion:
     def _promising(self, known: Names, promise: float, but: Sequence[str]) -> Mapping[str, Start]:
         """Return where the fits of effects may begin that promise enough, the best first.
 
-        What hides the motion is left out: the balances do not tell.
+        What would hide the motion is left out: there the balances do not tell.
         """
         ledger, base = self.ledger, self._fit_of(known)
         behind = background(ledger.study, self.nominal, base, ledger.effects(known))
         return {
             name: Start(base.values, trials=[result.sizes, *result.starts])
             for name, result in ledger.over(behind, (*known, *but, *self.refused)).items()
-            if result.gain > promise and not ledger.catalogue[name]().hides_motion
+            if result.gain > promise and not hides(ledger.catalogue[name](), result.sizes)
         }
 
     def _fit_without(self, names: Names) -> dict[str, FittedModel]:

@@ -30,11 +30,15 @@ TRIAL_ITERATIONS = 12
 
 def motion_is_hidden(effects: Sequence[Effect], fitted: FittedModel) -> bool:
     """Tell whether the sensors cannot show the motion of a model with these effects, as fitted."""
-    return any(_hides(effect, fitted) for effect in effects)
+    return any(hides(effect, fitted.values) for effect in effects)
 
 
-def _hides(effect: Effect, fitted: FittedModel) -> bool:
-    short = {item.name: fitted.values[f"{effect.name}.{item.name}"] for item in effect.parameters}
+def hides(effect: Effect, values: Mapping[str, float]) -> bool:
+    """Tell whether an effect hides the motion at values by full names, else at its usual ones."""
+    short = {
+        item.name: values.get(f"{effect.name}.{item.name}", item.value)
+        for item in effect.parameters
+    }
     return effect.hides(short, BANDWIDTH)
 
 
@@ -170,7 +174,7 @@ def _without_needless(ledger: FitLedger, nominal: FittedModel, path: tuple[Names
 def _hiding(ledger: FitLedger, names: Names) -> Names:
     """Return those effects of a model that hide the motion."""
     fitted = ledger.fits[names]
-    return tuple(effect.name for effect in ledger.effects(names) if _hides(effect, fitted))
+    return tuple(effect.name for effect in ledger.effects(names) if hides(effect, fitted.values))
 
 
 def _candidates(ledger: FitLedger, known: Names) -> Sequence[str]:
