@@ -30,13 +30,16 @@ class Bench:
     def __init__(self, monkeypatch, alone, gains=None, held_out=None, large=("hose",)):
         monkeypatch.setattr(FitLedger, "__post_init__", lambda self: None)
         self.alone, self.gains, self.held_out = alone, gains or {}, held_out or {}
-        plain = SimpleNamespace(hides_motion=False)
-        hiding = SimpleNamespace(hides_motion=True)
         self.ledger = FitLedger(
-            SimpleNamespace(criteria=CRITERIA),
-            {name: lambda name=name: hiding if name == "play" else plain for name in alone},
+            SimpleNamespace(criteria=CRITERIA), {name: lambda name=name: name for name in alone}
         )
-        self.refused, self.large, self.asked = set(), set(large), []
+        self.refused, self.large, self.asked, self.distorting = set(), set(large), [], set()
+        monkeypatch.setattr(stage, "hides", lambda effect, values: effect == "play")
+        monkeypatch.setattr(
+            stage,
+            "implausible_properties",
+            lambda ledger, names, fitted: {"areas"} if self.distorting & set(names) else set(),
+        )
         self.ledger.effects = lambda names: tuple(names)
         self.ledger.fit_all = self.fit_all
         self.ledger.refine = lambda names: None
@@ -138,6 +141,15 @@ def test_an_effect_that_is_not_credible_is_tried_once(monkeypatch):
     bench.refused = {"leak"}
     assert bench.complete("hose").acting == ("hose", "lag")
     assert sum("leak" in key for key in bench.asked) == 1
+
+
+def test_what_makes_a_plausible_axis_implausible_stays_out(monkeypatch):
+    bench = Bench(monkeypatch, ALONE)
+    bench.distorting = {"leak"}
+    assert bench.complete("hose").acting == ("hose", "lag")
+    bench = Bench(monkeypatch, ALONE)
+    bench.distorting = {"hose", "leak"}  # it was implausible before
+    assert bench.complete("hose").acting == ("hose", "leak", "lag")
 
 
 def test_where_no_effect_is_large_by_itself_the_one_that_is_most_is_named(monkeypatch):

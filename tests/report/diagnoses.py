@@ -116,6 +116,12 @@ UNDECIDED = replace(
         ),
     ),
 )  # fmt: skip
+BESIDES = replace(
+    EFFECT,
+    besides=tuple(
+        EffectFound(name, 0.97, {"c": Value(1.0, 0.1, "1")}) for name in ("hose", "leakage_P")
+    ),
+)
 NONE = replace(
     EFFECT,
     verdict=Verdict.NONE,

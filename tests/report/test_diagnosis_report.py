@@ -119,6 +119,19 @@ def test_a_weak_effect_that_is_open_is_told_with_its_rivals_and_not_named():
     assert made.UNDECIDED.as_dict()["undecided"][0]["rivals"] == {"piston_seal_leakage": 0.35}
 
 
+def test_weak_effects_of_the_final_model_are_told_and_not_named():
+    *_, sentence = cause_sentences(made.BESIDES)
+    assert sentence == (
+        "Probably also there, each too small to be named as a cause: hose and leakage of chamber P."
+    )
+    assert "hose" not in headline(made.BESIDES)
+    assert "with Stribeck friction, hose and leakage of chamber P it is" in summary_text(
+        made.BESIDES
+    ).replace("\n  ", " ")
+    assert "<dt>Probably also there</dt>" in diagnosis_html(made.BESIDES, {})
+    assert [item["name"] for item in made.BESIDES.as_dict()["besides"]] == ["hose", "leakage_P"]
+
+
 def test_a_gap_that_grows_is_not_said_to_fall():
     worse = replace(made.EFFECT, gap=replace(made.EFFECT.gap, after=14.0))
     assert "does not fall" in headline(worse)

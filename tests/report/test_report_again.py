@@ -117,9 +117,12 @@ def test_other_files_are_refused_in_one_line(written, tmp_path, capsys):
     assert (tmp_path / "report.html").read_text() == "that of a diagnosis"
 
 
-@pytest.mark.parametrize("name", ["effect", "ambiguous", "none", "absorbed", "unknown", "curves"])
+@pytest.mark.parametrize(
+    "name", ["effect", "ambiguous", "none", "absorbed", "unknown", "curves", "besides"]
+)
 def test_a_diagnosis_is_read_back_as_it_was_written(name, tmp_path):
-    diagnosis = made.with_curves() if name == "curves" else made.ALL[Verdict(name)]
+    others = {"curves": made.with_curves, "besides": lambda: made.BESIDES}
+    diagnosis = others[name]() if name in others else made.ALL[Verdict(name)]
     write_json(diagnosis.as_dict(), tmp_path / "diagnosis.json")
     assert read_diagnosis(tmp_path).as_dict() == diagnosis.as_dict()
 

@@ -7,7 +7,7 @@ up whatever the records ask for, and each of its effects is then dropped or exch
 no longer need it.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels, gain_on_all_records
@@ -16,6 +16,7 @@ from pneumo_casadi.diagnosis.screen.screen import background
 from pneumo_casadi.diagnosis.select.acceptance import accepted, only_corrects_map
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger, Names, Start
 from pneumo_casadi.diagnosis.select.hidden_motion import hides
+from pneumo_casadi.diagnosis.select.plausibility import implausible_properties
 
 #: Largest number of effects in the final model: one or two that are named, and six weak ones.
 MAX_ACTING = 8
@@ -83,7 +84,7 @@ class _Completion:
         """Return a model with all further effects that the likelihood asks for, one by one."""
         least = self.levels.criteria.plausible_gain
         while len(names) < MAX_ACTING:
-            better = self._with_one_more(names, least, least)
+            better = self._with_one_more(names, least, least, names)
             if better is None:
                 break
             names = better
@@ -104,7 +105,7 @@ class _Completion:
             if loss < criteria.plausible_gain:
                 return self.reviewed(rest)
             promise = PROMISED * loss
-            better = self._with_one_more(rest, promise, loss + criteria.form_gain, (name,))
+            better = self._with_one_more(rest, promise, loss + criteria.form_gain, names)
             if better is not None:
                 return self.reviewed(better)
         return names
@@ -124,32 +125,38 @@ class _Completion:
         return named or (max(without, key=lambda name: without[name].cost),)
 
     def _with_one_more(
-        self, known: Names, promise: float, least: float, but: Sequence[str] = ()
+        self, known: Names, promise: float, least: float, present: Names
     ) -> Names | None:
         """Return a model with the first effect that gains enough; `TRIED` that promise it are.
+
+        What makes a plausible property of the axis implausible stands for something else.
 
         Parameters
         ----------
         promise, least : float
             Log-likelihood that an effect must promise in the screen, and gain once it is fitted.
-        but : sequence of str, optional
-            Effects that are not meant.
+        present : tuple of str
+            The model so far, whose effects are not meant.
         """
         base, tried = self._fit_of(known), 0
-        for name, start in self._promising(known, promise, but).items():
+        for name, start in self._promising(known, promise, present).items():
             key = self.ledger.key((*known, name))
             self.ledger.fit_all({key: start})
             if key not in self.ledger.fits:
                 self.refused.add(name)
                 continue
             tried += 1
-            if min(_gains(base, self.ledger.fits[key])) >= least:
+            gains = min(_gains(base, self._fit_of(key)))
+            if gains >= least and self._implausible(key) <= self._implausible(present):
                 return key
             if tried == TRIED:
                 break
         return None
 
-    def _promising(self, known: Names, promise: float, but: Sequence[str]) -> Mapping[str, Start]:
+    def _implausible(self, names: Names) -> set[str]:
+        return implausible_properties(self.ledger, names, self._fit_of(names))
+
+    def _promising(self, known: Names, promise: float, present: Names) -> Mapping[str, Start]:
         """Return where the fits of effects may begin that promise enough, the best first.
 
         What would hide the motion is left out: there the balances do not tell.
@@ -158,7 +165,7 @@ class _Completion:
         behind = background(ledger.study, self.nominal, base, ledger.effects(known))
         return {
             name: Start(base.values, trials=[result.sizes, *result.starts])
-            for name, result in ledger.over(behind, (*known, *but, *self.refused)).items()
+            for name, result in ledger.over(behind, (*present, *self.refused)).items()
             if result.gain > promise and not hides(ledger.catalogue[name](), result.sizes)
         }
 

@@ -34,11 +34,13 @@ from pneumo_casadi.diagnosis.select.hidden_motion import (
 )
 from pneumo_casadi.diagnosis.select.plausibility import find_plausible_extension, is_implausible
 from pneumo_casadi.diagnosis.select.propose import fit_alone, fit_extensions, fit_pairs
-from pneumo_casadi.diagnosis.select.rivals import fit_rivals
 from pneumo_casadi.runtime.progress import Progress, no_progress
 
-#: Largest number of effects in a model: four to six weak ones act on a real axis.
-MAX_EFFECTS = 6
+#: Effects that are selected one after another, by refits of all that may be next; weak ones besides
+#: are left to `complete`.
+MAX_SELECTED = 3
+#: Largest number of effects in a model that is judged by simulation.
+MAX_SIMULATED = 6
 #: A model of which so many effects act in a balance, and do not explain its gap, gets no more: one
 #: by one, effects would take up parts of a cause that is none of them.
 MAX_UNEXPLAINED = 3
@@ -157,7 +159,6 @@ def select_effects(
         final = completed.acting
         report("what each effect contributes", 0.9)
         shares = contributions(ledger, nominal, final, completed.named)
-        fit_rivals(ledger, nominal, final, completed.named)
     failures = tuple(ledger.failures.values())
     return Selection(
         nominal,
@@ -181,7 +182,7 @@ def _forward(
 ) -> tuple[Names, ...]:
     path: list[Names] = []
     current = nominal
-    for round_ in range(MAX_EFFECTS):
+    for round_ in range(MAX_SELECTED):
         known: Names = path[-1] if path else ()
         if path and not _needs_more(ledger, nominal, path, levels):
             break
@@ -218,7 +219,7 @@ def _forward(
             break  # where the motion is hidden, the balances are not reliable
         current = ledger.fits[best]
     report("comparing simulations", 0.8)
-    taken = extend_by_simulation(ledger, nominal, tuple(path), MAX_EFFECTS)
+    taken = extend_by_simulation(ledger, nominal, tuple(path), MAX_SIMULATED)
     if taken and taken[-1] in ledger.trials and taken[-1] not in ledger.gap_left:
         final, effects = ledger.fits[taken[-1]], ledger.effects(taken[-1])
         ledger.simulate({(): nominal, taken[-1]: final})

@@ -33,16 +33,18 @@ def find_plausible_extension(ledger: FitLedger, current: FittedModel, known: Nam
         and np.any(np.log(residual_rms(current) / residual_rms(fitted)) > criteria.matters)
     }
     for key in sorted(better, key=lambda key: better[key].cost):
-        if not _wrong(ledger, key, better[key]):
+        if not implausible_properties(ledger, key, better[key]):
             return key
     return None
 
 
 def is_implausible(ledger: FitLedger, current: FittedModel, known: Names) -> bool:
     """Return whether a model with effects has several implausible parameters."""
-    return bool(known) and len(_wrong(ledger, known, current)) >= ledger.study.criteria.implausible
+    wrong = implausible_properties(ledger, known, current)
+    return bool(known) and len(wrong) >= ledger.study.criteria.implausible
 
 
-def _wrong(ledger: FitLedger, names: Names, fitted: FittedModel) -> set[str]:
+def implausible_properties(ledger: FitLedger, names: Names, fitted: FittedModel) -> set[str]:
+    """Return the properties of the axis that a model with these effects makes implausible."""
     checks = check_fit(ledger.study, fitted, ledger.effects(names))
     return {KNOWN_BY[check.name] for check in checks if check.name in KNOWN_BY and not check.agrees}
