@@ -1,29 +1,43 @@
-"""How many effects a balance may get."""
+"""When the model that forward selection ends with is completed."""
 
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA
+from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels
 from pneumo_casadi.diagnosis.select import forward_selection
-from pneumo_casadi.diagnosis.select.forward_selection import _acting
+from pneumo_casadi.diagnosis.select.complete import Completed
+from pneumo_casadi.diagnosis.select.forward_selection import _completed
+
+FINAL = ("stribeck",)
+WHOLE = Completed(("hose", "stribeck"), FINAL)
+
+
+def fitted(force):
+    """A fit that leaves this residual of the force, in noise floors."""
+    rows = (np.outer((1.0, 1.0, force), np.ones(64)),)
+    used = (np.ones((3, 64), dtype=bool),)
+    return SimpleNamespace(held_out=rows, train=rows, used_held_out=used, used_train=used)
 
 
 @pytest.mark.parametrize(
-    ("left", "in_flow", "in_force"),
+    ("left", "hides", "tried", "expected"),
     [
-        ([(8, 8), (4, 8), (4, 4), (4, 2)], 1, 2),
-        ([(8, 8), (4, 4), (2, 2), (1, 1)], 3, 3),
-        ([(8, 8), (7.9, 4)], 0, 1),
+        (2.0, False, False, WHOLE),
+        # What is left has another cause: effects more would take up parts of it.
+        (6.0, False, False, Completed(FINAL, FINAL)),
+        # The balances do not tell: sensors hide the motion, or simulations have decided.
+        (2.0, True, False, Completed(FINAL, FINAL)),
+        (2.0, False, True, Completed(FINAL, FINAL)),
     ],
 )
-def test_effects_count_in_the_balances_that_they_act_in(monkeypatch, left, in_flow, in_force):
-    """Three weak effects of the load are no reason to give up a leak, nor the other way round."""
-    monkeypatch.setattr(forward_selection, "residual_rms", lambda fitted: np.array(fitted.residual))
-    fits = [
-        SimpleNamespace(effects=("a", "b", "c")[:number], residual=residual)
-        for number, residual in enumerate(left)
-    ]
-    found = [_acting(fits, balance, CRITERIA.matters) for balance in (0, 1)]
-    assert found == [in_flow, in_force]
+def test_a_model_is_completed_where_the_balances_tell(monkeypatch, left, hides, tried, expected):
+    monkeypatch.setattr(forward_selection, "motion_is_hidden", lambda effects, fit: hides)
+    monkeypatch.setattr(forward_selection, "complete", lambda *given: WHOLE)
+    ledger = SimpleNamespace(
+        fits={FINAL: fitted(left)}, output_error_fits={}, effects=lambda names: names,
+        trials={FINAL: None} if tried else {},
+    )  # fmt: skip
+    levels = BalanceLevels(np.ones(3), np.full(3, 100.0))
+    assert _completed(ledger, fitted(10.0), FINAL, levels) == expected

@@ -45,7 +45,8 @@ class Criteria:
         of the valve: the shape is there to lower them.
     implausible, plausible_gain : int, float
         Implausible properties of the axis (areas, friction, mass) that call for a further effect:
-        one alone may follow from an effect's misfit; and the log-likelihood that it must gain.
+        one alone may follow from an effect's misfit; and the log-likelihood that it must gain, and
+        any effect too small to be named: less was gained by effects that were not there.
     simulated, closed : float
         Where the motion is hidden: share of the simulated gap that a model may leave and explain
         it, and share of what was left that a further effect may leave; the latter also of a visible

@@ -1,9 +1,8 @@
 """Forward selection of effects from the nominal model, with one backtracking pass."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +13,6 @@ from pneumo_casadi.diagnosis.metrics.residual_size import (
     gaps,
     leaves_too_much,
     residual_rms,
-    shares_left,
 )
 from pneumo_casadi.diagnosis.metrics.simulated_gap import Simulations
 from pneumo_casadi.diagnosis.prepare.fit_store import Store
@@ -41,9 +39,6 @@ from pneumo_casadi.runtime.progress import Progress, no_progress
 MAX_SELECTED = 3
 #: Largest number of effects in a model that is judged by simulation.
 MAX_SIMULATED = 6
-#: A model of which so many effects act in a balance, and do not explain its gap, gets no more: one
-#: by one, effects would take up parts of a cause that is none of them.
-MAX_UNEXPLAINED = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,7 +179,9 @@ def _forward(
     current = nominal
     for round_ in range(MAX_SELECTED):
         known: Names = path[-1] if path else ()
-        if path and not _needs_more(ledger, nominal, path, levels):
+        if path and not (
+            can_matter(nominal, current, levels) or is_implausible(ledger, current, known)
+        ):
             break
         if round_:
             report(f"looking for effect {round_ + 1}", 0.4 + 0.07 * round_)
@@ -236,29 +233,6 @@ def _completed(
     if hidden or leaves_too_much(nominal, fitted, levels):
         return Completed(final, final)
     return complete(ledger, nominal, final, levels)
-
-
-def _needs_more(
-    ledger: FitLedger, nominal: FittedModel, path: Sequence[Names], levels: BalanceLevels
-) -> bool:
-    """Return whether a further effect is to be looked for beside those found."""
-    current = ledger.fits[path[-1]]
-    left = shares_left(nominal, current, levels)
-    worst = int(np.argmax(left))
-    if left[worst] > levels.criteria.unexplained:
-        fits = [nominal, *(ledger.fits[names] for names in path)]
-        if _acting(fits, worst, levels.criteria.matters) >= MAX_UNEXPLAINED:
-            return False
-    return can_matter(nominal, current, levels) or is_implausible(ledger, current, path[-1])
-
-
-def _acting(fits: Sequence[FittedModel], balance: int, matters: float) -> int:
-    """Return how many effects have lowered the residual of a balance, one model after another."""
-    return sum(
-        len(after.effects) - len(before.effects)
-        for before, after in pairwise(fits)
-        if np.log(residual_rms(before) / residual_rms(after))[balance] >= matters
-    )
 
 
 def _coarse(
