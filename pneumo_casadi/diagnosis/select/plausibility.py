@@ -40,8 +40,10 @@ def find_plausible_extension(ledger: FitLedger, current: FittedModel, known: Nam
 
 def is_implausible(ledger: FitLedger, current: FittedModel, known: Names) -> bool:
     """Return whether a model with effects has several implausible parameters."""
+    if not known:
+        return False
     wrong = implausible_properties(ledger, known, current)
-    return bool(known) and len(wrong) >= ledger.study.criteria.implausible
+    return len(wrong) >= ledger.study.criteria.implausible
 
 
 def implausible_properties(ledger: FitLedger, names: Names, fitted: FittedModel) -> set[str]:
