@@ -35,14 +35,14 @@ def named(case, *catalogue):
 @pytest.mark.slow
 def test_what_acts_while_a_play_is_crossed_is_found_by_simulation(made_case):
     """Along the smoothed motion a fit drives presliding beside backlash to nothing."""
-    case = made_case(21, 3.0, backlash="medium", presliding="medium")
+    case = made_case(21, 2.0, backlash="medium", presliding="medium")
     assert named(case, "presliding", "elastic_load", "backlash") == {"backlash", "presliding"}
 
 
 @pytest.mark.slow
 def test_a_drag_beside_a_late_sensor_is_found_by_simulation(made_case):
     """What takes a delay of a dozen milliseconds back leaves a force balance of noise."""
-    case = made_case(22, 3.0, position_delay="large", quadratic_drag="large")
+    case = made_case(22, 2.0, position_delay="large", quadratic_drag="large")
     result = named(case, "quadratic_drag", "spring_load", "position_delay")
     assert result == {"position_delay", "quadratic_drag"}
 
@@ -71,13 +71,13 @@ def test_a_second_refinement_that_fails_leaves_the_first_and_no_failure(monkeypa
 
 @pytest.mark.slow
 def test_a_sensor_found_alone_stays_alone(made_case):
-    case = made_case(23, 3.0, backlash="large")
+    case = made_case(23, 2.0, backlash="large")
     assert named(case, "presliding", "elastic_load", "backlash") == {"backlash"}
 
 
 @pytest.mark.slow
 def test_an_offset_that_settles_most_of_the_gap_does_not_hide_a_load(made_case):
-    case = made_case(24, 3.0, pressure_sensor_bias="large", elastic_load="medium")
+    case = made_case(24, 2.0, pressure_sensor_bias="large", elastic_load="medium")
     result = named(case, "elastic_load", "spring_load", "pressure_sensor_bias")
     assert result == {"pressure_sensor_bias", "elastic_load"}
 
