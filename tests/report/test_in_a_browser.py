@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import pneumo_casadi as pc
+from pneumo_casadi.report.figures import style
 from pneumo_casadi.report.pages.diagnosis import write_diagnosis
 from pneumo_casadi.report.pages.identification import html_report
 from pneumo_casadi.report.pages.identification_figures import figures_of
@@ -57,7 +58,15 @@ def browser():
 
 
 @pytest.fixture(scope="module")
-def reports(quick, tmp_path_factory):
+def without_pdf():
+    """Draw no PDF: no page shows one, and `no_pdf` comes after what a module shares."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(style, "pdf", lambda figure: b"%PDF-1.4")
+        yield
+
+
+@pytest.fixture(scope="module")
+def reports(quick, without_pdf, tmp_path_factory):
     folder = tmp_path_factory.mktemp("reports")
     diagnosis = write_diagnosis(made.with_curves(), folder / "diagnosis")
     several = write_diagnosis(made.three_effects(), folder / "several")
