@@ -17,7 +17,6 @@ from typing import Any
 
 from pneumo_casadi import __version__
 from pneumo_casadi.data.emps import IDENTIFY as EMPS_FILE
-from pneumo_casadi.diagnosis import diagnose
 from pneumo_casadi.errors import CaseError, PneumoError
 from pneumo_casadi.evaluation.batch.table import CSV, FAILED, PARQUET, Row, row_of, write_tables
 from pneumo_casadi.runtime.interruption import is_ending
@@ -48,6 +47,8 @@ def real_diagnosis(folder: Path) -> dict[str, Any]:
     dict
         What `Diagnosis.as_dict` returns.
     """
+    from pneumo_casadi.diagnosis import diagnose  # a second that other work need not wait for
+
     return diagnose(folder).as_dict()
 
 

@@ -6,8 +6,6 @@ import time
 import uuid
 from pathlib import Path
 
-from pneumo_casadi.diagnosis import diagnose
-from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.errors import FitError
 
 
@@ -87,4 +85,7 @@ def killed_always(folder):
 
 def spring_load(folder: Path):
     """A real diagnosis with a catalogue of one."""
+    from pneumo_casadi.diagnosis import diagnose  # a second that the other fakes do not wait for
+    from pneumo_casadi.effects import EFFECTS
+
     return diagnose(folder, {"spring_load": EFFECTS["spring_load"]}).as_dict()
