@@ -134,7 +134,7 @@ def _refined(
     from pneumo_casadi.diagnosis.refined_identification import refine_diagnosis
     from pneumo_casadi.effects import EFFECTS
 
-    own = [effect.name for effect in diagnosis.effects if effect.name not in EFFECTS]
+    own = [effect.name for effect in diagnosis.final_effects if effect.form not in EFFECTS]
     if own:
         return None, f"{own[0]} is an effect of a file, which result.json cannot hold"
     try:

@@ -230,7 +230,7 @@ def _hint(where: Where, selection: Selection, decision: Decision) -> str:
     closure = None
     if selection.path:
         closure = balance_closure(selection.nominal, selection.final, selection.levels)
-    return unknown_hint(where, selection.chosen, closure, decision.judgement.unexplained)
+    return unknown_hint(where, selection.named, closure, decision.judgement.unexplained)
 
 
 def _failures(selection: Selection) -> tuple[str, ...]:

@@ -164,8 +164,8 @@ class Effect:
     Notes
     -----
     `equation`, `source`, `shows`, `separated_by` and `passive` are for reports and documentation;
-    an effect of your own does not need them. A diagnosis also reads from `confused_with` what to
-    try in place of an effect.
+    an effect of your own does not need them. Beside an effect that hides the motion, a diagnosis
+    also tries those of its `confused_with`.
 
     Examples
     --------

@@ -34,6 +34,7 @@ class Bench:
             SimpleNamespace(criteria=CRITERIA), {name: lambda name=name: name for name in alone}
         )
         self.refused, self.large, self.asked, self.distorting = set(), set(large), [], set()
+        self.refined, self.needed, self.map_only = [], set(), set()
         monkeypatch.setattr(stage, "hides", lambda effect, values: effect == "play")
         monkeypatch.setattr(
             stage,
@@ -42,11 +43,13 @@ class Bench:
         )
         self.ledger.effects = lambda names: tuple(names)
         self.ledger.fit_all = self.fit_all
-        self.ledger.refine = lambda names: None
+        self.ledger.refine = self.refined.append
         self.ledger.over = self.over
         monkeypatch.setattr(stage, "background", lambda study, nominal, fitted, effects: fitted)
         monkeypatch.setattr(stage, "accepted", self.accepted)
-        monkeypatch.setattr(stage, "only_corrects_map", lambda *given: False)
+        monkeypatch.setattr(
+            stage, "only_corrects_map", lambda added, *given: set(added) <= self.map_only
+        )
         monkeypatch.setattr(
             stage, "gain_on_all_records", lambda before, after: after.on_all - before.on_all
         )
@@ -63,7 +66,7 @@ class Bench:
     def fit_all(self, starts):
         for key in starts:
             self.asked.append(key)
-            if set(key) & self.refused:
+            if set(key) & self.refused or not self.needed <= set(key):
                 self.ledger.failures[key] = None
             else:
                 self.ledger.fits.setdefault(key, self.model(key))
@@ -71,6 +74,7 @@ class Bench:
     def over(self, behind, without):
         promised = {
             name: SimpleNamespace(
+                name=name,
                 gain=OPTIMISM * (self.gain({*behind.names, name}) - self.gain(behind.names)),
                 sizes={}, starts=(),
             )
@@ -141,6 +145,52 @@ def test_an_effect_that_is_not_credible_is_tried_once(monkeypatch):
     bench.refused = {"leak"}
     assert bench.complete("hose").acting == ("hose", "lag")
     assert sum("leak" in key for key in bench.asked) == 1
+
+
+def test_an_effect_without_which_the_model_cannot_be_fitted_is_named(monkeypatch):
+    bench = Bench(monkeypatch, ALONE, large=())
+    bench.needed = {"hose"}
+    assert bench.complete("hose", "leak") == Completed(("hose", "leak", "lag"), ("hose",))
+
+
+def test_what_only_corrects_a_coarse_map_is_not_named(monkeypatch):
+    bench = Bench(monkeypatch, ALONE, large=("hose", "leak"))
+    bench.map_only = {"leak"}
+    assert bench.complete("hose") == Completed(("hose", "leak", "lag"), ("hose",))
+
+
+def test_the_final_model_goes_on_to_its_minimum(monkeypatch):
+    bench = Bench(monkeypatch, ALONE)
+    assert bench.refined == [] and bench.complete("hose").acting == bench.refined[0]
+
+
+def test_what_a_needless_effect_has_kept_out_joins_in_a_second_round(monkeypatch):
+    alone = {"hose": 900.0, "shift": 0.0, "leak": 0.0, "lag": 0.0}
+    gains = {
+        frozenset(("hose", *names)): 900.0 + gain
+        for names, gain in {
+            ("shift",): 150.0, ("leak",): 140.0, ("lag",): 10.0, ("shift", "leak"): 300.0,
+            ("shift", "lag"): 160.0, ("leak", "lag"): 400.0, ("shift", "leak", "lag"): 405.0,
+        }.items()
+    }  # fmt: skip
+    bench = Bench(monkeypatch, alone, gains)
+    assert bench.complete("hose").acting == ("hose", "leak", "lag")
+
+
+def test_an_exchange_must_promise_most_of_what_would_be_lost(monkeypatch):
+    bench = Bench(monkeypatch, {"hose": 900.0, "drag": 50.0, "leak": 60.0})
+    bench.complete("hose")
+    assert ("drag",) not in bench.asked and ("leak",) not in bench.asked
+
+
+def test_an_effect_stays_where_the_axis_would_be_implausible_without_it(monkeypatch):
+    bench = Bench(monkeypatch, ALONE)
+    monkeypatch.setattr(
+        stage,
+        "implausible_properties",
+        lambda ledger, names, fitted: set() if "drag" in names else {"friction"},
+    )
+    assert "drag" in bench.complete("hose", "drag").acting
 
 
 def test_what_makes_a_plausible_axis_implausible_stays_out(monkeypatch):

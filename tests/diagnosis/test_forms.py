@@ -18,7 +18,7 @@ ROWS = 100
 
 
 def gaining(both, held_out=None):
-    """A fit that gains this log-likelihood on all records, or `held_out` of it on those alone."""
+    """A fit that gains `both` on all records: half of it, or `held_out`, on those held out."""
     share = both / 2 if held_out is None else held_out
     rms = {True: np.exp(-share / ROWS), False: np.exp(-(both - share) / ROWS)}
     parts = {held: (np.full((1, ROWS), value),) for held, value in rms.items()}
@@ -54,6 +54,14 @@ def test_the_form_that_gains_most_stands_for_its_cause(ledger):
 def test_what_a_form_gains_on_records_held_out_counts_as_well(ledger, held_out, kept):
     ledger.fits["hose",] = gaining(50)
     ledger.fits["hose_volume",] = gaining(90 + held_out, held_out)
+    keep_best_forms(ledger, gaining(0))
+    assert (kept,) in ledger.fits
+
+
+@pytest.mark.parametrize(("better_by", "kept"), [(19.0, "hose"), (21.0, "hose_volume")])
+def test_a_form_with_more_parameters_must_earn_them(ledger, better_by, kept):
+    assert CRITERIA.form_gain == 20.0
+    ledger.fits["hose_volume",] = gaining(50 + better_by)
     keep_best_forms(ledger, gaining(0))
     assert (kept,) in ledger.fits
 

@@ -61,7 +61,7 @@ def review_verdict(
     implausible = bool(far or "M" in failed)
     if verdict is not Verdict.UNKNOWN and is_unknown(
         judgement.unexplained,
-        visible=False,  # what is left without a doubt about parameters was judged before
+        visible=False,  # `judge` has asked what is left; here only the parameters count
         implausible=implausible,
         criteria=judgement.criteria,
     ):

@@ -32,7 +32,7 @@ class Decision:
 
     @property
     def names_effects(self) -> bool:
-        """Whether the effects of the final model are the verdict."""
+        """Whether the verdict names effects of the final model."""
         return self.verdict in (Verdict.EFFECT, Verdict.AMBIGUOUS)
 
     @property
@@ -70,9 +70,9 @@ def decide_verdict(
     selection : Selection
         From `select_effects`.
     checks : sequence of Check
-        From `check_fit`, of that model.
+        From `check_fit`, of its final model.
     catalogue : mapping of str to effect class
-        Effects in models, and those that the parameters may have absorbed.
+        All effects that were fitted, and those that the parameters may have absorbed.
     """
     judgement = judge(selection, tuple(catalogue[name]() for name in selection.named))
     verdict, absorbed = review_verdict(judgement, checks, catalogue)

@@ -90,10 +90,18 @@ def judge(selection: Selection, named: Sequence[Effect]) -> Judgement:
 
 
 def _alternatives(selection: Selection, models: Sequence[Names]) -> tuple[Names, ...]:
-    """Return models by what they name, each once: weak effects besides are none of the cause."""
-    besides = set(selection.besides)
-    named = (tuple(name for name in key if name not in besides) for key in models)
-    return tuple(dict.fromkeys(named))
+    """Return the model chosen, and those in which another effect stands for one that is named.
+
+    Weak effects besides are none of the cause: they are left out, and so is what may stand for
+    them.
+    """
+    besides, named = set(selection.besides), set(selection.named)
+    stripped = (
+        tuple(name for name in key if name not in besides)
+        for key in models
+        if key == selection.chosen or not named <= set(key)
+    )
+    return tuple(dict.fromkeys(stripped))
 
 
 def _unsure(selection: Selection, weights: Mapping[Names, float], trust: float) -> Names:

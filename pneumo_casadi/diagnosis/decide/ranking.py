@@ -100,20 +100,49 @@ def by_contribution(selection: Selection, effects: Sequence[Effect]) -> tuple[Ef
     return tuple(by_name[name] for name in selection.contributions)
 
 
-def _by_cause(ranked: Sequence[Candidate], besides: Names) -> list[Candidate]:
-    """Return candidates by what they name, each once: models that differ in weak effects are one.
+def _fitted_candidates(
+    study: Study, selection: Selection, judgement: Judgement, catalogue: Catalogue
+) -> list[Candidate]:
+    """Return the models fitted by what they name, each once, the most probable first.
 
-    Of such models the most probable is shown, with the probability of all.
+    Models that differ in weak effects besides are one candidate: the most probable of them is
+    shown, with the probability of all.
     """
-    merged: dict[Names, Candidate] = {}
-    for candidate in ranked:
-        names = tuple(name for name in candidate.names if name not in besides) or candidate.names
-        if names in merged:
-            probability = merged[names].probability + candidate.probability
-            merged[names] = replace(merged[names], probability=probability)
-        else:
-            merged[names] = replace(candidate, names=names)
-    return list(merged.values())
+    fits = {**selection.fits, selection.chosen: selection.final}
+    probability = {names: judgement.probability.get(names, 0.0) for names in fits if names}
+    best: dict[Names, Names] = {}
+    total: dict[Names, float] = {}
+    for names in sorted(probability, key=lambda key: (-probability[key], selection.fits[key].cost)):
+        named = tuple(name for name in names if name not in selection.besides) or names
+        best.setdefault(named, names)
+        total[named] = total.get(named, 0.0) + probability[names]
+    return [
+        _candidate(study, selection, named, best[named], total[named], catalogue)
+        for named in sorted(best, key=lambda named: -total[named])
+    ]
+
+
+def _candidate(
+    study: Study,
+    selection: Selection,
+    named: Names,
+    model: Names,
+    probability: float,
+    catalogue: Catalogue,
+) -> Candidate:
+    """Return the candidate of a model with what it names."""
+    fitted = selection.final if model == selection.chosen else selection.fits[model]
+    screened = [selection.screen[name] for name in named if name in selection.screen]
+    own = _own(study, fitted, model, catalogue)
+    shown = {n: value for n, value in own.items() if n.partition(".")[0] in named}
+    return Candidate(
+        named,
+        probability,
+        balance_closure(selection.nominal, fitted, selection.levels),
+        selection.screen[named[0]].explained if named[0] in selection.screen else 0.0,
+        min((result.observable for result in screened), default=0.0),
+        _labelled(named, shown),
+    )
 
 
 def rank_candidates(
@@ -124,23 +153,7 @@ def rank_candidates(
     catalogue: Catalogue,
 ) -> tuple[Candidate, ...]:
     """Rank the causes of the models fitted, after what parameters may have absorbed (`hidden`)."""
-    ranked = [
-        Candidate(
-            names,
-            judgement.probability.get(names, 0.0),
-            balance_closure(selection.nominal, fitted, selection.levels),
-            selection.screen[names[0]].explained if names[0] in selection.screen else 0.0,
-            min(
-                (selection.screen[n].observable for n in names if n in selection.screen),
-                default=0.0,
-            ),
-            _labelled(names, _own(study, fitted, names, catalogue)),
-        )
-        for names, fitted in ({**selection.fits, selection.chosen: selection.final}).items()
-        if names
-    ]
-    ranked.sort(key=lambda c: (-c.probability, selection.fits[c.names].cost))
-    ranked = _by_cause(ranked, selection.besides)
+    ranked = _fitted_candidates(study, selection, judgement, catalogue)
     for name, screened in selection.screen.items():
         if (name,) not in selection.fits and all(name not in f.effects for f in selection.failures):
             ranked.append(Candidate((name,), 0.0, None, screened.explained, screened.observable))

@@ -23,7 +23,7 @@ class Criteria:
         and at most: two axes of the virtual bench without an effect in these balances had 1.8. The
         first is also where a gap of any balance begins to be visible.
     clear : float
-        Floors above which no model whose effects have one form only is right.
+        Floors above which a balance in which every effect named has one form only is not explained.
     near_noise : float
         Floors below which implausible areas say more than the gap: a valve with 4/3 of the gain
         left 5.3.
@@ -43,10 +43,11 @@ class Criteria:
     map_ratio : float
         Residuals of the metered map over those of its own fit, from which on it contradicts a shape
         of the valve: the shape is there to lower them.
-    implausible, plausible_gain : int, float
+    implausible : int
         Implausible properties of the axis (areas, friction, mass) that call for a further effect:
-        one alone may follow from an effect's misfit; and the log-likelihood that it must gain, and
-        any effect too small to be named: less was gained by effects that were not there.
+        one alone may follow from an effect's misfit.
+    plausible_gain : float
+        Log-likelihood that such an effect must gain, and any other that is too small to be named.
     simulated, closed : float
         Where the motion is hidden: share of the simulated gap that a model may leave and explain
         it, and share of what was left that a further effect may leave; the latter also of a visible
@@ -57,9 +58,9 @@ class Criteria:
         discovered term must close the rest: curves over signals that merely follow a cause closed
         up to 0.42.
     one_form, contradicted : float
-        The same where every effect of the model has one form only (true offsets and leaks leave a
-        twentieth, what is taken for them a tenth), and where the parameters contradict geometry or
-        data sheet.
+        The same of a balance in which every effect named has one form only (true offsets and leaks
+        leave a twentieth, what is taken for them a tenth), and where the parameters contradict
+        geometry or data sheet.
     far : float
         Tolerances by which an area must be off to make an effect implausible; the misfit of an
         effect's form moves areas by two.

@@ -1,10 +1,10 @@
-"""The final model completed: by what else the likelihood asks for, and without what it need not.
+"""Completion of the final model, stepwise: weak effects join it, needless ones are eliminated.
 
 Forward selection stops at the effects that are large enough to be named. Weak ones besides are
-still in the records, and a model without them lends what they do to an effect that is not there:
-a shifted null stands for two leaks while the lag of a sensor is missing. So the final model takes
-up whatever the records ask for, and each of its effects is then dropped or exchanged if the others
-no longer need it.
+still in the records; without them in the model another effect takes up what they do, one that is
+not there: a shifted null stands for two leaks while the lag of a sensor is missing. So the model is
+completed by whatever the likelihood asks for, and each of its effects is then eliminated or
+exchanged where the others no longer need it.
 """
 
 from collections.abc import Mapping
@@ -17,14 +17,16 @@ from pneumo_casadi.diagnosis.select.acceptance import accepted, only_corrects_ma
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger, Names, Start
 from pneumo_casadi.diagnosis.select.hidden_motion import hides
 from pneumo_casadi.diagnosis.select.plausibility import implausible_properties
+from pneumo_casadi.diagnosis.select.propose import where_to_begin
 
-#: Largest number of effects in the final model: one or two that are named, and six weak ones.
+#: Largest number of effects in the final model: one or two large ones, and six weak ones.
 MAX_ACTING = 8
 #: Credible fits where an effect is to be added or exchanged, the most promising first.
 TRIED = 2
 #: Rounds of adding and reviewing.
 ROUNDS = 3
-#: Share of what a model loses without an effect that another one must promise to be tried instead.
+#: An effect is tried in place of another one if the screen promises this share of what the model
+#: loses without that one.
 PROMISED = 0.7
 
 
@@ -55,14 +57,14 @@ def complete(
         Effects that the selection has found.
     """
     work = _Completion(ledger, nominal, levels)
-    acting = work.reviewed(work.grown(final))
+    acting = work.review(work.grow(final))
     for _ in range(ROUNDS - 1):
-        grown = work.grown(acting)
+        grown = work.grow(acting)
         if grown == acting:
             break
-        acting = work.reviewed(grown)
+        acting = work.review(grown)
     ledger.refine(acting)
-    return Completed(acting, work.those_that_matter(acting))
+    return Completed(acting, work.select_named(acting))
 
 
 @dataclass(eq=False)
@@ -72,7 +74,7 @@ class _Completion:
     Parameters
     ----------
     refused : set of str
-        Effects that were not credible beside others: they are not tried again.
+        Effects that were not credible where they were to be added: they are not tried again.
     """
 
     ledger: FitLedger
@@ -80,83 +82,102 @@ class _Completion:
     levels: BalanceLevels
     refused: set[str] = field(default_factory=set)
 
-    def grown(self, names: Names) -> Names:
+    def grow(self, names: Names) -> Names:
         """Return a model with all further effects that the likelihood asks for, one by one."""
         least = self.levels.criteria.plausible_gain
         while len(names) < MAX_ACTING:
-            better = self._with_one_more(names, least, least, names)
+            better = self._extend(names, names, least, least)
             if better is None:
                 break
             names = better
         return names
 
-    def reviewed(self, names: Names) -> Names:
-        """Return a model without the effects that it does not need, others in place of some."""
-        criteria = self.levels.criteria
-        without = self._fit_without(names)
-        for name in sorted(without, key=lambda name: without[name].cost):
-            rest, fitted, current = self._rest(names, name), without[name], self._fit_of(names)
-            loss = min(_gains(fitted, current))
-            if not rest or (
-                accepted(self.nominal, fitted, current, self.levels)
-                and (loss < criteria.plausible_gain)
-            ):
-                continue
-            if loss < criteria.plausible_gain:
-                return self.reviewed(rest)
-            promise = PROMISED * loss
-            better = self._with_one_more(rest, promise, loss + criteria.form_gain, names)
-            if better is not None:
-                return self.reviewed(better)
+    def review(self, names: Names) -> Names:
+        """Return a model without the effects that it does not need, others in place of some.
+
+        It ends: an effect eliminated makes the model smaller, one exchanged makes it fit better.
+        """
+        better: Names | None = names
+        while better is not None:
+            names, better = better, self._improve(better)
         return names
 
-    def those_that_matter(self, acting: Names) -> Names:
+    def select_named(self, acting: Names) -> Names:
         """Return the effects that are `accepted` beside all others, or the one that is most.
 
-        An effect of the metered valve that only corrects a coarse flow map is none of them.
+        One without which the model cannot be fitted is among them; an effect of the metered valve
+        that only corrects a coarse flow map is not.
         """
-        without, fit, beside = self._fit_without(acting), self._fit_of(acting), len(acting) > 1
+        without = self._fit_without(acting)
         named = tuple(
-            name
-            for name, fitted in without.items()
-            if accepted(self.nominal, fitted, fit, self.levels)
-            and not only_corrects_map(self.ledger.effects((name,)), fitted, self.levels, beside)
+            name for name, fitted in without.items() if self._matters(name, acting, fitted)
         )
-        return named or (max(without, key=lambda name: without[name].cost),)
+        losses = {name: fitted.cost for name, fitted in without.items() if fitted is not None}
+        return named or (max(losses, key=lambda name: losses[name]),)
 
-    def _with_one_more(
-        self, known: Names, promise: float, least: float, present: Names
-    ) -> Names | None:
-        """Return a model with the first effect that gains enough; `TRIED` that promise it are.
+    def _matters(self, name: str, names: Names, without: FittedModel | None) -> bool:
+        """Return whether an effect of a model is large enough to be named."""
+        if without is None:
+            return True
+        added, beside = self.ledger.effects((name,)), len(names) > 1
+        return accepted(self.nominal, without, self._fit_of(names), self.levels) and not (
+            only_corrects_map(added, without, self.levels, beside)
+        )
+
+    def _improve(self, names: Names) -> Names | None:
+        """Return a model without its weakest needless effect, or with a better one; else None."""
+        criteria = self.levels.criteria
+        if len(names) == 1:
+            return None
+        fits = {name: fit for name, fit in self._fit_without(names).items() if fit is not None}
+        for name, fitted in sorted(fits.items(), key=lambda item: item[1].cost):
+            rest, loss = self._rest(names, name), min(_gains(fitted, self._fit_of(names)))
+            if (
+                loss < criteria.plausible_gain
+                and self._is_plausible(rest, names)
+                and not accepted(self.nominal, fitted, self._fit_of(names), self.levels)
+            ):
+                return rest
+            better = self._extend(rest, names, PROMISED * loss, criteria.form_gain)
+            if better is not None:
+                return better
+        return None
+
+    def _extend(self, known: Names, present: Names, promise: float, least: float) -> Names | None:
+        """Return a model with the first effect more that gains enough over the present model.
 
         What makes a plausible property of the axis implausible stands for something else.
 
         Parameters
         ----------
+        known, present : tuple of str
+            The model to be extended, and the one so far, whose effects are left out.
         promise, least : float
             Log-likelihood that an effect must promise in the screen, and gain once it is fitted.
-        present : tuple of str
-            The model so far, whose effects are not meant.
         """
-        base, tried = self._fit_of(known), 0
-        for name, start in self._promising(known, promise, present).items():
+        tried = 0
+        for name, start in self._promising(known, present, promise).items():
             key = self.ledger.key((*known, name))
             self.ledger.fit_all({key: start})
             if key not in self.ledger.fits:
-                self.refused.add(name)
+                self.refused |= {name} if known == present else set()
                 continue
             tried += 1
-            gains = min(_gains(base, self._fit_of(key)))
-            if gains >= least and self._implausible(key) <= self._implausible(present):
+            gain = min(_gains(self._fit_of(present), self._fit_of(key)))
+            if gain >= least and self._is_plausible(key, present):
                 return key
             if tried == TRIED:
                 break
         return None
 
-    def _implausible(self, names: Names) -> set[str]:
-        return implausible_properties(self.ledger, names, self._fit_of(names))
+    def _is_plausible(self, names: Names, than: Names) -> bool:
+        """Return whether a model makes nothing implausible that another one leaves plausible."""
+        wrong, before = (
+            implausible_properties(self.ledger, key, self._fit_of(key)) for key in (names, than)
+        )
+        return wrong <= before
 
-    def _promising(self, known: Names, promise: float, present: Names) -> Mapping[str, Start]:
+    def _promising(self, known: Names, present: Names, promise: float) -> Mapping[str, Start]:
         """Return where the fits of effects may begin that promise enough, the best first.
 
         What would hide the motion is left out: there the balances do not tell.
@@ -164,20 +185,18 @@ class _Completion:
         ledger, base = self.ledger, self._fit_of(known)
         behind = background(ledger.study, self.nominal, base, ledger.effects(known))
         return {
-            name: Start(base.values, trials=[result.sizes, *result.starts])
+            name: Start(base.values, trials=where_to_begin(ledger, result))
             for name, result in ledger.over(behind, (*present, *self.refused)).items()
             if result.gain > promise and not hides(ledger.catalogue[name](), result.sizes)
         }
 
-    def _fit_without(self, names: Names) -> dict[str, FittedModel]:
-        """Return the fits of a model without each of its effects; a failed one is left out."""
+    def _fit_without(self, names: Names) -> dict[str, FittedModel | None]:
+        """Return the fits of a model without each of its effects; None where that failed."""
         keys = {name: self._rest(names, name) for name in names}
         values = self._fit_of(names).values
         self.ledger.fit_all({key: Start(values) for key in keys.values() if key})
         return {
-            name: self._fit_of(key)
-            for name, key in keys.items()
-            if not key or key in self.ledger.fits
+            name: self.ledger.fits.get(key) if key else self.nominal for name, key in keys.items()
         }
 
     def _rest(self, names: Names, name: str) -> Names:

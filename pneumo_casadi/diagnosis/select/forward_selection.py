@@ -228,7 +228,7 @@ def _completed(
     ledger: FitLedger, nominal: FittedModel, final: Names, levels: BalanceLevels
 ) -> Completed:
     """Return the final model completed, unless balances do not tell or the cause is unknown."""
-    fitted = ledger.output_error_fits.get(final, ledger.fits[final])
+    fitted = ledger.fits[final]
     hidden = final in ledger.trials or motion_is_hidden(ledger.effects(final), fitted)
     if hidden or leaves_too_much(nominal, fitted, levels):
         return Completed(final, final)

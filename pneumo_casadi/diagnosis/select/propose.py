@@ -48,7 +48,7 @@ def fit_extensions(
     ledger.fit_all(
         {
             ledger.key((*known, name)): Start(
-                current.values, trials=_where_to_begin(ledger, screened[name])
+                current.values, trials=where_to_begin(ledger, screened[name])
             )
             for name in dict.fromkeys(chosen)
         }
@@ -97,7 +97,7 @@ def fit_alone(
     )
 
 
-def _where_to_begin(ledger: FitLedger, screened: ScreenResult) -> list[Mapping[str, float]]:
+def where_to_begin(ledger: FitLedger, screened: ScreenResult) -> list[Mapping[str, float]]:
     """Return values of an effect from which a fit beside others may begin.
 
     Those that the screen promises most of, and those that it had alone: where others have taken

@@ -91,7 +91,7 @@ def nearest(diagnosis: Diagnosis) -> tuple[str, ...]:
 def with_what(diagnosis: Diagnosis) -> str:
     """Return the name of the model with effects."""
     if diagnosis.effects:
-        return "with the effect" if len(diagnosis.effects) == 1 else "with the effects"
+        return "with the effect" if len(diagnosis.final_effects) == 1 else "with the effects"
     return "with the best candidate"
 
 

@@ -78,8 +78,13 @@ def _besides(effects: Sequence[EffectFound]) -> tuple[str, ...]:
     """Return the sentence on effects that are probably also there; none without any."""
     if not effects:
         return ()
-    names = joined([plain(effect.name) for effect in effects])
+    names = joined([either(effect) for effect in effects])
     return (f"Probably also there, each too small to be named as a cause: {names}.",)
+
+
+def either(effect: EffectFound) -> str:
+    """Return the name of an effect, with those that may act in its place."""
+    return joined([plain(name) for name in (effect.name, *effect.rivals)], "or")
 
 
 def _undecided(effect: EffectFound) -> str:

@@ -4,7 +4,7 @@ from pneumo_casadi.diagnosis import Diagnosis, Verdict
 from pneumo_casadi.identification.warnings import Usable
 from pneumo_casadi.report.tables.quantities import between, chance, percent, whole
 from pneumo_casadi.report.tables.table import plain
-from pneumo_casadi.report.text.causes import discovered_fact, joined
+from pneumo_casadi.report.text.causes import discovered_fact, either, joined
 from pneumo_casadi.report.text.diagnosis import location_text
 from pneumo_casadi.report.text.final_model import FinalModel, final_facts
 from pneumo_casadi.report.text.next_step import next_step
@@ -20,12 +20,9 @@ def facts(diagnosis: Diagnosis, final: FinalModel | None) -> list[tuple[str, str
     error = f"{_ERROR}, windows of 0.5 s" if gap.views.get("windows") else _ERROR
     shown = [("Where", location_text(diagnosis))]
     shown += _causes(diagnosis)
-    shown += [
-        ("One of", joined([plain(name) for name in (effect.name, *effect.rivals)], "or"))
-        for effect in diagnosis.undecided
-    ]
+    shown += [("One of", either(effect)) for effect in diagnosis.undecided]
     if diagnosis.besides:
-        besides = joined([plain(effect.name) for effect in diagnosis.besides])
+        besides = joined([either(effect) for effect in diagnosis.besides])
         shown.append(("Probably also there", besides))
     if diagnosis.discovered is not None:
         shown.append(("Discovered term", discovered_fact(diagnosis.discovered)))

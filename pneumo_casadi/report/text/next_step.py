@@ -64,7 +64,7 @@ def next_step(
     if ready:
         first = "check what calls for care; then " if careful else ""
         return f"{first}use the model in result.json; {_more_certain(diagnosis, least)}"
-    forms = [effect.form for effect in diagnosis.effects]
+    forms = [effect.form for effect in diagnosis.final_effects]
     if not all(form in EFFECTS for form in forms):
         return "plan a record for the model with it: `pneumo-casadi design`"
     with_effects = " ".join(f"--with {form}" for form in forms)

@@ -1,0 +1,63 @@
+"""The ranking shows models by what they name."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from pneumo_casadi.diagnosis.decide import ranking
+from pneumo_casadi.diagnosis.decide.judgement import Judgement
+from pneumo_casadi.diagnosis.decide.ranking import rank_candidates
+from pneumo_casadi.diagnosis.decide.result import Verdict
+from pneumo_casadi.diagnosis.metrics.findings import Value
+from pneumo_casadi.diagnosis.select.complete import Completed
+from pneumo_casadi.diagnosis.select.forward_selection import Selection
+from pneumo_casadi.effects import EFFECTS
+
+BEST, OTHER, RIVAL = ("hose", "stribeck"), ("leakage_N", "stribeck"), ("hose", "presliding")
+PROBABILITY = {BEST: 0.3, OTHER: 0.2, RIVAL: 0.35, ("stribeck",): 0.0}
+
+
+@pytest.fixture
+def ranked(monkeypatch):
+    """Stribeck friction is named, a hose acts besides; of two more models one has another cause."""
+    monkeypatch.setattr(ranking, "balance_closure", lambda nominal, fitted, levels: fitted.closes)
+    monkeypatch.setattr(
+        ranking,
+        "_own",
+        lambda study, fitted, names, catalogue: {f"{n}.size": Value(1.0, 0.1, "N") for n in names},
+    )
+    fits = {key: SimpleNamespace(cost=1.0, closes=sum(map(len, key))) for key in PROBABILITY}
+    screen = {
+        name: SimpleNamespace(explained=share, observable=share)
+        for name, share in {
+            "hose": 0.1,
+            "stribeck": 0.8,
+            "presliding": 0.7,
+            "leakage_N": 0.2,
+        }.items()
+    }
+    selection = Selection(
+        None, fits, (), screen, (("stribeck",),), None, {}, {}, {}, None,
+        completed=Completed(BEST, ("stribeck",)),
+    )  # fmt: skip
+    judgement = Judgement(Verdict.EFFECT, (), PROBABILITY, 0.0, np.ones(3))
+    return rank_candidates(None, selection, judgement, (), EFFECTS)
+
+
+def test_models_that_differ_in_weak_effects_are_one_candidate(ranked):
+    fitted = [candidate.names for candidate in ranked if candidate.closure is not None]
+    assert fitted == [("presliding",), ("stribeck",), ("leakage_N", "stribeck")]
+
+
+def test_the_most_probable_is_first_by_the_sum_of_its_models(ranked):
+    odds = [candidate.probability for candidate in ranked]
+    assert odds == sorted(odds, reverse=True)
+    assert sum(odds) == pytest.approx(sum(PROBABILITY.values()))
+
+
+def test_a_candidate_shows_what_it_names_alone(ranked):
+    (named,) = [candidate for candidate in ranked if candidate.names == ("stribeck",)]
+    assert (named.explained, named.observable) == (0.8, 0.8)
+    assert list(named.parameters) == ["size"]
+    assert named.closure == sum(map(len, BEST))  # of the most probable of its models
