@@ -1,4 +1,4 @@
-"""When the model that forward selection ends with is completed."""
+"""How many effects forward selection takes, and when its model is completed."""
 
 from types import SimpleNamespace
 
@@ -6,9 +6,14 @@ import numpy as np
 import pytest
 
 from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels
+from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA
 from pneumo_casadi.diagnosis.select import forward_selection
 from pneumo_casadi.diagnosis.select.complete import Completed
-from pneumo_casadi.diagnosis.select.forward_selection import _completed
+from pneumo_casadi.diagnosis.select.forward_selection import (
+    _completed,
+    _needs_more,
+    acting_effects,
+)
 
 FINAL = ("stribeck",)
 WHOLE = Completed(("hose", "stribeck"), FINAL)
@@ -41,3 +46,48 @@ def test_a_model_is_completed_where_the_balances_tell(monkeypatch, left, hides, 
     )  # fmt: skip
     levels = BalanceLevels(np.ones(3), np.full(3, 100.0))
     assert _completed(ledger, fitted(10.0), FINAL, levels) == expected
+
+
+@pytest.mark.parametrize(
+    ("left", "in_flow", "in_force"),
+    [
+        ([(8, 8), (4, 8), (4, 4), (4, 2)], 1, 2),
+        ([(8, 8), (4, 4), (2, 2), (1, 1)], 3, 3),
+        ([(8, 8), (7.9, 4)], 0, 1),
+    ],
+)
+def test_effects_count_in_the_balances_that_they_act_in(monkeypatch, left, in_flow, in_force):
+    monkeypatch.setattr(forward_selection, "residual_rms", lambda fitted: np.array(fitted.residual))
+    fits = [
+        SimpleNamespace(effects=("a", "b", "c")[:number], residual=residual)
+        for number, residual in enumerate(left)
+    ]
+    counts = [acting_effects(fits, balance, CRITERIA.matters) for balance in (0, 1)]
+    assert counts == [in_flow, in_force]
+
+
+@pytest.mark.parametrize(
+    ("residuals", "expected"),
+    [
+        # Three effects have left half of the gap in the force, in which one of them acts.
+        ([10.0, 10.0, 10.0, 9.0], True),
+        # Two have: a fourth would take up a part of a cause that is none of them.
+        ([10.0, 10.0, 9.0, 8.0], False),
+        # Nothing visible is left.
+        ([1.7, 1.7, 1.7, 1.45], False),
+        # A second effect is asked for by what it may gain.
+        ([10.0, 4.0], True),
+        ([10.0, 1.0], False),
+    ],
+)
+def test_more_than_three_effects_are_selected_where_a_balance_was_not_searched(
+    monkeypatch, residuals, expected
+):
+    monkeypatch.setattr(forward_selection, "is_implausible", lambda ledger, current, known: False)
+    names = [("a", "b", "c")[:number] for number in range(len(residuals))]
+    fits = {key: fitted(left) for key, left in zip(names, residuals, strict=True)}
+    for key, fit in fits.items():
+        fit.effects = key
+    ledger = SimpleNamespace(fits=fits)
+    levels = BalanceLevels(np.ones(3), np.full(3, 100.0))
+    assert _needs_more(ledger, fits[()], names[1:], levels) is expected

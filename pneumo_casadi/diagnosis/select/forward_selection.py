@@ -1,8 +1,9 @@
 """Forward selection of effects from the nominal model, with one backtracking pass."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from pneumo_casadi.diagnosis.metrics.residual_size import (
     gaps,
     leaves_too_much,
     residual_rms,
+    shares_left,
 )
 from pneumo_casadi.diagnosis.metrics.simulated_gap import Simulations
 from pneumo_casadi.diagnosis.prepare.fit_store import Store
@@ -37,8 +39,11 @@ from pneumo_casadi.runtime.progress import Progress, no_progress
 #: Effects that are selected one after another, by refits of all that may be next; weak ones besides
 #: are left to `complete`.
 MAX_SELECTED = 3
-#: Largest number of effects in a model that is judged by simulation.
-MAX_SIMULATED = 6
+#: Effects that have acted in a balance once it has been searched: more are selected as long as half
+#: of a gap is left where fewer have.
+SEARCHED = 2
+#: Largest number of effects that are selected, or in a model that is judged by simulation.
+MAX_EFFECTS = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,11 +182,9 @@ def _forward(
 ) -> tuple[Names, ...]:
     path: list[Names] = []
     current = nominal
-    for round_ in range(MAX_SELECTED):
+    for round_ in range(MAX_EFFECTS):
         known: Names = path[-1] if path else ()
-        if path and not (
-            can_matter(nominal, current, levels) or is_implausible(ledger, current, known)
-        ):
+        if path and not _needs_more(ledger, nominal, path, levels):
             break
         if round_:
             report(f"looking for effect {round_ + 1}", 0.4 + 0.07 * round_)
@@ -216,7 +219,7 @@ def _forward(
             break  # where the motion is hidden, the balances are not reliable
         current = ledger.fits[best]
     report("comparing simulations", 0.8)
-    taken = extend_by_simulation(ledger, nominal, tuple(path), MAX_SIMULATED)
+    taken = extend_by_simulation(ledger, nominal, tuple(path), MAX_EFFECTS)
     if taken and taken[-1] in ledger.trials and taken[-1] not in ledger.gap_left:
         final, effects = ledger.fits[taken[-1]], ledger.effects(taken[-1])
         ledger.simulate({(): nominal, taken[-1]: final})
@@ -233,6 +236,28 @@ def _completed(
     if hidden or leaves_too_much(nominal, fitted, levels):
         return Completed(final, final)
     return complete(ledger, nominal, final, levels)
+
+
+def _needs_more(
+    ledger: FitLedger, nominal: FittedModel, path: Sequence[Names], levels: BalanceLevels
+) -> bool:
+    """Return whether a further effect is to be selected beside those accepted."""
+    known, current = path[-1], ledger.fits[path[-1]]
+    if len(known) >= MAX_SELECTED:
+        fits = [nominal, *(ledger.fits[names] for names in path)]
+        worst = int(np.argmax(shares_left(nominal, current, levels)))
+        searched = acting_effects(fits, worst, levels.criteria.matters) >= SEARCHED
+        return leaves_too_much(nominal, current, levels) and not searched
+    return can_matter(nominal, current, levels) or is_implausible(ledger, current, known)
+
+
+def acting_effects(fits: Sequence[FittedModel], balance: int, matters: float) -> int:
+    """Return how many effects have lowered the residual of a balance, one model after another."""
+    return sum(
+        len(after.effects) - len(before.effects)
+        for before, after in pairwise(fits)
+        if np.log(residual_rms(before) / residual_rms(after))[balance] >= matters
+    )
 
 
 def _coarse(
