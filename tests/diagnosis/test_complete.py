@@ -34,7 +34,7 @@ class Bench:
             SimpleNamespace(criteria=CRITERIA), {name: lambda name=name: name for name in alone}
         )
         self.refused, self.large, self.asked, self.distorting = set(), set(large), [], set()
-        self.refined, self.needed, self.map_only = [], set(), set()
+        self.refined, self.needed, self.map_only, self.cannot = [], set(), set(), False
         monkeypatch.setattr(stage, "hides", lambda effect, values: effect == "play")
         monkeypatch.setattr(
             stage,
@@ -43,6 +43,7 @@ class Bench:
         )
         self.ledger.effects = lambda names: tuple(names)
         self.ledger.fit_all = self.fit_all
+        self.ledger.fit_without = self.fit_without
         self.ledger.refine = self.refined.append
         self.ledger.over = self.over
         monkeypatch.setattr(stage, "background", lambda study, nominal, fitted, effects: fitted)
@@ -70,6 +71,15 @@ class Bench:
                 self.ledger.failures[key] = None
             else:
                 self.ledger.fits.setdefault(key, self.model(key))
+
+    def fit_without(self, names, some):
+        keys = {name: self.ledger.key(set(names) - {name}) for name in some}
+        self.fit_all(dict.fromkeys(keys.values()))
+        fits = {name: self.ledger.fits.get(key) for name, key in keys.items()}
+        return {
+            name: self.model(keys[name]) if fit is None and not self.cannot else fit
+            for name, fit in fits.items()
+        }
 
     def over(self, behind, without):
         promised = {
@@ -149,8 +159,15 @@ def test_an_effect_that_is_not_credible_is_tried_once(monkeypatch):
 
 def test_an_effect_without_which_the_model_cannot_be_fitted_is_named(monkeypatch):
     bench = Bench(monkeypatch, ALONE, large=())
-    bench.needed = {"hose"}
+    bench.needed, bench.cannot = {"hose"}, True
     assert bench.complete("hose", "leak") == Completed(("hose", "leak", "lag"), ("hose",))
+
+
+@pytest.mark.parametrize(("large", "named"), [(("hose",), ("hose",)), (("leak",), ("leak",))])
+def test_what_is_missed_in_a_model_that_is_not_credible_decides_a_name(monkeypatch, large, named):
+    bench = Bench(monkeypatch, ALONE, large=large)
+    bench.needed = {"hose"}
+    assert bench.complete("hose", "leak") == Completed(("hose", "leak", "lag"), named)
 
 
 def test_what_only_corrects_a_coarse_map_is_not_named(monkeypatch):

@@ -62,16 +62,16 @@ ONE = (("stribeck",),)
 def ledger_of(left):
     """A ledger whose models leave these shares of the simulated gap; None for a fit that fails."""
 
-    def fit_all(models):
-        kept.fits |= {key: key for key in models if left[key] is not None}
+    def fit_without(names, some):
+        keys = {name: tuple(sorted(set(names) - {name})) for name in some}
+        return {name: None if left[key] is None else key for name, key in keys.items()}
 
-    kept = SimpleNamespace(
-        fits={}, output_error_fits={}, fit_all=fit_all,
+    return SimpleNamespace(
+        fits={}, output_error_fits={}, fit_without=fit_without,
         key=lambda names: tuple(sorted(names)), effects=lambda names: names,
         simulate=lambda fits: None,
         simulations=SimpleNamespace(share=lambda nominal, fit, effects: left[effects]),
     )  # fmt: skip
-    return kept
 
 
 @pytest.mark.parametrize(
@@ -86,7 +86,7 @@ def ledger_of(left):
 def test_the_effect_without_which_most_of_the_gap_comes_back_is_first(left, expected):
     final = max(left, key=len)
     ledger = ledger_of(left)
-    ledger.fits[final] = SimpleNamespace(values={})
+    ledger.fits[final] = final
     shares = contributions(ledger, None, final, final)
     assert list(shares) == list(expected)
     assert shares == pytest.approx(expected)

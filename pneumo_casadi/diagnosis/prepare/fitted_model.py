@@ -74,6 +74,7 @@ def fit_model(
     base: float | None = None,
     max_iterations: int = MAX_ITERATIONS,
     trials: Sequence[Mapping[str, float]] = (),
+    credible: bool = True,
 ) -> FittedModel:
     """Fit the nominal axis with some effects to the balances; `refine_model` takes it to its end.
 
@@ -90,6 +91,8 @@ def fit_model(
         Of every fit. One that is cut short, see `FittedModel.pace`, is not rejected yet.
     trials : sequence of mapping, optional
         Further values of the effects; the fit begins where its cost is least.
+    credible : bool, optional
+        Whether a fit that is not credible is rejected; see `require_credible`.
     """
     axis = study.axis.with_effects(*effects).at_starting_values()
     known = {name: value for name, value in (start or {}).items() if name in axis.parameters}
@@ -108,7 +111,7 @@ def fit_model(
     if base is not None and effects and fitted.cost >= base - MIN_GAIN:
         new = [n for n in axis.parameters.free_names if "." in n and n not in known]
         fitted = _fit_from_larger_starts(study, axis, new, fitted)
-    if not fitted.pace:  # one cut short may pass through what is not credible
+    if credible and not fitted.pace:  # one cut short may pass through what is not credible
         require_credible(study, effects, fitted)
     return fitted
 

@@ -132,6 +132,8 @@ class _Completion:
         fits = {name: fit for name, fit in self._fit_without(names).items() if fit is not None}
         for name, fitted in sorted(fits.items(), key=lambda item: item[1].cost):
             rest, loss = self._rest(names, name), min(_gains(fitted, self._fit_of(names)))
+            if rest not in self.ledger.fits:
+                continue
             if (
                 loss < criteria.plausible_gain
                 and self._is_plausible(rest, names)
@@ -191,13 +193,10 @@ class _Completion:
         }
 
     def _fit_without(self, names: Names) -> dict[str, FittedModel | None]:
-        """Return the fits of a model without each of its effects; None where that failed."""
-        keys = {name: self._rest(names, name) for name in names}
-        values = self._fit_of(names).values
-        self.ledger.fit_all({key: Start(values) for key in keys.values() if key})
-        return {
-            name: self.ledger.fits.get(key) if key else self.nominal for name, key in keys.items()
-        }
+        """Return the fits of a model without each of its effects; None where there is none."""
+        if len(names) == 1:
+            return {names[0]: self.nominal}
+        return self.ledger.fit_without(names, names)
 
     def _rest(self, names: Names, name: str) -> Names:
         return self.ledger.key(set(names) - {name})

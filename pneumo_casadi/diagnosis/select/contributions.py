@@ -1,7 +1,7 @@
 """What each effect of the final model contributes: the gap that comes back without it."""
 
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
-from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger, Names, Start
+from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger, Names
 
 
 def contributions(
@@ -23,23 +23,16 @@ def contributions(
     named : tuple of str
         Those of which it is asked.
     """
-    without = {name: ledger.key(set(final) - {name}) for name in named}
-    values = ledger.fits[final].values
-    starts: dict[Names, Start] = {key: Start(values) for key in without.values() if key}
-    ledger.fit_all(starts)
-    fits = {key: _fit_of(ledger, key) for key in (final, *starts)}
-    ledger.simulate({key: fitted for key, fitted in fits.items() if fitted is not None})
-    left = {
-        key: 1.0
-        if fitted is None
-        else ledger.simulations.share(nominal, fitted, ledger.effects(key))
-        for key, fitted in fits.items()
+    fits = ledger.fit_without(final, named) if len(final) > 1 else dict.fromkeys(named)
+    models = {name: (ledger.key(set(final) - {name}), fit) for name, fit in fits.items()}
+    models[""] = final, ledger.fits[final]
+    refined = {
+        name: (key, ledger.output_error_fits.get(key, fit)) for name, (key, fit) in models.items()
     }
-    left[()] = 1.0
-    back = {name: left[key] - left[final] for name, key in without.items()}
+    ledger.simulate({key: fit for key, fit in refined.values() if fit is not None})
+    left = {
+        name: 1.0 if fit is None else ledger.simulations.share(nominal, fit, ledger.effects(key))
+        for name, (key, fit) in refined.items()
+    }
+    back = {name: left[name] - left[""] for name in named}
     return dict(sorted(back.items(), key=lambda item: -item[1]))
-
-
-def _fit_of(ledger: FitLedger, names: Names) -> FittedModel | None:
-    """Return the fit of a model, refined where it was; None where it failed."""
-    return ledger.output_error_fits.get(names, ledger.fits.get(names))

@@ -4,6 +4,7 @@ import hashlib
 import pickle
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor, Future
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
@@ -90,6 +91,8 @@ class FitLedger:
         Effects of the catalogue that no further model has.
     trials : dict of tuple of str to (FittedModel, float)
         Models refined by output error, and the share of the simulated gap that they leave.
+    reduced : dict of tuple of str to FittedModel
+        Models from which an effect was taken, where they are not credible; see `fit_without`.
     """
 
     study: Study
@@ -105,6 +108,7 @@ class FitLedger:
     alone: Names = ()
     promised: Mapping[str, float] = field(default_factory=dict)
     left_out: set[str] = field(default_factory=set)
+    reduced: dict[Names, FittedModel] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self._packed = pickle.dumps(self.study) if self.executor is not None else b""
@@ -203,6 +207,28 @@ class FitLedger:
             except FAULTS as error:
                 self.failures[key] = Failed(key, str(error))
                 self.fits.pop(key, None)
+
+    def fit_without(self, names: Names, some: Iterable[str]) -> dict[str, FittedModel | None]:
+        """Return the fits of a model without each of some effects; None where there is no fit.
+
+        Without an effect another one may take up what it did with a value that is not credible.
+        Such a fit is no model of the axis, but it tells how much is missed at least.
+        """
+        keys = {name: self.key(set(names) - {name}) for name in some}
+        starts = {key: Start(self.fits[names].values) for key in keys.values() if key}
+        self.fit_all(starts)
+        refused = [key for key in starts if key not in self.fits and key not in self.reduced]
+        jobs = {
+            key: self.run(
+                fit_model, self.effects(key), starts[key].values, (), None, SEARCH_ITERATIONS, (),
+                False,
+            )
+            for key in refused
+        }  # fmt: skip
+        for key, job in jobs.items():
+            with suppress(*FAULTS):
+                self.reduced[key] = job.result()
+        return {name: self.fits.get(key, self.reduced.get(key)) for name, key in keys.items()}
 
     def extensions(self, known: Names) -> dict[Names, FittedModel]:
         """Return the fits of models with one effect more than the known ones."""

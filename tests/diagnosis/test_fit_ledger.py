@@ -1,0 +1,50 @@
+"""Fits of a model without one of its effects."""
+
+from concurrent.futures import Future
+from types import SimpleNamespace
+
+import pytest
+
+from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger
+from pneumo_casadi.errors import FitError
+
+FINAL = ("hose", "leak")
+
+
+@pytest.fixture
+def ledger(monkeypatch):
+    """A model of two effects; without the hose the leak is not credible, at `anyway` else."""
+    monkeypatch.setattr(FitLedger, "__post_init__", lambda self: None)
+
+    def made(anyway):
+        kept = FitLedger(None, dict.fromkeys(FINAL))
+        kept.effects = lambda names: kept.key(names)
+        kept.fits[FINAL] = SimpleNamespace(values={"leak.size": 3.0})
+
+        def run(job, effects, values, *others):
+            done = Future()
+            credible = others[-1] is not False
+            if effects == ("leak",) and (credible or anyway is None):
+                done.set_exception(FitError("leak.size = 900 is not credible"))
+            else:
+                cost = 5.0 if credible else anyway
+                done.set_result(SimpleNamespace(cost=cost, values=values, pace=0.0))
+            return done
+
+        kept.run = run
+        return kept
+
+    return made
+
+
+def test_a_model_that_is_not_credible_tells_what_is_missed_and_is_no_candidate(ledger):
+    kept = ledger(anyway=70.0)
+    fits = kept.fit_without(FINAL, FINAL)
+    assert (fits["hose"].cost, fits["leak"].cost) == (70.0, 5.0)
+    assert ("leak",) not in kept.fits and ("leak",) in kept.failures
+    assert fits["hose"].values == {"leak.size": 3.0}  # it begins where the larger model ended
+
+
+def test_where_there_is_no_fit_at_all_none_stands_for_it(ledger):
+    fits = ledger(anyway=None).fit_without(FINAL, ("hose",))
+    assert fits == {"hose": None}
