@@ -27,22 +27,26 @@ def fitted(force):
 
 
 @pytest.mark.parametrize(
-    ("left", "hides", "tried", "expected"),
+    ("left", "hides", "tried", "slow", "expected"),
     [
-        (2.0, False, False, WHOLE),
+        (2.0, False, False, False, WHOLE),
         # What is left has another cause: effects more would take up parts of it.
-        (6.0, False, False, Completed(FINAL, FINAL)),
-        # The balances do not tell: sensors hide the motion, or simulations have decided.
-        (2.0, True, False, Completed(FINAL, FINAL)),
-        (2.0, False, True, Completed(FINAL, FINAL)),
+        (6.0, False, False, False, Completed(FINAL, FINAL)),
+        # The balances do not tell: sensors hide the motion, simulations have
+        # decided, or the records are too slow for accelerations.
+        (2.0, True, False, False, Completed(FINAL, FINAL)),
+        (2.0, False, True, False, Completed(FINAL, FINAL)),
+        (2.0, False, False, True, Completed(FINAL, FINAL)),
     ],
 )
-def test_a_model_is_completed_where_the_balances_tell(monkeypatch, left, hides, tried, expected):
+def test_a_model_is_completed_where_the_balances_tell(
+    monkeypatch, left, hides, tried, slow, expected
+):
     monkeypatch.setattr(forward_selection, "motion_is_hidden", lambda effects, fit: hides)
     monkeypatch.setattr(forward_selection, "complete", lambda *given: WHOLE)
     ledger = SimpleNamespace(
         fits={FINAL: fitted(left)}, output_error_fits={}, effects=lambda names: names,
-        trials={FINAL: None} if tried else {},
+        trials={FINAL: None} if tried else {}, study=SimpleNamespace(shows_accelerations=not slow),
     )  # fmt: skip
     levels = BalanceLevels(np.ones(3), np.full(3, 100.0))
     assert _completed(ledger, fitted(10.0), FINAL, levels) == expected

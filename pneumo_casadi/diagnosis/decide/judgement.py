@@ -146,9 +146,7 @@ def _acts_in(effect: Effect, force: bool) -> bool:
 
 
 def decided_by_simulation(selection: Selection) -> bool:
-    """Return whether the motion is hidden, so that simulations tell what is left."""
-    if selection.accepted not in selection.trials:
-        return False
+    """Return whether simulations tell what is left, since balances tell little of the motion."""
     simulated = selection.gap_left.get(selection.chosen, 1.0)
     return simulated < selection.levels.criteria.simulated or (
         len(selection.chosen) > 1 and selection.chosen in selection.output_error_fits

@@ -65,6 +65,17 @@ class Study:
         train, held_out = self.smoothed
         return (*train, *held_out)
 
+    @cached_property
+    def shows_accelerations(self) -> bool:
+        """Whether records are sampled fast enough for differences: else balances tell little."""
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            try:
+                plan_filters_for(self.train)
+            except CaseError:
+                return False
+        return True
+
     @property
     def sampling_interval(self) -> float:
         """Longest time between two samples of a record [s]."""

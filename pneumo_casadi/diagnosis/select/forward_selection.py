@@ -67,7 +67,7 @@ class Selection:
     output_error_fits : mapping of tuple of str to FittedModel
         Models that were taken as output error has refined them; see `extend_by_simulation`.
     gap_left : mapping of tuple of str to float
-        Share of the simulated gap left by those, and by a final model that hides the motion.
+        Share of the simulated gap left by those, and by a final model that balances tell little of.
     trials : mapping of tuple of str to float
         Share of the simulated gap left by every model that output error has refined.
     simulations : Simulations
@@ -220,7 +220,8 @@ def _forward(
         current = ledger.fits[best]
     report("comparing simulations", 0.8)
     taken = extend_by_simulation(ledger, nominal, tuple(path), MAX_EFFECTS)
-    if taken and taken[-1] in ledger.trials and taken[-1] not in ledger.gap_left:
+    simulated = bool(taken) and (taken[-1] in ledger.trials or not ledger.study.shows_accelerations)
+    if simulated and taken[-1] not in ledger.gap_left:
         final, effects = ledger.fits[taken[-1]], ledger.effects(taken[-1])
         ledger.simulate({(): nominal, taken[-1]: final})
         ledger.gap_left[taken[-1]] = ledger.simulations.share(nominal, final, effects)
@@ -230,10 +231,10 @@ def _forward(
 def _completed(
     ledger: FitLedger, nominal: FittedModel, final: Names, levels: BalanceLevels
 ) -> Completed:
-    """Return the final model completed, unless balances do not tell or the cause is unknown."""
+    """Return the final model completed, unless balances tell little or the cause is unknown."""
     fitted = ledger.fits[final]
     hidden = final in ledger.trials or motion_is_hidden(ledger.effects(final), fitted)
-    if hidden or leaves_too_much(nominal, fitted, levels):
+    if hidden or not ledger.study.shows_accelerations or leaves_too_much(nominal, fitted, levels):
         return Completed(final, final)
     return complete(ledger, nominal, final, levels)
 
