@@ -56,7 +56,7 @@ def complete(
     final : tuple of str
         Effects that the selection has found.
     """
-    work = _Completion(ledger, nominal, levels)
+    work = _Completion(ledger, nominal, levels, final)
     acting = work.review(work.grow(final))
     for _ in range(ROUNDS - 1):
         grown = work.grow(acting)
@@ -73,6 +73,8 @@ class _Completion:
 
     Parameters
     ----------
+    selected : tuple of str
+        Effects that the selection has found.
     refused : set of str
         Effects that were not credible where they were to be added: they are not tried again.
     """
@@ -80,6 +82,7 @@ class _Completion:
     ledger: FitLedger
     nominal: FittedModel
     levels: BalanceLevels
+    selected: Names
     refused: set[str] = field(default_factory=set)
 
     def grow(self, names: Names) -> Names:
@@ -105,8 +108,9 @@ class _Completion:
     def select_named(self, acting: Names) -> Names:
         """Return the effects that are `accepted` beside all others, or the one that is most.
 
-        One without which the model cannot be fitted is among them; an effect of the metered valve
-        that only corrects a coarse flow map is not.
+        So is an effect that was selected, if without it the model is not credible: what others take
+        up then says nothing against it. An effect of the metered valve that only corrects a coarse
+        flow map is not among them.
         """
         without = self._fit_without(acting)
         named = tuple(
@@ -119,10 +123,11 @@ class _Completion:
         """Return whether an effect of a model is large enough to be named."""
         if without is None:
             return True
-        added, beside = self.ledger.effects((name,)), len(names) > 1
-        return accepted(self.nominal, without, self._fit_of(names), self.levels) and not (
-            only_corrects_map(added, without, self.levels, beside)
-        )
+        added, rest = self.ledger.effects((name,)), self._rest(names, name)
+        if only_corrects_map(added, without, self.levels, beside=bool(rest)):
+            return False
+        needed = name in self.selected and rest in self.ledger.failures
+        return needed or accepted(self.nominal, without, self._fit_of(names), self.levels)
 
     def _improve(self, names: Names) -> Names | None:
         """Return a model without its weakest needless effect, or with a better one; else None."""
