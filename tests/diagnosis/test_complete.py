@@ -19,7 +19,7 @@ class Bench:
 
     Parameters
     ----------
-    gains : mapping of frozenset of str to float
+    gains : mapping of tuple of str to float
         Log-likelihood of a model over the nominal one; of others it is the sum of `alone`.
     alone : mapping of str to float
         Of each effect.
@@ -29,7 +29,8 @@ class Bench:
 
     def __init__(self, monkeypatch, alone, gains=None, held_out=None, large=("hose",)):
         monkeypatch.setattr(FitLedger, "__post_init__", lambda self: None)
-        self.alone, self.gains, self.held_out = alone, gains or {}, held_out or {}
+        self.alone, self.held_out = alone, held_out or {}
+        self.gains = {frozenset(names): gain for names, gain in (gains or {}).items()}
         self.ledger = FitLedger(
             SimpleNamespace(criteria=CRITERIA), {name: lambda name=name: name for name in alone}
         )
@@ -123,12 +124,9 @@ def test_what_records_held_out_do_not_show_stays_out(monkeypatch):
 def test_one_effect_that_stands_for_others_is_dropped_once_they_are_there(monkeypatch):
     alone = {"shift": 0.0, "leak": 0.0, "lag": 120.0}
     gains = {
-        frozenset(names): gain
-        for names, gain in {
-            ("shift",): 800.0, ("leak",): 700.0, ("lag",): 120.0,
-            ("shift", "lag"): 950.0, ("leak", "lag"): 1500.0, ("shift", "leak"): 900.0,
-            ("shift", "leak", "lag"): 1520.0,
-        }.items()
+        ("shift",): 800.0, ("leak",): 700.0, ("lag",): 120.0,
+        ("shift", "lag"): 950.0, ("leak", "lag"): 1500.0, ("shift", "leak"): 900.0,
+        ("shift", "leak", "lag"): 1520.0,
     }  # fmt: skip
     bench = Bench(monkeypatch, alone, gains, large=("leak",))
     assert bench.complete("shift") == Completed(("leak", "lag"), ("leak",))
@@ -137,11 +135,8 @@ def test_one_effect_that_stands_for_others_is_dropped_once_they_are_there(monkey
 def test_an_effect_is_exchanged_where_another_one_gains_more_beside_the_others(monkeypatch):
     alone = {"shift": 0.0, "leak": 0.0, "lag": 0.0}
     gains = {
-        frozenset(names): gain
-        for names, gain in {
-            (): 0.0, ("shift",): 800.0, ("leak",): 700.0, ("lag",): 120.0, ("shift", "lag"): 950.0,
-            ("leak", "lag"): 1000.0, ("shift", "leak"): 850.0, ("shift", "leak", "lag"): 1040.0,
-        }.items()
+        (): 0.0, ("shift",): 800.0, ("leak",): 700.0, ("lag",): 120.0, ("shift", "lag"): 950.0,
+        ("leak", "lag"): 1000.0, ("shift", "leak"): 850.0, ("shift", "leak", "lag"): 1040.0,
     }  # fmt: skip
     bench = Bench(monkeypatch, alone, gains, large=("leak", "shift"))
     assert bench.complete("shift") == Completed(("leak", "lag"), ("leak",))
@@ -198,7 +193,7 @@ def test_the_final_model_goes_on_to_its_minimum(monkeypatch):
 def test_what_a_needless_effect_has_kept_out_joins_in_a_second_round(monkeypatch):
     alone = {"hose": 900.0, "shift": 0.0, "leak": 0.0, "lag": 0.0}
     gains = {
-        frozenset(("hose", *names)): 900.0 + gain
+        ("hose", *names): 900.0 + gain
         for names, gain in {
             ("shift",): 150.0, ("leak",): 140.0, ("lag",): 10.0, ("shift", "leak"): 300.0,
             ("shift", "lag"): 160.0, ("leak", "lag"): 400.0, ("shift", "leak", "lag"): 405.0,

@@ -70,11 +70,7 @@ class Study:
         """Whether records are sampled fast enough for differences: else balances tell little."""
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            try:
-                plan_filters_for(self.train)
-            except CaseError:
-                return False
-        return True
+            return _planned_filters(self.train) is not None
 
     @property
     def sampling_interval(self) -> float:
@@ -115,7 +111,12 @@ def start_study(
 
 def _filters(records: Sequence[Recording]) -> FilterPlan:
     """Return the filters of the start; those of the smoothed motion where no others will do."""
+    return _planned_filters(records) or smoothing_filter(records[0].dt)
+
+
+def _planned_filters(records: Sequence[Recording]) -> FilterPlan | None:
+    """Return the filters of eq. 14; None if records are too slow to bound their distortion."""
     try:
         return plan_filters_for(records)
-    except CaseError:  # sampled too slowly to bound what the differences distort
-        return smoothing_filter(records[0].dt)
+    except CaseError:
+        return None
