@@ -145,6 +145,7 @@ def diagnose(
     decision = decide_verdict(selection, checks, known)
     inputs = estimate_unknown_inputs(study, selection.nominal)
     named = decision.names_effects
+    hidden, beside = ((), decision.absorbed) if named else (decision.absorbed, ())
     where = locate(
         study,
         selection.nominal,
@@ -182,7 +183,8 @@ def diagnose(
         effects=tuple(e for e in in_model if e.form in sure),
         undecided=tuple(e for e in in_model if e.form in judgement.undecided),
         besides=tuple(e for e in in_model if e.form in selection.besides),
-        ranking=rank_candidates(study, selection, judgement, decision.absorbed, chosen),
+        absorbed=beside,
+        ranking=rank_candidates(study, selection, judgement, hidden, chosen),
         where=where,
         gap=gap,
         ambiguous=alternatives if decision.is_open else (),

@@ -25,11 +25,11 @@ def review_verdict(
 ) -> tuple[Verdict, tuple[str, ...]]:
     """Review a verdict by the parameter checks; return it with the effects possibly absorbed.
 
-    Three rules: (1) Without a gap, or with one near the noise and implausible piston areas, the
+    Four rules: (1) Without a gap, or with one near the noise and implausible piston areas, the
     verdict is ``absorbed`` if a failed check points to an effect. (2) An effect that leaves a part
     of the gap and needs an implausible mass or piston area is not credible: the cause is unknown.
     (3) If the area of piston N is far off and nothing else is, the cause is valve N: the flow map
-    is that of valve P.
+    is that of valve P. (4) Where effects are named and (3) holds, valve N differs besides.
 
     Parameters
     ----------
@@ -67,6 +67,8 @@ def review_verdict(
     ):
         verdict = Verdict.UNKNOWN
     # Friction is left out: a sensor offset, present beside another valve, shifts it.
-    if verdict is Verdict.UNKNOWN and failed - {"F_c"} == far == {"S_N", "S_N/S_P"}:
+    if failed - {"F_c"} != far or far != {"S_N", "S_N/S_P"}:
+        return verdict, ()
+    if verdict is Verdict.UNKNOWN:
         return Verdict.ABSORBED, absorbed
-    return verdict, ()
+    return verdict, absorbed_candidates([c for c in checks if c.name != "F_c"], catalogue)

@@ -23,7 +23,8 @@ class Decision:
     judgement : Judgement
         Verdict and probabilities before the parameter checks.
     absorbed : tuple of str
-        Effects that the parameters may have absorbed, the most likely first.
+        Effects that the parameters may have absorbed, the most likely first; beside effects that
+        are named, those that they have absorbed.
     """
 
     verdict: Verdict
@@ -53,7 +54,7 @@ class Decision:
         """Whether these models are told as alternatives, and not by what is undecided."""
         if self.verdict is Verdict.EFFECT and self.judgement.undecided:
             return False
-        return len(self.alternatives) > 1 or bool(self.absorbed)
+        return len(self.alternatives) > 1 or (bool(self.absorbed) and not self.names_effects)
 
 
 def decide_verdict(
@@ -76,4 +77,6 @@ def decide_verdict(
     """
     judgement = judge(selection, tuple(catalogue[name]() for name in selection.named))
     verdict, absorbed = review_verdict(judgement, checks, catalogue)
+    if verdict in (Verdict.EFFECT, Verdict.AMBIGUOUS):  # of those fitted the model itself tells
+        absorbed = tuple(name for name in absorbed if name not in selection.chosen)
     return Decision(verdict, judgement, absorbed)

@@ -141,6 +141,7 @@ class DiagnosisSection(Section):
     provenance: dict[str, Any] = msgspec.field(default_factory=dict)
     refined_checks: tuple[CheckSection, ...] = ()
     besides: tuple[EffectSection, ...] = ()
+    absorbed: tuple[str, ...] = ()
 
     @property
     def read(self) -> Diagnosis:
@@ -152,6 +153,7 @@ class DiagnosisSection(Section):
             effects=tuple(item.read for item in self.effects),
             undecided=tuple(item.read for item in self.undecided),
             besides=tuple(item.read for item in self.besides),
+            absorbed=self.absorbed,
             ranking=tuple(item.read for item in self.ranking),
             where=self.where.read,
             gap=self.gap.read,

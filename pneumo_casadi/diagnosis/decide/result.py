@@ -70,6 +70,9 @@ class Diagnosis(Presentable):
         the verdict is ``ambiguous``.
     besides : tuple of EffectFound
         Effects of the final model that are probably also there, each too small to be named.
+    absorbed : tuple of str
+        Effects that the parameters have absorbed beside those named: no simulation shows them, a
+        parameter that contradicts the geometry does. Of the verdict absorbed see `ambiguous`.
     ranking : tuple of Candidate
         All candidates, the most probable first, failed ones last.
     where : Where
@@ -140,6 +143,7 @@ class Diagnosis(Presentable):
     findings: tuple[Finding, ...] = ()
     undecided: tuple[EffectFound, ...] = ()
     besides: tuple[EffectFound, ...] = ()
+    absorbed: tuple[str, ...] = ()
     with_term: Mapping[str, Value] = field(default_factory=dict)
     provenance: Mapping[str, Any] = field(default_factory=dict)
     refined_checks: tuple[Check, ...] = ()
@@ -193,6 +197,7 @@ class Diagnosis(Presentable):
             "effects": [effect_dict(effect) for effect in self.effects],
             "undecided": [effect_dict(effect) for effect in self.undecided],
             "besides": [effect_dict(effect) for effect in self.besides],
+            "absorbed": list(self.absorbed),
             "ranking": [candidate_dict(candidate) for candidate in self.ranking],
             "where": where_dict(self.where),
             "gap": gap_dict(self.gap),

@@ -219,7 +219,7 @@ def _forward(
             break  # where the motion is hidden, the balances are not reliable
         current = ledger.fits[best]
     report("comparing simulations", 0.8)
-    taken = extend_by_simulation(ledger, nominal, tuple(path), MAX_EFFECTS)
+    taken = extend_by_simulation(ledger, nominal, tuple(path), levels, MAX_EFFECTS)
     simulated = bool(taken) and (taken[-1] in ledger.trials or not ledger.study.shows_accelerations)
     if simulated and taken[-1] not in ledger.gap_left:
         final, effects = ledger.fits[taken[-1]], ledger.effects(taken[-1])

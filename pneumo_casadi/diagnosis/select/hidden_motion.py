@@ -11,13 +11,14 @@ import numpy as np
 
 from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels, residual_rms
 from pneumo_casadi.diagnosis.metrics.simulated_gap import Simulated, simulate_fit
-from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel, require_credible, values_of
+from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel, require_credible
 from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.diagnosis.select.fit_ledger import FAULTS, Failed, FitLedger, Names
 from pneumo_casadi.diagnosis.select.output_error_refinement import (
     MAX_ITERATIONS,
     refine_by_output_error,
 )
+from pneumo_casadi.diagnosis.select.propose import fit_extensions
 from pneumo_casadi.estimation.equation_error.balance_functions import any_sensor_effect
 from pneumo_casadi.estimation.equation_error.smoothed_motion import BANDWIDTH
 from pneumo_casadi.model.effect import Effect
@@ -88,7 +89,11 @@ def closes_in_simulation(ledger: FitLedger, nominal: FittedModel, names: Names) 
 
 
 def extend_by_simulation(
-    ledger: FitLedger, nominal: FittedModel, path: tuple[Names, ...], max_effects: int
+    ledger: FitLedger,
+    nominal: FittedModel,
+    path: tuple[Names, ...],
+    levels: BalanceLevels,
+    max_effects: int,
 ) -> tuple[Names, ...]:
     """Go on by simulations where the motion is hidden, and return the path taken.
 
@@ -104,7 +109,7 @@ def extend_by_simulation(
         first = alone if alone in ledger.fits else first
     grown = [first]
     while len(grown[-1]) < max_effects:
-        more = _extended(ledger, nominal, grown[-1])
+        more = _extended(ledger, nominal, grown[-1], levels)
         if more is None:
             break
         grown.append(more)
@@ -122,13 +127,17 @@ def _take_refined(ledger: FitLedger, nominal: FittedModel, names: Names) -> None
         ledger.take(names)
 
 
-def _extended(ledger: FitLedger, nominal: FittedModel, known: Names) -> Names | None:
+def _extended(
+    ledger: FitLedger, nominal: FittedModel, known: Names, levels: BalanceLevels
+) -> Names | None:
     """Return a model with one more effect that simulations show to be better, or None."""
     _refine_all(ledger, nominal, {known: ledger.fits[known]})
     base, share = ledger.trials[known]
     criteria = ledger.study.criteria
     if share < (criteria.matters if len(known) == 1 else criteria.unexplained):
         return None
+    # What a delay of the sensor hides from an effect alone the balances show beside it.
+    fit_extensions(ledger, nominal, ledger.fits[known], known, levels)
     keys = {name: ledger.key((*known, name)) for name in _candidates(ledger, known)}
     starts = {
         key: _beside(ledger, base, known, name)
@@ -214,12 +223,16 @@ def _gains(ledger: FitLedger, known: Names, name: str) -> bool:
 
 
 def _beside(ledger: FitLedger, base: FittedModel, known: Names, name: str) -> FittedModel:
-    """Return a fit with an effect more: as fitted where that gained something, or at its start."""
+    """Return a fit with an effect more: as the balances have it where it gained, or at its start.
+
+    Parameters of two fits do not suit each other: with what output error has made of the smaller
+    model and the balances of the effect, twelve iterations ended where the fit had been better.
+    """
     key = ledger.key((*known, name))
+    if _gains(ledger, known, name):
+        return ledger.fits[key]
     axis = ledger.study.axis.with_effects(*ledger.effects(key)).at_starting_values()
     values = axis.with_parameters(dict(base.values)).parameters.as_dict()
-    if _gains(ledger, known, name):
-        values |= values_of(name, ledger.fits[key].values)
     return replace(base, effects=key, values=values)
 
 

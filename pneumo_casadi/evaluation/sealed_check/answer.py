@@ -1,8 +1,9 @@
 """The answer of a diagnosis, reduced to what can be scored.
 
-- *named*: what the verdict stands for. ``effect``: the effects added. ``ambiguous``: the effects
-  added, or the first of the set where none was. ``absorbed``: the first of the set, or of the
-  ranking. ``none``, ``unknown``, and a diagnosis that failed stand for no effect.
+- *named*: what the verdict stands for. ``effect``: the effects added, and those said to be
+  absorbed beside them. ``ambiguous``: the same, or the first of the set where none was.
+  ``absorbed``: the first of the set, or of the ranking. ``none``, ``unknown``, and a diagnosis that
+  failed stand for no effect.
 - *offered*: the set of effects that the verdict leaves open, *named* included: ``effect`` and
   ``ambiguous`` with all that the data cannot tell from it, ``absorbed`` likewise. Effects that a
   label joins count one by one, so that a set is as large as the effects that it holds.
@@ -65,6 +66,7 @@ def read_answer(verdict: Mapping[str, Any]) -> Answer:
     candidates = list(verdict.get("ranking") or ())
     ranking = tuple(effects_in(item["name"]) for item in candidates)
     added = frozenset(str(item["name"]) for item in verdict.get("effects") or ())
+    added |= frozenset(str(name) for name in verdict.get("absorbed") or ())
     alike = [effects_in(label) for label in verdict.get("ambiguous") or ()]
     named: frozenset[str] = frozenset()
     if word in NAMING:

@@ -71,6 +71,7 @@ def cause_sentences(
         *(_cause(effect, catalogue, final or {}) for effect in diagnosis.effects),
         *(_undecided(effect) for effect in diagnosis.undecided),
         *_besides(diagnosis.besides),
+        *_absorbed(diagnosis),
     )
 
 
@@ -80,6 +81,18 @@ def _besides(effects: Sequence[EffectFound]) -> tuple[str, ...]:
         return ()
     names = joined([either(effect) for effect in effects])
     return (f"Probably also there, each too small to be named as a cause: {names}.",)
+
+
+def _absorbed(diagnosis: Diagnosis) -> tuple[str, ...]:
+    """Return the sentence on effects that the parameters have taken up; none without any."""
+    if not diagnosis.absorbed:
+        return ()
+    wrong = joined([check.name for check in diagnosis.checks if not check.agrees])
+    names = joined([plain(name) for name in diagnosis.absorbed])
+    return (
+        f"Also there, absorbed by the parameters: {names}. The simulation does not show it, but "
+        f"{wrong} contradict geometry or data sheet.",
+    )
 
 
 def either(effect: EffectFound) -> str:

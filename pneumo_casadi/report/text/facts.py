@@ -24,6 +24,9 @@ def facts(diagnosis: Diagnosis, final: FinalModel | None) -> list[tuple[str, str
     if diagnosis.besides:
         besides = joined([either(effect) for effect in diagnosis.besides])
         shown.append(("Probably also there", besides))
+    if diagnosis.absorbed:
+        names = joined([plain(name) for name in diagnosis.absorbed])
+        shown.append(("Absorbed by the parameters", names))
     if diagnosis.discovered is not None:
         shown.append(("Discovered term", discovered_fact(diagnosis.discovered)))
     if diagnosis.effects:

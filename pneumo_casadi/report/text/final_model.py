@@ -102,13 +102,14 @@ def _values(content: Mapping[str, Any]) -> dict[str, Value]:
 def final_title(diagnosis: Diagnosis) -> str:
     """Return the title of the section on the final model."""
     titles = {Verdict.UNKNOWN: TITLE_WITHOUT_CAUSE, Verdict.ABSORBED: TITLE_ABSORBED}
-    return titles.get(diagnosis.verdict, TITLE)
+    return titles.get(diagnosis.verdict, TITLE_ABSORBED if diagnosis.absorbed else TITLE)
 
 
 def _absorbed(diagnosis: Diagnosis) -> str:
     """Return which parameters have taken up what the model lacks; empty where none has."""
     wrong = [check.name for check in diagnosis.final_checks if not check.agrees]
-    if diagnosis.verdict is not Verdict.ABSORBED or not wrong:
+    taken_up = diagnosis.verdict is Verdict.ABSORBED or bool(diagnosis.absorbed)
+    if not taken_up or not wrong:
         return ""
     return f"not {joined(wrong, 'or')}: the fit has taken up there what the model lacks"
 
