@@ -8,6 +8,7 @@ import pytest
 
 from pneumo_casadi.diagnosis import Verdict, diagnose, prepare_study
 from pneumo_casadi.diagnosis.decide.credibility import review_verdict
+from pneumo_casadi.diagnosis.decide.decision import decide_verdict
 from pneumo_casadi.diagnosis.decide.judgement import Judgement
 from pneumo_casadi.diagnosis.metrics.findings import Check
 from pneumo_casadi.diagnosis.prepare.fitted_model import fit_model, require_credible
@@ -149,8 +150,29 @@ def test_a_piston_N_far_from_its_size_is_another_valve_whatever_the_gap(names, e
     assert hidden[:1] == (("valve_mismatch",) if expected is Verdict.ABSORBED else ())
 
 
-def test_an_effect_that_leaves_little_is_believed_beside_a_piston_that_is_off():
+@pytest.mark.parametrize(
+    ("names", "tolerances", "expected"),
+    [
+        (("S_N", "S_N/S_P"), 4.0, ("valve_mismatch",)),
+        (("S_N", "S_N/S_P", "F_c"), 4.0, ("valve_mismatch",)),  # no offset of a sensor for F_c
+        (("S_N", "S_N/S_P"), 2.0, ()),  # the form of an effect may move an area so far
+        (("S_P", "S_N", "S_N/S_P"), 4.0, ()),
+    ],
+)
+def test_an_effect_that_leaves_little_is_named_and_the_other_valve_besides(
+    names, tolerances, expected
+):
     judgement = Judgement(Verdict.EFFECT, (), {}, 0.05, np.array([1.0, 9.0, 1.0]))
-    result, hidden = review_verdict(judgement, failing("S_N", "S_N/S_P", tolerances=4.0), EFFECTS)
-    assert result is Verdict.EFFECT
-    assert hidden == ()
+    result = review_verdict(judgement, failing(*names, tolerances=tolerances), EFFECTS)
+    assert result == (Verdict.EFFECT, expected)
+
+
+@pytest.mark.parametrize("fitted", [False, True])
+def test_of_a_valve_that_was_fitted_the_model_tells(monkeypatch, fitted):
+    names = ("exhaust_restriction", "valve_mismatch") if fitted else ("exhaust_restriction",)
+    judgement = Judgement(Verdict.EFFECT, (names,), {}, 0.05, np.array([1.0, 9.0, 1.0]))
+    monkeypatch.setattr("pneumo_casadi.diagnosis.decide.decision.judge", lambda *_: judgement)
+    selection = SimpleNamespace(named=names[:1], chosen=names)
+    decision = decide_verdict(selection, failing("S_N", "S_N/S_P", tolerances=4.0), EFFECTS)
+    assert decision.absorbed == (() if fitted else ("valve_mismatch",))
+    assert (decision.alternatives, decision.is_open) == ((names,), False)

@@ -47,6 +47,13 @@ def test_a_drag_beside_a_late_sensor_is_found_by_simulation(made_case):
     assert result == {"position_delay", "quadratic_drag"}
 
 
+@pytest.mark.slow
+def test_a_leak_that_a_late_sensor_hides_alone_is_found_beside_it(made_case):
+    case = made_case(22, 2.0, position_delay="large", leakage_P="large")
+    result = named(case, "leakage_P", "leakage_N", "quadratic_drag", "stribeck", "position_delay")
+    assert result == {"position_delay", "leakage_P"}
+
+
 @pytest.mark.parametrize(("cost", "tried"), [(-50.0, True), (-5.0, False), (50.0, False)])
 def test_a_second_sensor_is_tried_where_it_gains_in_fits(cost, tried):
     """The first one may stand for it too: alone it is no reason to simulate both."""

@@ -122,6 +122,14 @@ BESIDES = replace(
         EffectFound(name, 0.97, {"c": Value(1.0, 0.1, "1")}) for name in ("hose", "leakage_P")
     ),
 )
+BESIDE_ABSORBED = replace(
+    EFFECT,
+    absorbed=("valve_mismatch",),
+    checks=(
+        Check("S_N", 7.7e-4, 1e-6, 7e-4, 1.6e-5, "m2", False, "S_N comes out +10 %."),
+        Check("S_N/S_P", 0.94, 1e-3, 0.85, 8e-3, "1", False, "S_N/S_P comes out +10 %."),
+    ),
+)
 NONE = replace(
     EFFECT,
     verdict=Verdict.NONE,

@@ -132,6 +132,16 @@ def test_weak_effects_of_the_final_model_are_told_and_not_named():
     assert [item["name"] for item in made.BESIDES.as_dict()["besides"]] == ["hose", "leakage_P"]
 
 
+def test_what_parameters_have_absorbed_beside_an_effect_is_told_with_them():
+    *_, sentence = cause_sentences(made.BESIDE_ABSORBED)
+    assert sentence == (
+        "Also there, absorbed by the parameters: valve mismatch. It shows in the fitted S_N and "
+        "S_N/S_P, not in the simulation."
+    )
+    assert "<dt>Absorbed by the parameters</dt>" in diagnosis_html(made.BESIDE_ABSORBED, {})
+    assert made.BESIDE_ABSORBED.as_dict()["absorbed"] == ["valve_mismatch"]
+
+
 def test_a_gap_that_grows_is_not_said_to_fall():
     worse = replace(made.EFFECT, gap=replace(made.EFFECT.gap, after=14.0))
     assert "does not fall" in headline(worse)

@@ -90,8 +90,8 @@ def _absorbed(diagnosis: Diagnosis) -> tuple[str, ...]:
     wrong = joined([check.name for check in diagnosis.checks if not check.agrees])
     names = joined([plain(name) for name in diagnosis.absorbed])
     return (
-        f"Also there, absorbed by the parameters: {names}. The simulation does not show it, but "
-        f"{wrong} contradict geometry or data sheet.",
+        f"Also there, absorbed by the parameters: {names}. It shows in the fitted {wrong}, not in "
+        "the simulation.",
     )
 
 

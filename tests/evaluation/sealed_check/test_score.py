@@ -171,6 +171,8 @@ def test_a_verdict_that_says_little_is_read(told):
         (),
         0.0,
     )
+    beside = read_answer(told("effect", "hose") | {"absorbed": ["valve_mismatch"]})
+    assert (beside.first, beside.named) == ("hose", {"hose", "valve_mismatch"})
     answer = read_answer(told("ambiguous", "hose", ambiguous=["hose", "backlash + stribeck"]))
     assert answer.named == {"hose"}
     assert answer.offered == {"hose", "backlash", "stribeck"}
