@@ -2,7 +2,8 @@
 
 Data: files that try to run code, to escape a folder, to exhaust memory or time, or to inject
 markup, formulas or commands of a terminal (`hostility/`). Each is put beside a sound case, result
-and export, and read in a process with limits of time and memory. `succeeded` counts those that ran
+and export, and read in a process with limits of time and memory; with `--quick` most are read in
+forks of this one. `succeeded` counts those that ran
 code, ended the process, exhausted it, or left their mark in an output; `won` says how.
 """
 
@@ -40,8 +41,15 @@ def make_base(folder: Path) -> Path:
     return base
 
 
-def attack_all(only: str = "") -> dict[str, Any]:
+def attack_all(only: str = "", forked: bool = False) -> dict[str, Any]:
     """Carry all attacks out, those whose name holds a text.
+
+    Parameters
+    ----------
+    only : str, optional
+        The text.
+    forked : bool, optional
+        Whether to read in forks of this process what needs no interpreter of its own.
 
     Returns
     -------
@@ -55,7 +63,7 @@ def attack_all(only: str = "") -> dict[str, Any]:
         for k, attack in enumerate(chosen):
             folder = Path(name) / f"attack{k}"
             shutil.copytree(base, folder)
-            how = succeeds(attack, folder)
+            how = succeeds(attack, folder, forked)
             shutil.rmtree(folder, ignore_errors=True)
             shutil.rmtree(Path(name) / "cache", ignore_errors=True)
             print(f"{attack.name}: {how or 'nothing'}", flush=True)
@@ -69,9 +77,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", default="", help="part of the names of the attacks")
     parser.add_argument("--json", type=Path)
-    parser.add_argument("--quick", action="store_true")
+    parser.add_argument("--quick", action="store_true", help="in forks of one process")
     options = parser.parse_args(arguments)
-    figures = attack_all(options.only or ("functions" if options.quick else ""))
+    figures = attack_all(options.only, options.quick)
     provenance.write(options.json, {**provenance.made(None, options.quick, "msgspec"), **figures})
     print(f"files {figures['files']}, succeeded {figures['succeeded']}")
 

@@ -1,10 +1,14 @@
 """An attack: how its files are made, what reads them, and how its success shows."""
 
+import contextlib
 import os
 import resource
+import signal
 import subprocess
 import sys
-from collections.abc import Callable
+import time
+import traceback
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -29,42 +33,102 @@ class Attack:
         Python that a user would run in that folder.
     won : callable, optional
         Whether it succeeded although no canary was made, from the folder and what was printed.
+    fresh : bool, optional
+        Whether it needs an interpreter that has not imported anything: it is about what is
+        imported, or what a process keeps.
     """
 
     name: str
     make: Callable[[Path, Path], None]
     read: str
     won: Callable[[Path, str], bool] = lambda folder, printed: False
+    fresh: bool = False
 
 
-def succeeds(attack: Attack, folder: Path) -> str:
-    """Carry an attack out and return how it succeeded, or an empty text."""
+def succeeds(attack: Attack, folder: Path, forked: bool = False) -> str:
+    """Carry an attack out and return how it succeeded, or an empty text.
+
+    Parameters
+    ----------
+    forked : bool, optional
+        Whether to read the file in a fork of this process, which takes no time to start, unless
+        the attack needs a fresh interpreter.
+    """
     canary = folder.parent / f"{folder.name}.{CANARY}"
     attack.make(folder, canary)
-    environment = {**os.environ, "PNEUMO_CASADI_CACHE": str(folder.parent / "cache")}
+    added = {"PNEUMO_CASADI_CACHE": str(folder.parent / "cache")}
+    run = _run_forked if forked and not attack.fresh else _run_apart
+    done = run(attack.read, folder, added)
+    if done is None:
+        return "it hangs"
+    code, printed = done
+    if canary.exists():
+        return "code was run"
+    if code < 0:
+        return f"the process ended with signal {-code}"
+    if "MemoryError" in printed:
+        return "memory was exhausted"
+    if "Traceback" in printed and "pneumo_casadi.errors" not in printed:
+        return f"a traceback: {printed.strip().splitlines()[-1][:200]}"
+    return "it shows in the output" if attack.won(folder, printed) else ""
+
+
+def _run_apart(read: str, folder: Path, added: Mapping[str, str]) -> tuple[int, str] | None:
+    """Return exit code and output of an interpreter of its own; None where it hangs."""
     try:
         done = subprocess.run(
             # As the installed command runs: the current folder is not on the path of imports.
-            [sys.executable, "-P", "-c", attack.read],
+            [sys.executable, "-P", "-c", read],
             cwd=folder,
-            env=environment,
+            env={**os.environ, **added},
             capture_output=True,
             timeout=10 * TIME,
             preexec_fn=_limit,
             check=False,
         )
     except subprocess.TimeoutExpired:
-        return "it hangs"
-    printed = (done.stdout + done.stderr).decode("utf-8", "replace")
-    if canary.exists():
-        return "code was run"
-    if done.returncode < 0:
-        return f"the process ended with signal {-done.returncode}"
-    if "MemoryError" in printed:
-        return "memory was exhausted"
-    if "Traceback" in printed and "pneumo_casadi.errors" not in printed:
-        return f"a traceback: {printed.strip().splitlines()[-1][:200]}"
-    return "it shows in the output" if attack.won(folder, printed) else ""
+        return None
+    return done.returncode, (done.stdout + done.stderr).decode("utf-8", "replace")
+
+
+def _run_forked(read: str, folder: Path, added: Mapping[str, str]) -> tuple[int, str] | None:
+    """Return the same of a fork of this process."""
+    log = folder.parent / f"{folder.name}.log"
+    sys.stdout.flush()
+    pid = os.fork()
+    if not pid:
+        _be_read(read, folder, log, added)
+    began = time.monotonic()
+    while not (ended := os.waitpid(pid, os.WNOHANG))[0]:
+        if time.monotonic() - began > 10 * TIME:
+            os.kill(pid, signal.SIGKILL)
+            os.waitpid(pid, 0)
+            return None
+        time.sleep(0.01)
+    return os.waitstatus_to_exitcode(ended[1]), log.read_text("utf-8", "replace")
+
+
+def _be_read(read: str, folder: Path, log: Path, added: Mapping[str, str]) -> None:
+    """Run in a fork what reads a file, and end the process."""
+    code = 1
+    try:
+        os.chdir(folder)
+        os.environ.update(added)
+        output = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
+        os.dup2(output, 1)
+        os.dup2(output, 2)
+        os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+        _limit()
+        exec(compile(read, "<attack>", "exec"), {"__name__": "__main__"})
+        code = 0
+    except SystemExit as end:
+        code = int(end.code or 0)
+    except BaseException:
+        traceback.print_exc()
+    with contextlib.suppress(OSError):
+        sys.stdout.flush()
+        sys.stderr.flush()
+    os._exit(code)
 
 
 def _limit() -> None:

@@ -316,10 +316,11 @@ def attacks() -> Iterator[Attack]:
         READ_MODEL,
     )
     for name in ("numpy", "scipy", "json", "casadi", "pneumo_casadi", "sitecustomize", "h5py"):
-        yield Attack(f"a module {name} beside the records", module(name), READ_CASE)
+        beside = f"a module {name} beside the records"
+        yield Attack(beside, module(name), READ_CASE, fresh=True)
     yield Attack("a pickle for a record", pickled_columns, READ_CASE)
     yield Attack("a pickle in a MAT file", pickled_cells, READ_CASE)
     yield Attack("a pickle in a Parquet file", pickled_parquet, READ_CASE)
-    yield Attack("cache: a library replaced", cached(replaced), COMPILED)
-    yield Attack("cache: a link", cached(linked), COMPILED)
-    yield Attack("cache: open to others", cached(open_folder), COMPILED)
+    yield Attack("cache: a library replaced", cached(replaced), COMPILED, fresh=True)
+    yield Attack("cache: a link", cached(linked), COMPILED, fresh=True)
+    yield Attack("cache: open to others", cached(open_folder), COMPILED, fresh=True)
