@@ -3,8 +3,8 @@
 Data: files that try to run code, to escape a folder, to exhaust memory or time, or to inject
 markup, formulas or commands of a terminal (`hostility/`). Each is put beside a sound case, result
 and export, and read in a process with limits of time and memory; with `--quick` most are read in
-forks of this one. `succeeded` counts those that ran
-code, ended the process, exhausted it, or left their mark in an output; `won` says how.
+forks of this one. `succeeded` counts those that ran code, ended the process, exhausted it, or left
+their mark in an output; `won` says how.
 """
 
 import argparse

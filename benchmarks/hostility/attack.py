@@ -122,13 +122,14 @@ def _be_read(read: str, folder: Path, log: Path, added: Mapping[str, str]) -> No
         exec(compile(read, "<attack>", "exec"), {"__name__": "__main__"})
         code = 0
     except SystemExit as end:
-        code = int(end.code or 0)
+        code = end.code if isinstance(end.code, int) else int(end.code is not None)
     except BaseException:
         traceback.print_exc()
-    with contextlib.suppress(OSError):
-        sys.stdout.flush()
-        sys.stderr.flush()
-    os._exit(code)
+    finally:  # whatever happens, a fork must not go on with the work of its parent
+        with contextlib.suppress(OSError):
+            sys.stdout.flush()
+            sys.stderr.flush()
+        os._exit(code)
 
 
 def _limit() -> None:

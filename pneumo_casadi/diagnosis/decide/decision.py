@@ -11,6 +11,9 @@ from pneumo_casadi.diagnosis.select.fit_ledger import Names
 from pneumo_casadi.diagnosis.select.forward_selection import Selection
 from pneumo_casadi.model.effect import EffectFactory
 
+#: Verdicts that name effects of the final model.
+NAMING = (Verdict.EFFECT, Verdict.AMBIGUOUS)
+
 
 @dataclass(frozen=True, slots=True)
 class Decision:
@@ -34,7 +37,7 @@ class Decision:
     @property
     def names_effects(self) -> bool:
         """Whether the verdict names effects of the final model."""
-        return self.verdict in (Verdict.EFFECT, Verdict.AMBIGUOUS)
+        return self.verdict in NAMING
 
     @property
     def has_gap(self) -> bool:
@@ -77,6 +80,6 @@ def decide_verdict(
     """
     judgement = judge(selection, tuple(catalogue[name]() for name in selection.named))
     verdict, absorbed = review_verdict(judgement, checks, catalogue)
-    if verdict in (Verdict.EFFECT, Verdict.AMBIGUOUS):  # of those fitted the model itself tells
+    if verdict in NAMING:  # of those fitted the model itself tells
         absorbed = tuple(name for name in absorbed if name not in selection.chosen)
     return Decision(verdict, judgement, absorbed)
