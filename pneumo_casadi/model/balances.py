@@ -18,6 +18,8 @@ from pneumo_casadi.valve.flow_pair import valve_of
 
 #: Lower limit of the pressure at a port of the valve after all effects [Pa].
 P_LEAST = 1e3
+#: Dead length of a chamber [strokes].
+DEAD_LENGTH = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +38,10 @@ class Balances:
         What the sensors show, by channel.
     q_m : Pair
         Flow through the valves [kg/s]; zeros without chambers.
+    inertia : dict of str to Expression
+        Factor of the rate in each balance of the nominal axis: the capacity of a chamber [kg/Pa],
+        and M [kg]. Where sensors do not sit at the chambers, at most the isothermal capacity of
+        their geometry: the balance at the sensor would not forbid that it grows.
     """
 
     residual: Mapping[str, Expression]
@@ -43,6 +49,7 @@ class Balances:
     rest: Mapping[str, Expression]
     output: Mapping[str, Expression]
     q_m: Pair
+    inertia: Mapping[str, Expression]
 
 
 @dataclass
@@ -55,6 +62,8 @@ class _Fold:
 
     def __post_init__(self) -> None:
         self.entering = [{} for _ in self.effects]
+        pairs = zip(self.scopes, self.entering, strict=True)
+        self.scopes = [replace(scope, entering=seen) for scope, seen in pairs]
 
     def through(self, junction: str, value: Any) -> Any:
         for effect, scope, seen in zip(self.effects, self.scopes, self.entering, strict=True):
@@ -120,14 +129,26 @@ def write_balances(
     owns = [_own(effect, x, theta) for effect in effects]
     fold = _Fold(effects, [replace(common, own=own) for own in owns])
 
+    p_c = p
+    if kind.gas_chambers:
+        p_c = fold.through("chamber_pressure", p)
+        fold.scopes = [replace(scope, p=p_c) for scope in fold.scopes]
+    inside = signals if p_c is p else {**signals, "p_P": p_c.P, "p_N": p_c.N}
     residual: dict[str, Expression] = {}
+    inertia: dict[str, Expression] = {"force": theta["M"]}
     q_m = Pair(0.0, 0.0)
     if kind.gas_chambers:
         q_m = _valve_flow(fold, u, p, theta, constants, flow)
         q = fold.through("chamber_flow", fold.through("line", q_m))
         q = fold.through("chamber_energy", q)
-        residual |= mass_flow_residuals(q, p, x, dx, theta)
-    driving = fold.through("drive", driving_force(kind, signals, nominal))
+        nominal_capacity = chamber_capacities(x["x"], theta)
+        capacity = fold.through("capacity", nominal_capacity)
+        shared = nominal_capacity
+        if capacity is not nominal_capacity and "stroke" in constants:
+            shared = _at_most_isothermal(nominal_capacity, x["x"], constants)
+        inertia |= {f"mass_flow_{c}": C for c, C in zip("PN", shared, strict=True)}
+        residual |= mass_flow_residuals(q, capacity, p_c, x, dx, theta)
+    driving = fold.through("drive", driving_force(kind, inside, nominal))
     loaded = driving - friction + load_force(signals, theta["M"], constants)
     force = fold.through("force", loaded)
     residual["force"] = force - theta["M"] * dx["v"]
@@ -140,11 +161,12 @@ def write_balances(
         if effect.states:
             rates |= _full(effect, effect.rates(entering, scope))
             rest |= _full(effect, effect.rest(entering, scope))
-    return Balances(residual, rates, rest, output, q_m)
+    return Balances(residual, rates, rest, output, q_m, inertia)
 
 
 def mass_flow_residuals(
     q: Pair,
+    capacity: Pair,
     p: Pair,
     x: Mapping[str, Expression],
     dx: Mapping[str, Expression],
@@ -153,12 +175,11 @@ def mass_flow_residuals(
     """Return the residuals of both mass flow balances of eq. 1 [kg/s].
 
     ``q`` is the flow that raises the pressures: k r T / V (q_m ∓ S/(r T) p ẋ) = ṗ, written with
-    the parameters of eq. 10 and 11.
+    the parameters of eq. 10 and 11; `capacity` is V/(k r T) of either chamber.
     """
-    P, N = chamber_capacities(x["x"], theta)
     return {
-        "mass_flow_P": q.P - P * dx["p_P"] - theta["X_s3"] * p.P * x["v"],
-        "mass_flow_N": q.N - N * dx["p_N"] + theta["X_s6"] * p.N * x["v"],
+        "mass_flow_P": q.P - capacity.P * dx["p_P"] - theta["X_s3"] * p.P * x["v"],
+        "mass_flow_N": q.N - capacity.N * dx["p_N"] + theta["X_s6"] * p.N * x["v"],
     }
 
 
@@ -168,6 +189,14 @@ def chamber_capacities(x: Expression, theta: Mapping[str, Expression]) -> Pair:
     Eq. 3: V_P(x) = V_P(0) + S_P x and V_N(x) = V_N(0) - S_N x.
     """
     return Pair(theta["X_s1"] + theta["X_s2"] * x, theta["X_s4"] - theta["X_s5"] * x)
+
+
+def _at_most_isothermal(capacity: Pair, x: Expression, constants: Mapping[str, Expression]) -> Pair:
+    """Return the capacities, where they are larger those of the geometry at k = 1."""
+    length = (0.5 + DEAD_LENGTH) * constants["stroke"]
+    rT = constants["r"] * constants["T"]
+    P, N = constants["S_P"] * (length + x) / rT, constants["S_N"] * (length - x) / rT
+    return Pair(ca.fmin(capacity.P, P), ca.fmin(capacity.N, N))
 
 
 def driving_force(

@@ -66,6 +66,8 @@ class Scope:
         The effect's parameters and states, by their short names.
     inputs : mapping of str to Expression
         Inputs of the axis by name: ``"u_P"``, ``"u_N"`` [V], ``"F"`` [N] ...
+    entering : mapping of str to value
+        What has arrived at the effect so far, by overridden junction.
 
     Examples
     --------
@@ -80,6 +82,7 @@ class Scope:
     axis: Mapping[str, Expression]
     own: Mapping[str, Expression] = field(default_factory=dict)
     inputs: Mapping[str, Expression] = field(default_factory=dict)
+    entering: Mapping[str, Any] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> Expression:
         return self.own[name]
@@ -271,6 +274,10 @@ class Effect:
         """
         raise ModelError(f"effect {self.name} has states but no rates: override `rates`")
 
+    def chamber_pressure(self, p: Pair, at: Scope) -> Pair:
+        """Return the pressure in each chamber, of that at its sensor [Pa]."""
+        return p
+
     def command(self, u: Pair, at: Scope) -> Pair:
         """Return the voltage sent to each valve [V]."""
         return u
@@ -302,6 +309,10 @@ class Effect:
     def chamber_energy(self, q_m: Pair, at: Scope) -> Pair:
         """Return the mass flow that alone raises the pressure equally, heat included [kg/s]."""
         return q_m
+
+    def capacity(self, C: Pair, at: Scope) -> Pair:
+        """Return the mass of air per pressure where each sensor sits [kg/Pa]."""
+        return C
 
     def drive(self, F: Expression, at: Scope) -> Expression:
         """Return the force that drives the mass, on axes without valves [N]."""

@@ -2,8 +2,8 @@
 
 The model computes its values in the order of the physics::
 
-    command -> spool -> supply, outlet -> valve_flow -> line -> chamber_flow
-            -> chamber_energy -> force -> output
+    chamber_pressure -> command -> spool -> supply, outlet -> valve_flow -> line -> chamber_flow
+            -> chamber_energy -> capacity -> force -> output
 
 For the force-driven axis it is ``drive -> force -> output``. At each junction the value passes
 through all effects, one after the other; each may change it.
@@ -34,6 +34,7 @@ class Supply(NamedTuple):
 class Junction(StrEnum):
     """Where an effect can act, in the order of the physics."""
 
+    CHAMBER_PRESSURE = "chamber_pressure"
     COMMAND = "command"
     SPOOL = "spool"
     SUPPLY = "supply"
@@ -42,6 +43,7 @@ class Junction(StrEnum):
     LINE = "line"
     CHAMBER_FLOW = "chamber_flow"
     CHAMBER_ENERGY = "chamber_energy"
+    CAPACITY = "capacity"
     DRIVE = "drive"
     FORCE = "force"
     OUTPUT = "output"
@@ -49,6 +51,7 @@ class Junction(StrEnum):
 
 #: What passes through each junction.
 JUNCTIONS: Mapping[str, str] = {
+    Junction.CHAMBER_PRESSURE: "pressure in each chamber, of that at its sensor [Pa] (Pair)",
     Junction.COMMAND: "voltage sent to each valve [V] (Pair)",
     Junction.SPOOL: "opening of each valve, as the voltage that holds it there [V] (Pair)",
     Junction.SUPPLY: "supply and exhaust pressure at the valves [Pa] (Supply)",
@@ -59,6 +62,7 @@ JUNCTIONS: Mapping[str, str] = {
     Junction.CHAMBER_ENERGY: (
         "mass flow that would raise the pressure equally, heat included [kg/s] (Pair)"
     ),
+    Junction.CAPACITY: "mass of air per pressure where each sensor sits [kg/Pa] (Pair)",
     Junction.DRIVE: "force of the drive on the force-driven axis [N]",
     Junction.FORCE: "sum of the forces on the moving mass, inertia excepted [N]",
     Junction.OUTPUT: "what the sensors show: {'p_P': Pa, 'p_N': Pa, 'x': m}",

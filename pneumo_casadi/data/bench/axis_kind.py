@@ -26,8 +26,8 @@ class Balance:
     chamber : str, optional
         Chamber whose mass it balances; empty for the force balance.
     over_inertia : bool, optional
-        Whether an equation-error fit divides the residual by the factor of the rate. This is
-        necessary where a common scale of all terms is free, because a smaller scale would
+        Whether an equation-error fit divides the residual by the nominal factor of the rate. This
+        is necessary where a common scale of all terms is free, because a smaller scale would
         shrink the residual.
     equation_error_unit : str, optional
         Unit of the residual in an equation-error fit; by default `unit`.
@@ -171,6 +171,7 @@ PNEUMATIC = AxisKind(
     ),
     junctions=frozenset(
         {
+            "chamber_pressure",
             "command",
             "spool",
             "supply",
@@ -179,6 +180,7 @@ PNEUMATIC = AxisKind(
             "line",
             "chamber_flow",
             "chamber_energy",
+            "capacity",
             "force",
             "output",
         }

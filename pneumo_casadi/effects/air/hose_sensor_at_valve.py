@@ -41,31 +41,41 @@ class HoseSensorAtValve(Effect):
 
     def rest(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
         """Start with the chamber at the pressure of the hose."""
-        return {"p_P": at.p.P, "p_N": at.p.N}
+        shown = entering["chamber_pressure"]
+        return {"p_P": shown.P, "p_N": shown.N}
 
     def rates(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
-        """Balance of the air in each chamber."""
+        """Balance of the air in each chamber, leaks and heat included."""
         rates = {}
-        for c, _, q in _chambers(at):
+        flows = zip(_passed(at), entering["chamber_energy"], entering["line"], strict=True)
+        for (c, q), at_chamber, through_valve in flows:
             capacity, displaced = _nominal(at, c)
-            rates[f"p_{c}"] = (q - displaced * at[f"p_{c}"] * at.v) / capacity
+            q_c = q + at_chamber - through_valve
+            rates[f"p_{c}"] = (q_c - displaced * at[f"p_{c}"] * at.v) / capacity
         return rates
 
+    def line(self, q_m: Pair, at: Scope) -> Pair:
+        """Return the flow as it is: where the sensor sits, no other enters or leaves."""
+        return q_m
+
+    def chamber_pressure(self, p: Pair, at: Scope) -> Pair:
+        """Return the pressures in the chambers in the place of those shown."""
+        w = hose_share(at)
+        return Pair(*(shown + w * (at[f"p_{c}"] - shown) for c, shown in zip("PN", p, strict=True)))
+
     def chamber_energy(self, q_m: Pair, at: Scope) -> Pair:
-        """Return the flow that would raise the pressure of a chamber as that of the hose."""
+        """Return what the valve sends and the hose does not pass on; it displaces nothing."""
         w = hose_share(at)
         flows = []
-        for (c, p, q), nominal in zip(_chambers(at), q_m, strict=True):
-            capacity, displaced = _nominal(at, c)
-            rate = (nominal - q) / hose_capacity(at)
-            flows.append(nominal + w * (displaced * p * at.v + capacity * rate - nominal))
+        for (c, q), nominal, sent in zip(_passed(at), q_m, at.entering["line"], strict=True):
+            displaced = _nominal(at, c)[1] * getattr(at.p, c) * at.v
+            flows.append(nominal + w * (sent - q - nominal) + displaced * w)
         return Pair(*flows)
 
-    def force(self, F: Expression, at: Scope) -> Expression:
-        """Replace the pressures shown by those in the chambers."""
+    def capacity(self, C: Pair, at: Scope) -> Pair:
+        """Return the capacity of the hose, where the sensor sits."""
         w = hose_share(at)
-        more = at.axis["S_P"] * (at["p_P"] - at.p.P) - at.axis["S_N"] * (at["p_N"] - at.p.N)
-        return F + w * more
+        return Pair(*(nominal + w * (hose_capacity(at) - nominal) for nominal in C))
 
 
 def _nominal(at: Scope, c: str) -> tuple[Expression, Expression]:
@@ -76,9 +86,9 @@ def _nominal(at: Scope, c: str) -> tuple[Expression, Expression]:
     return X["X_s4"] - X["X_s5"] * at.x, -X["X_s6"]
 
 
-def _chambers(at: Scope) -> list[tuple[str, Expression, Expression]]:
-    """Return name, pressure shown and flow through the hose of each chamber."""
+def _passed(at: Scope) -> list[tuple[str, Expression]]:
+    """Return name of, and flow through the hose into, each chamber."""
+    shown = at.entering["chamber_pressure"]
     return [
-        (c, p, hose_flow(at, p, ca.fmax(at[f"p_{c}"], 1e3)))
-        for c, p in zip("PN", at.p, strict=True)
+        (c, hose_flow(at, p, ca.fmax(at[f"p_{c}"], 1e3))) for c, p in zip("PN", shown, strict=True)
     ]

@@ -9,8 +9,6 @@ from pneumo_casadi.valve.orifice import orifice_expression
 
 #: Critical pressure ratio and subsonic index of hose and fittings.
 B_HOSE, M_HOSE = 0.3, 0.5
-#: Pressure ratio above which the flow is laminar; Reynolds numbers of some thousand.
-RATIO_LAMINAR = 0.995
 #: Volume below which the hose fades out of the axis [m³]: 10 cm of 6 mm bore.
 V_REGULAR = 3e-6
 
@@ -40,6 +38,18 @@ PARAMETERS = (
         description="sonic conductance of hose and fittings",
         source="ISO 6358-3 for hoses of 4 to 8 mm, 1 to 5 m: 2e-9 to 3e-8 m³/(s Pa)",
     ),
+    Parameter(
+        "ell",
+        2e-3,
+        "1",
+        lower=5e-4,
+        upper=0.3,
+        scale=2e-3,
+        null=2e-3,
+        start=2e-3,
+        description="share of the pressure lost up to which the flow is laminar",
+        source="Reynolds numbers of some thousand: 0.1 % (fittings) to several % (long thin hoses)",
+    ),
 )
 
 
@@ -56,4 +66,4 @@ def hose_capacity(at: Scope) -> Expression:
 
 def hose_flow(at: Scope, p_h: Expression, p: Expression) -> Expression:
     """Return the flow from the hose at p_h into the chamber at p [kg/s]."""
-    return orifice_expression(at["C"], B_HOSE, M_HOSE, p_h, p, at.axis["T"], RATIO_LAMINAR)
+    return orifice_expression(at["C"], B_HOSE, M_HOSE, p_h, p, at.axis["T"], 1 - at["ell"])

@@ -1,5 +1,7 @@
 """Valve dead zone: the spool must travel before an edge opens."""
 
+from types import MappingProxyType
+
 import casadi as ca
 
 from pneumo_casadi.model.effect import Effect, Scope
@@ -18,6 +20,8 @@ CONFUSED_WITH = (
     "F_c_plus",
 )
 SEPARATED_BY = "slow ramps of the command through zero, both ways, at held pressures"
+#: Starts: a zone much wider than the first leads no step to it, the valve is open where it is shut.
+SCANNED = MappingProxyType({"delta": (0.05, 0.1, 0.2, 0.4)})
 DELTA = Parameter(
     "delta",
     0.0,
@@ -46,6 +50,7 @@ class ValveDeadZone(Effect):
     shows = "both mass flow balances around u = 0; limit cycles and offsets in closed loop"
     confused_with = CONFUSED_WITH
     separated_by = SEPARATED_BY
+    scanned = SCANNED
     parameters = (DELTA,)
 
     def spool(self, u: Pair, at: Scope) -> Pair:

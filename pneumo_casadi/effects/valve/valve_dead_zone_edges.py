@@ -2,7 +2,7 @@
 
 import casadi as ca
 
-from pneumo_casadi.effects.valve.valve_dead_zone import CONFUSED_WITH, DELTA, SEPARATED_BY
+from pneumo_casadi.effects.valve.valve_dead_zone import CONFUSED_WITH, DELTA, SCANNED, SEPARATED_BY
 from pneumo_casadi.model.effect import Effect, Scope
 from pneumo_casadi.model.junctions import Expression, Pair
 from pneumo_casadi.parameters import Parameter
@@ -23,6 +23,7 @@ class ValveDeadZoneEdges(Effect):
     shows = "both mass flow balances around u = 0; limit cycles and offsets in closed loop"
     confused_with = CONFUSED_WITH
     separated_by = SEPARATED_BY
+    scanned = SCANNED
     parameters = (
         DELTA,
         Parameter(
