@@ -1,6 +1,7 @@
 """The diagnosis in one call: from a case to a verdict with reasons."""
 
 import time
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +19,8 @@ from pneumo_casadi.diagnosis.decide.ranking import (
 )
 from pneumo_casadi.diagnosis.decide.result import Diagnosis, Verdict
 from pneumo_casadi.diagnosis.discover.discover import discover_beside
+from pneumo_casadi.diagnosis.discover.discovered import DiscoveredTerm
+from pneumo_casadi.diagnosis.discover.rival_term import find_rival_term
 from pneumo_casadi.diagnosis.discover.term_in_model import Model, fit_with_term
 from pneumo_casadi.diagnosis.locate.evidence import collect_evidence
 from pneumo_casadi.diagnosis.locate.locate import locate
@@ -40,6 +43,7 @@ from pneumo_casadi.diagnosis.wording.conclusions import separating_experiment, u
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.identification.flow_form import resolve_flow_form
 from pneumo_casadi.identification.options import IdentifyOptions
+from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.runtime.progress import Progress, no_progress, progress_range
 from pneumo_casadi.runtime.provenance import provenance
 from pneumo_casadi.runtime.threads import one_thread
@@ -142,7 +146,8 @@ def diagnose(
     report("parameters and location", 0.82)
     checks = check_fit(study, selection.final, effects)
     known: Catalogue = {**EFFECTS, **chosen}
-    decision = decide_verdict(selection, checks, known)
+    rival = _rival_term(study, selection, effects)
+    decision = decide_verdict(selection, checks, known, rival is not None)
     inputs = estimate_unknown_inputs(study, selection.nominal)
     named = decision.names_effects
     hidden, beside = ((), decision.absorbed) if named else (decision.absorbed, ())
@@ -166,7 +171,7 @@ def diagnose(
     if decision.verdict is Verdict.UNKNOWN:
         report("looking for a term outside the catalogue", 0.93)
         models = ((selection.nominal, ()), (selection.final, effects))
-        discovered = discover_beside(study, models, selection.levels)
+        discovered = rival or discover_beside(study, models, selection.levels)
         with_term = fit_with_term(study, discovered, models)
         gap = gap_with_term(selection.simulations, gap, with_term, selection.levels)
     curves = simulated_curves(
@@ -204,6 +209,16 @@ def diagnose(
         findings=tuple(each for each in case.findings if each.grade is Grade.SEVERE),
         provenance=_provenance(case, offered, options),
     )
+
+
+def _rival_term(
+    study: Study, selection: Selection, effects: Sequence[Effect]
+) -> DiscoveredTerm | None:
+    """Return a term that closes more than the effects named, where the balances tell that."""
+    if selection.chosen in selection.output_error_fits:
+        return None
+    named = [effect for effect in effects if effect.name in selection.named]
+    return find_rival_term(study, selection.nominal, selection.final, named, selection.levels)
 
 
 def _provenance(case: Case, offered: Catalogue, options: DiagnosisOptions) -> dict[str, Any]:

@@ -64,6 +64,7 @@ def decide_verdict(
     selection: Selection,
     checks: Sequence[Check],
     catalogue: Mapping[str, EffectFactory],
+    surpassed: bool = False,
 ) -> Decision:
     """Return the verdict: from the selection first, then reviewed by the parameter checks.
 
@@ -77,8 +78,11 @@ def decide_verdict(
         From `check_fit`, of its final model.
     catalogue : mapping of str to effect class
         All effects that were fitted, and those that the parameters may have absorbed.
+    surpassed : bool, optional
+        Whether a term outside the catalogue explains the gap better than the effects named.
     """
-    judgement = judge(selection, tuple(catalogue[name]() for name in selection.named))
+    named = tuple(catalogue[name]() for name in selection.named)
+    judgement = judge(selection, named, surpassed)
     verdict, absorbed = review_verdict(judgement, checks, catalogue)
     if verdict in NAMING:  # of those fitted the model itself tells
         absorbed = tuple(name for name in absorbed if name not in selection.chosen)

@@ -59,12 +59,16 @@ class Judgement:
     undecided: Names = ()
 
 
-def judge(selection: Selection, named: Sequence[Effect]) -> Judgement:
-    """Return the verdict of a selection, given the effects that its final model names."""
+def judge(selection: Selection, named: Sequence[Effect], surpassed: bool = False) -> Judgement:
+    """Return the verdict of a selection, given the effects that its final model names.
+
+    With `surpassed` a term outside the catalogue explains the gap better than these; see
+    `find_rival_term`.
+    """
     levels, criteria = selection.levels, selection.levels.criteria
     excess = residual_rms(selection.nominal) / levels.noise
     left = unexplained(selection)
-    if is_unknown(
+    if surpassed or is_unknown(
         left,
         bool(selection.path),
         decided_by_simulation(selection) or left_is_visible(selection),
