@@ -141,13 +141,11 @@ def write_balances(
         q_m = _valve_flow(fold, u, p, theta, constants, flow)
         q = fold.through("chamber_flow", fold.through("line", q_m))
         q = fold.through("chamber_energy", q)
-        nominal_capacity = chamber_capacities(x["x"], theta)
-        capacity = fold.through("capacity", nominal_capacity)
-        shared = nominal_capacity
-        if capacity is not nominal_capacity and "stroke" in constants:
-            shared = _at_most_isothermal(nominal_capacity, x["x"], constants)
-        inertia |= {f"mass_flow_{c}": C for c, C in zip("PN", shared, strict=True)}
-        residual |= mass_flow_residuals(q, capacity, p_c, x, dx, theta)
+        C = chamber_capacities(x["x"], theta)
+        sensed = fold.through("capacity", C)
+        residual |= mass_flow_residuals(q, sensed, p_c, x, dx, theta)
+        C = C if sensed is C else _at_most_isothermal(C, x["x"], constants)
+        inertia |= {"mass_flow_P": C.P, "mass_flow_N": C.N}
     driving = fold.through("drive", driving_force(kind, inside, nominal))
     loaded = driving - friction + load_force(signals, theta["M"], constants)
     force = fold.through("force", loaded)
@@ -193,6 +191,8 @@ def chamber_capacities(x: Expression, theta: Mapping[str, Expression]) -> Pair:
 
 def _at_most_isothermal(capacity: Pair, x: Expression, constants: Mapping[str, Expression]) -> Pair:
     """Return the capacities, where they are larger those of the geometry at k = 1."""
+    if "stroke" not in constants:
+        return capacity
     length = (0.5 + DEAD_LENGTH) * constants["stroke"]
     rT = constants["r"] * constants["T"]
     P, N = constants["S_P"] * (length + x) / rT, constants["S_N"] * (length - x) / rT

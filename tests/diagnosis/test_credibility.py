@@ -61,6 +61,16 @@ def test_a_shifted_null_is_no_stand_in_for_a_leak_that_the_catalogue_lacks(made_
 
 
 @pytest.mark.slow
+def test_a_shifted_null_yields_to_a_term_that_closes_more(made_case):
+    catalogue = {"valve_null_shift": EFFECTS["valve_null_shift"]}
+    diagnosis = diagnose(made_case(602621867300, leakage_N="medium"), catalogue)
+    assert diagnosis.verdict is Verdict.UNKNOWN
+    assert diagnosis.gap.closure is not None
+    assert (diagnosis.discovered.balance, diagnosis.discovered.term.driver) == ("mass_flow_N", "p")
+    assert diagnosis.discovered.beside == ()
+
+
+@pytest.mark.slow
 def test_two_leaks_are_named_although_a_shifted_null_fits_better_than_each(made_case):
     case = made_case(12, leakage_P="large", leakage_N="medium")
     diagnosis = diagnose(case, {name: EFFECTS[name] for name in FLOWS})

@@ -204,6 +204,12 @@ def test_an_effect_that_leaves_too_much_is_not_the_cause(left, one_form, nominal
     assert judge(selected(before, {ONE[0]: after}, ONE), effects).verdict is expected
 
 
+def test_effects_that_a_term_surpasses_are_not_the_cause():
+    selection = selected(fitted(1, 1, with_gap(40), cost=100.0), {ONE[0]: fitted(1, 1, 1)}, ONE)
+    assert judge(selection, ()).verdict is Verdict.EFFECT
+    assert judge(selection, (), surpassed=True).verdict is Verdict.UNKNOWN
+
+
 def acting(junction, one_form):
     return SimpleNamespace(one_form=one_form, junctions=(junction,))
 

@@ -10,11 +10,13 @@ from pneumo_casadi.effects import (
     ExhaustRestriction,
     HeatTransfer,
     Hose,
+    HoseSensorAtValve,
     LeakageN,
     LeakageP,
     PistonSealLeakage,
     SupplyDroop,
 )
+from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
 from pneumo_casadi.valve import fit_iso6358, orifice_flow
 
 P_SUPPLY, P_EXT, T_0, R_AIR = 7e5, 1e5, 293.15, 287.0
@@ -294,3 +296,45 @@ def test_the_valve_sees_the_pressure_that_the_hose_takes(made):
         through_valves(axis, [p, p, 0, 0, 0, 0, 0, 0], U),
         through_valves(made.true_axis(), x[:4], U),
     )
+
+
+def behind_a_hose(made, *others):
+    """Axis with sensors at the valves, and a state in which the chambers are at 3 and 4 bar."""
+    axis = made.true_axis(HoseSensorAtValve(), *others).at_starting_values()
+    states = dict.fromkeys(axis.states, 0.0) | {"p_P": 5e5, "p_N": 2e5, "x": 0.05, "v": 0.2}
+    states |= {"hose_sensor_at_valve.p_P": 3e5, "hose_sensor_at_valve.p_N": 4e5}
+    return axis, list(states.values())
+
+
+def test_behind_a_hose_a_leak_empties_the_chamber_and_not_the_hose(made):
+    pairs = [behind_a_hose(made, *others) for others in ((), (LeakageP(),))]
+    without, leaking = (dict(zip(axis.states, rates(axis, x), strict=True)) for axis, x in pairs)
+    open_air = stored_rate(started(made, LeakageP()), [3e5, 4e5, 0.05, 0.2])
+    leak = open_air - stored_rate(made.true_axis(), [3e5, 4e5, 0.05, 0.2])
+    X_s1, X_s2 = (pairs[0][0].parameters[name].value for name in ("X_s1", "X_s2"))
+    lost = leaking["hose_sensor_at_valve.p_P"] - without["hose_sensor_at_valve.p_P"]
+    assert leaking["p_P"] == pytest.approx(without["p_P"], rel=1e-6)
+    assert lost * (X_s1 + 0.05 * X_s2) == pytest.approx(leak[0], rel=1e-6)
+
+
+def test_behind_a_hose_the_pressures_of_the_chambers_move_the_piston(made):
+    axis, x = behind_a_hose(made)
+    acceleration = dict(zip(axis.states, rates(axis, x), strict=True))["v"]
+    nominal = rates(made.true_axis(), [3e5, 4e5, 0.05, 0.2])[3]
+    assert acceleration == pytest.approx(nominal, rel=1e-4)  # the hose fades in to 1 - e^-17
+
+
+def test_growing_capacities_do_not_shrink_the_residual_of_a_hose_with_its_sensor_at_the_valve(made):
+    axis, x = behind_a_hose(made)
+    model = BalanceFunctions(axis)
+    n = len(axis.motion_states)
+    given = [
+        np.array(part, dtype=float)[:, None] for part in (x[:n], [1e6, -1e6, 0.2, 0.0], U, x[n:])
+    ]
+    sizes = []
+    for factor in (1.0, 10.0):
+        more = {name: factor * axis.parameters[name].value for name in ("X_s1", "X_s2")}
+        theta = axis.with_parameters(more).parameters.values
+        (r,) = model.functions["residual"].evaluate(1, *given, model.constant_values, theta)
+        sizes.append(abs(r[0, 0]))
+    assert sizes[1] > 0.5 * sizes[0]
