@@ -9,6 +9,7 @@ from typing import Any
 
 from pneumo_casadi.data import Case, Grade, read_case
 from pneumo_casadi.data.record_ranges import record_ranges
+from pneumo_casadi.diagnosis.checks.absorbed import contradicted_balance
 from pneumo_casadi.diagnosis.checks.parameter_checks import check_fit
 from pneumo_casadi.diagnosis.decide.decision import Decision, decide_verdict
 from pneumo_casadi.diagnosis.decide.ranking import (
@@ -30,6 +31,7 @@ from pneumo_casadi.diagnosis.metrics.findings import (
     Where,
     joined_names,
 )
+from pneumo_casadi.diagnosis.metrics.location import Location
 from pneumo_casadi.diagnosis.metrics.residual_size import balance_closure
 from pneumo_casadi.diagnosis.metrics.simulated_curves import simulated_curves
 from pneumo_casadi.diagnosis.metrics.simulated_gap import gap_with_term, simulated_gap
@@ -160,6 +162,7 @@ def diagnose(
         inputs=inputs,
         catalogue=known,
         besides=besides if named else (),
+        contradicted=contradicted_balance(checks) if hidden else Location.NONE,
     )
     report("simulating the held-out record", 0.88)
     final = selection.final if decision.has_gap else selection.nominal

@@ -7,8 +7,9 @@ import pytest
 
 from pneumo_casadi.data import read_case
 from pneumo_casadi.data.bench.bench_file import read_bench
-from pneumo_casadi.diagnosis.checks.absorbed import absorbed_candidates
+from pneumo_casadi.diagnosis.checks.absorbed import absorbed_candidates, contradicted_balance
 from pneumo_casadi.diagnosis.checks.parameter_checks import check_fit, check_parameters
+from pneumo_casadi.diagnosis.metrics.findings import Check
 from pneumo_casadi.diagnosis.prepare.fitted_model import fit_model
 from pneumo_casadi.diagnosis.prepare.study import start_study
 from pneumo_casadi.effects import EFFECTS, ElasticLoad
@@ -16,6 +17,7 @@ from pneumo_casadi.estimation.output_error.result import FlowMapDeviation
 from pneumo_casadi.identification.flow_form import read_flow
 from pneumo_casadi.identification.options import IdentifyOptions
 from pneumo_casadi.identification.starting_axis import make_axis
+from pneumo_casadi.model.absorption import PARAMETER_CHECKS
 from pneumo_casadi.valve import FlowForm
 from pneumo_casadi.virtual_bench import make_case, random_axis
 
@@ -46,6 +48,25 @@ def failing(axis, values, pull=None) -> dict[str, str]:
 def hidden(axis, values, pull=None) -> tuple[str, ...]:
     std = {name: STD * abs(value) for name, value in values.items()}
     return absorbed_candidates(check_parameters(axis, values, std, pull), EFFECTS)
+
+
+@pytest.mark.parametrize(
+    ("failed", "expected"),
+    [
+        ((), "none"),
+        (("S_N", "S_N/S_P"), "mass_flow_N"),
+        (("S_N", "k_N", "V_N(0)"), "mass_flow_N"),
+        (("S_P", "V_P(0)", "flow map"), "mass_flow_P"),
+        (("M", "F_c"), "force"),
+        (("S_P", "S_N"), "none"),  # one meter for both
+        (("S_N/S_P", "k_P-k_N", "map form", "flow scale"), "none"),
+    ],
+)
+def test_parameters_that_contradict_the_bench_have_a_place_if_they_share_it(failed, expected):
+    checks = [
+        Check(name, 1.0, 0.0, 1.0, 0.1, "1", name not in failed, "") for name in PARAMETER_CHECKS
+    ]
+    assert contradicted_balance(checks) == expected
 
 
 def test_a_plausible_axis_passes_all_checks(axis):

@@ -58,6 +58,10 @@ def test_nothing_is_located_where_nothing_is_wrong(bench):
     # Who knows better, from held-out simulations, may say that there is a gap.
     assert locate(*bench(), gap=True).balance != "none"
     assert locate(*bench(cogging="medium"), gap=False).balance == "none"
+    # Without a gap the place is that of the parameters that contradict the bench.
+    where = locate(*bench(), gap=False, contradicted=Location.MASS_FLOW_N)
+    assert (where.balance, where.in_parameters) == ("mass_flow_N", True)
+    assert (where.regimes, where.rivals) == ((), ())
 
 
 @pytest.mark.slow

@@ -142,6 +142,15 @@ NONE = replace(
 ABSORBED = replace(
     NONE, verdict=Verdict.ABSORBED, ambiguous=(("valve_mismatch",),), ranking=(SILENT, DRAG)
 )
+ABSORBED_IN_N = replace(
+    ABSORBED,
+    where=replace(
+        NONE.where,
+        balance=Location.MASS_FLOW_N,
+        balances=(Location.MASS_FLOW_N,),
+        in_parameters=True,
+    ),
+)
 _GRID = np.linspace(0.0, 9.6e-3, 51)
 _SINE = 28.0 * np.sin(2 * np.pi * _GRID / 9.6e-3 + 0.3)
 DISCOVERED = DiscoveredTerm(

@@ -530,6 +530,16 @@ def test_bars_and_sentence_name_the_same_balances(diagnosis):
 
 def test_both_chambers_are_named_where_both_are_affected():
     assert location_text(made.HOSE) == "mass flows into both chambers"
+
+
+def test_parameters_that_alone_contradict_the_bench_have_a_place():
+    diagnosis = made.ABSORBED_IN_N
+    assert location_text(diagnosis) == "in parameters: mass flow into chamber N"
+    assert location_text(made.ABSORBED) == "in parameters, not in the simulation"
+    assert "agrees with the records" in headline(diagnosis)
+    assert "Only parameters contradict the bench" in summary_text(diagnosis)
+    assert diagnosis.as_dict()["where"]["in_parameters"] is True
+    assert made.EFFECT.as_dict()["where"]["in_parameters"] is False
     sentence = where_sentences(made.HOSE)[0]
     assert sentence == "Model and measurement disagree in the mass flows into both chambers."
 

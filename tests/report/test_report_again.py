@@ -119,13 +119,24 @@ def test_other_files_are_refused_in_one_line(written, tmp_path, capsys):
 
 @pytest.mark.parametrize(
     "name",
-    ["effect", "ambiguous", "none", "absorbed", "unknown", "curves", "besides", "beside_absorbed"],
+    [
+        "effect",
+        "ambiguous",
+        "none",
+        "absorbed",
+        "absorbed_in_n",
+        "unknown",
+        "curves",
+        "besides",
+        "beside_absorbed",
+    ],
 )
 def test_a_diagnosis_is_read_back_as_it_was_written(name, tmp_path):
     others = {
         "curves": made.with_curves,
         "besides": lambda: made.BESIDES,
         "beside_absorbed": lambda: made.BESIDE_ABSORBED,
+        "absorbed_in_n": lambda: made.ABSORBED_IN_N,
     }
     diagnosis = others[name]() if name in others else made.ALL[Verdict(name)]
     write_json(diagnosis.as_dict(), tmp_path / "diagnosis.json")

@@ -3,8 +3,39 @@
 from collections.abc import Mapping, Sequence
 
 from pneumo_casadi.diagnosis.metrics.findings import Check
+from pneumo_casadi.diagnosis.metrics.location import Location
 from pneumo_casadi.model.absorption import PARAMETER_CHECKS
 from pneumo_casadi.model.effect import EffectFactory
+
+#: Balance in whose parameters a check is; the others compare both chambers, or maps.
+CHECKED_IN: Mapping[str, Location] = {
+    "S_P": Location.MASS_FLOW_P,
+    "k_P": Location.MASS_FLOW_P,
+    "V_P(0)": Location.MASS_FLOW_P,
+    "S_N": Location.MASS_FLOW_N,
+    "k_N": Location.MASS_FLOW_N,
+    "V_N(0)": Location.MASS_FLOW_N,
+    "M": Location.FORCE,
+    "F_c": Location.FORCE,
+}
+
+
+def contradicted_balance(checks: Sequence[Check]) -> Location:
+    """Return the balance whose parameters the bench contradicts; none where there are several.
+
+    Parameters
+    ----------
+    checks : sequence of Check
+        From `check_parameters`.
+
+    Examples
+    --------
+    >>> small = Check("S_N", 4e-4, 1e-6, 6e-4, 3e-5, "m2", False, "")
+    >>> contradicted_balance([small])
+    <Location.MASS_FLOW_N: 'mass_flow_N'>
+    """
+    failed = {CHECKED_IN[c.name] for c in checks if c.name in CHECKED_IN and not c.agrees}
+    return failed.pop() if len(failed) == 1 else Location.NONE
 
 
 def absorbed_candidates(

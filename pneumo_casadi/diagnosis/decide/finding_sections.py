@@ -137,6 +137,7 @@ class WhereSection(Section):
     rivals: tuple[str, ...]
     balances: tuple[Location, ...] = ()
     sizes: dict[str, dict[str, float]] = msgspec.field(default_factory=dict)
+    in_parameters: bool = False
 
     @property
     def read(self) -> Where:
@@ -153,6 +154,7 @@ class WhereSection(Section):
             self.effects,
             self.balances,
             self.sizes,
+            self.in_parameters,
         )
 
 

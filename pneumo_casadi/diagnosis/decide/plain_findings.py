@@ -57,6 +57,7 @@ def where_dict(where: Where) -> dict[str, Any]:
         "balances": [location.value for location in where.balances],
         "sizes": {cause: dict(sizes) for cause, sizes in where.sizes.items()},
         "rivals": list(where.rivals),
+        "in_parameters": where.in_parameters,
         "words": list(location_sentences(where)),
     }
 

@@ -48,6 +48,7 @@ def locate(
     inputs: Sequence[UnknownInputs] | None = None,
     catalogue: Mapping[str, EffectFactory] = EFFECTS,
     besides: Sequence[Effect] = (),
+    contradicted: Location = Location.NONE,
 ) -> Where:
     """Return where model and measurement disagree.
 
@@ -71,6 +72,8 @@ def locate(
         Effects that may be named as sensor errors that look the same.
     besides : sequence of Effect, optional
         Weak effects that the fit has too.
+    contradicted : Location, optional
+        Balance whose parameters the bench contradicts: the location where there is no gap.
 
     Returns
     -------
@@ -98,25 +101,24 @@ def locate(
         junction = _acts_at(cause[0])
         balances = _balances_of(cause, added, shares)
     elif gap is False:
-        balance, junction = Location.NONE, None
+        balance, junction = contradicted, None
         balances = (balance,)
     else:
         balance = balance_of_gap(shares, evidence)
         junction = _junction(balance, telling)
         balances = with_other_chamber(balance, shares)
     # A sensor's error shows in every balance, another cause where it acts.
-    here = [r for r in telling if r.balance in balances or balance is Location.MEASUREMENT][
-        :REGIMES
-    ]
+    agree = gap is False and not cause
+    here = [r for r in telling if r.balance in balances or balance is Location.MEASUREMENT]
     rivals = (
         ()
-        if balance in (Location.MEASUREMENT, Location.NONE)
+        if agree or balance in (Location.MEASUREMENT, Location.NONE)
         else rival_sensor_effects(evidence, catalogue)
     )
     return Where(
         balance,
         junction,
-        tuple(here),
+        () if agree else tuple(here[:REGIMES]),
         shares,
         rivals,
         {name: value**0.5 for name, value in energy.items()},
@@ -124,6 +126,7 @@ def locate(
         tuple(effect.cause for effect in cause if _acts_at(effect) == junction),
         balances,
         {effect.cause: _size(effect, added[effect.name]) for effect in cause if added},
+        agree and balance is not Location.NONE,
     )
 
 

@@ -185,6 +185,9 @@ class Where:
     sizes : mapping of str to mapping of str to float, optional
         What each effect found adds to each balance, over the balance's own signal, root mean
         squares [1]: by cause, then by balance. An effect in a sensor adds to none.
+    in_parameters : bool, optional
+        Whether simulation and measurement agree, and only parameters of the balance contradict
+        geometry or data sheet.
     """
 
     balance: Location
@@ -197,6 +200,7 @@ class Where:
     effects: tuple[str, ...] = ()
     balances: tuple[Location, ...] = ()
     sizes: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    in_parameters: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "balances", self.balances or (self.balance,))

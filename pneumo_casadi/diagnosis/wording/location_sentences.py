@@ -32,6 +32,9 @@ moving mass 4.2 %.
     lacks = f"Without effects the model lacks, {_sizes(where.unknown_inputs)}."
     if where.balance is Location.NONE:
         return lacks, "Flow maps and friction laws usually leave as much."
+    if where.in_parameters:
+        place = locations_in_words(where.balances)
+        return f"Only parameters contradict the bench: those in the balance of {place}.", lacks
     sentences = [_disagree(where)]
     if where.sizes:
         sentences += [

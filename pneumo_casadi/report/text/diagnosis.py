@@ -81,7 +81,7 @@ def headline(diagnosis: Diagnosis) -> str:
     if diagnosis.verdict is Verdict.ABSORBED:
         names = joined([plain(joined_names(names)) for names in diagnosis.ambiguous], "or")
         possible = f": {names} may be the cause" if names else ""
-        if diagnosis.where.balance != "none":
+        if not (diagnosis.where.balance is Location.NONE or diagnosis.where.in_parameters):
             return (
                 "The error of the simulation on held-out data, beyond the sensor noise, is "
                 f"{percent(gap.before)} of the signals, and its parameters contradict geometry or "
@@ -226,7 +226,8 @@ def location_text(diagnosis: Diagnosis) -> str:
     if diagnosis.where.balance is Location.NONE:
         absorbed = diagnosis.verdict is Verdict.ABSORBED
         return "in parameters, not in the simulation" if absorbed else BALANCES[Location.NONE]
-    return locations_in_words(diagnosis.where.balances).removeprefix("the ")
+    words = locations_in_words(diagnosis.where.balances).removeprefix("the ")
+    return f"in parameters: {words}" if diagnosis.where.in_parameters else words
 
 
 def summary_text(
