@@ -142,9 +142,9 @@ def write_balances(
         q = fold.through("chamber_flow", fold.through("line", q_m))
         q = fold.through("chamber_energy", q)
         C = chamber_capacities(x["x"], theta)
-        sensed = fold.through("capacity", C)
-        residual |= mass_flow_residuals(q, sensed, p_c, x, dx, theta)
-        C = C if sensed is C else _at_most_isothermal(C, x["x"], constants)
+        at_sensor = fold.through("capacity", C)
+        residual |= mass_flow_residuals(q, at_sensor, p_c, x, dx, theta)
+        C = C if at_sensor is C else _at_most_isothermal(C, x["x"], constants)
         inertia |= {"mass_flow_P": C.P, "mass_flow_N": C.N}
     driving = fold.through("drive", driving_force(kind, inside, nominal))
     loaded = driving - friction + load_force(signals, theta["M"], constants)

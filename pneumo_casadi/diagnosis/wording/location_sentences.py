@@ -33,8 +33,8 @@ moving mass 4.2 %.
     if where.balance is Location.NONE:
         return lacks, "Flow maps and friction laws usually leave as much."
     if where.in_parameters:
-        place = locations_in_words(where.balances)
-        return f"Only parameters contradict the bench: those in the balance of {place}.", lacks
+        balances = locations_in_words(where.balances)
+        return f"Only parameters contradict the bench: those in the balance of {balances}.", lacks
     sentences = [_disagree(where)]
     if where.sizes:
         sentences += [
