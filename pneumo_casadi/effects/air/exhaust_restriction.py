@@ -1,6 +1,7 @@
 """Exhaust restriction: a silencer on the common exhaust raises the back pressure."""
 
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 import casadi as ca
@@ -26,6 +27,8 @@ class ExhaustRestriction(Effect):
     shows = "mass flow balance of a chamber that empties at low pressure; none while choked"
     confused_with = ("flow coefficients", "flow_map_shape", "hose")
     separated_by = "empty a chamber from high pressure to the end: only the end changes"
+    # A small resistance is not felt, and leads no fit to a large one.
+    scanned = MappingProxyType({"R": (1e10, 1e11, 1e12, 5e12), "tau": (0.01, 0.1)})
     parameters = (
         Parameter(
             "R",

@@ -6,6 +6,7 @@ from typing import Any
 import casadi as ca
 
 from pneumo_casadi.effects.common.hose_volume_line import (
+    CREDIBLE,
     PARAMETERS,
     SOURCE,
     hose_capacity,
@@ -36,6 +37,7 @@ class HoseSensorAtValve(Effect):
     confused_with = ("hose", "pressure_sensor_lag", "f_v", "X_s1", "X_s4")
     separated_by = "sensors at the valve beside those at the chamber"
     through_states = True
+    credible = CREDIBLE
     parameters = PARAMETERS
     states = tuple(State(f"p_{c}", "Pa", 1e5) for c in "PN")
 

@@ -6,6 +6,7 @@ from typing import Any
 import casadi as ca
 
 from pneumo_casadi.effects.common.hose_volume_line import (
+    CREDIBLE,
     PARAMETERS,
     SOURCE,
     hose_capacity,
@@ -38,6 +39,7 @@ class HoseVolume(Effect):
     separated_by = (
         "steps at both ends of the stroke; sensors at the valve beside those at the chamber"
     )
+    credible = CREDIBLE
     parameters = PARAMETERS
     states = tuple(State(f"p_{c}", "Pa", 1e5) for c in "PN")
 

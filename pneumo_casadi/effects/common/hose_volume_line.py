@@ -1,5 +1,7 @@
 """Volume at the valve behind a turbulent conductance: what the hoses with a volume share."""
 
+from types import MappingProxyType
+
 import casadi as ca
 
 from pneumo_casadi.model.effect import Scope
@@ -12,6 +14,8 @@ B_HOSE, M_HOSE = 0.3, 0.5
 #: Volume below which the hose fades out of the axis [m³]: 10 cm of 6 mm bore.
 V_REGULAR = 3e-6
 
+#: A smaller volume is a blend of two axes, and none that could be built.
+CREDIBLE = MappingProxyType({"V": (V_REGULAR, 1e-3)})
 SOURCE = "mass balance of a volume at one temperature; ISO 6358-1:2013 for hose and fittings"
 PARAMETERS = (
     Parameter(
