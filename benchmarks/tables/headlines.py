@@ -58,8 +58,9 @@ def named_alone(result: Mapping[str, Any]) -> str:
 def false_alarms(result: Mapping[str, Any]) -> str:
     """Return false alarms and causes outside the catalogue, of the same check."""
     alarm, unknown = (result["scores"]["all"][key] for key in ("false_alarm", "unknown_caught"))
+    alarms = "alarm" if alarm["hits"] == 1 else "alarms"
     return (
-        f"In the same sealed check: {alarm['hits']} false alarms in {alarm['of']} cases without an "
+        f"In the same sealed check: {alarm['hits']} false {alarms} in {alarm['of']} cases without an "
         f"effect, and {unknown['hits']} of {unknown['of']} causes outside the catalogue called "
         "`unknown`"
     )
