@@ -60,8 +60,8 @@ def false_alarms(result: Mapping[str, Any]) -> str:
     alarm, unknown = (result["scores"]["all"][key] for key in ("false_alarm", "unknown_caught"))
     alarms = "alarm" if alarm["hits"] == 1 else "alarms"
     return (
-        f"In the same sealed check: {alarm['hits']} false {alarms} in {alarm['of']} cases without an "
-        f"effect, and {unknown['hits']} of {unknown['of']} causes outside the catalogue called "
+        f"In the same sealed check: {alarm['hits']} false {alarms} in {alarm['of']} cases without "
+        f"an effect, and {unknown['hits']} of {unknown['of']} causes outside the catalogue called "
         "`unknown`"
     )
 

@@ -2,10 +2,15 @@
 
 from collections.abc import Iterable, Mapping
 
-from pneumo_casadi.diagnosis.metrics.residual_size import gain_on_all_records
+from pneumo_casadi.diagnosis.metrics.residual_size import (
+    BalanceLevels,
+    gain_on_all_records,
+    leaves_too_much,
+    share_left,
+)
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.screen.screen import ScreenResult
-from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue, FitLedger, Names
+from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue, FitLedger, Names, Start
 
 #: Share of the squared residuals that the screen must promise of a further form. Of four hoses that
 #: were such a form it promised a third and more; a fit of it takes two or three seconds.
@@ -64,3 +69,44 @@ def keep_best_forms(
         for name in set(names) - {best}:
             ledger.leave_out(name)
     return fits
+
+def with_other_form(
+    ledger: FitLedger, nominal: FittedModel, known: Names, levels: BalanceLevels
+) -> Names:
+    """Return a model with another form of some cause, where the forms chosen leave too much.
+
+    A form is chosen by what it closes alone; beside another effect that closes more, another form
+    may be the right one. It takes the place of its cause's form, or stands besides.
+
+    Parameters
+    ----------
+    ledger : FitLedger
+        The fits.
+    nominal : FittedModel
+        The model without effects.
+    known : tuple of str
+        Effects of the model that leaves too much.
+    levels : BalanceLevels
+        Noise and signal of the held-out records.
+    """
+    current = ledger.fits[known]
+    if not leaves_too_much(nominal, current, levels):
+        return known
+    starts = {}
+    for form in ledger.left_out:
+        cause = cause_of(form, ledger.catalogue)
+        others = [name for name in known if cause_of(name, ledger.catalogue) != cause]
+        kept = {
+            name: value
+            for name, value in current.values.items()
+            if "." not in name or name.split(".")[0] in others
+        }
+        starts[ledger.key((*others, form))] = Start(kept)
+    ledger.fit_all(starts)
+    fits = {key: ledger.fits[key] for key in starts if key in ledger.fits}
+    best = min(fits, key=lambda key: fits[key].cost, default=None)
+    most = levels.criteria.closed * share_left(nominal, current, levels)
+    if best is None or share_left(nominal, fits[best], levels) > most:
+        return known
+    ledger.refine(best)
+    return best

@@ -25,7 +25,7 @@ from pneumo_casadi.diagnosis.select.acceptance import accepted, can_matter, only
 from pneumo_casadi.diagnosis.select.complete import Completed, complete
 from pneumo_casadi.diagnosis.select.contributions import contributions
 from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue, Failed, FitLedger, Names
-from pneumo_casadi.diagnosis.select.forms import keep_best_forms
+from pneumo_casadi.diagnosis.select.forms import keep_best_forms, with_other_form
 from pneumo_casadi.diagnosis.select.hidden_motion import (
     closes_in_simulation,
     extend_by_simulation,
@@ -218,6 +218,9 @@ def _forward(
         if round_ and motion_is_hidden(ledger.effects(best), ledger.fits[best]):
             break  # where the motion is hidden, the balances are not reliable
         current = ledger.fits[best]
+    if path and not motion_is_hidden(ledger.effects(path[-1]), ledger.fits[path[-1]]):
+        better = with_other_form(ledger, nominal, path[-1], levels)
+        path = [*(names for names in path if set(names) < set(better)), better]
     report("comparing simulations", 0.8)
     taken = extend_by_simulation(ledger, nominal, tuple(path), levels, MAX_EFFECTS)
     simulated = bool(taken) and (taken[-1] in ledger.trials or not ledger.study.shows_accelerations)
