@@ -7,7 +7,8 @@ import pytest
 
 from pneumo_casadi.diagnosis import diagnose
 from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA
-from pneumo_casadi.diagnosis.prepare.fitted_model import _without
+from pneumo_casadi.diagnosis.prepare.fitted_model import _without, fit_model
+from pneumo_casadi.diagnosis.prepare.prepare_study import prepare_study
 from pneumo_casadi.diagnosis.screen.screen import ScreenResult
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger
 from pneumo_casadi.diagnosis.select.forms import cause_of, causes_of, forms_to_fit, keep_best_forms
@@ -129,6 +130,32 @@ def test_a_dead_zone_of_other_edges_is_named_and_its_gap_closes(made_case, drawn
     assert diagnosis.gap.closure.value > 0.94
     for name, value in sizes.items():
         assert effect.parameters[name].value == pytest.approx(value, rel=0.02)
+
+
+@pytest.mark.slow
+def test_a_restriction_that_is_felt_only_when_large_is_found_from_the_best_of_several_starts(
+    made_case,
+):
+    study, _ = prepare_study(made_case(187478258570, 20.0, exhaust_restriction="large"))
+    nominal, effects = fit_model(study, ()), (EFFECTS["exhaust_restriction"](),)
+    small = {"exhaust_restriction.R": 3e10, "exhaust_restriction.tau": 0.03}
+    stuck = fit_model(study, effects, {**nominal.values, **small})
+    assert fit_model(study, effects, nominal.values).cost < min(nominal.cost, stuck.cost) - 1000
+
+
+@pytest.mark.slow
+def test_beside_another_effect_another_form_of_a_cause_is_found(made_case):
+    """Alone no form of the elastic load closes anything beside so slow a valve."""
+    names = ("elastic_load", "position_on_elastic_load", "valve_dynamics", "quadratic_drag")
+    hidden = {"elastic_load_measured": "medium", "valve_dynamics_first_order": "large"}
+    case = made_case(91444881684, 8.0, **hidden)
+    diagnosis = diagnose(case, {name: EFFECTS[name] for name in names})
+    forms = {effect.name: effect.form for effect in diagnosis.effects}
+    assert forms == {
+        "valve_dynamics": "valve_dynamics",
+        "elastic_load": "position_on_elastic_load",
+    }
+    assert diagnosis.gap.closure.value > 0.95
 
 
 def test_a_start_looked_for_at_full_size_is_not_replaced_by_the_shape_a_screen_promises():

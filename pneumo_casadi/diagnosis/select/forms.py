@@ -70,6 +70,7 @@ def keep_best_forms(
             ledger.leave_out(name)
     return fits
 
+
 def with_other_form(
     ledger: FitLedger, nominal: FittedModel, known: Names, levels: BalanceLevels
 ) -> Names:
