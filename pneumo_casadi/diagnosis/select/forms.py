@@ -94,7 +94,7 @@ def with_other_form(
     if not leaves_too_much(nominal, current, levels):
         return known
     starts = {}
-    for form in ledger.left_out:
+    for form in sorted(ledger.left_out):
         cause = cause_of(form, ledger.catalogue)
         others = [name for name in known if cause_of(name, ledger.catalogue) != cause]
         kept = {
