@@ -11,7 +11,7 @@ from pneumo_casadi.data import Case, Grade, read_case
 from pneumo_casadi.data.record_ranges import record_ranges
 from pneumo_casadi.diagnosis.checks.absorbed import contradicted_balance
 from pneumo_casadi.diagnosis.checks.parameter_checks import check_fit
-from pneumo_casadi.diagnosis.decide.decision import Decision, decide_verdict
+from pneumo_casadi.diagnosis.decide.decision import NAMING, Decision, decide_verdict
 from pneumo_casadi.diagnosis.decide.ranking import (
     by_contribution,
     effects_found,
@@ -148,8 +148,12 @@ def diagnose(
     report("parameters and location", 0.82)
     checks = check_fit(study, selection.final, effects)
     known: Catalogue = {**EFFECTS, **chosen}
-    rival = _rival_term(study, selection, effects)
-    decision = decide_verdict(selection, checks, known, rival is not None)
+    decision = decide_verdict(selection, checks, known)
+    rival = None
+    if decision.judgement.verdict in NAMING:
+        rival = _rival_term(study, selection, effects)
+    if rival is not None:
+        decision = decide_verdict(selection, checks, known, surpassed=True)
     inputs = estimate_unknown_inputs(study, selection.nominal)
     named = decision.names_effects
     hidden, beside = ((), decision.absorbed) if named else (decision.absorbed, ())

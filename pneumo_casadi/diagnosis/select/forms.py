@@ -97,12 +97,7 @@ def with_other_form(
     for form in sorted(ledger.left_out):
         cause = cause_of(form, ledger.catalogue)
         others = [name for name in known if cause_of(name, ledger.catalogue) != cause]
-        kept = {
-            name: value
-            for name, value in current.values.items()
-            if "." not in name or name.split(".")[0] in others
-        }
-        starts[ledger.key((*others, form))] = Start(kept)
+        starts[ledger.key((*others, form))] = Start(current.values)
     ledger.fit_all(starts)
     fits = {key: ledger.fits[key] for key in starts if key in ledger.fits}
     best = min(fits, key=lambda key: fits[key].cost, default=None)

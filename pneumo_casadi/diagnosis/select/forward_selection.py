@@ -220,7 +220,8 @@ def _forward(
         current = ledger.fits[best]
     if path and not motion_is_hidden(ledger.effects(path[-1]), ledger.fits[path[-1]]):
         better = with_other_form(ledger, nominal, path[-1], levels)
-        path = [*(names for names in path if set(names) < set(better)), better]
+        if better != path[-1]:
+            path = [*(names for names in path if set(names) < set(better)), better]
     report("comparing simulations", 0.8)
     taken = extend_by_simulation(ledger, nominal, tuple(path), levels, MAX_EFFECTS)
     simulated = bool(taken) and (taken[-1] in ledger.trials or not ledger.study.shows_accelerations)

@@ -49,11 +49,10 @@ class HoseSensorAtValve(Effect):
     def rates(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
         """Balance of the air in each chamber, leaks and heat included."""
         rates = {}
-        flows = zip(_passed(at), entering["chamber_energy"], entering["line"], strict=True)
-        for (c, q), at_chamber, through_valve in flows:
-            capacity, displaced = _nominal(at, c)
-            q_c = q + at_chamber - through_valve
-            rates[f"p_{c}"] = (q_c - displaced * at[f"p_{c}"] * at.v) / capacity
+        arrived = (entering[name] for name in ("chamber_energy", "line", "capacity"))
+        for (c, q), at_chamber, sent, capacity in zip(_passed(at), *arrived, strict=True):
+            q_c = q + at_chamber - sent
+            rates[f"p_{c}"] = (q_c - _displaced(at, c) * at[f"p_{c}"] * at.v) / capacity
         return rates
 
     def line(self, q_m: Pair, at: Scope) -> Pair:
@@ -70,7 +69,7 @@ class HoseSensorAtValve(Effect):
         w = hose_share(at)
         flows = []
         for (c, q), nominal, sent in zip(_passed(at), q_m, at.entering["line"], strict=True):
-            displaced = _nominal(at, c)[1] * getattr(at.p, c) * at.v
+            displaced = _displaced(at, c) * getattr(at.p, c) * at.v
             flows.append(nominal + w * (sent - q - nominal) + displaced * w)
         return Pair(*flows)
 
@@ -80,12 +79,9 @@ class HoseSensorAtValve(Effect):
         return Pair(*(nominal + w * (hose_capacity(at) - nominal) for nominal in C))
 
 
-def _nominal(at: Scope, c: str) -> tuple[Expression, Expression]:
-    """Return the capacity of a chamber [kg/Pa], and X_s3 or −X_s6."""
-    X = at.axis
-    if c == "P":
-        return X["X_s1"] + X["X_s2"] * at.x, X["X_s3"]
-    return X["X_s4"] - X["X_s5"] * at.x, -X["X_s6"]
+def _displaced(at: Scope, c: str) -> Expression:
+    """Return X_s3 or −X_s6, the air of a chamber that the piston displaces [kg/(Pa m)]."""
+    return at.axis["X_s3"] if c == "P" else -at.axis["X_s6"]
 
 
 def _passed(at: Scope) -> list[tuple[str, Expression]]:
