@@ -37,8 +37,8 @@ from pneumo_casadi.estimation.output_error.shooting.problem import Problem
 from pneumo_casadi.estimation.output_error.solvers.condensed_step import apply_step, condensed_step
 from pneumo_casadi.estimation.output_error.stages import write_problem
 from pneumo_casadi.estimation.wls import fit_wls
-from pneumo_casadi.model.compilation import call_with_arrays, compile_functions
-from pneumo_casadi.model.integration import THREADS
+from pneumo_casadi.model.machine_code.calls import THREADS, call_with_arrays
+from pneumo_casadi.model.machine_code.compilation import compile_functions
 from pneumo_casadi.valve import FlowMap
 
 SEED = 20050705

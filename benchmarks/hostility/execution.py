@@ -30,7 +30,7 @@ ctypes.CDLL('./out/axis.so')
 """
 COMPILED = """
 import casadi as ca
-from pneumo_casadi.model.compilation import compile_functions
+from pneumo_casadi.model.machine_code.compilation import compile_functions
 x = ca.SX.sym('x')
 (f,) = compile_functions([ca.Function('square', [x], [x**2])])
 assert float(f(3)) == 9

@@ -12,10 +12,11 @@ from pneumo_casadi.design.reference import Reference
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.balances import external_force, pressure_force
-from pneumo_casadi.model.compilation import compile_functions
-from pneumo_casadi.model.integration import Stepping, accumulate, step_function, substeps_for
+from pneumo_casadi.model.integration import accumulate, step_function
 from pneumo_casadi.model.junctions import Pair
+from pneumo_casadi.model.machine_code.compilation import compile_functions
 from pneumo_casadi.model.sampled_axis import SampledAxis
+from pneumo_casadi.model.stepping import stepping_for
 from pneumo_casadi.parameters import FloatArray
 
 #: Time in closed loop on the first reference before an experiment begins [s].
@@ -189,8 +190,7 @@ class ExperimentSimulator:
     @cached_property
     def model(self) -> SampledAxis:
         """The axis and its controller from sample to sample."""
-        stepping = Stepping(self.dt, substeps=substeps_for(self.axis, self.dt))
-        return SampledAxis(self.axis, stepping, self.controller)
+        return SampledAxis(self.axis, stepping_for(self.axis, self.dt), self.controller)
 
     @cached_property
     def step(self) -> ca.Function:

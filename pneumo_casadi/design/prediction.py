@@ -24,8 +24,8 @@ from pneumo_casadi.estimation.output_error.solvers.condensed_step import (
 )
 from pneumo_casadi.estimation.output_error.solvers.multiple_shooting import solve_gauss_newton
 from pneumo_casadi.model.axis import Axis
-from pneumo_casadi.model.integration import Stepping, substeps_for
 from pneumo_casadi.model.sampled_axis import SampledAxis
+from pneumo_casadi.model.stepping import stepping_for
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.valve import FlowMap
 
@@ -61,8 +61,7 @@ class Fit:
     def model(self) -> SampledAxis:
         """The axis with inputs as recorded."""
         plain = self.axis.at_null_values()
-        substeps = max(substeps_for(axis, self.dt) for axis in (self.axis, plain))
-        return SampledAxis(self.axis, Stepping(self.dt, substeps=substeps))
+        return SampledAxis(self.axis, stepping_for(self.axis, self.dt, also=(plain,)))
 
     @cached_property
     def functions(self) -> IntervalFunctions:

@@ -13,7 +13,8 @@ from msgspec import Meta
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.export.function_check import CLASSES, refusal
 from pneumo_casadi.export.model import FORMAT, IdentifiedModel, description
-from pneumo_casadi.model.integration import Stepping, step_function
+from pneumo_casadi.model.integration import step_function
+from pneumo_casadi.model.stepping import Stepping
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.runtime.atomic_files import draft_folder
 from pneumo_casadi.runtime.input_files import read_bytes, shown

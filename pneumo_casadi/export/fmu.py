@@ -14,7 +14,7 @@ from pneumo_casadi.errors import MissingExtraError
 from pneumo_casadi.export.c_code import NAME, c_sources, template, values
 from pneumo_casadi.export.fmi_xml import build_description, model_description
 from pneumo_casadi.export.model import IdentifiedModel, description
-from pneumo_casadi.model.compilation import compiler
+from pneumo_casadi.model.machine_code.compilation import compiler
 from pneumo_casadi.runtime.atomic_files import draft_folder
 from pneumo_casadi.runtime.children import last_line, run_child
 from pneumo_casadi.runtime.json_files import json_text

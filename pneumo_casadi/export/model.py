@@ -16,7 +16,7 @@ from pneumo_casadi.identification.read_result import ResultSection, result_path
 from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.identification.result_file import result_dict
 from pneumo_casadi.model.axis import Axis
-from pneumo_casadi.model.integration import substeps_for
+from pneumo_casadi.model.stepping import substeps_for
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.runtime.json_files import json_text
 from pneumo_casadi.runtime.json_input import Section, check_format, read_json, typed

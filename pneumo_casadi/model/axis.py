@@ -112,15 +112,14 @@ class Axis(AxisDescription):
         return ca.Function("rhs", [x, u, theta], [f], ["x", "u", "theta"], ["dx"])
 
     @property
-    def standstill(self) -> ca.Function:
-        """∂f/∂x with the inputs at rest, (nx,), (n,) → (nx, nx)."""
-        return self._once("standstill", self._write_standstill)
+    def slopes(self) -> ca.Function:
+        """∂f/∂x, (nx,), (nu,), (n,) → (nx, nx)."""
+        return self._once("slopes", self._write_slopes)
 
-    def _write_standstill(self) -> ca.Function:
-        x, _, theta = self._symbols()
-        # In θ as a symbol: the same expression for all parameter values, and MX maps need it.
-        A = ca.jacobian(self.rhs(x, self.inputs_at_rest, theta), x)
-        return ca.Function("standstill", [x, theta], [A], ["x", "theta"], ["A"])
+    def _write_slopes(self) -> ca.Function:
+        x, u, theta = self._symbols()
+        A = ca.jacobian(self.rhs(x, u, theta), x)
+        return ca.Function("slopes", [x, u, theta], [A], ["x", "u", "theta"], ["A"])
 
     @property
     def output(self) -> ca.Function:

@@ -1,80 +1,25 @@
 """Numerical integration: Runge-Kutta steps, and many of them in sequence."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
 from pneumo_casadi.data import Clock, InputHold, Recording
-from pneumo_casadi.errors import ModelError
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.junctions import Expression
+from pneumo_casadi.model.machine_code.calls import THREADS
+from pneumo_casadi.model.stepping import Stepping, keeps_moving
 from pneumo_casadi.parameters import FloatArray
 
-#: Threads among which blocks and stretches are shared.
-THREADS = 2
-#: Fastest rate times sampling period up to which a sample is one step.
-ONE_STEP = 0.5
-#: Length of a step times the fastest rate: accurate to a millionth of laboratory noise ...
-ACCURATE = 1.0
-#: ... and to a hundredth of it (0.1 Pa, 0.1 µm), in half the time.
-COARSE = 2.0
 #: Steps in one call of CasADi.
 CHUNK = 250
-
-
-@dataclass(frozen=True, slots=True)
-class Stepping:
-    """How a sampled record is integrated.
-
-    Parameters
-    ----------
-    dt : float
-        Sampling period [s].
-    hold : InputHold
-        What the input does between two samples.
-    substeps : int
-        Runge-Kutta steps of order four per sample; see `substeps_for`.
-    timed : bool
-        Whether every sample has a length of its own: the last value that it is given, over `dt`.
-    """
-
-    dt: float
-    hold: InputHold = InputHold.ZERO
-    substeps: int = 1
-    timed: bool = False
-
-
-def substeps_for(axis: Axis, dt: float, longest: float = ACCURATE) -> int:
-    """Return the Runge-Kutta steps per sample that the axis needs at standstill to stay stable.
-
-    There smoothed friction is steepest, (F_c⁺ + F_c⁻) / (2 M v_s) on the nominal axis, and
-    effects add their own (a lag, Stribeck's force). RK4 is stable up to 2.78 times the fastest
-    rate and accurate below about 1 per step, the `longest` one; a whole sample is taken in one step
-    only below half of that, because such a step is long compared with all other time constants
-    too.
-    """
-    rate = dt * _fastest_rate(axis)
-    if rate <= ONE_STEP:
-        return 1
-    # Few different counts: a small change of friction then seldom changes the step.
-    count = 2
-    while count * longest < rate:
-        count = count * 3 // 2 if count & (count - 1) == 0 else count * 4 // 3
-    return count
-
-
-def _fastest_rate(axis: Axis) -> float:
-    """Return the largest magnitude of the axis' poles at mid-stroke and standstill [1/s]."""
-    constants, theta = axis.constants, axis.parameters.values
-    pressures = [(constants["p_supply"] + constants["p_ext"]) / 2 for _ in axis.kind.gas_chambers]
-    u = axis.inputs_at_rest
-    at_rest = axis.rest([*pressures, 0.0, 0.0], u, theta)
-    A = axis.standstill(at_rest, theta).full()
-    if not np.isfinite(A).all():
-        raise ModelError("the axis' equations are not finite at standstill; check its parameters")
-    return float(np.abs(np.linalg.eigvals(A)).max())
+#: ``rates(share, states)``: the rates after a share of a sample.
+Rates = Callable[[Expression, Sequence[Expression]], Sequence[Expression]]
+#: ``integrate(states, given, length)``: the states at the end of a sample.
+Integrate = Callable[[Sequence[Expression], Sequence[Expression], Expression], list[Expression]]
+#: ``moves(states, given, length)``: whether the axis keeps moving over a sample.
+Moves = Callable[[Sequence[Expression], Sequence[Expression], Expression], Expression]
 
 
 def runge_kutta(
@@ -114,15 +59,17 @@ def runge_kutta(
 
 
 def runge_kutta_sample(
-    rates: Callable[[Expression, Sequence[Expression]], Sequence[Expression]],
+    rates: Rates,
     states: Sequence[Expression],
     given: Sequence[Expression],
-    substeps: int,
+    stepping: Stepping,
+    moves: Moves,
     inline: bool = False,
-) -> Callable[[Sequence[Expression], Sequence[Expression], Expression], list[Expression]]:
+) -> Integrate:
     """Return what integrates one sample by calls of one Runge-Kutta step, compiled once.
 
     Steps are called in groups, which are functions as well: every call is code to be compiled.
+    Compiled code takes few steps in the samples in which the axis keeps moving, and branches.
 
     Parameters
     ----------
@@ -130,10 +77,12 @@ def runge_kutta_sample(
         ``rates(share, states)`` returns the rates after a share of the sample.
     states, given : sequence of Expression
         Symbols of what moves, and of what the rates depend on besides.
-    substeps : int
+    stepping : Stepping
         Steps per sample.
+    moves : callable
+        ``moves(states, given, length)`` tells whether the axis keeps moving over a sample.
     inline : bool
-        Whether the steps are written out, not called.
+        Whether the steps are written out, not called; then every sample takes as many.
 
     Returns
     -------
@@ -141,26 +90,51 @@ def runge_kutta_sample(
         ``(states, given, length) -> states`` at the end of a sample of that length [s].
     """
     sym = type(states[0]).sym
-    h, begin = sym("h"), sym("begin")
+    h, begin, part = sym("h"), sym("begin"), sym("part")
 
     def f(share: float, z: Sequence[Expression]) -> Sequence[Expression]:
-        return rates(begin + share / substeps, z)
+        return rates(begin + share * part, z)
 
-    step = ca.Function("substep", [*states, *given, h, begin], runge_kutta(f, states, h))
-    size = 1 if inline else _group_size(substeps)
+    inputs = [*states, *given, h, begin, part]
+    step = ca.Function("substep", inputs, runge_kutta(f, states, h))
+    careful = _in_steps(step, len(states), len(given), stepping.substeps, inline)
+    if inline or stepping.moving is None or stepping.moving >= stepping.substeps:
+        return careful
+    quick = _in_steps(step, len(states), len(given), stepping.moving)
+    length = sym("length")
+    every = [*states, *given, length]
+    few = ca.Function("quick_sample", every, quick(states, given, length))
+    many = ca.Function("careful_sample", every, careful(states, given, length))
+    either = ca.Function.if_else("either_sample", few, many)
+
+    def choose(
+        start: Sequence[Expression], at: Sequence[Expression], length: Expression
+    ) -> list[Expression]:
+        return list(either.call([moves(start, at, length), *start, *at, length]))
+
+    return choose
+
+
+def _in_steps(
+    step: ca.Function, n_states: int, n_given: int, count: int, inline: bool = False
+) -> Integrate:
+    """Return a sample of `count` steps; see `runge_kutta_sample`."""
+    size = 1 if inline else _group_size(count)
     group = step
     if size > 1:
-        end = list(states)
+        inputs = step.mx_in()
+        end, given = inputs[:n_states], inputs[n_states : n_states + n_given]
+        h, begin, part = inputs[-3:]
         for k in range(size):
-            end = step.call([*end, *given, h, begin + k / substeps], False, False)
-        group = ca.Function("substeps", [*states, *given, h, begin], end)
+            end = step.call([*end, *given, h, begin + k * part, part], False, False)
+        group = ca.Function(f"substeps_{count}", inputs, end)
 
     def integrate(
         start: Sequence[Expression], at: Sequence[Expression], length: Expression
     ) -> list[Expression]:
         end = list(start)
-        for k in range(0, substeps, size):
-            end = group.call([*end, *at, length / substeps, k / substeps], inline, False)
+        for k in range(0, count, size):
+            end = group.call([*end, *at, length / count, k / count, 1 / count], inline, False)
         return end
 
     return integrate
@@ -204,7 +178,12 @@ def step_function(axis: Axis, stepping: Stepping, inline: bool = False) -> ca.Fu
     def rates(share: Expression, at: Sequence[Expression]) -> list[Expression]:
         return list(axis.rhs.call([at[0], u(share), theta], inline, False))
 
-    integrate = runge_kutta_sample(rates, [x], [w, theta], stepping.substeps, inline)
+    def moves(
+        start: Sequence[Expression], at: Sequence[Expression], length: Expression
+    ) -> Expression:
+        return keeps_moving(axis, start[0], at[0][:nu], at[1], length)
+
+    integrate = runge_kutta_sample(rates, [x], [w, theta], stepping, moves, inline)
     (end,) = integrate([x], [w, theta], stepping.dt * w[-1] if stepping.timed else stepping.dt)
     return ca.Function("step", [x, w, theta], [end], ["x", "w", "theta"], ["x_next"])
 

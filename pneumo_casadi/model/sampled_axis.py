@@ -17,7 +17,8 @@ from pneumo_casadi.data.control.law import ControlLaw
 from pneumo_casadi.data.control.memory import memory_at_start
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.model.axis import Axis
-from pneumo_casadi.model.integration import Stepping, held_inputs, sample_lengths
+from pneumo_casadi.model.integration import held_inputs, sample_lengths
+from pneumo_casadi.model.stepping import Stepping
 from pneumo_casadi.parameters import FloatArray
 
 

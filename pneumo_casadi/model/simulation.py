@@ -11,16 +11,10 @@ from pneumo_casadi.data import Controller, InputHold
 from pneumo_casadi.data.control.law import ControlLaw
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.model.axis import Axis
-from pneumo_casadi.model.compilation import compile_functions
-from pneumo_casadi.model.integration import (
-    ACCURATE,
-    Stepping,
-    accumulate,
-    held_inputs,
-    step_function,
-    substeps_for,
-)
+from pneumo_casadi.model.integration import accumulate, held_inputs, step_function
+from pneumo_casadi.model.machine_code.compilation import compile_functions
 from pneumo_casadi.model.sampled_axis import SampledAxis
+from pneumo_casadi.model.stepping import Stepping, stepping_for
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.runtime.presentation import Brief
 
@@ -59,22 +53,6 @@ class Trajectory(Brief):
                 signal: FloatArray = values[names.index(name)]
                 return signal
         raise KeyError(name)
-
-
-def stepping_for(
-    axis: Axis,
-    dt: float,
-    hold: InputHold = InputHold.ZERO,
-    lengths: FloatArray | None = None,
-    longest_step: float = ACCURATE,
-) -> Stepping:
-    """Return a stepping that keeps the axis' smoothed friction stable.
-
-    `lengths` are those of timed samples over dt, see `sample_lengths`; the longest one counts.
-    `longest_step` is the length of a step times the fastest rate, see `substeps_for`.
-    """
-    longest = dt if lengths is None else dt * max(1.0, float(lengths.max()))
-    return Stepping(dt, hold, substeps_for(axis, longest, longest_step), timed=lengths is not None)
 
 
 def simulate_windows(axis: Axis, stepping: Stepping, w: FloatArray, x_0: FloatArray) -> FloatArray:

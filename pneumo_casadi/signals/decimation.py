@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from enum import Enum
+from functools import cache
 
 import numpy as np
 import scipy  # its submodules are loaded at first use
@@ -106,11 +107,17 @@ def passband_edge(factor: int, sampling_frequency: float) -> float:
     return 0.8 * sampling_frequency / (2 * factor)
 
 
+@cache
+def _chebyshev_sections(factor: int) -> FloatArray:
+    # Designing takes longer than filtering a short record, of which there may be hundreds.
+    return np.asarray(scipy.signal.cheby1(8, RIPPLE_DB, 0.8 / factor, output="sos"))
+
+
 def _chebyshev(values: FloatArray, factor: int) -> FloatArray:
     # Second-order sections stay accurate where (b, a) forms lose all digits. A Chebyshev filter
     # of even order passes a constant at the bottom of its ripple; dividing by that gain, which
     # MATLAB does not, leaves every estimate as it is and gives flows and efforts in true size.
-    sections = scipy.signal.cheby1(8, RIPPLE_DB, 0.8 / factor, output="sos")
+    sections = _chebyshev_sections(factor)
     constant = 10 ** (-2 * RIPPLE_DB / 20)
     return np.asarray(scipy.signal.sosfiltfilt(sections, values, axis=0, padlen=24)) / constant
 

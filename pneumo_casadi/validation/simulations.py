@@ -11,7 +11,7 @@ from pneumo_casadi.estimation.output_error.initial_states import estimate_initia
 from pneumo_casadi.estimation.output_error.shooting.segments import measured_states
 from pneumo_casadi.metrics import output_noise
 from pneumo_casadi.model.axis import Axis
-from pneumo_casadi.model.integration import ACCURATE, held_inputs, sample_lengths
+from pneumo_casadi.model.integration import held_inputs, sample_lengths
 from pneumo_casadi.model.sampled_axis import SampledAxis, added_inputs
 from pneumo_casadi.model.simulation import (
     Trajectory,
@@ -19,8 +19,8 @@ from pneumo_casadi.model.simulation import (
     simulate,
     simulate_closed_loop,
     simulate_windows,
-    stepping_for,
 )
+from pneumo_casadi.model.stepping import ACCURATE, stepping_for
 from pneumo_casadi.parameters import FloatArray
 
 #: Length of the beginning of a record from which the initial state of a free run is estimated [s].

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from pneumo_casadi.data import InputHold
-from pneumo_casadi.model.integration import Stepping, step_function
+from pneumo_casadi.model.integration import step_function
+from pneumo_casadi.model.stepping import Stepping
 
 BENCHMARKS = Path(__file__).resolve().parents[2] / "benchmarks"
 #: Samples of the short record.

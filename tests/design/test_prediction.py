@@ -12,7 +12,7 @@ from pneumo_casadi.design.reference import make_reference
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.errors import FitError, ModelError
 from pneumo_casadi.estimation.output_error import OutputErrorOptions, fit_output_error
-from pneumo_casadi.model.compilation import generate_code
+from pneumo_casadi.model.machine_code.compilation import generate_code
 from pneumo_casadi.report.pages.design import write_design
 
 

@@ -9,8 +9,9 @@ import pytest
 from pneumo_casadi.data import FORCE_DRIVEN, PNEUMATIC, InputHold
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.estimation.output_error import OutputErrorOptions, fit_output_error
-from pneumo_casadi.model.compilation import compile_functions
-from pneumo_casadi.model.integration import Stepping, step_function
+from pneumo_casadi.model.integration import step_function
+from pneumo_casadi.model.machine_code.compilation import compile_functions
+from pneumo_casadi.model.stepping import Stepping
 
 #: Steps per sample with which records are integrated, four times what a fit takes or more.
 FINE = 8

@@ -11,7 +11,8 @@ from pneumo_casadi.errors import ModelError
 from pneumo_casadi.model.absorption import Absorption
 from pneumo_casadi.model.axis import V_S_SHARP
 from pneumo_casadi.model.effect import Effect
-from pneumo_casadi.model.integration import Stepping, step_function, substeps_for
+from pneumo_casadi.model.integration import step_function
+from pneumo_casadi.model.stepping import Stepping, substeps_for
 
 #: Most Runge-Kutta steps per millisecond that an effect may ask for where a fit starts.
 MOST_SUBSTEPS = 8

@@ -16,8 +16,9 @@ from pneumo_casadi.effects.valve.flow_map_shape import LocalFlowMapShape
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.estimation.flow_anchor import anchor_to_flow_map
 from pneumo_casadi.model.effect import Scope
-from pneumo_casadi.model.integration import Stepping, step_function
+from pneumo_casadi.model.integration import step_function
 from pneumo_casadi.model.junctions import Pair
+from pneumo_casadi.model.stepping import Stepping
 from pneumo_casadi.valve import FlowMap, fit_polynomials
 
 P = (4e5, 5e5)

@@ -17,11 +17,12 @@ from pneumo_casadi.data import (
     Recording,
     SensorNoise,
 )
-from pneumo_casadi.model.compilation import compile_functions
 from pneumo_casadi.model.effect import Effect, State
-from pneumo_casadi.model.integration import Stepping, held_inputs, step_function
+from pneumo_casadi.model.integration import held_inputs, step_function
 from pneumo_casadi.model.junctions import Pair
+from pneumo_casadi.model.machine_code.compilation import compile_functions
 from pneumo_casadi.model.servosystem import ForceAxis, Servosystem
+from pneumo_casadi.model.stepping import Stepping
 from pneumo_casadi.parameters import Parameter
 from pneumo_casadi.valve import FlowMap, fit_polynomials, fit_spline, orifice_flow
 

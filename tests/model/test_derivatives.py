@@ -5,7 +5,8 @@ import pytest
 
 from pneumo_casadi.data import InputHold
 from pneumo_casadi.effects import Stribeck
-from pneumo_casadi.model.integration import Stepping, held_inputs, step_function
+from pneumo_casadi.model.integration import held_inputs, step_function
+from pneumo_casadi.model.stepping import Stepping
 
 AXES = {
     "polynomials": lambda made: made.true_axis(),

@@ -7,16 +7,10 @@ from scipy.optimize import brentq
 
 from pneumo_casadi.data import InputHold
 from pneumo_casadi.effects import Stribeck
-from pneumo_casadi.model.compilation import generate_code
-from pneumo_casadi.model.integration import (
-    ACCURATE,
-    COARSE,
-    Stepping,
-    held_inputs,
-    step_function,
-    substeps_for,
-)
+from pneumo_casadi.model.integration import held_inputs, step_function
+from pneumo_casadi.model.machine_code.compilation import generate_code
 from pneumo_casadi.model.simulation import simulate
+from pneumo_casadi.model.stepping import ACCURATE, COARSE, Stepping, substeps_for
 
 
 def typed_out(axis):

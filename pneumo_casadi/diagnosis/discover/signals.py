@@ -9,9 +9,9 @@ import numpy as np
 from pneumo_casadi.estimation.equation_error.smoothed_motion import SmoothedMotion
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.balances import chamber_capacities
-from pneumo_casadi.model.compilation import call_with_arrays
 from pneumo_casadi.model.effect import Effect, Scope
 from pneumo_casadi.model.junctions import Supply
+from pneumo_casadi.model.machine_code.calls import call_with_arrays
 from pneumo_casadi.parameters import FloatArray, Parameter
 
 #: Relative change of a pressure of which the derivative of the flows is taken.

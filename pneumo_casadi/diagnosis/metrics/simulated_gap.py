@@ -26,8 +26,8 @@ from pneumo_casadi.metrics import (
 from pneumo_casadi.metrics.gap import SMALLEST_GAP
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.effect import Effect
-from pneumo_casadi.model.integration import COARSE
 from pneumo_casadi.model.simulation import Trajectory
+from pneumo_casadi.model.stepping import COARSE
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.validation.errors import loop_errors
 from pneumo_casadi.validation.simulations import Rows, window_runs

@@ -21,7 +21,7 @@ from pneumo_casadi.estimation.output_error import (
     fit_output_error,
 )
 from pneumo_casadi.model.effect import Effect
-from pneumo_casadi.model.integration import COARSE
+from pneumo_casadi.model.stepping import COARSE
 
 #: Iterations of a refinement.
 MAX_ITERATIONS = 30

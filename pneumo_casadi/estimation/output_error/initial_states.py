@@ -14,9 +14,9 @@ from pneumo_casadi.estimation.output_error.shooting.problem import Problem, Unkn
 from pneumo_casadi.estimation.output_error.shooting.segments import cut_segments
 from pneumo_casadi.estimation.statistics import stated_or_estimated_noise
 from pneumo_casadi.model.axis import Axis
-from pneumo_casadi.model.integration import ACCURATE, sample_lengths
+from pneumo_casadi.model.integration import sample_lengths
 from pneumo_casadi.model.sampled_axis import SampledAxis
-from pneumo_casadi.model.simulation import stepping_for
+from pneumo_casadi.model.stepping import ACCURATE, stepping_for
 from pneumo_casadi.parameters import FloatArray
 
 #: Length of the blocks whose mean outputs are compared [s].

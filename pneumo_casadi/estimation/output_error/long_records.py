@@ -20,7 +20,7 @@ from pneumo_casadi.data import Recording
 from pneumo_casadi.errors import FitError
 from pneumo_casadi.estimation.output_error.options import Method, OutputErrorOptions
 from pneumo_casadi.estimation.output_error.result import OutputErrorResult
-from pneumo_casadi.estimation.output_error.stages import fit_stages, steps_per_sample
+from pneumo_casadi.estimation.output_error.stages import fit_stages, stepping_of
 from pneumo_casadi.estimation.output_error.starts import settled_start
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.runtime.progress import Progress, progress_range
@@ -55,7 +55,7 @@ def are_long(axis: Axis, records: Sequence[Recording], options: OutputErrorOptio
         return False
     if options.method is not Method.GAUSS_NEWTON:
         return False
-    return samples * steps_per_sample(axis, options, records[0].dt) > LONG_STEPS
+    return samples * stepping_of(axis, records, options).substeps > LONG_STEPS
 
 
 def fit_long_records(

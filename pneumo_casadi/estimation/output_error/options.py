@@ -7,7 +7,7 @@ from enum import Enum
 import numpy as np
 
 from pneumo_casadi.errors import ModelError
-from pneumo_casadi.model.integration import ACCURATE
+from pneumo_casadi.model.stepping import ACCURATE
 
 #: Windows through which a fit is recovered are at most this long [s].
 RECOVERY_WINDOW = 0.5

@@ -28,8 +28,9 @@ from pneumo_casadi.estimation.output_error.solvers.solution import Solution, new
 from pneumo_casadi.estimation.output_error.starts import Begin, measured_start
 from pneumo_casadi.estimation.statistics import stated_or_estimated_noise
 from pneumo_casadi.model.axis import Axis
-from pneumo_casadi.model.integration import Stepping, substeps_for
+from pneumo_casadi.model.integration import sample_lengths
 from pneumo_casadi.model.sampled_axis import SampledAxis
+from pneumo_casadi.model.stepping import Stepping, stepping_for
 from pneumo_casadi.parameters import FloatArray, Parameters
 from pneumo_casadi.runtime.progress import Progress
 from pneumo_casadi.valve import AnyFlowMap
@@ -62,7 +63,6 @@ def fit_stages(
     stages: list[Stage] = []
     parameters = axis.parameters
     rungs = plan_stages(options)
-    dt = records[0].dt
     for i, rung in enumerate(rungs):
         share = i / len(rungs)
         for attempt in range(STEPPINGS):
@@ -70,7 +70,9 @@ def fit_stages(
             done = share + attempt / STEPPINGS / len(rungs)
             report(f"{rung.name}: writing and compiling", done)
             problem = write_problem(axis, records, flow_map, rung.options)
-            _ = problem.sensitivity  # compiled here: the time of a stage is that of solving
+            _ = (
+                problem.functions.sensitivity
+            )  # compiled here: the time of a stage is that of solving
             report(rung.name, done + 0.5 / STEPPINGS / len(rungs))
             began = time.perf_counter()
             solution = _solve(problem, rung.options, sigma, rung.refine, begin)
@@ -96,9 +98,7 @@ def fit_stages(
             parameters = result.parameters
             # Stronger friction than at the start needs finer steps; otherwise the error of the
             # integration biases it, and the result depends on the starting values.
-            if steps_per_sample(result.axis, rung.options, dt) == steps_per_sample(
-                axis, rung.options, dt
-            ):
+            if stepping_of(result.axis, records, rung.options) == problem.model.stepping:
                 break
         if solution.status == "converged" and rung.last:
             report("done", 1.0)
@@ -134,10 +134,8 @@ def write_problem(
         raise ModelError(
             f"records differ in sampling frequency or input hold: {sorted(clocks, key=str)}"
         )
-    dt, hold = records[0].dt, records[0].hold
-    n = max(1, round(options.block / dt))
-    longest = dt if uniform else max(float(record.intervals.max()) for record in records)
-    stepping = Stepping(dt, hold, steps_per_sample(axis, options, longest), timed=not uniform)
+    n = max(1, round(options.block / records[0].dt))
+    stepping = stepping_of(axis, records, options)
     model = SampledAxis(axis, stepping, axis.bench.controller if options.closed_loop else None)
     segments = cut_segments(model, records, n, options.window, options.interval)
     functions = IntervalFunctions(model, n, segments[0].per, parameters.free_names)
@@ -160,15 +158,24 @@ def _refuse_too_few(problem: Problem) -> None:
         )
 
 
-def steps_per_sample(axis: Axis, options: OutputErrorOptions, dt: float) -> int:
-    """Return the Runge-Kutta steps per sample for the narrowest friction of a stage.
+def stepping_of(axis: Axis, records: Sequence[Recording], options: OutputErrorOptions) -> Stepping:
+    """Return the stepping for the narrowest friction of a stage.
 
     With the effects as they are and without: one that softens the axis where the fit starts
     (presliding) may vanish on the way.
     """
+    dt = records[0].dt
+    every = [sample_lengths(record, dt) for record in records]
+    timed = [lengths for lengths in every if lengths is not None]
     narrow = axis.with_parameters({"v_s": min(options.widths)})
-    each = (narrow, narrow.at_null_values())
-    return max(substeps_for(axis, dt, options.longest_step) for axis in each)
+    return stepping_for(
+        narrow,
+        dt,
+        records[0].hold,
+        np.concatenate(timed) if timed else None,
+        options.longest_step,
+        (narrow.at_null_values(),),
+    )
 
 
 def _refuse_free_gauge(axis: Axis, parameters: Parameters, flow_map: AnyFlowMap | None) -> None:

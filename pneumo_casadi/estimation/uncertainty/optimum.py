@@ -22,7 +22,7 @@ from pneumo_casadi.estimation.output_error.solvers.multiple_shooting import solv
 from pneumo_casadi.estimation.output_error.solvers.solution import Solution
 from pneumo_casadi.estimation.output_error.stages import write_problem
 from pneumo_casadi.estimation.statistics import delta_std
-from pneumo_casadi.model.integration import substeps_for
+from pneumo_casadi.model.stepping import substeps_for
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.valve import AnyFlowMap
 

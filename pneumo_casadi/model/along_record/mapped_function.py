@@ -9,7 +9,7 @@ import numpy as np
 
 from pneumo_casadi.model.along_record.array_function import ArrayFunction
 from pneumo_casadi.model.along_record.record_function import RecordFunction
-from pneumo_casadi.model.compilation import call_with_arrays
+from pneumo_casadi.model.machine_code.calls import call_with_arrays
 from pneumo_casadi.parameters import FloatArray
 
 #: Samples that are evaluated at a time.

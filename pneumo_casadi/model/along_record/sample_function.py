@@ -17,12 +17,8 @@ import numpy as np
 
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.model.along_record.record_function import RecordFunction
-from pneumo_casadi.model.compilation import (
-    build_library,
-    call_with_arrays,
-    compiler,
-    generate_code,
-)
+from pneumo_casadi.model.machine_code.calls import call_with_arrays
+from pneumo_casadi.model.machine_code.compilation import build_library, compiler, generate_code
 from pneumo_casadi.parameters import FloatArray
 
 #: Calls f for N samples; every input and output moves on by so many values from one to the next.

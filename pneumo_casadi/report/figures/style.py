@@ -245,7 +245,9 @@ def save_figure(figure: Figure, path: str | Path) -> tuple[Path, ...]:
             file = path.with_name(f"{path.name}.{content_of.__name__}")
             file.write_bytes(content_of(figure))
             written.append(file)
-            figure.set_layout_engine("none")  # it takes as long as drawing, and would find the same
+            # It takes as long as drawing, and would find the same; even "none" draws once more.
+            with rc_context({"figure.autolayout": False, "figure.constrained_layout.use": False}):
+                figure.set_layout_engine(None)
     finally:
         figure.set_layout_engine(layout)
     return tuple(written)

@@ -16,7 +16,8 @@ from pneumo_casadi.data import (
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.estimation.output_error import Method, OutputErrorOptions, fit_output_error
 from pneumo_casadi.model.sampled_axis import SampledAxis
-from pneumo_casadi.model.simulation import simulate_closed_loop, stepping_for
+from pneumo_casadi.model.simulation import simulate_closed_loop
+from pneumo_casadi.model.stepping import stepping_for
 from pneumo_casadi.validation.errors import loop_errors
 
 DT = 1e-3

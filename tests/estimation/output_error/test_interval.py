@@ -6,8 +6,9 @@ import pytest
 from pneumo_casadi.data import InputHold
 from pneumo_casadi.effects import Stribeck, ValveDynamics
 from pneumo_casadi.estimation.output_error.shooting.interval import IntervalFunctions
-from pneumo_casadi.model.integration import Stepping, step_function
+from pneumo_casadi.model.integration import step_function
 from pneumo_casadi.model.sampled_axis import SampledAxis
+from pneumo_casadi.model.stepping import Stepping
 
 N, BLOCKS = 2, 7  # blocks enough for two levels of calls
 DT = 1e-3

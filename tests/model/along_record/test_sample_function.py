@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from pneumo_casadi.model.along_record import SampleFunction, compile_sample_functions
-from pneumo_casadi.model.compilation import compiler
+from pneumo_casadi.model.machine_code.compilation import compiler
 
 
 def functions():

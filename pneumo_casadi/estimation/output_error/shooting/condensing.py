@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pneumo_casadi.estimation.output_error.shooting.problem import Problem, Unknowns
-from pneumo_casadi.model.compilation import call_with_arrays
+from pneumo_casadi.model.machine_code.calls import call_side_by_side
 from pneumo_casadi.parameters import FloatArray
 
 #: Sensitivities and residuals beyond this come from a trajectory that ran away.
@@ -90,8 +90,8 @@ def linearise(problem: Problem, point: Unknowns, sigma: FloatArray) -> Linearise
     data = problem.data
     theta = np.tile(point.theta[:, None], intervals)
     weight = np.tile((problem.n / sigma**2)[:, None], intervals)
-    ends, means, S, H, g, scores = call_with_arrays(
-        problem.sensitivity, point.x, data.w, theta, data.h, data.y, weight
+    ends, means, S, H, g, scores = call_side_by_side(
+        problem.functions.sensitivity, point.x, data.w, theta, data.h, data.y, weight
     )
     joins = problem.joined
     return Linearised(

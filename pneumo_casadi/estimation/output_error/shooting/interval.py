@@ -5,17 +5,18 @@ and their sensitivities S = ∂x/∂(x_0, θ) run along, and block after block t
 outputs leave only their sums JᵀJ and Jᵀe: a long record needs few nodes and little memory.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import casadi as ca
 import numpy as np
 
-from pneumo_casadi.model.compilation import compile_functions
-from pneumo_casadi.model.integration import inputs_between, runge_kutta_sample
+from pneumo_casadi.model.integration import Integrate, inputs_between, runge_kutta_sample
 from pneumo_casadi.model.junctions import Expression
+from pneumo_casadi.model.machine_code.compilation import compile_functions
 from pneumo_casadi.model.sampled_axis import SampledAxis
+from pneumo_casadi.model.stepping import keeps_moving
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,9 +150,7 @@ def _sample(model: SampledAxis, free: Sequence[str] | None = None) -> ca.Functio
     return ca.Function("sample", [*state, *total, w, theta, h], [*end, *sums])
 
 
-def _integration(
-    model: SampledAxis, at: Sequence[int] | None, m: int
-) -> Callable[[Sequence[Expression], Sequence[Expression], Expression], list[Expression]]:
+def _integration(model: SampledAxis, at: Sequence[int] | None, m: int) -> Integrate:
     """Return what integrates one sample, ``([x[, S]], [w or u[, du], θ], length) -> [x[, S]]``.
 
     A controller's inputs u hold over the sample; without one they are those in w.
@@ -170,7 +169,12 @@ def _integration(
     def f(share: Expression, z: Sequence[Expression]) -> list[Expression]:
         return list(rates.call([*z, *(given if moving else [between(share)]), theta]))
 
-    return runge_kutta_sample(f, own, [*given, theta], model.stepping.substeps)
+    def moves(
+        start: Sequence[Expression], at: Sequence[Expression], length: Expression
+    ) -> Expression:
+        return keeps_moving(axis, start[0], at[0][:nu], at[-1], length)
+
+    return runge_kutta_sample(f, own, [*given, theta], model.stepping, moves)
 
 
 def _with_sensitivities(

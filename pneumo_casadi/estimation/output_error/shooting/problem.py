@@ -8,7 +8,6 @@ m_k = H(x_k, w_k, θ).
 from dataclasses import dataclass
 from functools import cached_property
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,8 +15,7 @@ from pneumo_casadi.estimation.flow_anchor import Anchor
 from pneumo_casadi.estimation.output_error.shooting.interval import IntervalFunctions
 from pneumo_casadi.estimation.output_error.shooting.segments import Segment
 from pneumo_casadi.model.axis import Axis
-from pneumo_casadi.model.compilation import call_with_arrays
-from pneumo_casadi.model.integration import THREADS
+from pneumo_casadi.model.machine_code.calls import call_side_by_side
 from pneumo_casadi.model.sampled_axis import SampledAxis
 from pneumo_casadi.parameters import FloatArray, Parameters
 
@@ -148,25 +146,6 @@ class Problem:
         """Scales of the free parameters, shape (n_free,)."""
         return self.parameters.scales[self.parameters.free_mask]
 
-    def value_of(self, count: int) -> ca.Function:
-        """Return the simulation of `count` intervals side by side, shared among threads."""
-        return self._mapped(self.functions.value, count)
-
-    @property
-    def sensitivity(self) -> ca.Function:
-        """All intervals side by side with their sensitivities, shared among threads."""
-        return self._mapped(self.functions.sensitivity, self.I)
-
-    def _mapped(self, f: ca.Function, count: int) -> ca.Function:
-        key = (f.name(), count)
-        if key not in self._maps:
-            self._maps[key] = f.map(count, "thread", THREADS) if count > 1 else f
-        return self._maps[key]
-
-    @cached_property
-    def _maps(self) -> dict[tuple[str, int], ca.Function]:
-        return {}
-
     def start(self) -> Unknowns:
         """Return the measured start: states from smoothed data."""
         return Unknowns(self.parameters.values, np.hstack([s.x for s in self.segments]))
@@ -188,7 +167,7 @@ def evaluate_intervals(problem: Problem, point: Unknowns) -> tuple[FloatArray, F
     """Return ends (nx, I) of all intervals and mean outputs (ny, n_blocks)."""
     data = problem.data
     theta = np.tile(point.theta[:, None], problem.I)
-    ends, m = call_with_arrays(problem.value_of(problem.I), point.x, data.w, theta, data.h)
+    ends, m = call_side_by_side(problem.functions.value, point.x, data.w, theta, data.h)
     return ends, data.without_padding(m)
 
 
@@ -219,10 +198,10 @@ def shoot_segments(
     x[:, firsts] = x_0
     for i in range(int(counts.max())):
         at = firsts[counts > i] + i
-        f = problem.value_of(at.size)
         streams = [part[:, at].reshape(len(part), -1) for part in (w, h)]
         tiled = np.tile(theta[:, None], at.size)
-        ends, means = call_with_arrays(f, x[:, at], streams[0], tiled, streams[1])
+        f = problem.functions.value
+        ends, means = call_side_by_side(f, x[:, at], streams[0], tiled, streams[1])
         m[:, at] = means.reshape(len(m), at.size, B)
         going_on = counts[counts > i] > i + 1
         x[:, at[going_on] + 1] = ends[:, going_on]

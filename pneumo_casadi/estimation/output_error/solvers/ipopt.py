@@ -18,6 +18,7 @@ from pneumo_casadi.estimation.output_error.shooting.problem import (
     evaluate_intervals,
 )
 from pneumo_casadi.estimation.output_error.solvers.solution import Solution
+from pneumo_casadi.model.machine_code.calls import mapped
 from pneumo_casadi.parameters import FloatArray
 
 #: Scaled infeasibility, primal and dual, at which steps below rounding are the end: what IPOPT
@@ -166,7 +167,7 @@ def program(problem: Problem) -> Program:
     """Write a problem as CasADi functions with hand-assembled sparse derivatives."""
     at = _symbols(problem)
     parameters, data, ny = problem.parameters, problem.data, len(problem.axis.outputs)
-    value = problem.value_of(problem.I)
+    value = mapped(problem.functions.value, problem.I)
     w, h, y = ca.DM(data.w), ca.DM(data.h), ca.DM(data.y)
     ends, m = value(at.x, w, at.theta, h)
     g = _defects(problem, ends, at.x)
@@ -174,7 +175,7 @@ def program(problem: Problem) -> Program:
     e = (y - m) * ca.repmat(real, ny, 1)
     f = 0.5 * ca.dot(ca.sum2(e**2), at.weight)
 
-    full = problem.sensitivity
+    full = mapped(problem.functions.sensitivity, problem.I)
     ends, _, S, JtJ, Jte, _ = full(at.x, w, at.theta, h, y, at.weight)
     map_gradient = ca.MX.zeros(len(problem.free))
     map_hessian = ca.MX.zeros(len(problem.free), len(problem.free))

@@ -22,12 +22,18 @@ from pneumo_casadi.report.figures.style import (
     thin,
 )
 
+#: Part of a record that a figure shows [s]: more would be a band of ink, and filtered once more.
+LONGEST = 100.0
+
 
 def regressor_figure(result: WLSResult, record: Recording) -> Figure:
     """Draw Y, W X̂ and ρ = Y - W X̂ of each balance (eq. 13) on a record of the fit.
 
-    The band is ±2σ of the balance's residuals, by which its rows are weighted.
+    The band is ±2σ of the balance's residuals, by which its rows are weighted. Of a record longer
+    than `LONGEST` the beginning is drawn.
     """
+    if record.duration > LONGEST:
+        record = record.window(record.t[0], record.t[0] + LONGEST)
     (fit,) = cross_validate(result, record)
     names = list(fit.measured)
     figure = new_figure(18.0 + 36.0 * len(names), head=HEAD)

@@ -13,13 +13,10 @@ import shutil
 from collections.abc import Callable, Sequence
 from functools import cache, partial
 from pathlib import Path
-from typing import Any
 
 import casadi as ca
-import numpy as np
 
-from pneumo_casadi.model.code_constants import separate_constants
-from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.model.machine_code.code_constants import separate_constants
 from pneumo_casadi.runtime.atomic_files import draft_folder
 from pneumo_casadi.runtime.cache import (
     FOLDER,
@@ -128,51 +125,6 @@ def build_library(code: str) -> Path | None:
             path.unlink(missing_ok=True)
             (cache_folder() / f"{_key(instructions)}.o").unlink(missing_ok=True)
     return None
-
-
-def call_with_arrays(f: ca.Function, *given: FloatArray) -> tuple[FloatArray, ...]:
-    """Call a function with arrays and return arrays, without CasADi's matrices in between.
-
-    Their conversion would cost more than a long record's simulation.
-
-    Parameters
-    ----------
-    f : casadi.Function
-        With dense inputs and outputs.
-    given : array
-        One array per input, of its shape.
-
-    Returns
-    -------
-    tuple of array
-        One array per output, of its shape, in Fortran order.
-
-    Raises
-    ------
-    ValueError
-        If the size of an array differs from that of its input.
-
-    Examples
-    --------
-    >>> x = ca.SX.sym("x", 2)
-    >>> call_with_arrays(ca.Function("double", [x], [2 * x]), np.array([1.0, 2.0]))[0].ravel()
-    array([2., 4.])
-    """
-    buffer: Any
-    run: Any
-    buffer, run = f.buffer()
-    kept: list[Any] = [np.asarray(a, dtype=float).ravel("F") for a in given]
-    results: list[Any] = [np.empty(f.nnz_out(i)) for i in range(f.n_out())]
-    for i, array in enumerate(kept):
-        if array.size != f.nnz_in(i):
-            raise ValueError(
-                f"{f.name()}: input {i} has {array.size} values, expected {f.nnz_in(i)}"
-            )
-        buffer.set_arg(i, memoryview(array))
-    for i, array in enumerate(results):
-        buffer.set_res(i, memoryview(array))
-    run()
-    return tuple(a.reshape(f.size_out(i), order="F") for i, a in enumerate(results))
 
 
 @cache

@@ -9,8 +9,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from pneumo_casadi.model import compilation
-from pneumo_casadi.model.compilation import compile_functions, compiler
+from pneumo_casadi.model.machine_code import compilation
+from pneumo_casadi.model.machine_code.compilation import compile_functions, compiler
 from pneumo_casadi.runtime.cache import FOLDER, cache_folder
 
 

@@ -1,0 +1,1 @@
+"""Functions as machine code: compiled once, kept in a cache, called with arrays."""
