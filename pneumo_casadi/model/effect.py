@@ -262,6 +262,15 @@ class Effect:
         del values, bandwidth
         return self.hides_motion
 
+    def swings(self, values: Mapping[str, float]) -> tuple[complex, ...]:
+        """Return the poles [rad/s] with which the effect's force swings on by itself.
+
+        At these values of the parameters, by short name. How such a motion was going when a record
+        begins is unknown: a fit to the balances leaves it out.
+        """
+        del values
+        return ()
+
     def rest(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
         """Return the states at which the effect is at rest, by short name; zeros by default."""
         del entering, at

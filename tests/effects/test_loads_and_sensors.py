@@ -41,14 +41,17 @@ def test_a_spring_conserves_energy_and_swings_at_its_frequency(made):
     np.testing.assert_allclose(run["x"], 0.05 * np.cos(np.sqrt(400.0 / M) * run.t), atol=1e-9)
 
 
-def test_an_undamped_elastic_load_conserves_energy_and_momentum(made):
-    values = {"elastic_load.m_2": 6.0, "elastic_load.f": 8.0, "elastic_load.zeta": 0.0}
+def test_an_elastic_load_conserves_momentum_and_loses_what_its_damper_takes(made):
+    values = {"elastic_load.m_2": 6.0, "elastic_load.f": 8.0, "elastic_load.zeta": 0.01}
     axis = made.true_force_axis(ElasticLoad()).with_parameters(SMOOTH | values)
-    M, k = axis.parameters["M"].value, 6.0 * (2 * np.pi * 8.0) ** 2
+    M, omega = axis.parameters["M"].value, 2 * np.pi * 8.0
     run = free(axis, [0.0, 0.3, 0.01, -0.2])
     v, x_2, v_2 = run["v"], run["elastic_load.x_2"], run["elastic_load.v_2"]
-    energy = 0.5 * (M * v**2 + 6.0 * v_2**2 + k * (x_2 - run["x"]) ** 2)
-    np.testing.assert_allclose(energy, energy[0], rtol=1e-5)
+    energy = 0.5 * (M * v**2 + 6.0 * v_2**2 + 6.0 * omega**2 * (x_2 - run["x"]) ** 2)
+    power = 2 * 6.0 * 0.01 * omega * (v_2 - v) ** 2
+    lost = np.concatenate([[0.0], np.cumsum(0.5 * (power[1:] + power[:-1]) * np.diff(run.t))])
+    assert lost[-1] > 0.05 * energy[0]
+    np.testing.assert_allclose(energy + lost, energy[0], rtol=1e-4)
     np.testing.assert_allclose(M * v + 6.0 * v_2, M * 0.3 - 6.0 * 0.2, rtol=1e-9)
 
 

@@ -25,6 +25,8 @@ from pneumo_casadi.parameters import FloatArray
 MIN_GAIN = 1.0
 #: An effect that gains less than that is tried so many times larger too.
 LARGER_STARTS = (10.0, 100.0, 1000.0)
+#: Share of M that is left to it where an effect begins with a mass of its own.
+LEAST_RIGID = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +98,7 @@ def fit_model(
     """
     axis = study.axis.with_effects(*effects).at_starting_values()
     known = {name: value for name, value in (start or {}).items() if name in axis.parameters}
-    axis = _scanned(study, axis.with_parameters(known), known)
+    axis = _scanned(study, _lightened(axis.with_parameters(known), known), known)
     if trials:
         axis = _cheapest(study, axis, [{}, *trials])
     # A start looked for at full size tells more than the shape that an effect near null promises.
@@ -122,6 +124,18 @@ def _without(
     """Return shapes without the values of some parameters, each once."""
     left = [{name: value for name, value in s.items() if name not in names} for s in shapes]
     return [shape for i, shape in enumerate(left) if shape not in left[:i]]
+
+
+def _lightened(axis: Axis, known: Mapping[str, float]) -> Axis:
+    """Return the axis with M less the masses with which new effects begin.
+
+    M has carried them so far; with both, the start would miss more than the effect explains.
+    """
+    new = [f"{effect.name}.{short}" for effect in axis.effects for short in effect.masses]
+    carried = sum(axis.parameters[name].value for name in new if name not in known)
+    M = axis.parameters["M"]
+    least = max(M.lower, LEAST_RIGID * M.value)
+    return axis.with_parameters({"M": max(least, M.value - carried)}) if carried else axis
 
 
 def _scanned(study: Study, axis: Axis, known: Mapping[str, float]) -> Axis:

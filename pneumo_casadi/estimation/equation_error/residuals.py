@@ -1,7 +1,9 @@
 """Residuals of the balances along a smoothed motion; states of the effects are simulated."""
 
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -10,6 +12,7 @@ from pneumo_casadi.estimation.equation_error.balance_functions import (
     any_sensor_effect,
 )
 from pneumo_casadi.estimation.equation_error.smoothed_motion import SmoothedMotion
+from pneumo_casadi.model.machine_code.calls import THREADS
 from pneumo_casadi.parameters import FloatArray
 
 #: Iterations that invert the effects of sensors, each accurate to one order more.
@@ -44,7 +47,7 @@ def balance_residuals(
 ) -> FloatArray:
     """Return the decimated residuals at some parameters, shape (ne, m)."""
     (r,) = _undecimated(model, data, [theta])
-    return data.averaged(r)
+    return _without_swings(model, data, theta, data.averaged(r))
 
 
 def linearise_residuals(
@@ -69,7 +72,9 @@ def linearise_residuals(
     exact, quotients = np.split(derivatives, [derivatives.shape[2] - k], axis=2)
     own = len(model.by_difference)
     exact[:, :, [model.analytic.index(name) for name in holding]] = quotients[:, :, own:]
-    return LinearisedResiduals(low[:ne], np.concatenate([exact, quotients[:, :, :own]], axis=2))
+    J = np.concatenate([exact, quotients[:, :, :own]], axis=2)
+    J = _without_swings(model, data, theta, J.transpose(2, 0, 1)).transpose(1, 2, 0)
+    return LinearisedResiduals(_without_swings(model, data, theta, low[:ne]), J)
 
 
 def effect_derivatives(
@@ -91,7 +96,32 @@ def effect_derivatives(
     ]
     ne, k = len(residuals[0]), len(names)
     low = np.array([data.averaged(part) for part in moved]).reshape(k, ne, data.m)
-    return low.transpose(1, 2, 0)
+    return _without_swings(model, data, theta, low).transpose(1, 2, 0)
+
+
+def _without_swings(
+    model: BalanceFunctions, data: SmoothedMotion, theta: FloatArray, rows: FloatArray
+) -> FloatArray:
+    """Return rows (..., ne, m) less what swings on in the force from the record's beginning.
+
+    A load on a spring goes on swinging for seconds, and how it did when a record begins nobody has
+    measured. What it adds to the rows of the force, e^{s t} for each of its poles s, is fitted to
+    them and taken away (variable projection, Golub and Pereyra 1973).
+    """
+    axis = model.axis
+    values = dict(zip(axis.parameters.names, theta.tolist(), strict=True))
+    poles: list[complex] = []
+    for effect in axis.effects:
+        own = {item.name: values[f"{effect.name}.{item.name}"] for item in effect.parameters}
+        poles += effect.swings(own)
+    if not poles:
+        return rows
+    waves = np.exp(np.outer(poles, np.arange(data.m) / data.row_rate))
+    C, force = np.vstack([waves.real, waves.imag]), axis.equations.index("force")
+    used = data.used(axis)[force]
+    left = rows.copy()
+    left[..., force, :] -= (rows[..., force, :] * used) @ np.linalg.pinv(C * used) @ C
+    return left
 
 
 def _perturbed(
@@ -189,10 +219,9 @@ def simulate_effect_states(
     """Simulate the states of the effects along the motions; (nz, N) for each variant of θ."""
     if not model.n_z:
         return [np.zeros((0, data.N))] * len(variants)
-    return [
-        _states_along(model, data, theta, motion)
-        for theta, motion in zip(variants, motions, strict=True)
-    ]
+    # Machine code runs without the interpreter: variants are simulated side by side.
+    with ThreadPoolExecutor(min(THREADS, len(variants))) as pool:
+        return list(pool.map(partial(_states_along, model, data), variants, motions))
 
 
 def _states_along(
