@@ -90,7 +90,9 @@ def test_a_cause_is_told_once():
 def test_a_further_form_that_promises_nothing_is_not_fitted(ledger):
     def screened(**explained):
         return {
-            name: ScreenResult(name, explained.get(name, 0.0), 0.0, 1.0, True, ({},), {})
+            name: ScreenResult(
+                name, explained.get(name, 0.0), 0.0, np.zeros(3), 1.0, True, ({},), {}
+            )
             for name in ledger.catalogue
         }
 

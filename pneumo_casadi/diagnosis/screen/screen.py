@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.prepare.study import Study
@@ -79,6 +80,8 @@ class ScreenResult:
         Share of the squared residuals that it takes away.
     gain : float
         Log-likelihood that it gains thereby, to second order.
+    by_balance : (ne,) array
+        The part of it in each balance.
     observable : float
         Share of its influence that the nominal parameters cannot take up.
     felt : bool
@@ -94,6 +97,7 @@ class ScreenResult:
     name: str
     explained: float
     gain: float
+    by_balance: FloatArray
     observable: float
     felt: bool
     starts: tuple[Mapping[str, float], ...]
@@ -112,11 +116,14 @@ class Background:
         Orthonormal.
     weight : (rows,) array
         By which the rows of a `Direction`, weighted as the nominal fit, are weighted as this one.
+    of_balance : (ne, rows) array of bool
+        Which rows belong to each balance.
     """
 
     e: FloatArray
     Q: FloatArray
     weight: FloatArray
+    of_balance: NDArray[np.bool_]
 
 
 def perturbation(study: Study, nominal: FittedModel, effect: Effect) -> tuple[Direction, ...]:
@@ -212,9 +219,10 @@ def background(
     axis = study.axis.with_effects(*effects).with_parameters(dict(fitted.values))
     model = BalanceFunctions(axis)
     theta = axis.parameters.values
-    r, J = [], []
+    r, J, balance = [], [], []
     for data in study.smoothed[0]:
         linear, mask = linearise_residuals(model, data, theta), data.used(axis)
+        balance.append(np.nonzero(mask)[0])
         r.append(linear.r[mask])
         J.append(linear.J[mask])
     weight = _weights(study, fitted)
@@ -230,7 +238,10 @@ def background(
         relative = np.concatenate([relative, np.ones(len(e) - len(relative))])
     size = np.linalg.norm(A, axis=0)
     U, s, _ = np.linalg.svd(A / np.where(size > 0, size, 1.0), full_matrices=False)
-    return Background(e, U[:, s > 1e-9 * s[0]], relative)
+    of_balance = np.zeros((len(axis.equations), len(e)), dtype=bool)
+    which = np.concatenate(balance)
+    of_balance[which, np.arange(len(which))] = True
+    return Background(e, U[:, s > 1e-9 * s[0]], relative, of_balance)
 
 
 def screened(name: str, candidates: Sequence[Direction], behind: Background) -> ScreenResult:
@@ -246,7 +257,10 @@ def screened(name: str, candidates: Sequence[Direction], behind: Background) -> 
     explained, _, step, best = promises[0]
     gain = 0.5 * explained * float(behind.e @ behind.e)
     shapes = tuple(starts.values())
-    return ScreenResult(name, explained, gain, observable, felt, shapes, best.at(step))
+    change = (best.columns * behind.weight[:, None]) @ step
+    after = behind.e + change - behind.Q @ (behind.Q.T @ change)
+    parts = 0.5 * behind.of_balance @ (behind.e**2 - after**2)
+    return ScreenResult(name, explained, gain, parts, observable, felt, shapes, best.at(step))
 
 
 def _promise(direction: Direction, behind: Background) -> tuple[float, float, FloatArray]:

@@ -1,6 +1,6 @@
 """The models that a round of the selection fits: what may well be there besides."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import combinations
 
 import numpy as np
@@ -43,7 +43,13 @@ def fit_extensions(
     screened = ledger.over(behind, known)
     least = ledger.study.criteria.form_gain
     promising = [name for name, result in screened.items() if result.gain > least]
-    others = (*_unforeseen(ledger, nominal), *_for_open_balances(ledger, nominal, current, levels))
+    left = residual_rms(current) / levels.noise
+    open_balances = np.flatnonzero(left > levels.criteria.coarse_map).tolist()
+    others = (
+        *_unforeseen(ledger, nominal),
+        *_for_open_balances(ledger, nominal, open_balances, levels),
+        *_promising_in(screened, open_balances, least),
+    )
     chosen = [name for name in (*promising[:LATER_ROUNDS], *others) if name in screened]
     ledger.fit_all(
         {
@@ -67,7 +73,7 @@ def _unforeseen(ledger: FitLedger, nominal: FittedModel) -> list[str]:
 
 
 def _for_open_balances(
-    ledger: FitLedger, nominal: FittedModel, current: FittedModel, levels: BalanceLevels
+    ledger: FitLedger, nominal: FittedModel, open_balances: Sequence[int], levels: BalanceLevels
 ) -> list[str]:
     """Return effects that alone lower most, by a size that matters, what is left in a balance."""
     criteria, before = levels.criteria, residual_rms(nominal)
@@ -75,9 +81,24 @@ def _for_open_balances(
         key[0]: np.log(before / residual_rms(fit)) for key, fit in ledger.extensions(()).items()
     }
     chosen: list[str] = []
-    for row in np.flatnonzero(residual_rms(current) > criteria.coarse_map * levels.noise):
+    for row in open_balances:
         matter = [name for name, drop in drops.items() if drop[row] >= criteria.matters]
         chosen += sorted(matter, key=lambda name: -drops[name][row])[:OF_EACH]
+    return chosen
+
+
+def _promising_in(
+    screened: Mapping[str, ScreenResult], open_balances: Sequence[int], least: float
+) -> list[str]:
+    """Return the effect that promises most in each balance that is still open.
+
+    Of all balances together one that is open may promise little beside another.
+    """
+    chosen = []
+    for row in open_balances if screened else ():
+        best = max(screened.values(), key=lambda result: float(result.by_balance[row]))
+        if best.by_balance[row] > least:
+            chosen.append(best.name)
     return chosen
 
 
