@@ -8,8 +8,13 @@ import pytest
 from pneumo_casadi.diagnosis import diagnose
 from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels
 from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA
+from pneumo_casadi.diagnosis.screen.screen import ScreenResult
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger
-from pneumo_casadi.diagnosis.select.propose import _for_open_balances
+from pneumo_casadi.diagnosis.select.propose import (
+    _for_open_balances,
+    _open_balances,
+    _promising_in,
+)
 from pneumo_casadi.effects import EFFECTS
 
 LEVELS = BalanceLevels(np.ones(3), np.ones(3))
@@ -46,8 +51,24 @@ def ledger():
 )
 def test_each_open_balance_has_its_own_candidates(ledger, left, proposed):
     """What gains most of all may act in balances that are at their floor already."""
-    chosen = _for_open_balances(ledger, leaving(9.0, 9.0, 9.0), leaving(*left), LEVELS)
+    still_open = _open_balances(leaving(*left), LEVELS)
+    chosen = _for_open_balances(ledger, leaving(9.0, 9.0, 9.0), still_open, LEVELS)
     assert chosen == proposed
+
+
+def promising(**by_balance):
+    return {
+        name: ScreenResult(name, 0.0, sum(parts), np.array(parts), 1.0, True, ({},), {})
+        for name, parts in by_balance.items()
+    }
+
+
+def test_what_promises_most_in_an_open_balance_is_tried_however_little_it_promises_of_all():
+    screened = promising(hose=(900.0, 800.0, 0.0), spring_load=(0.0, 0.0, 60.0))
+    assert _promising_in(screened, [2], 20.0) == ["spring_load"]
+    assert _promising_in(screened, [0, 2], 20.0) == ["hose", "spring_load"]
+    assert _promising_in(screened, [2], 100.0) == []
+    assert _promising_in({}, [0, 1, 2], 20.0) == []
 
 
 @pytest.mark.slow

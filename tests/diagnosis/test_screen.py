@@ -5,7 +5,7 @@ import pytest
 
 from pneumo_casadi.diagnosis import prepare_study
 from pneumo_casadi.diagnosis.prepare.fitted_model import fit_model
-from pneumo_casadi.diagnosis.screen.screen import perturbation
+from pneumo_casadi.diagnosis.screen.screen import background, perturbation, screened
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
 from pneumo_casadi.estimation.equation_error.residuals import balance_residuals
@@ -49,3 +49,17 @@ def test_an_effect_with_memory_is_screened_at_its_usual_size_too(study):
 def test_an_effect_without_memory_is_screened_by_its_tangent_alone(study):
     nominal = fit_model(study, ())
     assert len(perturbation(study, nominal, EFFECTS["spring_load"]())) == 1
+
+
+@pytest.mark.slow
+def test_what_an_effect_promises_is_the_sum_of_what_it_promises_in_each_balance(study):
+    """Friction in the force alone, a shape of the valve in the flows."""
+    nominal = fit_model(study, ())
+    behind = background(study, nominal, nominal)
+    friction, shape = (
+        screened(name, perturbation(study, nominal, EFFECTS[name]()), behind)
+        for name in ("asymmetric_viscous_friction", "flow_map_shape")
+    )
+    assert friction.by_balance.sum() == pytest.approx(friction.gain, rel=0.05)
+    assert friction.gain > 0 and np.abs(friction.by_balance[:2]).max() < 0.05 * friction.gain
+    assert shape.by_balance[:2].min() > 10 * abs(shape.by_balance[2])

@@ -43,12 +43,11 @@ def fit_extensions(
     screened = ledger.over(behind, known)
     least = ledger.study.criteria.form_gain
     promising = [name for name, result in screened.items() if result.gain > least]
-    left = residual_rms(current) / levels.noise
-    open_balances = np.flatnonzero(left > levels.criteria.coarse_map).tolist()
+    still_open = _open_balances(current, levels)
     others = (
         *_unforeseen(ledger, nominal),
-        *_for_open_balances(ledger, nominal, open_balances, levels),
-        *_promising_in(screened, open_balances, least),
+        *_for_open_balances(ledger, nominal, still_open, levels),
+        *_promising_in(screened, still_open, least),
     )
     chosen = [name for name in (*promising[:LATER_ROUNDS], *others) if name in screened]
     ledger.fit_all(
@@ -72,8 +71,14 @@ def _unforeseen(ledger: FitLedger, nominal: FittedModel) -> list[str]:
     ]
 
 
+def _open_balances(current: FittedModel, levels: BalanceLevels) -> list[int]:
+    """Return the balances in which a model leaves more than a coarse flow map may."""
+    left = residual_rms(current) / levels.noise
+    return [int(row) for row in np.flatnonzero(left > levels.criteria.coarse_map)]
+
+
 def _for_open_balances(
-    ledger: FitLedger, nominal: FittedModel, open_balances: Sequence[int], levels: BalanceLevels
+    ledger: FitLedger, nominal: FittedModel, still_open: Sequence[int], levels: BalanceLevels
 ) -> list[str]:
     """Return effects that alone lower most, by a size that matters, what is left in a balance."""
     criteria, before = levels.criteria, residual_rms(nominal)
@@ -81,21 +86,21 @@ def _for_open_balances(
         key[0]: np.log(before / residual_rms(fit)) for key, fit in ledger.extensions(()).items()
     }
     chosen: list[str] = []
-    for row in open_balances:
+    for row in still_open:
         matter = [name for name, drop in drops.items() if drop[row] >= criteria.matters]
         chosen += sorted(matter, key=lambda name: -drops[name][row])[:OF_EACH]
     return chosen
 
 
 def _promising_in(
-    screened: Mapping[str, ScreenResult], open_balances: Sequence[int], least: float
+    screened: Mapping[str, ScreenResult], still_open: Sequence[int], least: float
 ) -> list[str]:
     """Return the effect that promises most in each balance that is still open.
 
     Of all balances together one that is open may promise little beside another.
     """
     chosen = []
-    for row in open_balances if screened else ():
+    for row in still_open if screened else ():
         best = max(screened.values(), key=lambda result: float(result.by_balance[row]))
         if best.by_balance[row] > least:
             chosen.append(best.name)
