@@ -53,10 +53,12 @@ def one_effect(folder: Path) -> dict[str, Any]:
 
 @contextmanager
 def dask_workers(number: int) -> Iterator[Executor]:
-    """Yield the executor of a local cluster, one thread a process."""
+    """Yield the executor of a local cluster, one thread a process, set as the how-to says."""
+    import dask
     from distributed import Client, LocalCluster
 
     with (
+        dask.config.set({"distributed.worker.profile.enabled": False}),
         LocalCluster(
             n_workers=number, threads_per_worker=1, dashboard_address=None, silence_logs="CRITICAL"
         ) as cluster,

@@ -17,7 +17,7 @@ from pneumo_casadi.data import InputHold, Recording
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.signals import FilterPlan, InputPairing, filter_recording
-from pneumo_casadi.signals.bandwidth import white_noise_std
+from pneumo_casadi.signals.sensor_noise import sensor_noise_std
 from pneumo_casadi.signals.zero_phase import central_difference, zero_phase_lowpass
 
 #: Cut-off of the zero-phase filter on the measurements [Hz].
@@ -53,8 +53,8 @@ class SmoothedMotion:
     dt : float
         Sampling period of what is kept [s].
     noise : (ny,) array
-        Standard deviation of white noise at this sampling period with the same power spectral
-        density as the sensor noise at its own [Pa, Pa, m].
+        Standard deviation of white noise at this sampling period with the power spectral density
+        that the sensor noise has in the band of the motion [Pa, Pa, m].
     velocity_noise : float
         What it leaves on the smoothed velocity [m/s].
     name : str
@@ -170,7 +170,7 @@ def smooth_motion(axis: Axis, record: Recording) -> SmoothedMotion:
         weak,
         (weak @ slow.astype(float)) == 0,
         dt,
-        np.array([white_noise_std(record[name]) for name in axis.outputs]) / thin**0.5,
+        np.array([sensor_noise_std(record[name], fs) for name in axis.outputs]) / thin**0.5,
         filtered.velocity_noise,
         record.name,
     )
