@@ -39,6 +39,7 @@ from pneumo_casadi.estimation.output_error.stages import write_problem
 from pneumo_casadi.estimation.wls import fit_wls
 from pneumo_casadi.model.machine_code.calls import THREADS, call_with_arrays
 from pneumo_casadi.model.machine_code.compilation import compile_functions
+from pneumo_casadi.runtime.threads import one_thread
 from pneumo_casadi.valve import FlowMap
 
 SEED = 20050705
@@ -116,6 +117,7 @@ def fit_once(folder: Path, length: float, pieces: int) -> dict[str, Any]:
     }
 
 
+@one_thread  # as the fit: threads of the linear algebra that wait would take its processors
 def iteration_and_sweep(
     axis: Any, records: list[Recording], table: FlowMap, options: Any
 ) -> tuple[float, float]:

@@ -130,19 +130,23 @@ def _condense(
     """Sweep through the intervals of a segment, whose first `free_states` states are free."""
     count, nx, m = S.shape
     n = m - nx + free_states
-    T, c = np.zeros((count, nx, n)), np.zeros((count, nx))
-    T[0, :free_states, :free_states] = np.eye(free_states)
+    # T and c side by side, c as the last column.
+    swept, added = np.zeros((2, count, nx, n + 1))
+    swept[0, :free_states, :free_states] = np.eye(free_states)
+    added[:, :, free_states:n], added[:, :, n] = S[:, :, nx:], d
+    to_node = np.ascontiguousarray(S[:, :, :nx])
     for k in range(count - 1):
-        T[k + 1] = S[k, :, :nx] @ T[k]
-        T[k + 1, :, free_states:] += S[k, :, nx:]
-        c[k + 1] = S[k, :, :nx] @ c[k] + d[k]
-    to_theta = np.zeros((count, m - nx, n))
-    to_theta[:, :, free_states:] = np.eye(m - nx)
-    P = np.concatenate([T, to_theta], axis=1)
-    # Many small products: one large one would wait for the threads of the linear algebra.
-    H = (P.transpose(0, 2, 1) @ (H_k @ P)).sum(axis=0)
-    closed = g_k[:, :, None] - H_k[:, :, :nx] @ c[:, :, None]
-    g = (P.transpose(0, 2, 1) @ closed).sum(axis=0)[:, 0]
+        np.matmul(to_node[k], swept[k], out=swept[k + 1])
+        swept[k + 1] += added[k]
+    T, c = swept[:, :, :n], swept[:, :, n]
+    # An interval's unknowns are its node, T (δx_0, δθ) + c, and δθ itself.
+    A = H_k[:, :, :nx] @ T
+    A[:, :, free_states:] += H_k[:, :, nx:]
+    H = (T.transpose(0, 2, 1) @ A[:, :nx]).sum(axis=0)
+    H[free_states:] += A[:, nx:].sum(axis=0)
+    closed = g_k - (H_k[:, :, :nx] @ c[:, :, None])[:, :, 0]
+    g = (T.transpose(0, 2, 1) @ closed[:, :nx, None]).sum(axis=0)[:, 0]
+    g[free_states:] += closed[:, nx:].sum(axis=0)
     return Condensed(H, g, T, c, H_k, g_k)
 
 

@@ -134,7 +134,9 @@ class Problem:
             y.append(np.pad(segment.y, ((0, 0), (0, pad)), mode="edge"))
             h.append(np.repeat([self.model.stepping.dt, 0.0], [segment.K, pad]))
         lengths = np.concatenate(h)
-        return IntervalData(np.hstack(w), lengths[None], np.hstack(y), lengths > 0)
+        # In the order in which compiled functions read them: no call copies them.
+        w_all, y_all = (np.asfortranarray(np.hstack(part)) for part in (w, y))
+        return IntervalData(w_all, lengths[None], y_all, lengths > 0)
 
     @cached_property
     def y(self) -> FloatArray:
