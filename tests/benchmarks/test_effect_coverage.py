@@ -23,3 +23,15 @@ def test_at_least_a_hundred_cases_of_each_kind_of_noise_are_counted():
         assert result[noise]["cases"] >= 100
         of = sum(share["of"] for share in result[noise]["by_effect"].values())
         assert result[noise]["coverage"]["of"] == of
+
+
+def test_intervals_of_named_effects_cover_where_forms_agree_and_noise_is_white():
+    result = json.loads((RESULTS / "effect_coverage.json").read_text("utf-8"))
+    assert 90 <= result["white"]["coverage"]["percent"] <= 97
+    assert result["white"]["named"]["percent"] >= 95
+
+
+def test_coloured_noise_hides_few_effects():
+    """Taken for white it left the right model eight noise floors: 37 of 120 were named."""
+    result = json.loads((RESULTS / "effect_coverage.json").read_text("utf-8"))
+    assert result["coloured"]["named"]["percent"] >= 80
