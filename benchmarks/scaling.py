@@ -37,7 +37,7 @@ from pneumo_casadi.estimation.output_error.shooting.problem import Problem
 from pneumo_casadi.estimation.output_error.solvers.condensed_step import apply_step, condensed_step
 from pneumo_casadi.estimation.output_error.stages import write_problem
 from pneumo_casadi.estimation.wls import fit_wls
-from pneumo_casadi.model.machine_code.calls import THREADS, call_with_arrays
+from pneumo_casadi.model.machine_code.calls import call_with_arrays, mapped
 from pneumo_casadi.model.machine_code.compilation import compile_functions
 from pneumo_casadi.runtime.threads import one_thread
 from pneumo_casadi.valve import FlowMap
@@ -125,7 +125,7 @@ def iteration_and_sweep(
     problem = write_problem(axis, records, table, options)
     start, data = problem.start(), problem.data
     sigma = np.array([own_model.NOISE_P, own_model.NOISE_P, own_model.NOISE_X])
-    plain = compile_functions([sweep_function(problem)])[0].map(problem.I, "thread", THREADS)
+    plain = mapped(compile_functions([sweep_function(problem)])[0], problem.I)
     theta = np.tile(start.theta[:, None], problem.I)
     at = linearise(problem, start, sigma)
     call_with_arrays(plain, start.x, data.w, theta, data.h)

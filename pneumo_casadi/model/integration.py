@@ -8,7 +8,7 @@ import numpy as np
 from pneumo_casadi.data import Clock, InputHold, Recording
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.junctions import Expression
-from pneumo_casadi.model.machine_code.calls import THREADS
+from pneumo_casadi.model.machine_code.calls import mapped
 from pneumo_casadi.model.stepping import Stepping, keeps_moving
 from pneumo_casadi.parameters import FloatArray
 
@@ -18,8 +18,6 @@ CHUNK = 250
 Rates = Callable[[Expression, Sequence[Expression]], Sequence[Expression]]
 #: ``integrate(states, given, length)``: the states at the end of a sample.
 Integrate = Callable[[Sequence[Expression], Sequence[Expression], Expression], list[Expression]]
-#: ``moves(states, given, length)``: whether the axis keeps moving over a sample.
-Moves = Callable[[Sequence[Expression], Sequence[Expression], Expression], Expression]
 
 
 def runge_kutta(
@@ -59,11 +57,11 @@ def runge_kutta(
 
 
 def runge_kutta_sample(
+    axis: Axis,
     rates: Rates,
     states: Sequence[Expression],
     given: Sequence[Expression],
     stepping: Stepping,
-    moves: Moves,
     inline: bool = False,
 ) -> Integrate:
     """Return what integrates one sample by calls of one Runge-Kutta step, compiled once.
@@ -73,14 +71,15 @@ def runge_kutta_sample(
 
     Parameters
     ----------
+    axis : Axis
+        What moves.
     rates : callable
         ``rates(share, states)`` returns the rates after a share of the sample.
     states, given : sequence of Expression
-        Symbols of what moves, and of what the rates depend on besides.
+        Symbols of what moves, x first, and of what the rates depend on besides, the inputs at the
+        beginning first and θ last.
     stepping : Stepping
         Steps per sample.
-    moves : callable
-        ``moves(states, given, length)`` tells whether the axis keeps moving over a sample.
     inline : bool
         Whether the steps are written out, not called; then every sample takes as many.
 
@@ -110,7 +109,8 @@ def runge_kutta_sample(
     def choose(
         start: Sequence[Expression], at: Sequence[Expression], length: Expression
     ) -> list[Expression]:
-        return list(either.call([moves(start, at, length), *start, *at, length]))
+        moves = keeps_moving(axis, start[0], at[0][: len(axis.inputs)], at[-1], length)
+        return list(either.call([moves, *start, *at, length]))
 
     return choose
 
@@ -178,12 +178,7 @@ def step_function(axis: Axis, stepping: Stepping, inline: bool = False) -> ca.Fu
     def rates(share: Expression, at: Sequence[Expression]) -> list[Expression]:
         return list(axis.rhs.call([at[0], u(share), theta], inline, False))
 
-    def moves(
-        start: Sequence[Expression], at: Sequence[Expression], length: Expression
-    ) -> Expression:
-        return keeps_moving(axis, start[0], at[0][:nu], at[1], length)
-
-    integrate = runge_kutta_sample(rates, [x], [w, theta], stepping, moves, inline)
+    integrate = runge_kutta_sample(axis, rates, [x], [w, theta], stepping, inline)
     (end,) = integrate([x], [w, theta], stepping.dt * w[-1] if stepping.timed else stepping.dt)
     return ca.Function("step", [x, w, theta], [end], ["x", "w", "theta"], ["x_next"])
 
@@ -255,7 +250,4 @@ def _chunk(f: ca.Function, n: int, streams: int, theta: FloatArray, B: int) -> c
     chain = f.mapaccum("chain", n)
     results = chain.call([x, *given, ca.repmat(ca.DM(theta), 1, n)])
     chunk = ca.Function("chunk", [x, *given], results)
-    if B == 1:
-        return chunk
-    side_by_side: ca.Function = chunk.map(B, "thread", THREADS)
-    return side_by_side
+    return mapped(chunk, B)

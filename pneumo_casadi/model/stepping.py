@@ -96,9 +96,11 @@ def moving_substeps_for(axis: Axis, dt: float, longest: float = ACCURATE) -> int
     There smoothed friction is flat. What else is fast remains: the poles are taken at several
     speeds, with the states of effects at rest and by their typical sizes away from it.
     """
+    most = substeps_for(axis, dt, longest)
+    if most == 1:
+        return 1
     least = FLAT * axis.parameters["v_s"].value
     moving = max(rate for v in (least, *SPEEDS) for rate in _rates_near(axis, v))
-    most = substeps_for(axis, dt, longest)
     return min(most, _steps(dt * moving, longest)) if np.isfinite(moving) else most
 
 

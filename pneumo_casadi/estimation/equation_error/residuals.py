@@ -1,6 +1,6 @@
 """Residuals of the balances along a smoothed motion; states of the effects are simulated."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
@@ -47,7 +47,7 @@ def balance_residuals(
 ) -> FloatArray:
     """Return the decimated residuals at some parameters, shape (ne, m)."""
     (r,) = _undecimated(model, data, [theta])
-    return _without_swings(model, data, theta, data.averaged(r))
+    return _removing_swings(model, data, theta)(data.averaged(r))
 
 
 def linearise_residuals(
@@ -73,8 +73,9 @@ def linearise_residuals(
     own = len(model.by_difference)
     exact[:, :, [model.analytic.index(name) for name in holding]] = quotients[:, :, own:]
     J = np.concatenate([exact, quotients[:, :, :own]], axis=2)
-    J = _without_swings(model, data, theta, J.transpose(2, 0, 1)).transpose(1, 2, 0)
-    return LinearisedResiduals(_without_swings(model, data, theta, low[:ne]), J)
+    without_swings = _removing_swings(model, data, theta)
+    J = without_swings(J.transpose(2, 0, 1)).transpose(1, 2, 0)
+    return LinearisedResiduals(without_swings(low[:ne]), J)
 
 
 def effect_derivatives(
@@ -96,13 +97,13 @@ def effect_derivatives(
     ]
     ne, k = len(residuals[0]), len(names)
     low = np.array([data.averaged(part) for part in moved]).reshape(k, ne, data.m)
-    return _without_swings(model, data, theta, low).transpose(1, 2, 0)
+    return _removing_swings(model, data, theta)(low).transpose(1, 2, 0)
 
 
-def _without_swings(
-    model: BalanceFunctions, data: SmoothedMotion, theta: FloatArray, rows: FloatArray
-) -> FloatArray:
-    """Return rows (..., ne, m) less what swings on in the force from the record's beginning.
+def _removing_swings(
+    model: BalanceFunctions, data: SmoothedMotion, theta: FloatArray
+) -> Callable[[FloatArray], FloatArray]:
+    """Return what takes from rows (..., ne, m) how the force swings on from the record's beginning.
 
     A load on a spring goes on swinging for seconds, and how it did when a record begins nobody has
     measured. What it adds to the rows of the force, e^{s t} for each of its poles s, is fitted to
@@ -115,13 +116,18 @@ def _without_swings(
         own = {item.name: values[f"{effect.name}.{item.name}"] for item in effect.parameters}
         poles += effect.swings(own)
     if not poles:
-        return rows
+        return lambda rows: rows
     waves = np.exp(np.outer(poles, np.arange(data.m) / data.row_rate))
     C, force = np.vstack([waves.real, waves.imag]), axis.equations.index("force")
     used = data.used(axis)[force]
-    left = rows.copy()
-    left[..., force, :] -= (rows[..., force, :] * used) @ np.linalg.pinv(C * used) @ C
-    return left
+    amplitudes = np.linalg.pinv(C * used)
+
+    def without(rows: FloatArray) -> FloatArray:
+        left = rows.copy()
+        left[..., force, :] -= (rows[..., force, :] * used) @ amplitudes @ C
+        return left
+
+    return without
 
 
 def _perturbed(

@@ -81,17 +81,19 @@ def call_side_by_side(f: ca.Function, *given: FloatArray) -> tuple[FloatArray, .
     for first in range(0, count, SIDE_BY_SIDE):
         n = min(SIDE_BY_SIDE, count - first)
         _call(
-            mapped(f, n),
+            _mapped_once(f, n),
             [_columns(a, first, n, f.size2_in(i)) for i, a in enumerate(kept)],
             [_columns(a, first, n, f.size2_out(i)) for i, a in enumerate(results)],
         )
     return tuple(results)
 
 
-@lru_cache(maxsize=128)
 def mapped(f: ca.Function, count: int) -> ca.Function:
     """Return some calls of a function side by side, shared among threads."""
     return f.map(count, "thread", THREADS) if count > 1 else f
+
+
+_mapped_once = lru_cache(maxsize=128)(mapped)
 
 
 def _columns(array: FloatArray, first: int, count: int, width: int) -> FloatArray:

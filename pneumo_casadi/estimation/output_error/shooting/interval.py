@@ -16,7 +16,6 @@ from pneumo_casadi.model.integration import Integrate, inputs_between, runge_kut
 from pneumo_casadi.model.junctions import Expression
 from pneumo_casadi.model.machine_code.compilation import compile_functions
 from pneumo_casadi.model.sampled_axis import SampledAxis
-from pneumo_casadi.model.stepping import keeps_moving
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,12 +168,7 @@ def _integration(model: SampledAxis, at: Sequence[int] | None, m: int) -> Integr
     def f(share: Expression, z: Sequence[Expression]) -> list[Expression]:
         return list(rates.call([*z, *(given if moving else [between(share)]), theta]))
 
-    def moves(
-        start: Sequence[Expression], at: Sequence[Expression], length: Expression
-    ) -> Expression:
-        return keeps_moving(axis, start[0], at[0][:nu], at[-1], length)
-
-    return runge_kutta_sample(f, own, [*given, theta], model.stepping, moves)
+    return runge_kutta_sample(axis, f, own, [*given, theta], model.stepping)
 
 
 def _with_sensitivities(
