@@ -186,3 +186,22 @@ def test_of_a_valve_that_was_fitted_the_model_tells(monkeypatch, fitted):
     decision = decide_verdict(selection, failing("S_N", "S_N/S_P", tolerances=4.0), EFFECTS)
     assert decision.absorbed == (() if fitted else ("valve_mismatch",))
     assert (decision.alternatives, decision.is_open) == ((names,), False)
+
+
+@pytest.mark.parametrize(
+    ("tolerances", "verdict", "expected"),
+    [(4.0, Verdict.UNKNOWN, (0.06, 0.02)), (0.0, Verdict.EFFECT, (0.6, 0.2))],
+)
+def test_effects_that_the_parameters_contradict_keep_the_probability_of_an_unknown_cause(
+    monkeypatch, tolerances, verdict, expected
+):
+    names, other = ("leakage_P", "valve_dead_zone"), ("leakage_P", "hose")
+    judgement = Judgement(
+        Verdict.EFFECT, (names,), {names: 0.6, other: 0.2}, 0.2, np.array([1.0, 9.0, 1.0])
+    )
+    monkeypatch.setattr("pneumo_casadi.diagnosis.decide.decision.judge", lambda *_: judgement)
+    checks = failing("S_P", tolerances=tolerances) if tolerances else ()
+    selection = SimpleNamespace(named=names, chosen=names)
+    decision = decide_verdict(selection, checks, EFFECTS)
+    assert decision.verdict is verdict
+    assert tuple(decision.judgement.probability.values()) == pytest.approx(expected)

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from pneumo_casadi.diagnosis.decide.credibility import near_noise, review_verdict
-from pneumo_casadi.diagnosis.decide.judgement import Judgement, judge
+from pneumo_casadi.diagnosis.decide.judgement import Judgement, doubted, judge
 from pneumo_casadi.diagnosis.decide.result import Verdict
 from pneumo_casadi.diagnosis.metrics.findings import Check
 from pneumo_casadi.diagnosis.select.fit_ledger import Names
@@ -86,4 +86,6 @@ def decide_verdict(
     verdict, absorbed = review_verdict(judgement, checks, catalogue)
     if verdict in NAMING:  # of those fitted the model itself tells
         absorbed = tuple(name for name in absorbed if name not in selection.chosen)
+    if verdict is Verdict.UNKNOWN:
+        judgement = doubted(judgement)
     return Decision(verdict, judgement, absorbed)

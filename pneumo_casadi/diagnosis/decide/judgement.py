@@ -1,7 +1,7 @@
 """From the selection to a verdict: probabilities, and models that fit the data equally well."""
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -91,6 +91,18 @@ def judge(selection: Selection, named: Sequence[Effect], surpassed: bool = False
     sure = probability_of(weights, set(selection.named) - weak) >= criteria.alone * trust
     verdict = Verdict.EFFECT if sure else Verdict.AMBIGUOUS
     return Judgement(verdict, alike, weights, left, excess, criteria, unsure)
+
+
+def doubted(judgement: Judgement) -> Judgement:
+    """Return a judgement with what remains of its probabilities if the cause is unknown.
+
+    The parameter checks may find effects not credible that the balances accept.
+    """
+    scale = UNKNOWN_CAUSE_PROBABILITY / max(
+        UNKNOWN_CAUSE_PROBABILITY, sum(judgement.probability.values())
+    )
+    probability = {names: scale * value for names, value in judgement.probability.items()}
+    return replace(judgement, probability=probability)
 
 
 def _alternatives(selection: Selection, models: Sequence[Names]) -> tuple[Names, ...]:
