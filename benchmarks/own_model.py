@@ -18,6 +18,10 @@ from pneumo_casadi.valve import FlowMap, fit_polynomials, read_flow_map
 RATE = 1000.0
 DURATION = 4.0
 NOISE_P, NOISE_X = 150.0, 1.5e-5
+#: A recorded disturbance of the commands: pulses of this height [V] and length [s] ...
+PULSE, PULSE_LENGTH = 0.3, 0.05
+#: ... so many a second at most, of either sign.
+PULSES = 5
 #: Noise of one metered flow, as a share of the largest [1].
 NOISE_MAP = 0.002
 #: Width of the smoothed friction, in data and fit alike [m/s].
@@ -72,18 +76,32 @@ def noise(size: float, N: int, rng: np.random.Generator, correlation: float = 0.
     return coloured
 
 
+def disturbance(N: int, rate: float, rng: np.random.Generator) -> FloatArray:
+    """Return pulses that both commands take on opposite signs [V], shape (N, 2)."""
+    slot, length = round(rate / PULSES), round(rate * PULSE_LENGTH)
+    signs = rng.integers(-1, 2, -(-N // slot))
+    pulses = PULSE * np.repeat(signs, slot)[:N] * (np.arange(N) % slot < length)
+    return np.stack([pulses, -pulses], axis=1)
+
+
 def record_with_noise(
     true: Truth,
     rng: np.random.Generator,
     duration: float = DURATION,
     rate: float = RATE,
     correlation: float = 0.0,
+    disturbed: bool = False,
 ) -> Recording:
-    """Simulate one record; the controller reads the noisy position."""
+    """Simulate one record; the controller reads the noisy position.
+
+    With `disturbed` pulses are added to what it sets; the commands are recorded with them.
+    """
     axis, x_ref = true.axis, reference(duration, rate)
     e = noise(NOISE_X, x_ref.size, rng, correlation)
     gain = axis.bench.controller.gain
     through_loop = np.stack([-gain * e, gain * e], axis=1)
+    if disturbed:
+        through_loop += disturbance(x_ref.size, rate, rng)
     run = simulate_closed_loop(axis, x_ref, 1 / rate, true.x_0, disturbance=through_loop)
     channels = {
         "u_P": run["u_P"],

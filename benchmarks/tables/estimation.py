@@ -1,5 +1,6 @@
 """Tables on the accuracy of the estimators."""
 
+import itertools
 from collections.abc import Mapping
 from typing import Any
 
@@ -57,14 +58,15 @@ def wls_coverage(result: Mapping[str, Any]) -> str:
         *(SYMBOLS.get(n, n) for n in result["white"]["printed"]),
     ]
     body = []
+    kinds = (("", result), (", disturbed", result["disturbed"]))
     for key, label in (("eq_16", "eq. 16"), ("printed", "as printed")):
-        for noise in ("white", "coloured"):
-            found = result[noise][key]
+        for (disturbed, under), noise in itertools.product(kinds, ("white", "coloured")):
+            found = under[noise][key]
             shares = [
                 f"{found[name]['coverage_percent']:.1f}" if name in found else ""
                 for name in result["white"]["printed"]
             ]
-            body.append([f"{label}, {noise} noise", *shares])
+            body.append([f"{label}, {noise} noise{disturbed}", *shares])
     return rows(head, body)
 
 

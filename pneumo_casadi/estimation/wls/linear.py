@@ -7,7 +7,7 @@ import numpy as np
 from scipy import linalg
 
 from pneumo_casadi.errors import FitError
-from pneumo_casadi.estimation.robust_covariance import newey_west_sandwich
+from pneumo_casadi.estimation.robust_covariance import newey_west_sandwich, stationary_sandwich
 from pneumo_casadi.estimation.wls.arrays import read_only
 from pneumo_casadi.estimation.wls.base_parameters import TOLERANCE, BaseParameters, base_parameters
 from pneumo_casadi.estimation.wls.linear_system import LinearSystem
@@ -28,8 +28,9 @@ class LinearFit(Brief):
     covariance : (n, n) array
         Eq. 16: as if the weighted residuals were white.
     covariance_hac : (n, n) array
-        Newey-West: residuals may be correlated in time and between equations. Contains the errors
-        that all rows share.
+        Residuals may be correlated in time and between equations: by Newey and West, each standard
+        deviation at least that of residuals that are alike all along. Contains the errors that all
+        rows share.
     condition_number : float
         Of the weighted W with its columns scaled to unit length.
     residual_std : mapping of str to float
@@ -177,14 +178,16 @@ def _statistics(system: LinearSystem, solution: _Solution, sigma: FloatArray) ->
     free = system.Y.size - len(system.names)
     scale = float(weighted @ weighted) / free
     own, shared = _separate_shared_errors(system, solution, weighted, scale)
-    scores = W * own[:, None]
-    correlated = newey_west_sandwich(solution.inverse, scores, system.instant) + shared
+    correlated = _wider(
+        newey_west_sandwich(solution.inverse, W * own[:, None], system.instant),
+        stationary_sandwich(solution.inverse, W, own, system.equation, system.instant),
+    )
     errors, rows = _by_equation(system, residual)
     return LinearFit(
         names=system.names,
         estimate=read_only(solution.estimate),
         covariance=read_only(scale * solution.inverse),
-        covariance_hac=read_only(correlated),
+        covariance_hac=read_only(correlated + shared),
         condition_number=solution.condition,
         residual_std=dict(zip(system.equations, map(float, sigma), strict=True)),
         relative_error_percent=errors,
@@ -192,6 +195,13 @@ def _statistics(system: LinearSystem, solution: _Solution, sigma: FloatArray) ->
         residual=read_only(residual),
         base=solution.base,
     )
+
+
+def _wider(covariance: FloatArray, other: FloatArray) -> FloatArray:
+    """Return a covariance with every standard deviation at least that of another one."""
+    own, others = np.diag(covariance), np.diag(other)
+    widening = np.sqrt(np.divide(others, own, out=np.ones(own.size), where=others > own))
+    return np.asarray(covariance * np.outer(widening, widening))
 
 
 def _separate_shared_errors(

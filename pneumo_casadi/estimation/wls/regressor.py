@@ -29,8 +29,11 @@ LEAST_SHARE = 2e-3
 #: Length of the edge of a stretch of motion, in decimated rows: a sharp one would fold noise
 #: from above the low-pass into the rows.
 EDGE = 1.0
-#: A row counts if more than this share of its low-pass lies in motion.
-IN_MOTION = 0.5
+#: Zeros that continue a windowed record at both ends, in decimated rows: for the parallel filter to
+#: die away.
+TAIL = 8
+#: A row counts if more than this share of its low-pass does.
+LEAST_COUNTED = 0.5
 
 
 class LinearModel(Protocol):
@@ -71,10 +74,11 @@ class StickPhases(Enum):
     OMIT = "omit"
     """Multiply both sides of the balance by zero at rest, before the low-pass.
 
-    What holds for Y = W X then holds for the low-pass of both sides, whatever its reach.
+    What holds for Y = W X then holds for the low-pass of both sides, whatever its reach. The ends
+    of the record are treated alike, in all balances.
     """
     KEEP = "keep"
-    """Keep all samples alike, as for an axis that never rests."""
+    """Keep all samples alike, those at the ends of the record included."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,8 +95,8 @@ class Observation:
         Regressor of each equation.
     flow_error : (ne, m, k) array
         Change of Y by each error of the flow map, of standard deviation one (`flow_map_error`).
-    in_motion : (m,) array
-        Share of each row's low-pass in which the axis moved, but for the filter's ripple.
+    share : (ne, m) array
+        Share of each row's low-pass that counts (`_windows`), but for the filter's ripple.
     stick : StickPhases
         How samples at rest were treated.
     names, equations : tuple of str
@@ -111,7 +115,7 @@ class Observation:
     Y: FloatArray
     W: FloatArray
     flow_error: FloatArray
-    in_motion: FloatArray
+    share: FloatArray
     stick: StickPhases
     names: tuple[str, ...]
     equations: tuple[str, ...]
@@ -122,11 +126,8 @@ class Observation:
 
     @property
     def used(self) -> NDArray[np.bool_]:
-        """Rows that count, (ne, m): those of force only where most of the low-pass is motion."""
-        used = np.ones(self.Y.shape, dtype=bool)
-        if self.stick is StickPhases.OMIT:
-            used[self.equations.index("force")] = self.in_motion > IN_MOTION
-        return used
+        """Rows that count, (ne, m)."""
+        return self.share > LEAST_COUNTED
 
     def system(self) -> LinearSystem:
         """Return the rows that count as a linear system."""
@@ -186,18 +187,19 @@ def observe(
         velocity_threshold = max(
             NOISE_MULTIPLE * filtered.velocity_noise, LEAST_SHARE * float(v.max())
         )
-    motion = _in_motion(v >= velocity_threshold, plan.factor)
+    windows = np.ones(Y.shape)
     if stick is StickPhases.OMIT:
-        force = model.equations.index("force")
-        Y[force] *= motion
-        W[force] *= motion[:, None]
-    low = _low_passed(Y, W, plan)
+        windows = _windows(model.equations, v >= velocity_threshold, plan.factor)
+    Y *= windows
+    W *= windows[:, :, None]
+    tail = TAIL if stick is StickPhases.OMIT and plan.factor > 1 else 0
+    low = _low_passed(Y, W, plan, tail)
     return Observation(
         t=filtered.t[decimated_rows(v.size, plan.factor)],
         Y=low[:, :, 0],
         W=low[:, :, 1:],
         flow_error=flow_map_error(model, filtered, plan),
-        in_motion=parallel_decimate(motion, plan.factor, plan.decimation),
+        share=_decimated(windows.T, plan, tail).T,
         stick=stick,
         names=tuple(names),
         equations=model.equations,
@@ -208,17 +210,29 @@ def observe(
     )
 
 
-def _in_motion(moving: NDArray[np.bool_], factor: int) -> FloatArray:
-    """Return a window over time, zero wherever the axis rests, with edges of one decimated row."""
+def _windows(equations: Sequence[str], moving: NDArray[np.bool_], factor: int) -> FloatArray:
+    """Return what both sides of each balance are multiplied with before the low-pass, (ne, N).
+
+    It is zero at the ends of the record, of the force balance at rest as well. Most noise of an
+    acceleration cancels between neighbours when a low-pass averages it, but not where the record
+    breaks off: rows there had most of the error of f_v and F_c.
+    """
+    everywhere = _smooth_edged(np.ones(moving.size, dtype=bool), factor)
+    in_motion = _smooth_edged(moving, factor)
+    return np.stack([in_motion if name == "force" else everywhere for name in equations])
+
+
+def _smooth_edged(inside: NDArray[np.bool_], factor: int) -> FloatArray:
+    """Return a window over time, zero outside stretches, with edges of one decimated row."""
     if factor == 1:
-        return moving.astype(float)
+        return inside.astype(float)
     length = 2 * max(1, round(EDGE * factor / 2)) + 1
-    inside = ndimage.minimum_filter1d(moving.astype(float), length)
+    core = ndimage.minimum_filter1d(inside.astype(float), length, mode="constant")
     edge = np.hanning(length + 2)[1:-1]
-    return np.asarray(ndimage.convolve1d(inside, edge / edge.sum()))
+    return np.asarray(ndimage.convolve1d(core, edge / edge.sum(), mode="constant"))
 
 
-def _low_passed(Y: FloatArray, W: FloatArray, plan: FilterPlan) -> FloatArray:
+def _low_passed(Y: FloatArray, W: FloatArray, plan: FilterPlan, tail: int) -> FloatArray:
     """Return Y and the columns of W after the parallel filter, shape (ne, m, n + 1)."""
     ne, N, n = W.shape
     low = np.zeros((ne, decimated_rows(N, plan.factor).size, n + 1))
@@ -226,5 +240,13 @@ def _low_passed(Y: FloatArray, W: FloatArray, plan: FilterPlan) -> FloatArray:
         # Most columns belong to another equation and are zero throughout.
         used = np.flatnonzero(W[e].any(axis=0))
         columns = np.column_stack([Y[e], W[e][:, used]])
-        low[e][:, [0, *(used + 1)]] = parallel_decimate(columns, plan.factor, plan.decimation)
+        low[e][:, [0, *(used + 1)]] = _decimated(columns, plan, tail)
     return low
+
+
+def _decimated(columns: FloatArray, plan: FilterPlan, tail: int) -> FloatArray:
+    """Return columns after the parallel filter, continued by zeros over `tail` rows."""
+    if not tail:
+        return parallel_decimate(columns, plan.factor, plan.decimation)
+    continued = np.pad(columns, ((tail * plan.factor,) * 2, (0, 0)))
+    return parallel_decimate(continued, plan.factor, plan.decimation)[tail:-tail]

@@ -4,6 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pneumo_casadi.errors import FitError, ModelError
+from pneumo_casadi.estimation.robust_covariance import stationary_sandwich
 from pneumo_casadi.estimation.wls import LinearSystem, linear_combinations, ratios, solve_wls
 from pneumo_casadi.estimation.wls.linear_system import stack_systems
 
@@ -175,6 +176,29 @@ def test_records_far_apart_share_no_correlation():
         parts.append(system(rng.normal(size=50), W))
     both = stack_systems(parts)
     assert both.instant[50] - both.instant[49] > 13  # lags for 100 instants
+
+
+@given(st.integers(12, 40), st.integers(1, 8), st.integers(0, 10_000))
+@settings(max_examples=20, deadline=None)
+def test_the_stationary_covariance_sums_over_all_pairs_of_rows_whatever_is_missing(T, lags, seed):
+    rng = np.random.default_rng(seed)
+    seen = [np.sort(rng.choice(T, T - 4 * e, replace=False)) for e in range(2)]
+    equation, instant = np.repeat([0, 1], [T, T - 4]), np.concatenate(seen)
+    W, r = rng.normal(size=(equation.size, 2)), rng.normal(size=equation.size)
+    inverse = np.linalg.inv(W.T @ W)
+    leverage = np.einsum("ij,jk,ik->i", W, inverse, W)
+    kept = np.array([1 - leverage[equation == e].mean() for e in (0, 1)])[equation]
+    products = np.outer(r, r) / np.sqrt(np.outer(kept, kept))
+    apart = instant[:, None] - instant[None, :]
+    omega = np.zeros_like(products)
+    for pair in ((0, 0), (0, 1), (1, 0), (1, 1)):
+        for j in range(-lags, lags + 1):
+            these = (apart == j) & np.outer(equation == pair[0], equation == pair[1])
+            if these.any():
+                omega[these] = products[these].mean() * (1 - abs(j) / (lags + 1))
+    expected = inverse @ W.T @ omega @ W @ inverse
+    result = stationary_sandwich(inverse, W, r, equation, instant, lags)
+    np.testing.assert_allclose(result, expected, atol=1e-10 * np.abs(expected).max())
 
 
 def test_values_that_are_not_finite_and_too_few_rows_are_refused():
