@@ -10,7 +10,7 @@ interval of each of its parameters covers the truth.
 
 import argparse
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from itertools import chain
@@ -20,16 +20,14 @@ from typing import Any
 import numpy as np
 import provenance
 import tables
-from own_model import metered, record_with_noise, truth
+from own_model import metered_case, truth
 from wls_vs_output_error import replicates, under_both_noises
 
-from pneumo_casadi.data import Case
 from pneumo_casadi.diagnosis import diagnose
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.estimation.statistics import interval_factor
 from pneumo_casadi.evaluation.sealed_check.tally import Share
 from pneumo_casadi.model.effect import Effect
-from pneumo_casadi.valve import FlowMap
 
 SEED = 20261124
 #: Seconds to identify on, and held out.
@@ -58,16 +56,8 @@ def one_case(correlation: float, job: tuple[str, int]) -> dict[str, Any]:
     clean = truth()
     own = {f"{name}.{key}": size for key, size in sizes.items()}
     true = replace(clean, axis=clean.axis.with_effects(effect).with_parameters(own))
-    records = [
-        replace(
-            record_with_noise(true, rng, duration, correlation=correlation), name=f"{duration:g} s"
-        )
-        for duration in (IDENTIFY, VALIDATE)
-    ]
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "flow_map.csv"
-        _write(metered(clean, rng), path)
-        case = Case(Path(folder), clean.axis.bench, (records[0],), (records[1],), path)
+        case = metered_case(clean, true, (IDENTIFY, VALIDATE), Path(folder), rng, correlation)
         diagnosis = diagnose(case, {name: EFFECTS[name]})
     found = diagnosis.effects[0].parameters if diagnosis.effects else {}
     return {
@@ -82,31 +72,33 @@ def one_case(correlation: float, job: tuple[str, int]) -> dict[str, Any]:
     }
 
 
-def _write(flow_map: FlowMap, path: Path) -> None:
-    columns = np.column_stack([flow_map.u, flow_map.p, flow_map.q_m])
-    np.savetxt(path, columns, "%.10g", ",", header="u_V,p_Pa,q_m_kg_per_s", comments="")
-
-
 def study(cases: int, correlation: float, executor: Executor) -> dict[str, Any]:
     """Return coverage by effect and of all, with one kind of noise."""
     jobs = [(name, seed) for seed in range(cases) for name in SIZES]
     each = replicates(one_case, jobs, correlation, executor)
+    return {
+        "cases": len(each),
+        "named": Share.among(case["verdict"] == "effect" for case in each).as_dict(),
+        **covered(each, "effect", SIZES),
+    }
+
+
+def covered(each: Sequence[Mapping[str, Any]], label: str, names: Iterable[str]) -> dict[str, Any]:
+    """Return how often intervals cover the truth, of all cases and by what they hold."""
     factor = interval_factor(0.95)
     answers = {
         name: [
             abs(item["value"] - item["truth"]) <= factor * item["std"]
             for case in each
-            if case["effect"] == name
+            if case[label] == name
             for item in case["parameters"].values()
         ]
-        for name in SIZES
+        for name in names
     }
     return {
-        "cases": len(each),
-        "named": Share.among(case["verdict"] == "effect" for case in each).as_dict(),
         "coverage": Share.among(chain(*answers.values())).as_dict(),
-        "by_effect": {name: Share.among(given).as_dict() for name, given in answers.items()},
-        "each": each,
+        f"by_{label}": {name: Share.among(given).as_dict() for name, given in answers.items()},
+        "each": list(each),
     }
 
 

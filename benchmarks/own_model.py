@@ -1,13 +1,13 @@
 """Records of the package's own model, the axis of Table 1, for benchmarks of its estimators."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import resources
 from pathlib import Path
 
 import numpy as np
 from scipy.signal import chirp, lfilter, square
 
-from pneumo_casadi.data import InputHold, Recording, read_case
+from pneumo_casadi.data import Case, InputHold, Recording, read_case
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.servosystem import Servosystem
 from pneumo_casadi.model.simulation import simulate_closed_loop
@@ -125,3 +125,26 @@ def metered(true: Truth, rng: np.random.Generator, share: float = NOISE_MAP) -> 
 def nominal(true: Truth, table: FlowMap, v_s: float = V_S) -> Axis:
     """Return the axis as one knows it before a fit: geometry and the fitted map."""
     return Servosystem(true.axis.bench, fit_polynomials(table)).with_parameters({"v_s": v_s})
+
+
+def metered_case(
+    clean: Truth,
+    true: Truth,
+    lengths: tuple[float, float],
+    folder: Path,
+    rng: np.random.Generator,
+    correlation: float = 0.0,
+) -> Case:
+    """Return a case of two records [s], to identify on and held out, whose bench knows no effect.
+
+    The flow map is that of `clean`, the axis that has none either, and stands in `folder`.
+    """
+    identify, validate = (
+        replace(record_with_noise(true, rng, length, correlation=correlation), name=f"{length:g} s")
+        for length in lengths
+    )
+    table = metered(clean, rng)
+    path = folder / "flow_map.csv"
+    columns = np.column_stack([table.u, table.p, table.q_m])
+    np.savetxt(path, columns, "%.10g", ",", header="u_V,p_Pa,q_m_kg_per_s", comments="")
+    return Case(folder, clean.axis.bench, (identify,), (validate,), path)

@@ -59,10 +59,19 @@ def verdicts(result: Mapping[str, Any]) -> str:
 
 def effect_coverage(result: Mapping[str, Any]) -> str:
     """Coverage of the intervals of effects, where model and data have the same form."""
+    return _coverage(result, "by_effect")
+
+
+def term_coverage(result: Mapping[str, Any]) -> str:
+    """Coverage of the intervals of discovered terms, where their formula is that of the data."""
+    return _coverage(result, "by_term")
+
+
+def _coverage(result: Mapping[str, Any], by: str) -> str:
     kinds = ("white", "coloured")
     body = [
-        [name.replace("_", " "), *(share_text(result[kind]["by_effect"][name]) for kind in kinds)]
-        for name in result["white"]["by_effect"]
+        [name.replace("_", " "), *(share_text(result[kind][by][name]) for kind in kinds)]
+        for name in result["white"][by]
     ]
     body.append(["all", *(share_text(result[kind]["coverage"]) for kind in kinds)])
     return rows(["covered, %", "white noise", "coloured noise"], body)
