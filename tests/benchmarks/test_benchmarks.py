@@ -54,10 +54,24 @@ def test_intervals_cover_and_errors_stay_at_the_bound():
     assert len(figures["output_error"]) == 33 > len(figures["wls"])
     for name, item in figures["output_error"].items():
         assert item["rms_error_over_bound"] <= 1.1, name
-        for noise in (figures, figures["coloured"]):
+        for noise in (figures, figures["coloured"], *figures["disturbed"].values()):
             robust = noise["output_error_robust"][name]
             assert 93 <= robust["coverage_percent"] <= 97, name
         assert 93 <= item["coverage_percent"] <= 97, name
+
+
+def test_printed_intervals_of_wls_cover_under_all_noises_disturbed_or_not():
+    figures = result("wls_coverage")
+    assert figures["replicates"] >= 1200
+    shares = [
+        item["coverage_percent"]
+        for by_noise in (figures, figures["disturbed"])
+        for noise in ("white", "coloured")
+        for item in by_noise[noise]["printed"].values()
+    ]
+    assert len(shares) == 48 and min(shares) >= 93
+    # A true share of 96.5 % is told to ± 1.1 %.
+    assert sum(share > 97 for share in shares) <= 2 and max(shares) < 97.5
 
 
 def test_the_default_form_of_the_flow_map_errs_less_than_eq_12():

@@ -5,7 +5,7 @@ residuals are in units of them.
 """
 
 from dataclasses import replace
-from types import SimpleNamespace
+from types import MappingProxyType, SimpleNamespace
 
 import numpy as np
 import pytest
@@ -66,27 +66,45 @@ def ledger_of(left):
         keys = {name: tuple(sorted(set(names) - {name})) for name in some}
         return {name: None if left[key] is None else key for name, key in keys.items()}
 
+    def fit_all(models):
+        fits.update({key: key for key in models if left[key] is not None})
+
+    fits = {}
     return SimpleNamespace(
-        fits={}, output_error_fits={}, fit_without=fit_without,
+        fits=fits, output_error_fits={}, fit_without=fit_without, fit_all=fit_all,
         key=lambda names: tuple(sorted(names)), effects=lambda names: names,
         simulate=lambda fits: None,
         simulations=SimpleNamespace(share=lambda nominal, fit, effects: left[effects]),
     )  # fmt: skip
 
 
+class Fit(tuple):
+    """A fit that is known by its effects."""
+
+    values = MappingProxyType({})
+
+
 @pytest.mark.parametrize(
     ("left", "expected"),
     [
-        ({("a", "b"): 0.1, ("a",): 0.7, ("b",): 0.3}, {"b": 0.6, "a": 0.2}),
+        ({("a", "b"): 0.1, ("a",): 0.7, ("b",): 0.3}, {"b": 0.65, "a": 0.25}),
         ({("a",): 0.2}, {"a": 0.8}),  # alone it contributes what it closes
-        # Without an effect that a model needs to be fitted at all the whole gap is back.
-        ({("a", "b"): 0.2, ("a",): None, ("b",): 0.5}, {"b": 0.8, "a": 0.3}),
+        # What cannot be fitted leaves the whole gap.
+        ({("a", "b"): 0.2, ("a",): None, ("b",): 0.5}, {"b": 0.65, "a": 0.15}),
+        # Two that can stand for each other share what they close, before one that they leave.
+        (
+            {
+                ("a", "b", "c"): 0.05, ("a", "b"): 0.2, ("a", "c"): 0.06, ("b", "c"): 0.07,
+                ("a",): 0.25, ("b",): 0.3, ("c",): 0.85,
+            },
+            {"a": 0.385, "b": 0.355, "c": 0.15},
+        ),
     ],
-)
-def test_the_effect_without_which_most_of_the_gap_comes_back_is_first(left, expected):
+)  # fmt: skip
+def test_the_effect_that_closes_most_is_first(left, expected):
     final = max(left, key=len)
     ledger = ledger_of(left)
-    ledger.fits[final] = final
+    ledger.fits[final] = Fit(final)
     shares = contributions(ledger, None, final, final)
     assert list(shares) == list(expected)
     assert shares == pytest.approx(expected)
