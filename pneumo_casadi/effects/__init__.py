@@ -27,6 +27,7 @@ from pneumo_casadi.effects.friction.position_friction_step import (
     PositionFrictionStep as PositionFrictionStep,
 )
 from pneumo_casadi.effects.friction.presliding import Presliding as Presliding
+from pneumo_casadi.effects.friction.presliding_dahl import PreslidingDahl as PreslidingDahl
 from pneumo_casadi.effects.friction.pressure_friction import PressureFriction as PressureFriction
 from pneumo_casadi.effects.friction.pressure_friction_per_seal import (
     PressureFrictionPerSeal as PressureFrictionPerSeal,

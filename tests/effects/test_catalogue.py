@@ -40,6 +40,7 @@ ORDER = (
     "position_friction_step",
     "position_on_elastic_load",
     "presliding",
+    "presliding_dahl",
     "pressure_friction",
     "pressure_friction_per_seal",
     "pressure_sensor_bias",

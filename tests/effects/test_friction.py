@@ -8,6 +8,7 @@ from pneumo_casadi.effects import (
     PositionFriction,
     PositionFrictionStep,
     Presliding,
+    PreslidingDahl,
     PressureFriction,
     QuadraticDrag,
     Stribeck,
@@ -69,11 +70,11 @@ def test_quadratic_drag_takes_power_with_the_cube_of_the_speed(made):
     np.testing.assert_allclose(power, [50 * 0.2**3, 50 * 0.4**3, 50 * 0.4**3], rtol=1e-9)
 
 
-def sliding(made, distance):
+def sliding(made, distance, effect=Presliding):
     """A force-driven axis of Coulomb friction 15 N alone, sharp, with presliding."""
     bare = {"f_v": 0.0, "F_c_plus": 15.0, "F_c_minus": 15.0, "v_s": 1e-4}
-    axis = made.true_force_axis(Presliding()).with_parameters(bare)
-    return axis.with_parameters({"presliding.distance": distance})
+    axis = made.true_force_axis(effect()).with_parameters(bare)
+    return axis.with_parameters({f"{effect.name}.distance": distance})
 
 
 @pytest.mark.parametrize("distance", [1e-4, 3e-4, 1e-3])
@@ -98,6 +99,16 @@ def test_presliding_is_the_elastic_plastic_bristle_solved_by_itself(made, drag, 
     assert np.sqrt(np.mean(error**2)) < 0.04 * 15.0
     without = drag(sliding(made, 0.0), motion, 0.8).F - solved
     assert np.sqrt(np.mean(error**2)) < 0.1 * np.sqrt(np.mean(without**2))
+
+
+@pytest.mark.parametrize("distance", [3e-4, 1e-3])
+def test_after_a_reversal_dahls_friction_is_an_exponential_of_the_way(made, drag, distance):
+    """From -F_c on; the difference is the regularisation's 5 µm."""
+    run = drag(sliding(made, distance, PreslidingDahl), lambda t: 1e-2 * np.cos(3 * t), 2.0)
+    back = np.argmin(run.x)
+    way = run.x[back:] - run.x[back]
+    expected = 15.0 * (1 - 2 * np.exp(-way / distance))
+    assert np.abs(run.F[back:] - expected).max() < 0.05 * 15.0
 
 
 def test_far_below_its_distance_presliding_is_a_spring(made, drag):
