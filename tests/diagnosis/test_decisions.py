@@ -85,27 +85,25 @@ class Fit(tuple):
 
 
 @pytest.mark.parametrize(
-    ("left", "expected"),
+    ("left", "named", "expected"),
     [
-        ({("a", "b"): 0.1, ("a",): 0.7, ("b",): 0.3}, {"b": 0.65, "a": 0.25}),
-        ({("a",): 0.2}, {"a": 0.8}),  # alone it contributes what it closes
-        # What cannot be fitted leaves the whole gap.
-        ({("a", "b"): 0.2, ("a",): None, ("b",): 0.5}, {"b": 0.65, "a": 0.15}),
-        # Two that can stand for each other share what they close, before one that they leave.
+        ({("a", "b"): 0.1, ("a",): 0.7, ("b",): 0.3}, "ab", {"b": 0.6, "a": 0.2}),
+        ({("a",): 0.2}, "a", {"a": 0.8}),  # alone it contributes what it closes
+        # Without an effect that a model needs to be fitted at all the whole gap is back.
+        ({("a", "b"): 0.2, ("a",): None, ("b",): 0.5}, "ab", {"b": 0.8, "a": 0.3}),
+        # One besides that can stand for another does not make that one superfluous.
         (
-            {
-                ("a", "b", "c"): 0.05, ("a", "b"): 0.2, ("a", "c"): 0.06, ("b", "c"): 0.07,
-                ("a",): 0.25, ("b",): 0.3, ("c",): 0.85,
-            },
-            {"a": 0.385, "b": 0.355, "c": 0.15},
+            {("a", "b", "w"): 0.05, ("a", "b"): 0.1, ("b", "w"): 0.06, ("a",): 0.3, ("b",): 0.8},
+            "ab",
+            {"a": 0.7, "b": 0.2},
         ),
     ],
-)  # fmt: skip
-def test_the_effect_that_closes_most_is_first(left, expected):
+)
+def test_the_effect_without_which_most_of_the_gap_comes_back_is_first(left, named, expected):
     final = max(left, key=len)
     ledger = ledger_of(left)
     ledger.fits[final] = Fit(final)
-    shares = contributions(ledger, None, final, final)
+    shares = contributions(ledger, None, final, tuple(named))
     assert list(shares) == list(expected)
     assert shares == pytest.approx(expected)
 

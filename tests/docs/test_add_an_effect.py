@@ -35,7 +35,7 @@ def test_the_fit_finds_the_effect_that_was_simulated(ran):
 @pytest.mark.slow
 def test_the_effect_fades_at_rest_and_is_felt_in_motion(ran):
     z, v = ran["run"]["bellows.z"], ran["run"]["v"]
-    assert np.abs(z).max() > 10.0
+    assert np.abs(z).max() > 9.0  # N, of 300 N/m × 0.2 s times the speed
     rate = np.gradient(z, ran["record"].dt)
     expected = 300.0 * v - z / 0.2
     assert np.abs(rate - expected)[5:-5].max() < 0.05 * np.abs(expected).max()

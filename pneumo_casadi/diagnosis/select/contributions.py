@@ -1,4 +1,4 @@
-"""What each effect of the final model contributes to closing the gap."""
+"""What each effect of the final model contributes: the gap that comes back without it."""
 
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger, Names, Start
@@ -7,16 +7,15 @@ from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger, Names, Start
 def contributions(
     ledger: FitLedger, nominal: FittedModel, final: Names, named: Names
 ) -> dict[str, float]:
-    """Return the share of the gap that each effect closes, the largest first.
+    """Return the share of the gap that comes back if an effect is left out, the largest first.
 
-    It is the mean of what the effect closes as the only one, and what comes back if it is left out
-    of the final model: of two effects, this is the value that Shapley gives them. What comes back
-    would not do alone: of two effects that can stand for each other, as a leak and a shifted null,
-    neither is missed. The models are fitted anew, so that others take over what they can, and
-    simulated in windows of the records held out. Balances would not do: they count a short
-    error after every reversal of the command as much as one that lasts and moves the axis. All
-    shares refer to the gap of the nominal model. A model that cannot be fitted or simulated leaves
-    the whole gap.
+    It is left out of the model of all effects named: one of those besides, as a shifted null, could
+    stand for it, as a leak, so that nothing would come back. The model is fitted again without each
+    effect, so that the others take over what they can, and simulated in windows of the records held
+    out. Balances alone would not do: they count a short error after every reversal of the command
+    as much as one that lasts and moves the axis. All shares refer to the gap of the nominal model;
+    they need not sum up to what the model closes, since effects share parts of it. A model without
+    an effect that cannot be fitted or simulated leaves the whole gap.
 
     Parameters
     ----------
@@ -25,23 +24,20 @@ def contributions(
     named : tuple of str
         Those of which it is asked.
     """
-    models: dict[Names, FittedModel | None] = {final: ledger.fits[final]}
-    alone = {name: ledger.key({name}) for name in named}
-    without = {name: ledger.key(set(final) - {name}) for name in named}
-    if len(final) > 1:
-        start = Start(ledger.fits[final].values)
-        ledger.fit_all(dict.fromkeys(alone.values(), start))
-        models |= {key: ledger.fits.get(key) for key in alone.values()}
-        fits = ledger.fit_without(final, named)
-        models |= {without[name]: fits[name] for name in named}
-    refined = {key: ledger.output_error_fits.get(key, fit) for key, fit in models.items()}
-    ledger.simulate({key: fit for key, fit in refined.items() if fit is not None})
+    whole = ledger.key(named)
+    if whole != final:
+        ledger.fit_all({whole: Start(ledger.fits[final].values)})
+    final = whole if whole in ledger.fits else final
+    fits = ledger.fit_without(final, named) if len(final) > 1 else dict.fromkeys(named)
+    models = {name: (ledger.key(set(final) - {name}), fit) for name, fit in fits.items()}
+    models[""] = final, ledger.fits[final]
+    refined = {
+        name: (key, ledger.output_error_fits.get(key, fit)) for name, (key, fit) in models.items()
+    }
+    ledger.simulate({key: fit for key, fit in refined.values() if fit is not None})
     left = {
-        key: 1.0 if fit is None else ledger.simulations.share(nominal, fit, ledger.effects(key))
-        for key, fit in refined.items()
+        name: 1.0 if fit is None else ledger.simulations.share(nominal, fit, ledger.effects(key))
+        for name, (key, fit) in refined.items()
     }
-    left.setdefault((), 1.0)  # without its only effect the model is the nominal one
-    closed = {
-        name: (1.0 - left[alone[name]] + left[without[name]] - left[final]) / 2 for name in named
-    }
-    return dict(sorted(closed.items(), key=lambda item: -item[1]))
+    back = {name: left[name] - left[""] for name in named}
+    return dict(sorted(back.items(), key=lambda item: -item[1]))
