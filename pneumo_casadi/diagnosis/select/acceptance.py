@@ -13,6 +13,7 @@ from pneumo_casadi.diagnosis.metrics.residual_size import (
 )
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.model.effect import Effect
+from pneumo_casadi.model.junctions import Junction
 
 
 def can_matter(origin: FittedModel, before: FittedModel, levels: BalanceLevels) -> bool:
@@ -31,12 +32,20 @@ def only_corrects_map(
 ) -> bool:
     """Return whether added effects only correct the misfit of a coarse flow map.
 
-    Beside an effect in another balance that misfit may be all that is left to gain: there the
-    residuals must exceed what any coarse map leaves.
+    The shape of the map gains wherever the map's form misfits near null, effect or not, and so do
+    a dead zone, a shift of the null and whatever else is a static map from command to spool: these
+    are no causes unless the residuals exceed what any coarse map leaves. Beside another effect only
+    the shape is asked.
     """
-    limit = levels.criteria.coarsest_map if beside else levels.criteria.coarse_map
-    coarse = np.all((residual_rms(before) < limit * levels.noise)[:-1])  # the force has no map
-    return bool(coarse) and all(effect.metered for effect in added)
+    limit = levels.criteria.coarsest_map * levels.noise
+    coarse = np.all((residual_rms(before) < limit)[:-1])  # the force has no map
+    return bool(coarse) and all(
+        effect.metered or (not beside and _is_static_spool(effect)) for effect in added
+    )
+
+
+def _is_static_spool(effect: Effect) -> bool:
+    return set(effect.junctions) == {Junction.SPOOL} and not effect.states
 
 
 def accepted(
