@@ -129,9 +129,11 @@ def test_an_effect_that_mends_impossible_parameters_counts(monkeypatch, wrong, g
 @pytest.mark.parametrize(
     ("excess", "known", "names", "expected"),
     [
-        (1.2, (), ("flow_map_shape",), True),
-        (1.7, (), ("flow_map_shape",), False),
-        (1.2, (), ("valve_dead_zone",), False),
+        (1.7, (), ("flow_map_shape",), True),
+        (2.1, (), ("flow_map_shape",), False),
+        (1.7, (), ("valve_dead_zone",), True),
+        (2.1, (), ("valve_dead_zone",), False),
+        (1.7, (), ("valve_hysteresis",), False),  # no static map
         (1.7, ("spring_load",), ("flow_map_shape", "spring_load"), True),
         (2.1, ("spring_load",), ("flow_map_shape", "spring_load"), False),
         (1.7, ("spring_load",), ("spring_load", "valve_dead_zone"), False),
