@@ -2,7 +2,8 @@
 
 Data: closed-loop records of the package's own model (Table 1 of the paper, 4 s at 1 kHz, chirp and
 squares) with sensor noise in the loop, white or coloured, and a flow map metered with noise; anew
-for each seed. Coloured noise correlates by 0.8 from sample to sample (first order, 4.5 ms).
+for each seed, without and with a recorded disturbance (pulses added to the commands). Coloured
+noise correlates by 0.8 from sample to sample (first order, 4.5 ms).
 Weighted least squares (WLS) and multiple-shooting output error (OE) estimate the same record; OE
 starts from WLS and estimates the flow map and the initial state as well.
 
@@ -60,11 +61,11 @@ CORRELATION = 0.8
 OPTIONS = OutputErrorOptions(widths=(V_S,))
 
 
-def one_seed(correlation: float, seed: int) -> dict[str, Any]:
+def one_seed(correlation: float, seed: int, disturbed: bool = False) -> dict[str, Any]:
     """Return estimates and claimed standard deviations of both estimators for one seed."""
     rng = np.random.default_rng([SEED, round(10 * correlation), seed])
     true = truth()
-    record = record_with_noise(true, rng, correlation=correlation)
+    record = record_with_noise(true, rng, correlation=correlation, disturbed=disturbed)
     table = metered(true, rng)
     axis = nominal(true, table)
     with warnings.catch_warnings():
@@ -130,12 +131,19 @@ def run(seeds: Iterable[int], executor: Executor) -> dict[str, Any]:
     return {
         **white,
         "coloured": {"correlation": CORRELATION, **study(chosen, CORRELATION, executor)},
+        "disturbed": {
+            "white": study(chosen, 0.0, executor, disturbed=True),
+            "coloured": study(chosen, CORRELATION, executor, disturbed=True),
+        },
     }
 
 
-def study(seeds: list[int], correlation: float, executor: Executor) -> dict[str, Any]:
+def study(
+    seeds: list[int], correlation: float, executor: Executor, disturbed: bool = False
+) -> dict[str, Any]:
     """Return the figures of all replicates with one kind of noise."""
-    result, values = replicates(one_seed, seeds, correlation, executor), true_values()
+    made = replicates(partial(one_seed, disturbed=disturbed), seeds, correlation, executor)
+    result, values = made, true_values()
     keys = ("wls", "output_error", "output_error_robust", "output_error_printed")
     return {
         "replicates": len(result),

@@ -26,11 +26,14 @@ def truth(result: Mapping[str, Any]) -> str:
 
 
 def coverage(result: Mapping[str, Any]) -> str:
-    """Bias, spread and coverage of both estimators, and of OE under coloured noise."""
+    """Bias, spread and coverage of both estimators; of OE under each noise, disturbed or not."""
     head = ["parameter"]
     for label in ("WLS", "OE"):
         head += [f"{label} bias %", f"{label} spread %", f"{label} coverage %"]
-    head += ["OE error / bound", "OE coverage %, coloured noise"]
+    head.append("OE error / bound")
+    under = {"white": result, "coloured": result["coloured"]}
+    under |= {f"{noise}, disturbed": item for noise, item in result["disturbed"].items()}
+    head += [f"printed, {noise}" for noise in under]
     body = []
     for name in result["wls"]:
         row = [SYMBOLS.get(name, name)]
@@ -42,11 +45,9 @@ def coverage(result: Mapping[str, Any]) -> str:
                 f"{spread:.3f}",
                 f"{entry['coverage_percent']:.1f}",
             ]
-        coloured = result["coloured"]["output_error_robust"][name]
-        row += [
-            f"{result['output_error'][name]['rms_error_over_bound']:.2f}",
-            f"{coloured['coverage_percent']:.1f}",
-        ]
+        row.append(f"{result['output_error'][name]['rms_error_over_bound']:.2f}")
+        printed = [item["output_error_printed"][name] for item in under.values()]
+        row += [f"{item['coverage_percent']:.1f}" for item in printed]
         body.append(row)
     return rows(head, body)
 

@@ -54,10 +54,21 @@ def test_intervals_cover_and_errors_stay_at_the_bound():
     assert len(figures["output_error"]) == 33 > len(figures["wls"])
     for name, item in figures["output_error"].items():
         assert item["rms_error_over_bound"] <= 1.1, name
-        for noise in (figures, figures["coloured"]):
-            robust = noise["output_error_robust"][name]
-            assert 93 <= robust["coverage_percent"] <= 97, name
-        assert 93 <= item["coverage_percent"] <= 97, name
+        for white in (item, figures["disturbed"]["white"]["output_error"][name]):
+            assert 93 <= white["coverage_percent"] <= 97, name
+    assert min(printed_coverage(figures)) >= 93
+
+
+@pytest.mark.xfail(strict=True, reason="they allow for biases that these data do not have")
+def test_printed_intervals_of_output_error_are_no_wider_than_they_need_be():
+    assert max(printed_coverage(result("wls_vs_output_error"))) <= 97
+
+
+def printed_coverage(figures):
+    under = (figures, figures["coloured"], *figures["disturbed"].values())
+    return [
+        item["coverage_percent"] for part in under for item in part["output_error_printed"].values()
+    ]
 
 
 def test_printed_intervals_of_wls_cover_under_all_noises_disturbed_or_not():
