@@ -53,8 +53,8 @@ def study(
     seeds: Sequence[int], correlation: float, executor: Executor, disturbed: bool = False
 ) -> dict[str, Any]:
     """Return the figures of all replicates with one kind of noise."""
-    made = replicates(partial(one_seed, disturbed=disturbed), seeds, correlation, executor)
-    result, values = made, true_values()
+    result = replicates(partial(one_seed, disturbed=disturbed), seeds, correlation, executor)
+    values = true_values()
     return {
         key: {name: figures(result, key, name, values) for name in result[0][key]}
         for key in INTERVALS

@@ -142,8 +142,8 @@ def study(
     seeds: list[int], correlation: float, executor: Executor, disturbed: bool = False
 ) -> dict[str, Any]:
     """Return the figures of all replicates with one kind of noise."""
-    made = replicates(partial(one_seed, disturbed=disturbed), seeds, correlation, executor)
-    result, values = made, true_values()
+    result = replicates(partial(one_seed, disturbed=disturbed), seeds, correlation, executor)
+    values = true_values()
     keys = ("wls", "output_error", "output_error_robust", "output_error_printed")
     return {
         "replicates": len(result),

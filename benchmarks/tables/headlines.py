@@ -37,10 +37,10 @@ def largest_error(result: Mapping[str, Any]) -> str:
 def coverage_range(result: Mapping[str, Any]) -> str:
     """Coverage of the 95 % intervals of output error: as printed, and without biases."""
     under = [result, result["coloured"], *result["disturbed"].values()]
-    printed, ideal = (
-        [row["coverage_percent"] for part in parts for row in part[key].values()]
-        for parts, key in ((under, "output_error_printed"), ((result,), "output_error"))
-    )
+    printed = [
+        item["coverage_percent"] for part in under for item in part["output_error_printed"].values()
+    ]
+    ideal = [item["coverage_percent"] for item in result["output_error"].values()]
     return (
         f"Printed 95 % intervals cover the truth in {min(printed):.1f} to {max(printed):.1f} % of "
         f"{result['replicates']:,} records, without the biases that they allow for in "

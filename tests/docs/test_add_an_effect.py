@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import lsim
 
 from pneumo_casadi.data import FORCE_DRIVEN, PNEUMATIC
 from pneumo_casadi.effects import EFFECTS, effect_row
@@ -36,6 +37,8 @@ def test_the_fit_finds_the_effect_that_was_simulated(ran):
 def test_the_effect_fades_at_rest_and_is_felt_in_motion(ran):
     z, v = ran["run"]["bellows.z"], ran["run"]["v"]
     assert np.abs(z).max() > 9.0  # N, of 300 N/m × 0.2 s times the speed
+    _, solved, _ = lsim(([300.0], [1.0, 1 / 0.2]), v, np.arange(v.size) * ran["record"].dt)
+    assert np.abs(z - solved).max() < 0.01 * np.abs(z).max()
     rate = np.gradient(z, ran["record"].dt)
     expected = 300.0 * v - z / 0.2
     assert np.abs(rate - expected)[5:-5].max() < 0.05 * np.abs(expected).max()

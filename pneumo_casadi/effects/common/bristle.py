@@ -1,16 +1,7 @@
-"""Bristle between piston and tube, a spring that slips: what the forms of presliding share.
+"""Bristle between piston and tube, a spring that slips: what the forms of presliding share."""
 
-Bristle of stiffness σ₀, the state as a share of the Coulomb friction. Under the mean level
-F_c = (F_c⁺ + F_c⁻)/2, with h = σ₀ z/F_c between -1 and 1, presliding distance s₀ = F_c/σ₀ and the
-velocity v_s at which it slips::
-
-    ḣ = (v - v_s) / L,   L² = (s₀ + s_r)² + (v τ_r)²
-    F = F_c sign(v) + (s₀ / L) F_c (h - sign(v))
-
-For s_r = τ_r = 0 the friction is F_c h. With them, pole and zero cancel at s₀ = 0 (Coulomb
-friction, regularly), and no rate exceeds 3/τ_r. The energy s₀ F_c h²/2 is stored, the rest is
-dissipated, for any s_r and τ_r.
-"""
+from collections.abc import Mapping
+from typing import Any, ClassVar
 
 import casadi as ca
 
@@ -26,37 +17,62 @@ TAU_LEAST = 1.5e-3
 #: Rounding of the speed [m/s]: a bent bristle at rest lets go at a rate of S_SPEED/(2 s₀).
 S_SPEED = 1e-5
 
-SHOWS = "force balance, within a fraction of a millimetre after a reversal and in stops"
-SEPARATED_BY = "micro-reversals: force steps below breakaway, which move the piston elastically"
-DISTANCE = Parameter(
-    "distance",
-    0.0,
-    "m",
-    lower=0.0,
-    upper=3e-3,
-    scale=1e-4,
-    null=0.0,
-    start=2e-4,
-    description="presliding distance s₀ = F_c/σ₀, over which friction builds up",
-    source="σ₀ of 1e4-1e6 N/m under 10-30 N, engineering judgement",
-)
-SHARE = State("share", "1", 1.0)
 
+class Bristle:
+    """Bristle of stiffness σ₀, the state as a share of the Coulomb friction.
 
-def rounded_speed(v: Expression) -> Expression:
-    """Return the speed, rounded at rest [m/s]."""
-    return ca.sqrt(v**2 + S_SPEED**2)
+    Under the mean level F_c = (F_c⁺ + F_c⁻)/2, with h = σ₀ z/F_c between -1 and 1, presliding
+    distance s₀ = F_c/σ₀ and the velocity w at which it slips::
 
+        ḣ = (v - w) / L,   L² = (s₀ + s_r)² + (v τ_r)²
+        F = F_c sign(v) + (s₀ / L) F_c (h - sign(v))
 
-def bristle_rate(slipping: Expression, at: Scope) -> Expression:
-    """Return ḣ of a bristle that slips at a velocity [m/s]."""
-    return (at.v - slipping) / _length(at)
+    For s_r = τ_r = 0 the friction is F_c h. With them, pole and zero cancel at s₀ = 0 (Coulomb
+    friction, regularly), and no rate exceeds 3/τ_r. The energy s₀ F_c h²/2 is stored, the rest is
+    dissipated, for any s_r and τ_r.
+    """
 
+    shows: ClassVar[str] = (
+        "force balance, within a fraction of a millimetre after a reversal and in stops"
+    )
+    confused_with: ClassVar[tuple[str, ...]] = ("v_s", "stribeck", "backlash", "elastic_load")
+    separated_by: ClassVar[str] = (
+        "micro-reversals: force steps below breakaway, which move the piston elastically"
+    )
+    passive: ClassVar[bool] = True
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter(
+            "distance",
+            0.0,
+            "m",
+            lower=0.0,
+            upper=3e-3,
+            scale=1e-4,
+            null=0.0,
+            start=2e-4,
+            description="presliding distance s₀ = F_c/σ₀, over which friction builds up",
+            source="σ₀ of 1e4-1e6 N/m under 10-30 N, engineering judgement",
+        ),
+    )
+    states: ClassVar[tuple[State, ...]] = (State("share", "1", 1.0),)
 
-def with_bristle(F: Expression, at: Scope) -> Expression:
-    """Return a force in which the bristle's friction stands in place of Coulomb's."""
-    level = (at.axis["F_c_plus"] + at.axis["F_c_minus"]) / 2
-    return F - at["distance"] / _length(at) * level * (at["share"] - at.direction)
+    def rest(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
+        """Start with the friction of steady sliding."""
+        return {"share": at.direction}
+
+    def rates(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
+        """Let the bristle bend with the way and slip at the Coulomb level."""
+        speed = ca.sqrt(at.v**2 + S_SPEED**2)
+        return {"share": (at.v - self.slipping(at.v, speed, at["share"])) / _length(at)}
+
+    def slipping(self, v: Expression, speed: Expression, h: Expression) -> Expression:
+        """Return the velocity w at which a bent bristle slips [m/s]; `speed` is rounded |v|."""
+        raise NotImplementedError
+
+    def force(self, F: Expression, at: Scope) -> Expression:
+        """Replace Coulomb friction by the bristle's."""
+        level = (at.axis["F_c_plus"] + at.axis["F_c_minus"]) / 2
+        return F - at["distance"] / _length(at) * level * (at["share"] - at.direction)
 
 
 def _length(at: Scope) -> Expression:

@@ -1,28 +1,17 @@
 """Presliding: at a reversal the contact is a spring; Coulomb friction builds up over a way."""
 
-from collections.abc import Mapping
-from typing import Any
-
-from pneumo_casadi.effects.common.bristle import (
-    DISTANCE,
-    SEPARATED_BY,
-    SHARE,
-    SHOWS,
-    bristle_rate,
-    rounded_speed,
-    with_bristle,
-)
-from pneumo_casadi.model.effect import Effect, Scope
+from pneumo_casadi.effects.common.bristle import Bristle
+from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.model.junctions import Expression
 
 #: Keeps |h|³ differentiable often enough at 0.
 TINY = 1e-12
 
 
-class Presliding(Effect):
+class Presliding(Bristle, Effect):
     """Elastic-plastic bristle: it bends back elastically, and slips only bent far and bent further.
 
-    Bouc's and Wen's law of hysteresis, exponent 3 (see `effects/common/bristle.py`)::
+    Bouc's and Wen's law of hysteresis, exponent 3 (see `Bristle`)::
 
         ḣ = (v - (|v| h³ + v |h|³)/2) / L
 
@@ -36,23 +25,7 @@ class Presliding(Effect):
         "bristles: Dupont, Hayward, Armstrong, Altpeter (2002), IEEE Transactions on Automatic "
         "Control 47(5), 787-792"
     )
-    shows = SHOWS
-    confused_with = ("v_s", "stribeck", "backlash", "elastic_load")
-    separated_by = SEPARATED_BY
-    passive = True
-    parameters = (DISTANCE,)
-    states = (SHARE,)
 
-    def rest(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
-        """Start with the friction of steady sliding."""
-        return {"share": at.direction}
-
-    def rates(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
-        """Let the bristle bend with the way and slip at the Coulomb level."""
-        v, h = at.v, at["share"]
-        slipping = (rounded_speed(v) * h**3 + v * (h**2 + TINY) ** 1.5) / 2
-        return {"share": bristle_rate(slipping, at)}
-
-    def force(self, F: Expression, at: Scope) -> Expression:
-        """Replace Coulomb friction by the bristle's."""
-        return with_bristle(F, at)
+    def slipping(self, v: Expression, speed: Expression, h: Expression) -> Expression:
+        """Return the velocity w at which a bent bristle slips [m/s]."""
+        return (speed * h**3 + v * (h**2 + TINY) ** 1.5) / 2

@@ -61,10 +61,12 @@ def stationary_sandwich(
     size = fft.next_fast_len(T + lags, real=True)
     influence = rows @ inverse
     leverage = np.einsum("ij,ij->i", influence, rows)
-    kept = np.array([1 - leverage[equation == e].mean() for e in range(ne)])
-    counts = np.bincount(equation, minlength=ne)
+    counts = np.maximum(np.bincount(equation, minlength=ne), 1)
+    kept = np.maximum(1 - np.bincount(equation, leverage, ne) / counts, 1 / counts)
     stacked = np.zeros((ne, T, 2 + rows.shape[1]))
-    stacked[equation, time, 0] = residual / np.sqrt(np.maximum(kept, 1 / counts))[equation]
+    stacked[equation, time, 0] = residual / np.sqrt(
+        np.maximum(kept[equation], 1 / counts[equation])
+    )
     stacked[equation, time, 1] = 1.0
     stacked[equation, time, 2:] = influence
     spectra = fft.rfft(stacked, size, axis=1)

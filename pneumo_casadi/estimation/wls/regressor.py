@@ -187,19 +187,17 @@ def observe(
         velocity_threshold = max(
             NOISE_MULTIPLE * filtered.velocity_noise, LEAST_SHARE * float(v.max())
         )
-    windows = np.ones(Y.shape)
+    windows = None
     if stick is StickPhases.OMIT:
         windows = _windows(model.equations, v >= velocity_threshold, plan.factor)
-    Y *= windows
-    W *= windows[:, :, None]
-    tail = TAIL if stick is StickPhases.OMIT and plan.factor > 1 else 0
-    low = _low_passed(Y, W, plan, tail)
+    low = _low_passed(Y, W, plan, windows)
+    share = np.ones(low.shape[:2]) if windows is None else _decimated(windows.T, plan).T
     return Observation(
         t=filtered.t[decimated_rows(v.size, plan.factor)],
         Y=low[:, :, 0],
         W=low[:, :, 1:],
         flow_error=flow_map_error(model, filtered, plan),
-        share=_decimated(windows.T, plan, tail).T,
+        share=share,
         stick=stick,
         names=tuple(names),
         equations=model.equations,
@@ -232,21 +230,25 @@ def _smooth_edged(inside: NDArray[np.bool_], factor: int) -> FloatArray:
     return np.asarray(ndimage.convolve1d(core, edge / edge.sum(), mode="constant"))
 
 
-def _low_passed(Y: FloatArray, W: FloatArray, plan: FilterPlan, tail: int) -> FloatArray:
-    """Return Y and the columns of W after the parallel filter, shape (ne, m, n + 1)."""
+def _low_passed(
+    Y: FloatArray, W: FloatArray, plan: FilterPlan, windows: FloatArray | None
+) -> FloatArray:
+    """Return Y and the columns of W, windowed, after the parallel filter, shape (ne, m, n + 1)."""
     ne, N, n = W.shape
     low = np.zeros((ne, decimated_rows(N, plan.factor).size, n + 1))
     for e in range(ne):
         # Most columns belong to another equation and are zero throughout.
         used = np.flatnonzero(W[e].any(axis=0))
         columns = np.column_stack([Y[e], W[e][:, used]])
-        low[e][:, [0, *(used + 1)]] = _decimated(columns, plan, tail)
+        low[e][:, [0, *(used + 1)]] = (
+            parallel_decimate(columns, plan.factor, plan.decimation)
+            if windows is None
+            else _decimated(columns * windows[e][:, None], plan)
+        )
     return low
 
 
-def _decimated(columns: FloatArray, plan: FilterPlan, tail: int) -> FloatArray:
-    """Return columns after the parallel filter, continued by zeros over `tail` rows."""
-    if not tail:
-        return parallel_decimate(columns, plan.factor, plan.decimation)
-    continued = np.pad(columns, ((tail * plan.factor,) * 2, (0, 0)))
-    return parallel_decimate(continued, plan.factor, plan.decimation)[tail:-tail]
+def _decimated(windowed: FloatArray, plan: FilterPlan) -> FloatArray:
+    """Return columns that vanish at both ends after the parallel filter, continued by zeros."""
+    continued = np.pad(windowed, ((TAIL * plan.factor,) * 2, (0, 0)))
+    return parallel_decimate(continued, plan.factor, plan.decimation)[TAIL:-TAIL]
