@@ -24,8 +24,12 @@ from wls_vs_output_error import replicates, under_both_noises
 
 from pneumo_casadi.diagnosis import prepare_study
 from pneumo_casadi.diagnosis.discover.discover import discover_term
+from pneumo_casadi.diagnosis.discover.discovered import DiscoveredTerm
+from pneumo_casadi.diagnosis.discover.term_in_model import fit_with_term, told_as_fitted
 from pneumo_casadi.diagnosis.metrics.residual_size import balance_levels
 from pneumo_casadi.diagnosis.prepare.fitted_model import fit_model
+from pneumo_casadi.diagnosis.prepare.noise_bias import without_noise_bias
+from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.effects.term.term import Term, term_effect
 from pneumo_casadi.evaluation.sealed_check.tally import Share
 from pneumo_casadi.identification.flow_form import resolve_flow_form
@@ -73,7 +77,7 @@ def one_case(correlation: float, job: tuple[str, int]) -> dict[str, Any]:
         case = metered_case(clean, true, (IDENTIFY, VALIDATE), Path(folder), rng, correlation)
         options, _ = resolve_flow_form(case, IdentifyOptions())
         study, _ = prepare_study(case, options)
-    term = discover_term(study, fit_model(study, ()), (), balance_levels(study))
+    term = discovered(study)
     told = None if term is None else term.term
     driver = told is not None and (told.balances, told.driver) == (typical.balances, typical.driver)
     right = driver and told is not None and told.formula == typical.formula
@@ -93,6 +97,16 @@ def one_case(correlation: float, job: tuple[str, int]) -> dict[str, Any]:
             if term is not None
         },
     }
+
+
+def discovered(study: Study) -> DiscoveredTerm | None:
+    """Return the term that the nominal model lacks, as a diagnosis tells it."""
+    nominal = fit_model(study, ())
+    term = discover_term(study, nominal, (), balance_levels(study))
+    model = fit_with_term(study, term, [(nominal, ())])
+    if term is None or model is None:
+        return term
+    return told_as_fitted(term, without_noise_bias(study, *model))
 
 
 def study(cases: int, correlation: float, executor: Executor) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 import time
 from collections.abc import Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,11 @@ from pneumo_casadi.diagnosis.decide.result import Diagnosis, Verdict
 from pneumo_casadi.diagnosis.discover.discover import discover_beside
 from pneumo_casadi.diagnosis.discover.discovered import DiscoveredTerm
 from pneumo_casadi.diagnosis.discover.rival_term import find_rival_term
-from pneumo_casadi.diagnosis.discover.term_in_model import Model, fit_with_term
+from pneumo_casadi.diagnosis.discover.term_in_model import (
+    Model,
+    fit_with_term,
+    told_as_fitted,
+)
 from pneumo_casadi.diagnosis.locate.evidence import collect_evidence
 from pneumo_casadi.diagnosis.locate.locate import locate
 from pneumo_casadi.diagnosis.locate.unknown_inputs import estimate_unknown_inputs
@@ -36,6 +40,8 @@ from pneumo_casadi.diagnosis.metrics.residual_size import balance_closure
 from pneumo_casadi.diagnosis.metrics.simulated_curves import simulated_curves
 from pneumo_casadi.diagnosis.metrics.simulated_gap import gap_with_term, simulated_gap
 from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA, Criteria
+from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
+from pneumo_casadi.diagnosis.prepare.noise_bias import without_noise_bias
 from pneumo_casadi.diagnosis.prepare.prepare_study import applicable, prepare_study
 from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue
@@ -184,9 +190,14 @@ def diagnose(
     curves = simulated_curves(
         selection.simulations, selection.nominal, final if shown else None, shown, with_term
     )
+    report("what sensor noise does to the estimates", 0.97)
+    unbiased = _without_bias(study, selection, final, shown)
+    if discovered is not None and with_term is not None:
+        with_term = (without_noise_bias(study, *with_term), with_term[1])
+        discovered = told_as_fitted(discovered, with_term[0])
     report("done", 1.0)
     judgement = decision.judgement
-    in_model = effects_found(study, selection, judgement, chosen) if named else ()
+    in_model = effects_found(study, unbiased, judgement, chosen) if named else ()
     sure = set(selection.named) - set(judgement.undecided)
     alternatives = tuple(dict.fromkeys(causes_of(names, known) for names in decision.alternatives))
     return Diagnosis(
@@ -196,7 +207,7 @@ def diagnose(
         undecided=tuple(e for e in in_model if e.form in judgement.undecided),
         besides=tuple(e for e in in_model if e.form in selection.besides),
         absorbed=beside,
-        ranking=rank_candidates(study, selection, judgement, hidden, chosen),
+        ranking=rank_candidates(study, unbiased, judgement, hidden, chosen),
         where=where,
         gap=gap,
         ambiguous=alternatives if decision.is_open else (),
@@ -204,8 +215,10 @@ def diagnose(
         hint=_hint(where, selection, decision),
         checks=checks,
         notes=(*notes, *more, *_failures(selection)),
-        nominal=parameter_values(study.axis, selection.nominal),
-        fitted=parameter_values(study.axis.with_effects(*shown), final),
+        nominal=parameter_values(study.axis, unbiased.nominal),
+        fitted=parameter_values(
+            study.axis.with_effects(*shown), unbiased.final if shown else unbiased.nominal
+        ),
         with_term=_values_with_term(study, with_term),
         seconds=time.perf_counter() - began,
         evidence=collect_evidence(
@@ -216,6 +229,19 @@ def diagnose(
         findings=tuple(each for each in case.findings if each.grade is Grade.SEVERE),
         provenance=_provenance(case, offered, options),
     )
+
+
+def _without_bias(
+    study: Study, selection: Selection, final: FittedModel, effects: Sequence[Effect]
+) -> Selection:
+    """Return the selection with what the verdict names less its bias by sensor noise.
+
+    Estimates of output error have none, and robust standard deviations of their own.
+    """
+    if final is not selection.nominal and selection.chosen in selection.output_error_fits:
+        return selection
+    unbiased = without_noise_bias(study, final, effects)
+    return selection.with_final(unbiased) if effects else replace(selection, nominal=unbiased)
 
 
 def _rival_term(

@@ -21,6 +21,7 @@ from pneumo_casadi.signals.zero_phase import (
     least_cutoff,
     noise_gains,
     settling_samples,
+    smooth_difference,
     zero_phase_lowpass,
 )
 
@@ -43,6 +44,7 @@ __all__ = [
     "plan_filters_for",
     "power_bandwidth",
     "settling_samples",
+    "smooth_difference",
     "white_noise_std",
     "zero_phase_lowpass",
 ]

@@ -1,6 +1,6 @@
 """A recording after the first filter: states, derivatives and the inputs that go with them."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from types import MappingProxyType
@@ -16,6 +16,8 @@ from pneumo_casadi.signals.filter_plan import FilterPlan, plan_filters
 from pneumo_casadi.signals.resampling import on_uniform_clock
 from pneumo_casadi.signals.zero_phase import central_difference, zero_phase_lowpass
 
+#: ``difference(values, dt)`` differentiates values (N,).
+Difference = Callable[[FloatArray, float], FloatArray]
 #: Share of the largest motion of all records below which a record counts as at rest.
 AT_REST = 0.1
 
@@ -136,7 +138,10 @@ def plan_filters_for(recordings: Iterable[Recording], bound: float = 0.01) -> Fi
 
 
 def filter_recording(
-    recording: Recording, plan: FilterPlan, pairing: InputPairing | None = None
+    recording: Recording,
+    plan: FilterPlan,
+    pairing: InputPairing | None = None,
+    difference: Difference = central_difference,
 ) -> FilteredRecording:
     """Filter the measurements without phase shift, differentiate them, and drop the edges.
 
@@ -152,6 +157,8 @@ def filter_recording(
         The cut-offs.
     pairing : InputPairing, optional
         By default what the recording's input hold asks for.
+    difference : callable, optional
+        ``difference(values, dt)`` differentiates; by default `central_difference`, as the paper.
 
     Returns
     -------
@@ -179,7 +186,7 @@ def filter_recording(
         held = recording.hold is InputHold.ZERO
         pairing = InputPairing.MEAN_OF_HOLDS if held else InputPairing.SAMPLE
     kept = slice(front, recording.N - back)
-    states, derivatives = _states(recording, plan)
+    states, derivatives = _states(recording, plan, difference)
     return FilteredRecording(
         t=_read_only(recording.t[kept]),
         states=_kept(states, kept),
@@ -203,7 +210,7 @@ def _velocity_noise(recording: Recording, plan: FilterPlan) -> float:
 
 
 def _states(
-    recording: Recording, plan: FilterPlan
+    recording: Recording, plan: FilterPlan, difference: Difference
 ) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
     states: dict[str, FloatArray] = {}
     derivatives: dict[str, FloatArray] = {}
@@ -214,14 +221,14 @@ def _states(
     }
     for name in (n for n in measured if n not in ("v", "a")):
         states[name] = measured[name]
-        derivatives[name] = central_difference(states[name], recording.dt)
+        derivatives[name] = difference(states[name], recording.dt)
     v = [(derivatives["x"], _noise(recording, plan, "x", 1))]
     if "v" in measured:
         v.append((measured["v"], _noise(recording, plan, "v", 0)))
     states["v"] = derivatives["x"] = _weighted_mean(v)
-    a = [(central_difference(states["v"], recording.dt), _noise(recording, plan, "x", 2))]
+    a = [(difference(states["v"], recording.dt), _noise(recording, plan, "x", 2))]
     if "v" in measured:
-        slope = central_difference(measured["v"], recording.dt)
+        slope = difference(measured["v"], recording.dt)
         a.append((slope, _noise(recording, plan, "v", 1)))
     if "a" in measured:
         a.append((measured["a"], _noise(recording, plan, "a", 0)))

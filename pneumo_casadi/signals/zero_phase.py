@@ -1,4 +1,4 @@
-"""Zero-phase Butterworth filter, central differences, and what both do to an amplitude."""
+"""Zero-phase Butterworth filter, differences, and what both do to an amplitude."""
 
 from dataclasses import dataclass
 from functools import cache
@@ -85,6 +85,51 @@ def central_difference(values: ArrayLike, dt: float) -> FloatArray:
     array([1., 2., 4., 5.])
     """
     return np.asarray(np.gradient(np.asarray(values, dtype=float), dt, axis=0), dtype=float)
+
+
+#: Half of the antisymmetric stencil of the first derivative, of eighth order.
+_STENCIL = (4 / 5, -1 / 5, 4 / 105, -1 / 280)
+
+
+def smooth_difference(values: ArrayLike, dt: float) -> FloatArray:
+    """Differentiate a signal that is smooth from sample to sample, by central differences.
+
+    Parameters
+    ----------
+    values : (N,) array
+        Signal on a uniform clock; N of at least 2.
+    dt : float
+        Sampling time [s].
+
+    Returns
+    -------
+    (N,) array
+        Differences of eighth order, without phase shift: a sine at a sixteenth of the sampling
+        frequency loses a millionth of its derivative, where `central_difference` loses 2.5 %.
+        The four values at either end are those of `central_difference`.
+
+    Notes
+    -----
+    The noise of what is not smooth is amplified: filter before.
+
+    Examples
+    --------
+    >>> t = 0.01 * np.arange(100)
+    >>> float(np.abs(smooth_difference(np.sin(t), 0.01) - np.cos(t))[4:-4].max()) < 1e-12
+    True
+    """
+    signal = np.asarray(values, dtype=float)
+    slope, reach = central_difference(signal, dt), len(_STENCIL)
+    if signal.size > 2 * reach:
+        inner = signal.size - 2 * reach
+        slope[reach:-reach] = (
+            sum(
+                weight * (signal[reach + k :][:inner] - signal[reach - k :][:inner])
+                for k, weight in enumerate(_STENCIL, 1)
+            )
+            / dt
+        )
+    return slope
 
 
 def settling_samples(

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from pneumo_casadi.diagnosis.discover.linearised import Linearised
-from pneumo_casadi.diagnosis.discover.periods import LEAST_CYCLES, best_period
+from pneumo_casadi.diagnosis.discover.periods import best_period
 from pneumo_casadi.diagnosis.discover.sites import Site
 from pneumo_casadi.effects.term.formula import STEP_WIDTH, Formula
 from pneumo_casadi.parameters import FloatArray
@@ -17,6 +17,9 @@ from pneumo_casadi.parameters import FloatArray
 #: as shares of its range.
 POSITIONS = 17
 WIDTHS = (0.03, 0.08, 0.2, 0.5)
+#: Fewest periods over the range of a driver to which a sine found at two or more is refined: one
+#: that ends there is a bend.
+FEWEST_CYCLES = 1.5
 #: Share of a constant's influence that no parameter takes up, below which it is left out.
 LEAST_OBSERVABLE = 1e-3
 DECAYS = (-2.0, -0.5, -0.2, -0.05, 0.05, 0.2, 0.5, 2.0)
@@ -84,7 +87,11 @@ def fit_formula(linear: Linearised, site: Site, formula: Formula) -> FormulaFit 
         return None
     if formula.periodic:
         period = best_period(linear, site)
-        return None if period is None else refit_shape(linear, site, formula, {"period": period})
+        if period is None:
+            return None
+        fit = refit_shape(linear, site, formula, {"period": period})
+        ends = fit.shape["period"] > 0.999 * float(np.ptp(d)) / FEWEST_CYCLES
+        return None if ends else fit
     if _is_absorbed_level(linear, site, formula):
         return None
     starts = _shapes(formula, lower, upper)
@@ -126,7 +133,7 @@ def refit_shape(
             tried = shape | dict(zip(names, (origin + z * sizes).tolist(), strict=True))
             if tried.get("width", 1.0) <= 0:
                 return 0.0
-            if not 0 < tried.get("period", length / LEAST_CYCLES) <= length / LEAST_CYCLES:
+            if not 0 < tried.get("period", 1e-300) <= length / FEWEST_CYCLES:
                 return 0.0
             return -_removed(linear, site, formula, tried)
 

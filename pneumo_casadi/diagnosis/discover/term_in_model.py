@@ -1,6 +1,7 @@
 """The model with a discovered term, fitted to the balances so that it can be simulated."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from pneumo_casadi.diagnosis.discover.discovered import DiscoveredTerm
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel, fit_model
@@ -41,3 +42,16 @@ def fit_with_term(
     except (FitError, ModelError):  # the formula closes the gap of the linearised balances only
         return None
     return fitted, (*effects, term)
+
+
+def told_as_fitted(discovered: DiscoveredTerm, fitted: FittedModel) -> DiscoveredTerm:
+    """Return a term with its parameters as the model fitted with it has them."""
+    term = discovered.term
+    values, std = (
+        {name: given.get(f"{term.name}.{name}", other[name]) for name in term.parameters}
+        for given, other in (
+            (fitted.values, term.parameters),
+            (fitted.std, dict.fromkeys(term.parameters, 0.0)),
+        )
+    )
+    return replace(discovered, term=replace(term, parameters=values), std=std)

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -120,6 +120,14 @@ class Selection:
         if not self.path:
             return self.nominal
         return self.output_error_fits.get(self.chosen, self.fits[self.chosen])
+
+    def with_final(self, fitted: FittedModel) -> "Selection":
+        """Return the selection with another fit of its final model."""
+        if not self.path:
+            return replace(self, nominal=fitted)
+        if self.chosen in self.output_error_fits:
+            return replace(self, output_error_fits={**self.output_error_fits, self.chosen: fitted})
+        return replace(self, fits={**self.fits, self.chosen: fitted})
 
 
 def select_effects(

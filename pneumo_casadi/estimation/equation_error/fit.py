@@ -47,8 +47,9 @@ def fit_equation_error(
     the measured motion, and sensor effects are inverted.
 
     A fit takes milliseconds where output error takes seconds, and does not diverge from poor
-    starting values, because nothing is integrated. The estimates are biased: noise and filters
-    change them by a fraction of a per cent.
+    starting values, because nothing is integrated. Noise and filters bias the estimates by a
+    fraction of a per cent, noise of a sensor behind a slow filter by one or two;
+    `estimate_noise_influence` tells how much.
 
     Parameters
     ----------

@@ -17,13 +17,16 @@ from pneumo_casadi.data import InputHold, Recording
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.signals import FilterPlan, InputPairing, filter_recording
-from pneumo_casadi.signals.sensor_noise import sensor_noise_std
-from pneumo_casadi.signals.zero_phase import central_difference, zero_phase_lowpass
+from pneumo_casadi.signals.bandwidth import white_noise_std
+from pneumo_casadi.signals.sensor_noise import estimate_sensor_noise, sensor_noise_std
+from pneumo_casadi.signals.zero_phase import smooth_difference, zero_phase_lowpass
 
 #: Cut-off of the zero-phase filter on the measurements [Hz].
 CUTOFF = 60.0
 #: The same as an angular frequency [rad/s].
 BANDWIDTH = 2 * np.pi * CUTOFF
+#: Where most of the noise of the smoothed velocity lies [Hz].
+FASTEST = 45.0
 #: Rate of the rows that a fit sees [1/s], and how many of their distances a window is wide.
 ROW_RATE, WIDTH = 62.5, 4
 #: Rate to which faster records are thinned once they are smooth [Hz].
@@ -117,7 +120,7 @@ class SmoothedMotion:
 
     def derivative(self, values: FloatArray) -> FloatArray:
         """Differentiate values (N,) as the measurements were."""
-        return central_difference(values, self.dt)
+        return smooth_difference(values, self.dt)
 
 
 _ORDER = 4
@@ -128,7 +131,7 @@ def smoothing_filter(dt: float) -> FilterPlan:
     return FilterPlan(sampling_frequency=1 / dt, cutoff=min(CUTOFF, 0.4 / dt))
 
 
-def smooth_motion(axis: Axis, record: Recording) -> SmoothedMotion:
+def smooth_motion(axis: Axis, record: Recording, sure: bool = False) -> SmoothedMotion:
     """Smooth a record for an axis.
 
     Parameters
@@ -137,6 +140,10 @@ def smooth_motion(axis: Axis, record: Recording) -> SmoothedMotion:
         Tells which states and inputs are needed.
     record : Recording
         Raw measurements.
+    sure : bool, optional
+        Whether noise of the position that is not white counts in full where rows may be slow. It
+        takes rows by which friction at low speed is recognised, and then the bias that friction of
+        a wrong sign leaves.
 
     Returns
     -------
@@ -148,19 +155,24 @@ def smooth_motion(axis: Axis, record: Recording) -> SmoothedMotion:
         If the record is too short for the filters.
     """
     fs = 1 / record.dt
-    filtered = filter_recording(record, smoothing_filter(record.dt), InputPairing.SAMPLE)
+    plan = smoothing_filter(record.dt)
+    filtered = filter_recording(record, plan, InputPairing.SAMPLE, smooth_difference)
     names = axis.motion_states
     x, dx = filtered.stack_states(names), filtered.stack_derivatives(names)
     (u,) = filtered.stack_inputs(axis.inputs)
     # An input held from its sample to the next belongs to the middle of that step.
     if record.hold is InputHold.ZERO:
-        x, dx, u = (x[:, 1:] + x[:, :-1]) / 2, (dx[:, 1:] + dx[:, :-1]) / 2, u[:, :-1]
+        x, dx, u = _midway(x), _midway(dx), u[:, :-1]
     # The signals are band-limited, so that means over 1 ms lose nothing; at 5 kHz the fit is five
     # times faster.
     thin = max(1, int(fs / RATE))
     dt = thin * record.dt
     x, dx, u = (_thinned(part, thin) for part in (x, dx, u))
-    slow = np.abs(x[names.index("v")]) < max(SLOW, NOISE_MULTIPLE * filtered.velocity_noise)
+    velocity_noise = filtered.velocity_noise
+    if sure and "v" not in record:  # whose filters expect white noise
+        noise = estimate_sensor_noise(record["x"], fs)
+        velocity_noise *= noise.at(FASTEST) / white_noise_std(record["x"])
+    slow = np.abs(x[names.index("v")]) < max(SLOW, NOISE_MULTIPLE * velocity_noise)
     weak = row_windows(x.shape[1], _stride(dt))
     return SmoothedMotion(
         filtered.t[: x.shape[1] * thin : thin],
@@ -174,6 +186,17 @@ def smooth_motion(axis: Axis, record: Recording) -> SmoothedMotion:
         filtered.velocity_noise,
         record.name,
     )
+
+
+def _midway(values: FloatArray) -> FloatArray:
+    """Return rows (n, N) midway between their samples, (n, N - 1), by cubics through four.
+
+    The mean of two would lose 0.3 % of an acceleration at 25 Hz, sampled at 1 kHz.
+    """
+    between = (values[:, 1:] + values[:, :-1]) / 2
+    outer = (values[:, 3:] + values[:, :-3]) / 2
+    between[:, 1:-1] += (between[:, 1:-1] - outer) / 8
+    return np.asarray(between)
 
 
 def _stride(dt: float) -> int:
@@ -202,7 +225,9 @@ def row_windows(N: int, every: int) -> Any:
     return csr_array((np.tile(window, first.size), (rows, columns.ravel())), shape=(first.size, N))
 
 
-def smooth_motions(axis: Axis, records: Sequence[Recording]) -> tuple[SmoothedMotion, ...]:
+def smooth_motions(
+    axis: Axis, records: Sequence[Recording], sure: bool = False
+) -> tuple[SmoothedMotion, ...]:
     """Smooth several records for an axis.
 
     Parameters
@@ -211,10 +236,12 @@ def smooth_motions(axis: Axis, records: Sequence[Recording]) -> tuple[SmoothedMo
         Tells which states and inputs are needed.
     records : sequence of Recording
         Raw measurements.
+    sure : bool, optional
+        See `smooth_motion`.
 
     Returns
     -------
     tuple of SmoothedMotion
         In the order of the records.
     """
-    return tuple(smooth_motion(axis, record) for record in records)
+    return tuple(smooth_motion(axis, record, sure) for record in records)

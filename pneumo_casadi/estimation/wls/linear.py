@@ -7,7 +7,7 @@ import numpy as np
 from scipy import linalg
 
 from pneumo_casadi.errors import FitError
-from pneumo_casadi.estimation.robust_covariance import newey_west_sandwich, stationary_sandwich
+from pneumo_casadi.estimation.robust_covariance import wider_sandwich
 from pneumo_casadi.estimation.wls.arrays import read_only
 from pneumo_casadi.estimation.wls.base_parameters import TOLERANCE, BaseParameters, base_parameters
 from pneumo_casadi.estimation.wls.linear_system import LinearSystem
@@ -178,10 +178,7 @@ def _statistics(system: LinearSystem, solution: _Solution, sigma: FloatArray) ->
     free = system.Y.size - len(system.names)
     scale = float(weighted @ weighted) / free
     own, shared = _separate_shared_errors(system, solution, weighted, scale)
-    correlated = _wider(
-        newey_west_sandwich(solution.inverse, W * own[:, None], system.instant),
-        stationary_sandwich(solution.inverse, W, own, system.equation, system.instant),
-    )
+    correlated = wider_sandwich(solution.inverse, W, own, system.equation, system.instant)
     errors, rows = _by_equation(system, residual)
     return LinearFit(
         names=system.names,
@@ -195,13 +192,6 @@ def _statistics(system: LinearSystem, solution: _Solution, sigma: FloatArray) ->
         residual=read_only(residual),
         base=solution.base,
     )
-
-
-def _wider(covariance: FloatArray, other: FloatArray) -> FloatArray:
-    """Return a covariance with every standard deviation at least that of another one."""
-    own, others = np.diag(covariance), np.diag(other)
-    widening = np.sqrt(np.divide(others, own, out=np.ones(own.size), where=others > own))
-    return np.asarray(covariance * np.outer(widening, widening))
 
 
 def _separate_shared_errors(
