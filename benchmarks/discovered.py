@@ -5,7 +5,7 @@ one cause that the diagnosis is not given; 20 s at 1 kHz of chirp and squares to
 of multisine and steps held out. Causes: those of the bench that no catalogue lists, and listed ones
 that are withheld. Sizes are large, scattered by the seed.
 
-Each case: the nominal axis fitted to the balances along the smoothed motion, then `discover_term`,
+Each case: the nominal axis fitted to the balances along the smoothed motion, then `discovered`,
 which knows no cause by name. Told: whether balance and driver are right, the share of the held-out
 gap that closes, and by how much period, amplitude or slope differ from the truth where the formula
 is that of the bench. Axes without a cause, and axes with a cause of the catalogue, go through the
@@ -24,9 +24,9 @@ from typing import Any
 
 import numpy as np
 import provenance
+from term_coverage import discovered
 
 from pneumo_casadi.diagnosis import diagnose, prepare_study
-from pneumo_casadi.diagnosis.discover.discover import discover_term
 from pneumo_casadi.diagnosis.discover.discovered import DiscoveredTerm
 from pneumo_casadi.diagnosis.metrics.residual_size import balance_levels, residual_rms
 from pneumo_casadi.diagnosis.prepare.fitted_model import fit_model
@@ -106,7 +106,7 @@ def one_unlisted(job: tuple[str, int], duration: float) -> dict[str, Any]:
         study, _ = prepare_study(made.case, options)
     nominal, levels = fit_model(study, ()), balance_levels(study)
     sizes = dict(made.effects[0].parameters)
-    term = discover_term(study, nominal, (), levels)
+    term = discovered(study)
     return {
         "kind": name,
         "seed": seed,

@@ -2,8 +2,9 @@
 
 Data: records of the package's own model with one effect each, the axis of Table 1 in closed loop,
 20 s to identify on and 12 s held out at 1 kHz, with white or coloured sensor noise and a flow map
-metered with noise, anew for each seed; the size of the effect is drawn. Model and data have the
-same form of the effect: what is measured are the intervals, not what another form does to them.
+metered with noise, anew for each seed, without and with a recorded disturbance (pulses added to the
+commands); the size of the effect is drawn. Model and data have the same form of the effect: what is
+measured are the intervals, not what another form does to them.
 Each case is diagnosed with the effect as the only candidate. Counted is how often the printed 95 %
 interval of each of its parameters covers the truth.
 """
@@ -13,6 +14,7 @@ import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
+from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -47,7 +49,7 @@ SIZES: Mapping[str, Mapping[str, float]] = {
 }
 
 
-def one_case(correlation: float, job: tuple[str, int]) -> dict[str, Any]:
+def one_case(correlation: float, job: tuple[str, int], disturbed: bool = False) -> dict[str, Any]:
     """Return truth, estimate and claimed standard deviation of one effect's parameters."""
     name, seed = job
     rng = np.random.default_rng([SEED, round(10 * correlation), list(SIZES).index(name), seed])
@@ -57,7 +59,8 @@ def one_case(correlation: float, job: tuple[str, int]) -> dict[str, Any]:
     own = {f"{name}.{key}": size for key, size in sizes.items()}
     true = replace(clean, axis=clean.axis.with_effects(effect).with_parameters(own))
     with tempfile.TemporaryDirectory() as folder:
-        case = metered_case(clean, true, (IDENTIFY, VALIDATE), Path(folder), rng, correlation)
+        lengths = (IDENTIFY, VALIDATE)
+        case = metered_case(clean, true, lengths, Path(folder), rng, correlation, disturbed)
         diagnosis = diagnose(case, {name: EFFECTS[name]})
     found = diagnosis.effects[0].parameters if diagnosis.effects else {}
     return {
@@ -72,10 +75,12 @@ def one_case(correlation: float, job: tuple[str, int]) -> dict[str, Any]:
     }
 
 
-def study(cases: int, correlation: float, executor: Executor) -> dict[str, Any]:
+def study(
+    cases: int, correlation: float, executor: Executor, disturbed: bool = False
+) -> dict[str, Any]:
     """Return coverage by effect and of all, with one kind of noise."""
     jobs = [(name, seed) for seed in range(cases) for name in SIZES]
-    each = replicates(one_case, jobs, correlation, executor)
+    each = replicates(partial(one_case, disturbed=disturbed), jobs, correlation, executor)
     return {
         "cases": len(each),
         "named": Share.among(case["verdict"] == "effect" for case in each).as_dict(),
@@ -110,7 +115,9 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="one case of each effect")
     arguments = parser.parse_args()
     cases = 1 if arguments.quick else arguments.cases
-    result = under_both_noises(study, cases) | provenance.made(SEED, arguments.quick)
+    result = under_both_noises(study, cases)
+    result["disturbed"] = under_both_noises(partial(study, disturbed=True), cases)
+    result |= provenance.made(SEED, arguments.quick)
     print(tables.effect_coverage(result))
     provenance.write(arguments.json, result)
 

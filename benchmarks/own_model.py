@@ -134,13 +134,17 @@ def metered_case(
     folder: Path,
     rng: np.random.Generator,
     correlation: float = 0.0,
+    disturbed: bool = False,
 ) -> Case:
     """Return a case of two records [s], to identify on and held out, whose bench knows no effect.
 
     The flow map is that of `clean`, the axis that has none either, and stands in `folder`.
     """
     identify, validate = (
-        replace(record_with_noise(true, rng, length, correlation=correlation), name=f"{length:g} s")
+        replace(
+            record_with_noise(true, rng, length, correlation=correlation, disturbed=disturbed),
+            name=f"{length:g} s",
+        )
         for length in lengths
     )
     table = metered(clean, rng)

@@ -2,7 +2,8 @@
 
 Data: records of the package's own model with one term that no catalogue has, the axis of Table 1 in
 closed loop, 20 s to identify on and 12 s held out at 1 kHz, with white or coloured sensor noise and
-a flow map metered with noise, anew for each seed; the sizes of the term are drawn. What is
+a flow map metered with noise, anew for each seed, without and with a recorded disturbance (pulses
+added to the commands); the sizes of the term are drawn. What is
 discovered without knowing the term is compared with it: how often balance, driver and formula are
 right, and there, how often the printed 95 % interval of each parameter covers the truth.
 """
@@ -12,14 +13,15 @@ import tempfile
 from collections.abc import Mapping
 from concurrent.futures import Executor
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import provenance
+import tables
 from effect_coverage import IDENTIFY, VALIDATE, covered
 from own_model import metered_case, truth
-from tables.diagnosis import term_coverage
 from wls_vs_output_error import replicates, under_both_noises
 
 from pneumo_casadi.diagnosis import prepare_study
@@ -63,7 +65,7 @@ TERMS: Mapping[str, Term] = {
 NOT_COMPARED = ("phase",)
 
 
-def one_case(correlation: float, job: tuple[str, int]) -> dict[str, Any]:
+def one_case(correlation: float, job: tuple[str, int], disturbed: bool = False) -> dict[str, Any]:
     """Return truth, estimate and claimed standard deviation of one term's parameters."""
     name, seed = job
     rng = np.random.default_rng([SEED, round(10 * correlation), list(TERMS).index(name), seed])
@@ -74,7 +76,8 @@ def one_case(correlation: float, job: tuple[str, int]) -> dict[str, Any]:
     own = {f"{name}.{key}": size for key, size in sizes.items()}
     true = replace(clean, axis=clean.axis.with_effects(effect).with_parameters(own))
     with tempfile.TemporaryDirectory() as folder:
-        case = metered_case(clean, true, (IDENTIFY, VALIDATE), Path(folder), rng, correlation)
+        lengths = (IDENTIFY, VALIDATE)
+        case = metered_case(clean, true, lengths, Path(folder), rng, correlation, disturbed)
         options, _ = resolve_flow_form(case, IdentifyOptions())
         study, _ = prepare_study(case, options)
     term = discovered(study)
@@ -109,10 +112,12 @@ def discovered(study: Study) -> DiscoveredTerm | None:
     return told_as_fitted(term, without_noise_bias(study, *model))
 
 
-def study(cases: int, correlation: float, executor: Executor) -> dict[str, Any]:
+def study(
+    cases: int, correlation: float, executor: Executor, disturbed: bool = False
+) -> dict[str, Any]:
     """Return coverage by term and of all, with one kind of noise."""
     jobs = [(name, seed) for seed in range(cases) for name in TERMS]
-    each = replicates(one_case, jobs, correlation, executor)
+    each = replicates(partial(one_case, disturbed=disturbed), jobs, correlation, executor)
     return {
         "cases": len(each),
         "driver": Share.among(case["driver"] for case in each).as_dict(),
@@ -129,8 +134,10 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="one case of each term")
     arguments = parser.parse_args()
     cases = 1 if arguments.quick else arguments.cases
-    result = under_both_noises(study, cases) | provenance.made(SEED, arguments.quick)
-    print(term_coverage(result))
+    result = under_both_noises(study, cases)
+    result["disturbed"] = under_both_noises(partial(study, disturbed=True), cases)
+    result |= provenance.made(SEED, arguments.quick)
+    print(tables.term_coverage(result))
     provenance.write(arguments.json, result)
 
 

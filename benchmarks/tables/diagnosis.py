@@ -7,6 +7,8 @@ from pneumo_casadi.report.tables.sealed_check import AMONG_WEAK, SHARES, share_t
 from tables.common import SYMBOLS, rows
 
 SCOPES = ("all", "visible")
+#: Kinds of sensor noise.
+NOISES = ("white", "coloured")
 #: What a gap is measured in.
 VIEWS = ("closed_loop", "windows")
 #: Asked of the sealed check, all singles beside the visible ones where both are.
@@ -68,13 +70,14 @@ def term_coverage(result: Mapping[str, Any]) -> str:
 
 
 def _coverage(result: Mapping[str, Any], by: str) -> str:
-    kinds = ("white", "coloured")
+    studies = [study[kind] for study in (result, result["disturbed"]) for kind in NOISES]
     body = [
-        [name.replace("_", " "), *(share_text(result[kind][by][name]) for kind in kinds)]
+        [name.replace("_", " "), *(share_text(study[by][name]) for study in studies)]
         for name in result["white"][by]
     ]
-    body.append(["all", *(share_text(result[kind]["coverage"]) for kind in kinds)])
-    return rows(["covered, %", "white noise", "coloured noise"], body)
+    body.append(["all", *(share_text(study["coverage"]) for study in studies)])
+    heads = [f"{kind}{state}" for state in ("", ", disturbed") for kind in NOISES]
+    return rows(["covered, %", *heads], body)
 
 
 def _shares(

@@ -5,7 +5,11 @@ import pytest
 from scipy.signal import lfilter
 
 from pneumo_casadi.signals.bandwidth import white_noise_std
-from pneumo_casadi.signals.sensor_noise import sensor_noise_std
+from pneumo_casadi.signals.sensor_noise import (
+    SensorNoise,
+    estimate_sensor_noise,
+    sensor_noise_std,
+)
 
 FS = 1000.0
 
@@ -34,6 +38,22 @@ def test_coloured_noise_is_as_large_as_in_the_band_of_the_motion(rho):
     values = noise(rho)
     assert white_noise_std(values) < 0.7 * level(rho)
     assert sensor_noise_std(values, FS) == pytest.approx(level(rho), rel=0.35)
+
+
+@pytest.mark.parametrize("rho", [0.5, 0.8, 0.9])
+@pytest.mark.parametrize("f", [15.0, 45.0, 150.0])
+def test_noise_of_first_order_is_known_at_every_frequency(rho, f):
+    estimate = estimate_sensor_noise(noise(rho), FS)
+    assert estimate.at(f) == pytest.approx(level(rho, f), rel=0.15)
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.8])
+def test_noise_that_is_drawn_is_as_large_and_correlated_as_said(rho):
+    values = SensorNoise(2.0, rho, FS).draw(200_000, np.random.default_rng(1))
+    assert np.std(values) == pytest.approx(2.0 / np.sqrt(1 - rho**2), rel=0.02)
+    assert np.corrcoef(values[1:], values[:-1])[0, 1] == pytest.approx(rho, abs=0.01)
+    starts = [SensorNoise(2.0, rho, FS).draw(1, np.random.default_rng(k))[0] for k in range(2000)]
+    assert np.std(starts) == pytest.approx(np.std(values), rel=0.06)
 
 
 def test_motion_steps_and_the_mains_are_no_noise():

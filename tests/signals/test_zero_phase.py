@@ -8,6 +8,7 @@ from pneumo_casadi.signals import (
     least_cutoff,
     noise_gains,
     settling_samples,
+    smooth_difference,
     zero_phase_lowpass,
 )
 
@@ -87,3 +88,25 @@ def test_the_input_is_not_changed():
     kept = values.copy()
     zero_phase_lowpass(values, 10.0, 1e3)
     np.testing.assert_array_equal(values, kept)
+
+
+@pytest.mark.parametrize(("frequency", "least"), [(10.0, 1e-9), (60.0, 1e-4)])
+def test_a_smooth_signal_is_differentiated_without_loss(frequency, least):
+    t, w = np.arange(2000) * 1e-3, 2 * np.pi * frequency
+    ideal = w * np.cos(w * t)
+    worst = {
+        difference: np.abs(difference(np.sin(w * t), 1e-3) - ideal)[10:-10].max() / w
+        for difference in (central_difference, smooth_difference)
+    }
+    assert worst[smooth_difference] < least
+    assert worst[central_difference] > 100 * worst[smooth_difference]
+
+
+@pytest.mark.parametrize("N", [2, 8, 9, 30])
+def test_ends_and_short_signals_are_differentiated_too(N):
+    x = np.random.default_rng(N).normal(size=N)
+    slope, plain = smooth_difference(x, 0.5), central_difference(x, 0.5)
+    ends = np.r_[0 : min(4, N), max(N - 4, 0) : N]
+    np.testing.assert_array_equal(slope[ends], plain[ends])
+    line = smooth_difference(3.0 * np.arange(N), 0.5)
+    np.testing.assert_allclose(line, 6.0, rtol=1e-12)

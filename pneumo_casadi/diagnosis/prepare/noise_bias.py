@@ -11,7 +11,6 @@ from pneumo_casadi.errors import FitError
 from pneumo_casadi.estimation.equation_error.noise_influence import estimate_noise_influence
 from pneumo_casadi.model.effect import Effect
 
-
 #: Bias over its standard deviation from which on the extrapolation is not relied upon.
 LARGEST_BIAS = 3.0
 
@@ -20,8 +19,9 @@ def without_noise_bias(study: Study, fitted: FittedModel, effects: Sequence[Effe
     """Return a fit with estimates less their bias by sensor noise and robust standard deviations.
 
     A value with a large bias, or that would leave its bounds, is kept, and its standard deviation
-    contains the bias. Residuals stay those of the fit: what is told of a gap is what the fit has left. Fits are
-    compared as they are, because the bias of one hardly differs from that of the next.
+    contains the bias. Residuals stay those of the fit: what is told of a gap is what the fit has
+    left. Fits are compared as they are, because the bias of one hardly differs from that of the
+    next.
 
     Parameters
     ----------

@@ -77,7 +77,7 @@ def estimate_noise_influence(
     Raises
     ------
     FitError
-        If the residuals along noisier records are no numbers.
+        If noise leaves too few rows in motion, or residuals that are no numbers.
 
     Notes
     -----
@@ -101,7 +101,8 @@ def estimate_noise_influence(
     >>> run = simulate(axis.with_parameters(truth), F[:, None], 1e-3, [0.0, 0.0])
     >>> x = run["x"] + np.random.default_rng(0).normal(0.0, 1e-5, t.size)
     >>> record = Recording(t, {"F": F, "x": x}, "sine", "simulated", InputHold.ZERO)
-    >>> influence = estimate_noise_influence(fit_equation_error(axis, [record]).axis, [record], None)
+    >>> fitted = fit_equation_error(axis, [record]).axis
+    >>> influence = estimate_noise_influence(fitted, [record], None)
     >>> influence.names[0], bool(abs(influence.bias[0]) < influence.std[0] < 0.1)
     ('M', True)
     """
@@ -110,6 +111,8 @@ def estimate_noise_influence(
 
     def linearised(smoothed: Sequence[SmoothedMotion]) -> tuple[Problem, Linearised]:
         problem = Problem(model, smoothed, anchor, floor, bool(model.state_dependent))
+        if problem.n_rows.min() < len(model.free):
+            raise FitError("noise leaves too few rows in which the sign of the velocity is sure")
         return problem, problem.linearise(Trial(theta, np.inf))
 
     problem, linear = linearised(smooth_motions(axis, records, sure=True))
@@ -125,8 +128,6 @@ def estimate_noise_influence(
         _step(linearised(_noisier(axis, records, noises, rng))[1], inside) - at_first
         for _ in range(REPLICATES)
     ]
-    if not np.isfinite(shifts).all():
-        raise FitError("along noisier records the residuals of the balances are no numbers")
     scales = problem.scales[inside]
     of_bias = np.atleast_2d(np.cov(shifts, rowvar=False)) / REPLICATES
     return NoiseInfluence(
@@ -162,6 +163,8 @@ def _inverse(A: FloatArray) -> FloatArray:
 def _step(linear: Linearised, inside: Any) -> FloatArray:
     """Return the Gauss-Newton step of the parameters within their bounds."""
     A = linear.A[:, inside]
+    if not (np.isfinite(A).all() and np.isfinite(linear.e).all()):
+        raise FitError("along noisier records the residuals of the balances are no numbers")
     return np.asarray(-_inverse(A) @ (A.T @ linear.e))
 
 
