@@ -65,6 +65,17 @@ Fix = Annotated[
     ),
 ]
 
+FrictionWidth = Annotated[
+    float | None,
+    typer.Option(
+        "--friction-width",
+        min=1e-7,
+        max=0.1,
+        help="Speed within which output error smooths Coulomb friction [m/s]; default 1e-4. Less "
+        "has less bias and takes longer.",
+    ),
+]
+
 
 def demo(
     output: Output = Path("report/demo"), json_file: Json = None, debug: Debug = False
@@ -103,6 +114,7 @@ def identify(
             help="Length of shooting windows with own initial states [s]; default: whole record."
         ),
     ] = None,
+    friction_width: FrictionWidth = None,
     ipopt: Annotated[
         bool, typer.Option("--ipopt", help="Solve with IPOPT (slower, same optimum).")
     ] = False,
@@ -139,7 +151,7 @@ def identify(
     folder of the EMPS benchmark). The report goes to report/CASE unless --output says otherwise.
     """
     with guarded(debug):
-        from pneumo_casadi.estimation.output_error import Method, OutputErrorOptions
+        from pneumo_casadi.estimation.output_error import Method, OutputErrorOptions, narrowed_to
         from pneumo_casadi.identification.options import IdentifyOptions
 
         time, start_values = time_and_values(start or [])
@@ -158,6 +170,7 @@ def identify(
                 method=Method.IPOPT if ipopt else Method.GAUSS_NEWTON,
                 window=window,
                 closed_loop=closed_loop,
+                widths=narrowed_to(friction_width),
             ),
         )
         folder = report_folder(output, case)

@@ -53,6 +53,28 @@ def test_effects_held_parameters_and_starts_reach_the_identification(tmp_path, g
 
 
 @pytest.mark.parametrize(
+    ("arguments", "widths"),
+    [
+        ([], (1e-4,)),
+        (["--friction-width", "5e-6"], (1e-4, 5e-6)),
+        (["--friction-width", "1e-3"], (1e-3,)),
+    ],
+)
+def test_the_width_of_the_friction_is_the_last_one(tmp_path, given, arguments, widths):
+    asked = given()
+    assert cli.run(["identify", "case", "-o", str(tmp_path / "out"), *arguments]) == 0
+    assert asked[0].output_error.widths == widths
+
+
+@pytest.mark.parametrize("width", ["0", "-1", "1", "nan", "wide"])
+def test_a_width_that_cannot_be_is_refused(tmp_path, given, width, capsys):
+    given()
+    arguments = ["identify", "case", "-o", str(tmp_path / "out"), "--friction-width", width]
+    assert cli.run(arguments) == 2
+    assert "--friction-width" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
     ("texts", "words"),
     [
         (["M"], "--fix M: expected NAME=VALUE"),

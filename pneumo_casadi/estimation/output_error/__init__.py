@@ -7,7 +7,11 @@ from pneumo_casadi.estimation.output_error.multistart import (
     StartOutcome,
     fit_from_many_starts,
 )
-from pneumo_casadi.estimation.output_error.options import Method, OutputErrorOptions
+from pneumo_casadi.estimation.output_error.options import (
+    Method,
+    OutputErrorOptions,
+    narrowed_to,
+)
 from pneumo_casadi.estimation.output_error.result import (
     DerivedQuantity,
     FlowMapDeviation,
@@ -28,4 +32,5 @@ __all__ = [
     "fit_each_record",
     "fit_from_many_starts",
     "fit_output_error",
+    "narrowed_to",
 ]

@@ -3,8 +3,8 @@
 Records tell the shape of the flow, the map its scale. Where the form of the map holds, the map
 fitted alone and the joint fit agree on the flows that the records use. Where it does not, the
 records bend the form to their flows, which are small, and the large metered flows give the scale
-to another part of it. The difference of both estimates shows the size of this bias (the contrast of
-Hausman's specification test [1]_).
+to another part of it. The difference of both estimates, beyond what the noise of the map makes,
+shows the size of this bias (the contrast of Hausman's specification test [1]_).
 
 References
 ----------
@@ -26,6 +26,10 @@ from pneumo_casadi.parameters import FloatArray, Parameters
 from pneumo_casadi.valve import FlowPair
 from pneumo_casadi.valve.flow_pair import valve_of
 
+#: Samples of a record that tell which flows it uses.
+SAMPLES = 4000
+#: Directions of the coefficients weaker than this share of the strongest are not told by the map.
+RANK_TOLERANCE = 1e-12
 #: Parameters of a chamber that its flow is proportional to (eq. 1).
 CHAMBERS = {"P": ("X_s1", "X_s2", "X_s3"), "N": ("X_s4", "X_s5", "X_s6")}
 
@@ -48,8 +52,8 @@ def flow_scale_shift(
     -------
     (n_free,) array
         In scaled free parameters: X_s and the flow coefficients of each valve times the relative
-        difference of the flows; zero without a metered map, and where an X_s of the valve is held,
-        which then gives the scale.
+        difference of the flows beyond that of noise; zero without a metered map, and where an X_s
+        of the valve is held, which then gives the scale.
     """
     shift = np.zeros(len(problem.free))
     anchor, axis = problem.anchor, problem.axis
@@ -64,6 +68,7 @@ def flow_scale_shift(
             continue
         flows, expected = (_flows(axis, records, values, chambers) for values in (fitted, alone))
         difference = float(flows @ expected / (expected @ expected)) - 1
+        difference = _beyond(difference, _scale_variance(anchor, axis, records, alone, chambers))
         for name in own:
             shift[free[name]] = difference * fitted[name].value / problem.free_scales[free[name]]
         coefficients = [name for name in _coefficients(axis, chambers[0])[1] if name in free]
@@ -72,6 +77,40 @@ def flow_scale_shift(
         direction = np.linalg.lstsq(slopes * problem.free_scales[at], modelled, rcond=None)[0]
         shift[at] = difference * direction
     return shift
+
+
+def _beyond(difference: float, variance: float) -> float:
+    """Return the part of a difference that noise of this variance does not make."""
+    return float(np.copysign(np.sqrt(max(difference**2 - variance, 0.0)), difference))
+
+
+def _scale_variance(
+    anchor: Anchor,
+    axis: Axis,
+    records: Sequence[Recording],
+    alone: Parameters,
+    chambers: str,
+) -> float:
+    """Return the variance of the relative flows of the records by the noise of the map alone.
+
+    The joint fit, which knows the map and the records, has next to none beside it.
+    """
+    assert anchor.scatter is not None
+    names = [name for name in anchor.names if name in alone.free_names]
+    at = [anchor.names.index(name) for name in names]
+    J = np.asarray(anchor.scatter(alone.select(anchor.names).values)[1], dtype=float)[:, at]
+    size = np.maximum(np.linalg.norm(J, axis=0), 1e-300)
+    C = np.linalg.pinv((J / size).T @ (J / size), rcond=RANK_TOLERANCE, hermitian=True)
+    std = np.sqrt(np.diag(C)) / size
+    expected = _flows(axis, records, alone, chambers, SAMPLES)
+    values = alone.select(names).values
+    changed = [
+        _flows(axis, records, alone.with_values({name: value + step}), chambers, SAMPLES) - expected
+        for name, value, step in zip(names, values, std, strict=True)
+    ]
+    gradient = np.array([change @ expected for change in changed]) / (expected @ expected)
+    gradient = gradient / (std * size)
+    return float(gradient @ C @ gradient)
 
 
 def _fit_map_alone(anchor: Anchor, fitted: Parameters) -> Parameters:
@@ -100,15 +139,23 @@ def _fit_map_alone(anchor: Anchor, fitted: Parameters) -> Parameters:
 
 
 def _flows(
-    axis: Axis, records: Sequence[Recording], parameters: Parameters, chambers: str
+    axis: Axis,
+    records: Sequence[Recording],
+    parameters: Parameters,
+    chambers: str,
+    samples: int | None = None,
 ) -> FloatArray:
-    """Return the static flows at the commands and pressures of the records [kg/s]."""
+    """Return the static flows at the commands and pressures of the records [kg/s].
+
+    With `samples`, at about so many of each record at least, evenly spaced.
+    """
     flows = []
     for chamber in chambers:
         function, names = _coefficients(axis, chamber)
         static, c = evaluated_without_compiling(function), parameters.select(names).values
         for record in records:
-            u, p = (record[f"{name}_{chamber}"][None] for name in ("u", "p"))
+            every = 1 if samples is None else max(1, record.N // samples)
+            u, p = (record[f"{name}_{chamber}"][None, ::every] for name in ("u", "p"))
             flows.append(static.evaluate(u.shape[1], u, p, c)[0].ravel())
     return np.concatenate(flows)
 

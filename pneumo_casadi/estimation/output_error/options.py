@@ -92,6 +92,20 @@ class OutputErrorOptions:
             raise ModelError(f"{listed} and friction widths {self.widths} m/s must be positive")
 
 
+def narrowed_to(width: float | None) -> tuple[float, ...]:
+    """Return the widths of stages that end at a width [m/s], by default at the usual one.
+
+    Examples
+    --------
+    >>> narrowed_to(5e-6), narrowed_to(1e-3), narrowed_to(None)
+    ((0.0001, 5e-06), (0.001,), (0.0001,))
+    """
+    usual = OutputErrorOptions().widths
+    if width is None:
+        return usual
+    return (*usual, width) if width < usual[-1] else (width,)
+
+
 @dataclass(frozen=True, slots=True)
 class StagePlan:
     """One stage: its options and whether its solution is the answer."""

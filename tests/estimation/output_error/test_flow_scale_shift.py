@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from pneumo_casadi.estimation.output_error import OutputErrorOptions, fit_output_error
-from pneumo_casadi.estimation.output_error.flow_scale_shift import flow_scale_shift
+from pneumo_casadi.estimation.output_error.flow_scale_shift import _beyond, flow_scale_shift
 from pneumo_casadi.estimation.output_error.stages import write_problem
-from pneumo_casadi.valve import FlowMapPair, FlowPair
+from pneumo_casadi.valve import FlowMapPair, FlowPair, fit_polynomials
 
 P, N = [f"X_s{i}" for i in (1, 2, 3)], [f"X_s{i}" for i in (4, 5, 6)]
 
@@ -40,7 +40,7 @@ def test_flows_one_per_cent_above_the_map_shift_all_that_is_proportional_to_them
     coefficients = axis.flow.parameters.names
     share = relative_shift(axis, table, dict.fromkeys(coefficients, 1.01))
     for name in (*P, *N, *coefficients):
-        assert share[name] == pytest.approx(0.01, rel=1e-6)
+        assert 0.98 * 0.01 < share[name] < 0.01  # less what noise makes
     assert share["M"] == share["f_v"] == share["F_c_plus"] == 0.0
 
 
@@ -56,7 +56,8 @@ def test_a_bent_form_counts_by_the_flows_that_the_record_uses(start, record, rel
     )
     difference = flows @ expected / (expected @ expected) - 1
     assert abs(difference) > 1e-3  # otherwise nothing is compared
-    assert share["X_s3"] == pytest.approx(difference, rel=1e-6)
+    assert abs(share["X_s3"]) < abs(difference)
+    assert share["X_s3"] == pytest.approx(difference, rel=0.05)
 
 
 def test_the_valve_of_each_chamber_has_a_shift_of_its_own(made, start, relative_shift):
@@ -65,9 +66,34 @@ def test_the_valve_of_each_chamber_has_a_shift_of_its_own(made, start, relative_
     changes = {f"{name}_N": 1.02 for name in axis.flow.parameters.names}
     share = relative_shift(pair, FlowMapPair(table, table), changes)
     assert [share[name] for name in P] == pytest.approx([0.0] * 3, abs=1e-6)
-    assert [share[name] for name in N] == pytest.approx([0.02] * 3, rel=1e-6)
+    assert [share[name] for name in N] == pytest.approx([0.02] * 3, rel=0.02)
     assert share["psi_plus_0_P"] == pytest.approx(0.0, abs=1e-6)
-    assert share["psi_plus_0_N"] == pytest.approx(0.02, rel=1e-6)
+    assert share["psi_plus_0_N"] == pytest.approx(0.02, rel=0.02)
+
+
+def test_what_the_noise_of_the_map_makes_is_no_bias(made, relative_shift, monkeypatch):
+    """At the true coefficients: two thirds of the differences lie within their deviation."""
+    true, known, shares = made.true_flow(), [], []
+
+    def kept(difference, variance):
+        known.append((difference, variance))
+        return _beyond(difference, variance)
+
+    monkeypatch.setattr(f"{flow_scale_shift.__module__}._beyond", kept)
+    for k in range(40):
+        table = made.measured_map(k)
+        flow = fit_polynomials(table, (3, 3, 3))
+        values = zip(flow.parameters, true.parameters, strict=True)
+        changes = {own.name: exact.value / own.value for own, exact in values}
+        shares.append(relative_shift(made.true_axis(flow=flow), table, changes)["X_s1"])
+    difference, variance = np.array(known).T
+    assert np.mean(difference**2 / variance) == pytest.approx(1.0, abs=0.5)
+    assert np.mean(np.array(shares) == 0) > 0.5
+
+
+@pytest.mark.parametrize(("variance", "expected"), [(0.0, -0.05), (9e-4, -0.04), (0.01, 0.0)])
+def test_a_difference_counts_beyond_its_noise(variance, expected):
+    assert _beyond(-0.05, variance) == pytest.approx(expected, abs=1e-15)
 
 
 def test_a_held_parameter_of_a_chamber_gives_the_scale_and_nothing_shifts(start, relative_shift):
@@ -88,5 +114,6 @@ def test_the_robust_interval_contains_the_shift(made, start, record):
     i, j = (known.names.index(name) for name in ("X_s3", "X_s6"))
     added = known.covariance_robust - known.covariance_scatter
     # Of two biases: their squares, and for a common factor the product, have at least this size.
-    assert added[i, i] >= shift[i] ** 2 * (1 - 1e-9) > 0
+    assert added[i, i] >= shift[i] ** 2 * (1 - 1e-9)
+    assert added[i, i] > 0
     assert added[j, j] >= shift[j] ** 2 * (1 - 1e-9)
