@@ -15,7 +15,11 @@ from pneumo_casadi.errors import FitError
 from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
 from pneumo_casadi.estimation.equation_error.fit import default_residual_floor
 from pneumo_casadi.estimation.equation_error.problem import Linearised, Problem, Trial
-from pneumo_casadi.estimation.equation_error.smoothed_motion import SmoothedMotion, smooth_motions
+from pneumo_casadi.estimation.equation_error.smoothed_motion import (
+    SmoothedMotion,
+    coloured_velocity_noise,
+    smooth_motion,
+)
 from pneumo_casadi.estimation.flow_anchor import Anchor
 from pneumo_casadi.estimation.robust_covariance import default_lags, wider_sandwich
 from pneumo_casadi.model.axis import Axis
@@ -115,7 +119,8 @@ def estimate_noise_influence(
             raise FitError("noise leaves too few rows in which the sign of the velocity is sure")
         return problem, problem.linearise(Trial(theta, np.inf))
 
-    problem, linear = linearised(smooth_motions(axis, records, sure=True))
+    slow = [coloured_velocity_noise(record) for record in records]
+    problem, linear = linearised(_smoothed(axis, records, slow))
     lower, upper = problem.bounds
     inside = (theta[problem.free] > lower) & (theta[problem.free] < upper)
     at_first = _step(linear, inside)
@@ -125,7 +130,8 @@ def estimate_noise_influence(
     ]
     rng = np.random.default_rng(0)
     shifts = [
-        _step(linearised(_noisier(axis, records, noises, rng))[1], inside) - at_first
+        _step(linearised(_smoothed(axis, _noisier(records, noises, rng), slow))[1], inside)
+        - at_first
         for _ in range(REPLICATES)
     ]
     scales = problem.scales[inside]
@@ -137,11 +143,19 @@ def estimate_noise_influence(
     )
 
 
-def _noisier(
-    axis: Axis, records: Sequence[Recording], noises: Noises, rng: np.random.Generator
+def _smoothed(
+    axis: Axis, records: Sequence[Recording], slow: Sequence[float]
 ) -> tuple[SmoothedMotion, ...]:
-    """Return records smoothed after noise was added to some of their channels."""
-    noisy = [
+    """Return records smoothed, with given noise of the velocity: rows stay where noise is added."""
+    pairs = zip(records, slow, strict=True)
+    return tuple(smooth_motion(axis, record, noise) for record, noise in pairs)
+
+
+def _noisier(
+    records: Sequence[Recording], noises: Noises, rng: np.random.Generator
+) -> list[Recording]:
+    """Return records with noise added to some of their channels."""
+    return [
         replace(
             record,
             channels=dict(record.channels)
@@ -149,7 +163,6 @@ def _noisier(
         )
         for record, own in zip(records, noises, strict=True)
     ]
-    return smooth_motions(axis, noisy, sure=True)
 
 
 def _inverse(A: FloatArray) -> FloatArray:

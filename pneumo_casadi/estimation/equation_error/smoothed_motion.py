@@ -131,7 +131,9 @@ def smoothing_filter(dt: float) -> FilterPlan:
     return FilterPlan(sampling_frequency=1 / dt, cutoff=min(CUTOFF, 0.4 / dt))
 
 
-def smooth_motion(axis: Axis, record: Recording, sure: bool = False) -> SmoothedMotion:
+def smooth_motion(
+    axis: Axis, record: Recording, velocity_noise: float | None = None
+) -> SmoothedMotion:
     """Smooth a record for an axis.
 
     Parameters
@@ -140,10 +142,10 @@ def smooth_motion(axis: Axis, record: Recording, sure: bool = False) -> Smoothed
         Tells which states and inputs are needed.
     record : Recording
         Raw measurements.
-    sure : bool, optional
-        Whether noise of the position that is not white counts in full where rows may be slow. It
-        takes rows by which friction at low speed is recognised, and then the bias that friction of
-        a wrong sign leaves.
+    velocity_noise : float, optional
+        Standard deviation of the noise of the smoothed velocity, by which rows count as slow [m/s];
+        by default that of white noise. With `coloured_velocity_noise` fewer rows are left by which
+        friction at low speed is recognised, but none in which its sign is wrong.
 
     Returns
     -------
@@ -168,11 +170,8 @@ def smooth_motion(axis: Axis, record: Recording, sure: bool = False) -> Smoothed
     thin = max(1, int(fs / RATE))
     dt = thin * record.dt
     x, dx, u = (_thinned(part, thin) for part in (x, dx, u))
-    velocity_noise = filtered.velocity_noise
-    if sure and "v" not in record:  # whose filters expect white noise
-        noise = estimate_sensor_noise(record["x"], fs)
-        velocity_noise *= noise.at(FASTEST) / white_noise_std(record["x"])
-    slow = np.abs(x[names.index("v")]) < max(SLOW, NOISE_MULTIPLE * velocity_noise)
+    noise = filtered.velocity_noise if velocity_noise is None else velocity_noise
+    slow = np.abs(x[names.index("v")]) < max(SLOW, NOISE_MULTIPLE * noise)
     weak = row_windows(x.shape[1], _stride(dt))
     return SmoothedMotion(
         filtered.t[: x.shape[1] * thin : thin],
@@ -225,9 +224,20 @@ def row_windows(N: int, every: int) -> Any:
     return csr_array((np.tile(window, first.size), (rows, columns.ravel())), shape=(first.size, N))
 
 
-def smooth_motions(
-    axis: Axis, records: Sequence[Recording], sure: bool = False
-) -> tuple[SmoothedMotion, ...]:
+def coloured_velocity_noise(record: Recording) -> float:
+    """Return the standard deviation of the smoothed velocity's noise, white or not [m/s].
+
+    A measured velocity, whose noise is white as a rule, needs no such care.
+    """
+    plan = smoothing_filter(record.dt)
+    white = filter_recording(record, plan, InputPairing.SAMPLE).velocity_noise
+    noise = estimate_sensor_noise(record["x"], 1 / record.dt)
+    if "v" in record or not noise.correlation:
+        return white
+    return white * noise.at(FASTEST) / white_noise_std(record["x"])
+
+
+def smooth_motions(axis: Axis, records: Sequence[Recording]) -> tuple[SmoothedMotion, ...]:
     """Smooth several records for an axis.
 
     Parameters
@@ -236,12 +246,10 @@ def smooth_motions(
         Tells which states and inputs are needed.
     records : sequence of Recording
         Raw measurements.
-    sure : bool, optional
-        See `smooth_motion`.
 
     Returns
     -------
     tuple of SmoothedMotion
         In the order of the records.
     """
-    return tuple(smooth_motion(axis, record, sure) for record in records)
+    return tuple(smooth_motion(axis, record) for record in records)
