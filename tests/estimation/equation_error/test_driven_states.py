@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from pneumo_casadi.data import ForceBench, InputHold, NestedController, Recording
-from pneumo_casadi.effects import EFFECTS
+from pneumo_casadi.effects import EFFECTS, PressureSensorLag
+from pneumo_casadi.estimation.equation_error import fit_equation_error
 from pneumo_casadi.estimation.equation_error.driven_states import states_along
 from pneumo_casadi.model.servosystem import ForceAxis
 from pneumo_casadi.model.simulation import simulate
@@ -45,3 +46,13 @@ def test_the_play_lies_where_the_motion_has_left_it(axis, run, record):
 
 def test_an_axis_without_states_of_effects_has_none(axis, record):
     assert states_along(ForceAxis(axis.bench), [record]) == ()
+
+
+def test_a_lag_of_four_samples_keeps_its_length(made):
+    """One step of ROS2 a sample makes it a quarter of a per cent too long."""
+    tau = "pressure_sensor_lag.tau"
+    true = made.true_axis(PressureSensorLag()).with_parameters({tau: 4e-3, "v_s": 1e-3})
+    start = true.with_parameters(true.parameters.fix(*true.flow_parameters))
+    record = made.recorded(true, *made.controlled(true, 4000), noise=0.0)
+    fit = fit_equation_error(start.with_parameters({tau: 3e-3}), [record])
+    assert fit.parameters[tau].value == pytest.approx(4e-3, rel=1.5e-3)
