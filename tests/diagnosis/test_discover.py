@@ -8,8 +8,10 @@ from pneumo_casadi.diagnosis.discover.discover import discover_term
 from pneumo_casadi.diagnosis.discover.joint_fit import fit_jointly
 from pneumo_casadi.diagnosis.discover.linearised import linearise
 from pneumo_casadi.diagnosis.discover.search import search
+from pneumo_casadi.diagnosis.discover.term_in_model import fit_with_term, told_as_fitted
 from pneumo_casadi.diagnosis.metrics.residual_size import balance_levels
 from pneumo_casadi.diagnosis.prepare.fitted_model import fit_model
+from pneumo_casadi.diagnosis.prepare.noise_bias import without_noise_bias
 from pneumo_casadi.diagnosis.prepare.prepare_study import prepare_study
 from pneumo_casadi.diagnosis.prepare.study import start_study
 from pneumo_casadi.effects.term import Term, term_effect
@@ -58,7 +60,8 @@ def study_of(*terms):
 @pytest.mark.parametrize("term", [COGGING, VIBRATION, TIGHT], ids=lambda term: term.name)
 def test_a_term_is_told_with_its_driver_and_its_size(term):
     study = study_of(term)
-    found = discover_term(study, fit_model(study, ()), (), balance_levels(study))
+    nominal = fit_model(study, ())
+    found = discover_term(study, nominal, (), balance_levels(study))
     assert found is not None
     assert (found.term.balances, found.term.driver) == (term.balances, term.driver)
     assert (found.term.factor, found.term.formula) == (term.factor, term.formula)
@@ -66,6 +69,28 @@ def test_a_term_is_told_with_its_driver_and_its_size(term):
         assert found.term.parameters[name] == pytest.approx(term.parameters[name], rel=0.05)
     assert found.closes.lower > 0.7
     assert found.curve.band.shape == found.curve.value.shape == found.curve.driver.shape
+    model = fit_with_term(study, found, [(nominal, ())])
+    told = told_as_fitted(found, without_noise_bias(study, *model))
+    for name, item in told.parameters.items():
+        if name != "phase":
+            assert item.std > 0
+            assert abs(item.value - term.parameters[name]) < 4 * item.std, name
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("cycles", "formula"), [(1.8, "sine"), (1.2, None)])
+def test_a_sine_of_less_than_two_periods_has_its_own(cycles, formula):
+    """Once found at two it is refined; one that ends at the fewest is a bend."""
+    stroke = float(np.ptp(study_of().train[0]["x"]))
+    wave = {"amplitude": 6.0, "phase": 0.4, "period": stroke / cycles}
+    study = study_of(Term("wave", ("force",), "1", "x", "sine", wave))
+    found = discover_term(study, fit_model(study, ()), (), balance_levels(study))
+    assert found is not None and found.term.driver == "x"
+    if formula is None:
+        assert found.term.formula != "sine"
+    else:
+        assert found.term.formula == formula
+        assert found.term.parameters["period"] == pytest.approx(wave["period"], rel=0.02)
 
 
 @pytest.mark.slow
