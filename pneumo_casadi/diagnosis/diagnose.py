@@ -236,7 +236,7 @@ def _without_bias(
 ) -> Selection:
     """Return the selection with what the verdict names less its bias by sensor noise.
 
-    Estimates of output error have none, and robust standard deviations of their own.
+    Where output error has refined the model, its estimates and robust deviations are told.
     """
     if final is not selection.nominal and selection.chosen in selection.output_error_fits:
         return selection

@@ -8,8 +8,10 @@ import numpy as np
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.signals.decimation import Decimation, passband_edge
 from pneumo_casadi.signals.zero_phase import (
+    Difference,
     Distortion,
     amplitude_distortion,
+    central_difference,
     least_cutoff,
     noise_gains,
     settling_samples,
@@ -105,10 +107,11 @@ class FilterPlan:
         """Return how filter and differences distort a sine of that frequency [Hz]."""
         return amplitude_distortion(frequency, self.cutoff, self.sampling_frequency, self.order)
 
-    @property
-    def noise_gains(self) -> tuple[float, float, float]:
-        """Noise of x, ẋ [1/s] and ẍ [1/s²] after filtering, per unit of measurement noise."""
-        return noise_gains(self.cutoff, self.sampling_frequency, self.order)
+    def noise_gains(
+        self, difference: Difference = central_difference
+    ) -> tuple[float, float, float]:
+        """Return noise of x, ẋ [1/s] and ẍ [1/s²] after filtering, per unit of measured noise."""
+        return noise_gains(self.cutoff, self.sampling_frequency, self.order, difference)
 
     def describe(self) -> str:
         """Return the cut-offs with their effect, a few lines of text."""
@@ -130,7 +133,7 @@ class FilterPlan:
                 f"  {name:<7} {frequency:8.3g} Hz {100 * d.position:9.3f} % "
                 f"{100 * d.velocity:7.3f} % {100 * d.acceleration:9.3f} %"
             )
-        x, v, a = self.noise_gains
+        x, v, a = self.noise_gains()
         lines.append(f"noise per unit         {x:.3g}, {v:.3g} 1/s, {a:.3g} 1/s²")
         return "\n".join(lines)
 

@@ -1,6 +1,6 @@
 """A recording after the first filter: states, derivatives and the inputs that go with them."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from types import MappingProxyType
@@ -14,10 +14,8 @@ from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.signals.bandwidth import power_bandwidth, white_noise_std
 from pneumo_casadi.signals.filter_plan import FilterPlan, plan_filters
 from pneumo_casadi.signals.resampling import on_uniform_clock
-from pneumo_casadi.signals.zero_phase import central_difference, zero_phase_lowpass
+from pneumo_casadi.signals.zero_phase import Difference, central_difference, zero_phase_lowpass
 
-#: ``difference(values, dt)`` differentiates values (N,).
-Difference = Callable[[FloatArray, float], FloatArray]
 #: Share of the largest motion of all records below which a record counts as at rest.
 AT_REST = 0.1
 
@@ -195,17 +193,17 @@ def filter_recording(
         plan=plan,
         pairing=pairing,
         dropped=(front, back),
-        velocity_noise=_velocity_noise(recording, plan),
+        velocity_noise=_velocity_noise(recording, plan, difference),
         name=recording.name,
         source=recording.source,
     )
 
 
-def _velocity_noise(recording: Recording, plan: FilterPlan) -> float:
-    noise = _noise(recording, plan, "x", 1)
+def _velocity_noise(recording: Recording, plan: FilterPlan, difference: Difference) -> float:
+    noise = _noise(recording, plan, difference, "x", 1)
     if "v" not in recording:
         return noise
-    other = _noise(recording, plan, "v", 0)
+    other = _noise(recording, plan, difference, "v", 0)
     return float(1 / np.hypot(1 / max(noise, 1e-300), 1 / max(other, 1e-300)))
 
 
@@ -222,23 +220,25 @@ def _states(
     for name in (n for n in measured if n not in ("v", "a")):
         states[name] = measured[name]
         derivatives[name] = difference(states[name], recording.dt)
-    v = [(derivatives["x"], _noise(recording, plan, "x", 1))]
+    v = [(derivatives["x"], _noise(recording, plan, difference, "x", 1))]
     if "v" in measured:
-        v.append((measured["v"], _noise(recording, plan, "v", 0)))
+        v.append((measured["v"], _noise(recording, plan, difference, "v", 0)))
     states["v"] = derivatives["x"] = _weighted_mean(v)
-    a = [(difference(states["v"], recording.dt), _noise(recording, plan, "x", 2))]
+    a = [(difference(states["v"], recording.dt), _noise(recording, plan, difference, "x", 2))]
     if "v" in measured:
         slope = difference(measured["v"], recording.dt)
-        a.append((slope, _noise(recording, plan, "v", 1)))
+        a.append((slope, _noise(recording, plan, difference, "v", 1)))
     if "a" in measured:
-        a.append((measured["a"], _noise(recording, plan, "a", 0)))
+        a.append((measured["a"], _noise(recording, plan, difference, "a", 0)))
     derivatives["v"] = _weighted_mean(a)
     return states, derivatives
 
 
-def _noise(recording: Recording, plan: FilterPlan, sensor: str, derivative: int) -> float:
+def _noise(
+    recording: Recording, plan: FilterPlan, difference: Difference, sensor: str, derivative: int
+) -> float:
     """Return the deviation that a sensor's noise leaves on a derivative of its filtered signal."""
-    return white_noise_std(recording[sensor]) * plan.noise_gains[derivative]
+    return white_noise_std(recording[sensor]) * plan.noise_gains(difference)[derivative]
 
 
 def _weighted_mean(values: Sequence[tuple[FloatArray, float]]) -> FloatArray:

@@ -27,6 +27,8 @@ QUIET = 0.25
 QUIET_OVER_MEAN = -float(np.log(1 - QUIET))
 #: Level above the motion over that of white noise from which on noise is coloured.
 COLOURED = 2.0
+#: Frequencies around one that tell its level, and the power over it from which on it is a line.
+LINES, LINE = 21, 3.0
 #: Corner frequencies compared: noise that a slower filter shapes is below the motion [Hz].
 CORNERS = np.geomspace(15.0, 300.0, 100)
 
@@ -117,8 +119,9 @@ def estimate_sensor_noise(values: ArrayLike, sampling_frequency: float) -> Senso
 
     Notes
     -----
-    Quiet quarters of all windows, and medians over frequencies, leave out steps, bursts and lines
-    of the mains. The corner frequency is that of largest likelihood (Whittle 1953).
+    Quiet quarters of all windows leave out steps and bursts; frequencies that stand out from those
+    around are lines of the mains and left out too. The corner frequency is that of largest
+    likelihood (Whittle 1953).
 
     Examples
     --------
@@ -131,22 +134,24 @@ def estimate_sensor_noise(values: ArrayLike, sampling_frequency: float) -> Senso
     white = white_noise_std(samples)
     if white == 0:  # below the quantum
         return SensorNoise(0.0, 0.0, sampling_frequency)
+    as_white = SensorNoise(white, 0.0, sampling_frequency)
+    n = round(WINDOW * sampling_frequency)
+    if ALIASED * sampling_frequency < NEAR[1] or samples.size < n * (LEAST_WINDOWS + 1) / 2:
+        return as_white
     f, power = _quiet_spectrum(samples, sampling_frequency)
-    near = power[(f >= NEAR[0]) & (f <= NEAR[1])]
-    if f.max(initial=0.0) < NEAR[1] or np.median(near) < COLOURED * white**2:
-        return SensorNoise(white, 0.0, sampling_frequency)
-    fitted = (f >= FITTED[0]) & (f <= FITTED[1])
+    if np.median(power[(f >= NEAR[0]) & (f <= NEAR[1])]) < COLOURED * white**2:
+        return as_white
+    level = scipy.ndimage.percentile_filter(power, 40, size=LINES)
+    fitted = (f >= FITTED[0]) & (f <= FITTED[1]) & (power < LINE * level)
     return _first_order(f[fitted], power[fitted], sampling_frequency)
 
 
 def _quiet_spectrum(samples: FloatArray, fs: float) -> tuple[FloatArray, FloatArray]:
     """Return frequencies and the power of quiet windows there; 1 is that of white unit noise.
 
-    Frequencies that the filter against aliasing weakens are left out; none where windows are few.
+    Frequencies that the filter against aliasing weakens are left out.
     """
     n = round(WINDOW * fs)
-    if samples.size < n * (LEAST_WINDOWS + 1) / 2:
-        return np.zeros(0), np.zeros(0)
     f, _, power = scipy.signal.spectrogram(
         samples, fs, window="hann", nperseg=n, noverlap=n // 2, detrend=scipy.signal.detrend
     )

@@ -1,5 +1,6 @@
 """Zero-phase Butterworth filter, differences, and what both do to an amplitude."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 
@@ -9,6 +10,9 @@ from numpy.typing import ArrayLike
 
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.parameters import FloatArray
+
+#: ``difference(values, dt)`` differentiates values (N,).
+Difference = Callable[[FloatArray, float], FloatArray]
 
 
 def zero_phase_lowpass(
@@ -274,8 +278,12 @@ def least_cutoff(
     return float(np.arctan(warped) * sampling_frequency / np.pi)
 
 
+@cache
 def noise_gains(
-    cutoff: float, sampling_frequency: float, order: int = 4
+    cutoff: float,
+    sampling_frequency: float,
+    order: int = 4,
+    difference: Difference = central_difference,
 ) -> tuple[float, float, float]:
     """Return what one unit of white measurement noise becomes after filter and differences.
 
@@ -285,12 +293,14 @@ def noise_gains(
         [Hz].
     order : int, optional
         Order of one pass.
+    difference : callable, optional
+        ``difference(values, dt)`` differentiates values (N,); by default `central_difference`.
 
     Returns
     -------
     tuple of float
         Standard deviation of the filtered signal [1], of its first [1/s] and of its second
-        central difference [1/s²], per standard deviation of the raw samples.
+        difference [1/s²], per standard deviation of the raw samples.
 
     Examples
     --------
@@ -301,8 +311,12 @@ def noise_gains(
     f = (np.arange(20_000) + 0.5) / 20_000 * sampling_frequency / 2
     ratio = np.tan(np.pi * f / sampling_frequency) / np.tan(np.pi * cutoff / sampling_frequency)
     lowpass = 1 / (1 + ratio ** (2 * order))
-    difference = sampling_frequency * np.sin(2 * np.pi * f / sampling_frequency)
-    x, v, a = (float(np.sqrt(np.mean((lowpass * difference**k) ** 2))) for k in range(3))
+    impulse = np.zeros(4 * len(_STENCIL) + 1)
+    impulse[2 * len(_STENCIL)] = 1.0
+    taps = difference(impulse, 1 / sampling_frequency)[: 2 * len(_STENCIL)]
+    turns = 2 * np.pi * f / sampling_frequency
+    slope = sum(2 * tap * np.sin(k * turns) for k, tap in enumerate(taps[::-1].tolist(), 1) if tap)
+    x, v, a = (float(np.sqrt(np.mean((lowpass * slope**k) ** 2))) for k in range(3))
     return x, v, a
 
 

@@ -66,6 +66,20 @@ def test_motion_steps_and_the_mains_are_no_noise():
     assert sensor_noise_std(noise(0.8) + motion, FS) == pytest.approx(level(0.8), rel=0.35)
 
 
+@pytest.mark.parametrize("rho", [0.6, 0.8, 0.9])
+@pytest.mark.parametrize("amplitude", [3.0, 10.0])
+def test_the_mains_are_no_noise_beside_coloured_noise(rho, amplitude):
+    hum = np.arange(20_000)[:, None] / FS * 2 * np.pi * np.array([50.0, 150.0])
+    values = noise(rho) + amplitude * np.sin(hum).sum(axis=1)
+    assert sensor_noise_std(values, FS) == pytest.approx(level(rho), rel=0.5)
+
+
+@pytest.mark.parametrize("fs", [1.0, 2.0, 2.4, 20.0])
+def test_a_slow_clock_tells_no_colour(fs):
+    values = noise(0.8)
+    assert sensor_noise_std(values, fs) == white_noise_std(values)
+
+
 @pytest.mark.parametrize(("N", "fs"), [(500, FS), (20_000, 150.0), (20_000, 300.0)])
 def test_a_record_too_short_or_slow_to_tell_counts_as_white_or_by_one_band(N, fs):
     values = noise(0.8, N)

@@ -110,3 +110,14 @@ def test_ends_and_short_signals_are_differentiated_too(N):
     np.testing.assert_array_equal(slope[ends], plain[ends])
     line = smooth_difference(3.0 * np.arange(N), 0.5)
     np.testing.assert_allclose(line, 6.0, rtol=1e-12)
+
+
+@pytest.mark.parametrize("difference", [central_difference, smooth_difference])
+@pytest.mark.parametrize("fs", [200.0, 1000.0])
+def test_noise_is_amplified_as_told_by_either_difference(difference, fs):
+    white = np.random.default_rng(0).normal(size=200_000)
+    x = zero_phase_lowpass(white, 60.0, fs)
+    v = difference(x, 1 / fs)
+    a = difference(v, 1 / fs)
+    gains = noise_gains(60.0, fs, difference=difference)
+    assert [np.std(part[50:-50]) for part in (x, v, a)] == pytest.approx(gains, rel=0.02)

@@ -15,7 +15,8 @@ from pneumo_casadi.parameters import FloatArray
 
 #: Frequencies compared per cycle over the whole range of the driver; a peak is one cycle wide.
 OVERSAMPLING = 4.0
-#: A function repeats where the range of the driver holds so many periods; less is a bend.
+#: Fewest periods over the range of the driver at which a sine is looked for; refined, it may have
+#: somewhat fewer (`FEWEST_CYCLES`).
 LEAST_CYCLES = 2.0
 #: Highest frequency in time [Hz]: the windows that average residuals leave a tenth at 27 Hz.
 HIGHEST = 25.0

@@ -51,7 +51,7 @@ def told_as_fitted(discovered: DiscoveredTerm, fitted: FittedModel) -> Discovere
         {name: given.get(f"{term.name}.{name}", other[name]) for name in term.parameters}
         for given, other in (
             (fitted.values, term.parameters),
-            (fitted.std, dict.fromkeys(term.parameters, 0.0)),
+            (fitted.std, {name: discovered.std.get(name, 0.0) for name in term.parameters}),
         )
     )
     return replace(discovered, term=replace(term, parameters=values), std=std)

@@ -33,6 +33,8 @@ def without_noise_bias(study: Study, fitted: FittedModel, effects: Sequence[Effe
         Of the model.
     """
     axis = study.axis.with_effects(*effects).with_parameters(dict(fitted.values))
+    released = [name for name in fitted.std if name not in axis.parameters.free_names]
+    axis = axis.with_parameters(axis.parameters.release(*released))
     try:
         influence = estimate_noise_influence(axis, study.train, study.anchor_with(effects))
     except FitError:  # what noise does to a model that noise makes diverge is not told
@@ -40,10 +42,10 @@ def without_noise_bias(study: Study, fitted: FittedModel, effects: Sequence[Effe
     values, stds = dict(fitted.values), dict(fitted.std)
     items = axis.parameters.select(influence.names)
     corrected = items.values - influence.bias
-    large = np.abs(influence.bias) > LARGEST_BIAS * influence.std
-    kept = large | (corrected <= items.lower) | (corrected >= items.upper)
-    value = np.where(kept, items.values, corrected)
-    std = np.where(kept, np.hypot(influence.std, influence.bias), influence.std)
-    values.update(zip(influence.names, value.tolist(), strict=True))
-    stds.update(zip(influence.names, std.tolist(), strict=True))
+    small = np.abs(influence.bias) <= LARGEST_BIAS * influence.std
+    moved = small & (corrected > items.lower) & (corrected < items.upper)
+    value = np.where(moved, corrected, items.values)
+    std = np.where(moved, influence.std, np.hypot(influence.std, influence.bias))
+    for i in np.flatnonzero(np.isfinite(std)):
+        values[influence.names[i]], stds[influence.names[i]] = float(value[i]), float(std[i])
     return replace(fitted, values=values, std=stds)

@@ -135,8 +135,8 @@ class BalanceCode:
     def _step(self) -> ca.Function:
         """One sample of the effects' states: (z, x, x⁺, dx, dx⁺, u, h, c, θ) → z⁺.
 
-        Steps of ROS2, the motion linear between the samples. One would make a lag of five samples
-        0.25 % too long.
+        Steps of ROS2, the motion linear between the samples. With one a sample, a sensor's lag of
+        4 ms at 1 kHz came out 0.25 % too long.
         """
         (x, dx, u, z, c, theta), written, _ = self._written
         f = ca.vertcat(*(written.rates[name] for name in self.axis.states[-self.n_z :]))

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from pneumo_casadi.data import Recording
-from pneumo_casadi.errors import FitError
+from pneumo_casadi.errors import FitError, ModelError
 from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
 from pneumo_casadi.estimation.equation_error.fit import default_residual_floor
 from pneumo_casadi.estimation.equation_error.problem import Linearised, Problem, Trial
@@ -80,6 +80,8 @@ def estimate_noise_influence(
 
     Raises
     ------
+    ModelError
+        If no parameter is free.
     FitError
         If noise leaves too few rows in motion, or residuals that are no numbers.
 
@@ -110,6 +112,8 @@ def estimate_noise_influence(
     >>> influence.names[0], bool(abs(influence.bias[0]) < influence.std[0] < 0.1)
     ('M', True)
     """
+    if not axis.parameters.free_names:
+        raise ModelError("no parameter is free: release some with `Parameters.release`")
     model = BalanceFunctions(axis)
     floor, theta = default_residual_floor(axis), axis.parameters.values
 
@@ -124,8 +128,13 @@ def estimate_noise_influence(
     lower, upper = problem.bounds
     inside = (theta[problem.free] > lower) & (theta[problem.free] < upper)
     at_first = _step(linear, inside)
+    sensors = (*axis.outputs, *(axis.inputs if axis.kind.measured_inputs else ()), "v", "a")
     noises = [
-        {name: estimate_sensor_noise(record[name], 1 / record.dt) for name in axis.outputs}
+        {
+            name: estimate_sensor_noise(record[name], 1 / record.dt)
+            for name in dict.fromkeys(sensors)
+            if name in record
+        }
         for record in records
     ]
     rng = np.random.default_rng(0)

@@ -30,6 +30,8 @@ from pneumo_casadi.valve.flow_pair import valve_of
 SAMPLES = 4000
 #: Directions of the coefficients weaker than this share of the strongest are not told by the map.
 RANK_TOLERANCE = 1e-12
+#: Step of difference quotients, in units of the scale of a coefficient.
+DIFFERENCE = 1e-5
 #: Parameters of a chamber that its flow is proportional to (eq. 1).
 CHAMBERS = {"P": ("X_s1", "X_s2", "X_s3"), "N": ("X_s4", "X_s5", "X_s6")}
 
@@ -101,16 +103,23 @@ def _scale_variance(
     J = np.asarray(anchor.scatter(alone.select(anchor.names).values)[1], dtype=float)[:, at]
     size = np.maximum(np.linalg.norm(J, axis=0), 1e-300)
     C = np.linalg.pinv((J / size).T @ (J / size), rcond=RANK_TOLERANCE, hermitian=True)
-    std = np.sqrt(np.diag(C)) / size
+    known = np.linalg.norm(J, axis=0) > 0
     expected = _flows(axis, records, alone, chambers, SAMPLES)
-    values = alone.select(names).values
-    changed = [
-        _flows(axis, records, alone.with_values({name: value + step}), chambers, SAMPLES) - expected
-        for name, value, step in zip(names, values, std, strict=True)
-    ]
-    gradient = np.array([change @ expected for change in changed]) / (expected @ expected)
-    gradient = gradient / (std * size)
-    return float(gradient @ C @ gradient)
+    gradient = np.zeros(len(names))
+    for i, item in enumerate(alone.select(names)):
+        if not known[i]:  # no metered point depends on it
+            continue
+        step = (
+            DIFFERENCE
+            * item.scale
+            * (1 if item.value + DIFFERENCE * item.scale < item.upper else -1)
+        )
+        changed = alone.with_values({item.name: item.value + step})
+        change = _flows(axis, records, changed, chambers, SAMPLES) - expected
+        gradient[i] = change @ expected / (expected @ expected) / step
+    gradient = gradient / size
+    variance = float(gradient @ C @ gradient)
+    return variance if np.isfinite(variance) else 0.0
 
 
 def _fit_map_alone(anchor: Anchor, fitted: Parameters) -> Parameters:

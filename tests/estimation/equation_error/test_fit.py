@@ -105,7 +105,7 @@ def test_a_fit_begins_where_its_cost_is_least(one):
     far = {name: 5 * value for name, value in own.items()}
     values = {name: value for name, value in best.values.items() if name not in own}
     one_step = [
-        fit_model(study, (effect,), values, max_iterations=1, trials=trials).cost
+        fit_model(study, (effect,), values, max_iterations=1, trials=trials, credible=False).cost
         for trials in ((far,), (far, own))
     ]
     assert one_step[1] < one_step[0]

@@ -1,5 +1,7 @@
 """Where records bend the form of the flow map, its scale at their flows counts as biased."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -106,6 +108,8 @@ def test_a_held_parameter_of_a_chamber_gives_the_scale_and_nothing_shifts(start,
 @pytest.mark.slow
 def test_the_robust_interval_contains_the_shift(made, start, record):
     table, axis = start()
+    # A tenth more of the flows that the record uses than of the others: no form of the axis' has it.
+    table = replace(table, q_m=table.q_m * np.where(np.abs(table.u) < 1.0, 1.1, 1.0))
     options = OutputErrorOptions(widths=(made.TRUE["v_s"],))
     fit = fit_output_error(axis, [record], table, options)
     problem = write_problem(fit.axis, [record], table, options)
@@ -114,6 +118,5 @@ def test_the_robust_interval_contains_the_shift(made, start, record):
     i, j = (known.names.index(name) for name in ("X_s3", "X_s6"))
     added = known.covariance_robust - known.covariance_scatter
     # Of two biases: their squares, and for a common factor the product, have at least this size.
-    assert added[i, i] >= shift[i] ** 2 * (1 - 1e-9)
-    assert added[i, i] > 0
+    assert added[i, i] >= shift[i] ** 2 * (1 - 1e-9) > 0
     assert added[j, j] >= shift[j] ** 2 * (1 - 1e-9)
