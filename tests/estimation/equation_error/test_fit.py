@@ -98,10 +98,12 @@ def test_a_refined_fit_has_nothing_left_to_gain_where_states_hang_on_the_nominal
 
 @pytest.mark.slow
 def test_a_fit_begins_where_its_cost_is_least(one):
-    study, effect = one, EFFECTS["stribeck"]()
+    study, effect = one, EFFECTS["valve_null_shift"]()
     nominal = fit_model(study, ())
     best = fit_model(study, (effect,), nominal.values)
-    own = {name: value for name, value in best.values.items() if name.startswith("stribeck.")}
+    own = {
+        name: value for name, value in best.values.items() if name.startswith("valve_null_shift.")
+    }
     far = {name: 5 * value for name, value in own.items()}
     values = {name: value for name, value in best.values.items() if name not in own}
     one_step = [
