@@ -62,10 +62,12 @@ CORRELATION = 0.8
 SHARP = 1e-6
 #: ... and in the fit: what it biases is a third of a standard deviation, where the default width
 #: biases five to eight, which its intervals contain.
-OPTIONS = OutputErrorOptions(widths=(5e-6,))
+WIDTH = 5e-6
 
 
-def one_seed(correlation: float, seed: int, disturbed: bool = False) -> dict[str, Any]:
+def one_seed(
+    correlation: float, seed: int, disturbed: bool = False, width: float = WIDTH
+) -> dict[str, Any]:
     """Return estimates and claimed standard deviations of both estimators for one seed."""
     rng = np.random.default_rng([SEED, round(10 * correlation), seed])
     true = truth(SHARP)
@@ -75,7 +77,8 @@ def one_seed(correlation: float, seed: int, disturbed: bool = False) -> dict[str
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # a clipped start is no news here
         wls = fit_wls(axis, [record])
-    oe = fit_output_error(axis.started_at(wls.parameters), [record], table, OPTIONS)
+    options = OutputErrorOptions(widths=(width,))
+    oe = fit_output_error(axis.started_at(wls.parameters), [record], table, options)
     wls_std = dict(zip(wls.parameters.names, wls.std, strict=True))
     results = {
         "wls": {name: (wls.parameters[name].value, wls_std[name]) for name in TABLE_1},
@@ -99,13 +102,13 @@ def one_seed(correlation: float, seed: int, disturbed: bool = False) -> dict[str
     return results
 
 
-def bound() -> dict[str, float]:
+def bound(width: float) -> dict[str, float]:
     """Return the Cramér-Rao bound of every parameter's standard deviation, white noise."""
     rng = np.random.default_rng(SEED)
     true = truth(SHARP)
     record = record_with_noise(true, rng)
     table = metered(true, rng)
-    problem = write_problem(true.axis, [record], table, OPTIONS)
+    problem = write_problem(true.axis, [record], table, OutputErrorOptions(widths=(width,)))
     # The bound knows the noise of the metering; the axis' flow was fitted to another table.
     exact = true.axis.flow(true.u, true.p)
     noise = NOISE_MAP * float(np.abs(exact).max())
@@ -124,29 +127,34 @@ def bound() -> dict[str, float]:
     return least
 
 
-def run(seeds: Iterable[int], executor: Executor) -> dict[str, Any]:
+def run(seeds: Iterable[int], executor: Executor, width: float = WIDTH) -> dict[str, Any]:
     """Return the benchmark's figures over seeds."""
     chosen = list(seeds)
-    least = bound()
-    white = study(chosen, 0.0, executor)
+    least = bound(width)
+    white = study(chosen, 0.0, executor, width)
     for key in ("wls", "output_error"):
         for name, item in white[key].items():
             item["rms_error_over_bound"] = item["rms_error"] / least[name]
     return {
         **white,
-        "coloured": {"correlation": CORRELATION, **study(chosen, CORRELATION, executor)},
+        "coloured": {"correlation": CORRELATION, **study(chosen, CORRELATION, executor, width)},
         "disturbed": {
-            "white": study(chosen, 0.0, executor, disturbed=True),
-            "coloured": study(chosen, CORRELATION, executor, disturbed=True),
+            "white": study(chosen, 0.0, executor, width, disturbed=True),
+            "coloured": study(chosen, CORRELATION, executor, width, disturbed=True),
         },
     }
 
 
 def study(
-    seeds: list[int], correlation: float, executor: Executor, disturbed: bool = False
+    seeds: list[int],
+    correlation: float,
+    executor: Executor,
+    width: float = WIDTH,
+    disturbed: bool = False,
 ) -> dict[str, Any]:
     """Return the figures of all replicates with one kind of noise."""
-    result = replicates(partial(one_seed, disturbed=disturbed), seeds, correlation, executor)
+    one = partial(one_seed, disturbed=disturbed, width=width)
+    result = replicates(one, seeds, correlation, executor)
     values = true_values()
     keys = ("wls", "output_error", "output_error_robust", "output_error_printed")
     return {
@@ -242,11 +250,13 @@ def main() -> None:
     parser.add_argument("--json", type=Path, help="write the figures to this file")
     parser.add_argument("--figure", type=Path, help="write the figure to this PNG file")
     parser.add_argument("--seeds", type=int, default=1200, help="number of replicates")
+    parser.add_argument("--width", type=float, default=WIDTH, help="of the friction [m/s]")
     parser.add_argument("--quick", action="store_true", help="four replicates, to see it run")
     arguments = parser.parse_args()
     one_seed(0.0, 0)  # compiles what all processes then load
     with ProcessPoolExecutor(max_workers=os.cpu_count()) as executor:
-        result = run(range(4 if arguments.quick else arguments.seeds), executor)
+        seeds = range(4 if arguments.quick else arguments.seeds)
+        result = run(seeds, executor, arguments.width)
     result |= provenance.made(SEED, arguments.quick)
     print(tables.coverage(result))
     provenance.write(arguments.json, result)
