@@ -193,13 +193,14 @@ def filter_recording(
         plan=plan,
         pairing=pairing,
         dropped=(front, back),
-        velocity_noise=_velocity_noise(recording, plan, difference),
+        velocity_noise=velocity_noise(recording, plan, difference),
         name=recording.name,
         source=recording.source,
     )
 
 
-def _velocity_noise(recording: Recording, plan: FilterPlan, difference: Difference) -> float:
+def velocity_noise(recording: Recording, plan: FilterPlan, difference: Difference) -> float:
+    """Return the standard deviation of a filtered velocity's noise, taken for white [m/s]."""
     noise = _noise(recording, plan, difference, "x", 1)
     if "v" not in recording:
         return noise

@@ -41,7 +41,7 @@ class NoiseInfluence:
     Parameters
     ----------
     names : tuple of str
-        Free parameters that are not at a bound.
+        Free parameters that are not at a bound and that the records tell of.
     bias : (n,) array
         What sensor noise has moved the estimates [SI].
     covariance : (n, n) array
@@ -127,6 +127,7 @@ def estimate_noise_influence(
     problem, linear = linearised(_smoothed(axis, records, slow))
     lower, upper = problem.bounds
     inside = (theta[problem.free] > lower) & (theta[problem.free] < upper)
+    inside &= np.linalg.norm(linear.A, axis=0) != 0  # of the others the records say nothing
     at_first = _step(linear, inside)
     sensors = (*axis.outputs, *(axis.inputs if axis.kind.measured_inputs else ()), "v", "a")
     noises = [

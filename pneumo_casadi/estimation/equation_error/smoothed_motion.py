@@ -18,6 +18,8 @@ from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.signals import FilterPlan, InputPairing, filter_recording
 from pneumo_casadi.signals.bandwidth import white_noise_std
+from pneumo_casadi.signals.filtered_recording import velocity_noise
+from pneumo_casadi.signals.resampling import on_uniform_clock
 from pneumo_casadi.signals.sensor_noise import estimate_sensor_noise, sensor_noise_std
 from pneumo_casadi.signals.zero_phase import smooth_difference, zero_phase_lowpass
 
@@ -229,8 +231,8 @@ def coloured_velocity_noise(record: Recording) -> float:
 
     A measured velocity, whose noise is white as a rule, needs no such care.
     """
-    plan = smoothing_filter(record.dt)
-    white = filter_recording(record, plan, InputPairing.SAMPLE).velocity_noise
+    plan, uniform = smoothing_filter(record.dt), on_uniform_clock(record, record.dt)
+    white = velocity_noise(uniform, plan, smooth_difference)
     noise = estimate_sensor_noise(record["x"], 1 / record.dt)
     if "v" in record or not noise.correlation:
         return white

@@ -13,6 +13,10 @@ from pneumo_casadi.estimation.equation_error import (
     fit_equation_error,
     noise_influence,
 )
+from pneumo_casadi.estimation.equation_error.smoothed_motion import (
+    coloured_velocity_noise,
+    smooth_motion,
+)
 from pneumo_casadi.model.simulation import simulate
 from pneumo_casadi.signals.sensor_noise import SensorNoise
 
@@ -65,6 +69,31 @@ def test_a_parameter_at_its_bound_has_no_influence(made):
     influence = estimate_noise_influence(at_bound, [record], None)
     assert "M" not in influence.names and "f_v" in influence.names
     assert influence.covariance.shape == (len(influence.names),) * 2
+
+
+def test_under_white_noise_the_rows_are_those_of_the_fit(made):
+    true = made.true_axis()
+    record = made.recorded(true, *made.controlled(true, 3000))
+    noise = coloured_velocity_noise(record)
+    assert noise == smooth_motion(true, record).velocity_noise > 0
+
+
+def test_a_parameter_of_which_the_records_say_nothing_spoils_no_other(made, monkeypatch):
+    true = made.true_force_axis()
+    t = DT * np.arange(3000)
+    F = 60.0 * np.sin(2 * np.pi * 1.1 * t)
+    x = simulate(true, F[:, None], DT, [0.0, 0.0])["x"]
+    record = Recording(t, {"F": F, "x": x}, "clean", "simulated", InputHold.ZERO)
+    linearise = noise_influence.Problem.linearise
+
+    def without_f_v(problem, point):
+        linear = linearise(problem, point)
+        return replace(linear, A=linear.A * (np.array(problem.model.free) != "f_v"))
+
+    monkeypatch.setattr(noise_influence.Problem, "linearise", without_f_v)
+    influence = estimate_noise_influence(true, [record], None)
+    assert "f_v" not in influence.names and "M" in influence.names
+    assert np.isfinite(influence.std).all()
 
 
 def test_noise_that_hides_all_motion_is_said(made):
