@@ -41,7 +41,7 @@ ALL_FORMS: Mapping[str, EffectForm] = MappingProxyType(
 EffectRequest = Severity | str | Mapping[str, float]
 
 #: A weak effect acts with this share of a medium one: a play of 40 µm, a lag of 0.4 ms, a friction
-#: of a newton. Small ones have a third of medium.
+#: of a newton. Small ones have a third of medium and hardly stand out of such a background.
 WEAK = 0.1
 #: Least and greatest number of weak effects.
 FEWEST_WEAK, MOST_WEAK = 4, 6

@@ -38,13 +38,13 @@ class Kind(Enum):
     """What a case tests."""
 
     SINGLE = "single"
-    """One effect of the catalogue, at any severity."""
+    """One effect of the catalogue, at any severity; medium or large among weak effects."""
     PAIR = "pair"
     """Two effects of the catalogue, medium or large."""
     NONE = "none"
     """Nothing is wrong."""
     ABSORBED = "absorbed"
-    """One of `ABSORBED_FORMS`, at any severity."""
+    """One of `ABSORBED_FORMS`, at any severity; medium or large among weak effects."""
     LEFT_OUT = "left_out"
     """One effect, medium or large, that this diagnosis' catalogue lacks."""
     NEVER_LISTED = "never_listed"
@@ -167,7 +167,8 @@ def draw_cases(
     """Draw cases in shuffled order.
 
     Causes and severities are distributed as evenly as their number allows: 75 singles are every
-    listed cause at every severity. Pairs and causes left out are taken from causes that
+    listed cause at every severity. A cause beside weak effects, which have a tenth of medium, is
+    medium or large, so that it dominates. Pairs and causes left out are taken from causes that
     trajectories can reveal. The form of each cause is drawn from those that the virtual bench has.
 
     Parameters
@@ -208,9 +209,13 @@ def draw_cases(
     seeds = rng.integers(2**40, size=cases)
     digits = max(3, len(str(cases)))
     forms = [{cause: _any_form(cause, rng) for cause in effects} for _, effects in drawn]
+    clouded = _clouded(drawn, background, rng)
+    drawn = [
+        (kind, _at_least_medium(effects, rng) if weak else effects)
+        for (kind, effects), weak in zip(drawn, clouded, strict=True)
+    ]
     weak = [
-        draw_background(rng, effects) if clouded else ()
-        for (_, effects), clouded in zip(drawn, _clouded(drawn, background, rng), strict=True)
+        draw_background(rng, effects) if clouded[i] else () for i, (_, effects) in enumerate(drawn)
     ]
     return tuple(
         Draw(f"w{number:0{digits}d}", drawn[i][0], int(seeds[i]), drawn[i][1], forms[i], weak[i])
@@ -234,6 +239,15 @@ def _clouded(
         for i in rng.permutation(len(mine))[:count]:
             clouded[mine[int(i)]] = True
     return clouded
+
+
+def _at_least_medium(effects: Mapping[str, str], rng: np.random.Generator) -> dict[str, str]:
+    """Return effects that stand out of a background, which has a tenth of medium."""
+    small = Severity.SMALL.value
+    return {
+        name: _any(STRONG, rng) if severity == small else severity
+        for name, severity in effects.items()
+    }
 
 
 def _effects_of(kind: Kind, count: int, rng: np.random.Generator) -> Iterator[dict[str, str]]:
