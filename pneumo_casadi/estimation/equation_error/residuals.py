@@ -262,7 +262,10 @@ def _corrected(
     x_new, dx_new = x.copy(), dx.copy()
     for i, name in enumerate(axis.outputs):
         row = axis.motion_states.index(name)
-        shift = data.smooth(data.x[row] - y[i])
+        missing = data.x[row] - y[i]
+        if not missing.any():  # no effect acts on this sensor
+            continue
+        shift = data.smooth(missing)
         x_new[row] = x[row] + shift
         rate = data.derivative(shift)
         dx_new[row] = dx[row] + rate

@@ -13,7 +13,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from pneumo_casadi.model.along_record.record_function import RecordFunction
+from pneumo_casadi.model.along_record.record_function import RecordFunction, without_repetition
 from pneumo_casadi.parameters import FloatArray
 
 #: Samples that are worked on at once: their arrays stay in the processor's cache.
@@ -205,7 +205,7 @@ class ArrayFunction(RecordFunction):
     @cached_property
     def _program(self) -> _Program:
         """The function's operations, every result a value of its own."""
-        f = self.function
+        f = without_repetition(self.function)
         held: dict[int, int] = {}  # value in each of CasADi's registers, which are used again
         inputs, constants, lines, outputs = [], [], [], []
         for k in range(f.n_instructions()):

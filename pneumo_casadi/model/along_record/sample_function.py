@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 
 from pneumo_casadi.errors import ModelError
-from pneumo_casadi.model.along_record.record_function import RecordFunction
+from pneumo_casadi.model.along_record.record_function import RecordFunction, without_repetition
 from pneumo_casadi.model.machine_code.calls import call_with_arrays
 from pneumo_casadi.model.machine_code.compilation import build_library, compiler, generate_code
 from pneumo_casadi.parameters import FloatArray
@@ -157,8 +157,9 @@ def compile_sample_functions(functions: Sequence[ca.Function]) -> tuple[SampleFu
     >>> decay.evaluate(2, np.array([[1.0, 2.0]]), np.array([0.5]))[0]
     array([[0.5, 1. ]])
     """
-    library = build_library(generate_code(functions)) if compiler() and _loop() else None
-    return tuple(SampleFunction(f, library) for f in functions)
+    lean = [without_repetition(f) for f in functions]
+    library = build_library(generate_code(lean)) if compiler() and _loop() else None
+    return tuple(SampleFunction(f, library) for f in lean)
 
 
 @cache
