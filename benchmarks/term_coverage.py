@@ -19,9 +19,9 @@ from typing import Any
 
 import numpy as np
 import provenance
+import tables
 from effect_coverage import IDENTIFY, VALIDATE, covered
 from own_model import metered_case, truth
-from tables.diagnosis import term_coverage
 from wls_vs_output_error import replicates, under_both_noises
 
 from pneumo_casadi.diagnosis import prepare_study
@@ -137,7 +137,7 @@ def main() -> None:
     result = under_both_noises(study, cases)
     result["disturbed"] = under_both_noises(partial(study, disturbed=True), cases)
     result |= provenance.made(SEED, arguments.quick)
-    print(term_coverage(result))
+    print(tables.term_coverage(result))
     provenance.write(arguments.json, result)
 
 

@@ -27,6 +27,16 @@ def test_intervals_of_named_effects_cover_where_forms_agree(noise, disturbed):
     assert 93 <= study["coverage"]["percent"] <= 97
 
 
+@pytest.mark.parametrize("noise", ["white", "coloured"])
+@pytest.mark.parametrize("disturbed", [False, True])
+def test_intervals_of_discovered_terms_cover_where_the_formula_is_right(noise, disturbed):
+    result = json.loads((RESULTS / "term_coverage.json").read_text("utf-8"))
+    study = (result["disturbed"] if disturbed else result)[noise]
+    assert study["coverage"]["of"] == sum(share["of"] for share in study["by_term"].values())
+    assert study["coverage"]["of"] >= 60
+    assert 93 <= study["coverage"]["percent"] <= 97
+
+
 def test_white_noise_hides_no_effect():
     result = json.loads((RESULTS / "effect_coverage.json").read_text("utf-8"))
     assert result["white"]["named"]["percent"] >= 95
