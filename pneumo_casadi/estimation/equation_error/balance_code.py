@@ -144,12 +144,12 @@ class BalanceCode:
         sym: Any = self.axis.symbol.sym
         h, x_1, dx_1 = sym("h"), sym("x_1", x.shape[0]), sym("dx_1", x.shape[0])
         of_sensors = all("output" in effect.junctions for effect in self.axis.effects)
-        steps = STEPS_OF_SENSORS if of_sensors else STEPS_OF_AXES
-        identity, part, end = self.axis.symbol.eye(self.n_z), h / steps, z
-        for k in range(steps):
+        count = STEPS_OF_SENSORS if of_sensors else STEPS_OF_AXES
+        identity, part, end = self.axis.symbol.eye(self.n_z), h / count, z
+        for k in range(count):
             (x_k, dx_k), (x_next, dx_next) = (
                 [first + share * (last - first) for first, last in ((x, x_1), (dx, dx_1))]
-                for share in (k / steps, (k + 1) / steps)
+                for share in (k / count, (k + 1) / count)
             )
             f_0, J = rate(x_k, dx_k, u, end, c, theta)
             W = identity - GAMMA * part * J
