@@ -115,14 +115,18 @@ def test_a_chamber_at_its_bound_is_severe_and_a_flow_coefficient_is_no_warning(q
     assert at(quick.axis.flow_parameters[0]) == []
 
 
-def test_a_simulation_far_from_the_held_out_record_is_severe(quick):
-    def grades(percent):
+def test_a_simulation_far_from_the_held_out_record_is_severe_and_voids_the_intervals(quick):
+    def warnings(percent):
         errors = {n: replace(e, percent=percent) for n, e in quick.validation.open_loop.items()}
         far = replace(quick.validation, windows={0.5: errors})
         fit = (quick.case, quick.records, quick.flow_map, quick.wls, quick.output_error)
-        return [i.grade for i in result_warnings(*fit, far) if "held-out" in i.text]
+        return [i for i in result_warnings(*fit, far) if "held-out" in i.text]
 
-    assert grades(5.0) == [] and grades(20.0) == [Grade.CAUTION] and grades(80.0) == [Grade.SEVERE]
+    assert warnings(5.0) == []
+    for percent, grade in ((20.0, Grade.CAUTION), (80.0, Grade.SEVERE)):
+        (warning,) = warnings(percent)
+        assert warning.grade is grade
+        assert "intervals of its parameters are void" in warning.text
 
 
 def test_the_verdict_follows_the_gravest_grade():

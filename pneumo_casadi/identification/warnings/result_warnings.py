@@ -160,7 +160,9 @@ def validation_warnings(validation: Validation | None) -> Iterator[ResultWarning
         gap,
         "validation",
         f"On held-out records the simulation of {name} ({view}) is off by {_percent(gap)} of the "
-        "signal beyond the sensor noise: the model omits something; `diagnose` looks for it.",
+        "signal beyond the sensor noise: the model omits something. The intervals of its "
+        "parameters are void, for they do not contain the bias that this makes; `diagnose` looks "
+        "for the cause.",
     )
 
 
@@ -216,7 +218,7 @@ def _of_misfit(
                 "intervals",
                 f"The residual of {name} is equivalent to white noise of {sigma:.3g} "
                 f"{result.axis.unit(name)} per sample, {sigma / stated:.1f} times the noise stated "
-                "in the bench: misfit is counted as noise.",
+                "in the bench: misfit is counted as noise, and no interval contains its bias.",
             )
 
 
