@@ -1,5 +1,6 @@
 """The final model takes up what the likelihood asks for, and drops what it need not."""
 
+from dataclasses import dataclass, field
 from types import SimpleNamespace
 
 import pytest
@@ -12,6 +13,16 @@ from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger
 LEVELS = SimpleNamespace(criteria=CRITERIA)
 #: What the screen promises of an effect beside others, over what it gains.
 OPTIMISM = 1.1
+
+
+@dataclass(frozen=True)
+class Model:
+    """What of a fit counts here."""
+
+    effects: tuple
+    cost: float
+    on_all: float
+    values: dict = field(default_factory=dict)
 
 
 class Bench:
@@ -49,6 +60,11 @@ class Bench:
         self.ledger.refine = self.refined.append
         self.ledger.over = self.over
         monkeypatch.setattr(stage, "background", lambda study, nominal, fitted, effects: fitted)
+        monkeypatch.setattr(
+            stage,
+            "lost_likelihood",
+            lambda whole, without: self.gain(whole.effects) - self.gain(without.effects),
+        )
         monkeypatch.setattr(stage, "accepted", self.accepted)
         monkeypatch.setattr(
             stage,
@@ -63,7 +79,7 @@ class Bench:
     def model(self, names):
         gain = self.gain(names)
         extra = sum(self.held_out.get(n, self.alone[n]) - self.alone[n] for n in names)
-        return SimpleNamespace(names=set(names), cost=-gain, on_all=gain + extra, values={})
+        return Model(tuple(names), -gain, gain + extra)
 
     def gain(self, names):
         return self.gains.get(frozenset(names), sum(self.alone[name] for name in names))
@@ -90,7 +106,7 @@ class Bench:
         promised = {
             name: SimpleNamespace(
                 name=name,
-                gain=OPTIMISM * (self.gain({*behind.names, name}) - self.gain(behind.names)),
+                gain=OPTIMISM * (self.gain({*behind.effects, name}) - self.gain(behind.effects)),
                 sizes={}, starts=(),
             )
             for name in self.alone
@@ -99,7 +115,7 @@ class Bench:
         return dict(sorted(promised.items(), key=lambda item: -item[1].gain))
 
     def accepted(self, origin, before, after, levels):
-        (added,) = after.names - before.names
+        (added,) = set(after.effects) - set(before.effects)
         return added in self.large
 
     def complete(self, *final):
@@ -140,6 +156,22 @@ def test_an_effect_is_exchanged_where_another_one_gains_more_beside_the_others(m
     }  # fmt: skip
     bench = Bench(monkeypatch, alone, gains, large=("leak", "shift"))
     assert bench.complete("shift") == Completed(("leak", "lag"), ("leak",))
+
+
+def test_an_effect_that_stands_for_two_others_is_exchanged_for_both(monkeypatch):
+    """A shifted null does in both chambers what a leak does in each."""
+    alone = {"hose": 900.0, "shift": 0.0, "leak_P": 0.0, "leak_N": 0.0}
+    both = {
+        (): 0.0, ("shift",): 800.0, ("leak_P",): 600.0, ("leak_N",): 200.0,
+        ("shift", "leak_P"): 810.0, ("shift", "leak_N"): 810.0, ("leak_P", "leak_N"): 920.0,
+        ("shift", "leak_P", "leak_N"): 925.0,
+    }  # fmt: skip
+    gains = {("hose", *names): 900.0 + gain for names, gain in both.items()}
+    bench = Bench(monkeypatch, alone, gains)
+    assert bench.complete("hose", "shift").acting == ("hose", "leak_P", "leak_N")
+    gains["hose", "leak_P", "leak_N"] -= 30.0  # gain less than an effect more must
+    bench = Bench(monkeypatch, alone, gains)
+    assert bench.complete("hose", "shift").acting == ("hose", "shift")
 
 
 def test_what_is_large_enough_to_be_named_is_not_dropped_for_little_likelihood(monkeypatch):

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger
+from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger, Start
 from pneumo_casadi.errors import FitError
 
 FINAL = ("hose", "leak")
@@ -48,3 +48,24 @@ def test_a_model_that_is_not_credible_tells_what_is_missed_and_is_no_candidate(l
 def test_where_there_is_no_fit_at_all_none_stands_for_it(ledger):
     fits = ledger(anyway=None).fit_without(FINAL, ("hose",))
     assert fits == {"hose": None}
+
+
+@pytest.mark.parametrize(
+    ("cost", "estimated", "kept_cost"),
+    [
+        pytest.param(900.0, (), 5.0, id="what was held is estimated as in the larger model"),
+        pytest.param(3.0, (), 3.0, id="the better fit is kept"),
+        pytest.param(900.0, ("leak.share",), 900.0, id="nothing was held"),
+    ],
+)
+def test_a_model_compared_with_a_refined_one_is_estimated_alike(ledger, cost, estimated, kept_cost):
+    """With a leak's viscous share held, a shifted null seems to gain what the share does."""
+    kept = ledger(anyway=None)
+    released = {"leak.size": 3.0, "leak.share": 0.9}
+    whole = SimpleNamespace(values=released, std={"leak.share": 0.1, "leak.size": 0.1})
+    std = dict.fromkeys(("leak.size", *estimated), 0.1)
+    kept.fits["hose",] = SimpleNamespace(
+        values={"leak.size": 1.0, "leak.share": 0.0}, std=std, cost=cost, pace=0.0
+    )
+    kept.fit_against(whole, {("hose",): Start(released)})
+    assert kept.fits["hose",].cost == kept_cost

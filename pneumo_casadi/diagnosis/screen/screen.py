@@ -244,6 +244,15 @@ def background(
     return Background(e, U[:, s > 1e-9 * s[0]], relative, of_balance)
 
 
+def lost_likelihood(whole: Background, without: Background) -> float:
+    """Return the log-likelihood that a fit loses without an effect, to second order.
+
+    The other effects keep their values but for what a refit would absorb.
+    """
+    e = without.e - without.Q @ (without.Q.T @ without.e)
+    return 0.5 * float(e @ e - whole.e @ whole.e)
+
+
 def screened(name: str, candidates: Sequence[Direction], behind: Background) -> ScreenResult:
     """Return what an effect promises over a background."""
     promises = [(*_promise(direction, behind), direction) for direction in candidates]

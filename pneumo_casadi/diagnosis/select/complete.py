@@ -7,12 +7,12 @@ completed by whatever the likelihood asks for, and each of its effects is then e
 exchanged where the others no longer need it.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Set
+from dataclasses import dataclass, field, replace
 
 from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels, gain_on_all_records
-from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
-from pneumo_casadi.diagnosis.screen.screen import background
+from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel, values_of
+from pneumo_casadi.diagnosis.screen.screen import Background, background, lost_likelihood
 from pneumo_casadi.diagnosis.select.acceptance import accepted, only_corrects_map
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger, Names, Start
 from pneumo_casadi.diagnosis.select.hidden_motion import hides
@@ -25,8 +25,8 @@ MAX_ACTING = 8
 TRIED = 2
 #: Rounds of adding and reviewing.
 ROUNDS = 3
-#: An effect is tried in place of another one if the screen promises this share of what the model
-#: loses without that one.
+#: An effect is tried in place of another one if the screen promises this share of what the other
+#: does while all else stays as it is.
 PROMISED = 0.7
 
 
@@ -98,10 +98,12 @@ class _Completion:
     def review(self, names: Names) -> Names:
         """Return a model without the effects that it does not need, others in place of some.
 
-        It ends: an effect eliminated makes the model smaller, one exchanged makes it fit better.
+        It ends where no model is better, or where one comes again.
         """
+        seen: set[Names] = set()
         better: Names | None = names
-        while better is not None:
+        while better is not None and better not in seen:
+            seen.add(better)
             names, better = better, self._improve(better)
         return names
 
@@ -145,9 +147,36 @@ class _Completion:
                 and not accepted(self.nominal, fitted, self._fit_of(names), self.levels)
             ):
                 return rest
-            better = self._extend(rest, names, PROMISED * loss, criteria.form_gain)
+            better = self._exchange(rest, names)
             if better is not None:
                 return better
+        return None
+
+    def _exchange(self, rest: Names, names: Names) -> Names | None:
+        """Return a better model in which one other effect stands for the one that `rest` lacks.
+
+        Or two: a shifted null does in both chambers what a leak does in each.
+        """
+        criteria, ledger, present = self.levels.criteria, self.ledger, self._fit_of(names)
+        (gone,) = set(names) - set(rest)
+        own = values_of(gone, present.values)
+        values = {name: value for name, value in present.values.items() if name not in own}
+        left = replace(present, effects=rest, values=values)
+        behind = background(ledger.study, self.nominal, left, ledger.effects(rest))
+        whole = background(ledger.study, self.nominal, present, ledger.effects(names))
+        starts = self._starts(behind, values, set(names), PROMISED * lost_likelihood(whole, behind))
+        keys = {ledger.key((*rest, name)): start for name, start in starts.items()}
+        ledger.fit_against(present, dict(list(keys.items())[:TRIED]))
+        known = sorted((ledger.fits[key].cost, key) for key in keys if key in ledger.fits)
+        for _, key in known:
+            gain = min(_gains(present, self._fit_of(key)))
+            if gain >= criteria.form_gain and self._is_plausible(key, names):
+                return key
+            if len(names) < MAX_ACTING:
+                least = criteria.plausible_gain
+                better = self._extend(key, names, PROMISED * (least - gain), least)
+                if better is not None:
+                    return better
         return None
 
     def _extend(self, known: Names, present: Names, promise: float, least: float) -> Names | None:
@@ -165,7 +194,7 @@ class _Completion:
         tried = 0
         for name, start in self._promising(known, present, promise).items():
             key = self.ledger.key((*known, name))
-            self.ledger.fit_all({key: start})
+            self.ledger.fit_against(self._fit_of(present), {key: start})
             if key not in self.ledger.fits:
                 self.refused |= {name} if known == present else set()
                 continue
@@ -189,10 +218,16 @@ class _Completion:
 
         What would hide the motion is left out: there the balances do not tell.
         """
-        ledger, base = self.ledger, self._fit_of(known)
-        behind = background(ledger.study, self.nominal, base, ledger.effects(known))
+        base, effects = self._fit_of(known), self.ledger.effects(known)
+        behind = background(self.ledger.study, self.nominal, base, effects)
+        return self._starts(behind, base.values, {*known, *present}, promise)
+
+    def _starts(
+        self, behind: Background, values: Mapping[str, float], present: Set[str], promise: float
+    ) -> dict[str, Start]:
+        ledger = self.ledger
         return {
-            name: Start(base.values, trials=where_to_begin(ledger, result))
+            name: Start(values, trials=where_to_begin(ledger, result))
             for name, result in ledger.over(behind, (*present, *self.refused)).items()
             if result.gain > promise and not hides(ledger.catalogue[name](), result.sizes)
         }

@@ -215,8 +215,9 @@ class FitLedger:
         Such a fit is no model of the axis, but it tells how much is missed at least.
         """
         keys = {name: self.key(set(names) - {name}) for name in some}
-        starts = {key: Start(self.fits[names].values) for key in keys.values() if key}
-        self.fit_all(starts)
+        whole = self.fits[names]
+        starts = {key: Start(whole.values) for key in keys.values() if key}
+        self.fit_against(whole, starts)
         refused = [key for key in starts if key not in self.fits and key not in self.reduced]
         jobs = {
             key: self.run(
@@ -229,6 +230,22 @@ class FitLedger:
             with suppress(*FAULTS):
                 self.reduced[key] = job.result()
         return {name: self.fits.get(key, self.reduced.get(key)) for name, key in keys.items()}
+
+    def fit_against(self, whole: FittedModel, models: Mapping[Names, Start]) -> None:
+        """Fit models that are compared with another one, what it estimates estimated in them too.
+
+        `refine` has released parameters of its effects. Models known from before hold them: they
+        are fitted again from its values, and the better fit is kept.
+        """
+        again = [key for key in models if key in self.fits and _holds(whole, self.fits[key])]
+        self.fit_all(models)
+        jobs = {}
+        for key in again:
+            given = (models[key].values, (), None, SEARCH_ITERATIONS, models[key].trials)
+            jobs[key] = self.run(fit_model, self.effects(key), *given)
+        for key, job in jobs.items():
+            with suppress(*FAULTS):
+                self.fits[key] = min(self.fits[key], job.result(), key=lambda fit: fit.cost)
 
     def extensions(self, known: Names) -> dict[Names, FittedModel]:
         """Return the fits of models with one effect more than the known ones."""
@@ -254,6 +271,15 @@ class FitLedger:
         if names not in self._refined:
             self._refined.add(names)
             self.fits[names] = refine_model(self.study, self.fits[names], self.effects(names))
+
+
+def _holds(whole: FittedModel, other: FittedModel) -> bool:
+    """Return whether a model holds a parameter of an effect that another one estimates.
+
+    Compared with it, whatever the other one has besides would seem to gain what this does.
+    """
+    held = [name for name in other.values if "." in name and name not in other.std]
+    return any(name in whole.std and whole.values[name] != other.values[name] for name in held)
 
 
 @one_thread
