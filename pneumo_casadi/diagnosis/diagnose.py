@@ -191,9 +191,9 @@ def diagnose(
         selection.simulations, selection.nominal, final if shown else None, shown, with_term
     )
     report("what sensor noise does to the estimates", 0.97)
-    unbiased = _without_bias(study, selection, final, shown)
+    unbiased = _without_bias(study, selection, final, shown, executor)
     if discovered is not None and with_term is not None:
-        with_term = (without_noise_bias(study, *with_term), with_term[1])
+        with_term = (without_noise_bias(study, *with_term, executor), with_term[1])
         discovered = told_as_fitted(discovered, with_term[0])
     report("done", 1.0)
     judgement = decision.judgement
@@ -232,7 +232,11 @@ def diagnose(
 
 
 def _without_bias(
-    study: Study, selection: Selection, final: FittedModel, effects: Sequence[Effect]
+    study: Study,
+    selection: Selection,
+    final: FittedModel,
+    effects: Sequence[Effect],
+    executor: Executor | None,
 ) -> Selection:
     """Return the selection with what the verdict names less its bias by sensor noise.
 
@@ -240,7 +244,7 @@ def _without_bias(
     """
     if final is not selection.nominal and selection.chosen in selection.output_error_fits:
         return selection
-    unbiased = without_noise_bias(study, final, effects)
+    unbiased = without_noise_bias(study, final, effects, executor)
     return selection.with_final(unbiased) if effects else replace(selection, nominal=unbiased)
 
 

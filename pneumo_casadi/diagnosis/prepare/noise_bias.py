@@ -1,6 +1,7 @@
 """A fit as it is told: its estimates less what sensor noise has moved them, with their scatter."""
 
 from collections.abc import Sequence
+from concurrent.futures import Executor
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +16,12 @@ from pneumo_casadi.model.effect import Effect
 LARGEST_BIAS = 3.0
 
 
-def without_noise_bias(study: Study, fitted: FittedModel, effects: Sequence[Effect]) -> FittedModel:
+def without_noise_bias(
+    study: Study,
+    fitted: FittedModel,
+    effects: Sequence[Effect],
+    executor: Executor | None = None,
+) -> FittedModel:
     """Return a fit with estimates less their bias by sensor noise and robust standard deviations.
 
     A value with a large bias, or that would leave its bounds, is kept, and its standard deviation
@@ -31,12 +37,16 @@ def without_noise_bias(study: Study, fitted: FittedModel, effects: Sequence[Effe
         From `fit_model`.
     effects : sequence of Effect
         Of the model.
+    executor : Executor, optional
+        Where noise is added to the records; by default in this process.
     """
     axis = study.axis.with_effects(*effects).with_parameters(dict(fitted.values))
     released = [name for name in fitted.std if name not in axis.parameters.free_names]
     axis = axis.with_parameters(axis.parameters.release(*released))
     try:
-        influence = estimate_noise_influence(axis, study.train, study.anchor_with(effects))
+        influence = estimate_noise_influence(
+            axis, study.train, study.anchor_with(effects), executor
+        )
     except FitError:  # what noise does to a model that noise makes diverge is not told
         return fitted
     values, stds = dict(fitted.values), dict(fitted.std)

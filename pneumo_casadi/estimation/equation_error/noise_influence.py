@@ -5,10 +5,13 @@ not only scatter the estimates but shifts them (errors in variables).
 """
 
 from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pneumo_casadi.data import Recording
 from pneumo_casadi.errors import FitError, ModelError
@@ -24,6 +27,7 @@ from pneumo_casadi.estimation.flow_anchor import Anchor
 from pneumo_casadi.estimation.robust_covariance import default_lags, wider_sandwich
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.runtime.threads import one_thread
 from pneumo_casadi.signals.sensor_noise import SensorNoise, estimate_sensor_noise
 
 #: Noise of the sensors by record.
@@ -62,6 +66,7 @@ def estimate_noise_influence(
     axis: Axis,
     records: Sequence[Recording],
     anchor: Anchor | None,
+    executor: Executor | None = None,
 ) -> NoiseInfluence:
     """Estimate what sensor noise does to the estimates of an equation-error fit.
 
@@ -73,6 +78,8 @@ def estimate_noise_influence(
         Those that were fitted.
     anchor : Anchor or None
         Residuals of the flow map in the fit.
+    executor : concurrent.futures.Executor, optional
+        Where noise is added; by default in this process.
 
     Returns
     -------
@@ -114,17 +121,9 @@ def estimate_noise_influence(
     """
     if not axis.parameters.free_names:
         raise ModelError("no parameter is free: release some with `Parameters.release`")
-    model = BalanceFunctions(axis)
-    floor, theta = default_residual_floor(axis), axis.parameters.values
-
-    def linearised(smoothed: Sequence[SmoothedMotion]) -> tuple[Problem, Linearised]:
-        problem = Problem(model, smoothed, anchor, floor, bool(model.state_dependent))
-        if problem.n_rows.min() < len(model.free):
-            raise FitError("noise leaves too few rows in which the sign of the velocity is sure")
-        return problem, problem.linearise(Trial(theta, np.inf))
-
     slow = [coloured_velocity_noise(record) for record in records]
-    problem, linear = linearised(_smoothed(axis, records, slow))
+    problem, linear = _linearised(axis, anchor, records, slow)
+    theta = axis.parameters.values
     lower, upper = problem.bounds
     inside = (theta[problem.free] > lower) & (theta[problem.free] < upper)
     inside &= np.linalg.norm(linear.A, axis=0) != 0  # of the others the records say nothing
@@ -139,26 +138,46 @@ def estimate_noise_influence(
         for record in records
     ]
     rng = np.random.default_rng(0)
-    shifts = [
-        _step(linearised(_smoothed(axis, _noisier(records, noises, rng), slow))[1], inside)
-        - at_first
-        for _ in range(REPLICATES)
-    ]
+    noisier = (_noisier(records, noises, rng) for _ in range(REPLICATES))
+    run = map if executor is None else executor.map
+    moved = list(run(partial(_step_along, axis, anchor, slow, inside), noisier))
+    shifts = [step - at_first for step in moved]
     scales = problem.scales[inside]
     of_bias = np.atleast_2d(np.cov(shifts, rowvar=False)) / REPLICATES
     return NoiseInfluence(
-        tuple(name for name, free in zip(model.free, inside, strict=True) if free),
+        tuple(name for name, free in zip(problem.model.free, inside, strict=True) if free),
         (np.mean(shifts, axis=0) - at_first) * scales,
         (_covariance(problem, linear, inside) + of_bias) * np.outer(scales, scales),
     )
 
 
-def _smoothed(
-    axis: Axis, records: Sequence[Recording], slow: Sequence[float]
-) -> tuple[SmoothedMotion, ...]:
-    """Return records smoothed, with given noise of the velocity: rows stay where noise is added."""
+def _linearised(
+    axis: Axis, anchor: Anchor | None, records: Sequence[Recording], slow: Sequence[float]
+) -> tuple[Problem, Linearised]:
+    """Linearise the fit to records smoothed with given noise of the velocity.
+
+    With the same noise the rows that count stay where noise is added.
+    """
+    model = BalanceFunctions(axis)
     pairs = zip(records, slow, strict=True)
-    return tuple(smooth_motion(axis, record, noise) for record, noise in pairs)
+    smoothed = tuple(smooth_motion(axis, record, noise) for record, noise in pairs)
+    floor = default_residual_floor(axis)
+    problem = Problem(model, smoothed, anchor, floor, bool(model.state_dependent))
+    if problem.n_rows.min() < len(model.free):
+        raise FitError("noise leaves too few rows in which the sign of the velocity is sure")
+    return problem, problem.linearise(Trial(axis.parameters.values, np.inf))
+
+
+@one_thread
+def _step_along(
+    axis: Axis,
+    anchor: Anchor | None,
+    slow: Sequence[float],
+    inside: NDArray[np.bool_],
+    records: Sequence[Recording],
+) -> FloatArray:
+    """Return the Gauss-Newton step of the parameters within their bounds along records."""
+    return _step(_linearised(axis, anchor, records, slow)[1], inside)
 
 
 def _noisier(
@@ -183,7 +202,7 @@ def _inverse(A: FloatArray) -> FloatArray:
     return np.asarray(inverse / np.outer(size, size))
 
 
-def _step(linear: Linearised, inside: Any) -> FloatArray:
+def _step(linear: Linearised, inside: NDArray[np.bool_]) -> FloatArray:
     """Return the Gauss-Newton step of the parameters within their bounds."""
     A = linear.A[:, inside]
     if not (np.isfinite(A).all() and np.isfinite(linear.e).all()):
@@ -191,7 +210,7 @@ def _step(linear: Linearised, inside: Any) -> FloatArray:
     return np.asarray(-_inverse(A) @ (A.T @ linear.e))
 
 
-def _covariance(problem: Problem, linear: Linearised, inside: Any) -> FloatArray:
+def _covariance(problem: Problem, linear: Linearised, inside: NDArray[np.bool_]) -> FloatArray:
     """Return the covariance of the scaled parameters, residuals correlated in time."""
     A = linear.A[:, inside]
     inverse = _inverse(A)
