@@ -38,11 +38,14 @@ class State:
         SI unit.
     scale : float
         Size by which an optimiser divides it.
+    clock : bool
+        Whether it is the time: along a record it begins at the time of the first sample.
     """
 
     name: str
     unit: str
     scale: float = 1.0
+    clock: bool = False
 
 
 @dataclass(frozen=True, slots=True)

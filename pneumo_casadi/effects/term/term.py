@@ -245,7 +245,9 @@ def _sensors(term: Term) -> tuple[str, ...]:
 
 
 def _states(term: Term) -> tuple[State, ...]:
-    return (State(term.driver, DRIVERS[term.driver]),) if term.driver in _RATES else ()
+    if term.driver not in _RATES:
+        return ()
+    return (State(term.driver, DRIVERS[term.driver], clock=term.driver == "t"),)
 
 
 def _forgotten(at: Scope, state: str) -> Expression:

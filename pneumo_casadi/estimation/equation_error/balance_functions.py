@@ -93,6 +93,12 @@ class BalanceFunctions:
         return (*self.analytic, *self.by_difference)
 
     @cached_property
+    def clocks(self) -> FloatArray:
+        """Which states of the effects are the time, (nz,): 1, the others 0."""
+        states = [state for effect in self.axis.effects for state in effect.states]
+        return np.array([float(state.clock) for state in states])
+
+    @cached_property
     def sensors(self) -> "BalanceFunctions":
         """The same axis with the effects of sensors alone: these act on nominal states only."""
         effects = tuple(effect for effect in self.axis.effects if any_sensor_effect((effect,)))

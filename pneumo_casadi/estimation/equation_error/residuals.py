@@ -236,6 +236,7 @@ def _states_along(
     c, N = model.constant_values, data.N
     first = (*(part[:, 0] for part in (*motion, data.u)), np.zeros(model.n_z), c, theta)
     (at_rest,) = model.functions["rest"].evaluate(1, *first)
+    begin = at_rest[:, 0] + data.t[0] * model.clocks  # filters take the first samples of a record
     now_and_next: list[FloatArray] = []
     for part in motion:
         longer = np.empty((len(part), N + 1), order="F")
@@ -243,7 +244,7 @@ def _states_along(
         now_and_next += [longer[:, :N], longer[:, 1:]]
     # From one row to the next an input that is held has both its values, half the time each.
     between = np.asfortranarray((data.u + np.hstack([data.u[:, 1:], data.u[:, -1:]])) / 2)
-    given = (at_rest[:, 0], *now_and_next, between, np.array([data.dt]), c, theta)
+    given = (begin, *now_and_next, between, np.array([data.dt]), c, theta)
     return model.step.accumulate(N, *given)[:, :N]
 
 

@@ -164,19 +164,20 @@ def smooth_motion(
     names = axis.motion_states
     x, dx = filtered.stack_states(names), filtered.stack_derivatives(names)
     (u,) = filtered.stack_inputs(axis.inputs)
+    t = filtered.t[None]
     # An input held from its sample to the next belongs to the middle of that step.
     if record.hold is InputHold.ZERO:
-        x, dx, u = _midway(x), _midway(dx), u[:, :-1]
+        t, x, dx, u = t[:, :-1] + record.dt / 2, _midway(x), _midway(dx), u[:, :-1]
     # The signals are band-limited, so that means over 1 ms lose nothing; at 5 kHz the fit is five
     # times faster.
     thin = max(1, int(fs / RATE))
     dt = thin * record.dt
-    x, dx, u = (_thinned(part, thin) for part in (x, dx, u))
+    t, x, dx, u = (_thinned(part, thin) for part in (t, x, dx, u))
     noise = filtered.velocity_noise if velocity_noise is None else velocity_noise
     slow = np.abs(x[names.index("v")]) < max(SLOW, NOISE_MULTIPLE * noise)
     weak = row_windows(x.shape[1], _stride(dt))
     return SmoothedMotion(
-        filtered.t[: x.shape[1] * thin : thin],
+        t[0],
         x,
         dx,
         u,

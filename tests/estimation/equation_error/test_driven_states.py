@@ -5,6 +5,7 @@ import pytest
 
 from pneumo_casadi.data import ForceBench, InputHold, NestedController, Recording
 from pneumo_casadi.effects import EFFECTS, PressureSensorLag
+from pneumo_casadi.effects.term import Term, term_effect
 from pneumo_casadi.estimation.equation_error import fit_equation_error
 from pneumo_casadi.estimation.equation_error.driven_states import states_along
 from pneumo_casadi.model.servosystem import ForceAxis
@@ -42,6 +43,18 @@ def test_the_play_lies_where_the_motion_has_left_it(axis, run, record):
     away = np.abs(states[0] - offset)[settled]
     assert np.ptp(offset) > 0.9 * GAP
     assert np.quantile(away, 0.9) < 0.1 * GAP
+
+
+def test_time_is_that_of_the_record(axis, record):
+    """From the first sample on, of which the filters take some; otherwise a phase would turn."""
+    hum = {"amplitude": 5.0, "phase": 0.0, "period": 0.1}
+    shaken = ForceAxis(axis.bench).with_effects(
+        term_effect(Term("hum", ("force",), "1", "t", "sine", hum))()
+    )
+    part = record.window(1.0, 3.0)
+    ((t,),) = states_along(shaken, [part])
+    inside = slice(200, -200)
+    assert t[inside] == pytest.approx(part.t[inside], abs=1e-6)
 
 
 def test_an_axis_without_states_of_effects_has_none(axis, record):
