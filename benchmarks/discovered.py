@@ -107,14 +107,15 @@ def one_unlisted(job: tuple[str, int], duration: float) -> dict[str, Any]:
     nominal, levels = fit_model(study, ()), balance_levels(study)
     sizes = dict(made.effects[0].parameters)
     term = discovered(study)
+    right = term is not None and _is_right(kind, term)
     return {
         "kind": name,
         "seed": seed,
         "sizes": sizes,
         "visible": bool(np.any(residual_rms(nominal) > VISIBLE * levels.noise)),
         "discovered": None if term is None else term.as_dict(),
-        "right": term is not None and _is_right(kind, term),
-        "errors_percent": {} if term is None else _errors(kind.truth(sizes), term),
+        "right": right,
+        "errors_percent": _errors(kind, sizes, term) if right and term is not None else {},
     }
 
 
@@ -122,8 +123,10 @@ def _is_right(kind: Kind, term: DiscoveredTerm) -> bool:
     return set(term.term.balances) <= set(kind.balances) and term.term.driver in kind.drivers
 
 
-def _errors(truth: Sizes, term: DiscoveredTerm) -> dict[str, float]:
-    told = term.term.parameters
+def _errors(kind: Kind, sizes: Sizes, term: DiscoveredTerm) -> dict[str, float]:
+    """Return by how much the parameters differ from the truth, where the formula has them."""
+    told = term.term.parameters if term.term.formula in kind.formulas else {}
+    truth = kind.truth(sizes)
     return {name: 100 * (told[name] / value - 1) for name, value in truth.items() if name in told}
 
 
@@ -148,12 +151,7 @@ def figures(unlisted: list[dict[str, Any]], listed: list[dict[str, Any]]) -> dic
     """Return the shares that the benchmark asks for, over the causes that show."""
     shown = [case for case in unlisted if case["visible"]]
     closures = [0.0 if c["discovered"] is None else _closure(c) for c in shown]
-    errors = [
-        abs(error)
-        for case in shown
-        if case["right"] and case["discovered"]["form"] in KINDS[case["kind"]].formulas
-        for error in case["errors_percent"].values()
-    ]
+    errors = [abs(error) for case in shown for error in case["errors_percent"].values()]
     return {
         "causes": len(unlisted),
         "visible": len(shown),

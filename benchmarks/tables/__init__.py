@@ -5,6 +5,7 @@ from collections.abc import Callable
 from tables.diagnosis import (
     bench_sanity,
     designs,
+    discovered,
     effect_coverage,
     effect_visibility,
     practice,
@@ -66,6 +67,7 @@ TABLES: dict[str, tuple[Callable[..., str], *tuple[str, ...]]] = {
     "verdicts": (verdicts, "practice_verdicts"),
     "verdicts_more": (verdicts, "practice_more_verdicts"),
     "effect_coverage": (effect_coverage, "effect_coverage"),
+    "discovered": (discovered, "discovered"),
     "term_coverage": (term_coverage, "term_coverage"),
     "batch": (batch, "batch"),
     "designs": (designs, "design"),

@@ -1,6 +1,7 @@
 """Tables on the diagnosis, the virtual bench and designed experiments."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from statistics import median
 from typing import Any
 
 from pneumo_casadi.report.tables.sealed_check import AMONG_WEAK, SHARES, share_text
@@ -67,6 +68,30 @@ def effect_coverage(result: Mapping[str, Any]) -> str:
 def term_coverage(result: Mapping[str, Any]) -> str:
     """Coverage of the intervals of discovered terms, where their formula is that of the data."""
     return _coverage(result, "by_term")
+
+
+def discovered(result: Mapping[str, Any]) -> str:
+    """Return what is told of causes outside every catalogue, by their kind."""
+    head = ["cause", "visible", "right driver", "closed, median %", "largest error of a size, %"]
+    body = []
+    for kind in dict.fromkeys(case["kind"] for case in result["unlisted"]):
+        shown = [case for case in result["unlisted"] if case["kind"] == kind and case["visible"]]
+        closed = [100 * case["discovered"]["closes"]["value"] for case in shown if case["right"]]
+        errors = [abs(e) for case in shown for e in case["errors_percent"].values()]
+        body.append(
+            [
+                kind.replace("_", " "),
+                str(len(shown)),
+                str(sum(case["right"] for case in shown)),
+                f"{median(closed):.0f}" if closed else "",
+                f"{max(errors):.1f}" if errors else "",
+            ]
+        )
+    figures = result["figures"]
+    right = f"{figures['right_driver']:.1%}"
+    closed = f"{100 * figures['median_closure']:.0f}"
+    body.append(["all", str(figures["visible"]), right, closed, ""])
+    return rows(head, body)
 
 
 def _coverage(result: Mapping[str, Any], by: str) -> str:

@@ -160,6 +160,12 @@ def diagnose(
         rival = _rival_term(study, selection, effects)
     if rival is not None:
         decision = decide_verdict(selection, checks, known, surpassed=True)
+    final = selection.final if decision.has_gap else selection.nominal
+    shown = effects if final is selection.final else ()
+    if executor is not None:  # while others locate
+        selection.simulations.begin_loop(selection.nominal, (), executor)
+        if final is not selection.nominal:
+            selection.simulations.begin_loop(final, shown, executor)
     inputs = estimate_unknown_inputs(study, selection.nominal)
     named = decision.names_effects
     hidden, beside = ((), decision.absorbed) if named else (decision.absorbed, ())
@@ -175,8 +181,6 @@ def diagnose(
         contradicted=contradicted_balance(checks) if hidden else Location.NONE,
     )
     report("simulating the held-out record", 0.88)
-    final = selection.final if decision.has_gap else selection.nominal
-    shown = effects if final is selection.final else ()
     gap, more = simulated_gap(
         selection.simulations, selection.nominal, final, shown, selection.levels
     )

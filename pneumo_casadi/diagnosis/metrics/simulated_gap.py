@@ -1,6 +1,7 @@
 """The gap of simulations on held-out records, before and after effects are added."""
 
 from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor, Future
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -29,6 +30,7 @@ from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.model.simulation import Trajectory
 from pneumo_casadi.model.stepping import COARSE
 from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.runtime.threads import one_thread
 from pneumo_casadi.validation.errors import loop_errors
 from pneumo_casadi.validation.simulations import Rows, window_runs
 
@@ -71,6 +73,7 @@ class Simulations:
 
     def __post_init__(self) -> None:
         self._kept: list[tuple[FittedModel, Simulated]] = []
+        self._loops: list[tuple[FittedModel, Future[dict[str, float] | str]]] = []
 
     def of(self, fitted: FittedModel, effects: Sequence[Effect]) -> Simulated:
         """Return the simulations of a fit, initial states estimated."""
@@ -103,14 +106,27 @@ class Simulations:
             (record, *run) for record, run in zip(self.study.held_out, simulated.runs, strict=True)
         ]
 
+    @property
+    def have_loop(self) -> bool:
+        """Whether controller and references are known, so that the closed loop can be simulated."""
+        study = self.study
+        known = all("x_ref" in record for record in study.held_out)
+        return known and study.axis.bench.controller.closes_loop
+
+    def begin_loop(
+        self, fitted: FittedModel, effects: Sequence[Effect], executor: Executor
+    ) -> None:
+        """Begin to simulate the closed loop elsewhere; `loop` waits for it."""
+        if self.have_loop:
+            job = executor.submit(simulate_loop, self.study, fitted, effects)
+            self._loops.append((fitted, job))
+
     def loop(self, fitted: FittedModel, effects: Sequence[Effect]) -> dict[str, float] | str:
         """Return the gap of every output under the controller, or why there is none."""
-        axis = _simulated_axis(self.study, fitted, effects)
-        try:
-            errors = loop_errors(axis, self.study.held_out)
-        except (FitError, ModelError) as error:
-            return str(error)
-        return {name: errors[name].gap_percent for name in axis.outputs}
+        for known, job in self._loops:
+            if known is fitted:
+                return job.result()
+        return simulate_loop(self.study, fitted, effects)
 
     def share(self, nominal: FittedModel, fitted: FittedModel, effects: Sequence[Effect]) -> float:
         """Return the share of the windows' gap that a fit leaves; 1 if it cannot be simulated."""
@@ -119,6 +135,19 @@ class Simulations:
         if isinstance(before, str) or isinstance(after, str):
             return 1.0
         return _overall_gap(after, floor) / max(_overall_gap(before, floor), SMALLEST_GAP)
+
+
+@one_thread
+def simulate_loop(
+    study: Study, fitted: FittedModel, effects: Sequence[Effect]
+) -> dict[str, float] | str:
+    """Return the gap of every output of a fit under the controller, or why there is none."""
+    axis = _simulated_axis(study, fitted, effects)
+    try:
+        errors = loop_errors(axis, study.held_out)
+    except (FitError, ModelError) as error:
+        return str(error)
+    return {name: errors[name].gap_percent for name in axis.outputs}
 
 
 def simulate_fit(study: Study, fitted: FittedModel, effects: Sequence[Effect]) -> Simulated:
@@ -167,7 +196,7 @@ def simulated_gap(
     notes += [f"windows of {WINDOW:g} s cannot be simulated: {why}" for why in failed]
     if not isinstance(before, str) and not isinstance(after, str):
         views["windows"] = _view(study.axis.outputs, before, after, noise)
-    if study.axis.bench.controller.closes_loop and all("x_ref" in r for r in study.held_out):
+    if done.have_loop:
         loops = [done.loop(*model) for model in models]
         notes += [f"the closed loop cannot be simulated: {w}" for w in loops if isinstance(w, str)]
         b, a = loops
