@@ -6,6 +6,7 @@ import resource
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 import traceback
 from collections.abc import Callable, Mapping
@@ -57,7 +58,7 @@ def succeeds(attack: Attack, folder: Path, forked: bool = False) -> str:
     canary = folder.parent / f"{folder.name}.{CANARY}"
     attack.make(folder, canary)
     added = {"PNEUMO_CASADI_CACHE": str(folder.parent / "cache")}
-    run = _run_forked if forked and not attack.fresh else _run_apart
+    run = run_forked if forked and not attack.fresh else _run_apart
     done = run(attack.read, folder, added)
     if done is None:
         return "it hangs"
@@ -91,8 +92,23 @@ def _run_apart(read: str, folder: Path, added: Mapping[str, str]) -> tuple[int, 
     return done.returncode, (done.stdout + done.stderr).decode("utf-8", "replace")
 
 
-def _run_forked(read: str, folder: Path, added: Mapping[str, str]) -> tuple[int, str] | None:
-    """Return the same of a fork of this process."""
+def run_forked(read: str, folder: Path, added: Mapping[str, str]) -> tuple[int, str] | None:
+    """Run Python in a fork of this process: what that has imported is there already.
+
+    Parameters
+    ----------
+    read : str
+        The code.
+    folder : Path
+        Where it runs; what it prints is kept beside it.
+    added : mapping of str to str
+        Variables that its environment has besides.
+
+    Returns
+    -------
+    tuple or None
+        Exit code and output; None where it hangs.
+    """
     log = folder.parent / f"{folder.name}.log"
     sys.stdout.flush()
     pid = os.fork()
@@ -114,6 +130,7 @@ def _be_read(read: str, folder: Path, log: Path, added: Mapping[str, str]) -> No
     try:
         os.chdir(folder)
         os.environ.update(added)
+        tempfile.tempdir = None  # what this process remembers need not be what TMPDIR names
         output = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
         os.dup2(output, 1)
         os.dup2(output, 2)
