@@ -1,5 +1,6 @@
 """What tests and the examples of docstrings share."""
 
+import gc
 import os
 import pickle
 import re
@@ -164,6 +165,12 @@ def _results_used(item):
         if re.search(rf"(?<![\w.]){name}\b", source)
         and not re.search(rf"^{name} = ", source, re.MULTILINE)
     }
+
+
+def pytest_collection_finish():
+    """Let the garbage collector pass over what the collection has made: it stays to the end."""
+    gc.collect()
+    gc.freeze()
 
 
 def pytest_collection_modifyitems(items):

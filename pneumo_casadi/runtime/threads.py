@@ -1,10 +1,11 @@
 """Number of threads of the linear algebra: a single one is fastest for many small products."""
 
+import sys
 from collections.abc import Callable
-from functools import wraps
+from functools import lru_cache, wraps
 from typing import ParamSpec, TypeVar
 
-from threadpoolctl import threadpool_limits
+from threadpoolctl import ThreadpoolController
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -29,7 +30,16 @@ def one_thread(work: Callable[P, T]) -> Callable[P, T]:
 
     @wraps(work)
     def alone(*args: P.args, **kwargs: P.kwargs) -> T:
-        with threadpool_limits(limits=1, user_api="blas"):
+        with _libraries(len(sys.modules)).limit(limits=1, user_api="blas"):
             return work(*args, **kwargs)
 
     return alone
+
+
+@lru_cache(maxsize=1)
+def _libraries(modules: int) -> ThreadpoolController:
+    """Return the libraries that are loaded, looked for anew when more modules are imported.
+
+    All files that the process has mapped are gone through, which takes as long as a short fit.
+    """
+    return ThreadpoolController()
