@@ -12,6 +12,7 @@ residuals belong to the same problem:
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import casadi as ca
@@ -21,6 +22,7 @@ from pneumo_casadi.data import Bench
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.effect import Effect, Scope
 from pneumo_casadi.model.junctions import Expression, Pair
+from pneumo_casadi.model.machine_code.calls import call_with_arrays
 from pneumo_casadi.parameters import FloatArray, Parameters
 from pneumo_casadi.valve import AnyFlowMap, FlowMap, FlowMapPair
 from pneumo_casadi.valve.flow_pair import valve_of
@@ -66,11 +68,14 @@ class Anchor:
 
     def __call__(self, c: FloatArray) -> FloatArray:
         """Return the residuals, shape (n,)."""
-        return np.asarray(self.residual(c)[0], dtype=float).ravel()
+        return self._at(c)[0].ravel()
 
     def jacobian(self, c: FloatArray) -> FloatArray:
         """Return the derivatives of the residuals, shape (n, n_c)."""
-        return np.asarray(self.residual(c)[1], dtype=float)
+        return self._at(c)[1]
+
+    def _at(self, c: FloatArray) -> tuple[FloatArray, ...]:
+        return _evaluate(self.residual, np.asarray(c, dtype=float).tobytes())
 
     def coefficients(self, parameters: Parameters, theta: FloatArray) -> FloatArray:
         """Return c among the values theta (n,) of all parameters."""
@@ -84,6 +89,18 @@ class Anchor:
             if name in free:
                 derivatives[:, free.index(name)] = slopes[:, column]
         return derivatives
+
+
+@lru_cache(maxsize=8)
+def _evaluate(residual: ca.Function, c: bytes) -> tuple[FloatArray, ...]:
+    """Return residuals and Jacobian, kept for a while: a fit asks for both, and twice, at a point.
+
+    The arrays are used by several and must not be written to.
+    """
+    values = call_with_arrays(residual, np.frombuffer(c))
+    for array in values:
+        array.setflags(write=False)
+    return values
 
 
 def anchor_to_flow_map(

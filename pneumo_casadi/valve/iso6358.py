@@ -209,7 +209,7 @@ def _evaluate(
     function: ca.Function, theta: FloatArray, points: Any
 ) -> tuple[FloatArray, FloatArray]:
     rows = [np.asarray(a, dtype=float).reshape(1, -1) for a in points]
-    q, jacobian = function(*rows, np.tile(theta[:, None], (1, rows[0].size)))
+    q, jacobian = function(*rows, theta)  # theta is that of each point: CasADi repeats it
     return np.asarray(q)[0], np.asarray(jacobian)
 
 
