@@ -12,6 +12,8 @@ for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):  # before any import o
     os.environ.setdefault(_name, "1")
 # What tests compile runs for milliseconds: compiling it quickly saves more than fast code would.
 os.environ.setdefault("PNEUMO_CASADI_FLAGS", "-Og -march=native -fno-math-errno -fno-trapping-math")
+# Little of what is made here is garbage, and hypothesis is told of every collection.
+gc.set_threshold(100_000, 50, 50)
 
 from dataclasses import replace  # noqa: E402
 from pathlib import Path  # noqa: E402
