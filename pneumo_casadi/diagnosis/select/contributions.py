@@ -24,7 +24,7 @@ def contributions(
     named : tuple of str
         Those of which it is asked.
     """
-    whole = ledger.key(named)
+    whole, complete = ledger.key(named), final
     if whole != final:
         ledger.fit_all({whole: Start(ledger.fits[final].values)})
     final = whole if whole in ledger.fits else final
@@ -34,7 +34,9 @@ def contributions(
     refined = {
         name: (key, ledger.output_error_fits.get(key, fit)) for name, (key, fit) in models.items()
     }
-    ledger.simulate({key: fit for key, fit in refined.values() if fit is not None})
+    simulated = {key: fit for key, fit in refined.values() if fit is not None}
+    simulated[complete] = ledger.output_error_fits.get(complete, ledger.fits[complete])
+    ledger.simulate({(): nominal} | simulated)  # both are told of as well
     left = {
         name: 1.0 if fit is None else ledger.simulations.share(nominal, fit, ledger.effects(key))
         for name, (key, fit) in refined.items()
