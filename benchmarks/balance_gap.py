@@ -12,7 +12,7 @@ import numpy as np
 from gap import finite, gaps
 
 from pneumo_casadi.data import Case
-from pneumo_casadi.diagnosis.metrics.simulated_gap import V_S_SIMULATED
+from pneumo_casadi.diagnosis.metrics.simulated_fit import V_S_SIMULATED
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel, fit_model
 from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.diagnosis.screen.screen import background, perturbation, screened

@@ -188,7 +188,7 @@ def diagnose(
     if decision.verdict is Verdict.UNKNOWN:
         report("looking for a term outside the catalogue", 0.93)
         models = ((selection.nominal, ()), (selection.final, effects))
-        discovered = rival or discover_beside(study, models, selection.levels)
+        discovered = rival or discover_beside(study, models, selection.levels, executor)
         with_term = fit_with_term(study, discovered, models)
         gap = gap_with_term(selection.simulations, gap, with_term, selection.levels)
     curves = simulated_curves(

@@ -1,6 +1,7 @@
 """Terms outside the catalogue: balance, driver, formula and size, from records with one."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -9,7 +10,9 @@ from pneumo_casadi.data import ForceBench, InputHold, NestedController, Recordin
 from pneumo_casadi.diagnosis.discover.discover import discover_term
 from pneumo_casadi.diagnosis.discover.joint_fit import fit_jointly
 from pneumo_casadi.diagnosis.discover.linearised import linearise
+from pneumo_casadi.diagnosis.discover.periods import periodogram, sine_removes
 from pneumo_casadi.diagnosis.discover.search import search
+from pneumo_casadi.diagnosis.discover.sites import Site
 from pneumo_casadi.diagnosis.discover.term_in_model import fit_with_term, told_as_fitted
 from pneumo_casadi.diagnosis.metrics.residual_size import balance_levels
 from pneumo_casadi.diagnosis.prepare.fitted_model import fit_model
@@ -94,6 +97,22 @@ def test_a_sine_of_less_than_two_periods_has_its_own(cycles, formula):
     else:
         assert found.term.formula == formula
         assert found.term.parameters["period"] == pytest.approx(wave["period"], rel=0.02)
+
+
+def test_a_force_that_the_mass_takes_up_is_seen_over_time(made_case):
+    """It shakes the axis, so that a smaller mass explains most of it, but not of other motion."""
+    study, _ = prepare_study(made_case(12, vibration="large"))
+    linear = linearise(study, fit_model(study, ()), ())
+    site = Site(("force",), "1", "t")
+    grid = np.arange(5.0, 7.0, 0.125)
+    exact = np.array([sine_removes(linear, site, frequency) for frequency in grid])
+    columns = [linear.train.columns(site, partial(_sine, f)) for f in grid]
+    assert min(linear.observable(each).min() for each in columns) < 0.5
+    assert periodogram(linear, site, grid) == pytest.approx(exact, rel=0.1, abs=0.02 * exact.max())
+
+
+def _sine(frequency, t):
+    return np.column_stack([np.sin(2 * np.pi * frequency * t), np.cos(2 * np.pi * frequency * t)])
 
 
 @pytest.mark.slow

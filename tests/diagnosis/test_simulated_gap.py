@@ -1,12 +1,16 @@
 """The gap of simulations on held-out records."""
 
+from dataclasses import replace
+
 import pytest
 
 from pneumo_casadi.diagnosis import prepare_study
 from pneumo_casadi.diagnosis.metrics.residual_size import balance_levels
+from pneumo_casadi.diagnosis.metrics.simulated_fit import simulate_fit, simulate_loop
 from pneumo_casadi.diagnosis.metrics.simulated_gap import Simulations, gap_with_term, simulated_gap
 from pneumo_casadi.diagnosis.prepare.fitted_model import fit_model
 from pneumo_casadi.effects import EFFECTS
+from pneumo_casadi.effects.term import Term, term_effect
 
 
 @pytest.mark.slow
@@ -27,3 +31,19 @@ def test_a_discovered_term_is_measured_as_an_effect_is(made_case):
         for values in outputs.values():
             assert values["with_term"] == pytest.approx(values["after"])
     assert gap_with_term(done, gap, None, levels) is gap
+
+
+def test_a_model_that_is_too_stiff_is_not_simulated(made_case):
+    """Such a term was simulated for four minutes, to an error a hundred times the signal."""
+    study, _ = prepare_study(made_case(12, stribeck="large"))
+    law = {"slope": -0.1, "vertex": -1e5}
+    term = Term("brake", ("force",), "sign(v)", "p_difference", "absolute value", law)
+    brake, nominal = (term_effect(term)(),), fit_model(study, ())
+    own = {f"brake.{name}": value for name, value in law.items()}
+    stiff = replace(nominal, values={**nominal.values, **own})
+    for simulated in (
+        simulate_fit(study, stiff, brake).windows,
+        simulate_loop(study, stiff, brake),
+    ):
+        assert isinstance(simulated, str) and "stiff" in simulated
+    assert not isinstance(simulate_fit(study, nominal, ()).windows, str)

@@ -1,6 +1,7 @@
 """Discover the term that a model lacks, outside the catalogue."""
 
 from collections.abc import Sequence
+from concurrent.futures import Executor
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.effects.term import Term
 from pneumo_casadi.model.effect import Effect
+from pneumo_casadi.runtime.threads import one_thread
 
 #: Name of a discovered effect until its reader gives it a better one.
 NAME = "discovered"
@@ -23,6 +25,7 @@ def discover_beside(
     study: Study,
     models: Sequence[tuple[FittedModel, Sequence[Effect]]],
     levels: BalanceLevels,
+    executor: Executor | None = None,
 ) -> DiscoveredTerm | None:
     """Find a term beside the nominal model, or where that fails beside further ones.
 
@@ -34,23 +37,24 @@ def discover_beside(
         The nominal model first, then those with effects of the catalogue.
     levels : BalanceLevels
         Noise and signal of the held-out records.
+    executor : Executor, optional
+        Where terms are looked for, beside all models at once.
 
     Returns
     -------
     DiscoveredTerm or None
         Beside the first model that has one.
     """
-    tried = []
-    for fitted, effects in models:
-        if fitted in tried:
-            continue
-        tried.append(fitted)
-        term = discover_term(study, fitted, effects, levels)
-        if term is not None:
-            return term
-    return None
+    different = {id(model[0]): model for model in models}.values()
+    given = [(study, *model, levels) for model in different]
+    if executor is None:
+        terms = (discover_term(*each) for each in given)
+        return next((term for term in terms if term is not None), None)
+    jobs = [executor.submit(discover_term, *each) for each in given]
+    return next((term for job in jobs if (term := job.result()) is not None), None)
 
 
+@one_thread
 def discover_term(
     study: Study, base: FittedModel, effects: Sequence[Effect], levels: BalanceLevels
 ) -> DiscoveredTerm | None:

@@ -202,6 +202,12 @@ class Linearised:
         """Return columns, (r, k) or (r,), without what a change of the parameters can do."""
         return without(columns, self._svd[0])
 
+    def absorbed(self, rows: NDArray[np.bool_]) -> FloatArray:
+        """Return B, (n, k): of columns D in some rows (n,) a refit takes up the squares |Bᵀ D|²."""
+        U, s, _ = np.linalg.svd(self._svd[0][: rows.size][rows], full_matrices=False)
+        strong = s > ABSORBED  # in a force, what flows have is lost
+        return np.asarray(U[:, strong] * s[strong])
+
     def padded(self, D: FloatArray) -> FloatArray:
         """Return columns of the records fitted with zeros for the flow map."""
         return np.vstack([D, np.zeros((self.e_map.size, D.shape[1]))])

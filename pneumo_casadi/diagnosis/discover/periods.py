@@ -2,13 +2,13 @@
 
 The periodogram of Lomb (1976, Astrophys. Space Sci. 39, 447-462) and Scargle (1982, ApJ 263,
 835-853), with two additions: the windows that average the residuals weaken a short period more the
-faster the axis moves, and the peaks are compared once more with what the parameters absorb
-projected out.
+faster the axis moves, and what the parameters absorb is projected out: the mass takes up most of a
+force that shakes the axis. The peaks are compared once more, exactly.
 """
 
 import numpy as np
 
-from pneumo_casadi.diagnosis.discover.linearised import Linearised, Rows
+from pneumo_casadi.diagnosis.discover.linearised import ABSORBED, Linearised, Rows
 from pneumo_casadi.diagnosis.discover.sensor_errors import SENSORS
 from pneumo_casadi.diagnosis.discover.sites import Site
 from pneumo_casadi.parameters import FloatArray
@@ -58,11 +58,15 @@ def best_period(linear: Linearised, site: Site) -> float | None:
 
 
 def periodogram(linear: Linearised, site: Site, grid: FloatArray) -> FloatArray:
-    """Return the squares that a sine removes at each frequency, no parameter being refitted."""
+    """Return the squares that a sine removes at each frequency beside a refit, (grid,).
+
+    The windows of the residuals are taken for short: see `sine_removes`.
+    """
     e = linear.projected[: linear.train.e.size]
     d, rate, factor = _row_means(linear.train, site)
     seen = factor != 0
     e, d, rate, factor = e[seen], d[seen], rate[seen], factor[seen]
+    absorbed = linear.absorbed(seen)
     power = np.empty(grid.size)
     # From one frequency of the even grid to the next a sine turns by the same angle in each row:
     # a product, where sine and cosine would be worked out anew.
@@ -70,10 +74,11 @@ def periodogram(linear: Linearised, site: Site, grid: FloatArray) -> FloatArray:
     turn = np.exp(2j * np.pi * (grid[1] - grid[0]) * d)
     for i, frequency in enumerate(grid):
         weighted = factor * _attenuation(frequency * rate) * wave
-        s, c = np.ascontiguousarray(weighted.imag), np.ascontiguousarray(weighted.real)
-        ss, cc, sc = s @ s, c @ c, s @ c
-        es, ec = e @ s, e @ c
-        determinant = max(ss * cc - sc**2, 1e-12 * (ss + cc) ** 2, 1e-300)
+        both = np.stack([weighted.imag, weighted.real])
+        taken = both @ absorbed
+        whole, (es, ec) = both @ both.T, both @ e
+        (ss, sc), (_, cc) = whole - taken @ taken.T
+        determinant = max(ss * cc - sc**2, (ABSORBED * np.trace(whole)) ** 2, 1e-300)
         power[i] = (cc * es**2 - 2 * sc * es * ec + ss * ec**2) / determinant
         wave *= turn
     return power

@@ -13,50 +13,31 @@ from pneumo_casadi.diagnosis.metrics.residual_size import (
     balance_closure,
     residual_rms,
 )
+from pneumo_casadi.diagnosis.metrics.simulated_fit import (
+    WINDOW,
+    Simulated,
+    signal_stds,
+    simulate_fit,
+    simulate_loop,
+)
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.prepare.study import Study
-from pneumo_casadi.errors import FitError, ModelError
 from pneumo_casadi.metrics import (
     closure,
     closure_interval,
     combined_gap,
     gap,
     output_noise,
-    signal_std,
 )
 from pneumo_casadi.metrics.gap import SMALLEST_GAP
-from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.model.simulation import Trajectory
-from pneumo_casadi.model.stepping import COARSE
 from pneumo_casadi.parameters import FloatArray
-from pneumo_casadi.runtime.threads import one_thread
-from pneumo_casadi.validation.errors import loop_errors
-from pneumo_casadi.validation.simulations import Rows, window_runs
+from pneumo_casadi.validation.simulations import Rows
 
-#: Length of the open-loop windows [s].
-WINDOW = 0.5
-#: Width of the smoothed sign of the velocity in simulations [m/s].
-V_S_SIMULATED = 3e-4
 REPLICATES = 1000
 
 View = dict[str, dict[str, float]]
-
-
-@dataclass(frozen=True, eq=False)
-class Simulated:
-    """A fit simulated over the windows of the held-out records, or why that cannot be done.
-
-    Parameters
-    ----------
-    windows : (windows, ny) array, or str
-        Squared errors of every window, in per cent of the signals squared; or why there are none.
-    runs : tuple
-        Samples and trajectory of every record's windows.
-    """
-
-    windows: FloatArray | str
-    runs: tuple[tuple[Rows, Trajectory], ...] = ()
 
 
 @dataclass(eq=False)
@@ -135,40 +116,6 @@ class Simulations:
         if isinstance(before, str) or isinstance(after, str):
             return 1.0
         return _overall_gap(after, floor) / max(_overall_gap(before, floor), SMALLEST_GAP)
-
-
-@one_thread
-def simulate_loop(
-    study: Study, fitted: FittedModel, effects: Sequence[Effect]
-) -> dict[str, float] | str:
-    """Return the gap of every output of a fit under the controller, or why there is none."""
-    axis = _simulated_axis(study, fitted, effects)
-    try:
-        errors = loop_errors(axis, study.held_out)
-    except (FitError, ModelError) as error:
-        return str(error)
-    return {name: errors[name].gap_percent for name in axis.outputs}
-
-
-def simulate_fit(study: Study, fitted: FittedModel, effects: Sequence[Effect]) -> Simulated:
-    """Simulate a fit over the windows of a study's held-out records."""
-    try:
-        axis = _simulated_axis(study, fitted, effects)
-        runs = window_runs(axis, study.held_out, WINDOW, COARSE)
-    except (FitError, ModelError) as error:
-        return Simulated(str(error))
-    squares = []
-    for record, rows, run in runs:
-        L = round(WINDOW / record.dt)
-        e = np.stack([record[name][rows] - run[name] for name in study.axis.outputs])
-        squares.append(np.mean(e.reshape(len(e), -1, L) ** 2, axis=2).T)
-    windows = np.asarray(np.concatenate(squares) / _signal_stds(study) ** 2 * 1e4)
-    return Simulated(windows, tuple((rows, run) for _, rows, run in runs))
-
-
-def _simulated_axis(study: Study, fitted: FittedModel, effects: Sequence[Effect]) -> Axis:
-    axis = study.axis.with_effects(*effects).with_parameters(dict(fitted.values))
-    return axis.with_parameters({"v_s": V_S_SIMULATED})
 
 
 def simulated_gap(
@@ -260,14 +207,10 @@ def gap_with_term(
     return replace(gap, views=views, with_term=overall)
 
 
-def _signal_stds(study: Study) -> FloatArray:
-    return np.array([signal_std(study.held_out, name) for name in study.axis.outputs])
-
-
 def _noise_percent(study: Study) -> dict[str, float]:
     return {
         name: 100 * output_noise(study.axis, study.held_out, name) / std
-        for name, std in zip(study.axis.outputs, _signal_stds(study).tolist(), strict=True)
+        for name, std in zip(study.axis.outputs, signal_stds(study).tolist(), strict=True)
     }
 
 

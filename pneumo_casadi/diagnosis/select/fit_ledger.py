@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from pneumo_casadi.diagnosis.metrics.simulated_gap import Simulations, simulate_fit
+from pneumo_casadi.diagnosis.metrics.simulated_fit import simulate_fit
+from pneumo_casadi.diagnosis.metrics.simulated_gap import Simulations
 from pneumo_casadi.diagnosis.prepare.fit_store import Store
 from pneumo_casadi.diagnosis.prepare.fitted_model import (
     FittedModel,

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels, residual_rms
-from pneumo_casadi.diagnosis.metrics.simulated_gap import Simulated, simulate_fit
+from pneumo_casadi.diagnosis.metrics.simulated_fit import Simulated, simulate_fit
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel, require_credible
 from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.diagnosis.select.fit_ledger import FAULTS, Failed, FitLedger, Names

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pneumo_casadi.diagnosis.metrics.simulated_gap import V_S_SIMULATED, WINDOW
+from pneumo_casadi.diagnosis.metrics.simulated_fit import V_S_SIMULATED, WINDOW
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.errors import FitError, ModelError
