@@ -46,3 +46,15 @@ def test_coloured_noise_hides_few_effects():
     """Taken for white it left the right model eight noise floors: 37 of 120 were named."""
     result = json.loads((RESULTS / "effect_coverage.json").read_text("utf-8"))
     assert result["coloured"]["named"]["percent"] >= 80
+
+
+def test_unlisted_causes_are_told_over_the_right_driver():
+    result = json.loads((RESULTS / "discovered.json").read_text("utf-8"))
+    figures, cases = result["figures"], result["unlisted"]
+    assert figures["causes"] == len(cases) >= 48
+    assert len({case["kind"] for case in cases}) >= 8
+    shown = [case for case in cases if case["visible"]]
+    assert figures["right_driver"] == sum(case["right"] for case in shown) / len(shown) >= 0.85
+    assert figures["median_closure"] >= 0.7
+    assert figures["parameters_within_10_percent"] >= 0.95
+    assert figures["false_terms"] == 0
