@@ -162,10 +162,7 @@ def diagnose(
         decision = decide_verdict(selection, checks, known, surpassed=True)
     final = selection.final if decision.has_gap else selection.nominal
     shown = effects if final is selection.final else ()
-    if executor is not None:  # while others locate
-        selection.simulations.begin_loop(selection.nominal, (), executor)
-        if final is not selection.nominal:
-            selection.simulations.begin_loop(final, shown, executor)
+    selection.simulations.begin_loops({selection.nominal: (), final: shown}, executor)
     inputs = estimate_unknown_inputs(study, selection.nominal)
     named = decision.names_effects
     hidden, beside = ((), decision.absorbed) if named else (decision.absorbed, ())

@@ -45,8 +45,7 @@ def discover_beside(
     DiscoveredTerm or None
         Beside the first model that has one.
     """
-    different = {id(model[0]): model for model in models}.values()
-    given = [(study, *model, levels) for model in different]
+    given = [(study, fitted, effects, levels) for fitted, effects in dict(models).items()]
     if executor is None:
         terms = (discover_term(*each) for each in given)
         return next((term for term in terms if term is not None), None)

@@ -53,24 +53,22 @@ class Simulations:
     study: Study
 
     def __post_init__(self) -> None:
-        self._kept: list[tuple[FittedModel, Simulated]] = []
-        self._loops: list[tuple[FittedModel, Future[dict[str, float] | str]]] = []
+        self._kept: dict[FittedModel, Simulated] = {}
+        self._loops: dict[FittedModel, Future[dict[str, float] | str]] = {}
 
     def of(self, fitted: FittedModel, effects: Sequence[Effect]) -> Simulated:
         """Return the simulations of a fit, initial states estimated."""
-        for known, simulated in self._kept:
-            if known is fitted:
-                return simulated
-        self.keep(fitted, simulate_fit(self.study, fitted, effects))
-        return self._kept[-1][1]
+        if fitted not in self._kept:
+            self._kept[fitted] = simulate_fit(self.study, fitted, effects)
+        return self._kept[fitted]
 
     def knows(self, fitted: FittedModel) -> bool:
         """Tell whether a fit was simulated."""
-        return any(known is fitted for known, _ in self._kept)
+        return fitted in self._kept
 
     def keep(self, fitted: FittedModel, simulated: Simulated) -> None:
         """Remember what was simulated elsewhere."""
-        self._kept.append((fitted, simulated))
+        self._kept[fitted] = simulated
 
     def windows(self, fitted: FittedModel, effects: Sequence[Effect]) -> FloatArray | str:
         """Return squared errors of every window, or why it cannot be simulated."""
@@ -94,19 +92,19 @@ class Simulations:
         known = all("x_ref" in record for record in study.held_out)
         return known and study.axis.bench.controller.closes_loop
 
-    def begin_loop(
-        self, fitted: FittedModel, effects: Sequence[Effect], executor: Executor
+    def begin_loops(
+        self, models: Mapping[FittedModel, Sequence[Effect]], executor: Executor | None
     ) -> None:
-        """Begin to simulate the closed loop elsewhere; `loop` waits for it."""
-        if self.have_loop:
-            job = executor.submit(simulate_loop, self.study, fitted, effects)
-            self._loops.append((fitted, job))
+        """Begin to simulate closed loops where there is an executor; `loop` waits for them."""
+        if executor is not None and self.have_loop:
+            for fitted, effects in models.items():
+                job = executor.submit(simulate_loop, self.study, fitted, effects)
+                self._loops[fitted] = job
 
     def loop(self, fitted: FittedModel, effects: Sequence[Effect]) -> dict[str, float] | str:
         """Return the gap of every output under the controller, or why there is none."""
-        for known, job in self._loops:
-            if known is fitted:
-                return job.result()
+        if fitted in self._loops:
+            return self._loops[fitted].result()
         return simulate_loop(self.study, fitted, effects)
 
     def share(self, nominal: FittedModel, fitted: FittedModel, effects: Sequence[Effect]) -> float:

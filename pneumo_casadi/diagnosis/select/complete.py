@@ -137,6 +137,8 @@ class _Completion:
         if len(names) == 1:
             return None
         fits = {name: fit for name, fit in self._fit_without(names).items() if fit is not None}
+        present, effects = self._fit_of(names), self.ledger.effects(names)
+        whole = background(self.ledger.study, self.nominal, present, effects)
         for name, fitted in sorted(fits.items(), key=lambda item: item[1].cost):
             rest, loss = self._rest(names, name), min(_gains(fitted, self._fit_of(names)))
             if rest not in self.ledger.fits:
@@ -147,15 +149,16 @@ class _Completion:
                 and not accepted(self.nominal, fitted, self._fit_of(names), self.levels)
             ):
                 return rest
-            better = self._exchange(rest, names)
+            better = self._exchange(rest, names, whole)
             if better is not None:
                 return better
         return None
 
-    def _exchange(self, rest: Names, names: Names) -> Names | None:
+    def _exchange(self, rest: Names, names: Names, whole: Background) -> Names | None:
         """Return a better model in which one other effect stands for the one that `rest` lacks.
 
-        Or two: a shifted null does in both chambers what a leak does in each.
+        Or two: a shifted null does in both chambers what a leak does in each. `whole` is the
+        background of the model with `names`.
         """
         criteria, ledger, present = self.levels.criteria, self.ledger, self._fit_of(names)
         (gone,) = set(names) - set(rest)
@@ -163,7 +166,6 @@ class _Completion:
         values = {name: value for name, value in present.values.items() if name not in own}
         left = replace(present, effects=rest, values=values)
         behind = background(ledger.study, self.nominal, left, ledger.effects(rest))
-        whole = background(ledger.study, self.nominal, present, ledger.effects(names))
         starts = self._starts(behind, values, set(names), PROMISED * lost_likelihood(whole, behind))
         keys = {ledger.key((*rest, name)): start for name, start in starts.items()}
         ledger.fit_against(present, dict(list(keys.items())[:TRIED]))

@@ -190,14 +190,23 @@ class FitLedger:
                 self.failures[key] = Failed(key, str(error))
                 del self.fits[key]
 
+    def _begin(
+        self,
+        key: Names,
+        start: Start,
+        max_iterations: int = SEARCH_ITERATIONS,
+        credible: bool = True,
+    ) -> "Future[FittedModel]":
+        given = (start.values, start.shapes, start.base, max_iterations, start.trials, credible)
+        return self.run(fit_model, self.effects(key), *given)
+
     def _submit(self, models: Mapping[Names, Start], max_iterations: int) -> None:
         jobs = {}
         for key, start in models.items():
             effects = self.effects(key)
             kept = None if self.store is None else self.store.read(effects)
             if kept is None:
-                given = (start.values, start.shapes, start.base, max_iterations, start.trials)
-                jobs[key] = self.run(fit_model, effects, *given)
+                jobs[key] = self._begin(key, start, max_iterations)
             else:
                 self.fits[key] = kept
         for key, job in jobs.items():
@@ -220,13 +229,7 @@ class FitLedger:
         starts = {key: Start(whole.values) for key in keys.values() if key}
         self.fit_against(whole, starts)
         refused = [key for key in starts if key not in self.fits and key not in self.reduced]
-        jobs = {
-            key: self.run(
-                fit_model, self.effects(key), starts[key].values, (), None, SEARCH_ITERATIONS, (),
-                False,
-            )
-            for key in refused
-        }  # fmt: skip
+        jobs = {key: self._begin(key, starts[key], credible=False) for key in refused}
         for key, job in jobs.items():
             with suppress(*FAULTS):
                 self.reduced[key] = job.result()
@@ -240,10 +243,7 @@ class FitLedger:
         """
         again = [key for key in models if key in self.fits and _holds(whole, self.fits[key])]
         self.fit_all(models)
-        jobs = {}
-        for key in again:
-            given = (models[key].values, (), None, SEARCH_ITERATIONS, models[key].trials)
-            jobs[key] = self.run(fit_model, self.effects(key), *given)
+        jobs = {key: self._begin(key, models[key]) for key in again}
         for key, job in jobs.items():
             with suppress(*FAULTS):
                 self.fits[key] = min(self.fits[key], job.result(), key=lambda fit: fit.cost)
