@@ -106,7 +106,7 @@ def discovered(study: Study) -> DiscoveredTerm | None:
     """Return the term that the nominal model lacks, as a diagnosis tells it."""
     nominal = fit_model(study, ())
     term = discover_term(study, nominal, (), balance_levels(study))
-    model = fit_with_term(study, term, [(nominal, ())])
+    model = fit_with_term(study, term, (nominal, ()))
     if term is None or model is None:
         return term
     return told_as_fitted(term, without_noise_bias(study, *model))

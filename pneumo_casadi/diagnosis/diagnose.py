@@ -19,14 +19,8 @@ from pneumo_casadi.diagnosis.decide.ranking import (
     rank_candidates,
 )
 from pneumo_casadi.diagnosis.decide.result import Diagnosis, Verdict
-from pneumo_casadi.diagnosis.discover.discover import discover_beside
-from pneumo_casadi.diagnosis.discover.discovered import DiscoveredTerm
-from pneumo_casadi.diagnosis.discover.rival_term import find_rival_term
-from pneumo_casadi.diagnosis.discover.term_in_model import (
-    Model,
-    fit_with_term,
-    told_as_fitted,
-)
+from pneumo_casadi.diagnosis.discover.beside import discover_beside, find_rival_term
+from pneumo_casadi.diagnosis.discover.term_in_model import Model, told_as_fitted
 from pneumo_casadi.diagnosis.locate.evidence import collect_evidence
 from pneumo_casadi.diagnosis.locate.locate import locate
 from pneumo_casadi.diagnosis.locate.unknown_inputs import estimate_unknown_inputs
@@ -157,7 +151,8 @@ def diagnose(
     decision = decide_verdict(selection, checks, known)
     rival = None
     if decision.judgement.verdict in NAMING:
-        rival = _rival_term(study, selection, effects)
+        named_effects = [effect for effect in effects if effect.name in selection.named]
+        rival = find_rival_term(study, selection, named_effects, chosen, executor)
     if rival is not None:
         decision = decide_verdict(selection, checks, known, surpassed=True)
     final = selection.final if decision.has_gap else selection.nominal
@@ -184,9 +179,9 @@ def diagnose(
     discovered = with_term = None
     if decision.verdict is Verdict.UNKNOWN:
         report("looking for a term outside the catalogue", 0.93)
-        models = ((selection.nominal, ()), (selection.final, effects))
-        discovered = rival or discover_beside(study, models, selection.levels, executor)
-        with_term = fit_with_term(study, discovered, models)
+        discovery = rival or discover_beside(study, selection, effects, chosen, executor)
+        if discovery is not None:
+            discovered, with_term = discovery.term, discovery.model
         gap = gap_with_term(selection.simulations, gap, with_term, selection.levels)
     curves = simulated_curves(
         selection.simulations, selection.nominal, final if shown else None, shown, with_term
@@ -213,7 +208,7 @@ def diagnose(
         gap=gap,
         ambiguous=alternatives if decision.is_open else (),
         experiment=separating_experiment(alternatives, chosen),
-        hint=_hint(where, selection, decision),
+        hint=_hint(where, selection, decision, explained=discovered is not None),
         checks=checks,
         notes=(*notes, *more, *_failures(selection)),
         nominal=parameter_values(study.axis, unbiased.nominal),
@@ -249,16 +244,6 @@ def _without_bias(
     return selection.with_final(unbiased) if effects else replace(selection, nominal=unbiased)
 
 
-def _rival_term(
-    study: Study, selection: Selection, effects: Sequence[Effect]
-) -> DiscoveredTerm | None:
-    """Return a term that closes more than the effects named, where the balances tell that."""
-    if selection.chosen in selection.output_error_fits:
-        return None
-    named = [effect for effect in effects if effect.name in selection.named]
-    return find_rival_term(study, selection.nominal, selection.final, named, selection.levels)
-
-
 def _provenance(case: Case, offered: Catalogue, options: DiagnosisOptions) -> dict[str, Any]:
     """Return what is needed to repeat a diagnosis."""
     fitted = "fitted" if case.validate else "fitted, its last part held out"
@@ -279,11 +264,11 @@ def _values_with_term(study: Study, with_term: Model | None) -> dict[str, Value]
     return parameter_values(study.axis.with_effects(*effects), fitted)
 
 
-def _hint(where: Where, selection: Selection, decision: Decision) -> str:
+def _hint(where: Where, selection: Selection, decision: Decision, explained: bool) -> str:
     if decision.verdict is not Verdict.UNKNOWN:
         return ""
     closure = None
-    if selection.path:
+    if selection.path and not explained:  # a discovered term says more than what comes nearest
         closure = balance_closure(selection.nominal, selection.final, selection.levels)
     return unknown_hint(where, selection.named, closure, decision.judgement.unexplained)
 

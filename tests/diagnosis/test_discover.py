@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from pneumo_casadi.data import ForceBench, InputHold, NestedController, Recording, read_case
-from pneumo_casadi.diagnosis.discover.discover import discover_term
+from pneumo_casadi.diagnosis import Verdict, diagnose
+from pneumo_casadi.diagnosis.discover.discover import discover_term, propose_term
 from pneumo_casadi.diagnosis.discover.joint_fit import fit_jointly
 from pneumo_casadi.diagnosis.discover.linearised import linearise
 from pneumo_casadi.diagnosis.discover.periods import periodogram, sine_removes
@@ -19,6 +20,7 @@ from pneumo_casadi.diagnosis.prepare.fitted_model import fit_model
 from pneumo_casadi.diagnosis.prepare.noise_bias import without_noise_bias
 from pneumo_casadi.diagnosis.prepare.prepare_study import prepare_study
 from pneumo_casadi.diagnosis.prepare.study import start_study
+from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.effects.term import Term, term_effect
 from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
 from pneumo_casadi.estimation.equation_error.residuals import balance_residuals
@@ -76,7 +78,7 @@ def test_a_term_is_told_with_its_driver_and_its_size(term):
         assert found.term.parameters[name] == pytest.approx(term.parameters[name], rel=0.05)
     assert found.closes.lower > 0.7
     assert found.curve.band.shape == found.curve.value.shape == found.curve.driver.shape
-    model = fit_with_term(study, found, [(nominal, ())])
+    model = fit_with_term(study, found, (nominal, ()))
     told = told_as_fitted(found, without_noise_bias(study, *model))
     for name, item in told.parameters.items():
         assert item.std > 0
@@ -126,7 +128,7 @@ def test_residuals_with_a_term_are_those_of_its_effect():
     study = study_of(TIGHT)
     nominal, levels = fit_model(study, ()), balance_levels(study)
     best = search(linearise(study, nominal, ()), levels)[0].fit
-    joint = fit_jointly(study, nominal, (), best)
+    joint = fit_jointly(study, nominal, (), best.site, best.formula, best.shape)
     site, law = joint.fit.site, joint.fit.formula
     effect = term_effect(
         Term("found", site.balances, site.factor, site.driver, law.name, joint.fit.parameters)
@@ -158,6 +160,47 @@ def test_unlisted_causes_of_another_program_are_told(data_folder, case, seconds,
     for name, value in known.items():
         assert term.parameters[name].value == pytest.approx(value, rel=0.01)
     assert term.closes.lower > 0.85
+
+
+FEW = {name: EFFECTS[name] for name in ("spring_load", "leakage_N", "elastic_load")}
+
+
+@pytest.mark.slow
+def test_beside_others_a_term_need_not_explain_the_gap_by_itself(made_case):
+    case = made_case(12, cogging="medium", leakage_N="small", spring_load="small")
+    study, _ = prepare_study(case)
+    levels = balance_levels(study)
+    alone = propose_term(study, fit_model(study, ()), (), levels)
+    assert alone.closes.value < 1 - levels.criteria.unexplained
+    diagnosis = diagnose(case, FEW)
+    assert diagnosis.verdict is Verdict.UNKNOWN
+    assert (diagnosis.discovered.balance, diagnosis.discovered.term.driver) == ("force", "x")
+    assert set(diagnosis.discovered.beside) == {"leakage_N", "spring_load"}
+    assert diagnosis.gap.with_term < 0.05 * diagnosis.gap.before
+    assert "spring_load" not in diagnosis.hint
+
+
+@pytest.mark.slow
+def test_a_term_that_does_what_effects_do_is_not_told(made_case):
+    """A line over x is the spring: what the spring leaves is told instead."""
+    true = {"spring_load": "medium", "leakage_N": "medium"}
+    case = made_case(12, position_nonlinearity="medium", **true)
+    study, _ = prepare_study(case)
+    spring = propose_term(study, fit_model(study, ()), (), balance_levels(study)).term
+    assert (spring.balances, spring.formula, spring.driver) == (("force",), "line", "x")
+    diagnosis = diagnose(case, FEW)
+    assert diagnosis.discovered.balance == "measurement"
+    assert set(diagnosis.discovered.beside) == set(true)
+
+
+@pytest.mark.slow
+def test_effects_of_several_forms_yield_to_a_term_that_repeats(made_case):
+    """An elastic load with hardly any damping swings as long as a record: so does a vibration."""
+    case = made_case(12, vibration="medium", leakage_N="medium")
+    diagnosis = diagnose(case, FEW)
+    assert diagnosis.verdict is Verdict.UNKNOWN
+    assert (diagnosis.discovered.balance, diagnosis.discovered.term.driver) == ("force", "t")
+    assert diagnosis.discovered.beside == ("leakage_N",)
 
 
 @pytest.mark.slow

@@ -1,7 +1,6 @@
 """Discover the term that a model lacks, outside the catalogue."""
 
-from collections.abc import Sequence
-from concurrent.futures import Executor
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -10,10 +9,13 @@ from pneumo_casadi.diagnosis.discover.discovered import DiscoveredTerm
 from pneumo_casadi.diagnosis.discover.joint_fit import fit_jointly
 from pneumo_casadi.diagnosis.discover.linearised import linearise
 from pneumo_casadi.diagnosis.discover.search import search
+from pneumo_casadi.diagnosis.discover.sites import Site
 from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels, balance_closure
+from pneumo_casadi.diagnosis.prepare.criteria import Criteria
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.effects.term import Term
+from pneumo_casadi.effects.term.formula import Formula
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.runtime.threads import one_thread
 
@@ -21,41 +23,12 @@ from pneumo_casadi.runtime.threads import one_thread
 NAME = "discovered"
 
 
-def discover_beside(
-    study: Study,
-    models: Sequence[tuple[FittedModel, Sequence[Effect]]],
-    levels: BalanceLevels,
-    executor: Executor | None = None,
-) -> DiscoveredTerm | None:
-    """Find a term beside the nominal model, or where that fails beside further ones.
-
-    Parameters
-    ----------
-    study : Study
-        The case.
-    models : sequence of (FittedModel, sequence of Effect)
-        The nominal model first, then those with effects of the catalogue.
-    levels : BalanceLevels
-        Noise and signal of the held-out records.
-    executor : Executor, optional
-        Where terms are looked for, beside all models at once.
-
-    Returns
-    -------
-    DiscoveredTerm or None
-        Beside the first model that has one.
-    """
-    given = [(study, fitted, effects, levels) for fitted, effects in dict(models).items()]
-    if executor is None:
-        terms = (discover_term(*each) for each in given)
-        return next((term for term in terms if term is not None), None)
-    jobs = [executor.submit(discover_term, *each) for each in given]
-    return next((term for job in jobs if (term := job.result()) is not None), None)
-
-
-@one_thread
 def discover_term(
-    study: Study, base: FittedModel, effects: Sequence[Effect], levels: BalanceLevels
+    study: Study,
+    base: FittedModel,
+    effects: Sequence[Effect],
+    levels: BalanceLevels,
+    repeating: bool = False,
 ) -> DiscoveredTerm | None:
     """Find the term that closes most of the held-out gap of a model, told as a formula.
 
@@ -69,30 +42,71 @@ def discover_term(
         Its effects.
     levels : BalanceLevels
         Noise and signal of the held-out records.
+    repeating : bool, optional
+        Whether only terms that repeat are looked for.
 
     Returns
     -------
     DiscoveredTerm or None
-        None where no term closes a share of the gap that matters.
+        None where no term closes as much of the gap as explains it.
     """
-    least = 1 - levels.criteria.unexplained
-    ranked = search(linearise(study, base, effects), levels)
+    term = propose_term(study, base, effects, levels, repeating)
+    return term if term is not None and explains(term, levels.criteria) else None
+
+
+def explains(term: DiscoveredTerm, criteria: Criteria) -> bool:
+    """Return whether a term closes so much of a gap that it explains it by itself."""
+    return term.closes.value >= 1 - criteria.unexplained
+
+
+@one_thread
+def propose_term(
+    study: Study,
+    base: FittedModel,
+    effects: Sequence[Effect],
+    levels: BalanceLevels,
+    repeating: bool = False,
+) -> DiscoveredTerm | None:
+    """Find the term that closes most of a gap, be it only the share that each effect must close.
+
+    See `discover_term`. Beside weak effects it may not explain the gap by itself.
+    """
+    ranked = search(linearise(study, base, effects), levels, repeating)
+    least = levels.criteria.share
     if not ranked or ranked[0].closure < least:
         return None
-    joint = fit_jointly(study, base, effects, ranked[0].fit)
+    best = ranked[0].fit
+    term = tell_term(study, base, effects, best.site, best.formula, best.shape, levels)
+    return term if term is not None and term.closes.value >= least else None
+
+
+def tell_term(
+    study: Study,
+    base: FittedModel,
+    effects: Sequence[Effect],
+    site: Site,
+    formula: Formula,
+    shape: Mapping[str, float],
+    levels: BalanceLevels,
+) -> DiscoveredTerm | None:
+    """Return a term as fitted together with a model; None where it surely closes nothing.
+
+    Parameters
+    ----------
+    study, base, effects, levels
+        As of `discover_term`.
+    site : Site
+        Balance, factor and driver of the term.
+    formula : Formula
+        Of its driver.
+    shape : mapping of str to float
+        Where its parameters of shape begin.
+    """
+    joint = fit_jointly(study, base, effects, site, formula, shape)
     closes = balance_closure(base, joint.model, levels)
-    if closes.value < least or closes.lower <= 0:
+    values = joint.fit.parameters
+    if closes.lower <= 0 or not all(np.isfinite(list(values.values()))):
         return None
-    fit = joint.fit
-    term = Term(
-        NAME,
-        fit.site.balances,
-        fit.site.factor,
-        fit.site.driver,
-        fit.formula.name,
-        {name: fit.parameters[name] for name in fit.formula.parameters},
-    )
-    if not all(np.isfinite(list(term.parameters.values()))):
-        return None
-    curve = curve_of(joint.linear, fit)
-    return DiscoveredTerm(term, joint.std, closes, base.effects, curve)
+    own = {name: values[name] for name in formula.parameters}
+    term = Term(NAME, site.balances, site.factor, site.driver, formula.name, own)
+    return DiscoveredTerm(term, joint.std, closes, base.effects, curve_of(joint.linear, joint.fit))

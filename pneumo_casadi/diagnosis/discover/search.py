@@ -51,7 +51,9 @@ class Scored:
         return len(formula.parameters) - len(formula.held)
 
 
-def search(linear: Linearised, levels: BalanceLevels) -> tuple[Scored, ...]:
+def search(
+    linear: Linearised, levels: BalanceLevels, repeating: bool = False
+) -> tuple[Scored, ...]:
     """Return the formulas tried, the one to take first.
 
     Parameters
@@ -60,6 +62,8 @@ def search(linear: Linearised, levels: BalanceLevels) -> tuple[Scored, ...]:
         The fit whose residuals are to be explained.
     levels : BalanceLevels
         Noise of the held-out records.
+    repeating : bool, optional
+        Whether only terms that repeat are looked for.
     """
     kind = linear.train.signals[0].axis.kind
     high = linear.train.sigma > levels.criteria.clean * levels.noise
@@ -71,25 +75,36 @@ def search(linear: Linearised, levels: BalanceLevels) -> tuple[Scored, ...]:
         and (visible & set(site.balances) or site.balances[0] in SENSORS)
     ]
     score = GapScore(linear, levels)
-    repeating = [site for site in sites if (site.driver, site.balances[0]) not in NEVER_REPEAT]
     scored = [
         _scored(linear, score, site, name)
-        for site in repeating
-        if site.driver in REPEATS
+        for site in sites
+        if site.driver in REPEATS and (site.driver, site.balances[0]) not in NEVER_REPEAT
         for name in (("sine", "sine with level") if site.factor == "p" else ("sine",))
     ]
+    if not repeating:
+        scored += _search_curves(linear, score, sites, scored)
+    return in_order([item for item in scored if item is not None], levels.criteria.matters)
+
+
+def _search_curves(
+    linear: Linearised, score: "GapScore", sites: Sequence[Site], repeating: Sequence[Scored | None]
+) -> list[Scored | None]:
+    """Return all formulas that do not repeat, at the sites whose smooth curves close most."""
     curves = [(fit_curve(linear, site), site) for site in sites]
     closures = {
         site: score(site, curve.basis, curve.coefficients)
         for curve, site in curves
         if curve is not None and is_small(linear, site, curve)
     }
-    most = max([*closures.values(), *(item.closure for item in scored if item)], default=0.0)
+    most = max([*closures.values(), *(item.closure for item in repeating if item)], default=0.0)
     ranked = sorted(closures, key=lambda site: -closures[site])
-    for site in [site for site in ranked[:SITES] if closures[site] > most - SHARPER]:
-        names = [name for name, formula in FORMULAS.items() if not formula.periodic]
-        scored += [_scored(linear, score, site, name) for name in names]
-    return in_order([item for item in scored if item is not None], levels.criteria.matters)
+    names = [name for name, formula in FORMULAS.items() if not formula.periodic]
+    return [
+        _scored(linear, score, site, name)
+        for site in ranked[:SITES]
+        if closures[site] > most - SHARPER
+        for name in names
+    ]
 
 
 def _scored(linear: Linearised, score: "GapScore", site: Site, name: str) -> Scored | None:

@@ -13,35 +13,31 @@ from pneumo_casadi.model.effect import Effect
 Model = tuple[FittedModel, Sequence[Effect]]
 
 
-def fit_with_term(
-    study: Study, discovered: DiscoveredTerm | None, models: Sequence[Model]
-) -> Model | None:
+def fit_with_term(study: Study, discovered: DiscoveredTerm, base: Model) -> Model | None:
     """Return the model to which a term was added, fitted with it.
 
     Parameters
     ----------
     study : Study
         Records and nominal axis.
-    discovered : DiscoveredTerm or None
+    discovered : DiscoveredTerm
         The term.
-    models : sequence of (FittedModel, sequence of Effect)
-        Those beside which a term was looked for.
+    base : (FittedModel, sequence of Effect)
+        The model beside which it was found.
 
     Returns
     -------
     (FittedModel, sequence of Effect) or None
-        None where there is no term, or the fit with it fails.
+        None where the fit with it fails.
     """
-    if discovered is None:
-        return None
-    base, effects = next(model for model in models if model[0].effects == discovered.beside)
+    fitted, effects = base
     term = term_effect(discovered.term)()
     begin = {f"{term.name}.{name}": value for name, value in discovered.term.parameters.items()}
     try:
-        fitted = fit_model(study, (*effects, term), {**base.values, **begin})
+        with_term = fit_model(study, (*effects, term), {**fitted.values, **begin})
     except (FitError, ModelError):  # the formula closes the gap of the linearised balances only
         return None
-    return fitted, (*effects, term)
+    return with_term, (*effects, term)
 
 
 def told_as_fitted(discovered: DiscoveredTerm, fitted: FittedModel) -> DiscoveredTerm:

@@ -20,7 +20,7 @@ from pneumo_casadi.diagnosis.metrics.simulated_gap import Simulations
 from pneumo_casadi.diagnosis.prepare.fit_store import Store
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel, fit_model
 from pneumo_casadi.diagnosis.prepare.study import Study
-from pneumo_casadi.diagnosis.screen.screen import ScreenResult, background
+from pneumo_casadi.diagnosis.screen.screen import Direction, ScreenResult, background
 from pneumo_casadi.diagnosis.select.acceptance import accepted, can_matter, only_corrects_map
 from pneumo_casadi.diagnosis.select.complete import Completed, complete
 from pneumo_casadi.diagnosis.select.contributions import contributions
@@ -78,6 +78,8 @@ class Selection:
         Share of the gap that comes back without each effect named, the largest first.
     completed : Completed, optional
         The final model; by default the last of the path, of which all effects are named.
+    directions : mapping of str to tuple of Direction
+        What was screened: the perturbations by each effect.
     """
 
     nominal: FittedModel
@@ -93,6 +95,7 @@ class Selection:
     forms: Mapping[str, Mapping[str, FittedModel]] = field(default_factory=dict)
     contributions: Mapping[str, float] = field(default_factory=dict)
     completed: Completed | None = None
+    directions: Mapping[str, tuple[Direction, ...]] = field(default_factory=dict)
 
     @property
     def accepted(self) -> Names:
@@ -182,6 +185,7 @@ def select_effects(
         forms,
         shares,
         completed,
+        ledger.directions,
     )
 
 

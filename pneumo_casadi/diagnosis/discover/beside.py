@@ -1,0 +1,220 @@
+"""A discovered term beside effects of the catalogue, and against them.
+
+Beside weak effects a term may close less than half of the gap by itself, and yet be its cause: with
+it in the model, the catalogue explains what is left. A curve over a signal that merely follows the
+cause leaves a rest that nothing explains.
+"""
+
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pneumo_casadi.diagnosis.discover.discover import (
+    NAME,
+    discover_term,
+    explains,
+    propose_term,
+    tell_term,
+)
+from pneumo_casadi.diagnosis.discover.discovered import DiscoveredTerm
+from pneumo_casadi.diagnosis.discover.sites import Site
+from pneumo_casadi.diagnosis.discover.term_in_model import Model, fit_with_term
+from pneumo_casadi.diagnosis.metrics.residual_size import balance_closure, residual_rms
+from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel, values_of
+from pneumo_casadi.diagnosis.prepare.study import Study
+from pneumo_casadi.diagnosis.select.complete import complete
+from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue, FitLedger
+from pneumo_casadi.diagnosis.select.forward_selection import Selection
+from pneumo_casadi.effects.term import Term, term_effect
+from pneumo_casadi.model.effect import Effect
+
+
+@dataclass(frozen=True, eq=False)
+class Discovery:
+    """A term that is told, and the model with it.
+
+    Parameters
+    ----------
+    term : DiscoveredTerm
+        The term.
+    model : (FittedModel, sequence of Effect) or None
+        Fitted with it and with the effects that act beside it; None where that fit fails.
+    """
+
+    term: DiscoveredTerm
+    model: Model | None
+
+
+def discover_beside(
+    study: Study,
+    selection: Selection,
+    effects: Sequence[Effect],
+    catalogue: Catalogue,
+    executor: Executor | None = None,
+) -> Discovery | None:
+    """Find a term beside the nominal model, or where that fails beside the final one.
+
+    Parameters
+    ----------
+    study : Study
+        The case.
+    selection : Selection
+        Its nominal and its final model.
+    effects : sequence of Effect
+        Of the final model.
+    catalogue : mapping of str to effect class
+        What may act beside the term.
+    executor : Executor, optional
+        Where terms are looked for, beside both models at once, and where fits run.
+    """
+    models: dict[FittedModel, Sequence[Effect]] = {selection.nominal: (), selection.final: effects}
+    given = [(study, *model, selection.levels) for model in models.items()]
+    terms = (propose_term(*each) for each in given)
+    if executor is not None:
+        jobs = [executor.submit(propose_term, *each) for each in given]
+        terms = (job.result() for job in jobs)
+    for term, (base, beside) in zip(terms, models.items(), strict=True):
+        if term is None:
+            continue
+        if base is selection.nominal:
+            discovery = complete_term(study, selection, term, catalogue, executor)
+            if discovery is not None and _says_more(selection, discovery):
+                return discovery
+        elif explains(term, selection.levels.criteria):
+            return Discovery(term, fit_with_term(study, term, (base, beside)))
+    return None
+
+
+def _says_more(selection: Selection, discovery: Discovery) -> bool:
+    """Return whether a term closes what the effects of the final model do not.
+
+    A line over x does no more than a spring of the catalogue does.
+    """
+    if discovery.model is None or selection.final is selection.nominal:
+        return True
+    whole, _ = discovery.model
+    closes = balance_closure(selection.final, whole, selection.levels)
+    return closes.lower > 0 and closes.value >= selection.levels.criteria.matters
+
+
+def complete_term(
+    study: Study,
+    selection: Selection,
+    term: DiscoveredTerm,
+    catalogue: Catalogue,
+    executor: Executor | None = None,
+) -> Discovery | None:
+    """Return a term with what acts beside it; None where both together do not explain the gap.
+
+    Parameters
+    ----------
+    study, selection, catalogue, executor
+        As of `discover_beside`.
+    term : DiscoveredTerm
+        Found beside the nominal model.
+    """
+    nominal, levels = selection.nominal, selection.levels
+    criteria = levels.criteria
+    model = fit_with_term(study, term, (nominal, ()))
+    alone = Discovery(term, model) if explains(term, criteria) else None
+    if model is None or np.all(residual_rms(model[0]) < criteria.clean * levels.noise):
+        return alone
+    ledger = FitLedger(
+        study,
+        {**catalogue, NAME: term_effect(term.term)},
+        executor,
+        fits={(NAME,): model[0]},
+        directions=dict(selection.directions),
+    )
+    done = complete(ledger, nominal, (NAME,), levels)
+    if NAME not in done.named or done.acting == (NAME,):
+        return alone
+    whole = ledger.fits[done.acting]
+    if alone is None and balance_closure(nominal, whole, levels).lower < 1 - criteria.unexplained:
+        return None
+    without = ledger.fit_without(done.acting, (NAME,))[NAME]
+    if without is None:
+        return alone
+    beside = _tell_beside(study, selection, term.term, without, whole, ledger)
+    return alone if beside is None else Discovery(beside, (whole, ledger.effects(done.acting)))
+
+
+def _tell_beside(
+    study: Study,
+    selection: Selection,
+    term: Term,
+    without: FittedModel,
+    whole: FittedModel,
+    ledger: FitLedger,
+) -> DiscoveredTerm | None:
+    """Return a term as the model with effects has it, from the model that lacks it alone."""
+    own = values_of(NAME, whole.values)
+    values = {name: value for name, value in whole.values.items() if name not in own}
+    shape = {name: own[f"{NAME}.{name}"] for name in term.law.shape}
+    return tell_term(
+        study,
+        replace(without, values=values),
+        ledger.effects(without.effects),
+        Site(term.balances, term.factor, term.driver),
+        term.law,
+        shape,
+        selection.levels,
+    )
+
+
+def find_rival_term(
+    study: Study,
+    selection: Selection,
+    named: Sequence[Effect],
+    catalogue: Catalogue,
+    executor: Executor | None = None,
+) -> Discovery | None:
+    """Return a term that closes surely more of the gap than the effects named.
+
+    It is looked for only where these leave what calls for a cause. Where they have one form each,
+    the true one would leave nothing, so that a term that alone is closer to the data is the cause.
+    Where they have several, another form of theirs may be the cause, and where balances tell little
+    of the motion nothing is sure but simulations: then only a term that repeats is none of them,
+    and only what is clear of the noise calls for it.
+
+    Parameters
+    ----------
+    study : Study
+        The case.
+    selection : Selection
+        Its nominal and its final model.
+    named : sequence of Effect
+        The effects named.
+    catalogue : mapping of str to effect class
+        What may act beside the term.
+    executor : Executor, optional
+        Where fits run.
+    """
+    levels, hidden = selection.levels, selection.chosen in selection.output_error_fits
+    repeating = hidden or not all(effect.one_form for effect in named)
+    floors = levels.criteria.clear if repeating else levels.criteria.clean
+    if not named or np.all(residual_rms(selection.final) <= floors * levels.noise):
+        return None
+    term = discover_term(study, selection.nominal, (), levels, repeating)
+    if term is None:
+        return None
+    closes = balance_closure(selection.nominal, selection.final, levels)
+    if not hidden and term.closes.lower <= closes.upper:
+        return None
+    discovery = complete_term(study, selection, term, catalogue, executor)
+    if hidden and not _simulates_better(selection, discovery):
+        return None
+    return discovery
+
+
+def _simulates_better(selection: Selection, discovery: Discovery | None) -> bool:
+    """Return whether less of the simulated gap is left by a term with what acts beside it.
+
+    As much less as a further effect must leave.
+    """
+    if discovery is None or discovery.model is None:
+        return False
+    left = selection.simulations.share(selection.nominal, *discovery.model)
+    return left < selection.levels.criteria.closed * selection.gap_left[selection.chosen]
