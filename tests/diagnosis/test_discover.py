@@ -128,7 +128,7 @@ def test_residuals_with_a_term_are_those_of_its_effect():
     study = study_of(TIGHT)
     nominal, levels = fit_model(study, ()), balance_levels(study)
     best = search(linearise(study, nominal, ()), levels)[0].fit
-    joint = fit_jointly(study, nominal, (), best.site, best.formula, best.shape)
+    joint = fit_jointly(study, nominal, (), best)
     site, law = joint.fit.site, joint.fit.formula
     effect = term_effect(
         Term("found", site.balances, site.factor, site.driver, law.name, joint.fit.parameters)

@@ -11,18 +11,24 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pneumo_casadi.diagnosis.discover.curves import curve_of
 from pneumo_casadi.diagnosis.discover.discover import (
     NAME,
     discover_term,
     explains,
     propose_term,
-    tell_term,
 )
 from pneumo_casadi.diagnosis.discover.discovered import DiscoveredTerm
+from pneumo_casadi.diagnosis.discover.formula_fits import refit_shape
+from pneumo_casadi.diagnosis.discover.linearised import linearise
 from pneumo_casadi.diagnosis.discover.sites import Site
-from pneumo_casadi.diagnosis.discover.term_in_model import Model, fit_with_term
-from pneumo_casadi.diagnosis.metrics.residual_size import balance_closure, residual_rms
-from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel, values_of
+from pneumo_casadi.diagnosis.discover.term_in_model import Model, fit_with_term, told_as_fitted
+from pneumo_casadi.diagnosis.metrics.residual_size import (
+    BalanceLevels,
+    balance_closure,
+    residual_rms,
+)
+from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.diagnosis.select.complete import complete
 from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue, FitLedger
@@ -137,31 +143,35 @@ def complete_term(
     without = ledger.fit_without(done.acting, (NAME,))[NAME]
     if without is None:
         return alone
-    beside = _tell_beside(study, selection, term.term, without, whole, ledger)
-    return alone if beside is None else Discovery(beside, (whole, ledger.effects(done.acting)))
+    others = ledger.effects(without.effects)
+    beside = _tell_beside(study, term.term, without, whole, others, levels)
+    return Discovery(beside, (whole, ledger.effects(done.acting)))
 
 
 def _tell_beside(
     study: Study,
-    selection: Selection,
     term: Term,
     without: FittedModel,
     whole: FittedModel,
-    ledger: FitLedger,
-) -> DiscoveredTerm | None:
-    """Return a term as the model with effects has it, from the model that lacks it alone."""
-    own = values_of(NAME, whole.values)
-    values = {name: value for name, value in whole.values.items() if name not in own}
-    shape = {name: own[f"{NAME}.{name}"] for name in term.law.shape}
-    return tell_term(
-        study,
-        replace(without, values=values),
-        ledger.effects(without.effects),
-        Site(term.balances, term.factor, term.driver),
-        term.law,
-        shape,
-        selection.levels,
-    )
+    effects: Sequence[Effect],
+    levels: BalanceLevels,
+) -> DiscoveredTerm:
+    """Return a term as a model has it, and what it closes of the gap of the same model without it.
+
+    Parameters
+    ----------
+    without, whole : FittedModel
+        The model without and with the term.
+    effects : sequence of Effect
+        Of the model without it.
+    """
+    values = {name: whole.values[name] for name in without.values}
+    linear = linearise(study, replace(without, values=values), effects)
+    site = Site(term.balances, term.factor, term.driver)
+    shape = {name: whole.values[f"{term.name}.{name}"] for name in term.law.shape}
+    curve = curve_of(linear, refit_shape(linear, site, term.law, shape))
+    closes = balance_closure(without, whole, levels)
+    return told_as_fitted(DiscoveredTerm(term, {}, closes, without.effects, curve), whole)
 
 
 def find_rival_term(

@@ -1,6 +1,6 @@
 """Discover the term that a model lacks, outside the catalogue."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -9,13 +9,11 @@ from pneumo_casadi.diagnosis.discover.discovered import DiscoveredTerm
 from pneumo_casadi.diagnosis.discover.joint_fit import fit_jointly
 from pneumo_casadi.diagnosis.discover.linearised import linearise
 from pneumo_casadi.diagnosis.discover.search import search
-from pneumo_casadi.diagnosis.discover.sites import Site
 from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels, balance_closure
 from pneumo_casadi.diagnosis.prepare.criteria import Criteria
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.effects.term import Term
-from pneumo_casadi.effects.term.formula import Formula
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.runtime.threads import one_thread
 
@@ -76,37 +74,11 @@ def propose_term(
     if not ranked or ranked[0].closure < least:
         return None
     best = ranked[0].fit
-    term = tell_term(study, base, effects, best.site, best.formula, best.shape, levels)
-    return term if term is not None and term.closes.value >= least else None
-
-
-def tell_term(
-    study: Study,
-    base: FittedModel,
-    effects: Sequence[Effect],
-    site: Site,
-    formula: Formula,
-    shape: Mapping[str, float],
-    levels: BalanceLevels,
-) -> DiscoveredTerm | None:
-    """Return a term as fitted together with a model; None where it surely closes nothing.
-
-    Parameters
-    ----------
-    study, base, effects, levels
-        As of `discover_term`.
-    site : Site
-        Balance, factor and driver of the term.
-    formula : Formula
-        Of its driver.
-    shape : mapping of str to float
-        Where its parameters of shape begin.
-    """
-    joint = fit_jointly(study, base, effects, site, formula, shape)
+    site, formula = best.site, best.formula
+    joint = fit_jointly(study, base, effects, best)
     closes = balance_closure(base, joint.model, levels)
-    values = joint.fit.parameters
-    if closes.lower <= 0 or not all(np.isfinite(list(values.values()))):
+    values = {name: joint.fit.parameters[name] for name in formula.parameters}
+    if closes.value < least or closes.lower <= 0 or not np.all(np.isfinite(list(values.values()))):
         return None
-    own = {name: values[name] for name in formula.parameters}
-    term = Term(NAME, site.balances, site.factor, site.driver, formula.name, own)
+    term = Term(NAME, site.balances, site.factor, site.driver, formula.name, values)
     return DiscoveredTerm(term, joint.std, closes, base.effects, curve_of(joint.linear, joint.fit))

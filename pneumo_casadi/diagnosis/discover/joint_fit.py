@@ -12,10 +12,8 @@ import numpy as np
 from pneumo_casadi.diagnosis.discover.formula_fits import FormulaFit, refit_shape
 from pneumo_casadi.diagnosis.discover.linearised import Linearised, Rows, linearise
 from pneumo_casadi.diagnosis.discover.search import predicted_by
-from pneumo_casadi.diagnosis.discover.sites import Site
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.prepare.study import Study
-from pneumo_casadi.effects.term.formula import Formula
 from pneumo_casadi.estimation.robust_covariance import batch_sandwich
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.parameters import FloatArray
@@ -50,12 +48,7 @@ class JointFit:
 
 
 def fit_jointly(
-    study: Study,
-    base: FittedModel,
-    effects: Sequence[Effect],
-    site: Site,
-    formula: Formula,
-    shape: Mapping[str, float],
+    study: Study, base: FittedModel, effects: Sequence[Effect], fit: FormulaFit
 ) -> JointFit:
     """Fit a term and all free parameters of a model together.
 
@@ -67,19 +60,14 @@ def fit_jointly(
         Where the model's parameters begin.
     effects : sequence of Effect
         Of the model.
-    site : Site
-        Balance, factor and driver of the term.
-    formula : Formula
-        Of its driver.
-    shape : mapping of str to float
-        Where its parameters of shape begin.
+    fit : FormulaFit
+        Where the term begins.
     """
     model = base
     for _ in range(STEPS):
         linear = linearise(study, model, effects)
-        fit = refit_shape(linear, site, formula, shape)
-        shape = fit.shape
-        D = linear.train.columns(site, fit.basis) @ fit.coefficients
+        fit = refit_shape(linear, fit.site, fit.formula, fit.shape)
+        D = linear.train.columns(fit.site, fit.basis) @ fit.coefficients
         step = linear.parameter_change(linear.e + np.append(D, np.zeros(linear.e_map.size)))
         values = _stepped(study, effects, model, linear, step)
         if np.sqrt(np.mean((linear.train.A @ step) ** 2)) < SETTLED:

@@ -34,8 +34,9 @@ class Criteria:
     further : float
         The same of a further effect in a mass flow balance.
     share : float
-        Share of the first gap that each effect must close by itself: less is what the form of
-        another one misses. Large effects of another form than the catalogue's leave up to 0.15.
+        Share of the first gap that each effect must close by itself, a discovered term as well:
+        less is what the form of another one misses. Large effects of another form than the
+        catalogue's leave up to 0.15.
     certain : float
         Share of bootstrap replicates in which a gain must be there.
     form_gain : float
@@ -54,9 +55,9 @@ class Criteria:
         gap of the force balance. Of eight large forces of a form that no effect has, what was left
         fell by no other effect; of true second forces it fell to 0.6.
     unexplained : float
-        Share of the gap that effects may leave and still explain it; more has another cause. A
-        discovered term must close the rest: curves over signals that merely follow a cause closed
-        up to 0.42.
+        Share of the gap that effects may leave and still explain it; more has another cause. So
+        may a discovered term by itself (curves over signals that merely follow a cause closed up to
+        0.42), or surely with what acts beside it.
     one_form, contradicted : float
         The same of a balance in which every effect named has one form only (true offsets and leaks
         leave a twentieth, what is taken for them a tenth), and where the parameters contradict

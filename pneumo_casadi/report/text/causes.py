@@ -199,7 +199,7 @@ def discovered_sentences(diagnosis: Diagnosis) -> tuple[str, ...]:
         return ()
     term = diagnosis.discovered
     where = joined([BALANCES[Location(name)] for name in term.balance.split(" + ")])
-    beside = f" beside {joined([plain(name) for name in term.beside])}" if term.beside else ""
+    beside = f" beside {joined([cause_name(name) for name in term.beside])}" if term.beside else ""
     # Where the model was fitted again with the term, its parameters are those of the tables.
     fitted = {
         name: diagnosis.with_term.get(f"{term.term.name}.{name}", value)
