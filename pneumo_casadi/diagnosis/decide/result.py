@@ -163,9 +163,12 @@ class Diagnosis(Presentable):
         """Verdict, effects and the error on held-out data before and after."""
         names = " + ".join(item.name for item in self.effects)
         verdict = f"{self.verdict.value} ({names})" if names else self.verdict.value
+        term = self.gap.with_term
+        after = self.gap.after if term is None else term
         return (
-            f"Diagnosis of {self.case}: {verdict}; error "
-            f"on held-out data {self.gap.before:.3g} % -> {self.gap.after:.3g} % of the signals"
+            f"Diagnosis of {self.case}: {verdict}; error on held-out data "
+            f"{self.gap.before:.3g} % -> {after:.3g} % of the signals"
+            f"{'' if term is None else ', with the discovered term'}"
         )
 
     def to_frame(self) -> pd.DataFrame:

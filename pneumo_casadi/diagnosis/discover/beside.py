@@ -132,9 +132,11 @@ def complete_term(
         {**catalogue, NAME: term_effect(term.term)},
         executor,
         fits={(NAME,): model[0]},
-        directions=dict(selection.directions),
+        directions={k: each for k, each in selection.directions.items() if k != NAME},
     )
     done = complete(ledger, nominal, (NAME,), levels)
+    if NAME not in done.acting:  # effects of the catalogue do as well
+        return None
     if NAME not in done.named or done.acting == (NAME,):
         return alone
     whole = ledger.fits[done.acting]

@@ -92,10 +92,12 @@ def headline(diagnosis: Diagnosis) -> str:
             f"data sheet{possible}."
         )
     if diagnosis.verdict is Verdict.UNKNOWN:
+        term = gap.with_term
+        falls = "" if term is None else f", with the discovered term {percent(term)}"
         return (
             "The model omits dynamics that no effect of the catalogue explains, alone or combined; "
             f"the error on held-out data, beyond the sensor noise, is {percent(gap.before)} of the "
-            "signals."
+            f"signals{falls}."
         )
     wrong = sum(not check.agrees for check in diagnosis.final_checks)
     but = f", but {wrong} of {len(diagnosis.final_checks)} parameter checks fail" if wrong else ""
