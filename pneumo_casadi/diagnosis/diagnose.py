@@ -19,12 +19,17 @@ from pneumo_casadi.diagnosis.decide.ranking import (
     rank_candidates,
 )
 from pneumo_casadi.diagnosis.decide.result import Diagnosis, Verdict
-from pneumo_casadi.diagnosis.discover.beside import discover_beside, find_rival_term
+from pneumo_casadi.diagnosis.discover.beside import (
+    Discovery,
+    discover_beside,
+    find_rival_term,
+)
 from pneumo_casadi.diagnosis.discover.term_in_model import Model, told_as_fitted
 from pneumo_casadi.diagnosis.locate.evidence import collect_evidence
 from pneumo_casadi.diagnosis.locate.locate import locate
 from pneumo_casadi.diagnosis.locate.unknown_inputs import estimate_unknown_inputs
 from pneumo_casadi.diagnosis.metrics.findings import (
+    Check,
     Value,
     Where,
     joined_names,
@@ -145,19 +150,15 @@ def diagnose(
     effects, besides = (
         tuple(chosen[name]() for name in names) for names in (selection.chosen, selection.besides)
     )
-    report("parameters and location", 0.82)
+    report("parameters, and terms outside the catalogue", 0.82)
     checks = check_fit(study, selection.final, effects)
     known: Catalogue = {**EFFECTS, **chosen}
-    decision = decide_verdict(selection, checks, known)
-    rival = None
-    if decision.judgement.verdict in NAMING:
-        named_effects = [effect for effect in effects if effect.name in selection.named]
-        rival = find_rival_term(study, selection, named_effects, chosen, executor)
-    if rival is not None:
-        decision = decide_verdict(selection, checks, known, surpassed=True)
+    decision, discovery = _decide(study, selection, effects, checks, chosen, executor)
+    discovered, with_term = (None, None) if discovery is None else (discovery.term, discovery.model)
     final = selection.final if decision.has_gap else selection.nominal
     shown = effects if final is selection.final else ()
-    selection.simulations.begin_loops({selection.nominal: (), final: shown}, executor)
+    models = {selection.nominal: (), final: shown, **dict([with_term] if with_term else [])}
+    selection.simulations.begin_loops(models, executor)
     inputs = estimate_unknown_inputs(study, selection.nominal)
     named = decision.names_effects
     hidden, beside = ((), decision.absorbed) if named else (decision.absorbed, ())
@@ -171,18 +172,13 @@ def diagnose(
         catalogue=known,
         besides=besides if named else (),
         contradicted=contradicted_balance(checks) if hidden else Location.NONE,
+        explained=() if discovered is None else discovered.locations,
     )
     report("simulating the held-out record", 0.88)
     gap, more = simulated_gap(
         selection.simulations, selection.nominal, final, shown, selection.levels
     )
-    discovered = with_term = None
-    if decision.verdict is Verdict.UNKNOWN:
-        report("looking for a term outside the catalogue", 0.93)
-        discovery = rival or discover_beside(study, selection, effects, chosen, executor)
-        if discovery is not None:
-            discovered, with_term = discovery.term, discovery.model
-        gap = gap_with_term(selection.simulations, gap, with_term, selection.levels)
+    gap = gap_with_term(selection.simulations, gap, with_term, selection.levels)
     curves = simulated_curves(
         selection.simulations, selection.nominal, final if shown else None, shown, with_term
     )
@@ -225,6 +221,28 @@ def diagnose(
         findings=tuple(each for each in case.findings if each.grade is Grade.SEVERE),
         provenance=_provenance(case, offered, options),
     )
+
+
+def _decide(
+    study: Study,
+    selection: Selection,
+    effects: Sequence[Effect],
+    checks: Sequence[Check],
+    catalogue: Catalogue,
+    executor: Executor | None,
+) -> tuple[Decision, Discovery | None]:
+    """Return the verdict, and where the cause is unknown a term outside the catalogue."""
+    known: Catalogue = {**EFFECTS, **catalogue}
+    decision = decide_verdict(selection, checks, known)
+    rival = None
+    if decision.judgement.verdict in NAMING:
+        named = [effect for effect in effects if effect.name in selection.named]
+        rival = find_rival_term(study, selection, named, catalogue, executor)
+    if rival is not None:
+        decision = decide_verdict(selection, checks, known, surpassed=True)
+    if decision.verdict is not Verdict.UNKNOWN:
+        return decision, None
+    return decision, rival or discover_beside(study, selection, effects, catalogue, executor)
 
 
 def _without_bias(

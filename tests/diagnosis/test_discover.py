@@ -189,7 +189,7 @@ def test_a_term_that_does_what_effects_do_is_not_told(made_case):
     spring = propose_term(study, fit_model(study, ()), (), balance_levels(study)).term
     assert (spring.balances, spring.formula, spring.driver) == (("force",), "line", "x")
     diagnosis = diagnose(case, FEW)
-    assert diagnosis.discovered.balance == "measurement"
+    assert diagnosis.discovered.balance == diagnosis.where.balance == "measurement"
     assert set(diagnosis.discovered.beside) == set(true)
 
 

@@ -50,6 +50,13 @@ def bench(tmp_path_factory):
     return opened
 
 
+def test_a_term_that_explains_the_gap_says_where_it_lies(bench):
+    both = (Location.MASS_FLOW_P, Location.MASS_FLOW_N)
+    where = locate(*bench(cogging="medium"), explained=both)
+    assert where.balance in both and set(where.balances) == set(both)
+    assert where.sensor_error is None and not where.rivals
+
+
 @pytest.mark.slow
 def test_nothing_is_located_where_nothing_is_wrong(bench):
     where = locate(*bench())

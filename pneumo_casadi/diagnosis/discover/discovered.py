@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from pneumo_casadi.diagnosis.metrics.findings import Closure, Value
+from pneumo_casadi.diagnosis.metrics.location import Location
 from pneumo_casadi.effects.term import Term
 from pneumo_casadi.parameters import FloatArray
 
@@ -57,10 +58,16 @@ class DiscoveredTerm:
     curve: TermCurve
 
     @property
+    def locations(self) -> tuple[Location, ...]:
+        """Balances in which the term acts, or what the sensors show."""
+        if self.term.balances[0].startswith("measurement"):
+            return (Location.MEASUREMENT,)
+        return tuple(Location(name) for name in self.term.balances)
+
+    @property
     def balance(self) -> str:
-        """Balances of the term, ``measurement`` for an error of sensors."""
-        sensors = self.term.balances[0].startswith("measurement")
-        return "measurement" if sensors else " + ".join(self.term.balances)
+        """The same in words: ``force``, ``mass_flow_P + mass_flow_N``, ``measurement`` ..."""
+        return " + ".join(self.locations)
 
     @property
     def parameters(self) -> dict[str, Value]:

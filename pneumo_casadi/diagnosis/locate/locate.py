@@ -49,6 +49,7 @@ def locate(
     catalogue: Mapping[str, EffectFactory] = EFFECTS,
     besides: Sequence[Effect] = (),
     contradicted: Location = Location.NONE,
+    explained: Sequence[Location] = (),
 ) -> Where:
     """Return where model and measurement disagree.
 
@@ -74,6 +75,9 @@ def locate(
         Weak effects that the fit has too.
     contradicted : Location, optional
         Balance whose parameters the bench contradicts: the location where there is no gap.
+    explained : sequence of Location, optional
+        Where a term acts that explains the gap without an effect: it knows better than residuals,
+        which a sensor's error may have left as well.
 
     Returns
     -------
@@ -103,6 +107,9 @@ def locate(
     elif gap is False:
         balance, junction = contradicted, None
         balances = (balance,)
+    elif explained:
+        balance = max(explained, key=lambda name: shares.get(name, 0.0))
+        junction, balances = _junction(balance, telling), (balance, *explained)
     else:
         balance = balance_of_gap(shares, evidence)
         junction = _junction(balance, telling)
@@ -112,7 +119,7 @@ def locate(
     here = [r for r in telling if r.balance in balances or balance is Location.MEASUREMENT]
     rivals = (
         ()
-        if agree or balance in (Location.MEASUREMENT, Location.NONE)
+        if agree or explained or balance in (Location.MEASUREMENT, Location.NONE)
         else rival_sensor_effects(evidence, catalogue)
     )
     return Where(
@@ -122,9 +129,9 @@ def locate(
         shares,
         rivals,
         {name: value**0.5 for name, value in energy.items()},
-        _sensor_error(evidence) if balance is Location.MEASUREMENT else None,
+        _sensor_error(evidence) if balance is Location.MEASUREMENT and not explained else None,
         tuple(effect.cause for effect in cause if _acts_at(effect) == junction),
-        balances,
+        tuple(dict.fromkeys(balances)),
         {effect.cause: _size(effect, added[effect.name]) for effect in cause if added},
         agree and balance is not Location.NONE,
     )
