@@ -50,6 +50,7 @@ def bench(tmp_path_factory):
     return opened
 
 
+@pytest.mark.slow
 def test_a_term_that_explains_the_gap_says_where_it_lies(bench):
     both = (Location.MASS_FLOW_P, Location.MASS_FLOW_N)
     where = locate(*bench(cogging="medium"), explained=both)

@@ -63,7 +63,7 @@ def search(
     levels : BalanceLevels
         Noise of the held-out records.
     repeating : bool, optional
-        Whether only terms that repeat are looked for.
+        Whether only terms that repeat are looked for; a level besides would be a leak.
     """
     kind = linear.train.signals[0].axis.kind
     high = linear.train.sigma > levels.criteria.clean * levels.noise
@@ -75,11 +75,12 @@ def search(
         and (visible & set(site.balances) or site.balances[0] in SENSORS)
     ]
     score = GapScore(linear, levels)
+    leaks = ("sine",) if repeating else ("sine", "sine with level")
     scored = [
         _scored(linear, score, site, name)
         for site in sites
         if site.driver in REPEATS and (site.driver, site.balances[0]) not in NEVER_REPEAT
-        for name in (("sine", "sine with level") if site.factor == "p" else ("sine",))
+        for name in (leaks if site.factor == "p" else ("sine",))
     ]
     if not repeating:
         scored += _search_curves(linear, score, sites, scored)
