@@ -81,15 +81,12 @@ def discover_beside(
     if executor is not None:
         jobs = [executor.submit(propose_term, *each) for each in given]
         terms = (job.result() for job in jobs)
-    for term, (base, beside) in zip(terms, models.items(), strict=True):
+    for term, model in zip(terms, models.items(), strict=True):
         if term is None:
             continue
-        if base is selection.nominal:
-            discovery = complete_term(study, selection, term, catalogue, executor)
-            if discovery is not None and _says_more(selection, discovery):
-                return discovery
-        elif explains(term, selection.levels.criteria):
-            return Discovery(term, fit_with_term(study, term, (base, beside)))
+        discovery = complete_term(study, selection, term, model, catalogue, executor)
+        if discovery is not None and _says_more(selection, discovery):
+            return discovery
     return None
 
 
@@ -109,21 +106,27 @@ def complete_term(
     study: Study,
     selection: Selection,
     term: DiscoveredTerm,
+    base: Model,
     catalogue: Catalogue,
     executor: Executor | None = None,
 ) -> Discovery | None:
-    """Return a term with what acts beside it; None where both together do not explain the gap.
+    """Return a term with what acts beside it, or by itself; None where neither explains the gap.
+
+    Beside others it must close half of what they leave, and all together surely half of the gap of
+    the nominal model.
 
     Parameters
     ----------
     study, selection, catalogue, executor
         As of `discover_beside`.
     term : DiscoveredTerm
-        Found beside the nominal model.
+        Proposed.
+    base : (FittedModel, sequence of Effect)
+        The model beside which it was found.
     """
     nominal, levels = selection.nominal, selection.levels
     criteria = levels.criteria
-    model = fit_with_term(study, term, (nominal, ()))
+    model = fit_with_term(study, term, base)
     alone = Discovery(term, model) if explains(term, criteria) else None
     if model is None or np.all(residual_rms(model[0]) < criteria.clean * levels.noise):
         return alone
@@ -131,22 +134,24 @@ def complete_term(
         study,
         {**catalogue, NAME: term_effect(term.term)},
         executor,
-        fits={(NAME,): model[0]},
         directions={k: each for k, each in selection.directions.items() if k != NAME},
     )
-    done = complete(ledger, nominal, (NAME,), levels)
+    begin = ledger.key((NAME, *base[0].effects))
+    ledger.fits[begin] = replace(model[0], effects=begin)
+    done = complete(ledger, nominal, begin, levels)
     if NAME not in done.acting:  # effects of the catalogue do as well
         return None
-    if NAME not in done.named or done.acting == (NAME,):
+    if NAME not in done.named or done.acting == begin:
         return alone
     whole = ledger.fits[done.acting]
-    if alone is None and balance_closure(nominal, whole, levels).lower < 1 - criteria.unexplained:
-        return None
     without = ledger.fit_without(done.acting, (NAME,))[NAME]
     if without is None:
         return alone
     others = ledger.effects(without.effects)
     beside = _tell_beside(study, term.term, without, whole, others, levels)
+    explained = balance_closure(nominal, whole, levels).lower >= 1 - criteria.unexplained
+    if alone is None and not (explained and explains(beside, criteria)):
+        return None
     return Discovery(beside, (whole, ledger.effects(done.acting)))
 
 
@@ -215,7 +220,8 @@ def find_rival_term(
     closes = balance_closure(selection.nominal, selection.final, levels)
     if not hidden and term.closes.lower <= closes.upper:
         return None
-    discovery = complete_term(study, selection, term, catalogue, executor)
+    base: Model = selection.nominal, ()
+    discovery = complete_term(study, selection, term, base, catalogue, executor)
     if hidden and not _simulates_better(selection, discovery):
         return None
     return discovery
