@@ -236,8 +236,7 @@ def _decide(
     decision = decide_verdict(selection, checks, known)
     rival = None
     if decision.judgement.verdict in NAMING:
-        named = [effect for effect in effects if effect.name in selection.named]
-        rival = find_rival_term(study, selection, named, catalogue, executor)
+        rival = find_rival_term(study, selection, effects, catalogue, executor)
     if rival is not None:
         decision = decide_verdict(selection, checks, known, surpassed=True)
     if decision.verdict is not Verdict.UNKNOWN:

@@ -128,7 +128,10 @@ def complete_term(
     criteria = levels.criteria
     model = fit_with_term(study, term, base)
     alone = Discovery(term, model) if explains(term, criteria) else None
-    if model is None or np.all(residual_rms(model[0]) < criteria.clean * levels.noise):
+    if model is None:
+        return alone
+    explained = np.all(residual_rms(model[0]) < criteria.clean * levels.noise)
+    if explained and not base[0].effects:  # neither is anything missing nor needless
         return alone
     ledger = FitLedger(
         study,
@@ -149,8 +152,8 @@ def complete_term(
         return alone
     others = ledger.effects(without.effects)
     beside = _tell_beside(study, term.term, without, whole, others, levels)
-    explained = balance_closure(nominal, whole, levels).lower >= 1 - criteria.unexplained
-    if alone is None and not (explained and explains(beside, criteria)):
+    closes = balance_closure(nominal, whole, levels).lower
+    if alone is None and not (closes >= 1 - criteria.unexplained and explains(beside, criteria)):
         return None
     return Discovery(beside, (whole, ledger.effects(done.acting)))
 
@@ -184,17 +187,18 @@ def _tell_beside(
 def find_rival_term(
     study: Study,
     selection: Selection,
-    named: Sequence[Effect],
+    effects: Sequence[Effect],
     catalogue: Catalogue,
     executor: Executor | None = None,
 ) -> Discovery | None:
-    """Return a term that closes surely more of the gap than the effects named.
+    """Return a term that takes the place of effects named.
 
     It is looked for only where these leave what calls for a cause. Where they have one form each,
-    the true one would leave nothing, so that a term that alone is closer to the data is the cause.
-    Where they have several, another form of theirs may be the cause, and where balances tell little
-    of the motion nothing is sure but simulations: then only a term that repeats is none of them,
-    and only what is clear of the noise calls for it.
+    the true one would leave nothing: a term that alone closes surely more of the gap is the cause.
+    Another form of theirs may be the cause else, and where balances tell little of the motion
+    nothing is sure but simulations. Then only a term that no form of the catalogue can be stands
+    against them, only what is clear of the noise calls for it, and one of them must go once it is
+    in the model.
 
     Parameters
     ----------
@@ -202,37 +206,43 @@ def find_rival_term(
         The case.
     selection : Selection
         Its nominal and its final model.
-    named : sequence of Effect
-        The effects named.
+    effects : sequence of Effect
+        Of the final model.
     catalogue : mapping of str to effect class
         What may act beside the term.
     executor : Executor, optional
         Where fits run.
     """
     levels, hidden = selection.levels, selection.chosen in selection.output_error_fits
-    repeating = hidden or not all(effect.one_form for effect in named)
-    floors = levels.criteria.clear if repeating else levels.criteria.clean
-    if not named or np.all(residual_rms(selection.final) <= floors * levels.noise):
+    named = [effect for effect in effects if effect.name in selection.named]
+    left = float(np.max(residual_rms(selection.final) / levels.noise))
+    nominal: Model = (selection.nominal, ())
+    if named and not hidden and left > levels.criteria.clean and all(e.one_form for e in named):
+        term = discover_term(study, *nominal, levels)
+        closes = balance_closure(selection.nominal, selection.final, levels)
+        if term is not None and term.closes.lower > closes.upper:
+            return complete_term(study, selection, term, nominal, catalogue, executor)
+    if not named or left <= levels.criteria.clear:
         return None
-    term = discover_term(study, selection.nominal, (), levels, repeating)
+    final: Model = (selection.final, effects)
+    term = discover_term(study, *final, levels, foreign=True)
     if term is None:
         return None
-    closes = balance_closure(selection.nominal, selection.final, levels)
-    if not hidden and term.closes.lower <= closes.upper:
+    discovery = complete_term(study, selection, term, final, catalogue, executor)
+    if discovery is None or discovery.model is None:
         return None
-    base: Model = selection.nominal, ()
-    discovery = complete_term(study, selection, term, base, catalogue, executor)
-    if hidden and not _simulates_better(selection, discovery):
+    kept = {effect.name for effect in discovery.model[1]}
+    if kept.issuperset(selection.named) or (hidden and not _simulates_better(selection, discovery)):
         return None
     return discovery
 
 
-def _simulates_better(selection: Selection, discovery: Discovery | None) -> bool:
+def _simulates_better(selection: Selection, discovery: Discovery) -> bool:
     """Return whether less of the simulated gap is left by a term with what acts beside it.
 
     As much less as a further effect must leave.
     """
-    if discovery is None or discovery.model is None:
+    if discovery.model is None:
         return False
     left = selection.simulations.share(selection.nominal, *discovery.model)
     return left < selection.levels.criteria.closed * selection.gap_left[selection.chosen]

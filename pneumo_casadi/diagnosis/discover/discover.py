@@ -26,7 +26,7 @@ def discover_term(
     base: FittedModel,
     effects: Sequence[Effect],
     levels: BalanceLevels,
-    repeating: bool = False,
+    foreign: bool = False,
 ) -> DiscoveredTerm | None:
     """Find the term that closes most of the held-out gap of a model, told as a formula.
 
@@ -40,15 +40,15 @@ def discover_term(
         Its effects.
     levels : BalanceLevels
         Noise and signal of the held-out records.
-    repeating : bool, optional
-        Whether only terms that repeat are looked for.
+    foreign : bool, optional
+        Whether only terms are looked for that no form of the catalogue can be; see `search`.
 
     Returns
     -------
     DiscoveredTerm or None
         None where no term closes as much of the gap as explains it.
     """
-    term = propose_term(study, base, effects, levels, repeating)
+    term = propose_term(study, base, effects, levels, foreign)
     return term if term is not None and explains(term, levels.criteria) else None
 
 
@@ -63,13 +63,13 @@ def propose_term(
     base: FittedModel,
     effects: Sequence[Effect],
     levels: BalanceLevels,
-    repeating: bool = False,
+    foreign: bool = False,
 ) -> DiscoveredTerm | None:
     """Find the term that closes most of a gap, be it only the share that each effect must close.
 
     See `discover_term`. Beside weak effects it may not explain the gap by itself.
     """
-    ranked = search(linearise(study, base, effects), levels, repeating)
+    ranked = search(linearise(study, base, effects), levels, foreign)
     least = levels.criteria.share
     if not ranked or ranked[0].closure < least:
         return None

@@ -51,9 +51,7 @@ class Scored:
         return len(formula.parameters) - len(formula.held)
 
 
-def search(
-    linear: Linearised, levels: BalanceLevels, repeating: bool = False
-) -> tuple[Scored, ...]:
+def search(linear: Linearised, levels: BalanceLevels, foreign: bool = False) -> tuple[Scored, ...]:
     """Return the formulas tried, the one to take first.
 
     Parameters
@@ -62,8 +60,9 @@ def search(
         The fit whose residuals are to be explained.
     levels : BalanceLevels
         Noise of the held-out records.
-    repeating : bool, optional
-        Whether only terms that repeat are looked for; a level besides would be a leak.
+    foreign : bool, optional
+        Whether only terms are looked for that no form of the catalogue can be: those that repeat
+        (a level besides would be a leak), and those over time in the force.
     """
     kind = linear.train.signals[0].axis.kind
     high = linear.train.sigma > levels.criteria.clean * levels.noise
@@ -75,29 +74,34 @@ def search(
         and (visible & set(site.balances) or site.balances[0] in SENSORS)
     ]
     score = GapScore(linear, levels)
-    leaks = ("sine",) if repeating else ("sine", "sine with level")
+    leaks = ("sine",) if foreign else ("sine", "sine with level")
     scored = [
         _scored(linear, score, site, name)
         for site in sites
         if site.driver in REPEATS and (site.driver, site.balances[0]) not in NEVER_REPEAT
         for name in (leaks if site.factor == "p" else ("sine",))
     ]
-    if not repeating:
-        scored += _search_curves(linear, score, sites, scored)
+    if foreign:
+        sites = [site for site in sites if site.driver == "t" and site.balances == ("force",)]
+    least = 1 - levels.criteria.unexplained if foreign else levels.criteria.share
+    scored += _search_curves(linear, score, sites, [least, *(x.closure for x in scored if x)])
     return in_order([item for item in scored if item is not None], levels.criteria.matters)
 
 
 def _search_curves(
-    linear: Linearised, score: "GapScore", sites: Sequence[Site], repeating: Sequence[Scored | None]
+    linear: Linearised, score: "GapScore", sites: Sequence[Site], known: Sequence[float]
 ) -> list[Scored | None]:
-    """Return all formulas that do not repeat, at the sites whose smooth curves close most."""
+    """Return all formulas that do not repeat, at the sites whose smooth curves close most.
+
+    `known` are the closures that a formula must come near.
+    """
     curves = [(fit_curve(linear, site), site) for site in sites]
     closures = {
         site: score(site, curve.basis, curve.coefficients)
         for curve, site in curves
         if curve is not None and is_small(linear, site, curve)
     }
-    most = max([*closures.values(), *(item.closure for item in repeating if item)], default=0.0)
+    most = max([*closures.values(), *known])
     ranked = sorted(closures, key=lambda site: -closures[site])
     names = [name for name, formula in FORMULAS.items() if not formula.periodic]
     return [
