@@ -31,7 +31,7 @@ from pneumo_casadi.diagnosis.metrics.residual_size import (
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.diagnosis.select.complete import complete
-from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue, FitLedger
+from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue, FitLedger, Names
 from pneumo_casadi.diagnosis.select.forward_selection import Selection
 from pneumo_casadi.effects.term import Term, term_effect
 from pneumo_casadi.model.effect import Effect
@@ -133,14 +133,7 @@ def complete_term(
     explained = np.all(residual_rms(model[0]) < criteria.clean * levels.noise)
     if explained and not base[0].effects:  # neither is anything missing nor needless
         return alone
-    ledger = FitLedger(
-        study,
-        {**catalogue, NAME: term_effect(term.term)},
-        executor,
-        directions={k: each for k, each in selection.directions.items() if k != NAME},
-    )
-    begin = ledger.key((NAME, *base[0].effects))
-    ledger.fits[begin] = replace(model[0], effects=begin)
+    ledger, begin = _ledger_with(study, selection, term, model[0], catalogue, executor)
     done = complete(ledger, nominal, begin, levels)
     if NAME not in done.acting:  # effects of the catalogue do as well
         return None
@@ -156,6 +149,26 @@ def complete_term(
     if alone is None and not (closes >= 1 - criteria.unexplained and explains(beside, criteria)):
         return None
     return Discovery(beside, (whole, ledger.effects(done.acting)))
+
+
+def _ledger_with(
+    study: Study,
+    selection: Selection,
+    term: DiscoveredTerm,
+    fitted: FittedModel,
+    catalogue: Catalogue,
+    executor: Executor | None,
+) -> tuple[FitLedger, Names]:
+    """Return a ledger to which a term was added as an effect, and its model with the term."""
+    ledger = FitLedger(
+        study,
+        {**catalogue, NAME: term_effect(term.term)},
+        executor,
+        directions={k: each for k, each in selection.directions.items() if k != NAME},
+    )
+    names = ledger.key(fitted.effects)
+    ledger.fits[names] = replace(fitted, effects=names)
+    return ledger, names
 
 
 def _tell_beside(
