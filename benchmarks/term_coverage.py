@@ -106,10 +106,10 @@ def discovered(study: Study) -> DiscoveredTerm | None:
     """Return the term that the nominal model lacks, as a diagnosis tells it."""
     nominal = fit_model(study, ())
     term = discover_term(study, nominal, (), balance_levels(study))
+    if term is None:
+        return None
     model = fit_with_term(study, term, (nominal, ()))
-    if term is None or model is None:
-        return term
-    return told_as_fitted(term, without_noise_bias(study, *model))
+    return term if model is None else told_as_fitted(term, without_noise_bias(study, *model))
 
 
 def study(
