@@ -31,7 +31,7 @@ from pneumo_casadi.diagnosis.metrics.residual_size import (
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.diagnosis.select.complete import complete
-from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue, FitLedger, Names
+from pneumo_casadi.diagnosis.select.fit_ledger import FAULTS, Catalogue, FitLedger, Names
 from pneumo_casadi.diagnosis.select.forward_selection import Selection
 from pneumo_casadi.effects.term import Term, term_effect
 from pneumo_casadi.model.effect import Effect
@@ -134,7 +134,10 @@ def complete_term(
     if explained and not base[0].effects:  # neither is anything missing nor needless
         return alone
     ledger, begin = _ledger_with(study, selection, term, model[0], catalogue, executor)
-    done = complete(ledger, nominal, begin, levels)
+    try:
+        done = complete(ledger, nominal, begin, levels)
+    except FAULTS:  # a model with a term may have no usable derivatives
+        return alone
     if NAME not in done.acting:  # effects of the catalogue do as well
         return None
     if NAME not in done.named or done.acting == begin:

@@ -29,6 +29,11 @@ REPEATS = ("x", "t")
 NEVER_REPEAT = tuple(("t", sensor) for sensor in SENSORS)
 
 
+#: Formulas over time that no form of the catalogue can be: what drifts. A bump at one moment is an
+#: accident.
+DRIFTS = ("line", "line with level", "exponential", "exponential with level")
+
+
 @dataclass(frozen=True, eq=False)
 class Scored:
     """A formula with the share of the held-out gap that it closes.
@@ -62,7 +67,7 @@ def search(linear: Linearised, levels: BalanceLevels, foreign: bool = False) -> 
         Noise of the held-out records.
     foreign : bool, optional
         Whether only terms are looked for that no form of the catalogue can be: those that repeat
-        (a level besides would be a leak), and those over time in the force.
+        (a level besides would be a leak), and drifts of the force.
     """
     kind = linear.train.signals[0].axis.kind
     high = linear.train.sigma > levels.criteria.clean * levels.noise
@@ -81,29 +86,32 @@ def search(linear: Linearised, levels: BalanceLevels, foreign: bool = False) -> 
         if site.driver in REPEATS and (site.driver, site.balances[0]) not in NEVER_REPEAT
         for name in (leaks if site.factor == "p" else ("sine",))
     ]
+    names = [name for name, formula in FORMULAS.items() if not formula.periodic]
     if foreign:
         sites = [site for site in sites if site.driver == "t" and site.balances == ("force",)]
+        names = [name for name in names if name in DRIFTS]
     least = 1 - levels.criteria.unexplained if foreign else levels.criteria.share
-    scored += _search_curves(linear, score, sites, [least, *(x.closure for x in scored if x)])
+    near = max([least, *(x.closure for x in scored if x)])
+    scored += _search_curves(linear, score, sites, names, near)
     return in_order([item for item in scored if item is not None], levels.criteria.matters)
 
 
 def _search_curves(
-    linear: Linearised, score: "GapScore", sites: Sequence[Site], known: Sequence[float]
+    linear: Linearised,
+    score: "GapScore",
+    sites: Sequence[Site],
+    names: Sequence[str],
+    near: float,
 ) -> list[Scored | None]:
-    """Return all formulas that do not repeat, at the sites whose smooth curves close most.
-
-    `known` are the closures that a formula must come near.
-    """
+    """Return formulas at the sites whose smooth curves close most, and come near a closure."""
     curves = [(fit_curve(linear, site), site) for site in sites]
     closures = {
         site: score(site, curve.basis, curve.coefficients)
         for curve, site in curves
         if curve is not None and is_small(linear, site, curve)
     }
-    most = max([*closures.values(), *known])
+    most = max([*closures.values(), near])
     ranked = sorted(closures, key=lambda site: -closures[site])
-    names = [name for name, formula in FORMULAS.items() if not formula.periodic]
     return [
         _scored(linear, score, site, name)
         for site in ranked[:SITES]

@@ -46,6 +46,8 @@ PLACES: tuple[tuple[str, ...], ...] = (
 #: Speed below which an axis reverses rather than moves, as in `smoothed_motion` [m/s], and the
 #: time in which the memory of a reversal is cleared there [s].
 REVERSAL_SPEED, REVERSAL_TIME = 2e-3, 2e-3
+#: A fit may make a period or a width so many times smaller: at zero the formula has no value.
+SMALLEST = 100.0
 
 
 @dataclass(frozen=True)
@@ -226,7 +228,7 @@ def _parameters(term: Term) -> tuple[Parameter, ...]:
                 name,
                 null,
                 units[name],
-                lower=0.0 if name in ("period", "width") else -float("inf"),
+                lower=value / SMALLEST if name in ("period", "width") else -float("inf"),
                 scale=abs(value) or 1.0,
                 free=name not in (*law.held, *law.searched),
                 null=null,
