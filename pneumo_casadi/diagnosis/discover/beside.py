@@ -248,17 +248,15 @@ def find_rival_term(
     if discovery is None or discovery.model is None:
         return None
     kept = {effect.name for effect in discovery.model[1]}
-    if kept.issuperset(selection.named) or (hidden and not _simulates_better(selection, discovery)):
+    if kept.issuperset(selection.named):
         return None
-    return discovery
+    return None if hidden and not _simulates_better(selection, discovery.model) else discovery
 
 
-def _simulates_better(selection: Selection, discovery: Discovery) -> bool:
+def _simulates_better(selection: Selection, model: Model) -> bool:
     """Return whether less of the simulated gap is left by a term with what acts beside it.
 
     As much less as a further effect must leave.
     """
-    if discovery.model is None:
-        return False
-    left = selection.simulations.share(selection.nominal, *discovery.model)
+    left = selection.simulations.share(selection.nominal, *model)
     return left < selection.levels.criteria.closed * selection.gap_left[selection.chosen]
