@@ -27,25 +27,32 @@ Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 
 
 def kernel(function: Kernel) -> Kernel:
-    """Compile a function that other kernels call; it is compiled into them."""
-    return cast(Kernel, numba.njit(error_model="numpy")(function))
+    """Compile a function that other kernels call; it is compiled into them.
+
+    Python cannot call it: wrappers for that would take a sixth of the time of compiling.
+    """
+    return _compiled(function, no_cpython_wrapper=True, no_cfunc_wrapper=True)
 
 
 def entry(function: Kernel) -> Kernel:
     """Compile a function that Python calls, and keep the machine code for the next process."""
     folder = kernel_cache()
     if folder is None:
-        return kernel(function)
+        return _compiled(function)
     config: Any = numba.config
     before = config.CACHE_DIR
     try:
         config.CACHE_DIR = str(folder)  # read when the function is declared
-        return cast(Kernel, numba.njit(error_model="numpy", cache=True)(function))
+        return _compiled(function, cache=True)
     except RuntimeError as error:  # numba found no place that can be written
         logger.warning("kernels are not cached: %s", error)
-        return kernel(function)
+        return _compiled(function)
     finally:
         config.CACHE_DIR = before
+
+
+def _compiled(function: Kernel, **options: bool) -> Kernel:
+    return cast(Kernel, numba.njit(error_model="numpy", **options)(function))
 
 
 def kernel_cache() -> Path | None:

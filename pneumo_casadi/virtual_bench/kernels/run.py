@@ -30,7 +30,7 @@ from pneumo_casadi.virtual_bench.kernels.layout import (
     X,
 )
 from pneumo_casadi.virtual_bench.kernels.sensors import MEMORY, observe, quantised, settle
-from pneumo_casadi.virtual_bench.kernels.step import advance, rates
+from pneumo_casadi.virtual_bench.kernels.step import advance, copy, rates
 from pneumo_casadi.virtual_bench.kernels.valve import spool_targets
 
 
@@ -46,8 +46,8 @@ def initial_state(x: float, p_P: float, p_N: float, par: Any) -> Any:
         y[MASS_P], y[MASS_N] = p_P * V_P / (par.r * par.T), p_N * V_N / (par.r * par.T)
     y[P_SUPPLY], y[P_EXHAUST] = par.p_supply, par.p_ext
     y[TAP_P], y[TAP_N] = p_P, p_N
-    y[LINE_P : LINE_P + CELLS] = p_P
-    y[LINE_N : LINE_N + CELLS] = p_N
+    for i in range(CELLS):
+        y[LINE_P + i], y[LINE_N + i] = p_P, p_N
     return y
 
 
@@ -99,9 +99,9 @@ def run(
         control(shown, observed, x_ref[j], common[j], dt, par, remembered, row)
         spool_targets(t, row[:2], plays, target, par)
         if k >= 0:
-            rows[k] = row
+            copy(row, rows[k])
         if 0 <= k < states.shape[0]:
-            states[k] = y
+            copy(y, states[k])
             modes[k] = mode
             rates(t, y, work[0], par, mode, target, bristles)
             accelerations[k] = work[0, V]

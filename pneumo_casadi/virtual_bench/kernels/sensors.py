@@ -84,9 +84,10 @@ def observe(
 def settle(y: FloatArray, par: Any, memory: FloatArray, past: FloatArray) -> None:
     """Initialise the sensors for an axis at rest."""
     memory[CARRIAGE] = y[X]
-    past[:] = y[X]
+    for i in range(past.size):
+        past[i] = y[X]
     p_P, p_N, x = sensor_values(y, par, memory, past, 0)
-    past[:] = x
-    memory[CHANNEL : CHANNEL + 3] = p_P
-    memory[CHANNEL + 3 : CHANNEL + 6] = p_N
-    memory[CHANNEL + 6 : CHANNEL + 9] = x
+    for i in range(past.size):
+        past[i] = x
+    for i in range(3):
+        memory[CHANNEL + i], memory[CHANNEL + 3 + i], memory[CHANNEL + 6 + i] = p_P, p_N, x

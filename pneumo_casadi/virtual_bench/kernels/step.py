@@ -129,8 +129,12 @@ def tap_rates(at: int, p: float, y: FloatArray, dy: FloatArray, par: Any) -> Non
 
 @kernel
 def copy(source: FloatArray, target: FloatArray) -> None:
-    """Write a state (SIZE,) over another."""
-    for i in range(SIZE):
+    """Write an array over another of its length.
+
+    Numba takes half a second to compile an assignment to a slice, hence the loops here and
+    where sensors and lines are filled.
+    """
+    for i in range(target.size):
         target[i] = source[i]
 
 
