@@ -110,7 +110,7 @@ def build(output: Path, execute: bool) -> int:
             options += ["-D", "nb_execution_mode=off"]
         status = build_main([*options, str(source), str(site)])
         if status == 0:
-            missing = list(faults(site))
+            missing = list(faults(site, execute))
             sys.stderr.write("".join(f"{line}\n" for line in missing))
             status = min(len(missing), 1)
         if status == 0:

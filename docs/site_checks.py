@@ -25,13 +25,15 @@ NO_PAGE = ("__version__", "plot", "EFFECTS")
 FORMULAS = "explanation/model.html"
 
 
-def faults(site: Path) -> Iterator[str]:
+def faults(site: Path, executed: bool) -> Iterator[str]:
     """Say what a site lacks, a line each.
 
     Parameters
     ----------
     site : Path
         Folder of the site.
+    executed : bool
+        Whether its notebooks were executed, and must show figures and tables.
 
     Yields
     ------
@@ -55,6 +57,19 @@ def faults(site: Path) -> Iterator[str]:
         if not re.search(rf"pneumo-casadi {name}(?![\w-])", commands):
             yield f"{name}: is a command without help on the site"
     yield from _faults_of_formulas(site / FORMULAS)
+    if executed:
+        yield from _faults_of_outputs(site / "tutorials")
+
+
+def _faults_of_outputs(tutorials: Path) -> Iterator[str]:
+    """Say which notebooks show no figure or no table below their cells, or a warning."""
+    for path in sorted(tutorials.glob("[0-9]*.html")):
+        outputs = "".join(path.read_text("utf-8").split('class="cell_output')[1:])
+        for tag, shown in (("<img", "figure"), ("<table", "table")):
+            if tag not in outputs:
+                yield f"{path.name}: shows no {shown}"
+        if 'class="output stderr' in outputs:
+            yield f"{path.name}: shows a warning"
 
 
 def _faults_of_formulas(path: Path) -> Iterator[str]:

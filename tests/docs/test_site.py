@@ -13,7 +13,7 @@ FORMULA = '<div class="math notranslate nohighlight"></div>'
 
 @pytest.fixture
 def faults(script):
-    return lambda site: list(script(CHECKS).faults(site))
+    return lambda site, executed=False: list(script(CHECKS).faults(site, executed))
 
 
 @pytest.fixture
@@ -83,3 +83,14 @@ def test_formulas_that_no_script_draws_are_a_fault(site, faults):
     assert faults(site) == ["model.html: the script that draws formulas is not on the site"]
     (site / "explanation" / "model.html").write_text("", "utf-8")
     assert faults(site)[0] == "model.html: its formulas are missing"
+
+
+def test_an_executed_notebook_shows_a_figure_and_a_table_and_no_warning(site, faults):
+    page = site / "tutorials" / "00_your_csv.html"
+    page.parent.mkdir()
+    head = '<img src="logo.svg"><table></table>'
+    shown = '<img src="a.png"></div><div class="output stderr highlight">Warning: old</div>'
+    page.write_text(f'{head}<div class="cell_output docutils">{shown}', "utf-8")
+    assert faults(site) == []
+    expected = ["00_your_csv.html: shows no table", "00_your_csv.html: shows a warning"]
+    assert faults(site, executed=True) == expected
