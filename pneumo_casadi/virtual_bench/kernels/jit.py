@@ -51,7 +51,7 @@ def entry(function: Kernel) -> Kernel:
         config.CACHE_DIR = before
 
 
-def _compiled(function: Kernel, **options: bool) -> Kernel:
+def _compiled(function: Kernel, **options: Any) -> Kernel:
     return cast(Kernel, numba.njit(error_model="numpy", **options)(function))
 
 
