@@ -14,7 +14,8 @@ import casadi as ca
 from pneumo_casadi.model.along_record import (
     ArrayFunction,
     RecordFunction,
-    SampleFunction,
+    Recursion,
+    compile_recursion,
     compile_sample_functions,
 )
 from pneumo_casadi.model.axis import Axis
@@ -129,9 +130,10 @@ class BalanceCode:
         return along_record(functions)
 
     @cached_property
-    def step(self) -> SampleFunction:
+    def step(self) -> Recursion:
         """One sample of the effects' states, compiled: every sample needs the one before."""
-        return compile_sample_functions([self._step()])[0]
+        moving = (True, True, True, True, True, True, False, False, False)
+        return compile_recursion(self._step(), moving)
 
     def _step(self) -> ca.Function:
         """One sample of the effects' states: (z, x, x⁺, dx, dx⁺, u, h, c, θ) → z⁺.

@@ -15,7 +15,7 @@ from pneumo_casadi.estimation.equation_error.balance_code import (
     balance_code,
     constants_of,
 )
-from pneumo_casadi.model.along_record import RecordFunction, SampleFunction
+from pneumo_casadi.model.along_record import RecordFunction, Recursion
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.parameters import FloatArray, Parameters
@@ -123,7 +123,7 @@ class BalanceFunctions:
         return self._code.functions
 
     @property
-    def step(self) -> SampleFunction:
+    def step(self) -> Recursion:
         """States of the effects a sample later, ``(z, x, x_next, dx, dx_next, u, h, c, θ)``."""
         return self._code.step
 

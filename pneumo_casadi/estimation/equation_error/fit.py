@@ -155,7 +155,7 @@ def equation_error_costs(
     """Return the cost that `fit_equation_error` minimises, at some values of all parameters."""
     floor = default_residual_floor(axis) if residual_floor is None else residual_floor
     problem = Problem(BalanceFunctions(axis), motions, anchor, floor, False)
-    return [problem.cost(problem.residuals(theta), theta) for theta in starts]
+    return problem.costs(starts)
 
 
 def default_residual_floor(axis: Axis) -> FloatArray:

@@ -7,7 +7,10 @@ from functools import cached_property
 import numpy as np
 
 from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
-from pneumo_casadi.estimation.equation_error.residuals import balance_residuals, linearise_residuals
+from pneumo_casadi.estimation.equation_error.residuals import (
+    linearise_residuals,
+    residuals_of_variants,
+)
 from pneumo_casadi.estimation.equation_error.smoothed_motion import SmoothedMotion
 from pneumo_casadi.estimation.flow_anchor import Anchor
 from pneumo_casadi.estimation.gauss_newton import Damping, minimise_in_box
@@ -98,7 +101,16 @@ class Problem:
 
     def residuals(self, theta: FloatArray) -> tuple[FloatArray, ...]:
         """Return the residuals of the balances along each motion, (ne, m)."""
-        return tuple(balance_residuals(self.model, motion, theta) for motion in self.motions)
+        return self._residuals([theta])[0]
+
+    def costs(self, variants: Sequence[FloatArray]) -> list[float]:
+        """Return the cost at some values of all parameters, which are worked on side by side."""
+        residuals = self._residuals(variants)
+        return [self.cost(r, theta) for r, theta in zip(residuals, variants, strict=True)]
+
+    def _residuals(self, variants: Sequence[FloatArray]) -> list[tuple[FloatArray, ...]]:
+        by_motion = [residuals_of_variants(self.model, motion, variants) for motion in self.motions]
+        return list(zip(*by_motion, strict=True))
 
     def map_residuals(self, theta: FloatArray) -> FloatArray:
         """Return the residuals of the flow map over their standard deviation."""
@@ -174,19 +186,24 @@ class Problem:
 
     def take(self, linear: Linearised, step: Step, iteration: int) -> Trial:
         """Return the trial after a step, doubled in late iterations while that lowers the cost."""
-        best = self._at(linear.theta, step.delta)
+        if iteration < DOUBLE_FROM:
+            return self._trials(linear.theta, step.delta)[0]
         least_gain = DAMPING.accept * step.gain
-        if iteration < DOUBLE_FROM or not best.cost < linear.cost - least_gain:
+        best, trial = self._trials(linear.theta, step.delta, 2 * step.delta)
+        if not best.cost < linear.cost - least_gain:
             return best
         for power in range(1, 1 + MAX_DOUBLINGS):
-            trial = self._at(linear.theta, 2**power * step.delta)
             if not trial.cost < best.cost - least_gain:  # nor where it is no number
                 break
             best = trial
+            (trial,) = self._trials(linear.theta, 2 ** (power + 1) * step.delta)
         return best
 
-    def _at(self, theta: FloatArray, delta: FloatArray) -> Trial:
-        """Return the trial after a scaled step, within the bounds against rounding."""
-        ahead = theta.copy()
-        ahead[self.free] = np.clip(theta[self.free] + delta * self.scales, *self.bounds)
-        return Trial(ahead, self.cost(self.residuals(ahead), ahead))
+    def _trials(self, theta: FloatArray, *deltas: FloatArray) -> list[Trial]:
+        """Return the trials after scaled steps, within the bounds against rounding."""
+        reached = []
+        for delta in deltas:
+            ahead = theta.copy()
+            ahead[self.free] = np.clip(theta[self.free] + delta * self.scales, *self.bounds)
+            reached.append(ahead)
+        return [Trial(*each) for each in zip(reached, self.costs(reached), strict=True)]

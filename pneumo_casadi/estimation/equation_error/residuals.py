@@ -1,9 +1,7 @@
 """Residuals of the balances along a smoothed motion; states of the effects are simulated."""
 
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
@@ -12,7 +10,6 @@ from pneumo_casadi.estimation.equation_error.balance_functions import (
     any_sensor_effect,
 )
 from pneumo_casadi.estimation.equation_error.smoothed_motion import SmoothedMotion
-from pneumo_casadi.model.machine_code.calls import THREADS
 from pneumo_casadi.parameters import FloatArray
 
 #: Iterations that invert the effects of sensors, each accurate to one order more.
@@ -46,8 +43,17 @@ def balance_residuals(
     model: BalanceFunctions, data: SmoothedMotion, theta: FloatArray
 ) -> FloatArray:
     """Return the decimated residuals at some parameters, shape (ne, m)."""
-    (r,) = _undecimated(model, data, [theta])
-    return _removing_swings(model, data, theta)(data.averaged(r))
+    return residuals_of_variants(model, data, [theta])[0]
+
+
+def residuals_of_variants(
+    model: BalanceFunctions, data: SmoothedMotion, variants: Sequence[FloatArray]
+) -> list[FloatArray]:
+    """Return the decimated residuals for every variant of θ, each (ne, m)."""
+    return [
+        _removing_swings(model, data, theta)(data.averaged(r))
+        for theta, r in zip(variants, _undecimated(model, data, variants), strict=True)
+    ]
 
 
 def linearise_residuals(
@@ -225,27 +231,34 @@ def simulate_effect_states(
     """Simulate the states of the effects along the motions; (nz, N) for each variant of θ."""
     if not model.n_z:
         return [np.zeros((0, data.N))] * len(variants)
-    # Machine code runs without the interpreter: variants are simulated side by side.
-    with ThreadPoolExecutor(min(THREADS, len(variants))) as pool:
-        return list(pool.map(partial(_states_along, model, data), variants, motions))
-
-
-def _states_along(
-    model: BalanceFunctions, data: SmoothedMotion, theta: FloatArray, motion: Motion
-) -> FloatArray:
-    c, N = model.constant_values, data.N
-    first = (*(part[:, 0] for part in (*motion, data.u)), np.zeros(model.n_z), c, theta)
-    (at_rest,) = model.functions["rest"].evaluate(1, *first)
-    begin = at_rest[:, 0] + data.t[0] * model.clocks  # filters take the first samples of a record
-    now_and_next: list[FloatArray] = []
-    for part in motion:
-        longer = np.empty((len(part), N + 1), order="F")
-        longer[:, :N], longer[:, N] = part, part[:, -1]
-        now_and_next += [longer[:, :N], longer[:, 1:]]
     # From one row to the next an input that is held has both its values, half the time each.
     between = np.asfortranarray((data.u + np.hstack([data.u[:, 1:], data.u[:, -1:]])) / 2)
-    given = (begin, *now_and_next, between, np.array([data.dt]), c, theta)
-    return model.step.accumulate(N, *given)[:, :N]
+    constant = np.array([data.dt]), model.constant_values
+    driving = {id(motion): _now_and_next(motion) for motion in motions}
+    given = [
+        (_at_rest(model, data, theta, motion), *driving[id(motion)], between, *constant, theta)
+        for theta, motion in zip(variants, motions, strict=True)
+    ]
+    return [z[:, : data.N] for z in model.step.accumulate(data.N, given)]
+
+
+def _at_rest(
+    model: BalanceFunctions, data: SmoothedMotion, theta: FloatArray, motion: Motion
+) -> FloatArray:
+    """Return the states with which a record begins, (nz,)."""
+    first = (*(part[:, 0] for part in (*motion, data.u)), np.zeros(model.n_z))
+    (z,) = model.functions["rest"].evaluate(1, *first, model.constant_values, theta)
+    # The clock: filters take the first samples of a record.
+    return np.asarray(z[:, 0] + data.t[0] * model.clocks)
+
+
+def _now_and_next(motion: Motion) -> list[FloatArray]:
+    """Return both parts of a motion at every sample and at the next one."""
+    both = []
+    for part in motion:
+        longer = np.asfortranarray(np.column_stack([part, part[:, -1]]))
+        both += [longer[:, :-1], longer[:, 1:]]
+    return both
 
 
 def _corrected(

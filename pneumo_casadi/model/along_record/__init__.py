@@ -6,6 +6,7 @@ from pneumo_casadi.model.along_record.mapped_function import (
     evaluated_without_compiling,
 )
 from pneumo_casadi.model.along_record.record_function import RecordFunction
+from pneumo_casadi.model.along_record.recursion import Recursion, compile_recursion
 from pneumo_casadi.model.along_record.sample_function import (
     SampleFunction,
     compile_sample_functions,
@@ -15,7 +16,9 @@ __all__ = [
     "ArrayFunction",
     "MappedFunction",
     "RecordFunction",
+    "Recursion",
     "SampleFunction",
+    "compile_recursion",
     "compile_sample_functions",
     "evaluated_without_compiling",
 ]

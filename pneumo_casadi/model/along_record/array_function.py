@@ -14,6 +14,7 @@ import casadi as ca
 import numpy as np
 
 from pneumo_casadi.model.along_record.record_function import RecordFunction, without_repetition
+from pneumo_casadi.model.machine_code.operations import Program, consists_of, program_of
 from pneumo_casadi.parameters import FloatArray
 
 #: Samples that are worked on at once: their arrays stay in the processor's cache.
@@ -94,31 +95,6 @@ class _Line:
 
 
 @dataclass(frozen=True, slots=True)
-class _Program:
-    """A function as operations on numbered values, each value given once.
-
-    Parameters
-    ----------
-    inputs : tuple of (int, int, int)
-        Value, input and row.
-    constants : tuple of (int, float)
-        Value and number.
-    lines : tuple of _Line
-        In order.
-    outputs : tuple of (int, int, int)
-        Output, row and value.
-    size : int
-        Number of values.
-    """
-
-    inputs: tuple[tuple[int, int, int], ...]
-    constants: tuple[tuple[int, float], ...]
-    lines: tuple[_Line, ...]
-    outputs: tuple[tuple[int, int, int], ...]
-    size: int
-
-
-@dataclass(frozen=True, slots=True)
 class _Plan:
     """Which lines are done once, which for every block, and where their results are kept.
 
@@ -160,10 +136,7 @@ class ArrayFunction(RecordFunction):
     @staticmethod
     def suits(function: ca.Function) -> bool:
         """Tell whether a function is made of operations that are known here."""
-        if not function.is_a("SXFunction"):
-            return False
-        known = {*_OPERATIONS, ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST}
-        return all(function.instruction_id(k) in known for k in range(function.n_instructions()))
+        return consists_of(function, frozenset(_OPERATIONS))
 
     def _evaluate(self, N: int, given: Sequence[FloatArray]) -> tuple[FloatArray, ...]:
         f, program = self.function, self._program
@@ -203,28 +176,8 @@ class ArrayFunction(RecordFunction):
             values[line.result] = arrays[buffer]
 
     @cached_property
-    def _program(self) -> _Program:
-        """The function's operations, every result a value of its own."""
-        f = without_repetition(self.function)
-        held: dict[int, int] = {}  # value in each of CasADi's registers, which are used again
-        inputs, constants, lines, outputs = [], [], [], []
-        for k in range(f.n_instructions()):
-            operation, given = f.instruction_id(k), f.instruction_input(k)
-            result = f.instruction_output(k)
-            if operation == ca.OP_OUTPUT:
-                outputs.append((result[0], result[1], held[given[0]]))
-                continue
-            if operation == ca.OP_INPUT:
-                inputs.append((k, given[0], given[1]))
-            elif operation == ca.OP_CONST:
-                constants.append((k, f.instruction_constant(k)))
-            else:
-                known = tuple(held[register] for register in given)
-                lines.append(_Line(_OPERATIONS[operation], known, k))
-            held[result[0]] = k
-        return _Program(
-            tuple(inputs), tuple(constants), tuple(lines), tuple(outputs), f.n_instructions()
-        )
+    def _program(self) -> Program:
+        return program_of(without_repetition(self.function))
 
     @cached_property
     def _plans(self) -> Callable[[tuple[bool, ...]], _Plan]:
@@ -232,11 +185,12 @@ class ArrayFunction(RecordFunction):
         return cache(lambda shared: _plan(program, shared))
 
 
-def _plan(program: _Program, shared: Sequence[bool]) -> _Plan:
+def _plan(program: Program, shared: Sequence[bool]) -> _Plan:
     """Return the plan of a program of which some inputs are shared by all samples."""
     moving = {value for value, i, _ in program.inputs if not shared[i]}
     once, repeated = [], []
-    for line in program.lines:
+    for each in program.lines:
+        line = _Line(_OPERATIONS[each.operation], each.given, each.result)
         if moving.isdisjoint(line.given):
             once.append(line)
         else:

@@ -35,13 +35,14 @@ class RecordFunction:
         tuple of (n, N) array
             One per output, a matrix column after column.
         """
-        self._check(N, given)
+        self.check(N, given)
         return self._evaluate(N, given)
 
     def _evaluate(self, N: int, given: Sequence[FloatArray]) -> tuple[FloatArray, ...]:
         raise NotImplementedError
 
-    def _check(self, N: int, given: Sequence[FloatArray]) -> None:
+    def check(self, N: int, given: Sequence[FloatArray]) -> None:
+        """Raise ValueError if inputs for N samples have other shapes than the function."""
         for i, a in enumerate(given):
             n = self.function.numel_in(i)
             if a.shape[0] != n or (a.ndim == 2 and a.shape[1] < N):

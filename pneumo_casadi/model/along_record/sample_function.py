@@ -78,7 +78,7 @@ class SampleFunction(RecordFunction):
         (n, N + 1) array
             The start, and what every sample gave.
         """
-        self._check(N, given)
+        self.check(N, given)
         n = self._sizes_out[0]
         if self.library is None:
             whole = [self._for_all(i, a, N) for i, a in enumerate(given) if i]

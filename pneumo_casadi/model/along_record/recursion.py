@@ -1,0 +1,128 @@
+"""Recursions over the samples of a record, several variants side by side in machine code."""
+
+import ctypes
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from pneumo_casadi.model.along_record.record_function import without_repetition
+from pneumo_casadi.model.along_record.sample_function import (
+    SampleFunction,
+    compile_sample_functions,
+)
+from pneumo_casadi.model.machine_code.calls import THREADS
+from pneumo_casadi.model.machine_code.compilation import build_library
+from pneumo_casadi.model.machine_code.lane_code import LANES, recursion_code, runs_in_lanes
+from pneumo_casadi.parameters import FloatArray
+
+#: The inputs of a function along a record, one array each.
+Inputs = Sequence[FloatArray]
+
+
+@dataclass(frozen=True, eq=False)
+class Recursion:
+    """A function whose first input is what it gave for the last sample.
+
+    Parameters
+    ----------
+    sample : SampleFunction
+        The function; it is run by itself where there is no code for variants side by side.
+    moving : sequence of bool
+        Whether an input may change from sample to sample, for each.
+    recur : callable, optional
+        That code, as `recursion_code` writes it.
+    """
+
+    sample: SampleFunction
+    moving: Sequence[bool]
+    recur: Any = None
+
+    def accumulate(self, N: int, variants: Sequence[Inputs]) -> list[FloatArray]:
+        """Run N samples of each variant.
+
+        Parameters
+        ----------
+        N : int
+            Number of samples.
+        variants : sequence of sequence of array
+            The inputs of each: first the start (n,), then (n, N), or (n,) where all samples have
+            the same.
+
+        Returns
+        -------
+        list of (n, N + 1) array
+            The start, and what every sample gave.
+
+        Raises
+        ------
+        ValueError
+            If an input has another shape, or changes from sample to sample in some variants only.
+        """
+        for given in variants:
+            self.sample.check(N, given)
+        changing = {tuple(a.ndim == 2 for a in given[1:]) for given in variants}
+        if len(changing) > 1 or any(a > b for a, b in zip(*changing, self.moving[1:], strict=True)):
+            raise ValueError("an input changes from sample to sample that must not, or not in all")
+        width = LANES if self.recur is not None else 1
+        groups = [variants[k : k + width] for k in range(0, len(variants), width)]
+        run: Callable[[Sequence[Inputs]], list[FloatArray]] = partial(
+            self._side_by_side if self.recur is not None else self._alone, N
+        )
+        if len(groups) == 1:
+            return run(groups[0])
+        # Machine code runs without the interpreter, so that threads run beside each other.
+        with ThreadPoolExecutor(min(THREADS, len(groups))) as pool:
+            return [states for group in pool.map(run, groups) for states in group]
+
+    def _alone(self, N: int, variants: Sequence[Inputs]) -> list[FloatArray]:
+        return [self.sample.accumulate(N, *given) for given in variants]
+
+    def _side_by_side(self, N: int, variants: Sequence[Inputs]) -> list[FloatArray]:
+        arrays = [[np.asarray(a, dtype=float, order="F") for a in given] for given in variants]
+        results = [np.empty((len(given[0]), N + 1), order="F") for given in arrays]
+        for states, given in zip(results, arrays, strict=True):
+            states[:, 0] = given[0]
+        sizes = [0 if a.ndim == 1 else len(a) for a in arrays[0]]
+        # Lanes without a variant of their own repeat the last one.
+        lanes = [min(lane, len(variants) - 1) for lane in range(LANES)]
+        tables = (
+            np.array([arrays[k][i].ctypes.data for i in range(len(sizes)) for k in lanes], np.intp),
+            np.array(sizes, np.int64),
+            np.array([results[k].ctypes.data for k in lanes], np.intp),
+        )
+        self.recur(ctypes.c_longlong(N), *(ctypes.c_void_p(a.ctypes.data) for a in tables))
+        return results
+
+
+def compile_recursion(function: ca.Function, moving: Sequence[bool]) -> Recursion:
+    """Return a function to be run from sample to sample, compiled where that is possible.
+
+    Parameters
+    ----------
+    function : casadi.Function
+        With dense inputs and one dense output, of the size of its first input.
+    moving : sequence of bool
+        Whether an input may change from sample to sample, for each.
+
+    Examples
+    --------
+    >>> x, h = ca.SX.sym("x"), ca.SX.sym("h")
+    >>> decay = compile_recursion(ca.Function("decay", [x, h], [x - h * x]), (True, False))
+    >>> slow, fast = decay.accumulate(3, [(np.ones(1), np.array([h])) for h in (0.5, 0.25)])
+    >>> slow
+    array([[1.   , 0.5  , 0.25 , 0.125]])
+    >>> fast
+    array([[1.      , 0.75    , 0.5625  , 0.421875]])
+    """
+    lean = without_repetition(function)
+    if runs_in_lanes(lean):
+        library = build_library(recursion_code(lean, moving))
+        if library is not None:
+            return Recursion(SampleFunction(lean, None), moving, ctypes.CDLL(str(library)).recur)
+    (sample,) = compile_sample_functions([function])
+    return Recursion(sample, moving)
