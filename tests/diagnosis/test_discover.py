@@ -9,6 +9,7 @@ import pytest
 from pneumo_casadi.data import ForceBench, InputHold, NestedController, Recording, read_case
 from pneumo_casadi.diagnosis import Verdict, diagnose
 from pneumo_casadi.diagnosis.discover.discover import discover_term, propose_term
+from pneumo_casadi.diagnosis.discover.discovered import causes_in
 from pneumo_casadi.diagnosis.discover.joint_fit import fit_jointly
 from pneumo_casadi.diagnosis.discover.linearised import linearise
 from pneumo_casadi.diagnosis.discover.periods import periodogram, sine_removes
@@ -160,6 +161,11 @@ def test_unlisted_causes_of_another_program_are_told(data_folder, case, seconds,
     for name, value in known.items():
         assert term.parameters[name].value == pytest.approx(value, rel=0.01)
     assert term.closes.lower > 0.85
+
+
+def test_what_acts_beside_a_term_is_told_by_its_cause():
+    effects = [EFFECTS[n]() for n in ("valve_null_shift_warming", "hose_volume", "hose")]
+    assert causes_in(effects) == ("valve_null_shift", "hose")
 
 
 FEW = {name: EFFECTS[name] for name in ("spring_load", "leakage_N", "elastic_load")}

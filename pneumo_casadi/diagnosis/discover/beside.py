@@ -18,7 +18,7 @@ from pneumo_casadi.diagnosis.discover.discover import (
     explains,
     propose_term,
 )
-from pneumo_casadi.diagnosis.discover.discovered import DiscoveredTerm
+from pneumo_casadi.diagnosis.discover.discovered import DiscoveredTerm, causes_in
 from pneumo_casadi.diagnosis.discover.formula_fits import refit_shape
 from pneumo_casadi.diagnosis.discover.linearised import linearise
 from pneumo_casadi.diagnosis.discover.sites import Site
@@ -197,7 +197,7 @@ def _tell_beside(
     shape = {name: whole.values[f"{term.name}.{name}"] for name in term.law.shape}
     curve = curve_of(linear, refit_shape(linear, site, term.law, shape))
     closes = balance_closure(without, whole, levels)
-    return told_as_fitted(DiscoveredTerm(term, {}, closes, without.effects, curve), whole)
+    return told_as_fitted(DiscoveredTerm(term, {}, closes, causes_in(effects), curve), whole)
 
 
 def find_rival_term(

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from pneumo_casadi.diagnosis.discover.curves import curve_of
-from pneumo_casadi.diagnosis.discover.discovered import DiscoveredTerm
+from pneumo_casadi.diagnosis.discover.discovered import DiscoveredTerm, causes_in
 from pneumo_casadi.diagnosis.discover.joint_fit import fit_jointly
 from pneumo_casadi.diagnosis.discover.linearised import linearise
 from pneumo_casadi.diagnosis.discover.search import search
@@ -81,4 +81,5 @@ def propose_term(
     if closes.value < least or closes.lower <= 0 or not np.all(np.isfinite(list(values.values()))):
         return None
     term = Term(NAME, site.balances, site.factor, site.driver, formula.name, values)
-    return DiscoveredTerm(term, joint.std, closes, base.effects, curve_of(joint.linear, joint.fit))
+    curve = curve_of(joint.linear, joint.fit)
+    return DiscoveredTerm(term, joint.std, closes, causes_in(effects), curve)

@@ -1,12 +1,13 @@
 """What a diagnosis tells of a discovered term."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from pneumo_casadi.diagnosis.metrics.findings import Closure, Value
 from pneumo_casadi.diagnosis.metrics.location import Location
 from pneumo_casadi.effects.term import Term
+from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.parameters import FloatArray
 
 #: Standard deviations from the estimate to an end of the 95 % interval.
@@ -33,6 +34,11 @@ class TermCurve:
     formula: FloatArray
 
 
+def causes_in(effects: Iterable[Effect]) -> tuple[str, ...]:
+    """Return the causes of effects, whatever their forms, each once."""
+    return tuple(dict.fromkeys(effect.cause for effect in effects))
+
+
 @dataclass(frozen=True, eq=False)
 class DiscoveredTerm:
     """A term outside the catalogue that closes a part of the gap.
@@ -46,7 +52,7 @@ class DiscoveredTerm:
     closes : Closure
         Of the held-out gap of the balances, over the model `beside` without the term.
     beside : tuple of str
-        Effects of the catalogue in the model to which the term was added.
+        Causes of the catalogue in the model to which the term was added.
     curve : TermCurve
         The term without a formula.
     """
