@@ -20,8 +20,12 @@ def test_a_discovered_term_is_measured_as_an_effect_is(made_case):
     nominal, final = fit_model(study, ()), fit_model(study, stribeck)
     done = Simulations(study)
     levels = balance_levels(study)
-    gap, _ = simulated_gap(done, nominal, final, stribeck, levels)
-    assert gap.before > 2 * gap.after > 0
+    gap, notes = simulated_gap(done, nominal, final, stribeck, levels)
+    assert gap.before > 2 * gap.after > 0 and not notes
+
+    worse = replace(final, values={**final.values, "stribeck.delta_F": 80.0})
+    _, notes = simulated_gap(done, nominal, worse, stribeck, levels)
+    assert ["farther off" in note for note in notes] == [True]
 
     same = gap_with_term(done, gap, (nominal, ()), levels)
     assert same.with_term == pytest.approx(gap.before)

@@ -161,6 +161,11 @@ def simulated_gap(
     floor = np.array(list(noise.values()))
     closed = _closure(before, after, floor)
     gaps = _overall_gap(before, floor), _overall_gap(after, floor)
+    if closed.upper < 0:
+        notes.append(
+            f"with the effects, simulations of held-out records are farther off ({gaps[1]:.2g} %) "
+            f"than without ({gaps[0]:.2g} %), though balances are met better: do not use their sizes"
+        )
     return Gap(*gaps, combined_gap(floor), closed, views), tuple(notes)
 
 
