@@ -164,7 +164,7 @@ def simulated_gap(
     if closed.upper < 0:
         notes.append(
             f"with the effects, simulations of held-out records are farther off ({gaps[1]:.2g} %) "
-            f"than without ({gaps[0]:.2g} %), though balances are met better: do not use their sizes"
+            f"than without ({gaps[0]:.2g} %), but balances are met better: do not use their sizes"
         )
     return Gap(*gaps, combined_gap(floor), closed, views), tuple(notes)
 
