@@ -14,6 +14,7 @@ from pneumo_casadi.estimation.equation_error.residuals import (
 from pneumo_casadi.estimation.equation_error.smoothed_motion import SmoothedMotion
 from pneumo_casadi.estimation.flow_anchor import Anchor
 from pneumo_casadi.estimation.gauss_newton import Damping, minimise_in_box
+from pneumo_casadi.model.machine_code.lane_code import LANES
 from pneumo_casadi.parameters import FloatArray
 
 #: Decrease of the cost per row that ends the iteration, where no other is asked for.
@@ -104,9 +105,13 @@ class Problem:
         return self._residuals([theta])[0]
 
     def costs(self, variants: Sequence[FloatArray]) -> list[float]:
-        """Return the cost at some values of all parameters, which are worked on side by side."""
-        residuals = self._residuals(variants)
-        return [self.cost(r, theta) for r, theta in zip(residuals, variants, strict=True)]
+        """Return the cost at some values of all parameters, as many at once as run side by side."""
+        costs = []
+        for k in range(0, len(variants), LANES):
+            some = variants[k : k + LANES]
+            pairs = zip(self._residuals(some), some, strict=True)
+            costs += [self.cost(r, theta) for r, theta in pairs]
+        return costs
 
     def _residuals(self, variants: Sequence[FloatArray]) -> list[tuple[FloatArray, ...]]:
         by_motion = [residuals_of_variants(self.model, motion, variants) for motion in self.motions]
