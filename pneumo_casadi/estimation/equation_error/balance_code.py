@@ -132,7 +132,7 @@ class BalanceCode:
     @cached_property
     def step(self) -> Recursion:
         """One sample of the effects' states, compiled: every sample needs the one before."""
-        moving = (True, True, True, True, True, True, False, False, False)
+        moving = (True, True, True, True, True, False, False, False)  # h, c and θ do not
         return compile_recursion(self._step(), moving)
 
     def _step(self) -> ca.Function:

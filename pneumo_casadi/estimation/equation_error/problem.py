@@ -198,10 +198,11 @@ class Problem:
         if not best.cost < linear.cost - least_gain:
             return best
         for power in range(1, 1 + MAX_DOUBLINGS):
+            if power > 1:
+                (trial,) = self._trials(linear.theta, 2**power * step.delta)
             if not trial.cost < best.cost - least_gain:  # nor where it is no number
                 break
             best = trial
-            (trial,) = self._trials(linear.theta, 2 ** (power + 1) * step.delta)
         return best
 
     def _trials(self, theta: FloatArray, *deltas: FloatArray) -> list[Trial]:
@@ -211,4 +212,6 @@ class Problem:
             ahead = theta.copy()
             ahead[self.free] = np.clip(theta[self.free] + delta * self.scales, *self.bounds)
             reached.append(ahead)
-        return [Trial(*each) for each in zip(reached, self.costs(reached), strict=True)]
+        with np.errstate(over="ignore", invalid="ignore"):  # a trial may run away
+            costs = self.costs(reached)
+        return [Trial(theta, cost) for theta, cost in zip(reached, costs, strict=True)]

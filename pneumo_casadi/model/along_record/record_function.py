@@ -45,7 +45,7 @@ class RecordFunction:
         """Raise ValueError if inputs for N samples have other shapes than the function."""
         for i, a in enumerate(given):
             n = self.function.numel_in(i)
-            if a.shape[0] != n or (a.ndim == 2 and a.shape[1] < N):
+            if a.ndim not in (1, 2) or a.shape[0] != n or (a.ndim == 2 and a.shape[1] < N):
                 raise ValueError(
                     f"{self.function.name()}: input {i} has shape {a.shape}, expected "
                     f"{(n, N)} or {(n,)}"

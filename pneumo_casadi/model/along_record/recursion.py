@@ -33,7 +33,7 @@ class Recursion:
     sample : SampleFunction
         The function; it is run by itself where there is no code for variants side by side.
     moving : sequence of bool
-        Whether an input may change from sample to sample, for each.
+        Whether an input may change from sample to sample, for each after the first.
     recur : callable, optional
         That code, as `recursion_code` writes it.
     """
@@ -63,11 +63,12 @@ class Recursion:
         ValueError
             If an input has another shape, or changes from sample to sample in some variants only.
         """
+        if not variants:
+            return []
         for given in variants:
-            self.sample.check(N, given)
-        changing = {tuple(a.ndim == 2 for a in given[1:]) for given in variants}
-        if len(changing) > 1 or any(a > b for a, b in zip(*changing, self.moving[1:], strict=True)):
-            raise ValueError("an input changes from sample to sample that must not, or not in all")
+            self._check(N, given)
+        if len({tuple(a.ndim for a in given) for given in variants}) > 1:
+            raise ValueError("an input changes from sample to sample in some variants only")
         width = LANES if self.recur is not None else 1
         groups = [variants[k : k + width] for k in range(0, len(variants), width)]
         run: Callable[[Sequence[Inputs]], list[FloatArray]] = partial(
@@ -79,6 +80,14 @@ class Recursion:
         with ThreadPoolExecutor(min(THREADS, len(groups))) as pool:
             return [states for group in pool.map(run, groups) for states in group]
 
+    def _check(self, N: int, given: Inputs) -> None:
+        if len(given) != 1 + len(self.moving):
+            raise ValueError(f"{len(given)} inputs, expected {1 + len(self.moving)}")
+        self.sample.check(N, given)
+        for i, (a, may_move) in enumerate(zip(given, (False, *self.moving), strict=True)):
+            if a.ndim == 2 and not may_move:
+                raise ValueError(f"input {i} changes from sample to sample, which it must not")
+
     def _alone(self, N: int, variants: Sequence[Inputs]) -> list[FloatArray]:
         return [self.sample.accumulate(N, *given) for given in variants]
 
@@ -88,14 +97,15 @@ class Recursion:
         for states, given in zip(results, arrays, strict=True):
             states[:, 0] = given[0]
         sizes = [0 if a.ndim == 1 else len(a) for a in arrays[0]]
-        # Lanes without a variant of their own repeat the last one.
+        # Lanes without a variant of their own read the inputs of the last one.
         lanes = [min(lane, len(variants) - 1) for lane in range(LANES)]
         tables = (
             np.array([arrays[k][i].ctypes.data for i in range(len(sizes)) for k in lanes], np.intp),
             np.array(sizes, np.int64),
-            np.array([results[k].ctypes.data for k in lanes], np.intp),
+            np.array([states.ctypes.data for states in results], np.intp),
         )
-        self.recur(ctypes.c_longlong(N), *(ctypes.c_void_p(a.ctypes.data) for a in tables))
+        counts = (ctypes.c_longlong(n) for n in (N, len(variants)))
+        self.recur(*counts, *(ctypes.c_void_p(a.ctypes.data) for a in tables))
         return results
 
 
@@ -107,18 +117,27 @@ def compile_recursion(function: ca.Function, moving: Sequence[bool]) -> Recursio
     function : casadi.Function
         With dense inputs and one dense output, of the size of its first input.
     moving : sequence of bool
-        Whether an input may change from sample to sample, for each.
+        Whether an input may change from sample to sample, for each after the first.
+
+    Raises
+    ------
+    ValueError
+        If the function is of another form.
 
     Examples
     --------
     >>> x, h = ca.SX.sym("x"), ca.SX.sym("h")
-    >>> decay = compile_recursion(ca.Function("decay", [x, h], [x - h * x]), (True, False))
+    >>> decay = compile_recursion(ca.Function("decay", [x, h], [x - h * x]), (False,))
     >>> slow, fast = decay.accumulate(3, [(np.ones(1), np.array([h])) for h in (0.5, 0.25)])
     >>> slow
     array([[1.   , 0.5  , 0.25 , 0.125]])
     >>> fast
     array([[1.      , 0.75    , 0.5625  , 0.421875]])
     """
+    dense = [function.sparsity_in(i).is_dense() for i in range(function.n_in())]
+    one_result = function.n_out() == 1 and function.sparsity_out(0) == function.sparsity_in(0)
+    if not all(dense) or not one_result or len(moving) != function.n_in() - 1:
+        raise ValueError(f"{function.name()}: its one output must be dense, as its first input is")
     lean = without_repetition(function)
     if runs_in_lanes(lean):
         library = build_library(recursion_code(lean, moving))

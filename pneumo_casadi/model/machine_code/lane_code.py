@@ -1,8 +1,9 @@
 """C code of a recursion that runs several variants side by side.
 
 A processor works on four numbers as fast as on one. Here each number of a function of SX is a
-vector of one number a variant: variants of a model, with other parameters, are simulated together,
-at less than half of the price of each alone. What no sample changes is computed before the first.
+vector of one number a variant: variants of a model, with other parameters, are simulated together.
+Sums, products, quotients and roots then cost hardly more than those of one; exponentials and the
+like are computed one after another. What no sample changes is computed before the first.
 """
 
 from collections.abc import Sequence
@@ -10,7 +11,7 @@ from math import isfinite, isnan
 
 import casadi as ca
 
-from pneumo_casadi.model.machine_code.operations import Line, Program, consists_of, program_of
+from pneumo_casadi.model.machine_code.operations import Line, consists_of, program_of
 
 #: Variants side by side: what fits into a register of most processors.
 LANES = 4
@@ -26,8 +27,8 @@ _OPERATORS = {
     ca.OP_INV: "one / {a}",
     ca.OP_FABS: "CHOSEN(~SIGN, {a})",
     ca.OP_SIGN: "EITHER({a} > zero, one, EITHER({a} < zero, -one, {a}))",
-    ca.OP_FMIN: "EITHER({a} < {b}, {a}, {b})",
-    ca.OP_FMAX: "EITHER({a} > {b}, {a}, {b})",
+    ca.OP_FMIN: "EITHER(({a} < {b}) | ({b} != {b}), {a}, {b})",  # where one is no number, the other
+    ca.OP_FMAX: "EITHER(({a} > {b}) | ({b} != {b}), {a}, {b})",
     ca.OP_LT: "CHOSEN({a} < {b}, one)",
     ca.OP_LE: "CHOSEN({a} <= {b}, one)",
     ca.OP_EQ: "CHOSEN({a} == {b}, one)",
@@ -37,49 +38,53 @@ _OPERATORS = {
     ca.OP_OR: "CHOSEN(({a} != zero) | ({b} != zero), one)",
     ca.OP_IF_ELSE_ZERO: "CHOSEN({a} != zero, {b})",
 }
-#: Of C's own functions, which take one number after another.
-_FUNCTIONS = {
-    ca.OP_SQRT: "sqrt({a}[l])",
-    ca.OP_EXP: "exp({a}[l])",
-    ca.OP_LOG: "log({a}[l])",
-    ca.OP_POW: "pow({a}[l], {b}[l])",
-    ca.OP_CONSTPOW: "pow({a}[l], {b}[l])",
-    ca.OP_SIN: "sin({a}[l])",
-    ca.OP_COS: "cos({a}[l])",
-    ca.OP_TAN: "tan({a}[l])",
-    ca.OP_ASIN: "asin({a}[l])",
-    ca.OP_ACOS: "acos({a}[l])",
-    ca.OP_ATAN: "atan({a}[l])",
-    ca.OP_ATAN2: "atan2({a}[l], {b}[l])",
-    ca.OP_TANH: "tanh({a}[l])",
-    ca.OP_SINH: "sinh({a}[l])",
-    ca.OP_COSH: "cosh({a}[l])",
-    ca.OP_LOG1P: "log1p({a}[l])",
-    ca.OP_EXPM1: "expm1({a}[l])",
-    ca.OP_HYPOT: "hypot({a}[l], {b}[l])",
-    ca.OP_FLOOR: "floor({a}[l])",
-    ca.OP_CEIL: "ceil({a}[l])",
+#: C's functions that processors have for several numbers at once, and those that they have not.
+_AT_ONCE = {
+    ca.OP_SQRT: "sqrt({a}[i])",
+    ca.OP_FLOOR: "floor({a}[i])",
+    ca.OP_CEIL: "ceil({a}[i])",
 }
-_KNOWN = frozenset({*_OPERATORS, *_FUNCTIONS})
+_ONE_BY_ONE = {
+    ca.OP_EXP: "exp({a}[i])",
+    ca.OP_LOG: "log({a}[i])",
+    ca.OP_POW: "pow({a}[i], {b}[i])",
+    ca.OP_CONSTPOW: "pow({a}[i], {b}[i])",
+    ca.OP_SIN: "sin({a}[i])",
+    ca.OP_COS: "cos({a}[i])",
+    ca.OP_TAN: "tan({a}[i])",
+    ca.OP_ASIN: "asin({a}[i])",
+    ca.OP_ACOS: "acos({a}[i])",
+    ca.OP_ATAN: "atan({a}[i])",
+    ca.OP_ATAN2: "atan2({a}[i], {b}[i])",
+    ca.OP_TANH: "tanh({a}[i])",
+    ca.OP_SINH: "sinh({a}[i])",
+    ca.OP_COSH: "cosh({a}[i])",
+    ca.OP_LOG1P: "log1p({a}[i])",
+    ca.OP_EXPM1: "expm1({a}[i])",
+    ca.OP_HYPOT: "hypot({a}[i], {b}[i])",
+}
+_KNOWN = frozenset({*_OPERATORS, *_AT_ONCE, *_ONE_BY_ONE})
 
 _CODE = """\
 #include <math.h>
 #define LANES {lanes}
-#define EACH(l) for (int l = 0; l < LANES; ++l)
+#define EACH for (int i = 0; i < LANES; ++i)
+#define USED for (int i = 0; i < used; ++i)
 typedef double numbers __attribute__((vector_size(8 * LANES)));
 typedef long long bits __attribute__((vector_size(8 * LANES)));
 #define SIGN ((bits)(-zero))
 #define CHOSEN(mask, a) ((numbers)((bits)(a) & (mask)))
 #define EITHER(mask, a, b) ((numbers)(((bits)(a) & (mask)) | ((bits)(b) & ~(mask))))
 
-void recur(long long N, const double* const* in, const long long* in_step, double* const* out) {{
+void recur(long long N, long long used, const double* const* in, const long long* in_step,
+           double* const* out) {{
   const numbers zero = {{0}}, one = zero + 1.0;
-  numbers z[{size}];
-  EACH(l) for (int i = 0; i < {size}; ++i) z[i][l] = out[l][i];
+  numbers z[{size}] = {{{{0}}}};
+  USED for (int k = 0; k < {size}; ++k) z[k][i] = out[i][k];
 {before}
   for (long long n = 0; n < N; ++n) {{
 {each}
-    EACH(l) for (int i = 0; i < {size}; ++i) out[l][(n + 1) * {size} + i] = z[i][l];
+    USED for (int k = 0; k < {size}; ++k) out[i][(n + 1) * {size} + k] = z[k][i];
   }}
 }}
 """
@@ -98,17 +103,19 @@ def recursion_code(function: ca.Function, moving: Sequence[bool]) -> str:
     function : casadi.Function
         Made of SX, of one output: what the first input is for the next sample.
     moving : sequence of bool
-        Whether an input changes from sample to sample, for each.
+        Whether an input may change from sample to sample, for each after the first.
 
     Returns
     -------
     str
-        Of ``recur(N, in, in_step, out)``: N samples; the inputs of all variants, those of the
-        first input before those of the second; how many numbers each moves on by from sample to
-        sample; and for every variant where its results go, the start first.
+        Of ``recur(N, used, in, in_step, out)``: N samples; how many variants there are, at most
+        `LANES`; the inputs of `LANES` variants, those of the first input before those of the
+        second; how many numbers each moves on by from sample to sample; and for every variant
+        where its results go, the start first.
     """
     program = program_of(function)
-    changing = {value for value, i, _ in program.inputs if moving[i]}
+    changes = (True, *moving)
+    changing = {value for value, i, _ in program.inputs if changes[i]}
     before, each = [], []
     for value, number in program.constants:
         before.append(f"  const numbers v{value} = zero + {_literal(number)};")
@@ -116,35 +123,34 @@ def recursion_code(function: ca.Function, moving: Sequence[bool]) -> str:
         if i == 0:
             each.append(f"    const numbers v{value} = z[{row}];")
             continue
-        at = f"n * in_step[{i}] + {row}" if moving[i] else str(row)
-        read = f"numbers v{value}; EACH(l) v{value}[l] = in[{i} * LANES + l][{at}];"
-        (each if moving[i] else before).append(f"    {read}")
+        at = f"n * in_step[{i}] + {row}" if changes[i] else str(row)
+        read = f"  numbers v{value}; EACH v{value}[i] = in[{i} * LANES + i][{at}];"
+        (each if changes[i] else before).append(read)
     for line in program.lines:
         if changing.isdisjoint(line.given):
             before.append(f"  {_statement(line)}")
         else:
             changing.add(line.result)
             each.append(f"    {_statement(line)}")
-    each += _stored(program)
+    # All states were read above, so that none is overwritten before it is used.
+    each += [f"    z[{row}] = v{value};" for _, row, value in program.outputs]
     size = function.numel_in(0)
     return _CODE.format(lanes=LANES, size=size, before="\n".join(before), each="\n".join(each))
 
 
 def _statement(line: Line) -> str:
-    a, b = (f"v{line.given[k]}" for k in (0, -1))
+    a, b = (f"v{line.given[k]}" for k in (0, -1))  # of one operand both are it
     if line.operation in _OPERATORS:
         expression = _OPERATORS[line.operation].format(a=a, b=b)
         return f"const numbers v{line.result} = {expression};"
-    by_lane = _FUNCTIONS[line.operation].format(a=a, b=b)
-    return f"numbers v{line.result}; EACH(l) v{line.result}[l] = {by_lane};"
-
-
-def _stored(program: Program) -> list[str]:
-    """Return how the results become the states; all are read before the first is written."""
-    return [f"    z[{row}] = v{value};" for _, row, value in program.outputs]
+    at_once = line.operation in _AT_ONCE
+    call = (_AT_ONCE if at_once else _ONE_BY_ONE)[line.operation].format(a=a, b=b)
+    lanes = "EACH" if at_once else "USED"
+    return f"numbers v{line.result} = zero; {lanes} v{line.result}[i] = {call};"
 
 
 def _literal(number: float) -> str:
-    if isfinite(number):
-        return f"({number!r})"
-    return "NAN" if isnan(number) else "INFINITY" if number > 0 else "-INFINITY"
+    """Return a constant as CasADi would write it, so that it is told from the instructions."""
+    if not isfinite(number):
+        return "NAN" if isnan(number) else "INFINITY" if number > 0 else "-INFINITY"
+    return f"({number:.1f})" if number == int(number) and abs(number) < 100 else f"({number:.16e})"

@@ -56,10 +56,10 @@ def program_of(function: ca.Function) -> Program:
     --------
     >>> x = ca.SX.sym("x")
     >>> program = program_of(ca.Function("square", [x], [x * x + 0.5]))
-    >>> [line.operation == operation for line, operation in zip(program.lines, (ca.OP_SQ,))]
-    [True]
-    >>> len(program.inputs), len(program.constants), len(program.lines), len(program.outputs)
-    (1, 1, 2, 1)
+    >>> [line.operation for line in program.lines] == [ca.OP_SQ, ca.OP_ADD]
+    True
+    >>> len(program.inputs), len(program.constants), len(program.outputs)
+    (1, 1, 1)
     """
     held: dict[int, int] = {}  # value in each of CasADi's registers, which are used again
     inputs, constants, lines, outputs = [], [], [], []

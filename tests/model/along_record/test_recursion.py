@@ -36,10 +36,14 @@ def every_operation():
 def variants_of(f, count):
     rng = np.random.default_rng(count)
     n = f.size1_in(0)
-    return [
-        (rng.normal(size=n), rng.normal(size=(2, N)).round(1), rng.normal(size=2).round(1))
-        for _ in range(count)
-    ]
+    strange = (np.nan, np.inf, -np.inf, 0.0, -0.0)
+    variants = []
+    for _ in range(count):
+        x, c = rng.normal(size=(2, N)).round(1), rng.normal(size=2).round(1)
+        x[1, : len(strange)] = strange
+        variants.append((rng.normal(size=n), x, c))
+    variants[-1][2][1] = np.nan
+    return variants
 
 
 def by_casadi(f, variant):
@@ -51,11 +55,10 @@ def by_casadi(f, variant):
 @pytest.mark.parametrize("count", [1, LANES, LANES + 2])
 def test_each_variant_comes_out_as_alone(count):
     f = every_operation()
-    recursion = compile_recursion(f, (True, True, False))
+    recursion = compile_recursion(f, (True, False))
     assert recursion.recur is not None
     variants = variants_of(f, count)
-    with np.errstate(invalid="ignore"):
-        results = recursion.accumulate(N, variants)
+    results = recursion.accumulate(N, variants)
     assert len(results) == count
     for result, variant in zip(results, variants, strict=True):
         np.testing.assert_allclose(result, by_casadi(f, variant), rtol=1e-12, atol=1e-12)
@@ -71,7 +74,7 @@ def test_all_that_numpy_evaluates_runs_in_lanes():
 def test_without_code_for_lanes_the_same_comes_out(monkeypatch):
     monkeypatch.setattr(recursion_module, "build_library", lambda code: None)
     f = every_operation()
-    recursion = compile_recursion(f, (True, True, False))
+    recursion = compile_recursion(f, (True, False))
     assert recursion.recur is None
     variants = variants_of(f, 2)
     for result, variant in zip(recursion.accumulate(N, variants), variants, strict=True):
@@ -80,7 +83,7 @@ def test_without_code_for_lanes_the_same_comes_out(monkeypatch):
 
 def test_what_is_not_known_there_runs_one_variant_after_another():
     z, x = ca.MX.sym("z"), ca.MX.sym("x")
-    recursion = compile_recursion(ca.Function("f", [z, x], [z / 2 + ca.erf(x)]), (True, True))
+    recursion = compile_recursion(ca.Function("f", [z, x], [z / 2 + ca.erf(x)]), (True,))
     assert recursion.recur is None
     x = np.linspace(-1, 1, N)[None]
     first, second = recursion.accumulate(N, [(np.ones(1), x), (np.zeros(1), x)])
@@ -92,9 +95,24 @@ def test_what_is_not_known_there_runs_one_variant_after_another():
 def test_arrays_of_the_wrong_shape_are_refused(wrong):
     f = every_operation()
     z, x, c = variants_of(f, 1)[0]
-    recursion = compile_recursion(f, (True, True, False))
+    recursion = compile_recursion(f, (True, False))
     with pytest.raises(ValueError, match="shape"):
         recursion.accumulate(N, [(z, x, c), (z, wrong, c)])
     for strange in ([(z, x, x)], [(z, x, c), (z, x[:, 0], c)]):
         with pytest.raises(ValueError, match="changes from sample to sample"):
             recursion.accumulate(N, strange)
+    with pytest.raises(ValueError, match="2 inputs, expected 3"):
+        recursion.accumulate(N, [(z, x)])
+    with pytest.raises(ValueError, match="shape"):
+        recursion.accumulate(N, [(z, x[:, :, None], c)])
+    assert recursion.accumulate(N, []) == []
+
+
+def test_functions_of_another_form_are_refused():
+    z, y = ca.SX.sym("z", 2), ca.SX.sym("y", 3)
+    sparse = ca.vertcat(ca.SX(1, 1), z[0])
+    for outputs in ([sparse], [ca.vertcat(z, y)], [z, z], [z[0]]):
+        with pytest.raises(ValueError, match="its one output must be dense"):
+            compile_recursion(ca.Function("f", [z, y], outputs), (True,))
+    with pytest.raises(ValueError, match="its one output"):
+        compile_recursion(ca.Function("f", [z, y], [z]), (True, True))
