@@ -14,7 +14,12 @@ import casadi as ca
 import numpy as np
 
 from pneumo_casadi.model.along_record.record_function import RecordFunction, without_repetition
-from pneumo_casadi.model.machine_code.operations import Program, consists_of, program_of
+from pneumo_casadi.model.machine_code.operations import (
+    Program,
+    consists_of,
+    once_and_repeated,
+    program_of,
+)
 from pneumo_casadi.parameters import FloatArray
 
 #: Samples that are worked on at once: their arrays stay in the processor's cache.
@@ -187,15 +192,11 @@ class ArrayFunction(RecordFunction):
 
 def _plan(program: Program, shared: Sequence[bool]) -> _Plan:
     """Return the plan of a program of which some inputs are shared by all samples."""
-    moving = {value for value, i, _ in program.inputs if not shared[i]}
-    once, repeated = [], []
-    for each in program.lines:
-        line = _Line(_OPERATIONS[each.operation], each.given, each.result)
-        if moving.isdisjoint(line.given):
-            once.append(line)
-        else:
-            moving.add(line.result)
-            repeated.append(line)
+    moving = (value for value, i, _ in program.inputs if not shared[i])
+    once, repeated = (
+        tuple(_Line(_OPERATIONS[line.operation], line.given, line.result) for line in lines)
+        for lines in once_and_repeated(program, moving)
+    )
     last = {value: k for k, line in enumerate(repeated) for value in line.given}
     last |= {value: len(repeated) for _, _, value in program.outputs}
     free: list[int] = []
@@ -206,4 +207,4 @@ def _plan(program: Program, shared: Sequence[bool]) -> _Plan:
         buffer.append(held[line.result])
         ending = {*line.given, line.result}
         free += [held.pop(v) for v in sorted(ending) if v in held and last.get(v, k) <= k]
-    return _Plan(tuple(once), tuple(repeated), tuple(buffer))
+    return _Plan(once, repeated, tuple(buffer))

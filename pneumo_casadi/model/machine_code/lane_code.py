@@ -11,7 +11,12 @@ from math import isfinite, isnan
 
 import casadi as ca
 
-from pneumo_casadi.model.machine_code.operations import Line, consists_of, program_of
+from pneumo_casadi.model.machine_code.operations import (
+    Line,
+    consists_of,
+    once_and_repeated,
+    program_of,
+)
 
 #: Variants side by side: what fits into a register of most processors.
 LANES = 4
@@ -115,7 +120,8 @@ def recursion_code(function: ca.Function, moving: Sequence[bool]) -> str:
     """
     program = program_of(function)
     changes = (True, *moving)
-    changing = {value for value, i, _ in program.inputs if changes[i]}
+    moving_values = (value for value, i, _ in program.inputs if changes[i])
+    once, repeated = once_and_repeated(program, moving_values)
     before, each = [], []
     for value, number in program.constants:
         before.append(f"  const numbers v{value} = zero + {_literal(number)};")
@@ -126,12 +132,8 @@ def recursion_code(function: ca.Function, moving: Sequence[bool]) -> str:
         at = f"n * in_step[{i}] + {row}" if changes[i] else str(row)
         read = f"  numbers v{value}; EACH v{value}[i] = in[{i} * LANES + i][{at}];"
         (each if changes[i] else before).append(read)
-    for line in program.lines:
-        if changing.isdisjoint(line.given):
-            before.append(f"  {_statement(line)}")
-        else:
-            changing.add(line.result)
-            each.append(f"    {_statement(line)}")
+    before += [f"  {_statement(line)}" for line in once]
+    each += [f"    {_statement(line)}" for line in repeated]
     # All states were read above, so that none is overwritten before it is used.
     each += [f"    z[{row}] = v{value};" for _, row, value in program.outputs]
     size = function.numel_in(0)

@@ -1,5 +1,6 @@
 """Functions made of SX, as operations on numbered values."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import casadi as ca
@@ -78,6 +79,26 @@ def program_of(function: ca.Function) -> Program:
         held[result[0]] = k
     size = function.n_instructions()
     return Program(tuple(inputs), tuple(constants), tuple(lines), tuple(outputs), size)
+
+
+def once_and_repeated(
+    program: Program, moving: Iterable[int]
+) -> tuple[tuple[Line, ...], tuple[Line, ...]]:
+    """Return the lines that are done once for all samples, and those that are for each.
+
+    Parameters
+    ----------
+    moving : iterable of int
+        Values among the inputs that change from sample to sample.
+    """
+    changing, once, repeated = set(moving), [], []
+    for line in program.lines:
+        if changing.isdisjoint(line.given):
+            once.append(line)
+        else:
+            changing.add(line.result)
+            repeated.append(line)
+    return tuple(once), tuple(repeated)
 
 
 def consists_of(function: ca.Function, operations: frozenset[int]) -> bool:
