@@ -14,6 +14,7 @@ from pneumo_casadi.model.along_record.record_function import without_repetition
 from pneumo_casadi.model.along_record.sample_function import (
     SampleFunction,
     compile_sample_functions,
+    pointer_to,
 )
 from pneumo_casadi.model.machine_code.calls import THREADS
 from pneumo_casadi.model.machine_code.compilation import build_library
@@ -105,7 +106,7 @@ class Recursion:
             np.array([states.ctypes.data for states in results], np.intp),
         )
         counts = (ctypes.c_longlong(n) for n in (N, len(variants)))
-        self.recur(*counts, *(ctypes.c_void_p(a.ctypes.data) for a in tables))
+        self.recur(*counts, *(pointer_to(a) for a in tables))
         return results
 
 

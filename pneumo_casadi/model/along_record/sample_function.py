@@ -104,7 +104,7 @@ class SampleFunction(RecordFunction):
         memory = code.checkout()
         try:
             counts = (ctypes.c_longlong(n) for n in (N, len(inputs), len(outputs)))
-            failed = _loop()(code.entry, memory, *counts, *(_pointer(a) for a in tables))
+            failed = _loop()(code.entry, memory, *counts, *(pointer_to(a) for a in tables))
         finally:
             code.release(memory)
         if failed:
@@ -169,5 +169,6 @@ def _loop() -> Any:
     return None if path is None else ctypes.CDLL(str(path)).evaluate_samples
 
 
-def _pointer(a: np.ndarray[Any, Any]) -> ctypes.c_void_p:
+def pointer_to(a: np.ndarray[Any, Any]) -> ctypes.c_void_p:
+    """Return the address of an array, as C takes it."""
     return ctypes.c_void_p(a.ctypes.data)
