@@ -1,7 +1,8 @@
 """A three-way valve of two ISO 6358 restrictions: supply to outlet and outlet to exhaust."""
 
 import logging
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any, ClassVar
 
 import casadi as ca
@@ -12,7 +13,7 @@ from pneumo_casadi.errors import CaseError, ModelError
 from pneumo_casadi.parameters import FloatArray, Parameter, Parameters
 from pneumo_casadi.runtime.presentation import Brief
 from pneumo_casadi.valve.flow_map import FlowMap
-from pneumo_casadi.valve.flow_model import Symbol, scale_sigma
+from pneumo_casadi.valve.flow_model import KEPT, Symbol, scale_sigma
 from pneumo_casadi.valve.orifice import (
     LAMINAR_RATIO,
     RHO_ANR,
@@ -75,18 +76,11 @@ class FlowISO6358(Brief):
     p_ext: float
     T: float = T_ANR
     laminar_ratio: float = LAMINAR_RATIO
-    _function: ca.Function = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         covariance = np.array(self.covariance, dtype=float)
         covariance.setflags(write=False)
         object.__setattr__(self, "covariance", covariance)
-        u, p, p_supply = (ca.SX.sym(name) for name in ("u", "p", "p_supply"))
-        theta = ca.SX.sym("theta", len(self.parameters))
-        q = self.expression(u, p, theta, p_supply)
-        arguments = [u, p, p_supply, theta]
-        outputs = [q, ca.jacobian(q, theta).T]
-        object.__setattr__(self, "_function", ca.Function("q_m", arguments, outputs))
 
     def expression(
         self, u: Any, p: Any, theta: Any, p_supply: Any = None, p_ext: Any = None
@@ -97,20 +91,9 @@ class FlowISO6358(Brief):
         """
         p_supply = self.p_supply if p_supply is None else p_supply
         p_ext = self.p_ext if p_ext is None else p_ext
-        at = self.parameters.index
-        m = theta[at("m")]
-
-        def opening(side: str, command: Any) -> Any:
-            k, u_0, w, h, C_leak = (theta[at(f"{name}_{side}")] for name in EDGE)
-            x = command - u_0
-            s = (x + ca.sqrt(x * x + w * w)) / 2
-            return C_leak + k * s / (1 + h * s)
-
-        law = {"T": self.T, "laminar_ratio": self.laminar_ratio}
-        b_s, b_e = theta[at("b_supply")], theta[at("b_exhaust")]
-        inlet = orifice_expression(opening("supply", u), b_s, m, p_supply, p, **law)
-        outlet = orifice_expression(opening("exhaust", -u), b_e, m, p, p_ext, **law)
-        return inlet - outlet
+        return _written(self.parameters.names, self.T, self.laminar_ratio)(
+            u, p, theta, p_supply, p_ext
+        )
 
     def expression_at(self, u: Any, p: Any, theta: Any, filling: Any, emptying: Any) -> Any:
         """Return q_m [kg/s] with supply and exhaust at these ratios to the map's pressures."""
@@ -122,7 +105,7 @@ class FlowISO6358(Brief):
         arrays = np.broadcast_arrays(*(np.asarray(a, dtype=float) for a in (u, p, supply)))
         if not arrays[0].size:
             return np.zeros(arrays[0].shape)
-        q = _evaluate(self._function, self.parameters.values, arrays)[0]
+        q = _evaluate(self, self.parameters.values, arrays)[0]
         return q.reshape(arrays[0].shape)
 
     def residuals(self, table: FlowMap) -> FloatArray:
@@ -195,7 +178,7 @@ def fit_iso6358(
     points = np.broadcast_arrays(table.u, table.p, np.asarray(table.p_supply))
 
     def evaluate(theta: FloatArray) -> tuple[FloatArray, FloatArray]:
-        q_m, jacobian = _evaluate(valve._function, theta, points)
+        q_m, jacobian = _evaluate(valve, theta, points)
         return q_m - table.q_m, jacobian.T
 
     fitted, covariance, sigma = bounded_least_squares(evaluate, guess, table.q_max)
@@ -205,11 +188,40 @@ def fit_iso6358(
     return result
 
 
-def _evaluate(
-    function: ca.Function, theta: FloatArray, points: Any
-) -> tuple[FloatArray, FloatArray]:
-    rows = [np.asarray(a, dtype=float).reshape(1, -1) for a in points]
-    q, jacobian = function(*rows, theta)  # theta is that of each point: CasADi repeats it
+@lru_cache(maxsize=KEPT)
+def _written(names: tuple[str, ...], T: float, laminar_ratio: float) -> ca.Function:
+    """Return ``(u, p, θ, p_supply, p_ext) -> q_m``."""
+    u, p, p_supply, p_ext = (ca.SX.sym(name) for name in ("u", "p", "p_supply", "p_ext"))
+    theta = ca.SX.sym("theta", len(names))
+    at = dict(zip(names, ca.vertsplit(theta), strict=True))
+
+    def opening(side: str, command: Any) -> Any:
+        k, u_0, w, h, C_leak = (at[f"{name}_{side}"] for name in EDGE)
+        x = command - u_0
+        s = (x + ca.sqrt(x * x + w * w)) / 2
+        return C_leak + k * s / (1 + h * s)
+
+    law = {"T": T, "laminar_ratio": laminar_ratio}
+    b_s, b_e, m = at["b_supply"], at["b_exhaust"], at["m"]
+    inlet = orifice_expression(opening("supply", u), b_s, m, p_supply, p, **law)
+    outlet = orifice_expression(opening("exhaust", -u), b_e, m, p, p_ext, **law)
+    return ca.Function("q_m", [u, p, theta, p_supply, p_ext], [inlet - outlet])
+
+
+@lru_cache(maxsize=KEPT)
+def _with_slopes(names: tuple[str, ...], T: float, laminar_ratio: float) -> ca.Function:
+    """Return ``(u, p, θ, p_supply, p_ext) -> (q_m, ∂q_m/∂θ (n, 1))``."""
+    written = _written(names, T, laminar_ratio)
+    given = written.sx_in()
+    q_m = written(*given)
+    return ca.Function("q_m_slopes", given, [q_m, ca.jacobian(q_m, given[2]).T])
+
+
+def _evaluate(valve: FlowISO6358, theta: FloatArray, points: Any) -> tuple[FloatArray, FloatArray]:
+    u, p, p_supply = (np.asarray(a, dtype=float).reshape(1, -1) for a in points)
+    function = _with_slopes(valve.parameters.names, valve.T, valve.laminar_ratio)
+    # What is that of each point is given once: CasADi repeats it.
+    q, jacobian = function(u, p, theta, p_supply, valve.p_ext)
     return np.asarray(q)[0], np.asarray(jacobian)
 
 

@@ -1,6 +1,7 @@
 """Flow polynomials, affine in the command: eq. 12 of the paper."""
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any, ClassVar
 
 import casadi as ca
@@ -12,7 +13,7 @@ from pneumo_casadi.errors import ModelError
 from pneumo_casadi.parameters import FloatArray, Parameters
 from pneumo_casadi.runtime.presentation import Brief
 from pneumo_casadi.valve.flow_map import FlowMap
-from pneumo_casadi.valve.flow_model import Symbol, leakage_change, scale_sigma
+from pneumo_casadi.valve.flow_model import KEPT, Symbol, leakage_change, scale_sigma
 
 Degrees = tuple[int, int, int]
 
@@ -114,17 +115,8 @@ class FlowPolynomials(Brief):
         object.__setattr__(self, "covariance", covariance)
 
     def expression(self, u: Any, p: Any, theta: Any) -> Any:
-        """Return q_m [kg/s] for CasADi scalars u [V], p [Pa] and the vector theta (n,).
-
-        T_k(z) is formed once by recursion and shared by the three polynomials; the branch of
-        ψ is picked by max(u, 0) and min(u, 0), which is sign(u) exactly, without smoothing.
-        Works for SX and MX alike.
-        """
-        T = _basis(p, self.p_range, max(self.degrees), ca.fmax, ca.fmin)
-        phi, psi_plus, psi_minus = (
-            _combine(T, theta[part]) for part in parts(self.degrees).values()
-        )
-        return phi + psi_plus * ca.fmax(u, 0.0) + psi_minus * ca.fmin(u, 0.0)
+        """Return q_m [kg/s] for CasADi scalars u [V], p [Pa] and the vector theta (n,)."""
+        return _written(self.degrees, self.p_range)(u, p, theta)
 
     def expression_at(self, u: Any, p: Any, theta: Any, filling: Any, emptying: Any) -> Any:
         """Return q_m [kg/s] with supply and exhaust at these ratios to the metered pressures.
@@ -135,19 +127,7 @@ class FlowPolynomials(Brief):
 
             q_m = φ(p) + Δφ(p, s, e) + s ψ⁺(p/s) max(u, 0) + e ψ⁻(p/e) min(u, 0)
         """
-        phi, plus, minus = (theta[part] for part in parts(self.degrees).values())
-
-        def continued(coefficients: Any, pressure: Any) -> Any:
-            basis = _basis(pressure, self.p_range, max(self.degrees), ca.fmax, ca.fmin)
-            return _combine(basis, coefficients)
-
-        ends = (continued(phi, self.p_range[0]), continued(phi, self.p_range[1]))
-        return (
-            continued(phi, p)
-            + leakage_change(ends, p, self.p_range, filling, emptying)
-            + filling * continued(plus, p / filling) * ca.fmax(u, 0.0)
-            + emptying * continued(minus, p / emptying) * ca.fmin(u, 0.0)
-        )
+        return _written_at(self.degrees, self.p_range)(u, p, theta, filling, emptying)
 
     def design_matrix(self, u: ArrayLike, p: ArrayLike) -> FloatArray:
         """Return D (n, n_coef) with q_m = D θ at points u [V] and p [Pa], both (n,)."""
@@ -197,6 +177,45 @@ class FlowPolynomials(Brief):
             )
             for branch, part in parts(self.degrees).items()
         }
+
+
+@lru_cache(maxsize=KEPT)
+def _written(degrees: Degrees, p_range: tuple[float, float]) -> ca.Function:
+    """Return ``(u, p, θ) -> q_m``.
+
+    T_k(z) is formed once by recursion and shared by the three polynomials; the branch of ψ is
+    picked by max(u, 0) and min(u, 0), which is sign(u) exactly, without smoothing.
+    """
+    u, p, theta = _symbols(degrees)
+    T = _basis(p, p_range, max(degrees), ca.fmax, ca.fmin)
+    phi, plus, minus = (_combine(T, theta[part]) for part in parts(degrees).values())
+    q_m = phi + plus * ca.fmax(u, 0.0) + minus * ca.fmin(u, 0.0)
+    return ca.Function("q_m", [u, p, theta], [q_m])
+
+
+@lru_cache(maxsize=KEPT)
+def _written_at(degrees: Degrees, p_range: tuple[float, float]) -> ca.Function:
+    """Return ``(u, p, θ, filling, emptying) -> q_m``."""
+    u, p, theta = _symbols(degrees)
+    filling, emptying = ca.SX.sym("filling"), ca.SX.sym("emptying")
+    phi, plus, minus = (theta[part] for part in parts(degrees).values())
+
+    def continued(coefficients: Any, pressure: Any) -> Any:
+        basis = _basis(pressure, p_range, max(degrees), ca.fmax, ca.fmin)
+        return _combine(basis, coefficients)
+
+    ends = (continued(phi, p_range[0]), continued(phi, p_range[1]))
+    q_m = (
+        continued(phi, p)
+        + leakage_change(ends, p, p_range, filling, emptying)
+        + filling * continued(plus, p / filling) * ca.fmax(u, 0.0)
+        + emptying * continued(minus, p / emptying) * ca.fmin(u, 0.0)
+    )
+    return ca.Function("q_m", [u, p, theta, filling, emptying], [q_m])
+
+
+def _symbols(degrees: Degrees) -> tuple[ca.SX, ca.SX, ca.SX]:
+    return ca.SX.sym("u"), ca.SX.sym("p"), ca.SX.sym("theta", sum(degrees) + len(degrees))
 
 
 def _basis(p: Any, p_range: tuple[float, float], degree: int, fmax: Any, fmin: Any) -> list[Any]:

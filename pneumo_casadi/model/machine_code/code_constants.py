@@ -2,10 +2,13 @@
 
 Models of two axes differ in their constants (supply pressure, stroke, dead volumes) and hardly in
 their instructions. With the constants in a table of their own the instructions are compiled once
-for all axes of one form, which takes seconds; a table is compiled and linked in a tenth of one.
+for all axes of one form. A table is written into a copy of their library, where its format is known
+to allow that, or else compiled and linked, which takes twenty times as long.
 """
 
 import re
+import struct
+from dataclasses import dataclass
 
 #: Name of the table, and how the instructions declare it. Hidden, it is read without detour.
 _TABLE = "pneumo_constants"
@@ -15,9 +18,52 @@ _NUMBER = re.compile(r"(?<![\w.])(?:\d\.\d{16}e[+-]\d{2,3}|\d{3,}\.)(?![\w.])")
 _COMMENT = re.compile(r"/\*.*?\*/")
 #: Begin and end of the tables that CasADi writes: there C allows literal numbers only.
 _STATIC, _END = "static const", ";"
+#: First number of a table that is still to be filled, by its bits; the next ones count on.
+_BLANK = int.from_bytes(b"pneumo\0\0", "big")
+#: How a library begins whose bytes may be changed. Others may be signed, as those of macOS are.
+_CHANGEABLE = b"\x7fELF"
 
 
-def separate_constants(code: str) -> tuple[str, str]:
+@dataclass(frozen=True, slots=True)
+class ConstantTable:
+    """Constants of generated code, in the order in which its instructions number them.
+
+    Parameters
+    ----------
+    numbers : tuple of str
+        As they stood in the code.
+    """
+
+    numbers: tuple[str, ...]
+
+    @property
+    def code(self) -> str:
+        """C code of the table."""
+        return f"const double {_TABLE}[] = {{{', '.join([*self.numbers, '0.'])}}};"
+
+    @property
+    def blank_code(self) -> str:
+        """C code of a table of as many marks, which `filled` finds."""
+        marks = ", ".join(f"{mark:#x}ULL" for mark in self._marks)
+        return f"const unsigned long long {_TABLE}[] = {{{marks}}};"
+
+    def filled(self, blank: bytes) -> bytes | None:
+        """Return a library made with `blank_code` with the constants in it.
+
+        None where its bytes must not be changed, or do not hold the marks just once.
+        """
+        size = len(self._marks)
+        marks = struct.pack(f"={size}Q", *self._marks)
+        if not blank.startswith(_CHANGEABLE) or blank.count(marks) != 1:
+            return None
+        return blank.replace(marks, struct.pack(f"={size}d", *map(float, self.numbers), 0.0))
+
+    @property
+    def _marks(self) -> range:
+        return range(_BLANK, _BLANK + len(self.numbers) + 1)  # C has no empty tables
+
+
+def separate_constants(code: str) -> tuple[str, ConstantTable]:
     r"""Return C code whose constants stand in a table, and the code of that table.
 
     Whole numbers below 100 stay: they belong to the formulas. Comments, which repeat the numbers,
@@ -30,8 +76,8 @@ def separate_constants(code: str) -> tuple[str, str]:
 
     Returns
     -------
-    instructions, table : str
-        To be compiled each by itself, and linked.
+    str, ConstantTable
+        Instructions, to be compiled by themselves, and their constants.
 
     Examples
     --------
@@ -39,7 +85,7 @@ def separate_constants(code: str) -> tuple[str, str]:
     >>> print(instructions.split(";", 1)[1].strip())
     a0=pneumo_constants[0];
      a0=(2.*a0);
-    >>> print(table)
+    >>> print(table.code)
     const double pneumo_constants[] = {7.2500000000000000e-01, 0.};
     """
     places: dict[str, int] = {}
@@ -53,6 +99,5 @@ def separate_constants(code: str) -> tuple[str, str]:
         literal = literal or line.lstrip().startswith(_STATIC)
         lines.append(line if literal else _NUMBER.sub(entry, line))
         literal = literal and _END not in line
-    table = ", ".join([*places, "0."])  # C has no empty tables
     instructions = _DECLARATION + "\n".join(lines) + "\n"
-    return instructions, f"const double {_TABLE}[] = {{{table}}};"
+    return instructions, ConstantTable(tuple(places))

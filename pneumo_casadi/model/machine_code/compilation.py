@@ -10,13 +10,14 @@ import logging
 import os
 import platform
 import shutil
+import sys
 from collections.abc import Callable, Sequence
 from functools import cache, partial
 from pathlib import Path
 
 import casadi as ca
 
-from pneumo_casadi.model.machine_code.code_constants import separate_constants
+from pneumo_casadi.model.machine_code.code_constants import ConstantTable, separate_constants
 from pneumo_casadi.runtime.atomic_files import draft_folder
 from pneumo_casadi.runtime.cache import (
     FOLDER,
@@ -38,6 +39,8 @@ PLAIN = ("-O2",)
 SWITCH = "PNEUMO_CASADI_COMPILE"
 #: Environment variable with flags in the place of `FAST`, parted by spaces.
 FLAGS = "PNEUMO_CASADI_FLAGS"
+#: Systems whose libraries `ConstantTable.filled` may change.
+_FILLED = ("linux", "freebsd")
 
 
 @cache
@@ -105,7 +108,7 @@ def build_library(code: str) -> Path | None:
     instructions, table = separate_constants(code)
     for _ in range(2):
         try:
-            name = f"{_key(instructions, table)}.so"
+            name = f"{_key(instructions, table.code)}.so"
             path = _built(name, partial(_link, instructions, table))
             if path is None:
                 return None
@@ -123,7 +126,8 @@ def build_library(code: str) -> Path | None:
         except OSError as error:
             logger.warning("compiled library %s does not load (%s); building again", path, error)
             path.unlink(missing_ok=True)
-            (cache_folder() / f"{_key(instructions)}.o").unlink(missing_ok=True)
+            for suffix in (".blank", ".o"):
+                (cache_folder() / f"{_key(instructions)}{suffix}").unlink(missing_ok=True)
     return None
 
 
@@ -170,6 +174,31 @@ def _built(name: str, build: Callable[[Path], bool]) -> Path | None:
     return path
 
 
+def _link(instructions: str, table: ConstantTable, target: Path) -> bool:
+    """Write a library of instructions, compiled where no other constants had them."""
+    name = _key(instructions)
+    blank = _built(f"{name}.blank", partial(_compile_blank, instructions, table))
+    library = None if blank is None else table.filled(blank.read_bytes()[:-LENGTH])
+    if library is not None:
+        target.write_bytes(library)
+        return True
+    compiled = _built(f"{name}.o", partial(_compile, instructions))
+    source = target.with_name("constants.c")
+    source.write_text(table.code)
+    return compiled is not None and _run(["-shared", str(source), str(compiled), "-lm"], target)
+
+
+def _compile_blank(instructions: str, table: ConstantTable, target: Path) -> bool:
+    """Compile and link code with a table that is to be filled; tell whether that is possible."""
+    if not sys.platform.startswith(_FILLED):
+        return False
+    sources = [target.with_name("code.c"), target.with_name("constants.c")]
+    for source, text in zip(sources, (instructions, table.blank_code), strict=True):
+        source.write_text(text)
+    # Optimised as a whole, the instructions would know the marks and not read the table.
+    return _run([*_flags(), "-fno-lto", "-shared", *map(str, sources), "-lm"], target, last=False)
+
+
 def _compile(instructions: str, target: Path) -> bool:
     """Compile code; tell whether it worked."""
     source = target.with_name("code.c")
@@ -181,14 +210,6 @@ def _compile(instructions: str, target: Path) -> bool:
 def _flags() -> tuple[str, ...]:
     """Return the flags that are tried first."""
     return tuple(os.environ.get(FLAGS, "").split()) or FAST
-
-
-def _link(instructions: str, table: str, target: Path) -> bool:
-    """Link instructions, compiled where no other constants had them, with their constants."""
-    compiled = _built(f"{_key(instructions)}.o", partial(_compile, instructions))
-    source = target.with_name("constants.c")
-    source.write_text(table)
-    return compiled is not None and _run(["-shared", str(source), str(compiled), "-lm"], target)
 
 
 def _run(arguments: Sequence[str], target: Path, last: bool = True) -> bool:

@@ -41,6 +41,11 @@ def libraries(cache):
     return sorted(cache.glob("*.so"))
 
 
+def compiled_once(cache):
+    """Return what is kept of code without its constants."""
+    return [path for path in cache.iterdir() if path.suffix in (".blank", ".o")]
+
+
 needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler")
 
 
@@ -94,20 +99,27 @@ def test_other_flags_or_another_compiler_make_another_library(cache, monkeypatch
 
 
 @needs_compiler
-def test_functions_that_differ_in_constants_only_are_compiled_once(cache):
+@pytest.mark.parametrize("flags", ["", "-O2 -flto"])
+@pytest.mark.parametrize("systems", [compilation._FILLED, ()], ids=["filled", "linked"])
+def test_functions_that_differ_in_constants_only_are_compiled_once(
+    cache, monkeypatch, systems, flags
+):
+    """Also where the compiler is told to look at all files of a library at once."""
+    monkeypatch.setenv(compilation.FLAGS, flags)
+    monkeypatch.setattr(compilation, "_FILLED", systems)
     for factor in (0.3, 724100.0, 1.7e-3):
         (f,) = compile_functions([function("scaled", factor)])
         assert is_compiled(f)
         assert float(f([1, 0], 1)[0][0]) == pytest.approx(factor * np.sin(1.0), rel=1e-15)
     assert len(libraries(cache)) == 3
-    assert len(list(cache.glob("*.o"))) == 1
+    assert len(compiled_once(cache)) == 1
 
 
 @needs_compiler
 @pytest.mark.slow
 def test_code_with_damaged_instructions_is_compiled_again(cache, caplog):
     compile_functions([function("half", 0.3)])
-    (path,) = cache.glob("*.o")
+    (path,) = compiled_once(cache)
     path.write_bytes(path.read_bytes()[:100])
     with caplog.at_level(logging.WARNING):
         (f,) = compile_functions([function("half", 0.4)])
@@ -190,7 +202,7 @@ def test_the_cache_is_for_this_user_alone_and_holds_no_scratch(cache):
     assert cache_folder() == cache
     if os.name == "posix":
         assert cache.stat().st_mode & 0o077 == 0
-    assert {path.suffix for path in cache.iterdir()} == {".o", ".so"}
+    assert {*libraries(cache), *compiled_once(cache)} == set(cache.iterdir())
 
 
 def _build(queue, barrier):
