@@ -115,8 +115,9 @@ def flow_forms_compared_once():
 
 @pytest.fixture
 def without_figures(monkeypatch):
-    """Write reports as where matplotlib is not installed: drawing takes longer than most fits."""
-    monkeypatch.setattr("pneumo_casadi.report.pages.drawing.find_spec", lambda name: None)
+    """Write reports as where nothing that draws is installed: drawing takes longer than most fits."""
+    for module in ("pages.drawing", "interactive.time_plot"):
+        monkeypatch.setattr(f"pneumo_casadi.report.{module}.find_spec", lambda name: None)
 
 
 def pdf(figure):

@@ -21,7 +21,7 @@ MODULE = importlib.import_module("pneumo_casadi.identification.identify")
 
 
 @pytest.fixture
-def given(quick, monkeypatch):
+def given(quick, monkeypatch, without_figures):
     """An identification in the place of the fit, and no figures; what it was asked for."""
     asked = []
 
@@ -31,7 +31,6 @@ def given(quick, monkeypatch):
 
     given_warnings: tuple[ResultWarning, ...] = ()
     monkeypatch.setattr(MODULE, "identify", identify)
-    monkeypatch.setattr("pneumo_casadi.report.pages.write._figures_of", lambda result: ())
 
     def with_warnings(*grades):
         nonlocal given_warnings
