@@ -115,9 +115,14 @@ def flow_forms_compared_once():
 
 @pytest.fixture
 def without_figures(monkeypatch):
-    """Write reports as where nothing that draws is installed: drawing takes longer than most fits."""
-    for module in ("pages.drawing", "interactive.time_plot"):
-        monkeypatch.setattr(f"pneumo_casadi.report.{module}.find_spec", lambda name: None)
+    """Write reports as where matplotlib is not installed: drawing takes longer than most fits."""
+    monkeypatch.setattr("pneumo_casadi.report.pages.drawing.find_spec", lambda name: None)
+
+
+@pytest.fixture
+def without_pictures(without_figures, monkeypatch):
+    """Write reports without curves to zoom either, as where bokeh is not installed."""
+    monkeypatch.setattr("pneumo_casadi.report.interactive.time_plot.find_spec", lambda name: None)
 
 
 def pdf(figure):

@@ -50,7 +50,7 @@ def given(monkeypatch):
 
 @pytest.mark.slow
 def test_a_case_folder_is_diagnosed_and_the_fits_are_kept(
-    made_case, without_figures, tmp_path, capsys
+    made_case, without_pictures, tmp_path, capsys
 ):
     case = made_case(5, 3.0, spring_load="medium").folder
     others = [name for name in EFFECTS if name not in ("spring_load", "stribeck")]
@@ -79,7 +79,7 @@ def test_a_case_folder_is_diagnosed_and_the_fits_are_kept(
 
 
 @pytest.mark.slow
-def test_what_is_asked_for_reaches_the_diagnosis(embedded, without_figures, tmp_path, given):
+def test_what_is_asked_for_reaches_the_diagnosis(embedded, without_pictures, tmp_path, given):
     folder = tmp_path / "out"
     arguments = ["--without", "hose", "--without", "backlash", "--keep", str(tmp_path / "fits")]
     arguments += ["--workers=1", "--no-refine"]
@@ -90,7 +90,7 @@ def test_what_is_asked_for_reaches_the_diagnosis(embedded, without_figures, tmp_
     assert len(hoses) > 1 and set(EFFECTS) - set(catalogue) == {*hoses, "backlash"}
     assert options.keep == tmp_path / "fits"
     assert executor is None
-    assert {path.name for path in folder.iterdir()} == FILES - {"figures"}
+    assert {path.name for path in folder.iterdir()} == FILES
 
 
 @pytest.mark.parametrize(

@@ -21,7 +21,7 @@ MODULE = importlib.import_module("pneumo_casadi.identification.identify")
 
 
 @pytest.fixture
-def given(quick, monkeypatch, without_figures):
+def given(quick, monkeypatch, without_pictures):
     """An identification in the place of the fit, and no figures; what it was asked for."""
     asked = []
 
@@ -147,7 +147,7 @@ def test_validate_takes_a_folder_and_refuses_what_is_far_off(quick, short_case, 
     assert capsys.readouterr().out.startswith("Do not use: On held-out records the simulation")
 
 
-def test_compare_prints_what_moved_and_writes_json(quick, tmp_path, capsys, without_figures):
+def test_compare_prints_what_moved_and_writes_json(quick, tmp_path, capsys, without_pictures):
     content = result_dict(quick)
     write_json(content, tmp_path / "before" / "result.json")
     content["output_error"]["parameters"]["M"]["value"] *= 1.1

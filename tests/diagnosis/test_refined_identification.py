@@ -60,7 +60,7 @@ def test_without_the_cause_windows_alone_are_tried_and_not_for_long(
 
 @pytest.mark.slow
 def test_the_final_model_goes_from_diagnosis_to_validation_simulation_and_export(
-    made_case, without_figures, tmp_path
+    made_case, without_pictures, tmp_path
 ):
     whole = made_case(3, stribeck="medium")
     fitted, held_out = whole.identify[0].window(1.0, 4.0), whole.validate[0]

@@ -33,7 +33,7 @@ def test_the_table_of_limits_is_that_of_the_package():
 
 
 @pytest.mark.slow
-def test_the_page_runs(without_figures, tmp_path):
+def test_the_page_runs(without_pictures, tmp_path):
     pytest.importorskip("numba")
     names = guide.run(PAGE, tmp_path)
     assert names["nominal"].usability.usable.value in ("yes", "with care")

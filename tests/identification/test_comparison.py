@@ -51,7 +51,7 @@ def test_common_records_are_noted(compared):
     assert any("come from the same records" in note for note in compared.notes)
 
 
-def test_the_comparison_is_strict_json_and_a_folder(compared, without_figures, tmp_path):
+def test_the_comparison_is_strict_json_and_a_folder(compared, without_pictures, tmp_path):
     folder = write_report(compared, tmp_path / "out")
     content = json.loads((folder / "comparison.json").read_text("utf-8"))
     assert content == json.loads(json.dumps(compared.as_dict(), allow_nan=False))
