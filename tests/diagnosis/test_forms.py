@@ -146,6 +146,17 @@ def test_a_restriction_that_is_felt_only_when_large_is_found_from_the_best_of_se
 
 
 @pytest.mark.slow
+def test_a_narrow_hose_is_found_from_the_start(made_case):
+    """From a wide one, which is not felt, the fit lets the volume vanish."""
+    study, _ = prepare_study(made_case(301, 10.0, hose_volume="large"))
+    nominal, effects = fit_model(study, ()), (EFFECTS["hose_volume"](),)
+    wide = {"hose_volume.V": 1.5e-4, "hose_volume.C": 2e-8}
+    stuck = fit_model(study, effects, {**nominal.values, **wide}, credible=False)
+    assert stuck.cost > nominal.cost - 200
+    assert fit_model(study, effects, nominal.values).cost < nominal.cost - 3000
+
+
+@pytest.mark.slow
 def test_beside_another_effect_another_form_of_a_cause_is_found(made_case):
     """Alone no form of the elastic load closes anything beside so slow a valve."""
     names = ("elastic_load", "position_on_elastic_load", "valve_dynamics", "quadratic_drag")
