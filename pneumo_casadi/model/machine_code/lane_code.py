@@ -45,41 +45,48 @@ _OPERATORS = {
 }
 #: C's functions that processors have for several numbers at once, and those that they have not.
 _AT_ONCE = {
-    ca.OP_SQRT: "sqrt({a}[i])",
-    ca.OP_FLOOR: "floor({a}[i])",
-    ca.OP_CEIL: "ceil({a}[i])",
+    ca.OP_SQRT: "sqrt({a})",
+    ca.OP_FLOOR: "floor({a})",
+    ca.OP_CEIL: "ceil({a})",
 }
 _ONE_BY_ONE = {
-    ca.OP_EXP: "exp({a}[i])",
-    ca.OP_LOG: "log({a}[i])",
-    ca.OP_POW: "pow({a}[i], {b}[i])",
-    ca.OP_CONSTPOW: "pow({a}[i], {b}[i])",
-    ca.OP_SIN: "sin({a}[i])",
-    ca.OP_COS: "cos({a}[i])",
-    ca.OP_TAN: "tan({a}[i])",
-    ca.OP_ASIN: "asin({a}[i])",
-    ca.OP_ACOS: "acos({a}[i])",
-    ca.OP_ATAN: "atan({a}[i])",
-    ca.OP_ATAN2: "atan2({a}[i], {b}[i])",
-    ca.OP_TANH: "tanh({a}[i])",
-    ca.OP_SINH: "sinh({a}[i])",
-    ca.OP_COSH: "cosh({a}[i])",
-    ca.OP_LOG1P: "log1p({a}[i])",
-    ca.OP_EXPM1: "expm1({a}[i])",
-    ca.OP_HYPOT: "hypot({a}[i], {b}[i])",
+    ca.OP_EXP: "exp({a})",
+    ca.OP_LOG: "log({a})",
+    ca.OP_POW: "pow({a}, {b})",
+    ca.OP_CONSTPOW: "pow({a}, {b})",
+    ca.OP_SIN: "sin({a})",
+    ca.OP_COS: "cos({a})",
+    ca.OP_TAN: "tan({a})",
+    ca.OP_ASIN: "asin({a})",
+    ca.OP_ACOS: "acos({a})",
+    ca.OP_ATAN: "atan({a})",
+    ca.OP_ATAN2: "atan2({a}, {b})",
+    ca.OP_TANH: "tanh({a})",
+    ca.OP_SINH: "sinh({a})",
+    ca.OP_COSH: "cosh({a})",
+    ca.OP_LOG1P: "log1p({a})",
+    ca.OP_EXPM1: "expm1({a})",
+    ca.OP_HYPOT: "hypot({a}, {b})",
 }
-_KNOWN = frozenset({*_OPERATORS, *_AT_ONCE, *_ONE_BY_ONE})
+_TEMPLATES = {**_OPERATORS, **_AT_ONCE, **_ONE_BY_ONE}
+#: What can be written here.
+OPERATIONS = frozenset(_TEMPLATES)
 
-_CODE = """\
-#include <math.h>
-#define LANES {lanes}
+#: Vectors of numbers, and what statements on them are written with.
+VECTORS = f"""\
+#define LANES {LANES}
 #define EACH for (int i = 0; i < LANES; ++i)
-#define USED for (int i = 0; i < used; ++i)
 typedef double numbers __attribute__((vector_size(8 * LANES)));
 typedef long long bits __attribute__((vector_size(8 * LANES)));
 #define SIGN ((bits)(-zero))
 #define CHOSEN(mask, a) ((numbers)((bits)(a) & (mask)))
 #define EITHER(mask, a, b) ((numbers)(((bits)(a) & (mask)) | ((bits)(b) & ~(mask))))
+"""
+
+_CODE = """\
+#include <math.h>
+{vectors}
+#define USED for (int i = 0; i < used; ++i)
 
 void recur(long long N, long long used, const double* const* in, const long long* in_step,
            double* const* out) {{
@@ -97,7 +104,7 @@ void recur(long long N, long long used, const double* const* in, const long long
 
 def runs_in_lanes(function: ca.Function) -> bool:
     """Tell whether a function is made of operations that are known here."""
-    return consists_of(function, _KNOWN)
+    return consists_of(function, OPERATIONS)
 
 
 def recursion_code(function: ca.Function, moving: Sequence[bool]) -> str:
@@ -132,23 +139,54 @@ def recursion_code(function: ca.Function, moving: Sequence[bool]) -> str:
         at = f"n * in_step[{i}] + {row}" if changes[i] else str(row)
         read = f"  numbers v{value}; EACH v{value}[i] = in[{i} * LANES + i][{at}];"
         (each if changes[i] else before).append(read)
-    before += [f"  {_statement(line)}" for line in once]
-    each += [f"    {_statement(line)}" for line in repeated]
+    before += [f"  {_declared(line)}" for line in once]
+    each += [f"    {_declared(line)}" for line in repeated]
     # All states were read above, so that none is overwritten before it is used.
     each += [f"    z[{row}] = v{value};" for _, row, value in program.outputs]
     size = function.numel_in(0)
-    return _CODE.format(lanes=LANES, size=size, before="\n".join(before), each="\n".join(each))
+    return _CODE.format(vectors=VECTORS, size=size, before="\n".join(before), each="\n".join(each))
 
 
-def _statement(line: Line) -> str:
+def statement(operation: int, result: str, a: str, b: str) -> str:
+    """Return C code that sets a vector, of which it assumes that it holds zeros.
+
+    Parameters
+    ----------
+    operation : int
+        CasADi's number of it.
+    result, a, b : str
+        Names of vectors; of one operand `b` may be any.
+    """
+    if operation in _OPERATORS:
+        return f"{result} = {_OPERATORS[operation].format(a=a, b=b)};"
+    lanes = "EACH" if operation in _AT_ONCE else "USED"
+    return f"{lanes} {result}[i] = {expression(operation, f'{a}[i]', f'{b}[i]')};"
+
+
+def expression(operation: int, a: str, b: str) -> str:
+    """Return C code of an operation, on numbers where it is a `is_call`, else on vectors."""
+    return _TEMPLATES[operation].format(a=a, b=b)
+
+
+def is_call(operation: int) -> bool:
+    """Tell whether an operation is a function that most processors have not."""
+    return operation in _ONE_BY_ONE
+
+
+def takes_one(operation: int) -> bool:
+    """Tell whether an operation has one operand."""
+    return "{b}" not in _TEMPLATES[operation]
+
+
+def _declared(line: Line) -> str:
     a, b = (f"v{line.given[k]}" for k in (0, -1))  # of one operand both are it
-    if line.operation in _OPERATORS:
-        expression = _OPERATORS[line.operation].format(a=a, b=b)
-        return f"const numbers v{line.result} = {expression};"
-    at_once = line.operation in _AT_ONCE
-    call = (_AT_ONCE if at_once else _ONE_BY_ONE)[line.operation].format(a=a, b=b)
-    lanes = "EACH" if at_once else "USED"
-    return f"numbers v{line.result} = zero; {lanes} v{line.result}[i] = {call};"
+    result = f"v{line.result}"
+    code = statement(line.operation, result, a, b)
+    return (
+        f"const numbers {code}"
+        if line.operation in _OPERATORS
+        else f"numbers {result} = zero; {code}"
+    )
 
 
 def _literal(number: float) -> str:

@@ -1,4 +1,4 @@
-"""Functions evaluated by NumPy equal CasADi's own, whatever they do and whatever is shared."""
+"""Functions of all samples equal CasADi's own, whatever they do and whatever is shared."""
 
 import casadi as ca
 import numpy as np
@@ -6,8 +6,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pneumo_casadi.model.along_record import ArrayFunction
+from pneumo_casadi.model.along_record import ArrayFunction, array_function
 from pneumo_casadi.model.along_record.array_function import BLOCK
+from pneumo_casadi.model.along_record.block_program import work_through
 
 UNARY = (
     ca.sin, ca.cos, ca.tan, ca.atan, ca.tanh, ca.sinh, ca.cosh, ca.exp, ca.floor, ca.ceil, ca.fabs,
@@ -18,8 +19,23 @@ BINARY = (
     ca.plus, ca.minus, ca.times, ca.rdivide, ca.power, ca.fmin, ca.fmax, ca.atan2, ca.hypot, ca.lt,
     ca.le, ca.eq, ca.ne, ca.logic_and, ca.logic_or, lambda x, y: ca.if_else(x > y, x, y * x),
 )  # fmt: skip
+
+
+@pytest.fixture(scope="module", params=["machine code", "NumPy"], autouse=True)
+def means(request):
+    """Evaluate with each of the two."""
+    with pytest.MonkeyPatch.context() as patch:
+        if request.param == "NumPy":
+            patch.setattr(array_function, "work_through", lambda: None)
+        elif work_through() is None:
+            pytest.skip("no C compiler")
+        yield
+
+
 #: Samples with larger intermediate results are not compared.
 LARGE = 1e4
+#: Samples: no whole number of vectors.
+N = 41
 STEPS = st.lists(
     st.tuples(st.integers(0, len(UNARY) + len(BINARY) - 1), st.integers(0, 99), st.integers(0, 99)),
     min_size=1,
@@ -47,11 +63,11 @@ def test_they_equal_casadis_own(steps, shared):
     assert ArrayFunction.suits(f)
     rng = np.random.default_rng(len(steps))
     arrays = [
-        rng.normal(size=2).round(2) if one else rng.normal(size=(2, 40)).round(2) for one in shared
+        rng.normal(size=2).round(2) if one else rng.normal(size=(2, N)).round(2) for one in shared
     ]
-    found = ArrayFunction(f).evaluate(40, *arrays)
-    whole = [a if a.ndim == 2 else np.tile(a[:, None], 40) for a in arrays]
-    expected = [part.full() for part in f.map(40)(*whole)]
+    found = ArrayFunction(f).evaluate(N, *arrays)
+    whole = [a if a.ndim == 2 else np.tile(a[:, None], N) for a in arrays]
+    expected = [part.full() for part in f.map(N)(*whole)]
     # Of numbers that large, or what follows from them, rounding decides: the sine of 1e16 is any.
     tame = (np.abs(expected[1]) < LARGE).all(axis=0)
     for ours, theirs in zip(found, expected, strict=True):
