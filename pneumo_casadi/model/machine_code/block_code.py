@@ -20,6 +20,7 @@ from pneumo_casadi.model.machine_code.lane_code import (
 BLOCK = 256
 
 _CODE = """\
+#pragma GCC optimize ("O3") /* compiled once, whatever models are compiled with */
 /* glibc has some functions for several numbers at once, and tells those who allow fast maths. */
 #define __FAST_MATH__ 1
 #include <math.h>
