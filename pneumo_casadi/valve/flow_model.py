@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from pneumo_casadi.errors import ModelError
 from pneumo_casadi.parameters import FloatArray, Parameters
 from pneumo_casadi.valve.flow_map import FlowMap
 from pneumo_casadi.valve.orifice import RHO_ANR, T_ANR, orifice_expression
@@ -79,6 +80,19 @@ class FlowModel(Protocol):
     def residuals(self, table: FlowMap) -> FloatArray:
         """Return measured minus modelled flow [kg/s], shape (n,)."""
         ...
+
+
+def whole(theta: Any, size: int) -> Any:
+    """Return the parameters of a law; those of another size CasADi might repeat, or leave out.
+
+    Raises
+    ------
+    ModelError
+        If they are not of this size.
+    """
+    if theta.shape[0] != size:
+        raise ModelError(f"theta has shape {theta.shape}, expected {size} parameters")
+    return theta
 
 
 def leakage_change(

@@ -13,7 +13,7 @@ from pneumo_casadi.errors import CaseError, ModelError
 from pneumo_casadi.parameters import FloatArray, Parameter, Parameters
 from pneumo_casadi.runtime.presentation import Brief
 from pneumo_casadi.valve.flow_map import FlowMap
-from pneumo_casadi.valve.flow_model import KEPT, Symbol, scale_sigma
+from pneumo_casadi.valve.flow_model import KEPT, Symbol, scale_sigma, whole
 from pneumo_casadi.valve.orifice import (
     LAMINAR_RATIO,
     RHO_ANR,
@@ -91,8 +91,8 @@ class FlowISO6358(Brief):
         """
         p_supply = self.p_supply if p_supply is None else p_supply
         p_ext = self.p_ext if p_ext is None else p_ext
-        return _written(self.parameters.names, self.T, self.laminar_ratio)(
-            u, p, theta, p_supply, p_ext
+        return _law(self.parameters.names, self.T, self.laminar_ratio)(
+            u, p, whole(theta, len(self.parameters)), p_supply, p_ext
         )
 
     def expression_at(self, u: Any, p: Any, theta: Any, filling: Any, emptying: Any) -> Any:
@@ -189,7 +189,7 @@ def fit_iso6358(
 
 
 @lru_cache(maxsize=KEPT)
-def _written(names: tuple[str, ...], T: float, laminar_ratio: float) -> ca.Function:
+def _law(names: tuple[str, ...], T: float, laminar_ratio: float) -> ca.Function:
     """Return ``(u, p, θ, p_supply, p_ext) -> q_m``."""
     u, p, p_supply, p_ext = (ca.SX.sym(name) for name in ("u", "p", "p_supply", "p_ext"))
     theta = ca.SX.sym("theta", len(names))
@@ -211,9 +211,9 @@ def _written(names: tuple[str, ...], T: float, laminar_ratio: float) -> ca.Funct
 @lru_cache(maxsize=KEPT)
 def _with_slopes(names: tuple[str, ...], T: float, laminar_ratio: float) -> ca.Function:
     """Return ``(u, p, θ, p_supply, p_ext) -> (q_m, ∂q_m/∂θ (n, 1))``."""
-    written = _written(names, T, laminar_ratio)
-    given = written.sx_in()
-    q_m = written(*given)
+    law = _law(names, T, laminar_ratio)
+    given = law.sx_in()
+    q_m = law(*given)
     return ca.Function("q_m_slopes", given, [q_m, ca.jacobian(q_m, given[2]).T])
 
 

@@ -13,7 +13,7 @@ from pneumo_casadi.errors import ModelError
 from pneumo_casadi.parameters import FloatArray, Parameters
 from pneumo_casadi.runtime.presentation import Brief
 from pneumo_casadi.valve.flow_map import FlowMap
-from pneumo_casadi.valve.flow_model import KEPT, Symbol, leakage_change, scale_sigma
+from pneumo_casadi.valve.flow_model import KEPT, Symbol, leakage_change, scale_sigma, whole
 
 Degrees = tuple[int, int, int]
 
@@ -103,6 +103,9 @@ class FlowPolynomials(Brief):
     def __post_init__(self) -> None:
         check_degrees(self.degrees)
         _check_range(self.p_range)
+        # By these the law is kept: they must be tuples of numbers.
+        object.__setattr__(self, "degrees", tuple(int(degree) for degree in self.degrees))
+        object.__setattr__(self, "p_range", tuple(float(p) for p in self.p_range))
         n = sum(self.degrees) + len(self.degrees)
         if len(self.parameters) != n:
             raise ModelError(
@@ -115,8 +118,11 @@ class FlowPolynomials(Brief):
         object.__setattr__(self, "covariance", covariance)
 
     def expression(self, u: Any, p: Any, theta: Any) -> Any:
-        """Return q_m [kg/s] for CasADi scalars u [V], p [Pa] and the vector theta (n,)."""
-        return _written(self.degrees, self.p_range)(u, p, theta)
+        """Return q_m [kg/s] for CasADi scalars u [V], p [Pa] and the vector theta (n,).
+
+        Works for SX and MX alike.
+        """
+        return _law(self.degrees, self.p_range)(u, p, whole(theta, len(self.parameters)))
 
     def expression_at(self, u: Any, p: Any, theta: Any, filling: Any, emptying: Any) -> Any:
         """Return q_m [kg/s] with supply and exhaust at these ratios to the metered pressures.
@@ -127,7 +133,8 @@ class FlowPolynomials(Brief):
 
             q_m = φ(p) + Δφ(p, s, e) + s ψ⁺(p/s) max(u, 0) + e ψ⁻(p/e) min(u, 0)
         """
-        return _written_at(self.degrees, self.p_range)(u, p, theta, filling, emptying)
+        law = _law_at(self.degrees, self.p_range)
+        return law(u, p, whole(theta, len(self.parameters)), filling, emptying)
 
     def design_matrix(self, u: ArrayLike, p: ArrayLike) -> FloatArray:
         """Return D (n, n_coef) with q_m = D θ at points u [V] and p [Pa], both (n,)."""
@@ -180,7 +187,7 @@ class FlowPolynomials(Brief):
 
 
 @lru_cache(maxsize=KEPT)
-def _written(degrees: Degrees, p_range: tuple[float, float]) -> ca.Function:
+def _law(degrees: Degrees, p_range: tuple[float, float]) -> ca.Function:
     """Return ``(u, p, θ) -> q_m``.
 
     T_k(z) is formed once by recursion and shared by the three polynomials; the branch of ψ is
@@ -194,7 +201,7 @@ def _written(degrees: Degrees, p_range: tuple[float, float]) -> ca.Function:
 
 
 @lru_cache(maxsize=KEPT)
-def _written_at(degrees: Degrees, p_range: tuple[float, float]) -> ca.Function:
+def _law_at(degrees: Degrees, p_range: tuple[float, float]) -> ca.Function:
     """Return ``(u, p, θ, filling, emptying) -> q_m``."""
     u, p, theta = _symbols(degrees)
     filling, emptying = ca.SX.sym("filling"), ca.SX.sym("emptying")

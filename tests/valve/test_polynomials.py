@@ -1,5 +1,7 @@
 """Flow polynomials: eq. 12, its statistics, its derivatives and its continuation."""
 
+from dataclasses import replace
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from pneumo_casadi.errors import CaseError, ModelError
 from pneumo_casadi.valve import (
     FlowMap,
     edge_slopes,
+    fit_iso6358,
     fit_polynomials,
     flow_function,
     map_residuals,
@@ -38,6 +41,24 @@ def test_a_map_that_is_a_polynomial_is_recovered_with_its_coefficients(spool_val
     assert flow.sigma < 1e-16
     assert flow.degrees == (7, 7, 4)
     assert flow.dof == table.n - 21
+
+
+@pytest.mark.parametrize("fit", [fit_polynomials, fit_iso6358])
+@pytest.mark.parametrize("size", [0, 1, 100])
+def test_coefficients_of_another_number_are_refused(spool_valve, fit, size):
+    """CasADi would take one for all of them, and none for zeros."""
+    flow = fit(spool_valve())
+    for ports in ((), (1.1, 0.9)):
+        law = flow.expression_at if ports else flow.expression
+        with pytest.raises(ModelError, match="expected"):
+            law(ca.SX.sym("u"), ca.SX.sym("p"), ca.SX.sym("theta", size), *ports)
+
+
+def test_degrees_and_range_may_be_lists(spool_valve):
+    flow = fit_polynomials(spool_valve(), degrees=(3, 2, 1))
+    lists = replace(flow, degrees=[3, 2, 1], p_range=np.array(flow.p_range))
+    given = (ca.DM(1.0), ca.DM(3e5), ca.DM(flow.parameters.values))
+    assert float(lists.expression(*given)) == float(flow.expression(*given))
 
 
 def test_intervals_cover_the_truth_at_their_level(spool_valve):

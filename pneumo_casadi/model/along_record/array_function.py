@@ -29,7 +29,7 @@ from pneumo_casadi.model.machine_code.operations import (
 from pneumo_casadi.parameters import FloatArray
 
 #: Samples that NumPy works on at once: their arrays stay in the processor's cache.
-BLOCK = 4096
+NUMPY_BLOCK = 4096
 
 Operation = Callable[..., Any]
 
@@ -185,9 +185,9 @@ class ArrayFunction(RecordFunction):
         moving: Mapping[int, FloatArray],
         results: Sequence[FloatArray],
     ) -> None:
-        buffers = np.empty((plan.buffers, min(N, BLOCK)))
-        for first in range(0, N, BLOCK):
-            n = min(BLOCK, N - first)
+        buffers = np.empty((plan.buffers, min(N, NUMPY_BLOCK)))
+        for first in range(0, N, NUMPY_BLOCK):
+            n = min(NUMPY_BLOCK, N - first)
             for value, row in moving.items():
                 values[value] = row[first : first + n]
             with np.errstate(all="ignore"):

@@ -26,7 +26,7 @@ class BlockProgram:
     lines : (n, 4) array of int
         Operation, slot of the result, slots of what it takes.
     arrays : int
-        Slots that are arrays of one block.
+        How many slots are arrays of one block.
     shared, moving : tuple of int
         Values of the program in the slots of numbers, and in those of rows.
     sources : array of int
@@ -58,11 +58,11 @@ class BlockProgram:
             Where the results go, each contiguous.
         """
         shared = np.array([numbers[value] for value in self.shared], dtype=float)
-        arrays = np.empty((self.arrays, BLOCK))
-        ends = np.zeros((len(self.moving), BLOCK))
+        memory = np.empty((self.arrays, BLOCK))
+        copies = np.zeros((len(self.moving), BLOCK))
         slots = np.array(
             [
-                *(arrays.ctypes.data + arrays.strides[0] * np.arange(self.arrays)),
+                *(memory.ctypes.data + memory.strides[0] * np.arange(self.arrays)),
                 *(shared.ctypes.data + shared.itemsize * np.arange(len(shared))),
                 *(rows[value].ctypes.data for value in self.moving),
             ],
@@ -74,7 +74,7 @@ class BlockProgram:
             pointer_to(self.lines),
             *(ctypes.c_longlong(n) for n in (self.arrays, len(self.shared), len(self.moving))),
             pointer_to(slots),
-            pointer_to(ends),
+            pointer_to(copies),
             ctypes.c_longlong(len(outputs)),
             pointer_to(self.sources),
             pointer_to(places),

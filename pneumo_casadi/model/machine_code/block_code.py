@@ -30,26 +30,27 @@ _CODE = """\
 typedef double loose __attribute__((vector_size(8 * LANES), aligned(8), may_alias));
 #define BLOCK {block}
 #define AT(p) (*(const loose *)((p) + k))
-#define SAMPLES for (long long k = 0; k < n; k += LANES)
-#define STORED(set) numbers r = zero; set *(loose *)(o + k) = r
-#define ONE(set) SAMPLES {{ const numbers x = AT(a); STORED(set); }} break;
-#define TWO(set) \\
+#define VECTORS for (int k = 0; k < BLOCK; k += LANES)
+#define SET(statement) numbers r = zero; statement *(loose *)(o + k) = r
+#define ONE(statement) VECTORS {{ const numbers x = AT(a); SET(statement); }} break;
+/* Less a zero a number keeps its sign, even that of zero. */
+#define TWO(statement) \\
   if (a_shared) {{ \\
-    const numbers x = zero + *a; SAMPLES {{ const numbers y = AT(b); STORED(set); }} \\
+    const numbers x = *a - zero; VECTORS {{ const numbers y = AT(b); SET(statement); }} \\
   }} else if (b_shared) {{ \\
-    const numbers y = zero + *b; SAMPLES {{ const numbers x = AT(a); STORED(set); }} \\
-  }} else SAMPLES {{ const numbers x = AT(a), y = AT(b); STORED(set); }} \\
+    const numbers y = *b - zero; VECTORS {{ const numbers x = AT(a); SET(statement); }} \\
+  }} else VECTORS {{ const numbers x = AT(a), y = AT(b); SET(statement); }} \\
   break;
-#define SINGLE for (long long k = 0; k < n; ++k)
-#define CALL_ONE(value) SINGLE {{ const double x = a[k]; o[k] = value; }} break;
+#define SAMPLES for (int k = 0; k < BLOCK; ++k)
+#define CALL_ONE(value) SAMPLES {{ const double x = a[k]; o[k] = value; }} break;
 #define CALL_TWO(value) \\
-  if (a_shared) {{ const double x = *a; SINGLE {{ const double y = b[k]; o[k] = value; }} }} \\
-  else if (b_shared) {{ const double y = *b; SINGLE {{ const double x = a[k]; o[k] = value; }} }} \\
-  else SINGLE {{ const double x = a[k], y = b[k]; o[k] = value; }} \\
+  if (a_shared) {{ const double x = *a; SAMPLES {{ const double y = b[k]; o[k] = value; }} }} \\
+  else if (b_shared) {{ const double y = *b; SAMPLES {{ const double x = a[k]; o[k] = value; }} }} \\
+  else SAMPLES {{ const double x = a[k], y = b[k]; o[k] = value; }} \\
   break;
 
-static void apply(int operation, long long n, const double *a, int a_shared, const double *b,
-                  int b_shared, double *restrict o) {{
+static void apply(int operation, const double *a, int a_shared, const double *b, int b_shared,
+                  double *restrict o) {{
   const numbers zero = {{0}}, one = zero + 1.0;
   (void)one;
   switch (operation) {{
@@ -58,21 +59,23 @@ static void apply(int operation, long long n, const double *a, int a_shared, con
 }}
 
 /* Slots hold what lines take and give: first arrays of BLOCK samples, then numbers that all samples
-   share, then rows of N samples. A line is an operation, the slot of its result, and two more. */
+   share, then rows of N samples, whose slots are moved on from block to block. A line is an
+   operation, the slot of its result, and two more. Blocks are worked on whole, so that no sample
+   depends on where it stands: the last one is that of copies, filled up with zeros. */
 void work_through(long long N, long long lines, const int *line, long long arrays, long long shared,
-                  long long rows, double **slot, double *ends, long long outputs,
+                  long long rows, double **slot, double *copies, long long outputs,
                   const int *source, double *const *out) {{
   const long long moving = arrays + shared, slots = moving + rows;
   for (long long first = 0; first < N; first += BLOCK) {{
     const long long n = N - first < BLOCK ? N - first : BLOCK;
-    if (n % LANES) /* whole vectors are read: not beyond the end of a row */
+    if (n < BLOCK)
       for (long long k = moving; k < slots; ++k) {{
-        double *end = ends + (k - moving) * BLOCK;
-        memcpy(end, slot[k], n * sizeof(double));
-        slot[k] = end;
+        double *copy = copies + (k - moving) * BLOCK;
+        memcpy(copy, slot[k], n * sizeof(double));
+        slot[k] = copy;
       }}
     for (const int *at = line; at < line + 4 * lines; at += 4)
-      apply(at[0], n, slot[at[2]], at[2] >= arrays && at[2] < moving, slot[at[3]],
+      apply(at[0], slot[at[2]], at[2] >= arrays && at[2] < moving, slot[at[3]],
             at[3] >= arrays && at[3] < moving, slot[at[1]]);
     for (long long k = 0; k < outputs; ++k) {{
       const int from = source[k];
@@ -93,7 +96,7 @@ def block_code() -> str:
     """Return C code of ``work_through``.
 
     Of N samples it takes the number of lines and the lines; how many slots are arrays of `BLOCK`
-    samples, numbers and rows, and where each is; room for the ends of all rows; and how many
+    samples, numbers and rows, and where each is; zeros for a block of all rows; and how many
     results there are, in which slot each is, and where it goes.
     """
     cases = []

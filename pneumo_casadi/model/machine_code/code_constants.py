@@ -18,7 +18,7 @@ _NUMBER = re.compile(r"(?<![\w.])(?:\d\.\d{16}e[+-]\d{2,3}|\d{3,}\.)(?![\w.])")
 _COMMENT = re.compile(r"/\*.*?\*/")
 #: Begin and end of the tables that CasADi writes: there C allows literal numbers only.
 _STATIC, _END = "static const", ";"
-#: First number of a table that is still to be filled, by its bits; the next ones count on.
+#: Bits of the first number of a table that is still to be filled; each further one has one more.
 _BLANK = int.from_bytes(b"pneumo\0\0", "big")
 #: How a library begins whose bytes may be changed. Others may be signed, as those of macOS are.
 _CHANGEABLE = b"\x7fELF"

@@ -196,7 +196,8 @@ def _compile_blank(instructions: str, table: ConstantTable, target: Path) -> boo
     for source, text in zip(sources, (instructions, table.blank_code), strict=True):
         source.write_text(text)
     # Optimised as a whole, the instructions would know the marks and not read the table.
-    return _run([*_flags(), "-fno-lto", "-shared", *map(str, sources), "-lm"], target, last=False)
+    rest = ["-fno-lto", "-shared", *map(str, sources), "-lm"]
+    return any(_run([*flags, *rest], target, last=False) for flags in (_flags(), PLAIN))
 
 
 def _compile(instructions: str, target: Path) -> bool:

@@ -131,7 +131,7 @@ def recursion_code(function: ca.Function, moving: Sequence[bool]) -> str:
     once, repeated = once_and_repeated(program, moving_values)
     before, each = [], []
     for value, number in program.constants:
-        before.append(f"  const numbers v{value} = zero + {_literal(number)};")
+        before.append(f"  const numbers v{value} = {_literal(number)} - zero;")
     for value, i, row in program.inputs:
         if i == 0:
             each.append(f"    const numbers v{value} = z[{row}];")
@@ -164,12 +164,12 @@ def statement(operation: int, result: str, a: str, b: str) -> str:
 
 
 def expression(operation: int, a: str, b: str) -> str:
-    """Return C code of an operation, on numbers where it is a `is_call`, else on vectors."""
+    """Return C code of an operation on two numbers; unless it `is_call`, vectors will do too."""
     return _TEMPLATES[operation].format(a=a, b=b)
 
 
 def is_call(operation: int) -> bool:
-    """Tell whether an operation is a function that most processors have not."""
+    """Tell whether an operation is a function of C, for which processors have no instruction."""
     return operation in _ONE_BY_ONE
 
 

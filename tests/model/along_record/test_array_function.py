@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pneumo_casadi.model.along_record import ArrayFunction, array_function
-from pneumo_casadi.model.along_record.array_function import BLOCK
+from pneumo_casadi.model.along_record.array_function import NUMPY_BLOCK
 from pneumo_casadi.model.along_record.block_program import work_through
 
 UNARY = (
@@ -77,7 +77,7 @@ def test_they_equal_casadis_own(steps, shared):
 def test_long_records_are_worked_on_in_blocks_and_matrices_are_column_after_column():
     x, c = ca.SX.sym("x", 2), ca.SX.sym("c")
     f = ca.Function("f", [x, c], [c * x, ca.densify(ca.jacobian(x * x[0], x))])
-    values = np.random.default_rng(0).normal(size=(2, 2 * BLOCK + 7))
+    values = np.random.default_rng(0).normal(size=(2, 2 * NUMPY_BLOCK + 7))
     product, slope = ArrayFunction(f).evaluate(
         values.shape[1], np.asfortranarray(values), np.array([3.0])
     )
@@ -90,6 +90,26 @@ def test_the_sign_of_zero_is_kept():
     f = ca.Function("f", [x], [ca.atan2(ca.sign(x), -1.0)])
     values = np.array([[0.0, -0.0, 2.0, -2.0]])
     np.testing.assert_array_equal(ArrayFunction(f).evaluate(4, values)[0], f.map(4)(values).full())
+
+
+@pytest.mark.parametrize("zero", [0.0, -0.0])
+def test_so_is_that_of_a_zero_that_all_samples_share(zero):
+    x, c = ca.SX.sym("x"), ca.SX.sym("c")
+    f = ca.Function("f", [x, c], [ca.vertcat(x / c, c / x, ca.fmin(c, x))])
+    found = ArrayFunction(f).evaluate(2, np.array([[1.0, 2.0]]), np.array([zero]))[0]
+    expected = f.map(2)(np.array([[1.0, 2.0]]), zero).full()
+    np.testing.assert_array_equal(found, expected)
+    np.testing.assert_array_equal(np.signbit(found), np.signbit(expected))
+
+
+def test_a_sample_does_not_depend_on_where_it_stands():
+    x = ca.SX.sym("x")
+    f = ArrayFunction(ca.Function("f", [x], [ca.exp(ca.sin(x)) + ca.fabs(x) ** 1.3]))
+    values = np.random.default_rng(0).normal(size=(1, 600))
+    (together,) = f.evaluate(600, values)
+    for first in (0, 1, 254, 511, 599):
+        (alone,) = f.evaluate(600 - first, values[:, first:])
+        np.testing.assert_array_equal(alone, together[:, first:])
 
 
 def test_what_is_no_number_shows_without_a_warning():
