@@ -44,9 +44,11 @@ typedef double loose __attribute__((vector_size(8 * LANES), aligned(8), may_alia
 #define SAMPLES for (int k = 0; k < BLOCK; ++k)
 #define CALL_ONE(value) SAMPLES {{ const double x = a[k]; o[k] = value; }} break;
 #define CALL_TWO(value) \\
-  if (a_shared) {{ const double x = *a; SAMPLES {{ const double y = b[k]; o[k] = value; }} }} \\
-  else if (b_shared) {{ const double y = *b; SAMPLES {{ const double x = a[k]; o[k] = value; }} }} \\
-  else SAMPLES {{ const double x = a[k], y = b[k]; o[k] = value; }} \\
+  if (a_shared) {{ \\
+    const double x = *a; SAMPLES {{ const double y = b[k]; o[k] = value; }} \\
+  }} else if (b_shared) {{ \\
+    const double y = *b; SAMPLES {{ const double x = a[k]; o[k] = value; }} \\
+  }} else SAMPLES {{ const double x = a[k], y = b[k]; o[k] = value; }} \\
   break;
 
 static void apply(int operation, const double *a, int a_shared, const double *b, int b_shared,
