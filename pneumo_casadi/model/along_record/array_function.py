@@ -115,14 +115,14 @@ class _Plan:
         Operations on numbers that all samples share, and on arrays.
     buffer : tuple of int
         Array that each repeated line writes to; arrays no longer needed are used again.
-    blocks : BlockProgram, optional
+    blocks : BlockProgram
         The repeated lines as data for machine code.
     """
 
     once: tuple[_Line, ...]
     repeated: tuple[_Line, ...]
     buffer: tuple[int, ...]
-    blocks: BlockProgram | None = None
+    blocks: BlockProgram
 
     @property
     def buffers(self) -> int:
@@ -171,7 +171,7 @@ class ArrayFunction(RecordFunction):
             for line in plan.once:
                 values[line.result] = float(line.operation(*(values[k] for k in line.given)))
         results = [outputs[i][row] for i, row, _ in program.outputs]
-        if plan.blocks is not None and work_through() is not None:
+        if work_through() is not None:
             plan.blocks.run(N, values, moving, results)
         else:
             self._by_numpy(plan, N, values, moving, results)

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from pneumo_casadi.model.along_record.sample_function import pointer_to
 from pneumo_casadi.model.machine_code.block_code import BLOCK, block_code
 from pneumo_casadi.model.machine_code.compilation import build_library
-from pneumo_casadi.model.machine_code.lane_code import OPERATIONS
 from pneumo_casadi.model.machine_code.operations import Line, Program
 from pneumo_casadi.parameters import FloatArray
 
@@ -90,8 +89,8 @@ def work_through() -> Any:
 
 def block_program(
     program: Program, repeated: Sequence[Line], buffer: Sequence[int], moving: Sequence[int]
-) -> BlockProgram | None:
-    """Return a program as data, or None where it has operations that the code does not know.
+) -> BlockProgram:
+    """Return a program as data.
 
     Parameters
     ----------
@@ -104,8 +103,6 @@ def block_program(
     moving : sequence of int
         Values among the inputs that change from sample to sample.
     """
-    if not {line.operation for line in repeated} <= OPERATIONS:
-        return None
     arrays = max(buffer, default=-1) + 1
     results = {line.result for line in repeated}
     taken = {value for line in repeated for value in line.given}
