@@ -69,7 +69,8 @@ def attack_all(only: str = "", forked: bool = False) -> dict[str, Any]:
             print(f"{attack.name}: {how or 'nothing'}", flush=True)
             if how:
                 won[attack.name] = how
-    return {"files": len(chosen), "succeeded": len(won), "won": won}
+    files = sum(attack.files for attack in chosen)
+    return {"files": files, "succeeded": len(won), "won": won}
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

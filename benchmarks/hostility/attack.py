@@ -36,7 +36,9 @@ class Attack:
         Whether it succeeded although no canary was made, from the folder and what was printed.
     fresh : bool, optional
         Whether it needs an interpreter that has not imported anything: it is about what is
-        imported, or what a process keeps.
+        imported.
+    files : int, optional
+        How many hostile files it puts there.
     """
 
     name: str
@@ -44,6 +46,7 @@ class Attack:
     read: str
     won: Callable[[Path, str], bool] = lambda folder, printed: False
     fresh: bool = False
+    files: int = 1
 
 
 def succeeds(attack: Attack, folder: Path, forked: bool = False) -> str:

@@ -6,7 +6,6 @@ import json
 import os
 import pickle
 import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,7 @@ import casadi as ca
 import numpy as np
 import scipy.io
 
-from hostility.attack import Attack
+from hostility.attack import Attack, run_forked
 
 READ_CASE = "import pneumo_casadi as pc; pc.check('.')"
 READ_FUNCTIONS = "from pneumo_casadi.export import read_functions; f = read_functions('.'); f.step"
@@ -182,15 +181,16 @@ def in_result(change: Callable[[dict[str, Any]], Any]) -> Callable[[Path, Path],
 CODE = "__import__('pathlib').Path('CANARY').touch()"
 
 
-def module(name: str) -> Callable[[Path, Path], None]:
-    """Return what puts a module of a known name into the current folder."""
+#: Modules that reading a case imports, or would.
+MODULES = ("numpy", "scipy", "json", "casadi", "pneumo_casadi", "sitecustomize", "h5py")
 
-    def write(folder: Path, canary: Path) -> None:
+
+def modules(folder: Path, canary: Path) -> None:
+    """Put modules of known names into the current folder, beside a record in a MAT file."""
+    for name in MODULES:
         (folder / f"{name}.py").write_text(f"open({str(canary)!r}, 'w')\nraise ImportError\n")
-        (folder / "identify.csv").unlink(missing_ok=True)
-        scipy.io.savemat(folder / "identify.mat", {"t_s": np.arange(100.0)})
-
-    return write
+    (folder / "identify.csv").unlink(missing_ok=True)
+    scipy.io.savemat(folder / "identify.mat", {"t_s": np.arange(100.0)})
 
 
 def pickled_parquet(folder: Path, canary: Path) -> None:
@@ -213,8 +213,8 @@ def cached(forge: Callable[[Path, Path, Path], None]) -> Callable[[Path, Path], 
 
     def write(folder: Path, canary: Path) -> None:
         cache = folder.parent / "cache"
-        environment = {**os.environ, "PNEUMO_CASADI_CACHE": str(cache)}
-        subprocess.run([sys.executable, "-P", "-c", COMPILED], env=environment, check=True)
+        done = run_forked(COMPILED, folder, {"PNEUMO_CASADI_CACHE": str(cache)})
+        assert done is not None and done[0] == 0, done
         path = max(cache.glob("*.so"), key=lambda p: p.stat().st_mtime)
         forge(path, folder, canary)
 
@@ -315,12 +315,11 @@ def attacks() -> Iterator[Attack]:
         in_result(lambda c: c["model"]["bench"]["controller"].update(law=CODE)),
         READ_MODEL,
     )
-    for name in ("numpy", "scipy", "json", "casadi", "pneumo_casadi", "sitecustomize", "h5py"):
-        beside = f"a module {name} beside the records"
-        yield Attack(beside, module(name), READ_CASE, fresh=True)
+    beside = f"modules {', '.join(MODULES)} beside the records"
+    yield Attack(beside, modules, READ_CASE, fresh=True, files=len(MODULES))
     yield Attack("a pickle for a record", pickled_columns, READ_CASE)
     yield Attack("a pickle in a MAT file", pickled_cells, READ_CASE)
     yield Attack("a pickle in a Parquet file", pickled_parquet, READ_CASE)
-    yield Attack("cache: a library replaced", cached(replaced), COMPILED, fresh=True)
-    yield Attack("cache: a link", cached(linked), COMPILED, fresh=True)
-    yield Attack("cache: open to others", cached(open_folder), COMPILED, fresh=True)
+    yield Attack("cache: a library replaced", cached(replaced), COMPILED)
+    yield Attack("cache: a link", cached(linked), COMPILED)
+    yield Attack("cache: open to others", cached(open_folder), COMPILED)

@@ -12,7 +12,7 @@ from pneumo_casadi.diagnosis.discover.discover import discover_term, propose_ter
 from pneumo_casadi.diagnosis.discover.discovered import causes_in
 from pneumo_casadi.diagnosis.discover.joint_fit import fit_jointly
 from pneumo_casadi.diagnosis.discover.linearised import linearise
-from pneumo_casadi.diagnosis.discover.periods import periodogram, sine_removes
+from pneumo_casadi.diagnosis.discover.periods import periodogram, sines_remove
 from pneumo_casadi.diagnosis.discover.search import search
 from pneumo_casadi.diagnosis.discover.sites import Site
 from pneumo_casadi.diagnosis.discover.term_in_model import fit_with_term, told_as_fitted
@@ -108,8 +108,9 @@ def test_a_force_that_the_mass_takes_up_is_seen_over_time(made_case):
     linear = linearise(study, fit_model(study, ()), ())
     site = Site(("force",), "1", "t")
     grid = np.arange(5.0, 7.0, 0.125)
-    exact = np.array([sine_removes(linear, site, frequency) for frequency in grid])
+    exact = sines_remove(linear, site, grid)
     columns = [linear.train.columns(site, partial(_sine, f)) for f in grid]
+    assert exact == pytest.approx([linear.removed_squares(each) for each in columns])
     assert min(linear.observable(each).min() for each in columns) < 0.5
     assert periodogram(linear, site, grid) == pytest.approx(exact, rel=0.1, abs=0.02 * exact.max())
 

@@ -198,13 +198,18 @@ class Linearised:
         """The residuals that no change of the parameters removes."""
         return self.project(self.e)
 
+    @property
+    def reachable(self) -> FloatArray:
+        """Orthonormal directions of what a change of the parameters does, those of the map last."""
+        return self._svd[0]
+
     def project(self, columns: FloatArray) -> FloatArray:
         """Return columns, (r, k) or (r,), without what a change of the parameters can do."""
-        return without(columns, self._svd[0])
+        return without(columns, self.reachable)
 
     def absorbed(self, rows: NDArray[np.bool_]) -> FloatArray:
         """Return B, (n, k): of columns D in some rows (n,) a refit takes up the squares |Bᵀ D|²."""
-        U, s, _ = np.linalg.svd(self._svd[0][: rows.size][rows], full_matrices=False)
+        U, s, _ = np.linalg.svd(self.reachable[: rows.size][rows], full_matrices=False)
         strong = s > ABSORBED  # in a force, what flows have is lost
         return np.asarray(U[:, strong] * s[strong])
 

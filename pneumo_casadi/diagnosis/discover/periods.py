@@ -6,7 +6,10 @@ faster the axis moves, and what the parameters absorb is projected out: the mass
 force that shakes the axis. The peaks are compared once more, exactly.
 """
 
+from collections.abc import Iterator
+
 import numpy as np
+from numpy.typing import NDArray
 
 from pneumo_casadi.diagnosis.discover.linearised import ABSORBED, Linearised, Rows
 from pneumo_casadi.diagnosis.discover.sensor_errors import SENSORS
@@ -27,6 +30,8 @@ SHORTEST = 1 / 200
 LEAST_SHARE = 0.03
 #: Peaks of the periodogram that are compared exactly, and frequencies about each.
 PEAKS, ABOUT = 3, 13
+#: Frequencies worked on together: enough to keep a processor busy, few enough for its cache.
+TOGETHER = 8
 
 
 def best_period(linear: Linearised, site: Site) -> float | None:
@@ -38,11 +43,8 @@ def best_period(linear: Linearised, site: Site) -> float | None:
     highest = HIGHEST if site.driver == "t" else 1 / (SHORTEST * length)
     cycles = np.arange(LEAST_CYCLES, max(highest * length, 2 * LEAST_CYCLES), 1 / OVERSAMPLING)
     grid = cycles / length
-    power = (
-        np.array([sine_removes(linear, site, frequency) for frequency in grid])
-        if site.balances[0] in SENSORS  # which differentiate the sine
-        else periodogram(linear, site, grid)
-    )
+    differentiated = site.balances[0] in SENSORS
+    power = (sines_remove if differentiated else periodogram)(linear, site, grid)
     if power.max() < LEAST_SHARE * float(np.sum(linear.projected**2)):
         return None
     step = grid[1] - grid[0]
@@ -50,17 +52,17 @@ def best_period(linear: Linearised, site: Site) -> float | None:
     for _ in range(PEAKS):
         at = int(np.argmax(power))
         fine = np.linspace(max(grid[at] - step, grid[0]), grid[at] + step, ABOUT)
-        exact = [sine_removes(linear, site, frequency) for frequency in fine]
-        if max(exact) > best:
-            best, chosen = max(exact), fine[int(np.argmax(exact))]
+        exact = sines_remove(linear, site, fine)
+        if exact.max() > best:
+            best, chosen = exact.max(), fine[int(np.argmax(exact))]
         power[max(at - 4, 0) : at + 5] = -np.inf
     return float(1 / chosen)
 
 
 def periodogram(linear: Linearised, site: Site, grid: FloatArray) -> FloatArray:
-    """Return the squares that a sine removes at each frequency beside a refit, (grid,).
+    """Return the squares that a sine removes at each even frequency beside a refit, (grid,).
 
-    The windows of the residuals are taken for short: see `sine_removes`.
+    The windows of the residuals are taken for short: see `sines_remove`.
     """
     e = linear.projected[: linear.train.e.size]
     d, rate, factor = _row_means(linear.train, site)
@@ -68,20 +70,59 @@ def periodogram(linear: Linearised, site: Site, grid: FloatArray) -> FloatArray:
     e, d, rate, factor = e[seen], d[seen], rate[seen], factor[seen]
     absorbed = linear.absorbed(seen)
     power = np.empty(grid.size)
-    # From one frequency of the even grid to the next a sine turns by the same angle in each row:
-    # a product, where sine and cosine would be worked out anew.
-    wave = np.exp(2j * np.pi * grid[0] * d)
-    turn = np.exp(2j * np.pi * (grid[1] - grid[0]) * d)
-    for i, frequency in enumerate(grid):
-        weighted = factor * _attenuation(frequency * rate) * wave
-        both = np.stack([weighted.imag, weighted.real])
-        taken = both @ absorbed
-        whole, (es, ec) = both @ both.T, both @ e
-        (ss, sc), (_, cc) = whole - taken @ taken.T
-        determinant = max(ss * cc - sc**2, (ABSORBED * np.trace(whole)) ** 2, 1e-300)
-        power[i] = (cc * es**2 - 2 * sc * es * ec + ss * ec**2) / determinant
-        wave *= turn
+    for block, wave in _waves(d, grid):
+        weighted = factor[:, None] * _attenuation(rate[:, None] * grid[block]) * wave
+        power[block] = _removed(weighted, e, absorbed)
     return power
+
+
+def sines_remove(linear: Linearised, site: Site, frequencies: FloatArray) -> FloatArray:
+    """Return the squares that a sine removes at each even frequency beside a refit, (n,)."""
+    d = linear.train.driver(site)
+    assert d is not None  # sites without a driver are left out before
+    blocks = [_wave_removes(linear, site, wave) for _, wave in _waves(d, frequencies)]
+    return np.concatenate(blocks)
+
+
+def _wave_removes(linear: Linearised, site: Site, wave: NDArray[np.complex128]) -> FloatArray:
+    parts = np.hstack([wave.real, wave.imag])
+    D = linear.train.columns(site, lambda _: parts)
+    r, n = linear.train.e.size, wave.shape[1]
+    return _removed(D[:, :n] + 1j * D[:, n:], linear.projected[:r], linear.reachable[:r])
+
+
+def _waves(
+    d: FloatArray, frequencies: FloatArray
+) -> Iterator[tuple[slice, NDArray[np.complex128]]]:
+    """Yield waves of even frequencies over a driver (r,), a block of them at a time, (r, n)."""
+    first = np.exp(2j * np.pi * d[:, None] * frequencies[:TOGETHER])
+    for start in range(0, frequencies.size, TOGETHER):
+        block = slice(start, min(start + TOGETHER, frequencies.size))
+        # From one block to the next all waves turn by the same angle in each row: a product, where
+        # sine and cosine would be worked out anew.
+        turn = np.exp(2j * np.pi * (frequencies[start] - frequencies[0]) * d)
+        yield block, first[:, : block.stop - start] * turn[:, None]
+
+
+def _removed(waves: NDArray[np.complex128], e: FloatArray, absorbed: FloatArray) -> FloatArray:
+    """Return the squares of e that sine and cosine of each wave (r, n) remove together, (n,).
+
+    Of both, what lies in the directions absorbed (r, k) is what a refit takes up.
+    """
+    s, c = (np.ascontiguousarray(part) for part in (waves.imag, waves.real))
+    taken_s, taken_c = absorbed.T @ s, absorbed.T @ c
+    ss_whole, cc_whole = _products(s, s), _products(c, c)
+    ss, cc = ss_whole - _products(taken_s, taken_s), cc_whole - _products(taken_c, taken_c)
+    sc = _products(s, c) - _products(taken_s, taken_c)
+    es, ec = e @ s, e @ c
+    least = (ABSORBED * (ss_whole + cc_whole)) ** 2
+    determinant = np.maximum(np.maximum(ss * cc - sc**2, least), 1e-300)
+    return np.asarray((cc * es**2 - 2 * sc * es * ec + ss * ec**2) / determinant)
+
+
+def _products(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return the scalar product of every column of one with that of the other, (n,)."""
+    return np.asarray(np.einsum("ij,ij->j", a, b))
 
 
 #: Length of the Hann windows that average residuals, in rows; see `smooth_motion`.
@@ -110,13 +151,3 @@ def _row_means(rows: Rows, site: Site) -> tuple[FloatArray, FloatArray, FloatArr
         np.concatenate([change for _, change in parts]),
         factor,
     )
-
-
-def sine_removes(linear: Linearised, site: Site, frequency: float) -> float:
-    """Return the sum of squares that a sine removes beside a refit of the parameters."""
-    angular = 2 * np.pi * frequency
-
-    def basis(d: FloatArray) -> FloatArray:
-        return np.column_stack([np.sin(angular * d), np.cos(angular * d)])
-
-    return linear.removed_squares(linear.train.columns(site, basis))
