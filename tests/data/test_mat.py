@@ -1,6 +1,7 @@
 """MAT files with structs, cells and matrices, of both kinds, under the users' own names."""
 
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from pneumo_casadi.data import (
     read_columns,
     read_recording,
 )
+from pneumo_casadi.data.readers import mat_process
 from pneumo_casadi.errors import CaseError
 
 ZERO = InputHold.ZERO
@@ -267,3 +269,17 @@ def test_a_wrong_unit_is_noticed_by_the_values(tmp_path, bench_json, recording):
     (tmp_path / "columns.json").write_text(json.dumps(MAPPING | {"p_P_Pa": ["log.pA", "kPa"]}))
     with pytest.raises(CaseError, match=r"identify\.mat.*p_P"):
         read_case(tmp_path)
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="files are parsed in forks")
+def test_a_parser_that_stalls_is_ended_by_the_time_of_its_processor(monkeypatch):
+    """By the clock, a busy machine would make sound files unreadable."""
+    monkeypatch.setattr(mat_process, "TIME", 1.0)
+
+    def stall(request):
+        while True:
+            pass
+
+    answer = mat_process._in_a_fork(stall, b"")
+    assert json.loads(answer.partition(b"\n")[0]) == "parsing it takes more than 1 s"
+    assert mat_process._in_a_fork(lambda request: request[::-1], b"abc") == b"cba"

@@ -19,8 +19,9 @@ from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.runtime.children.serving import ChildEndedError, ServingChild
 from pneumo_casadi.runtime.input_files import printable
 
-#: Time to parse a file [s], and in addition per 100 MB; a few seconds are usual.
-TIME, TIME_PER_100_MB = 20.0, 20.0
+#: Time that a file may take by the clock, over the processor time that it may take: machines are
+#: busy with other work.
+CLOCK = 10
 
 
 class UnreadableError(Exception):
@@ -86,10 +87,11 @@ def vectors_of(content: bytes, wanted: Collection[str]) -> dict[str, Any]:
         If the parser fails, crashes, or takes too long.
     """
     request = json.dumps(list(wanted)).encode() + b"\n" + content
+    limit = CLOCK * mat_process.longest(len(request))
     try:
-        answer = _parser().ask(request, TIME + TIME_PER_100_MB * len(content) / 1e8)
+        answer = _parser().ask(request, limit)
     except TimeoutError:
-        raise UnreadableError("it is not parsed within the time of a sound file") from None
+        raise UnreadableError(f"it is not parsed within {limit:.0f} s") from None
     except ChildEndedError:
         raise UnreadableError("the parser ended without an answer") from None
     wrong, _, vectors = answer.partition(b"\n")

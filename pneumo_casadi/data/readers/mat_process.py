@@ -8,7 +8,9 @@ the parsers are imported once for all.
 
 import io
 import json
+import math
 import os
+import signal
 import struct
 import sys
 import traceback
@@ -25,6 +27,8 @@ MOST_VECTORS, DEEPEST = 20_000, 30
 MOST_VALUES = 2 * 10**8
 #: Address space of the process [bytes]: a compressed file may claim any size.
 MEMORY = 8 * 2**30
+#: Processor time to parse a file [s], and in addition per 100 MB; a few seconds are usual.
+TIME, TIME_PER_100_MB = 20.0, 20.0
 #: The length that begins a request and its answer.
 _LENGTH = struct.Struct("<Q")
 
@@ -50,6 +54,7 @@ def _in_a_fork(answer: Callable[[bytes], bytes], request: bytes) -> bytes:
     child = os.fork()
     if not child:
         os.close(reader)
+        _limit_time(longest(len(request)))
         with os.fdopen(writer, "wb") as stream:
             stream.write(answer(request))
         os._exit(0)
@@ -58,6 +63,8 @@ def _in_a_fork(answer: Callable[[bytes], bytes], request: bytes) -> bytes:
         answered = stream.read()
     _, status = os.waitpid(child, 0)
     if os.WIFSIGNALED(status):
+        if os.WTERMSIG(status) == signal.SIGXCPU:
+            return _packed(f"parsing it takes more than {longest(len(request)):.0f} s")
         return _packed(f"the parser ended with signal {os.WTERMSIG(status)}")
     return answered
 
@@ -86,6 +93,19 @@ def _vectors_as_npz(content: bytes, wanted: Collection[str]) -> bytes:
     vectors = io.BytesIO()
     np.savez(vectors, names=np.array(json.dumps(names)), **arrays)
     return vectors.getvalue()
+
+
+def longest(size: int) -> float:
+    """Return the processor time that a file of so many bytes may take [s]."""
+    return TIME + TIME_PER_100_MB * size / 1e8
+
+
+def _limit_time(seconds: float) -> None:
+    """Let this process end by SIGXCPU: what else a busy machine does must not count."""
+    import resource
+
+    allowed = math.ceil(seconds)
+    resource.setrlimit(resource.RLIMIT_CPU, (allowed, allowed + 1))
 
 
 def _limit_memory() -> None:
