@@ -32,7 +32,7 @@ from pneumo_casadi.data import Case, read_emps
 from pneumo_casadi.diagnosis import prepare_study
 from pneumo_casadi.diagnosis.discover.curves import fit_curves
 from pneumo_casadi.diagnosis.discover.linearised import Linearised, Rows, linearise
-from pneumo_casadi.diagnosis.discover.periods import best_period, sine_removes
+from pneumo_casadi.diagnosis.discover.periods import best_period, sines_remove
 from pneumo_casadi.diagnosis.discover.search import search
 from pneumo_casadi.diagnosis.discover.sites import Site
 from pneumo_casadi.diagnosis.metrics.residual_size import balance_levels, residual_rms
@@ -139,7 +139,7 @@ def repeating(rows: Rows, e: FloatArray, M: float) -> dict[str, float]:
 def _ripple(linear: Linearised, site: Site) -> dict[str, Any]:
     period = best_period(linear, site)
     assert period is not None  # the axis moves
-    removed = sine_removes(linear, site, 1 / period) / float(np.sum(linear.projected**2))
+    removed = sines_remove(linear, site, np.array([1 / period]))[0] / np.sum(linear.projected**2)
     return {"factor": site.factor, "period_m": period, "share_of_squares": removed}
 
 

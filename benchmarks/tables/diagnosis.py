@@ -156,8 +156,11 @@ def withheld_forms(result: Mapping[str, Any]) -> str:
     body.append(["cause never listed: driver of the term right", right, "", "≥ 85"])
     body.append(["... share of the gap it closes", f"{term['closes']['median']:.2f}", "", "≥ 0.7"])
     body.append(["causes listed, or none: a term told", false, "", "≤ 3"])
-    error = result["calibration"]["expected_calibration_error"]
+    error, exact = (
+        result["calibration"][key] for key in ("expected_calibration_error", "error_if_exact")
+    )
     body.append(["expected calibration error", f"{error:.3f}", "", "≤ 0.05"])
+    body.append(["... mean of as many exact probabilities", f"{exact:.3f}", "", ""])
     return rows(["% (95 % interval) count", "all", "visible", "target"], body)
 
 

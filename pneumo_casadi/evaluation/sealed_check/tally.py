@@ -88,10 +88,32 @@ class Calibration:
     bins: tuple[Bin, ...]
     error: float | None
 
+    @property
+    def error_if_exact(self) -> float | None:
+        """Mean error that as many cases would show if all stated probabilities were exact.
+
+        Each bin counts a binomial number of hits. An error as small says that they may be exact.
+
+        Examples
+        --------
+        >>> calibration([0.5] * 100, [True, False] * 50, bins=1).error_if_exact
+        0.0398
+        """
+        cases = sum(bin_.share.of for bin_ in self.bins)
+        if not cases:
+            return None
+        off = 0.0
+        for bin_ in self.bins:
+            hits = np.arange(bin_.share.of + 1)
+            chance = stats.binom.pmf(hits, bin_.share.of, bin_.stated)
+            off += float(chance @ np.abs(hits - bin_.share.of * bin_.stated))
+        return round(off / cases, 4)
+
     def as_dict(self) -> dict[str, Any]:
         """Return bins and error as plain data."""
         return {
             "expected_calibration_error": self.error,
+            "error_if_exact": self.error_if_exact,
             "bins": [{"stated": bin_.stated, **bin_.share.as_dict()} for bin_ in self.bins],
         }
 
