@@ -57,8 +57,12 @@ def dask_workers(number: int) -> Iterator[Executor]:
     import dask
     from distributed import Client, LocalCluster
 
+    settings = {
+        "distributed.worker.profile.enabled": False,
+        "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": None,
+    }
     with (
-        dask.config.set({"distributed.worker.profile.enabled": False}),
+        dask.config.set(settings),
         LocalCluster(
             n_workers=number, threads_per_worker=1, dashboard_address=None, silence_logs="CRITICAL"
         ) as cluster,
