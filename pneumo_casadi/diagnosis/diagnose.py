@@ -10,8 +10,8 @@ from typing import Any
 from pneumo_casadi.data import Case, Grade, read_case
 from pneumo_casadi.data.record_ranges import record_ranges
 from pneumo_casadi.diagnosis.checks.absorbed import contradicted_balance
-from pneumo_casadi.diagnosis.checks.parameter_checks import check_fit
-from pneumo_casadi.diagnosis.decide.decision import NAMING, Decision, decide_verdict
+from pneumo_casadi.diagnosis.conclude import conclude
+from pneumo_casadi.diagnosis.decide.decision import Decision
 from pneumo_casadi.diagnosis.decide.ranking import (
     by_contribution,
     effects_found,
@@ -19,17 +19,11 @@ from pneumo_casadi.diagnosis.decide.ranking import (
     rank_candidates,
 )
 from pneumo_casadi.diagnosis.decide.result import Diagnosis, Verdict
-from pneumo_casadi.diagnosis.discover.beside import (
-    Discovery,
-    discover_beside,
-    find_rival_term,
-)
 from pneumo_casadi.diagnosis.discover.term_in_model import Model, told_as_fitted
 from pneumo_casadi.diagnosis.locate.evidence import collect_evidence
 from pneumo_casadi.diagnosis.locate.locate import locate
 from pneumo_casadi.diagnosis.locate.unknown_inputs import estimate_unknown_inputs
 from pneumo_casadi.diagnosis.metrics.findings import (
-    Check,
     Value,
     Where,
     joined_names,
@@ -147,13 +141,12 @@ def diagnose(
     selection = select_effects(
         study, chosen, executor, progress_range(report, 0.02, 0.8), options.keep
     )
-    effects, besides = (
-        tuple(chosen[name]() for name in names) for names in (selection.chosen, selection.besides)
-    )
     report("parameters, and terms outside the catalogue", 0.82)
-    checks = check_fit(study, selection.final, effects)
+    conclusion = conclude(study, selection, chosen, executor)
+    selection, effects, checks = conclusion.selection, conclusion.effects, conclusion.checks
+    decision, discovery = conclusion.decision, conclusion.discovery
+    besides = tuple(chosen[name]() for name in selection.besides)
     known: Catalogue = {**EFFECTS, **chosen}
-    decision, discovery = _decide(study, selection, effects, checks, chosen, executor)
     discovered, with_term = (None, None) if discovery is None else (discovery.term, discovery.model)
     final = selection.final if decision.has_gap else selection.nominal
     shown = effects if final is selection.final else ()
@@ -221,27 +214,6 @@ def diagnose(
         findings=tuple(each for each in case.findings if each.grade is Grade.SEVERE),
         provenance=_provenance(case, offered, options),
     )
-
-
-def _decide(
-    study: Study,
-    selection: Selection,
-    effects: Sequence[Effect],
-    checks: Sequence[Check],
-    catalogue: Catalogue,
-    executor: Executor | None,
-) -> tuple[Decision, Discovery | None]:
-    """Return the verdict, and where the cause is unknown a term outside the catalogue."""
-    known: Catalogue = {**EFFECTS, **catalogue}
-    decision = decide_verdict(selection, checks, known)
-    rival = None
-    if decision.judgement.verdict in NAMING:
-        rival = find_rival_term(study, selection, effects, catalogue, executor)
-    if rival is not None:
-        decision = decide_verdict(selection, checks, known, surpassed=True)
-    if decision.verdict is not Verdict.UNKNOWN:
-        return decision, None
-    return decision, rival or discover_beside(study, selection, effects, catalogue, executor)
 
 
 def _without_bias(

@@ -33,6 +33,7 @@ from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.diagnosis.select.complete import complete
 from pneumo_casadi.diagnosis.select.fit_ledger import FAULTS, Catalogue, FitLedger, Names
 from pneumo_casadi.diagnosis.select.forward_selection import Selection
+from pneumo_casadi.diagnosis.select.reselect import reselect
 from pneumo_casadi.effects.term import Term, term_effect
 from pneumo_casadi.model.effect import Effect
 
@@ -53,14 +54,32 @@ class Discovery:
     model: Model | None
 
 
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What has become of a proposed term.
+
+    Parameters
+    ----------
+    discovery : Discovery, optional
+        What is told of it; None where it explains nothing.
+    instead : Selection, optional
+        Effects of the catalogue that were found beside it, and explain the gap without it.
+    """
+
+    discovery: Discovery | None = None
+    instead: Selection | None = None
+
+
 def discover_beside(
     study: Study,
     selection: Selection,
     effects: Sequence[Effect],
     catalogue: Catalogue,
     executor: Executor | None = None,
-) -> Discovery | None:
+) -> Outcome:
     """Find a term beside the nominal model, or where that fails beside the final one.
+
+    Effects that were found beside one may explain the gap without it.
 
     Parameters
     ----------
@@ -81,13 +100,15 @@ def discover_beside(
     if executor is not None:
         jobs = [executor.submit(propose_term, *each) for each in given]
         terms = (job.result() for job in jobs)
+    instead = None
     for term, model in zip(terms, models.items(), strict=True):
         if term is None:
             continue
-        discovery = complete_term(study, selection, term, model, catalogue, executor)
-        if discovery is not None and _says_more(selection, discovery):
-            return discovery
-    return None
+        outcome = complete_term(study, selection, term, model, catalogue, executor)
+        instead = instead or outcome.instead
+        if outcome.discovery is not None and _says_more(selection, outcome.discovery):
+            return Outcome(outcome.discovery, instead)
+    return Outcome(instead=instead)
 
 
 def _says_more(selection: Selection, discovery: Discovery) -> bool:
@@ -109,8 +130,8 @@ def complete_term(
     base: Model,
     catalogue: Catalogue,
     executor: Executor | None = None,
-) -> Discovery | None:
-    """Return a term with what acts beside it, or by itself; None where neither explains the gap.
+) -> Outcome:
+    """Return a term with what acts beside it, or by itself, where either explains the gap.
 
     Beside others it must close half of what they leave, and all together surely half of the gap of
     the nominal model.
@@ -129,29 +150,43 @@ def complete_term(
     model = fit_with_term(study, term, base)
     alone = Discovery(term, model) if explains(term, criteria) else None
     if model is None:
-        return alone
+        return Outcome(alone)
     explained = np.all(residual_rms(model[0]) < criteria.clean * levels.noise)
     if explained and not base[0].effects:  # neither is anything missing nor needless
-        return alone
+        return Outcome(alone)
     ledger, begin = _ledger_with(study, selection, term, model[0], catalogue, executor)
     try:
         done = complete(ledger, nominal, begin, levels)
     except FAULTS:  # a model with a term may have no usable derivatives
-        return alone
-    if NAME not in done.acting:  # effects of the catalogue do as well
-        return None
-    if NAME not in done.named or done.acting == begin:
-        return alone
-    whole = ledger.fits[done.acting]
-    without = ledger.fit_without(done.acting, (NAME,))[NAME]
+        return Outcome(alone)
+    if NAME not in done.named:
+        instead = _without_term(ledger, selection, done.acting)
+        # Where it does not act at all, effects of the catalogue do as well.
+        return Outcome(alone if NAME in done.acting else None, instead)
+    without = ledger.fit_without(done.acting, (NAME,))[NAME] if done.acting != begin else None
     if without is None:
-        return alone
+        return Outcome(alone)
+    whole = ledger.fits[done.acting]
     others = ledger.effects(without.effects)
     beside = _tell_beside(study, term.term, without, whole, others, levels)
     closes = balance_closure(nominal, whole, levels).lower
     if alone is None and not (closes >= 1 - criteria.unexplained and explains(beside, criteria)):
+        return Outcome()
+    return Outcome(Discovery(beside, (whole, ledger.effects(done.acting))))
+
+
+def _without_term(ledger: FitLedger, selection: Selection, acting: Names) -> Selection | None:
+    """Return the selection that ends with the effects of a model but the term, see `reselect`."""
+    names = ledger.key(set(acting) - {NAME})
+    if not names:
         return None
-    return Discovery(beside, (whole, ledger.effects(done.acting)))
+    if NAME in acting:
+        ledger.fit_without(acting, (NAME,))
+    catalogue = {name: effect for name, effect in ledger.catalogue.items() if name != NAME}
+    fits = {key: fitted for key, fitted in ledger.fits.items() if NAME not in key}
+    directions = {name: each for name, each in ledger.directions.items() if name != NAME}
+    plain = FitLedger(ledger.study, catalogue, ledger.executor, fits=fits, directions=directions)
+    return reselect(plain, selection, names)
 
 
 def _ledger_with(
@@ -237,14 +272,15 @@ def find_rival_term(
         term = discover_term(study, *nominal, levels)
         closes = balance_closure(selection.nominal, selection.final, levels)
         if term is not None and term.closes.lower > closes.upper:
-            return complete_term(study, selection, term, nominal, catalogue, executor)
+            outcome = complete_term(study, selection, term, nominal, catalogue, executor)
+            return outcome.discovery
     if not named or left <= levels.criteria.clear:
         return None
     final: Model = (selection.final, effects)
     term = discover_term(study, *final, levels, foreign=True)
     if term is None:
         return None
-    discovery = complete_term(study, selection, term, final, catalogue, executor)
+    discovery = complete_term(study, selection, term, final, catalogue, executor).discovery
     if discovery is None or discovery.model is None:
         return None
     kept = {effect.name for effect in discovery.model[1]}

@@ -1,0 +1,79 @@
+"""The conclusion of a selection: its verdict, and what is told where the cause is unknown."""
+
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+
+from pneumo_casadi.diagnosis.checks.parameter_checks import check_fit
+from pneumo_casadi.diagnosis.decide.decision import NAMING, Decision, decide_verdict
+from pneumo_casadi.diagnosis.decide.result import Verdict
+from pneumo_casadi.diagnosis.discover.beside import (
+    Discovery,
+    discover_beside,
+    find_rival_term,
+)
+from pneumo_casadi.diagnosis.metrics.findings import Check
+from pneumo_casadi.diagnosis.prepare.study import Study
+from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue
+from pneumo_casadi.diagnosis.select.forward_selection import Selection
+from pneumo_casadi.effects import EFFECTS
+from pneumo_casadi.model.effect import Effect
+
+
+@dataclass(frozen=True, eq=False)
+class Conclusion:
+    """A verdict with the selection that it is on.
+
+    Parameters
+    ----------
+    selection : Selection
+        All that was fitted.
+    effects : tuple of Effect
+        Of its final model.
+    checks : tuple of Check
+        Of that.
+    decision : Decision
+        The verdict.
+    discovery : Discovery, optional
+        A term outside the catalogue, where the cause is unknown.
+    """
+
+    selection: Selection
+    effects: tuple[Effect, ...]
+    checks: tuple[Check, ...]
+    decision: Decision
+    discovery: Discovery | None = None
+
+
+def conclude(
+    study: Study, selection: Selection, catalogue: Catalogue, executor: Executor | None
+) -> Conclusion:
+    """Return the verdict, and where the cause is unknown a term outside the catalogue.
+
+    Effects to which a term has led stand for the selection where they are named.
+    """
+    known: Catalogue = {**EFFECTS, **catalogue}
+    first = _decided_on(study, selection, catalogue)
+    given = study, selection, first.effects, catalogue, executor
+    rival = None
+    if first.decision.judgement.verdict in NAMING:
+        rival = find_rival_term(*given)
+    if rival is not None:
+        decision = decide_verdict(selection, first.checks, known, surpassed=True)
+        first = replace(first, decision=decision)
+    if first.decision.verdict is not Verdict.UNKNOWN:
+        return first
+    if rival is not None:
+        return replace(first, discovery=rival)
+    outcome = discover_beside(*given)
+    if outcome.instead is not None:
+        other = _decided_on(study, outcome.instead, catalogue)
+        if other.decision.names_effects:
+            return other
+    return replace(first, discovery=outcome.discovery)
+
+
+def _decided_on(study: Study, selection: Selection, catalogue: Catalogue) -> Conclusion:
+    effects = tuple(catalogue[name]() for name in selection.chosen)
+    checks = check_fit(study, selection.final, effects)
+    decision = decide_verdict(selection, checks, {**EFFECTS, **catalogue})
+    return Conclusion(selection, effects, tuple(checks), decision)

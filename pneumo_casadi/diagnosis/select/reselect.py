@@ -1,0 +1,52 @@
+"""Another end of a selection: effects that a term outside the catalogue has led to.
+
+Forward selection goes astray where no effect alone shows what two do together. Beside a term that
+takes up part of it the others may show; where they then explain the gap without the term, they are
+what was looked for.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from pneumo_casadi.diagnosis.metrics.residual_size import residual_rms
+from pneumo_casadi.diagnosis.select.complete import complete
+from pneumo_casadi.diagnosis.select.contributions import contributions
+from pneumo_casadi.diagnosis.select.fit_ledger import FAULTS, FitLedger, Names
+from pneumo_casadi.diagnosis.select.forward_selection import Selection
+from pneumo_casadi.diagnosis.select.hidden_motion import motion_is_hidden
+
+
+def reselect(ledger: FitLedger, selection: Selection, names: Names) -> Selection | None:
+    """Return the selection with other effects at its end, completed; None where they leave a gap.
+
+    They must leave no gap of any balance that would be visible: beside a term that is the cause,
+    effects that are not there were found as well, and left two floors.
+
+    Parameters
+    ----------
+    ledger : FitLedger
+        With a fit of these effects.
+    selection : Selection
+        The one so far.
+    names : tuple of str
+        The effects.
+    """
+    fitted, levels = ledger.fits.get(names), selection.levels
+    if fitted is None or names == selection.chosen:
+        return None
+    left = residual_rms(fitted) / levels.noise
+    if np.any(left > levels.criteria.coarse_map) or motion_is_hidden(ledger.effects(names), fitted):
+        return None
+    try:
+        completed = complete(ledger, selection.nominal, names, levels)
+    except FAULTS:
+        return None
+    shares = contributions(ledger, selection.nominal, completed.acting, completed.named)
+    return replace(
+        selection,
+        fits={**selection.fits, **ledger.fits},
+        path=(names,),
+        completed=completed,
+        contributions=shares,
+    )

@@ -1,0 +1,81 @@
+"""Effects to which a term has led take the place of a selection that went astray."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from pneumo_casadi.diagnosis import Verdict, conclude
+from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels
+from pneumo_casadi.diagnosis.select import reselect as module
+from pneumo_casadi.diagnosis.select.complete import Completed
+from pneumo_casadi.diagnosis.select.forward_selection import Selection
+
+LEVELS = BalanceLevels(np.ones(3), np.full(3, 100.0))
+PAIR = ("heat_transfer", "supply_droop")
+WHOLE = Completed((*PAIR, "leakage_P"), PAIR)
+
+
+def selection(*chosen):
+    fits = {("position_delay",): "late"}
+    return Selection("nominal", fits, (), {}, (chosen,), LEVELS, {}, {}, {}, None)
+
+
+@pytest.fixture
+def reselected(monkeypatch):
+    """Return a function that reselects a pair which leaves so many floors in its worst balance."""
+
+    def run(left, hides=False, before=("position_delay",), fails=False):
+        def complete(*given):
+            if fails:
+                raise ArithmeticError
+            return WHOLE
+
+        monkeypatch.setattr(module, "residual_rms", lambda fitted: np.array([1.0, 1.1, fitted]))
+        monkeypatch.setattr(module, "motion_is_hidden", lambda effects, fitted: hides)
+        monkeypatch.setattr(module, "complete", complete)
+        monkeypatch.setattr(module, "contributions", lambda *given: {"heat_transfer": 0.6})
+        ledger = SimpleNamespace(fits={PAIR: left}, effects=lambda names: names)
+        return module.reselect(ledger, selection(*before), PAIR)
+
+    return run
+
+
+def test_effects_that_leave_no_visible_gap_end_the_selection(reselected):
+    other = reselected(1.4)
+    assert (other.accepted, other.chosen, other.named) == (PAIR, WHOLE.acting, PAIR)
+    assert other.contributions == {"heat_transfer": 0.6}
+    assert set(other.fits) == {PAIR, ("position_delay",)}
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"left": 1.6},  # a gap that would be visible
+        {"left": 1.0, "hides": True},  # balances do not tell
+        {"left": 1.0, "before": PAIR},  # nothing new
+        {"left": 1.0, "fails": True},
+    ],
+)
+def test_others_do_not(reselected, given):
+    assert reselected(**given) is None
+
+
+@pytest.mark.parametrize(("named", "taken"), [(True, True), (False, False)])
+def test_they_stand_for_it_only_where_they_are_named(monkeypatch, named, taken):
+    instead = selection(*PAIR)
+    first = SimpleNamespace(
+        judgement=SimpleNamespace(verdict=Verdict.UNKNOWN),
+        verdict=Verdict.UNKNOWN,
+        names_effects=False,
+    )
+    decisions = {("position_delay",): first, PAIR: SimpleNamespace(names_effects=named)}
+    outcome = SimpleNamespace(discovery="a term", instead=instead)
+    monkeypatch.setattr(conclude, "check_fit", lambda *given: ())
+    monkeypatch.setattr(conclude, "decide_verdict", lambda chosen, *given: decisions[chosen.chosen])
+    monkeypatch.setattr(conclude, "discover_beside", lambda *given: outcome)
+    monkeypatch.setattr(Selection, "final", None)
+    catalogue = dict.fromkeys((*PAIR, "position_delay"), SimpleNamespace)
+    conclusion = conclude.conclude(None, selection("position_delay"), catalogue, None)
+    assert (conclusion.selection is instead) is taken
+    assert conclusion.discovery == (None if taken else "a term")
