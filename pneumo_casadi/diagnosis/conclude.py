@@ -52,28 +52,28 @@ def conclude(
     Effects to which a term has led stand for the selection where they are named.
     """
     known: Catalogue = {**EFFECTS, **catalogue}
-    first = _decided_on(study, selection, catalogue)
+    first = _decided_on(study, selection, catalogue, known)
     given = study, selection, first.effects, catalogue, executor
-    rival = None
     if first.decision.judgement.verdict in NAMING:
         rival = find_rival_term(*given)
-    if rival is not None:
-        decision = decide_verdict(selection, first.checks, known, surpassed=True)
-        first = replace(first, decision=decision)
+        if rival is not None:
+            decision = decide_verdict(selection, first.checks, known, surpassed=True)
+            told = rival if decision.verdict is Verdict.UNKNOWN else None
+            return replace(first, decision=decision, discovery=told)
     if first.decision.verdict is not Verdict.UNKNOWN:
         return first
-    if rival is not None:
-        return replace(first, discovery=rival)
     outcome = discover_beside(*given)
     if outcome.instead is not None:
-        other = _decided_on(study, outcome.instead, catalogue)
+        other = _decided_on(study, outcome.instead, catalogue, known)
         if other.decision.names_effects:
             return other
     return replace(first, discovery=outcome.discovery)
 
 
-def _decided_on(study: Study, selection: Selection, catalogue: Catalogue) -> Conclusion:
+def _decided_on(
+    study: Study, selection: Selection, catalogue: Catalogue, known: Catalogue
+) -> Conclusion:
     effects = tuple(catalogue[name]() for name in selection.chosen)
     checks = check_fit(study, selection.final, effects)
-    decision = decide_verdict(selection, checks, {**EFFECTS, **catalogue})
+    decision = decide_verdict(selection, checks, known)
     return Conclusion(selection, effects, tuple(checks), decision)
