@@ -58,16 +58,16 @@ def conclude(
         rival = find_rival_term(*given)
         if rival is not None:
             decision = decide_verdict(selection, first.checks, known, surpassed=True)
-            told = rival if decision.verdict is Verdict.UNKNOWN else None
-            return replace(first, decision=decision, discovery=told)
+            shown = rival if decision.verdict is Verdict.UNKNOWN else None
+            return replace(first, decision=decision, discovery=shown)
     if first.decision.verdict is not Verdict.UNKNOWN:
         return first
-    outcome = discover_beside(*given)
-    if outcome.instead is not None:
-        other = _decided_on(study, outcome.instead, catalogue, known)
+    discovery, instead = discover_beside(*given)
+    if instead is not None:
+        other = _decided_on(study, instead, catalogue, known)
         if other.decision.names_effects:
             return other
-    return replace(first, discovery=outcome.discovery)
+    return replace(first, discovery=discovery)
 
 
 def _decided_on(

@@ -70,10 +70,9 @@ def test_they_stand_for_it_only_where_they_are_named(monkeypatch, named, taken):
         names_effects=False,
     )
     decisions = {("position_delay",): first, PAIR: SimpleNamespace(names_effects=named)}
-    outcome = SimpleNamespace(discovery="a term", instead=instead)
     monkeypatch.setattr(conclude, "check_fit", lambda *given: ())
     monkeypatch.setattr(conclude, "decide_verdict", lambda chosen, *given: decisions[chosen.chosen])
-    monkeypatch.setattr(conclude, "discover_beside", lambda *given: outcome)
+    monkeypatch.setattr(conclude, "discover_beside", lambda *given: ("a term", instead))
     monkeypatch.setattr(Selection, "final", None)
     catalogue = dict.fromkeys((*PAIR, "position_delay"), SimpleNamespace)
     conclusion = conclude.conclude(None, selection("position_delay"), catalogue, None)

@@ -62,12 +62,12 @@ class Outcome:
     ----------
     discovery : Discovery, optional
         What is told of it; None where it explains nothing.
-    instead : Selection, optional
-        Effects of the catalogue that were found beside it, and explain the gap without it.
+    unneeded : (FitLedger, tuple of str), optional
+        The effects of a model that was completed beside it and does not need it, with all fits.
     """
 
     discovery: Discovery | None = None
-    instead: Selection | None = None
+    unneeded: tuple[FitLedger, Names] | None = None
 
 
 def discover_beside(
@@ -76,10 +76,11 @@ def discover_beside(
     effects: Sequence[Effect],
     catalogue: Catalogue,
     executor: Executor | None = None,
-) -> Outcome:
+) -> tuple[Discovery | None, Selection | None]:
     """Find a term beside the nominal model, or where that fails beside the final one.
 
-    Effects that were found beside one may explain the gap without it.
+    Effects that were found beside one may explain the gap without it: the selection that ends with
+    them is returned besides.
 
     Parameters
     ----------
@@ -100,15 +101,16 @@ def discover_beside(
     if executor is not None:
         jobs = [executor.submit(propose_term, *each) for each in given]
         terms = (job.result() for job in jobs)
-    instead = None
+    instead: Selection | None = None
     for term, model in zip(terms, models.items(), strict=True):
         if term is None:
             continue
         outcome = complete_term(study, selection, term, model, catalogue, executor)
-        instead = instead or outcome.instead
+        if outcome.unneeded is not None and instead is None:
+            instead = _without_term(selection, *outcome.unneeded)
         if outcome.discovery is not None and _says_more(selection, outcome.discovery):
-            return Outcome(outcome.discovery, instead)
-    return Outcome(instead=instead)
+            return outcome.discovery, instead
+    return None, instead
 
 
 def _says_more(selection: Selection, discovery: Discovery) -> bool:
@@ -160,9 +162,8 @@ def complete_term(
     except FAULTS:  # a model with a term may have no usable derivatives
         return Outcome(alone)
     if NAME not in done.named:
-        instead = _without_term(ledger, selection, done.acting)
         # Where it does not act at all, effects of the catalogue do as well.
-        return Outcome(alone if NAME in done.acting else None, instead)
+        return Outcome(alone if NAME in done.acting else None, (ledger, done.acting))
     without = ledger.fit_without(done.acting, (NAME,))[NAME] if done.acting != begin else None
     if without is None:
         return Outcome(alone)
@@ -175,7 +176,7 @@ def complete_term(
     return Outcome(Discovery(beside, (whole, ledger.effects(done.acting))))
 
 
-def _without_term(ledger: FitLedger, selection: Selection, acting: Names) -> Selection | None:
+def _without_term(selection: Selection, ledger: FitLedger, acting: Names) -> Selection | None:
     """Return the selection that ends with the effects of a model but the term, see `reselect`."""
     names = ledger.key(set(acting) - {NAME})
     if not names:
