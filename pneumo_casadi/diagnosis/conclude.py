@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 from pneumo_casadi.diagnosis.checks.parameter_checks import check_fit
 from pneumo_casadi.diagnosis.decide.decision import NAMING, Decision, decide_verdict
+from pneumo_casadi.diagnosis.decide.late_command import rather_late_command
 from pneumo_casadi.diagnosis.decide.result import Verdict
 from pneumo_casadi.diagnosis.discover.beside import (
     Discovery,
@@ -35,6 +36,8 @@ class Conclusion:
         The verdict.
     discovery : Discovery, optional
         A term outside the catalogue, where the cause is unknown.
+    notes : tuple of str
+        On the verdict.
     """
 
     selection: Selection
@@ -42,6 +45,7 @@ class Conclusion:
     checks: tuple[Check, ...]
     decision: Decision
     discovery: Discovery | None = None
+    notes: tuple[str, ...] = ()
 
 
 def conclude(
@@ -75,5 +79,7 @@ def _decided_on(
 ) -> Conclusion:
     effects = tuple(catalogue[name]() for name in selection.chosen)
     checks = check_fit(study, selection.final, effects)
-    decision = decide_verdict(selection, checks, known)
-    return Conclusion(selection, effects, tuple(checks), decision)
+    late = rather_late_command(effects, selection.final, study.axis.outputs, catalogue)
+    decision = decide_verdict(selection, checks, known, surpassed=bool(late))
+    notes = (late,) if late else ()
+    return Conclusion(selection, effects, tuple(checks), decision, notes=notes)

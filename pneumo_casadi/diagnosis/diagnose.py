@@ -199,7 +199,7 @@ def diagnose(
         experiment=separating_experiment(alternatives, chosen),
         hint=_hint(where, selection, decision, explained=discovered is not None),
         checks=checks,
-        notes=(*notes, *more, *_failures(selection)),
+        notes=(*notes, *conclusion.notes, *more, *_failures(selection)),
         nominal=parameter_values(study.axis, unbiased.nominal),
         fitted=parameter_values(
             study.axis.with_effects(*shown), unbiased.final if shown else unbiased.nominal

@@ -42,6 +42,9 @@ from pneumo_casadi.effects.load.position_on_elastic_load import (
 from pneumo_casadi.effects.load.spring_load import SpringLoad as SpringLoad
 from pneumo_casadi.effects.sensors.backlash import Backlash as Backlash
 from pneumo_casadi.effects.sensors.position_delay import PositionDelay as PositionDelay
+from pneumo_casadi.effects.sensors.pressure_sensor_second_order import (
+    PressureSensorSecondOrder as PressureSensorSecondOrder,
+)
 from pneumo_casadi.effects.sensors.pressure_sensors import PressureSensorBias as PressureSensorBias
 from pneumo_casadi.effects.sensors.pressure_sensors import PressureSensorLag as PressureSensorLag
 from pneumo_casadi.effects.table import EffectRow as EffectRow

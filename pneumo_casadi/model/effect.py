@@ -128,6 +128,8 @@ class Effect:
     command_delays : tuple of str
         Parameters that delay the command [s], by short name. Less than a sampling interval is when
         the samples were taken and the command was updated, and no property of the axis.
+    sensor_delays : tuple of str
+        Parameters by which what `sensors` show is late [s], by short name.
     one_form : bool
         Whether only one equation of the effect is known, as for an offset. If such an effect is
         the cause, the model with it closes the gap almost entirely. Friction and hysteresis, in
@@ -199,6 +201,7 @@ class Effect:
     passive: ClassVar[bool] = False
     credible: ClassVar[Mapping[str, tuple[float, float]]] = MappingProxyType({})
     command_delays: ClassVar[tuple[str, ...]] = ()
+    sensor_delays: ClassVar[tuple[str, ...]] = ()
     one_form: ClassVar[bool] = False
     sensors: ClassVar[tuple[str, ...]] = ()
     hides_motion: ClassVar[bool] = False
@@ -221,7 +224,7 @@ class Effect:
         without = [item.name for item in cls.parameters if item.null is None]
         if without:
             raise ModelError(f"effect {cls.name}: no null value for {', '.join(without)}")
-        for attribute in ("credible", "scanned", "command_delays"):
+        for attribute in ("credible", "scanned", "command_delays", "sensor_delays"):
             strange = sorted(set(getattr(cls, attribute)) - {item.name for item in cls.parameters})
             if strange:
                 raise ModelError(

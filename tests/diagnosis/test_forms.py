@@ -135,6 +135,20 @@ def test_a_dead_zone_of_other_edges_is_named_and_its_gap_closes(made_case, drawn
 
 
 @pytest.mark.slow
+def test_late_pressures_that_swing_are_not_taken_for_a_slow_valve_besides(made_case):
+    """A first-order lag leaves what a valve would close; the bench has sensors of second order."""
+    names = ("pressure_sensor_lag", "pressure_sensor_second_order", "valve_dynamics", "hose")
+    diagnosis = diagnose(
+        made_case(12, pressure_sensor_lag="large"), {name: EFFECTS[name] for name in names}
+    )
+    (effect,) = diagnosis.effects
+    assert (effect.name, effect.form) == ("pressure_sensor_lag", "pressure_sensor_second_order")
+    assert diagnosis.gap.closure.value > 0.95
+    assert effect.parameters["tau"].value == pytest.approx(15e-3, rel=0.03)
+    assert effect.parameters["zeta"].value == pytest.approx(0.7, rel=0.05)
+
+
+@pytest.mark.slow
 def test_a_restriction_that_is_felt_only_when_large_is_found_from_the_best_of_several_starts(
     made_case,
 ):

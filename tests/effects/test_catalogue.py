@@ -43,6 +43,7 @@ ORDER = (
     "presliding_dahl",
     "pressure_friction",
     "pressure_friction_per_seal",
+    "pressure_sensor_second_order",
     "pressure_sensor_bias",
     "pressure_sensor_lag",
     "quadratic_drag",

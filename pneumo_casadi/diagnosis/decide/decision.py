@@ -79,7 +79,7 @@ def decide_verdict(
     catalogue : mapping of str to effect class
         All effects that were fitted, and those that the parameters may have absorbed.
     surpassed : bool, optional
-        Whether a term outside the catalogue explains the gap better than the effects named.
+        Whether something outside the catalogue explains the gap better than the effects named.
     """
     named = tuple(catalogue[name]() for name in selection.named)
     judgement = judge(selection, named, surpassed)

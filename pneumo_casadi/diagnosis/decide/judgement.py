@@ -62,8 +62,8 @@ class Judgement:
 def judge(selection: Selection, named: Sequence[Effect], surpassed: bool = False) -> Judgement:
     """Return the verdict of a selection, given the effects that its final model names.
 
-    With `surpassed` a term outside the catalogue explains the gap better than these; see
-    `find_rival_term`.
+    With `surpassed` something outside the catalogue explains the gap better than these; see
+    `find_rival_term` and `rather_late_command`.
     """
     levels, criteria = selection.levels, selection.levels.criteria
     excess = residual_rms(selection.nominal) / levels.noise

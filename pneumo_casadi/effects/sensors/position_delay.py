@@ -25,6 +25,7 @@ class PositionDelay(Effect):
 
     name = "position_delay"
     sensors = ("x",)
+    sensor_delays = ("T",)
     hides_motion = True  # what takes a long delay back leaves a force balance of noise
     equation = "y_x(t) = x(t − T)"
     source = "Padé approximant; Baker, Graves-Morris (1996), Padé Approximants"

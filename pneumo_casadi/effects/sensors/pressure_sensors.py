@@ -16,6 +16,7 @@ class PressureSensorLag(Effect):
 
     name = "pressure_sensor_lag"
     sensors = ("p_P", "p_N")
+    sensor_delays = ("tau",)
     equation = "τ ẏ_p + y_p = p, in both chambers"
     source = "pneumatic line as a lag; Andersen (1967), Analysis and Design of Pneumatic Systems"
     shows = "measured pressures, when they change fast"

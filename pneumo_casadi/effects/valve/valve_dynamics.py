@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
-from pneumo_casadi.effects.common.regular_lag import numerator
+from pneumo_casadi.effects.common.second_order_lag import second_order_lagged, second_order_rate
 from pneumo_casadi.model.effect import Effect, Scope, State
 from pneumo_casadi.model.junctions import Expression, Pair
 from pneumo_casadi.parameters import Parameter
@@ -88,20 +88,14 @@ class ValveDynamics(Effect):
         for c, command in (("P", u.P), ("N", u.N)):
             g = at[f"g_{c}"]
             rates[f"w_{c}"] = g / (1 + (slew * g) ** 2) ** 0.5
-            rates[f"g_{c}"] = _acceleration(command, c, at)
+            rates[f"g_{c}"] = second_order_rate(command, at[f"w_{c}"], g, at["tau"], at["zeta"])
         return rates
 
     def spool(self, u: Pair, at: Scope) -> Pair:
         """Return (1 + n s)² w, which is the command where τ = 0."""
-        n, positions = numerator(at["tau"]), []
-        for c, command in (("P", u.P), ("N", u.N)):
-            positions.append(
-                at[f"w_{c}"] + 2 * n * at[f"g_{c}"] + n**2 * _acceleration(command, c, at)
+        return Pair(
+            *(
+                second_order_lagged(command, at[f"w_{c}"], at[f"g_{c}"], at["tau"], at["zeta"])
+                for c, command in (("P", u.P), ("N", u.N))
             )
-        return Pair(*positions)
-
-
-def _acceleration(u: Expression, c: str, at: Scope) -> Expression:
-    tau, n = at["tau"], numerator(at["tau"])
-    inertia = n**2 + (tau / (2 * at["zeta"])) ** 2
-    return (u - at[f"w_{c}"] - (2 * n + tau) * at[f"g_{c}"]) / inertia
+        )

@@ -279,7 +279,7 @@ def _corrected(
         missing = data.x[row] - y[i]
         if not missing.any():  # no effect acts on this sensor
             continue
-        shift = data.smooth(missing)
+        shift = _put_ahead(data, data.smooth(missing), x[row] - y[i], y[i])
         x_new[row] = x[row] + shift
         rate = data.derivative(shift)
         dx_new[row] = dx[row] + rate
@@ -288,3 +288,30 @@ def _corrected(
             x_new[v] = x[v] + rate
             dx_new[v] = dx[v] + data.derivative(rate)
     return x_new, dx_new
+
+
+def _put_ahead(
+    data: SmoothedMotion, shift: FloatArray, late: FloatArray, shown: FloatArray
+) -> FloatArray:
+    """Return a correction put ahead by what a sensor is late.
+
+    What the signal is ahead of what is shown, by T ẏ + K ÿ in the mean over the record, is added
+    to the correction in the same way. Sensors with lags of first and second order are then
+    inverted at once, where corrections as they are shown do not settle near a resonance.
+    """
+    T, K = _lateness(late, *_rates(data, shown))
+    rate, acceleration = _rates(data, shift)
+    return np.asarray(shift + T * rate + K * acceleration)
+
+
+def _rates(data: SmoothedMotion, signal: FloatArray) -> tuple[FloatArray, FloatArray]:
+    rate = data.derivative(signal)
+    return rate, data.derivative(rate)
+
+
+def _lateness(late: FloatArray, rate: FloatArray, acceleration: FloatArray) -> FloatArray:
+    """Return T [s] and K [s²] of late = T rate + K acceleration, by least squares."""
+    scale = 1 / max(float(np.sqrt(rate @ rate)), 1e-300)
+    squares = np.column_stack([rate, acceleration]) * scale
+    weights = np.maximum(np.sqrt(np.sum(squares**2, axis=0)), 1e-300)
+    return np.linalg.lstsq(squares / weights, late * scale, rcond=None)[0] / weights

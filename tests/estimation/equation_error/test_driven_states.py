@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from pneumo_casadi.data import ForceBench, InputHold, NestedController, Recording
-from pneumo_casadi.effects import EFFECTS, PressureSensorLag
+from pneumo_casadi.effects import EFFECTS, PressureSensorLag, PressureSensorSecondOrder
 from pneumo_casadi.effects.term import Term, term_effect
 from pneumo_casadi.estimation.equation_error import fit_equation_error
 from pneumo_casadi.estimation.equation_error.driven_states import states_along
+from pneumo_casadi.estimation.equation_error.residuals import _lateness
 from pneumo_casadi.model.servosystem import ForceAxis
 from pneumo_casadi.model.simulation import simulate
 
@@ -69,3 +70,24 @@ def test_a_lag_of_four_samples_keeps_its_length(made):
     record = made.recorded(true, *made.controlled(true, 4000), noise=0.0)
     fit = fit_equation_error(start.with_parameters({tau: 3e-3}), [record])
     assert fit.parameters[tau].value == pytest.approx(4e-3, rel=1.5e-3)
+
+
+@pytest.mark.parametrize("tau", [5e-3, 12e-3])
+def test_a_sensor_that_swings_keeps_delay_and_damping(made, tau):
+    """12 ms at ζ = 0.5 is 13 Hz: corrections must be put ahead, or they do not settle."""
+    names = {"pressure_sensor_second_order.tau": tau, "pressure_sensor_second_order.zeta": 0.5}
+    true = made.true_axis(PressureSensorSecondOrder()).with_parameters({**names, "v_s": 1e-3})
+    start = true.with_parameters(true.parameters.fix(*true.flow_parameters))
+    record = made.recorded(true, *made.controlled(true, 4000), noise=0.0)
+    begin = {"pressure_sensor_second_order.tau": 3e-3, "pressure_sensor_second_order.zeta": 0.7}
+    fit = fit_equation_error(start.with_parameters(begin), [record])
+    for name, value in names.items():
+        assert fit.parameters[name].value == pytest.approx(value, rel=0.02), name
+
+
+def test_a_sensor_is_late_in_the_mean_by_what_it_lacks_over_rate_and_acceleration():
+    t = np.arange(500) / 20
+    rate, acceleration = np.cos(t) + np.cos(3 * t), np.sin(t)
+    late = 4e-3 * rate + 2e-5 * acceleration
+    np.testing.assert_allclose(_lateness(late, rate, acceleration), [4e-3, 2e-5], rtol=1e-9)
+    np.testing.assert_array_equal(_lateness(late, 0 * rate, 0 * rate), [0.0, 0.0])

@@ -1,0 +1,47 @@
+"""Sensors late by one time, where the catalogue has no command that is late."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from pneumo_casadi.diagnosis.decide.late_command import rather_late_command
+from pneumo_casadi.effects import EFFECTS
+
+OUTPUTS = ("p_P", "p_N", "x")
+DELAYS = {
+    "pressure_sensor_lag": "tau",
+    "position_delay": "T",
+    "pressure_sensor_second_order": "tau",
+}
+WITHOUT = {name: effect for name, effect in EFFECTS.items() if name != "valve_dynamics"}
+
+
+def note(delays, std=1e-3, catalogue=WITHOUT, others=("hose",)):
+    """Ask for effects with these delays [ms], each known to within `std`."""
+    values = {f"{name}.{DELAYS[name]}": value / 1e3 for name, value in delays.items()}
+    fitted = SimpleNamespace(values=values, std=dict.fromkeys(values, std))
+    effects = [EFFECTS[name]() for name in (*delays, *others)]
+    return rather_late_command(effects, fitted, OUTPUTS, catalogue)
+
+
+def test_equal_delays_of_all_sensors_are_one_of_the_command():
+    assert "7.5 ms: rather the command acts" in note(
+        {"pressure_sensor_lag": 7.6, "position_delay": 7.4}
+    )
+    assert note({"pressure_sensor_second_order": 7.6, "position_delay": 7.4})
+
+
+@pytest.mark.parametrize(
+    ("delays", "given"),
+    [
+        ({"pressure_sensor_lag": 7.6, "position_delay": 4.0}, {}),  # not equal
+        ({"pressure_sensor_lag": 7.6, "position_delay": 7.4}, {"std": 5e-5}),  # known to differ
+        ({"pressure_sensor_lag": 7.6}, {}),  # the position is not late
+        ({"position_delay": 7.6}, {}),
+        ({}, {}),
+        # A late valve was fitted as well, and was the worse.
+        ({"pressure_sensor_lag": 7.6, "position_delay": 7.4}, {"catalogue": EFFECTS}),
+    ],
+)
+def test_otherwise_sensors_are_late_themselves(delays, given):
+    assert note(delays, **given) == ""
