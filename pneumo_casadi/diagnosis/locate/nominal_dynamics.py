@@ -37,8 +37,7 @@ def signals_of(axis: Axis, theta: FloatArray, data: SmoothedMotion) -> FloatArra
 def _functions(axis: Axis) -> Mapping[str, RecordFunction]:
     sym, sizes = axis.symbol.sym, (len(axis.states), len(axis.inputs), len(axis.parameters))
     x, u, theta = (sym(name, n) for name, n in zip(("x", "u", "theta"), sizes, strict=True))
-    f = axis.rhs(x, u, theta)
-    both = [f, ca.densify(ca.vec(ca.jacobian(f, x)))]
+    both = [axis.rhs(x, u, theta), ca.densify(ca.vec(axis.slopes(x, u, theta)))]
     functions = [ca.Function("dynamics", [x, u, theta], both)]
     if axis.kind.gas_chambers:
         functions.append(axis.valve_flow)

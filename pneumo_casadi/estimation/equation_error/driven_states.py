@@ -6,11 +6,11 @@ import numpy as np
 
 from pneumo_casadi.data import Recording
 from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
-from pneumo_casadi.estimation.equation_error.residuals import (
+from pneumo_casadi.estimation.equation_error.smoothed_motion import smooth_motion
+from pneumo_casadi.estimation.equation_error.true_motion import (
     simulate_effect_states,
     true_motions,
 )
-from pneumo_casadi.estimation.equation_error.smoothed_motion import smooth_motion
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.parameters import FloatArray
 

@@ -8,7 +8,7 @@ from pneumo_casadi.effects import EFFECTS, PressureSensorLag, PressureSensorSeco
 from pneumo_casadi.effects.term import Term, term_effect
 from pneumo_casadi.estimation.equation_error import fit_equation_error
 from pneumo_casadi.estimation.equation_error.driven_states import states_along
-from pneumo_casadi.estimation.equation_error.residuals import _lateness
+from pneumo_casadi.estimation.equation_error.true_motion import _lateness
 from pneumo_casadi.model.servosystem import ForceAxis
 from pneumo_casadi.model.simulation import simulate
 

@@ -1,0 +1,164 @@
+"""The motion behind what late or shifted sensors show, and the states of effects along it."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from pneumo_casadi.estimation.equation_error.balance_functions import (
+    BalanceFunctions,
+    any_sensor_effect,
+)
+from pneumo_casadi.estimation.equation_error.smoothed_motion import SmoothedMotion
+from pneumo_casadi.parameters import FloatArray
+
+#: Iterations that invert the effects of sensors, each accurate to an order more.
+CORRECTIONS = 6
+#: The iterations end once they change no signal by more than this share of its noise.
+UNCHANGED = 1e-4
+
+#: Nominal states and their derivatives, each (n, N).
+Motion = tuple[FloatArray, FloatArray]
+
+
+def true_motions(
+    model: BalanceFunctions, data: SmoothedMotion, variants: Sequence[FloatArray]
+) -> list[Motion]:
+    """Return the motions with the effects of sensors inverted, for every variant of θ."""
+    sensors, names = model.sensors, model.axis.parameters.names
+    shared = [names.index(name) for name in sensors.axis.parameters.names]
+    own = [names.index(name) for name in sensors.axis.parameters.names if "." in name]
+    # A sensor effect depends on its own parameters alone: equal variants share a motion.
+    distinct = {theta[own].tobytes(): theta[shared] for theta in variants}
+    corrected = _without_sensors(sensors, data, list(distinct.values()))
+    known = dict(zip(distinct, corrected, strict=True))
+    return [known[theta[own].tobytes()] for theta in variants]
+
+
+def _without_sensors(
+    model: BalanceFunctions, data: SmoothedMotion, variants: Sequence[FloatArray]
+) -> list[Motion]:
+    motions = [(data.x, data.dx)] * len(variants)
+    ahead: list[dict[str, FloatArray]] = [{} for _ in variants]
+    effects = model.axis.effects
+    for _ in range(CORRECTIONS if any_sensor_effect(effects) else 0):
+        states = simulate_effect_states(model, data, variants, motions)
+        last = motions
+        motions = [
+            _corrected(model, data, *each)
+            for each in zip(variants, states, motions, ahead, strict=True)
+        ]
+        if _distance(model, data, last, motions) < UNCHANGED:
+            break
+    return motions
+
+
+def _distance(
+    model: BalanceFunctions, data: SmoothedMotion, first: Sequence[Motion], second: Sequence[Motion]
+) -> float:
+    """Return the largest difference of two sets of motions, in units of the sensors' noise."""
+    rows = [model.axis.motion_states.index(name) for name in model.axis.outputs]
+    apart = [
+        np.abs(a[rows] - b[rows]).max(axis=1) for (a, _), (b, _) in zip(first, second, strict=True)
+    ]
+    return float(np.max(np.max(apart, axis=0) / np.maximum(data.noise, 1e-300)))
+
+
+def simulate_effect_states(
+    model: BalanceFunctions,
+    data: SmoothedMotion,
+    variants: Sequence[FloatArray],
+    motions: Sequence[Motion],
+) -> list[FloatArray]:
+    """Simulate the states of the effects along the motions; (nz, N) for each variant of θ."""
+    if not model.n_z:
+        return [np.zeros((0, data.N))] * len(variants)
+    # From one row to the next an input that is held has both its values, half the time each.
+    between = np.asfortranarray((data.u + np.hstack([data.u[:, 1:], data.u[:, -1:]])) / 2)
+    constant = np.array([data.dt]), model.constant_values
+    driving = {id(motion): _now_and_next(motion) for motion in motions}
+    given = [
+        (_at_rest(model, data, theta, motion), *driving[id(motion)], between, *constant, theta)
+        for theta, motion in zip(variants, motions, strict=True)
+    ]
+    return [z[:, : data.N] for z in model.step.accumulate(data.N, given)]
+
+
+def _at_rest(
+    model: BalanceFunctions, data: SmoothedMotion, theta: FloatArray, motion: Motion
+) -> FloatArray:
+    """Return the states with which a record begins, (nz,)."""
+    first = (*(part[:, 0] for part in (*motion, data.u)), np.zeros(model.n_z))
+    (z,) = model.functions["rest"].evaluate(1, *first, model.constant_values, theta)
+    # The clock: filters take the first samples of a record.
+    return np.asarray(z[:, 0] + data.t[0] * model.clocks)
+
+
+def _now_and_next(motion: Motion) -> list[FloatArray]:
+    """Return both parts of a motion at every sample and at the next one."""
+    both = []
+    for part in motion:
+        longer = np.asfortranarray(np.column_stack([part, part[:, -1]]))
+        both += [longer[:, :-1], longer[:, 1:]]
+    return both
+
+
+def _corrected(
+    model: BalanceFunctions,
+    data: SmoothedMotion,
+    theta: FloatArray,
+    z: FloatArray,
+    motion: Motion,
+    ahead: dict[str, FloatArray],
+) -> Motion:
+    """Return a motion that the sensors show more nearly as it was measured.
+
+    What a sensor is late by is found with the first correction, and kept in `ahead`.
+    """
+    axis = model.axis
+    x, dx = motion
+    given = (x, dx, data.u, z, model.constant_values, theta)
+    (y,) = model.functions["shown"].evaluate(data.N, *given)
+    x_new, dx_new = x.copy(), dx.copy()
+    for i, name in enumerate(axis.outputs):
+        row = axis.motion_states.index(name)
+        missing = data.x[row] - y[i]
+        if not missing.any():  # no effect acts on this sensor
+            continue
+        if name not in ahead:
+            ahead[name] = _lateness(x[row] - y[i], *_rates(data, y[i]))
+        shift = _put_ahead(data, data.smooth(missing), *ahead[name])
+        x_new[row] = x[row] + shift
+        rate = data.derivative(shift)
+        dx_new[row] = dx[row] + rate
+        if name == "x":
+            v = axis.motion_states.index("v")
+            x_new[v] = x[v] + rate
+            dx_new[v] = dx[v] + data.derivative(rate)
+    return x_new, dx_new
+
+
+def _put_ahead(data: SmoothedMotion, shift: FloatArray, T: float, K: float) -> FloatArray:
+    """Return a correction put ahead by what a sensor is late, see `_lateness`.
+
+    Sensors with lags of first and second order are then inverted at once, where corrections as
+    they are shown do not settle near a resonance.
+    """
+    rate, acceleration = _rates(data, shift)
+    return np.asarray(shift + T * rate + K * acceleration)
+
+
+def _rates(data: SmoothedMotion, signal: FloatArray) -> tuple[FloatArray, FloatArray]:
+    rate = data.derivative(signal)
+    return rate, data.derivative(rate)
+
+
+def _lateness(late: FloatArray, rate: FloatArray, acceleration: FloatArray) -> FloatArray:
+    """Return T [s] and K [s²] of late = T rate + K acceleration, by least squares.
+
+    `late` is what a signal is ahead of what its sensor shows, whose derivatives are the others.
+    """
+    scale = 1 / max(float(np.sqrt(rate @ rate)), 1e-300)
+    squares = np.column_stack([rate, acceleration]) * scale
+    weights = np.maximum(np.sqrt(np.sum(squares**2, axis=0)), 1e-300)
+    solved = np.linalg.lstsq(squares / weights, late * scale, rcond=None)[0]
+    return np.asarray(solved / weights)
