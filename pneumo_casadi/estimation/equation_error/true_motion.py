@@ -115,6 +115,8 @@ def _corrected(
     What a sensor is late by is found with the first correction, and kept in `ahead`.
     """
     axis = model.axis
+    # A long delay taken back to second order is mostly noise: see `Effect.hides_motion`.
+    hidden = {name for each in axis.effects if each.hides_motion for name in each.sensors}
     x, dx = motion
     given = (x, dx, data.u, z, model.constant_values, theta)
     (y,) = model.functions["shown"].evaluate(data.N, *given)
@@ -124,9 +126,11 @@ def _corrected(
         missing = data.x[row] - y[i]
         if not missing.any():  # no effect acts on this sensor
             continue
-        if name not in ahead:
-            ahead[name] = _lateness(x[row] - y[i], *_rates(data, y[i]))
-        shift = _put_ahead(data, data.smooth(missing), *ahead[name])
+        shift = data.smooth(missing)
+        if name not in hidden:
+            if name not in ahead:
+                ahead[name] = _lateness(x[row] - y[i], *_rates(data, y[i]))
+            shift = _put_ahead(data, shift, *ahead[name])
         x_new[row] = x[row] + shift
         rate = data.derivative(shift)
         dx_new[row] = dx[row] + rate
