@@ -71,10 +71,14 @@ def test_they_stand_for_it_only_where_they_are_named(monkeypatch, named, taken):
     )
     decisions = {("position_delay",): first, PAIR: SimpleNamespace(names_effects=named)}
     monkeypatch.setattr(conclude, "check_fit", lambda *given: ())
-    monkeypatch.setattr(conclude, "decide_verdict", lambda chosen, *given: decisions[chosen.chosen])
+    monkeypatch.setattr(
+        conclude, "decide_verdict", lambda chosen, *given, surpassed: decisions[chosen.chosen]
+    )
     monkeypatch.setattr(conclude, "discover_beside", lambda *given: ("a term", instead))
+    monkeypatch.setattr(conclude, "rather_late_command", lambda *given: "")
     monkeypatch.setattr(Selection, "final", None)
+    study = SimpleNamespace(axis=SimpleNamespace(outputs=()))
     catalogue = dict.fromkeys((*PAIR, "position_delay"), SimpleNamespace)
-    conclusion = conclude.conclude(None, selection("position_delay"), catalogue, None)
+    conclusion = conclude.conclude(study, selection("position_delay"), catalogue, None)
     assert (conclusion.selection is instead) is taken
     assert conclusion.discovery == (None if taken else "a term")

@@ -15,6 +15,8 @@ from pneumo_casadi.parameters import FloatArray
 CORRECTIONS = 6
 #: The iterations end once they change no signal by more than this share of its noise.
 UNCHANGED = 1e-4
+#: K/T² of a lag of second order, 1/(2ζ)², with ζ = 0.3.
+STRONGEST_SWING = 2.8
 
 #: Nominal states and their derivatives, each (n, N).
 Motion = tuple[FloatArray, FloatArray]
@@ -116,7 +118,8 @@ def _corrected(
     """
     axis = model.axis
     # A long delay taken back to second order is mostly noise: see `Effect.hides_motion`.
-    hidden = {name for each in axis.effects if each.hides_motion for name in each.sensors}
+    lagging = [each for each in axis.effects if each.sensor_delays and not each.hides_motion]
+    late = {name for each in lagging for name in each.sensors}
     x, dx = motion
     given = (x, dx, data.u, z, model.constant_values, theta)
     (y,) = model.functions["shown"].evaluate(data.N, *given)
@@ -127,9 +130,9 @@ def _corrected(
         if not missing.any():  # no effect acts on this sensor
             continue
         shift = data.smooth(missing)
-        if name not in hidden:
+        if name in late:
             if name not in ahead:
-                ahead[name] = _lateness(x[row] - y[i], *_rates(data, y[i]))
+                ahead[name] = _lateness(x[row] - y[i], y[i], *_rates(data, y[i]))
             shift = _put_ahead(data, shift, *ahead[name])
         x_new[row] = x[row] + shift
         rate = data.derivative(shift)
@@ -156,13 +159,16 @@ def _rates(data: SmoothedMotion, signal: FloatArray) -> tuple[FloatArray, FloatA
     return rate, data.derivative(rate)
 
 
-def _lateness(late: FloatArray, rate: FloatArray, acceleration: FloatArray) -> FloatArray:
-    """Return T [s] and K [s²] of late = T rate + K acceleration, by least squares.
+def _lateness(
+    ahead: FloatArray, shown: FloatArray, rate: FloatArray, acceleration: FloatArray
+) -> FloatArray:
+    """Return T [s] and K [s²] of what a signal is ahead of what is shown, T rate + K acceleration.
 
-    `late` is what a signal is ahead of what its sensor shows, whose derivatives are the others.
+    By least squares, beside what a gain or an offset makes of it. K is at most that of a lag with
+    ζ = 0.3: anything else is no lag, and a correction by it would grow.
     """
-    scale = 1 / max(float(np.sqrt(rate @ rate)), 1e-300)
-    squares = np.column_stack([rate, acceleration]) * scale
-    weights = np.maximum(np.sqrt(np.sum(squares**2, axis=0)), 1e-300)
-    solved = np.linalg.lstsq(squares / weights, late * scale, rcond=None)[0]
-    return np.asarray(solved / weights)
+    columns = np.column_stack([rate, acceleration, shown, np.ones_like(shown)])
+    scales = np.maximum(np.sqrt(np.sum(columns**2, axis=0)), 1e-300)
+    T, K = (np.linalg.lstsq(columns / scales, ahead, rcond=None)[0] / scales)[:2]
+    T = max(float(T), 0.0)
+    return np.array([T, min(max(float(K), 0.0), STRONGEST_SWING * T**2)])

@@ -87,7 +87,12 @@ def test_a_sensor_that_swings_keeps_delay_and_damping(made, tau):
 
 def test_a_sensor_is_late_in_the_mean_by_what_it_lacks_over_rate_and_acceleration():
     t = np.arange(500) / 20
-    rate, acceleration = np.cos(t) + np.cos(3 * t), np.sin(t)
-    late = 4e-3 * rate + 2e-5 * acceleration
-    np.testing.assert_allclose(_lateness(late, rate, acceleration), [4e-3, 2e-5], rtol=1e-9)
-    np.testing.assert_array_equal(_lateness(late, 0 * rate, 0 * rate), [0.0, 0.0])
+    shown, rate = np.sin(t) + np.sin(3 * t) / 3, np.cos(t) + np.cos(3 * t)
+    acceleration = -np.sin(t) - 3 * np.sin(3 * t)
+    ahead = 4e-3 * rate + 2e-5 * acceleration
+    given = shown, rate, acceleration
+    np.testing.assert_allclose(_lateness(ahead, *given), [4e-3, 2e-5], rtol=1e-9)
+    np.testing.assert_allclose(_lateness(ahead + 0.2 * shown + 3, *given), [4e-3, 2e-5], rtol=1e-6)
+    np.testing.assert_allclose(_lateness(0.2 * shown + 3, *given), [0, 0], atol=1e-12)
+    np.testing.assert_array_equal(_lateness(-ahead, *given), [0, 0])  # no sensor is early
+    np.testing.assert_array_equal(_lateness(ahead, shown, 0 * rate, 0 * rate), [0, 0])
