@@ -60,7 +60,7 @@ def made_case(tmp_path_factory):
     known = {}
 
     def make(seed, duration=4.0, **effects):
-        key = (seed, duration, *sorted(effects.items()))
+        key = (seed, duration, repr(sorted(effects.items())))
         if key not in known:
             folder = tmp_path_factory.mktemp("bench") / "case"
             case = make_case(folder, seed, effects, duration=duration).case

@@ -61,6 +61,7 @@ from pneumo_casadi.effects.valve.valve_null_shift import ValveNullShift as Valve
 from pneumo_casadi.effects.valve.valve_null_shift_warming import (
     ValveNullShiftWarming as ValveNullShiftWarming,
 )
+from pneumo_casadi.effects.valve.valve_stiction import ValveStiction as ValveStiction
 from pneumo_casadi.model.effect import Effect
 
 #: All effects, by name. Models and results list effects in this order, that of the files' names

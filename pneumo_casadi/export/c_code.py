@@ -9,7 +9,7 @@ from typing import Any
 import casadi as ca
 
 from pneumo_casadi import __version__
-from pneumo_casadi.export.model import IdentifiedModel, identifier, plain
+from pneumo_casadi.export.model import IdentifiedModel, identifier, plain, require_rates
 from pneumo_casadi.runtime.output_folder import write_files
 
 #: Name of files and prefix of every symbol.
@@ -35,7 +35,14 @@ def write_c(model: IdentifiedModel, folder: str | Path) -> tuple[Path, ...]:
 
 
 def c_sources(model: IdentifiedModel) -> dict[str, str]:
-    """Return ``axis.c`` and ``axis.h`` by name."""
+    """Return ``axis.c`` and ``axis.h`` by name.
+
+    Raises
+    ------
+    ModelError
+        If a state jumps at samples.
+    """
+    require_rates(model.axis, "C code of the rates")
     substitutions = values(model)
     return {
         f"{NAME}.c": _fill("axis.c", substitutions),

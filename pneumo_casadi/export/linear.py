@@ -11,7 +11,13 @@ import numpy as np
 import scipy.io
 
 from pneumo_casadi.errors import MissingExtraError, ModelError
-from pneumo_casadi.export.model import IdentifiedModel, balanced_state, description, identifier
+from pneumo_casadi.export.model import (
+    IdentifiedModel,
+    balanced_state,
+    description,
+    identifier,
+    require_rates,
+)
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.runtime.json_files import json_text
@@ -147,7 +153,7 @@ def linearise(axis: Axis, point: OperatingPoint | None = None) -> LinearAxis:
     Raises
     ------
     ModelError
-        If there is no rest, or a derivative is not finite there.
+        If there is no rest, a derivative is not finite there, or a state jumps at samples.
 
     Notes
     -----
@@ -155,6 +161,7 @@ def linearise(axis: Axis, point: OperatingPoint | None = None) -> LinearAxis:
     sticks. For a moving axis give its velocity. At u = 0 the flow has a kink; the derivative
     there is that of neither side.
     """
+    require_rates(axis, "a linear state space")
     at = point or operating_point(axis)
     theta = axis.parameters.values
     matrices = [np.asarray(m, dtype=float) for m in _jacobians(axis)(at.x, at.u, theta)]

@@ -225,6 +225,21 @@ def description(model: IdentifiedModel) -> dict[str, Any]:
     }
 
 
+def require_rates(axis: Axis, what: str) -> None:
+    """Refuse to write equations of continuous time for an axis whose states jump at samples.
+
+    Raises
+    ------
+    ModelError
+        Naming these states.
+    """
+    if axis.sampled_states:
+        raise ModelError(
+            f"{', '.join(axis.sampled_states)} jump from sample to sample, which {what} cannot "
+            "hold; export in the format casadi, whose `step` holds it, or leave the effect out"
+        )
+
+
 def balanced_state(axis: Axis) -> FloatArray:
     """Return the state of `IdentifiedModel.start`."""
     constants, nominal = axis.constants, [0.0, 0.0]

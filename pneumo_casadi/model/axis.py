@@ -112,6 +112,28 @@ class Axis(AxisDescription):
         return ca.Function("rhs", [x, u, theta], [f], ["x", "u", "theta"], ["dx"])
 
     @property
+    def sampled_states(self) -> tuple[str, ...]:
+        """States that jump from sample to sample, see `State.sampled`."""
+        return tuple(
+            f"{effect.name}.{state.name}"
+            for effect in self.effects
+            for state in effect.states
+            if state.sampled
+        )
+
+    @property
+    def renewed(self) -> ca.Function:
+        """States after a sample, sampled ones as they are then: (nx,), (nu,), (n,) → (nx,)."""
+        return self._once("renewed", self._write_renewed)
+
+    def _write_renewed(self) -> ca.Function:
+        x, u, theta = self._symbols()
+        written = self.balances(x, self.symbol(x.shape[0], 1), u, self._named(theta))
+        after = [written.renewed.get(name, x[i]) for i, name in enumerate(self.states)]
+        names = ["x", "u", "theta"]
+        return ca.Function("renewed", [x, u, theta], [ca.vertcat(*after)], names, ["x_renewed"])
+
+    @property
     def slopes(self) -> ca.Function:
         """∂f/∂x, (nx,), (nu,), (n,) → (nx, nx)."""
         return self._once("slopes", self._write_slopes)

@@ -34,6 +34,8 @@ class Balances:
         Rates of the effects' states, by full name ``"effect.state"``.
     rest : dict of str to Expression
         Values at which the effects' states are at rest, by full name.
+    renewed : dict of str to Expression
+        Values of the sampled states after a sample, by full name; see `State.sampled`.
     output : dict of str to Expression
         What the sensors show, by channel.
     q_m : Pair
@@ -47,6 +49,7 @@ class Balances:
     residual: Mapping[str, Expression]
     rates: Mapping[str, Expression]
     rest: Mapping[str, Expression]
+    renewed: Mapping[str, Expression]
     output: Mapping[str, Expression]
     q_m: Pair
     inertia: Mapping[str, Expression]
@@ -155,11 +158,17 @@ def write_balances(
     output = fold.through("output", {name: shown[name] for name in kind.outputs})
     rates: dict[str, Expression] = {}
     rest: dict[str, Expression] = {}
+    renewed: dict[str, Expression] = {}
     for effect, entering, scope in zip(effects, fold.entering, fold.scopes, strict=True):
-        if effect.states:
-            rates |= _full(effect, effect.rates(entering, scope))
-            rest |= _full(effect, effect.rest(entering, scope))
-    return Balances(residual, rates, rest, output, q_m, inertia)
+        if not effect.states:
+            continue
+        sampled = {state.name: 0.0 for state in effect.states if state.sampled}
+        rates |= _full(effect, sampled | effect.rates(entering, scope))
+        rest |= _full(effect, effect.rest(entering, scope))
+        if sampled:
+            values = effect.renewed(entering, scope)
+            renewed |= {f"{effect.name}.{name}": values[name] for name in sampled}
+    return Balances(residual, rates, rest, renewed, output, q_m, inertia)
 
 
 def mass_flow_residuals(

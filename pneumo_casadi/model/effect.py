@@ -40,12 +40,15 @@ class State:
         Size by which an optimiser divides it.
     clock : bool
         Whether it is the time: along a record it begins at the time of the first sample.
+    sampled : bool
+        Whether it stays as it is over a sample, and then jumps to what `Effect.renewed` gives.
     """
 
     name: str
     unit: str
     scale: float = 1.0
     clock: bool = False
+    sampled: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,6 +164,10 @@ class Effect:
     scanned : mapping of str to tuple of float
         Values of parameters; a fit to the balances starts from the best of their combinations.
         The cost of a resonance has a narrow valley, which no step finds from afar.
+    staircase : tuple of str
+        Parameters over which the cost is a staircase: they are not free, and scans alone find
+        them, see `stairs`. Such a form is tried only where the other forms of its cause leave too
+        much.
     needs_chambers : bool
         Whether the effect reads chamber pressures; it then cannot be added to a force-driven
         axis. Set it also if the effect reads pressures but overrides only junctions that every axis
@@ -211,6 +218,7 @@ class Effect:
     measured_by: ClassVar[str] = ""
     through_states: ClassVar[bool] = False
     scanned: ClassVar[Mapping[str, tuple[float, ...]]] = MappingProxyType({})
+    staircase: ClassVar[tuple[str, ...]] = ()
     needs_chambers: ClassVar[bool] = False
     needs_constants: ClassVar[tuple[str, ...]] = ()
 
@@ -224,7 +232,8 @@ class Effect:
         without = [item.name for item in cls.parameters if item.null is None]
         if without:
             raise ModelError(f"effect {cls.name}: no null value for {', '.join(without)}")
-        for attribute in ("credible", "scanned", "command_delays", "sensor_delays"):
+        listed = ("credible", "scanned", "staircase", "command_delays", "sensor_delays")
+        for attribute in listed:
             strange = sorted(set(getattr(cls, attribute)) - {item.name for item in cls.parameters})
             if strange:
                 raise ModelError(
@@ -277,17 +286,30 @@ class Effect:
         del values
         return ()
 
+    def stairs(self, values: Mapping[str, float]) -> dict[str, tuple[float, ...]]:
+        """Return what to scan near some values of the parameters, by short name, one after another.
+
+        Of each parameter in `staircase`.
+        """
+        raise ModelError(f"effect {self.name}: override `stairs` for {', '.join(self.staircase)}")
+
     def rest(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
         """Return the states at which the effect is at rest, by short name; zeros by default."""
         del entering, at
         return {state.name: 0.0 for state in self.states}
 
     def rates(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
-        """Return the time derivative of each state, by short name.
+        """Return the time derivative of each state, by short name; sampled ones have none.
 
         `entering` holds, per overridden junction, the value that arrived at this effect.
         """
+        if all(state.sampled for state in self.states):
+            return {}
         raise ModelError(f"effect {self.name} has states but no rates: override `rates`")
+
+    def renewed(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
+        """Return the sampled states after a sample, by short name; see `State.sampled`."""
+        raise ModelError(f"effect {self.name} has sampled states: override `renewed`")
 
     def chamber_pressure(self, p: Pair, at: Scope) -> Pair:
         """Return the pressure in each chamber, of that at its sensor [Pa]."""

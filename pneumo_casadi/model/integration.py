@@ -180,6 +180,8 @@ def step_function(axis: Axis, stepping: Stepping, inline: bool = False) -> ca.Fu
 
     integrate = runge_kutta_sample(axis, rates, [x], [w, theta], stepping, inline)
     (end,) = integrate([x], [w, theta], stepping.dt * w[-1] if stepping.timed else stepping.dt)
+    if axis.sampled_states:
+        (end,) = axis.renewed.call([end, w[:nu], theta], inline, False)
     return ca.Function("step", [x, w, theta], [end], ["x", "w", "theta"], ["x_next"])
 
 

@@ -6,12 +6,19 @@ import numpy as np
 import pytest
 
 from pneumo_casadi.diagnosis import diagnose
+from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels
 from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA
 from pneumo_casadi.diagnosis.prepare.fitted_model import _without, fit_model
 from pneumo_casadi.diagnosis.prepare.prepare_study import prepare_study
 from pneumo_casadi.diagnosis.screen.screen import ScreenResult
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger
-from pneumo_casadi.diagnosis.select.forms import cause_of, causes_of, forms_to_fit, keep_best_forms
+from pneumo_casadi.diagnosis.select.forms import (
+    cause_of,
+    causes_of,
+    fit_waiting_forms,
+    forms_to_fit,
+    keep_best_forms,
+)
 from pneumo_casadi.effects import EFFECTS
 
 #: Rows of the records fitted, and of those held out.
@@ -100,6 +107,30 @@ def test_a_further_form_that_promises_nothing_is_not_fitted(ledger):
     # The start of an elastic load is scanned: its screen says little.
     assert set(forms_to_fit(ledger, screened())) == usual | {"position_on_elastic_load"}
     assert "hose_volume" in forms_to_fit(ledger, screened(hose_volume=0.3))
+
+
+@pytest.mark.parametrize(
+    ("usual", "left", "fitted"),
+    [(200, 9.0, True), (200, 1.0, False), (60, 9.0, False)],
+    ids=["leaves a gap", "leaves none", "closes little"],
+)
+def test_a_form_with_stairs_is_fitted_where_the_usual_one_closes_much_and_leaves_a_gap(
+    ledger, monkeypatch, usual, left, fitted
+):
+    asked = {}
+    monkeypatch.setattr(FitLedger, "fit_all", lambda self, starts: asked.update(starts))
+    ledger.catalogue = {n: EFFECTS[n] for n in ("stribeck", "valve_hysteresis", "valve_stiction")}
+    nominal = SimpleNamespace(cost=1000.0, values={})
+    ledger.fits.clear()
+    for name, gain, rms in (("stribeck", 300, 9.0), ("valve_hysteresis", usual, left)):
+        ledger.fits[name,] = SimpleNamespace(
+            cost=nominal.cost - gain,
+            held_out=(np.full((1, ROWS), rms),),
+            used_held_out=(np.ones((1, ROWS)),),
+        )
+    levels = BalanceLevels(np.ones(1), np.full(1, 100.0))
+    fit_waiting_forms(ledger, nominal, levels)
+    assert set(asked) == ({("valve_stiction",)} if fitted else set())
 
 
 @pytest.mark.slow

@@ -57,6 +57,7 @@ ORDER = (
     "valve_mismatch",
     "valve_null_shift",
     "valve_null_shift_warming",
+    "valve_stiction",
 )
 
 

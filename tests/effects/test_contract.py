@@ -116,6 +116,8 @@ def test_equations_stay_finite_at_every_corner_of_the_bounds(pair, made):
 def test_the_derivative_at_the_null_is_the_slope_on_its_way_in_and_not_all_zero(pair, made):
     """A screen of effects at the nominal fit stands on these derivatives."""
     axis, nominal = pair
+    if all(effect.staircase for effect in axis.effects):
+        pytest.skip("scans find its parameters, which have no derivatives")
     theta, rng = axis.parameters.values, np.random.default_rng(11)
     derivatives = [(f, f.jacobian()) for f in (axis.rhs, axis.output)]
     largest = 0.0
@@ -273,6 +275,8 @@ def test_a_record_holds_information_on_each_free_parameter_beside_the_others(
     kind = "servo" if axis.kind.chambers else "force-driven"
     u, x_0 = commanded[kind]
     added = [item for item in started.parameters.items[len(nominal.parameters) :] if item.free]
+    if not added:
+        pytest.skip("scans find its parameters, none is free")
     columns = []
     for item in added:
         h = 1e-3 * item.scale

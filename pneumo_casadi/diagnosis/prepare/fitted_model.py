@@ -25,6 +25,8 @@ from pneumo_casadi.parameters import FloatArray
 MIN_GAIN = 1.0
 #: An effect that gains less than that is tried so many times larger too.
 LARGER_STARTS = (10.0, 100.0, 1000.0)
+#: How often the stairs of an effect are looked for, each time beside parameters that fit better.
+MAX_CLIMBS = 4
 #: Share of M that is left to it where an effect begins with a mass of its own.
 LEAST_RIGID = 0.5
 
@@ -99,6 +101,8 @@ def fit_model(
     axis = study.axis.with_effects(*effects).at_starting_values()
     known = {name: value for name, value in (start or {}).items() if name in axis.parameters}
     axis = _scanned(study, _lightened(axis.with_parameters(known), known), known)
+    new_stairs = [each for each in axis.effects if _stairs_of(each).difference(known)]
+    axis = _on_best_stairs(study, axis, new_stairs)
     if trials:
         axis = _cheapest(study, axis, [{}, *trials])
     # A start looked for at full size tells more than the shape that an effect near null promises.
@@ -110,6 +114,7 @@ def fit_model(
         ),
         key=_cost,
     )
+    fitted = _climbed(study, axis, fitted, new_stairs, max_iterations)
     if base is not None and effects and fitted.cost >= base - MIN_GAIN:
         new = [n for n in axis.parameters.free_names if "." in n and n not in known]
         fitted = _fit_from_larger_starts(study, axis, new, fitted)
@@ -146,6 +151,40 @@ def _scanned(study: Study, axis: Axis, known: Mapping[str, float]) -> Axis:
         grid = itertools.product(*(values[name] for name in names))
         if names:
             axis = _cheapest(study, axis, [dict(zip(names, at, strict=True)) for at in grid])
+    return axis
+
+
+def _stairs_of(effect: Effect) -> set[str]:
+    """Return the full names of the parameters that scans alone find."""
+    return {f"{effect.name}.{short}" for short in effect.staircase}
+
+
+def _climbed(
+    study: Study,
+    axis: Axis,
+    fitted: FittedModel,
+    effects: Sequence[Effect],
+    max_iterations: int = MAX_ITERATIONS,
+) -> FittedModel:
+    """Return a fit from the best stairs beside what was fitted, and from those beside it again."""
+    for _ in range(MAX_CLIMBS if any(effect.staircase for effect in effects) else 0):
+        best = _on_best_stairs(study, axis.with_parameters(dict(fitted.values)), effects)
+        again = _fit(study, best, max_iterations=max_iterations, least_gain=MIN_GAIN)
+        if again.cost >= fitted.cost - MIN_GAIN:
+            break
+        fitted = again
+    return fitted
+
+
+def _on_best_stairs(study: Study, axis: Axis, effects: Sequence[Effect]) -> Axis:
+    """Return the axis at the best of the stairs that some effects name; see `Effect.staircase`."""
+    for effect in effects:
+        # A start looks best beside the threshold that was found without it: once more then.
+        for short in effect.staircase * 2:
+            own = values_of(effect.name, axis.parameters.as_dict())
+            values = effect.stairs({name.split(".")[1]: value for name, value in own.items()})
+            name = f"{effect.name}.{short}"
+            axis = _cheapest(study, axis, [{}, *({name: value} for value in values[short])])
     return axis
 
 
@@ -203,7 +242,10 @@ def refine_model(study: Study, fitted: FittedModel, effects: Sequence[Effect]) -
     whole = bool(BalanceFunctions(axis).state_dependent)
     fitted = _better(study, effects, fitted, _fit(study, axis, whole=whole), 0.0)
     axis = axis.with_parameters(dict(fitted.values))
-    held = [n for n in axis.parameters.names if "." in n and n not in axis.parameters.free_names]
+    fitted = _better(study, effects, fitted, _climbed(study, axis, fitted, effects), 0.0)
+    axis = axis.with_parameters(dict(fitted.values))
+    known = set(axis.parameters.free_names).union(*(_stairs_of(effect) for effect in effects))
+    held = [n for n in axis.parameters.names if "." in n and n not in known]
     if not held:
         return fitted
     released = axis.with_parameters(axis.parameters.release(*held))

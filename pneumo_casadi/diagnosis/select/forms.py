@@ -2,10 +2,14 @@
 
 from collections.abc import Iterable, Mapping
 
+import numpy as np
+
 from pneumo_casadi.diagnosis.metrics.residual_size import (
     BalanceLevels,
     gain_on_all_records,
+    gaps,
     leaves_too_much,
+    residual_rms,
     share_left,
 )
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
@@ -15,6 +19,9 @@ from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue, FitLedger, Name
 #: Share of the squared residuals that the screen must promise of a further form. Of four hoses that
 #: were such a form it promised a third and more; a fit of it takes two or three seconds.
 PROMISE = 0.01
+#: Share of the gain of the best effect alone from which on the other forms of a cause are of
+#: interest that take long.
+NEAR_BEST = 0.5
 
 
 def cause_of(name: str, catalogue: Catalogue) -> str:
@@ -32,15 +39,39 @@ def forms_to_fit(ledger: FitLedger, screened: Mapping[str, ScreenResult]) -> lis
     """Return the effects to fit alone; of further forms of a cause only what promises something.
 
     The usual forms are all fitted, and those whose start is scanned: the screen sees one resonance.
+    Those with stairs take long, and wait for what the others leave; see `fit_waiting_forms`.
     """
-    return [
+    return [name for name, result in screened.items() if _fitted_at_once(ledger, name, result)]
+
+
+def _fitted_at_once(ledger: FitLedger, name: str, result: ScreenResult) -> bool:
+    if cause_of(name, ledger.catalogue) == name:
+        return True
+    if _has_stairs(ledger, name):
+        return False
+    scanned = bool(getattr(ledger.catalogue[name], "scanned", {}))
+    return scanned or not result.felt or result.explained >= PROMISE
+
+
+def _has_stairs(ledger: FitLedger, name: str) -> bool:
+    return bool(getattr(ledger.catalogue[name], "staircase", ()))
+
+
+def fit_waiting_forms(ledger: FitLedger, nominal: FittedModel, levels: BalanceLevels) -> None:
+    """Fit the forms that waited, alone, where the usual form of their cause leaves a gap.
+
+    It must close about as much as the best effect alone.
+    """
+    alone = {key[0]: nominal.cost - fit.cost for key, fit in ledger.extensions(()).items()}
+    least = NEAR_BEST * max(alone.values(), default=0.0)
+    waiting = [
         name
-        for name, result in screened.items()
-        if cause_of(name, ledger.catalogue) == name
-        or not result.felt
-        or getattr(ledger.catalogue[name], "scanned", {})
-        or result.explained >= PROMISE
+        for name in ledger.catalogue
+        if _has_stairs(ledger, name)
+        and alone.get(cause_of(name, ledger.catalogue), 0.0) > least
+        and np.any(gaps(residual_rms(ledger.fits[cause_of(name, ledger.catalogue),]), levels))
     ]
+    ledger.fit_all({(name,): Start(nominal.values) for name in waiting})
 
 
 def keep_best_forms(

@@ -25,7 +25,11 @@ from pneumo_casadi.diagnosis.select.acceptance import accepted, can_matter, only
 from pneumo_casadi.diagnosis.select.complete import Completed, complete
 from pneumo_casadi.diagnosis.select.contributions import contributions
 from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue, Failed, FitLedger, Names
-from pneumo_casadi.diagnosis.select.forms import keep_best_forms, with_other_form
+from pneumo_casadi.diagnosis.select.forms import (
+    fit_waiting_forms,
+    keep_best_forms,
+    with_other_form,
+)
 from pneumo_casadi.diagnosis.select.hidden_motion import (
     closes_in_simulation,
     extend_by_simulation,
@@ -159,6 +163,7 @@ def select_effects(
     report("refitting single effects", 0.3)
     ledger.promised = {name: result.gain for name, result in first.items()}
     fit_alone(ledger, nominal, first)
+    fit_waiting_forms(ledger, nominal, levels)
     forms = keep_best_forms(ledger, nominal)
     first = {name: result for name, result in first.items() if name not in ledger.left_out}
     path = _forward(ledger, nominal, levels, report)

@@ -132,19 +132,22 @@ class BalanceCode:
     @cached_property
     def step(self) -> Recursion:
         """One sample of the effects' states, compiled: every sample needs the one before."""
-        moving = (True, True, True, True, True, False, False, False)  # h, c and θ do not
+        moving = (True, True, True, True, True, True, False, False, False)  # h, c and θ do not
         return compile_recursion(self._step(), moving)
 
     def _step(self) -> ca.Function:
-        """One sample of the effects' states: (z, x, x⁺, dx, dx⁺, u, h, c, θ) → z⁺.
+        """One sample of the effects' states: (z, x, x⁺, dx, dx⁺, u, u⁺, h, c, θ) → z⁺.
 
-        Steps of ROS2, the motion linear between the samples.
+        Steps of ROS2, the motion linear between the samples. From the middle of one sample to that
+        of the next an input that is held has both its values, half the time each.
         """
         (x, dx, u, z, c, theta), written, _ = self._written
         f = ca.vertcat(*(written.rates[name] for name in self.axis.states[-self.n_z :]))
         rate = ca.Function("rate", [x, dx, u, z, c, theta], [f, ca.densify(ca.jacobian(f, z))])
         sym: Any = self.axis.symbol.sym
         h, x_1, dx_1 = sym("h"), sym("x_1", x.shape[0]), sym("dx_1", x.shape[0])
+        u_1 = sym("u_1", u.shape[0])
+        between = (u + u_1) / 2
         of_sensors = all("output" in effect.junctions for effect in self.axis.effects)
         count = STEPS_OF_SENSORS if of_sensors else STEPS_OF_AXES
         identity, part, end = self.axis.symbol.eye(self.n_z), h / count, z
@@ -153,13 +156,16 @@ class BalanceCode:
                 [first + share * (last - first) for first, last in ((x, x_1), (dx, dx_1))]
                 for share in (k / count, (k + 1) / count)
             )
-            f_0, J = rate(x_k, dx_k, u, end, c, theta)
+            f_0, J = rate(x_k, dx_k, between, end, c, theta)
             W = identity - GAMMA * part * J
             k_1 = ca.solve(W, f_0)
-            f_1, _ = rate(x_next, dx_next, u, end + part * k_1, c, theta)
+            f_1, _ = rate(x_next, dx_next, between, end + part * k_1, c, theta)
             k_2 = ca.solve(W, f_1 - 2 * k_1)
             end = end + part * (1.5 * k_1 + 0.5 * k_2)
-        return ca.Function("step", [z, x, x_1, dx, dx_1, u, h, c, theta], [ca.densify(end)])
+        names = self.axis.states[-self.n_z :]
+        after = [written.renewed.get(name, end[i]) for i, name in enumerate(names)]
+        given = [z, x, x_1, dx, dx_1, u, u_1, h, c, theta]
+        return ca.Function("step", given, [ca.densify(ca.vertcat(*after))])
 
     @cached_property
     def state_parameters(self) -> frozenset[str]:

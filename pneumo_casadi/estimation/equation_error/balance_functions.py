@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pneumo_casadi.estimation.equation_error.balance_code import (
     BalanceCode,
@@ -99,6 +100,11 @@ class BalanceFunctions:
         return np.array([float(state.clock) for state in states])
 
     @cached_property
+    def sampled(self) -> NDArray[np.bool_]:
+        """Which states of the effects jump from sample to sample, (nz,); see `State.sampled`."""
+        return np.array([s.sampled for effect in self.axis.effects for s in effect.states], bool)
+
+    @cached_property
     def sensors(self) -> "BalanceFunctions":
         """The same axis with the effects of sensors alone: these act on nominal states only."""
         effects = tuple(effect for effect in self.axis.effects if any_sensor_effect((effect,)))
@@ -124,7 +130,10 @@ class BalanceFunctions:
 
     @property
     def step(self) -> Recursion:
-        """States of the effects a sample later, ``(z, x, x_next, dx, dx_next, u, h, c, θ)``."""
+        """States of the effects a sample later.
+
+        ``(z, x, x_next, dx, dx_next, u, u_next, h, c, θ)``.
+        """
         return self._code.step
 
 

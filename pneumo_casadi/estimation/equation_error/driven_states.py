@@ -42,5 +42,8 @@ def states_along(axis: Axis, records: Sequence[Recording]) -> tuple[FloatArray, 
         data = smooth_motion(axis, record)
         motion = true_motions(model, data, [theta])
         (z,) = simulate_effect_states(model, data, [theta], motion)
-        states.append(np.stack([np.interp(record.t, data.t, row) for row in z]))
+        between = np.stack([np.interp(record.t, data.t, row) for row in z])
+        # What jumps from sample to sample is at an instant what it is over the sample that follows.
+        after = z[:, np.minimum(np.searchsorted(data.t, record.t), data.N - 1)]
+        states.append(np.where(model.sampled[:, None], after, between))
     return tuple(states)

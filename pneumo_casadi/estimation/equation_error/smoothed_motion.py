@@ -51,6 +51,8 @@ class SmoothedMotion:
         Nominal states and their derivatives, in the axis' order [SI].
     u : (nu, N) array
         Inputs.
+    u_before : (nu, n) array
+        Inputs at the samples before, whose measurements the filters took.
     weak : (m, N) sparse array
         Test functions: windows that average a balance over a few hundredths of a second.
     moving : (m,) array of bool
@@ -70,6 +72,7 @@ class SmoothedMotion:
     x: FloatArray
     dx: FloatArray
     u: FloatArray
+    u_before: FloatArray
     weak: Any
     moving: NDArray[np.bool_]
     dt: float
@@ -160,7 +163,8 @@ def smooth_motion(
     """
     fs = 1 / record.dt
     plan = smoothing_filter(record.dt)
-    filtered = filter_recording(record, plan, InputPairing.SAMPLE, smooth_difference)
+    uniform = on_uniform_clock(record, record.dt)
+    filtered = filter_recording(uniform, plan, InputPairing.SAMPLE, smooth_difference)
     names = axis.motion_states
     x, dx = filtered.stack_states(names), filtered.stack_derivatives(names)
     (u,) = filtered.stack_inputs(axis.inputs)
@@ -181,6 +185,7 @@ def smooth_motion(
         x,
         dx,
         u,
+        np.array([uniform[name][: filtered.dropped[0]] for name in axis.inputs]),
         weak,
         (weak @ slow.astype(float)) == 0,
         dt,

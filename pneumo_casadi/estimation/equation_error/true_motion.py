@@ -74,12 +74,11 @@ def simulate_effect_states(
     """Simulate the states of the effects along the motions; (nz, N) for each variant of θ."""
     if not model.n_z:
         return [np.zeros((0, data.N))] * len(variants)
-    # From one row to the next an input that is held has both its values, half the time each.
-    between = np.asfortranarray((data.u + np.hstack([data.u[:, 1:], data.u[:, -1:]])) / 2)
     constant = np.array([data.dt]), model.constant_values
+    u = _now_and_next([data.u])
     driving = {id(motion): _now_and_next(motion) for motion in motions}
     given = [
-        (_at_rest(model, data, theta, motion), *driving[id(motion)], between, *constant, theta)
+        (_at_rest(model, data, theta, motion), *driving[id(motion)], *u, *constant, theta)
         for theta, motion in zip(variants, motions, strict=True)
     ]
     return [z[:, : data.N] for z in model.step.accumulate(data.N, given)]
@@ -89,16 +88,33 @@ def _at_rest(
     model: BalanceFunctions, data: SmoothedMotion, theta: FloatArray, motion: Motion
 ) -> FloatArray:
     """Return the states with which a record begins, (nz,)."""
-    first = (*(part[:, 0] for part in (*motion, data.u)), np.zeros(model.n_z))
-    (z,) = model.functions["rest"].evaluate(1, *first, model.constant_values, theta)
+    x, dx = (part[:, :1] for part in motion)
     # The clock: filters take the first samples of a record.
-    return np.asarray(z[:, 0] + data.t[0] * model.clocks)
+    z: FloatArray = _rest(model, theta, x, dx, data.u[:, 0]) + data.t[0] * model.clocks
+    if not model.sampled.any() or not data.u_before.size:
+        return z
+    u = _now_and_next([data.u_before])
+    x, dx = (np.repeat(part, data.u_before.shape[1], axis=1) for part in (x, dx))
+    constant = np.array([data.dt]), model.constant_values
+    start = _rest(model, theta, x, dx, data.u_before[:, 0])
+    given = (start, *_now_and_next([x, dx]), *u, *constant, theta)
+    (remembered,) = model.step.accumulate(data.u_before.shape[1], [given])
+    return np.asarray(np.where(model.sampled, remembered[:, -1], z))
 
 
-def _now_and_next(motion: Motion) -> list[FloatArray]:
-    """Return both parts of a motion at every sample and at the next one."""
+def _rest(
+    model: BalanceFunctions, theta: FloatArray, x: FloatArray, dx: FloatArray, u: FloatArray
+) -> FloatArray:
+    """Return the states at rest at the first of some samples, (nz,)."""
+    first = (x[:, 0], dx[:, 0], u, np.zeros(model.n_z), model.constant_values, theta)
+    (z,) = model.functions["rest"].evaluate(1, *first)
+    return np.asarray(z[:, 0])
+
+
+def _now_and_next(parts: Sequence[FloatArray]) -> list[FloatArray]:
+    """Return each of several parts (n, N) at every sample and at the next one."""
     both = []
-    for part in motion:
+    for part in parts:
         longer = np.asfortranarray(np.column_stack([part, part[:, -1]]))
         both += [longer[:, :-1], longer[:, 1:]]
     return both

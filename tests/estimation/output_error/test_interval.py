@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pneumo_casadi.data import InputHold
-from pneumo_casadi.effects import Stribeck, ValveDynamics
+from pneumo_casadi.effects import Stribeck, ValveDynamics, ValveNullShift, ValveStiction
 from pneumo_casadi.estimation.output_error.shooting.interval import IntervalFunctions
 from pneumo_casadi.model.integration import step_function
 from pneumo_casadi.model.sampled_axis import SampledAxis
@@ -20,6 +20,11 @@ def lagging(made):
     return axis.with_parameters(values)
 
 
+def sticking(made):
+    axis = made.true_axis(ValveNullShift(), ValveStiction())
+    return axis.with_parameters({"valve_stiction.h": 0.005, "valve_null_shift.u_0P": 0.01})
+
+
 KINDS = {
     "polynomials": lambda made: SampledAxis(made.true_axis(), Stepping(DT, substeps=2)),
     "linear hold": lambda made: SampledAxis(
@@ -27,6 +32,7 @@ KINDS = {
     ),
     "spline": lambda made: SampledAxis(made.spline_axis(), Stepping(DT, substeps=2)),
     "states of effects": lambda made: SampledAxis(lagging(made), Stepping(DT, substeps=4)),
+    "sampled states": lambda made: SampledAxis(sticking(made), Stepping(DT, substeps=2)),
     "force": lambda made: SampledAxis(
         made.true_force_axis(Stribeck()).with_parameters({"stribeck.delta_F": 6.0}), Stepping(DT)
     ),

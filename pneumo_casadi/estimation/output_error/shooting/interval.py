@@ -168,7 +168,20 @@ def _integration(model: SampledAxis, at: Sequence[int] | None, m: int) -> Integr
     def f(share: Expression, z: Sequence[Expression]) -> list[Expression]:
         return list(rates.call([*z, *(given if moving else [between(share)]), theta]))
 
-    return runge_kutta_sample(axis, f, own, [*given, theta], model.stepping)
+    integrate = runge_kutta_sample(axis, f, own, [*given, theta], model.stepping)
+    if not axis.sampled_states:
+        return integrate
+    renew = _with_sensitivities("renew", axis.renewed, axis, at, m, moving)
+
+    def and_renew(
+        start: Sequence[Expression], during: Sequence[Expression], length: Expression
+    ) -> list[Expression]:
+        end = integrate(start, during, length)
+        after = renew.call([*end, during[0][:nu], *during[1:]])
+        # A block without time counts for nothing: nothing may jump there.
+        return [ca.if_else(length > 0, a, b) for a, b in zip(after, end, strict=True)]
+
+    return and_renew
 
 
 def _with_sensitivities(
