@@ -79,7 +79,9 @@ def _decided_on(
 ) -> Conclusion:
     effects = tuple(catalogue[name]() for name in selection.chosen)
     checks = check_fit(study, selection.final, effects)
-    late = rather_late_command(effects, selection.final, study.axis.outputs, catalogue)
+    late = rather_late_command(
+        effects, selection.final, study.axis.outputs, catalogue, study.criteria
+    )
     decision = decide_verdict(selection, checks, known, surpassed=bool(late))
     notes = (late,) if late else ()
     return Conclusion(selection, effects, tuple(checks), decision, notes=notes)

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import pytest
 
 from pneumo_casadi.diagnosis.decide.late_command import rather_late_command
+from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA
 from pneumo_casadi.diagnosis.prepare.fitted_model import fit_model
 from pneumo_casadi.diagnosis.prepare.prepare_study import prepare_study
 from pneumo_casadi.effects import EFFECTS
@@ -23,7 +24,7 @@ def note(delays, std=1e-3, catalogue=WITHOUT, others=("hose",)):
     values = {f"{name}.{DELAYS[name]}": value / 1e3 for name, value in delays.items()}
     fitted = SimpleNamespace(values=values, std=dict.fromkeys(values, std))
     effects = [EFFECTS[name]() for name in (*delays, *others)]
-    return rather_late_command(effects, fitted, OUTPUTS, catalogue)
+    return rather_late_command(effects, fitted, OUTPUTS, catalogue, CRITERIA)
 
 
 def test_equal_delays_of_all_sensors_are_one_of_the_command():
@@ -61,4 +62,6 @@ def test_a_slow_valve_gives_all_sensors_one_delay(made_case, hidden, rather_the_
     study, _ = prepare_study(made_case(14, **hidden))
     effects = EFFECTS["pressure_sensor_lag"](), EFFECTS["position_delay"]()
     fitted = fit_model(study, effects, fit_model(study, ()).values)
-    assert bool(rather_late_command(effects, fitted, OUTPUTS, WITHOUT)) is rather_the_command
+    assert (
+        bool(rather_late_command(effects, fitted, OUTPUTS, WITHOUT, CRITERIA)) is rather_the_command
+    )

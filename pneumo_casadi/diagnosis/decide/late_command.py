@@ -4,14 +4,9 @@ from collections.abc import Collection, Mapping, Sequence
 from itertools import combinations
 from math import hypot
 
+from pneumo_casadi.diagnosis.prepare.criteria import Criteria
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.model.effect import Effect, EffectFactory
-
-#: Two delays are one within so many standard deviations of their difference, ...
-ALIKE = 2.0
-#: ... or within this share of them: a lag and a pure delay of one signal, of which one is not the
-#: true form, came out 8 and 11 % apart.
-SHARE = 0.2
 
 
 def rather_late_command(
@@ -19,6 +14,7 @@ def rather_late_command(
     fitted: FittedModel,
     outputs: Collection[str],
     catalogue: Mapping[str, EffectFactory],
+    criteria: Criteria,
 ) -> str:
     """Return the note that late sensors may stand for a late command, or nothing.
 
@@ -36,6 +32,8 @@ def rather_late_command(
         What the sensors of the axis show.
     catalogue : mapping of str to effect class
         All effects that were fitted.
+    criteria : Criteria
+        Within what two delays are one.
     """
     if any(getattr(effect, "command_delays", ()) for effect in catalogue.values()):
         return ""
@@ -46,7 +44,9 @@ def rather_late_command(
     for a, b in combinations(delays, 2):
         values = fitted.values[a], fitted.values[b]
         spread = hypot(fitted.std.get(a, 0.0), fitted.std.get(b, 0.0))
-        if abs(values[0] - values[1]) > max(ALIKE * spread, SHARE * max(values)):
+        if abs(values[0] - values[1]) > max(
+            criteria.one_delay_std * spread, criteria.one_delay * max(values)
+        ):
             return ""
     mean = sum(fitted.values[name] for name in delays) / len(delays)
     return (

@@ -3,13 +3,14 @@
 from collections.abc import Mapping
 from typing import Any
 
+from pneumo_casadi.effects.common.late_pressures import LatePressures, delay
 from pneumo_casadi.effects.common.second_order_lag import second_order_lagged, second_order_rate
 from pneumo_casadi.model.effect import Effect, Scope, State
 from pneumo_casadi.model.junctions import Expression
 from pneumo_casadi.parameters import Parameter
 
 
-class PressureSensorSecondOrder(Effect):
+class PressureSensorSecondOrder(LatePressures, Effect):
     """Second-order lag of both pressure sensors: the air in the tube has mass.
 
     A tube and the volume at its end swing as a Helmholtz resonator, of natural frequency 2ζ/τ.
@@ -17,27 +18,10 @@ class PressureSensorSecondOrder(Effect):
 
     name = "pressure_sensor_second_order"
     cause = "pressure_sensor_lag"
-    sensors = ("p_P", "p_N")
-    sensor_delays = ("tau",)
     equation = "(τ/2ζ)² ÿ_p + τ ẏ_p + y_p = p, in both chambers"
     source = "tube and transducer; Hougen, Martin and Walsh (1963), Control Engineering 10(9)"
-    shows = "measured pressures, when they change fast"
-    confused_with = ("hose", "valve_dynamics", "position_delay")
-    separated_by = "fast valve steps: the piston answers before the sensor does"
-    needs_chambers = True
     parameters = (
-        Parameter(
-            "tau",
-            0.0,
-            "s",
-            lower=0.0,
-            upper=0.2,
-            scale=2e-3,
-            null=0.0,
-            start=3e-3,
-            description="delay of a slow pressure, 2ζ/ω_n",
-            source="0.5-30 ms, engineering judgement for tapped pressure lines",
-        ),
+        delay("delay of a slow pressure, 2ζ/ω_n"),
         Parameter(
             "zeta",
             0.7,

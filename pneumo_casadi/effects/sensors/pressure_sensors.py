@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
+from pneumo_casadi.effects.common.late_pressures import LatePressures, delay
 from pneumo_casadi.effects.common.regular_lag import lag_rate, lagged
 from pneumo_casadi.model.absorption import Absorption
 from pneumo_casadi.model.effect import Effect, Scope, State
@@ -11,32 +12,13 @@ from pneumo_casadi.model.junctions import Expression
 from pneumo_casadi.parameters import Parameter
 
 
-class PressureSensorLag(Effect):
+class PressureSensorLag(LatePressures, Effect):
     """First-order lag of both pressure sensors, by their tubing or filters."""
 
     name = "pressure_sensor_lag"
-    sensors = ("p_P", "p_N")
-    sensor_delays = ("tau",)
     equation = "τ ẏ_p + y_p = p, in both chambers"
     source = "pneumatic line as a lag; Andersen (1967), Analysis and Design of Pneumatic Systems"
-    shows = "measured pressures, when they change fast"
-    confused_with = ("hose", "valve_dynamics", "position_delay")
-    separated_by = "fast valve steps: the piston answers before the sensor does"
-    needs_chambers = True
-    parameters = (
-        Parameter(
-            "tau",
-            0.0,
-            "s",
-            lower=0.0,
-            upper=0.2,
-            scale=2e-3,
-            null=0.0,
-            start=3e-3,
-            description="time constant of both sensors",
-            source="0.5-30 ms, engineering judgement for tapped pressure lines",
-        ),
-    )
+    parameters = (delay("time constant of both sensors"),)
     states = (State("p_P", "Pa", 1e5), State("p_N", "Pa", 1e5))
 
     def rest(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
