@@ -34,6 +34,7 @@ from pneumo_casadi.effects.friction.pressure_friction_per_seal import (
 )
 from pneumo_casadi.effects.friction.quadratic_drag import QuadraticDrag as QuadraticDrag
 from pneumo_casadi.effects.friction.stribeck import Stribeck as Stribeck
+from pneumo_casadi.effects.friction.stribeck_rational import StribeckRational as StribeckRational
 from pneumo_casadi.effects.load.constant_force import ConstantForce as ConstantForce
 from pneumo_casadi.effects.load.elastic_load import ElasticLoad as ElasticLoad
 from pneumo_casadi.effects.load.position_on_elastic_load import (

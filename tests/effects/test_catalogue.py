@@ -49,6 +49,7 @@ ORDER = (
     "quadratic_drag",
     "spring_load",
     "stribeck",
+    "stribeck_rational",
     "supply_droop",
     "valve_dead_zone",
     "valve_dead_zone_edges",

@@ -4,9 +4,9 @@ from types import MappingProxyType
 
 import casadi as ca
 
+from pneumo_casadi.effects.common.breakaway import breakaway_parameters
 from pneumo_casadi.model.effect import Effect, Scope
 from pneumo_casadi.model.junctions import Expression
-from pneumo_casadi.parameters import Parameter
 
 
 class Stribeck(Effect):
@@ -24,31 +24,7 @@ class Stribeck(Effect):
     passive = True
     # A broader decay is asked for by drag that is not linear in the velocity.
     credible = MappingProxyType({"v_stribeck": (0.002, 0.08)})
-    parameters = (
-        Parameter(
-            "delta_F",
-            0.0,
-            "N",
-            lower=0.0,
-            upper=200.0,
-            scale=10.0,
-            null=0.0,
-            start=8.0,
-            description="breakaway force above the Coulomb friction, F_s - F_c",
-            source="5-30 N for pneumatic cylinders of this size, Tran and Yanada (2013)",
-        ),
-        Parameter(
-            "v_stribeck",
-            0.02,
-            "m/s",
-            lower=0.002,
-            upper=0.2,
-            scale=0.02,
-            null=0.02,
-            description="velocity at which the extra friction has fallen to 1/e",
-            source="5-60 mm/s for pneumatic cylinder seals, Tran and Yanada (2013)",
-        ),
-    )
+    parameters = breakaway_parameters("1/e")
 
     def force(self, F: Expression, at: Scope) -> Expression:
         """Subtract the extra friction."""

@@ -1,0 +1,32 @@
+"""Parameters of friction that falls from breakaway to sliding, whatever the law of its fall."""
+
+from pneumo_casadi.parameters import Parameter
+
+
+def breakaway_parameters(fall: str) -> tuple[Parameter, ...]:
+    """Return ΔF and v_st; `fall` tells how far the extra friction has fallen at v_st."""
+    return (
+        Parameter(
+            "delta_F",
+            0.0,
+            "N",
+            lower=0.0,
+            upper=200.0,
+            scale=10.0,
+            null=0.0,
+            start=8.0,
+            description="breakaway force above the Coulomb friction, F_s - F_c",
+            source="5-30 N for pneumatic cylinders of this size, Tran and Yanada (2013)",
+        ),
+        Parameter(
+            "v_stribeck",
+            0.02,
+            "m/s",
+            lower=0.002,
+            upper=0.2,
+            scale=0.02,
+            null=0.02,
+            description=f"velocity at which the extra friction has fallen to {fall}",
+            source="5-60 mm/s for pneumatic cylinder seals, Tran and Yanada (2013)",
+        ),
+    )
