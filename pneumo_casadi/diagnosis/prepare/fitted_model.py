@@ -1,19 +1,24 @@
 """The axis of a study fitted to the balances, without effects and with some."""
 
-import itertools
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pneumo_casadi.diagnosis.prepare.starting_values import (
+    cheapest,
+    lightened,
+    on_best_stairs,
+    scanned,
+    stairs_of,
+)
 from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.errors import FitError
 from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
 from pneumo_casadi.estimation.equation_error.fit import (
     MAX_ITERATIONS,
     default_residual_floor,
-    equation_error_costs,
     fit_equation_error,
 )
 from pneumo_casadi.estimation.output_error.result import flow_map_deviation
@@ -27,8 +32,6 @@ MIN_GAIN = 1.0
 LARGER_STARTS = (10.0, 100.0, 1000.0)
 #: How often the stairs of an effect are looked for, each time beside parameters that fit better.
 MAX_CLIMBS = 4
-#: Share of M that is left to it where an effect begins with a mass of its own.
-LEAST_RIGID = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,11 +68,6 @@ class FittedModel:
     pace: float = 0.0
 
 
-def values_of(effect: str, values: Mapping[str, float]) -> dict[str, float]:
-    """Return the parameters of one effect among those of a model, by their full names."""
-    return {name: value for name, value in values.items() if name.startswith(f"{effect}.")}
-
-
 def fit_model(
     study: Study,
     effects: Sequence[Effect],
@@ -100,11 +98,11 @@ def fit_model(
     """
     axis = study.axis.with_effects(*effects).at_starting_values()
     known = {name: value for name, value in (start or {}).items() if name in axis.parameters}
-    axis = _scanned(study, _lightened(axis.with_parameters(known), known), known)
-    new_stairs = [each for each in axis.effects if _stairs_of(each).difference(known)]
-    axis = _on_best_stairs(study, axis, new_stairs)
+    axis = scanned(study, lightened(axis.with_parameters(known), known), known)
+    new_stairs = [each for each in axis.effects if stairs_of(each).difference(known)]
+    axis = on_best_stairs(study, axis, new_stairs)
     if trials:
-        axis = _cheapest(study, axis, [{}, *trials])
+        axis = cheapest(study, axis, [{}, *trials])
     # A start looked for at full size tells more than the shape that an effect near null promises.
     looked_for = {f"{effect.name}.{short}" for effect in axis.effects for short in effect.scanned}
     fitted = min(
@@ -131,34 +129,6 @@ def _without(
     return [shape for i, shape in enumerate(left) if shape not in left[:i]]
 
 
-def _lightened(axis: Axis, known: Mapping[str, float]) -> Axis:
-    """Return the axis with M less the masses with which new effects begin.
-
-    M has carried them so far; with both, the start would miss more than the effect explains.
-    """
-    new = [f"{effect.name}.{short}" for effect in axis.effects for short in effect.masses]
-    carried = sum(axis.parameters[name].value for name in new if name not in known)
-    M = axis.parameters["M"]
-    least = max(M.lower, LEAST_RIGID * M.value)
-    return axis.with_parameters({"M": max(least, M.value - carried)}) if carried else axis
-
-
-def _scanned(study: Study, axis: Axis, known: Mapping[str, float]) -> Axis:
-    """Return the axis at the best of the starts that its effects name; see `Effect.scanned`."""
-    for effect in axis.effects:
-        values = {f"{effect.name}.{short}": each for short, each in effect.scanned.items()}
-        names = [name for name in values if name not in known]
-        grid = itertools.product(*(values[name] for name in names))
-        if names:
-            axis = _cheapest(study, axis, [dict(zip(names, at, strict=True)) for at in grid])
-    return axis
-
-
-def _stairs_of(effect: Effect) -> set[str]:
-    """Return the full names of the parameters that scans alone find."""
-    return {f"{effect.name}.{short}" for short in effect.staircase}
-
-
 def _climbed(
     study: Study,
     axis: Axis,
@@ -168,37 +138,12 @@ def _climbed(
 ) -> FittedModel:
     """Return a fit from the best stairs beside what was fitted, and from those beside it again."""
     for _ in range(MAX_CLIMBS if any(effect.staircase for effect in effects) else 0):
-        best = _on_best_stairs(study, axis.with_parameters(dict(fitted.values)), effects)
+        best = on_best_stairs(study, axis.with_parameters(dict(fitted.values)), effects)
         again = _fit(study, best, max_iterations=max_iterations, least_gain=MIN_GAIN)
         if again.cost >= fitted.cost - MIN_GAIN:
             break
         fitted = again
     return fitted
-
-
-def _on_best_stairs(study: Study, axis: Axis, effects: Sequence[Effect]) -> Axis:
-    """Return the axis at the best of the stairs that some effects name; see `Effect.staircase`."""
-    for effect in effects:
-        # A start looks best beside the threshold that was found without it: once more then.
-        for short in effect.staircase * 2:
-            own = values_of(effect.name, axis.parameters.as_dict())
-            values = effect.stairs({name.split(".")[1]: value for name, value in own.items()})
-            name = f"{effect.name}.{short}"
-            axis = _cheapest(study, axis, [{}, *({name: value} for value in values[short])])
-    return axis
-
-
-def _cheapest(study: Study, axis: Axis, changes: Sequence[Mapping[str, float]]) -> Axis:
-    """Return the axis with those of several values that cost least; the first where none costs."""
-    costs = equation_error_costs(
-        axis,
-        [axis.parameters.with_values(values).values for values in changes],
-        study.smoothed[0],
-        study.anchor_with(axis.effects),
-        residual_floor=default_residual_floor(study.axis),
-    )
-    finite = np.where(np.isfinite(costs), costs, np.inf)
-    return axis.with_parameters(changes[int(np.argmin(finite))])
 
 
 def _fit_from_larger_starts(
@@ -244,7 +189,7 @@ def refine_model(study: Study, fitted: FittedModel, effects: Sequence[Effect]) -
     axis = axis.with_parameters(dict(fitted.values))
     fitted = _better(study, effects, fitted, _climbed(study, axis, fitted, effects), 0.0)
     axis = axis.with_parameters(dict(fitted.values))
-    known = set(axis.parameters.free_names).union(*(_stairs_of(effect) for effect in effects))
+    known = set(axis.parameters.free_names).union(*(stairs_of(effect) for effect in effects))
     held = [n for n in axis.parameters.names if "." in n and n not in known]
     if not held:
         return fitted

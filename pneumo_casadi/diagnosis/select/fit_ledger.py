@@ -19,8 +19,8 @@ from pneumo_casadi.diagnosis.prepare.fitted_model import (
     fit_model,
     refine_model,
     require_credible,
-    values_of,
 )
+from pneumo_casadi.diagnosis.prepare.starting_values import values_of
 from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.diagnosis.screen.screen import (
     Background,

@@ -12,9 +12,10 @@ from pneumo_casadi.parameters import Parameter
 
 #: Ratio of two thresholds that are tried one after the other, and how many of them.
 RATIO, COUNT = 1.01, 560
-#: Ratios of a threshold that are tried near one, and all starts.
-NEAR = tuple(1.001**i for i in range(-40, 41))
-STARTS = tuple(i / 40 for i in range(-40, 41))
+#: Ratios of a threshold that are tried near one, starts all over the range, and near one.
+NEAR = tuple(1.001**i for i in range(-30, 31))
+STARTS = tuple(i / 20 for i in range(-20, 21))
+NEAR_START = tuple(i / 400 for i in range(-24, 25))
 
 
 class ValveStiction(Effect):
@@ -76,9 +77,13 @@ class ValveStiction(Effect):
     states = tuple(State(f"s_{c}", "V", sampled=True) for c in "PN")
 
     def stairs(self, values: Mapping[str, float]) -> dict[str, tuple[float, ...]]:
-        """Return all starts, and thresholds within 4 %."""
+        """Return starts all over the range and near those given, and thresholds within 3 %."""
         near = tuple(min(values["h"] * ratio, 1.0) for ratio in NEAR)
-        return {"z_P": STARTS, "z_N": STARTS, "h": near}
+        starts = {
+            name: (*STARTS, *(min(max(values[name] + z, -1.0), 1.0) for z in NEAR_START))
+            for name in ("z_P", "z_N")
+        }
+        return {**starts, "h": near}
 
     def rest(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
         """Start where the records begin."""
