@@ -187,11 +187,15 @@ def _axis_with(name: str, identification: Identification, notes: list[str]) -> A
 
 
 def _informed(fit: OutputErrorResult, name: str) -> bool:
-    """Tell whether one of an effect's sizes lies three standard deviations from its null value."""
+    """Tell whether one of an effect's sizes lies three standard deviations from its null value.
+
+    A size that was held was not found in the records.
+    """
     sizes = (item for item in fit.parameters if item.name.startswith(f"{name}."))
     return any(
         item.start is not None
         and item.null is not None
+        and item.free
         and abs(item.value - item.null) > 3 * fit.std(item.name)
         for item in sizes
     )

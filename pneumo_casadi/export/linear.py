@@ -108,7 +108,7 @@ def operating_point(axis: Axis, given: Mapping[str, float] | None = None) -> Ope
     Raises
     ------
     ModelError
-        If a name is unknown, or what is given contradicts itself.
+        If a name is unknown, what is given contradicts itself, or a state jumps at samples.
 
     Examples
     --------
@@ -119,6 +119,7 @@ def operating_point(axis: Axis, given: Mapping[str, float] | None = None) -> Ope
     >>> point.x.tolist(), point.u.round(6).tolist()  # f_v v + F_c = 2 + 15 N
     ([0.0, 0.1], [17.0])
     """
+    require_rates(axis, "an operating point")
     held = {name: float(value) for name, value in (given or {}).items()}
     known = (*axis.states, *axis.inputs)
     unknown = sorted(set(held) - set(known))

@@ -18,6 +18,7 @@ from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.identification.starting_axis import (
     axis_for_wls,
     axis_of_options,
+    refuse_unscanned,
     start_of_output_error,
     with_flow_from_records,
 )
@@ -91,6 +92,7 @@ def identify(
     options, selection = resolve_flow_form(case, options)
     flow_map, flow = read_flow(case, options, records)
     axis = axis_of_options(case, flow, options)
+    refuse_unscanned(axis, options.fixed)
     axis = with_flow_from_records(axis, records)
     report("weighted least squares", _SHARES["wls"])
     wls = fit_wls(axis_for_wls(axis, options), records)

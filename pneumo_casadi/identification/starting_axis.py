@@ -55,7 +55,7 @@ def axis_of_options(case: Case, flow: AnyFlowModel | None, options: IdentifyOpti
     """
     axis = make_axis(case, flow)
     axis = axis.with_effects(*(catalogue_effect(name, flow) for name in options.effects))
-    if not options.refine_flow:
+    if axis.flow_parameters and not options.refine_flow:
         axis = axis.with_parameters(axis.parameters.fix(*axis.flow_parameters))
     _refuse_unknown(axis, options)
     if options.fixed:
@@ -114,6 +114,27 @@ def _at_polytropic(parameters: Parameters, values: Mapping[str, float]) -> dict[
             factor = parameters[area].value / values[name] / parameters[slope].value
             changed |= {n: factor * parameters[n].value for n in (slope, volume)}
     return changed
+
+
+def refuse_unscanned(axis: Axis, fixed: Collection[str]) -> None:
+    """Refuse effects with parameters that only a diagnosis finds and nobody has given.
+
+    Raises
+    ------
+    ModelError
+        Naming them.
+    """
+    unknown = [
+        name
+        for effect in axis.effects
+        for name in (f"{effect.name}.{short}" for short in effect.staircase)
+        if name not in fixed
+    ]
+    if unknown:
+        raise ModelError(
+            f"{', '.join(unknown)}: found by scans of the diagnosis alone; identify what it found "
+            f"with `diagnose --refine`, or hold them at known values, as in --fix {unknown[-1]}=0.1"
+        )
 
 
 def _refuse_unknown(axis: Axis, options: IdentifyOptions) -> None:

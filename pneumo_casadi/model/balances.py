@@ -12,7 +12,8 @@ from typing import Any
 import casadi as ca
 
 from pneumo_casadi.data import AxisKind
-from pneumo_casadi.model.effect import Effect, Scope
+from pneumo_casadi.errors import ModelError
+from pneumo_casadi.model.effect import Effect, Scope, State
 from pneumo_casadi.model.junctions import Expression, Pair, Supply
 from pneumo_casadi.valve.flow_pair import valve_of
 
@@ -162,12 +163,13 @@ def write_balances(
     for effect, entering, scope in zip(effects, fold.entering, fold.scopes, strict=True):
         if not effect.states:
             continue
-        sampled = {state.name: 0.0 for state in effect.states if state.sampled}
-        rates |= _full(effect, sampled | effect.rates(entering, scope))
-        rest |= _full(effect, effect.rest(entering, scope))
+        sampled = [state for state in effect.states if state.sampled]
+        moving = [state for state in effect.states if not state.sampled]
+        rates |= {f"{effect.name}.{state.name}": 0.0 for state in sampled}
+        rates |= _full(effect, "rates", moving, effect.rates(entering, scope))
+        rest |= _full(effect, "rest", effect.states, effect.rest(entering, scope))
         if sampled:
-            values = effect.renewed(entering, scope)
-            renewed |= {f"{effect.name}.{name}": values[name] for name in sampled}
+            renewed |= _full(effect, "renewed", sampled, effect.renewed(entering, scope))
     return Balances(residual, rates, rest, renewed, output, q_m, inertia)
 
 
@@ -314,6 +316,15 @@ def _own(
     return own | {item.name: x[f"{effect.name}.{item.name}"] for item in effect.states}
 
 
-def _full(effect: Effect, values: Mapping[str, Expression]) -> dict[str, Expression]:
-    """Give state values their full names, in the declared order."""
-    return {f"{effect.name}.{state.name}": values[state.name] for state in effect.states}
+def _full(
+    effect: Effect, method: str, states: Sequence[State], values: Mapping[str, Expression]
+) -> dict[str, Expression]:
+    """Give state values their full names, in the declared order; refuse missing and other ones."""
+    names = [state.name for state in states]
+    if set(names) != set(values):
+        raise ModelError(
+            f"effect {effect.name}: `{method}` returns {', '.join(values) or 'nothing'}, expected "
+            f"{', '.join(names) or 'nothing'}: sampled states have no rates, and only they are "
+            "renewed"
+        )
+    return {f"{effect.name}.{name}": values[name] for name in names}

@@ -98,9 +98,9 @@ class Effect:
         Values of parameters; a fit to the balances starts from the best of their combinations.
         The cost of a resonance has a narrow valley, which no step finds from afar.
     staircase : tuple of str
-        Parameters over which the cost is a staircase: they are not free, and scans alone find
-        them, see `stairs`. Such a form is tried only where the other forms of its cause leave too
-        much.
+        Parameters over which the cost is a staircase, declared with ``free=False``. The scans of a
+        diagnosis find them, in this order, see `stairs`; elsewhere they are held. Such a form is
+        tried only where the other forms of its cause leave too much.
     needs_chambers : bool
         Whether the effect reads chamber pressures; it then cannot be added to a force-driven
         axis. Set it also if the effect reads pressures but overrides only junctions that every axis
@@ -172,6 +172,7 @@ class Effect:
                 raise ModelError(
                     f"effect {cls.name}: {attribute} names no parameter: {', '.join(strange)}"
                 )
+        _check_jumps(cls)
         cls.cause = cls.__dict__.get("cause", "") or cls.name
         known = () if cls.absorbed_by is None else cls.absorbed_by.names
         strange = sorted(set(known) - set(PARAMETER_CHECKS))
@@ -220,9 +221,10 @@ class Effect:
         return ()
 
     def stairs(self, values: Mapping[str, float]) -> dict[str, tuple[float, ...]]:
-        """Return what to scan near some values of the parameters, by short name, one after another.
+        """Return the values to try of each parameter in `staircase`, by short name.
 
-        Of each parameter in `staircase`.
+        `values` are the present ones, first those of the start or the best scanned ones. One
+        parameter after another goes to the middle of the stair that costs least.
         """
         raise ModelError(f"effect {self.name}: override `stairs` for {', '.join(self.staircase)}")
 
@@ -299,3 +301,17 @@ class Effect:
 
 #: A callable that returns an effect, usually its class.
 EffectFactory = Callable[[], Effect]
+
+
+def _check_jumps(effect: type[Effect]) -> None:
+    """Refuse staircases that a fit would take for slopes, and sampled states without a law."""
+    free = [item.name for item in effect.parameters if item.free and item.name in effect.staircase]
+    if free:
+        raise ModelError(f"effect {effect.name}: {', '.join(free)} in staircase, needs free=False")
+    if effect.staircase and effect.stairs is Effect.stairs:
+        raise ModelError(f"effect {effect.name}: override `stairs` for its staircase")
+    sampled = [state for state in effect.states if state.sampled]
+    if sampled and effect.renewed is Effect.renewed:
+        raise ModelError(f"effect {effect.name} has sampled states: override `renewed`")
+    if any(state.clock for state in sampled):
+        raise ModelError(f"effect {effect.name}: a clock is no sampled state")

@@ -41,6 +41,20 @@ def test_the_bias_is_taken_away_and_the_scatter_told(unbiased_of):
     assert unbiased.values["F_c_plus"] == fitted.values["F_c_plus"]
 
 
+def test_what_a_fit_held_stays_held(made, unbiased_of, monkeypatch):
+    fitted, _ = unbiased_of(([0.0, 0.0], [0.2, 0.4]))
+    axis, asked = made.true_force_axis(), []
+
+    def estimate(axis, *rest):
+        asked.extend(axis.parameters.free_names)
+        raise FitError("enough")
+
+    monkeypatch.setattr(noise_bias, "estimate_noise_influence", estimate)
+    study = SimpleNamespace(axis=axis, train=(), anchor_with=lambda effects: None)
+    assert without_noise_bias(study, fitted, ()) is fitted
+    assert tuple(asked) == axis.parameters.free_names and "v_s" not in asked
+
+
 def test_a_large_bias_widens_the_interval_and_moves_nothing(unbiased_of):
     fitted, unbiased = unbiased_of(([1.01 * LARGEST_BIAS * 0.2, 0.1], [0.2, 0.4]))
     assert unbiased.values["M"] == fitted.values["M"]

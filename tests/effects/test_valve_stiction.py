@@ -1,5 +1,7 @@
 """A spool that sticks and jumps: the same law in simulations, along records, and in a fit."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,10 +11,15 @@ from pneumo_casadi.diagnosis.prepare.prepare_study import prepare_study
 from pneumo_casadi.effects import EFFECTS, ValveStiction
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.estimation.equation_error.driven_states import states_along
+from pneumo_casadi.estimation.output_error import OutputErrorOptions
+from pneumo_casadi.estimation.output_error.stages import write_problem
 from pneumo_casadi.export import linearise, write_c, write_functions
 from pneumo_casadi.export.casadi_functions import read_functions
 from pneumo_casadi.export.model import IdentifiedModel
+from pneumo_casadi.identification.starting_axis import refuse_unscanned
+from pneumo_casadi.model.effect import Effect, State
 from pneumo_casadi.model.simulation import simulate
+from pneumo_casadi.parameters import Parameter
 
 H, Z, DT = 0.07, 0.4, 1e-3
 
@@ -40,6 +47,11 @@ def run(axis):
     return simulate(axis, np.column_stack([u, -u]), DT, start.full().ravel())
 
 
+def recorded(run):
+    channels = {name: run[name] for name in ("u_P", "u_N", "p_P", "p_N", "x")}
+    return Recording(run.t, channels, "sines", "simulated", InputHold.ZERO)
+
+
 def test_a_simulation_moves_each_spool_from_sample_to_sample_alone(run):
     for chamber, z in (("P", Z), ("N", -Z)):
         expected = sticking(run[f"u_{chamber}"], H, z)
@@ -48,13 +60,11 @@ def test_a_simulation_moves_each_spool_from_sample_to_sample_alone(run):
 
 
 def test_along_a_record_the_spool_remembers_what_filters_have_taken(axis, run):
-    channels = {name: run[name] for name in ("u_P", "u_N", "p_P", "p_N", "x")}
-    record = Recording(run.t, channels, "sines", "simulated", InputHold.ZERO)
-    (states,) = states_along(axis, [record])
-    first, last = 60, 2900  # the filters take less at either end
+    (states,) = states_along(axis, [recorded(run)])
+    last = 2900  # the filters take less
     for row, (chamber, z) in zip(states, (("P", Z), ("N", -Z)), strict=True):
         expected = sticking(run[f"u_{chamber}"], H, z)
-        np.testing.assert_array_equal(row[first:last], expected[first:last])
+        np.testing.assert_array_equal(row[:last], expected[:last])
 
 
 def test_a_threshold_is_found_though_the_cost_is_a_staircase(made_case):
@@ -77,3 +87,57 @@ def test_equations_of_continuous_time_are_refused_and_a_step_is_written(axis, ru
     u = np.column_stack([run["u_P"], run["u_N"]])
     states = step(run.x[:, 0], u[:200].T).full()
     np.testing.assert_array_equal(states[-2:], run.x[-2:, 1:201])
+
+
+def test_windows_of_a_record_start_where_the_spool_is(axis, run):
+    record = recorded(run)
+    options = OutputErrorOptions(window=0.5, widths=(axis.parameters["v_s"].value,))
+    held = axis.with_parameters(axis.parameters.fix(*axis.flow_parameters))
+    problem = write_problem(held, [record], None, options)
+    rows = [axis.states.index(f"valve_stiction.s_{c}") for c in "PN"]
+    for segment in problem.segments:
+        expected = run.x[rows, segment.first]
+        np.testing.assert_array_equal(segment.x[rows, 0], expected)
+
+
+def test_commands_that_are_no_longer_single_are_refused(axis, run):
+    faster = Recording(run.t / 5, recorded(run).channels, "sines", "simulated", InputHold.ZERO)
+    linear = Recording(run.t, recorded(run).channels, "sines", "simulated", InputHold.LINEAR)
+    for record in (faster, linear):
+        with pytest.raises(ModelError, match=r"sines: valve_stiction.s_P.*uniform clock of 1 kHz"):
+            states_along(axis, [record])
+
+
+def test_what_only_a_diagnosis_finds_must_be_given_to_identify(axis):
+    with pytest.raises(ModelError, match=r"z_N, valve_stiction.h: found by scans .*diagnose"):
+        refuse_unscanned(axis, {"valve_stiction.z_P": 0.0})
+    refuse_unscanned(axis, {f"valve_stiction.{name}": 0.0 for name in ("h", "z_P", "z_N")})
+
+
+H_FREE = Parameter("h", 0.0, "V", null=0.0)
+S = State("s", "V", sampled=True)
+
+
+@pytest.mark.parametrize(
+    ("declared", "message"),
+    [
+        ({"staircase": ("h",), "stairs": dict}, "h in staircase, needs free=False"),
+        ({"staircase": ("h",), "parameters": (replace(H_FREE, free=False),)}, "override `stairs`"),
+        ({"states": (S,)}, "override `renewed`"),
+        ({"states": (replace(S, clock=True),), "renewed": dict}, "a clock is no sampled state"),
+    ],
+)
+def test_a_wrong_declaration_is_refused(declared, message):
+    with pytest.raises(ModelError, match=message):
+        type("Own", (Effect,), {"name": "own", "parameters": (H_FREE,), **declared})
+
+
+@pytest.mark.parametrize(
+    ("method", "given"), [("renewed", {}), ("rates", {"s": 1.0}), ("rest", {"t": 0.0})]
+)
+def test_states_that_are_missing_or_do_not_belong_are_named(made, method, given):
+    methods = {"renewed": {"s": 0.0}, "rates": {}, "rest": {"s": 0.0}, method: given}
+    laws = {name: lambda self, e, at, v=values: v for name, values in methods.items()}
+    own = type("Own", (Effect,), {"name": "own", "states": (S,), **laws})
+    with pytest.raises(ModelError, match=f"effect own: `{method}` returns"):
+        made.true_axis(own()).rhs.name()

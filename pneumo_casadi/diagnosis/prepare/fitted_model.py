@@ -177,11 +177,11 @@ def _fit_with_recovery(study: Study, axis: Axis, max_iterations: int) -> FittedM
 
 
 def refine_model(study: Study, fitted: FittedModel, effects: Sequence[Effect]) -> FittedModel:
-    """Return a fit taken to its minimum, with complete derivatives, all effect parameters free.
+    """Return a fit taken to its minimum, with complete derivatives, effect parameters free.
 
     Parameters held so far distinguish the forms of an effect; they are estimated once the effect
-    was accepted, and stay held if they gain little. A fit that is
-    not credible is rejected.
+    was accepted, and stay held if they gain little. Those on a staircase are scanned again. A fit
+    that is not credible is rejected.
     """
     axis = study.axis.with_effects(*effects).with_parameters(dict(fitted.values))
     whole = bool(BalanceFunctions(axis).state_dependent)

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from pneumo_casadi.diagnosis.prepare.study import Study
+from pneumo_casadi.errors import ModelError
 from pneumo_casadi.estimation.equation_error.fit import (
     default_residual_floor,
     equation_error_costs,
@@ -62,7 +63,9 @@ def on_best_stairs(study: Study, axis: Axis, effects: Sequence[Effect]) -> Axis:
         for short in effect.staircase:
             own = values_of(effect.name, axis.parameters.as_dict())
             values = effect.stairs({name.split(".")[1]: value for name, value in own.items()})
-            name, tried = f"{effect.name}.{short}", np.sort(values[short])
+            name, tried = f"{effect.name}.{short}", np.sort(values.get(short, ()))
+            if not tried.size:
+                raise ModelError(f"effect {effect.name}: `stairs` gives no values of {short}")
             costs = _costs(study, axis, [{name: value} for value in tried.tolist()])
             best = tried[costs <= costs.min() + ONE_STAIR]
             middle = best[np.argmin(np.abs(best - (best[0] + best[-1]) / 2))]

@@ -31,7 +31,9 @@ class ValveStiction(Effect):
     A small change of h moves no jump, and then one of them: the cost over h is a staircase with a
     narrow valley. Where a record begins, the spool is z h off the command. Two spools that begin
     apart only meet when both jump at one sample, which can take a whole record. All records are
-    taken to begin alike, as those do that begin with the axis at rest at one place.
+    taken to begin alike, as those do that begin with the axis at rest at one place; where a record
+    was cut in motion, the spool is wrong until the two have met. Only a diagnosis finds h and z:
+    elsewhere they are held at what is given. They belong to the sampling rate of the commands.
     """
 
     name = "valve_stiction"

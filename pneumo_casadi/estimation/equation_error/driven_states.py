@@ -8,6 +8,7 @@ from pneumo_casadi.data import Recording
 from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
 from pneumo_casadi.estimation.equation_error.smoothed_motion import smooth_motion
 from pneumo_casadi.estimation.equation_error.true_motion import (
+    remembered_before,
     simulate_effect_states,
     true_motions,
 )
@@ -42,8 +43,11 @@ def states_along(axis: Axis, records: Sequence[Recording]) -> tuple[FloatArray, 
         data = smooth_motion(axis, record)
         motion = true_motions(model, data, [theta])
         (z,) = simulate_effect_states(model, data, [theta], motion)
-        between = np.stack([np.interp(record.t, data.t, row) for row in z])
-        # What jumps from sample to sample is at an instant what it is over the sample that follows.
-        after = z[:, np.minimum(np.searchsorted(data.t, record.t), data.N - 1)]
-        states.append(np.where(model.sampled[:, None], after, between))
+        course = np.stack([np.interp(record.t, data.t, row) for row in z])
+        if model.sampled.any():  # then every column is a sample
+            before = remembered_before(model, data, theta, motion[0])
+            every = np.hstack([before[:, :-1], z])
+            at = np.minimum(np.arange(record.N), every.shape[1] - 1)
+            course[model.sampled] = every[np.ix_(model.sampled, at)]
+        states.append(course)
     return tuple(states)

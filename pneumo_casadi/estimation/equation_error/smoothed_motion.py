@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from pneumo_casadi.data import InputHold, Recording
+from pneumo_casadi.data import Clock, InputHold, Recording
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.signals import FilterPlan, InputPairing, filter_recording
@@ -53,6 +53,9 @@ class SmoothedMotion:
         Inputs.
     u_before : (nu, n) array
         Inputs at the samples before, whose measurements the filters took.
+    commands_kept : bool
+        Whether every column of the inputs is one command, held over a sample: neither a mean of
+        several, as of records that were thinned or resampled, nor a signal that runs on.
     weak : (m, N) sparse array
         Test functions: windows that average a balance over a few hundredths of a second.
     moving : (m,) array of bool
@@ -73,6 +76,7 @@ class SmoothedMotion:
     dx: FloatArray
     u: FloatArray
     u_before: FloatArray
+    commands_kept: bool
     weak: Any
     moving: NDArray[np.bool_]
     dt: float
@@ -186,6 +190,7 @@ def smooth_motion(
         dx,
         u,
         np.array([uniform[name][: filtered.dropped[0]] for name in axis.inputs]),
+        thin == 1 and record.clock is Clock.UNIFORM and record.hold is InputHold.ZERO,
         weak,
         (weak @ slow.astype(float)) == 0,
         dt,

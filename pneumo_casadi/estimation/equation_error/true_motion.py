@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from pneumo_casadi.errors import ModelError
 from pneumo_casadi.estimation.equation_error.balance_functions import (
     BalanceFunctions,
     any_sensor_effect,
@@ -71,9 +72,21 @@ def simulate_effect_states(
     variants: Sequence[FloatArray],
     motions: Sequence[Motion],
 ) -> list[FloatArray]:
-    """Simulate the states of the effects along the motions; (nz, N) for each variant of θ."""
+    """Simulate the states of the effects along the motions; (nz, N) for each variant of θ.
+
+    Raises
+    ------
+    ModelError
+        If states jump with commands that the motion no longer holds one by one.
+    """
     if not model.n_z:
         return [np.zeros((0, data.N))] * len(variants)
+    if model.sampled.any() and not data.commands_kept:
+        raise ModelError(
+            f"{data.name}: {', '.join(model.axis.sampled_states)} jump with every command, which "
+            "must be held over a sample at a uniform clock of 1 kHz or less; decimate a faster "
+            "record at the instants of its controller, or leave the effect out"
+        )
     constant = np.array([data.dt]), model.constant_values
     u = _now_and_next([data.u])
     driving = {id(motion): _now_and_next(motion) for motion in motions}
@@ -91,15 +104,26 @@ def _at_rest(
     x, dx = (part[:, :1] for part in motion)
     # The clock: filters take the first samples of a record.
     z: FloatArray = _rest(model, theta, x, dx, data.u[:, 0]) + data.t[0] * model.clocks
-    if not model.sampled.any() or not data.u_before.size:
+    if not model.sampled.any():
         return z
-    u = _now_and_next([data.u_before])
-    x, dx = (np.repeat(part, data.u_before.shape[1], axis=1) for part in (x, dx))
+    return np.where(model.sampled, remembered_before(model, data, theta, motion)[:, -1], z)
+
+
+def remembered_before(
+    model: BalanceFunctions, data: SmoothedMotion, theta: FloatArray, motion: Motion
+) -> FloatArray:
+    """Return the states from a record's first sample to where the motion begins, (nz, n + 1).
+
+    That motion is not known: the axis is taken to stand. Sampled states see the commands alone.
+    """
+    n = data.u_before.shape[1]
+    x, dx = (np.repeat(part[:, :1], n + 1, axis=1) for part in motion)
+    u = np.hstack([data.u_before, data.u[:, :1]])
+    start = _rest(model, theta, x, dx, u[:, 0])
     constant = np.array([data.dt]), model.constant_values
-    start = _rest(model, theta, x, dx, data.u_before[:, 0])
-    given = (start, *_now_and_next([x, dx]), *u, *constant, theta)
-    (remembered,) = model.step.accumulate(data.u_before.shape[1], [given])
-    return np.asarray(np.where(model.sampled, remembered[:, -1], z))
+    driving = (part[:, :n] for part in _now_and_next([x, dx, u]))
+    given = (start, *map(np.asfortranarray, driving), *constant, theta)
+    return model.step.accumulate(n, [given])[0] if n else start[:, None]
 
 
 def _rest(

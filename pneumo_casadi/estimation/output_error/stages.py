@@ -9,6 +9,7 @@ import numpy as np
 
 from pneumo_casadi.data import Clock, Recording
 from pneumo_casadi.errors import FitError, ModelError
+from pneumo_casadi.estimation.equation_error.driven_states import states_along
 from pneumo_casadi.estimation.flow_anchor import anchor_flow
 from pneumo_casadi.estimation.output_error.information import estimate_uncertainty
 from pneumo_casadi.estimation.output_error.options import Method, OutputErrorOptions, plan_stages
@@ -137,7 +138,10 @@ def write_problem(
     n = max(1, round(options.block / records[0].dt))
     stepping = stepping_of(axis, records, options)
     model = SampledAxis(axis, stepping, axis.bench.controller if options.closed_loop else None)
-    segments = cut_segments(model, records, n, options.window, options.interval)
+    # No step within a window brings back what a sampled state remembers from before it.
+    jumping = axis.sampled_states and options.window is not None
+    driven = states_along(axis, records) if jumping else ()
+    segments = cut_segments(model, records, n, options.window, options.interval, driven)
     functions = IntervalFunctions(model, n, segments[0].per, parameters.free_names)
     known = anchor_flow(axis, flow_map)
     if known is not None and not set(known.names) & set(parameters.free_names):

@@ -67,6 +67,8 @@ def next_step(
     forms = [effect.form for effect in diagnosis.final_effects]
     if not all(form in EFFECTS for form in forms):
         return "plan a record for the model with it: `pneumo-casadi design`"
+    if any(EFFECTS[form].staircase for form in forms):
+        return "refine the model: `diagnose --refine`; `design` plans the next record"
     with_effects = " ".join(f"--with {form}" for form in forms)
     return f"`identify {with_effects}`; `design` plans the next record"
 

@@ -129,7 +129,7 @@ def test_averages_are_those_of_the_windows(N, stride, n):
     dt = 1 / (ROW_RATE * stride)
     windows = row_windows(N, stride)
     motion = SmoothedMotion(
-        np.arange(N) * dt, *(np.zeros((0, N)) for _ in range(4)), windows,
+        np.arange(N) * dt, *(np.zeros((0, N)) for _ in range(4)), True, windows,
         np.ones(windows.shape[0], dtype=bool), dt, np.zeros(0), 0.0, "made",
     )  # fmt: skip
     rows = np.random.default_rng(N).normal(size=(n, N))
