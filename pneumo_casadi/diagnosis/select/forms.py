@@ -64,14 +64,17 @@ def fit_waiting_forms(ledger: FitLedger, nominal: FittedModel, levels: BalanceLe
     """
     alone = {key[0]: nominal.cost - fit.cost for key, fit in ledger.extensions(()).items()}
     least = NEAR_BEST * max(alone.values(), default=0.0)
-    waiting = [
-        name
+    waiting = {
+        name: cause_of(name, ledger.catalogue)
         for name in ledger.catalogue
         if _has_stairs(ledger, name)
-        and alone.get(cause_of(name, ledger.catalogue), 0.0) > least
-        and np.any(gaps(residual_rms(ledger.fits[cause_of(name, ledger.catalogue),]), levels))
-    ]
-    ledger.fit_all({(name,): Start(nominal.values) for name in waiting})
+    }
+    starts: dict[Names, Start] = {
+        (name,): Start(nominal.values)
+        for name, usual in waiting.items()
+        if alone.get(usual, 0.0) > least and np.any(gaps(residual_rms(ledger.fits[usual,]), levels))
+    }
+    ledger.fit_all(starts)
 
 
 def keep_best_forms(

@@ -1,6 +1,31 @@
-"""Parameters of friction that falls from breakaway to sliding, whatever the law of its fall."""
+"""What all forms of friction have in common that falls from breakaway to sliding."""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import ClassVar
 
 from pneumo_casadi.parameters import Parameter
+
+
+class Breakaway:
+    """More force breaks the axis away than keeps it sliding, whatever the law of the fall."""
+
+    confused_with: ClassVar[tuple[str, ...]] = (
+        "F_c_plus",
+        "F_c_minus",
+        "f_v",
+        "v_s",
+        "quadratic_drag",
+        "presliding",
+    )
+    separated_by: ClassVar[str] = (
+        "creep at three or more speeds below and above the Stribeck velocity"
+    )
+    passive: ClassVar[bool] = True
+    # A broader decay is asked for by drag that is not linear in the velocity.
+    credible: ClassVar[Mapping[str, tuple[float, float]]] = MappingProxyType(
+        {"v_stribeck": (0.002, 0.08)}
+    )
 
 
 def breakaway_parameters(fall: str) -> tuple[Parameter, ...]:

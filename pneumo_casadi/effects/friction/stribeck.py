@@ -1,15 +1,13 @@
 """Stribeck friction: breakaway needs more force than sliding."""
 
-from types import MappingProxyType
-
 import casadi as ca
 
-from pneumo_casadi.effects.common.breakaway import breakaway_parameters
+from pneumo_casadi.effects.common.breakaway import Breakaway, breakaway_parameters
 from pneumo_casadi.model.effect import Effect, Scope
 from pneumo_casadi.model.junctions import Expression
 
 
-class Stribeck(Effect):
+class Stribeck(Breakaway, Effect):
     """Extra friction near standstill that decays with speed.
 
     F = delta_F exp(-(v / v_stribeck)²) sign(v), with delta_F = F_s - F_c.
@@ -19,11 +17,6 @@ class Stribeck(Effect):
     equation = "F = ΔF exp(−(v/v_st)²) sign(v)"
     source = "Armstrong-Hélouvry, Dupont, Canudas de Wit (1994), Automatica 30(7), 1083-1138"
     shows = "force balance, below a few centimetres a second and at reversals"
-    confused_with = ("F_c_plus", "F_c_minus", "f_v", "v_s", "quadratic_drag", "presliding")
-    separated_by = "creep at three or more speeds below and above the Stribeck velocity"
-    passive = True
-    # A broader decay is asked for by drag that is not linear in the velocity.
-    credible = MappingProxyType({"v_stribeck": (0.002, 0.08)})
     parameters = breakaway_parameters("1/e")
 
     def force(self, F: Expression, at: Scope) -> Expression:
