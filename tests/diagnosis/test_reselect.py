@@ -7,6 +7,7 @@ import pytest
 
 from pneumo_casadi.diagnosis import Verdict, conclude
 from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels
+from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA
 from pneumo_casadi.diagnosis.select import reselect as module
 from pneumo_casadi.diagnosis.select.complete import Completed
 from pneumo_casadi.diagnosis.select.forward_selection import Selection
@@ -77,7 +78,7 @@ def test_they_stand_for_it_only_where_they_are_named(monkeypatch, named, taken):
     monkeypatch.setattr(conclude, "discover_beside", lambda *given: ("a term", instead))
     monkeypatch.setattr(conclude, "rather_late_command", lambda *given: "")
     monkeypatch.setattr(Selection, "final", None)
-    study = SimpleNamespace(axis=SimpleNamespace(outputs=()))
+    study = SimpleNamespace(axis=SimpleNamespace(outputs=()), criteria=CRITERIA)
     catalogue = dict.fromkeys((*PAIR, "position_delay"), SimpleNamespace)
     conclusion = conclude.conclude(study, selection("position_delay"), catalogue, None)
     assert (conclusion.selection is instead) is taken
