@@ -28,13 +28,13 @@ def test_a_leak_ends_the_free_run_and_not_the_closed_loop(quick):
 def test_windows_that_stick_end_where_they_would_with_all_others_at_work(quick, monkeypatch):
     record = quick.case.validate[0]
     given = []
-    shoot = initial_states.shoot_segments
+    shoot = initial_states.shoot_and_linearise
 
-    def counted(problem, theta, x_0):
+    def counted(problem, theta, x_0, sigma):
         given.append(x_0.shape[1])
-        return shoot(problem, theta, x_0)
+        return shoot(problem, theta, x_0, sigma)
 
-    monkeypatch.setattr(initial_states, "shoot_segments", counted)
+    monkeypatch.setattr(initial_states, "shoot_and_linearise", counted)
     fewer = initial_states.estimate_initial_states(quick.axis, record, 0.2)
     assert min(given) < max(given)
     given.clear()

@@ -8,9 +8,12 @@ from pneumo_casadi.data import Recording
 from pneumo_casadi.errors import FitError
 from pneumo_casadi.estimation.equation_error.driven_states import states_along
 from pneumo_casadi.estimation.gauss_newton import Damping
-from pneumo_casadi.estimation.output_error.shooting.condensing import condense, linearise
+from pneumo_casadi.estimation.output_error.shooting.condensing import (
+    condense,
+    shoot_and_linearise,
+)
 from pneumo_casadi.estimation.output_error.shooting.interval import IntervalFunctions
-from pneumo_casadi.estimation.output_error.shooting.problem import Problem, Unknowns, shoot_segments
+from pneumo_casadi.estimation.output_error.shooting.problem import Problem
 from pneumo_casadi.estimation.output_error.shooting.segments import cut_segments
 from pneumo_casadi.estimation.statistics import stated_or_estimated_noise
 from pneumo_casadi.model.axis import Axis
@@ -96,7 +99,7 @@ def settle_initial_states(problem: Problem, sigma: FloatArray, name: str) -> Flo
     """
     segments = problem.segments
     x_0 = np.stack([segment.x[:, 0] for segment in segments], axis=1)
-    nodes, cost = _costs(problem, x_0, sigma)
+    cost, H, g = _expanded(problem, x_0, sigma)
     if not np.isfinite(cost).all():
         start = segments[int(np.argmin(np.isfinite(cost)))].first * problem.model.stepping.dt
         raise FitError(f"{name}: no simulation from the measured state at t = {start:g} s")
@@ -104,14 +107,14 @@ def settle_initial_states(problem: Problem, sigma: FloatArray, name: str) -> Flo
     active = np.ones(cost.size, dtype=bool)
     at = np.arange(cost.size)  # the windows of `problem`
     for _ in range(ITERATIONS):
-        step = _damped_steps(problem, nodes[:, at], sigma, damping[at])
+        step = _damped_steps(H[at], g[at], damping[at]) * problem.axis.state_scales[:, None]
         ahead = x_0[:, at] + np.where(active[at], step, 0.0)
-        trial, new = _costs(problem, ahead, sigma)
+        new, *expansion = _expanded(problem, ahead, sigma)
         better = new < cost[at]
         small = better & (cost[at] - new < SETTLED * cost[at]) & (damping[at] <= NEARLY_FULL)
         x_0[:, at[better]] = ahead[:, better]
-        nodes[:, at[better]] = trial[:, better]
         cost[at[better]] = new[better]
+        H[at[better]], g[at[better]] = (part[better] for part in expansion)
         damping[at] = DAMPING.after(damping[at], np.where(better, 1.0, -1.0))
         active[at] &= ~small & (damping[at] < DAMPING.most)
         if not active.any():
@@ -133,25 +136,26 @@ def _problem(model: SampledAxis, record: Recording, window: float | None) -> Pro
     return Problem(model, axis.parameters.fix(), whole, functions, None)
 
 
-def _costs(problem: Problem, x_0: FloatArray, sigma: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return nodes (nx, B, intervals) and the cost of each window (B,), infinite if not finite."""
-    nodes, m = shoot_segments(problem, problem.parameters.values, x_0)
+def _expanded(
+    problem: Problem, x_0: FloatArray, sigma: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the cost of each window (B,), JᵀJ (B, nx, nx) and Jᵀr (B, nx), x_0 scaled.
+
+    A cost is infinite where a simulation is not finite. Sensitivities run along with every
+    trial: most are accepted, and a function of values alone would have to be compiled besides.
+    """
+    at = shoot_and_linearise(problem, problem.parameters.values, x_0, sigma)
     with np.errstate(over="ignore", invalid="ignore"):  # a trial may run away: then it costs inf
-        squares = ((problem.y - m) / sigma[:, None]) ** 2
-        cost = 0.5 * problem.n * squares.reshape(len(m), x_0.shape[1], -1).sum(axis=(0, 2))
-    by_window = nodes.reshape(len(nodes), x_0.shape[1], -1)
-    return by_window, np.where(np.isfinite(cost), cost, np.inf)
+        squares = ((problem.y - at.m) / sigma[:, None]) ** 2
+        cost = 0.5 * problem.n * squares.reshape(len(at.m), x_0.shape[1], -1).sum(axis=(0, 2))
+    condensed = condense(problem, at, sigma)
+    H, g = (np.stack([getattr(each, name) for each in condensed]) for name in ("H", "g"))
+    return np.where(np.isfinite(cost), cost, np.inf), H, g
 
 
-def _damped_steps(
-    problem: Problem, nodes: FloatArray, sigma: FloatArray, damping: FloatArray
-) -> FloatArray:
-    """Return the step of every window's initial state, shape (nx, B)."""
-    flat = nodes.reshape(len(nodes), -1)
-    at = linearise(problem, Unknowns(problem.parameters.values, flat), sigma)
-    scale = problem.axis.state_scales
-    columns = []
-    for segment, weight in zip(condense(problem, at, sigma), damping, strict=True):
-        ridge = weight * np.diag(segment.H) + 1e-9 * np.trace(segment.H)
-        columns.append(np.linalg.solve(segment.H + np.diag(ridge), segment.g) * scale)
-    return np.stack(columns, axis=1)
+def _damped_steps(H: FloatArray, g: FloatArray, damping: FloatArray) -> FloatArray:
+    """Return the step of every window's scaled initial state, shape (nx, B)."""
+    diagonal = np.einsum("bii->bi", H)
+    ridge = damping[:, None] * diagonal + 1e-9 * diagonal.sum(axis=1, keepdims=True)
+    damped = H + ridge[:, :, None] * np.eye(H.shape[1])
+    return np.asarray(np.linalg.solve(damped, g[:, :, None])[:, :, 0].T)

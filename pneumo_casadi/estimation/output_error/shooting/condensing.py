@@ -86,23 +86,71 @@ class Condensed:
 
 def linearise(problem: Problem, point: Unknowns, sigma: FloatArray) -> Linearised:
     """Linearise the problem at a point; `sigma` (ny,) weighs the scores alone."""
+    data = problem.data
+    return _gathered(problem, point.x, _swept(problem, point, data.w, data.h, data.y, sigma))
+
+
+def shoot_and_linearise(
+    problem: Problem, theta: FloatArray, x_0: FloatArray, sigma: FloatArray
+) -> Linearised:
+    """Simulate every segment from its initial state, linearised along the way.
+
+    Parameters
+    ----------
+    theta : (n,) array
+        All parameters.
+    x_0 : (nx, segments) array
+        Initial states.
+    sigma : (ny,) array
+        Weighs the scores alone.
+
+    Returns
+    -------
+    Linearised
+        On closed nodes.
+    """
+    f, count = problem.functions.sensitivity, problem.I
+    x = np.zeros((problem.model.nx, count))
+    x[:, list(problem.firsts)] = x_0
+    swept = [np.zeros((f.size1_out(i), count, f.size2_out(i))) for i in range(f.n_out())]
+    for at, followed in problem.rounds:
+        here = Unknowns(theta, x[:, at])
+        parts = _swept(problem, here, *problem.data.of_intervals(at), sigma)
+        for whole, part in zip(swept, parts, strict=True):
+            whole[:, at] = part.reshape(len(part), at.size, -1)
+        x[:, at[followed] + 1] = parts[0][:, followed]
+    return _gathered(problem, x, tuple(whole.reshape(len(whole), -1) for whole in swept))
+
+
+def _swept(
+    problem: Problem,
+    point: Unknowns,
+    w: FloatArray,
+    h: FloatArray,
+    y: FloatArray,
+    sigma: FloatArray,
+) -> tuple[FloatArray, ...]:
+    """Return what the sensitivity function makes of some intervals, side by side."""
+    count = point.x.shape[1]
+    theta = np.tile(point.theta[:, None], count)
+    weight = np.tile((problem.n / sigma**2)[:, None], count)
+    return call_side_by_side(problem.functions.sensitivity, point.x, w, theta, h, y, weight)
+
+
+def _gathered(problem: Problem, x: FloatArray, swept: tuple[FloatArray, ...]) -> Linearised:
+    """Return the linearised problem, from the sensitivity function at all nodes x (nx, I)."""
     intervals, nx, ny = problem.I, problem.model.nx, len(problem.axis.outputs)
     m = nx + len(problem.free)
-    data = problem.data
-    theta = np.tile(point.theta[:, None], intervals)
-    weight = np.tile((problem.n / sigma**2)[:, None], intervals)
-    ends, means, S, H, g, scores = call_side_by_side(
-        problem.functions.sensitivity, point.x, data.w, theta, data.h, data.y, weight
-    )
+    ends, means, S, H, g, scores = swept
     joins = problem.joined
     return Linearised(
         ends,
-        data.without_padding(means),
-        ends[:, joins] - point.x[:, joins + 1],
+        problem.data.without_padding(means),
+        ends[:, joins] - x[:, joins + 1],
         S.reshape(nx, intervals, m).transpose(1, 0, 2),
         H.reshape(m, intervals, ny, m).transpose(1, 2, 0, 3),
         g.reshape(m, intervals, ny).transpose(1, 2, 0),
-        data.without_padding(scores).T,
+        problem.data.without_padding(scores).T,
     )
 
 

@@ -50,16 +50,26 @@ class IntervalData:
         Measured mean outputs.
     real : (I B,) array of bool
         Which blocks are no padding.
+    blocks : int
+        Blocks an interval, B.
     """
 
     w: FloatArray
     h: FloatArray
     y: FloatArray
     real: NDArray[np.bool_]
+    blocks: int
 
     def without_padding(self, values: FloatArray) -> FloatArray:
         """Return the columns of values (..., I B) that belong to blocks of the data."""
         return values if self.real.all() else values[:, self.real]
+
+    def of_intervals(self, at: NDArray[np.intp]) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return w, h and y of some intervals, side by side."""
+        count = self.real.size // self.blocks
+        whole = (part.reshape(len(part), count, -1) for part in (self.w, self.h, self.y))
+        w, h, y = (part[:, at].reshape(len(part), -1) for part in whole)
+        return w, h, y
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,6 +134,17 @@ class Problem:
         return np.array([i for i in range(self.I) if i not in lasts], dtype=np.intp)
 
     @cached_property
+    def rounds(self) -> tuple[tuple[NDArray[np.intp], NDArray[np.bool_]], ...]:
+        """The intervals that are simulated side by side, and which of them the next one follows.
+
+        First the first ones of all segments, then the second ones of those that have one, ...
+        """
+        counts = np.array([segment.intervals for segment in self.segments])
+        firsts = np.array(self.firsts)
+        longest = int(counts.max())
+        return tuple((firsts[counts > i] + i, counts[counts > i] > i + 1) for i in range(longest))
+
+    @cached_property
     def data(self) -> IntervalData:
         """Inputs, measured outputs and block lengths of all intervals, padded."""
         B, n = self.functions.blocks, self.n
@@ -136,7 +157,7 @@ class Problem:
         lengths = np.concatenate(h)
         # In the order in which compiled functions read them: no call copies them.
         w_all, y_all = (np.asfortranarray(np.hstack(part)) for part in (w, y))
-        return IntervalData(w_all, lengths[None], y_all, lengths > 0)
+        return IntervalData(w_all, lengths[None], y_all, lengths > 0, B)
 
     @cached_property
     def y(self) -> FloatArray:
@@ -190,21 +211,13 @@ def shoot_segments(
     tuple
         States (nx, I) where the intervals begin, and mean outputs (ny, n_blocks).
     """
-    data, B = problem.data, problem.functions.blocks
-    w = data.w.reshape(len(data.w), problem.I, B * problem.n)
-    h = data.h.reshape(1, problem.I, B)
     x = np.zeros((problem.model.nx, problem.I))
-    m = np.zeros((len(problem.y), problem.I, B))
-    counts = np.array([segment.intervals for segment in problem.segments])
-    firsts = np.array(problem.firsts)
-    x[:, firsts] = x_0
-    for i in range(int(counts.max())):
-        at = firsts[counts > i] + i
-        streams = [part[:, at].reshape(len(part), -1) for part in (w, h)]
+    m = np.zeros((len(problem.y), problem.I, problem.functions.blocks))
+    x[:, list(problem.firsts)] = x_0
+    for at, followed in problem.rounds:
+        w, h, _ = problem.data.of_intervals(at)
         tiled = np.tile(theta[:, None], at.size)
-        f = problem.functions.value
-        ends, means = call_side_by_side(f, x[:, at], streams[0], tiled, streams[1])
-        m[:, at] = means.reshape(len(m), at.size, B)
-        going_on = counts[counts > i] > i + 1
-        x[:, at[going_on] + 1] = ends[:, going_on]
-    return x, data.without_padding(m.reshape(len(m), -1))
+        ends, means = call_side_by_side(problem.functions.value, x[:, at], w, tiled, h)
+        m[:, at] = means.reshape(len(m), at.size, -1)
+        x[:, at[followed] + 1] = ends[:, followed]
+    return x, problem.data.without_padding(m.reshape(len(m), -1))
