@@ -99,12 +99,29 @@ def _key() -> bytes:
     path = user_data_path("pneumo_casadi", appauthor=False) / "cache.key"
     try:
         _make(path.parent.absolute())
-        if not is_own_file(path) or path.stat().st_size != LENGTH:
-            with draft_folder(path.parent, path.name) as scratch:
-                draft = scratch / path.name
-                draft.touch(mode=0o600)
-                draft.write_bytes(secrets.token_bytes(LENGTH))
-                draft.replace(path)
+        if not _is_key(path):
+            _make_key(path)
         return path.read_bytes()
     except OSError:
         return secrets.token_bytes(LENGTH)
+
+
+def _make_key(path: Path) -> None:
+    """Write a new key; of processes that do so at once the first one decides.
+
+    With keys of their own they would take each other's libraries for somebody else's.
+    """
+    with draft_folder(path.parent, path.name) as scratch:
+        draft = scratch / path.name
+        draft.touch(mode=0o600)
+        draft.write_bytes(secrets.token_bytes(LENGTH))
+        try:
+            path.hardlink_to(draft)
+        except OSError:  # something is there, or the file system has no links
+            if not _is_key(path):
+                draft.replace(path)
+
+
+def _is_key(path: Path) -> bool:
+    """Return whether a key of this user is there, whole."""
+    return is_own_file(path) and path.stat().st_size == LENGTH
