@@ -1,6 +1,7 @@
 """Sound cases and results, which the kinds of damage are done to."""
 
 import contextlib
+import os
 import shutil
 from pathlib import Path
 
@@ -16,6 +17,9 @@ from pneumo_casadi.identification.options import IdentifyOptions
 from pneumo_casadi.identification.result_file import result_dict
 from pneumo_casadi.runtime.json_files import write_json
 from pneumo_casadi.valve import FlowForm
+
+#: Environment variable with a folder that keeps what `make_bases` makes for further scripts.
+KEPT = "PNEUMO_CASADI_BASES"
 
 
 def all_kinds() -> tuple[Kind, ...]:
@@ -36,6 +40,17 @@ def all_kinds() -> tuple[Kind, ...]:
 
 def make_bases(folder: Path, identified: bool = True) -> None:
     """Write a sound folder for each subject; a result takes a quarter of a minute."""
+    kept = os.environ.get(KEPT)
+    if kept is None:
+        _make_bases(folder, identified)
+        return
+    if not Path(kept).exists():
+        Path(kept).mkdir()
+        _make_bases(Path(kept), True)
+    shutil.copytree(kept, folder, dirs_exist_ok=True)
+
+
+def _make_bases(folder: Path, identified: bool) -> None:
     case = short_case(folder / Subject.CASE.value)
     (folder / Subject.EMPS.value).mkdir()
     write_emps(folder / Subject.EMPS.value)
