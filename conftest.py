@@ -150,8 +150,18 @@ def quick_diagnosis(once_a_run):
     return once_a_run("quick_diagnosis", lambda: pc.diagnose(_short_example(), few))
 
 
+@pytest.fixture(scope="session")
+def quick_comparison(once_a_run, quick):
+    """Return the comparison of an identification with itself."""
+    return once_a_run("quick_comparison", lambda: pc.compare(quick, quick))
+
+
 #: Results that examples of docstrings may use by name, with the fixtures that make them.
-_EXAMPLE_RESULTS = {"result": "quick", "diagnosis": "quick_diagnosis"}
+_EXAMPLE_RESULTS = {
+    "result": "quick",
+    "diagnosis": "quick_diagnosis",
+    "comparison": "quick_comparison",
+}
 
 
 #: Functions whose examples write a report and do not speak of its figures.

@@ -91,9 +91,8 @@ class Comparison(Presentable):
 
     Examples
     --------
-    With ``result = pc.identify(pc.example_case())``, compared with itself:
+    With ``comparison = pc.compare(result, result)``, an identification compared with itself:
 
-    >>> comparison = pc.compare(result, result)
     >>> print(comparison.headline)
     table1 (A) and table1 (B): no parameter differs by more than 3 σ; ...
     >>> bool(comparison.to_frame().loc["M", "sigmas table1 (B)"] == 0)

@@ -103,11 +103,10 @@ def read_comparison(path: str | Path) -> Comparison:
 
     Examples
     --------
-    With ``result = pc.identify(pc.example_case())``:
+    With ``comparison = pc.compare(result, result)``, an identification compared with itself:
 
     >>> import tempfile
     >>> from pneumo_casadi.identification.read_comparison import read_comparison
-    >>> comparison = pc.compare(result, result)
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     report = pc.write_report(comparison, folder + "/report")
     ...     again = read_comparison(report)

@@ -12,7 +12,6 @@ import matplotlib.image
 import numpy as np
 import pytest
 
-import pneumo_casadi as pc
 from pneumo_casadi.report.figures import style
 from pneumo_casadi.report.pages.diagnosis import write_diagnosis
 from pneumo_casadi.report.pages.identification import html_report
@@ -66,7 +65,7 @@ def without_pdf():
 
 
 @pytest.fixture(scope="module")
-def reports(quick, without_pdf, tmp_path_factory):
+def reports(quick, quick_comparison, without_pdf, tmp_path_factory):
     folder = tmp_path_factory.mktemp("reports")
     diagnosis = write_diagnosis(made.with_curves(), folder / "diagnosis")
     several = write_diagnosis(made.three_effects(), folder / "several")
@@ -74,7 +73,7 @@ def reports(quick, without_pdf, tmp_path_factory):
     identification = folder / "identification.html"
     pictures = [Picture(each.name, each.png(), each.caption) for each in drawn]
     identification.write_text(html_report(quick, pictures, paper=True), "utf-8")
-    comparison = write_comparison(pc.compare(quick, quick), folder / "comparison")
+    comparison = write_comparison(quick_comparison, folder / "comparison")
     validation = write_validation(quick.validation, folder / "validation")
     return {
         "diagnosis": diagnosis / "report.html",

@@ -247,16 +247,11 @@ def test_a_diagnosis_that_was_changed_is_refused_with_the_field(change, words, t
     assert [path.name for path in tmp_path.iterdir()] == ["diagnosis.json"]
 
 
-@pytest.fixture(scope="module")
-def compared(quick):
-    return pc.compare(quick, quick)
-
-
 def test_a_comparison_is_read_back_and_its_report_written_again(
-    compared, without_figures, tmp_path
+    quick_comparison, without_figures, tmp_path
 ):
     held = {"M": (Estimate(16.9, math.inf, "kg"), None)}
-    odd = replace(compared, estimates=dict(compared.estimates) | held)
+    odd = replace(quick_comparison, estimates=dict(quick_comparison.estimates) | held)
     shares = []
     folder = write_comparison(odd, tmp_path / "comparison", lambda _, s: shares.append(s))
     assert shares[0] == 0.0 and shares[-1] == 1.0  # from the first figure to the page
@@ -267,16 +262,16 @@ def test_a_comparison_is_read_back_and_its_report_written_again(
     assert cli.run(["report", str(folder)]) == 0
     page = (folder / "report.html").read_text("utf-8")
     assert page.partition('<div class="plot')[0] == first.partition('<div class="plot')[0]
-    assert page.count('class="plot') == len(compared.curves) > 0
+    assert page.count('class="plot') == len(quick_comparison.curves) > 0
 
 
-def test_a_comparison_that_was_changed_is_refused_with_the_field(compared, tmp_path):
-    content = compared.as_dict()
+def test_a_comparison_that_was_changed_is_refused_with_the_field(quick_comparison, tmp_path):
+    content = quick_comparison.as_dict()
     content["differences"][0]["sigmas"] = "many"
     write_json(content, tmp_path / "comparison.json")
     with pytest.raises(CaseError, match=r"comparison.json: .*differences\[0\].sigmas"):
         read_comparison(tmp_path)
-    del content["parameters"]["M"][compared.names[0]]
+    del content["parameters"]["M"][quick_comparison.names[0]]
     content["differences"] = []
     write_json(content, tmp_path / "comparison.json")
     with pytest.raises(CaseError, match=r"parameters.M"):
@@ -301,12 +296,14 @@ def test_a_validation_has_a_report_that_is_written_again(quick, without_figures,
         assert "Records and the ranges that they cover" in page
 
 
-def test_a_comparison_says_where_it_comes_from(compared):
+def test_a_comparison_says_where_it_comes_from(quick_comparison):
     """Which records, with which versions, and the hashes of the data of each result."""
-    page = comparison_html(compared, [])
+    page = comparison_html(quick_comparison, [])
     assert f"pneumo_casadi {pc.__version__}" in page
-    assert f"{compared.names[1]}: bench.json: sha256" in page.replace("\N{NO-BREAK SPACE}", " ")
-    assert f"simulated, of {compared.names[0]}" in page
+    assert f"{quick_comparison.names[1]}: bench.json: sha256" in page.replace(
+        "\N{NO-BREAK SPACE}", " "
+    )
+    assert f"simulated, of {quick_comparison.names[0]}" in page
 
 
 @pytest.mark.slow
