@@ -183,3 +183,41 @@ def test_an_effect_that_only_led_out_of_a_local_minimum_is_not_needed(monkeypatc
     monkeypatch.setattr(hidden_motion, "_refine_all", refined)
     assert hidden_motion._is_needed(worker, None, known, names) is needed
     assert worker.trials[known][1] == again
+
+
+DELAYED = {"position_delay.T": 13e-3}
+
+
+@pytest.mark.parametrize(
+    ("gain", "values", "leaves", "left", "taken"),
+    [
+        (600.0, DELAYED, True, 0.1, True),
+        (400.0, DELAYED, True, 0.1, False),  # others gain more than twice as much
+        (600.0, {"position_delay.T": 1e-3}, True, 0.1, False),  # hides no motion
+        (600.0, DELAYED, False, 0.1, False),  # nothing is missing
+        (600.0, DELAYED, True, 0.45, False),  # 0.7 of the 0.6 that the others leave are 0.42
+    ],
+)
+def test_where_balances_lead_nowhere_the_search_begins_with_what_hides_the_motion(
+    monkeypatch, gain, values, leaves, left, taken
+):
+    worker = FitLedger(SimpleNamespace(criteria=CRITERIA), EFFECTS)
+    nominal = SimpleNamespace(cost=0.0, values={})
+    worker.fits = {
+        ("stribeck",): SimpleNamespace(cost=-1000.0, values={}),
+        ("position_delay",): SimpleNamespace(cost=-gain, values=values),
+    }
+    monkeypatch.setattr(worker, "simulate", lambda fits: None)
+    monkeypatch.setattr(worker, "simulations", SimpleNamespace(share=lambda *given: 0.6))
+    monkeypatch.setattr(hidden_motion, "leaves_too_much", lambda *given: leaves)
+    grown = (("position_delay",), ("leakage_P", "position_delay"))
+
+    def extended(ledger, nominal, path, levels, most):
+        assert path == grown[:1]
+        ledger.trials[grown[-1]] = None, left
+        return grown
+
+    monkeypatch.setattr(hidden_motion, "extend_by_simulation", extended)
+    before = (("stribeck",),)
+    result = hidden_motion.begin_with_hidden_motion(worker, nominal, before, None, 6)
+    assert result == (grown if taken else before)

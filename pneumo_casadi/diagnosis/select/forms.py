@@ -19,8 +19,7 @@ from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue, FitLedger, Name
 #: Share of the squared residuals that the screen must promise of a further form. Of four hoses that
 #: were such a form it promised a third and more; a fit of it takes two or three seconds.
 PROMISE = 0.01
-#: Share of the gain of the best effect alone from which on the other forms of a cause are of
-#: interest that take long.
+#: Share of the gain of the best effect alone that an effect must exceed for what takes long.
 NEAR_BEST = 0.5
 
 
@@ -57,13 +56,21 @@ def _has_stairs(ledger: FitLedger, name: str) -> bool:
     return bool(getattr(ledger.catalogue[name], "staircase", ()))
 
 
+def nearly_best_alone(ledger: FitLedger, nominal: FittedModel) -> tuple[str, ...]:
+    """Return the effects that gain about as much alone as the best one, that one first."""
+    gains = {key[0]: nominal.cost - fit.cost for key, fit in ledger.extensions(()).items()}
+    least = NEAR_BEST * max(gains.values(), default=0.0)
+    return tuple(
+        sorted((n for n in gains if gains[n] > least), key=gains.__getitem__, reverse=True)
+    )
+
+
 def fit_waiting_forms(ledger: FitLedger, nominal: FittedModel, levels: BalanceLevels) -> None:
     """Fit the forms that waited, alone, where the usual form of their cause leaves a gap.
 
     It must close about as much as the best effect alone.
     """
-    alone = {key[0]: nominal.cost - fit.cost for key, fit in ledger.extensions(()).items()}
-    least = NEAR_BEST * max(alone.values(), default=0.0)
+    worth_it = nearly_best_alone(ledger, nominal)
     waiting = {
         name: cause_of(name, ledger.catalogue)
         for name in ledger.catalogue
@@ -72,7 +79,7 @@ def fit_waiting_forms(ledger: FitLedger, nominal: FittedModel, levels: BalanceLe
     starts: dict[Names, Start] = {
         (name,): Start(nominal.values)
         for name, usual in waiting.items()
-        if alone.get(usual, 0.0) > least and np.any(gaps(residual_rms(ledger.fits[usual,]), levels))
+        if usual in worth_it and np.any(gaps(residual_rms(ledger.fits[usual,]), levels))
     }
     ledger.fit_all(starts)
 

@@ -9,11 +9,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels, residual_rms
+from pneumo_casadi.diagnosis.metrics.residual_size import (
+    BalanceLevels,
+    leaves_too_much,
+    residual_rms,
+)
 from pneumo_casadi.diagnosis.metrics.simulated_fit import Simulated, simulate_fit
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel, require_credible
 from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.diagnosis.select.fit_ledger import FAULTS, Failed, FitLedger, Names
+from pneumo_casadi.diagnosis.select.forms import nearly_best_alone
 from pneumo_casadi.diagnosis.select.output_error_refinement import (
     MAX_ITERATIONS,
     refine_by_output_error,
@@ -118,6 +123,36 @@ def extend_by_simulation(
         return path
     ledger.take(grown[-1])
     return (*(names for names in path if set(names) < set(first)), *grown)
+
+
+def begin_with_hidden_motion(
+    ledger: FitLedger,
+    nominal: FittedModel,
+    path: tuple[Names, ...],
+    levels: BalanceLevels,
+    max_effects: int,
+) -> tuple[Names, ...]:
+    """Search again from an effect that hides the motion, where the balances have led nowhere.
+
+    What takes a long delay back amplifies noise: its force balance is worse than without it, and
+    effects that do little of what it does fit better. Simulated, it closes more than they do.
+    """
+    names = path[-1] if path else ()
+    final = ledger.fits[names] if names else nominal
+    hidden = names in ledger.trials or motion_is_hidden(ledger.effects(names), final)
+    if hidden or not leaves_too_much(nominal, final, levels):
+        return path
+    alone = [(name,) for name in nearly_best_alone(ledger, nominal)]
+    hiding = (key for key in alone if motion_is_hidden(ledger.effects(key), ledger.fits[key]))
+    first = next(hiding, None)
+    if first is None:
+        return path
+    ledger.simulate({(): nominal, names: final})
+    left = ledger.simulations.share(nominal, final, ledger.effects(names))
+    grown = extend_by_simulation(ledger, nominal, (first,), levels, max_effects)
+    criteria = ledger.study.criteria
+    enough = min(criteria.unexplained, criteria.closed * left)
+    return grown if ledger.trials[grown[-1]][1] <= enough else path
 
 
 def _take_refined(ledger: FitLedger, nominal: FittedModel, names: Names) -> None:
