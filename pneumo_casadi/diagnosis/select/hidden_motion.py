@@ -151,7 +151,7 @@ def begin_with_hidden_motion(
     left = ledger.simulations.share(nominal, final, ledger.effects(names))
     grown = extend_by_simulation(ledger, nominal, (first,), levels, max_effects)
     criteria = ledger.study.criteria
-    enough = min(criteria.unexplained, criteria.closed * left)
+    enough = min(criteria.simulated, criteria.closed * left)
     return grown if ledger.trials[grown[-1]][1] <= enough else path
 
 
