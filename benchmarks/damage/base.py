@@ -15,6 +15,7 @@ from pneumo_casadi.data import Case, write_case
 from pneumo_casadi.data.readers.columns import COLUMNS
 from pneumo_casadi.identification.options import IdentifyOptions
 from pneumo_casadi.identification.result_file import result_dict
+from pneumo_casadi.runtime.atomic_files import atomic_folder
 from pneumo_casadi.runtime.json_files import write_json
 from pneumo_casadi.valve import FlowForm
 
@@ -41,12 +42,12 @@ def all_kinds() -> tuple[Kind, ...]:
 def make_bases(folder: Path, identified: bool = True) -> None:
     """Write a sound folder for each subject; a result takes a quarter of a minute."""
     kept = os.environ.get(KEPT)
-    if kept is None:
+    if not kept:
         _make_bases(folder, identified)
         return
     if not Path(kept).exists():
-        Path(kept).mkdir()
-        _make_bases(Path(kept), True)
+        with atomic_folder(kept) as draft:
+            _make_bases(draft, True)
     shutil.copytree(kept, folder, dirs_exist_ok=True)
 
 

@@ -213,12 +213,18 @@ def test_where_balances_lead_nowhere_the_search_begins_with_what_hides_the_motio
     monkeypatch.setattr(hidden_motion, "leaves_too_much", lambda *given: others is not None)
     grown = (("position_delay",), ("leakage_P", "position_delay"))
 
+    before = (("stribeck",),)
+
     def extended(ledger, nominal, path, levels, most):
         assert path == grown[:1]
-        ledger.trials[grown[-1]] = None, left
+        ledger.trials |= {grown[-1]: (None, left), before[-1]: (None, 0.3)}
+        ledger.take(grown[-1])
+        ledger.take(before[-1])
         return grown
 
     monkeypatch.setattr(hidden_motion, "extend_by_simulation", extended)
-    before = (("stribeck",),)
     result = hidden_motion.begin_with_hidden_motion(worker, nominal, before, None, 6)
     assert result == (grown if taken else before)
+    if not taken:  # what was tried in vain must not decide the verdict
+        assert not worker.gap_left and not worker.output_error_fits
+        assert before[-1] not in worker.trials

@@ -149,10 +149,15 @@ def begin_with_hidden_motion(
         return path
     ledger.simulate({(): nominal, names: final})
     left = ledger.simulations.share(nominal, final, ledger.effects(names))
+    kept = dict(ledger.output_error_fits), dict(ledger.gap_left)
     grown = extend_by_simulation(ledger, nominal, (first,), levels, max_effects)
     criteria = ledger.study.criteria
-    enough = min(criteria.simulated, criteria.closed * left)
-    return grown if ledger.trials[grown[-1]][1] <= enough else path
+    if ledger.trials[grown[-1]][1] <= min(criteria.simulated, criteria.closed * left):
+        return grown
+    # The balances go on to judge what they have chosen.
+    ledger.output_error_fits, ledger.gap_left = kept
+    ledger.trials.pop(names, None)
+    return path
 
 
 def _take_refined(ledger: FitLedger, nominal: FittedModel, names: Names) -> None:

@@ -144,11 +144,11 @@ def _expanded(
     A cost is infinite where a simulation is not finite. Sensitivities run along with every
     trial: most are accepted, and a function of values alone would have to be compiled besides.
     """
-    at = shoot_and_linearise(problem, problem.parameters.values, x_0, sigma)
     with np.errstate(over="ignore", invalid="ignore"):  # a trial may run away: then it costs inf
+        at = shoot_and_linearise(problem, problem.parameters.values, x_0, sigma)
         squares = ((problem.y - at.m) / sigma[:, None]) ** 2
         cost = 0.5 * problem.n * squares.reshape(len(at.m), x_0.shape[1], -1).sum(axis=(0, 2))
-    condensed = condense(problem, at, sigma)
+        condensed = condense(problem, at, sigma)
     H, g = (np.stack([getattr(each, name) for each in condensed]) for name in ("H", "g"))
     return np.where(np.isfinite(cost), cost, np.inf), H, g
 
