@@ -112,12 +112,7 @@ def extend_by_simulation(
     if ledger.trials[first][1] >= ledger.study.criteria.simulated:
         alone = _hiding(ledger, first)
         first = alone if alone in ledger.fits else first
-    grown = [first]
-    while len(grown[-1]) < max_effects:
-        more = _extended(ledger, nominal, grown[-1], levels)
-        if more is None:
-            break
-        grown.append(more)
+    grown = _grown(ledger, nominal, first, levels, max_effects)
     if len(grown) == 1 or ledger.trials[grown[-1]][1] > ledger.trials[path[-1]][1]:
         _take_refined(ledger, nominal, path[-1])
         return path
@@ -143,21 +138,34 @@ def begin_with_hidden_motion(
     if hidden or not leaves_too_much(nominal, final, levels):
         return path
     alone = [(name,) for name in nearly_best_alone(ledger, nominal)]
-    hiding = (key for key in alone if motion_is_hidden(ledger.effects(key), ledger.fits[key]))
-    first = next(hiding, None)
-    if first is None:
+    hiding = [key for key in alone if motion_is_hidden(ledger.effects(key), ledger.fits[key])]
+    if not hiding:
         return path
     ledger.simulate({(): nominal, names: final})
     left = ledger.simulations.share(nominal, final, ledger.effects(names))
-    kept = dict(ledger.output_error_fits), dict(ledger.gap_left)
-    grown = extend_by_simulation(ledger, nominal, (first,), levels, max_effects)
+    grown = _grown(ledger, nominal, hiding[0], levels, max_effects)
     criteria = ledger.study.criteria
-    if ledger.trials[grown[-1]][1] <= min(criteria.simulated, criteria.closed * left):
-        return grown
-    # The balances go on to judge what they have chosen.
-    ledger.output_error_fits, ledger.gap_left = kept
-    ledger.trials.pop(names, None)
-    return path
+    if ledger.trials[grown[-1]][1] > min(criteria.simulated, criteria.closed * left):
+        ledger.trials.pop(names, None)  # the balances go on to judge what they have chosen
+        return path
+    if len(grown) > 1:
+        ledger.take(grown[-1])
+    else:
+        _take_refined(ledger, nominal, grown[-1])
+    return grown
+
+
+def _grown(
+    ledger: FitLedger, nominal: FittedModel, first: Names, levels: BalanceLevels, most: int
+) -> tuple[Names, ...]:
+    """Return a model and those that it grows to, one effect more each, as simulations ask for."""
+    grown = [first]
+    while len(grown[-1]) < most:
+        more = _extended(ledger, nominal, grown[-1], levels)
+        if more is None:
+            break
+        grown.append(more)
+    return tuple(grown)
 
 
 def _take_refined(ledger: FitLedger, nominal: FittedModel, names: Names) -> None:

@@ -11,8 +11,13 @@ problem in (δx_0, δθ), of the size of the parameters and not of the record (B
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from pneumo_casadi.estimation.output_error.shooting.problem import Problem, Unknowns
+from pneumo_casadi.estimation.output_error.shooting.problem import (
+    Problem,
+    Unknowns,
+    shoot_in_rounds,
+)
 from pneumo_casadi.model.machine_code.calls import call_side_by_side
 from pneumo_casadi.parameters import FloatArray
 
@@ -93,33 +98,14 @@ def linearise(problem: Problem, point: Unknowns, sigma: FloatArray) -> Linearise
 def shoot_and_linearise(
     problem: Problem, theta: FloatArray, x_0: FloatArray, sigma: FloatArray
 ) -> Linearised:
-    """Simulate every segment from its initial state, linearised along the way.
+    """Linearise on closed nodes, found along the way; see `linearise` and `shoot_segments`."""
+    data = problem.data
 
-    Parameters
-    ----------
-    theta : (n,) array
-        All parameters.
-    x_0 : (nx, segments) array
-        Initial states.
-    sigma : (ny,) array
-        Weighs the scores alone.
+    def run(at: NDArray[np.intp], x: FloatArray) -> tuple[FloatArray, ...]:
+        w, h, y = (problem.of_intervals(at, part) for part in (data.w, data.h, data.y))
+        return _swept(problem, Unknowns(theta, x), w, h, y, sigma)
 
-    Returns
-    -------
-    Linearised
-        On closed nodes.
-    """
-    f, count = problem.functions.sensitivity, problem.I
-    x = np.zeros((problem.model.nx, count))
-    x[:, list(problem.firsts)] = x_0
-    swept = [np.zeros((f.size1_out(i), count, f.size2_out(i))) for i in range(f.n_out())]
-    for at, followed in problem.rounds:
-        here = Unknowns(theta, x[:, at])
-        parts = _swept(problem, here, *problem.data.of_intervals(at), sigma)
-        for whole, part in zip(swept, parts, strict=True):
-            whole[:, at] = part.reshape(len(part), at.size, -1)
-        x[:, at[followed] + 1] = parts[0][:, followed]
-    return _gathered(problem, x, tuple(whole.reshape(len(whole), -1) for whole in swept))
+    return _gathered(problem, *shoot_in_rounds(problem, x_0, run))
 
 
 def _swept(

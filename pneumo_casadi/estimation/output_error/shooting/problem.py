@@ -5,6 +5,7 @@ segment by x_{k+1} = F(x_k, w_k, θ). The model's mean outputs over the blocks o
 m_k = H(x_k, w_k, θ).
 """
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -50,26 +51,16 @@ class IntervalData:
         Measured mean outputs.
     real : (I B,) array of bool
         Which blocks are no padding.
-    blocks : int
-        Blocks an interval, B.
     """
 
     w: FloatArray
     h: FloatArray
     y: FloatArray
     real: NDArray[np.bool_]
-    blocks: int
 
     def without_padding(self, values: FloatArray) -> FloatArray:
         """Return the columns of values (..., I B) that belong to blocks of the data."""
         return values if self.real.all() else values[:, self.real]
-
-    def of_intervals(self, at: NDArray[np.intp]) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return w, h and y of some intervals, side by side."""
-        count = self.real.size // self.blocks
-        whole = (part.reshape(len(part), count, -1) for part in (self.w, self.h, self.y))
-        w, h, y = (part[:, at].reshape(len(part), -1) for part in whole)
-        return w, h, y
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,7 +148,11 @@ class Problem:
         lengths = np.concatenate(h)
         # In the order in which compiled functions read them: no call copies them.
         w_all, y_all = (np.asfortranarray(np.hstack(part)) for part in (w, y))
-        return IntervalData(w_all, lengths[None], y_all, lengths > 0, B)
+        return IntervalData(w_all, lengths[None], y_all, lengths > 0)
+
+    def of_intervals(self, at: NDArray[np.intp], data: FloatArray) -> FloatArray:
+        """Return the columns of data (..., I k) that belong to some intervals, side by side."""
+        return data.reshape(len(data), self.I, -1)[:, at].reshape(len(data), -1)
 
     @cached_property
     def y(self) -> FloatArray:
@@ -211,13 +206,44 @@ def shoot_segments(
     tuple
         States (nx, I) where the intervals begin, and mean outputs (ny, n_blocks).
     """
-    x = np.zeros((problem.model.nx, problem.I))
-    m = np.zeros((len(problem.y), problem.I, problem.functions.blocks))
-    x[:, list(problem.firsts)] = x_0
-    for at, followed in problem.rounds:
-        w, h, _ = problem.data.of_intervals(at)
+
+    def run(at: NDArray[np.intp], x: FloatArray) -> tuple[FloatArray, ...]:
+        w, h = (problem.of_intervals(at, part) for part in (problem.data.w, problem.data.h))
         tiled = np.tile(theta[:, None], at.size)
-        ends, means = call_side_by_side(problem.functions.value, x[:, at], w, tiled, h)
-        m[:, at] = means.reshape(len(m), at.size, -1)
-        x[:, at[followed] + 1] = ends[:, followed]
-    return x, problem.data.without_padding(m.reshape(len(m), -1))
+        return call_side_by_side(problem.functions.value, x, w, tiled, h)
+
+    x, (_, m) = shoot_in_rounds(problem, x_0, run)
+    return x, problem.data.without_padding(m)
+
+
+def shoot_in_rounds(
+    problem: Problem,
+    x_0: FloatArray,
+    run: Callable[[NDArray[np.intp], FloatArray], Sequence[FloatArray]],
+) -> tuple[FloatArray, tuple[FloatArray, ...]]:
+    """Run every segment from its initial state, interval after interval; see `Problem.rounds`.
+
+    Parameters
+    ----------
+    x_0 : (nx, segments) array
+        Initial states.
+    run : callable
+        ``run(at, x)`` returns what becomes of intervals that begin at states x (nx, ...), side by
+        side, the states at their ends first.
+
+    Returns
+    -------
+    tuple
+        States (nx, I) where the intervals begin, and what `run` has returned, of all intervals.
+    """
+    x = np.zeros((problem.model.nx, problem.I))
+    x[:, list(problem.firsts)] = x_0
+    results: list[FloatArray] = []
+    for at, followed in problem.rounds:
+        parts = [part.reshape(len(part), at.size, -1) for part in run(at, x[:, at])]
+        if not results:
+            results = [np.zeros((len(part), problem.I, part.shape[2])) for part in parts]
+        for whole, part in zip(results, parts, strict=True):
+            whole[:, at] = part
+        x[:, at[followed] + 1] = parts[0][:, followed, 0]
+    return x, tuple(whole.reshape(len(whole), -1) for whole in results)
