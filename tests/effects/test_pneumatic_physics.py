@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 from pneumo_casadi.effects import (
     ExhaustRestriction,
@@ -231,42 +232,67 @@ def response(axis, x, u, output=0):
     return static, c @ np.linalg.solve(A, inner) / static
 
 
+def swings_of(axis, x):
+    """Poles of a hose's states, those of chamber P and N, (2, 4)."""
+    by_x = axis.rhs.jacobian()(at_rest(axis, x), U, axis.parameters.values, 0)[0].full()
+    return np.stack([np.linalg.eigvals(by_x[i : i + 4, i : i + 4]) for i in (4, 8)])
+
+
 def test_a_hose_rings_and_loses_no_flow(made):
     x = [3e5, 4e5, 0.0, 0.0]
     nominal = made.true_axis()
     static, _ = response(nominal.with_effects(Hose()), at_rest(nominal.with_effects(Hose()), x), U)
     for delay, zeta in ((1e-4, 0.1), (2e-3, 0.02), (2e-2, 0.4)):
-        axis = started(made, Hose(), R=0.0, delay=delay, zeta=zeta)
+        axis = started(made, Hose(), R=0.0, delay=delay, zeta=zeta, V=0.0)
         full = at_rest(axis, x)
         np.testing.assert_allclose(rates(axis, full, U)[:4], rates(nominal, x, U), rtol=1e-12)
         np.testing.assert_allclose(rates(axis, full, U)[4:], 0.0, atol=1e-12)
         gain, lag = response(axis, full, U)
-        # What is under way is the delay of a slow flow times the flow: 2 ζ (m - n) = 2 ζ D.
-        assert lag == pytest.approx(2 * zeta * delay, rel=1e-9)
+        # What is under way is the delay of a slow flow times the flow: 2 ζ (m - n) = 2 ζ D, and
+        # a ninth of it in the second mode.
+        assert lag == pytest.approx(2 * zeta * delay * (1 + 1 / 9), rel=1e-9)
         assert gain == pytest.approx(static, rel=1e-9)
-        swings = np.linalg.eigvals(
-            axis.rhs.jacobian()(full, U, axis.parameters.values, 0)[0].full()[4:, 4:]
-        )
-        m = delay + 1e-6 / (1e-3 + delay)
-        np.testing.assert_allclose(np.abs(swings), 1 / m, rtol=1e-9)
-        np.testing.assert_allclose(-swings.real * m, zeta, rtol=1e-9)
+        for wave in (1, 3):
+            m = delay / wave + 1e-6 / (1e-3 + delay / wave)
+            poles = np.roots([m**2, 2 * zeta / wave * m, 1.0])
+            for swings in swings_of(axis, x):
+                far = np.abs(swings[:, None] - poles).min(axis=0)
+                np.testing.assert_allclose(far * m, 0.0, atol=1e-6)
 
 
-def test_a_hose_swings_as_one_cell_of_inertia_and_volume_does(made):
-    """Against p_h' = (q_v - q)/C_l, p_c' = q/C_c, q' = (p_h - p_c - r q)/L, by its own matrix."""
-    length, bore, C_c, damping = 2.0, 6e-3, 6e-9, 0.05
-    area = np.pi * bore**2 / 4
-    L, C_l = length / area, area * length / (R_AIR * T_0)
-    D = np.sqrt(L / (1 / C_l + 1 / C_c))
-    line = np.array([[0, 0, -1 / C_l], [0, 0, 1 / C_c], [1 / L, -1 / L, -2 * damping / D]])
-    for frequency in (5.0, 15.0, 40.0, 80.0):
-        s = 2j * np.pi * frequency
-        _, p_c, _ = np.linalg.solve(s * np.eye(3) - line, [1 / C_l, 0, 0])
-        wanted = p_c * s * (C_c + C_l)  # over a chamber that holds the hose's volume too
-        axis = started(made, Hose(), R=0.0, delay=float(D), zeta=damping)
-        result = transfer(axis, at_rest(axis, [3e5, 4e5, 0.0, 0.0]), s)
-        n = 1e-6 / (1e-3 + D)
-        assert abs(result / wanted - 1) < 4 * n / D + (2 * np.pi * frequency * n) ** 2
+def test_a_hose_swings_as_the_waves_along_it_do(made):
+    """Against q_v = p (sinh(γ)/Z + cosh(γ) s C) of a uniform line before a chamber."""
+    length, bore, bench = 3.0, 6e-3, made.BENCH
+    area, rT = np.pi * bore**2 / 4, R_AIR * T_0
+    sound = length / np.sqrt(rT)  # time in which it passes the hose
+    C_c, C_l = 1.2 * bench.S_P * bench.stroke / 2 / rT, area * length / rT
+
+    def wave(s):
+        entering = np.sinh(s * sound) * C_l / sound + s * C_c * np.cosh(s * sound)
+        return s * (C_c + C_l) / entering  # over a chamber that holds the hose's volume too
+
+    axis = started(made, Hose(), R=0.0, delay=2 / np.pi * sound, zeta=0.005, V=area * length)
+    x = [3e5, 4e5, 0.0, 0.0]
+    rings = np.sort(np.abs(swings_of(axis, x)[0]))[::2]
+    for ring, between, tolerance in zip(rings, ((1.0, 3.1), (4.5, 6.2)), (0.05, 0.12), strict=True):
+        pole = brentq(lambda w: (1 / wave(1j * w)).real, *(f / sound for f in between))
+        assert ring == pytest.approx(pole, rel=tolerance)
+    for share, tolerance in ((0.2, 0.02), (0.4, 0.05), (0.6, 0.12)):
+        s = 1j * share * rings[0]
+        result = transfer(axis, at_rest(axis, x), s)
+        assert abs(result / wave(s) - 1) < tolerance
+
+
+def test_a_hose_rings_faster_before_a_smaller_chamber(made):
+    delay, V, bench = 8e-3, 8e-5, made.BENCH
+    axis = started(made, Hose(), R=0.0, delay=delay, V=V)
+    for position in (-0.8, 0.0, 0.8):
+        x = position * bench.stroke / 2
+        swept = np.array([bench.S_P * (1 + position), bench.S_N * (1 - position)])
+        chamber = (swept + 0.2 * np.array([bench.S_P, bench.S_N])) * bench.stroke / 2
+        D = delay * np.sqrt(chamber / (chamber + V))
+        slow = np.abs(swings_of(axis, [3e5, 4e5, x, 0.0])).min(axis=1)
+        np.testing.assert_allclose(slow, 1 / (D + 1e-6 / (1e-3 + D)), rtol=1e-9)
 
 
 def transfer(axis, x, s):
@@ -287,13 +313,13 @@ def test_the_valve_sees_the_pressure_that_the_hose_takes(made):
     R, p = 2e9, 3e5
     axis, flow = started(made, Hose(), R=R), made.true_flow()
     q = 5e-3
-    x = [p, p, 0.0, 0.0, q, 0.0, -q, 0.0]
+    x = [p, p, 0.0, 0.0, q, 0.0, q, 0.0, -q, 0.0, -q, 0.0]
     before = np.sqrt(p**2 + 2 * R_AIR * T_0 * R * q * np.array([q, -q]))
     wanted = [float(flow(1.5, before[0])), float(flow(-1.0, before[1]))]
     np.testing.assert_allclose(through_valves(axis, x, U), wanted, rtol=1e-9)
     # Without flow a hose takes nothing.
     np.testing.assert_array_equal(
-        through_valves(axis, [p, p, 0, 0, 0, 0, 0, 0], U),
+        through_valves(axis, [p, p, *[0.0] * 10], U),
         through_valves(made.true_axis(), x[:4], U),
     )
 

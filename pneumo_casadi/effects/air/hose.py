@@ -1,6 +1,7 @@
 """Hose: the line between valve and chamber rings and takes pressure."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
 
@@ -14,28 +15,36 @@ from pneumo_casadi.parameters import Parameter
 
 #: The pressure at the valve is at least this share of that in the chamber.
 P_LEAST = 0.02
+#: Volume of a chamber at its end of the stroke over that at the middle.
+SMALLEST = 0.2
+#: Frequency of the second mode over that of the first: three quarters of a wave to one.
+WAVE = 3.0
 
 
 class Hose(Effect):
-    r"""Line of turbulent resistance R that rings with the time constant D, to each chamber.
+    r"""Line of turbulent resistance R that rings in two modes, to each chamber.
 
-    The valve works against p_h, with p_h² = p² + 2 r T R q |q| (compressible Darcy flow). One
-    cell of inertia L and volume C_l before the chamber's C_c gives, for what arrives over what
-    would arrive were the hose part of the chamber,
+    The valve works against p_h, with p_h² = p² + 2 r T R q |q| (compressible Darcy flow). A line
+    of volume V before a chamber of capacity C gives, for what arrives over what would arrive were
+    the hose part of the chamber,
 
-    .. math:: G(s) = \frac{1 + 2 ζ n s + n^2 s^2}{1 + 2 ζ m s + m^2 s^2},
-              \qquad m = n + D, \quad n = \frac{τ_0^2}{τ_0 + D}, \quad τ_0 = 1 ms,
+    .. math:: G(s) = \prod_{k=1,2} \frac{1 + 2 ζ_k n_k s + n_k^2 s^2}
+              {1 + 2 ζ_k m_k s + m_k^2 s^2}, \qquad
+              m_k = n_k + D_k, \quad n_k = \frac{τ_0^2}{τ_0 + D_k}, \quad τ_0 = 1 ms,
 
-    with 1/D² = (1/C_l + 1/C_c)/L: beside a large chamber D is the way of sound along the hose,
-    2.9 ms a metre, beside a small one less. At D = 0 poles and zeros cancel: the axis is the
-    nominal one, exactly. n vanishes as D grows. All air that enters leaves again. The hose's
-    volume is part of the dead volume, in X_s1 and X_s4.
+    with D_1 = D √(V_c/(V_c + V)): the smaller the chamber V_c(x), the faster its hose rings. V_c is
+    swept by the piston, and a tenth of the whole stroke is added for what no piston sweeps. D is
+    2/π of the time in which sound passes the hose, 2.2 ms a metre at the speed √(r T): a quarter
+    of a wave. D_2 = D_1/3 and ζ_2 = ζ/3 are those of three quarters. At D = 0 poles and zeros
+    cancel: the axis is the nominal one, exactly. n vanishes as D grows. All air that enters leaves
+    again. The hose's volume is part of the dead volume, in X_s1 and X_s4.
     """
 
     name = "hose"
     absorbed_by = Absorption(("V_P(0)", "V_N(0)"), Deviation.ABOVE)
     equation = (
-        "p_h² = p² + 2 r T R q|q|, q/q_valve = (1 + 2ζns + n²s²)/(1 + 2ζms + m²s²), m = n + D"
+        "p_h² = p² + 2 r T R q|q|, q/q_valve = Π (1 + 2ζns + n²s²)/(1 + 2ζms + m²s²), m = n + D, "
+        "D_1 = D √(V_c/(V_c + V)), D_2 = D_1/3"
     )
     source = "Richer and Hurmuzlu (2000), J. Dyn. Syst. Meas. Control 122, eq. 20 to 29"
     shows = "both mass flow balances: ringing after steps of the command, less flow at large ones"
@@ -67,8 +76,8 @@ class Hose(Effect):
             scale=5e-3,
             null=0.0,
             start=4e-3,
-            description="time constant D of the ringing",
-            source="L/c at most: 1.5-15 ms for 0.5-5 m",
+            description="time constant D of the ringing before a large chamber",
+            source="2/π L/√(r T): 1.1-11 ms for 0.5-5 m",
         ),
         Parameter(
             "zeta",
@@ -82,21 +91,42 @@ class Hose(Effect):
             description="damping of the ringing",
             source="16 μ D/(ρ d²) of laminar flow: 0.01 (3 m of 6 mm) to 0.05; flow adds to it",
         ),
+        Parameter(
+            "V",
+            3e-5,
+            "m³",
+            lower=0.0,
+            upper=1e-3,
+            scale=1e-5,
+            null=3e-5,
+            start=3e-5,
+            description="volume of a hose",
+            source="geometry: 14 ml (0.5 m of 6 mm) to 250 ml (5 m of 8 mm)",
+        ),
     )
-    states = tuple(State(f"{name}_{c}", "kg/s", 5e-3) for c in "PN" for name in ("q", "g"))
+    states = tuple(
+        State(f"{name}_{c}", "kg/s", 5e-3) for c in "PN" for name in ("q", "g", "q_2", "g_2")
+    )
 
     def rest(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
         """Start with a steady flow."""
-        q = entering["line"]
-        return {"q_P": q.P, "g_P": 0.0, "q_N": q.N, "g_N": 0.0}
+        flows = zip("PN", entering["line"], strict=True)
+        return {
+            f"{name}_{c}": value
+            for c, q in flows
+            for name, value in (("q", q), ("g", 0.0), ("q_2", q), ("g_2", 0.0))
+        }
 
     def rates(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
         """Let the air in the hose swing; g is m dq/dt."""
-        _, m = _times(at)
         rates = {}
-        for c, q in (("P", entering["line"].P), ("N", entering["line"].N)):
-            rates[f"q_{c}"] = at[f"g_{c}"] / m
-            rates[f"g_{c}"] = (q - at[f"q_{c}"] - 2 * at["zeta"] * at[f"g_{c}"]) / m
+        for c, entered in zip("PN", entering["line"], strict=True):
+            q = entered
+            for mode in _modes(c, at):
+                m, name = mode.m, mode.name
+                rates[f"q{name}"] = mode.g / m
+                rates[f"g{name}"] = (q - mode.q - 2 * mode.zeta * mode.g) / m
+                q = mode.passed(q)
         return rates
 
     def outlet(self, p: Pair, at: Scope) -> Pair:
@@ -108,17 +138,43 @@ class Hose(Effect):
         return Pair(_arriving(q_m.P, "P", at), _arriving(q_m.N, "N", at))
 
 
-def _times(at: Scope) -> tuple[Expression, Expression]:
-    """Return n and m [s]."""
-    n = numerator(at["delay"])
-    return n, n + at["delay"]
+@dataclass(frozen=True)
+class _Mode:
+    """One mode of a line: its time constants [s], damping and state."""
+
+    name: str
+    delay: Expression
+    zeta: Expression
+    q: Expression
+    g: Expression
+
+    @property
+    def m(self) -> Expression:
+        return numerator(self.delay) + self.delay
+
+    def passed(self, q: Expression) -> Expression:
+        """Return what arrives of a flow that enters."""
+        share = numerator(self.delay) / self.m
+        swing = 2 * self.zeta * share * (1 - share) * self.g
+        return self.q + share**2 * (q - self.q) + swing
+
+
+def _modes(c: str, at: Scope) -> tuple[_Mode, ...]:
+    """Return the modes of the line to a chamber, in the order in which a flow passes them."""
+    half = at.axis["stroke"] / 2
+    volume = at.axis["S_P"] * (half + at.x) if c == "P" else at.axis["S_N"] * (half - at.x)
+    swept = ca.fmax(volume, 0.0) + SMALLEST * half * at.axis[f"S_{c}"]
+    delay = at["delay"] * ca.sqrt(swept / (swept + at["V"]))
+    return tuple(
+        _Mode(name, delay / wave, at["zeta"] / wave, at[f"q{name}"], at[f"g{name}"])
+        for name, wave in ((f"_2_{c}", WAVE), (f"_{c}", 1.0))
+    )
 
 
 def _arriving(q: Expression, c: str, at: Scope) -> Expression:
-    n, m = _times(at)
-    share = n / m
-    swing = 2 * at["zeta"] * share * (1 - share) * at[f"g_{c}"]
-    return at[f"q_{c}"] + share**2 * (q - at[f"q_{c}"]) + swing
+    for mode in _modes(c, at):
+        q = mode.passed(q)
+    return q
 
 
 def _at_the_valve(p: Expression, c: str, at: Scope) -> Expression:
