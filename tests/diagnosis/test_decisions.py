@@ -21,7 +21,6 @@ from pneumo_casadi.diagnosis.locate.signatures import Signatures
 from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels
 from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
-from pneumo_casadi.diagnosis.select import contributions as missed
 from pneumo_casadi.diagnosis.select import plausibility
 from pneumo_casadi.diagnosis.select.acceptance import accepted
 from pneumo_casadi.diagnosis.select.complete import Completed
@@ -86,45 +85,24 @@ class Fit(tuple):
 
 
 @pytest.mark.parametrize(
-    ("left", "lost", "named", "expected"),
+    ("left", "named", "expected"),
     [
-        (
-            {("a", "b"): 0.1, ("a",): 0.7, ("b",): 0.3},
-            {("a",): 90, ("b",): 50},
-            "ab",
-            {"b": 0.6, "a": 0.2},
-        ),
-        # The score decides, though the motion drifts further off without the other effect.
-        (
-            {("a", "b"): 0.1, ("a",): 0.7, ("b",): 0.3},
-            {("a",): 50, ("b",): 90},
-            "ab",
-            {"a": 0.2, "b": 0.6},
-        ),
-        ({("a",): 0.2}, {}, "a", {"a": 0.8}),  # alone it contributes what it closes
+        ({("a", "b"): 0.1, ("a",): 0.7, ("b",): 0.3}, "ab", {"b": 0.6, "a": 0.2}),
+        ({("a",): 0.2}, "a", {"a": 0.8}),  # alone it contributes what it closes
         # Without an effect that a model needs to be fitted at all the whole gap is back.
-        (
-            {("a", "b"): 0.2, ("a",): None, ("b",): 0.5},
-            {("b",): 50},
-            "ab",
-            {"b": 0.8, "a": 0.3},
-        ),
+        ({("a", "b"): 0.2, ("a",): None, ("b",): 0.5}, "ab", {"b": 0.8, "a": 0.3}),
         # One besides that can stand for another does not make that one superfluous.
         (
             {("a", "b", "w"): 0.05, ("a", "b"): 0.1, ("b", "w"): 0.06, ("a",): 0.3, ("b",): 0.8},
-            {("b", "w"): 2, ("a",): 50, ("b",): 90},
             "ab",
             {"a": 0.7, "b": 0.2},
         ),
     ],
 )
-def test_the_effect_that_the_score_misses_most_is_first_and_told_is_the_gap_that_comes_back(
-    left, lost, named, expected, monkeypatch
-):
+def test_the_effect_without_which_most_of_the_gap_comes_back_is_first(left, named, expected):
     final = max(left, key=len)
     ledger = ledger_of(left)
     ledger.fits[final] = Fit(final)
-    monkeypatch.setattr(missed, "gain_on_all_records", lambda before, after: lost[before])
     shares = contributions(ledger, None, final, tuple(named))
     assert list(shares) == list(expected)
     assert shares == pytest.approx(expected)

@@ -1,8 +1,5 @@
 """What each effect of the final model contributes: the gap that comes back without it."""
 
-import numpy as np
-
-from pneumo_casadi.diagnosis.metrics.residual_size import gain_on_all_records
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger, Names, Start
 
@@ -10,18 +7,15 @@ from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger, Names, Start
 def contributions(
     ledger: FitLedger, nominal: FittedModel, final: Names, named: Names
 ) -> dict[str, float]:
-    """Return the share of the gap that comes back if an effect is left out, the most missed first.
+    """Return the share of the gap that comes back if an effect is left out, the largest first.
 
     It is left out of the model of all effects named: one of those besides, as a shifted null, could
     stand for it, as a leak, so that nothing would come back. The model is fitted again without each
-    effect, so that the others take over what they can.
-
-    Which one is missed most, the score of the selection tells: the log-likelihood lost in the
-    balances. The share is that of the simulated gap in windows of the records held out. It tells
-    how far the motion is off, but is no measure of the cause: in open loop a weak leak drifts
-    further than a strong restriction. All shares refer to the gap of the nominal model; they need
-    not sum up to what the model closes, since effects share parts of it. A model without an effect
-    that cannot be fitted or simulated leaves the whole gap, and is missed most.
+    effect, so that the others take over what they can, and simulated in windows of the records held
+    out. Balances alone would not do: they count a short error after every reversal of the command
+    as much as one that lasts and moves the axis. All shares refer to the gap of the nominal model;
+    they need not sum up to what the model closes, since effects share parts of it. A model without
+    an effect that cannot be fitted or simulated leaves the whole gap.
 
     Parameters
     ----------
@@ -47,8 +41,5 @@ def contributions(
         name: 1.0 if fit is None else ledger.simulations.share(nominal, fit, ledger.effects(key))
         for name, (key, fit) in refined.items()
     }
-    lost = {
-        name: np.inf if fit is None else gain_on_all_records(fit, ledger.fits[final])
-        for name, fit in fits.items()
-    }
-    return {name: left[name] - left[""] for name in sorted(named, key=lambda name: -lost[name])}
+    back = {name: left[name] - left[""] for name in named}
+    return dict(sorted(back.items(), key=lambda item: -item[1]))
