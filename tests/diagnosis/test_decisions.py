@@ -19,12 +19,14 @@ from pneumo_casadi.diagnosis.decide.judgement import Judgement, judge, missed_ga
 from pneumo_casadi.diagnosis.locate.locate import balance_of_gap, rival_sensor_effects
 from pneumo_casadi.diagnosis.locate.signatures import Signatures
 from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels
+from pneumo_casadi.diagnosis.metrics.simulated_fit import WINDOW
 from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
+from pneumo_casadi.diagnosis.select import contributions as missed
 from pneumo_casadi.diagnosis.select import plausibility
 from pneumo_casadi.diagnosis.select.acceptance import accepted
 from pneumo_casadi.diagnosis.select.complete import Completed
-from pneumo_casadi.diagnosis.select.contributions import contributions
+from pneumo_casadi.diagnosis.select.contributions import SHORT, contributions
 from pneumo_casadi.diagnosis.select.forward_selection import Selection
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.estimation.output_error.result import FlowMapDeviation
@@ -59,8 +61,11 @@ ONE = (("stribeck",),)
 # Contributions.
 
 
-def ledger_of(left):
-    """A ledger whose models leave these shares of the simulated gap; None for a fit that fails."""
+def ledger_of(left, soon):
+    """A ledger whose models leave these shares of the simulated gap; None for a fit that fails.
+
+    In short windows they leave those of `soon`, where it has others.
+    """
 
     def fit_without(names, some):
         keys = {name: tuple(sorted(set(names) - {name})) for name in some}
@@ -69,12 +74,15 @@ def ledger_of(left):
     def fit_all(models):
         fits.update({key: key for key in models if left[key] is not None})
 
+    def share(nominal, fit, effects, window):
+        return {**left, **(soon if window == SHORT else {})}[effects]
+
     fits = {}
     return SimpleNamespace(
         fits=fits, output_error_fits={}, fit_without=fit_without, fit_all=fit_all,
         key=lambda names: tuple(sorted(names)), effects=lambda names: names,
-        simulate=lambda fits: None,
-        simulations=SimpleNamespace(share=lambda nominal, fit, effects: left[effects]),
+        simulate=lambda fits, window=WINDOW: None,
+        simulations=SimpleNamespace(share=share),
     )  # fmt: skip
 
 
@@ -85,24 +93,73 @@ class Fit(tuple):
 
 
 @pytest.mark.parametrize(
-    ("left", "named", "expected"),
+    ("left", "soon", "lost", "named", "expected"),
     [
-        ({("a", "b"): 0.1, ("a",): 0.7, ("b",): 0.3}, "ab", {"b": 0.6, "a": 0.2}),
-        ({("a",): 0.2}, "a", {"a": 0.8}),  # alone it contributes what it closes
+        (
+            {("a", "b"): 0.1, ("a",): 0.7, ("b",): 0.3},
+            {},
+            {("a",): 50, ("b",): 50},
+            "ab",
+            {"b": 0.6, "a": 0.2},
+        ),
+        # Without b the motion drifts further off, but not at once.
+        (
+            {("a", "b"): 0.1, ("a",): 0.7, ("b",): 0.3},
+            {("a",): 0.2, ("b",): 0.4},
+            {("a",): 50, ("b",): 50},
+            "ab",
+            {"a": 0.2, "b": 0.6},
+        ),
+        # Balances that miss b more do not decide where the motion hardly misses it; nor the other.
+        (
+            {("a", "b"): 0.1, ("a",): 0.11, ("b",): 0.8},
+            {},
+            {("a",): 500, ("b",): 50},
+            "ab",
+            {"a": 0.7, "b": 0.01},
+        ),
+        (
+            {("a", "b"): 0.1, ("a",): 0.4, ("b",): 0.5},
+            {},
+            {("a",): 500, ("b",): 50},
+            "ab",
+            {"b": 0.3, "a": 0.4},
+        ),
+        # Where simulation is no better with either, the balances tell.
+        (
+            {("a", "b"): 0.9, ("a",): 0.8, ("b",): 0.9},
+            {},
+            {("a",): 500, ("b",): 50},
+            "ab",
+            {"b": -0.1, "a": 0.0},
+        ),
+        ({("a",): 0.2}, {}, {}, "a", {"a": 0.8}),  # alone it contributes what it closes
         # Without an effect that a model needs to be fitted at all the whole gap is back.
-        ({("a", "b"): 0.2, ("a",): None, ("b",): 0.5}, "ab", {"b": 0.8, "a": 0.3}),
+        (
+            {("a", "b"): 0.2, ("a",): None, ("b",): 0.5},
+            {},
+            {("b",): 50},
+            "ab",
+            {"b": 0.8, "a": 0.3},
+        ),
         # One besides that can stand for another does not make that one superfluous.
         (
             {("a", "b", "w"): 0.05, ("a", "b"): 0.1, ("b", "w"): 0.06, ("a",): 0.3, ("b",): 0.8},
+            {},
+            {("b", "w"): 2, ("a",): 50, ("b",): 50},
             "ab",
             {"a": 0.7, "b": 0.2},
         ),
     ],
 )
-def test_the_effect_without_which_most_of_the_gap_comes_back_is_first(left, named, expected):
+def test_the_effect_that_balances_and_motion_miss_most_is_first(
+    left, soon, lost, named, expected, monkeypatch
+):
+    """What is told of each is the gap that comes back without it."""
     final = max(left, key=len)
-    ledger = ledger_of(left)
+    ledger = ledger_of(left, soon)
     ledger.fits[final] = Fit(final)
+    monkeypatch.setattr(missed, "gain_on_all_records", lambda before, after: lost[before])
     shares = contributions(ledger, None, final, tuple(named))
     assert list(shares) == list(expected)
     assert shares == pytest.approx(expected)

@@ -123,7 +123,7 @@ def _alternatives(selection: Selection, models: Sequence[Names]) -> tuple[Names,
 def _unsure(selection: Selection, weights: Mapping[Names, float], trust: float) -> Names:
     """Return effects named that the data cannot tell from others.
 
-    More is asked of further effects than of the one that closes most.
+    More is asked of further effects than of the one that is missed most.
     """
     criteria = selection.levels.criteria
     first = next(iter(selection.contributions), selection.named[0])

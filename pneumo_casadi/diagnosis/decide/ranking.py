@@ -54,7 +54,7 @@ def _labelled(names: Names, own: Mapping[str, Value]) -> Mapping[str, Value]:
 def effects_found(
     study: Study, selection: Selection, judgement: Judgement, catalogue: Catalogue
 ) -> tuple[EffectFound, ...]:
-    """Return the effects of the final model: those named, the one that closes most first, others.
+    """Return the effects of the final model: those named, the one missed most first, others.
 
     Of weak ones besides it is not asked what they close.
     """
@@ -95,7 +95,7 @@ def _closures_of_forms(selection: Selection, cause: str) -> dict[str, float]:
 
 
 def by_contribution(selection: Selection, effects: Sequence[Effect]) -> tuple[Effect, ...]:
-    """Return those of some effects that are named, the one that closes most of the gap first."""
+    """Return those of some effects that are named, the one that is missed most first."""
     by_name = {effect.name: effect for effect in effects}
     return tuple(by_name[name] for name in selection.contributions)
 

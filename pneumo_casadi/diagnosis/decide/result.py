@@ -62,7 +62,7 @@ class Diagnosis(Presentable):
     verdict : Verdict
         Conclusion.
     effects : tuple of EffectFound
-        Effects that are named, the one that closes most of the gap first; empty for the verdicts
+        Effects that are named, the one that is missed most first; empty for the verdicts
         none, unknown and absorbed.
     undecided : tuple of EffectFound
         Further effects of the final model that the data cannot distinguish from their `rivals`:

@@ -60,7 +60,7 @@ def locate(
     nominal : FittedModel
         Its fit without effects.
     cause : sequence of Effect, optional
-        Effects found, the one that closes most first: the location is that of the first, and
+        Effects found, the one missed most first: the location is that of the first, and
         those of the others are among `Where.balances`.
     fitted : FittedModel, optional
         The fit with them: shows how much each one adds to each balance.

@@ -46,17 +46,19 @@ class Simulated:
     runs: tuple[tuple[Rows, Trajectory], ...] = ()
 
 
-def simulate_fit(study: Study, fitted: FittedModel, effects: Sequence[Effect]) -> Simulated:
-    """Simulate a fit over the windows of a study's held-out records."""
+def simulate_fit(
+    study: Study, fitted: FittedModel, effects: Sequence[Effect], window: float = WINDOW
+) -> Simulated:
+    """Simulate a fit over the windows [s] of a study's held-out records."""
     try:
         axis = _simulated_axis(study, fitted, effects)
         _require_steps(axis, study.held_out)
-        runs = window_runs(axis, study.held_out, WINDOW, COARSE)
+        runs = window_runs(axis, study.held_out, window, COARSE)
     except (FitError, ModelError) as error:
         return Simulated(str(error))
     squares = []
     for record, rows, run in runs:
-        L = round(WINDOW / record.dt)
+        L = round(window / record.dt)
         e = np.stack([record[name][rows] - run[name] for name in study.axis.outputs])
         squares.append(np.mean(e.reshape(len(e), -1, L) ** 2, axis=2).T)
     windows = np.asarray(np.concatenate(squares) / signal_stds(study) ** 2 * 1e4)

@@ -53,26 +53,30 @@ class Simulations:
     study: Study
 
     def __post_init__(self) -> None:
-        self._kept: dict[FittedModel, Simulated] = {}
+        self._kept: dict[tuple[FittedModel, float], Simulated] = {}
         self._loops: dict[FittedModel, Future[dict[str, float] | str]] = {}
 
-    def of(self, fitted: FittedModel, effects: Sequence[Effect]) -> Simulated:
-        """Return the simulations of a fit, initial states estimated."""
-        if fitted not in self._kept:
-            self._kept[fitted] = simulate_fit(self.study, fitted, effects)
-        return self._kept[fitted]
+    def of(
+        self, fitted: FittedModel, effects: Sequence[Effect], window: float = WINDOW
+    ) -> Simulated:
+        """Return the simulations of a fit in windows [s], initial states estimated."""
+        if not self.knows(fitted, window):
+            self.keep(fitted, simulate_fit(self.study, fitted, effects, window), window)
+        return self._kept[fitted, window]
 
-    def knows(self, fitted: FittedModel) -> bool:
+    def knows(self, fitted: FittedModel, window: float = WINDOW) -> bool:
         """Tell whether a fit was simulated."""
-        return fitted in self._kept
+        return (fitted, window) in self._kept
 
-    def keep(self, fitted: FittedModel, simulated: Simulated) -> None:
+    def keep(self, fitted: FittedModel, simulated: Simulated, window: float = WINDOW) -> None:
         """Remember what was simulated elsewhere."""
-        self._kept[fitted] = simulated
+        self._kept[fitted, window] = simulated
 
-    def windows(self, fitted: FittedModel, effects: Sequence[Effect]) -> FloatArray | str:
+    def windows(
+        self, fitted: FittedModel, effects: Sequence[Effect], window: float = WINDOW
+    ) -> FloatArray | str:
         """Return squared errors of every window, or why it cannot be simulated."""
-        return self.of(fitted, effects).windows
+        return self.of(fitted, effects, window).windows
 
     def trajectories(
         self, fitted: FittedModel, effects: Sequence[Effect]
@@ -107,10 +111,16 @@ class Simulations:
             return self._loops[fitted].result()
         return simulate_loop(self.study, fitted, effects)
 
-    def share(self, nominal: FittedModel, fitted: FittedModel, effects: Sequence[Effect]) -> float:
+    def share(
+        self,
+        nominal: FittedModel,
+        fitted: FittedModel,
+        effects: Sequence[Effect],
+        window: float = WINDOW,
+    ) -> float:
         """Return the share of the windows' gap that a fit leaves; 1 if it cannot be simulated."""
         floor = np.array(list(_noise_percent(self.study).values()))
-        before, after = self.windows(nominal, ()), self.windows(fitted, effects)
+        before, after = self.windows(nominal, (), window), self.windows(fitted, effects, window)
         if isinstance(before, str) or isinstance(after, str):
             return 1.0
         return _overall_gap(after, floor) / max(_overall_gap(before, floor), SMALLEST_GAP)

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from pneumo_casadi.diagnosis.metrics.simulated_fit import simulate_fit
+from pneumo_casadi.diagnosis.metrics.simulated_fit import WINDOW, simulate_fit
 from pneumo_casadi.diagnosis.metrics.simulated_gap import Simulations
 from pneumo_casadi.diagnosis.prepare.fit_store import Store
 from pneumo_casadi.diagnosis.prepare.fitted_model import (
@@ -136,15 +136,15 @@ class FitLedger:
             done.set_exception(error)
         return done
 
-    def simulate(self, fits: Mapping[Names, FittedModel]) -> None:
-        """Simulate the held-out records by fits, side by side, where that was not done yet."""
+    def simulate(self, fits: Mapping[Names, FittedModel], window: float = WINDOW) -> None:
+        """Simulate the held-out records by fits in windows [s], side by side; each once."""
         jobs = {
-            key: self.run(simulate_fit, fitted, self.effects(key))
+            key: self.run(simulate_fit, fitted, self.effects(key), window)
             for key, fitted in fits.items()
-            if not self.simulations.knows(fitted)
+            if not self.simulations.knows(fitted, window)
         }
         for key, job in jobs.items():
-            self.simulations.keep(fits[key], job.result())
+            self.simulations.keep(fits[key], job.result(), window)
 
     def screen_all(self, nominal: FittedModel) -> None:
         """Work out the directions of all effects at the nominal fit."""

@@ -80,7 +80,7 @@ class Selection:
     forms : mapping of str to mapping of str to FittedModel
         By cause of which the catalogue has several forms: the fit of each form alone.
     contributions : mapping of str to float
-        Share of the gap that comes back without each effect named, the largest first.
+        Share of the gap that comes back without each effect named, the most missed first.
     completed : Completed, optional
         The final model; by default the last of the path, of which all effects are named.
     directions : mapping of str to tuple of Direction

@@ -28,7 +28,7 @@ class Row:
     verdict : str
         A `Verdict` by its value, or ``failed``.
     effects : tuple of str
-        Found, the one that closes most of the gap first.
+        Found, the one that is missed most first.
     probabilities : tuple of float
         That each of them is part of the cause.
     alike : tuple of str
