@@ -13,8 +13,8 @@ from pneumo_casadi.diagnosis.checks.absorbed import contradicted_balance
 from pneumo_casadi.diagnosis.conclude import conclude
 from pneumo_casadi.diagnosis.decide.decision import Decision
 from pneumo_casadi.diagnosis.decide.ranking import (
-    by_contribution,
     effects_found,
+    most_missed_first,
     parameter_values,
     rank_candidates,
 )
@@ -158,7 +158,7 @@ def diagnose(
     where = locate(
         study,
         selection.nominal,
-        by_contribution(selection, effects) if named else (),
+        most_missed_first(selection, effects) if named else (),
         selection.final if named else None,
         gap=decision.has_gap,
         inputs=inputs,

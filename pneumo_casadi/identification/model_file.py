@@ -129,7 +129,10 @@ def axis_of_section(section: AxisSection) -> Axis:
     given = {item.name: item for item in items}
     odd = sorted(given.keys() ^ set(axis.parameters.names))
     if odd:
-        raise CaseError(f"parameters do not match the axis: {', '.join(odd)}")
+        raise CaseError(
+            f"parameters do not match the axis: {', '.join(odd)}; if another version has written "
+            "the file, identify anew"
+        )
     for item in axis.parameters:
         check_unit(item, given[item.name].unit)
     _check_areas(axis, given)

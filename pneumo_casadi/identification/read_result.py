@@ -103,7 +103,9 @@ def read_axis(path: str | Path, case: Case) -> Axis:
         missing = sorted(set(axis.parameters.names) - set(estimates))
         if unknown or missing:
             raise CaseError(
-                f"parameters do not match the axis of {case.folder}: {', '.join(unknown + missing)}"
+                f"parameters do not match the axis of {case.folder}: "
+                f"{', '.join(unknown + missing)}; if another version has written the file, "
+                "identify anew"
             )
         for name, item in estimates.items():
             check_unit(axis.parameters[name], item.unit)

@@ -83,6 +83,7 @@ def ledger_of(left, soon):
         key=lambda names: tuple(sorted(names)), effects=lambda names: names,
         simulate=lambda fits, window=WINDOW: None,
         simulations=SimpleNamespace(share=share),
+        study=SimpleNamespace(held_out=(SimpleNamespace(dt=1e-3),)),
     )  # fmt: skip
 
 
@@ -124,6 +125,14 @@ class Fit(tuple):
             {("a",): 500, ("b",): 50},
             "ab",
             {"b": 0.3, "a": 0.4},
+        ),
+        # Without b the balances lose nothing: the motion tells.
+        (
+            {("a", "b"): 0.1, ("a",): 0.2, ("b",): 0.6},
+            {},
+            {("a",): -50, ("b",): -90},
+            "ab",
+            {"a": 0.5, "b": 0.1},
         ),
         # Where simulation is no better with either, the balances tell.
         (

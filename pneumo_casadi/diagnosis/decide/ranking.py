@@ -94,7 +94,7 @@ def _closures_of_forms(selection: Selection, cause: str) -> dict[str, float]:
     }
 
 
-def by_contribution(selection: Selection, effects: Sequence[Effect]) -> tuple[Effect, ...]:
+def most_missed_first(selection: Selection, effects: Sequence[Effect]) -> tuple[Effect, ...]:
     """Return those of some effects that are named, the one that is missed most first."""
     by_name = {effect.name: effect for effect in effects}
     return tuple(by_name[name] for name in selection.contributions)

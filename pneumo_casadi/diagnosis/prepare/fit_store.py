@@ -101,8 +101,8 @@ _PARTS = ("train", "held_out", "used_train", "used_held_out")
 
 
 def _source(effect: type[Effect]) -> str:
-    """Return the text of an effect: one that has changed is another one."""
+    """Return the text of an effect's file: one that has changed is another one."""
     try:
-        return inspect.getsource(effect)
+        return inspect.getsource(inspect.getmodule(effect) or effect)
     except (OSError, TypeError):  # written in a console
         return repr(effect.parameters)

@@ -12,8 +12,10 @@ from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger, Names, Start
 #: Windows too short for a drift [s]: in open loop a weak leak, once left out, takes the motion
 #: further off than a strong restriction within half a second, but not within a fifth of it.
 SHORT = 0.1
-#: Share of the gap that an effect brings back at least; of those below, the score decides.
-LEAST = 1e-3
+#: Samples of such a window, at least: fewer tell little more than the states it begins with.
+FEWEST = 20
+#: Share of the gap, and log-likelihood, of which less counts as nothing: the other one decides.
+LEAST_GAP, LEAST_GAIN = 1e-3, 1.0
 
 
 def contributions(
@@ -56,12 +58,15 @@ def contributions(
     back = _gap_back(ledger, nominal, refined, WINDOW)
     if len(named) == 1:
         return back
-    ledger.simulate(needed, SHORT)
-    soon = _gap_back(ledger, nominal, refined, SHORT)
+    samples = FEWEST * max(record.dt for record in ledger.study.held_out)
+    short = min(WINDOW, max(SHORT, samples))
+    ledger.simulate(needed, short)
+    soon = _gap_back(ledger, nominal, refined, short)
     missed = {
         name: np.inf
         if fit is None
-        else max(soon[name], LEAST) * gain_on_all_records(fit, ledger.fits[final])
+        else max(LEAST_GAP, soon[name])
+        * max(LEAST_GAIN, gain_on_all_records(fit, ledger.fits[final]))
         for name, fit in fits.items()
     }
     return {name: back[name] for name in sorted(named, key=lambda name: -missed[name])}

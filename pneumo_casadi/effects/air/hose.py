@@ -15,36 +15,40 @@ from pneumo_casadi.parameters import Parameter
 
 #: The pressure at the valve is at least this share of that in the chamber.
 P_LEAST = 0.02
-#: Volume of a chamber at its end of the stroke over that at the middle.
-SMALLEST = 0.2
-#: Frequency of the second mode over that of the first: three quarters of a wave to one.
-WAVE = 3.0
+#: Volume of a chamber that no piston sweeps, over the volume of the whole stroke.
+UNSWEPT = 0.1
 
 
 class Hose(Effect):
     r"""Line of turbulent resistance R that rings in two modes, to each chamber.
 
     The valve works against p_h, with p_h² = p² + 2 r T R q |q| (compressible Darcy flow). A line
-    of volume V before a chamber of capacity C gives, for what arrives over what would arrive were
+    of volume V before a chamber of volume V_c gives, for what arrives over what would arrive were
     the hose part of the chamber,
 
     .. math:: G(s) = \prod_{k=1,2} \frac{1 + 2 ζ_k n_k s + n_k^2 s^2}
               {1 + 2 ζ_k m_k s + m_k^2 s^2}, \qquad
               m_k = n_k + D_k, \quad n_k = \frac{τ_0^2}{τ_0 + D_k}, \quad τ_0 = 1 ms,
 
-    with D_1 = D √(V_c/(V_c + V)): the smaller the chamber V_c(x), the faster its hose rings. V_c is
-    swept by the piston, and a tenth of the whole stroke is added for what no piston sweeps. D is
-    2/π of the time in which sound passes the hose, 2.2 ms a metre at the speed √(r T): a quarter
-    of a wave. D_2 = D_1/3 and ζ_2 = ζ/3 are those of three quarters. At D = 0 poles and zeros
-    cancel: the axis is the nominal one, exactly. n vanishes as D grows. All air that enters leaves
-    again. The hose's volume is part of the dead volume, in X_s1 and X_s4.
+    The smaller the chamber V_c(x), the faster its hose rings, within 3 % of what the waves do:
+
+    .. math:: D_1 = D \sqrt{\frac{V_c + V/4}{V_c + V}}, \qquad
+              D_2 = \frac{D}{3} \sqrt{\frac{V_c + 9 V/64}{V_c + V/4}}, \qquad ζ_k = ζ D_k/D
+
+    V_c is swept by the piston, and a tenth of the whole stroke is added for what no piston sweeps.
+    D is 2/π of the time in which sound passes the hose, 2.2 ms a metre at the speed √(r T): before
+    a large chamber the modes are a quarter and three quarters of a wave, before none half a wave
+    and a whole one. At D = 0 poles and zeros cancel: the axis is the nominal one, exactly. n
+    vanishes as D grows. The states are the flow q and the air w = m g + 2ζ m q that is under way,
+    with g = m dq/dt: all air that enters leaves again. The hose's volume is part of the dead
+    volume, in X_s1 and X_s4.
     """
 
     name = "hose"
     absorbed_by = Absorption(("V_P(0)", "V_N(0)"), Deviation.ABOVE)
     equation = (
         "p_h² = p² + 2 r T R q|q|, q/q_valve = Π (1 + 2ζns + n²s²)/(1 + 2ζms + m²s²), m = n + D, "
-        "D_1 = D √(V_c/(V_c + V)), D_2 = D_1/3"
+        "D_1 = D √((V_c + V/4)/(V_c + V)), D_2 = D/3 √((V_c + 9V/64)/(V_c + V/4))"
     )
     source = "Richer and Hurmuzlu (2000), J. Dyn. Syst. Meas. Control 122, eq. 20 to 29"
     shows = "both mass flow balances: ringing after steps of the command, less flow at large ones"
@@ -100,32 +104,36 @@ class Hose(Effect):
             scale=1e-5,
             null=3e-5,
             start=3e-5,
-            description="volume of a hose",
+            description="volume of a hose, effective: other dead volumes count in it",
             source="geometry: 14 ml (0.5 m of 6 mm) to 250 ml (5 m of 8 mm)",
         ),
     )
     states = tuple(
-        State(f"{name}_{c}", "kg/s", 5e-3) for c in "PN" for name in ("q", "g", "q_2", "g_2")
+        State(f"{name}_{c}", unit, scale)
+        for c in "PN"
+        for name, unit, scale in (
+            ("q", "kg/s", 5e-3),
+            ("w", "kg", 1e-5),
+            ("q_2", "kg/s", 5e-3),
+            ("w_2", "kg", 1e-6),
+        )
     )
 
     def rest(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
         """Start with a steady flow."""
-        flows = zip("PN", entering["line"], strict=True)
-        return {
-            f"{name}_{c}": value
-            for c, q in flows
-            for name, value in (("q", q), ("g", 0.0), ("q_2", q), ("g_2", 0.0))
-        }
+        rest: dict[str, Expression] = {}
+        for c, q in zip("PN", entering["line"], strict=True):
+            for mode in _modes(c, at):
+                rest |= {f"q{mode.name}": q, f"w{mode.name}": 2 * mode.zeta * mode.m * q}
+        return rest
 
     def rates(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
-        """Let the air in the hose swing; g is m dq/dt."""
-        rates = {}
+        """Let the air in the hose swing."""
+        rates: dict[str, Expression] = {}
         for c, entered in zip("PN", entering["line"], strict=True):
             q = entered
             for mode in _modes(c, at):
-                m, name = mode.m, mode.name
-                rates[f"q{name}"] = mode.g / m
-                rates[f"g{name}"] = (q - mode.q - 2 * mode.zeta * mode.g) / m
+                rates |= {f"q{mode.name}": mode.g / mode.m, f"w{mode.name}": q - mode.q}
                 q = mode.passed(q)
         return rates
 
@@ -140,17 +148,23 @@ class Hose(Effect):
 
 @dataclass(frozen=True)
 class _Mode:
-    """One mode of a line: its time constants [s], damping and state."""
+    """One mode of a line: its time constant D_k [s], damping and states."""
 
     name: str
     delay: Expression
     zeta: Expression
     q: Expression
-    g: Expression
+    w: Expression
 
     @property
     def m(self) -> Expression:
+        """Time constant of the poles."""
         return numerator(self.delay) + self.delay
+
+    @property
+    def g(self) -> Expression:
+        """The change of the flow, m dq/dt."""
+        return self.w / self.m - 2 * self.zeta * self.q
 
     def passed(self, q: Expression) -> Expression:
         """Return what arrives of a flow that enters."""
@@ -161,13 +175,16 @@ class _Mode:
 
 def _modes(c: str, at: Scope) -> tuple[_Mode, ...]:
     """Return the modes of the line to a chamber, in the order in which a flow passes them."""
-    half = at.axis["stroke"] / 2
-    volume = at.axis["S_P"] * (half + at.x) if c == "P" else at.axis["S_N"] * (half - at.x)
-    swept = ca.fmax(volume, 0.0) + SMALLEST * half * at.axis[f"S_{c}"]
-    delay = at["delay"] * ca.sqrt(swept / (swept + at["V"]))
+    half, S = at.axis["stroke"] / 2, at.axis[f"S_{c}"]
+    swept = S * ca.fmax(half + at.x if c == "P" else half - at.x, 0.0)
+    chamber, V = swept + UNSWEPT * 2 * half * S, at["V"]
+    shares = {
+        f"_2_{c}": ca.sqrt((chamber + 9 / 64 * V) / (chamber + V / 4)) / 3,
+        f"_{c}": ca.sqrt((chamber + V / 4) / (chamber + V)),
+    }
     return tuple(
-        _Mode(name, delay / wave, at["zeta"] / wave, at[f"q{name}"], at[f"g{name}"])
-        for name, wave in ((f"_2_{c}", WAVE), (f"_{c}", 1.0))
+        _Mode(name, at["delay"] * share, at["zeta"] * share, at[f"q{name}"], at[f"w{name}"])
+        for name, share in shares.items()
     )
 
 
