@@ -11,6 +11,7 @@ from pneumo_casadi.diagnosis import DiagnosisOptions, Verdict, diagnose, prepare
 from pneumo_casadi.diagnosis.prepare.fit_store import Store
 from pneumo_casadi.diagnosis.prepare.usable_records import require_usable
 from pneumo_casadi.effects import EFFECTS
+from pneumo_casadi.effects.term.term import Term, term_effect
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.parameters import Parameter
@@ -161,6 +162,17 @@ def test_kept_fits_of_another_flow_map_are_not_taken(made_case, tmp_path):
     other = replace(study, flow_map=FlowMap(table.u, table.p, 1.001 * table.q_m, table.p_supply))
     assert Store.of(tmp_path, study).token == Store.of(tmp_path, prepare_study(case)[0]).token
     assert Store.of(tmp_path, study).token != Store.of(tmp_path, other).token
+
+
+def test_kept_fits_of_another_term_of_one_name_are_not_taken(tmp_path):
+    store = Store(tmp_path, "study")
+    slopes = (("x", -150.0), ("x", -120.0), ("v", -150.0), ("x", -150.0))
+    effects = [
+        term_effect(Term("tight", ("force",), "1", driver, "line", {"slope": slope}))()
+        for driver, slope in slopes
+    ]
+    *paths, same = (store._path([effect]) for effect in effects)
+    assert len(set(paths)) == 3 and same == paths[0]
 
 
 def _counting(fitted):

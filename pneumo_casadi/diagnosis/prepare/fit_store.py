@@ -101,8 +101,9 @@ _PARTS = ("train", "held_out", "used_train", "used_held_out")
 
 
 def _source(effect: type[Effect]) -> str:
-    """Return the text of an effect's file: one that has changed is another one."""
+    """Return what makes an effect, and the text of its file: one that has changed is another."""
+    made = repr((effect.equation, effect.parameters))  # of terms, whose file is that of all
     try:
-        return inspect.getsource(inspect.getmodule(effect) or effect)
+        return made + inspect.getsource(inspect.getmodule(effect) or effect)
     except (OSError, TypeError):  # written in a console
-        return repr(effect.parameters)
+        return made

@@ -58,8 +58,8 @@ def contributions(
     back = _gap_back(ledger, nominal, refined, WINDOW)
     if len(named) == 1:
         return back
-    samples = FEWEST * max(record.dt for record in ledger.study.held_out)
-    short = min(WINDOW, max(SHORT, samples))
+    enough = FEWEST * max(record.dt for record in ledger.study.held_out)
+    short = min(WINDOW, max(SHORT, enough))
     ledger.simulate(needed, short)
     soon = _gap_back(ledger, nominal, refined, short)
     missed = {
