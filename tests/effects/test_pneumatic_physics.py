@@ -264,7 +264,7 @@ def test_a_hose_rings_and_loses_no_flow(made):
 def waves(made):
     """Make a hose before chamber P at mid-stroke, and q_v = p (sinh γ/Z + cosh γ s C) of its waves.
 
-    What enters is over what arrives, were the hose part of the chamber.
+    The second is a function of s: q_v over s p times the capacity of chamber and hose.
     """
 
     def build(bore, length=3.0):
