@@ -42,6 +42,9 @@ class Hose(Effect):
     vanishes as D grows. The states are the flow q and the air w = m g + 2ζ m q that is under way,
     with g = m dq/dt: all air that enters leaves again. The hose's volume is part of the dead
     volume, in X_s1 and X_s4.
+
+    D and V stand for each other where a record says little of the ends of the stroke: take neither
+    for a length or a volume, however narrow their intervals.
     """
 
     name = "hose"
