@@ -178,9 +178,9 @@ class _Mode:
 
 def _modes(c: str, at: Scope) -> tuple[_Mode, ...]:
     """Return the modes of the line to a chamber, in the order in which a flow passes them."""
-    half, S = at.axis["stroke"] / 2, at.axis[f"S_{c}"]
-    swept = S * ca.fmax(half + at.x if c == "P" else half - at.x, 0.0)
-    chamber, V = swept + UNSWEPT * 2 * half * S, at["V"]
+    stroke, V = at.axis["stroke"], at["V"]
+    swept = ca.fmax(stroke / 2 + (at.x if c == "P" else -at.x), 0.0)
+    chamber = at.axis[f"S_{c}"] * (swept + UNSWEPT * stroke)
     shares = {
         f"_2_{c}": ca.sqrt((chamber + 9 / 64 * V) / (chamber + V / 4)) / 3,
         f"_{c}": ca.sqrt((chamber + V / 4) / (chamber + V)),
