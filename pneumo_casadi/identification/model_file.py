@@ -127,7 +127,12 @@ def axis_of_section(section: AxisSection) -> Axis:
         # ModelError is a ValueError; CasADi, given a spline that is none, raises RuntimeError.
         raise CaseError(f"no model of an axis ({one_line(error)})") from None
     given = {item.name: item for item in items}
-    check_names(axis, given)
+    odd = sorted(given.keys() ^ set(axis.parameters.names))
+    if odd:
+        raise CaseError(
+            f"parameters do not match the axis: {', '.join(odd)}; if another version has written "
+            "the file, identify anew"
+        )
     for item in axis.parameters:
         check_unit(item, given[item.name].unit)
     _check_areas(axis, given)
@@ -147,22 +152,6 @@ def axis_of_section(section: AxisSection) -> Axis:
         )
     except ModelError as error:
         raise CaseError(f"no model of an axis ({error})") from None
-
-
-def check_names(axis: Axis, given: Collection[str], owner: str = "") -> None:
-    """Check that a file gives the parameters of an axis, each of them and no other.
-
-    Raises
-    ------
-    CaseError
-        Naming those that only one of them has, and whose axis it is.
-    """
-    odd = sorted(set(given) ^ set(axis.parameters.names))
-    if odd:
-        raise CaseError(
-            f"parameters do not match the axis{owner}: {', '.join(odd)}; if another version has "
-            "written the file, identify anew"
-        )
 
 
 def check_unit(item: Parameter, unit: str) -> None:

@@ -7,7 +7,7 @@ from msgspec import field
 from pneumo_casadi.data import Case
 from pneumo_casadi.errors import CaseError, ModelError
 from pneumo_casadi.identification.flow_form import read_flow
-from pneumo_casadi.identification.model_file import AxisSection, check_names, check_unit
+from pneumo_casadi.identification.model_file import AxisSection, check_unit
 from pneumo_casadi.identification.options import IdentifyOptions
 from pneumo_casadi.identification.result_file import FORMAT, HELD
 from pneumo_casadi.identification.starting_axis import catalogue_effect, make_axis, started_from
@@ -99,7 +99,14 @@ def read_axis(path: str | Path, case: Case) -> Axis:
     try:
         effects = [catalogue_effect(name, model) for name in content.effects]
         axis = make_axis(case, model).with_effects(*effects)
-        check_names(axis, estimates, f" of {case.folder}")
+        unknown = sorted(set(estimates) - set(axis.parameters.names))
+        missing = sorted(set(axis.parameters.names) - set(estimates))
+        if unknown or missing:
+            raise CaseError(
+                f"parameters do not match the axis of {case.folder}: "
+                f"{', '.join(unknown + missing)}; if another version has written the file, "
+                "identify anew"
+            )
         for name, item in estimates.items():
             check_unit(axis.parameters[name], item.unit)
         return axis.with_parameters({name: item.value for name, item in estimates.items()})
