@@ -219,12 +219,20 @@ class Parameters:
         )
 
     def fix(self, *names: str) -> "Parameters":
-        """Return a copy in which the named parameters (all, if none is named) are held fixed."""
+        """Return a copy in which the named parameters, if any, are held fixed."""
         return self._with_free(names, False)
 
+    def fix_all(self) -> "Parameters":
+        """Return a copy in which all parameters are held fixed."""
+        return self._with_free(self.names, False)
+
     def release(self, *names: str) -> "Parameters":
-        """Return a copy in which the named parameters (all, if none is named) are free."""
+        """Return a copy in which the named parameters, if any, are free."""
         return self._with_free(names, True)
+
+    def release_all(self) -> "Parameters":
+        """Return a copy in which all parameters are free."""
+        return self._with_free(self.names, True)
 
     def bounded(self, name: str, lower: float, upper: float) -> "Parameters":
         """Return a copy with other bounds on one parameter; its start is moved inside them."""
@@ -236,7 +244,7 @@ class Parameters:
         return Parameters(items)
 
     def _with_free(self, names: tuple[str, ...], free: bool) -> "Parameters":
-        chosen = {self.index(name) for name in names or self.names}
+        chosen = {self.index(name) for name in names}
         return Parameters(
             replace(item, free=free) if position in chosen else item
             for position, item in enumerate(self.items)

@@ -37,18 +37,19 @@ def test_a_vector_put_in_comes_out_again_in_order(values):
 @given(st.permutations(NAMES), st.sets(st.sampled_from(NAMES)))
 def test_free_names_keep_the_order_of_the_collection(order, fixed):
     p = Parameters(Parameter(n, 1.0, "N") for n in order)
-    held = p.fix(*fixed) if fixed else p
+    held = p.fix(*fixed)
     assert held.free_names == tuple(n for n in order if n not in fixed)
     assert [n for n, free in zip(order, held.free_mask, strict=True) if free] == list(
         held.free_names
     )
-    assert held.release() == p
+    assert held.release(*fixed) == held.release_all() == p
 
 
-def test_fixing_or_releasing_without_names_means_all(p):
-    assert p.fix().free_names == ()
-    assert p.release().free_names == ("M", "f_v", "F_c")
-    assert p.fix().release("F_c").free_names == ("F_c",)
+def test_an_empty_selection_changes_nothing_and_all_has_a_name_of_its_own(p):
+    assert p.fix() == p.release() == p
+    assert p.fix_all().free_names == ()
+    assert p.release_all().free_names == ("M", "f_v", "F_c")
+    assert p.fix_all().release("F_c").free_names == ("F_c",)
 
 
 def test_the_scale_is_the_size_of_the_value_unless_given(p):

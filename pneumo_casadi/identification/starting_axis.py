@@ -62,7 +62,7 @@ def axis_of_options(case: Case, flow: AnyFlowModel | None, options: IdentifyOpti
         held = axis.parameters.with_values(options.fixed).fix(*options.fixed)
         axis = axis.with_parameters(held)
     released = [name for name in options.start_values if name not in POLYTROPIC]
-    return axis.with_parameters(axis.parameters.release(*released)) if released else axis
+    return axis.with_parameters(axis.parameters.release(*released))
 
 
 def with_flow_from_records(axis: Axis, records: Sequence[Recording]) -> Axis:

@@ -5,6 +5,7 @@ from dataclasses import replace
 import pytest
 
 from pneumo_casadi.diagnosis import prepare_study
+from pneumo_casadi.diagnosis.metrics import simulated_fit
 from pneumo_casadi.diagnosis.metrics.residual_size import balance_levels
 from pneumo_casadi.diagnosis.metrics.simulated_fit import simulate_fit, simulate_loop
 from pneumo_casadi.diagnosis.metrics.simulated_gap import Simulations, gap_with_term, simulated_gap
@@ -51,3 +52,18 @@ def test_a_model_that_is_too_stiff_is_not_simulated(made_case):
     ):
         assert isinstance(simulated, str) and "stiff" in simulated
     assert not isinstance(simulate_fit(study, nominal, ()).windows, str)
+
+
+@pytest.mark.parametrize("fault", [OverflowError, ZeroDivisionError])
+def test_an_arithmetic_error_is_a_reason_why_there_is_no_gap(made_case, monkeypatch, fault):
+    """It ended a diagnosis whose balances had told all."""
+    study, _ = prepare_study(made_case(12, stribeck="large"))
+    nominal = fit_model(study, ())
+
+    def fail(*given):
+        raise fault("out of range")
+
+    monkeypatch.setattr(simulated_fit, "window_runs", fail)
+    monkeypatch.setattr(simulated_fit, "loop_errors", fail)
+    assert simulate_fit(study, nominal, ()).windows == "out of range"
+    assert simulate_loop(study, nominal, ()) == "out of range"

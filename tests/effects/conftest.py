@@ -157,9 +157,7 @@ def recover(made):
         record = made.recorded(axis, u, x, seed)
         known = {"v_s", *hold, *(() if force_driven else axis.flow.parameters.names)}
         start = _run_in_worker(axis, known, begin or {})
-        start = start.with_parameters(start.parameters.fix(*known))
-        if release:
-            start = start.with_parameters(start.parameters.release(*release))
+        start = start.with_parameters(start.parameters.fix(*known).release(*release))
         options = OutputErrorOptions(widths=(axis.parameters["v_s"].value,))
         result = fit_output_error(start, [record], options=options)
         names = tuple(n for n in axis.parameters.names if "." in n and n not in hold)

@@ -185,7 +185,7 @@ def perturbed(axis, factors, names=None):
 
 
 def free_only(axis, *names):
-    return axis.with_parameters(axis.parameters.fix().release(*names))
+    return axis.with_parameters(axis.parameters.fix_all().release(*names))
 
 
 def with_noise(axis, noise):

@@ -28,10 +28,10 @@ from pneumo_casadi.diagnosis.metrics.residual_size import (
     balance_closure,
     residual_rms,
 )
-from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
+from pneumo_casadi.diagnosis.prepare.fitted_model import FAULTS, FittedModel
 from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.diagnosis.select.complete import complete
-from pneumo_casadi.diagnosis.select.fit_ledger import FAULTS, Catalogue, FitLedger, Names
+from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue, FitLedger, Names
 from pneumo_casadi.diagnosis.select.forward_selection import Selection
 from pneumo_casadi.diagnosis.select.reselect import reselect
 from pneumo_casadi.effects.term import Term, term_effect

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from pneumo_casadi.data import Recording
-from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
+from pneumo_casadi.diagnosis.prepare.fitted_model import FAULTS, FittedModel
 from pneumo_casadi.diagnosis.prepare.study import Study
-from pneumo_casadi.errors import FitError, ModelError
+from pneumo_casadi.errors import ModelError
 from pneumo_casadi.metrics import signal_std
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.effect import Effect
@@ -54,7 +54,7 @@ def simulate_fit(
         axis = _simulated_axis(study, fitted, effects)
         _require_steps(axis, study.held_out)
         runs = window_runs(axis, study.held_out, window, COARSE)
-    except (FitError, ModelError) as error:
+    except FAULTS as error:
         return Simulated(str(error))
     squares = []
     for record, rows, run in runs:
@@ -75,11 +75,11 @@ def simulate_loop(
     study: Study, fitted: FittedModel, effects: Sequence[Effect]
 ) -> dict[str, float] | str:
     """Return the gap of every output of a fit under the controller, or why there is none."""
-    axis = _simulated_axis(study, fitted, effects)
     try:
+        axis = _simulated_axis(study, fitted, effects)
         _require_steps(axis, study.held_out)
         errors = loop_errors(axis, study.held_out)
-    except (FitError, ModelError) as error:
+    except FAULTS as error:
         return str(error)
     return {name: errors[name].gap_percent for name in axis.outputs}
 

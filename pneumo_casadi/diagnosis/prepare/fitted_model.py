@@ -14,7 +14,7 @@ from pneumo_casadi.diagnosis.prepare.starting_values import (
     stairs_of,
 )
 from pneumo_casadi.diagnosis.prepare.study import Study
-from pneumo_casadi.errors import FitError
+from pneumo_casadi.errors import FitError, ModelError
 from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
 from pneumo_casadi.estimation.equation_error.fit import (
     MAX_ITERATIONS,
@@ -26,6 +26,8 @@ from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.parameters import FloatArray
 
+#: Errors in which a fit or its simulation may end; any other is a defect of the program.
+FAULTS = (FitError, ModelError, ArithmeticError, np.linalg.LinAlgError)
 #: Log-likelihood that ends a search: a twentieth of what another form of an effect must gain. ...
 MIN_GAIN = 1.0
 #: An effect that gains less than that is tried so many times larger too.

@@ -42,8 +42,7 @@ def without_noise_bias(
     """
     axis = study.axis.with_effects(*effects).with_parameters(dict(fitted.values))
     released = [name for name in fitted.std if name not in axis.parameters.free_names]
-    if released:  # without a name `release` would free all
-        axis = axis.with_parameters(axis.parameters.release(*released))
+    axis = axis.with_parameters(axis.parameters.release(*released))
     try:
         influence = estimate_noise_influence(
             axis, study.train, study.anchor_with(effects), executor

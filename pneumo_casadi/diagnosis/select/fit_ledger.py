@@ -9,12 +9,11 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
 
-import numpy as np
-
 from pneumo_casadi.diagnosis.metrics.simulated_fit import WINDOW, simulate_fit
 from pneumo_casadi.diagnosis.metrics.simulated_gap import Simulations
 from pneumo_casadi.diagnosis.prepare.fit_store import Store
 from pneumo_casadi.diagnosis.prepare.fitted_model import (
+    FAULTS,
     FittedModel,
     fit_model,
     refine_model,
@@ -29,7 +28,6 @@ from pneumo_casadi.diagnosis.screen.screen import (
     perturbation,
     screened,
 )
-from pneumo_casadi.errors import FitError, ModelError
 from pneumo_casadi.estimation.equation_error.fit import MAX_ITERATIONS
 from pneumo_casadi.model.effect import Effect, EffectFactory
 from pneumo_casadi.runtime.threads import one_thread
@@ -40,9 +38,6 @@ Names = tuple[str, ...]
 #: Iterations that every candidate gets. Of 68 fits of an axis with hoses and weak effects five
 #: needed more, and took half the time of all; none of them came near the best.
 SEARCH_ITERATIONS = 8
-
-#: Errors in which a fit may end; any other is a defect of the program.
-FAULTS = (FitError, ModelError, ArithmeticError, np.linalg.LinAlgError)
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,9 +15,9 @@ from pneumo_casadi.diagnosis.metrics.residual_size import (
     residual_rms,
 )
 from pneumo_casadi.diagnosis.metrics.simulated_fit import Simulated, simulate_fit
-from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel, require_credible
+from pneumo_casadi.diagnosis.prepare.fitted_model import FAULTS, FittedModel, require_credible
 from pneumo_casadi.diagnosis.prepare.study import Study
-from pneumo_casadi.diagnosis.select.fit_ledger import FAULTS, Failed, FitLedger, Names
+from pneumo_casadi.diagnosis.select.fit_ledger import Failed, FitLedger, Names
 from pneumo_casadi.diagnosis.select.forms import nearly_best_alone
 from pneumo_casadi.diagnosis.select.output_error_refinement import (
     MAX_ITERATIONS,

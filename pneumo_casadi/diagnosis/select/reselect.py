@@ -10,9 +10,10 @@ from dataclasses import replace
 import numpy as np
 
 from pneumo_casadi.diagnosis.metrics.residual_size import residual_rms
+from pneumo_casadi.diagnosis.prepare.fitted_model import FAULTS
 from pneumo_casadi.diagnosis.select.complete import complete
 from pneumo_casadi.diagnosis.select.contributions import contributions
-from pneumo_casadi.diagnosis.select.fit_ledger import FAULTS, FitLedger, Names
+from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger, Names
 from pneumo_casadi.diagnosis.select.forward_selection import Selection
 from pneumo_casadi.diagnosis.select.hidden_motion import motion_is_hidden
 

@@ -1,6 +1,6 @@
 """The motion behind what late or shifted sensors show, and the states of effects along it."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -21,6 +21,8 @@ STRONGEST_SWING = 2.8
 
 #: Nominal states and their derivatives, each (n, N).
 Motion = tuple[FloatArray, FloatArray]
+#: T [s] and K [s²] by which sensors are late, by output; see `_lateness`.
+Lateness = Mapping[str, FloatArray]
 
 
 def true_motions(
@@ -41,14 +43,15 @@ def _without_sensors(
     model: BalanceFunctions, data: SmoothedMotion, variants: Sequence[FloatArray]
 ) -> list[Motion]:
     motions = [(data.x, data.dx)] * len(variants)
-    ahead: list[dict[str, FloatArray]] = [{} for _ in variants]
-    effects = model.axis.effects
-    for _ in range(CORRECTIONS if any_sensor_effect(effects) else 0):
+    late: list[Lateness] = []
+    for _ in range(CORRECTIONS if any_sensor_effect(model.axis.effects) else 0):
         states = simulate_effect_states(model, data, variants, motions)
+        given = zip(variants, states, motions, strict=True)
+        shown = [_shown(model, data, *each) for each in given]
+        late = late or [_late_by(model, data, *each) for each in zip(motions, shown, strict=True)]
         last = motions
         motions = [
-            _corrected(model, data, *each)
-            for each in zip(variants, states, motions, ahead, strict=True)
+            _corrected(model, data, *each) for each in zip(motions, shown, late, strict=True)
         ]
         if _distance(model, data, last, motions) < UNCHANGED:
             break
@@ -144,41 +147,55 @@ def _now_and_next(parts: Sequence[FloatArray]) -> list[FloatArray]:
     return both
 
 
+def _shown(
+    model: BalanceFunctions, data: SmoothedMotion, theta: FloatArray, z: FloatArray, motion: Motion
+) -> dict[str, FloatArray]:
+    """Return what sensors show of a motion, by output, unless it is what was measured."""
+    given = (*motion, data.u, z, model.constant_values, theta)
+    (y,) = model.functions["shown"].evaluate(data.N, *given)
+    shown = dict(zip(model.axis.outputs, y, strict=True))
+    return {name: y for name, y in shown.items() if np.any(y != data.x[_row(model, name)])}
+
+
+def _row(model: BalanceFunctions, name: str) -> int:
+    return model.axis.motion_states.index(name)
+
+
+def _late_by(
+    model: BalanceFunctions, data: SmoothedMotion, motion: Motion, shown: Mapping[str, FloatArray]
+) -> Lateness:
+    """Return what late sensors are late by, as the first correction shows it."""
+    # A long delay taken back to second order is mostly noise: see `Effect.hides_motion`.
+    lagging = [e for e in model.axis.effects if e.sensor_delays and not e.hides_motion]
+    late = {name for effect in lagging for name in effect.sensors}
+    x, _ = motion
+    return {
+        name: _lateness(x[_row(model, name)] - y, y, *_rates(data, y))
+        for name, y in shown.items()
+        if name in late
+    }
+
+
 def _corrected(
     model: BalanceFunctions,
     data: SmoothedMotion,
-    theta: FloatArray,
-    z: FloatArray,
     motion: Motion,
-    ahead: dict[str, FloatArray],
+    shown: Mapping[str, FloatArray],
+    late: Lateness,
 ) -> Motion:
-    """Return a motion that the sensors show more nearly as it was measured.
-
-    What a sensor is late by is found with the first correction, and kept in `ahead`.
-    """
-    axis = model.axis
-    # A long delay taken back to second order is mostly noise: see `Effect.hides_motion`.
-    lagging = [each for each in axis.effects if each.sensor_delays and not each.hides_motion]
-    late = {name for each in lagging for name in each.sensors}
+    """Return a motion that the sensors show more nearly as it was measured."""
     x, dx = motion
-    given = (x, dx, data.u, z, model.constant_values, theta)
-    (y,) = model.functions["shown"].evaluate(data.N, *given)
     x_new, dx_new = x.copy(), dx.copy()
-    for i, name in enumerate(axis.outputs):
-        row = axis.motion_states.index(name)
-        missing = data.x[row] - y[i]
-        if not missing.any():  # no effect acts on this sensor
-            continue
-        shift = data.smooth(missing)
+    for name, y in shown.items():
+        row = _row(model, name)
+        shift = data.smooth(data.x[row] - y)
         if name in late:
-            if name not in ahead:
-                ahead[name] = _lateness(x[row] - y[i], y[i], *_rates(data, y[i]))
-            shift = _put_ahead(data, shift, *ahead[name])
+            shift = _put_ahead(data, shift, *late[name])
         x_new[row] = x[row] + shift
         rate = data.derivative(shift)
         dx_new[row] = dx[row] + rate
         if name == "x":
-            v = axis.motion_states.index("v")
+            v = _row(model, "v")
             x_new[v] = x[v] + rate
             dx_new[v] = dx[v] + data.derivative(rate)
     return x_new, dx_new

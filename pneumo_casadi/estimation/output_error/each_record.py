@@ -115,7 +115,7 @@ def fit_each_record(
     """
     report = progress or no_progress
     flow = joint.axis.flow_parameters
-    axis = joint.axis.with_parameters(joint.parameters.fix(*flow)) if flow else joint.axis
+    axis = joint.axis.with_parameters(joint.parameters.fix(*flow))
     names = tuple(name for name in joint.uncertainty.names if name not in set(flow))
     fitted: list[str] = []
     failed: list[str] = []

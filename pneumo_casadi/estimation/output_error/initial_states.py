@@ -133,7 +133,7 @@ def _problem(model: SampledAxis, record: Recording, window: float | None) -> Pro
     segments = cut_segments(model, [record], n, window, INTERVAL, driven)
     whole = tuple(segment for segment in segments if segment.K == segments[0].K)
     functions = IntervalFunctions(model, n, whole[0].per, ())
-    return Problem(model, axis.parameters.fix(), whole, functions, None)
+    return Problem(model, axis.parameters.fix_all(), whole, functions, None)
 
 
 def _expanded(

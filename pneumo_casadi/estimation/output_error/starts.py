@@ -38,7 +38,7 @@ def settled_start(problem: Problem, theta: FloatArray, sigma: FloatArray) -> Unk
     if model.controller is not None:  # in its loop no trajectory drifts away
         return measured_start(problem, theta, sigma)
     head = max(1, round(HEAD / (functions.n * model.stepping.dt)))
-    parameters = problem.parameters.with_values(theta).fix()
+    parameters = problem.parameters.with_values(theta).fix_all()
     states = IntervalFunctions(model, functions.n, functions.blocks, ())
     x_0 = np.stack([segment.x[:, 0] for segment in problem.segments], axis=1)
     lengths = np.array([min(head, segment.K) for segment in problem.segments])

@@ -80,4 +80,4 @@ def test_nothing_to_fit_is_an_error(force):
     with pytest.raises(ModelError, match="no record"):
         fit_equation_error(axis, [])
     with pytest.raises(ModelError, match="no parameter is free"):
-        fit_equation_error(axis.with_parameters(axis.parameters.fix()), [record])
+        fit_equation_error(axis.with_parameters(axis.parameters.fix_all()), [record])

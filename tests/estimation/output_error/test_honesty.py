@@ -62,7 +62,7 @@ def test_records_that_do_not_fit_together_are_refused(made, start, short):
         fit_output_error(begin, [], table, options(made))
     with pytest.raises(ModelError, match="no parameter is free"):
         fit_output_error(
-            begin.with_parameters(begin.parameters.fix()), [short], table, options(made)
+            begin.with_parameters(begin.parameters.fix_all()), [short], table, options(made)
         )
     with pytest.raises(ModelError, match="do not fill one block"):
         fit_output_error(begin, [short], table, options(made, block=0.5))
