@@ -9,15 +9,12 @@ import pytest
 
 from pneumo_casadi.diagnosis import diagnose
 from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA
-from pneumo_casadi.diagnosis.select import hidden_motion
+from pneumo_casadi.diagnosis.select import hidden_motion, refined_trials
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger
 from pneumo_casadi.diagnosis.select.forward_selection import _coarse
-from pneumo_casadi.diagnosis.select.hidden_motion import (
-    _candidates,
-    _refine_again,
-    motion_is_hidden,
-)
+from pneumo_casadi.diagnosis.select.hidden_motion import _candidates, motion_is_hidden
 from pneumo_casadi.diagnosis.select.plausibility import find_plausible_extension
+from pneumo_casadi.diagnosis.select.refined_trials import refine_again
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.errors import FitError
 
@@ -71,7 +68,7 @@ def test_a_second_refinement_that_fails_leaves_the_first_and_no_failure(monkeypa
     failed = Future()
     failed.set_exception(FitError("ran away"))
     monkeypatch.setattr(worker, "run", lambda *given: failed)
-    _refine_again(worker, None, names)
+    refine_again(worker, None, names)
     assert worker.trials[names] == (first, 0.2)
     assert not worker.failures
 
@@ -180,7 +177,7 @@ def test_an_effect_that_only_led_out_of_a_local_minimum_is_not_needed(monkeypatc
         assert start.values == {"M": 2.0, "backlash.gap": 1e-3}
         ledger.trials[key] = start, again
 
-    monkeypatch.setattr(hidden_motion, "_refine_all", refined)
+    monkeypatch.setattr(refined_trials, "refine_all", refined)
     assert hidden_motion._is_needed(worker, None, known, names) is needed
     assert worker.trials[known][1] == again
 

@@ -14,16 +14,11 @@ from pneumo_casadi.diagnosis.metrics.residual_size import (
     leaves_too_much,
     residual_rms,
 )
-from pneumo_casadi.diagnosis.metrics.simulated_fit import Simulated, simulate_fit
-from pneumo_casadi.diagnosis.prepare.fitted_model import FAULTS, FittedModel, require_credible
-from pneumo_casadi.diagnosis.prepare.study import Study
-from pneumo_casadi.diagnosis.select.fit_ledger import Failed, FitLedger, Names
+from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
+from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger, Names
 from pneumo_casadi.diagnosis.select.forms import nearly_best_alone
-from pneumo_casadi.diagnosis.select.output_error_refinement import (
-    MAX_ITERATIONS,
-    refine_by_output_error,
-)
 from pneumo_casadi.diagnosis.select.propose import fit_extensions
+from pneumo_casadi.diagnosis.select.refined_trials import refine_again, refine_all
 from pneumo_casadi.estimation.equation_error.balance_functions import any_sensor_effect
 from pneumo_casadi.estimation.equation_error.smoothed_motion import BANDWIDTH
 from pneumo_casadi.model.effect import Effect
@@ -73,7 +68,7 @@ def find_hiding_extension(
         or any_sensor_effect(before)
     ):
         return None
-    _refine_all(ledger, nominal, {best: fits[best]})
+    refine_all(ledger, nominal, {best: fits[best]})
     if ledger.trials[best][1] > criteria.closed * ledger.simulations.share(
         nominal, current, before
     ):
@@ -86,7 +81,7 @@ def closes_in_simulation(ledger: FitLedger, nominal: FittedModel, names: Names) 
     """Tell whether a model that hides the motion closes the gap once it is simulated."""
     if not motion_is_hidden(ledger.effects(names), ledger.fits[names]):
         return False
-    _refine_all(ledger, nominal, {names: ledger.fits[names]})
+    refine_all(ledger, nominal, {names: ledger.fits[names]})
     if ledger.trials[names][1] < ledger.study.criteria.simulated:
         ledger.take(names)
         return True
@@ -107,7 +102,7 @@ def extend_by_simulation(
     """
     if not path or not motion_is_hidden(ledger.effects(path[-1]), ledger.fits[path[-1]]):
         return path
-    _refine_all(ledger, nominal, {path[-1]: ledger.fits[path[-1]]})
+    refine_all(ledger, nominal, {path[-1]: ledger.fits[path[-1]]})
     first = path[-1] if len(path) == 1 else _without_needless(ledger, nominal, path)
     if ledger.trials[first][1] >= ledger.study.criteria.simulated:
         alone = _hiding(ledger, first)
@@ -179,7 +174,7 @@ def _extended(
     ledger: FitLedger, nominal: FittedModel, known: Names, levels: BalanceLevels
 ) -> Names | None:
     """Return a model with one more effect that simulations show to be better, or None."""
-    _refine_all(ledger, nominal, {known: ledger.fits[known]})
+    refine_all(ledger, nominal, {known: ledger.fits[known]})
     base, share = ledger.trials[known]
     criteria = ledger.study.criteria
     if share < (criteria.matters if len(known) == 1 else criteria.unexplained):
@@ -192,12 +187,12 @@ def _extended(
         for name, key in keys.items()
         if key not in ledger.failures  # refused with a reason
     }
-    _refine_all(ledger, nominal, starts, TRIAL_ITERATIONS)
+    refine_all(ledger, nominal, starts, TRIAL_ITERATIONS)
     shares = {key: ledger.trials[key][1] for key in starts}
     best = min(shares, key=lambda key: shares[key], default=None)
     if best is None or shares[best] > min(criteria.closed * share, share - criteria.matters, 1.0):
         return None
-    _refine_again(ledger, nominal, best)
+    refine_again(ledger, nominal, best)
     if not _is_needed(ledger, nominal, known, best):
         return None
     ledger.fits.setdefault(best, ledger.trials[best][0])
@@ -214,7 +209,7 @@ def _is_needed(ledger: FitLedger, nominal: FittedModel, known: Names, names: Nam
     larger, share = ledger.trials[names]
     added = tuple(f"{name}." for name in names if name not in known)
     values = {n: v for n, v in larger.values.items() if not n.startswith(added)}
-    _refine_again(ledger, nominal, known, replace(larger, effects=known, values=values))
+    refine_again(ledger, nominal, known, replace(larger, effects=known, values=values))
     criteria, least = ledger.study.criteria, ledger.trials[known][1]
     return share <= min(criteria.closed * least, least - criteria.matters)
 
@@ -224,7 +219,7 @@ def _without_needless(ledger: FitLedger, nominal: FittedModel, path: tuple[Names
     names, first = path[-1], path[0]
     if first != _hiding(ledger, names):
         return names
-    _refine_all(ledger, nominal, {first: ledger.fits[first]})
+    refine_all(ledger, nominal, {first: ledger.fits[first]})
     return names if _is_needed(ledger, nominal, first, names) else first
 
 
@@ -282,46 +277,3 @@ def _beside(ledger: FitLedger, base: FittedModel, known: Names, name: str) -> Fi
     axis = ledger.study.axis.with_effects(*ledger.effects(key)).at_starting_values()
     values = axis.with_parameters(dict(base.values)).parameters.as_dict()
     return replace(base, effects=key, values=values)
-
-
-def _refine_all(
-    ledger: FitLedger,
-    nominal: FittedModel,
-    starts: Mapping[Names, FittedModel],
-    iterations: int = MAX_ITERATIONS,
-) -> None:
-    """Refine models by output error and simulate them, those that were not tried already."""
-    jobs = {
-        key: ledger.run(_refine_and_simulate, start, ledger.effects(key), iterations)
-        for key, start in starts.items()
-        if key not in ledger.trials
-    }
-    for key, job in jobs.items():
-        try:
-            better, simulated = job.result()
-        except FAULTS as error:
-            ledger.trials[key] = starts[key], np.inf
-            if key not in ledger.fits:
-                ledger.failures[key] = Failed(key, f"refined by output error: {error}")
-            continue
-        ledger.simulations.keep(better, simulated)
-        share = ledger.simulations.share(nominal, better, ledger.effects(key))
-        ledger.trials[key] = better, share
-
-
-def _refine_again(
-    ledger: FitLedger, nominal: FittedModel, names: Names, start: FittedModel | None = None
-) -> None:
-    """Refine a model again, from where it ended or another start; what leaves less is kept."""
-    before = ledger.trials.pop(names)
-    _refine_all(ledger, nominal, {names: start or before[0]})
-    ledger.trials[names] = min(before, ledger.trials[names], key=lambda trial: trial[1])
-    ledger.failures.pop(names, None)  # where only the second refinement failed
-
-
-def _refine_and_simulate(
-    study: Study, start: FittedModel, effects: Sequence[Effect], iterations: int
-) -> tuple[FittedModel, Simulated]:
-    better = refine_by_output_error(study, start, effects, iterations)
-    require_credible(study, effects, better)
-    return better, simulate_fit(study, better, effects)
