@@ -1,7 +1,7 @@
 """Two causes of which one is a sensor that hides the motion, or one mends what the other spoils."""
 
 from concurrent.futures import Future
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,7 +9,12 @@ import pytest
 
 from pneumo_casadi.diagnosis import diagnose
 from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA
-from pneumo_casadi.diagnosis.select import hidden_motion, refined_trials
+from pneumo_casadi.diagnosis.select import (
+    complete_by_simulation,
+    hidden_motion,
+    refined_trials,
+)
+from pneumo_casadi.diagnosis.select.complete import Completed
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger
 from pneumo_casadi.diagnosis.select.forward_selection import _coarse
 from pneumo_casadi.diagnosis.select.hidden_motion import _candidates, motion_is_hidden
@@ -224,3 +229,86 @@ def test_where_balances_lead_nowhere_the_search_begins_with_what_hides_the_motio
     else:  # what was tried in vain must not decide the verdict
         assert not worker.gap_left and not worker.output_error_fits
         assert before[-1] not in worker.trials
+
+
+PLAY, BOTH = ("backlash",), ("backlash", "valve_null_shift")
+
+
+@pytest.fixture
+def simulated(made):
+    """A play that output error has refined, which leaves 0.6 of the gap, and a null beside it."""
+    axis = made.true_axis()
+    worker = FitLedger(SimpleNamespace(criteria=CRITERIA, axis=axis), EFFECTS)
+    balances = axis.parameters.as_dict() | {"backlash.gap": 6e-4}
+    shifted = {"M": 3.0, "valve_null_shift.u_0P": 0.1, "valve_null_shift.u_0N": 0.2}
+    worker.fits = {
+        PLAY: RefinedFit(PLAY, balances, -500.0),
+        BOTH: RefinedFit(BOTH, balances | shifted, -600.0),
+    }
+    refined = RefinedFit(PLAY, balances | {"M": 2.0, "backlash.gap": 1.4e-3}, -500.0)
+    worker.trials, worker.gap_left = {PLAY: (refined, 0.6)}, {PLAY: 0.6}
+    return worker
+
+
+@dataclass(frozen=True)
+class RefinedFit:
+    effects: tuple[str, ...]
+    values: dict[str, float]
+    cost: float
+
+
+def test_output_error_goes_on_from_what_it_has_made_of_the_smaller_model(simulated, monkeypatch):
+    """The balances see half of a play: from their fit, twelve iterations did not bring it back."""
+    monkeypatch.setattr(simulated, "simulations", SimpleNamespace(share=lambda *given: 0.9))
+    begin = hidden_motion.beside(simulated, None, PLAY, ("valve_null_shift",))
+    assert begin.effects == BOTH
+    expected = {"M": 2.0, "backlash.gap": 1.4e-3, "valve_null_shift.u_0P": 0.1}
+    assert {name: begin.values[name] for name in expected} == expected
+
+    simulated.fits[BOTH] = replace(simulated.fits[BOTH], cost=-510.0)  # gains too little
+    begin = hidden_motion.beside(simulated, None, PLAY, ("valve_null_shift",))
+    assert begin.values["M"] == 2.0 and begin.values["valve_null_shift.u_0P"] != 0.1
+
+
+def test_it_begins_with_the_balances_where_their_smaller_model_leaves_less(simulated, monkeypatch):
+    monkeypatch.setattr(simulated, "simulations", SimpleNamespace(share=lambda *given: 0.5))
+    begin = hidden_motion.beside(simulated, None, PLAY, ("valve_null_shift",))
+    assert begin is simulated.fits[BOTH]
+
+
+@pytest.mark.parametrize(
+    ("left", "asked", "after", "taken"),
+    [
+        (0.6, BOTH, 0.3, True),
+        (0.6, BOTH, 0.37, False),  # explains nothing
+        (0.4, BOTH, 0.3, False),  # leaves three quarters of what the play leaves
+        (0.6, PLAY, 0.3, False),  # the balances ask for nothing more
+        (0.6, ("valve_null_shift",), 0.3, False),  # or for something else
+    ],
+)
+def test_weak_effects_beside_a_play_are_judged_together(
+    simulated, monkeypatch, left, asked, after, taken
+):
+    """None of four closed enough alone, and a play that was there was `unknown`."""
+    refined = SimpleNamespace(values={})
+    simulated.gap_left[PLAY] = left
+    monkeypatch.setattr(complete_by_simulation, "complete", lambda *given: Completed(asked, asked))
+    monkeypatch.setattr(complete_by_simulation, "beside", lambda *given: None)
+    monkeypatch.setattr(
+        complete_by_simulation,
+        "refine_all",
+        lambda ledger, nominal, starts: ledger.trials.update({BOTH: (refined, after)}),
+    )
+    levels = SimpleNamespace(criteria=CRITERIA)
+    done = complete_by_simulation.complete_by_simulation(simulated, None, PLAY, levels)
+    assert done == Completed(BOTH if taken else PLAY, PLAY)
+    assert (simulated.output_error_fits.get(BOTH) is refined) is taken
+
+
+def test_what_explains_the_gap_alone_is_not_completed(simulated, monkeypatch):
+    simulated.gap_left[PLAY] = 0.3
+    monkeypatch.delattr(complete_by_simulation, "complete")
+    done = complete_by_simulation.complete_by_simulation(
+        simulated, None, PLAY, SimpleNamespace(criteria=CRITERIA)
+    )
+    assert done == Completed(PLAY, PLAY)

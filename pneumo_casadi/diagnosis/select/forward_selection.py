@@ -23,6 +23,7 @@ from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.diagnosis.screen.screen import Direction, ScreenResult, background
 from pneumo_casadi.diagnosis.select.acceptance import accepted, can_matter, only_corrects_map
 from pneumo_casadi.diagnosis.select.complete import Completed, complete
+from pneumo_casadi.diagnosis.select.complete_by_simulation import complete_by_simulation
 from pneumo_casadi.diagnosis.select.contributions import contributions
 from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue, Failed, FitLedger, Names
 from pneumo_casadi.diagnosis.select.forms import (
@@ -256,8 +257,12 @@ def _completed(
 ) -> Completed:
     """Return the final model completed, unless balances tell little or the cause is unknown."""
     fitted = ledger.fits[final]
-    hidden = final in ledger.trials or motion_is_hidden(ledger.effects(final), fitted)
-    if hidden or not ledger.study.shows_accelerations or leaves_too_much(nominal, fitted, levels):
+    if not ledger.study.shows_accelerations:
+        return Completed(final, final)
+    if final in ledger.trials:
+        return complete_by_simulation(ledger, nominal, final, levels)
+    hidden = motion_is_hidden(ledger.effects(final), fitted)
+    if hidden or leaves_too_much(nominal, fitted, levels):
         return Completed(final, final)
     return complete(ledger, nominal, final, levels)
 

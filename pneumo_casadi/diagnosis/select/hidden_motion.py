@@ -15,6 +15,7 @@ from pneumo_casadi.diagnosis.metrics.residual_size import (
     residual_rms,
 )
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
+from pneumo_casadi.diagnosis.prepare.starting_values import values_of
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger, Names
 from pneumo_casadi.diagnosis.select.forms import nearly_best_alone
 from pneumo_casadi.diagnosis.select.propose import fit_extensions
@@ -175,7 +176,7 @@ def _extended(
 ) -> Names | None:
     """Return a model with one more effect that simulations show to be better, or None."""
     refine_all(ledger, nominal, {known: ledger.fits[known]})
-    base, share = ledger.trials[known]
+    _, share = ledger.trials[known]
     criteria = ledger.study.criteria
     if share < (criteria.matters if len(known) == 1 else criteria.unexplained):
         return None
@@ -183,7 +184,7 @@ def _extended(
     fit_extensions(ledger, nominal, ledger.fits[known], known, levels)
     keys = {name: ledger.key((*known, name)) for name in _candidates(ledger, known)}
     starts = {
-        key: _beside(ledger, base, known, name)
+        key: beside(ledger, nominal, known, (name,))
         for name, key in keys.items()
         if key not in ledger.failures  # refused with a reason
     }
@@ -252,28 +253,37 @@ def _candidates(ledger: FitLedger, known: Names) -> Sequence[str]:
     return [
         name
         for name, effect in made.items()
-        if not effect.metered and (_gains(ledger, known, name) or not effect.hides_motion)
+        if not effect.metered and (_gains(ledger, known, (name,)) or not effect.hides_motion)
     ]
 
 
-def _gains(ledger: FitLedger, known: Names, name: str) -> bool:
-    """Tell whether an effect more was fitted beside the known ones, and gained something."""
-    fitted = ledger.fits.get(ledger.key((*known, name)))
+def _gains(ledger: FitLedger, known: Names, added: Sequence[str]) -> bool:
+    """Tell whether more effects were fitted beside the known ones, and gained something."""
+    fitted = ledger.fits.get(ledger.key((*known, *added)))
     return (
         fitted is not None
         and fitted.cost < ledger.fits[known].cost - ledger.study.criteria.form_gain
     )
 
 
-def _beside(ledger: FitLedger, base: FittedModel, known: Names, name: str) -> FittedModel:
-    """Return a fit with an effect more: as the balances have it where it gained, or at its start.
+def beside(
+    ledger: FitLedger, nominal: FittedModel, known: Names, added: Sequence[str]
+) -> FittedModel:
+    """Return where output error begins with further effects beside a model that it has refined.
 
-    Parameters of two fits do not suit each other: with what output error has made of the smaller
-    model and the balances of the effect, twelve iterations ended where the fit had been better.
+    The refined model goes on with the effects as the balances have them where they gained, else at
+    their start. The balances' fit of all of them begins farther off: they take a play for half of
+    what output error makes of it, and twelve iterations did not bring it back. It is where to begin
+    only if its smaller model leaves less of the gap than the refined one.
     """
-    key = ledger.key((*known, name))
-    if _gains(ledger, known, name):
+    base, share = ledger.trials[known]
+    key, effects = ledger.key((*known, *added)), ledger.effects(known)
+    gained = _gains(ledger, known, added)
+    if gained and ledger.simulations.share(nominal, ledger.fits[known], effects) < share:
         return ledger.fits[key]
     axis = ledger.study.axis.with_effects(*ledger.effects(key)).at_starting_values()
     values = axis.with_parameters(dict(base.values)).parameters.as_dict()
+    if gained:
+        for name in added:
+            values |= values_of(name, ledger.fits[key].values)
     return replace(base, effects=key, values=values)
