@@ -132,13 +132,17 @@ def failing(*names, tolerances=2.0):
 @pytest.mark.parametrize(
     ("names", "excess", "expected"),
     [
-        (("S_N", "S_N/S_P"), 1.6, Verdict.ABSORBED),
-        (("S_P", "S_N"), 1.6, Verdict.UNKNOWN),  # as a flow map that drifts
-        (("S_N", "S_N/S_P"), 9.0, Verdict.UNKNOWN),  # more than a gain so near to one leaves
+        (("S_N", "S_N/S_P"), (1.0, 1.6, 1.0), Verdict.ABSORBED),
+        (("S_N", "S_N/S_P"), (1.4, 1.6, 1.0), Verdict.ABSORBED),
+        (("S_N", "S_N/S_P"), (1.8, 1.6, 1.0), Verdict.UNKNOWN),  # the other valve acts in N only
+        (("S_N", "S_N/S_P"), (1.0, 1.6, 1.8), Verdict.UNKNOWN),
+        (("S_P", "S_N"), (1.0, 1.6, 1.0), Verdict.UNKNOWN),  # as a flow map that drifts
+        # More than a gain so near to one leaves:
+        (("S_N", "S_N/S_P"), (1.0, 9.0, 1.0), Verdict.UNKNOWN),
     ],
 )
 def test_a_faint_gap_without_a_name_is_told_by_the_ratio_of_the_areas(names, excess, expected):
-    judgement = Judgement(Verdict.UNKNOWN, (), {}, 0.7, np.array([1.0, excess, 1.0]))
+    judgement = Judgement(Verdict.UNKNOWN, (), {}, 0.7, np.array(excess))
     verdict, hidden = review_verdict(judgement, failing(*names), EFFECTS)
     assert verdict is expected
     assert ("valve_mismatch" in hidden) is (expected is Verdict.ABSORBED)
@@ -157,9 +161,12 @@ def test_a_faint_gap_without_a_name_is_told_by_the_ratio_of_the_areas(names, exc
 @pytest.mark.parametrize("verdict", [Verdict.UNKNOWN, Verdict.EFFECT])
 def test_a_piston_N_far_from_its_size_is_another_valve_whatever_the_gap(names, expected, verdict):
     judgement = Judgement(verdict, (), {}, 0.2, np.array([1.0, 9.0, 1.0]))
-    result, hidden = review_verdict(judgement, failing(*names, tolerances=4.0), EFFECTS)
+    checks = failing(*names, tolerances=4.0)
+    result, hidden = review_verdict(judgement, checks, EFFECTS)
     assert result is expected
     assert hidden[:1] == (("valve_mismatch",) if expected is Verdict.ABSORBED else ())
+    elsewhere = replace(judgement, excess=np.array([5.0, 7.0, 1.0]))
+    assert review_verdict(elsewhere, checks, EFFECTS) == (Verdict.UNKNOWN, ())
 
 
 @pytest.mark.parametrize(
