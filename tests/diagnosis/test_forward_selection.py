@@ -17,6 +17,7 @@ from pneumo_casadi.diagnosis.select.forward_selection import (
 
 FINAL = ("stribeck",)
 WHOLE = Completed(("hose", "stribeck"), FINAL)
+SIMULATED = Completed(("leakage_P", "stribeck"), FINAL)
 
 
 def fitted(force):
@@ -32,11 +33,14 @@ def fitted(force):
         (2.0, False, False, False, WHOLE),
         # What is left has another cause: effects more would take up parts of it.
         (6.0, False, False, False, Completed(FINAL, FINAL)),
-        # The balances do not tell: sensors hide the motion, simulations have
-        # decided, or the records are too slow for accelerations.
+        # The balances do not tell: sensors hide the motion, or the records are too slow for
+        # accelerations.
         (2.0, True, False, False, Completed(FINAL, FINAL)),
-        (2.0, False, True, False, Completed(FINAL, FINAL)),
         (2.0, False, False, True, Completed(FINAL, FINAL)),
+        (2.0, False, True, True, Completed(FINAL, FINAL)),
+        # Simulations have decided, and go on to.
+        (2.0, True, True, False, SIMULATED),
+        (6.0, False, True, False, SIMULATED),
     ],
 )
 def test_a_model_is_completed_where_the_balances_tell(
@@ -44,6 +48,7 @@ def test_a_model_is_completed_where_the_balances_tell(
 ):
     monkeypatch.setattr(forward_selection, "motion_is_hidden", lambda effects, fit: hides)
     monkeypatch.setattr(forward_selection, "complete", lambda *given: WHOLE)
+    monkeypatch.setattr(forward_selection, "complete_by_simulation", lambda *given: SIMULATED)
     ledger = SimpleNamespace(
         fits={FINAL: fitted(left)}, output_error_fits={}, effects=lambda names: names,
         trials={FINAL: None} if tried else {}, study=SimpleNamespace(shows_accelerations=not slow),
