@@ -55,14 +55,12 @@ def axis_of_options(case: Case, flow: AnyFlowModel | None, options: IdentifyOpti
     """
     axis = make_axis(case, flow)
     axis = axis.with_effects(*(catalogue_effect(name, flow) for name in options.effects))
-    if axis.flow_parameters and not options.refine_flow:
+    if not options.refine_flow:
         axis = axis.with_parameters(axis.parameters.fix(*axis.flow_parameters))
     _refuse_unknown(axis, options)
-    if options.fixed:
-        held = axis.parameters.with_values(options.fixed).fix(*options.fixed)
-        axis = axis.with_parameters(held)
+    held = axis.parameters.with_values(options.fixed).fix(*options.fixed)
     released = [name for name in options.start_values if name not in POLYTROPIC]
-    return axis.with_parameters(axis.parameters.release(*released))
+    return axis.with_parameters(held.release(*released))
 
 
 def with_flow_from_records(axis: Axis, records: Sequence[Recording]) -> Axis:

@@ -28,6 +28,7 @@ from pneumo_casadi.errors import FitError
 class SimpleFit:
     effects: tuple[str, ...]
     values: dict[str, float]
+    cost: float = 0.0
 
 
 def named(case, *catalogue):
@@ -242,19 +243,12 @@ def simulated(made):
     balances = axis.parameters.as_dict() | {"backlash.gap": 6e-4}
     shifted = {"M": 3.0, "valve_null_shift.u_0P": 0.1, "valve_null_shift.u_0N": 0.2}
     worker.fits = {
-        PLAY: RefinedFit(PLAY, balances, -500.0),
-        BOTH: RefinedFit(BOTH, balances | shifted, -600.0),
+        PLAY: SimpleFit(PLAY, balances, -500.0),
+        BOTH: SimpleFit(BOTH, balances | shifted, -600.0),
     }
-    refined = RefinedFit(PLAY, balances | {"M": 2.0, "backlash.gap": 1.4e-3}, -500.0)
+    refined = SimpleFit(PLAY, balances | {"M": 2.0, "backlash.gap": 1.4e-3}, -500.0)
     worker.trials, worker.gap_left = {PLAY: (refined, 0.6)}, {PLAY: 0.6}
     return worker
-
-
-@dataclass(frozen=True)
-class RefinedFit:
-    effects: tuple[str, ...]
-    values: dict[str, float]
-    cost: float
 
 
 def test_output_error_goes_on_from_what_it_has_made_of_the_smaller_model(simulated, monkeypatch):
