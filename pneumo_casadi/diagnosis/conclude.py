@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 
 from pneumo_casadi.diagnosis.checks.parameter_checks import check_fit
 from pneumo_casadi.diagnosis.decide.decision import NAMING, Decision, decide_verdict
-from pneumo_casadi.diagnosis.decide.late_command import rather_late_command
 from pneumo_casadi.diagnosis.decide.result import Verdict
+from pneumo_casadi.diagnosis.decide.shared_cause import rather_one_cause
 from pneumo_casadi.diagnosis.discover.beside import (
     Discovery,
     discover_beside,
@@ -79,9 +79,9 @@ def _decided_on(
 ) -> Conclusion:
     effects = tuple(catalogue[name]() for name in selection.chosen)
     checks = check_fit(study, selection.final, effects)
-    late = rather_late_command(
+    doubt = rather_one_cause(
         effects, selection.final, study.axis.outputs, catalogue, study.criteria
     )
-    decision = decide_verdict(selection, checks, known, surpassed=bool(late))
-    notes = (late,) if late else ()
+    decision = decide_verdict(selection, checks, known, surpassed=bool(doubt))
+    notes = (doubt,) if doubt else ()
     return Conclusion(selection, effects, tuple(checks), decision, notes=notes)

@@ -26,6 +26,16 @@ NOMINAL: tuple[str, ...] = (
     "flow coefficients",
 )
 
+#: Attributes that name parameters of the effect.
+_NAMING_PARAMETERS = (
+    "credible",
+    "scanned",
+    "staircase",
+    "command_delays",
+    "sensor_delays",
+    "sensor_offsets",
+)
+
 
 class Effect:
     """Base of all effects: it changes nothing.
@@ -66,6 +76,8 @@ class Effect:
         the samples were taken and the command was updated, and no property of the axis.
     sensor_delays : tuple of str
         Parameters by which what `sensors` show is late [s], by short name.
+    sensor_offsets : tuple of str
+        Parameters by which what `sensors` show is too much, by short name.
     one_form : bool
         Whether only one equation of the effect is known, as for an offset. If such an effect is
         the cause, the model with it closes the gap almost entirely. Friction and hysteresis, in
@@ -142,6 +154,7 @@ class Effect:
     credible: ClassVar[Mapping[str, tuple[float, float]]] = MappingProxyType({})
     command_delays: ClassVar[tuple[str, ...]] = ()
     sensor_delays: ClassVar[tuple[str, ...]] = ()
+    sensor_offsets: ClassVar[tuple[str, ...]] = ()
     one_form: ClassVar[bool] = False
     sensors: ClassVar[tuple[str, ...]] = ()
     hides_motion: ClassVar[bool] = False
@@ -165,8 +178,7 @@ class Effect:
         without = [item.name for item in cls.parameters if item.null is None]
         if without:
             raise ModelError(f"effect {cls.name}: no null value for {', '.join(without)}")
-        listed = ("credible", "scanned", "staircase", "command_delays", "sensor_delays")
-        for attribute in listed:
+        for attribute in _NAMING_PARAMETERS:
             strange = sorted(set(getattr(cls, attribute)) - {item.name for item in cls.parameters})
             if strange:
                 raise ModelError(

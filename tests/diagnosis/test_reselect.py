@@ -76,7 +76,7 @@ def test_they_stand_for_it_only_where_they_are_named(monkeypatch, named, taken):
         conclude, "decide_verdict", lambda chosen, *given, surpassed: decisions[chosen.chosen]
     )
     monkeypatch.setattr(conclude, "discover_beside", lambda *given: ("a term", instead))
-    monkeypatch.setattr(conclude, "rather_late_command", lambda *given: "")
+    monkeypatch.setattr(conclude, "rather_one_cause", lambda *given: "")
     monkeypatch.setattr(Selection, "final", None)
     study = SimpleNamespace(axis=SimpleNamespace(outputs=()), criteria=CRITERIA)
     catalogue = dict.fromkeys((*PAIR, "position_delay"), SimpleNamespace)

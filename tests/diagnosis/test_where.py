@@ -116,6 +116,9 @@ def test_the_location_of_an_effect_is_where_it_acts(bench):
     # It is the effect that tells, not the residuals.
     assert balance_of_effect(lag, {}) == "measurement"
     assert balance_of_effect(spring, {"mass_flow_P": 1.0, "force": 0.0}) == "force"
+    # Its load moves: that the piston is elsewhere, and volumes with it, is what follows.
+    ahead = EFFECTS["position_on_elastic_load"]()
+    assert balance_of_effect(ahead, {"mass_flow_N": 1.0, "force": 0.1}) == "force"
 
 
 def test_an_effect_of_both_chambers_is_where_it_adds_more():

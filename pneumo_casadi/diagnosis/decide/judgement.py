@@ -63,7 +63,7 @@ def judge(selection: Selection, named: Sequence[Effect], surpassed: bool = False
     """Return the verdict of a selection, given the effects that its final model names.
 
     With `surpassed` something outside the catalogue explains the gap better than these; see
-    `find_rival_term` and `rather_late_command`.
+    `find_rival_term` and `rather_one_cause`.
     """
     levels, criteria = selection.levels, selection.levels.criteria
     excess = residual_rms(selection.nominal) / levels.noise

@@ -29,8 +29,8 @@ from pneumo_casadi.model.junctions import Junction
 SENSOR, RIVAL = 0.7, 3.0
 #: Factor by which a hypothesis with one more free signal must leave less.
 SIGNAL = 1.7
-#: Junctions of effects on the moving mass, some of which change what its sensor shows besides.
-_MECHANICAL = {Junction.FORCE, Junction.DRIVE, Junction.OUTPUT}
+#: Junctions of what acts on the moving mass, whatever volumes or readings change with its motion.
+_MECHANICAL = {Junction.FORCE, Junction.DRIVE}
 #: Share of the residuals that a rival must not leave.
 UNEXPLAINED = 0.15
 #: Regimes shown at most.
@@ -158,10 +158,8 @@ def balance_of_effect(cause: Effect, added: Mapping[str, float]) -> Location:
     junctions = set(cause.junctions)
     if junctions <= {Junction.OUTPUT}:
         return Location.MEASUREMENT
-    if junctions <= _MECHANICAL:
+    if junctions & _MECHANICAL:
         return Location.FORCE
-    if junctions & {Junction.FORCE, Junction.DRIVE}:
-        return Location(max(added, key=lambda name: added[name]))
     flows = {name: value for name, value in added.items() if name != Location.FORCE}
     return Location(max(flows, key=lambda name: flows[name]))
 
@@ -208,8 +206,8 @@ def _size(effect: Effect, added: Mapping[str, float]) -> dict[str, float]:
     location = balance_of_effect(effect, added)
     if location is Location.MEASUREMENT:
         return {}
-    # What a change of a sensor's reading adds to other balances is not where the effect acts.
-    only = (location,) if set(effect.junctions) <= _MECHANICAL else tuple(added)
+    # What a changed motion or reading adds to other balances is not where the effect acts.
+    only = (location,) if location is Location.FORCE else tuple(added)
     return {name: added[name] ** 0.5 for name in only}
 
 

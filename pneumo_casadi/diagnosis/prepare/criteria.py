@@ -65,10 +65,10 @@ class Criteria:
     far : float
         Tolerances by which an area must be off to make an effect implausible; the misfit of an
         effect's form moves areas by two.
-    one_delay, one_delay_std : float
-        Two delays are one within this share of them, or within so many standard deviations of their
-        difference: a lag and a pure delay of one signal, of which one is not the true form, came
-        out 8 and 11 % apart.
+    one_size, one_size_std : float
+        Two delays, or two offsets, are one within this share of them, or within so many standard
+        deviations of their difference: a lag and a pure delay of one signal, of which one is not
+        the true form, came out 8 and 11 % apart, offsets that stand for a supply 3 to 12 %.
     sharpness : float
         Rate at which the weight of an alternative falls with the share of the gain that it misses.
     alike, alone, further_alone : float
@@ -98,8 +98,8 @@ class Criteria:
     one_form: float = 0.08
     contradicted: float = 0.1
     far: float = 3.0
-    one_delay: float = 0.2
-    one_delay_std: float = 2.0
+    one_size: float = 0.2
+    one_size_std: float = 2.0
     sharpness: float = 25.0
     alike: float = 0.10
     alone: float = 0.6

@@ -44,6 +44,7 @@ class PressureSensorBias(Effect):
 
     name = "pressure_sensor_bias"
     sensors = ("p_P", "p_N")
+    sensor_offsets = ("b_P", "b_N")
     absorbed_by = Absorption(("F_c",))
     equation = "y_pP = p_P + b_P, y_pN = p_N + b_N"
     source = "zero error of a pressure transmitter, IEC 61298-2"

@@ -1,10 +1,10 @@
-"""Sensors late by one time, where the catalogue has no command that is late."""
+"""Sensors that err by one amount, where the catalogue has no effect of what they share."""
 
 from types import SimpleNamespace
 
 import pytest
 
-from pneumo_casadi.diagnosis.decide.late_command import rather_late_command
+from pneumo_casadi.diagnosis.decide.shared_cause import rather_one_cause
 from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA
 from pneumo_casadi.diagnosis.prepare.fitted_model import fit_model
 from pneumo_casadi.diagnosis.prepare.prepare_study import prepare_study
@@ -24,7 +24,7 @@ def note(delays, std=1e-3, catalogue=WITHOUT, others=("hose",)):
     values = {f"{name}.{DELAYS[name]}": value / 1e3 for name, value in delays.items()}
     fitted = SimpleNamespace(values=values, std=dict.fromkeys(values, std))
     effects = [EFFECTS[name]() for name in (*delays, *others)]
-    return rather_late_command(effects, fitted, OUTPUTS, catalogue, CRITERIA)
+    return rather_one_cause(effects, fitted, OUTPUTS, catalogue, CRITERIA)
 
 
 def test_equal_delays_of_all_sensors_are_one_of_the_command():
@@ -50,6 +50,37 @@ def test_otherwise_sensors_are_late_themselves(delays, given):
     assert note(delays, **given) == ""
 
 
+NO_SUPPLY = {name: effect for name, effect in EFFECTS.items() if name != "supply_droop"}
+
+
+def note_on_offsets(b_P, b_N, std=0.5, catalogue=NO_SUPPLY, names=("pressure_sensor_bias",)):
+    """Ask for offsets [kPa] of both pressure sensors."""
+    values = {"pressure_sensor_bias.b_P": 1e3 * b_P, "pressure_sensor_bias.b_N": 1e3 * b_N}
+    fitted = SimpleNamespace(values=values, std=dict.fromkeys(values, 1e3 * std))
+    effects = [EFFECTS[name]() for name in names]
+    return rather_one_cause(effects, fitted, OUTPUTS, catalogue, CRITERIA)
+
+
+def test_equal_offsets_of_both_pressures_are_one_of_the_supply():
+    assert "-12.0 kPa: rather the supply" in note_on_offsets(-12.5, -11.5)
+    assert note_on_offsets(20.0, 17.0)  # a fifth apart
+    assert note_on_offsets(3.0, 1.0, std=1.5)  # not known to differ
+
+
+@pytest.mark.parametrize(
+    ("b_P", "b_N", "given"),
+    [
+        (-12.5, -9.0, {}),  # not equal
+        (0.5, -0.5, {"std": 2.0}),  # of two signs
+        (-25.0, 12.5, {}),
+        (-12.5, -11.5, {"names": ("stribeck",)}),
+        (-12.5, -11.5, {"catalogue": EFFECTS}),  # a supply that droops was fitted as well
+    ],
+)
+def test_otherwise_sensors_have_offsets_themselves(b_P, b_N, given):
+    assert note_on_offsets(b_P, b_N, **given) == ""
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("hidden", "rather_the_command"),
@@ -62,6 +93,4 @@ def test_a_slow_valve_gives_all_sensors_one_delay(made_case, hidden, rather_the_
     study, _ = prepare_study(made_case(14, **hidden))
     effects = EFFECTS["pressure_sensor_lag"](), EFFECTS["position_delay"]()
     fitted = fit_model(study, effects, fit_model(study, ()).values)
-    assert (
-        bool(rather_late_command(effects, fitted, OUTPUTS, WITHOUT, CRITERIA)) is rather_the_command
-    )
+    assert bool(rather_one_cause(effects, fitted, OUTPUTS, WITHOUT, CRITERIA)) is rather_the_command
