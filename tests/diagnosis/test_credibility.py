@@ -149,6 +149,25 @@ def test_a_faint_gap_without_a_name_is_told_by_the_ratio_of_the_areas(names, exc
 
 
 @pytest.mark.parametrize(
+    ("names", "excess", "expected"),
+    [
+        (("S_N", "S_N/S_P"), (1.6, 3.4, 1.5), Verdict.ABSORBED),  # weak effects act besides
+        (("S_N", "S_N/S_P"), (3.4, 1.6, 1.8), Verdict.EFFECT),
+        (("S_N", "S_N/S_P"), (1.0, 1.0, 3.0), Verdict.EFFECT),
+        (("S_P", "F_c"), (2.3, 1.6, 1.0), Verdict.EFFECT),  # no force makes a gap in the flows
+        (("S_P", "F_c"), (1.6, 2.3, 1.0), Verdict.EFFECT),
+    ],
+)
+def test_a_name_near_the_noise_yields_to_another_valve_where_the_gap_is_largest(
+    names, excess, expected
+):
+    judgement = Judgement(Verdict.EFFECT, (), {}, 0.05, np.array(excess))
+    verdict, hidden = review_verdict(judgement, failing(*names), EFFECTS)
+    assert verdict is expected
+    assert hidden == (("valve_mismatch",) if expected is Verdict.ABSORBED else ())
+
+
+@pytest.mark.parametrize(
     ("names", "expected"),
     [
         (("S_N", "S_N/S_P"), Verdict.ABSORBED),

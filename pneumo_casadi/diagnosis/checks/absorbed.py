@@ -1,6 +1,6 @@
 """Effects that a refit may have absorbed, named by the parameter checks that fail."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 from pneumo_casadi.diagnosis.metrics.findings import Check
 from pneumo_casadi.diagnosis.metrics.location import Location
@@ -39,7 +39,9 @@ def contradicted_balance(checks: Sequence[Check]) -> Location:
 
 
 def absorbed_candidates(
-    checks: Sequence[Check], catalogue: Mapping[str, EffectFactory]
+    checks: Sequence[Check],
+    catalogue: Mapping[str, EffectFactory],
+    shown_by: Collection[str] = PARAMETER_CHECKS,
 ) -> tuple[str, ...]:
     """Name the effects that the parameters may have absorbed, the most likely first.
 
@@ -49,6 +51,8 @@ def absorbed_candidates(
         From `check_parameters`.
     catalogue : mapping of str to effect class
         Effects; each declares in `Effect.absorbed_by` which checks fail if it is absorbed.
+    shown_by : collection of str, optional
+        Checks by which an effect must show; all by default.
 
     Examples
     --------
@@ -62,6 +66,6 @@ def absorbed_candidates(
     for name, factory in catalogue.items():
         absorption = factory().absorbed_by
         check = None if absorption is None else absorption.first_failed(failed)
-        if check is not None:
+        if check in shown_by:
             shown[name] = PARAMETER_CHECKS.index(check)
     return tuple(sorted(shown, key=lambda name: shown[name]))

@@ -32,17 +32,29 @@ def only_in_chamber_N(judgement: Judgement) -> bool:
     return bool(np.all(elsewhere <= judgement.criteria.coarse_map))
 
 
+def may_be_valve_N(judgement: Judgement) -> bool:
+    """Return whether another valve N may be behind the gap.
+
+    Where effects are named they may leave gaps elsewhere besides, but the largest is in chamber N.
+    """
+    if judgement.verdict is Verdict.UNKNOWN:
+        return only_in_chamber_N(judgement)
+    return int(np.argmax(judgement.excess)) == CHAMBER_N
+
+
 def review_verdict(
     judgement: Judgement, checks: Sequence[Check], catalogue: Mapping[str, EffectFactory]
 ) -> tuple[Verdict, tuple[str, ...]]:
     """Review a verdict by the parameter checks; return it with the effects possibly absorbed.
 
-    Four rules: (1) Without a gap, or with one near the noise and implausible piston areas, the
-    verdict is ``absorbed`` if a failed check points to an effect. (2) An effect that leaves a part
-    of the gap and needs an implausible mass or piston area is not credible: the cause is unknown.
+    Four rules: (1) Without a gap the verdict is ``absorbed`` if a failed check points to an effect,
+    and with one near the noise if the ratio of the piston areas does: an unlisted cause may shift
+    both areas alike, their ratio is shifted by the valves only. (2) An effect that leaves a part of
+    the gap and needs an implausible mass or piston area is not credible: the cause is unknown.
     (3) If the area of piston N is far off and nothing else is, the cause is valve N: the flow map
-    is that of valve P. Where the cause is unknown, (1) and (3) ask for a gap that is visible in
-    chamber N only. (4) Where effects are named and (3) holds, valve N differs besides.
+    is that of valve P. (4) Where effects are named and (3) holds, valve N differs besides. With a
+    gap, (1) asks that its largest part is in chamber N; where the cause is unknown, (1) and (3) ask
+    that it is visible there only.
 
     Parameters
     ----------
@@ -59,14 +71,13 @@ def review_verdict(
         The verdict, and the effects that the parameters may have absorbed, the most likely first.
     """
     verdict = judgement.verdict
-    absorbed = absorbed_candidates(checks, catalogue)
-    failed = {check.name for check in checks if not check.agrees}
-    # An unlisted cause may shift both areas alike; the ratio is shifted by the valves only.
-    in_areas = bool(failed & set(AREAS))
-    if verdict is Verdict.UNKNOWN:
-        in_areas = "S_N/S_P" in failed and only_in_chamber_N(judgement)
-    if verdict is Verdict.NONE or (near_noise(judgement) and in_areas):
+    if verdict is Verdict.NONE:
+        absorbed = absorbed_candidates(checks, catalogue)
         return (Verdict.ABSORBED, absorbed) if absorbed else (verdict, ())
+    failed = {check.name for check in checks if not check.agrees}
+    absorbed = absorbed_candidates(checks, catalogue, shown_by=("S_N/S_P",))
+    if absorbed and near_noise(judgement) and may_be_valve_N(judgement):
+        return Verdict.ABSORBED, absorbed
     far = {
         check.name
         for check in checks
@@ -86,4 +97,4 @@ def review_verdict(
         return verdict, ()
     if verdict is Verdict.UNKNOWN:
         return (Verdict.ABSORBED, absorbed) if only_in_chamber_N(judgement) else (verdict, ())
-    return verdict, absorbed_candidates([c for c in checks if c.name != "F_c"], catalogue)
+    return verdict, absorbed
