@@ -58,6 +58,9 @@ from pneumo_casadi.effects.valve.valve_dead_zone_edges import (
 from pneumo_casadi.effects.valve.valve_dynamics import ValveDynamics as ValveDynamics
 from pneumo_casadi.effects.valve.valve_hysteresis import ValveHysteresis as ValveHysteresis
 from pneumo_casadi.effects.valve.valve_mismatch import ValveMismatch as ValveMismatch
+from pneumo_casadi.effects.valve.valve_mismatch_edges import (
+    ValveMismatchEdges as ValveMismatchEdges,
+)
 from pneumo_casadi.effects.valve.valve_null_shift import ValveNullShift as ValveNullShift
 from pneumo_casadi.effects.valve.valve_null_shift_warming import (
     ValveNullShiftWarming as ValveNullShiftWarming,

@@ -153,7 +153,8 @@ def test_a_faint_gap_without_a_name_is_told_by_the_ratio_of_the_areas(names, exc
     [
         (("S_N", "S_N/S_P"), (1.6, 3.4, 1.5), Verdict.ABSORBED),  # weak effects act besides
         (("S_N", "S_N/S_P"), (3.4, 1.6, 1.8), Verdict.EFFECT),
-        (("S_N", "S_N/S_P"), (1.0, 1.0, 3.0), Verdict.EFFECT),
+        (("S_N", "S_N/S_P"), (1.3, 0.9, 3.0), Verdict.EFFECT),
+        (("S_N", "S_N/S_P"), (1.0, 1.2, 3.0), Verdict.ABSORBED),  # a force acts besides
         (("S_P", "F_c"), (2.3, 1.6, 1.0), Verdict.EFFECT),  # no force makes a gap in the flows
         (("S_P", "F_c"), (1.6, 2.3, 1.0), Verdict.EFFECT),
     ],
@@ -189,6 +190,26 @@ def test_a_piston_N_far_from_its_size_is_another_valve_whatever_the_gap(names, e
 
 
 @pytest.mark.parametrize(
+    ("names", "explained", "expected"),
+    [
+        (("S_N", "S_N/S_P"), True, Verdict.EFFECT),  # what is left is in the force balance
+        (("S_N", "S_N/S_P", "F_c"), True, Verdict.EFFECT),
+        (("S_N", "S_N/S_P"), False, Verdict.UNKNOWN),
+        (("S_P", "S_N/S_P"), True, Verdict.UNKNOWN),
+        (("S_N", "S_N/S_P", "M"), True, Verdict.UNKNOWN),
+    ],
+)
+def test_another_valve_N_is_no_reason_to_doubt_effects_that_explain_the_flows(
+    names, explained, expected
+):
+    judgement = Judgement(Verdict.EFFECT, (), {}, 0.4, np.array([10.0, 1.6, 10.8]))
+    judgement = replace(judgement, explains_flows=explained)
+    verdict, hidden = review_verdict(judgement, failing(*names, tolerances=4.0), EFFECTS)
+    assert verdict is expected
+    assert hidden == (("valve_mismatch",) if expected is Verdict.EFFECT else ())
+
+
+@pytest.mark.parametrize(
     ("names", "tolerances", "expected"),
     [
         (("S_N", "S_N/S_P"), 4.0, ("valve_mismatch",)),
@@ -205,14 +226,22 @@ def test_an_effect_that_leaves_little_is_named_and_the_other_valve_besides(
     assert result == (Verdict.EFFECT, expected)
 
 
-@pytest.mark.parametrize("fitted", [False, True])
-def test_of_a_valve_that_was_fitted_the_model_tells(monkeypatch, fitted):
-    names = ("exhaust_restriction", "valve_mismatch") if fitted else ("exhaust_restriction",)
+@pytest.mark.parametrize(
+    ("names", "named", "expected"),
+    [
+        (("exhaust_restriction",), 1, ("valve_mismatch",)),
+        (("exhaust_restriction", "valve_mismatch"), 1, ()),
+        # Its edges tell of the valve where they are named; else they tell of their difference only.
+        (("exhaust_restriction", "valve_mismatch_edges"), 2, ()),
+        (("exhaust_restriction", "valve_mismatch_edges"), 1, ("valve_mismatch",)),
+    ],
+)
+def test_of_a_valve_that_was_fitted_the_model_tells(monkeypatch, names, named, expected):
     judgement = Judgement(Verdict.EFFECT, (names,), {}, 0.05, np.array([1.0, 9.0, 1.0]))
     monkeypatch.setattr("pneumo_casadi.diagnosis.decide.decision.judge", lambda *_: judgement)
-    selection = SimpleNamespace(named=names[:1], chosen=names)
+    selection = SimpleNamespace(named=names[:named], chosen=names)
     decision = decide_verdict(selection, failing("S_N", "S_N/S_P", tolerances=4.0), EFFECTS)
-    assert decision.absorbed == (() if fitted else ("valve_mismatch",))
+    assert decision.absorbed == expected
     assert (decision.alternatives, decision.is_open) == ((names,), False)
 
 

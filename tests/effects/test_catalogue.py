@@ -56,6 +56,7 @@ ORDER = (
     "valve_dynamics",
     "valve_hysteresis",
     "valve_mismatch",
+    "valve_mismatch_edges",
     "valve_null_shift",
     "valve_null_shift_warming",
     "valve_stiction",

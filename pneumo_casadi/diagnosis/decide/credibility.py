@@ -35,11 +35,12 @@ def only_in_chamber_N(judgement: Judgement) -> bool:
 def may_be_valve_N(judgement: Judgement) -> bool:
     """Return whether another valve N may be behind the gap.
 
-    Where effects are named they may leave gaps elsewhere besides, but the largest is in chamber N.
+    Where effects are named they may act in chamber P and in the force balance besides, but of the
+    mass flows that of chamber N has the larger gap.
     """
     if judgement.verdict is Verdict.UNKNOWN:
         return only_in_chamber_N(judgement)
-    return int(np.argmax(judgement.excess)) == CHAMBER_N
+    return int(np.argmax(judgement.excess[:-1])) == CHAMBER_N
 
 
 def review_verdict(
@@ -51,10 +52,11 @@ def review_verdict(
     and with one near the noise if the ratio of the piston areas does: an unlisted cause may shift
     both areas alike, their ratio is shifted by the valves only. (2) An effect that leaves a part of
     the gap and needs an implausible mass or piston area is not credible: the cause is unknown.
+    Another area of piston N alone, with the mass flows explained, is none of the effect's.
     (3) If the area of piston N is far off and nothing else is, the cause is valve N: the flow map
     is that of valve P. (4) Where effects are named and (3) holds, valve N differs besides. With a
-    gap, (1) asks that its largest part is in chamber N; where the cause is unknown, (1) and (3) ask
-    that it is visible there only.
+    gap, (1) asks that of the mass flows that of chamber N has the larger one; where the cause is
+    unknown, (1) and (3) ask that it is visible there only.
 
     Parameters
     ----------
@@ -84,7 +86,10 @@ def review_verdict(
         if check.name in AREAS
         and abs(check.value - check.expected) > judgement.criteria.far * check.tolerance
     }
-    implausible = bool(far or "M" in failed)
+    # Friction is left out: a sensor offset, present beside another valve, shifts it.
+    valve_N = failed - {"F_c"} == far == {"S_N", "S_N/S_P"}
+    # Where the flows are explained, a piston N that is off is no misfit of an effect's form.
+    implausible = bool(far or "M" in failed) and not (valve_N and judgement.explains_flows)
     if verdict is not Verdict.UNKNOWN and is_unknown(
         judgement.unexplained,
         visible=False,  # `judge` has asked what is left; here only the parameters count
@@ -92,8 +97,7 @@ def review_verdict(
         criteria=judgement.criteria,
     ):
         verdict = Verdict.UNKNOWN
-    # Friction is left out: a sensor offset, present beside another valve, shifts it.
-    if failed - {"F_c"} != far or far != {"S_N", "S_N/S_P"}:
+    if not valve_N:
         return verdict, ()
     if verdict is Verdict.UNKNOWN:
         return (Verdict.ABSORBED, absorbed) if only_in_chamber_N(judgement) else (verdict, ())

@@ -84,8 +84,13 @@ def decide_verdict(
     named = tuple(catalogue[name]() for name in selection.named)
     judgement = judge(selection, named, surpassed)
     verdict, absorbed = review_verdict(judgement, checks, catalogue)
-    if verdict in NAMING:  # of those fitted the model itself tells
-        absorbed = tuple(name for name in absorbed if name not in selection.chosen)
+    if verdict in NAMING:  # of those fitted, and of other forms of those named, the model tells
+        causes = {effect.cause for effect in named}
+        absorbed = tuple(
+            name
+            for name in absorbed
+            if name not in selection.chosen and catalogue[name]().cause not in causes
+        )
     if verdict is Verdict.UNKNOWN:
         judgement = doubted(judgement)
     return Decision(verdict, judgement, absorbed)

@@ -48,6 +48,8 @@ class Judgement:
     undecided : tuple of str
         Effects of the final model that the data cannot tell from others, while the rest is sure.
         Where they close next to nothing, they are no reason to doubt the verdict on the rest.
+    explains_flows : bool
+        Whether the final model leaves nothing in the mass flows that calls for a cause.
     """
 
     verdict: Verdict
@@ -57,6 +59,7 @@ class Judgement:
     excess: FloatArray
     criteria: Criteria = CRITERIA
     undecided: Names = ()
+    explains_flows: bool = False
 
 
 def judge(selection: Selection, named: Sequence[Effect], surpassed: bool = False) -> Judgement:
@@ -84,13 +87,20 @@ def judge(selection: Selection, named: Sequence[Effect], surpassed: bool = False
     order = sorted(weights, key=lambda key: -weights[key])
     alike = _alternatives(selection, [key for key in order if weights[key] >= criteria.alike])
     unsure = _unsure(selection, weights, trust)
+    explained = _explains_flows(selection)
     if len(unsure) == len(selection.named):  # one of several stands for the verdict
-        return Judgement(Verdict.AMBIGUOUS, alike, weights, left, excess, criteria)
+        return Judgement(Verdict.AMBIGUOUS, alike, weights, left, excess, criteria, (), explained)
     matters, shares = criteria.matters, selection.contributions
     weak = {name for name in unsure if shares.get(name, 1.0) < matters}
     sure = probability_of(weights, set(selection.named) - weak) >= criteria.alone * trust
     verdict = Verdict.EFFECT if sure else Verdict.AMBIGUOUS
-    return Judgement(verdict, alike, weights, left, excess, criteria, unsure)
+    return Judgement(verdict, alike, weights, left, excess, criteria, unsure, explained)
+
+
+def _explains_flows(selection: Selection) -> bool:
+    """Return whether a final model leaves nothing in the mass flows that calls for a cause."""
+    left = residual_rms(selection.final) / selection.levels.noise
+    return bool(np.all(left[:-1] < selection.levels.criteria.clean))
 
 
 def doubted(judgement: Judgement) -> Judgement:

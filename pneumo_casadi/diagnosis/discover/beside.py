@@ -33,7 +33,7 @@ from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.diagnosis.select.complete import complete
 from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue, FitLedger, Names
 from pneumo_casadi.diagnosis.select.forward_selection import Selection
-from pneumo_casadi.diagnosis.select.reselect import reselect
+from pneumo_casadi.diagnosis.select.reselect import reselect, reselect_further
 from pneumo_casadi.effects.term import Term, term_effect
 from pneumo_casadi.model.effect import Effect
 
@@ -62,12 +62,12 @@ class Outcome:
     ----------
     discovery : Discovery, optional
         What is told of it; None where it explains nothing.
-    unneeded : (FitLedger, tuple of str), optional
-        The effects of a model that was completed beside it and does not need it, with all fits.
+    completed : (FitLedger, tuple of str), optional
+        The effects of the model that was completed beside it, with all fits.
     """
 
     discovery: Discovery | None = None
-    unneeded: tuple[FitLedger, Names] | None = None
+    completed: tuple[FitLedger, Names] | None = None
 
 
 def discover_beside(
@@ -106,8 +106,8 @@ def discover_beside(
         if term is None:
             continue
         outcome = complete_term(study, selection, term, model, catalogue, executor)
-        if outcome.unneeded is not None and instead is None:
-            instead = _without_term(selection, *outcome.unneeded)
+        if outcome.completed is not None and instead is None:
+            instead = _without_term(selection, *outcome.completed)
         if outcome.discovery is not None and _says_more(selection, outcome.discovery):
             return outcome.discovery, instead
     return None, instead
@@ -161,33 +161,38 @@ def complete_term(
         done = complete(ledger, nominal, begin, levels)
     except FAULTS:  # a model with a term may have no usable derivatives
         return Outcome(alone)
+    completed = ledger, done.acting
     if NAME not in done.named:
         # Where it does not act at all, effects of the catalogue do as well.
-        return Outcome(alone if NAME in done.acting else None, (ledger, done.acting))
+        return Outcome(alone if NAME in done.acting else None, completed)
     without = ledger.fit_without(done.acting, (NAME,))[NAME] if done.acting != begin else None
     if without is None:
-        return Outcome(alone)
+        return Outcome(alone, completed)
     whole = ledger.fits[done.acting]
     others = ledger.effects(without.effects)
     beside = _tell_beside(study, term.term, without, whole, others, levels)
     closes = balance_closure(nominal, whole, levels).lower
     if alone is None and not (closes >= 1 - criteria.unexplained and explains(beside, criteria)):
-        return Outcome()
-    return Outcome(Discovery(beside, (whole, ledger.effects(done.acting))))
+        return Outcome(None, completed)
+    return Outcome(Discovery(beside, (whole, ledger.effects(done.acting))), completed)
 
 
 def _without_term(selection: Selection, ledger: FitLedger, acting: Names) -> Selection | None:
-    """Return the selection that ends with the effects of a model but the term, see `reselect`."""
+    """Return the selection that ends with the effects of a model but the term.
+
+    Or with one more in its place, where the search had stopped before, see `reselect_further`.
+    """
     names = ledger.key(set(acting) - {NAME})
     if not names:
         return None
     if NAME in acting:
         ledger.fit_without(acting, (NAME,))
     catalogue = {name: effect for name, effect in ledger.catalogue.items() if name != NAME}
-    fits = {key: fitted for key, fitted in ledger.fits.items() if NAME not in key}
+    fitted = {key: each for key, each in ledger.fits.items() if NAME not in key}
+    fits = {**selection.fits, **fitted}
     directions = {name: each for name, each in ledger.directions.items() if name != NAME}
     plain = FitLedger(ledger.study, catalogue, ledger.executor, fits=fits, directions=directions)
-    return reselect(plain, selection, names)
+    return reselect(plain, selection, names) or reselect_further(plain, selection, names)
 
 
 def _ledger_with(

@@ -14,8 +14,9 @@ from pneumo_casadi.diagnosis.prepare.fitted_model import FAULTS
 from pneumo_casadi.diagnosis.select.complete import complete
 from pneumo_casadi.diagnosis.select.contributions import contributions
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger, Names
-from pneumo_casadi.diagnosis.select.forward_selection import Selection
+from pneumo_casadi.diagnosis.select.forward_selection import MAX_SELECTED, Selection
 from pneumo_casadi.diagnosis.select.hidden_motion import motion_is_hidden
+from pneumo_casadi.diagnosis.select.propose import fit_extensions
 
 
 def reselect(ledger: FitLedger, selection: Selection, names: Names) -> Selection | None:
@@ -51,3 +52,26 @@ def reselect(ledger: FitLedger, selection: Selection, names: Names) -> Selection
         completed=completed,
         contributions=shares,
     )
+
+
+def reselect_further(ledger: FitLedger, selection: Selection, names: Names) -> Selection | None:
+    """Return the selection with one more effect at its end, where the search had stopped before.
+
+    A model of `MAX_SELECTED` effects is not extended where it explains too little: beside a cause
+    that no effect has, each further one would be a stand-in. One that leaves no gap is none. A weak
+    spring beside a drag and two more effects had come out as a term, a line over x.
+
+    Parameters
+    ----------
+    ledger, selection, names
+        As of `reselect`.
+    """
+    if len(names) < MAX_SELECTED or names not in ledger.fits:
+        return None
+    fit_extensions(ledger, selection.nominal, ledger.fits[names], names, selection.levels)
+    costs = {
+        key: fitted.cost
+        for key, fitted in ledger.fits.items()
+        if len(key) == len(names) + 1 and set(key) > set(names)
+    }
+    return reselect(ledger, selection, min(costs, key=costs.__getitem__)) if costs else None

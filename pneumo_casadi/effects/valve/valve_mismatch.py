@@ -7,6 +7,9 @@ from pneumo_casadi.model.effect import Effect, Scope
 from pneumo_casadi.model.junctions import Pair
 from pneumo_casadi.parameters import Parameter
 
+SOURCE = "scatter of spool amplifiers and port windows, data sheets"
+SEPARATED_BY = "geometry: X_s6 = S_N/(r T); or meter both valves, or swap them"
+
 
 class ValveMismatch(Effect):
     """Valve N opens (1 + ε) times as far as valve P at the same command.
@@ -19,10 +22,10 @@ class ValveMismatch(Effect):
     name = "valve_mismatch"
     absorbed_by = Absorption(("S_N/S_P",))
     equation = "u_N −→ (1 + ε) u_N"
-    source = "scatter of spool amplifiers and port windows, data sheets"
+    source = SOURCE
     shows = "not in trajectories: X_s4 to X_s6 move together, X_s6 departs from S_N/(r T)"
     confused_with = ("X_s4", "X_s5", "X_s6")
-    separated_by = "geometry: X_s6 = S_N/(r T); or meter both valves, or swap them"
+    separated_by = SEPARATED_BY
     # Twins of one type: half the flow is no mismatch, but a fit that runs to its bound.
     credible = MappingProxyType({"epsilon": (-0.4, 0.6)})
     one_form = True
