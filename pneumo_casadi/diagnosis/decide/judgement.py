@@ -209,9 +209,11 @@ def _trust(left: float, selection: Selection) -> float:
 
 
 def _weights(selection: Selection, best: Names, trust: float) -> dict[Names, float]:
-    """Distribute a probability among the models with as many effects as the best one.
+    """Distribute a probability among the models that are alternatives to the best one.
 
-    A model that leaves so much of the gap that its verdict would be unknown is no alternative.
+    They have as many effects, or two in the place of one: two weak leaks may do what a shifted null
+    does, and then nothing tells which it is. A model that leaves so much of the gap that its
+    verdict would be unknown is no alternative.
     """
     if not best:
         fits = {key: fit for key, fit in selection.fits.items() if len(key) == 1}
@@ -222,11 +224,17 @@ def _weights(selection: Selection, best: Names, trust: float) -> dict[Names, flo
     weights = {
         key: float(np.exp(-sharpness * missed_gain(selection, best, key)))
         for key, fitted in selection.fits.items()
-        if len(key) == len(best) and (key == best or _explains(selection, fitted))
+        if key == best or (_stands_for(key, best) and _explains(selection, fitted))
     }
     total = sum(weights.values())
     shares = {key: trust * value / total for key, value in weights.items()}
     return dict.fromkeys(selection.fits, 0.0) | shares
+
+
+def _stands_for(names: Names, best: Names) -> bool:
+    """Return whether a model has as many effects as the best one, or two in the place of one."""
+    missing = len(set(best) - set(names))
+    return len(names) == len(best) or (len(names) == len(best) + 1 and missing == 1)
 
 
 def _explains(selection: Selection, fitted: FittedModel) -> bool:

@@ -26,9 +26,10 @@ MAX_ACTING = 8
 TRIED = 2
 #: Rounds of adding and reviewing.
 ROUNDS = 3
-#: An effect is tried in place of another one if the screen promises this share of what the other
-#: does while all else stays as it is.
-PROMISED = 0.7
+#: An effect is tried in place of another one if the screen promises half of what the other does
+#: while all else stays as it is: of two that stand for it one does as much. The second one must
+#: promise this share of what is then missing.
+HALF, PROMISED = 0.5, 0.7
 
 
 @dataclass(frozen=True)
@@ -167,7 +168,7 @@ class _Completion:
         values = {name: value for name, value in present.values.items() if name not in own}
         left = replace(present, effects=rest, values=values)
         behind = background(ledger.study, self.nominal, left, ledger.effects(rest))
-        starts = self._starts(behind, values, set(names), PROMISED * lost_likelihood(whole, behind))
+        starts = self._starts(behind, values, set(names), HALF * lost_likelihood(whole, behind))
         keys = {ledger.key((*rest, name)): start for name, start in starts.items()}
         ledger.fit_against(present, dict(list(keys.items())[:TRIED]))
         known = sorted((ledger.fits[key].cost, key) for key in keys if key in ledger.fits)
