@@ -6,7 +6,11 @@ import numpy as np
 import pytest
 
 from pneumo_casadi.diagnosis import diagnose
-from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels
+from pneumo_casadi.diagnosis.metrics.residual_size import (
+    BalanceLevels,
+    balance_levels,
+    residual_rms,
+)
 from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA
 from pneumo_casadi.diagnosis.prepare.fitted_model import _without, fit_model
 from pneumo_casadi.diagnosis.prepare.prepare_study import prepare_study
@@ -144,6 +148,18 @@ def test_a_shifted_null_that_settles_is_named_and_its_gap_closes(made_case):
     assert (effect.name, effect.form) == ("valve_null_shift", "valve_null_shift_warming")
     assert diagnosis.gap.closure.value > 0.97
     assert effect.parameters["a"].value == pytest.approx(0.15, abs=0.05)
+
+
+@pytest.mark.slow
+def test_what_another_valve_N_leaves_is_what_its_edges_differ_by(made_case):
+    """The bench's valve N differs by 0.8 as much at its exhaust edge as at its supply edge."""
+    study, _ = prepare_study(made_case(12, valve_mismatch="large"))
+    nominal, levels = fit_model(study, ()), balance_levels(study)
+    edges = fit_model(study, (EFFECTS["valve_mismatch_edges"](),), nominal.values)
+    left = (residual_rms(fitted)[1] / levels.noise[1] for fitted in (nominal, edges))
+    before, after = left
+    assert before > 4.0 and after < levels.criteria.clean
+    assert abs(edges.values["valve_mismatch_edges.delta"]) == pytest.approx(0.05, abs=0.02)
 
 
 @pytest.mark.slow

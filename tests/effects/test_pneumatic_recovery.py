@@ -16,6 +16,7 @@ from pneumo_casadi.effects import (
     ValveDynamics,
     ValveHysteresis,
     ValveMismatch,
+    ValveMismatchEdges,
     ValveNullShift,
 )
 
@@ -23,7 +24,7 @@ from pneumo_casadi.effects import (
 TOGETHER = [
     (PistonSealLeakage, SupplyDroop),
     (LeakageP, LeakageN, Hose),
-    (ExhaustRestriction,),
+    (ExhaustRestriction, ValveMismatchEdges),
     (HeatTransfer,),
     (ValveDynamics, ValveDeadZone),
     (ValveHysteresis, FlowMapShape),

@@ -10,6 +10,7 @@ from pneumo_casadi.effects import (
     ValveDynamics,
     ValveHysteresis,
     ValveMismatch,
+    ValveMismatchEdges,
     ValveNullShift,
 )
 from pneumo_casadi.effects.valve.flow_map_shape import LocalFlowMapShape
@@ -101,6 +102,12 @@ def test_null_shift_and_mismatch_act_on_the_valve_they_name(made):
     np.testing.assert_allclose(opening(shifted, [1.0, -1.0]), [1.1, -1.2], rtol=1e-9)
     unequal = made_with(made, ValveMismatch(), epsilon=0.1)
     np.testing.assert_allclose(opening(unequal, [1.0, -1.0]), [1.0, -1.1], rtol=1e-9)
+
+
+def test_of_another_valve_N_each_edge_opens_its_way(made):
+    axis = made_with(made, ValveMismatchEdges(), delta=0.1)
+    np.testing.assert_allclose(opening(axis, [-1.0, 1.0]), [-1.0, 1.05], rtol=1e-9)  # to supply
+    np.testing.assert_allclose(opening(axis, [1.0, -1.0]), [1.0, -0.95], rtol=1e-9)  # to exhaust
 
 
 def test_the_play_holds_the_spool_until_the_command_has_crossed_it(made):

@@ -16,6 +16,7 @@ from pneumo_casadi.diagnosis.metrics.residual_size import (
 )
 from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA, Criteria
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
+from pneumo_casadi.diagnosis.select.complete import two_for_one
 from pneumo_casadi.diagnosis.select.fit_ledger import Names
 from pneumo_casadi.diagnosis.select.forward_selection import Selection
 from pneumo_casadi.model.effect import Effect
@@ -224,17 +225,15 @@ def _weights(selection: Selection, best: Names, trust: float) -> dict[Names, flo
     weights = {
         key: float(np.exp(-sharpness * missed_gain(selection, best, key)))
         for key, fitted in selection.fits.items()
-        if key == best or (_stands_for(key, best) and _explains(selection, fitted))
+        if key == best or (_is_alternative(key, best) and _explains(selection, fitted))
     }
     total = sum(weights.values())
     shares = {key: trust * value / total for key, value in weights.items()}
     return dict.fromkeys(selection.fits, 0.0) | shares
 
 
-def _stands_for(names: Names, best: Names) -> bool:
-    """Return whether a model has as many effects as the best one, or two in the place of one."""
-    missing = len(set(best) - set(names))
-    return len(names) == len(best) or (len(names) == len(best) + 1 and missing == 1)
+def _is_alternative(names: Names, best: Names) -> bool:
+    return len(names) == len(best) or two_for_one(names, best)
 
 
 def _explains(selection: Selection, fitted: FittedModel) -> bool:

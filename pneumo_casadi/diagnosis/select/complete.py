@@ -65,8 +65,22 @@ def complete(
         if grown == acting:
             break
         acting = work.review(grown)
-    ledger.refine(acting)
+    for names in (*work.rivals(acting), acting):
+        ledger.refine(names)
     return Completed(acting, work.select_named(acting))
+
+
+def two_for_one(names: Names, best: Names) -> bool:
+    """Return whether a model has two effects in the place of one of another model.
+
+    Examples
+    --------
+    >>> two_for_one(("leakage_N", "leakage_P", "stribeck"), ("stribeck", "valve_null_shift"))
+    True
+    >>> two_for_one(("leakage_N", "stribeck", "valve_null_shift"), ("stribeck", "valve_null_shift"))
+    False
+    """
+    return len(names) == len(best) + 1 and len(set(best) - set(names)) == 1
 
 
 @dataclass(eq=False)
@@ -108,6 +122,20 @@ class _Completion:
             seen.add(better)
             names, better = better, self._improve(better)
         return names
+
+    def rivals(self, acting: Names) -> tuple[Names, ...]:
+        """Return the models with two effects in the place of one that fit about as well.
+
+        They are refined as the final model is: else they would seem to miss what that gains.
+        """
+        present, least = self._fit_of(acting), self.levels.criteria.plausible_gain
+        gains = {
+            key: min(_gains(present, fitted))
+            for key, fitted in self.ledger.fits.items()
+            if two_for_one(key, acting)
+        }
+        near = [key for key, gain in gains.items() if gain > -least]
+        return tuple(sorted(near, key=lambda key: -gains[key])[:TRIED])
 
     def select_named(self, acting: Names) -> Names:
         """Return the effects that are `accepted` beside all others, or the one that is most.
