@@ -174,39 +174,6 @@ def test_an_effect_that_stands_for_two_others_is_exchanged_for_both(monkeypatch)
     assert bench.complete("hose", "shift").acting == ("hose", "shift")
 
 
-@pytest.mark.parametrize(("first", "acting"), [(480.0, ("leak_P", "leak_N")), (350.0, ("shift",))])
-def test_the_first_of_two_must_promise_half(monkeypatch, first, acting):
-    """Each of two weak leaks promised little more than half of a shifted null: none was tried."""
-    alone = {"hose": 900.0, "shift": 0.0, "leak_P": 0.0, "leak_N": 0.0}
-    both = {
-        (): 0.0, ("shift",): 800.0, ("leak_P",): first, ("leak_N",): 0.0,
-        ("shift", "leak_P"): 810.0, ("shift", "leak_N"): 810.0, ("leak_P", "leak_N"): 960.0,
-        ("shift", "leak_P", "leak_N"): 965.0,
-    }  # fmt: skip
-    gains = {("hose", *names): 900.0 + gain for names, gain in both.items()}
-    bench = Bench(monkeypatch, alone, gains)
-    assert bench.complete("hose", "shift").acting == ("hose", *acting)
-
-
-@pytest.mark.parametrize(("both", "refined"), [(820.0, True), (650.0, False)])
-def test_two_that_do_about_as_well_are_refined_as_the_final_model_is(monkeypatch, both, refined):
-    """Else what refining gains would tell them from one that does the same."""
-    alone = {"hose": 900.0, "shift": 0.0, "leak_P": 0.0, "leak_N": 0.0}
-    gains = {
-        ("hose", *names): 900.0 + gain
-        for names, gain in {
-            (): 0.0, ("shift",): 800.0, ("leak_P",): 480.0, ("leak_N",): 100.0,
-            ("leak_P", "leak_N"): both,
-            **{("shift", *leaks): 805.0 for leaks in [("leak_P",), ("leak_N",)]},
-        }.items()
-    }  # fmt: skip
-    bench = Bench(monkeypatch, alone, gains)
-    rival = ("hose", "leak_P", "leak_N")
-    bench.fit_all({rival: None})
-    assert bench.complete("hose", "shift").acting == ("hose", "shift")
-    assert (rival in bench.refined) is refined
-
-
 def test_what_is_large_enough_to_be_named_is_not_dropped_for_little_likelihood(monkeypatch):
     bench = Bench(monkeypatch, ALONE, large=("hose", "drag"))
     assert bench.complete("hose", "drag").named == ("hose", "drag")

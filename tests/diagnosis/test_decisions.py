@@ -409,23 +409,6 @@ def test_of_a_further_effect_more_is_asked(ratio, first, undecided):
     assert (judgement.verdict, judgement.undecided) == (Verdict.EFFECT, undecided)
 
 
-@pytest.mark.parametrize(
-    ("other", "expected"),
-    [
-        (("leakage_N", "leakage_P", "stribeck"), 0.5),
-        (("leakage_N", "stribeck", "valve_null_shift"), 1.0),  # has it, and one more
-        (("leakage_N", "leakage_P", "presliding"), 1.0),  # two others
-        (("hose", "leakage_N", "leakage_P", "stribeck"), 1.0),  # three in the place of one
-    ],
-)
-def test_two_effects_may_stand_for_one(other, expected):
-    """Two weak leaks do what a shifted null does: which it is nothing tells."""
-    chosen = ("stribeck", "valve_null_shift")
-    fits = {("stribeck",): fitted(1, 1, 2.0), chosen: fitted(1, 1, 1.0), other: fitted(1, 1, 1.0)}
-    judgement = judge(selected(fitted(1, 1, 10.0), fits, (("stribeck",), chosen)), ())
-    assert judgement.probability[chosen] == pytest.approx(0.97 * expected)
-
-
 @pytest.mark.parametrize(("left", "expected"), [(4.9, 0.5), (5.1, 1.0)])
 def test_a_model_whose_verdict_would_be_unknown_is_no_alternative(left, expected):
     """Its records fitted may look as good: what is held out tells."""

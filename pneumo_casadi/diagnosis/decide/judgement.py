@@ -16,7 +16,6 @@ from pneumo_casadi.diagnosis.metrics.residual_size import (
 )
 from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA, Criteria
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
-from pneumo_casadi.diagnosis.select.complete import two_for_one
 from pneumo_casadi.diagnosis.select.fit_ledger import Names
 from pneumo_casadi.diagnosis.select.forward_selection import Selection
 from pneumo_casadi.model.effect import Effect
@@ -210,11 +209,9 @@ def _trust(left: float, selection: Selection) -> float:
 
 
 def _weights(selection: Selection, best: Names, trust: float) -> dict[Names, float]:
-    """Distribute a probability among the models that are alternatives to the best one.
+    """Distribute a probability among the models with as many effects as the best one.
 
-    They have as many effects, or two in the place of one: two weak leaks may do what a shifted null
-    does, and then nothing tells which it is. A model that leaves so much of the gap that its
-    verdict would be unknown is no alternative.
+    A model that leaves so much of the gap that its verdict would be unknown is no alternative.
     """
     if not best:
         fits = {key: fit for key, fit in selection.fits.items() if len(key) == 1}
@@ -225,15 +222,11 @@ def _weights(selection: Selection, best: Names, trust: float) -> dict[Names, flo
     weights = {
         key: float(np.exp(-sharpness * missed_gain(selection, best, key)))
         for key, fitted in selection.fits.items()
-        if key == best or (_is_alternative(key, best) and _explains(selection, fitted))
+        if len(key) == len(best) and (key == best or _explains(selection, fitted))
     }
     total = sum(weights.values())
     shares = {key: trust * value / total for key, value in weights.items()}
     return dict.fromkeys(selection.fits, 0.0) | shares
-
-
-def _is_alternative(names: Names, best: Names) -> bool:
-    return len(names) == len(best) or two_for_one(names, best)
 
 
 def _explains(selection: Selection, fitted: FittedModel) -> bool:

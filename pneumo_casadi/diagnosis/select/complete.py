@@ -26,10 +26,9 @@ MAX_ACTING = 8
 TRIED = 2
 #: Rounds of adding and reviewing.
 ROUNDS = 3
-#: An effect is tried in place of another one if the screen promises half of what the other does
-#: while all else stays as it is: of two that stand for it one does as much. The second one must
-#: promise this share of what is then missing.
-HALF, PROMISED = 0.5, 0.7
+#: An effect is tried in place of another one if the screen promises this share of what the other
+#: does while all else stays as it is.
+PROMISED = 0.7
 
 
 @dataclass(frozen=True)
@@ -65,22 +64,8 @@ def complete(
         if grown == acting:
             break
         acting = work.review(grown)
-    for names in (*work.rivals(acting), acting):
-        ledger.refine(names)
+    ledger.refine(acting)
     return Completed(acting, work.select_named(acting))
-
-
-def two_for_one(names: Names, best: Names) -> bool:
-    """Return whether a model has two effects in the place of one of another model.
-
-    Examples
-    --------
-    >>> two_for_one(("leakage_N", "leakage_P", "stribeck"), ("stribeck", "valve_null_shift"))
-    True
-    >>> two_for_one(("leakage_N", "stribeck", "valve_null_shift"), ("stribeck", "valve_null_shift"))
-    False
-    """
-    return len(names) == len(best) + 1 and len(set(best) - set(names)) == 1
 
 
 @dataclass(eq=False)
@@ -122,20 +107,6 @@ class _Completion:
             seen.add(better)
             names, better = better, self._improve(better)
         return names
-
-    def rivals(self, acting: Names) -> tuple[Names, ...]:
-        """Return the models with two effects in the place of one that fit about as well.
-
-        They are refined as the final model is: else they would seem to miss what that gains.
-        """
-        present, least = self._fit_of(acting), self.levels.criteria.plausible_gain
-        gains = {
-            key: min(_gains(present, fitted))
-            for key, fitted in self.ledger.fits.items()
-            if two_for_one(key, acting)
-        }
-        near = [key for key, gain in gains.items() if gain > -least]
-        return tuple(sorted(near, key=lambda key: -gains[key])[:TRIED])
 
     def select_named(self, acting: Names) -> Names:
         """Return the effects that are `accepted` beside all others, or the one that is most.
@@ -196,7 +167,7 @@ class _Completion:
         values = {name: value for name, value in present.values.items() if name not in own}
         left = replace(present, effects=rest, values=values)
         behind = background(ledger.study, self.nominal, left, ledger.effects(rest))
-        starts = self._starts(behind, values, set(names), HALF * lost_likelihood(whole, behind))
+        starts = self._starts(behind, values, set(names), PROMISED * lost_likelihood(whole, behind))
         keys = {ledger.key((*rest, name)): start for name, start in starts.items()}
         ledger.fit_against(present, dict(list(keys.items())[:TRIED]))
         known = sorted((ledger.fits[key].cost, key) for key in keys if key in ledger.fits)
