@@ -62,6 +62,38 @@ def test_others_do_not(reselected, given):
     assert reselected(**given) is None
 
 
+THREE = ("position_friction", "quadratic_drag", "valve_hysteresis")
+
+
+@pytest.mark.parametrize(
+    ("names", "left", "taken"),
+    [
+        (THREE, {"spring_load": (900.0, 1.2), "stribeck": (200.0, 1.0)}, "spring_load"),
+        (THREE, {"spring_load": (900.0, 1.7), "stribeck": (200.0, 1.0)}, None),  # the best counts
+        (THREE, {}, None),
+        (THREE[:2], {"spring_load": (900.0, 1.2)}, None),  # the search has looked there itself
+    ],
+)
+def test_one_effect_more_is_tried_where_the_search_had_stopped(monkeypatch, names, left, taken):
+    """A weak spring beside three others had come out as a term, a line over x."""
+    ledger = SimpleNamespace(
+        fits={names: SimpleNamespace(cost=0.0, left=5.0)}, effects=lambda names: names
+    )
+
+    def extend(ledger, nominal, current, known, levels):
+        for name, (gain, floors) in left.items():
+            key = tuple(sorted((*known, name)))
+            ledger.fits[key] = SimpleNamespace(cost=-gain, left=floors)
+
+    monkeypatch.setattr(module, "fit_extensions", extend)
+    monkeypatch.setattr(module, "residual_rms", lambda fit: np.array([1.0, 1.0, fit.left]))
+    monkeypatch.setattr(module, "motion_is_hidden", lambda *given: False)
+    monkeypatch.setattr(module, "complete", lambda *given: Completed(given[2], given[2]))
+    monkeypatch.setattr(module, "contributions", lambda *given: {})
+    result = module.reselect_further(ledger, selection(*names), names)
+    assert (result and result.chosen) == (tuple(sorted((*names, taken))) if taken else None)
+
+
 @pytest.mark.parametrize(("named", "taken"), [(True, True), (False, False)])
 def test_they_stand_for_it_only_where_they_are_named(monkeypatch, named, taken):
     instead = selection(*PAIR)
