@@ -1,8 +1,8 @@
 """Sensors that all err by one amount: rather what comes before all of them does.
 
 A command that acts T late moves all signals by T: they look like sensors of which each is late by
-T. Another supply pressure than the one stated looks like pressure sensors of which each shows as
-much too little. One cause is more credible than two or three sizes that happen to be equal. Where
+T. Another supply or ambient pressure than the one stated looks like pressure sensors of which each
+is off by as much. One cause is more credible than two or three sizes that happen to be equal. Where
 the catalogue holds an effect of that cause the two were compared, and the better one is named.
 """
 
@@ -51,8 +51,8 @@ def rather_one_cause(
     if shifted and _are_one(shifted, fitted, criteria):
         return (
             f"both pressure sensors would be off by one amount, "
-            f"{_mean(shifted, fitted) / 1e3:+.1f} kPa: rather the supply pressure is another one, "
-            "for which the catalogue has no effect"
+            f"{_mean(shifted, fitted) / 1e3:+.1f} kPa: rather the supply or the ambient "
+            "pressure is another one than stated, for which the catalogue has no effect"
         )
     return ""
 
