@@ -49,6 +49,9 @@ class Junction(StrEnum):
     OUTPUT = "output"
 
 
+#: What acts on the moving mass, whatever volumes or readings change with its motion.
+MECHANICAL = frozenset({Junction.DRIVE, Junction.FORCE})
+
 #: What passes through each junction.
 JUNCTIONS: Mapping[str, str] = {
     Junction.CHAMBER_PRESSURE: "pressure in each chamber, of that at its sensor [Pa] (Pair)",

@@ -10,6 +10,7 @@ from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels
 from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA
 from pneumo_casadi.diagnosis.select import reselect as module
 from pneumo_casadi.diagnosis.select.complete import Completed
+from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger
 from pneumo_casadi.diagnosis.select.forward_selection import Selection
 
 LEVELS = BalanceLevels(np.ones(3), np.full(3, 100.0))
@@ -85,6 +86,7 @@ def test_one_effect_more_is_tried_where_the_search_had_stopped(monkeypatch, name
             key = tuple(sorted((*known, name)))
             ledger.fits[key] = SimpleNamespace(cost=-gain, left=floors)
 
+    ledger.extensions = lambda known: FitLedger.extensions(ledger, known)
     monkeypatch.setattr(module, "fit_extensions", extend)
     monkeypatch.setattr(module, "residual_rms", lambda fit: np.array([1.0, 1.0, fit.left]))
     monkeypatch.setattr(module, "motion_is_hidden", lambda *given: False)

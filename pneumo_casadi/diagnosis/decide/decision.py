@@ -8,6 +8,7 @@ from pneumo_casadi.diagnosis.decide.judgement import Judgement, doubted, judge
 from pneumo_casadi.diagnosis.decide.result import Verdict
 from pneumo_casadi.diagnosis.metrics.findings import Check
 from pneumo_casadi.diagnosis.select.fit_ledger import Names
+from pneumo_casadi.diagnosis.select.forms import cause_of, causes_of
 from pneumo_casadi.diagnosis.select.forward_selection import Selection
 from pneumo_casadi.model.effect import EffectFactory
 
@@ -85,11 +86,11 @@ def decide_verdict(
     judgement = judge(selection, named, surpassed)
     verdict, absorbed = review_verdict(judgement, checks, catalogue)
     if verdict in NAMING:  # of those fitted, and of other forms of those named, the model tells
-        causes = {effect.cause for effect in named}
+        causes = causes_of(selection.named, catalogue)
         absorbed = tuple(
             name
             for name in absorbed
-            if name not in selection.chosen and catalogue[name]().cause not in causes
+            if name not in selection.chosen and cause_of(name, catalogue) not in causes
         )
     if verdict is Verdict.UNKNOWN:
         judgement = doubted(judgement)

@@ -19,7 +19,7 @@ from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.select.fit_ledger import Names
 from pneumo_casadi.diagnosis.select.forward_selection import Selection
 from pneumo_casadi.model.effect import Effect
-from pneumo_casadi.model.junctions import Junction
+from pneumo_casadi.model.junctions import MECHANICAL, Junction
 from pneumo_casadi.parameters import FloatArray
 
 #: Probability of the best model if no effect of the catalogue explains the gap. Of 38 such cases on
@@ -166,8 +166,8 @@ def left_by_one_form(selection: Selection, named: Sequence[Effect]) -> float:
 
 def _acts_in(effect: Effect, force: bool) -> bool:
     """Return whether an effect acts in the force balance, or in a mass flow; a sensor's in both."""
-    junctions, mechanical = set(effect.junctions), {Junction.FORCE, Junction.DRIVE}
-    at = junctions & mechanical if force else junctions - mechanical
+    junctions = set(effect.junctions)
+    at = junctions & MECHANICAL if force else junctions - MECHANICAL
     return bool(at) or Junction.OUTPUT in junctions
 
 

@@ -22,15 +22,13 @@ from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
 from pneumo_casadi.estimation.equation_error.residuals import balance_residuals
 from pneumo_casadi.model.effect import Effect, EffectFactory
-from pneumo_casadi.model.junctions import Junction
+from pneumo_casadi.model.junctions import MECHANICAL, Junction
 
 #: Residual left by a sensor error over that left by the best unknown input: below the first limit
 #: the sensor is the location; above the second it is excluded.
 SENSOR, RIVAL = 0.7, 3.0
 #: Factor by which a hypothesis with one more free signal must leave less.
 SIGNAL = 1.7
-#: Junctions of what acts on the moving mass, whatever volumes or readings change with its motion.
-_MECHANICAL = {Junction.FORCE, Junction.DRIVE}
 #: Share of the residuals that a rival must not leave.
 UNEXPLAINED = 0.15
 #: Regimes shown at most.
@@ -158,7 +156,7 @@ def balance_of_effect(cause: Effect, added: Mapping[str, float]) -> Location:
     junctions = set(cause.junctions)
     if junctions <= {Junction.OUTPUT}:
         return Location.MEASUREMENT
-    if junctions & _MECHANICAL:
+    if junctions & MECHANICAL:
         return Location.FORCE
     flows = {name: value for name, value in added.items() if name != Location.FORCE}
     return Location(max(flows, key=lambda name: flows[name]))

@@ -69,9 +69,7 @@ def reselect_further(ledger: FitLedger, selection: Selection, names: Names) -> S
     if len(names) < MAX_SELECTED or names not in ledger.fits:
         return None
     fit_extensions(ledger, selection.nominal, ledger.fits[names], names, selection.levels)
-    costs = {
-        key: fitted.cost
-        for key, fitted in ledger.fits.items()
-        if len(key) == len(names) + 1 and set(key) > set(names)
-    }
-    return reselect(ledger, selection, min(costs, key=costs.__getitem__)) if costs else None
+    further = ledger.extensions(names)
+    if not further:
+        return None
+    return reselect(ledger, selection, min(further, key=lambda key: further[key].cost))
