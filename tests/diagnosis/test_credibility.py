@@ -52,17 +52,6 @@ def test_a_delay_of_the_command_below_the_sampling_interval_is_that_of_the_log(t
 
 
 @pytest.mark.slow
-def test_a_shifted_null_is_no_stand_in_for_a_leak_that_the_catalogue_lacks(made_case):
-    case = made_case(12, leakage_P="large")
-    catalogue = {name: EFFECTS[name] for name in FLOWS if name != "leakage_P"}
-    diagnosis = diagnose(case, catalogue)
-    assert diagnosis.verdict is Verdict.UNKNOWN
-    assert diagnosis.discovered.term.driver == "p"
-    assert diagnosis.gap.with_term < 0.2 * diagnosis.gap.after  # that of the null shift
-    assert "valve_null_shift" not in diagnosis.hint
-
-
-@pytest.mark.slow
 def test_a_shifted_null_yields_to_a_term_that_closes_more(made_case):
     catalogue = {"valve_null_shift": EFFECTS["valve_null_shift"]}
     diagnosis = diagnose(made_case(602621867300, leakage_N="medium"), catalogue)
@@ -70,13 +59,6 @@ def test_a_shifted_null_yields_to_a_term_that_closes_more(made_case):
     assert diagnosis.gap.closure is not None
     assert (diagnosis.discovered.balance, diagnosis.discovered.term.driver) == ("mass_flow_N", "p")
     assert diagnosis.discovered.beside == ()
-
-
-@pytest.mark.slow
-def test_two_leaks_are_named_although_a_shifted_null_fits_better_than_each(made_case):
-    case = made_case(12, leakage_P="large", leakage_N="medium")
-    diagnosis = diagnose(case, {name: EFFECTS[name] for name in FLOWS})
-    assert {effect.name for effect in diagnosis.effects} == {"leakage_P", "leakage_N"}
 
 
 @pytest.mark.slow
@@ -124,6 +106,10 @@ def test_what_a_sensor_shows_too_much_is_taken_back_whatever_acts_beside(made_ca
     np.testing.assert_allclose(result, expected, atol=1e-3 * np.std(expected, axis=1).max())
 
 
+#: Of the balances, where a rule does not ask for it.
+NO_GAP = np.zeros(3)
+
+
 def failing(*names, tolerances=2.0):
     off = 0.05 * tolerances
     return tuple(Check(name, 1.0 + off, 0.0, 1.0, 0.05, "1", False, "") for name in names)
@@ -142,7 +128,7 @@ def failing(*names, tolerances=2.0):
     ],
 )
 def test_a_faint_gap_without_a_name_is_told_by_the_ratio_of_the_areas(names, excess, expected):
-    judgement = Judgement(Verdict.UNKNOWN, (), {}, 0.7, np.array(excess))
+    judgement = Judgement(Verdict.UNKNOWN, (), {}, 0.7, np.array(excess), NO_GAP)
     verdict, hidden = review_verdict(judgement, failing(*names), EFFECTS)
     assert verdict is expected
     assert ("valve_mismatch" in hidden) is (expected is Verdict.ABSORBED)
@@ -162,7 +148,7 @@ def test_a_faint_gap_without_a_name_is_told_by_the_ratio_of_the_areas(names, exc
 def test_a_name_near_the_noise_yields_to_another_valve_where_the_gap_is_largest(
     names, excess, expected
 ):
-    judgement = Judgement(Verdict.EFFECT, (), {}, 0.05, np.array(excess))
+    judgement = Judgement(Verdict.EFFECT, (), {}, 0.05, np.array(excess), NO_GAP)
     verdict, hidden = review_verdict(judgement, failing(*names), EFFECTS)
     assert verdict is expected
     assert hidden == (("valve_mismatch",) if expected is Verdict.ABSORBED else ())
@@ -180,13 +166,27 @@ def test_a_name_near_the_noise_yields_to_another_valve_where_the_gap_is_largest(
 )
 @pytest.mark.parametrize("verdict", [Verdict.UNKNOWN, Verdict.EFFECT])
 def test_a_piston_N_far_from_its_size_is_another_valve_whatever_the_gap(names, expected, verdict):
-    judgement = Judgement(verdict, (), {}, 0.2, np.array([1.0, 9.0, 1.0]))
+    judgement = Judgement(verdict, (), {}, 0.2, np.array([1.0, 9.0, 1.0]), NO_GAP)
     checks = failing(*names, tolerances=4.0)
     result, hidden = review_verdict(judgement, checks, EFFECTS)
     assert result is expected
     assert hidden[:1] == (("valve_mismatch",) if expected is Verdict.ABSORBED else ())
     elsewhere = replace(judgement, excess=np.array([5.0, 7.0, 1.0]))
     assert review_verdict(elsewhere, checks, EFFECTS) == (Verdict.UNKNOWN, ())
+
+
+@pytest.mark.parametrize(
+    ("gap", "expected"),
+    [
+        (0.06, Verdict.ABSORBED),
+        (0.58, Verdict.UNKNOWN),  # of an unlisted leak, whose piston N is off by a seventh
+    ],
+)
+def test_another_valve_N_leaves_less_of_the_flow_than_its_area_absorbs(gap, expected):
+    gaps = np.array([0.0, gap, 0.0])
+    judgement = Judgement(Verdict.UNKNOWN, (), {}, 0.2, np.array([1.0, 9.0, 1.0]), gaps)
+    checks = failing("S_N", "S_N/S_P", tolerances=4.0)
+    assert review_verdict(judgement, checks, EFFECTS)[0] is expected
 
 
 @pytest.mark.parametrize(
@@ -202,7 +202,7 @@ def test_a_piston_N_far_from_its_size_is_another_valve_whatever_the_gap(names, e
 def test_another_valve_N_is_no_reason_to_doubt_effects_that_explain_the_flows(
     names, explained, expected
 ):
-    judgement = Judgement(Verdict.EFFECT, (), {}, 0.4, np.array([10.0, 1.6, 10.8]))
+    judgement = Judgement(Verdict.EFFECT, (), {}, 0.4, np.array([10.0, 1.6, 10.8]), NO_GAP)
     judgement = replace(judgement, explains_flows=explained)
     verdict, hidden = review_verdict(judgement, failing(*names, tolerances=4.0), EFFECTS)
     assert verdict is expected
@@ -221,7 +221,7 @@ def test_another_valve_N_is_no_reason_to_doubt_effects_that_explain_the_flows(
 def test_an_effect_that_leaves_little_is_named_and_the_other_valve_besides(
     names, tolerances, expected
 ):
-    judgement = Judgement(Verdict.EFFECT, (), {}, 0.05, np.array([1.0, 9.0, 1.0]))
+    judgement = Judgement(Verdict.EFFECT, (), {}, 0.05, np.array([1.0, 9.0, 1.0]), NO_GAP)
     result = review_verdict(judgement, failing(*names, tolerances=tolerances), EFFECTS)
     assert result == (Verdict.EFFECT, expected)
 
@@ -237,7 +237,7 @@ def test_an_effect_that_leaves_little_is_named_and_the_other_valve_besides(
     ],
 )
 def test_of_a_valve_that_was_fitted_the_model_tells(monkeypatch, names, named, expected):
-    judgement = Judgement(Verdict.EFFECT, (names,), {}, 0.05, np.array([1.0, 9.0, 1.0]))
+    judgement = Judgement(Verdict.EFFECT, (names,), {}, 0.05, np.array([1.0, 9.0, 1.0]), NO_GAP)
     monkeypatch.setattr("pneumo_casadi.diagnosis.decide.decision.judge", lambda *_: judgement)
     selection = SimpleNamespace(named=names[:named], chosen=names)
     decision = decide_verdict(selection, failing("S_N", "S_N/S_P", tolerances=4.0), EFFECTS)
@@ -254,7 +254,7 @@ def test_effects_that_the_parameters_contradict_keep_the_probability_of_an_unkno
 ):
     names, other = ("leakage_P", "valve_dead_zone"), ("leakage_P", "hose")
     judgement = Judgement(
-        Verdict.EFFECT, (names,), {names: 0.6, other: 0.2}, 0.2, np.array([1.0, 9.0, 1.0])
+        Verdict.EFFECT, (names,), {names: 0.6, other: 0.2}, 0.2, np.array([1.0, 9.0, 1.0]), NO_GAP
     )
     monkeypatch.setattr("pneumo_casadi.diagnosis.decide.decision.judge", lambda *_: judgement)
     checks = failing("S_P", tolerances=tolerances) if tolerances else ()

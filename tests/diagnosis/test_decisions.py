@@ -454,7 +454,7 @@ def failing(*names, tolerances=2.0):
 
 
 def judged(verdict, left=0.0, excess=9.0):
-    return Judgement(verdict, (), {}, left, np.array([1.0, excess, 1.0]))
+    return Judgement(verdict, (), {}, left, np.array([1.0, excess, 1.0]), np.zeros(3))
 
 
 @pytest.mark.parametrize(("excess", "expected"), [(5.5, True), (6.5, False)])

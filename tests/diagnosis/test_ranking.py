@@ -41,7 +41,7 @@ def ranked(monkeypatch):
         None, fits, (), screen, (("stribeck",),), None, {}, {}, {}, None,
         completed=Completed(BEST, ("stribeck",)),
     )  # fmt: skip
-    judgement = Judgement(Verdict.EFFECT, (), PROBABILITY, 0.0, np.ones(3))
+    judgement = Judgement(Verdict.EFFECT, (), PROBABILITY, 0.0, np.ones(3), np.zeros(3))
     return rank_candidates(None, selection, judgement, (), EFFECTS)
 
 

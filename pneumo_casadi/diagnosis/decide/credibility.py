@@ -43,6 +43,17 @@ def may_be_valve_N(judgement: Judgement) -> bool:
     return int(np.argmax(judgement.excess[:-1])) == CHAMBER_N
 
 
+def leaves_less_than_absorbed(judgement: Judgement, checks: Sequence[Check]) -> bool:
+    """Return whether less of the flow of chamber N is left than its piston area has absorbed.
+
+    A valve N of another size scales the flow, and the area takes that up; what its edges differ by
+    is less: on the virtual bench at most a third. A leak of chamber N that the catalogue lacks
+    shifts the area too, and leaves four times as much.
+    """
+    (ratio,) = (check for check in checks if check.name == "S_N/S_P")
+    return bool(judgement.gap[CHAMBER_N] < abs(ratio.value / ratio.expected - 1.0))
+
+
 def review_verdict(
     judgement: Judgement, checks: Sequence[Check], catalogue: Mapping[str, EffectFactory]
 ) -> tuple[Verdict, tuple[str, ...]]:
@@ -54,9 +65,10 @@ def review_verdict(
     the gap and needs an implausible mass or piston area is not credible: the cause is unknown.
     Another area of piston N alone, with the mass flows explained, is none of the effect's.
     (3) If the area of piston N is far off and nothing else is, the cause is valve N: the flow map
-    is that of valve P. (4) Where effects are named and (3) holds, valve N differs besides. With a
-    gap, (1) asks that of the mass flows that of chamber N has the larger one; where the cause is
-    unknown, (1) and (3) ask that it is visible there only.
+    is that of valve P; less of the flow must be left than the area has absorbed. (4) Where effects
+    are named and (3) holds, valve N differs besides. With a gap, (1) asks that of the mass flows
+    that of chamber N has the larger one; where the cause is unknown, (1) and (3) ask that it is
+    visible there only.
 
     Parameters
     ----------
@@ -100,5 +112,6 @@ def review_verdict(
     if not valve_N:
         return verdict, ()
     if verdict is Verdict.UNKNOWN:
-        return (Verdict.ABSORBED, absorbed) if only_in_chamber_N(judgement) else (verdict, ())
+        is_valve_N = only_in_chamber_N(judgement) and leaves_less_than_absorbed(judgement, checks)
+        return (Verdict.ABSORBED, absorbed) if is_valve_N else (verdict, ())
     return verdict, absorbed

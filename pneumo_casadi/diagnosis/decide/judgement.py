@@ -8,6 +8,7 @@ import numpy as np
 from pneumo_casadi.diagnosis.decide.result import Verdict
 from pneumo_casadi.diagnosis.decide.unknown import is_unknown
 from pneumo_casadi.diagnosis.metrics.residual_size import (
+    gaps,
     leaves_too_much,
     log_likelihood_gain,
     residual_rms,
@@ -43,6 +44,8 @@ class Judgement:
         Share of the gap that the best model leaves in its worst balance.
     excess : (ne,) array
         Held-out residuals of the nominal model over the noise floor.
+    gap : (ne,) array
+        Held-out gap of the nominal model, as a share of what each balance explains.
     criteria : Criteria
         What the verdict was decided by.
     undecided : tuple of str
@@ -57,6 +60,7 @@ class Judgement:
     probability: Mapping[Names, float]
     unexplained: float
     excess: FloatArray
+    gap: FloatArray
     criteria: Criteria = CRITERIA
     undecided: Names = ()
     explains_flows: bool = False
@@ -69,7 +73,8 @@ def judge(selection: Selection, named: Sequence[Effect], surpassed: bool = False
     `find_rival_term` and `rather_one_cause`.
     """
     levels, criteria = selection.levels, selection.levels.criteria
-    excess = residual_rms(selection.nominal) / levels.noise
+    rms = residual_rms(selection.nominal)
+    excess, gap = rms / levels.noise, gaps(rms, levels)
     left = unexplained(selection)
     if surpassed or is_unknown(
         left,
@@ -81,7 +86,7 @@ def judge(selection: Selection, named: Sequence[Effect], surpassed: bool = False
         visible = bool(np.any(excess > criteria.coarse_map))
         verdict = Verdict.UNKNOWN if visible else Verdict.NONE
         weights = _weights(selection, selection.chosen, UNKNOWN_CAUSE_PROBABILITY)
-        return Judgement(verdict, (), weights, left, excess, criteria)
+        return Judgement(verdict, (), weights, left, excess, gap, criteria)
     trust = _trust(left, selection)
     weights = _weights(selection, selection.chosen, trust)
     order = sorted(weights, key=lambda key: -weights[key])
@@ -89,12 +94,14 @@ def judge(selection: Selection, named: Sequence[Effect], surpassed: bool = False
     unsure = _unsure(selection, weights, trust)
     explained = _explains_flows(selection)
     if len(unsure) == len(selection.named):  # one of several stands for the verdict
-        return Judgement(Verdict.AMBIGUOUS, alike, weights, left, excess, criteria, (), explained)
+        return Judgement(
+            Verdict.AMBIGUOUS, alike, weights, left, excess, gap, criteria, (), explained
+        )
     matters, shares = criteria.matters, selection.contributions
     weak = {name for name in unsure if shares.get(name, 1.0) < matters}
     sure = probability_of(weights, set(selection.named) - weak) >= criteria.alone * trust
     verdict = Verdict.EFFECT if sure else Verdict.AMBIGUOUS
-    return Judgement(verdict, alike, weights, left, excess, criteria, unsure, explained)
+    return Judgement(verdict, alike, weights, left, excess, gap, criteria, unsure, explained)
 
 
 def _explains_flows(selection: Selection) -> bool:
