@@ -36,7 +36,7 @@ CASES = "cases"
 #: worker: each is tried once more, alone.
 KILLED = "KilledWorker"
 #: Files of a case folder that a diagnosis reads: when one of them changes, it is diagnosed again.
-DATA = ("bench.json", "columns.json", "flow_map.csv", "identify*", "validate*", "DATA_EMPS*.mat")
+DATA = ("bench.json", "columns.json", "flow_map*.csv", "identify*", "validate*", "DATA_EMPS*.mat")
 
 
 def real_diagnosis(folder: Path) -> dict[str, Any]:

@@ -124,6 +124,19 @@ def test_what_is_finished_is_not_done_again_unless_its_data_change(tmp_path, cas
     assert len(marks(tmp_path)) == 11
 
 
+@pytest.mark.parametrize(
+    "file", ["columns.json", "flow_map_P.csv", "flow_map_N.csv", "validate.mat"]
+)
+def test_another_file_that_a_diagnosis_reads_is_a_change_of_data(tmp_path, cases, fakes, file):
+    (tmp_path / "mended").touch()
+    for _ in range(2):
+        diagnose_many(cases[:1], keep=tmp_path / "out", diagnosing=fakes.interrupted)
+    assert marks(tmp_path) == ["c1"]
+    (cases[0] / file).write_text("another one")
+    diagnose_many(cases[:1], keep=tmp_path / "out", diagnosing=fakes.interrupted)
+    assert marks(tmp_path) == ["c1", "c1"]
+
+
 def test_an_interruption_that_comes_out_as_an_error_is_no_result(tmp_path, cases, fakes):
     with interruptible() as interruption, pytest.raises(NotImplementedError):
         diagnose_one(cases[0], tmp_path / "out", fakes.garbled)
