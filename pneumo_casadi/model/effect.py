@@ -79,9 +79,9 @@ class Effect:
     sensor_offsets : tuple of str
         Parameters by which what `sensors` show is too much, by short name.
     one_form : bool
-        Whether only one equation of the effect is known, as for an offset. If such an effect is
-        the cause, the model with it closes the gap almost entirely. Friction and hysteresis, in
-        contrast, may follow other laws than those of the catalogue.
+        Whether the effect can hardly follow another law, as an offset, a leak or a shifted null. If
+        such an effect is the cause, the model with it closes the gap almost entirely. Friction and
+        hysteresis, in contrast, may follow other laws than those of the catalogue.
     sensors : tuple of str
         Outputs (``"p_P"``, ``"p_N"``, ``"x"``) that `output` changes, for a sensor effect; empty
         for an effect of the axis itself.

@@ -104,7 +104,9 @@ def test_commands_that_are_no_longer_single_are_refused(axis, run):
     faster = Recording(run.t / 5, recorded(run).channels, "sines", "simulated", InputHold.ZERO)
     linear = Recording(run.t, recorded(run).channels, "sines", "simulated", InputHold.LINEAR)
     for record in (faster, linear):
-        with pytest.raises(ModelError, match=r"sines: valve_stiction.s_P.*uniform clock of 1 kHz"):
+        with pytest.raises(
+            ModelError, match=r"sines: valve_stiction.s_P.*clock of less than 2 kHz"
+        ):
             states_along(axis, [record])
 
 

@@ -44,7 +44,7 @@ class Verdict(Enum):
     AMBIGUOUS = "ambiguous"
     """Several effects close the gap equally well: the data cannot separate them."""
     ABSORBED = "absorbed"
-    """Parameters contradict geometry or data sheet, with little or no gap in trajectories."""
+    """Parameters contradict geometry or data sheet, with no gap but in the flow of chamber N."""
     UNKNOWN = "unknown"
     """A gap that no effect of the catalogue explains; see `is_unknown`."""
     NONE = "none"
@@ -66,8 +66,8 @@ class Diagnosis(Presentable):
         none, unknown and absorbed.
     undecided : tuple of EffectFound
         Further effects of the final model that the data cannot distinguish from their `rivals`:
-        one of these acts, but which one is not known. Unless they close next to nothing of the gap
-        the verdict is ``ambiguous``.
+        one of these acts, but which one is not known. The verdict is ``ambiguous`` if they close
+        more than next to nothing and the set with them is not probable enough.
     besides : tuple of EffectFound
         Effects of the final model that are probably also there, each too small to be named.
     absorbed : tuple of str

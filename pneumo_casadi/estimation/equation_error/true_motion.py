@@ -87,7 +87,7 @@ def simulate_effect_states(
     if model.sampled.any() and not data.commands_kept:
         raise ModelError(
             f"{data.name}: {', '.join(model.axis.sampled_states)} jump with every command, which "
-            "must be held over a sample at a uniform clock of 1 kHz or less; decimate a faster "
+            "must be held over a sample at a uniform clock of less than 2 kHz; decimate a faster "
             "record at the instants of its controller, or leave the effect out"
         )
     constant = np.array([data.dt]), model.constant_values

@@ -9,11 +9,11 @@ _HEAD = """\
 # The catalogue of effects
 
 Physics that the nominal axis leaves out, as the package has it. Each effect acts at junctions of
-the model (command → spool → supply, outlet → valve flow → line → chamber flow → chamber energy →
-force → output; the force-driven axis: drive → force → output), vanishes at the null values of its
-parameters, and adds its own states where it needs them. Any subset composes:
-`axis.with_effects(EFFECTS["stribeck"]()).at_starting_values()`. An effect of your own is a
-subclass of `Effect` and needs no registration.
+the model (chamber pressure → command → spool → supply, outlet → valve flow → line → chamber flow →
+chamber energy → capacity → force → output; the force-driven axis: drive → force → output), vanishes
+at the null values of its parameters, and adds its own states where it needs them. Any subset
+composes: `axis.with_effects(EFFECTS["stribeck"]()).at_starting_values()`. An effect of your own is
+a subclass of `Effect` and needs no registration.
 
 Several effects may be forms of one cause: a diagnosis keeps the form that fits best, and names the
 cause.
