@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from pneumo_casadi.data.bench.bench import Bench
 from pneumo_casadi.data.bench.bench_file import bench_content, read_bench
-from pneumo_casadi.data.bench.driven_bench import AnyBench, PressureBench
+from pneumo_casadi.data.bench.driven_bench import AnyBench, PressureBench, is_metered
 from pneumo_casadi.data.bench.valve_source import Arrangement
 from pneumo_casadi.data.case import Case
 from pneumo_casadi.data.checks.finding import Finding, Grade, merge_findings
@@ -115,11 +115,12 @@ def _read(
         for role in ("identify", "validate")
     }
     bench, findings = _with_signals(bench, [*records["identify"], *records["validate"]])
+    records = {role: _without_unused(parts, bench) for role, parts in records.items()}
     if refuse is not None:
         findings += check_records(
             (*records["identify"], *records["validate"]),
             bench,
-            metered_flows(folder),
+            metered_flows(folder) if is_metered(bench) else {},
             ColumnEntries(columns or {}, _has_one_command(bench)),
             refuse,
         )
@@ -173,6 +174,12 @@ def _with_signals(
         if name not in record
     )
     return (replace(bench, signals=frozenset(shared)) if shared else bench), findings
+
+
+def _without_unused(records: Sequence[Recording], bench: AnyBench) -> tuple[Recording, ...]:
+    """Return the records without the further signals that only some of them have."""
+    unused = set(bench.kind.further) - bench.signals
+    return tuple(record.without(unused) for record in records)
 
 
 def _flow_maps(folder: Path) -> tuple[Path | None, Path | None]:
@@ -267,6 +274,8 @@ def write_case(
     check_new(folder)
     if not identify:
         raise CaseError(f"{folder}: no record to identify on; a case needs at least one")
+    if flow_map_N is not None and flow_map is None:
+        raise CaseError(f"{folder}: a map of chamber N's valve alone; give that of chamber P's too")
     with atomic_folder(folder, over=False) as draft:
         text = json.dumps(bench_content(bench), indent=1, ensure_ascii=False)
         (draft / "bench.json").write_text(text + "\n", "utf-8")
@@ -277,6 +286,9 @@ def write_case(
         for name, table in ((f"flow_map{end}.csv", flow_map), ("flow_map_N.csv", flow_map_N)):
             if isinstance(table, Mapping):
                 _write_csv(draft / name, table)
+            elif table is not None and str(table).endswith(".gz"):
+                with gzip.open(table) as packed, (draft / name).open("wb") as plain:
+                    shutil.copyfileobj(packed, plain)
             elif table is not None:
                 shutil.copyfile(table, draft / name)
     maps = _flow_maps(folder)

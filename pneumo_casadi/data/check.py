@@ -8,8 +8,8 @@ from typing import Any
 
 import pandas as pd
 
-from pneumo_casadi.data.bench.bench import Bench
 from pneumo_casadi.data.bench.bench_sections import noise_content
+from pneumo_casadi.data.bench.driven_bench import is_metered
 from pneumo_casadi.data.case import Case
 from pneumo_casadi.data.case_folder import inspect_case
 from pneumo_casadi.data.checks.finding import Finding, Grade, merge_findings
@@ -190,14 +190,24 @@ def check(case: Case | str | Path) -> CaseCheck:
         case,
         merge_findings((*case.findings, *_noise(case, contents), *_flow_map(case))),
         contents,
-        statements(contents, case.bench, metered_flows(case.folder)),
+        statements(
+            contents, case.bench, metered_flows(case.folder) if is_metered(case.bench) else {}
+        ),
     )
 
 
 def _flow_map(case: Case) -> Iterator[Finding]:
     bench = case.bench
-    if isinstance(bench, Bench) and bench.valves.metered and case.flow_map_path is None:
+    if is_metered(bench) and case.flow_map_path is None:
         yield Finding(Grade.SEVERE, "no flow map", "flow_map", f"there is {NO_FLOW_MAP}.")
+    if not is_metered(bench) and case.flow_map_path is not None:
+        yield Finding(
+            Grade.NOTE,
+            "map not used",
+            "flow_map",
+            f"`{case.flow_map_path.name}` is not used, since the bench says that no valve was "
+            "metered; if one was, say so in bench.json.",
+        )
 
 
 def _noise(case: Case, contents: tuple[RecordContents, ...]) -> Iterator[Finding]:

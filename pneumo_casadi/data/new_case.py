@@ -172,7 +172,7 @@ def _guess(
     elif channel == "x" and lowest > -0.02 * cylinder.stroke and highest > 0.52 * cylinder.stroke:
         offset = -cylinder.stroke / 2
     elif channel == "u" and lowest >= 0:
-        offset = -round(float(np.median(values)))  # 0 to 10 V about the null voltage
+        offset = -round(scale * float(np.median(values)))  # 0 to 10 V about the null voltage
     return ColumnGuess(channel, column, unit, offset)
 
 

@@ -8,10 +8,12 @@ import pytest
 
 from pneumo_casadi.data import (
     Bench,
+    FlowSource,
     ForceBench,
     NestedController,
     ProportionalController,
     SensorNoise,
+    ValveData,
     read_bench,
 )
 from pneumo_casadi.data.bench.bench_file import bench_content, bench_from_content
@@ -183,3 +185,10 @@ def test_the_moving_mass_alone_takes_its_pressures_as_inputs():
     bench = bench_from_content(content)
     assert bench.kind.inputs == ("p_P",)
     assert bench_from_content(bench_content(bench)) == bench
+
+
+@pytest.mark.parametrize("source", list(FlowSource))
+def test_a_flow_without_any_uncertainty_is_no_accuracy(source):
+    sheet = {"C_fill": 1.2e-8, "C_exhaust": 1.4e-8, "u_full": 5.0}
+    with pytest.raises(CaseError, match=r"`valve\.accuracy`: expected a share of 1 .* got 0"):
+        ValveData(source, accuracy=0.0, **sheet)

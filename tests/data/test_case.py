@@ -126,3 +126,29 @@ def test_what_is_put_in_the_folder_while_a_case_is_written_stays(tmp_path, bench
         write_case(case, bench, [recording], flow_map=Late(FLOW_MAP))
     assert [path.name for path in case.iterdir()] == ["notes.txt"]
     assert [path.name for path in tmp_path.iterdir()] == ["case"]
+
+
+def test_a_signal_that_only_some_records_have_is_left_out_of_all(tmp_path, bench, recording):
+    """A filter that finds it would use it, whatever the others lack."""
+    part = recording.window(0.0, 0.5)
+    fast = part.with_channels({"v": np.gradient(part["x"], part.dt)})
+    write_case(tmp_path / "case", bench, [part, fast])
+    case = read_case(tmp_path / "case", check=False)
+    assert [finding.name for finding in case.findings] == ["missing signal"]
+    assert not case.bench.signals and all("v" not in record for record in case.identify)
+    write_case(tmp_path / "both", bench, [fast, fast])
+    assert all("v" in r for r in read_case(tmp_path / "both", check=False).identify)
+
+
+def test_a_map_of_chamber_N_alone_is_refused_and_nothing_written(tmp_path, bench, recording):
+    with pytest.raises(CaseError, match="chamber N's valve alone; give that of chamber P's too"):
+        write_case(tmp_path / "case", bench, [recording], flow_map_N=FLOW_MAP)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_compressed_map_is_unpacked(tmp_path, bench, recording):
+    text = "u_V,p_Pa,q_m_kg_per_s\n1.0,2e5,1e-3\n"
+    packed = tmp_path / "metered.csv.gz"
+    packed.write_bytes(gzip.compress(text.encode()))
+    case = write_case(tmp_path / "case", bench, [recording.window(0, 1)], flow_map=packed)
+    assert case.flow_map_path.read_text() == text

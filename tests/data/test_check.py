@@ -8,7 +8,17 @@ import pytest
 
 import pneumo_casadi as pc
 from pneumo_casadi.cli import app as cli
-from pneumo_casadi.data import EXAMPLE, SensorNoise
+from pneumo_casadi.data import (
+    EXAMPLE,
+    FlowSource,
+    Grade,
+    InputHold,
+    PressureBench,
+    Recording,
+    SensorNoise,
+    ValveData,
+    Valves,
+)
 
 
 @pytest.fixture(scope="module")
@@ -94,3 +104,27 @@ def test_what_a_fit_would_refuse_is_told_by_the_check(case, case_folder, capsys)
     assert "truth.json: `M`" in capsys.readouterr().err
     missing = pc.check(replace(case, flow_map_path=None))
     assert not missing.usable and 'write "valve": {"source": "none"}' in missing.headline
+
+
+def test_a_map_that_the_bench_does_not_use_is_a_note_and_compared_with_nothing(case, tmp_path):
+    unmetered = ValveData(FlowSource.NONE)
+    bench = replace(case.bench, valves=Valves(unmetered, unmetered))
+    part = case.identify[0].window(5.0, 7.0).decimate(5, average=("u_P", "u_N"))
+    bench = replace(bench, sampling_frequency=1000.0)
+    u, p = (grid.ravel() for grid in np.meshgrid([-5.0, 5.0], np.linspace(1e5, 7e5, 9)))
+    table = {"u_V": u, "p_Pa": p, "q_m_kg_per_s": 1.0 * u}  # a valve a thousand times as large
+    result = pc.check(pc.write_case(tmp_path / "case", bench, [part], flow_map=table).folder)
+    (finding,) = result.findings
+    assert (finding.grade, finding.name) == (Grade.NOTE, "map not used")
+    assert "`flow_map.csv` is not used" in finding.text
+
+
+def test_a_mass_driven_by_pressures_may_lie_beside_a_map(case, tmp_path):
+    bench = PressureBench(1000.0, case.bench.S_P, case.bench.S_N, 0.5, case.bench.p_ext)
+    part = case.identify[0].window(5.0, 7.0).decimate(5)
+    channels = {name: part[name] for name in ("p_P", "p_N", "x")}
+    part = Recording(part.t, channels, "mass", "memory", InputHold.LINEAR)
+    folder = tmp_path / "case"
+    pc.write_case(folder, bench, [part], flow_map=case.flow_map_path)
+    names = [finding.name for finding in pc.check(folder).findings]
+    assert names.count("map not used") == 1 and "map of another valve" not in names

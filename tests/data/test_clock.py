@@ -1,12 +1,16 @@
 """The clock: rounding is forgiven, loss, repetition, jitter and drift are not."""
 
+import json
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from pneumo_casadi.data import Clock, InputHold, Recording
+from pneumo_casadi.data.checks.records import _check_clock
 from pneumo_casadi.data.recording.clock import sample_time, split_rows
+from pneumo_casadi.data.recording.curves import Curves, curves_of
 from pneumo_casadi.errors import CaseError
 
 
@@ -92,3 +96,30 @@ def test_a_clock_taken_as_recorded_keeps_its_stamps_and_splits_at_gaps():
     assert record.duration == pytest.approx(stamps[-1] + 1e-3)
     assert split_rows(record.t) == [slice(0, 4), slice(4, 6)]
     assert record.window(1e-3, 3e-3)["x"].tolist() == [1.0, 2.0]
+
+
+def as_recorded(recording, rate, lost=()):
+    """Return the record with its stamps taken as they are, at another rate and without some."""
+    rows = np.setdiff1d(np.arange(300), lost)
+    jitter = 2e-5 * np.random.default_rng(0).standard_normal(rows.size)
+    channels = {name: recording[name][rows] for name in recording.names}
+    return Recording(
+        rows / rate + jitter, channels, "a", "memory", InputHold.ZERO, clock=Clock.AS_RECORDED
+    )
+
+
+def test_a_lost_sample_does_not_make_a_clock_as_recorded_another_one(recording, bench):
+    _check_clock(as_recorded(recording, 1000.0, lost=[150]), bench)
+
+
+@pytest.mark.parametrize("rate", [990.0, 1010.0, 500.0])
+def test_a_clock_as_recorded_of_another_frequency_is_refused(recording, bench, rate):
+    with pytest.raises(CaseError, match=r"Hz, but the bench samples at 1000 Hz; correct `t` or"):
+        _check_clock(as_recorded(recording, rate, lost=[150]), bench)
+
+
+def test_stamps_that_count_from_1970_stay_apart_where_curves_are_stored():
+    t = 1.7e9 + np.arange(50) / 1000.0
+    x = {"measured": np.arange(50.0), "open loop": np.arange(50.0)}
+    stored = json.loads(json.dumps(Curves("run", t, {"x": "m"}, {"x": 0.0}, {"x": x}).as_dict()))
+    assert np.diff(curves_of(stored).t) == pytest.approx(1e-3, abs=1e-6)

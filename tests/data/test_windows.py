@@ -131,3 +131,12 @@ def test_a_recording_survives_pickling():
 def test_what_cannot_be_cut_says_why(ask, message):
     with pytest.raises(CaseError, match=message):
         ask(ramp(50))
+
+
+def test_a_copy_without_some_channels_keeps_the_rest():
+    recording = ramp(20)
+    fewer = recording.without({"y", "z"})
+    assert fewer.names == ("u",) and fewer.name == recording.name
+    assert np.array_equal(fewer["u"], recording["u"]) and np.array_equal(fewer.t, recording.t)
+    assert fewer.where(3) == recording.where(3)
+    assert recording.without({"z"}) is recording

@@ -153,3 +153,8 @@ class PressureBench:
 
 #: A bench with valves, a known force, or measured pressures.
 AnyBench = Bench | ForceBench | PressureBench
+
+
+def is_metered(bench: AnyBench) -> bool:
+    """Return whether the flow of a bench comes from a measured map; not without valves."""
+    return isinstance(bench, Bench) and bench.valves.metered

@@ -33,7 +33,7 @@ class Arrangement(StrEnum):
 
 
 _QUANTITIES = {
-    "accuracy": quantities.Quantity("a share of 1", 0.0, 1.0, {"%": (1e-2, 0.0)}),
+    "accuracy": quantities.Quantity("a share of 1", 1e-5, 1.0, {"%": (1e-2, 0.0)}),
     "C_fill": quantities.CONDUCTANCE,
     "C_exhaust": quantities.CONDUCTANCE,
     "b": quantities.Quantity("1", 0.0, 0.95),

@@ -35,6 +35,8 @@ from pneumo_casadi.errors import CaseError
 log = logging.getLogger(__name__)
 
 CLOCK_TOLERANCE = 1e-3
+#: Standard deviations of what jitter may add to the mean step of a short record.
+SIGMAS_OF_JITTER = 4.0
 SHARED = 0.1
 """Share of unique rows that two records do not have in common by chance."""
 OF_ALL_RECORDS = frozenset({"map of another valve", "swapped areas", "ratio of the areas"})
@@ -269,11 +271,16 @@ def _names_in_file(recording: Recording) -> tuple[str, ...]:
 
 
 def _check_clock(recording: Recording, bench: AnyBench) -> None:
-    step = recording.dt
-    if recording.clock is Clock.AS_RECORDED:  # jitter moves the median, and not the mean
-        step = float(recording.t[-1] - recording.t[0]) / (recording.N - 1)
+    step, jitter = recording.dt, 0.0
+    if recording.clock is Clock.AS_RECORDED:
+        # Jitter moves the median, lost samples move the mean: the mean of all but those.
+        intervals = np.diff(recording.t)
+        typical = np.median(intervals)
+        usual = intervals[np.abs(intervals - typical) < 0.5 * typical]
+        step = float(np.mean(usual))
+        jitter = SIGMAS_OF_JITTER * float(np.std(usual)) / (usual.size * step)
     recorded, expected = 1 / step, bench.sampling_frequency
-    if abs(recorded / expected - 1) <= CLOCK_TOLERANCE:
+    if abs(recorded / expected - 1) <= CLOCK_TOLERANCE + jitter:
         return
     if abs(recorded * 1e3 / expected - 1) <= CLOCK_TOLERANCE:
         remedy = "is `t` in ms?"

@@ -138,6 +138,10 @@ def _without_unit(name: str) -> tuple[str, str]:
         return name, ""
     field = re.fullmatch(r"(?:[A-Za-z_]\w*\.)+(.+)", name)
     name = field[1] if field else name
+    whole = re.sub(r"[^a-z0-9]", "", name.lower())
+    forms = (form for channel, form in NAMES.items() if channel != "t")
+    if "_" in name and any(re.fullmatch(form, whole) for form in forms):
+        return name, ""  # u_N is a command, and no u in newtons
     match = re.fullmatch(r"(.*?)[\s_\-]*[\[(/_\s]\s*([A-Za-zµ]+\d?)\s*[\])]?", name)
     if match and match[1]:
         unit = match[2].lower().removesuffix("g") if looks_gauge(match[2]) else match[2].lower()

@@ -17,6 +17,8 @@ from pneumo_casadi.runtime.presentation import Brief
 POINTS = 2000
 #: Significant digits of a stored value: a sensor of 20 bits resolves less.
 DIGITS = 6
+#: Decimals with which times are stored [s]: a clock may count from 1970.
+TIME_DECIMALS = 9
 #: The curve of the record itself; all others are simulations.
 MEASURED = "measured"
 
@@ -98,7 +100,7 @@ class Curves(Brief):
         few = self.thinned()
         return {
             "record": self.record,
-            "t": rounded(few.t),
+            "t": [round(float(t), TIME_DECIMALS) for t in few.t],
             "units": dict(self.units),
             "noise": dict(self.noise),
             "values": {

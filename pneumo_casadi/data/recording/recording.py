@@ -1,6 +1,6 @@
 """A recording: channels on one uniform clock, with the hold of its inputs made explicit."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from types import MappingProxyType
@@ -186,6 +186,13 @@ class Recording(Presentable):
     def with_channels(self, channels: Mapping[str, ArrayLike]) -> "Recording":
         """Return a copy with channels added or replaced."""
         return self._taken(slice(None), {**self.channels, **channels}, self.name)
+
+    def without(self, names: Collection[str]) -> "Recording":
+        """Return a copy without some channels; itself where there is none of them."""
+        kept = {name: values for name, values in self.channels.items() if name not in names}
+        return (
+            self if len(kept) == len(self.channels) else self._taken(slice(None), kept, self.name)
+        )
 
     def window(self, start: float, end: float) -> "Recording":
         """Return the rows with start ≤ t < end.
