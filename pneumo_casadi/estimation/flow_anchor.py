@@ -293,6 +293,30 @@ def flow_scale_std(bench: Any) -> tuple[float, float]:
     return common, common
 
 
+def flow_scale_covariance(names: Sequence[str], values: FloatArray, bench: Any) -> FloatArray:
+    """Return what the unknown factors of the flows add to a covariance of parameters, (n, n).
+
+    Equal factors of both chambers are one: see `flow_scale_std`.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Parameters; X_s1 ... X_s3 have the factor of chamber P's flow, X_s4 ... X_s6 of chamber N's.
+    values : (n,) array
+        Their estimates [SI].
+    bench : Bench
+        What is stated of valves and areas.
+    """
+    P, N = flow_scale_std(bench)
+    chambers = ((P, "123456"),) if P == N else ((P, "123"), (N, "456"))
+    added = np.zeros((len(names), len(names)))
+    for std, numbers in chambers:
+        own = {f"X_s{number}" for number in numbers}
+        scaled = std * np.where([name in own for name in names], values, 0.0)
+        added += np.outer(scaled, scaled)
+    return added
+
+
 def _area_prior(bench: Bench) -> Anchor:
     """Return X_s3 = S_P/(r T) and X_s6 = S_N/(r T) to the accuracy of the areas (eq. 10, 11)."""
     mean = np.array([bench.S_P, bench.S_N]) / (bench.r * bench.T)

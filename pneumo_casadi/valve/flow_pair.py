@@ -63,6 +63,12 @@ class FlowPair(Brief):
     N: Any
 
     @property
+    def u_range(self) -> tuple[float, float]:
+        """Commands that one map or the other covers [V]."""
+        (low, high), (low_N, high_N) = self.P.u_range, self.N.u_range
+        return min(low, low_N), max(high, high_N)
+
+    @property
     def symbol(self) -> str:
         """CasADi type in which both can be written."""
         return "MX" if "MX" in (self.P.symbol, self.N.symbol) else "SX"

@@ -170,6 +170,11 @@ def fit_iso6358(
             "are needed for both edges, use `fit_orifice` for one opening"
         )
     guess = _start(table, T) if start is None else start
+    if table.u.size <= len(guess):
+        raise CaseError(
+            f"{table.source}: {table.u.size} points for the {len(guess)} parameters of ISO 6358; "
+            "meter more commands and pressures"
+        )
     shape = np.zeros((len(guess), len(guess)))
     supply = float(np.mean(table.p_supply))
     valve = FlowISO6358(

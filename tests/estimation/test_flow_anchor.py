@@ -10,6 +10,7 @@ from pneumo_casadi.data import FlowSource, ValveData, Valves
 from pneumo_casadi.estimation.flow_anchor import (
     anchor_flow,
     anchor_to_flow_map,
+    flow_scale_covariance,
     flow_scale_std,
     join_anchors,
     prior,
@@ -114,3 +115,15 @@ def test_sources_are_joined_with_measured_points_first(metered):
     c = np.concatenate([[18.0], points.fitted])
     assert joined(c)[-1] == pytest.approx(2.0)
     assert joined(c)[:-1] == pytest.approx(points(points.fitted))
+
+
+def test_an_unknown_factor_of_the_flows_moves_the_parameters_of_its_chamber_together(case):
+    names, values = ("X_s1", "X_s3", "X_s6", "M"), np.array([3.0, 10.0, 7.0, 17.0])
+    two = replace(case.bench, valves=Valves(ValveData(accuracy=0.01), ValveData(accuracy=0.02)))
+    added = flow_scale_covariance(names, values, two)
+    P, N = 0.01 * np.array([3.0, 10.0, 0.0, 0.0]), 0.02 * np.array([0.0, 0.0, 7.0, 0.0])
+    assert added == pytest.approx(np.outer(P, P) + np.outer(N, N))
+    one = replace(case.bench, valves=Valves(ValveData(accuracy=0.01), ValveData(accuracy=0.01)))
+    both = 0.01 * np.array([3.0, 10.0, 7.0, 0.0])
+    assert flow_scale_covariance(names, values, one) == pytest.approx(np.outer(both, both))
+    assert not flow_scale_covariance(names, values, case.bench).any()

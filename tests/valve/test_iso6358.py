@@ -212,3 +212,8 @@ def test_one_enfield_curve_in_all_three_models(enfield, psia, iso, polynomial, s
         percent(fit_spline(table).residuals(table)),
     )
     assert result == pytest.approx((iso, polynomial, spline), abs=0.02)
+
+
+def test_fewer_points_than_parameters_are_refused_with_both_numbers(spool_valve):
+    with pytest.raises(CaseError, match=r"spool valve: 8 points for the 13 parameters of ISO"):
+        fit_iso6358(spool_valve(n_u=2, n_p=4))

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from pneumo_casadi.valve import fit_iso6358, fit_polynomials, fit_spline, flow_function
+from pneumo_casadi.valve.flow_pair import FlowPair
 
 FITS = [fit_polynomials, fit_spline, fit_iso6358]
 
@@ -81,3 +82,10 @@ def test_the_symbol_tells_what_the_expression_can_be_written_in(fit, spool_valve
         u, p = kind.sym("u"), kind.sym("p")
         theta = kind.sym("theta", len(flow.parameters))
         assert isinstance(flow.expression(u, p, theta), kind)
+
+
+def test_two_valves_cover_the_commands_that_one_or_the_other_was_metered_at(spool_valve):
+    table = spool_valve()
+    less = fit_polynomials(table.select(table.u < 1.0), (1, 1, 1))
+    pair = FlowPair(less, fit_polynomials(table.select(table.u > -2.0), (1, 1, 1)))
+    assert pair.u_range == (-3.0, 3.0) and less.u_range[1] < 1.0

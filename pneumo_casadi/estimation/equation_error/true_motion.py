@@ -62,11 +62,13 @@ def _distance(
     model: BalanceFunctions, data: SmoothedMotion, first: Sequence[Motion], second: Sequence[Motion]
 ) -> float:
     """Return the largest difference of two sets of motions, in units of the sensors' noise."""
-    rows = [model.axis.motion_states.index(name) for name in model.axis.outputs]
+    sensors = _of_motion(model)
+    rows = [_row(model, name) for name in sensors]
+    noise = data.noise[[model.axis.outputs.index(name) for name in sensors]]
     apart = [
         np.abs(a[rows] - b[rows]).max(axis=1) for (a, _), (b, _) in zip(first, second, strict=True)
     ]
-    return float(np.max(np.max(apart, axis=0) / np.maximum(data.noise, 1e-300)))
+    return float(np.max(np.max(apart, axis=0) / np.maximum(noise, 1e-300)))
 
 
 def simulate_effect_states(
@@ -154,7 +156,12 @@ def _shown(
     given = (*motion, data.u, z, model.constant_values, theta)
     (y,) = model.functions["shown"].evaluate(data.N, *given)
     shown = dict(zip(model.axis.outputs, y, strict=True))
-    return {name: y for name, y in shown.items() if np.any(y != data.x[_row(model, name)])}
+    return {n: shown[n] for n in _of_motion(model) if np.any(shown[n] != data.x[_row(model, n)])}
+
+
+def _of_motion(model: BalanceFunctions) -> list[str]:
+    """Return the sensors of states of the motion; an acceleration is none."""
+    return [name for name in model.axis.outputs if name in model.axis.motion_states]
 
 
 def _row(model: BalanceFunctions, name: str) -> int:

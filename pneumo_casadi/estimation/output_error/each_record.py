@@ -9,6 +9,7 @@ from scipy import special
 
 from pneumo_casadi.data import Recording
 from pneumo_casadi.errors import FitError
+from pneumo_casadi.estimation.flow_anchor import flow_scale_covariance
 from pneumo_casadi.estimation.output_error.fit import fit_output_error
 from pneumo_casadi.estimation.output_error.long_records import are_long
 from pneumo_casadi.estimation.output_error.options import OutputErrorOptions
@@ -147,7 +148,7 @@ def fit_each_record(
         table[:, :, 0],
         table[:, :, 1],
         joint.parameters.select(names).values,
-        np.array([_std(joint, name) for name in names]),
+        _std_without_scale(joint, names),
         tuple(failed),
     )
 
@@ -159,7 +160,18 @@ def record_groups(records: Sequence[Recording]) -> dict[str, Sequence[Recording]
     names = [
         part[0].name if len(part) == 1 else f"{part[0].name} ... {part[-1].name}" for part in parts
     ]
-    return dict(zip(names, parts, strict=True))
+    numbered = [
+        f"{name} ({names[: i + 1].count(name)})" if names.count(name) > 1 else name
+        for i, name in enumerate(names)
+    ]
+    return dict(zip(numbered, parts, strict=True))
+
+
+def _std_without_scale(joint: OutputErrorResult, names: Sequence[str]) -> FloatArray:
+    """Return the wider standard deviations without the flow's scale, which records share."""
+    std = np.array([_std(joint, name) for name in names])
+    shared = flow_scale_covariance(names, joint.parameters.select(names).values, joint.axis.bench)
+    return np.asarray(np.sqrt(np.maximum(std**2 - np.diag(shared), 0.0)))
 
 
 def _initial_states(fit: OutputErrorResult, first: int, count: int) -> list[FloatArray]:

@@ -10,7 +10,7 @@ import numpy as np
 from pneumo_casadi.data import Clock, Recording
 from pneumo_casadi.errors import FitError, ModelError
 from pneumo_casadi.estimation.equation_error.driven_states import states_along
-from pneumo_casadi.estimation.flow_anchor import anchor_flow
+from pneumo_casadi.estimation.flow_anchor import anchor_flow, flow_scale_covariance
 from pneumo_casadi.estimation.output_error.information import estimate_uncertainty
 from pneumo_casadi.estimation.output_error.options import Method, OutputErrorOptions, plan_stages
 from pneumo_casadi.estimation.output_error.result import (
@@ -103,7 +103,7 @@ def fit_stages(
                 break
         if solution.status == "converged" and rung.last:
             report("done", 1.0)
-            return result
+            return result if flow_map is None else _with_scale_uncertainty(result)
     tried = (
         "iterations, also by way of short windows and wider friction"
         if options.recover
@@ -116,6 +116,30 @@ def fit_stages(
         "more misfit, and see where model and measurement disagree",
         result,
     )
+
+
+def _with_scale_uncertainty(result: OutputErrorResult) -> OutputErrorResult:
+    """Widen the covariances by the stated accuracy of the meter of a map that was held.
+
+    A map that is fitted brings it along, see `anchor_flow`.
+    """
+    known = result.uncertainty
+    if set(known.names) & set(result.axis.flow_parameters):
+        return result
+    values = result.parameters.select(known.names).values
+    added = flow_scale_covariance(known.names, values, result.axis.bench)
+    robust, scatter = (
+        None if part is None else part + added
+        for part in (known.covariance_robust, known.covariance_scatter)
+    )
+    wider = replace(
+        known,
+        covariance=known.covariance + added,
+        covariance_robust=robust,
+        covariance_scatter=scatter,
+    )
+    derived = evaluate_derived_quantities(result.axis, wider)
+    return replace(result, uncertainty=wider, derived=derived)
 
 
 def write_problem(

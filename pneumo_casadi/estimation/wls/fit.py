@@ -2,13 +2,13 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
 from pneumo_casadi.data import Recording
 from pneumo_casadi.errors import FitError, ModelError
-from pneumo_casadi.estimation.flow_anchor import flow_scale_std
+from pneumo_casadi.estimation.flow_anchor import flow_scale_covariance
 from pneumo_casadi.estimation.wls.derived import DerivedEstimates, ratios
 from pneumo_casadi.estimation.wls.linear import LinearFit, solve_wls
 from pneumo_casadi.estimation.wls.linear_system import LinearSystem, stack_systems
@@ -117,7 +117,7 @@ def fit_wls(
     ]
     system = stack_systems([observation.system() for observation in observations])
     fit, removed = _fit_and_remove(system, equation_std, remove_above)
-    fit = _with_scale_uncertainty(fit, flow_scale_std(getattr(model, "bench", None)))
+    fit = _with_scale_uncertainty(fit, getattr(model, "bench", None))
     parameters, outside = _at_estimates(model.parameters.select(fit.names), fit.estimate)
     total = sum(observation.t.size for observation in observations)
     return WLSResult(
@@ -175,22 +175,9 @@ def _fit_and_remove(
     return fit, tuple(removed)
 
 
-def _with_scale_uncertainty(fit: LinearFit, stds: tuple[float, float]) -> LinearFit:
-    """Widen the covariances by the factors of the flows of chambers P and N.
-
-    `stds` are their relative standard deviations; where they are equal, it is one factor of
-    X_s1 ... X_s6.
-    """
-    P, N = stds
-    chambers = ((P, "123456"),) if P == N else ((P, "123"), (N, "456"))
-    added = np.zeros_like(fit.covariance)
-    for std, numbers in chambers:
-        own = {f"X_s{number}" for number in numbers}
-        scaled = [
-            std * value if name in own else 0.0
-            for name, value in zip(fit.names, fit.estimate, strict=True)
-        ]
-        added += np.outer(scaled, scaled)
+def _with_scale_uncertainty(fit: LinearFit, bench: Any) -> LinearFit:
+    """Widen the covariances by the factors of the flows of chambers P and N."""
+    added = flow_scale_covariance(fit.names, fit.estimate, bench)
     return replace(
         fit, covariance=fit.covariance + added, covariance_hac=fit.covariance_hac + added
     )

@@ -1,5 +1,7 @@
 """States of effects along a record, as the measured motion drives them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -96,3 +98,17 @@ def test_a_sensor_is_late_in_the_mean_by_what_it_lacks_over_rate_and_acceleratio
     np.testing.assert_allclose(_lateness(0.2 * shown + 3, *given), [0, 0], atol=1e-12)
     np.testing.assert_array_equal(_lateness(-ahead, *given), [0, 0])  # no sensor is early
     np.testing.assert_array_equal(_lateness(ahead, shown, 0 * rate, 0 * rate), [0, 0])
+
+
+def test_late_pressures_are_taken_back_beside_an_accelerometer(made):
+    """An acceleration is no state of the motion, and no sensor effect acts on it."""
+    tau = "pressure_sensor_lag.tau"
+    plain = made.true_axis(PressureSensorLag()).with_parameters({tau: 4e-3})
+    record = made.recorded(plain, *made.controlled(plain, 1500), noise=0.0)
+    v = np.gradient(record["x"], record.dt)
+    record = record.with_channels({"a": np.gradient(v, record.dt)})
+    bench = replace(made.BENCH, signals=frozenset({"a"}), noise=None)
+    axis = replace(plain, bench=bench)
+    (states,) = states_along(axis, [record])
+    (expected,) = states_along(replace(axis, bench=made.BENCH), [record])
+    assert states == pytest.approx(expected, rel=1e-6)

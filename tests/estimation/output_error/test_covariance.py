@@ -1,10 +1,13 @@
 """The covariance agrees with brute force: finite differences of a whole record, Monte Carlo."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from pneumo_casadi.data import Recording
+from pneumo_casadi.data import Recording, ValveData, Valves
 from pneumo_casadi.estimation.output_error import OutputErrorOptions, fit_output_error
+from pneumo_casadi.estimation.output_error.stages import _with_scale_uncertainty
 
 
 def brute_force(made, result, u, names, fixed_sigma):
@@ -165,3 +168,22 @@ def test_derived_quantities_carry_the_covariance_through_their_own_gradients(mad
             (found.std_robust, estimate.covariance_robust),
         ):
             assert std == pytest.approx(np.sqrt(g @ C @ g), rel=1e-5), name
+
+
+def test_a_map_that_is_held_is_as_uncertain_as_its_meter(quick):
+    valve = ValveData(accuracy=0.02)
+    bench = replace(quick.case.bench, valves=Valves(valve, valve))
+    fitted = replace(quick.output_error, axis=replace(quick.axis, bench=bench))
+    assert _with_scale_uncertainty(fitted) is fitted  # its anchor knows the meter
+    known = fitted.uncertainty
+    own = [name for name in known.names if name not in fitted.axis.flow_parameters]
+    at = np.ix_(*2 * [[known.names.index(name) for name in own]])
+    parts = ("covariance", "covariance_robust", "covariance_scatter")
+    cut = {part: getattr(known, part)[at] for part in parts if getattr(known, part) is not None}
+    held = replace(fitted, uncertainty=replace(known, names=tuple(own), **cut))
+    wider = _with_scale_uncertainty(held)
+    for robust in (False, True):
+        added = {n: np.sqrt(wider.std(n, robust) ** 2 - held.std(n, robust) ** 2) for n in own}
+        assert added["M"] == 0.0
+        assert added["X_s3"] == pytest.approx(0.02 * held.parameters["X_s3"].value, rel=1e-3)
+    assert wider.std("S_P") > 0.02 * wider.derived["S_P"].value  # what follows from it as well
