@@ -145,7 +145,8 @@ def _cut(records: tuple[Recording, ...], options: IdentifyOptions) -> tuple[Reco
         return records
     start = -float("inf") if options.start is None else options.start
     end = float("inf") if options.end is None else options.end
+    inside = [record for record in records if start <= record.t[-2] and record.t[1] < end]
     return tuple(
         record.window(max(start, record.t[0]), min(end, record.t[-1] + record.dt))
-        for record in records
+        for record in inside or records
     )

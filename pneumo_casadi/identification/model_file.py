@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import Annotated, Any
 
 import numpy as np
-from msgspec import Meta
+from msgspec import Meta, field
 
 from pneumo_casadi.data.bench.bench_file import bench_content, bench_from_content
 from pneumo_casadi.effects import EFFECTS
@@ -43,6 +43,7 @@ class AxisSection(Section):
     flow: dict[str, Any] | None
     effects: list[str]
     parameters: dict[str, ParameterSection]
+    signals: list[str] = field(default_factory=list)
 
 
 #: By how much piston area and X_s3 r T of one axis may differ. X_s3 has the scale of the flow map,
@@ -61,9 +62,10 @@ def axis_dict(axis: Axis) -> dict[str, Any]:
     Returns
     -------
     dict
-        ``bench`` as in bench.json, ``flow`` (form and constants, or None), ``effects`` (names)
-        and ``parameters`` (value, unit, bounds, scale, free), SI units; a bound or a variance
-        that is infinite is None.
+        ``bench`` as in bench.json, ``flow`` (form and constants, or None), ``effects`` (names),
+        ``parameters`` (value, unit, bounds, scale, free) and ``signals`` (further inputs and
+        outputs, see `AxisKind.with_signals`), SI units; a bound or a variance that is infinite is
+        None.
 
     Raises
     ------
@@ -99,6 +101,7 @@ def axis_dict(axis: Axis) -> dict[str, Any]:
             }
             for item in axis.parameters
         },
+        "signals": sorted(axis.bench.signals),
     }
 
 
@@ -116,6 +119,8 @@ def axis_from_dict(content: Any) -> Axis:
 def axis_of_section(section: AxisSection) -> Axis:
     """Return the axis of a section that is typed already; errors as in `axis_from_dict`."""
     bench = bench_from_content(section.bench)
+    if section.signals:
+        bench = replace(bench, signals=frozenset(section.signals))
     try:
         items = [_parameter(name, item) for name, item in section.parameters.items()]
         flow = None if section.flow is None else flow_from_dict(section.flow, items, "model.flow")

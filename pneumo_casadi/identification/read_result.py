@@ -5,6 +5,7 @@ from pathlib import Path
 from msgspec import field
 
 from pneumo_casadi.data import Case
+from pneumo_casadi.data.bench.driven_bench import is_metered
 from pneumo_casadi.errors import CaseError, ModelError
 from pneumo_casadi.identification.flow_form import read_flow
 from pneumo_casadi.identification.model_file import AxisSection, check_unit
@@ -97,7 +98,8 @@ def read_axis(path: str | Path, case: Case) -> Axis:
         if file is not None and table is not None:
             _check_map(file, content.provenance.sha256.get(file.name), path)
     try:
-        effects = [catalogue_effect(name, model) for name in content.effects]
+        metered = is_metered(case.bench)
+        effects = [catalogue_effect(name, model, metered) for name in content.effects]
         axis = make_axis(case, model).with_effects(*effects)
         unknown = sorted(set(estimates) - set(axis.parameters.names))
         missing = sorted(set(axis.parameters.names) - set(estimates))
@@ -117,7 +119,8 @@ def read_axis(path: str | Path, case: Case) -> Axis:
 def read_options(path: str | Path, case: Case) -> IdentifyOptions:
     """Return the options of an identification of a case that starts from a result.
 
-    With its form of the flow map, its effects, and its held parameters held.
+    With its form of the flow map, its effects, and its held parameters held, the coefficients of
+    the map among them.
 
     Parameters
     ----------
@@ -134,14 +137,20 @@ def read_options(path: str | Path, case: Case) -> IdentifyOptions:
     axis = read_axis(path, case)
     content = read_result(result_path(path))
     flow = content.flow
+    coefficients = {} if flow is None else flow.parameters
+    refined = not coefficients or any(item.note != HELD for item in coefficients.values())
     options = IdentifyOptions(
         flow_form=None if flow is None else flow.form,
         degrees=None if flow is None else flow.degrees,
         effects=content.effects,
+        refine_flow=refined,
     )
     items = content.output_error.parameters
     held = [name for name, item in items.items() if item.note == HELD]
-    return started_from(options, axis, axis.parameters.as_dict(), held)
+    values = axis.parameters.as_dict()
+    if not refined:
+        values = {name: value for name, value in values.items() if name not in coefficients}
+    return started_from(options, axis, values, held)
 
 
 def _check_map(flow_map: Path, expected: str | None, result: Path) -> None:

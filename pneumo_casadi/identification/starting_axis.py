@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from pneumo_casadi.data import Bench, Case, Recording
+from pneumo_casadi.data.bench.driven_bench import is_metered
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.estimation.equation_error import fit_equation_error
@@ -30,8 +31,8 @@ def make_axis(case: Case, flow: AnyFlowModel | None) -> Axis:
         raise ModelError(f"{case.folder}: {error}") from None
 
 
-def catalogue_effect(name: str, flow: AnyFlowModel | None) -> Effect:
-    """Return an effect of the catalogue, as a valve with this flow map shows it.
+def catalogue_effect(name: str, flow: AnyFlowModel | None, metered: bool = True) -> Effect:
+    """Return an effect of the catalogue, as a valve with this flow map shows it if it was metered.
 
     Raises
     ------
@@ -41,8 +42,9 @@ def catalogue_effect(name: str, flow: AnyFlowModel | None) -> Effect:
     if name not in EFFECTS:
         raise ModelError(f"no effect {name!r}; there are {', '.join(EFFECTS)}")
     effect = EFFECTS[name]
-    metered = getattr(flow, "u_range", None)  # a flow model of one's own need not state it
-    return effect() if metered is None else effect.on_metered(*metered)()
+    # A flow model of one's own need not state it.
+    reach = getattr(flow, "u_range", None) if metered else None
+    return effect() if reach is None else effect.on_metered(*reach)()
 
 
 def axis_of_options(case: Case, flow: AnyFlowModel | None, options: IdentifyOptions) -> Axis:
@@ -54,12 +56,14 @@ def axis_of_options(case: Case, flow: AnyFlowModel | None, options: IdentifyOpti
         If an effect or a parameter is unknown, does not suit the axis, or cannot be held.
     """
     axis = make_axis(case, flow)
-    axis = axis.with_effects(*(catalogue_effect(name, flow) for name in options.effects))
+    metered = is_metered(case.bench)
+    axis = axis.with_effects(*(catalogue_effect(name, flow, metered) for name in options.effects))
     if not options.refine_flow:
         axis = axis.with_parameters(axis.parameters.fix(*axis.flow_parameters))
     _refuse_unknown(axis, options)
     held = axis.parameters.with_values(options.fixed).fix(*options.fixed)
-    released = [name for name in options.start_values if name not in POLYTROPIC]
+    kept = set() if options.refine_flow else set(axis.flow_parameters)
+    released = [name for name in options.start_values if name not in {*POLYTROPIC, *kept}]
     return axis.with_parameters(held.release(*released))
 
 

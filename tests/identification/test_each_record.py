@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneumo_casadi.data import Grade, read_case
+from pneumo_casadi.data import Grade, ValveData, Valves, read_case
 from pneumo_casadi.estimation.output_error import RecordEstimates, each_record
 from pneumo_casadi.identification.identify import identify
 from pneumo_casadi.identification.options import IdentifyOptions
@@ -114,3 +114,32 @@ def test_two_records_stand_beside_all(embedded):
     content = result_dict(result)["each_record"]
     assert content["spread"]["M"] == result.each_record.spread("M")
     assert identify(both, replace(options, each_record=False)).each_record is None
+
+
+def test_records_of_one_name_are_told_apart(quick):
+    record = quick.records[0]
+    groups = each_record.record_groups([record, replace(record, name="other"), record])
+    assert list(groups) == [f"{record.name} (1)", "other", f"{record.name} (2)"]
+    assert [len(group) for group in groups.values()] == [1, 1, 1]
+
+
+def test_the_scale_of_the_flow_is_no_spread_of_records_that_share_its_map(quick):
+    """The map is held in each record, so that all of them have the same error of its meter."""
+    meter = ValveData(accuracy=0.02)
+    joint = replace(quick.output_error, axis=with_valves(quick.axis, meter))
+    names = joint.uncertainty.names
+    own = np.diag(joint.uncertainty.covariance_robust)
+    values = joint.parameters.select(names).values
+    scaled = np.where([name.startswith("X_s") for name in names], 0.02 * values, 0.0)
+    wider = replace(
+        joint.uncertainty, covariance_robust=np.diag(own + scaled**2), covariance=np.diag(own)
+    )
+    std = each_record._std_without_scale(replace(joint, uncertainty=wider), names)
+    assert std == pytest.approx(np.sqrt(own), rel=1e-6)
+    less = replace(wider, covariance_robust=np.diag(own / 1e9), covariance=np.diag(own / 1e9))
+    std = each_record._std_without_scale(replace(joint, uncertainty=less), names)
+    assert std[names.index("X_s3")] == 0.0 and std[names.index("M")] > 0.0
+
+
+def with_valves(axis, valve):
+    return replace(axis, bench=replace(axis.bench, valves=Valves(valve, valve)))

@@ -11,7 +11,7 @@ from pneumo_casadi.data import read_case
 from pneumo_casadi.data.truth import read_truth
 from pneumo_casadi.errors import CaseError, FitError
 from pneumo_casadi.estimation.output_error import OutputErrorOptions
-from pneumo_casadi.identification.identify import identify
+from pneumo_casadi.identification.identify import _cut, identify
 from pneumo_casadi.identification.options import FORCE_WINDOW, IdentifyOptions
 from pneumo_casadi.identification.read_result import read_axis
 from pneumo_casadi.identification.result_file import result_dict
@@ -222,3 +222,15 @@ def test_a_force_driven_axis_is_identified_over_windows(data_folder):
     assert pytest.approx(95.1, rel=0.03) == M
     json.dumps(result_dict(result), allow_nan=False)
     assert np.isfinite(result.output_error.cost)
+
+
+def test_stretches_outside_the_time_to_identify_on_are_left_out(quick):
+    record = quick.case.identify[0]
+    early, middle, late = (record.window(start, start + 1.0) for start in (5.0, 10.0, 14.0))
+    some = _cut((early, middle, late), IdentifyOptions(start=9.0, end=10.5))
+    assert [part.t[0] for part in some] == [middle.t[0]]
+    assert some[0].duration == pytest.approx(0.5)
+    both = _cut((early, middle, late), IdentifyOptions(start=10.5))
+    assert [part.t[0] for part in both] == pytest.approx([10.5, 14.0])
+    with pytest.raises(CaseError, match="row"):  # outside all of them
+        _cut((early, middle, late), IdentifyOptions(start=20.0))

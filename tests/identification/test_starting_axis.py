@@ -16,6 +16,7 @@ from pneumo_casadi.identification.result_file import result_dict
 from pneumo_casadi.identification.starting_axis import (
     axis_for_wls,
     axis_of_options,
+    catalogue_effect,
     start_of_output_error,
 )
 from pneumo_casadi.runtime.json_files import write_json
@@ -179,3 +180,45 @@ def test_the_result_of_an_earlier_version_is_read(quick, tmp_path):
     write_json(content, tmp_path / "result.json")
     axis = read_axis(tmp_path / "result.json", quick.case)
     assert axis.parameters.as_dict() == quick.axis.parameters.as_dict()
+
+
+@pytest.fixture
+def with_held_flow(quick, tmp_path):
+    """A result of the quick identification as if its flow coefficients had been held."""
+    estimate = quick.output_error.uncertainty
+    own = tuple(name for name in estimate.names if name not in quick.axis.flow_parameters)
+    at = np.ix_(*2 * [[estimate.names.index(name) for name in own]])
+    parts = (estimate.covariance, estimate.covariance_robust)
+    covariance, robust = (part[at] for part in parts)
+    estimate = replace(estimate, names=own, covariance=covariance, covariance_robust=robust)
+    fit = replace(quick.output_error, uncertainty=estimate)
+    write_json(result_dict(replace(quick, output_error=fit)), tmp_path / "result.json")
+    return tmp_path
+
+
+def test_a_result_whose_map_was_held_leaves_it_held(quick, with_held_flow):
+    options = read_options(with_held_flow, quick.case)
+    assert not options.refine_flow
+    assert not {*options.start_values, *options.fixed} & set(quick.axis.flow_parameters)
+    axis = axis_of_options(quick.case, quick.flow, options)
+    assert not set(axis.parameters.free_names) & set(quick.axis.flow_parameters)
+
+
+def test_a_result_whose_map_was_refined_goes_on_to_refine_it(quick, with_effect):
+    assert read_options(with_effect[0], quick.case).refine_flow
+
+
+def test_a_start_releases_no_coefficient_of_a_map_that_is_to_be_held(case, flow):
+    name = flow.parameters.names[0]
+    start = {name: 1.1 * flow.parameters[name].value, "M": 16.0}
+    held = IdentifyOptions(**FORM, refine_flow=False, start_values=start)
+    assert name not in axis_of_options(case, flow, held).parameters.free_names
+    refined = replace(held, refine_flow=True)
+    assert name in axis_of_options(case, flow, refined).parameters.free_names
+
+
+def test_what_a_map_does_between_its_commands_is_asked_of_a_metered_valve_alone(flow):
+    given = catalogue_effect("flow_map_shape", flow)
+    general = catalogue_effect("flow_map_shape", flow, metered=False)
+    assert general.__class__ is EFFECTS["flow_map_shape"]
+    assert given.__class__ is not EFFECTS["flow_map_shape"]

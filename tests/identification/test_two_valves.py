@@ -1,7 +1,9 @@
 """Two valves with maps of their own."""
 
 import json
+from types import SimpleNamespace
 
+import numpy as np
 import pandas as pd
 import pytest
 
@@ -11,6 +13,9 @@ from pneumo_casadi.errors import CaseError
 from pneumo_casadi.identification.model_file import axis_dict, axis_from_dict
 from pneumo_casadi.identification.read_result import read_axis
 from pneumo_casadi.identification.result_file import result_dict
+from pneumo_casadi.identification.warnings.flow_map import flow_map_warnings
+from pneumo_casadi.valve import read_flow_map
+from pneumo_casadi.valve.flow_pair import FlowMapPair
 
 FACTOR = 1.2  # by which the flow meter of chamber N's valve shows more
 
@@ -55,3 +60,14 @@ def test_one_map_of_two_is_not_enough(case, tmp_path):
         (tmp_path / name).write_bytes((case.folder / name).read_bytes())
     with pytest.raises(CaseError, match=r"flow_map_N\.csv: no such file; give the map of both"):
         pc.read_case(tmp_path)
+
+
+def test_each_valve_is_held_against_its_own_map(case):
+    """Chamber N's map is metered less far: that says nothing of chamber P."""
+    record = case.identify[0]
+    P = read_flow_map(case.folder / "flow_map_P.csv")
+    N = P.select(P.p < np.median(record["p_P"]))
+    fit = SimpleNamespace(flow_map_deviation=None)
+    found = list(flow_map_warnings([record], FlowMapPair(P, N), fit))
+    assert [warning.text.split()[0] for warning in found] == ["p_N"]
+    assert list(flow_map_warnings([record], FlowMapPair(P, P), fit)) == []

@@ -14,7 +14,7 @@ from pneumo_casadi.valve import (
     iso6358_from_data_sheet,
     sonic_conductances,
 )
-from pneumo_casadi.valve.flow_pair import FlowPair, valve_of
+from pneumo_casadi.valve.flow_pair import FlowMapPair, FlowPair, valve_of
 
 
 def flow_map_warnings(
@@ -24,11 +24,12 @@ def flow_map_warnings(
     if flow_map is None:
         yield from _data_sheet_warnings(result)
         return
+    P, N = flow_map if isinstance(flow_map, FlowMapPair) else (flow_map, flow_map)
     ranges = (
-        ("p_P", flow_map.p_range, "Pa"),
-        ("p_N", flow_map.p_range, "Pa"),
-        ("u_P", flow_map.u_range, "V"),
-        ("u_N", flow_map.u_range, "V"),
+        ("p_P", P.p_range, "Pa"),
+        ("p_N", N.p_range, "Pa"),
+        ("u_P", P.u_range, "V"),
+        ("u_N", N.u_range, "V"),
     )
     for channel, (low, high), unit in ranges:
         values = np.concatenate([record[channel] for record in records])
