@@ -70,12 +70,15 @@ def window_runs(
 ) -> list[tuple[Recording, Rows, Trajectory]]:
     """Return records, samples and simulations of their whole windows [s], one after another.
 
+    Windows begin at whole blocks of samples, and end where the next one begins at the latest.
+
     `longest_step` is the length of a Runge-Kutta step times the fastest rate, see `substeps_for`.
     """
     pairs: list[tuple[Recording, Rows, Trajectory]] = []
     for record in records:
-        L = round(window / record.dt)
         states = estimate_initial_states(axis, record, window, longest_step)
+        apart = np.diff([first for first, _ in states])
+        L = int(min([round(window / record.dt), *apart]))
         starts = [(first, x_0) for first, x_0 in states if first + L < record.N]
         lengths = sample_lengths(record, record.dt)
         w = held_inputs(record.stack(axis.inputs), record.hold, lengths)
@@ -107,17 +110,19 @@ def window_curves(
     if not runs:
         return ()
     records = [record for record, _, _ in next(iter(runs.values()))]
-    units = {output: axis.unit(output) for output in axis.outputs}
-    noise = {output: output_noise(axis, records, output) for output in axis.outputs}
+    simulated = [run.outputs for several in runs.values() for _, _, run in several]
+    outputs = [name for name in axis.outputs if all(name in names for names in simulated)]
+    units = {output: axis.unit(output) for output in outputs}
+    noise = {output: output_noise(axis, records, output) for output in outputs}
     curves = []
     for record, several in zip(records, zip(*runs.values(), strict=True), strict=True):
         # Windows in which one model cannot start are left out for all.
         common = np.arange(record.N)
         for _, rows, _ in several:
             common = np.intersect1d(common, np.arange(record.N)[rows])
-        values = {output: {MEASURED: record[output][common]} for output in axis.outputs}
+        values = {output: {MEASURED: record[output][common]} for output in outputs}
         for name, (_, rows, run) in zip(runs, several, strict=True):
-            for output in axis.outputs:
+            for output in outputs:
                 values[output][name] = run[output][np.isin(np.arange(record.N)[rows], common)]
         curves.append(Curves(record.name, record.t[common], units, noise, values))
     return tuple(curves)

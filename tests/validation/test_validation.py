@@ -1,5 +1,7 @@
 """Validation of the true axis leaves the sensor noise; any disagreement leaves more."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from pneumo_casadi.errors import ModelError
 from pneumo_casadi.estimation.output_error.shooting.segments import measured_states
 from pneumo_casadi.model.simulation import simulate, simulate_closed_loop
 from pneumo_casadi.validation import validate
+from pneumo_casadi.validation.simulations import window_curves, window_runs
 
 SCALE = {"p_P": 150.0, "p_N": 150.0, "x": 1.5e-5}
 
@@ -87,3 +90,23 @@ def test_windows_and_loop_begin_at_the_pressures_behind_a_biased_sensor(simulate
     behind = axis.with_effects(EFFECTS["pressure_sensor_bias"]()).with_parameters(offset)
     true = measured_states(axis, record, axis.parameters)
     np.testing.assert_allclose(measured_states(behind, biased, behind.parameters), true, rtol=1e-9)
+
+
+def test_windows_that_are_no_whole_number_of_blocks_share_no_sample(simulated, record):
+    """At 1250 Hz, blocks of 2 ms are 3 samples and windows of 0.1 s are 125."""
+    channels = {name: record[name][:700] for name in record.names}
+    faster = Recording(np.arange(700) / 1250.0, channels, "faster", "made", record.hold)
+    ((_, rows, run),) = window_runs(simulated[0], [faster], 0.1)
+    assert np.unique(rows).size == rows.size == run.t.size
+    assert np.ptp(rows) > 500
+
+
+def test_curves_over_windows_show_the_outputs_of_all_models(made, simulated, record):
+    """A model without a recorded sensor simulates the others."""
+    axis = simulated[0]
+    part = record.window(0.0, 0.5).with_channels({"v": np.gradient(record["x"][:500], record.dt)})
+    bench = replace(made.BENCH, signals=frozenset({"v"}), noise=None)
+    richer = replace(axis, bench=bench)
+    runs = {"with": window_runs(richer, [part], 0.1), "without": window_runs(axis, [part], 0.1)}
+    (curves,) = window_curves(richer, runs)
+    assert tuple(curves.values) == ("p_P", "p_N", "x") and curves.simulations == tuple(runs)
