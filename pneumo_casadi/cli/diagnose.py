@@ -20,7 +20,7 @@ from pneumo_casadi.cli.options import (
     report_folder,
 )
 from pneumo_casadi.cli.terminal import exit_unless_usable, guarded, progress_bar, say
-from pneumo_casadi.errors import CaseError, FitError
+from pneumo_casadi.errors import CaseError, PneumoError
 
 if TYPE_CHECKING:
     from pneumo_casadi.data import Case
@@ -139,7 +139,7 @@ def _refined(
         return None, f"{own[0]} is an effect of a file, which result.json cannot hold"
     try:
         return refine_diagnosis(case, diagnosis, progress), ""
-    except FitError as error:
+    except PneumoError as error:  # the diagnosis is done: it is written all the same
         return None, str(error)
 
 

@@ -7,7 +7,7 @@ from pneumo_casadi.diagnosis.checks.parameter_checks import check_output_error
 from pneumo_casadi.diagnosis.decide.result import Diagnosis, Verdict
 from pneumo_casadi.diagnosis.metrics.simulated_fit import WINDOW
 from pneumo_casadi.diagnosis.prepare.prepare_study import split_records
-from pneumo_casadi.errors import FitError
+from pneumo_casadi.errors import FitError, ModelError
 from pneumo_casadi.estimation.output_error import OutputErrorOptions
 from pneumo_casadi.identification.flow_form import read_flow
 from pneumo_casadi.identification.identify import identify
@@ -119,5 +119,5 @@ def refine_diagnosis(
     try:
         whole = replace(options, output_error=OutputErrorOptions(recover=False))
         return identify(split, whole, progress)
-    except FitError:
+    except (FitError, ModelError):  # no convergence, or a free run that leaves the finite numbers
         return identify(split, windows, progress)

@@ -11,11 +11,12 @@ import pandas as pd
 import pytest
 
 from pneumo_casadi.cli import app as cli
-from pneumo_casadi.cli.diagnose import default_workers
+from pneumo_casadi.cli.diagnose import _refined, default_workers
 from pneumo_casadi.cli.parts.bar import time_left
 from pneumo_casadi.effects import EFFECTS
-from pneumo_casadi.errors import FitError
+from pneumo_casadi.errors import CaseError, FitError, ModelError
 from pneumo_casadi.runtime.processes import processes
+from pneumo_casadi.runtime.progress import no_progress
 
 _spec = importlib.util.spec_from_file_location(
     "diagnoses", Path(__file__).parents[1] / "report" / "diagnoses.py"
@@ -140,6 +141,19 @@ def test_a_diagnosis_that_ends_early_leaves_nothing_but_its_fits(
     assert cli.run(["diagnose", str(embedded), *arguments]) == code
     assert words in error_line(capsys)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("error", [FitError, ModelError, CaseError])
+def test_a_diagnosis_outlives_a_refinement_that_fails(monkeypatch, error):
+    """Whatever fails in the last minute, the verdict took half an hour."""
+
+    def refine(*given):
+        raise error("the simulation leaves the finite numbers")
+
+    module = "pneumo_casadi.diagnosis.refined_identification"
+    monkeypatch.setattr(f"{module}.refine_diagnosis", refine)
+    refined, failure = _refined(None, made.EFFECT, no_progress)
+    assert refined is None and "leaves the finite numbers" in failure
 
 
 def test_a_folder_of_another_kind_is_refused_before_any_work(embedded, tmp_path, capsys, given):

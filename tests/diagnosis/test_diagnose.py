@@ -3,12 +3,16 @@
 import json
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from pneumo_casadi.data import Case, InputHold, ProportionalController, Recording
 from pneumo_casadi.diagnosis import DiagnosisOptions, Verdict, diagnose, prepare_study
 from pneumo_casadi.diagnosis.prepare.fit_store import Store
+from pneumo_casadi.diagnosis.prepare.prepare_study import HELD_OUT, split_records
 from pneumo_casadi.diagnosis.prepare.usable_records import require_usable
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.effects.term.term import Term, term_effect
@@ -114,12 +118,6 @@ def test_an_effect_of_ones_own_needs_no_registration(made_case):
 
 
 @pytest.mark.slow
-def test_two_effects_in_two_balances_are_both_named(made_case):
-    diagnosis = diagnose(made_case(6, spring_load="medium", leakage_P="medium"), SMALL)
-    assert {effect.name for effect in diagnosis.effects} == {"spring_load", "leakage_P"}
-
-
-@pytest.mark.slow
 def test_another_executor_gives_the_same_numbers(made_case):
     case = made_case(3, stribeck="medium")
     in_process = diagnose(case, PAIR)
@@ -173,6 +171,40 @@ def test_kept_fits_of_another_term_of_one_name_are_not_taken(tmp_path):
     ]
     *paths, same = (store._path([effect]) for effect in effects)
     assert len(set(paths)) == 3 and same == paths[0]
+
+
+class Signals(frozenset):
+    """Signals in a given order: that of a frozenset differs from process to process."""
+
+    def __iter__(self):
+        return iter(self.order)
+
+
+def token_of(tmp_path, made, order=("a", "v"), **bench):
+    signals = Signals(order)
+    signals.order = order
+    bench = replace(made.BENCH, **bench)
+    object.__setattr__(bench, "signals", signals)
+    axis = SimpleNamespace(bench=bench, parameters=made.true_axis().parameters)
+    study = SimpleNamespace(train=(), held_out=(), flow_map=None, axis=axis)
+    return Store.of(tmp_path, study).token
+
+
+def test_kept_fits_are_those_of_the_same_signals_in_any_order(made, tmp_path):
+    token = token_of(tmp_path, made)
+    assert token == token_of(tmp_path, made, ("v", "a"))
+    assert token != token_of(tmp_path, made, ("v", "F_load"))
+
+
+def test_fits_are_kept_under_a_controller_of_ones_own(made, tmp_path):
+    """Its `repr` is an address, another one in each process."""
+
+    class Own(ProportionalController):
+        __repr__ = object.__repr__
+
+    controllers = [Own(4.0, 3.0), Own(4.0, 3.0)]
+    first, second = (token_of(tmp_path, made, controller=each) for each in controllers)
+    assert first == second
 
 
 def _counting(fitted):
@@ -241,3 +273,49 @@ def test_without_a_validation_record_the_end_is_held_out_and_said(made_case):
     diagnosis = diagnose(case, PAIR)
     assert any("held out" in note for note in diagnosis.notes)
     assert [effect.name for effect in diagnosis.effects] == ["stribeck"]
+
+
+def moving(seconds):
+    """A record of a force-driven axis that moves to and fro, with all that may be measured."""
+    t = np.arange(round(1e3 * seconds)) / 1e3
+    wave = np.sin(2 * np.pi * 1.3 * t)
+    channels = {"F": 80.0 * wave, "F_load": 0.0 * wave, "x": 0.1 * wave, "v": wave, "a": wave}
+    return Recording(t, channels, "made", "identify.csv", InputHold.ZERO)
+
+
+def test_recorded_velocity_and_acceleration_are_left_out_and_said(made, monkeypatch):
+    monkeypatch.setattr(
+        "pneumo_casadi.diagnosis.prepare.prepare_study.start_study", lambda axis, *given: axis
+    )
+    bench = replace(made.FORCE_BENCH, signals={"v", "a", "F_load"})
+    axis, (note,) = prepare_study(Case(Path("made"), bench, (moving(3.0),), (moving(3.0),)))
+    assert axis.outputs == ("x",)
+    assert axis.inputs == ("F", "F_load")  # a force on the rod drives the motion: it is used
+    assert note.startswith("a, v: recorded but not used")
+
+
+def test_conductances_are_read_from_the_records_that_are_fitted(made, monkeypatch):
+    class Stop(Exception):
+        pass
+
+    def read_flow(case, options, records):
+        seen.extend(records)
+        raise Stop
+
+    seen = []
+    monkeypatch.setattr("pneumo_casadi.diagnosis.prepare.prepare_study.read_flow", read_flow)
+    case = Case(Path("made"), made.BENCH, (moving(6.0),), ())
+    with pytest.raises(Stop):
+        prepare_study(case)
+    (record,) = seen
+    assert record.t[-1] < (1 - HELD_OUT) * 6.0
+
+
+def test_a_record_too_short_to_hold_out_a_part_is_refused_with_its_own_length(made):
+    """Of the part that would be held out one cannot tell which record must be longer."""
+    case = Case(Path("made"), made.FORCE_BENCH, (moving(4.0),), ())
+    words = r"identify.csv: 4 s without .* last 40 %: record at least 5 s.* add a validation record"
+    with pytest.raises(CaseError, match=words):
+        split_records(case)
+    train, held_out, _ = split_records(replace(case, identify=(moving(6.0),)))
+    assert (train[0].N, held_out[0].N) == (3600, 2400)

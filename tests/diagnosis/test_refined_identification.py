@@ -10,7 +10,7 @@ from pneumo_casadi.data import write_case
 from pneumo_casadi.diagnosis import EffectFound, Verdict, diagnose, options_of_diagnosis
 from pneumo_casadi.diagnosis import refined_identification as module
 from pneumo_casadi.effects import EFFECTS
-from pneumo_casadi.errors import FitError
+from pneumo_casadi.errors import FitError, ModelError
 from pneumo_casadi.export import read_model
 from pneumo_casadi.identification.read_result import read_axis
 from pneumo_casadi.report.pages.diagnosis import write_diagnosis
@@ -25,13 +25,16 @@ def test_the_options_start_from_the_nominal_fit_where_no_effect_is_named(quick_d
     assert "v_s" not in options.start_values
 
 
-def test_windows_are_taken_where_whole_records_do_not_converge(quick_diagnosis, quick, monkeypatch):
+@pytest.mark.parametrize("error", [FitError, ModelError])
+def test_windows_are_taken_where_whole_records_do_not_converge(
+    quick_diagnosis, quick, monkeypatch, error
+):
     tried = []
 
     def identify(case, options, progress):
         tried.append(options.output_error)
         if options.output_error.window is None:
-            raise FitError("no step helps")
+            raise error("no step helps, or the simulation leaves the finite numbers")
         return quick
 
     monkeypatch.setattr(module, "identify", identify)

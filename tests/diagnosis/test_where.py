@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneumo_casadi.data import read_case
+from pneumo_casadi.data import InputHold, Recording, read_case
 from pneumo_casadi.diagnosis.locate.locate import (
     balance_of_effect,
     locate,
@@ -14,13 +14,20 @@ from pneumo_casadi.diagnosis.locate.locate import (
 )
 from pneumo_casadi.diagnosis.locate.regime_maps import map_regimes
 from pneumo_casadi.diagnosis.locate.regimes import find_regimes
-from pneumo_casadi.diagnosis.locate.signatures import HYPOTHESES, Signatures, signatures
+from pneumo_casadi.diagnosis.locate.signatures import (
+    HYPOTHESES,
+    Signatures,
+    noise_variance,
+    row_signals,
+    signatures,
+)
 from pneumo_casadi.diagnosis.metrics.location import Location
 from pneumo_casadi.diagnosis.metrics.regime import RegimeKind
 from pneumo_casadi.diagnosis.prepare.fitted_model import fit_model
 from pneumo_casadi.diagnosis.prepare.study import start_study
 from pneumo_casadi.diagnosis.wording.location_sentences import location_sentences
 from pneumo_casadi.effects import EFFECTS
+from pneumo_casadi.estimation.equation_error.smoothed_motion import smooth_motions
 from pneumo_casadi.identification.flow_form import read_flow
 from pneumo_casadi.identification.options import IdentifyOptions
 from pneumo_casadi.identification.starting_axis import make_axis
@@ -200,6 +207,21 @@ def test_the_position_is_resolved_to_its_ends(bench):
     widths = np.diff(x.edges)
     assert widths.max() < 4 * np.median(widths)
     assert x.mean.size > 40
+
+
+def test_signals_and_noise_of_a_force_driven_axis_are_accelerations(made):
+    """Its balance is divided by M: so are force and noise, which it is compared with."""
+    axis, t = made.true_force_axis(), np.arange(4000) / made.FS
+    x = axis.bench.noise.x * np.random.default_rng(0).normal(size=t.size)
+    F = 40.0 * np.sin(2 * np.pi * 2.0 * t)
+    record = Recording(t, {"F": F, "x": x}, "at rest", "made", InputHold.ZERO)
+    (data,) = smooth_motions(axis, [record])
+    values = axis.parameters.as_dict()
+    (signal,) = row_signals(axis, values, data)
+    assert signal == pytest.approx(40.0 / np.sqrt(2) / values["M"], rel=0.02)
+    (variance,) = noise_variance(axis, values, data)
+    shown = data.averaged(data.dx[1:])
+    assert np.sqrt(variance) == pytest.approx(np.std(shown), rel=0.25)
 
 
 def test_a_force_driven_axis_has_a_force_alone(emps_like):

@@ -16,6 +16,7 @@ from scipy.sparse import csr_array, diags_array, hstack, vstack
 
 from pneumo_casadi.diagnosis.locate.model_error import RESIDUAL_ERROR
 from pneumo_casadi.diagnosis.locate.nominal_dynamics import evaluate_dynamics, signals_of
+from pneumo_casadi.diagnosis.metrics.residual_size import force_row_scale
 from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
 from pneumo_casadi.estimation.equation_error.residuals import linearise_residuals
@@ -115,16 +116,23 @@ def _record_signatures(
 
 
 def residual_floor(axis: Axis, values: Mapping[str, float], data: SmoothedMotion) -> FloatArray:
-    """Return what noise and a right model's misfit leave in each balance [Pa/s, Pa/s, N]."""
+    """Return what noise and a right model's misfit leave in each balance [Pa/s, Pa/s, N].
+
+    Of a force-driven axis [m/s²], as its residuals are.
+    """
     signal = row_signals(axis, values, data)
     return np.sqrt(noise_variance(axis, values, data) + (RESIDUAL_ERROR * signal) ** 2)
 
 
 def row_signals(axis: Axis, values: Mapping[str, float], data: SmoothedMotion) -> FloatArray:
-    """Return the root mean square of what each balance drives, ṗ or force [Pa/s, Pa/s, N]."""
+    """Return the root mean square of what each balance drives, ṗ or force [Pa/s, Pa/s, N].
+
+    Of a force-driven axis [m/s²], as its residuals are.
+    """
     theta = np.array([values[name] for name in axis.parameters.names])
     rates = [np.std(data.dx[axis.motion_states.index(name)]) for name in axis.outputs[:-1]]
-    return np.array([*rates, signals_of(axis, theta, data)[-1]])
+    force = signals_of(axis, theta, data)[-1] / force_row_scale(axis.kind, values["M"])
+    return np.array([*rates, force])
 
 
 def noise_variance(axis: Axis, values: Mapping[str, float], data: SmoothedMotion) -> FloatArray:
@@ -136,7 +144,8 @@ def noise_variance(axis: Axis, values: Mapping[str, float], data: SmoothedMotion
         float(np.sqrt(np.mean(A[axis.motion_states.index(name), v] ** 2)))
         for name in axis.outputs[:-1]
     ]
-    noise = balance_noise(data, exact_row_gains(data), values["M"], velocity_slopes=slopes)
+    mass = values["M"] / force_row_scale(axis.kind, values["M"])
+    noise = balance_noise(data, exact_row_gains(data), mass, velocity_slopes=slopes)
     return noise**2
 
 
@@ -152,7 +161,8 @@ def _columns(
     half = np.full(data.N - 1, 0.5 / data.dt)
     step = csr_array(diags_array(half, offsets=1) - diags_array(half, offsets=-1))
     S = [spline, step @ spline, step @ (step @ spline)]
-    scale = [*(1.0 for _ in axis.outputs[:-1]), values["M"]]
+    mass = values["M"] / force_row_scale(axis.kind, values["M"])
+    scale = [*(1.0 for _ in axis.outputs[:-1]), mass]
     states = [*axis.outputs[:-1], "v"]
     columns: dict[str, list[Any]] = {}
     for sensor in axis.outputs:

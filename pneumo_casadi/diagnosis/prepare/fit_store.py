@@ -11,6 +11,7 @@ from zipfile import BadZipFile
 import numpy as np
 
 from pneumo_casadi import __version__
+from pneumo_casadi.data.bench.bench_file import bench_content
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.model.effect import Effect
@@ -45,8 +46,9 @@ class Store:
         for table in () if known is None else (known if isinstance(known, tuple) else (known,)):
             for part in (table.u, table.p, table.q_m, table.p_supply, table.p_ext):
                 digest.update(np.asarray(part, dtype=float).tobytes())
-        words = (__version__, study.axis.bench, study.axis.parameters.as_dict())
-        digest.update(repr(words).encode())
+        bench = study.axis.bench  # one's own controller, which no file holds, enters no fit
+        words = (__version__, bench_content(bench), sorted(bench.signals))
+        digest.update(repr((*words, study.axis.parameters.as_dict())).encode())
         return cls(folder, digest.hexdigest())
 
     def _path(self, effects: Sequence[Effect]) -> Path:

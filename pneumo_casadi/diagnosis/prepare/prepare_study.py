@@ -1,12 +1,13 @@
 """From a case to a study: records checked and split, flow map fitted, effects that suit."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from pneumo_casadi.data import Case, Recording
 from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA, Criteria
 from pneumo_casadi.diagnosis.prepare.study import Study, start_study
-from pneumo_casadi.diagnosis.prepare.usable_records import require_usable
-from pneumo_casadi.errors import ModelError
+from pneumo_casadi.diagnosis.prepare.usable_records import ROUNDING, SHORTEST, require_usable
+from pneumo_casadi.errors import CaseError, ModelError
 from pneumo_casadi.identification.flow_form import read_flow
 from pneumo_casadi.identification.options import IdentifyOptions
 from pneumo_casadi.identification.starting_axis import make_axis, with_flow_from_records
@@ -40,20 +41,49 @@ def prepare_study(
     CaseError
         If a record is too short or shows no motion.
     """
+    case, unused = _without_motion_sensors(case)
     train, held, notes = split_records(case)
-    table, flow = read_flow(case, options or IdentifyOptions())
+    table, flow = read_flow(case, options or IdentifyOptions(), train)
     axis = make_axis(case, flow)
     require_usable((*train, *held), axis.outputs)
     axis = with_flow_from_records(axis, train)
-    return start_study(axis, table, train, held, criteria), notes
+    return start_study(axis, table, train, held, criteria), (*unused, *notes)
+
+
+def _without_motion_sensors(case: Case) -> tuple[Case, tuple[str, ...]]:
+    """Return a case whose axis is seen by pressures and position, with a note on other sensors.
+
+    The balances are evaluated along the motion that these show.
+    """
+    bench = case.bench
+    unused = [n for n in sorted(bench.signals) if bench.kind.further[n] == "output"]
+    if not unused:
+        return case, ()
+    plain = replace(bench, signals=bench.signals - set(unused))
+    note = f"{', '.join(unused)}: recorded but not used; the motion is that of the position sensor"
+    return replace(case, bench=plain), (note,)
 
 
 def split_records(
     case: Case,
 ) -> tuple[Sequence[Recording], Sequence[Recording], tuple[str, ...]]:
-    """Return the records to fit and those held out, with a note where a record was split."""
+    """Return the records to fit and those held out, with a note where a record was split.
+
+    Raises
+    ------
+    CaseError
+        If what would be held out of a record is too short.
+    """
     if case.validate:
         return case.identify, case.validate, ()
+    for record in case.identify:
+        if HELD_OUT * record.duration < SHORTEST * (1 - ROUNDING):
+            raise CaseError(
+                f"{record.source}: {record.duration:.3g} s without a validation record are too "
+                f"short for a diagnosis, which holds out the last {100 * HELD_OUT:.0f} %: record "
+                f"at least {SHORTEST / HELD_OUT:g} s, better 20 s, of varied motion, or add a "
+                "validation record"
+            )
     cuts = [(r, float(r.t[0] + (1 - HELD_OUT) * r.duration)) for r in case.identify]
     train = [r.window(float(r.t[0]), cut) for r, cut in cuts]
     held = [r.window(cut, float(r.t[-1]) + r.dt) for r, cut in cuts]

@@ -10,6 +10,8 @@ from pneumo_casadi.signals.bandwidth import white_noise_std
 
 #: Shortest record that holds enough rows after the filters' edges [s].
 SHORTEST = 2.0
+#: A record of just so many samples may come out shorter by rounding, as a share.
+ROUNDING = 1e-3
 #: A channel that varies less than so many times its own noise shows nothing of the axis.
 LEAST_RATIO = 20.0
 #: Least share of the time in which a servo axis must move, and what counts as moving: this share of
@@ -27,7 +29,7 @@ def require_usable(records: Sequence[Recording], channels: Sequence[str]) -> Non
         Naming file, channel and remedy.
     """
     for record in records:
-        if record.duration < SHORTEST:
+        if record.duration < SHORTEST * (1 - ROUNDING):
             raise CaseError(
                 f"{record.source}: {record.duration:.3g} s are too short for a diagnosis: record "
                 f"at least {SHORTEST:g} s, better 20 s, of varied motion"
