@@ -16,6 +16,7 @@ from pneumo_casadi.cli.options import (
     report_folder,
 )
 from pneumo_casadi.cli.terminal import guarded, progress_bar, say
+from pneumo_casadi.errors import CaseError
 
 
 def design(
@@ -38,11 +39,12 @@ def design(
         ),
     ] = None,
     criterion: Annotated[
-        CriterionName,
+        CriterionName | None,
         typer.Option(
-            help="Criterion of the covariance: determinant (D), trace (A), largest eigenvalue (E)."
+            help="Criterion of the covariance: determinant (D), trace (A), largest eigenvalue (E) "
+            "[default: D]."
         ),
-    ] = "D",
+    ] = None,
     duration: Annotated[
         float | None,
         typer.Option(help="Duration of the reference [s]; default: that of the record."),
@@ -99,8 +101,12 @@ def design(
         folder = report_folder(output, case, "-design")
         check_replaceable(folder, OutputKind.DESIGN)
         check_result_file(json_file, "evaluations")
+        if parameters is not None and flow is not FlowOption.AUTO:
+            raise CaseError("--flow: the form is that of --parameters; give one of the two")
+        if separate is not None and criterion is not None:
+            raise CaseError("--criterion: of standard errors; leave it out with --separate")
         request = ExperimentRequest(
-            separate, Criterion(criterion), duration, common, velocity, command, tries, seed
+            separate, Criterion(criterion or "D"), duration, common, velocity, command, tries, seed
         )
         read = replace(read_case(case), validate=())
         options = IdentifyOptions(flow_form=flow.form)

@@ -11,7 +11,7 @@ from pneumo_casadi.data import AnyBench, ProportionalController
 from pneumo_casadi.design.reference import Reference
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.model.axis import Axis
-from pneumo_casadi.model.balances import external_force, pressure_force
+from pneumo_casadi.model.balances import external_force, load_force, pressure_force
 from pneumo_casadi.model.integration import accumulate, step_function
 from pneumo_casadi.model.junctions import Pair
 from pneumo_casadi.model.machine_code.compilation import compile_functions
@@ -204,8 +204,8 @@ class ExperimentSimulator:
         x, w = ca.MX.sym("x", model.nx), ca.MX.sym("w", model.nw)
         theta = ca.MX.sym("theta", len(axis.parameters))
         u = model.feedback(x, w, theta)
-        u_max = self.controller.u_max
-        u = ca.fmin(ca.fmax(u, -u_max), u_max)
+        u_max, n = self.controller.u_max, len(axis.kind.commands)
+        u = ca.vertcat(ca.fmin(ca.fmax(u[:n], -u_max), u_max), ca.DM(axis.inputs_at_rest[n:]))
         following = step_function(axis, model.stepping)(x, u, theta)
         results = [following, x, u, axis.output(x, u, theta)]
         return ca.Function("experiment_step", [x, w, theta], results)
@@ -214,10 +214,13 @@ class ExperimentSimulator:
         """Simulate a reference from where it was begun, or after settling on its first values."""
         settling = 0 if reference.start is not None else round(SETTLING / self.dt)
         x, p_P, p_N = reference.start or (reference.x_ref[0], *self.rest_pressures)
-        w = np.vstack([reference.x_ref, reference.common, reference.common])
+        further = np.zeros(
+            (len(self.axis.inputs) - len(self.axis.kind.commands), reference.x_ref.size)
+        )
+        w = np.vstack([reference.x_ref, reference.common, reference.common, further])
         given = np.hstack([np.repeat(w[:, :1], settling, axis=1), w])
         theta = self.axis.parameters.values
-        start = self.axis.rest([p_P, p_N, x, 0.0], np.zeros(2), theta)
+        start = self.axis.rest([p_P, p_N, x, 0.0], self.axis.inputs_at_rest, theta)
         x_0 = np.asarray(start, dtype=float).reshape(-1, 1)
         with np.errstate(all="ignore"):
             _, states, u, y = accumulate(self.step, x_0, [given[None]], theta)
@@ -239,12 +242,14 @@ class ExperimentSimulator:
         delta = self.controller.u_max * np.linspace(-1.0, 1.0, GRID) ** 3
         all_p, all_delta = (part.ravel() for part in np.meshgrid(p, delta, indexing="ij"))
         nominal = np.vstack([all_p, all_p, 0 * all_p, 0 * all_p])
-        u = np.vstack([all_delta, -all_delta])
+        further = self.axis.inputs_at_rest[len(self.axis.kind.commands) :, None]
+        u = np.vstack([all_delta, -all_delta, np.repeat(further, all_p.size, axis=1)])
         columns = theta[:, None]
         states = self.axis.rest.map(all_p.size)(nominal, u, columns)
         rates = np.asarray(self.axis.rhs.map(all_p.size)(states, u, columns), dtype=float)
         still = [_zero(p, rate.reshape(GRID, GRID)) for rate in rates[:2]]
         force = pressure_force(Pair(*still), constants) - external_force(constants)
+        force = force + load_force({}, self.axis.parameters["M"].value, constants)
         at = float(np.interp(0.0, force, delta))
         return float(np.interp(at, delta, still[0])), float(np.interp(at, delta, still[1]))
 

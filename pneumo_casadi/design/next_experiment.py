@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pneumo_casadi.data import Bench, Recording
+from pneumo_casadi.data import Arrangement, Bench, Recording
 from pneumo_casadi.design.criterion import Criterion
 from pneumo_casadi.design.experiment import proportional_controller
 from pneumo_casadi.design.options import DesignOptions, default_limits, recorded_reference
@@ -17,6 +17,7 @@ from pneumo_casadi.errors import CaseError, FitError
 from pneumo_casadi.estimation.output_error import OutputErrorResult, fit_output_error
 from pneumo_casadi.identification.options import output_error_options
 from pneumo_casadi.identification.result import Identification
+from pneumo_casadi.identification.starting_axis import catalogue_effect
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.runtime.progress import Progress, no_progress, progress_range
 from pneumo_casadi.valve import FlowMap
@@ -57,7 +58,8 @@ class ExperimentRequest:
     Raises
     ------
     CaseError
-        If an effect is not in the catalogue, or is to be separated from itself.
+        If an effect is not in the catalogue, or is to be separated from itself, or if duration or
+        tries are not positive.
 
     Examples
     --------
@@ -79,6 +81,10 @@ class ExperimentRequest:
         for name in self.separate or ():
             if name != NONE and name not in EFFECTS:
                 raise CaseError(f"no effect {name!r}; there are {', '.join(EFFECTS)} and {NONE}")
+        for name in ("duration", "tries"):
+            value = getattr(self, name)
+            if value is not None and not value > 0:
+                raise CaseError(f"{name}: {value:g} leaves nothing to design; give a positive one")
         if self.separate is not None and self.separate[0] == self.separate[1]:
             raise CaseError(f"{self.separate[0]} cannot be told from itself; name two effects")
 
@@ -134,6 +140,11 @@ def design_experiment(
             "one measured flow map only"
         )
     proportional_controller(case.bench)  # any other is refused before the search
+    if request.common and case.bench.arrangement is Arrangement.ONE_5_3:
+        raise CaseError(
+            f"{case.folder}: one 5/3 valve gives chamber N the opposite of chamber P's command: it "
+            "allows no common mode; leave out `common`"
+        )
     options = _options(case.bench, records, flow_map, request)
     recorded = [recorded_reference(record) for record in records]
     report = progress or no_progress
@@ -162,9 +173,10 @@ def _options(
         limits = replace(limits, velocity=request.velocity)
     if request.command is not None:
         limits = replace(limits, command=request.command)
-    duration = request.duration or records[0].duration
+    duration = records[0].duration if request.duration is None else request.duration
     most = PRECISION_TRIES if request.separate is None else SEPARATION_TRIES
-    tries = request.tries or max(FEWEST, round(most * min(1.0, 10.0 / duration)))
+    usual = max(FEWEST, round(most * min(1.0, 10.0 / duration)))
+    tries = usual if request.tries is None else request.tries
     return DesignOptions(limits, duration, evaluations=tries, seed=request.seed)
 
 
@@ -173,7 +185,8 @@ def _axis_with(name: str, identification: Identification, notes: list[str]) -> A
     fit = identification.output_error
     if name == NONE:
         return fit.axis
-    start = fit.axis.with_effects(EFFECTS[name]()).at_starting_values(name)
+    effect = catalogue_effect(name, identification.flow)
+    start = fit.axis.with_effects(effect).at_starting_values(name)
     options = output_error_options(identification.case, identification.options)
     try:
         refit = fit_output_error(start, identification.records, identification.flow_map, options)

@@ -64,9 +64,7 @@ class PrecisionForecast:
     @cached_property
     def at_bound(self) -> tuple[str, ...]:
         """Parameters held by a bound at the estimate: a fit counts them as known."""
-        free = self.axis.parameters.select(self.axis.parameters.free_names)
-        gap = np.minimum(free.values - free.lower, free.upper - free.values) / free.scales
-        return tuple(name for name, near in zip(free.names, gap < AT_BOUND, strict=True) if near)
+        return held_by_bounds(self.axis)
 
     def run(self, reference: Reference) -> SimulatedExperiment:
         """Simulate a reference at the forecast's own rate."""
@@ -91,10 +89,17 @@ class PrecisionForecast:
         return criterion.of(covariance / np.outer(unit, unit))
 
 
+def held_by_bounds(axis: Axis) -> tuple[str, ...]:
+    """Return the free parameters that a bound holds at the estimate."""
+    free = axis.parameters.select(axis.parameters.free_names)
+    gap = np.minimum(free.values - free.lower, free.upper - free.values) / free.scales
+    return tuple(name for name, near in zip(free.names, gap < AT_BOUND, strict=True) if near)
+
+
 def parameters_of_interest(axis: Axis) -> tuple[str, ...]:
-    """Return the free parameters without those of the flow map."""
-    flow = set(axis.flow_parameters)
-    return tuple(name for name in axis.parameters.free_names if name not in flow)
+    """Return the free parameters without those of the flow map, and those held by a bound."""
+    left_out = {*axis.flow_parameters, *held_by_bounds(axis)}
+    return tuple(name for name in axis.parameters.free_names if name not in left_out)
 
 
 @one_thread
@@ -125,7 +130,8 @@ def design_for_precision(
     criterion : Criterion, optional
         D, A or E.
     names : sequence of str, optional
-        Parameters of interest; by default all free ones but the coefficients of the flow.
+        Parameters of interest; by default all free ones but the coefficients of the flow, and
+        those held by a bound, which a fit counts as known.
     progress : callable, optional
         Called as ``progress(text, share)``.
 
@@ -138,13 +144,17 @@ def design_for_precision(
     FitError
         If no reference tried keeps the limits.
     ModelError
-        If a name is not free, or the recorded reference leaves the finite numbers.
+        If a name is not free, or held by a bound, or if the recorded reference leaves the finite
+        numbers.
     """
     began, report = time.perf_counter(), progress or no_progress
     chosen = tuple(names) if names is not None else parameters_of_interest(axis)
     unknown = sorted(set(chosen) - set(axis.parameters.free_names))
     if unknown or not chosen:
         raise ModelError(f"design: {', '.join(unknown) or 'no parameter'} is not fitted")
+    bound = [name for name in chosen if name in held_by_bounds(axis)]
+    if bound:
+        raise ModelError(f"design: {', '.join(bound)} is held by a bound, and no record tells it")
     fine, coarse = (
         PrecisionForecast(axis, flow_map, clock, chosen) for clock in simulation_rates(axis, sigma)
     )

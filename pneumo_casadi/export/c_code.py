@@ -90,6 +90,7 @@ def values(model: IdentifiedModel) -> dict[str, Any]:
         "output_columns": _strings(columns("outputs")),
         "parameters": ", ".join(repr(value) for value in axis.parameters.values.tolist()),
         "start": ", ".join(repr(value) for value in model.start.tolist()),
+        "inputs_at_rest": ", ".join(repr(value) for value in axis.inputs_at_rest.tolist()),
         "motion": " ".join(map(plain, axis.motion_states)),
         "header": ",".join(["t_s", *columns("inputs")]),
         "sz_arg": max(f.sz_arg() for f in functions),

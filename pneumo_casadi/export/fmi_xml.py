@@ -44,7 +44,11 @@ def variables(model: IdentifiedModel) -> list[Variable]:
     """Return all variables in the order of their value references, as in ``fmi3.c``."""
     axis, units, nm = model.axis, model.units, len(model.axis.motion_states)
     items = [Variable("time", "s", "independent")]
-    items += [Variable(n, unit, "input", start=0.0) for n, unit in units["inputs"].items()]
+    at_rest = axis.inputs_at_rest.tolist()
+    items += [
+        Variable(name, unit, "input", start=value)
+        for (name, unit), value in zip(units["inputs"].items(), at_rest, strict=True)
+    ]
     items += [
         Variable(n, unit, "output", initial="calculated", description="what the sensor shows")
         for n, unit in units["outputs"].items()

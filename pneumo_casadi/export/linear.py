@@ -136,7 +136,9 @@ def operating_point(axis: Axis, given: Mapping[str, float] | None = None) -> Ope
             x[at[name]] = held[name]
         return OperatingPoint(x, u)
     held.setdefault("x", 0.0)
-    if not held.keys() & set(axis.inputs):
+    given = held.keys() & set(axis.kind.commands)
+    # One command of a valve moves the axis; one of two pressures asks for the other at rest.
+    if not given or (axis.kind.measured_inputs and len(given) < len(axis.kind.commands)):
         held.setdefault("v", 0.0)
     return _search(axis, held)
 
@@ -223,12 +225,13 @@ def _search(axis: Axis, held: Mapping[str, float]) -> OperatingPoint:
     scales = np.concatenate([axis.state_scales, np.ones(len(axis.inputs))])
     for name, value in held.items():
         z[names.index(name)] = value
-    free = [i for i, name in enumerate(names) if name not in held]
+    known = {*held, *set(axis.inputs) - set(axis.kind.commands)}  # a supply, a force on the rod
+    free = [i for i, name in enumerate(names) if name not in known]
     widths: list[float] = []
     if "v" not in held:
         own = axis.parameters["v_s"].value
         widths = [width for width in _WIDTHS if width > own]
-    residual = _Residual(axis, "u_P" not in held and "u_N" not in held)
+    residual = _Residual(axis, not {"u_P", "u_N"} & set(held))
     for width in (*widths, None):
         theta = axis.parameters.as_dict() | ({} if width is None else {"v_s": width})
         z = _descend(residual, z, np.array(list(theta.values())), free, scales)
@@ -252,7 +255,9 @@ class _Residual:
         self._nx = len(axis.states)
         self._rows = [i for i, name in enumerate(axis.states) if name != "x"]
         self._scales = axis.state_scales[self._rows] / _TIME
-        self._opposed = opposed and len(axis.inputs) == 2
+        commands = {"u_P", "u_N"}
+        self._opposed = opposed and commands <= set(axis.inputs)
+        self._commands = np.array([float(name in commands) for name in axis.inputs])
         self.names = [f"the rate of {axis.states[i]}" for i in self._rows]
         if self._opposed:
             self.names.append("u_P + u_N")
@@ -263,8 +268,8 @@ class _Residual:
         A, B, *_ = (np.asarray(m, dtype=float) for m in self._jacobians(x, u, theta))
         J = np.hstack([A, B])[self._rows] / self._scales[:, None]
         if self._opposed:
-            r = np.append(r, u.sum())
-            J = np.vstack([J, np.concatenate([np.zeros(self._nx), np.ones(u.size)])])
+            r = np.append(r, self._commands @ u)
+            J = np.vstack([J, np.concatenate([np.zeros(self._nx), self._commands])])
         return r, J
 
 

@@ -16,6 +16,7 @@ from pneumo_casadi.identification.read_result import ResultSection, result_path
 from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.identification.result_file import result_dict
 from pneumo_casadi.model.axis import Axis
+from pneumo_casadi.model.balances import load_force
 from pneumo_casadi.model.stepping import substeps_for
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.runtime.json_files import json_text
@@ -245,8 +246,10 @@ def balanced_state(axis: Axis) -> FloatArray:
     constants, nominal = axis.constants, [0.0, 0.0]
     if axis.kind.gas_chambers:
         p_ext, p_supply = constants["p_ext"], constants["p_supply"]
-        p_N = (p_supply + p_ext) / 2
-        p_P = p_ext + constants["S_N"] / constants["S_P"] * (p_N - p_ext)
+        load = float(load_force({}, axis.parameters["M"].value, constants))
+        half = constants["S_N"] * (p_supply - p_ext) / 2
+        p_P = min(max(p_ext + (half - load) / constants["S_P"], p_ext), p_supply)
+        p_N = p_ext + (constants["S_P"] * (p_P - p_ext) + load) / constants["S_N"]
         nominal = [p_P, p_N, 0.0, 0.0]
     full = axis.rest(nominal, axis.inputs_at_rest, axis.parameters.values)
     return np.asarray(full, dtype=float).ravel()

@@ -165,7 +165,8 @@ def simulate_closed_loop(
     controller : controller, optional
         By default the bench's.
     disturbance : (N,) or (N, nu) array, optional
-        Added to what the controller sets [V or N].
+        Added to what the controller sets [V or N]: one value to all commands, or one to each input,
+        further inputs such as a supply pressure whole. By default these are as at rest.
     memory : (n_memory,) array, optional
         What the controller remembers before the first sample. By default integrators are empty
         and the axis has moved at its first velocity.
@@ -194,8 +195,12 @@ def simulate_closed_loop(
     """
     reference = np.asarray(x_ref, dtype=float)
     N, nu = reference.size, len(axis.inputs)
-    added = np.zeros((N, nu)) if disturbance is None else np.asarray(disturbance, dtype=float)
-    added = added.reshape(N, -1) * np.ones((1, nu))
+    added = np.tile(axis.inputs_at_rest, (N, 1))
+    given = np.zeros(N) if disturbance is None else np.asarray(disturbance, dtype=float)
+    if given.size == N:
+        added[:, : len(axis.kind.commands)] = given.reshape(N, 1)
+    else:
+        added = given.reshape(N, nu)
     law = controller or axis.bench.controller
     model = SampledAxis(axis, stepping_for(axis, dt, lengths=lengths), law)
     step = _closed_step(model)

@@ -61,6 +61,21 @@ def test_usage_errors_are_one_line_and_write_nothing(case, tmp_path, capsys, arg
     assert not folder.exists()
 
 
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["-p", "result", "--flow", "spline"], "--flow: the form is that of --parameters"),
+        (["--separate", "stribeck", "none", "--criterion", "A"], "--criterion: of standard errors"),
+    ],
+)
+def test_options_that_exclude_each_other_are_refused_before_a_file_is_read(
+    tmp_path, capsys, arguments, words
+):
+    assert cli.run(["design", str(tmp_path / "gone"), *arguments]) == 2
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    assert words in line
+
+
 def test_a_folder_with_anything_else_in_it_is_left_alone(case, tmp_path):
     (tmp_path / "thesis.tex").write_text("years of work")
     assert cli.run(["design", str(case), "-o", str(tmp_path)]) == 2

@@ -1,14 +1,23 @@
 """What is predicted of an experiment is what a fit to it finds, on the package's own model."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from pneumo_casadi.data import Load
 from pneumo_casadi.design import DesignOptions, Part, design_for_precision, design_to_separate
 from pneumo_casadi.design.experiment import ExperimentSimulator
-from pneumo_casadi.design.options import SimulationRate, recorded_reference, simulation_rates
+from pneumo_casadi.design.options import (
+    SimulationRate,
+    feasible_finalists,
+    recorded_reference,
+    simulation_rates,
+)
 from pneumo_casadi.design.precision import PrecisionForecast, parameters_of_interest
 from pneumo_casadi.design.prediction import Fit, noise_free_map, project_refit, refit
 from pneumo_casadi.design.reference import make_reference
+from pneumo_casadi.design.search import SearchResult
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.errors import FitError, ModelError
 from pneumo_casadi.estimation.output_error import OutputErrorOptions, fit_output_error
@@ -61,6 +70,24 @@ def test_an_axis_begins_where_it_rests(made, recorded):
     assert settled == pytest.approx([p_P, p_N], rel=0.05)
 
 
+def test_a_recorded_supply_rests_during_an_experiment(made):
+    still = make_reference((Part("holds", 1.0, (0.05,)),), 1e-3, 200, 0.1, 0.0)
+    plain, supplied = (
+        ExperimentSimulator(axis, 1e-3)(still) for axis in (made.true_axis(), made.supplied_axis())
+    )
+    assert np.all(supplied.u[2] == made.P_SUPPLY)
+    np.testing.assert_allclose(supplied.y, plain.y)
+
+
+@pytest.mark.parametrize("angle", [90.0, -90.0])
+def test_a_vertical_axis_begins_with_its_weight_balanced(made, angle):
+    axis = replace(made.true_axis(), bench=replace(made.BENCH, load=Load(angle_deg=angle)))
+    p_P, p_N = ExperimentSimulator(axis, 1e-3).rest_pressures
+    bench, weight = made.BENCH, np.sign(angle) * 9.80665 * made.TRUE["M"]
+    force = bench.S_P * p_P - bench.S_N * p_N - (bench.S_P - bench.S_N) * bench.p_ext
+    assert force == pytest.approx(weight, abs=made.TRUE["F_c_plus"])
+
+
 def test_a_projection_is_the_refit_to_first_order(made, sigma):
     axis = made.true_axis()
     other = axis.with_effects(EFFECTS["quadratic_drag"]()).at_starting_values()
@@ -111,6 +138,27 @@ def test_impossible_limits_say_by_how_much(made, recorded, limits, sigma):
     )
     with pytest.raises(FitError, match="exceeds them by"):
         design_for_precision(made.true_axis(), [recorded], made.smooth_map(), sigma, options)
+
+
+def test_without_a_finalist_that_counts_no_excess_of_nothing_is_told(made, limits, sigma):
+    axis = made.true_axis()
+    rate, _ = simulation_rates(axis, sigma)
+    search = SearchResult((), 0.0, ())
+    with pytest.raises(FitError, match="none determines all that is asked for") as raised:
+        feasible_finalists(search, DesignOptions(limits, 1.0), {"": axis}, rate)
+    assert "0 %" not in str(raised.value)
+
+
+def test_a_parameter_at_a_bound_is_no_aim_of_a_design(made, limits, sigma):
+    axis = made.true_axis().with_parameters({"f_v": 0.0})
+    assert "f_v" in parameters_of_interest(made.true_axis())
+    assert set(parameters_of_interest(axis)) == {
+        *(f"X_s{i}" for i in range(1, 7)),
+        *("M", "F_c_plus", "F_c_minus"),
+    }
+    options = DesignOptions(limits, 1.0, evaluations=20)
+    with pytest.raises(ModelError, match="f_v is held by a bound"):
+        design_for_precision(axis, [], None, sigma, options, names=("M", "f_v"))
 
 
 def test_what_is_absorbed_whatever_the_axis_does_is_not_searched_for(made, recorded, limits, sigma):

@@ -10,6 +10,7 @@ import pytest
 
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.export import IdentifiedModel, write_c
+from pneumo_casadi.export.c_code import c_sources
 from pneumo_casadi.model.simulation import simulate
 
 CC = shutil.which("gcc") or shutil.which("cc")
@@ -83,6 +84,13 @@ def test_the_header_names_all_quantities_with_units(models, tmp_path):
     for letter, kind in (("x", "states"), ("u", "inputs"), ("y", "outputs"), ("p", "parameters")):
         for i, (name, unit) in enumerate(models["effects"].units[kind].items()):
             assert f"{letter}[{i}]  {name} [{unit}]" in text
+
+
+def test_the_code_holds_the_inputs_that_go_with_the_start(made):
+    sources = c_sources(IdentifiedModel(made.supplied_axis(), 1e-3))
+    at_rest = f"inputs_at_rest[AXIS_NU] = {{0.0, 0.0, {made.P_SUPPLY!r}}}"
+    assert at_rest in sources["axis.c"]
+    assert "extern const double axis_inputs_at_rest[AXIS_NU]" in sources["axis.h"]
 
 
 def test_other_files_in_the_folder_stay(models, tmp_path):

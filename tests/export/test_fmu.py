@@ -5,12 +5,15 @@ import io
 import shutil
 import subprocess
 import zipfile
+from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
 
 from pneumo_casadi.errors import MissingExtraError
-from pneumo_casadi.export import write_fmu
+from pneumo_casadi.export import IdentifiedModel, write_fmu
+from pneumo_casadi.export.fmi_xml import model_description
+from pneumo_casadi.export.fmu import fmu_files
 from pneumo_casadi.model.simulation import simulate
 
 fmpy = pytest.importorskip("fmpy", reason="needs the extra `export` (fmpy)")
@@ -193,3 +196,13 @@ def test_outputs_do_not_claim_to_hang_on_inputs(models, fmus):
     (p_P,) = [u for u in read.derivatives if u.variable.name == "der(state.p_P)"]
     assert "u_P" in {v.name for v in p_P.dependencies}
     assert "u_N" not in {v.name for v in p_P.dependencies}
+
+
+def test_a_supply_pressure_that_nobody_connects_is_that_of_the_bench(made):
+    model = IdentifiedModel(made.supplied_axis(), 1e-3)
+    found = ET.fromstring(model_description(model, "token"))
+    starts = {v.get("name"): v.get("start") for v in found.iter("Float64")}
+    given = {name: float(starts[name]) for name in model.axis.inputs}
+    assert given == {"u_P": 0.0, "u_N": 0.0, "p_supply": made.P_SUPPLY}
+    (source,) = (text for name, text in fmu_files(model).items() if name.endswith("fmi3.c"))
+    assert "memcpy(axis->now.u, axis_inputs_at_rest" in source

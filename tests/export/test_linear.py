@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 import scipy.io
 
+from pneumo_casadi.data import PressureBench
 from pneumo_casadi.errors import MissingExtraError, ModelError
 from pneumo_casadi.export import linearise, operating_point, write_state_space
 from pneumo_casadi.export.linear import OperatingPoint
+from pneumo_casadi.model.servosystem import PressureAxis
 from pneumo_casadi.model.simulation import simulate
 
 
@@ -50,6 +52,23 @@ def test_a_point_given_whole_is_taken_as_it_stands(models):
     assert point.x[:4].tolist() == [3e5, 5e5, 0.1, 0.4] and point.u.tolist() == [1.0, -0.5]
     rest = axis.rest(point.x[:4], point.u, axis.parameters.values).full().ravel()
     assert np.array_equal(point.x, rest)
+
+
+def test_pressures_are_no_commands_that_oppose_each_other():
+    axis = PressureAxis(PressureBench(1e3, 8.75e-4, 6.03e-4, 0.5, 1e5))
+    axis = axis.with_parameters({"F_c_plus": 12.0, "F_c_minus": 12.0})
+    p_P, p_N = operating_point(axis, {"p_N": 4e5, "v": 0.0}).u
+    assert p_N == 4e5
+    assert p_P == pytest.approx(1e5 + 6.03e-4 / 8.75e-4 * 3e5)
+
+
+def test_a_measured_supply_stays_as_the_bench_has_it(made):
+    supplied = made.supplied_axis()
+    point = operating_point(supplied, {"x": 0.1})
+    u_P, u_N, p_supply = point.u
+    assert p_supply == supplied.bench.p_supply
+    assert u_P == pytest.approx(-u_N, abs=1e-9)
+    assert np.abs(without_position(supplied, rates(supplied, point))).max() < 1e-7
 
 
 @pytest.mark.parametrize(

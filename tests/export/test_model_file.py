@@ -1,13 +1,16 @@
 """A model survives its file; what a file cannot hold, or should not, is refused."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from pneumo_casadi.data import Load
 from pneumo_casadi.effects import EFFECTS, ValveMismatch
 from pneumo_casadi.errors import CaseError, ModelError
 from pneumo_casadi.export import IdentifiedModel, identified_model, read_model, write_model
+from pneumo_casadi.export.model import balanced_state
 from pneumo_casadi.identification.model_file import axis_dict, axis_from_dict
 from pneumo_casadi.identification.result_file import result_dict
 from pneumo_casadi.model.servosystem import Servosystem
@@ -130,3 +133,22 @@ def test_a_report_without_a_model_says_what_to_do(tmp_path):
 def test_an_impossible_sampling_period_is_refused(models):
     with pytest.raises(ModelError, match="sampling period -1"):
         IdentifiedModel(models["force"].axis, -1.0)
+
+
+@pytest.mark.parametrize(
+    ("load", "M"),
+    [
+        (Load(), 17.0),
+        (Load(angle_deg=90.0), 17.0),
+        (Load(angle_deg=-90.0), 17.0),
+        (Load(angle_deg=90.0), 40.0),  # more than chamber N half-way up balances
+        (Load(force=250.0), 17.0),
+    ],
+)
+def test_at_the_start_pressures_balance_the_load(made, load, M):
+    axis = made.true_axis().with_parameters({"M": M})
+    axis = replace(axis, bench=replace(made.BENCH, load=load))
+    x = balanced_state(axis)
+    (left,) = axis.driving_force(x[:, None], axis.inputs_at_rest[:, None])
+    assert left == pytest.approx(0.0, abs=1e-9)
+    assert np.all((x[:2] >= made.P_EXT) & (x[:2] <= made.P_SUPPLY))

@@ -115,6 +115,12 @@ def true_axis(*effects, flow=None):
     return Servosystem(BENCH, flow or true_flow(), effects).with_parameters(TRUE)
 
 
+def supplied_axis(*effects):
+    """The same with a recorded supply pressure: an input that no controller sets."""
+    axis = true_axis(*effects)
+    return replace(axis, bench=replace(axis.bench, signals={"p_supply"}))
+
+
 def spline_axis(*effects):
     return true_axis(*effects, flow=fit_spline(smooth_map(), segments_p=6))
 

@@ -9,7 +9,7 @@ from pneumo_casadi.data import InputHold
 from pneumo_casadi.effects import Stribeck
 from pneumo_casadi.model.integration import held_inputs, step_function
 from pneumo_casadi.model.machine_code.compilation import generate_code
-from pneumo_casadi.model.simulation import simulate
+from pneumo_casadi.model.simulation import simulate, simulate_closed_loop
 from pneumo_casadi.model.stepping import ACCURATE, COARSE, Stepping, substeps_for
 
 
@@ -220,3 +220,18 @@ def test_many_steps_a_sample_are_little_more_code(made):
         len(generate_code([step_function(axis, Stepping(1e-2, substeps=n))])) for n in (4, 48)
     )
     assert many < 3 * few
+
+
+def test_what_disturbs_the_commands_does_not_disturb_the_supply(made):
+    axis, x_ref, x_0 = made.supplied_axis(), np.full(20, 0.01), [3.8e5, 4.4e5, 0.0, 0.0]
+    added = np.full(20, 0.3)
+    plain, disturbed = (
+        simulate_closed_loop(axis, x_ref, 1e-3, x_0, disturbance=each) for each in (None, added)
+    )
+    assert np.all(plain["p_supply"] == made.P_SUPPLY)
+    assert np.all(disturbed["p_supply"] == made.P_SUPPLY)
+    for name in axis.kind.commands:
+        assert disturbed[name][0] == pytest.approx(plain[name][0] + 0.3)
+    whole = np.column_stack([added, added, np.full(20, 6e5)])
+    low = simulate_closed_loop(axis, x_ref, 1e-3, x_0, disturbance=whole)
+    assert np.all(low["p_supply"] == 6e5)
