@@ -1,5 +1,6 @@
 """The command ``simulate``: records of a case, or a random axis of the virtual bench."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -23,30 +24,39 @@ def simulate(
     output: Output = None,
     json_file: Json = None,
     open_loop: Annotated[
-        bool,
+        bool | None,
         typer.Option(
             "--open-loop/--closed-loop",
-            help="Apply the recorded inputs, or simulate the controller on x_ref.",
+            help="Apply the recorded inputs, or simulate the controller on x_ref (the default).",
         ),
-    ] = False,
+    ] = None,
     records: Annotated[
-        RecordSetName, typer.Option(help="Records that give reference, inputs and initial state.")
-    ] = "validate",
+        RecordSetName | None,
+        typer.Option(
+            help="Records that give reference, inputs and initial state [default: validate]."
+        ),
+    ] = None,
     bench: Annotated[
         bool, typer.Option("--bench", help="Record a random axis of the virtual bench instead.")
     ] = False,
     seed: Annotated[
-        int, typer.Option(min=0, help="Bench: seed of axis, effect sizes and noise.")
-    ] = 0,
+        int | None,
+        typer.Option(min=0, help="Bench: seed of axis, effect sizes and noise [default: 0]."),
+    ] = None,
     effect: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME[:SEVERITY]", help="Bench: hidden effect; can be repeated."),
     ] = None,
     severity: Annotated[
-        str, typer.Option(help="Bench: default severity (small, medium or large).")
-    ] = "medium",
-    fs: Annotated[float, typer.Option(help="Bench: sampling frequency [Hz].")] = 1000.0,
-    duration: Annotated[float, typer.Option(help="Bench: length of each record [s].")] = 20.0,
+        str | None,
+        typer.Option(help="Bench: default severity (small, medium or large) [default: medium]."),
+    ] = None,
+    fs: Annotated[
+        float | None, typer.Option(help="Bench: sampling frequency [Hz] [default: 1000].")
+    ] = None,
+    duration: Annotated[
+        float | None, typer.Option(help="Bench: length of each record [s] [default: 20].")
+    ] = None,
     debug: Debug = False,
 ) -> None:
     """Simulate the axis on the records of CASE and write CSV files with the same columns.
@@ -64,13 +74,29 @@ def simulate(
         if bench:
             if case is not None or parameters is not None:
                 raise CaseError("--bench generates its own axis: leave out CASE and --parameters")
-            folder = output or Path("report") / f"bench-{seed}"
-            content = record_case(folder, seed, effect or [], severity, fs, duration, json_file)
+            loop = "--closed-loop" if open_loop is False else "--open-loop"
+            _refuse({loop: open_loop, "--records": records}, "goes with CASE, not with --bench")
+            number = seed or 0
+            folder = output or Path("report") / f"bench-{number}"
+            sizes = (severity or "medium", 1000.0 if fs is None else fs)
+            length = 20.0 if duration is None else duration
+            content = record_case(folder, number, effect or [], *sizes, length, json_file)
             say(str(folder))
         else:
-            content = {"files": _simulate(case, parameters, output, records, not open_loop)}
+            own = {"--seed": seed, "--severity": severity, "--fs": fs, "--duration": duration}
+            if case is not None:
+                _refuse({**own, "--effect": effect}, "goes with --bench")
+            given = records or "validate"
+            content = {"files": _simulate(case, parameters, output, given, not open_loop)}
         if json_file is not None:
             write_json(content, json_file)
+
+
+def _refuse(options: Mapping[str, object], why: str) -> None:
+    """Refuse the first of some options that would do nothing."""
+    for name, value in options.items():
+        if value is not None:
+            raise CaseError(f"{name} {why}; leave it out")
 
 
 def _simulate(

@@ -34,7 +34,6 @@ def test_simulate_writes_a_case_folder_and_the_labels_beside_it(tmp_path, capsys
         (["--bench", "--severity", "huge", "--effect", "hose"], "small, medium, large"),
         (["--bench", "--json", "OUT/labels.json"], "must not lie"),
         (["--bench", "somewhere"], "leave out CASE"),
-        ([], "or --bench"),
     ],
 )
 def test_usage_errors_are_one_line_and_write_nothing(tmp_path, capsys, arguments, words):
@@ -44,4 +43,24 @@ def test_usage_errors_are_one_line_and_write_nothing(tmp_path, capsys, arguments
     lines = capsys.readouterr().err.strip().splitlines()
     assert len(lines) == 1
     assert words in lines[0]
+    assert not folder.exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--fs", "500"], "or --bench"),
+        (["CASE", "-p", "r", "--seed", "3"], "--seed goes with --bench"),
+        (["CASE", "-p", "r", "--effect", "hose", "--fs", "500"], "--fs goes with --bench"),
+        (["--bench", "--open-loop"], "--open-loop goes with CASE"),
+        (["--bench", "--closed-loop"], "--closed-loop goes with CASE"),
+        (["--bench", "--records", "identify"], "--records goes with CASE"),
+    ],
+)
+def test_options_of_the_other_mode_are_refused(tmp_path, capsys, arguments, words):
+    """Ignored, they leave a result of another seed or loop than was asked for."""
+    folder = tmp_path / "case"
+    assert cli.run(["simulate", *arguments, "-o", str(folder)]) == 2
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    assert words in line
     assert not folder.exists()

@@ -142,6 +142,13 @@ def test_what_parameters_have_absorbed_beside_an_effect_is_told_with_them():
     assert made.BESIDE_ABSORBED.as_dict()["absorbed"] == ["valve_mismatch"]
 
 
+def test_what_parameters_have_absorbed_shows_in_those_to_use():
+    area, ratio = made.BESIDE_ABSORBED.checks
+    refined = replace(made.BESIDE_ABSORBED, refined_checks=(area, replace(ratio, agrees=True)))
+    text = " ".join(cause_sentences(refined))
+    assert "shows in the fitted S_N, not in the simulation" in text
+
+
 def test_a_gap_that_grows_is_not_said_to_fall():
     worse = replace(made.EFFECT, gap=replace(made.EFFECT.gap, after=14.0))
     assert "does not fall" in headline(worse)
@@ -151,6 +158,13 @@ def test_what_cannot_be_told_apart_comes_with_the_experiment():
     text = " ".join(alternative_sentences(made.AMBIGUOUS))
     assert "Stribeck friction (probability 55 %)" in text and "Presliding" in text
     assert "creep at three or more speeds" in text
+
+
+def test_several_causes_of_which_none_is_named_leave_no_gap_in_the_sentence():
+    open_ = replace(made.AMBIGUOUS, ambiguous=(), experiment="", undecided=made.UNDECIDED.undecided)
+    text = headline(open_)
+    assert ": ;" not in text and "the data single out none; with Stribeck" in text
+    assert next_step(open_, ready=True).startswith("record more of what sets the effects below")
 
 
 def test_what_is_left_for_causes_outside_the_catalogue_is_said():

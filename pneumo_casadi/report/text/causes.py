@@ -87,7 +87,7 @@ def _absorbed(diagnosis: Diagnosis) -> tuple[str, ...]:
     """Return the sentence on effects that the parameters have taken up; none without any."""
     if not diagnosis.absorbed:
         return ()
-    wrong = joined([check.name for check in diagnosis.checks if not check.agrees])
+    wrong = joined([check.name for check in diagnosis.final_checks if not check.agrees])
     names = joined([plain(name) for name in diagnosis.absorbed])
     return (
         f"Also there, absorbed by the parameters: {names}. It shows in the fitted {wrong}, not in "

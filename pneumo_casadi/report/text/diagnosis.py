@@ -71,6 +71,8 @@ def headline(diagnosis: Diagnosis) -> str:
     if diagnosis.verdict is Verdict.AMBIGUOUS:
         names = joined([plain(joined_names(names)) for names in diagnosis.ambiguous], "or")
         added = joined([plain(effect.name) for effect in diagnosis.effects])
+        if not names:
+            names = "the effects below, of which the data single out none"
         return (
             "Several effects explain the difference between model and measurement equally well: "
             f"{names}; "

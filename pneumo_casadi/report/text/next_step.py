@@ -55,6 +55,8 @@ def next_step(
         return "nothing for motions like these; record others to test the model there"
     if verdict is Verdict.ABSORBED:
         return f"check {wrong or 'the bench'} in bench.json and on the axis"
+    if verdict is Verdict.AMBIGUOUS and not diagnosis.ambiguous:
+        return "record more of what sets the effects below apart from their rivals"
     if verdict is Verdict.UNKNOWN:
         if diagnosis.discovered is None:
             return "record where the residual is large: see the conditions below"
