@@ -230,6 +230,17 @@ def effect_visibility(result: Mapping[str, Any]) -> str:
     return rows(head, body, texts=(head[-1], *head[1 : 1 + len(axes)]))
 
 
+def rule_cases(result: Mapping[str, Any]) -> str:
+    """Return the rules, what is hidden in the record of each, and what is said in another way."""
+    body = []
+    for rule, case in result["cases"].items():
+        hidden = ", ".join(f"{name} ({size})" for name, size in case["hidden"].items())
+        body.append([rule, hidden, "; ".join(case["differences"]) or "as expected"])
+    return rows(
+        ["rule", "hidden (form, size)", "said"], body, texts=("hidden (form, size)", "said")
+    )
+
+
 def bench_sanity(result: Mapping[str, Any]) -> str:
     """Balances of the virtual bench, agreement with the model, and what a nominal fit leaves."""
     head = ["axis", "mass balance", "energy balance", "step", "x to model, no F_c, %"]

@@ -94,3 +94,9 @@ def test_the_nominal_fit_of_an_effect_free_bench_leaves_half_a_per_cent_at_most(
         assert max(item["mass_error"], item["energy_error"], *item["step_errors"]) < 1e-9
         assert item["agreement_percent"]["without_coulomb_friction"]["x"] < 1e-4
         assert item["agreement_percent"]["with_coulomb_friction"]["v_s = 0.0001 m/s"]["x"] < 0.1
+
+
+def test_whole_diagnoses_say_what_each_rule_is_made_for():
+    figures = result("rule_cases")
+    told = {rule: case["differences"] for rule, case in figures["cases"].items()}
+    assert figures["right"] == figures["of"] == len(told) >= 13, told

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from pneumo_casadi.data import ForceBench, InputHold, NestedController, Recording, read_case
-from pneumo_casadi.diagnosis import Verdict, diagnose
 from pneumo_casadi.diagnosis.discover.discover import discover_term, propose_term
 from pneumo_casadi.diagnosis.discover.discovered import causes_in
 from pneumo_casadi.diagnosis.discover.joint_fit import fit_jointly
@@ -169,45 +168,24 @@ def test_what_acts_beside_a_term_is_told_by_its_cause():
     assert causes_in(effects) == ("valve_null_shift", "hose")
 
 
-FEW = {name: EFFECTS[name] for name in ("spring_load", "leakage_N", "elastic_load")}
-
-
 @pytest.mark.slow
-def test_beside_others_a_term_need_not_explain_the_gap_by_itself(made_case):
+def test_beside_others_a_term_explains_too_little_of_the_gap_by_itself(made_case):
+    """Why a term is not to explain the gap alone; `benchmarks/rule_cases.py` tells it beside."""
     case = made_case(12, cogging="medium", leakage_N="small", spring_load="small")
     study, _ = prepare_study(case)
     levels = balance_levels(study)
     alone = propose_term(study, fit_model(study, ()), (), levels)
+    assert (alone.term.balances, alone.term.driver) == (("force",), "x")
     assert alone.closes.value < 1 - levels.criteria.unexplained
-    diagnosis = diagnose(case, FEW)
-    assert diagnosis.verdict is Verdict.UNKNOWN
-    assert (diagnosis.discovered.balance, diagnosis.discovered.term.driver) == ("force", "x")
-    assert set(diagnosis.discovered.beside) == {"leakage_N", "spring_load"}
-    assert diagnosis.gap.with_term < 0.05 * diagnosis.gap.before
-    assert "spring_load" not in diagnosis.hint
 
 
 @pytest.mark.slow
-def test_a_term_that_does_what_effects_do_is_not_told(made_case):
-    """A line over x is the spring: what the spring leaves is told instead."""
-    true = {"spring_load": "medium", "leakage_N": "medium"}
-    case = made_case(12, position_nonlinearity="medium", **true)
-    study, _ = prepare_study(case)
+def test_a_spring_is_proposed_as_a_line_over_position(made_case):
+    """Why a term that does what effects do is not told; `benchmarks/rule_cases.py` tells them."""
+    effects = {"spring_load": "medium", "leakage_N": "medium"}
+    study, _ = prepare_study(made_case(12, position_nonlinearity="medium", **effects))
     spring = propose_term(study, fit_model(study, ()), (), balance_levels(study)).term
     assert (spring.balances, spring.formula, spring.driver) == (("force",), "line", "x")
-    diagnosis = diagnose(case, FEW)
-    assert diagnosis.discovered.balance == diagnosis.where.balance == "measurement"
-    assert set(diagnosis.discovered.beside) == set(true)
-
-
-@pytest.mark.slow
-def test_effects_of_several_forms_yield_to_a_term_that_repeats(made_case):
-    """An elastic load with hardly any damping swings as long as a record: so does a vibration."""
-    case = made_case(12, vibration="medium", leakage_N="medium")
-    diagnosis = diagnose(case, FEW)
-    assert diagnosis.verdict is Verdict.UNKNOWN
-    assert (diagnosis.discovered.balance, diagnosis.discovered.term.driver) == ("force", "t")
-    assert diagnosis.discovered.beside == ("leakage_N",)
 
 
 @pytest.mark.slow
