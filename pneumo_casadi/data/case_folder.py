@@ -245,7 +245,7 @@ def write_case(
     identify, validate : sequence of Recording
         One record gives ``identify.csv.gz``, several ``identify_1.csv.gz`` and so on.
     flow_map : path or mapping of str to (n,) array, optional
-        ``flow_map.csv`` to copy, or its columns by name.
+        ``flow_map.csv`` to copy (unpacked where it ends in ``.gz``), or its columns by name.
     flow_map_N : path or mapping of str to (n,) array, optional
         The map of the valve of chamber N where the valves differ; `flow_map` is then P's.
 
@@ -257,7 +257,8 @@ def write_case(
     Raises
     ------
     CaseError
-        If the folder holds something, or a record cannot stand in a case folder.
+        If the folder holds something, a record cannot stand in a case folder, or there is a map
+        of chamber N's valve alone.
 
     Examples
     --------

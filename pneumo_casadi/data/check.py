@@ -8,6 +8,7 @@ from typing import Any
 
 import pandas as pd
 
+from pneumo_casadi.data.bench.bench import Bench
 from pneumo_casadi.data.bench.bench_sections import noise_content
 from pneumo_casadi.data.bench.driven_bench import is_metered
 from pneumo_casadi.data.case import Case
@@ -201,13 +202,11 @@ def _flow_map(case: Case) -> Iterator[Finding]:
     if is_metered(bench) and case.flow_map_path is None:
         yield Finding(Grade.SEVERE, "no flow map", "flow_map", f"there is {NO_FLOW_MAP}.")
     if not is_metered(bench) and case.flow_map_path is not None:
-        yield Finding(
-            Grade.NOTE,
-            "map not used",
-            "flow_map",
-            f"`{case.flow_map_path.name}` is not used, since the bench says that no valve was "
-            "metered; if one was, say so in bench.json.",
-        )
+        why = "such an axis has no valves"
+        if isinstance(bench, Bench):
+            why = "bench.json does not say that both valves were metered (`valve.source`)"
+        text = f"`{case.flow_map_path.name}` is not used: {why}."
+        yield Finding(Grade.NOTE, "map not used", "flow_map", text)
 
 
 def _noise(case: Case, contents: tuple[RecordContents, ...]) -> Iterator[Finding]:

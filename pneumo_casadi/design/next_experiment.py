@@ -9,7 +9,7 @@ from pneumo_casadi.data import Arrangement, Bench, Recording
 from pneumo_casadi.design.criterion import Criterion
 from pneumo_casadi.design.experiment import proportional_controller
 from pneumo_casadi.design.options import DesignOptions, default_limits, recorded_reference
-from pneumo_casadi.design.precision import design_for_precision
+from pneumo_casadi.design.precision import design_for_precision, held_by_bounds
 from pneumo_casadi.design.result import Design
 from pneumo_casadi.design.separation import design_to_separate
 from pneumo_casadi.effects import EFFECTS
@@ -83,7 +83,7 @@ class ExperimentRequest:
                 raise CaseError(f"no effect {name!r}; there are {', '.join(EFFECTS)} and {NONE}")
         for name in ("duration", "tries"):
             value = getattr(self, name)
-            if value is not None and not value > 0:
+            if value is not None and not 0 < value < float("inf"):
                 raise CaseError(f"{name}: {value:g} leaves nothing to design; give a positive one")
         if self.separate is not None and self.separate[0] == self.separate[1]:
             raise CaseError(f"{self.separate[0]} cannot be told from itself; name two effects")
@@ -117,11 +117,12 @@ def design_experiment(
     Raises
     ------
     CaseError
-        If the axis is no servo axis with a flow map, or an effect is unknown.
+        If the axis is no servo axis with a flow map, an effect is unknown, or a common mode is
+        asked of one 5/3 valve.
     ModelError
         If its controller is not a proportional one.
     FitError
-        If no reference keeps the limits.
+        If no reference keeps the limits and determines what is asked for.
 
     Examples
     --------
@@ -149,7 +150,9 @@ def design_experiment(
     recorded = [recorded_reference(record) for record in records]
     report = progress or no_progress
     notes: list[str] = []
+    bound = held_by_bounds(fit.axis)
     if request.separate is None:
+        notes += [f"{name}: held by a bound, no aim of the design." for name in bound]
         design = design_for_precision(
             fit.axis, recorded, flow_map, fit.sigma, options, request.criterion, progress=report
         )

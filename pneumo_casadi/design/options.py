@@ -194,11 +194,15 @@ def feasible_finalists(
         runs = {name: simulator(reference) for name, simulator in simulators.items()}
         if all(run.excess(options.limits) == 0.0 for run in runs.values()):
             kept.append((candidate, runs))
+    if not kept and search.finalists:
+        raise FitError(
+            "design: the best references keep the limits in the search and exceed them at the "
+            "sampling rate of the bench. Allow more speed, pressure or command, or try more"
+        )
     if not kept and search.least_excess == 0:
         raise FitError(
-            "design: of the references tried that keep the limits none determines all that is "
-            "asked for, or keeps them at the sampling rate of the bench. Hold what no motion "
-            "shows, allow more speed, pressure or command, or try more references"
+            "design: no reference that keeps the limits tells what is asked for. Hold parameters "
+            "that no motion shows, allow more speed, pressure or command, or try more references"
         )
     if not kept:
         raise FitError(

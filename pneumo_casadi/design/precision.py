@@ -142,7 +142,7 @@ def design_for_precision(
     Raises
     ------
     FitError
-        If no reference tried keeps the limits.
+        If no reference tried keeps the limits and determines what is asked for.
     ModelError
         If a name is not free, or held by a bound, or if the recorded reference leaves the finite
         numbers.
@@ -151,7 +151,11 @@ def design_for_precision(
     chosen = tuple(names) if names is not None else parameters_of_interest(axis)
     unknown = sorted(set(chosen) - set(axis.parameters.free_names))
     if unknown or not chosen:
-        raise ModelError(f"design: {', '.join(unknown) or 'no parameter'} is not fitted")
+        raise ModelError(
+            f"design: {', '.join(unknown)} is not fitted"
+            if unknown
+            else "design: no parameter is left to aim at; release some, or those that a bound holds"
+        )
     bound = [name for name in chosen if name in held_by_bounds(axis)]
     if bound:
         raise ModelError(f"design: {', '.join(bound)} is held by a bound, and no record tells it")

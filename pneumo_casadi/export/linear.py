@@ -101,7 +101,8 @@ def operating_point(axis: Axis, given: Mapping[str, float] | None = None) -> Ope
     given : mapping of str to float, optional
         States and inputs that are held, by name, SI units. The others are such that all states
         but the position keep their values: pressures, velocity, the states of effects. Not
-        given, x is 0; v is 0 unless an input is given; u_N is -u_P unless one of them is given.
+        given, x is 0; v is 0 unless a command is given (of pressures that drive an axis, both);
+        u_N is -u_P unless one of them is given; a recorded supply or load is as at rest.
         If all of ``p_P, p_N, x, v`` and the inputs are given, the point is used unchanged, at
         rest or not; the states of effects are at rest there.
 
@@ -136,9 +137,9 @@ def operating_point(axis: Axis, given: Mapping[str, float] | None = None) -> Ope
             x[at[name]] = held[name]
         return OperatingPoint(x, u)
     held.setdefault("x", 0.0)
-    given = held.keys() & set(axis.kind.commands)
+    commands = held.keys() & set(axis.kind.commands)
     # One command of a valve moves the axis; one of two pressures asks for the other at rest.
-    if not given or (axis.kind.measured_inputs and len(given) < len(axis.kind.commands)):
+    if not commands or (axis.kind.measured_inputs and len(commands) < len(axis.kind.commands)):
         held.setdefault("v", 0.0)
     return _search(axis, held)
 

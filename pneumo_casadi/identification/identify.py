@@ -2,16 +2,18 @@
 
 import logging
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 from pneumo_casadi.data import Case, Recording, read_case
 from pneumo_casadi.data.truth import read_truth
+from pneumo_casadi.errors import CaseError, ModelError
 from pneumo_casadi.estimation.output_error import (
     fit_each_record,
     fit_output_error,
 )
 from pneumo_casadi.estimation.uncertainty import Optimum, analyse_identifiability
-from pneumo_casadi.estimation.wls import Prediction, cross_validate, fit_wls
+from pneumo_casadi.estimation.wls import Prediction, WLSResult, cross_validate, fit_wls
 from pneumo_casadi.identification.flow_form import read_flow, resolve_flow_form
 from pneumo_casadi.identification.options import IdentifyOptions, output_error_options
 from pneumo_casadi.identification.result import Identification
@@ -111,7 +113,7 @@ def identify(
     predictions: tuple[Prediction, ...] = ()
     validation = None
     if case.validate:
-        predictions = cross_validate(wls, case.validate)
+        predictions = _predictions(wls, case.validate)
         begun = _SHARES["validation"] if alone is None else _SHARES["each_record"]
         stage = progress_range(report, begun, _SHARES["done"], "validation: ")
         validation = validate(fit.axis, case.validate, options.windows, stage)
@@ -140,13 +142,30 @@ def identify(
     return identification
 
 
+def _predictions(wls: WLSResult, records: Sequence[Recording]) -> tuple[Prediction, ...]:
+    """Return what WLS predicts; records too short for its filters are left out with a warning.
+
+    The fits are done by then.
+    """
+    predictions: list[Prediction] = []
+    for record in records:
+        try:
+            predictions += cross_validate(wls, record)
+        except (CaseError, ModelError) as error:
+            logger.warning("%s: not predicted by weighted least squares: %s", record.name, error)
+    return tuple(predictions)
+
+
 def _cut(records: tuple[Recording, ...], options: IdentifyOptions) -> tuple[Recording, ...]:
+    """Return the part of each record; of one that gaps have split, the stretches that lie in it."""
     if options.start is None and options.end is None:
         return records
     start = -float("inf") if options.start is None else options.start
     end = float("inf") if options.end is None else options.end
-    inside = [record for record in records if start <= record.t[-2] and record.t[1] < end]
+    within = [start <= record.t[-2] and record.t[1] < end for record in records]
+    kept = {record.source for record, holds in zip(records, within, strict=True) if holds}
     return tuple(
         record.window(max(start, record.t[0]), min(end, record.t[-1] + record.dt))
-        for record in inside or records
+        for record, holds in zip(records, within, strict=True)
+        if holds or record.source not in kept
     )

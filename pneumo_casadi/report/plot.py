@@ -101,7 +101,10 @@ def regressor(result: Identification) -> Figure:
 
 
 def cross_validation(result: Identification, record: int = 0) -> Figure:
-    """Plot flows and force predicted by WLS on a held-out record (Figs. 4 and 5)."""
+    """Plot flows and force predicted by WLS on a held-out record (Figs. 4 and 5).
+
+    `record` counts those that are long enough for the filters of WLS.
+    """
     known = len(result.predictions)
     _needed(-known <= record < known, "held-out records that are long enough for WLS")
     return cross_validation_figure(result.predictions[record])

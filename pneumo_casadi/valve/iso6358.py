@@ -154,7 +154,8 @@ def fit_iso6358(
     Raises
     ------
     CaseError
-        If a pressure is unknown or one side of the valve was not metered.
+        If a pressure is unknown, one side of the valve was not metered, or there are no more
+        points than parameters.
     FitError
         If the iteration stalls.
     """

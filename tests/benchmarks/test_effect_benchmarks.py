@@ -96,7 +96,11 @@ def test_the_nominal_fit_of_an_effect_free_bench_leaves_half_a_per_cent_at_most(
         assert item["agreement_percent"]["with_coulomb_friction"]["v_s = 0.0001 m/s"]["x"] < 0.1
 
 
-def test_whole_diagnoses_say_what_each_rule_is_made_for():
-    figures = result("rule_cases")
+def test_whole_diagnoses_say_what_each_rule_is_made_for(script):
+    figures, asked = result("rule_cases"), script(RESULTS.parent / "rule_cases.py").CASES
+    assert {rule: case["hidden"] for rule, case in figures["cases"].items()} == {
+        case.rule: case.hidden for case in asked
+    }
+    assert figures["seed"] == [case.seed for case in asked]
     told = {rule: case["differences"] for rule, case in figures["cases"].items()}
     assert figures["right"] == figures["of"] == len(told) >= 13, told

@@ -187,8 +187,8 @@ def test_the_moving_mass_alone_takes_its_pressures_as_inputs():
     assert bench_from_content(bench_content(bench)) == bench
 
 
-@pytest.mark.parametrize("source", list(FlowSource))
-def test_a_flow_without_any_uncertainty_is_no_accuracy(source):
+def test_an_exact_flow_meter_is_as_one_of_which_nothing_is_stated():
+    assert ValveData(FlowSource.METERED, accuracy=0.0) == ValveData(FlowSource.METERED)
     sheet = {"C_fill": 1.2e-8, "C_exhaust": 1.4e-8, "u_full": 5.0}
-    with pytest.raises(CaseError, match=r"`valve\.accuracy`: expected a share of 1 .* got 0"):
-        ValveData(source, accuracy=0.0, **sheet)
+    with pytest.raises(CaseError, match=r"accuracy_percent`: 0 for a data sheet.* leave it out"):
+        ValveData(FlowSource.DATA_SHEET, accuracy=0.0, **sheet)

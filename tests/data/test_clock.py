@@ -112,6 +112,23 @@ def test_a_lost_sample_does_not_make_a_clock_as_recorded_another_one(recording, 
     _check_clock(as_recorded(recording, 1000.0, lost=[150]), bench)
 
 
+@pytest.mark.parametrize(
+    "lateness",
+    [
+        lambda rng, N: rng.exponential(0.3e-3, N),
+        lambda rng, N: np.where(np.arange(N) % 100 == 50, 1.6e-3, 0.0),  # it catches up
+        lambda rng, N: np.where(np.arange(N) % 2 == 1, 0.6e-3, 0.0),
+    ],
+    ids=["all stamps", "stalls", "every second one"],
+)
+def test_stamps_that_come_late_and_catch_up_keep_the_clock(bench, lateness):
+    t = np.arange(20000) / 1000.0
+    late = np.maximum.accumulate(t + lateness(np.random.default_rng(1), t.size)) + 1e-9 * t
+    channels = {name: np.sin(t) for name in ("u_P", "u_N", "p_P", "p_N", "x")}
+    record = Recording(late, channels, "late", "memory", InputHold.ZERO, clock=Clock.AS_RECORDED)
+    _check_clock(record, bench)
+
+
 @pytest.mark.parametrize("rate", [990.0, 1010.0, 500.0])
 def test_a_clock_as_recorded_of_another_frequency_is_refused(recording, bench, rate):
     with pytest.raises(CaseError, match=r"Hz, but the bench samples at 1000 Hz; correct `t` or"):

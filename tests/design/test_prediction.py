@@ -144,7 +144,7 @@ def test_without_a_finalist_that_counts_no_excess_of_nothing_is_told(made, limit
     axis = made.true_axis()
     rate, _ = simulation_rates(axis, sigma)
     search = SearchResult((), 0.0, ())
-    with pytest.raises(FitError, match="none determines all that is asked for") as raised:
+    with pytest.raises(FitError, match="no reference that keeps the limits tells") as raised:
         feasible_finalists(search, DesignOptions(limits, 1.0), {"": axis}, rate)
     assert "0 %" not in str(raised.value)
 

@@ -11,7 +11,7 @@ from pneumo_casadi.data import read_case
 from pneumo_casadi.data.truth import read_truth
 from pneumo_casadi.errors import CaseError, FitError
 from pneumo_casadi.estimation.output_error import OutputErrorOptions
-from pneumo_casadi.identification.identify import _cut, identify
+from pneumo_casadi.identification.identify import _cut, _predictions, identify
 from pneumo_casadi.identification.options import FORCE_WINDOW, IdentifyOptions
 from pneumo_casadi.identification.read_result import read_axis
 from pneumo_casadi.identification.result_file import result_dict
@@ -234,3 +234,19 @@ def test_stretches_outside_the_time_to_identify_on_are_left_out(quick):
     assert [part.t[0] for part in both] == pytest.approx([10.5, 14.0])
     with pytest.raises(CaseError, match="row"):  # outside all of them
         _cut((early, middle, late), IdentifyOptions(start=20.0))
+    other = replace(early, source="another file")  # a record of its own is not dropped in silence
+    with pytest.raises(CaseError, match="row"):
+        _cut((other, middle), IdentifyOptions(start=9.0))
+
+
+@pytest.mark.parametrize("seconds", [0.05, 0.3])
+def test_a_record_too_short_for_the_filters_is_not_predicted_and_the_others_are(
+    quick, caplog, seconds
+):
+    record = quick.case.validate[0]
+    begin = float(record.t[0])
+    short = record.window(begin, begin + seconds)
+    (prediction,) = _predictions(quick.wls, [short, record])
+    assert prediction.name == record.name
+    (warning,) = caplog.messages
+    assert warning.startswith(f"{short.name}: not predicted by weighted least squares")

@@ -33,7 +33,7 @@ class Arrangement(StrEnum):
 
 
 _QUANTITIES = {
-    "accuracy": quantities.Quantity("a share of 1", 1e-5, 1.0, {"%": (1e-2, 0.0)}),
+    "accuracy": quantities.Quantity("a share of 1", 0.0, 1.0, {"%": (1e-2, 0.0)}),
     "C_fill": quantities.CONDUCTANCE,
     "C_exhaust": quantities.CONDUCTANCE,
     "b": quantities.Quantity("1", 0.0, 0.95),
@@ -95,6 +95,13 @@ class ValveData:
             if getattr(self, name) is not None:
                 value = quantity.check(f"valve.{name}", getattr(self, name))
                 object.__setattr__(self, name, value)
+        if self.accuracy == 0.0 and self.source is FlowSource.DATA_SHEET:
+            raise CaseError(
+                "`valve.accuracy_percent`: 0 for a data sheet, whose values have tolerances; leave "
+                f"it out for {100 * DATA_SHEET_ACCURACY:g} %"
+            )
+        if self.accuracy == 0.0:  # taken as exact, as where none is stated
+            object.__setattr__(self, "accuracy", None)
         if self.source is FlowSource.DATA_SHEET:
             missing = [n for n in ("C_fill", "C_exhaust", "u_full") if getattr(self, n) is None]
             if missing:

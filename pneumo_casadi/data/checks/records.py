@@ -273,14 +273,16 @@ def _names_in_file(recording: Recording) -> tuple[str, ...]:
 def _check_clock(recording: Recording, bench: AnyBench) -> None:
     step, jitter = recording.dt, 0.0
     if recording.clock is Clock.AS_RECORDED:
-        # Jitter moves the median, lost samples move the mean: the mean of all but those.
+        # Jitter moves the median, and not the mean; lost samples move the mean.
         intervals = np.diff(recording.t)
-        typical = np.median(intervals)
-        usual = intervals[np.abs(intervals - typical) < 0.5 * typical]
-        step = float(np.mean(usual))
-        jitter = SIGMAS_OF_JITTER * float(np.std(usual)) / (usual.size * step)
+        step = float(np.mean(intervals))
+        counts = np.maximum(np.round(intervals / np.median(intervals)), 1.0)
+        complete = float(np.sum(intervals) / np.sum(counts))
+        jitter = SIGMAS_OF_JITTER * float(np.std(intervals)) / (intervals.size * step)
+    else:
+        complete = step
     recorded, expected = 1 / step, bench.sampling_frequency
-    if abs(recorded / expected - 1) <= CLOCK_TOLERANCE + jitter:
+    if min(abs(1 / (s * expected) - 1) for s in (step, complete)) <= CLOCK_TOLERANCE + jitter:
         return
     if abs(recorded * 1e3 / expected - 1) <= CLOCK_TOLERANCE:
         remedy = "is `t` in ms?"

@@ -66,9 +66,9 @@ def review_verdict(
     Another area of piston N alone, with the mass flows explained, is none of the effect's.
     (3) If the area of piston N is far off and nothing else is, the cause is valve N: the flow map
     is that of valve P; less of the flow must be left than the area has absorbed. (4) Where effects
-    are named and (3) holds, valve N differs besides. With a gap, (1) asks that of the mass flows
-    that of chamber N has the larger one; where the cause is unknown, (1) and (3) ask that it is
-    visible there only.
+    are named and the areas are as in (3), valve N differs besides, whatever is left. With a gap,
+    (1) asks that of the mass flows that of chamber N has the larger one; where the cause is
+    unknown, (1) and (3) ask that it is visible there only.
 
     Parameters
     ----------

@@ -1,6 +1,5 @@
 """Cross-validation of flows and effort on records that were not used (Figs. 4 and 5)."""
 
-import logging
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
@@ -8,15 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pneumo_casadi.data import Recording
-from pneumo_casadi.errors import CaseError, ModelError
 from pneumo_casadi.estimation.wls.arrays import read_only
 from pneumo_casadi.estimation.wls.linear import relative_error_percent
 from pneumo_casadi.estimation.wls.regressor import Observation, StickPhases, observe
 from pneumo_casadi.estimation.wls.result import WLSResult
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.runtime.presentation import Brief
-
-logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -64,16 +60,15 @@ def cross_validate(
     Returns
     -------
     tuple of Prediction
-        One for each record that is long enough for the filters; a warning is logged of others.
+        One for each record.
+
+    Raises
+    ------
+    CaseError, ModelError
+        If a record lacks a channel, or is too short for the filters.
     """
     recordings = (records,) if isinstance(records, Recording) else tuple(records)
-    predictions = []
-    for record in recordings:
-        try:
-            predictions.append(_predict(result, record))
-        except (CaseError, ModelError) as error:
-            logger.warning("%s: not predicted by weighted least squares: %s", record.name, error)
-    return tuple(predictions)
+    return tuple(_predict(result, record) for record in recordings)
 
 
 def _predict(result: WLSResult, recording: Recording) -> Prediction:

@@ -203,14 +203,3 @@ def test_the_regressor_is_averaged_over_the_inputs_around_a_sample(made):
     x, v = filtered.states["x"], filtered.states["v"]
     np.testing.assert_allclose(W[0, :, 1], x * filtered.derivatives["p_P"], rtol=1e-12)
     np.testing.assert_allclose(W[1, :, 5], -v * filtered.states["p_N"], rtol=1e-12)
-
-
-@pytest.mark.parametrize("seconds", [0.05, 0.3])
-def test_a_record_too_short_for_the_filters_is_not_predicted_and_the_others_are(
-    made, clean, caplog, seconds
-):
-    short = made.smooth_record(8).window(0.0, seconds)
-    predictions = cross_validate(clean, [short, made.smooth_record(9)])
-    assert [prediction.name for prediction in predictions] == ["smooth9"]
-    (warning,) = caplog.messages
-    assert warning.startswith(f"{short.name}: not predicted by weighted least squares")
