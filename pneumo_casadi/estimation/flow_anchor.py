@@ -269,12 +269,19 @@ def anchor_flow(
             parts.append(replace(part, names=names))
         return join_anchors(parts)
     if flow_map is not None:
-        # One map has one meter: where two accuracies are stated of it, the worse one counts.
-        accuracy = max((v.accuracy for v in valves if v.accuracy is not None), default=None)
+        accuracy = shared_accuracy(bench)
         return anchor_to_flow_map(flow_map, axis.flow, effects=chosen, accuracy=accuracy)
     if valves.metered:
         return None
     return join_anchors([_area_prior(bench), _valve_prior(axis)])
+
+
+def shared_accuracy(bench: Bench) -> float | None:
+    """Return the stated accuracy of the meter of a map that serves both valves; None without one.
+
+    One map has one meter: where two accuracies are stated of it, the worse one counts.
+    """
+    return max((v.accuracy for v in bench.valves if v.accuracy is not None), default=None)
 
 
 def flow_scale_std(bench: Any) -> tuple[float, float]:

@@ -6,7 +6,9 @@ covariance C = H⁻¹. Three answers follow from C alone.
 - Map held at c: ∂θ̂/∂c = −H_θθ⁻¹ H_θc = C_θc C_cc⁻¹. What the map adds to H_cc drops out, and so
   do the initial states, which were eliminated from H.
 - Map fitted by itself: ∂c/∂q = (DᵀD)⁻¹ Dᵀ with D = ∂q_m/∂c at the metered points.
-- Map anchored: ∂θ̂/∂q = C_θc Dᵀ/σ², as a metered point enters with weight 1/σ².
+- Map anchored: ∂θ̂/∂q = C_θc Dᵀ/σ², as a metered point enters with weight 1/σ². Where the accuracy a
+  of the flow meter is stated, the residuals are g q_m − q with the best factor g of 1 ± a, which
+  takes up what all points have in common: D becomes g (D − m mᵀD/(mᵀm + σ²/a²)) with m = q_m.
 """
 
 from collections.abc import Mapping
@@ -17,6 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pneumo_casadi.errors import ModelError
+from pneumo_casadi.estimation.flow_anchor import shared_accuracy
 from pneumo_casadi.estimation.output_error import OutputErrorResult
 from pneumo_casadi.estimation.wls.fit import POLYTROPIC
 from pneumo_casadi.parameters import FloatArray
@@ -121,6 +124,7 @@ def map_sensitivity(result: OutputErrorResult, flow_map: FlowMap) -> MapSensitiv
     fixed = regression.T / size
     norm = np.linalg.norm(D, axis=0)
     by_flow = np.linalg.pinv(D / norm) / norm[:, None]
+    D_anchored = _with_free_scale(D_anchored, flow_map, result, values)
     anchored = C[np.ix_(theta, c)] @ D_anchored.T / flow.sigma**2
     names = tuple(estimate.names[i] for i in theta)
     add = _ratio_rows(result, names)
@@ -131,6 +135,22 @@ def map_sensitivity(result: OutputErrorResult, flow_map: FlowMap) -> MapSensitiv
         add @ fixed @ by_flow,
         add @ anchored,
     )
+
+
+def _with_free_scale(
+    D: FloatArray, table: FlowMap, result: OutputErrorResult, theta: FloatArray
+) -> FloatArray:
+    """Return how residuals answer to coefficients where the factor of the flow meter is free."""
+    accuracy = shared_accuracy(result.axis.bench)
+    if accuracy is None:
+        return D
+    q = flow_function(result.axis.flow)
+    m = np.asarray(q.map(table.n)(ca.DM(table.u).T, ca.DM(table.p).T, ca.DM(theta)), dtype=float)
+    m = m.ravel()
+    weight = (result.axis.flow.sigma / accuracy) ** 2
+    size = m @ m + weight
+    g = (m @ table.q_m + weight) / size
+    return np.asarray(g * (D - np.outer(m, m @ D) / size))
 
 
 def _slopes(

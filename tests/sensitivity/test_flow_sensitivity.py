@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 import pytest
 
+from pneumo_casadi.data import ValveData, Valves
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.estimation.output_error import OutputErrorOptions, fit_output_error
 from pneumo_casadi.estimation.wls import fit_wls
@@ -163,6 +164,21 @@ def test_first_order_tells_what_refitting_finds(study, anchored, table, treatmen
         before = plain.output_error[name].value
         refitted = moved.output_error[name].value / before - 1
         assert shift[name] / before == pytest.approx(refitted, rel=0.1, abs=0.1 * size), name
+
+
+@pytest.mark.slow
+def test_a_gain_error_moves_X_s_by_itself_where_the_meter_s_accuracy_is_stated(
+    made, record, table, options
+):
+    """The factor of the meter is free then, and takes up what all points have in common."""
+    valve = ValveData(accuracy=0.02)
+    bench = replace(made.BENCH, valves=Valves(valve, valve))
+    axis = Servosystem(bench, LIKE_THE_TRUTH(table))
+    start = axis.started_at(fit_wls(axis, [record]).parameters)
+    fit = fit_output_error(start, [record], table, options)
+    shift = map_sensitivity(fit, table).shift(GAIN.flow_error(table), Treatment.ANCHORED)
+    for name in CHAMBERS:
+        assert shift[name] / fit.parameters[name].value == pytest.approx(GAIN.gain, rel=0.05), name
 
 
 def test_the_answer_to_coefficients_and_to_flows_is_the_same(anchored, table):
