@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pneumo_casadi.errors import ModelError
-from pneumo_casadi.estimation.flow_anchor import shared_accuracy
+from pneumo_casadi.estimation.flow_scale import shared_accuracy
 from pneumo_casadi.estimation.output_error import OutputErrorResult
 from pneumo_casadi.estimation.wls.fit import POLYTROPIC
 from pneumo_casadi.parameters import FloatArray

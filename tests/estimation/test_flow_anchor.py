@@ -10,11 +10,10 @@ from pneumo_casadi.data import FlowSource, ValveData, Valves
 from pneumo_casadi.estimation.flow_anchor import (
     anchor_flow,
     anchor_to_flow_map,
-    flow_scale_covariance,
-    flow_scale_std,
     join_anchors,
     prior,
 )
+from pneumo_casadi.estimation.flow_scale import flow_scale_covariance, flow_scale_std
 from pneumo_casadi.model.servosystem import Servosystem
 from pneumo_casadi.valve import fit_iso6358, iso6358_from_data_sheet, read_flow_map
 

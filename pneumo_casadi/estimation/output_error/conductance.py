@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from pneumo_casadi.data import Bench
-from pneumo_casadi.estimation.flow_anchor import flow_scale_std
+from pneumo_casadi.estimation.flow_scale import flow_scale_std
 from pneumo_casadi.estimation.output_error.result import OutputErrorResult
 from pneumo_casadi.estimation.statistics import ParameterUncertainty
 from pneumo_casadi.parameters import FloatArray

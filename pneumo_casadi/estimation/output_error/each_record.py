@@ -9,7 +9,7 @@ from scipy import special
 
 from pneumo_casadi.data import Recording
 from pneumo_casadi.errors import FitError
-from pneumo_casadi.estimation.flow_anchor import flow_scale_covariance
+from pneumo_casadi.estimation.flow_scale import flow_scale_covariance
 from pneumo_casadi.estimation.output_error.fit import fit_output_error
 from pneumo_casadi.estimation.output_error.long_records import are_long
 from pneumo_casadi.estimation.output_error.options import OutputErrorOptions

@@ -10,7 +10,8 @@ import numpy as np
 from pneumo_casadi.data import Clock, Recording
 from pneumo_casadi.errors import FitError, ModelError
 from pneumo_casadi.estimation.equation_error.driven_states import states_along
-from pneumo_casadi.estimation.flow_anchor import anchor_flow, flow_scale_covariance
+from pneumo_casadi.estimation.flow_anchor import anchor_flow
+from pneumo_casadi.estimation.flow_scale import flow_scale_covariance
 from pneumo_casadi.estimation.output_error.information import estimate_uncertainty
 from pneumo_casadi.estimation.output_error.options import Method, OutputErrorOptions, plan_stages
 from pneumo_casadi.estimation.output_error.result import (

@@ -8,7 +8,7 @@ import numpy as np
 
 from pneumo_casadi.data import Recording
 from pneumo_casadi.errors import FitError, ModelError
-from pneumo_casadi.estimation.flow_anchor import flow_scale_covariance
+from pneumo_casadi.estimation.flow_scale import flow_scale_covariance
 from pneumo_casadi.estimation.wls.derived import DerivedEstimates, ratios
 from pneumo_casadi.estimation.wls.linear import LinearFit, solve_wls
 from pneumo_casadi.estimation.wls.linear_system import LinearSystem, stack_systems

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from pneumo_casadi.data import Bench, FlowSource, Recording
-from pneumo_casadi.estimation.flow_anchor import flow_scale_std
+from pneumo_casadi.estimation.flow_scale import flow_scale_std
 from pneumo_casadi.estimation.output_error import OutputErrorResult
 from pneumo_casadi.identification.warnings.grading import SIGMAS, ResultWarning, limited
 from pneumo_casadi.valve import (

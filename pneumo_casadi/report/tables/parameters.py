@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 from pneumo_casadi.data import Bench, PressureBench
 from pneumo_casadi.errors import ModelError
-from pneumo_casadi.estimation.flow_anchor import flow_scale_std
+from pneumo_casadi.estimation.flow_scale import flow_scale_std
 from pneumo_casadi.estimation.statistics import EstimateStatus
 from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.report.tables.paper import TABLE_1
