@@ -9,7 +9,7 @@ from pneumo_casadi.data import Arrangement, Bench, Recording
 from pneumo_casadi.design.criterion import Criterion
 from pneumo_casadi.design.experiment import proportional_controller
 from pneumo_casadi.design.options import DesignOptions, default_limits, recorded_reference
-from pneumo_casadi.design.precision import design_for_precision, held_by_bounds
+from pneumo_casadi.design.precision import design_for_precision, free_held_by_bounds
 from pneumo_casadi.design.result import Design
 from pneumo_casadi.design.separation import design_to_separate
 from pneumo_casadi.effects import EFFECTS
@@ -150,7 +150,7 @@ def design_experiment(
     recorded = [recorded_reference(record) for record in records]
     report = progress or no_progress
     notes: list[str] = []
-    bound = held_by_bounds(fit.axis)
+    bound = free_held_by_bounds(fit.axis)
     if request.separate is None:
         notes += [f"{name}: held by a bound, no aim of the design." for name in bound]
         design = design_for_precision(

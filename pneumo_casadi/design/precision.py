@@ -21,7 +21,7 @@ from pneumo_casadi.design.reference import Reference
 from pneumo_casadi.design.result import Design, Precision
 from pneumo_casadi.design.search import search
 from pneumo_casadi.errors import ModelError
-from pneumo_casadi.estimation.output_error.information import AT_BOUND
+from pneumo_casadi.estimation.output_error.information import held_by_bounds
 from pneumo_casadi.estimation.statistics import invert_information
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.parameters import FloatArray
@@ -64,7 +64,7 @@ class PrecisionForecast:
     @cached_property
     def at_bound(self) -> tuple[str, ...]:
         """Parameters held by a bound at the estimate: a fit counts them as known."""
-        return held_by_bounds(self.axis)
+        return free_held_by_bounds(self.axis)
 
     def run(self, reference: Reference) -> SimulatedExperiment:
         """Simulate a reference at the forecast's own rate."""
@@ -89,16 +89,14 @@ class PrecisionForecast:
         return criterion.of(covariance / np.outer(unit, unit))
 
 
-def held_by_bounds(axis: Axis) -> tuple[str, ...]:
+def free_held_by_bounds(axis: Axis) -> tuple[str, ...]:
     """Return the free parameters that a bound holds at the estimate."""
-    free = axis.parameters.select(axis.parameters.free_names)
-    gap = np.minimum(free.values - free.lower, free.upper - free.values) / free.scales
-    return tuple(name for name, near in zip(free.names, gap < AT_BOUND, strict=True) if near)
+    return held_by_bounds(axis.parameters.select(axis.parameters.free_names))
 
 
 def parameters_of_interest(axis: Axis) -> tuple[str, ...]:
     """Return the free parameters without those of the flow map, and those held by a bound."""
-    left_out = {*axis.flow_parameters, *held_by_bounds(axis)}
+    left_out = {*axis.flow_parameters, *free_held_by_bounds(axis)}
     return tuple(name for name in axis.parameters.free_names if name not in left_out)
 
 
@@ -156,7 +154,7 @@ def design_for_precision(
             if unknown
             else "design: no parameter is left to aim at; release some, or those that a bound holds"
         )
-    bound = [name for name in chosen if name in held_by_bounds(axis)]
+    bound = [name for name in chosen if name in free_held_by_bounds(axis)]
     if bound:
         raise ModelError(f"design: {', '.join(bound)} is held by a bound, and no record tells it")
     fine, coarse = (

@@ -20,7 +20,7 @@ from pneumo_casadi.estimation.output_error.shooting.problem import Problem, Unkn
 from pneumo_casadi.estimation.output_error.solvers.condensed_step import condensed_step
 from pneumo_casadi.estimation.output_error.solvers.solution import Solution
 from pneumo_casadi.estimation.statistics import ParameterUncertainty, invert_information
-from pneumo_casadi.parameters import FloatArray
+from pneumo_casadi.parameters import FloatArray, Parameters
 
 #: How near to a bound, in scaled units, a parameter counts as held by it.
 AT_BOUND = 1e-6
@@ -101,6 +101,13 @@ def _joined(parts: list[FloatArray], factor: FloatArray) -> FloatArray:
     return rows
 
 
+def held_by_bounds(parameters: Parameters) -> tuple[str, ...]:
+    """Return the parameters that a bound holds."""
+    below, above = parameters.values - parameters.lower, parameters.upper - parameters.values
+    near = np.minimum(below, above) / parameters.scales < AT_BOUND
+    return tuple(name for name, holds in zip(parameters.names, near, strict=True) if holds)
+
+
 def estimate_uncertainty(
     problem: Problem, solution: Solution, records: Sequence[Recording]
 ) -> ParameterUncertainty:
@@ -111,8 +118,7 @@ def estimate_uncertainty(
     """
     point, sigma = solution.point, solution.sigma
     free = problem.parameters.with_values(point.theta).select(problem.free)
-    gap = np.minimum(free.values - free.lower, free.upper - free.values) / free.scales
-    at_bound = [name for name, near in zip(free.names, gap < AT_BOUND, strict=True) if near]
+    at_bound = held_by_bounds(free)
     information = gauss_newton_information(problem, point, sigma, solution.linear)
     scales = problem.free_scales
     return invert_information(
