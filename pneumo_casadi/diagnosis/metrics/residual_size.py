@@ -119,11 +119,16 @@ def gaps(rms: FloatArray, levels: BalanceLevels) -> FloatArray:
     return gap(rms**2, levels.noise, levels.signal, margin=levels.criteria.background)
 
 
-def shares_left(before: FittedModel, after: FittedModel, levels: BalanceLevels) -> FloatArray:
+def shares_left(
+    before: FittedModel, after: FittedModel, levels: BalanceLevels, most: bool = False
+) -> FloatArray:
     """Return the share of the held-out gap that a model leaves in each balance, shape (ne,).
 
     It is zero in balances whose gap is small compared with the largest, and in mass flow balances
     near the misfit of a coarse flow map, if another balance has a larger gap.
+
+    With `most` the balance in which most is left counts as well, clear of the noise: misfit of the
+    largest gap's cause would have gone with that gap.
     """
     old, new = (
         gaps(residual_rms(fit), levels) * levels.signal / levels.noise for fit in (before, after)
@@ -133,17 +138,24 @@ def shares_left(before: FittedModel, after: FittedModel, levels: BalanceLevels) 
     coarse[-1] = False  # the force has no map
     if np.any(main & ~coarse):
         main &= ~coarse
+    if most:
+        clear = residual_rms(after) > levels.criteria.clear * levels.noise
+        main |= clear & (new == new.max()) & (old > 0)
     return np.divide(new, old, out=np.zeros(len(old)), where=main)
 
 
-def share_left(before: FittedModel, after: FittedModel, levels: BalanceLevels) -> float:
+def share_left(
+    before: FittedModel, after: FittedModel, levels: BalanceLevels, most: bool = False
+) -> float:
     """Return the share of the held-out gap that a model leaves, in the worst balance."""
-    return float(np.max(shares_left(before, after, levels)))
+    return float(np.max(shares_left(before, after, levels, most)))
 
 
-def leaves_too_much(before: FittedModel, after: FittedModel, levels: BalanceLevels) -> bool:
+def leaves_too_much(
+    before: FittedModel, after: FittedModel, levels: BalanceLevels, most: bool = False
+) -> bool:
     """Return whether effects that leave a visible gap in some balance do not explain it."""
-    shares, criteria = shares_left(before, after, levels), levels.criteria
+    shares, criteria = shares_left(before, after, levels, most), levels.criteria
     visible = residual_rms(after) > criteria.coarse_map * levels.noise
     return bool(np.any(visible & (shares > criteria.unexplained)))
 

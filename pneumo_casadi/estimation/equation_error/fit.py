@@ -120,7 +120,7 @@ def fit_equation_error(
     trials = max_iterations * DAMPING.max_rejections
     minimum = minimise(problem, start, DAMPING, max_iterations, trials)
     assert minimum.linear is not None  # at least one iteration was asked for
-    theta = minimum.point.theta
+    theta = _last(problem, minimum).theta
     residuals = problem.residuals(theta)
     inverse = np.linalg.pinv(minimum.linear.H, hermitian=True)
     return EquationErrorResult(
@@ -134,6 +134,19 @@ def fit_equation_error(
         _pace(minimum),
         problem.model,
     )
+
+
+def _last(problem: Problem, minimum: Minimum[Trial, Linearised]) -> Trial:
+    """Return where one step more ends, without damping, if the cost is no higher there.
+
+    Directions that only a prior tells, as a curve where no record passes, promise too little to
+    go on for, and stay where the damping has left them: other records may pass there.
+    """
+    linear = minimum.linear
+    if minimum.status is not Status.CONVERGED or linear is None:
+        return minimum.point
+    ahead = problem.take(linear, problem.step(linear, DAMPING.least), 0)
+    return ahead if ahead.cost <= linear.cost else minimum.point
 
 
 def _pace(minimum: Minimum[Trial, Linearised]) -> float:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from pneumo_casadi.effects.friction.position_friction_curve import PositionFrictionCurve
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.estimation.equation_error import fit_equation_error, smooth_motion
 from pneumo_casadi.estimation.flow_anchor import anchor_to_flow_map
@@ -45,6 +46,20 @@ def test_a_servo_axis_is_recovered_with_its_flow_map(made, servo):
     for name in (*(f"X_s{i}" for i in range(1, 7)), "M"):
         assert result.parameters[name].value == pytest.approx(made.TRUE[name], rel=0.05), name
     assert set(result.std) == set(start.parameters.free_names)
+
+
+@pytest.mark.parametrize("least_gain", [None, 1.0])
+def test_what_only_a_prior_tells_does_not_hang_on_where_a_fit_begins(made, force, least_gain):
+    _, record = force  # passes the third knot of six at most
+    axis = made.true_force_axis(PositionFrictionCurve())
+    outer = [f"position_friction_curve.c_plus_{i}" for i in (4, 5, 6)]
+    ends = []
+    for slope in (0.0, 5.0, -5.0):
+        start = axis.with_parameters({name: slope * (2 + i) for i, name in enumerate(outer)})
+        ends.append(fit_equation_error(start, [record], least_gain=least_gain).parameters)
+    for end in ends[1:]:
+        for name in outer:
+            assert end[name].value == pytest.approx(ends[0][name].value, abs=1e-3), name
 
 
 def test_smoothed_motions_and_an_anchor_serve_as_well_as_records_and_a_map(servo):
