@@ -112,6 +112,14 @@ CASES = (
         duration=2.0,
     ),
     RuleCase(
+        "An offset that settles most of the gap does not hide a load.",
+        24,
+        {"pressure_sensor_bias": "large", "elastic_load": "medium"},
+        ("elastic_load", "spring_load", "pressure_sensor_bias"),
+        same("pressure_sensor_bias", "elastic_load"),
+        duration=2.0,
+    ),
+    RuleCase(
         "A term that does what effects do is not told: a line over x is the spring.",
         12,
         {"position_nonlinearity": "medium", "spring_load": "medium", "leakage_N": "medium"},

@@ -1,65 +1,54 @@
 """A fast share of the campaigns of damaged and hostile files and of kills, with fixed seeds."""
 
 import json
-import os
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+from pneumo_casadi.identification.result_file import result_dict
+
 BENCHMARKS = Path(__file__).resolve().parents[2] / "benchmarks"
 
 
 @pytest.fixture(scope="module")
-def kept(tmp_path_factory):
-    """Folder of the sound files that all scripts begin with, made by the first one."""
-    return tmp_path_factory.mktemp("kept") / "bases"
-
-
-@pytest.fixture
-def figures_of(tmp_path, kept):
-    """Return a function that runs a script in a process of its own and reads its figures.
-
-    The workers of a script import it by its name.
-    """
-    given = os.environ | {"PNEUMO_CASADI_BASES": str(kept)}
-
-    def run(script, *options):
-        result = tmp_path / "figures.json"
-        command = [sys.executable, script, *options, "--json", str(result)]
-        done = subprocess.run(command, cwd=BENCHMARKS, env=given, capture_output=True, text=True)
-        assert done.returncode == 0, done.stderr
-        return json.loads(result.read_text("utf-8"))
-
-    return run
+def figures(tmp_path_factory, quick):
+    """Figures of a share of each campaign, of sound files that are made once."""
+    pytest.importorskip("h5py")
+    pytest.importorskip("pyarrow")
+    folder = tmp_path_factory.mktemp("campaigns")
+    (folder / "result.json").write_text(json.dumps(result_dict(quick)), "utf-8")
+    script = Path(__file__).with_name("campaign_shares.py")
+    command = [sys.executable, script, folder / "result.json", folder]
+    done = subprocess.run(command, cwd=BENCHMARKS, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return {path.stem: json.loads(path.read_text("utf-8")) for path in folder.glob("*.json")}
 
 
 @pytest.mark.slow
-def test_damaged_files_are_refused_or_named(figures_of):
-    # A third of the kinds of damage; the campaign, whose result is committed, does all of them.
-    options = ["--cases", "105", "--seed", "4", "--workers", "1", "--commands", "0"]
-    figures = figures_of("campaign.py", *options)
-    assert [kind["cases"] for kind in figures["kinds"].values()].count(1) == 105
+def test_damaged_files_are_refused_or_named(figures):
+    # What may be done to any JSON file is done to one of the four, and half of the kinds besides;
+    # the campaign, whose result is committed, does all to all.
+    damage = figures["damage"]
+    assert [kind["cases"] for kind in damage["kinds"].values()] == [1] * damage["cases"]
+    assert damage["cases"] >= 127
     for fault in ("tracebacks", "hangs", "crashes", "silent", "valid_refused", "nameless"):
-        assert figures[fault] == 0, figures["examples"]
+        assert damage[fault] == 0, damage["examples"]
 
 
 @pytest.mark.slow
-def test_hostile_files_do_nothing_but_be_read(figures_of):
-    figures = figures_of("hostile.py", "--quick")
-    assert figures["files"] >= 88
-    assert figures["succeeded"] == 0, figures["won"]
+def test_hostile_files_do_nothing_but_be_read(figures):
+    assert figures["hostility"]["files"] >= 74
+    assert figures["hostility"]["succeeded"] == 0, figures["hostility"]["won"]
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="processes are listed by Linux")
-def test_commands_that_are_ended_leave_nothing_half_done(figures_of):
-    # Each signal once; tests/runtime/ ends workers, compilers and compiled functions by each.
-    figures = figures_of("kills.py", "--kills", "4", "--seed", "7", "--only", "init", "--quick")
-    assert figures["kills"] == 4
+def test_commands_that_are_ended_leave_nothing_half_done(figures):
+    assert figures["kills"]["kills"] == 4
     for fault in ("half", "left_processes", "left_drafts", "different"):
-        assert figures[fault] == 0, figures["examples"]
+        assert figures["kills"][fault] == 0, figures["kills"]["examples"]
 
 
 READERS = {

@@ -32,10 +32,10 @@ def result(quick, tmp_path_factory) -> Path:
 
 @pytest.fixture
 def one_figure(monkeypatch):
-    """Draw one figure only: what is tested is the folder."""
+    """Draw one small figure only: what is tested is the folder."""
     monkeypatch.setattr(
         "pneumo_casadi.report.pages.identification_figures.figures_of",
-        lambda found: islice(figures_of(found), 1),
+        lambda found: islice(figures_of(found), 1, 2),
     )
 
 
@@ -174,9 +174,11 @@ def test_a_folder_with_other_files_is_not_replaced(embedded, tmp_path, capsys):
 @pytest.mark.slow
 def test_validate_compares_with_held_out_records(short_case, result, tmp_path, capsys):
     out, file = tmp_path / "out", tmp_path / "v.json"
-    arguments = ["validate", str(short_case), "-p", str(result), "-o", str(out)]
+    arguments = ["validate", str(short_case), "-p", str(result), "-o", str(out), "--strict"]
     assert cli.run([*arguments, "--json", str(file)]) == 0
-    assert "held-out" in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert printed.startswith("Usable") and "held-out" in printed
+    assert json.loads(file.read_text())["usable"] == "yes"
     content = json.loads(file.read_text())["validation"]
     assert set(content["windows"]) == {"0.1", "0.5"}  # 2 s is longer than the record
     assert content["x"]["rms"] < 1e-3

@@ -5,7 +5,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pneumo_casadi.diagnosis import diagnose
 from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels
 from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA
 from pneumo_casadi.diagnosis.screen.screen import ScreenResult
@@ -69,13 +68,3 @@ def test_what_promises_most_in_an_open_balance_is_tried_however_little_it_promis
     assert _promising_in(screened, [0, 2], 20.0) == ["hose", "spring_load"]
     assert _promising_in(screened, [2], 100.0) == []
     assert _promising_in({}, [0, 1, 2], 20.0) == []
-
-
-@pytest.mark.slow
-def test_a_delay_that_no_spool_is_fast_enough_for_is_no_valve_dynamics(made_case):
-    """The start of a fit lets it through, its end does not: 0.3 ms are the sampling's."""
-    case = made_case(12, stribeck="medium")
-    names = ("valve_dynamics", "stribeck")
-    diagnosis = diagnose(case, {name: EFFECTS[name] for name in names})
-    assert [effect.name for effect in diagnosis.effects] == ["stribeck"]
-    assert any("valve_dynamics.tau" in note and "not credible" in note for note in diagnosis.notes)

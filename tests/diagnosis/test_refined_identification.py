@@ -7,9 +7,8 @@ import pytest
 
 from pneumo_casadi.cli import app as cli
 from pneumo_casadi.data import write_case
-from pneumo_casadi.diagnosis import EffectFound, Verdict, diagnose, options_of_diagnosis
+from pneumo_casadi.diagnosis import EffectFound, Verdict, options_of_diagnosis
 from pneumo_casadi.diagnosis import refined_identification as module
-from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.errors import FitError, ModelError
 from pneumo_casadi.export import read_model
 from pneumo_casadi.identification.read_result import read_axis
@@ -63,18 +62,16 @@ def test_without_the_cause_windows_alone_are_tried_and_not_for_long(
 
 @pytest.mark.slow
 def test_the_final_model_goes_from_diagnosis_to_validation_simulation_and_export(
-    made_case, without_pictures, tmp_path
+    rubbing_case, rubbing, small, without_pictures, tmp_path
 ):
-    whole = made_case(3, stribeck="medium")
-    fitted, held_out = whole.identify[0].window(1.0, 4.0), whole.validate[0]
-    case = write_case(tmp_path / "case", whole.bench, [fitted], [held_out], whole.flow_map_path)
-    few = {name: EFFECTS[name] for name in ("stribeck",)}
-    diagnosis = diagnose(case, few)
-    assert [effect.name for effect in diagnosis.effects] == ["stribeck"]
-    assert isinstance(diagnosis.effects[0], EffectFound)
-    refined = module.refine_diagnosis(case, diagnosis)
+    given = rubbing_case
+    fitted, held_out = given.identify[0].window(0.0, 1.5), given.validate[0].window(0.0, 1.2)
+    case = write_case(tmp_path / "case", given.bench, [fitted], [held_out], given.flow_map_path)
+    assert [effect.name for effect in rubbing.effects] == ["stribeck"]
+    assert isinstance(rubbing.effects[0], EffectFound)
+    refined = module.refine_diagnosis(case, rubbing)
     assert refined.output_error.status == "converged"
-    folder = write_diagnosis(diagnosis, tmp_path / "report", few, refined=refined)
+    folder = write_diagnosis(rubbing, tmp_path / "report", small, refined=refined)
     content = json.loads((folder / "result.json").read_text("utf-8"))
     assert content["output_error"]["parameters"]["stribeck.delta_F"]["std"] > 0
     assert content["usable"] in ("yes", "with care")

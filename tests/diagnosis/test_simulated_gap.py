@@ -14,11 +14,18 @@ from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.effects.term import Term, term_effect
 
 
-@pytest.mark.slow
-def test_a_discovered_term_is_measured_as_an_effect_is(made_case):
+@pytest.fixture(scope="module")
+def rubbing_study(made_case):
+    """A study of hidden friction, and the nominal fit."""
     study, _ = prepare_study(made_case(12, stribeck="large"))
+    return study, fit_model(study, ())
+
+
+@pytest.mark.slow
+def test_a_discovered_term_is_measured_as_an_effect_is(rubbing_study):
+    study, nominal = rubbing_study
     stribeck = (EFFECTS["stribeck"](),)
-    nominal, final = fit_model(study, ()), fit_model(study, stribeck)
+    final = fit_model(study, stribeck)
     done = Simulations(study)
     levels = balance_levels(study)
     gap, notes = simulated_gap(done, nominal, final, stribeck, levels)
@@ -38,12 +45,12 @@ def test_a_discovered_term_is_measured_as_an_effect_is(made_case):
     assert gap_with_term(done, gap, None, levels) is gap
 
 
-def test_a_model_that_is_too_stiff_is_not_simulated(made_case):
+def test_a_model_that_is_too_stiff_is_not_simulated(rubbing_study):
     """Such a term was simulated for four minutes, to an error a hundred times the signal."""
-    study, _ = prepare_study(made_case(12, stribeck="large"))
+    study, nominal = rubbing_study
     law = {"slope": -0.1, "vertex": -1e5}
     term = Term("brake", ("force",), "sign(v)", "p_difference", "absolute value", law)
-    brake, nominal = (term_effect(term)(),), fit_model(study, ())
+    brake = (term_effect(term)(),)
     own = {f"brake.{name}": value for name, value in law.items()}
     stiff = replace(nominal, values={**nominal.values, **own})
     for simulated in (
@@ -55,10 +62,9 @@ def test_a_model_that_is_too_stiff_is_not_simulated(made_case):
 
 
 @pytest.mark.parametrize("fault", [OverflowError, ZeroDivisionError])
-def test_an_arithmetic_error_is_a_reason_why_there_is_no_gap(made_case, monkeypatch, fault):
+def test_an_arithmetic_error_is_a_reason_why_there_is_no_gap(rubbing_study, monkeypatch, fault):
     """It ended a diagnosis whose balances had told all."""
-    study, _ = prepare_study(made_case(12, stribeck="large"))
-    nominal = fit_model(study, ())
+    study, nominal = rubbing_study
 
     def fail(*given):
         raise fault("out of range")

@@ -43,11 +43,11 @@ def bench(tmp_path_factory):
     axis = replace(random_axis(5), F_c_plus=14.0, F_c_minus=18.0)
     known = {}
 
-    def opened(**effects):
-        key = repr(effects)
+    def opened(duration=5.0, **effects):
+        key = repr((duration, effects))
         if key not in known:
             folder = tmp_path_factory.mktemp("bench") / "case"
-            made = make_case(folder, 5, effects, duration=10.0, axis=axis)
+            made = make_case(folder, 5, effects, duration=duration, axis=axis)
             case = read_case(made.case.folder)
             table, flow = read_flow(case, IdentifyOptions(FlowForm.POLYNOMIALS))
             study = start_study(make_axis(case, flow), table, case.identify, case.validate)
@@ -55,6 +55,12 @@ def bench(tmp_path_factory):
         return known[key]
 
     return opened
+
+
+@pytest.fixture
+def sprung(bench):
+    """A hidden spring, and records long enough to come often to the ends of the travel."""
+    return bench(10.0, spring_load="medium")
 
 
 @pytest.mark.slow
@@ -160,9 +166,9 @@ def test_sensors_are_rivals_only_where_they_explain_about_as_much():
 
 
 @pytest.mark.slow
-def test_regimes_say_where_a_spring_acts_and_are_silent_where_nothing_does(bench):
+def test_regimes_say_where_a_spring_acts_and_are_silent_where_nothing_does(bench, sprung):
     assert find_regimes(*bench()) == ()
-    regimes = find_regimes(*bench(spring_load="medium"))
+    regimes = find_regimes(*sprung)
     assert regimes[0].balance == "force"
     assert any("ends of the travel" in regime.name for regime in regimes)
     assert all(regime.ratio > 1.3 and regime.p_value < 0.01 for regime in regimes)
@@ -192,8 +198,8 @@ def smooth(values):
 
 
 @pytest.mark.slow
-def test_maps_show_the_spring_as_a_slope_over_position(bench):
-    maps = {(m.balance, m.name): m for m in map_regimes(*bench(spring_load="medium"))}
+def test_maps_show_the_spring_as_a_slope_over_position(sprung):
+    maps = {(m.balance, m.name): m for m in map_regimes(*sprung)}
     slope = maps["force", "x"]
     assert slope.mean.size == slope.band.size == slope.edges.size - 1
     assert np.all(np.diff(slope.edges) > 0)
@@ -202,8 +208,8 @@ def test_maps_show_the_spring_as_a_slope_over_position(bench):
     assert slope.mean[-1] > slope.band[-1]
 
 
-def test_the_position_is_resolved_to_its_ends(bench):
-    (x,) = (m for m in map_regimes(*bench(spring_load="medium")) if (m.balance, m.name) == FORCE_X)
+def test_the_position_is_resolved_to_its_ends(sprung):
+    (x,) = (m for m in map_regimes(*sprung) if (m.balance, m.name) == FORCE_X)
     widths = np.diff(x.edges)
     assert widths.max() < 4 * np.median(widths)
     assert x.mean.size > 40

@@ -3,11 +3,13 @@
 import importlib.util
 import json
 import re
+from functools import partial
 from math import isfinite
 from pathlib import Path
 
 import pytest
 
+import pneumo_casadi as pc
 from pneumo_casadi.identification.warnings import LIMITS
 
 _spec = importlib.util.spec_from_file_location("guide", Path(__file__).with_name("guide.py"))
@@ -33,8 +35,10 @@ def test_the_table_of_limits_is_that_of_the_package():
 
 
 @pytest.mark.slow
-def test_the_page_runs(without_pictures, tmp_path):
+def test_the_page_runs(without_pictures, tmp_path, monkeypatch):
     pytest.importorskip("numba")
+    # Half as many samples as users get: what is claimed is that the blocks work together.
+    monkeypatch.setattr(pc, "make_case", partial(pc.make_case, fs=500.0))
     names = guide.run(PAGE, tmp_path)
     assert names["nominal"].usability.usable.value in ("yes", "with care")
     result = json.loads((tmp_path / "report/stribeck/result.json").read_text("utf-8"))

@@ -26,6 +26,12 @@ def started(pair):
     return pair[0].at_starting_values()
 
 
+@pytest.fixture(scope="module")
+def derivatives(pair):
+    """Right-hand side and outputs, each with its derivatives, which are written once."""
+    return [(f, f.jacobian()) for f in (pair[0].rhs, pair[0].output)]
+
+
 def at_rest(axis, x, u, theta=None):
     return axis.rest(x, u, axis.parameters.values if theta is None else theta).full().ravel()
 
@@ -44,7 +50,7 @@ def test_at_null_values_the_axis_is_the_nominal_one(pair, made):
     axis, nominal = pair
     theta, plain = axis.parameters.values, nominal.parameters.values
     n, rng = len(nominal.states), np.random.default_rng(0)
-    for _ in range(30):
+    for _ in range(10):
         x, u = made.states(nominal, rng)
         full = at_rest(axis, x, u)
         np.testing.assert_array_equal(full[:n], x)
@@ -64,7 +70,7 @@ def test_at_null_values_trajectories_are_the_nominal_ones_from_rest_on(pair, mad
     x, u = made.states(nominal, rng)
     full = at_rest(axis, x, u)
     step, other = (step_function(a, Stepping(1e-3, InputHold.ZERO, 4)) for a in (axis, nominal))
-    for _ in range(30):
+    for _ in range(15):
         u = u + 0.05 * rng.standard_normal(u.size)
         full = step(full, u, axis.parameters.values).full().ravel()
         x = other(x, u, nominal.parameters.values).full().ravel()
@@ -75,20 +81,20 @@ def test_at_null_values_trajectories_are_the_nominal_ones_from_rest_on(pair, mad
     np.testing.assert_allclose(full[:n], x, rtol=1e-9, atol=1e-12)
 
 
-def test_values_and_derivatives_are_finite_at_standstill_and_in_motion(pair, made):
+def test_values_and_derivatives_are_finite_at_standstill_and_in_motion(
+    pair, started, derivatives, made
+):
     axis, nominal = pair
-    start, rng = axis.at_starting_values(), np.random.default_rng(5)
+    rng = np.random.default_rng(5)
     u = np.zeros(len(axis.inputs))
     still = [np.array([*p, 0.0, 0.0])[-len(nominal.states) :] for p in ((4e5, 5e5), (1e5, 7e5))]
-    f, h = axis.rhs.jacobian(), axis.output.jacobian()
-    for item in (axis, start):
+    for item in (axis, started):
         theta = item.parameters.values
         points = [(at_rest(item, x, u), u) for x in still]
         points += [drawn(item, nominal, made, rng) for _ in range(5)]
         for full, inputs in points:
-            assert np.isfinite(axis.rhs(full, inputs, theta).full()).all()
-            assert np.isfinite(axis.output(full, inputs, theta).full()).all()
-            for derivative in (f, h):
+            for f, derivative in derivatives:
+                assert np.isfinite(f(full, inputs, theta).full()).all()
                 for block in derivative(full, inputs, theta, 0):
                     assert np.isfinite(block.full()).all()
 
@@ -113,19 +119,21 @@ def test_equations_stay_finite_at_every_corner_of_the_bounds(pair, made):
 
 
 @pytest.mark.slow
-def test_the_derivative_at_the_null_is_the_slope_on_its_way_in_and_not_all_zero(pair, made):
+def test_the_derivative_at_the_null_is_the_slope_on_its_way_in_and_not_all_zero(
+    pair, derivatives, made
+):
     """A screen of effects at the nominal fit stands on these derivatives."""
     axis, nominal = pair
     if all(effect.staircase for effect in axis.effects):
         pytest.skip("scans find its parameters, which have no derivatives")
     theta, rng = axis.parameters.values, np.random.default_rng(11)
-    derivatives = [(f, f.jacobian()) for f in (axis.rhs, axis.output)]
     largest = 0.0
-    for i in range(20):
+    for i in range(10):
         full, u = drawn(axis, nominal, made, rng, slow=0.05 if i % 2 else 1.0)
         for f, derivative in derivatives:
             J = derivative(full, u, theta, 0)[2].full() * axis.parameters.scales
-            size = np.abs(f(full, u, theta).full()).ravel() + axis.state_scales[: f.size1_out(0)]
+            value = f(full, u, theta).full().ravel()
+            size = np.abs(value) + axis.state_scales[: f.size1_out(0)]
             for k in range(len(nominal.parameters), len(axis.parameters)):
                 item = axis.parameters.items[k]
                 if not item.free:
@@ -133,7 +141,7 @@ def test_the_derivative_at_the_null_is_the_slope_on_its_way_in_and_not_all_zero(
                 h = 1e-5 if item.null < item.upper else -1e-5
                 moved = theta.copy()
                 moved[k] += h * item.scale
-                slope = (f(full, u, moved) - f(full, u, theta)).full().ravel() / h
+                slope = (f(full, u, moved).full().ravel() - value) / h
                 error = np.abs(slope - J[:, k]) / size
                 assert error.max() < 0.02 * np.abs(J[:, k] / size).max() + 1e-6, item.name
                 largest = max(largest, np.abs(J[:, k] / size).max())
@@ -141,12 +149,11 @@ def test_the_derivative_at_the_null_is_the_slope_on_its_way_in_and_not_all_zero(
 
 
 @pytest.mark.slow
-def test_every_free_parameter_changes_the_axis_where_a_fit_starts(pair, started, made):
+def test_every_free_parameter_changes_the_axis_where_a_fit_starts(pair, started, derivatives, made):
     axis, nominal = pair
     rng = np.random.default_rng(2)
     theta = started.parameters.values
     seen = np.zeros(len(axis.parameters))
-    derivatives = [(f, f.jacobian()) for f in (axis.rhs, axis.output)]
     for i in range(40):
         full, u = drawn(started, nominal, made, rng, slow=0.05 if i % 2 else 1.0)
         if i >= 20:  # what acts near the ends of the stroke too
@@ -254,16 +261,20 @@ def commanded(made, nominals):
     return {kind: (u, x[:, 0]) for kind, (u, x) in runs.items()}
 
 
-def shown(axis, u, x_0, values):
-    """Outputs over sensor noise along a free run, one column."""
-    theta = axis.parameters.with_values(values).values
+def shown(axis, u, x_0):
+    """A function of parameters: outputs over sensor noise along a free run, one column."""
     step = step_function(axis, Stepping(1e-3, InputHold.ZERO, substeps_for(axis, 1e-3)))
-    start = axis.rest(x_0, u[0], theta).full()
     N = len(u)
-    x = step.mapaccum(N)(start, u.T, np.tile(theta[:, None], (1, N)))
-    y = axis.output.map(N)(x, u.T, np.tile(theta[:, None], (1, N))).full()
+    run, show = step.mapaccum(N), axis.output.map(N)
     sigma = np.array([getattr(axis.bench.noise, name[0]) for name in axis.outputs])
-    return (y / sigma[:, None]).ravel()
+
+    def at(values):
+        theta = axis.parameters.with_values(values).values
+        held = np.tile(theta[:, None], (1, N))
+        y = show(run(axis.rest(x_0, u[0], theta), u.T, held), u.T, held).full()
+        return (y / sigma[:, None]).ravel()
+
+    return at
 
 
 @pytest.mark.slow
@@ -277,10 +288,10 @@ def test_a_record_holds_information_on_each_free_parameter_beside_the_others(
     added = [item for item in started.parameters.items[len(nominal.parameters) :] if item.free]
     if not added:
         pytest.skip("scans find its parameters, none is free")
-    columns = []
+    columns, at = [], shown(started, u, x_0)
     for item in added:
         h = 1e-3 * item.scale
-        ends = (shown(started, u, x_0, {item.name: item.value + side * h}) for side in (1, -1))
+        ends = (at({item.name: item.value + side * h}) for side in (1, -1))
         columns.append(np.subtract(*ends) / 2e-3)
     known_before = [
         [row.get(item.name.partition(".")[2], 0.0) * item.scale for item in added]
@@ -307,6 +318,6 @@ def test_passive_effects_give_back_no_more_energy_than_they_have_taken(name, lev
     def wobble(t):
         return 0.06 * np.sin(7.0 * t) * np.sin(2.3 * t) + 0.002 * (1 - np.cos(90.0 * t))
 
-    taken = drag(axis, wobble, 1.5).taken
+    taken = drag(axis, wobble, 1.0).taken
     assert taken.min() >= -1e-5 * taken.max()
     assert taken.max() > 1e-3 or level == 0

@@ -68,12 +68,12 @@ def test_along_a_record_the_spool_remembers_what_filters_have_taken(axis, run):
 
 
 def test_a_threshold_is_found_though_the_cost_is_a_staircase(made_case):
-    study, _ = prepare_study(made_case(47, 8.0, valve_hysteresis_stiction={"width": 0.12}))
+    study, _ = prepare_study(made_case(47, 4.0, valve_hysteresis_stiction={"width": 0.12}))
     nominal = fit_model(study, ())
     stuck = fit_model(study, (EFFECTS["valve_stiction"](),), nominal.values)
     play = fit_model(study, (EFFECTS["valve_hysteresis"](),), nominal.values)
     assert stuck.values["valve_stiction.h"] == pytest.approx(0.06, rel=0.02)
-    assert stuck.cost < play.cost - 500 < nominal.cost - 1000
+    assert stuck.cost < play.cost - 250 < nominal.cost - 500
 
 
 def test_equations_of_continuous_time_are_refused_and_a_step_is_written(axis, run, tmp_path):

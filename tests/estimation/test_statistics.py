@@ -179,7 +179,7 @@ def test_what_a_fit_takes_from_the_residuals_is_counted_by_the_information_of_th
 @pytest.mark.slow
 def test_intervals_cover_where_noise_correlates_and_another_kind_of_data_does_not():
     rng = np.random.default_rng(12)
-    K, p, runs, correlation = 2000, 6, 200, 0.64
+    K, p, runs, correlation = 2000, 6, 80, 0.64
     t = np.arange(K) / K
     x = np.stack([np.sin(2 * np.pi * (i + 1) * t + i) for i in range(p)], axis=1)
     x[:, p // 2 :] *= np.exp(-4 * t)[:, None]  # some hold their information in few batches

@@ -74,12 +74,21 @@ def test_correlated_residuals_and_the_pulled_map_are_said_in_words(demo):
     assert any("correlated" in item.text for item in demo.warnings if item.about == "intervals")
 
 
+@pytest.fixture(scope="module")
+def second(embedded):
+    """Return a second of the embedded record at 1 kHz, a fifth of its samples."""
+    case = read_case(embedded)
+    record = case.identify[0].window(10.0, 11.0).decimate(5, average=("u_P", "u_N"))
+    bench = replace(case.bench, sampling_frequency=case.bench.sampling_frequency / 5)
+    return replace(case, bench=bench, identify=(record,), validate=())
+
+
 @pytest.mark.slow
-def test_progress_rises_from_nothing_to_one(embedded):
+def test_progress_rises_from_nothing_to_one(second):
     shares: list[float] = []
     identify(
-        embedded,
-        IdentifyOptions(FlowForm.POLYNOMIALS, start=10.0, end=11.0, refine_flow=False, windows=()),
+        second,
+        IdentifyOptions(FlowForm.POLYNOMIALS, refine_flow=False, windows=()),
         lambda text, share: shares.append(share),
     )
     assert shares == sorted(shares)
@@ -168,15 +177,12 @@ def test_the_start_is_clipped_to_the_bounds_of_the_model(quick):
 
 
 @pytest.mark.slow
-def test_a_fit_that_fails_carries_its_partial_result(embedded):
+def test_a_fit_that_fails_carries_its_partial_result(second):
     options = IdentifyOptions(
-        FlowForm.POLYNOMIALS,
-        start=10.0,
-        end=11.0,
-        output_error=OutputErrorOptions(max_iterations=1),
+        FlowForm.POLYNOMIALS, output_error=OutputErrorOptions(max_iterations=1)
     )
     with pytest.raises(FitError) as caught:
-        identify(embedded, options)
+        identify(second, options)
     assert caught.value.partial.status != "converged"
 
 

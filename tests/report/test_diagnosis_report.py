@@ -17,11 +17,12 @@ from pneumo_casadi.diagnosis import Value, Verdict
 from pneumo_casadi.diagnosis.metrics.findings import Check, Closure, joined_names
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.identification.warnings import Usability, Usable
+from pneumo_casadi.report.figures.diagnosis.dashboard import dashboard_figure
 from pneumo_casadi.report.figures.diagnosis.gap import gap_figure
 from pneumo_casadi.report.figures.diagnosis.ranking import ranking_figure
 from pneumo_casadi.report.figures.diagnosis.where import where_figure
 from pneumo_casadi.report.figures.style import COLUMN, MM, PAGE, svg
-from pneumo_casadi.report.pages.diagnosis import diagnosis_html, write_diagnosis
+from pneumo_casadi.report.pages.diagnosis import _figures_of, diagnosis_html, write_diagnosis
 from pneumo_casadi.report.pages.diagnosis_figures import diagnosis_figures
 from pneumo_casadi.report.pages.page import Picture
 from pneumo_casadi.report.tables.diagnosis import gap_table, ranking_table
@@ -62,13 +63,22 @@ SVG = b'<svg xmlns="http://www.w3.org/2000/svg" width="72pt" height="36pt"></svg
 
 @pytest.fixture(scope="module")
 def drawn():
-    return {drawing.name: drawing for drawing in diagnosis_figures(made.with_curves())}
+    """The figures of a report, as `write_diagnosis` asks for them."""
+    return {drawing.name: drawing for drawing in _figures_of(made.with_curves())}
+
+
+#: Figures of a record, which the page draws over time, and of what it shows as it is.
+FEW = ("validation_held_out", "discovered_term")
 
 
 @pytest.fixture(scope="module")
-def written(tmp_path_factory):
+def written(drawn, tmp_path_factory):
+    """A report with few figures: saving all of them takes ten seconds and shows no more."""
     folder = tmp_path_factory.mktemp("diagnosis") / "report"
-    return write_diagnosis(made.with_curves(), folder)
+    few = [drawn[name] for name in FEW]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("pneumo_casadi.report.pages.diagnosis._figures_of", lambda result: few)
+        return write_diagnosis(made.with_curves(), folder)
 
 
 @pytest.mark.parametrize("verdict", list(Verdict))
@@ -490,15 +500,15 @@ def test_the_dashboard_says_the_verdict_and_shows_what_there_is(drawn):
     assert figure.texts[0].get_text().replace("\n", " ") == headline(made.EFFECT)
     labels = [axes.get_xlabel() for axes in figure.axes]
     assert labels[1:] == [*("probability [%]", "closed in balances [%]", _SIZES, "$t$ [s]")]
-    without = {drawing.name: drawing for drawing in diagnosis_figures(made.EFFECT)}["dashboard"]
-    assert without.figure.axes[-1].get_xlabel() == "share [%]"  # regimes where there are no curves
+    without = dashboard_figure(made.EFFECT)
+    assert without.axes[-1].get_xlabel() == "share [%]"  # regimes where there are no curves
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("verdict", [Verdict.EFFECT, Verdict.AMBIGUOUS, Verdict.UNKNOWN])
 def test_the_headline_of_a_dashboard_stays_on_it(verdict):
     changed = replace(made.ALL[verdict], evidence=made.evidence())
-    figure = {drawing.name: drawing for drawing in diagnosis_figures(changed)}["dashboard"].figure
+    figure = dashboard_figure(changed)
     figure.draw_without_rendering()
     text, legend = figure.texts[0].get_window_extent(), figure.axes[0].get_legend()
     assert text.x0 > 0 and text.x1 < figure.bbox.x1 and text.y1 < figure.bbox.y1
@@ -508,9 +518,7 @@ def test_the_headline_of_a_dashboard_stays_on_it(verdict):
 @pytest.mark.slow
 @pytest.mark.parametrize("verdict", [Verdict.EFFECT, Verdict.UNKNOWN])
 def test_the_legend_of_the_gap_stays_on_the_figure(verdict):
-    figure = {drawing.name: drawing for drawing in diagnosis_figures(made.ALL[verdict])}[
-        "gap"
-    ].figure
+    figure = gap_figure(made.ALL[verdict])
     figure.draw_without_rendering()
     legend = figure.axes[0].get_legend().get_window_extent()
     assert legend.x0 > 0 and legend.x1 < figure.bbox.x1 and legend.y1 < figure.bbox.y1
@@ -584,7 +592,7 @@ def test_a_picture_knows_its_size_whatever_its_kind():
 
 @pytest.mark.slow
 def test_equal_diagnoses_give_equal_drawings():
-    first, second = (next(iter(diagnosis_figures(made.EFFECT))).figure for _ in range(2))
+    first, second = (where_figure(made.EFFECT) for _ in range(2))
     assert svg(first) == svg(second)
 
 
@@ -601,7 +609,12 @@ def test_a_folder_is_written_whole(written):
     }
     content = json.loads((written / "diagnosis.json").read_text("utf-8"))
     assert content == json.loads(json.dumps(made.with_curves().as_dict()))
-    assert {path.suffix for path in (written / "figures").iterdir()} == {".png", ".svg", ".pdf"}
+    assert {path.name for path in (written / "figures").iterdir()} == {
+        name + suffix for name in FEW for suffix in (".png", ".svg", ".pdf")
+    }
+    alternatives = Page((written / "report.html").read_text("utf-8")).alternatives
+    assert len(alternatives) == len(FEW)
+    assert any(text.startswith("The discovered term over its driver") for text in alternatives)
 
 
 def test_a_folder_with_anything_else_in_it_is_left_alone(tmp_path):
@@ -612,8 +625,9 @@ def test_a_folder_with_anything_else_in_it_is_left_alone(tmp_path):
 
 
 @pytest.mark.slow
-def test_the_page_requests_nothing_and_is_built_of_headings_tables_and_captions(written):
-    text = (written / "report.html").read_text("utf-8")
+def test_the_page_requests_nothing_and_is_built_of_headings_tables_and_captions(drawn):
+    pictures = [Picture(name, SVG, drawing.caption) for name, drawing in drawn.items()]
+    text = diagnosis_html(made.with_curves(), pictures)
     page = Page(text)
     assert page.language == "en"
     assert all(address.startswith(("#", "data:")) for address in page.addresses)

@@ -11,9 +11,16 @@ from matplotlib.figure import Figure
 
 import pneumo_casadi as pc
 
-_spec = importlib.util.spec_from_file_location("diagnoses", Path(__file__).parent / "diagnoses.py")
-diagnoses = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(diagnoses)
+
+def _beside(name):
+    """Return a module of this folder, which is no package."""
+    spec = importlib.util.spec_from_file_location(name, Path(__file__).with_name(f"{name}.py"))
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+diagnoses, designs = _beside("diagnoses"), _beside("designs")
 
 FIGURES = {
     name
@@ -83,10 +90,9 @@ def test_channels_of_a_recording():
     assert [axes.get_ylabel() for axes in figure.axes] == ["$x$ [mm]", "$p_P$ [kPa]"]
 
 
-@pytest.mark.slow
-def test_figure_of_a_design(quick):
-    request = pc.ExperimentRequest(duration=1.0, tries=10)
-    assert_drawn(pc.plot.design(pc.design_experiment(quick, request)))
+def test_figure_of_a_design():
+    """A design that was searched for is drawn by the command, whose test looks at the file."""
+    assert_drawn(pc.plot.design(designs.made_design()))
 
 
 def test_a_validation_is_drawn_by_itself(quick):

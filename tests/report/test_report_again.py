@@ -14,18 +14,7 @@ import pytest
 import pneumo_casadi as pc
 from pneumo_casadi.cli import app as cli
 from pneumo_casadi.data import Finding, Grade
-from pneumo_casadi.design import (
-    KINDS,
-    Criterion,
-    Design,
-    DesignOptions,
-    Distance,
-    Limits,
-    Part,
-    Precision,
-    Reference,
-)
-from pneumo_casadi.design.experiment import SimulatedExperiment
+from pneumo_casadi.design import Distance
 from pneumo_casadi.diagnosis import Condition, RegimeKind, Value, Verdict, read_diagnosis
 from pneumo_casadi.diagnosis.decide.plain_evidence import evidence_dict, evidence_of
 from pneumo_casadi.diagnosis.metrics.findings import SensorError
@@ -46,11 +35,16 @@ from pneumo_casadi.report.pages.write import (
 from pneumo_casadi.runtime.json_files import write_json
 from pneumo_casadi.valve import FlowForm, FormSelection
 
-_spec = importlib.util.spec_from_file_location(
-    "diagnoses", Path(__file__).with_name("diagnoses.py")
-)
-made = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(made)
+
+def _beside(name):
+    """Return a module of this folder, which is no package."""
+    spec = importlib.util.spec_from_file_location(name, Path(__file__).with_name(f"{name}.py"))
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+made, designs = _beside("diagnoses"), _beside("designs")
 
 ORIGIN = {
     "made": "2026-11-24T10:40:00+00:00",
@@ -324,39 +318,6 @@ def test_damaged_provenance_is_named_and_the_report_stays(diagnosed, tmp_path, c
     assert (folder / "report.html").read_bytes() == before
 
 
-def made_design(**changes):
-    N = 100
-    t = np.linspace(0.0, 1.0, N)
-    reference = Reference(0.01, 0.1 * np.sin(t), np.zeros(N))
-    x = np.vstack([4e5 + 1e5 * t, 5e5 - 1e5 * t, 0.1 * np.sin(t), 0.1 * np.cos(t)])
-    run = SimulatedExperiment(reference, x, np.vstack([t, -t]), x[:3], 1.25)
-    kind = next(iter(KINDS))
-    part = Part(kind, 1.0, tuple(number.start for number in KINDS[kind].numbers))
-    now = np.array([0.2, np.inf])
-    precision = Precision(
-        ("M", "f_v"),
-        ("kg", "N s/m"),
-        np.array([16.9, 11.0]),
-        now,
-        np.array([0.1, 0.2]),
-        np.array([0.05, 0.1]),
-        Criterion("D"),
-        *(0.04, 0.02, 0.01),
-    )
-    design = Design(
-        reference,
-        (part,),
-        DesignOptions(Limits(0.2, 0.5, 1.5e5, 6e5, 3.0), 1.0, seed=3),
-        {"axis": run},
-        (0.5, 0.4),
-        precision,
-        (),
-        1.5,
-        ("A note.",),
-    )
-    return replace(design, **changes)
-
-
 @pytest.mark.parametrize(
     "changes",
     [
@@ -366,7 +327,9 @@ def made_design(**changes):
 )
 def test_a_design_is_written_again_from_its_file(tmp_path, changes):
     shares = []
-    folder = write_design(made_design(**changes), tmp_path / "next", lambda _, s: shares.append(s))
+    folder = write_design(
+        designs.made_design(**changes), tmp_path / "next", lambda _, s: shares.append(s)
+    )
     assert shares[0] == 0.0 and shares[-1] == 1.0  # the figure is part of the work
     report = folder / "report.html"
     first = report.read_bytes()

@@ -5,6 +5,6 @@ import pytest
 
 @pytest.fixture(scope="session")
 def simulated(made):
-    """A servo axis of known truth under control for three seconds: axis, commands, states."""
+    """A servo axis of known truth under control for two seconds: axis, commands, states."""
     axis = made.true_axis()
-    return axis, *made.controlled(axis, 3000)
+    return axis, *made.controlled(axis, 2000)

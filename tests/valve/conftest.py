@@ -18,7 +18,7 @@ PSI = 6894.757
 SCFM = 0.0283168466 / 60 * 1.2
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def spool_valve() -> Callable[..., FlowMap]:
     """Factory of maps of a spool valve: two ISO 6358 edges with leakage, metered with noise."""
 

@@ -27,13 +27,19 @@ def bumpy_map():
     return FlowMap(u, p, q_m, 7e5, 1e5)
 
 
+@pytest.fixture(scope="module")
+def two_orifices(spool_valve):
+    """A map of a spool valve and the forms compared on it."""
+    table = spool_valve(noise=1e-5, n_p=13)
+    return table, choose_flow_form(table, T=293.15)
+
+
 @pytest.mark.slow
-def test_a_map_of_two_orifices_is_written_as_iso6358(spool_valve):
-    selection = choose_flow_form(spool_valve(noise=1e-5), T=293.15)
+def test_a_map_of_two_orifices_is_written_as_iso6358(two_orifices):
+    table, selection = two_orifices
     assert selection.chosen is selection.best is FlowForm.ISO6358
     assert selection.reason is Reason.LEAST_ERROR
     assert selection.degrees is None
-    table = spool_valve(noise=1e-5)
     noise_percent = 100 * 1e-5 / table.q_max
     assert selection.error_of(FlowForm.ISO6358).percent == pytest.approx(noise_percent, rel=0.15)
     polynomials = selection.error_of(FlowForm.POLYNOMIALS)
@@ -59,21 +65,24 @@ def test_a_map_of_neither_form_is_written_as_a_spline():
 @pytest.mark.slow
 def test_polynomials_win_where_forms_do_equally_well(spool_valve):
     table = spool_valve(n_u=13, n_p=13)
-    # So much noise that the misfit of the polynomials cannot be seen.
-    q_m = table.q_m + 0.1 * table.q_max * np.random.default_rng(1).standard_normal(table.n)
-    selection = choose_flow_form(replace(table, q_m=q_m))
-    assert selection.chosen is FlowForm.POLYNOMIALS
+    # So much noise that the misfit of the polynomials cannot be seen. ISO 6358, which takes
+    # seconds to fail on it, is left out with the supply pressure.
+    q_m = table.q_m + 0.06 * table.q_max * np.random.default_rng(1).standard_normal(table.n)
+    selection = choose_flow_form(replace(table, q_m=q_m, p_supply=None))
+    assert selection.chosen is FlowForm.POLYNOMIALS and selection.best is FlowForm.SPLINE
+    assert selection.reason is Reason.EQUALLY_WELL
     best = selection.error_of(selection.best)
     mine = selection.error_of(FlowForm.POLYNOMIALS)
     assert mine.percent <= best.percent + 1.05 * best.standard_error
 
 
 @pytest.mark.slow
-def test_given_degrees_are_those_compared(spool_valve):
-    table = spool_valve(noise=1e-5, n_u=13, n_p=13)
-    selection = choose_flow_form(table, degrees=(3, 3, 3))
+def test_given_degrees_are_those_compared(two_orifices):
+    table, compared = two_orifices
+    selection = choose_flow_form(replace(table, p_supply=None), degrees=(3, 3, 3))
     assert selection.error_of(FlowForm.POLYNOMIALS).degrees == (3, 3, 3)
-    free = choose_flow_form(table).error_of(FlowForm.POLYNOMIALS)
+    free = compared.error_of(FlowForm.POLYNOMIALS)
+    assert free.degrees != (3, 3, 3)
     assert selection.error_of(FlowForm.POLYNOMIALS).percent > free.percent
 
 
@@ -100,21 +109,24 @@ def test_a_map_that_no_form_fits_is_refused():
 
 
 @pytest.mark.slow
-def test_scattered_points_are_compared_too(spool_valve):
-    table = spool_valve(noise=1e-5)
+def test_scattered_points_are_compared_too(two_orifices):
+    table, _ = two_orifices
     rng = np.random.default_rng(2)
-    keep = rng.permutation(table.n)[:400]
+    keep = rng.permutation(table.n)[:200]
     assert choose_flow_form(table.select(keep)).chosen is FlowForm.ISO6358
 
 
 @pytest.mark.slow
-def test_the_choice_is_the_same_each_time_and_takes_less_than_two_seconds(spool_valve):
+def test_the_choice_is_the_same_each_time_and_takes_less_than_two_seconds(
+    spool_valve, two_orifices
+):
     table = spool_valve(noise=1e-5, n_u=41)
     began = time.process_time()
-    first = choose_flow_form(table)
+    choose_flow_form(table)
     # Under a second on a machine that does nothing else.
     assert time.process_time() - began < 2
-    assert choose_flow_form(table) == first
+    table, first = two_orifices
+    assert choose_flow_form(table, T=293.15) == first
 
 
 @pytest.mark.slow

@@ -22,6 +22,11 @@ from pneumo_casadi.valve.orifice import LAMINAR_RATIO, RHO_ANR
 C = 2e-8
 
 
+@pytest.fixture(scope="module")
+def flow(spool_valve):
+    return fit_iso6358(spool_valve(noise=1e-5))
+
+
 def test_choked_flow_is_conductance_times_upstream_pressure_times_density():
     q = orifice_flow(C, 0.3, 0.5, 7e5, [0.5e5, 1e5, 2.1e5])
     np.testing.assert_allclose(q, C * 7e5 * RHO_ANR, rtol=1e-14)
@@ -58,8 +63,7 @@ def test_flow_is_c1_where_its_branches_meet(ratio):
     assert abs(below - above) < 1e-3 * slope
 
 
-def test_gradients_are_finite_at_equal_pressures(spool_valve):
-    flow = fit_iso6358(spool_valve(noise=1e-5))
+def test_gradients_are_finite_at_equal_pressures(flow):
     u, p = ca.SX.sym("u"), ca.SX.sym("p")
     theta = ca.SX.sym("theta", len(flow.parameters))
     q = flow.expression(u, p, theta)
@@ -68,8 +72,7 @@ def test_gradients_are_finite_at_equal_pressures(spool_valve):
         assert np.all(np.isfinite(gradient(a, b, flow.parameters.values).full()))
 
 
-def test_derivatives_agree_with_finite_differences(spool_valve):
-    flow = fit_iso6358(spool_valve(noise=1e-5))
+def test_derivatives_agree_with_finite_differences(flow):
     theta, scales = flow.parameters.values, flow.parameters.scales
     function = flow_function(flow)
     jacobian = function.jacobian()
@@ -83,8 +86,7 @@ def test_derivatives_agree_with_finite_differences(spool_valve):
         np.testing.assert_allclose(computed, expected, rtol=1e-3, atol=1e-12)
 
 
-def test_sx_mx_and_numpy_agree(spool_valve):
-    flow = fit_iso6358(spool_valve(noise=1e-5))
+def test_sx_mx_and_numpy_agree(flow):
     u, p = ca.MX.sym("u"), ca.MX.sym("p")
     q = ca.Function("q", [u, p], [flow.expression(u, p, ca.MX(flow.parameters.values))])
     sx = flow_function(flow)
@@ -135,16 +137,14 @@ def test_a_spool_valve_is_recovered_with_its_edges(spool_valve):
     assert p["C_leak_supply"].value == pytest.approx(2e-10, rel=0.05)
 
 
-def test_the_valve_law_holds_at_another_supply_pressure(spool_valve):
-    flow = fit_iso6358(spool_valve(noise=1e-5))
+def test_the_valve_law_holds_at_another_supply_pressure(flow):
     expected = orifice_flow(3.0 * 3e-9 + 2e-10, 0.3, 0.5, 5e5, 3e5) - orifice_flow(
         2e-10, 0.3, 0.5, 3e5, 1e5
     )
     assert flow(3.0, 3e5, p_supply=5e5) == pytest.approx(expected, rel=2e-3)
 
 
-def test_flow_grows_with_the_command_and_falls_with_pressure_everywhere(spool_valve):
-    flow = fit_iso6358(spool_valve(noise=1e-5))
+def test_flow_grows_with_the_command_and_falls_with_pressure_everywhere(flow):
     u, p = np.linspace(-6, 6, 121)[:, None], np.linspace(1.01e5, 6.99e5, 80)
     assert np.all(np.diff(flow(u, p), axis=0) > 0)
     assert np.all(np.diff(flow(u, np.linspace(0.3e5, 12e5, 200)), axis=1) <= 1e-15)

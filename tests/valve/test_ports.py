@@ -12,7 +12,9 @@ from pneumo_casadi.valve.flow_model import FlowModel
 P_SUPPLY, P_EXT = 7e5, 1e5
 
 
-@pytest.fixture(params=[fit_polynomials, fit_spline, fit_iso6358], ids=lambda fit: fit.__name__)
+@pytest.fixture(
+    scope="module", params=[fit_polynomials, fit_spline, fit_iso6358], ids=lambda fit: fit.__name__
+)
 def form(request, spool_valve) -> SimpleNamespace:
     flow: FlowModel = request.param(spool_valve())
     symbol = {"SX": ca.SX, "MX": ca.MX}[flow.symbol]

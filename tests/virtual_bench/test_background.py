@@ -1,5 +1,7 @@
 """Weak effects besides, and further forms of a cause."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,7 @@ from pneumo_casadi.errors import ModelError
 from pneumo_casadi.virtual_bench import (
     ALL_FORMS,
     FORMS,
+    Experiment,
     Severity,
     draw_background,
     effects_for,
@@ -37,14 +40,22 @@ def test_there_are_unlisted_causes_of_at_least_eight_kinds():
     assert {form.driver for form in unlisted} >= {"x", "v", "t"}
 
 
+@pytest.fixture(scope="module")
+def rows(axis):
+    """Return a function that runs the axis with some effects for a second, once for each."""
+    axis = axis.with_ideal_sensors()
+    drive = Experiment.of("chirp_and_squares").excitation(axis, 1000.0, 1.0, seed=3)
+
+    @cache
+    def run(*effects):
+        return simulate_axis(axis, drive, effects_for(axis, dict(effects))).rows[:, 2:5]
+
+    return run
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", FURTHER)
-def test_a_further_form_grows_with_its_severity_and_differs_from_the_usual_one(axis, drive, name):
-    axis = axis.with_ideal_sensors()
-
-    def rows(*asked):
-        return simulate_axis(axis, drive, effects_for(axis, dict(asked))).rows[:, 2:5]
-
+def test_a_further_form_grows_with_its_severity_and_differs_from_the_usual_one(rows, name):
     nominal = rows()
     size = np.ptp(nominal, axis=0)
     own = [rows((name, severity)) for severity in Severity]

@@ -262,12 +262,14 @@ def _result(
     axis = problem.axis.with_parameters(problem.parameters.with_values(point.theta))
     uncertainty = estimate_uncertainty(problem, solution, records)
     own_states = len(problem.axis.states)
+    with np.errstate(over="ignore"):  # a model that ran away leaves no end of a residual
+        rms = np.sqrt(np.mean((problem.y - solution.m) ** 2, axis=1))
     return OutputErrorResult(
         axis,
         solution.status,
         problem.cost(point.theta, solution.m, sigma),
         sigma,
-        np.sqrt(np.mean((problem.y - solution.m) ** 2, axis=1)),
+        rms,
         uncertainty,
         evaluate_derived_quantities(axis, uncertainty),
         stages,

@@ -50,11 +50,11 @@ def write_report(
 
     Examples
     --------
-    With ``result = pc.identify(pc.example_case())``:
+    With ``result = pc.identify(pc.example_case())``, the report of its validation alone:
 
     >>> import tempfile
     >>> with tempfile.TemporaryDirectory() as folder:
-    ...     report = pc.write_report(result, folder + "/report")
+    ...     report = pc.write_report(result.validation, folder + "/report")
     ...     sorted(path.name for path in report.iterdir() if path.name[0] != ".")
     ['curves.json', 'figures', 'report.html', 'result.json', 'table.txt']
     """

@@ -47,6 +47,16 @@ def estimates(made):
     return np.array(rows).T
 
 
+@pytest.fixture(scope="module")
+def clean(made):
+    """A force-driven axis and its motion under a sine, without noise."""
+    true = made.true_force_axis()
+    t = DT * np.arange(2000)
+    F = 60.0 * np.sin(2 * np.pi * 1.1 * t)
+    x = simulate(true, F[:, None], DT, [0.0, 0.0])["x"]
+    return true, Recording(t, {"F": F, "x": x}, "clean", "simulated", InputHold.ZERO)
+
+
 def test_the_bias_is_told(estimates):
     error, bias, std = estimates
     assert error.mean() < -std.mean()  # noise in the derivative makes the lag too short
@@ -59,12 +69,8 @@ def test_without_its_bias_the_estimate_lies_within_its_standard_deviation(estima
     assert 0.3 < np.sqrt(np.mean(((error - bias) / std) ** 2)) < 1.4
 
 
-def test_a_parameter_at_its_bound_has_no_influence(made):
-    true = made.true_force_axis()
-    t = DT * np.arange(3000)
-    F = 60.0 * np.sin(2 * np.pi * 1.1 * t)
-    x = simulate(true, F[:, None], DT, [0.0, 0.0])["x"]
-    record = Recording(t, {"F": F, "x": x}, "clean", "simulated", InputHold.ZERO)
+def test_a_parameter_at_its_bound_has_no_influence(clean):
+    true, record = clean
     at_bound = true.with_parameters({"M": true.parameters["M"].lower})
     influence = estimate_noise_influence(at_bound, [record], None)
     assert "M" not in influence.names and "f_v" in influence.names
@@ -73,17 +79,13 @@ def test_a_parameter_at_its_bound_has_no_influence(made):
 
 def test_under_white_noise_the_rows_are_those_of_the_fit(made):
     true = made.true_axis()
-    record = made.recorded(true, *made.controlled(true, 3000))
+    record = made.recorded(true, *made.controlled(true, 1000))
     noise = coloured_velocity_noise(record)
     assert noise == smooth_motion(true, record).velocity_noise > 0
 
 
-def test_a_parameter_of_which_the_records_say_nothing_spoils_no_other(made, monkeypatch):
-    true = made.true_force_axis()
-    t = DT * np.arange(3000)
-    F = 60.0 * np.sin(2 * np.pi * 1.1 * t)
-    x = simulate(true, F[:, None], DT, [0.0, 0.0])["x"]
-    record = Recording(t, {"F": F, "x": x}, "clean", "simulated", InputHold.ZERO)
+def test_a_parameter_of_which_the_records_say_nothing_spoils_no_other(clean, monkeypatch):
+    true, record = clean
     linearise = noise_influence.Problem.linearise
 
     def without_f_v(problem, point):
@@ -98,7 +100,7 @@ def test_a_parameter_of_which_the_records_say_nothing_spoils_no_other(made, monk
 
 def test_noise_that_hides_all_motion_is_said(made):
     true = made.true_force_axis()
-    t = DT * np.arange(3000)
+    t = DT * np.arange(2000)
     F = 20.0 * np.sin(2 * np.pi * 1.1 * t)
     x = simulate(true, F[:, None], DT, [0.0, 0.0])["x"]
     x = x + np.random.default_rng(0).normal(0.0, 1e-2, t.size)
@@ -107,12 +109,8 @@ def test_noise_that_hides_all_motion_is_said(made):
         estimate_noise_influence(true, [record], None)
 
 
-def test_what_is_no_number_is_no_result(made, monkeypatch):
-    true = made.true_force_axis()
-    t = DT * np.arange(3000)
-    F = 60.0 * np.sin(2 * np.pi * 1.1 * t)
-    x = simulate(true, F[:, None], DT, [0.0, 0.0])["x"]
-    record = Recording(t, {"F": F, "x": x}, "clean", "simulated", InputHold.ZERO)
+def test_what_is_no_number_is_no_result(clean, monkeypatch):
+    true, record = clean
     linearise = noise_influence.Problem.linearise
 
     def without_numbers(problem, point):

@@ -7,16 +7,16 @@ from pneumo_casadi.estimation.output_error import OutputErrorOptions, fit_output
 
 @pytest.fixture(scope="session")
 def servo(made):
-    """A servo axis of known truth under control for two seconds: axis, commands, states."""
+    """A servo axis of known truth under control for 1.2 s: axis, commands, states."""
     axis = made.true_axis()
-    return axis, *made.controlled(axis, 2000)
+    return axis, *made.controlled(axis, 1200)
 
 
 @pytest.fixture(scope="session")
 def force(made):
-    """A force-driven axis of known truth under control for two seconds."""
+    """A force-driven axis of known truth under control for 1.2 s."""
     axis = made.true_force_axis()
-    return axis, *made.controlled(axis, 2000)
+    return axis, *made.controlled(axis, 1200)
 
 
 @pytest.fixture(scope="session")

@@ -23,7 +23,7 @@ from pneumo_casadi.validation.errors import loop_errors
 DT = 1e-3
 
 
-def looped(made, axis, start, seed, noise, N=1500, added=None):
+def looped(made, axis, start, seed, noise, N=1000, added=None):
     """A record of an axis under its own sampled controller, sensors noisy outside the loop."""
     x_ref = made.reference(np.arange(N) * DT, seed)
     run = simulate_closed_loop(axis, x_ref, DT, start, disturbance=added)
@@ -44,7 +44,7 @@ def servo_record(made):
 
 @pytest.fixture(scope="module")
 def force_record(made):
-    added = np.where((np.arange(1500) // 200) % 2, 5.0, 0.0)
+    added = np.where((np.arange(1000) // 200) % 2, 5.0, 0.0)
     return looped(made, made.true_force_axis(), [0.0, 0.0], 4, (2e-6,), added=added)
 
 
@@ -109,8 +109,8 @@ def test_any_law_closes_the_loop_of_the_fit(made, start, name):
     bench = replace(axis.bench, controller=LAWS[name])
     axis = replace(axis, bench=bench)
     noise = (150.0, 150.0, 1.5e-5)
-    record = looped(made, axis, [3.5e5, 4.7e5, 0.0, 0.0], 3, noise, 1800)
-    late = record.window(0.301, 1.8)
+    record = looped(made, axis, [3.5e5, 4.7e5, 0.0, 0.0], 3, noise, 1200)
+    late = record.window(0.301, 1.2)
     assert loop_errors(axis, [late])["u_P"].percent < 1.0
     table, begin = start(3)
     begin = made.perturbed(replace(begin, bench=bench), {"X_s1": 1.1, "M": 1.1, "F_c_plus": 0.8})

@@ -43,7 +43,7 @@ def test_the_covariance_is_that_of_a_finite_difference_jacobian_of_the_record(
     made, servo, force, start, kind
 ):
     axis, u, x = {"servo": servo, "force": force}[kind]
-    u, x = u[:1201], x[:, :1201]
+    u, x = u[:801], x[:, :801]
     names = ("M", "f_v", "F_c_plus", "F_c_minus")
     if kind == "servo":
         names = ("X_s1", "X_s5", *names, "psi_plus_1")
@@ -79,7 +79,7 @@ def test_monte_carlo_scatters_as_the_covariance_says(made, force):
     axis = made.free_only(axis, "M", "f_v", "F_c_plus")
     options = OutputErrorOptions(widths=(made.TRUE["v_s"],))
     runs = [
-        fit_output_error(axis, [made.recorded(axis, u, x, s)], None, options) for s in range(100)
+        fit_output_error(axis, [made.recorded(axis, u, x, s)], None, options) for s in range(60)
     ]
     estimates = np.array([[r.parameters[n].value for n in r.uncertainty.names] for r in runs])
     reported = np.mean([r.uncertainty.covariance for r in runs], axis=0)

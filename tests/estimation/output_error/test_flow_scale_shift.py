@@ -84,7 +84,7 @@ def test_what_the_noise_of_the_map_makes_is_no_bias(made, relative_shift, monkey
         return _beyond(difference, variance)
 
     monkeypatch.setattr(f"{flow_scale_shift.__module__}._beyond", kept)
-    for k in range(40):
+    for k in range(20):
         table = made.measured_map(k)
         flow = fit_polynomials(table, (3, 3, 3))
         values = zip(flow.parameters, true.parameters, strict=True)

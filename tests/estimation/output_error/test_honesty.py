@@ -111,7 +111,7 @@ def test_forward_motion_says_nothing_about_friction_backward(made, force, method
 
 def test_a_record_at_rest_says_nothing(made, force):
     axis = force[0].with_parameters({"F_c_plus": 14.0, "F_c_minus": 14.0})
-    record = made.recorded(axis, np.zeros((1000, 1)), np.zeros((2, 1000)), 0)
+    record = made.recorded(axis, np.zeros((500, 1)), np.zeros((2, 500)), 0)
     result = fit_output_error(axis, [record], None, options(made))
     assert {"f_v", "F_c_plus", "F_c_minus"} <= set(result.uncertainty.uninformed)
     # The noise on the first velocity may tell of the mass, but no more than nothing.
@@ -143,7 +143,7 @@ def test_two_parameters_that_do_the_same_are_told_as_one_combination(made, force
 @pytest.mark.parametrize("method", METHODS)
 def test_a_hopeless_fit_raises_with_the_partial_result(made, force, method):
     axis, u, x = force
-    record = made.recorded(axis, u, x, 0)
+    record = made.recorded(axis, u[:600], x[:, :600], 0)
     begin = made.perturbed(axis, {"M": 2.0, "f_v": 3.0})
     with pytest.raises(FitError, match="iterations") as caught:
         fit_output_error(begin, [record], None, options(made, method=method, max_iterations=1))
@@ -157,7 +157,7 @@ def test_a_hopeless_fit_raises_with_the_partial_result(made, force, method):
 def test_who_wants_no_recovery_gets_the_stages_asked_for_and_no_others(made, force):
     axis, u, x = force
     begin = made.perturbed(axis, {"M": 2.0, "f_v": 3.0})
-    record = made.recorded(axis, u, x, 0)
+    record = made.recorded(axis, u[:600], x[:, :600], 0)
     asked = {"max_iterations": 1}
     for recover, told in ((True, "also by way of short windows"), (False, r"iterations\. ")):
         with pytest.raises(FitError, match=told) as caught:
@@ -173,13 +173,13 @@ def test_a_model_that_runs_away_is_a_failed_fit_and_no_numerical_accident(made, 
     p = axis.parameters
     axis = made.free_only(axis, "M", "f_v")
     rng = np.random.default_rng(0)
-    t = np.arange(300) / made.FS
+    t = np.arange(60) / made.FS
     channels = {
-        "p_P": 5e5 + 2e5 * rng.standard_normal(300),
-        "p_N": 5e5 + 2e5 * rng.standard_normal(300),
+        "p_P": 5e5 + 2e5 * rng.standard_normal(60),
+        "p_N": 5e5 + 2e5 * rng.standard_normal(60),
         "x": 0.4 * np.sin(400 * t),
-        "u_P": u[:300, 0],
-        "u_N": u[:300, 1],
+        "u_P": u[:60, 0],
+        "u_N": u[:60, 1],
     }
     record = Recording(t, channels, "nonsense", "made", made.InputHold.ZERO)
     assert p["X_s4"].value / p["X_s5"].value < 0.4

@@ -69,41 +69,39 @@ def interval(request, made):
     else:
         reference = x[axis.states.index("x")] + 1e-3 * rng.standard_normal(N * BLOCKS)
         w = np.vstack([reference, 0.1 * rng.standard_normal((u.size, N * BLOCKS))])
-    return model, functions, x, w, np.full((1, BLOCKS), DT)
+    plain = step_function(axis, model.stepping), axis.output, None
+    if model.controller is not None:
+        plain = (*plain[:2], model.feedback)
+    return model, plain, functions, x, w, np.full((1, BLOCKS), DT)
 
 
 def flat(a):
     return np.asarray(a, dtype=float).ravel(order="F")
 
 
-def stepped(model, x, w):
+def stepped(model, plain, theta, x, w):
     """States at the samples and outputs, sample by sample, with the plain step function."""
-    axis, theta = model.axis, model.axis.parameters.values
-    step, nx, nu = step_function(axis, model.stepping), len(axis.states), len(axis.inputs)
+    step, output, feedback = plain
+    nx, nu = len(model.axis.states), len(model.axis.inputs)
     states, outputs = [x], []
     for given in w.T:
         u = given
         kept = np.zeros(0)
         if model.controller is not None:
-            found = flat(model.feedback(x, given, theta))
+            found = flat(feedback(x, given, theta))
             u, kept = found[:nu], found[nu:]
-        outputs.append(flat(axis.output(x[:nx], u[:nu], theta)))
+        outputs.append(flat(output(x[:nx], u[:nu], theta)))
         x = np.concatenate([flat(step(x[:nx], u, theta)), kept])
         states.append(x)
     return np.array(states), np.array(outputs)
 
 
-def moved_to(model, free, z, x):
-    values = dict(zip(free, z[x.size :], strict=True))
-    axis = model.axis.with_parameters(values)
-    return SampledAxis(axis, model.stepping, model.controller), z[: x.size]
-
-
 @pytest.mark.slow
 def test_an_interval_is_as_many_steps_and_means_are_of_its_own_samples(interval):
-    model, functions, x, w, h = interval
-    end, mean = functions.value(x, w, model.axis.parameters.values, h)
-    states, outputs = stepped(model, x, w)
+    model, plain, functions, x, w, h = interval
+    theta = model.axis.parameters.values
+    end, mean = functions.value(x, w, theta, h)
+    states, outputs = stepped(model, plain, theta, x, w)
     np.testing.assert_allclose(flat(end), states[-1], rtol=1e-11, atol=1e-14)
     wanted = outputs.reshape(BLOCKS, N, -1).mean(axis=1)
     np.testing.assert_allclose(mean.full().T, wanted, rtol=1e-11, atol=1e-14)
@@ -111,7 +109,7 @@ def test_an_interval_is_as_many_steps_and_means_are_of_its_own_samples(interval)
 
 @pytest.mark.slow
 def test_sensitivities_and_normal_equations_are_those_of_finite_differences(interval):
-    model, functions, x, w, h = interval
+    model, plain, functions, x, w, h = interval
     axis, free = model.axis, free_names(model.axis)
     theta, ny = axis.parameters.values, len(axis.outputs)
     rng = np.random.default_rng(5)
@@ -130,8 +128,8 @@ def test_sensitivities_and_normal_equations_are_those_of_finite_differences(inte
         for sign in (1, -1):
             at = z.copy()
             at[i] += sign * 1e-5 * size_i
-            other, start = moved_to(model, free, at, x)
-            states, outputs = stepped(other, start, w)
+            moved = axis.parameters.with_values(dict(zip(free, at[x.size :], strict=True)))
+            states, outputs = stepped(model, plain, moved.values, at[: x.size], w)
             pair.append((states[-1], outputs.reshape(BLOCKS, N, ny).mean(axis=1)))
         columns.append([(a - b) / 2e-5 for a, b in zip(*pair, strict=True)])
     S_wanted = np.array([end for end, _ in columns]).T / model.state_scales[:, None]
@@ -151,11 +149,11 @@ def test_sensitivities_and_normal_equations_are_those_of_finite_differences(inte
 
 
 def test_blocks_without_time_change_nothing(interval):
-    model, functions, x, w, h = interval
+    model, plain, functions, x, w, h = interval
     theta, ny = model.axis.parameters.values, len(model.axis.outputs)
     padded = h.copy()
     padded[0, 4:] = 0.0
-    states, _ = stepped(model, x, w[:, : 4 * N])
+    states, _ = stepped(model, plain, theta, x, w[:, : 4 * N])
     y = np.ones((ny, BLOCKS))
     end, means, _, H, g, scores = (
         a.full() for a in functions.sensitivity(x, w, theta, padded, y, np.ones(ny))

@@ -22,11 +22,11 @@ from pneumo_casadi.estimation.uncertainty import Optimum
 
 @pytest.fixture
 def short_is_long(monkeypatch):
-    """Take two seconds at 1 kHz for long data."""
+    """Take 1.2 s at 1 kHz for long data."""
     monkeypatch.setattr(long_records, "LONG_SAMPLES", 1000)
     monkeypatch.setattr(long_records, "LONG_STEPS", 1000)
-    monkeypatch.setattr(long_records, "LONG_RECORD", 0.5)
-    monkeypatch.setattr(long_records, "HORIZONS", (0.5, 0.25))
+    monkeypatch.setattr(long_records, "LONG_RECORD", 0.3)
+    monkeypatch.setattr(long_records, "HORIZONS", (0.3, 0.15))
 
 
 @pytest.fixture(scope="module")
@@ -51,20 +51,20 @@ def distance(one, other):
 def test_long_data_reach_the_optimum_of_the_windows_that_they_bear(short_is_long, data):
     begin, records, table, options = data
     long = fit_output_error(begin, records, table, options)
-    asked = fit_output_error(begin, records, table, replace(options, window=0.5))
-    assert long.status == "converged" and long.chosen_window == pytest.approx(0.5)
+    asked = fit_output_error(begin, records, table, replace(options, window=0.3))
+    assert long.status == "converged" and long.chosen_window == pytest.approx(0.3)
     assert asked.chosen_window is None
     assert [s.first for s in long.segments] == [s.first for s in asked.segments]
     assert distance(asked, long) < 0.15  # what steps of a twentieth in rms leave
     assert long.uncertainty.std == pytest.approx(asked.uncertainty.std, rel=1e-2)
-    assert Optimum(long, records, table, options).problem.segments[1].first == 500
+    assert Optimum(long, records, table, options).problem.segments[1].first == 300
 
 
 def test_windows_are_shortened_where_the_simulation_drifts(short_is_long, data, monkeypatch):
     growth = chain([10.0], repeat(1.0))
     monkeypatch.setattr(long_records, "drift", lambda _: next(growth))
     begin, records, table, options = data
-    assert fit_output_error(begin, records, table, options).chosen_window == pytest.approx(0.25)
+    assert fit_output_error(begin, records, table, options).chosen_window == pytest.approx(0.15)
 
 
 def test_a_sample_that_does_not_converge_leads_to_shorter_windows(short_is_long, data, monkeypatch):
@@ -77,14 +77,14 @@ def test_a_sample_that_does_not_converge_leads_to_shorter_windows(short_is_long,
         return fit_stages(axis, records, *given)
 
     monkeypatch.setattr(long_records, "fit_stages", fails_at_first)
-    assert fit_output_error(*data).chosen_window == pytest.approx(0.25)
-    assert lengths == pytest.approx([0.5, 0.25, 2.0], abs=2e-3)
+    assert fit_output_error(*data).chosen_window == pytest.approx(0.15)
+    assert lengths == pytest.approx([0.3, 0.15, 1.2], abs=2e-3)
 
 
 def test_only_much_data_without_a_given_window_are_long(short_is_long, data, monkeypatch):
     begin, records, _, options = data
     assert are_long(begin, records, options)
-    assert not are_long(begin, records, replace(options, window=0.5))
+    assert not are_long(begin, records, replace(options, window=0.3))
     assert not are_long(begin, records, replace(options, method=Method.IPOPT))
     monkeypatch.setattr(long_records, "LONG_RECORD", 10.0)
     assert not are_long(begin, records, options)
@@ -116,8 +116,8 @@ def test_a_sample_is_drawn_evenly_from_many_records():
 
 def test_windows_of_the_longest_record_are_equal(data):
     _, (record,), _, options = data
-    window = long_records.equal_window([record, record.window(0.0, 0.3)], options, 1.5)
-    assert window == pytest.approx(1.0)
+    window = long_records.equal_window([record, record.window(0.0, 0.3)], options, 1.0)
+    assert window == pytest.approx(0.6)
     assert long_records.equal_window([record], options, 3.0) is None
     assert long_records.equal_window([record], replace(options, closed_loop=True), 0.5) is None
 

@@ -8,7 +8,7 @@ from pneumo_casadi.data import InputHold, SensorNoise
 from pneumo_casadi.effects import Stribeck
 from pneumo_casadi.estimation.output_error import Method, OutputErrorOptions, fit_output_error
 
-SEEDS = range(12)
+SEEDS = range(8)
 
 
 @pytest.fixture(scope="module")
@@ -85,21 +85,20 @@ def test_ipopt_and_gauss_newton_find_the_same_optimum(fit, fitted):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [0, 1])
-def test_starts_30_percent_off_reach_the_same_optimum(made, servo, start, fit, seed):
+def test_starts_30_percent_off_reach_the_same_optimum(made, servo, start, fitted):
     axis, u, x = servo
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     names = [n for n in made.TRUE if n != "v_s"]
     table, begin = start(0)
     begin = made.perturbed(begin, dict(zip(names, rng.uniform(0.7, 1.3, len(names)), strict=True)))
     options = OutputErrorOptions(widths=(made.TRUE["v_s"],))
     result = fit_output_error(begin, [made.recorded(axis, u, x, 0)], table, options)
-    assert_same(fit(), result, 0.02)
-    assert result.flow_map_deviation.rms == pytest.approx(fit().flow_map_deviation.rms, rel=1e-3)
+    assert_same(fitted, result, 0.02)
+    assert result.flow_map_deviation.rms == pytest.approx(fitted.flow_map_deviation.rms, rel=1e-3)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("block", [1e-3, 5e-3, 1e-2])
+@pytest.mark.parametrize("block", [1e-3, 1e-2])
 def test_the_length_of_blocks_does_not_matter(fit, fitted, block):
     result = fit(block=block)
     assert_same(fitted, result, 0.3)
@@ -107,7 +106,7 @@ def test_the_length_of_blocks_does_not_matter(fit, fitted, block):
 
 
 def test_windows_cost_information_and_bias_nothing(servo, fit, fitted):
-    result = fit(window=0.5)
+    result = fit(window=0.3)
     assert len(result.segments) == 4 and len(result.initial_states) == 4
     assert np.all(result.uncertainty.std > 0.98 * fitted.uncertainty.std)
     d = deviations(result, servo[0].parameters.as_dict())
@@ -122,9 +121,9 @@ def test_windows_cut_at_the_same_places_as_separate_records_give_the_same_fit(
     record = made.recorded(axis, u, x, 0)
     table, begin = start(0)
     options = OutputErrorOptions(widths=(made.TRUE["v_s"],))
-    halves = [record.window(0.0, 1.001), record.window(1.0, 2.0)]
+    halves = [record.window(0.0, 0.601), record.window(0.6, 1.2)]
     apart = fit_output_error(begin, halves, table, options)
-    windows = fit(window=1.0)
+    windows = fit(window=0.6)
     assert [s.K for s in apart.segments] == [s.K for s in windows.segments]
     np.testing.assert_allclose(apart.sigma, windows.sigma, rtol=0.02)
     # The starts of the states differ, the optimum does not.
@@ -148,12 +147,12 @@ def test_two_records_hold_twice_the_information_of_one(made, servo, start):
 
 def test_nothing_given_is_changed(made, servo, start):
     axis, u, x = servo
-    record = made.recorded(axis, u, x, 0)
+    record = made.recorded(axis, u[:400], x[:, :400], 0)
     table, begin = start(0)
     channels = {n: record[n].copy() for n in record.names}
     before, q_m = begin.parameters, table.q_m.copy()
     result = fit_output_error(
-        begin, [record], table, OutputErrorOptions(widths=(made.TRUE["v_s"],), window=0.5)
+        begin, [record], table, OutputErrorOptions(widths=(made.TRUE["v_s"],), window=0.2)
     )
     assert begin.parameters == before and result.parameters != before
     np.testing.assert_array_equal(table.q_m, q_m)
@@ -188,12 +187,12 @@ def test_outputs_shifted_by_one_sample_fit_measurably_worse(made, servo, fit, fi
 @pytest.mark.slow
 def test_linear_and_zero_hold_are_not_confused(made, start, servo):
     axis, u, _ = servo
-    x = made.steps(axis, u[:1000], servo[2][:, 0], InputHold.LINEAR)
-    record = made.recorded(axis, u[:1000], x, 0, hold=InputHold.LINEAR)
+    x = made.steps(axis, u[:800], servo[2][:, 0], InputHold.LINEAR)
+    record = made.recorded(axis, u[:800], x, 0, hold=InputHold.LINEAR)
     table, begin = start(0)
     options = OutputErrorOptions(widths=(made.TRUE["v_s"],))
     right = fit_output_error(begin, [record], table, options)
-    held = made.recorded(axis, u[:1000], x, 0, hold=InputHold.ZERO)
+    held = made.recorded(axis, u[:800], x, 0, hold=InputHold.ZERO)
     wrong = fit_output_error(begin, [held], table, options)
     truth = axis.parameters.as_dict()
     d = deviations(right, truth)
@@ -207,7 +206,7 @@ def test_effects_with_and_without_states_are_recovered_with_the_axis(made, start
     effects = (made.ValveLag(), Stribeck())
     values = {"valve_lag.tau": 8e-3, "stribeck.delta_F": 12.0, "stribeck.v_stribeck": 0.03}
     axis = made.true_axis(*effects).with_parameters(values)
-    u, x = made.controlled(axis, 1500)
+    u, x = made.controlled(axis, 1000)
     record = made.recorded(axis, u, x, 3)
     table, begin = start(3)
     begin = begin.with_effects(*effects).with_parameters(

@@ -27,15 +27,15 @@ from pneumo_casadi.estimation.output_error.stages import write_problem
 def problem_of(made, servo, start):
     """Everything of a fit of the servo axis to half a second."""
     axis, u, x = servo
-    record = made.recorded(axis, u[:800], x[:, :800], 0)
+    record = made.recorded(axis, u[:500], x[:, :500], 0)
     table, begin = start(0)
     return begin, [record], table, OutputErrorOptions(widths=(made.TRUE["v_s"],))
 
 
 @pytest.mark.slow
 def test_starts_half_off_in_every_parameter_reach_the_same_optimum(problem_of):
-    found = fit_from_many_starts(*problem_of, starts=6, spread=0.5, seed=1)
-    assert len(found.outcomes) == 6 and found.agreeing == 6
+    found = fit_from_many_starts(*problem_of, starts=4, spread=0.5, seed=1)
+    assert len(found.outcomes) == 4 and found.agreeing == 4
     assert found.outcomes[0].start == problem_of[0].parameters
     best, std = found.best, found.best.uncertainty.std
     for outcome in found.outcomes:

@@ -16,7 +16,7 @@ from pneumo_casadi.estimation.uncertainty.resampling import block_length, draw_c
 from pneumo_casadi.estimation.uncertainty.resampling_plan import ResamplingPlan, scale_residuals
 
 #: Replicates whose scatter is judged: it is known to 1/√(2 B) itself.
-B = 200
+B = 100
 #: Noises to which a fit is made anew, for the scatter that is true.
 DRAWS = 20
 
@@ -96,7 +96,7 @@ def test_scaled_blocks_make_up_for_their_ends_and_for_what_a_fit_took(rho):
 
 @pytest.mark.slow
 def test_the_noise_of_the_flow_map_scatters_too(anchored):
-    count = 80
+    count = 50
     result = block_bootstrap(anchored, count)
     assert result.lengths["flow map"] >= 1
     names = [*(f"X_s{i}" for i in range(1, 7)), *anchored.result.axis.flow.parameters.names]

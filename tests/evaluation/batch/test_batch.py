@@ -221,7 +221,7 @@ def cluster():
 @pytest.mark.slow
 @needs_dask
 def test_a_killed_dask_worker_changes_no_result(tmp_path, fakes):
-    cases, out = made_cases(tmp_path, 10), tmp_path / "out"
+    cases, out = made_cases(tmp_path, 6), tmp_path / "out"
     alone = diagnose_many(cases, keep=tmp_path / "alone", diagnosing=fakes.verdict)
     with cluster() as client:
         before = set(client.run(os.getpid).values())

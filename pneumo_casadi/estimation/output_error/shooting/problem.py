@@ -178,7 +178,8 @@ class Problem:
         """Return ½ Σ (residual/σ)² over all samples and the flow map, m being mean outputs."""
         e = (self.y - m) / sigma[:, None]
         g = self.anchor_residuals(theta)
-        return 0.5 * float(self.n * np.sum(e**2) + np.sum(g**2))
+        with np.errstate(over="ignore"):  # a trial may run away: then it costs infinitely much
+            return 0.5 * float(self.n * np.sum(e**2) + np.sum(g**2))
 
 
 def evaluate_intervals(problem: Problem, point: Unknowns) -> tuple[FloatArray, FloatArray]:
