@@ -210,7 +210,7 @@ class Effect:
         """Return what is known of the parameters before any record: weights by short name.
 
         Each row, the sum of weight times value, is a standard normal variable. For a curve,
-        the rows are its second differences divided by the expected roughness.
+        the rows are its differences divided by the expected roughness.
         """
         return ()
 

@@ -24,6 +24,13 @@ class Model:
     on_all: float
     values: dict = field(default_factory=dict)
 
+    @property
+    def std(self):
+        """One free parameter of each effect, two where a name says so."""
+        return dict.fromkeys(
+            (name, i) for name in self.effects for i in range(1 + ("of_two" in name))
+        )
+
 
 class Bench:
     """A ledger whose models gain what a table says, on the records fitted and on all.
@@ -172,6 +179,25 @@ def test_an_effect_that_stands_for_two_others_is_exchanged_for_both(monkeypatch)
     gains["hose", "leak_P", "leak_N"] -= 30.0  # gain less than an effect more must
     bench = Bench(monkeypatch, alone, gains)
     assert bench.complete("hose", "shift").acting == ("hose", "shift")
+
+
+@pytest.mark.parametrize(
+    ("more", "expected"),
+    [(25.0, ("hose", "leak_P", "leak_N")), (15.0, ("hose", "shift_of_two"))],
+)
+def test_two_effects_of_one_parameter_each_replace_one_of_two_for_less(monkeypatch, more, expected):
+    alone = {"hose": 900.0, "shift_of_two": 0.0, "leak_P": 0.0, "leak_N": 0.0, "lag": 0.0}
+    both = {
+        (): 0.0, ("shift_of_two",): 800.0, ("leak_P",): 600.0, ("leak_N",): 200.0, ("lag",): 0.0,
+        ("shift_of_two", "leak_P"): 805.0, ("shift_of_two", "leak_N"): 805.0,
+        ("shift_of_two", "lag"): 805.0,
+        # What promises most beside the first leak is not what gains most: both are compared.
+        ("leak_P", "lag"): 800.0 + more - 1.0, ("leak_P", "leak_N"): 800.0 + more,
+        ("leak_P", "leak_N", "lag"): 805.0 + more,
+    }  # fmt: skip
+    gains = {("hose", *names): 900.0 + gain for names, gain in both.items()}
+    bench = Bench(monkeypatch, alone, gains)
+    assert bench.complete("hose", "shift_of_two").acting == expected
 
 
 def test_what_is_large_enough_to_be_named_is_not_dropped_for_little_likelihood(monkeypatch):

@@ -7,7 +7,7 @@ completed by whatever the likelihood asks for, and each of its effects is then e
 exchanged where the others no longer need it.
 """
 
-from collections.abc import Mapping, Set
+from collections.abc import Iterator, Mapping, Set
 from dataclasses import dataclass, field, replace
 
 from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels, gain_on_all_records
@@ -90,7 +90,9 @@ class _Completion:
         """Return a model with all further effects that the likelihood asks for, one by one."""
         least = self.levels.criteria.plausible_gain
         while len(names) < MAX_ACTING:
-            better = self._extend(names, names, least, least)
+            better = next(
+                (key for gain, key in self._extended(names, names, least) if gain >= least), None
+            )
             if better is None:
                 break
             names = better
@@ -158,7 +160,8 @@ class _Completion:
     def _exchange(self, rest: Names, names: Names, whole: Background) -> Names | None:
         """Return a better model in which one other effect stands for the one that `rest` lacks.
 
-        Or two: a shifted null does in both chambers what a leak does in each. `whole` is the
+        Or two: a shifted null does in both chambers what a leak does in each. Two of one parameter
+        each are no more than one of two: as much is asked of them as of one. `whole` is the
         background of the model with `names`.
         """
         criteria, ledger, present = self.levels.criteria, self.ledger, self._fit_of(names)
@@ -176,14 +179,25 @@ class _Completion:
             if gain >= criteria.form_gain and self._is_plausible(key, names):
                 return key
             if len(names) < MAX_ACTING:
-                least = criteria.plausible_gain
-                better = self._extend(key, names, PROMISED * (least - gain), least)
-                if better is not None:
-                    return better
+                promise = PROMISED * (criteria.form_gain - gain)
+                pairs = [
+                    (more, pair)
+                    for more, pair in self._extended(key, names, promise)
+                    if more >= self._least(pair, names)
+                ]
+                if pairs:
+                    return max(pairs)[1]
         return None
 
-    def _extend(self, known: Names, present: Names, promise: float, least: float) -> Names | None:
-        """Return a model with the first effect more that gains enough over the present model.
+    def _least(self, names: Names, than: Names) -> float:
+        """Return the log-likelihood that one model must gain over another to be preferred."""
+        more = len(self._fit_of(names).std) > len(self._fit_of(than).std)
+        return self.levels.criteria.plausible_gain if more else self.levels.criteria.form_gain
+
+    def _extended(
+        self, known: Names, present: Names, promise: float
+    ) -> Iterator[tuple[float, Names]]:
+        """Yield models with one effect more, and what each gains over the present model.
 
         What makes a plausible property of the axis implausible stands for something else.
 
@@ -191,8 +205,8 @@ class _Completion:
         ----------
         known, present : tuple of str
             The model to be extended, and the one so far, whose effects are left out.
-        promise, least : float
-            Log-likelihood that an effect must promise in the screen, and gain once it is fitted.
+        promise : float
+            Log-likelihood that an effect must promise in the screen.
         """
         tried = 0
         for name, start in self._promising(known, present, promise).items():
@@ -202,12 +216,10 @@ class _Completion:
                 self.refused |= {name} if known == present else set()
                 continue
             tried += 1
-            gain = min(_gains(self._fit_of(present), self._fit_of(key)))
-            if gain >= least and self._is_plausible(key, present):
-                return key
+            if self._is_plausible(key, present):
+                yield min(_gains(self._fit_of(present), self._fit_of(key))), key
             if tried == TRIED:
                 break
-        return None
 
     def _is_plausible(self, names: Names, than: Names) -> bool:
         """Return whether a model makes nothing implausible that another one leaves plausible."""

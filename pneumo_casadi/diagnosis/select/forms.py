@@ -115,10 +115,12 @@ def keep_best_forms(
 def with_other_form(
     ledger: FitLedger, nominal: FittedModel, known: Names, levels: BalanceLevels
 ) -> Names:
-    """Return a model with another form of some cause, where the forms chosen leave too much.
+    """Return a model with another form of some cause, where a visible gap is left.
 
-    A form is chosen by what it closes alone; beside another effect that closes more, another form
-    may be the right one. It takes the place of its cause's form, or stands besides.
+    A form is chosen by how it fits alone; beside another effect that closes more, another form may
+    be the right one. It takes the place of its cause's form if it fits all records better. Where
+    too much is left, that of a cause that is not in the model may stand besides; it must close what
+    a further effect must.
 
     Parameters
     ----------
@@ -127,23 +129,38 @@ def with_other_form(
     nominal : FittedModel
         The model without effects.
     known : tuple of str
-        Effects of the model that leaves too much.
+        Effects of the model that leaves a gap.
     levels : BalanceLevels
         Noise and signal of the held-out records.
     """
-    current = ledger.fits[known]
-    if not leaves_too_much(nominal, current, levels):
+    current, criteria = ledger.fits[known], levels.criteria
+    if not np.any(residual_rms(current) > criteria.coarse_map * levels.noise):
         return known
+    too_much = leaves_too_much(nominal, current, levels)
+    present = causes_of(known, ledger.catalogue)
     starts = {}
     for form in sorted(ledger.left_out):
         cause = cause_of(form, ledger.catalogue)
-        others = [name for name in known if cause_of(name, ledger.catalogue) != cause]
-        starts[ledger.key((*others, form))] = Start(current.values)
+        if too_much or cause in present:
+            others = [name for name in known if cause_of(name, ledger.catalogue) != cause]
+            starts[ledger.key((*others, form))] = Start(current.values)
     ledger.fit_all(starts)
-    fits = {key: ledger.fits[key] for key in starts if key in ledger.fits}
-    best = min(fits, key=lambda key: fits[key].cost, default=None)
-    most = levels.criteria.closed * share_left(nominal, current, levels)
-    if best is None or share_left(nominal, fits[best], levels) > most:
-        return known
-    ledger.refine(best)
+    most = criteria.closed * share_left(nominal, current, levels)
+    gains = {
+        key: gain_on_all_records(current, ledger.fits[key]) for key in starts if key in ledger.fits
+    }
+    better = [
+        key
+        for key, gain in gains.items()
+        if (len(key) == len(known) and gain >= criteria.form_gain)
+        or (too_much and share_left(nominal, ledger.fits[key], levels) <= most)
+    ]
+    best = max(better, key=gains.__getitem__, default=known)
+    same_causes = [key for key in (known, *gains) if len(key) == len(known)]
+    stays = best if best in same_causes else known
+    for key in same_causes:  # another form of a cause is no rival of it
+        if key != stays:
+            del ledger.fits[key]
+    if best != known:
+        ledger.refine(best)
     return best

@@ -12,9 +12,10 @@ from pneumo_casadi.parameters import Parameter
 #: Number of knots from mid-stroke to either end, and distance of two in strokes: 3 to 4 cm of a
 #: usual cylinder, the length of a piston with its bearings, over which friction cannot vary much.
 SIDE, SPACING = 6, 1 / 12
-#: Standard deviation of a second difference that is expected [N]: friction rises by as much as the
-#: Coulomb friction of a small cylinder from one knot to the next, and falls again. What the
-#: records pass over overrides it, what they do not is continued in a straight line.
+#: Standard deviation of a first and of a second difference that is expected [N]: friction rises by
+#: as much as the Coulomb friction of a small cylinder from one knot to the next, and falls again.
+#: What the records pass over overrides it; beyond, the curve levels off within a knot or two. A
+#: straight line would end far off where other records pass.
 ROUGHNESS = 10.0
 
 
@@ -22,8 +23,8 @@ class PositionFrictionCurve(Effect):
     r"""Coulomb friction that varies over the stroke, F = Σ c_i B((x − x_i)/d) sign(v).
 
     B is the cubic B-spline on uniform knots x_i = i d. c_0 is zero: the level of the friction is
-    F_c. Second differences of c have a normal prior (P-spline), so that the curve is smooth where
-    the records say little.
+    F_c. First and second differences of c have a normal prior (P-spline), so that the curve is
+    level and smooth where the records say little.
     """
 
     name = "position_friction_curve"
@@ -54,12 +55,13 @@ class PositionFrictionCurve(Effect):
 
     @classmethod
     def prior_rows(cls) -> Iterator[dict[str, float]]:
-        """Second differences of the coefficients over their standard deviation."""
+        """First and second differences of the coefficients over their standard deviation."""
         names = [item.name for item in cls.parameters]
         names.insert(SIDE, "")  # c_0 is zero
-        for i in range(1, len(names) - 1):
-            weights = zip(names[i - 1 : i + 2], (1.0, -2.0, 1.0), strict=True)
-            yield {name: weight / ROUGHNESS for name, weight in weights if name}
+        for difference in ((-1.0, 1.0), (1.0, -2.0, 1.0)):
+            for i in range(len(names) + 1 - len(difference)):
+                weights = zip(names[i : i + len(difference)], difference, strict=True)
+                yield {name: weight / ROUGHNESS for name, weight in weights if name}
 
     def force(self, F: Expression, at: Scope) -> Expression:
         """Subtract the extra friction."""
