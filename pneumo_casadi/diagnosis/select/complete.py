@@ -179,20 +179,23 @@ class _Completion:
             if gain >= criteria.form_gain and self._is_plausible(key, names):
                 return key
             if len(names) < MAX_ACTING:
-                promise = PROMISED * (criteria.form_gain - gain)
+                promise = PROMISED * (self._least(self._free(key) + 1, names) - gain)
                 pairs = [
                     (more, pair)
                     for more, pair in self._extended(key, names, promise)
-                    if more >= self._least(pair, names)
+                    if more >= self._least(self._free(pair), names)
                 ]
                 if pairs:
                     return max(pairs)[1]
         return None
 
-    def _least(self, names: Names, than: Names) -> float:
-        """Return the log-likelihood that one model must gain over another to be preferred."""
-        more = len(self._fit_of(names).std) > len(self._fit_of(than).std)
-        return self.levels.criteria.plausible_gain if more else self.levels.criteria.form_gain
+    def _least(self, free: int, than: Names) -> float:
+        """Return what a model with so many free parameters must gain over another one."""
+        criteria = self.levels.criteria
+        return criteria.plausible_gain if free > self._free(than) else criteria.form_gain
+
+    def _free(self, names: Names) -> int:
+        return len(self._fit_of(names).std)
 
     def _extended(
         self, known: Names, present: Names, promise: float

@@ -120,7 +120,7 @@ def with_other_form(
     A form is chosen by how it fits alone; beside another effect that closes more, another form may
     be the right one. It takes the place of its cause's form if it fits all records better. Where
     too much is left, that of a cause that is not in the model may stand besides; it must close what
-    a further effect must.
+    a further effect must. Only there those with stairs are tried, which take long.
 
     Parameters
     ----------
@@ -141,7 +141,7 @@ def with_other_form(
     starts = {}
     for form in sorted(ledger.left_out):
         cause = cause_of(form, ledger.catalogue)
-        if too_much or cause in present:
+        if too_much or (cause in present and not _has_stairs(ledger, form)):
             others = [name for name in known if cause_of(name, ledger.catalogue) != cause]
             starts[ledger.key((*others, form))] = Start(current.values)
     ledger.fit_all(starts)
