@@ -9,6 +9,7 @@ from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA
 from pneumo_casadi.diagnosis.select import complete as stage
 from pneumo_casadi.diagnosis.select.complete import Completed, complete
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger
+from pneumo_casadi.effects import EFFECTS
 
 LEVELS = SimpleNamespace(criteria=CRITERIA)
 #: What the screen promises of an effect beside others, over what it gains.
@@ -23,13 +24,6 @@ class Model:
     cost: float
     on_all: float
     values: dict = field(default_factory=dict)
-
-    @property
-    def std(self):
-        """One free parameter of each effect, two where a name says so."""
-        return dict.fromkeys(
-            (name, i) for name in self.effects for i in range(1 + ("of_two" in name))
-        )
 
 
 class Bench:
@@ -62,6 +56,11 @@ class Bench:
             lambda ledger, names, fitted: {"areas"} if self.distorting & set(names) else set(),
         )
         self.ledger.effects = lambda names: tuple(names)
+        monkeypatch.setattr(
+            stage._Completion,
+            "_estimated",  # one parameter of each effect, two where a name says so
+            lambda work, names: sum(1 + ("of_two" in name) for name in names),
+        )
         self.ledger.fit_all = self.fit_all
         self.ledger.fit_without = self.fit_without
         self.ledger.refine = self.refined.append
@@ -198,6 +197,31 @@ def test_two_effects_of_one_parameter_each_replace_one_of_two_for_less(monkeypat
     gains = {("hose", *names): 900.0 + gain for names, gain in both.items()}
     bench = Bench(monkeypatch, alone, gains)
     assert bench.complete("hose", "shift_of_two").acting == expected
+
+
+def test_a_pair_of_which_a_review_would_drop_one_replaces_nothing(monkeypatch):
+    alone = {"hose": 900.0, "shift_of_two": 0.0, "leak_P": 0.0, "leak_N": 0.0}
+    both = {
+        (): 0.0, ("shift_of_two",): 800.0, ("leak_P",): 765.0, ("leak_N",): 200.0,
+        ("shift_of_two", "leak_P"): 805.0, ("shift_of_two", "leak_N"): 805.0,
+        ("leak_P", "leak_N"): 825.0, ("shift_of_two", "leak_P", "leak_N"): 830.0,
+    }  # fmt: skip
+    gains = {("hose", *names): 900.0 + gain for names, gain in both.items()}
+    bench = Bench(monkeypatch, alone, gains)
+    assert bench.complete("hose", "shift_of_two").acting == ("hose", "shift_of_two")
+
+
+@pytest.mark.parametrize(
+    ("names", "estimated"),
+    [(("valve_null_shift",), 2), (("leakage_N", "leakage_P"), 2), (("valve_stiction",), 3)],
+)
+def test_parameters_that_every_fit_estimates_are_counted_scans_included(
+    monkeypatch, names, estimated
+):
+    monkeypatch.setattr(FitLedger, "__post_init__", lambda self: None)
+    ledger = FitLedger(SimpleNamespace(criteria=CRITERIA), EFFECTS)
+    work = stage._Completion(ledger, None, LEVELS, ())
+    assert work._estimated(names) == estimated
 
 
 def test_what_is_large_enough_to_be_named_is_not_dropped_for_little_likelihood(monkeypatch):

@@ -148,6 +148,8 @@ def test_beside_others_another_form_stands_for_its_cause_where_it_fits_all_recor
     assert with_other_form(ledger, leaving(10.0), known, levels) == expected
     assert expected in ledger.fits
     assert len({known, swapped} & set(ledger.fits)) == 1  # forms of one cause are no rivals
+    assert ("hose" in ledger.left_out) is (expected != swapped)
+    assert ("hose_volume" in ledger.left_out) is (expected == swapped)
 
 
 @pytest.mark.parametrize(

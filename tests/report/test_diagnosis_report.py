@@ -575,6 +575,14 @@ def test_an_effect_has_one_name_whatever_its_form():
     assert "hose: V" in text
 
 
+def test_a_form_that_was_fitted_beside_other_effects_only_closes_nothing_alone():
+    *others, hose = made.HOSE.effects
+    effects = (*others, replace(hose, forms={"hose": 0.55}))
+    text = summary_text(replace(made.HOSE, effects=effects))
+    assert "hose volume was fitted beside other effects only" in text
+    assert "the others close: hose 55 %" in text
+
+
 def test_while_the_axis_sticks_no_unknown_force_is_drawn(drawn):
     force = drawn["unknown_inputs"].figure.axes[-1]
     curve = next(line for line in force.lines if line.get_xdata().size == 200)

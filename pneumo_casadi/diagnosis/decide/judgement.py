@@ -190,7 +190,7 @@ def left_is_visible(selection: Selection) -> bool:
     """Return whether what the final model leaves too much of is clear of the noise."""
     if not selection.path:
         return True
-    return leaves_too_much(selection.nominal, selection.final, selection.levels, most=True)
+    return leaves_too_much(selection.nominal, selection.final, selection.levels, clear=True)
 
 
 def unexplained(selection: Selection) -> float:
@@ -201,7 +201,7 @@ def unexplained(selection: Selection) -> float:
     """
     if decided_by_simulation(selection):
         return selection.gap_left.get(selection.chosen, 1.0)
-    return share_left(selection.nominal, selection.final, selection.levels, most=True)
+    return share_left(selection.nominal, selection.final, selection.levels, clear=True)
 
 
 def _trust(left: float, selection: Selection) -> float:
@@ -239,7 +239,7 @@ def _weights(selection: Selection, best: Names, trust: float) -> dict[Names, flo
 def _explains(selection: Selection, fitted: FittedModel) -> bool:
     """Return whether a model explains the gap; where simulations have decided, they tell."""
     decided = selection.chosen in selection.output_error_fits
-    return decided or not leaves_too_much(selection.nominal, fitted, selection.levels, most=True)
+    return decided or not leaves_too_much(selection.nominal, fitted, selection.levels, clear=True)
 
 
 def missed_gain(selection: Selection, best: Names, other: Names) -> float:

@@ -120,15 +120,15 @@ def gaps(rms: FloatArray, levels: BalanceLevels) -> FloatArray:
 
 
 def shares_left(
-    before: FittedModel, after: FittedModel, levels: BalanceLevels, most: bool = False
+    before: FittedModel, after: FittedModel, levels: BalanceLevels, clear: bool = False
 ) -> FloatArray:
     """Return the share of the held-out gap that a model leaves in each balance, shape (ne,).
 
     It is zero in balances whose gap is small compared with the largest, and in mass flow balances
     near the misfit of a coarse flow map, if another balance has a larger gap.
 
-    With `most` the balance in which most is left counts as well, clear of the noise: misfit of the
-    largest gap's cause would have gone with that gap.
+    With `clear` every balance in which what is left is clear of the noise counts: misfit of the
+    largest gap's cause would have gone with that gap. One that had no gap before leaves all of it.
     """
     old, new = (
         gaps(residual_rms(fit), levels) * levels.signal / levels.noise for fit in (before, after)
@@ -138,24 +138,24 @@ def shares_left(
     coarse[-1] = False  # the force has no map
     if np.any(main & ~coarse):
         main &= ~coarse
-    if most:
-        clear = residual_rms(after) > levels.criteria.clear * levels.noise
-        main |= clear & (new == new.max()) & (old > 0)
+    if clear:
+        main |= residual_rms(after) > levels.criteria.clear * levels.noise
+        old = np.where(old > 0, old, new)
     return np.divide(new, old, out=np.zeros(len(old)), where=main)
 
 
 def share_left(
-    before: FittedModel, after: FittedModel, levels: BalanceLevels, most: bool = False
+    before: FittedModel, after: FittedModel, levels: BalanceLevels, clear: bool = False
 ) -> float:
     """Return the share of the held-out gap that a model leaves, in the worst balance."""
-    return float(np.max(shares_left(before, after, levels, most)))
+    return float(np.max(shares_left(before, after, levels, clear)))
 
 
 def leaves_too_much(
-    before: FittedModel, after: FittedModel, levels: BalanceLevels, most: bool = False
+    before: FittedModel, after: FittedModel, levels: BalanceLevels, clear: bool = False
 ) -> bool:
     """Return whether effects that leave a visible gap in some balance do not explain it."""
-    shares, criteria = shares_left(before, after, levels, most), levels.criteria
+    shares, criteria = shares_left(before, after, levels, clear), levels.criteria
     visible = residual_rms(after) > criteria.coarse_map * levels.noise
     return bool(np.any(visible & (shares > criteria.unexplained)))
 

@@ -24,13 +24,13 @@ class Criteria:
         had 1.7 to 2.0. The first is also where a gap of any balance begins to be visible.
     clear : float
         Floors above which a balance in which every effect named has one form only is not explained,
-        and above which a balance counts that has most of what is left, though its gap was small.
+        and above which a balance counts though its gap was small.
     near_noise : float
         Floors below which implausible areas say more than the gap: a valve with 4/3 of the gain
         left 5.3.
     main_gap : float
-        Gaps below this share of the largest, in floors, are the misfit of its cause, unless most is
-        left there.
+        Gaps below this share of the largest, in floors, are the misfit of its cause, unless what is
+        left there is clear.
     matters : float
         Decrease of log σ in one balance that matters, and share of a gap that does.
     further : float

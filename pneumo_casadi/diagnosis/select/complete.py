@@ -160,8 +160,9 @@ class _Completion:
     def _exchange(self, rest: Names, names: Names, whole: Background) -> Names | None:
         """Return a better model in which one other effect stands for the one that `rest` lacks.
 
-        Or two: a shifted null does in both chambers what a leak does in each. Two of one parameter
-        each are no more than one of two: as much is asked of them as of one. `whole` is the
+        Or two: a shifted null does in both chambers what a leak does in each. A pair with no more
+        free parameters than the effect that it replaces need gain no more than a single one, but
+        its second effect must be missed: a later review would take it away. `whole` is the
         background of the model with `names`.
         """
         criteria, ledger, present = self.levels.criteria, self.ledger, self._fit_of(names)
@@ -179,28 +180,34 @@ class _Completion:
             if gain >= criteria.form_gain and self._is_plausible(key, names):
                 return key
             if len(names) < MAX_ACTING:
-                promise = PROMISED * (self._least(self._free(key) + 1, names) - gain)
+                least = self._least(self._estimated(key) + 1, names)
                 pairs = [
                     (more, pair)
-                    for more, pair in self._extended(key, names, promise)
-                    if more >= self._least(self._free(pair), names)
+                    for more, pair in self._extended(key, names, PROMISED * (least - gain))
+                    if more >= self._least(self._estimated(pair), names)
+                    and more - gain >= criteria.plausible_gain
                 ]
                 if pairs:
                     return max(pairs)[1]
         return None
 
-    def _least(self, free: int, than: Names) -> float:
-        """Return what a model with so many free parameters must gain over another one."""
+    def _least(self, estimated: int, than: Names) -> float:
+        """Return what a model with so many parameters estimated must gain over another one."""
         criteria = self.levels.criteria
-        return criteria.plausible_gain if free > self._free(than) else criteria.form_gain
+        return criteria.plausible_gain if estimated > self._estimated(than) else criteria.form_gain
 
-    def _free(self, names: Names) -> int:
-        return len(self._fit_of(names).std)
+    def _estimated(self, names: Names) -> int:
+        """Return how many parameters some effects have that every fit estimates."""
+        return sum(
+            item.free or item.name in effect.staircase
+            for effect in self.ledger.effects(names)
+            for item in effect.parameters
+        )
 
     def _extended(
         self, known: Names, present: Names, promise: float
     ) -> Iterator[tuple[float, Names]]:
-        """Yield models with one effect more, and what each gains over the present model.
+        """Yield what models with one effect more gain over the present model, and their effects.
 
         What makes a plausible property of the axis implausible stands for something else.
 

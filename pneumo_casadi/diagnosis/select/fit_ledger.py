@@ -262,6 +262,16 @@ class FitLedger:
         self.fits.pop((name,), None)
         self.failures.pop((name,), None)
 
+    def swap(self, known: Names, other: Names) -> None:
+        """Let forms of causes stand for those of a known model, in the screen and further models.
+
+        Another form of a cause is no rival of it: the known model goes.
+        """
+        for name in set(known) - set(other):
+            self.leave_out(name)
+        self.left_out -= set(other)
+        del self.fits[known]
+
     def refine(self, names: Names) -> None:
         """Let the fit of a model go on to its minimum, in all its effects' parameters; once."""
         if names not in self._refined:

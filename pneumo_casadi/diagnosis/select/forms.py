@@ -119,8 +119,9 @@ def with_other_form(
 
     A form is chosen by how it fits alone; beside another effect that closes more, another form may
     be the right one. It takes the place of its cause's form if it fits all records better. Where
-    too much is left, that of a cause that is not in the model may stand besides; it must close what
-    a further effect must. Only there those with stairs are tried, which take long.
+    too much is left, forms with stairs, which take long, are tried too, and a form of a cause that
+    is not in the model may stand besides; it must close what a further effect must. Of several
+    such models the one that fits all records best is taken.
 
     Parameters
     ----------
@@ -152,15 +153,15 @@ def with_other_form(
     better = [
         key
         for key, gain in gains.items()
-        if (len(key) == len(known) and gain >= criteria.form_gain)
-        or (too_much and share_left(nominal, ledger.fits[key], levels) <= most)
+        if (gain >= criteria.form_gain)
+        and (len(key) == len(known) or share_left(nominal, ledger.fits[key], levels) <= most)
     ]
     best = max(better, key=gains.__getitem__, default=known)
-    same_causes = [key for key in (known, *gains) if len(key) == len(known)]
-    stays = best if best in same_causes else known
-    for key in same_causes:  # another form of a cause is no rival of it
-        if key != stays:
+    for key in gains:  # another form of a cause is no rival of it
+        if len(key) == len(known) and key != best:
             del ledger.fits[key]
+    if len(best) == len(known) and best != known:
+        ledger.swap(known, best)
     if best != known:
         ledger.refine(best)
     return best

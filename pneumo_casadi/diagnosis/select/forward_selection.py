@@ -167,8 +167,8 @@ def select_effects(
     fit_alone(ledger, nominal, first)
     fit_waiting_forms(ledger, nominal, levels)
     forms = keep_best_forms(ledger, nominal)
-    first = {name: result for name, result in first.items() if name not in ledger.left_out}
     path = _forward(ledger, nominal, levels, report)
+    first = {name: result for name, result in first.items() if name not in ledger.left_out}
     shares: Mapping[str, float] = {}
     completed = None
     if path:

@@ -52,10 +52,11 @@ def unknown_hint(
     if where.regimes:
         parts.append("most " + ", ".join(regime.name for regime in where.regimes[:2]))
     if closure is not None:
+        left = 100 * min(share_left, 1.0)  # a balance may have become worse
         parts.append(
             f"{joined_names(nearest)} closes {100 * closure.value:.0f} % of it "
             f"({100 * closure.lower:.0f} to {100 * closure.upper:.0f} %) and may be part of the "
-            f"cause; {100 * share_left:.0f} % of the gap is left, which nothing in the catalogue "
+            f"cause; {left:.0f} % of the gap is left, which nothing in the catalogue "
             "explains"
         )
     return "; ".join(parts)

@@ -12,10 +12,11 @@ from pneumo_casadi.parameters import Parameter
 #: Number of knots from mid-stroke to either end, and distance of two in strokes: 3 to 4 cm of a
 #: usual cylinder, the length of a piston with its bearings, over which friction cannot vary much.
 SIDE, SPACING = 6, 1 / 12
-#: Standard deviation of a first and of a second difference that is expected [N]: friction rises by
-#: as much as the Coulomb friction of a small cylinder from one knot to the next, and falls again.
-#: What the records pass over overrides it; beyond, the curve levels off within a knot or two. A
-#: straight line would end far off where other records pass.
+#: What first and second differences of the coefficients are divided by, as a prior [N]: friction
+#: rises by as much as the Coulomb friction of a small cylinder from one knot to the next, and falls
+#: again. What the records pass over overrides it; beyond, the curve levels off within a knot or
+#: two. With second differences alone it went on in a straight line, and ended far off where other
+#: records pass.
 ROUGHNESS = 10.0
 
 

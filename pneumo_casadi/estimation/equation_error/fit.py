@@ -137,13 +137,14 @@ def fit_equation_error(
 
 
 def _last(problem: Problem, minimum: Minimum[Trial, Linearised]) -> Trial:
-    """Return where one step more ends, without damping, if the cost is no higher there.
+    """Return where one step more ends, without damping, if some effect has a prior.
 
     Directions that only a prior tells, as a curve where no record passes, promise too little to
-    go on for, and stay where the damping has left them: other records may pass there.
+    go on for, and would stay near where the fit began: other records may pass there. The step is
+    taken if the fit has converged and the cost is no higher at its end.
     """
     linear = minimum.linear
-    if minimum.status is not Status.CONVERGED or linear is None:
+    if minimum.status is not Status.CONVERGED or linear is None or not len(problem.prior):
         return minimum.point
     ahead = problem.take(linear, problem.step(linear, DAMPING.least), 0)
     return ahead if ahead.cost <= linear.cost else minimum.point

@@ -262,7 +262,7 @@ def _result(
     axis = problem.axis.with_parameters(problem.parameters.with_values(point.theta))
     uncertainty = estimate_uncertainty(problem, solution, records)
     own_states = len(problem.axis.states)
-    with np.errstate(over="ignore"):  # a model that ran away leaves no end of a residual
+    with np.errstate(over="ignore"):  # residuals of a model that ran away are infinite
         rms = np.sqrt(np.mean((problem.y - solution.m) ** 2, axis=1))
     return OutputErrorResult(
         axis,

@@ -155,6 +155,9 @@ def _forms(effect: EffectFound) -> str:
     if not others:
         return ""
     rest = joined([f"{plain(name)} {whole(closed)}" for name, closed in others.items()])
+    if effect.form not in effect.forms:
+        own = f"{plain(effect.form)} was fitted beside other effects only"
+        return f" Of its forms {own}; in the balances alone the others close: {rest}."
     own = f"{plain(effect.form)} closes {whole(effect.forms[effect.form])} in the balances alone"
     return f" Of its forms {own}, {rest}."
 

@@ -176,9 +176,9 @@ class Problem:
 
     def cost(self, theta: FloatArray, m: FloatArray, sigma: FloatArray) -> float:
         """Return ½ Σ (residual/σ)² over all samples and the flow map, m being mean outputs."""
-        e = (self.y - m) / sigma[:, None]
         g = self.anchor_residuals(theta)
         with np.errstate(over="ignore"):  # a trial may run away: then it costs infinitely much
+            e = (self.y - m) / sigma[:, None]
             return 0.5 * float(self.n * np.sum(e**2) + np.sum(g**2))
 
 

@@ -49,7 +49,8 @@ def residual_sigma(problem: Problem, m: FloatArray) -> FloatArray:
     e = problem.y - m
     fitted = len(problem.free) + problem.model.n_initial * len(problem.segments)
     dof = max(1.0, e.shape[1] - fitted / e.shape[0])
-    sigma: FloatArray = np.sqrt(problem.n * np.sum(e**2, axis=1) / dof)
+    with np.errstate(over="ignore"):  # residuals of a model that ran away are infinite
+        sigma: FloatArray = np.sqrt(problem.n * np.sum(e**2, axis=1) / dof)
     return sigma
 
 
@@ -61,5 +62,6 @@ def new_sigma(problem: Problem, m: FloatArray, sigma: FloatArray) -> FloatArray 
 
 def misfit(problem: Problem, m: FloatArray, sigma: FloatArray) -> float:
     """Return the root mean square of the residuals over σ, at least one."""
-    e = (problem.y - m) / sigma[:, None]
-    return float(np.sqrt(max(1.0, problem.n * float(np.mean(e**2)))))
+    with np.errstate(over="ignore"):
+        e = (problem.y - m) / sigma[:, None]
+        return float(np.sqrt(max(1.0, problem.n * float(np.mean(e**2)))))
