@@ -11,16 +11,11 @@ from matplotlib.figure import Figure
 
 import pneumo_casadi as pc
 
-
-def _beside(name):
-    """Return a module of this folder, which is no package."""
-    spec = importlib.util.spec_from_file_location(name, Path(__file__).with_name(f"{name}.py"))
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-diagnoses, designs = _beside("diagnoses"), _beside("designs")
+_spec = importlib.util.spec_from_file_location(
+    "diagnoses", Path(__file__).with_name("diagnoses.py")
+)
+diagnoses = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(diagnoses)
 
 FIGURES = {
     name
@@ -90,9 +85,9 @@ def test_channels_of_a_recording():
     assert [axes.get_ylabel() for axes in figure.axes] == ["$x$ [mm]", "$p_P$ [kPa]"]
 
 
-def test_figure_of_a_design():
+def test_figure_of_a_design(made_design):
     """A design that was searched for is drawn by the command, whose test looks at the file."""
-    assert_drawn(pc.plot.design(designs.made_design()))
+    assert_drawn(pc.plot.design(made_design()))
 
 
 def test_a_validation_is_drawn_by_itself(quick):

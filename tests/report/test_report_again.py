@@ -35,16 +35,11 @@ from pneumo_casadi.report.pages.write import (
 from pneumo_casadi.runtime.json_files import write_json
 from pneumo_casadi.valve import FlowForm, FormSelection
 
-
-def _beside(name):
-    """Return a module of this folder, which is no package."""
-    spec = importlib.util.spec_from_file_location(name, Path(__file__).with_name(f"{name}.py"))
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-made, designs = _beside("diagnoses"), _beside("designs")
+_spec = importlib.util.spec_from_file_location(
+    "diagnoses", Path(__file__).with_name("diagnoses.py")
+)
+made = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(made)
 
 ORIGIN = {
     "made": "2026-11-24T10:40:00+00:00",
@@ -325,11 +320,9 @@ def test_damaged_provenance_is_named_and_the_report_stays(diagnosed, tmp_path, c
         {"precision": None, "distances": (Distance("hose", "none", 3.0, 9.0, 100),)},
     ],
 )
-def test_a_design_is_written_again_from_its_file(tmp_path, changes):
+def test_a_design_is_written_again_from_its_file(tmp_path, made_design, changes):
     shares = []
-    folder = write_design(
-        designs.made_design(**changes), tmp_path / "next", lambda _, s: shares.append(s)
-    )
+    folder = write_design(made_design(**changes), tmp_path / "next", lambda _, s: shares.append(s))
     assert shares[0] == 0.0 and shares[-1] == 1.0  # the figure is part of the work
     report = folder / "report.html"
     first = report.read_bytes()

@@ -153,15 +153,15 @@ def with_other_form(
     better = [
         key
         for key, gain in gains.items()
-        if (gain >= criteria.form_gain)
+        if gain >= criteria.form_gain
         and (len(key) == len(known) or share_left(nominal, ledger.fits[key], levels) <= most)
     ]
     best = max(better, key=gains.__getitem__, default=known)
     for key in gains:  # another form of a cause is no rival of it
         if len(key) == len(known) and key != best:
             del ledger.fits[key]
-    if len(best) == len(known) and best != known:
-        ledger.swap(known, best)
     if best != known:
+        if len(best) == len(known):
+            ledger.swap(known, best)
         ledger.refine(best)
     return best
