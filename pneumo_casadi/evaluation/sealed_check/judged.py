@@ -6,6 +6,7 @@ from typing import Any
 
 from pneumo_casadi.evaluation.sealed_check.answer import Answer
 from pneumo_casadi.evaluation.sealed_check.draw import Draw, Kind
+from pneumo_casadi.evaluation.sealed_check.largest import largest_of
 
 #: Kinds whose cause the catalogue does not hold.
 UNKNOWN_CAUSE = (Kind.LEFT_OUT, Kind.NEVER_LISTED)
@@ -35,6 +36,12 @@ class Judged:
     def causes(self) -> frozenset[str]:
         """True effects."""
         return frozenset(self.draw.effects)
+
+    @property
+    def largest(self) -> str | None:
+        """The effect without which the gap of the balances is least, if that was measured."""
+        gaps = self.measured.get("gap_without")
+        return largest_of(gaps) if gaps else None
 
     @property
     def clouded(self) -> bool:

@@ -6,6 +6,7 @@ noise and background without the causes.
 
 - A cause is *visible* where the residual of the nominal axis on the held-out record exceeds that
   of the twin `VISIBLE` times in some balance.
+- Which effect of a single among weak ones has the largest gap is measured too, see `largest`.
 - The gap is that of all balances of the held-out record, in units of the residuals of the twin,
   which are its noise floor (`pneumo_casadi.metrics`). The oracle's closure is that of the axis with
   the true effects; it is compared with that of the axis with the effects named. Neither uses
@@ -16,7 +17,7 @@ noise and background without the causes.
 """
 
 from collections.abc import Callable, Collection, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +33,8 @@ from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger, Start
 from pneumo_casadi.diagnosis.select.forms import cause_of, causes_of
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.errors import PneumoError
-from pneumo_casadi.evaluation.sealed_check.draw import Draw, make_twin
+from pneumo_casadi.evaluation.sealed_check.draw import Draw, Kind
+from pneumo_casadi.evaluation.sealed_check.largest import gaps_without, nominal_rms
 from pneumo_casadi.metrics import closure, combined_gap, gap
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.runtime.atomic_files import draft_folder
@@ -56,9 +58,11 @@ def measure_one(
 
     def figures() -> dict[str, Any]:
         with draft_folder() as scratch:
-            twin, _ = prepare_study(make_twin(draw, scratch / "twin", duration, fs))
-            floor = residual_rms(fit_model(twin, ()))
-        return measured(prepare_study(read_case(case))[0], floor, draw, named)
+            floor = nominal_rms(replace(draw, effects={}), scratch / "twin", duration, fs)
+        content = measured(prepare_study(read_case(case))[0], floor, draw, named)
+        if draw.kind is Kind.SINGLE and draw.background:
+            content["gap_without"] = gaps_without(draw, duration, fs)
+        return content
 
     _write(figures, folder, draw)
 

@@ -37,8 +37,11 @@ These scores are about clean cases. Cases with a background of weak effects have
 
 ==================  ==========================  ================================================
 names_true          every effect *named*        it is a cause, or one of the weak effects
-dominant_named      singles                     *named* holds the cause
+dominant_named      singles                     *named* holds the cause, drawn as dominant
 dominant_first      singles                     the cause is the first effect named
+largest_named       singles                     *named* holds the effect with the largest gap,
+                                                whether it is the cause or a weak one (`largest`)
+largest_first       singles                     it is the first effect named
 pair_one            pairs                       *named* holds one of the causes, or both
 false_alarm         nothing but weak effects    an effect is *named* that is not there
 unknown_caught      left out, never listed      the verdict is ``unknown``
@@ -142,11 +145,14 @@ def background_scores(cases: Sequence[Judged]) -> dict[str, Any]:
 
 
 def _background_answers(cases: Sequence[Judged]) -> dict[str, list[bool]]:
-    dominant = [case for case in cases if case.kind is Kind.SINGLE]
+    singles = [case for case in cases if case.kind is Kind.SINGLE]
+    measured = [case for case in singles if case.largest]
     return {
         "names_true": [name in c.true_names for c in cases for name in sorted(c.answer.named)],
-        "dominant_named": [case.causes <= case.answer.named for case in dominant],
-        "dominant_first": [case.answer.first in case.causes for case in dominant],
+        "dominant_named": [case.causes <= case.answer.named for case in singles],
+        "dominant_first": [case.answer.first in case.causes for case in singles],
+        "largest_named": [case.largest in case.answer.named for case in measured],
+        "largest_first": [case.answer.first == case.largest for case in measured],
         "pair_one": [
             bool(case.causes & case.answer.named) for case in cases if case.kind is Kind.PAIR
         ],

@@ -33,6 +33,8 @@ AMONG_WEAK = (
     ("names_true", "among weak effects: a name is true"),
     ("dominant_named", "among weak effects: the dominant one named"),
     ("dominant_first", "... named first"),
+    ("largest_named", "among weak effects: the one with the largest gap named"),
+    ("largest_first", "... named first"),
     ("pair_one", "pairs among weak effects: at least one named"),
     ("false_alarm", "weak effects only: one named that is not there"),
     ("unknown_caught", "among weak effects, cause outside the catalogue: unknown"),

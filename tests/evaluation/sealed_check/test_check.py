@@ -17,6 +17,7 @@ from pneumo_casadi.evaluation.sealed_check import (
     measure,
 )
 from pneumo_casadi.evaluation.sealed_check.draw import Draw, make
+from pneumo_casadi.evaluation.sealed_check.largest import largest_of
 from pneumo_casadi.evaluation.sealed_check.measure import measure_one, rivals_of_one
 from pneumo_casadi.report.figures.studies.withheld import withheld_figure
 from pneumo_casadi.report.figures.style import png
@@ -104,6 +105,19 @@ def test_a_large_cause_shows_and_an_oracle_removes_more_than_another_effect(tmp_
     content = json.loads((tmp_path / "rivals" / "w001.json").read_text())
     assert content["by_error"] == ["stribeck", "quadratic_drag"], "no drive on this axis"
     assert content["by_aic"][0] == "stribeck"
+
+
+@pytest.mark.slow
+def test_the_effect_with_the_largest_gap_is_measured_on_the_bench(tmp_path, monkeypatch):
+    monkeypatch.setattr(measure, "EFFECTS", {"stribeck": EFFECTS["stribeck"]})
+    weak = ("quadratic_drag", "spring_load")
+    draw = Draw("w001", Kind.SINGLE, 5, {"stribeck": "large"}, background=weak)
+    case = make(draw, tmp_path / "case", duration=3.0, fs=500.0).folder
+    measure_one(tmp_path, case, draw, ["stribeck"], duration=3.0, fs=500.0)
+    gaps = json.loads((tmp_path / "w001.json").read_text())["gap_without"]
+    assert gaps.keys() == {"stribeck", "quadratic_drag", "spring_load"}
+    assert largest_of(gaps) == "stribeck"
+    assert gaps["stribeck"] < 0.7 * min(gaps["quadratic_drag"], gaps["spring_load"])
 
 
 @pytest.mark.slow

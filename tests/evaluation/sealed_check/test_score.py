@@ -240,6 +240,20 @@ def test_cases_with_weak_effects_have_scores_of_their_own(judged, told):
     assert background["unknown_caught"]["hits"] == 0
 
 
+def test_the_largest_effect_is_the_one_without_which_the_gap_is_least(judged, told):
+    """It may be another than the one drawn as dominant."""
+    gaps = {"stribeck": 6.0, "backlash": 2.0, "spring_load": 7.0}
+    answers = [("backlash", "stribeck"), ("stribeck", "backlash"), ("stribeck",)]
+    cases = [
+        clouded(judged("single", "stribeck", told("effect", *names), gap_without=gaps), "backlash")
+        for names in answers
+    ]
+    background = scored(cases)["background"]["all"]
+    hits = {key: background[key]["hits"] for key in background if "_first" in key}
+    assert hits == {"dominant_first": 2, "largest_first": 1}
+    assert (background["dominant_named"]["hits"], background["largest_named"]["hits"]) == (3, 2)
+
+
 def test_discovered_terms_are_scored_by_what_they_depend_on(judged, told):
     def with_term(content, driver, closes):
         return {**content, "discovered": {"driver": driver, "closes": {"value": closes}}}
