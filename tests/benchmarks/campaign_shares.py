@@ -6,9 +6,10 @@ Arguments: a result file, and a folder where the figures of each campaign go. It
 
 import multiprocessing
 import os
+import signal
 import sys
 from collections import Counter, defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from shutil import copy
 from typing import Any
@@ -38,12 +39,20 @@ def any_json(item: Any) -> str:
     return what if file.endswith(".json") else ""
 
 
-def share() -> list[Any]:
-    """Return the kinds of damage to any JSON file, and every second one of the others."""
-    repeated = Counter(any_json(kind) for kind in campaign.all_kinds())
-    kinds = once(campaign.all_kinds())
-    general = [kind for kind in kinds if any_json(kind) and repeated[any_json(kind)] > 1]
-    return general + [kind for kind in kinds if kind not in general][::2]
+def spread(named: Iterable[Any], every: int) -> list[Any]:
+    """Return every so-manieth of what is done to each file, the last one always."""
+    groups = defaultdict(list)
+    for item in named:
+        groups[item.name.partition(":")[0]].append(item)
+    return [item for group in groups.values() for item in group[::-every]]
+
+
+def share(all_of_them: Sequence[Any], every: int) -> list[Any]:
+    """Return what is done to any JSON file, and a spread of the others."""
+    repeated = Counter(any_json(item) for item in all_of_them)
+    chosen = once(all_of_them)
+    general = [item for item in chosen if any_json(item) and repeated[any_json(item)] > 1]
+    return general + spread((item for item in chosen if item not in general), every)
 
 
 def parquet(folder: Path, canary: Path) -> None:
@@ -76,7 +85,8 @@ def main(result: Path, folder: Path) -> None:
     pc.check(folder / "sound" / Subject.CASE.value)  # what is imported late is there for all forks
 
     exhaustion.parquet = parquet
-    attacks, kinds = once(hostile.attacks()), share()
+    attacks = share(tuple(hostile.attacks()), 4)
+    kinds = share(campaign.all_kinds(), 6)
     hostile.attacks = lambda: iter(attacks)
     campaign.all_kinds = lambda: tuple(kinds)
     # The worker is a fork too.
@@ -86,8 +96,10 @@ def main(result: Path, folder: Path) -> None:
     campaign.main([*options, "--json", str(folder / "damage.json")])
     hostile.main(["--quick", "--json", str(folder / "hostility.json")])
     if Path("/proc").is_dir():
-        # Each signal once; tests/runtime/ ends workers, compilers and compiled functions by each.
-        options = ["--kills", "4", "--seed", "7", "--only", "init", "--quick"]
+        # What a command can clean up after, and what it cannot; tests/runtime/ ends workers,
+        # compilers and compiled functions by each signal.
+        kills.SIGNALS = (signal.SIGINT, signal.SIGKILL)
+        options = ["--kills", "2", "--seed", "7", "--only", "init", "--quick"]
         kills.main([*options, "--json", str(folder / "kills.json")])
 
 

@@ -28,25 +28,25 @@ def figures(tmp_path_factory, quick):
 
 @pytest.mark.slow
 def test_damaged_files_are_refused_or_named(figures):
-    # What may be done to any JSON file is done to one of the four, and half of the kinds besides;
-    # the campaign, whose result is committed, does all to all.
+    # What may be done to any JSON file is done to one of the four, and a sixth of the kinds
+    # besides, some of each file; the campaign, whose result is committed, does all to all.
     damage = figures["damage"]
     assert [kind["cases"] for kind in damage["kinds"].values()] == [1] * damage["cases"]
-    assert damage["cases"] >= 127
+    assert damage["cases"] >= 60
     for fault in ("tracebacks", "hangs", "crashes", "silent", "valid_refused", "nameless"):
         assert damage[fault] == 0, damage["examples"]
 
 
 @pytest.mark.slow
 def test_hostile_files_do_nothing_but_be_read(figures):
-    assert figures["hostility"]["files"] >= 74
+    assert figures["hostility"]["files"] >= 34
     assert figures["hostility"]["succeeded"] == 0, figures["hostility"]["won"]
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="processes are listed by Linux")
 def test_commands_that_are_ended_leave_nothing_half_done(figures):
-    assert figures["kills"]["kills"] == 4
+    assert figures["kills"]["kills"] == 2
     for fault in ("half", "left_processes", "left_drafts", "different"):
         assert figures["kills"][fault] == 0, figures["kills"]["examples"]
 

@@ -12,7 +12,7 @@ RESULTS = Path(__file__).parents[2] / "benchmarks" / "results"
 def test_the_lag_of_a_valve_is_not_shortened_by_half_a_sample(script):
     """An input that is held has two values from the middle of a sample to that of the next."""
     coverage = script(RESULTS.parent / "effect_coverage.py")
-    coverage.IDENTIFY, coverage.VALIDATE = 8.0, 4.0  # a third of the records of the study
+    coverage.IDENTIFY, coverage.VALIDATE = 5.0, 3.0  # a quarter of the records of the study
     made = coverage.one_case(0.0, ("valve_dynamics", 0))
     tau = made["parameters"]["tau"]
     assert tau["value"] == pytest.approx(tau["truth"], rel=0.01)  # half of 1 ms is a tenth

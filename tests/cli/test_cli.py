@@ -31,8 +31,8 @@ def result(quick, tmp_path_factory) -> Path:
 
 
 @pytest.fixture
-def one_figure(monkeypatch):
-    """Draw one small figure only: what is tested is the folder."""
+def one_figure(monkeypatch, png_only):
+    """Draw one small figure only."""
     monkeypatch.setattr(
         "pneumo_casadi.report.pages.identification_figures.figures_of",
         lambda found: islice(figures_of(found), 1, 2),
@@ -172,7 +172,7 @@ def test_a_folder_with_other_files_is_not_replaced(embedded, tmp_path, capsys):
 
 
 @pytest.mark.slow
-def test_validate_compares_with_held_out_records(short_case, result, tmp_path, capsys):
+def test_validate_compares_with_held_out_records(short_case, result, tmp_path, capsys, png_only):
     out, file = tmp_path / "out", tmp_path / "v.json"
     arguments = ["validate", str(short_case), "-p", str(result), "-o", str(out), "--strict"]
     assert cli.run([*arguments, "--json", str(file)]) == 0
@@ -239,7 +239,7 @@ def test_an_earlier_report_is_replaced_and_what_was_added_stays(quick, tmp_path,
 
 @pytest.mark.slow
 def test_a_report_that_breaks_midway_leaves_the_earlier_one(
-    quick, tmp_path, monkeypatch, without_figures
+    quick, tmp_path, monkeypatch, without_pictures
 ):
     folder = write_report(quick, tmp_path / "out")
     before = (folder / "result.json").read_bytes()

@@ -8,19 +8,20 @@ import pytest
 
 from pneumo_casadi.cli import app as cli
 from pneumo_casadi.data import read_case
+from pneumo_casadi.report.figures import style  # noqa: F401  where it is known, no PDF is drawn
 from pneumo_casadi.virtual_bench import make_case
 
 
 @pytest.fixture(scope="module")
 def case(tmp_path_factory):
-    """Two seconds of an axis of the virtual bench."""
+    """A second of an axis of the virtual bench."""
     folder = tmp_path_factory.mktemp("design") / "case"
-    make_case(folder, 1, fs=500.0, duration=2.0)
+    make_case(folder, 1, fs=500.0, duration=1.0)
     return folder
 
 
 @pytest.mark.slow
-def test_a_design_is_written_whole_and_keeps_its_limits(case, tmp_path, capsys):
+def test_a_design_is_written_whole_and_keeps_its_limits(case, tmp_path, capsys, png_only):
     folder, copy = tmp_path / "next", tmp_path / "copy.json"
     limits = ["--common", "0.05", "--velocity", "0.6", "--duration", "2"]
     arguments = ["design", str(case), "--flow", "iso6358", *limits, "--tries", "20"]

@@ -15,7 +15,7 @@ from pneumo_casadi.data import Column, InputHold, read_recording
 from pneumo_casadi.errors import CaseError, MissingExtraError
 
 ZERO = InputHold.ZERO
-same_folder = settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+same_folder = settings(max_examples=50, suppress_health_check=[HealthCheck.function_scoped_fixture])
 numbers = st.floats(-1e12, 1e12, allow_subnormal=False)
 
 

@@ -157,7 +157,7 @@ def test_fits_to_the_bench_tell_unequal_valves_and_notched_edges_from_nothing_wr
     tmp_path, effects, expected
 ):
     axis = replace(random_axis(11), F_c_plus=14.0, F_c_minus=18.0)
-    case = read_case(make_case(tmp_path / "case", 11, effects, duration=5.0, axis=axis).case.folder)
+    case = read_case(make_case(tmp_path / "case", 11, effects, duration=4.0, axis=axis).case.folder)
     table, flow = read_flow(case, IdentifyOptions(FlowForm.POLYNOMIALS))
     study = start_study(make_axis(case, flow), table, case.identify, case.validate)
     assert absorbed_candidates(check_fit(study, fit_model(study, ())), EFFECTS) == expected

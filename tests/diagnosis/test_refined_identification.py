@@ -11,6 +11,7 @@ from pneumo_casadi.diagnosis import EffectFound, Verdict, options_of_diagnosis
 from pneumo_casadi.diagnosis import refined_identification as module
 from pneumo_casadi.errors import FitError, ModelError
 from pneumo_casadi.export import read_model
+from pneumo_casadi.identification.compared_model import compared_model
 from pneumo_casadi.identification.read_result import read_axis
 from pneumo_casadi.report.pages.diagnosis import write_diagnosis
 
@@ -82,4 +83,7 @@ def test_the_final_model_goes_from_diagnosis_to_validation_simulation_and_export
     assert cli.run(["validate", records, "-p", str(folder), "--strict"]) == 0
     assert cli.run(["simulate", records, "-p", str(folder), "-o", str(tmp_path / "run")]) == 0
     assert cli.run(["export", str(folder), "-f", "json", "-o", str(tmp_path / "model")]) == 0
-    assert cli.run(["compare", str(folder), str(folder)]) == 0
+    compared = compared_model(folder)  # what `compare` begins with; it simulates as `validate` does
+    assert compared.axis.parameters.as_dict() == axis.parameters.as_dict()
+    assert (compared.held_out, compared.records[0].N) == (True, held_out.N)
+    assert compared.estimates["stribeck.delta_F"].std > 0

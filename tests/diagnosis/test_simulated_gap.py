@@ -15,9 +15,9 @@ from pneumo_casadi.effects.term import Term, term_effect
 
 
 @pytest.fixture(scope="module")
-def rubbing_study(made_case):
+def rubbing_study(rubbing_case):
     """A study of hidden friction, and the nominal fit."""
-    study, _ = prepare_study(made_case(12, stribeck="large"))
+    study, _ = prepare_study(rubbing_case)
     return study, fit_model(study, ())
 
 

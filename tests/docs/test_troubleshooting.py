@@ -16,19 +16,16 @@ def texts():
     """Return every text of the package but its docstrings, with … for what is filled in."""
     texts = set()
     for path in Path(pneumo_casadi.__file__).parent.rglob("*.py"):
-        tree = ast.parse(path.read_text("utf-8"))
-        described = {
-            id(node.value)
-            for node in ast.walk(tree)
-            if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
-        }
-        for node in ast.walk(tree):
-            if isinstance(node, ast.JoinedStr):
+        described = set()  # a walk comes to what holds a docstring before the docstring
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            if isinstance(node, ast.Expr):
+                described.add(node.value)
+            elif isinstance(node, ast.JoinedStr):
                 parts = [
                     part.value if isinstance(part, ast.Constant) else "…" for part in node.values
                 ]
                 texts.add("".join(parts))
-            elif isinstance(node, ast.Constant) and id(node) not in described:
+            elif isinstance(node, ast.Constant) and node not in described:
                 texts.add(str(node.value))
     return texts
 

@@ -44,7 +44,7 @@ def test_the_page_shows_every_situation():
 @pytest.mark.parametrize("name", LABORATORIES)
 def test_a_case_with_the_file_of_the_page_is_read_and_identified(name, tmp_path):
     folder = tmp_path / name
-    made = make_case(folder, 3, fs=1000.0, duration=6.0, laboratory=LABORATORIES[name])
+    made = make_case(folder, 3, fs=1000.0, duration=4.0, laboratory=LABORATORIES[name])
     own, page = json.loads((folder / "bench.json").read_text()), json.loads(FILES[name])
     kept = {key: value for key, value in own.items() if key in OF_THE_AXIS}
     if page.get("controller", {}).get("type") == "proportional":

@@ -10,11 +10,10 @@ from pneumo_casadi.data import FORCE_DRIVEN, PNEUMATIC, InputHold
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.estimation.output_error import OutputErrorOptions, fit_output_error
 from pneumo_casadi.model.integration import step_function
-from pneumo_casadi.model.machine_code.compilation import compile_functions
-from pneumo_casadi.model.stepping import Stepping
+from pneumo_casadi.model.stepping import Stepping, substeps_for
 
-#: Steps per sample with which records are integrated, four times what a fit takes or more.
-FINE = 8
+#: Records are integrated with so many times the steps that a fit takes.
+FINER = 4
 
 
 KINDS = {"servo": "true_axis", "force-driven": "true_force_axis"}
@@ -124,9 +123,9 @@ class Recovered:
 
 def _closed_loop(axis, x_ref, period):
     """Run an axis under its controller, which reads the sensor; returns u (N, nu), x (nx, N)."""
-    step, show = compile_functions(
-        [step_function(axis, Stepping(period, InputHold.ZERO, FINE)), axis.output]
-    )
+    # A thousand samples are run sooner than the functions would be compiled.
+    substeps = FINER * substeps_for(axis, period)
+    step, show = step_function(axis, Stepping(period, InputHold.ZERO, substeps)), axis.output
     theta, law = axis.parameters.values, axis.bench.controller
     still = [3.5e5, 4.7e5, 0.0, 0.0] if axis.kind.chambers else [0.0, 0.0]
     x = axis.rest(still, np.zeros(len(axis.inputs)), theta).full().ravel()

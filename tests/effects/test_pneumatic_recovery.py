@@ -25,10 +25,9 @@ TOGETHER = [
     (PistonSealLeakage, SupplyDroop),
     (LeakageP, LeakageN, Hose),
     (ExhaustRestriction, ValveMismatchEdges),
-    (HeatTransfer,),
+    (HeatTransfer, ValveMismatch, ValveNullShift),
     (ValveDynamics, ValveDeadZone),
     (ValveHysteresis, FlowMapShape),
-    (ValveMismatch, ValveNullShift),
 ]
 #: Held because an effect cannot be told from it, or because it is off.
 HELD = {

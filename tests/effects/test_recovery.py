@@ -25,9 +25,8 @@ from pneumo_casadi.effects import (
 TOGETHER = [
     (Stribeck, PressureFriction, PressureSensorLag),
     (PositionFriction, QuadraticDrag, PositionDelay),
-    (ElasticLoad, SpringLoad),
     (Presliding, AsymmetricViscousFriction, PressureSensorBias),
-    (Backlash, ConstantForce),
+    (ElasticLoad, SpringLoad, Backlash, ConstantForce),
     (DriveLag, GainError),
 ]
 FORCE_DRIVEN = {DriveLag, GainError}

@@ -18,6 +18,19 @@ needs_compiler = pytest.mark.skipif(CC is None, reason="no C compiler on this ma
 STRICT = ("-std=c99", "-Wall", "-Werror", "-pedantic", "-O1")
 
 
+@pytest.fixture(scope="module")
+def programs(tmp_path_factory):
+    """Path of the compiled example of each model, made once."""
+    known = {}
+
+    def path(model):
+        if model.name not in known:
+            known[model.name] = built(model, tmp_path_factory.mktemp(model.name))
+        return known[model.name]
+
+    return path
+
+
 def built(model, folder):
     write_c(model, folder)
     command = [CC, *STRICT, "axis.c", "main.c", "-o", "simulate", "-lm"]
@@ -41,9 +54,9 @@ def run(program, frame, *motion):
 
 @pytest.mark.slow
 @needs_compiler
-def test_compiled_c_gives_the_trajectory_of_the_package(model, inputs, deviation, tmp_path):
+def test_compiled_c_gives_the_trajectory_of_the_package(model, inputs, deviation, programs):
     u, motion = inputs(model), model.start[: len(model.axis.motion_states)] * 1.01
-    done = run(built(model, tmp_path), table(model, u), *motion)
+    done = run(programs(model), table(model, u), *motion)
     assert done.returncode == 0, done.stderr
     result = pd.read_csv(io.StringIO(done.stdout))
     expected = simulate(model.axis, u, model.dt, motion)
@@ -66,9 +79,9 @@ def test_a_stiff_axis_takes_the_same_steps_between_samples(models, inputs, devia
 
 
 @needs_compiler
-def test_the_example_says_which_line_it_cannot_use(models, inputs, tmp_path):
+def test_the_example_says_which_line_it_cannot_use(models, inputs, programs):
     model = models["nominal"]
-    program = built(model, tmp_path)
+    program = programs(model)
     frame = table(model, inputs(model)).iloc[:5]
     done = run(program, frame.rename(columns={"u_P_V": "u"}))
     assert done.returncode == 2 and "line 1: expected t_s,u_P_V,u_N_V" in done.stderr

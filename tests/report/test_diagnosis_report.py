@@ -72,12 +72,13 @@ FEW = ("validation_held_out", "discovered_term")
 
 
 @pytest.fixture(scope="module")
-def written(drawn, tmp_path_factory):
-    """A report with few figures: saving all of them takes ten seconds and shows no more."""
+def written(drawn, no_svg, tmp_path_factory):
+    """A report with few figures, drawn once: saving all of them takes seconds and shows no more."""
     folder = tmp_path_factory.mktemp("diagnosis") / "report"
     few = [drawn[name] for name in FEW]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("pneumo_casadi.report.pages.diagnosis._figures_of", lambda result: few)
+        patch.setattr("pneumo_casadi.report.figures.style.svg", no_svg)
         return write_diagnosis(made.with_curves(), folder)
 
 
@@ -528,10 +529,10 @@ def test_the_legend_of_the_gap_stays_on_the_figure(verdict):
 def test_a_model_that_is_only_the_best_candidate_is_not_called_found():
     """If no effect is the cause, the curves of a second model are those of the best candidate."""
     changed = replace(made.UNKNOWN, evidence=made.evidence())
-    for drawing in diagnosis_figures(changed):
-        texts = [text.get_text() for text in drawing.figure.findobj(Text)]
-        assert not any("found" in text for text in (*texts, drawing.caption)), drawing.name
     names = {drawing.name: drawing for drawing in diagnosis_figures(changed)}
+    for name, drawing in names.items():
+        texts = [text.get_text() for text in drawing.figure.findobj(Text)]
+        assert not any("found" in text for text in (*texts, drawing.caption)), name
     for name in ("gap", "regimes_force"):
         assert "without effects and with the best candidate" in names[name].caption
 

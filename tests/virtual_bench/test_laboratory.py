@@ -21,7 +21,7 @@ from pneumo_casadi.data.control.law import ControlLaw
 from pneumo_casadi.data.control.memory import memory_at_start
 from pneumo_casadi.virtual_bench import Laboratory, make_case, metered_map, random_axis
 
-SEED, SECONDS = 1, 3.0
+SEED, SECONDS = 1, 2.0
 
 
 @pytest.fixture

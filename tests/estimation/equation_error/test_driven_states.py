@@ -69,7 +69,7 @@ def test_a_lag_of_four_samples_keeps_its_length(made):
     tau = "pressure_sensor_lag.tau"
     true = made.true_axis(PressureSensorLag()).with_parameters({tau: 4e-3, "v_s": 1e-3})
     start = true.with_parameters(true.parameters.fix(*true.flow_parameters))
-    record = made.recorded(true, *made.controlled(true, 2500), noise=0.0)
+    record = made.recorded(true, *made.controlled(true, 1500), noise=0.0)
     fit = fit_equation_error(start.with_parameters({tau: 3e-3}), [record])
     assert fit.parameters[tau].value == pytest.approx(4e-3, rel=1.5e-3)
 
@@ -80,7 +80,7 @@ def test_a_sensor_that_swings_keeps_delay_and_damping(made, tau):
     names = {"pressure_sensor_second_order.tau": tau, "pressure_sensor_second_order.zeta": 0.5}
     true = made.true_axis(PressureSensorSecondOrder()).with_parameters({**names, "v_s": 1e-3})
     start = true.with_parameters(true.parameters.fix(*true.flow_parameters))
-    record = made.recorded(true, *made.controlled(true, 2500), noise=0.0)
+    record = made.recorded(true, *made.controlled(true, 1500), noise=0.0)
     begin = {"pressure_sensor_second_order.tau": 3e-3, "pressure_sensor_second_order.zeta": 0.7}
     fit = fit_equation_error(start.with_parameters(begin), [record])
     for name, value in names.items():

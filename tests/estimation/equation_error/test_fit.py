@@ -22,6 +22,11 @@ def one(made_case):
     return prepare_study(made_case(12, flow_map_shape="large"))[0]
 
 
+@pytest.fixture(scope="module")
+def nominal(one):
+    return fit_model(one, ())
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("names", "moved"),
@@ -77,19 +82,20 @@ def test_whole_derivatives_tell_what_states_make_of_nominal_parameters(one, name
 
 
 @pytest.mark.slow
-def test_a_fit_along_a_bent_valley_goes_on_to_its_end(one):
+def test_a_fit_along_a_bent_valley_goes_on_to_its_end(one, nominal):
     # Opening and flow coefficients of a shaped valve nearly stand for one another.
     effect = applicable(one, EFFECTS)["flow_map_shape"]()
-    nominal = fit_model(one, ())
     found = fit_model(one, (effect,), nominal.values)
     again = fit_model(one, (effect,), found.values)
     assert found.cost - again.cost < 0.01 * (nominal.cost - again.cost)
 
 
 @pytest.mark.slow
-def test_a_refined_fit_has_nothing_left_to_gain_where_states_hang_on_the_nominal_parameters(one):
+def test_a_refined_fit_has_nothing_left_to_gain_where_states_hang_on_the_nominal_parameters(
+    one, nominal
+):
     effect = applicable(one, EFFECTS)["hose"]()
-    found = fit_model(one, (effect,), fit_model(one, ()).values)
+    found = fit_model(one, (effect,), nominal.values)
     once = refine_model(one, found, (effect,))
     again = refine_model(one, once, (effect,))
     assert once.cost < found.cost - 10  # what derivatives with held states leave
@@ -97,9 +103,8 @@ def test_a_refined_fit_has_nothing_left_to_gain_where_states_hang_on_the_nominal
 
 
 @pytest.mark.slow
-def test_a_fit_begins_where_its_cost_is_least(one):
+def test_a_fit_begins_where_its_cost_is_least(one, nominal):
     study, effect = one, EFFECTS["valve_null_shift"]()
-    nominal = fit_model(study, ())
     best = fit_model(study, (effect,), nominal.values)
     own = {
         name: value for name, value in best.values.items() if name.startswith("valve_null_shift.")
@@ -115,9 +120,9 @@ def test_a_fit_begins_where_its_cost_is_least(one):
 
 
 @pytest.mark.slow
-def test_a_search_ends_within_a_unit_of_likelihood_and_refining_leaves_nothing(one):
+def test_a_search_ends_within_a_unit_of_likelihood_and_refining_leaves_nothing(one, nominal):
     study, effect = one, EFFECTS["stribeck"]()
-    rough = fit_model(study, (effect,), fit_model(study, ()).values)
+    rough = fit_model(study, (effect,), nominal.values)
     whole = refine_model(study, rough, (effect,))
     again = refine_model(study, whole, (effect,))
     assert 0 <= rough.cost - whole.cost < 5.0

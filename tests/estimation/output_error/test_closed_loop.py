@@ -92,10 +92,15 @@ def filtered_proportional(memory, x_ref, x):
 
 
 LAWS = {
-    "pid": PidController(
-        3.0, 0.3, k_i=2.0, k_d=0.05, derivative_filter=0.01, anti_windup="clamping"
+    "slow pid": PidController(
+        2.4,
+        0.3,
+        k_i=1.0,
+        k_d=0.05,
+        derivative_filter=0.01,
+        anti_windup="clamping",
+        sample_time=4e-3,
     ),
-    "slow pid": PidController(2.4, 5.0, k_i=1.0, sample_time=4e-3),
     "cascade": CascadeController(4.0, 0.5, 5.0, k_i=1.0, velocity_filter=0.005),
     "own": CustomController(filtered_proportional, memory=[0.0]),
 }

@@ -35,22 +35,19 @@ def test_flow_and_chambers_free_without_a_map_are_refused(made, start, short):
 
 @pytest.mark.slow
 def test_without_the_refusal_the_gauge_would_be_an_uninformed_direction(
-    made, start, servo, monkeypatch
+    made, start, servo, fitted, monkeypatch
 ):
     """The statistics see the gauge too, should anyone pass by the refusal."""
     axis, u, x = servo
     record = made.recorded(axis, u, x, 0)
     _, begin = start(0)
     chambers = [f"X_s{i}" for i in range(1, 7)]
-    begin = made.free_only(begin, *chambers, *begin.flow.parameters.names)
     monkeypatch.setattr(
         "pneumo_casadi.estimation.output_error.stages._refuse_free_gauge", lambda *a: None
     )
     result = fit_output_error(begin, [record], None, options(made))
-    inside = begin.with_parameters(begin.parameters.fix("X_s3"))
-    anchored = fit_output_error(inside, [record], None, options(made))
     loose = min(result.std(n) / result.parameters[n].value for n in chambers)
-    tight = anchored.std("X_s6") / anchored.parameters["X_s6"].value
+    tight = fitted.std("X_s6") / fitted.parameters["X_s6"].value  # beside the map
     assert np.isinf(loose) or loose > 100 * tight
 
 
@@ -183,8 +180,10 @@ def test_a_model_that_runs_away_is_a_failed_fit_and_no_numerical_accident(made, 
     }
     record = Recording(t, channels, "nonsense", "made", made.InputHold.ZERO)
     assert p["X_s4"].value / p["X_s5"].value < 0.4
+    # By way of short windows once: they are the same for each method.
+    chosen = options(made, method=method, recover=method is Method.GAUSS_NEWTON)
     try:
-        result = fit_output_error(axis, [record], None, options(made, method=method))
+        result = fit_output_error(axis, [record], None, chosen)
     except FitError as error:
         assert error.partial is not None
     else:

@@ -35,7 +35,7 @@ def case(request, made, servo, force, start):
     if request.param == "windows":
         options = OutputErrorOptions(widths=(5e-3,), block=10e-3, interval=0.03, window=0.05)
     if request.param == "one interval":
-        options = OutputErrorOptions(widths=(5e-3,), block=0.06)
+        record = made.recorded(servo[0], u[:31], x[:, :31], 0)
     if request.param == "force":
         axis, u, x = force
         record, table = made.recorded(axis, u[:200], x[:, :200], 0), None

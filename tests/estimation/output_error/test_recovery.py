@@ -135,8 +135,7 @@ def test_two_records_hold_twice_the_information_of_one(made, servo, start):
     axis, u, x = servo
     record = made.recorded(axis, u, x, 0)
     _, begin = start(0)
-    names = ("M", "f_v", "F_c_plus", "F_c_minus")
-    begin = made.free_only(begin, *names)
+    begin = begin.with_parameters(begin.parameters.fix(*begin.flow.parameters.names))
     options = OutputErrorOptions(widths=(made.TRUE["v_s"],))
     one = fit_output_error(begin, [record], None, options)
     two = fit_output_error(begin, [record, record], None, options)

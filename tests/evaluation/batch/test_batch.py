@@ -10,7 +10,7 @@ import threading
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
-from multiprocessing import get_context
+from multiprocessing import forkserver, get_context
 from pathlib import Path
 
 import pandas as pd
@@ -38,6 +38,15 @@ def fakes(monkeypatch):
     monkeypatch.setenv("PYTHONPATH", here)
     yield importlib.import_module("batch_fakes")
     sys.modules.pop("batch_fakes")
+
+
+@pytest.fixture(scope="module")
+def copied():
+    """Context of processes that are copies of one that has imported all: each saves seconds."""
+    context = get_context("forkserver")
+    context.set_forkserver_preload(["pneumo_casadi.evaluation.batch", "distributed"])
+    forkserver.ensure_running()  # Dask would ask for other modules
+    return context
 
 
 @pytest.fixture
@@ -174,7 +183,10 @@ def test_threads_give_what_one_gives_and_an_interruption_leaves_the_rest_undone(
 
 
 @pytest.mark.slow
-def test_processes_give_what_one_gives_and_one_that_dies_costs_its_case_only(tmp_path, fakes):
+def test_processes_give_what_one_gives_and_one_that_dies_costs_its_case_only(
+    tmp_path, fakes, copied, monkeypatch
+):
+    monkeypatch.setattr("pneumo_casadi.runtime.processes.get_context", lambda method: copied)
     cases, out = made_cases(tmp_path, 6), tmp_path / "out"
     alone = diagnose_many(cases, keep=tmp_path / "alone", diagnosing=fakes.verdict)
     with processes(2) as executor:
@@ -187,10 +199,10 @@ def test_processes_give_what_one_gives_and_one_that_dies_costs_its_case_only(tmp
 
 
 @pytest.mark.slow
-def test_the_end_of_a_foreign_pool_is_told_and_loses_nothing(tmp_path, fakes):
+def test_the_end_of_a_foreign_pool_is_told_and_loses_nothing(tmp_path, fakes, copied):
     cases, out = made_cases(tmp_path, 6), tmp_path / "out"
     with (
-        ProcessPoolExecutor(2, get_context("spawn")) as executor,
+        ProcessPoolExecutor(2, copied) as executor,
         pytest.raises(PneumoError, match=r"finished cases are in .*call it again"),
     ):
         diagnose_many(cases, executor, keep=out, diagnosing=fakes.killed_once)
@@ -205,7 +217,12 @@ def cluster():
     from distributed import Client, LocalCluster
 
     with (
-        dask.config.set({"distributed.scheduler.allowed-failures": 1}),
+        dask.config.set(
+            {
+                "distributed.scheduler.allowed-failures": 1,
+                "distributed.worker.multiprocessing-method": "forkserver",
+            }
+        ),
         LocalCluster(
             n_workers=2,
             threads_per_worker=1,
@@ -220,7 +237,7 @@ def cluster():
 
 @pytest.mark.slow
 @needs_dask
-def test_a_killed_dask_worker_changes_no_result(tmp_path, fakes):
+def test_a_killed_dask_worker_changes_no_result(tmp_path, fakes, copied):
     cases, out = made_cases(tmp_path, 6), tmp_path / "out"
     alone = diagnose_many(cases, keep=tmp_path / "alone", diagnosing=fakes.verdict)
     with cluster() as client:
