@@ -20,7 +20,7 @@ from pneumo_casadi.estimation.equation_error.smoothed_motion import (
 from pneumo_casadi.model.simulation import simulate
 from pneumo_casadi.signals.sensor_noise import SensorNoise
 
-DT, REPLICATES = 1e-3, 7
+DT, REPLICATES = 1e-3, 10
 TAU = "pressure_sensor_lag.tau"
 
 
