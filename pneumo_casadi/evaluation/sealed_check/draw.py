@@ -1,7 +1,7 @@
 """The draw of the sealed check: which effects each case has, and how it is recorded."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from enum import Enum
 from pathlib import Path
 from typing import Any, TypeVar
@@ -297,8 +297,3 @@ def make(draw: Draw, folder: str | Path, duration: float = 20.0, fs: float = 100
     return make_case(
         folder, draw.seed, requests, fs=fs, duration=duration, background=draw.background
     ).case
-
-
-def make_twin(draw: Draw, folder: str | Path, duration: float = 20.0, fs: float = 1000.0) -> Case:
-    """Record the same axis, references, noise and background without the causes."""
-    return make(replace(draw, effects={}), folder, duration, fs)

@@ -1,7 +1,7 @@
 """Which of the effects that act together has the largest gap in the balances.
 
-A weak effect is drawn by its size, a tenth of medium, and what a size does depends on the axis: a
-null that is shifted by a hundredth of the command moves a slow axis more than a medium play. So the
+A weak effect is drawn by its size, a tenth of medium, and what a size does depends on the axis: the
+weak shift of a valve's null may do more to one axis than a medium play does to another. So the
 virtual bench records a case again without each of its effects: the same axis, references and noise.
 The diagnosis has no part in it. Simulations weigh effects differently: there a valve's hysteresis
 does less, and what drifts does more.

@@ -2,6 +2,7 @@
 
 import gzip
 from collections import Counter
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
@@ -9,7 +10,7 @@ from hypothesis import strategies as st
 
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.evaluation.sealed_check import Kind, Proportions, draw_cases
-from pneumo_casadi.evaluation.sealed_check.draw import ABSORBED_FORMS, STRONG, Draw, make, make_twin
+from pneumo_casadi.evaluation.sealed_check.draw import ABSORBED_FORMS, STRONG, Draw, make
 from pneumo_casadi.virtual_bench import ALL_FORMS, FORMS
 
 LISTED = [name for name, form in FORMS.items() if form.listed]
@@ -107,7 +108,7 @@ def test_a_case_folder_holds_no_label_and_its_twin_differs_in_the_effect_alone(t
         draw for draw in draw_cases(160, seed=6) if "stribeck" in draw.effects
     )
     case = make(draw_with_stribeck, tmp_path / draw_with_stribeck.name, duration=2.0, fs=500.0)
-    twin = make_twin(draw_with_stribeck, tmp_path / "twin", duration=2.0, fs=500.0)
+    twin = make(replace(draw_with_stribeck, effects={}), tmp_path / "twin", duration=2.0, fs=500.0)
     words = [
         *ALL_FORMS,
         str(draw_with_stribeck.seed),
