@@ -22,7 +22,6 @@ from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.errors import FitError, ModelError
 from pneumo_casadi.estimation.output_error import OutputErrorOptions, fit_output_error
 from pneumo_casadi.model.machine_code.compilation import generate_code
-from pneumo_casadi.report.figures import style
 from pneumo_casadi.report.pages.design import write_design
 
 
@@ -173,18 +172,9 @@ def test_what_is_absorbed_whatever_the_axis_does_is_not_searched_for(made, recor
         design_to_separate(axes, axis, [recorded], made.smooth_map(), sigma, options)
 
 
-def png(figure):
-    """Return no drawing: that a design is drawn is tested where the command line writes it."""
-    return b"\x89PNG"
-
-
-def svg(figure):
-    return b"<svg></svg>"
-
-
 @pytest.mark.slow
 def test_an_effect_is_told_from_the_nominal_axis_and_written_down(
-    made, recorded, limits, sigma, tmp_path, monkeypatch
+    made, recorded, limits, sigma, tmp_path
 ):
     axis = made.true_axis()
     drag = axis.with_effects(EFFECTS["quadratic_drag"]()).at_starting_values()
@@ -197,8 +187,6 @@ def test_an_effect_is_told_from_the_nominal_axis_and_written_down(
     ]
     assert after > 2 * before and design.gain == pytest.approx(after / before)
     assert all(run.excess(limits) == 0.0 for run in design.runs.values())
-    for drawing in (png, svg):
-        monkeypatch.setattr(style, drawing.__name__, drawing)
     folder = write_design(design, tmp_path / "design")
     files = {"design.json", "design.txt", "design.png", "design.svg", "design.pdf", "reference.csv"}
     files |= {"report.html", ".pneumo_casadi.json"}
