@@ -51,6 +51,17 @@ def made(script):
     return script(Path(__file__).parent / "model" / "made.py")
 
 
+def svg(figure):
+    """Return no drawing in the place of `style.svg`, whose name tells the file."""
+    return b'<svg width="9pt" height="9pt"></svg>'
+
+
+@pytest.fixture(scope="session")
+def no_svg():
+    """Return what stands for `style.svg` where a drawing of each figure is enough."""
+    return svg
+
+
 @pytest.fixture(scope="session")
 def made_case(tmp_path_factory):
     """Return a function that records a case with hidden effects at 1 kHz, two seconds held out."""

@@ -40,7 +40,7 @@ def any_json(item: Any) -> str:
 
 
 def spread(named: Iterable[Any], every: int) -> list[Any]:
-    """Return every so-manieth of what is done to each file, the last one always."""
+    """Return one in `every` things that are done to each file, the last one always."""
     groups = defaultdict(list)
     for item in named:
         groups[item.name.partition(":")[0]].append(item)

@@ -21,8 +21,8 @@ from pneumo_casadi.runtime.atomic_files import draft_folder
 from pneumo_casadi.virtual_bench import ALL_FORMS
 
 
-def gaps_without(draw: Draw, duration: float, fs: float) -> dict[str, float]:
-    """Return the gap that an axis keeps without each of its effects, by cause.
+def gaps_without(draw: Draw, twin: FloatArray, duration: float, fs: float) -> dict[str, float]:
+    """Return the gap that an axis with one cause keeps without each of its effects, by cause.
 
     It is the gap of the nominal axis, fitted to that record, in all balances of the record held
     out, in units of what the axis without any effect leaves; see `combined_gap`.
@@ -31,6 +31,8 @@ def gaps_without(draw: Draw, duration: float, fs: float) -> dict[str, float]:
     ----------
     draw : Draw
         The case.
+    twin : (ne,) array
+        What the nominal axis leaves without the cause, see `nominal_rms`.
     duration, fs : float
         Length of each record [s] and sampling frequency [Hz].
     """
@@ -38,27 +40,23 @@ def gaps_without(draw: Draw, duration: float, fs: float) -> dict[str, float]:
         floor = nominal_rms(
             replace(draw, effects={}, background=()), scratch / "floor", duration, fs
         )
-        return {
-            cause: combined_gap(
-                gap((nominal_rms(rest, scratch / cause, duration, fs) / floor) ** 2, 1.0)
-            )
+        left = dict.fromkeys(draw.effects, twin) | {
+            cause: nominal_rms(rest, scratch / cause, duration, fs)
             for cause, rest in without_each(draw)
         }
+        return {cause: combined_gap(gap((rms / floor) ** 2, 1.0)) for cause, rms in left.items()}
 
 
 def without_each(draw: Draw) -> Iterator[tuple[str, Draw]]:
-    """Return the case without each of its effects in turn, with the cause that is missing.
+    """Return the case without each of its weak effects in turn, with the cause that is missing.
 
     Examples
     --------
     >>> from pneumo_casadi.evaluation.sealed_check.draw import Kind
     >>> draw = Draw("w001", Kind.SINGLE, 1, {"hose": "large"}, {}, ("stribeck_gaussian",))
     >>> [(cause, list(rest.effects), rest.background) for cause, rest in without_each(draw)]
-    [('hose', [], ('stribeck_gaussian',)), ('stribeck', ['hose'], ())]
+    [('stribeck', ['hose'], ())]
     """
-    for cause in draw.effects:
-        effects = {name: severity for name, severity in draw.effects.items() if name != cause}
-        yield cause, replace(draw, effects=effects)
     for form in draw.background:
         rest = tuple(name for name in draw.background if name != form)
         yield ALL_FORMS[form].cause, replace(draw, background=rest)

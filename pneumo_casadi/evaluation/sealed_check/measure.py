@@ -61,7 +61,7 @@ def measure_one(
             floor = nominal_rms(replace(draw, effects={}), scratch / "twin", duration, fs)
         content = measured(prepare_study(read_case(case))[0], floor, draw, named)
         if draw.kind is Kind.SINGLE and draw.background:
-            content["gap_without"] = gaps_without(draw, duration, fs)
+            content["gap_without"] = gaps_without(draw, floor, duration, fs)
         return content
 
     _write(figures, folder, draw)
