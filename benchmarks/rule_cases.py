@@ -177,6 +177,14 @@ CASES = (
         closure=0.94,
     ),
     RuleCase(
+        "A shifted null that settles is named in its form among leaks.",
+        12,
+        {"valve_null_shift": "large"},
+        ("valve_null_shift", "valve_null_shift_warming", "leakage_P", "leakage_N"),
+        {"valve_null_shift": "valve_null_shift_warming"},
+        closure=0.97,
+    ),
+    RuleCase(
         "Beside another effect another form of a cause is found.",
         91444881684,
         {"elastic_load_measured": "medium", "valve_dynamics_first_order": "large"},

@@ -116,13 +116,13 @@ def diagnose(
 
     Examples
     --------
-    Three seconds of the example, recorded without any effect, and two effects instead of all:
+    Two seconds of the example, recorded without any effect, and one effect instead of all:
 
     >>> from dataclasses import replace
     >>> import pneumo_casadi as pc
     >>> case = pc.example_case()
-    >>> fitted, held_out = case.identify[0].window(10, 13), case.validate[0].window(8, 10)
-    >>> few = {name: pc.EFFECTS[name] for name in ("stribeck", "quadratic_drag")}
+    >>> fitted, held_out = case.identify[0].window(10, 12), case.validate[0].window(8, 10)
+    >>> few = {"stribeck": pc.EFFECTS["stribeck"]}
     >>> diagnosis = pc.diagnose(replace(case, identify=(fitted,), validate=(held_out,)), few)
     >>> diagnosis.verdict.value, diagnosis.gap.before < 1  # per cent of the signals
     ('none', True)

@@ -62,11 +62,10 @@ def test_probabilities_are_shares_of_one(rubbing):
 
 
 @pytest.mark.slow
-def test_nothing_wrong_is_called_so(made_case, small):
-    diagnosis = diagnose(made_case(12), small)
-    assert diagnosis.verdict is Verdict.NONE
-    assert diagnosis.effects == () and diagnosis.hint == ""
-    assert diagnosis.gap.before == diagnosis.gap.after
+def test_nothing_wrong_is_called_so(quick_diagnosis):
+    assert quick_diagnosis.verdict is Verdict.NONE
+    assert quick_diagnosis.effects == () and quick_diagnosis.hint == ""
+    assert quick_diagnosis.gap.before == quick_diagnosis.gap.after
 
 
 @pytest.mark.slow

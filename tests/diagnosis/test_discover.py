@@ -41,11 +41,8 @@ COGGING = Term(
     "sine",
     {"amplitude": 6.0, "phase": 0.4, "period": 0.011},
 )
-VIBRATION = Term(
-    "vibration", ("force",), "1", "t", "sine", {"amplitude": 5.0, "phase": 1.0, "period": 0.31}
-)
 #: Half a turn of it is what the filters take from the beginning of a record.
-HUM = replace(VIBRATION, name="hum", parameters={"amplitude": 9.0, "phase": 1.0, "period": 0.1})
+HUM = Term("hum", ("force",), "1", "t", "sine", {"amplitude": 9.0, "phase": 1.0, "period": 0.1})
 TIGHT = Term("tight", ("force",), "sign(v)", "x", "line", {"slope": -120.0})
 
 
@@ -86,7 +83,7 @@ def study_of(*terms):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("term", [COGGING, VIBRATION, HUM, TIGHT], ids=lambda term: term.name)
+@pytest.mark.parametrize("term", [COGGING, HUM, TIGHT], ids=lambda term: term.name)
 def test_a_term_is_told_with_its_driver_and_its_size(fitted_of, term):
     study, nominal = fitted_of(term)
     found = discover_term(study, nominal, (), balance_levels(study))
@@ -162,26 +159,17 @@ def test_residuals_with_a_term_are_those_of_its_effect(fitted_of):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("case", "parts", "driver", "known"),
-    [
-        ("q07_unlisted", [(0.0, 5.0)], "x", {"amplitude": 27.870, "period": 9.6296e-3}),
-        ("q08_unlisted", [(0.0, 5.0)], "t", {"amplitude": 29.203, "period": 1 / 3.6281}),
-        # A drift shows between times far apart.
-        ("q09_unlisted", [(0.0, 3.0), (16.0, 19.0)], "t", {"slope": -7.711e-3}),
-    ],
-)
-def test_unlisted_causes_of_another_program_are_told(data_folder, case, parts, driver, known):
-    case = read_case(data_folder / "practice_more" / case)
+def test_a_drift_of_another_program_is_told_from_times_far_apart(data_folder):
+    """`benchmarks/verdicts.py` diagnoses this case and others of unlisted causes."""
+    case = read_case(data_folder / "practice_more" / "q09_unlisted")
     (fitted,), (held_out,) = case.identify, case.validate
-    parts = tuple(fitted.window(*part) for part in parts)
+    parts = tuple(fitted.window(*part) for part in ((0.0, 3.0), (16.0, 19.0)))
     case = replace(case, identify=parts, validate=(held_out.window(0.0, 5.0),))
     options, _ = resolve_flow_form(case, IdentifyOptions())
     study, _ = prepare_study(case, options)
     term = discover_term(study, fit_model(study, ()), (), balance_levels(study))
-    assert term is not None and term.term.driver == driver
-    for name, value in known.items():
-        assert term.parameters[name].value == pytest.approx(value, rel=0.01)
+    assert term is not None and term.term.driver == "t"
+    assert term.parameters["slope"].value == pytest.approx(-7.711e-3, rel=0.01)
     assert term.closes.lower > 0.85
 
 
@@ -191,21 +179,10 @@ def test_what_acts_beside_a_term_is_told_by_its_cause():
 
 
 @pytest.mark.slow
-def test_beside_others_a_term_explains_too_little_of_the_gap_by_itself(made_case):
-    """Why a term is not to explain the gap alone; `benchmarks/rule_cases.py` tells it beside."""
-    case = made_case(12, 4.0, cogging="medium", leakage_N="small", spring_load="small")
-    study, _ = prepare_study(case)
-    levels = balance_levels(study)
-    alone = propose_term(study, fit_model(study, ()), (), levels)
-    assert (alone.term.balances, alone.term.driver) == (("force",), "x")
-    assert alone.closes.value < 1 - levels.criteria.unexplained
-
-
-@pytest.mark.slow
 def test_a_spring_is_proposed_as_a_line_over_position(made_case):
     """Why a term that does what effects do is not told; `benchmarks/rule_cases.py` tells them."""
     effects = {"spring_load": "medium", "leakage_N": "medium"}
-    study, _ = prepare_study(made_case(12, 3.0, position_nonlinearity="medium", **effects))
+    study, _ = prepare_study(made_case(12, 2.0, position_nonlinearity="medium", **effects))
     spring = propose_term(study, fit_model(study, ()), (), balance_levels(study)).term
     assert (spring.balances, spring.formula, spring.driver) == (("force",), "line", "x")
 
@@ -216,5 +193,6 @@ def test_output_error_fits_a_term_like_any_effect(fitted_of):
     axis = study.axis.with_effects(term_effect(TIGHT)()).at_starting_values()
     axis = axis.with_parameters({"tight.slope": -60.0})
     short = [each.window(0.0, 1.5) for each in study.train]
-    result = fit_output_error(axis, short, None, OutputErrorOptions(window=0.5))
+    options = OutputErrorOptions(window=0.5, widths=(1e-3,))
+    result = fit_output_error(axis, short, None, options)
     assert result.parameters["tight.slope"].value == pytest.approx(-120.0, rel=0.05)

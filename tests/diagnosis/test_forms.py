@@ -11,7 +11,6 @@ from pneumo_casadi.diagnosis.metrics.residual_size import (
     balance_levels,
     residual_rms,
 )
-from pneumo_casadi.diagnosis.metrics.simulated_gap import simulated_gap
 from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA
 from pneumo_casadi.diagnosis.prepare.fitted_model import _without, fit_model
 from pneumo_casadi.diagnosis.prepare.prepare_study import prepare_study
@@ -25,7 +24,6 @@ from pneumo_casadi.diagnosis.select.forms import (
     keep_best_forms,
     with_other_form,
 )
-from pneumo_casadi.diagnosis.select.forward_selection import select_effects
 from pneumo_casadi.effects import EFFECTS
 
 #: Rows of the records fitted, and of those held out.
@@ -174,22 +172,6 @@ def test_a_form_with_stairs_is_fitted_where_the_usual_one_closes_much_and_leaves
     levels = BalanceLevels(np.ones(1), np.full(1, 100.0))
     fit_waiting_forms(ledger, nominal, levels)
     assert set(asked) == ({("valve_stiction",)} if fitted else set())
-
-
-@pytest.mark.slow
-def test_a_shifted_null_that_settles_is_named_and_its_gap_closes(made_case):
-    """The bench's valves warm: 15 % of the shift come in the first seconds."""
-    study, _ = prepare_study(made_case(12, valve_null_shift="large"))
-    names = ("valve_null_shift", "valve_null_shift_warming", "leakage_P", "leakage_N")
-    selection = select_effects(study, {name: EFFECTS[name] for name in names})
-    (name,) = selection.named
-    assert name == "valve_null_shift_warming"
-    final = selection.final
-    assert final.values[f"{name}.a"] == pytest.approx(0.15, abs=0.05)
-    gap, _ = simulated_gap(
-        selection.simulations, selection.nominal, final, (EFFECTS[name](),), selection.levels
-    )
-    assert gap.closure.value > 0.97
 
 
 @pytest.mark.slow

@@ -7,8 +7,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pneumo_casadi.diagnosis.metrics.residual_size import balance_closure, balance_levels
-from pneumo_casadi.diagnosis.metrics.simulated_gap import Simulations
 from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA
 from pneumo_casadi.diagnosis.prepare.fitted_model import fit_model
 from pneumo_casadi.diagnosis.prepare.prepare_study import prepare_study
@@ -17,7 +15,6 @@ from pneumo_casadi.diagnosis.select import (
     hidden_motion,
     refined_trials,
 )
-from pneumo_casadi.diagnosis.select.acceptance import accepted, can_matter
 from pneumo_casadi.diagnosis.select.complete import Completed
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger
 from pneumo_casadi.diagnosis.select.forward_selection import _coarse
@@ -74,27 +71,6 @@ def test_a_second_refinement_that_fails_leaves_the_first_and_no_failure(monkeypa
     refine_again(worker, None, names)
     assert worker.trials[names] == (first, 0.2)
     assert not worker.failures
-
-
-@pytest.mark.slow
-def test_an_offset_that_settles_most_of_the_gap_does_not_hide_a_load(made_case):
-    study, _ = prepare_study(
-        made_case(24, 2.0, pressure_sensor_bias="large", elastic_load="medium")
-    )
-    nominal, levels = fitted(study), balance_levels(study)
-    alone = {
-        name: fitted(study, name, nominal=nominal)
-        for name in ("pressure_sensor_bias", "elastic_load", "spring_load")
-    }
-    offset = alone["pressure_sensor_bias"]
-    assert min(alone.values(), key=lambda fit: fit.cost) is offset
-    effects = (EFFECTS["pressure_sensor_bias"](),)
-    assert Simulations(study).share(nominal, offset, effects) < 0.3  # of the simulated gap
-    assert can_matter(nominal, offset, levels)
-    for name, needed in (("elastic_load", True), ("spring_load", False)):
-        both = fitted(study, name, "pressure_sensor_bias", nominal=offset)
-        assert accepted(nominal, offset, both, levels) is needed
-        assert (balance_closure(nominal, both, levels).value > 0.8) is needed
 
 
 class Worker(FitLedger):

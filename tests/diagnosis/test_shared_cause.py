@@ -90,7 +90,7 @@ def test_otherwise_sensors_have_offsets_themselves(b_P, b_N, given):
     ],
 )
 def test_a_slow_valve_gives_all_sensors_one_delay(made_case, hidden, rather_the_command):
-    study, _ = prepare_study(made_case(12, 3.0, **hidden))
+    study, _ = prepare_study(made_case(12, 2.0, **hidden))
     effects = EFFECTS["pressure_sensor_lag"](), EFFECTS["position_delay"]()
     fitted = fit_model(study, effects, fit_model(study, ()).values)
     assert bool(rather_one_cause(effects, fitted, OUTPUTS, WITHOUT, CRITERIA)) is rather_the_command
