@@ -13,7 +13,7 @@ from pneumo_casadi.model.integration import step_function
 from pneumo_casadi.model.stepping import Stepping, substeps_for
 
 #: Records are integrated with so many times the steps that a fit takes.
-FINER = 4
+FINER = 2
 
 
 KINDS = {"servo": "true_axis", "force-driven": "true_force_axis"}

@@ -17,7 +17,7 @@ from pneumo_casadi.model.stepping import Stepping, substeps_for
 #: Most Runge-Kutta steps per millisecond that an effect may ask for where a fit starts.
 MOST_SUBSTEPS = 8
 #: Most corners of the bounds that are visited one by one.
-MOST_CORNERS = 256
+MOST_CORNERS = 64
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +50,7 @@ def test_at_null_values_the_axis_is_the_nominal_one(pair, made):
     axis, nominal = pair
     theta, plain = axis.parameters.values, nominal.parameters.values
     n, rng = len(nominal.states), np.random.default_rng(0)
-    for _ in range(10):
+    for _ in range(4):
         x, u = made.states(nominal, rng)
         full = at_rest(axis, x, u)
         np.testing.assert_array_equal(full[:n], x)
@@ -70,7 +70,7 @@ def test_at_null_values_trajectories_are_the_nominal_ones_from_rest_on(pair, mad
     x, u = made.states(nominal, rng)
     full = at_rest(axis, x, u)
     step, other = (step_function(a, Stepping(1e-3, InputHold.ZERO, 4)) for a in (axis, nominal))
-    for _ in range(15):
+    for _ in range(10):
         u = u + 0.05 * rng.standard_normal(u.size)
         full = step(full, u, axis.parameters.values).full().ravel()
         x = other(x, u, nominal.parameters.values).full().ravel()
@@ -91,7 +91,7 @@ def test_values_and_derivatives_are_finite_at_standstill_and_in_motion(
     for item in (axis, started):
         theta = item.parameters.values
         points = [(at_rest(item, x, u), u) for x in still]
-        points += [drawn(item, nominal, made, rng) for _ in range(5)]
+        points += [drawn(item, nominal, made, rng) for _ in range(3)]
         for full, inputs in points:
             for f, derivative in derivatives:
                 assert np.isfinite(f(full, inputs, theta).full()).all()
@@ -128,7 +128,7 @@ def test_the_derivative_at_the_null_is_the_slope_on_its_way_in_and_not_all_zero(
         pytest.skip("scans find its parameters, which have no derivatives")
     theta, rng = axis.parameters.values, np.random.default_rng(11)
     largest = 0.0
-    for i in range(10):
+    for i in range(6):
         full, u = drawn(axis, nominal, made, rng, slow=0.05 if i % 2 else 1.0)
         for f, derivative in derivatives:
             J = derivative(full, u, theta, 0)[2].full() * axis.parameters.scales
@@ -154,10 +154,10 @@ def test_every_free_parameter_changes_the_axis_where_a_fit_starts(pair, started,
     rng = np.random.default_rng(2)
     theta = started.parameters.values
     seen = np.zeros(len(axis.parameters))
-    for i in range(40):
+    for i in range(20):
         full, u = drawn(started, nominal, made, rng, slow=0.05 if i % 2 else 1.0)
-        if i >= 20:  # what acts near the ends of the stroke too
-            full[axis.states.index("x")] = rng.uniform(-0.45, 0.45) * axis.bench.stroke
+        # What acts near the ends of the stroke too.
+        full[axis.states.index("x")] = rng.uniform(-0.45, 0.45) * axis.bench.stroke
         for f, derivative in derivatives:
             value = np.abs(f(full, u, theta).full()).ravel() + axis.state_scales[: f.size1_out(0)]
             slope = np.abs(derivative(full, u, theta, 0)[2].full()) / value[:, None]
@@ -244,7 +244,7 @@ def test_the_regressor_of_an_effect_reproduces_its_equations_where_its_states_re
         for own_part, part in zip(regressor(x, x, u), plain(x, x, u), strict=True):
             np.testing.assert_array_equal(own_part.full(), part.full())
         return
-    for _ in range(10):
+    for _ in range(4):
         x, u = made.states(nominal, rng)
         dx = axis.rhs(at_rest(sharp, x, u), u, theta.values).full().ravel()[: len(x)]
         Y, W = (part.full() for part in regressor(x, dx, u))

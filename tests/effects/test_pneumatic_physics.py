@@ -29,9 +29,9 @@ def rates(axis, x, u=CLOSED):
     return axis.rhs(x, u, axis.parameters.values).full().ravel()
 
 
-def stored_rate(axis, x, u=CLOSED):
+def stored_rate(axis, x, u=CLOSED, dx=None):
     """Mass flow into each chamber that the rates of the pressures imply [kg/s]."""
-    p, dp = axis.parameters, rates(axis, x, u)
+    p, dp = axis.parameters, rates(axis, x, u) if dx is None else dx
     X = [p[f"X_s{i}"].value for i in range(1, 7)]
     return np.array(
         [
@@ -320,8 +320,9 @@ def test_a_hose_loses_no_air_while_the_piston_moves(made):
     def rhs(t, y):
         x, u = at(t)
         full = [*x, *y[:8]]
-        arrived, entered = stored_rate(axis, full, u), through_valves(axis, full, u)
-        return np.concatenate([rates(axis, full, u)[4:], arrived - entered, np.abs(entered)])
+        d = rates(axis, full, u)
+        arrived, entered = stored_rate(axis, full, u, d), through_valves(axis, full, u)
+        return np.concatenate([d[4:], arrived - entered, np.abs(entered)])
 
     begin = np.concatenate([at_rest(axis, start, at(0.0)[1])[4:], np.zeros(4)])
     solution = solve_ivp(rhs, (0.0, 1.5), begin, "LSODA", (1.0, 1.5), rtol=1e-6, atol=1e-10)

@@ -80,14 +80,14 @@ def test_equal_seeds_give_equal_records_and_others_do_not(axis):
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", list(KINDS))
 def test_every_experiment_moves_the_axis_within_its_stroke(axis, kind):
-    made = record(axis, Experiment.of(kind), duration=8.0, seed=4)
+    made = record(axis, Experiment.of(kind), duration=4.0, seed=4)
     assert np.ptp(made["x"]) > 2e-3
     assert np.abs(made["x"]).max() < axis.stroke / 2
 
 
 def test_common_mode_steps_move_the_mean_pressure_more_than_a_sweep_does(axis):
     def swing(kind: str) -> float:
-        made = record(axis, Experiment.of(kind), duration=8.0, seed=4)
+        made = record(axis, Experiment.of(kind), duration=4.0, seed=4)
         return float(np.ptp(made["p_P"] + made["p_N"]) / 2)
 
     assert swing("common_mode_steps") > 1.5 * swing("squares")
@@ -104,10 +104,10 @@ def test_parts_of_an_experiment_follow_each_other_by_their_shares(axis):
 
 @pytest.mark.slow
 def test_a_case_folder_loads_without_notes_and_holds_no_label(tmp_path):
-    made = make_case(tmp_path / "a", 11, {"backlash": "large", "cogging": "small"})
+    made = make_case(tmp_path / "a", 11, {"backlash": "large", "cogging": "small"}, duration=4.0)
     case = read_case(tmp_path / "a")
     assert case.findings == ()
-    assert case.validate[0].N == case.identify[0].N == 20000
+    assert case.validate[0].N == case.identify[0].N == 4000
     assert {p.name for p in (tmp_path / "a").iterdir()} == {
         "bench.json",
         "flow_map.csv",
