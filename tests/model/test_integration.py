@@ -39,7 +39,7 @@ def typed_out(axis):
 def smooth(made):
     """An axis of wide friction, and commands that never cross zero."""
     axis = made.true_axis().with_parameters({"v_s": 0.3})
-    t = np.arange(101) * 2e-3
+    t = np.arange(61) * 2e-3
     u = 0.8 + 0.3 * np.sin(9 * t)
     return axis, np.column_stack([u, -u]), np.array([3.8e5, 4.4e5, -0.05, 0.1])
 

@@ -74,10 +74,9 @@ def test_a_lag_of_four_samples_keeps_its_length(made):
     assert fit.parameters[tau].value == pytest.approx(4e-3, rel=1.5e-3)
 
 
-@pytest.mark.parametrize("tau", [5e-3, 12e-3])
-def test_a_sensor_that_swings_keeps_delay_and_damping(made, tau):
+def test_a_sensor_that_swings_keeps_delay_and_damping(made):
     """12 ms at ζ = 0.5 is 13 Hz: corrections must be put ahead, or they do not settle."""
-    names = {"pressure_sensor_second_order.tau": tau, "pressure_sensor_second_order.zeta": 0.5}
+    names = {"pressure_sensor_second_order.tau": 12e-3, "pressure_sensor_second_order.zeta": 0.5}
     true = made.true_axis(PressureSensorSecondOrder()).with_parameters({**names, "v_s": 1e-3})
     start = true.with_parameters(true.parameters.fix(*true.flow_parameters))
     record = made.recorded(true, *made.controlled(true, 1500), noise=0.0)

@@ -18,12 +18,12 @@ def force(made):
 
 @pytest.fixture(scope="module")
 def servo(made):
-    """A servo axis started from the fit of its measured map, three seconds of record, the map."""
+    """A servo axis started from the fit of its measured map, two seconds of record, the map."""
     axis = made.true_axis()
     table = made.measured_map(0)
     flow = made.fit_polynomials(table, (3, 3, 3))
     start = made.Servosystem(made.BENCH, flow).with_parameters(made.TRUE)
-    return start, made.recorded(axis, *made.controlled(axis, 3000)), table
+    return start, made.recorded(axis, *made.controlled(axis, 2000)), table
 
 
 @pytest.mark.slow

@@ -39,15 +39,10 @@ def brute_force(made, result, u, names, fixed_sigma):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["servo", "force"])
-def test_the_covariance_is_that_of_a_finite_difference_jacobian_of_the_record(
-    made, servo, force, start, kind
-):
-    axis, u, x = {"servo": servo, "force": force}[kind]
+def test_the_covariance_is_that_of_a_finite_difference_jacobian_of_the_record(made, servo):
+    axis, u, x = servo
     u, x = u[:801], x[:, :801]
-    names = ("M", "f_v", "F_c_plus", "F_c_minus")
-    if kind == "servo":
-        names = ("X_s1", "X_s5", *names, "psi_plus_1")
+    names = ("X_s1", "X_s5", "M", "f_v", "F_c_plus", "F_c_minus", "psi_plus_1")
     axis = made.free_only(axis, *names)
     options = OutputErrorOptions(widths=(made.TRUE["v_s"],), block=4e-3)
     result = fit_output_error(axis, [made.recorded(axis, u, x, 0)], None, options)

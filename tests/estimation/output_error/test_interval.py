@@ -26,15 +26,12 @@ def sticking(made):
 
 
 KINDS = {
-    "spline": lambda made: SampledAxis(made.spline_axis(), Stepping(DT, substeps=2)),
-    "states of effects": lambda made: SampledAxis(lagging(made), Stepping(DT, substeps=4)),
-    "sampled states": lambda made: SampledAxis(sticking(made), Stepping(DT, substeps=2)),
-    "linear hold": lambda made: SampledAxis(
-        made.true_force_axis(Stribeck()).with_parameters({"stribeck.delta_F": 6.0}),
-        Stepping(DT, InputHold.LINEAR),
+    "states of effects under linear hold": lambda made: SampledAxis(
+        lagging(made), Stepping(DT, InputHold.LINEAR, substeps=4)
     ),
-    "closed loop": lambda made: SampledAxis(
-        made.true_axis(), Stepping(DT, substeps=2), made.BENCH.controller
+    "sampled states": lambda made: SampledAxis(sticking(made), Stepping(DT, substeps=2)),
+    "closed loop around a spline": lambda made: SampledAxis(
+        made.spline_axis(), Stepping(DT, substeps=2), made.BENCH.controller
     ),
     "nested loop": lambda made: SampledAxis(
         made.true_force_axis(), Stepping(DT), made.FORCE_BENCH.controller

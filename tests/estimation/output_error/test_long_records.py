@@ -26,7 +26,7 @@ def short_is_long(monkeypatch):
     monkeypatch.setattr(long_records, "LONG_SAMPLES", 1000)
     monkeypatch.setattr(long_records, "LONG_STEPS", 1000)
     monkeypatch.setattr(long_records, "LONG_RECORD", 0.3)
-    monkeypatch.setattr(long_records, "HORIZONS", (0.3, 0.15))
+    monkeypatch.setattr(long_records, "HORIZONS", (0.3, 0.2))
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +64,7 @@ def test_windows_are_shortened_where_the_simulation_drifts(short_is_long, data, 
     growth = chain([10.0], repeat(1.0))
     monkeypatch.setattr(long_records, "drift", lambda _: next(growth))
     begin, records, table, options = data
-    assert fit_output_error(begin, records, table, options).chosen_window == pytest.approx(0.15)
+    assert fit_output_error(begin, records, table, options).chosen_window == pytest.approx(0.2)
 
 
 def test_a_sample_that_does_not_converge_leads_to_shorter_windows(short_is_long, data, monkeypatch):
@@ -77,8 +77,8 @@ def test_a_sample_that_does_not_converge_leads_to_shorter_windows(short_is_long,
         return fit_stages(axis, records, *given)
 
     monkeypatch.setattr(long_records, "fit_stages", fails_at_first)
-    assert fit_output_error(*data).chosen_window == pytest.approx(0.15)
-    assert lengths == pytest.approx([0.3, 0.15, 1.2], abs=2e-3)
+    assert fit_output_error(*data).chosen_window == pytest.approx(0.2)
+    assert lengths == pytest.approx([0.3, 0.2, 1.2], abs=2e-3)
 
 
 def test_only_much_data_without_a_given_window_are_long(short_is_long, data, monkeypatch):

@@ -19,7 +19,7 @@ from pneumo_casadi.estimation.output_error.shooting.problem import (
 from pneumo_casadi.estimation.output_error.solvers.ipopt import _at_rounding, pack, program, unpack
 from pneumo_casadi.estimation.output_error.stages import write_problem
 
-KINDS = ("servo", "lag", "windows", "force", "one interval")
+KINDS = ("lag", "windows", "force", "one interval")
 
 
 @pytest.fixture(scope="module", params=KINDS)
