@@ -126,9 +126,9 @@ def design_experiment(
 
     Examples
     --------
-    With ``result = pc.identify(pc.example_case())``, one second from ten references:
+    With ``result = pc.identify(pc.example_case())``, one second from five references:
 
-    >>> design = pc.design_experiment(result, pc.ExperimentRequest(duration=1.0, tries=10))
+    >>> design = pc.design_experiment(result, pc.ExperimentRequest(duration=1.0, tries=5))
     >>> design.reference.x_ref.shape, design.gain > 1
     ((5000,), True)
     """

@@ -31,23 +31,12 @@ def result(quick, tmp_path_factory) -> Path:
 
 
 @pytest.fixture
-def one_figure(monkeypatch, png_only):
-    """Draw one small figure only."""
+def one_figure(monkeypatch, not_drawn):
+    """Write one figure only."""
     monkeypatch.setattr(
         "pneumo_casadi.report.pages.identification_figures.figures_of",
         lambda found: islice(figures_of(found), 1, 2),
     )
-
-
-@pytest.fixture(scope="session")
-def short_example(embedded, tmp_path_factory) -> Path:
-    """The embedded case with records of one second."""
-    folder = tmp_path_factory.mktemp("example") / "short"
-    shutil.copytree(embedded, folder)
-    for name, first in (("identify.csv.gz", 25_000), ("validate.csv.gz", 0)):
-        frame = pd.read_csv(folder / name)
-        frame.iloc[first : first + 5000].to_csv(folder / name, index=False)
-    return folder
 
 
 @pytest.fixture
@@ -92,7 +81,7 @@ def test_a_missing_folder_is_one_line_and_exit_code_2(tmp_path, capsys):
 
 
 def test_a_bad_value_is_named_with_file_row_and_remedy(short_case, tmp_path, capsys):
-    frame = pd.read_csv(short_case / "identify.csv.gz")
+    frame = pd.read_csv(short_case / "identify.csv.gz", nrows=2500)
     frame.loc[1234, "p_P_Pa"] = np.nan
     frame.to_csv(short_case / "identify.csv.gz", index=False)
     assert cli.run(["identify", str(short_case), "-o", str(tmp_path / "out")]) == 2
@@ -103,32 +92,34 @@ def test_a_bad_value_is_named_with_file_row_and_remedy(short_case, tmp_path, cap
     assert not (tmp_path / "out").exists()
 
 
-def test_a_failed_fit_is_exit_code_1_and_leaves_nothing(embedded, tmp_path, capsys, monkeypatch):
+def test_a_failed_fit_is_exit_code_1_and_leaves_nothing(
+    short_example, tmp_path, capsys, monkeypatch
+):
     def fail(*arguments, **options):
         raise FitError("output error: no convergence; start nearer to the data")
 
     monkeypatch.setattr("pneumo_casadi.identification.identify.fit_output_error", fail)
     out = tmp_path / "out"
-    arguments = ["identify", str(embedded), *FORM, "--start", "10", "--end", "11", "-o", str(out)]
+    arguments = ["identify", str(short_example), *FORM, "--end", "11", "-o", str(out)]
     assert cli.run([*arguments, "--json", str(tmp_path / "r.json")]) == 1
     assert "start nearer" in error_line(capsys)
     assert not list(tmp_path.iterdir())
 
 
 def test_an_interruption_is_exit_code_130_and_leaves_nothing(
-    embedded, tmp_path, capsys, monkeypatch
+    short_example, tmp_path, capsys, monkeypatch
 ):
     def interrupt(*arguments, **options):
         raise KeyboardInterrupt
 
     monkeypatch.setattr("pneumo_casadi.identification.identify.fit_wls", interrupt)
-    assert cli.run(["identify", str(embedded), *FORM, "-o", str(tmp_path / "out")]) == 130
+    assert cli.run(["identify", str(short_example), *FORM, "-o", str(tmp_path / "out")]) == 130
     assert "interrupted" in error_line(capsys)
     assert not list(tmp_path.iterdir())
 
 
 def test_an_interruption_inside_a_compiled_function_is_told_from_a_defect(
-    embedded, tmp_path, capsys, monkeypatch
+    short_example, tmp_path, capsys, monkeypatch
 ):
     def garble(*arguments, **options):
         try:
@@ -137,18 +128,18 @@ def test_an_interruption_inside_a_compiled_function_is_told_from_a_defect(
             raise NotImplementedError("wrong type of arguments") from None
 
     monkeypatch.setattr("pneumo_casadi.identification.identify.fit_wls", garble)
-    assert cli.run(["identify", str(embedded), *FORM, "-o", str(tmp_path / "out")]) == 130
+    assert cli.run(["identify", str(short_example), *FORM, "-o", str(tmp_path / "out")]) == 130
     assert "interrupted" in error_line(capsys)
     assert not list(tmp_path.iterdir())
 
 
-def test_a_defect_is_not_hidden(embedded, tmp_path, monkeypatch):
+def test_a_defect_is_not_hidden(short_example, tmp_path, monkeypatch):
     def break_down(*arguments, **options):
         raise ZeroDivisionError
 
     monkeypatch.setattr("pneumo_casadi.identification.identify.fit_wls", break_down)
     with pytest.raises(ZeroDivisionError):
-        cli.run(["identify", str(embedded), *FORM, "-o", str(tmp_path / "out")])
+        cli.run(["identify", str(short_example), *FORM, "-o", str(tmp_path / "out")])
     assert not list(tmp_path.iterdir())
 
 
@@ -172,7 +163,7 @@ def test_a_folder_with_other_files_is_not_replaced(embedded, tmp_path, capsys):
 
 
 @pytest.mark.slow
-def test_validate_compares_with_held_out_records(short_case, result, tmp_path, capsys, png_only):
+def test_validate_compares_with_held_out_records(short_case, result, tmp_path, capsys, not_drawn):
     out, file = tmp_path / "out", tmp_path / "v.json"
     arguments = ["validate", str(short_case), "-p", str(result), "-o", str(out), "--strict"]
     assert cli.run([*arguments, "--json", str(file)]) == 0
@@ -198,9 +189,9 @@ def test_a_simulation_has_the_columns_of_a_case_folder(short_case, result, tmp_p
         assert np.allclose(simulated["u_P_V"], measured["u_P_V"], atol=1e-9)
 
 
-def test_parameters_that_are_no_result_are_exit_code_2(embedded, tmp_path, capsys):
+def test_parameters_that_are_no_result_are_exit_code_2(short_example, tmp_path, capsys):
     (tmp_path / "p.json").write_text("{}")
-    assert cli.run(["simulate", str(embedded), "-p", str(tmp_path / "p.json")]) == 2
+    assert cli.run(["simulate", str(short_example), "-p", str(tmp_path / "p.json")]) == 2
     assert "p.json" in error_line(capsys)
 
 

@@ -26,6 +26,7 @@ _spec.loader.exec_module(made)
 
 #: The module; as an attribute of its package the name is the function's.
 MODULE = importlib.import_module("pneumo_casadi.diagnosis.diagnose")
+REFINE = "pneumo_casadi.diagnosis.refined_identification.refine_diagnosis"
 FILES = {"diagnosis.json", "report.html", "summary.txt", "figures", ".pneumo_casadi.json"}
 
 
@@ -50,8 +51,12 @@ def given(monkeypatch):
 
 
 @pytest.mark.slow
-def test_a_case_folder_is_diagnosed_and_the_fits_are_kept(without_pictures, tmp_path, capsys):
+def test_a_case_folder_is_diagnosed_and_the_fits_are_kept(
+    without_pictures, quick, tmp_path, capsys, monkeypatch
+):
     pytest.importorskip("numba")
+    # Refining is tested elsewhere: here what it returns is written.
+    monkeypatch.setattr(REFINE, lambda *given: quick)
     from pneumo_casadi.virtual_bench import make_case
 
     case = tmp_path / "case"
@@ -74,6 +79,8 @@ def test_a_case_folder_is_diagnosed_and_the_fits_are_kept(without_pictures, tmp_
     assert set(found["provenance"]["options"]["without"]) == set(others)
     assert "identify.csv.gz" in found["provenance"]["sha256"]
     assert json.loads(copy.read_text("utf-8"))["ranking"] == found["ranking"]
+    final = json.loads((folder / "result.json").read_text("utf-8"))["output_error"]["parameters"]
+    assert final["M"]["value"] == quick.output_error.parameters["M"].value
     assert any(keep.glob("*.npz"))
     printed = capsys.readouterr().out
     assert "Spring load explains the difference between model and measurement" in " ".join(
@@ -83,13 +90,13 @@ def test_a_case_folder_is_diagnosed_and_the_fits_are_kept(without_pictures, tmp_
 
 
 @pytest.mark.slow
-def test_what_is_asked_for_reaches_the_diagnosis(embedded, without_pictures, tmp_path, given):
+def test_what_is_asked_for_reaches_the_diagnosis(short_example, without_pictures, tmp_path, given):
     folder = tmp_path / "out"
     arguments = ["--without", "hose", "--without", "backlash", "--keep", str(tmp_path / "fits")]
     arguments += ["--workers=1", "--no-refine"]
-    assert cli.run(["diagnose", str(embedded), "-o", str(folder), *arguments]) == 0
+    assert cli.run(["diagnose", str(short_example), "-o", str(folder), *arguments]) == 0
     ((case, catalogue, options, executor),) = given
-    assert case.name == "table1"
+    assert case.name == short_example.name
     hoses = {name for name, effect in EFFECTS.items() if effect.cause == "hose"}
     assert len(hoses) > 1 and set(EFFECTS) - set(catalogue) == {*hoses, "backlash"}
     assert options.keep == tmp_path / "fits"
@@ -114,9 +121,8 @@ def test_usage_errors_are_one_line_and_write_nothing(
 
 
 @pytest.mark.slow
-def test_a_record_too_short_is_refused_in_one_line(embedded, tmp_path, capsys):
-    case = tmp_path / "case"
-    shutil.copytree(embedded, case)
+def test_a_record_too_short_is_refused_in_one_line(short_example, tmp_path, capsys):
+    case = shutil.copytree(short_example, tmp_path / "case")
     frame = pd.read_csv(case / "identify.csv.gz").iloc[:2500]  # half a second
     frame.to_csv(case / "identify.csv.gz", index=False)
     out = tmp_path / "out"
@@ -134,14 +140,14 @@ def test_a_record_too_short_is_refused_in_one_line(embedded, tmp_path, capsys):
     ],
 )
 def test_a_diagnosis_that_ends_early_leaves_nothing_but_its_fits(
-    embedded, tmp_path, capsys, monkeypatch, error, code, words
+    short_example, tmp_path, capsys, monkeypatch, error, code, words
 ):
     def fail(*given):
         raise error
 
     monkeypatch.setattr(MODULE, "diagnose", fail)
     arguments = ["--workers", "1", "--keep", str(tmp_path / "fits"), "-o", str(tmp_path / "out")]
-    assert cli.run(["diagnose", str(embedded), *arguments]) == code
+    assert cli.run(["diagnose", str(short_example), *arguments]) == code
     assert words in error_line(capsys)
     assert not list(tmp_path.iterdir())
 
@@ -153,8 +159,7 @@ def test_a_diagnosis_outlives_a_refinement_that_fails(monkeypatch, error):
     def refine(*given):
         raise error("the simulation leaves the finite numbers")
 
-    module = "pneumo_casadi.diagnosis.refined_identification"
-    monkeypatch.setattr(f"{module}.refine_diagnosis", refine)
+    monkeypatch.setattr(REFINE, refine)
     refined, failure = _refined(None, made.EFFECT, no_progress)
     assert refined is None and "leaves the finite numbers" in failure
 

@@ -2,10 +2,8 @@
 
 import importlib
 import json
-import shutil
 from dataclasses import replace
 
-import pandas as pd
 import pytest
 
 from pneumo_casadi.cli import app as cli
@@ -129,20 +127,12 @@ def test_strict_refuses_what_is_not_to_be_used(tmp_path, capsys, given, grades, 
         assert cli.run(arguments) == 0
 
 
-@pytest.fixture
-def short_case(embedded, tmp_path):
-    """The embedded case with a held-out record of one second."""
-    folder = tmp_path / "short"
-    shutil.copytree(embedded, folder)
-    frame = pd.read_csv(folder / "validate.csv.gz")
-    frame.iloc[:5000].to_csv(folder / "validate.csv.gz", index=False)
-    return folder
-
-
-def test_validate_takes_a_folder_and_refuses_what_is_far_off(quick, short_case, tmp_path, capsys):
+def test_validate_takes_a_folder_and_refuses_what_is_far_off(
+    quick, short_example, tmp_path, capsys
+):
     """That it accepts what is not is claimed where its report is."""
     result = tmp_path / "result"
-    arguments = ["validate", str(short_case), "-p", str(result), "--strict"]
+    arguments = ["validate", str(short_example), "-p", str(result), "--strict"]
     content = result_dict(quick)
     for name in ("X_s1", "X_s4"):  # twice the volume of both chambers
         content["output_error"]["parameters"][name]["value"] *= 2
@@ -152,9 +142,9 @@ def test_validate_takes_a_folder_and_refuses_what_is_far_off(quick, short_case, 
 
 
 def test_compare_prints_what_moved_and_writes_json(
-    quick, short_case, tmp_path, capsys, without_pictures
+    quick, short_example, tmp_path, capsys, without_pictures
 ):
-    content = result_dict(quick) | {"folder": str(short_case)}
+    content = result_dict(quick) | {"folder": str(short_example)}
     write_json(content, tmp_path / "before" / "result.json")
     content["output_error"]["parameters"]["M"]["value"] *= 1.1
     content["folder"] = str(tmp_path / "gone")

@@ -2,6 +2,7 @@
 
 import ast
 import re
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,7 @@ QUOTED = re.findall(r"`([A-Z_]+)` = ([\d.]+)", TEXT)
 CRITERIA = re.findall(r"`([a-z_]+)` = ([\d.]+)", TEXT)
 
 
+@cache
 def constants() -> set[tuple[str, float]]:
     """Return names and values of the numbers that modules of the diagnosis define."""
     defined = set()

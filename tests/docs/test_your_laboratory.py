@@ -26,9 +26,11 @@ LABORATORIES = {
     "vertical": Laboratory(angle_deg=90.0),
     "double_rod": Laboratory(double_rod=True),
     "pressures": Laboratory(pressures=True),
-    "jitter": Laboratory(jitter=0.1, gaps=((2.0, 2.3),)),
+    "jitter": Laboratory(jitter=0.1, gaps=((0.6, 0.9),)),
     "manual": Laboratory(controller=NoController(), reference=False),
 }
+#: Of each record [s].
+DURATION = 1.6
 #: Fields that differ from axis to axis: those of the recorded one count.
 OF_THE_AXIS = {
     *("sampling_frequency_Hz", "S_P_m2", "S_N_m2", "stroke_m", "p_ext_Pa", "p_supply_Pa"),
@@ -44,7 +46,7 @@ def test_the_page_shows_every_situation():
 @pytest.mark.parametrize("name", LABORATORIES)
 def test_a_case_with_the_file_of_the_page_is_read_and_identified(name, tmp_path):
     folder = tmp_path / name
-    made = make_case(folder, 3, fs=1000.0, duration=4.0, laboratory=LABORATORIES[name])
+    made = make_case(folder, 3, fs=1000.0, duration=DURATION, laboratory=LABORATORIES[name])
     own, page = json.loads((folder / "bench.json").read_text()), json.loads(FILES[name])
     kept = {key: value for key, value in own.items() if key in OF_THE_AXIS}
     if page.get("controller", {}).get("type") == "proportional":

@@ -80,7 +80,7 @@ def test_a_stiff_axis_takes_the_same_steps_between_samples(models, inputs, devia
 
 @needs_compiler
 def test_the_example_says_which_line_it_cannot_use(models, inputs, programs):
-    model = models["nominal"]
+    model = models["effects"]
     program = programs(model)
     frame = table(model, inputs(model)).iloc[:5]
     done = run(program, frame.rename(columns={"u_P_V": "u"}))

@@ -84,7 +84,7 @@ def test_co_simulation_gives_the_trajectory_of_the_package(model, fmus, inputs, 
 
 @needs_compiler
 def test_model_exchange_gives_the_same_motion_to_an_integrator(models, fmus, made, deviation):
-    model = models["nominal"]
+    model = models["spline"]
     given = dict(zip(model.axis.inputs, (0.5, -0.4), strict=True))
     result = fmpy.simulate_fmu(
         fmus(model),
@@ -189,7 +189,7 @@ def test_without_fmpy_the_message_names_the_extra(models, tmp_path, monkeypatch)
 
 
 def test_outputs_do_not_claim_to_hang_on_inputs(models, fmus):
-    read = fmpy.read_model_description(fmus(models["nominal"]))
+    read = fmpy.read_model_description(fmus(models["spline"]))
     inputs = {v.name for v in read.modelVariables if v.causality == "input"}
     for unknown in read.outputs:
         assert not inputs & {v.name for v in unknown.dependencies}

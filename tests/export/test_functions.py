@@ -14,9 +14,28 @@ from pneumo_casadi.export import read_functions, write_functions
 from pneumo_casadi.model.simulation import simulate
 
 
-def test_the_step_gives_the_trajectory_of_the_package(model, inputs, deviation, tmp_path):
-    write_functions(model, tmp_path)
-    read = read_functions(tmp_path)
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory):
+    """Folder with the functions of each model, written once."""
+    known = {}
+
+    def folder(model):
+        if model.name not in known:
+            known[model.name] = tmp_path_factory.mktemp(model.name)
+            write_functions(model, known[model.name])
+        return known[model.name]
+
+    return folder
+
+
+@pytest.fixture
+def of_force(models, folders, tmp_path):
+    """A copy of the functions by force, which may be changed."""
+    return shutil.copytree(folders(models["force"]), tmp_path / "force")
+
+
+def test_the_step_gives_the_trajectory_of_the_package(model, inputs, deviation, folders):
+    read = read_functions(folders(model))
     u = inputs(model)
     expected = simulate(model.axis, u, model.dt, model.start)
     x = np.hstack([model.start[:, None], read.step.mapaccum(999)(model.start, u[:-1].T).full()])
@@ -28,19 +47,17 @@ def test_the_step_gives_the_trajectory_of_the_package(model, inputs, deviation, 
     assert np.allclose(result.full(), wanted.full(), rtol=1e-12, atol=0.0)
 
 
-def test_the_sidecar_names_what_the_numbers_are(models, tmp_path):
+def test_the_sidecar_names_what_the_numbers_are(models, folders):
     model = models["effects"]
-    write_functions(model, tmp_path)
-    read = read_functions(tmp_path)
+    read = read_functions(folders(model))
     assert tuple(read.states) == model.axis.states and read.states["hose.q_P"] == "kg/s"
     assert read.inputs == {"u_P": "V", "u_N": "V"}
     assert read.outputs == {"p_P": "Pa", "p_N": "Pa", "x": "m"}
     assert read.dt == model.dt and np.array_equal(read.start, model.start)
 
 
-def test_casadi_alone_reads_the_files(models, tmp_path):
-    write_functions(models["nominal"], tmp_path)
-    step = ca.Function.load(str(tmp_path / "step.casadi"))
+def test_casadi_alone_reads_the_files(models, folders):
+    step = ca.Function.load(str(folders(models["effects"]) / "step.casadi"))
     assert step.name_in() == ["x", "u"] and step.name_out() == ["x_next"]
 
 
@@ -75,32 +92,30 @@ def foreign(folder, kind):
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="no C compiler to make a forgery with")
 @pytest.mark.parametrize("kind", ["library", "nested", "compiling", "linked"])
 def test_a_file_that_would_run_foreign_code_is_not_read(
-    models, tmp_path, kind, monkeypatch, tmp_path_factory
+    of_force, kind, monkeypatch, tmp_path_factory
 ):
-    write_functions(models["force"], tmp_path)
-    monkeypatch.chdir(tmp_path)  # where CasADi's compiler leaves its scratch files
-    put(tmp_path, "step.casadi", foreign(tmp_path_factory.mktemp("foreign"), kind))
+    monkeypatch.chdir(of_force)  # where CasADi's compiler leaves its scratch files
+    put(of_force, "step.casadi", foreign(tmp_path_factory.mktemp("foreign"), kind))
 
     def deserialize(text):
         raise AssertionError("CasADi was given the file")
 
     monkeypatch.setattr(ca, "StringDeserializer", deserialize)
     with pytest.raises(CaseError, match=r"step\.casadi: asks for a library or a compiler"):
-        read_functions(tmp_path)
+        read_functions(of_force)
 
 
-def test_a_changed_or_damaged_file_is_refused(models, tmp_path):
-    write_functions(models["force"], tmp_path)
-    whole = (tmp_path / "rhs.casadi").read_bytes()
-    (tmp_path / "rhs.casadi").write_bytes(whole[:-2])
+def test_a_changed_or_damaged_file_is_refused(of_force):
+    whole = (of_force / "rhs.casadi").read_bytes()
+    (of_force / "rhs.casadi").write_bytes(whole[:-2])
     with pytest.raises(CaseError, match=r"rhs\.casadi: not the file that functions\.json"):
-        read_functions(tmp_path)
-    put(tmp_path, "rhs.casadi", b"import os")
+        read_functions(of_force)
+    put(of_force, "rhs.casadi", b"import os")
     with pytest.raises(CaseError, match=r"rhs\.casadi: no file of CasADi functions"):
-        read_functions(tmp_path)
-    (tmp_path / "rhs.casadi").unlink()
+        read_functions(of_force)
+    (of_force / "rhs.casadi").unlink()
     with pytest.raises(CaseError, match=r"rhs\.casadi: no such file; export again"):
-        read_functions(tmp_path)
+        read_functions(of_force)
 
 
 @pytest.mark.parametrize(
@@ -114,10 +129,9 @@ def test_a_changed_or_damaged_file_is_refused(models, tmp_path):
         ({"inputs": {"F": "N", "G": "N"}}, r"sizes of x, u and result are \[2, 1, 2\]"),
     ],
 )
-def test_a_sidecar_that_does_not_fit_is_refused(models, tmp_path, change, message):
-    write_functions(models["force"], tmp_path)
-    path = tmp_path / "functions.json"
+def test_a_sidecar_that_does_not_fit_is_refused(of_force, change, message):
+    path = of_force / "functions.json"
     path.write_text(json.dumps(json.loads(path.read_text()) | change))
     with pytest.raises(CaseError, match=message) as caught:
-        read_functions(tmp_path)
-    assert str(tmp_path) in str(caught.value)
+        read_functions(of_force)
+    assert str(of_force) in str(caught.value)

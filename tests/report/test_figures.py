@@ -1,17 +1,22 @@
 """Figures: labelled axes with units, column width, no state left behind."""
 
-import subprocess
+import ast
+import importlib.util
 import sys
 from dataclasses import replace
 from io import BytesIO
 from itertools import combinations
+from pathlib import Path
 
 import matplotlib.image
 import numpy as np
 import pytest
+from matplotlib._pylab_helpers import Gcf
 from matplotlib.text import Text
 
+import pneumo_casadi
 from pneumo_casadi.effects import EFFECTS
+from pneumo_casadi.errors import MissingExtraError
 from pneumo_casadi.estimation.uncertainty import Optimum, Profile, analyse_identifiability
 from pneumo_casadi.estimation.uncertainty.profile_path import ProfileEnd
 from pneumo_casadi.identification.options import output_error_options
@@ -219,29 +224,39 @@ def test_equal_results_give_equal_files_and_a_pdf_embeds_its_fonts(saved_twice):
     assert b"/FontFile2" in content and b"/Type3" not in content
 
 
-@pytest.mark.slow
-def test_plots_need_matplotlib_and_never_go_through_pyplot():
-    """Other tests may have imported both, so a fresh process is asked."""
-    code = (
-        "import importlib, importlib.util as u, pkgutil, sys\n"
-        "import pneumo_casadi as pc\n"
-        "known = u.find_spec\n"
-        "u.find_spec = lambda name, *a: None if name == 'matplotlib' else known(name, *a)\n"
-        "sys.modules['matplotlib'] = None\n"
-        "try:\n    pc.plot\n"
-        "except pc.errors.MissingExtraError as error:\n    print(error)\n"
-        "u.find_spec = known\n"
-        "del sys.modules['matplotlib']\n"
-        "import pneumo_casadi.report.figures as f\n"
-        "names = [m.name for m in pkgutil.walk_packages(f.__path__, f.__name__ + '.')]\n"
-        "for name in names:\n    importlib.import_module(name)\n"
-        "print(len(names), 'matplotlib.figure' in sys.modules, 'matplotlib.pyplot' in sys.modules)"
+def test_plots_need_matplotlib(monkeypatch):
+    known = importlib.util.find_spec
+    monkeypatch.setattr(
+        "importlib.util.find_spec",
+        lambda name, *given: None if name == "matplotlib" else known(name, *given),
     )
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    refused, counted = run.stdout.splitlines()
-    assert "pip install 'pneumo-casadi[plot]'" in refused
-    number, *loaded = counted.split()
-    assert int(number) > 15 and loaded == ["True", "False"]
+    monkeypatch.delitem(vars(pneumo_casadi), "plot", raising=False)
+    drawing = ("pneumo_casadi.report.plot", "pneumo_casadi.report.figures")
+    for name in [name for name in sys.modules if name.startswith(drawing)]:
+        monkeypatch.delitem(sys.modules, name)
+    with pytest.raises(MissingExtraError, match=r"pip install 'pneumo-casadi\[plot\]'"):
+        _ = pneumo_casadi.plot
+
+
+def modules_imported(path):
+    """Return the modules that a file imports, at its head or in a function."""
+    names = set()
+    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            names |= {f"{node.module}.{alias.name}" for alias in node.names}
+    return names
+
+
+def test_plots_never_go_through_pyplot(drawn):
+    """It would keep every figure, and choose a window for it."""
+    package = Path(pneumo_casadi.__file__).parent
+    files = [path for path in package.rglob("*.py") if "matplotlib" in path.read_text("utf-8")]
+    imported = {path.name: modules_imported(path) for path in files}
+    assert sum(any("matplotlib" in name for name in names) for names in imported.values()) > 15
+    assert not [name for name, names in imported.items() if any("pyplot" in n for n in names)]
+    assert drawn and not Gcf.get_all_fig_managers()
 
 
 @pytest.mark.slow
@@ -255,7 +270,7 @@ def test_a_scattered_flow_map_is_drawn_too(quick):
 
 
 def test_without_matplotlib_a_report_has_its_tables_and_names_the_extra(
-    quick, tmp_path, without_figures, caplog
+    quick, tmp_path, without_pictures, caplog
 ):
     folder = write_identification(quick, tmp_path / "report")
     assert list((folder / "figures").iterdir()) == []
