@@ -188,13 +188,13 @@ def test_chambers_above_the_supply_are_named(subject):
 
 
 @pytest.mark.parametrize("name", PRACTICE[:3])
-@pytest.mark.parametrize("rows", [0, 1, 2])
-def test_without_a_law_the_pressures_tell_that_u_is_late(name, rows, folders):
-    case = read_case(folders[name])
+def test_without_a_law_the_pressures_tell_that_u_is_late(name, folders):
+    case = read_case(folders[name], check=False)
     bench = replace(case.bench, controller=NoController())
-    findings = check_records([late(rows)(case.identify[0])], bench)
-    assert [finding.name for finding in findings] == (["delay of u"] if rows else [])
-    assert not rows or f"are {rows} row" in findings[0].text
+    for rows in (0, 1, 2):
+        findings = check_records([late(rows)(case.identify[0])], bench)
+        assert [finding.name for finding in findings] == (["delay of u"] if rows else [])
+        assert not rows or f"are {rows} row" in findings[0].text
 
 
 @pytest.mark.parametrize("name", SUBJECTS)

@@ -55,7 +55,8 @@ def test_chamber_signs_are_clear_by_a_factor_of_two(cases):
 
 
 def test_swapped_chambers_and_commands_are_always_found(cases):
-    for bench, record in [(case.bench, case.identify[0]) for case in cases]:
+    for bench, whole in [(case.bench, case.identify[0]) for case in cases]:
+        record = whole.window(float(whole.t[0]), float(whole.t[0]) + 10.0)
         with pytest.raises(CaseError, match=r"`p_P_Pa` and `p_N_Pa` .*swapped"):
             check_recording(swap(record, "p_P", "p_N"), bench)
         with pytest.raises(CaseError, match="`u_P_V` and `u_N_V` swapped"):

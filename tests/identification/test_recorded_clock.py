@@ -30,7 +30,7 @@ def test_jitter_moves_the_estimates_by_less_than_one_interval():
     frames = []
     for clock in (Clock.UNIFORM, Clock.AS_RECORDED):
         bench = replace(case.bench, sampling_frequency=1000.0, clock=clock)
-        record = thinned(case.identify[0].window(3.0, 7.0), clock)
+        record = thinned(case.identify[0].window(5.0, 7.0), clock)
         made = replace(case, bench=bench, identify=(record,), validate=())
         frames.append(pc.identify(made).to_frame())
     uniform, jittered = frames
