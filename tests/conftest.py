@@ -51,15 +51,30 @@ def made(script):
     return script(Path(__file__).parent / "model" / "made.py")
 
 
-def svg(figure):
-    """Return no drawing in the place of `style.svg`, whose name tells the file."""
-    return b'<svg width="9pt" height="9pt"></svg>'
+#: What stands for a figure where none is looked at, by the format that draws it.
+BLANK = {
+    "svg": b'<svg width="9pt" height="9pt"></svg>',
+    "png": b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\4\0\0\0\2\0",
+    "pdf": b"%PDF-1.4",
+}
 
 
 @pytest.fixture(scope="session")
-def no_svg():
-    """Return what stands for `style.svg` where a drawing of each figure is enough."""
-    return svg
+def leave_blank():
+    """Return a function that leaves the figures of some formats blank, as long as a patch lasts."""
+
+    def leave(patch, *formats):
+        for name in formats:
+
+            def draw(figure, content=BLANK[name]):
+                return content
+
+            draw.__name__ = name  # it tells the suffix of the file
+            patch.setattr(f"pneumo_casadi.report.figures.style.{name}", draw)
+            if name == "png":
+                patch.setattr("pneumo_casadi.report.pages.identification_figures.png", draw)
+
+    return leave
 
 
 @pytest.fixture(scope="session")

@@ -19,19 +19,13 @@ def short_example(embedded, tmp_path_factory) -> Path:
 
 
 @pytest.fixture
-def png_only(monkeypatch, no_svg):
+def png_only(monkeypatch, leave_blank):
     """Draw each figure once, and no curves to zoom: what is tested is the folder."""
-    monkeypatch.setattr("pneumo_casadi.report.figures.style.svg", no_svg)
+    leave_blank(monkeypatch, "svg")
     monkeypatch.setattr("pneumo_casadi.report.interactive.time_plot.find_spec", lambda name: None)
 
 
 @pytest.fixture
-def not_drawn(monkeypatch, png_only):
+def not_drawn(monkeypatch, png_only, leave_blank):
     """Let files of figures hold no drawing: what is tested is that they are there."""
-    monkeypatch.setattr("pneumo_casadi.report.figures.style.png", png)
-    monkeypatch.setattr("pneumo_casadi.report.pages.identification_figures.png", png)
-
-
-def png(figure):
-    """Return the beginning of a PNG file in the place of `style.png`, whose name tells the file."""
-    return b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\4\0\0\0\2\0"
+    leave_blank(monkeypatch, "png")

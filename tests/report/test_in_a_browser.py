@@ -12,7 +12,6 @@ import matplotlib.image
 import numpy as np
 import pytest
 
-from pneumo_casadi.report.figures import style
 from pneumo_casadi.report.pages.diagnosis import write_diagnosis
 from pneumo_casadi.report.pages.identification import html_report
 from pneumo_casadi.report.pages.identification_figures import figures_of
@@ -57,10 +56,10 @@ def browser():
 
 
 @pytest.fixture(scope="module")
-def without_pdf():
+def without_pdf(leave_blank):
     """Draw no PDF: no page shows one, and `no_pdf` comes after what a module shares."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(style, "pdf", lambda figure: b"%PDF-1.4")
+        leave_blank(patch, "pdf")
         yield
 
 

@@ -22,8 +22,6 @@ from pneumo_casadi.errors import CaseError
 from pneumo_casadi.identification.compared_model import Estimate
 from pneumo_casadi.identification.read_comparison import read_comparison
 from pneumo_casadi.identification.warnings import simulation_sentence
-from pneumo_casadi.report.figures import style
-from pneumo_casadi.report.pages import identification_figures
 from pneumo_casadi.report.pages.again import write_report_again
 from pneumo_casadi.report.pages.comparison import comparison_html
 from pneumo_casadi.report.pages.design import write_design
@@ -81,14 +79,9 @@ ORIGIN = {
 
 
 @pytest.fixture(autouse=True)
-def stills(monkeypatch):
-    """Let pages have the beginning of a PNG file in the place of drawings."""
-
-    def png(figure):
-        return b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\4\0\0\0\2\0"
-
-    monkeypatch.setattr(style, "png", png)
-    monkeypatch.setattr(identification_figures, "png", png)
+def blank_figures(monkeypatch, leave_blank):
+    """Leave the figures of pages blank: what is tested is what stands beside them."""
+    leave_blank(monkeypatch, "png")
 
 
 @pytest.fixture(scope="module")
@@ -354,9 +347,9 @@ def test_damaged_provenance_is_named_and_the_report_stays(diagnosed, tmp_path, c
     ],
 )
 def test_a_design_is_written_again_from_its_file(
-    tmp_path, made_design, changes, monkeypatch, no_svg
+    tmp_path, made_design, changes, monkeypatch, leave_blank
 ):
-    monkeypatch.setattr(style, "svg", no_svg)
+    leave_blank(monkeypatch, "svg")
     shares = []
     folder = write_design(made_design(**changes), tmp_path / "next", lambda _, s: shares.append(s))
     assert shares[0] == 0.0 and shares[-1] == 1.0  # the figure is part of the work
