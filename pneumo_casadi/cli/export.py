@@ -12,7 +12,8 @@ from pneumo_casadi.errors import CaseError
 
 def export(
     result: Annotated[
-        Path, typer.Argument(metavar="RESULT", help="Folder or result.json written by identify.")
+        Path,
+        typer.Argument(metavar="RESULT", help="Folder or result.json of identify or diagnose."),
     ],
     kind: Annotated[FormatName, typer.Option("--format", "-f", help="Format of the files.")],
     output: Annotated[

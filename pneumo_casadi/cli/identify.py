@@ -111,7 +111,8 @@ def identify(
     window: Annotated[
         float | None,
         typer.Option(
-            help="Length of shooting windows with own initial states [s]; default: whole record."
+            help="Length of shooting windows with own initial states [s]; default: whole record; "
+            "0.5 s for an axis driven by force or pressures; what the data bear for long records."
         ),
     ] = None,
     friction_width: FrictionWidth = None,

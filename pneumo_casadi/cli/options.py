@@ -72,7 +72,8 @@ Flow = Annotated[
     FlowOption,
     typer.Option(
         "--flow",
-        help="Form of the flow map; auto: the form with the smallest cross-validation error.",
+        help="Form of the flow map; auto: of the forms within one standard error of the smallest "
+        "cross-validation error the first of polynomials, iso6358, spline.",
     ),
 ]
 Degrees = Annotated[

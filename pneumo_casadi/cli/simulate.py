@@ -19,7 +19,7 @@ def simulate(
     ] = None,
     parameters: Annotated[
         Path | None,
-        typer.Option("--parameters", "-p", help="result.json written by identify."),
+        typer.Option("--parameters", "-p", help="Folder or result.json of identify or diagnose."),
     ] = None,
     output: Output = None,
     json_file: Json = None,

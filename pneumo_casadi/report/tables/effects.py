@@ -19,7 +19,8 @@ Several effects may be forms of one cause: a diagnosis keeps the form that fits 
 cause.
 
 This page is generated: `python -m pneumo_casadi.report.tables.effects > docs/reference/effects.md`.
-A parameter marked *held* is not estimated unless released.
+A parameter marked *held* is not estimated unless a starting value releases it:
+`--start leakage_P.viscous=0.1`.
 """
 
 
