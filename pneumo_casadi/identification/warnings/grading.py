@@ -144,7 +144,7 @@ LIMITS: Mapping[str, Limit] = MappingProxyType(
             note=10.0,
         ),
         "sampling": Limit(
-            "100 over the sampling frequency in bandwidths of the motion [1]",
+            "100 bandwidths of the motion over the sampling frequency [1]",
             "eq. 14 asks for 100 times",
             note=1.0,
         ),
