@@ -86,7 +86,9 @@ def _errors(
     errors = {}
     records = [record for record, _, _ in pairs]
     for channel in channels:
-        e = np.concatenate([record[channel][rows] - run[channel] for record, rows, run in pairs])
+        e = np.concatenate(
+            [record[channel][rows].ravel() - run[channel] for record, rows, run in pairs]
+        )
         std = signal_std(records, channel)
         rms = float(np.sqrt(np.mean(e**2)))
         noise = 0.0

@@ -25,7 +25,7 @@ from pneumo_casadi.parameters import FloatArray
 
 #: Length of the beginning of a record from which the initial state of a free run is estimated [s].
 START = 2.0
-#: Samples of a record with which a trajectory is compared.
+#: Samples of a record with which a trajectory is compared; of windows (windows, samples of each).
 Rows = slice | NDArray[np.int64]
 
 
@@ -70,7 +70,8 @@ def window_runs(
 ) -> list[tuple[Recording, Rows, Trajectory]]:
     """Return records, samples and simulations of their whole windows [s], one after another.
 
-    Windows begin at whole blocks of samples, and end where the next one begins at the latest.
+    Windows begin at whole blocks of samples, and end where the next one begins at the latest: they
+    may be some samples shorter than `window`. The trajectory holds them one after another.
 
     `longest_step` is the length of a Runge-Kutta step times the fastest rate, see `substeps_for`.
     """
@@ -88,10 +89,10 @@ def window_runs(
         x = simulate_windows(axis, stepping, stretches, x_0)[:, :, :L]
         joined = np.hstack(list(x))
         u = np.hstack(list(stretches))[: len(axis.inputs)]
-        rows = np.concatenate([np.arange(first, first + L) for first, _ in starts])
+        rows = np.array([np.arange(first, first + L) for first, _ in starts])
         y = compute_outputs(axis, joined, u)
         names = (axis.states, joined, axis.outputs, y, axis.inputs, u)
-        pairs.append((record, rows, Trajectory(record["t"][rows], *names)))
+        pairs.append((record, rows, Trajectory(record["t"][rows].ravel(), *names)))
     return pairs
 
 
@@ -119,10 +120,11 @@ def window_curves(
         # Windows in which one model cannot start are left out for all.
         common = np.arange(record.N)
         for _, rows, _ in several:
-            common = np.intersect1d(common, np.arange(record.N)[rows])
+            common = np.intersect1d(common, np.arange(record.N)[rows].ravel())
         values = {output: {MEASURED: record[output][common]} for output in outputs}
         for name, (_, rows, run) in zip(runs, several, strict=True):
             for output in outputs:
-                values[output][name] = run[output][np.isin(np.arange(record.N)[rows], common)]
+                at = np.arange(record.N)[rows].ravel()
+                values[output][name] = run[output][np.isin(at, common)]
         curves.append(Curves(record.name, record.t[common], units, noise, values))
     return tuple(curves)

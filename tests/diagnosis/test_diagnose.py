@@ -13,7 +13,7 @@ from pneumo_casadi.data import Case, InputHold, ProportionalController, Recordin
 from pneumo_casadi.diagnosis import Verdict, diagnose, prepare_study
 from pneumo_casadi.diagnosis.prepare.fit_store import Store
 from pneumo_casadi.diagnosis.prepare.prepare_study import HELD_OUT, split_records
-from pneumo_casadi.diagnosis.prepare.usable_records import require_usable
+from pneumo_casadi.diagnosis.prepare.usable_records import require_rows, require_usable
 from pneumo_casadi.effects.term.term import Term, term_effect
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.model.effect import Effect
@@ -214,6 +214,15 @@ def test_slow_motion_is_no_rest(made_case):
     require_usable(_changed(made_case(12), x=sine).identify, ("x",))
 
 
+def test_held_out_records_of_which_no_row_of_a_balance_counts_are_refused():
+    """Friction at rest disturbs all rows of the force: no effect on it could ever be seen."""
+    moving, still = np.ones((3, 40), bool), np.ones((3, 60), bool)
+    still[2] = False
+    require_rows([moving, still], "validate.csv")
+    with pytest.raises(CaseError, match=r"validate\.csv: too slow throughout .* faster motion"):
+        require_rows([still], "validate.csv")
+
+
 @pytest.mark.slow
 def test_half_a_second_is_refused(made_case, small):
     case = made_case(12)
@@ -231,14 +240,20 @@ def moving(seconds):
 
 
 def test_recorded_velocity_and_acceleration_are_left_out_and_said(made, monkeypatch):
+    given = []
     monkeypatch.setattr(
-        "pneumo_casadi.diagnosis.prepare.prepare_study.start_study", lambda axis, *given: axis
+        "pneumo_casadi.diagnosis.prepare.prepare_study.start_study",
+        lambda axis, table, *records: given.extend(records[:2]) or axis,
     )
     bench = replace(made.FORCE_BENCH, signals={"v", "a", "F_load"})
     axis, (note,) = prepare_study(Case(Path("made"), bench, (moving(3.0),), (moving(3.0),)))
     assert axis.outputs == ("x",)
     assert axis.inputs == ("F", "F_load")  # a force on the rod drives the motion: it is used
     assert note.startswith("a, v: recorded but not used")
+    # A filtered record would take its motion from them.
+    assert {name for some in given for record in some for name in record.names} == {
+        *("F", "F_load", "x")
+    }
 
 
 def test_conductances_are_read_from_the_records_that_are_fitted(made, monkeypatch):

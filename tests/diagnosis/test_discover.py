@@ -135,6 +135,18 @@ def _sine(frequency, t):
 
 
 @pytest.mark.slow
+def test_a_vibration_is_told_whatever_the_hour_of_a_record(fitted_of):
+    """The held-out record begins ten hours later by the clock of the log: that ended the search."""
+    study, _ = fitted_of(HUM)
+    (held_out,) = study.held_out
+    later = replace(held_out, t=held_out.t + 36000.0)
+    study = start_study(study.axis, None, study.train, [later])
+    term = discover_term(study, fit_model(study, ()), (), balance_levels(study))
+    assert term.term.driver == "t"
+    assert term.parameters["period"].value == pytest.approx(0.1, rel=0.01)
+
+
+@pytest.mark.slow
 def test_nothing_is_discovered_where_nothing_is_missing(fitted_of):
     study, nominal = fitted_of()
     assert discover_term(study, nominal, (), balance_levels(study)) is None

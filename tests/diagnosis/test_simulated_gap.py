@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from pneumo_casadi.diagnosis import prepare_study
@@ -59,6 +60,14 @@ def test_a_model_that_is_too_stiff_is_not_simulated(rubbing_study):
     ):
         assert isinstance(simulated, str) and "stiff" in simulated
     assert not isinstance(simulate_fit(study, nominal, ()).windows, str)
+
+
+def test_windows_need_not_be_whole_blocks_of_samples(rubbing_study):
+    """At 1250 Hz those of half a second are one sample shorter: the diagnosis ended there."""
+    study, nominal = rubbing_study
+    whole, longer = (simulate_fit(study, nominal, (), window) for window in (0.5, 0.501))
+    assert not isinstance(whole.windows, str) and not isinstance(longer.windows, str)
+    assert longer.windows.shape == whole.windows.shape and np.isfinite(longer.windows).all()
 
 
 @pytest.mark.parametrize("fault", [OverflowError, ZeroDivisionError])

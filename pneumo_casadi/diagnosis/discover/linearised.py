@@ -74,13 +74,16 @@ class Rows:
     def driver(self, site: Site) -> FloatArray | None:
         """Return the driver of a site over its balances and all records, (N,).
 
-        None where the axis has no such signal, or where it does not vary.
+        None where the axis has no such signal, or where it does not vary; time does, whatever the
+        hour at which its clock begins.
         """
         if site not in self._drivers:
             parts = [self._driver_in(site.driver, balance) for balance in site.balances]
             known = [part for part in parts if part is not None]
             d = np.concatenate(known) if len(known) == len(parts) else None
-            varies = d is not None and np.ptp(d) > LEAST_VARIATION * np.abs(d).max()
+            varies = d is not None and (
+                site.driver == "t" or np.ptp(d) > LEAST_VARIATION * np.abs(d).max()
+            )
             self._drivers[site] = d if varies else None
         return self._drivers[site]
 

@@ -75,7 +75,7 @@ def search(linear: Linearised, levels: BalanceLevels, foreign: bool = False) -> 
     sites = [
         site
         for site in all_sites(kind)
-        if linear.train.driver(site) is not None
+        if all(rows.driver(site) is not None for rows in (linear.train, linear.held_out))
         and (visible & set(site.balances) or site.balances[0] in SENSORS)
     ]
     score = GapScore(linear, levels)

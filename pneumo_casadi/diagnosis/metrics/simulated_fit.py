@@ -58,9 +58,9 @@ def simulate_fit(
         return Simulated(str(error))
     squares = []
     for record, rows, run in runs:
-        L = round(window / record.dt)
-        e = np.stack([record[name][rows] - run[name] for name in study.axis.outputs])
-        squares.append(np.mean(e.reshape(len(e), -1, L) ** 2, axis=2).T)
+        at = np.arange(record.N)[rows]  # (windows, samples of each)
+        e = [record[name][at] - run[name].reshape(at.shape) for name in study.axis.outputs]
+        squares.append(np.mean(np.square(e), axis=2).T)
     windows = np.asarray(np.concatenate(squares) / signal_stds(study) ** 2 * 1e4)
     return Simulated(windows, tuple((rows, run) for _, rows, run in runs))
 

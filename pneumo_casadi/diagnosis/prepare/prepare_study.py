@@ -53,15 +53,25 @@ def prepare_study(
 def _without_motion_sensors(case: Case) -> tuple[Case, tuple[str, ...]]:
     """Return a case whose axis is seen by pressures and position, with a note on other sensors.
 
-    The balances are evaluated along the motion that these show.
+    The balances are evaluated along the motion that these show. Records lose the other sensors too:
+    a filtered record takes its motion from all that it holds.
     """
     bench = case.bench
-    unused = [n for n in sorted(bench.signals) if bench.kind.further[n] == "output"]
-    if not unused:
-        return case, ()
-    plain = replace(bench, signals=bench.signals - set(unused))
+    others = {name for name, use in bench.kind.further.items() if use == "output"}
+    unused = sorted(bench.signals & others)
+    plain = replace(bench, signals=bench.signals - others)
+    fitted, held_out = (
+        tuple(_without_channels(record, others) for record in records)
+        for records in (case.identify, case.validate)
+    )
     note = f"{', '.join(unused)}: recorded but not used; the motion is that of the position sensor"
-    return replace(case, bench=plain), (note,)
+    plain_case = replace(case, bench=plain, identify=fitted, validate=held_out)
+    return plain_case, ((note,) if unused else ())
+
+
+def _without_channels(record: Recording, names: set[str]) -> Recording:
+    kept = {name: record[name] for name in record.names if name not in names}
+    return record if len(kept) == len(record.names) else replace(record, channels=kept)
 
 
 def split_records(

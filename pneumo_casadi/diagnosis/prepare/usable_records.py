@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pneumo_casadi.data import Recording
 from pneumo_casadi.errors import CaseError
@@ -37,6 +38,28 @@ def require_usable(records: Sequence[Recording], channels: Sequence[str]) -> Non
         for name in channels:
             _refuse_flat(record, name)
         _refuse_rest(record)
+
+
+def require_rows(used: Sequence[NDArray[np.bool_]], source: str) -> None:
+    """Refuse held-out records of which no row of some balance counts: no gap would ever show there.
+
+    Parameters
+    ----------
+    used : sequence of (ne, m) array
+        By record: whether a row of a balance counts.
+    source : str
+        What the records are called.
+
+    Raises
+    ------
+    CaseError
+        With the remedy.
+    """
+    if not np.hstack(used).any(axis=1).all():
+        raise CaseError(
+            f"{source}: too slow throughout for a row of the force balance that friction at rest "
+            "does not disturb; hold out a record of faster motion"
+        )
 
 
 def _refuse_flat(record: Recording, name: str) -> None:

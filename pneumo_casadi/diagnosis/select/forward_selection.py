@@ -20,6 +20,7 @@ from pneumo_casadi.diagnosis.metrics.simulated_gap import Simulations
 from pneumo_casadi.diagnosis.prepare.fit_store import Store
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel, fit_model
 from pneumo_casadi.diagnosis.prepare.study import Study
+from pneumo_casadi.diagnosis.prepare.usable_records import require_rows
 from pneumo_casadi.diagnosis.screen.screen import Direction, ScreenResult, background
 from pneumo_casadi.diagnosis.select.acceptance import accepted, can_matter, only_corrects_map
 from pneumo_casadi.diagnosis.select.complete import Completed, complete
@@ -158,6 +159,7 @@ def select_effects(
     ledger = FitLedger(study, catalogue, executor, store)
     report("nominal model", 0.0)
     nominal = fit_model(study, ())
+    require_rows(nominal.used_held_out, study.held_out[0].source)
     levels = balance_levels(study)
     report("screening the catalogue", 0.1)
     ledger.screen_all(nominal)
