@@ -137,8 +137,11 @@ def closure_interval(
     Notes
     -----
     Every replicate draws as many blocks as there are, with replacement, for both models alike
-    (Efron and Tibshirani 1993, An Introduction to the Bootstrap, ch. 8).
+    (Efron and Tibshirani 1993, An Introduction to the Bootstrap, ch. 8). Where no channel had a
+    gap, nothing is closed, as `closure` has it.
     """
+    if not np.any(importance):
+        return 0.0, 0.0
     weights = resampling_weights(counts.shape[1], replicates)
     number = np.maximum(counts @ weights.T, 1e-9)
     floor = np.asarray(noise)[:, None]

@@ -91,3 +91,8 @@ def test_the_floor_of_a_servo_axis_is_a_force_that_of_a_force_driven_one_an_acce
 
     assert force_row_scale(PNEUMATIC, 15.0) == 1.0
     assert force_row_scale(FORCE_DRIVEN, 15.0) == 15.0
+
+
+def test_where_there_was_no_gap_nothing_is_closed():
+    errors, ones = np.full((2, 40), 0.5), np.ones((2, 40))
+    assert closure_interval(errors, errors, ones, np.ones(2), np.zeros(2), 100) == (0.0, 0.0)

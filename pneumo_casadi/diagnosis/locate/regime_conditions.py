@@ -113,14 +113,14 @@ def _valve_regimes(rows: BalanceRows, axis: Axis) -> Iterator[tuple[Condition, N
     yield Condition(kind.PRESSURE_RISING, chamber=chamber), rate > 0
     yield Condition(kind.PRESSURE_FALLING, chamber=chamber), rate < 0
     supply, ambient = axis.constants["p_supply"], axis.constants["p_ext"]
-    into, out = (_critical(axis, edge) for edge in ("supply", "exhaust"))
+    into, out = (_critical(axis, edge, chamber) for edge in ("supply", "exhaust"))
     yield Condition(kind.CHOKED_INFLOW, chamber=chamber), (u > 0) & (p < into * supply)
     yield Condition(kind.UNCHOKED_INFLOW, chamber=chamber), (u > 0) & (p >= into * supply)
     yield Condition(kind.CHOKED_OUTFLOW, chamber=chamber), (u < 0) & (ambient < out * p)
     yield Condition(kind.UNCHOKED_OUTFLOW, chamber=chamber), (u < 0) & (ambient >= out * p)
 
 
-def _critical(axis: Axis, edge: str) -> float:
-    """Return the critical pressure ratio of a metering edge."""
+def _critical(axis: Axis, edge: str, chamber: str) -> float:
+    """Return the critical pressure ratio of a metering edge; of two maps each has its own."""
     values = axis.parameters.as_dict()
-    return values.get(f"b_{edge}", CRITICAL)
+    return values.get(f"b_{edge}_{chamber}", values.get(f"b_{edge}", CRITICAL))
