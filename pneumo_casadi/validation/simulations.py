@@ -120,11 +120,11 @@ def window_curves(
         # Windows in which one model cannot start are left out for all.
         common = np.arange(record.N)
         for _, rows, _ in several:
-            common = np.intersect1d(common, np.arange(record.N)[rows].ravel())
+            common = np.intersect1d(common, np.arange(record.N)[rows])
         values = {output: {MEASURED: record[output][common]} for output in outputs}
         for name, (_, rows, run) in zip(runs, several, strict=True):
+            shared = np.isin(np.arange(record.N)[rows].ravel(), common)
             for output in outputs:
-                at = np.arange(record.N)[rows].ravel()
-                values[output][name] = run[output][np.isin(at, common)]
+                values[output][name] = run[output][shared]
         curves.append(Curves(record.name, record.t[common], units, noise, values))
     return tuple(curves)

@@ -61,17 +61,12 @@ def _without_motion_sensors(case: Case) -> tuple[Case, tuple[str, ...]]:
     unused = sorted(bench.signals & others)
     plain = replace(bench, signals=bench.signals - others)
     fitted, held_out = (
-        tuple(_without_channels(record, others) for record in records)
+        tuple(record.without(others) for record in records)
         for records in (case.identify, case.validate)
     )
     note = f"{', '.join(unused)}: recorded but not used; the motion is that of the position sensor"
     plain_case = replace(case, bench=plain, identify=fitted, validate=held_out)
     return plain_case, ((note,) if unused else ())
-
-
-def _without_channels(record: Recording, names: set[str]) -> Recording:
-    kept = {name: record[name] for name in record.names if name not in names}
-    return record if len(kept) == len(record.names) else replace(record, channels=kept)
 
 
 def split_records(
