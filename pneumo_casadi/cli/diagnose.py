@@ -83,6 +83,9 @@ def diagnose(
     """
     kept = "nothing was written" if keep is None else f"finished fits are in {keep}"
     with guarded(debug, kept):
+        if strict and not refine:
+            raise CaseError("--strict: --no-refine makes no final model that could be refused")
+
         from pneumo_casadi.data import read_case
         from pneumo_casadi.diagnosis import DiagnosisOptions
         from pneumo_casadi.diagnosis.diagnose import diagnose

@@ -14,10 +14,16 @@ from pneumo_casadi.identification.identify import identify
 from pneumo_casadi.identification.options import IdentifyOptions
 from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.identification.starting_axis import axis_of_options, started_from
+from pneumo_casadi.identification.warnings import in_order, met
 from pneumo_casadi.runtime.progress import Progress
 
 #: How a model without the cause is fitted.
 WITHOUT_CAUSE = OutputErrorOptions(window=WINDOW, recover=False, max_iterations=30)
+#: Warnings of what a verdict says against parameters.
+LACKS = (
+    "the model lacks a cause that the diagnosis found no name for: its parameters absorb a part."
+)
+TAKEN_UP = "the fit has taken up in %s what the model lacks; do not use them."
 
 
 def options_of_diagnosis(case: Case, diagnosis: Diagnosis) -> IdentifyOptions:
@@ -80,6 +86,19 @@ def with_refined_checks(diagnosis: Diagnosis, refined: Identification | None) ->
     return replace(diagnosis, refined_checks=check_output_error(refined.output_error, misfit))
 
 
+def taken_up(diagnosis: Diagnosis) -> tuple[str, ...]:
+    """Return the parameters to use that have taken up what the model lacks.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+        The diagnosis, with the checks of its final model.
+    """
+    if diagnosis.verdict is not Verdict.ABSORBED and not diagnosis.absorbed:
+        return ()
+    return tuple(check.name for check in diagnosis.final_checks if not check.agrees)
+
+
 def refine_diagnosis(
     case: Case, diagnosis: Diagnosis, progress: Progress | None = None
 ) -> Identification:
@@ -87,7 +106,8 @@ def refine_diagnosis(
 
     Over whole records; where that does not converge, over windows of half a second. With an unknown
     cause only windows are tried, and not for long: a model without it seldom settles. Held-out
-    records are those of the diagnosis.
+    records are those of the diagnosis. What the diagnosis says against the parameters is a warning
+    of the result: one whose cause is unknown is not to be used.
 
     Parameters
     ----------
@@ -110,6 +130,10 @@ def refine_diagnosis(
     ModelError
         If an effect of the diagnosis is not of the catalogue.
     """
+    return _with_verdict(_refined(case, diagnosis, progress), diagnosis)
+
+
+def _refined(case: Case, diagnosis: Diagnosis, progress: Progress | None) -> Identification:
     options = options_of_diagnosis(case, diagnosis)
     train, held_out, _ = split_records(case)
     split = replace(case, identify=tuple(train), validate=tuple(held_out))
@@ -121,3 +145,14 @@ def refine_diagnosis(
         return identify(split, whole, progress)
     except (FitError, ModelError):  # no convergence, or a free run that leaves the finite numbers
         return identify(split, windows, progress)
+
+
+def _with_verdict(refined: Identification, diagnosis: Diagnosis) -> Identification:
+    """Return an identification that warns of what the verdict says against its parameters."""
+    if diagnosis.verdict is Verdict.UNKNOWN:
+        warning = met("cause unknown", "physics", LACKS)
+    elif wrong := taken_up(with_refined_checks(diagnosis, refined)):
+        warning = met("taken up", "physics", TAKEN_UP % ", ".join(wrong))
+    else:
+        return refined
+    return replace(refined, warnings=in_order((warning, *refined.warnings)))

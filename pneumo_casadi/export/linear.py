@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 import scipy.io
 
+from pneumo_casadi.data import Arrangement
 from pneumo_casadi.errors import MissingExtraError, ModelError
 from pneumo_casadi.export.model import (
     IdentifiedModel,
@@ -102,7 +103,8 @@ def operating_point(axis: Axis, given: Mapping[str, float] | None = None) -> Ope
         States and inputs that are held, by name, SI units. The others are such that all states
         but the position keep their values: pressures, velocity, the states of effects. Not
         given, x is 0; v is 0 unless a command is given (of pressures that drive an axis, both);
-        u_N is -u_P unless one of them is given; a recorded supply or load is as at rest.
+        u_N is -u_P unless one of them is given, of one 5/3 valve always; a recorded supply or
+        load is as at rest.
         If all of ``p_P, p_N, x, v`` and the inputs are given, the point is used unchanged, at
         rest or not; the states of effects are at rest there.
 
@@ -128,6 +130,9 @@ def operating_point(axis: Axis, given: Mapping[str, float] | None = None) -> Ope
         raise ModelError(f"no state or input {', '.join(unknown)}; there are {', '.join(known)}")
     if not all(np.isfinite(value) for value in held.values()):
         raise ModelError(f"operating point {held}: give finite numbers, SI units")
+    both = {"u_P", "u_N"} <= held.keys()
+    if both and _has_one_valve(axis) and held["u_P"] != -held["u_N"]:
+        raise ModelError("one 5/3 valve gives chamber N the command -u_P: leave out u_N")
     if set(axis.motion_states) <= held.keys() and set(axis.inputs) <= held.keys():
         u = np.array([held[name] for name in axis.inputs])
         motion = [held[name] for name in axis.motion_states]
@@ -219,6 +224,10 @@ def _jacobians(axis: Axis) -> ca.Function:
     return ca.Function("jacobians", [x, u, theta], jacobians)
 
 
+def _has_one_valve(axis: Axis) -> bool:
+    return getattr(axis.bench, "arrangement", None) is Arrangement.ONE_5_3
+
+
 def _search(axis: Axis, held: Mapping[str, float]) -> OperatingPoint:
     """Solve for all that is not held by damped Gauss-Newton steps of least length."""
     names = (*axis.states, *axis.inputs)
@@ -232,7 +241,7 @@ def _search(axis: Axis, held: Mapping[str, float]) -> OperatingPoint:
     if "v" not in held:
         own = axis.parameters["v_s"].value
         widths = [width for width in _WIDTHS if width > own]
-    residual = _Residual(axis, not {"u_P", "u_N"} & set(held))
+    residual = _Residual(axis, _has_one_valve(axis) or not {"u_P", "u_N"} & set(held))
     for width in (*widths, None):
         theta = axis.parameters.as_dict() | ({} if width is None else {"v_s": width})
         z = _descend(residual, z, np.array(list(theta.values())), free, scales)

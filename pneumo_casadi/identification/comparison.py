@@ -44,6 +44,11 @@ class Difference:
         """Whether the parameter moved by more than chance explains."""
         return self.sigmas is not None and abs(self.sigmas) > MOVED
 
+    @property
+    def change(self) -> str:
+        """The change in words: per cent of the first value, or from where there are none."""
+        return f"{self.change_percent:+.2g} %" if isfinite(self.change_percent) else "from 0"
+
 
 @dataclass(frozen=True, slots=True)
 class CrossSimulation:
@@ -114,10 +119,12 @@ class Comparison(Presentable):
         text = f"no parameter differs by more than {MOVED:g} σ"
         if moved:
             most = max(moved, key=lambda item: abs(item.sigmas or 0.0))
-            verb = "parameter differs" if len(moved) == 1 else "parameters differ"
+            count = len({item.name for item in moved})
+            verb = "parameter differs" if count == 1 else "parameters differ"
+            where = f" of {most.other}" if len(self.names) > 2 else ""
             text = (
-                f"{len(moved)} {verb} by more than {MOVED:g} σ, most {most.name} "
-                f"({most.change_percent:+.2g} %, {abs(most.sigmas or 0.0):.1f} σ)"
+                f"{count} {verb} by more than {MOVED:g} σ, most {most.name}{where} "
+                f"({most.change}, {abs(most.sigmas or 0.0):.1f} σ)"
             )
         crossed = [
             f"{item.parameters} simulates {item.records} to {item.largest[1]:.1f} % of the signal"

@@ -42,10 +42,18 @@ def resolve_flow_form(
     Raises
     ------
     CaseError
-        If a servo axis has no flow map, or no form can be fitted to it.
+        If a servo axis has no flow map, no form can be fitted to it, or degrees are given where
+        no polynomials are fitted.
     """
     if not isinstance(case.bench, Bench) or not case.bench.valves.metered:
+        if options.degrees is not None:
+            raise CaseError(f"degrees {options.degrees}: {case.name} has no metered flow map")
         return options, None
+    if options.degrees is not None and options.flow_form not in (None, FlowForm.POLYNOMIALS):
+        raise CaseError(
+            f"degrees {options.degrees}: the form {options.flow_form.value} has none; leave them "
+            "out, or ask for polynomials"
+        )
     if options.flow_form is not None:
         selection = FormSelection.given(options.flow_form, options.degrees)
     else:

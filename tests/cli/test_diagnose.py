@@ -107,6 +107,7 @@ def test_what_is_asked_for_reaches_the_diagnosis(short_example, without_pictures
         (["--without", "rust"], "no effect 'rust'"),
         ([word for name in EFFECTS for word in ("--without", name)], "leaves no effect"),
         (["--workers", "0"], "--help"),
+        (["--strict", "--no-refine"], "no final model"),
     ],
 )
 def test_usage_errors_are_one_line_and_write_nothing(

@@ -7,12 +7,13 @@ import pytest
 
 from pneumo_casadi.cli import app as cli
 from pneumo_casadi.data import write_case
-from pneumo_casadi.diagnosis import EffectFound, Verdict, options_of_diagnosis
+from pneumo_casadi.diagnosis import Check, EffectFound, Verdict, options_of_diagnosis
 from pneumo_casadi.diagnosis import refined_identification as module
 from pneumo_casadi.errors import FitError, ModelError
 from pneumo_casadi.export import read_model
 from pneumo_casadi.identification.compared_model import compared_model
 from pneumo_casadi.identification.read_result import read_axis
+from pneumo_casadi.identification.result_file import result_dict
 from pneumo_casadi.report.pages.diagnosis import write_diagnosis
 
 
@@ -87,3 +88,22 @@ def test_the_final_model_goes_from_diagnosis_to_validation_simulation_and_export
     assert compared.axis.parameters.as_dict() == axis.parameters.as_dict()
     assert (compared.held_out, compared.records[0].N) == (True, held_out.N)
     assert compared.estimates["stribeck.delta_F"].std > 0
+
+
+@pytest.mark.parametrize(
+    ("verdict", "agrees", "usable", "words"),
+    [
+        (Verdict.UNKNOWN, True, "no", "lacks a cause"),
+        (Verdict.ABSORBED, False, "with care", "taken up in M"),
+        (Verdict.NONE, True, "yes", "converged"),
+    ],
+)
+def test_what_the_verdict_says_against_parameters_is_in_their_file(
+    quick_diagnosis, quick, monkeypatch, verdict, agrees, usable, words
+):
+    check = Check("M", 13.0, 0.1, 16.0, 0.8, "kg", agrees, "M = 13 kg")
+    monkeypatch.setattr(module, "identify", lambda *_: quick)
+    monkeypatch.setattr(module, "check_output_error", lambda *_: (check,))
+    given = replace(quick_diagnosis, verdict=verdict)
+    content = result_dict(module.refine_diagnosis(quick.case, given))
+    assert content["usable"] == usable and words in content["reason"]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import scipy.io
 
-from pneumo_casadi.data import PressureBench
+from pneumo_casadi.data import Arrangement, PressureBench
 from pneumo_casadi.errors import MissingExtraError, ModelError
 from pneumo_casadi.export import linearise, operating_point, write_state_space
 from pneumo_casadi.export.linear import OperatingPoint
@@ -143,3 +143,12 @@ def test_files_hold_matrices_names_and_operating_point(models, tmp_path):
         assert np.array_equal(mat[name], getattr(result, name))
     assert [str(name[0][0]) for name in mat["states"]] == list(result.states)
     assert told["operating_point"]["x"][2] == 0.1 and told["name"] == "bench 3"
+
+
+def test_one_valve_gives_its_chambers_opposite_commands(models):
+    axis = models["nominal"].axis
+    single = replace(axis, bench=replace(axis.bench, arrangement=Arrangement.ONE_5_3))
+    u_P, u_N = operating_point(single, {"u_P": 0.3}).u
+    assert (u_P, u_N) == pytest.approx((0.3, -0.3), abs=1e-9)
+    with pytest.raises(ModelError, match="leave out u_N"):
+        operating_point(single, {"u_P": 0.3, "u_N": -0.2})

@@ -9,7 +9,7 @@ import pytest
 from pneumo_casadi.data import read_case, write_case
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.identification.compare import compare
-from pneumo_casadi.identification.comparison import Comparison
+from pneumo_casadi.identification.comparison import Comparison, Difference
 from pneumo_casadi.identification.result_file import result_dict
 from pneumo_casadi.report.pages.report import write_report
 from pneumo_casadi.report.tables.comparison import comparison_tables
@@ -101,3 +101,9 @@ def test_what_cannot_be_compared_is_told(quick, tmp_path):
     (tmp_path / "result.json").write_text("{}")
     with pytest.raises(CaseError, match="not a result of `identify`"):
         compare(quick, tmp_path)
+
+
+def test_among_three_results_a_parameter_is_counted_by_its_name(quick, heavier):
+    three = compare(quick, heavier, heavier)
+    assert "1 parameter differs by more than 3 σ, most M of table1 (B)" in three.headline
+    assert Difference("f_v", "B", math.inf, 4.0).change == "from 0"

@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 
 from pneumo_casadi.data import read_case
+from pneumo_casadi.errors import CaseError
 from pneumo_casadi.identification.flow_form import read_flow, resolve_flow_form
 from pneumo_casadi.identification.options import IdentifyOptions
 from pneumo_casadi.identification.read_result import read_axis
@@ -122,3 +123,9 @@ def test_the_report_shows_the_errors_and_the_reason():
     )
     assert table.rows[1] == ("ISO 6358", "0.100 ± 0.010", "yes")
     assert "least held-out error" in table.notes[0]
+
+
+@pytest.mark.parametrize("form", [FlowForm.ISO6358, FlowForm.SPLINE])
+def test_degrees_without_polynomials_are_refused(case, form):
+    with pytest.raises(CaseError, match=f"{form.value} has none"):
+        resolve_flow_form(case, IdentifyOptions(form, degrees=(3, 3, 2)))

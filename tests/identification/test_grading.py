@@ -136,3 +136,11 @@ def test_the_verdict_follows_the_gravest_grade():
     careful = judge_usability((caution, caution, note), "")
     assert careful.sentence == "Usable with care: a caution. (and 1 more of this grade)"
     assert careful.usable is Usable.WITH_CARE
+
+
+@pytest.mark.parametrize(("statuses", "warned"), [(("converged",), False), (("failed",), True)])
+def test_stages_that_were_planned_are_no_sign_of_misfit(quick, statuses, warned):
+    last = quick.output_error.stages[-1]
+    stages = (*(replace(last, status=status) for status in statuses), last)
+    texts = [warning.text for warning in found_with(quick, stages=stages)]
+    assert any("by way of short windows" in text for text in texts) is warned

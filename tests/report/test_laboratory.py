@@ -8,7 +8,9 @@ import pytest
 from pneumo_casadi.estimation.output_error.conductance import conductances
 from pneumo_casadi.identification.result_file import result_dict
 from pneumo_casadi.report.tables.laboratory import LEGEND, laboratory_tables, legend_table
+from pneumo_casadi.report.tables.parameters import parameter_table
 from pneumo_casadi.report.tables.table import Table
+from pneumo_casadi.report.text.final_model import least_certain
 
 
 @pytest.fixture(scope="module")
@@ -80,3 +82,36 @@ def test_the_legend_explains_what_is_used():
 def test_the_legend_reads_headings_and_first_cells_of_tables():
     table = Table("", ("", "p_P [kPa]"), (("Piston area S", "M"),))
     assert [row[0] for row in legend_table("x", table).rows] == ["x, v", "p_P, p_N", "S, S_P, S_N"]
+
+
+@pytest.mark.parametrize(
+    ("valve", "stated"),
+    [
+        ({"source": "metered"}, False),
+        ({"source": "metered", "accuracy_percent": 2.0}, True),
+        ({"P": {"accuracy_percent": 2.0}, "N": {}}, False),
+    ],
+)
+def test_an_accuracy_that_is_not_stated_of_each_meter_is_missed(quick, valve, stated):
+    content = result_dict(quick)
+    bench = {"area_accuracy_percent": 2.0, "valve": valve}
+    content = {**content, "model": {**content["model"], "bench": bench}}
+    (table,) = (t for t in laboratory_tables(content) if t.title.startswith("Valve"))
+    assert bool(table.notes) is not stated
+
+
+def test_the_least_certain_parameter_is_so_by_the_wider_interval():
+    items = {
+        "M": {"value": 16.0, "std": 0.5, "std_robust": 0.2},
+        "f_v": {"value": 11.0, "std": 0.2, "std_robust": 0.21},
+        "v_s": {"value": 1e-4, "std": None, "std_robust": None},
+    }
+    assert least_certain({"output_error": {"parameters": items}}) == "M, ± 6.2 % (2σ)"
+
+
+def test_the_difference_from_a_negative_truth_has_its_sign(quick):
+    known = replace(quick, truth={"F_c_plus": -15.0})
+    table = parameter_table(known)
+    (row,) = (row for row in table.rows if row[0] == "F_c⁺")
+    at = table.columns.index("OE - truth")
+    assert row[at].startswith("+")

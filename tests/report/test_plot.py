@@ -6,6 +6,7 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
@@ -88,6 +89,12 @@ def test_channels_of_a_recording():
 def test_figure_of_a_design(made_design):
     """A design that was searched for is drawn by the command, whose test looks at the file."""
     assert_drawn(pc.plot.design(made_design()))
+
+
+def test_figure_of_a_design_for_an_axis_whose_supply_is_recorded(made_design):
+    made = made_design()
+    run = replace(made.runs["axis"], u=np.vstack([made.runs["axis"].u, np.full(100, 7e5)]))
+    assert_drawn(pc.plot.design(replace(made, runs={"axis": run})))
 
 
 def test_a_validation_is_drawn_by_itself(quick):

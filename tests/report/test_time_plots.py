@@ -47,3 +47,17 @@ def test_without_bokeh_the_still_figures_stay(monkeypatch):
     monkeypatch.setattr("pneumo_casadi.report.interactive.time_plot.find_spec", lambda name: None)
     picture = page.Picture("validation_run", b"\x89PNG", "A record.")
     assert page.plots_of([CURVES], [picture]) == ([], [picture])
+
+
+def test_more_simulations_than_colours_are_told_apart_by_their_dashes():
+    pytest.importorskip("bokeh")
+    from pneumo_casadi.report.figures.time_series import time_series_figure
+    from pneumo_casadi.report.pages.page import plots_of
+
+    many = {"measured": x, **{f"run {k}": x + 0.01 * k for k in range(7)}}
+    curves = Curves("record", t, {"x": "m"}, {"x": 1e-3}, {"x": many})
+    lines = time_series_figure(curves).axes[0].get_lines()[: len(many)]
+    assert len({(line.get_color(), line.get_linestyle()) for line in lines}) == len(many)
+    ((plot,), _) = plots_of([curves], [])
+    assert [name for name, _ in plot.curves] == list(many)
+    assert len({background for _, background in plot.curves}) == len(many)

@@ -100,3 +100,17 @@ def test_a_figure_draws_no_point_without_a_bar(doubtful):
     assert not drawn["X_s2"] and not drawn["f_v"] and drawn["M"]
     labels = [label.get_text() for label in correlation_figure(doubtful).axes[0].get_xticklabels()]
     assert len(labels) == len(doubtful.parameter_names) - 2
+
+
+def test_a_deviation_is_drawn_only_where_a_true_value_is(quick):
+    pytest.importorskip("matplotlib")
+    from pneumo_casadi.report.figures.identification.parameters import forest_figure
+
+    known = replace(quick, truth={"M": 16.0, "f_v": 0.0, "F_c_plus": -15.0})
+    (axes,) = forest_figure(known).axes
+    words = sorted({text.get_text() for text in axes.texts})
+    assert words == ["no true value is known", "the true value is 0"]
+    names = list(known.wls.names)
+    points = dict(zip(names, axes.containers[1].lines[0].get_xdata(), strict=True))
+    assert np.isfinite(points["M"]) and not np.isfinite([points["f_v"], points["X_s2"]]).any()
+    assert points["F_c_plus"] > 100  # above a negative truth, not below it

@@ -206,6 +206,14 @@ def test_an_estimate_at_its_bound_has_no_interval():
     assert rows["f_v"] == "0 N s/m (at its bound)"
 
 
+def test_areas_that_are_estimated_are_shown_as_estimates():
+    area = Value(8.7e-4, 1e-6, "m²")
+    values = {"S_P": area, "M": Value(10.0, 0.1, "kg")}
+    table = fitted_table(replace(made.NONE, nominal=values, fitted=values))
+    assert [row[0] for row in table.rows] == ["S_P", "M"]
+    assert "flow map" not in " ".join(table.notes)
+
+
 def test_an_estimate_outside_its_range_does_not_simply_agree():
     mass = Check("M", 19.3, 0.3, 21.0, 1.05, "kg", True, "M = 19.3 kg")
     apart = replace(made.EFFECT, checks=(mass, replace(mass, value=20.5)))

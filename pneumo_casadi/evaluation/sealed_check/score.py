@@ -189,8 +189,9 @@ def discovered_scores(cases: Sequence[Judged]) -> dict[str, Any]:
 def _driver_is_right(case: Judged) -> bool:
     """Return whether a term's driver, or one of several, is that of the cause."""
     true = {FORMS[name].driver for name in case.causes}
-    drivers = {part.strip().partition("_")[0] for part in case.answer.driver.split(",")}
-    return bool(true & drivers)
+    parts = (part.strip() for part in case.answer.driver.split(","))
+    # Which pressure it is the form says; time and travel since a reversal are other drivers.
+    return bool(true & {"p" if part.startswith("p_") else part for part in parts})
 
 
 def scores_of(cases: Sequence[Judged]) -> dict[str, Any]:

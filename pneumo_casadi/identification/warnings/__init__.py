@@ -7,7 +7,9 @@ from pneumo_casadi.identification.warnings.grading import (
     ResultWarning,
     Usability,
     Usable,
+    in_order,
     judge_usability,
+    met,
 )
 from pneumo_casadi.identification.warnings.result_warnings import (
     inflation,
@@ -24,9 +26,11 @@ __all__ = [
     "ResultWarning",
     "Usability",
     "Usable",
+    "in_order",
     "inflation",
     "judge_usability",
     "largest_gap",
+    "met",
     "result_warnings",
     "simulation_sentence",
     "validation_warnings",

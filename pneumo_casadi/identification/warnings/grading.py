@@ -165,6 +165,8 @@ CONDITIONS: Mapping[str, tuple[Grade, str]] = MappingProxyType(
         "friction has a force": (Grade.CAUTION, "a load or a tilt is in the friction"),
         "at bound": (Grade.CAUTION, "the estimate is the bound's"),
         "uninformed": (Grade.CAUTION, "the value is the starting value"),
+        "cause unknown": (Grade.SEVERE, "mass and friction take up what the model lacks"),
+        "taken up": (Grade.CAUTION, "geometry or data sheet contradict the estimate"),
         "not held out": (Grade.CAUTION, "nothing tells what a prediction is worth"),
         "stages": (Grade.NOTE, "the way to the optimum does not change it"),
         "long records": (Grade.NOTE, "initial states are free, and misfit lasts beyond a window"),
@@ -247,12 +249,26 @@ def limited(key: str, size: float, about: str, text: str) -> Iterator[ResultWarn
 
 
 def met(key: str, about: str, text: str) -> ResultWarning:
-    """Return the warning of a condition that is met."""
+    """Return the warning of a condition that is met.
+
+    Parameters
+    ----------
+    key : str
+        Name of the condition in `CONDITIONS`, which grades it.
+    about, text : str
+        See `ResultWarning`.
+    """
     return ResultWarning(CONDITIONS[key][0], about, text)
 
 
 def in_order(warnings: Sequence[ResultWarning]) -> tuple[ResultWarning, ...]:
-    """Return warnings with the gravest first, otherwise in their order."""
+    """Return warnings with the gravest first, otherwise in their order.
+
+    Parameters
+    ----------
+    warnings : sequence of ResultWarning
+        In any order.
+    """
     return tuple(sorted(warnings, key=lambda item: list(Grade).index(item.grade)))
 
 

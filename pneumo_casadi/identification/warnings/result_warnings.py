@@ -104,7 +104,7 @@ def _of_solution(result: OutputErrorResult) -> Iterator[ResultWarning]:
             "output_error",
             f"The output-error fit has not converged: {result.status}.",
         )
-    if len(result.stages) > 1:
+    if any(stage.status != "converged" for stage in result.stages[:-1]):  # others were planned
         yield met(
             "stages",
             "output_error",
@@ -180,8 +180,8 @@ def simulation_sentence(validation: Validation) -> str:
     """
     name, gap, view = largest_gap(validation)
     return (
-        f"on held-out records the simulation ({view}) is off by at most {_percent(gap)} of the "
-        f"signal ({name}) beyond the sensor noise."
+        f"on held-out records the simulation ({view}) is off by {_percent(gap)} of the signal "
+        f"beyond the sensor noise in the worst output ({name})."
     )
 
 

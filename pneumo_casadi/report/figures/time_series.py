@@ -1,5 +1,7 @@
 """Outputs over time, measured and simulated: the whole record, and where they differ most."""
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -17,7 +19,7 @@ from pneumo_casadi.report.figures.style import (
     new_figure,
     thin,
 )
-from pneumo_casadi.report.interactive.look import COLOURS, detail_seconds
+from pneumo_casadi.report.interactive.look import detail_seconds, line_look
 
 #: Residuals are averaged over blocks of this length [s], so that they show beside the noise.
 AVERAGED = 0.02
@@ -65,10 +67,12 @@ def _draw(
     for k, (name, curve) in enumerate(curves.values[output].items()):
         t, y = thin(curves.t[shown], curve[shown])
         measured = name == MEASURED
-        above.plot(t, y * factor, color=COLOURS[k], linewidth=2.2 if measured else LINE, label=name)
+        colour, dash = line_look(k)
+        look: dict[str, Any] = {"color": colour, "linestyle": dash}
+        above.plot(t, y * factor, **look, linewidth=2.2 if measured else LINE, label=name)
         if not measured:
             t, e = block_means(curves.t[shown], curves.residual(output, name)[shown], AVERAGED)
-            below.plot(t, e * error_factor, color=COLOURS[k], linewidth=0.6)
+            below.plot(t, e * error_factor, **look, linewidth=0.6)
     if curves.noise[output]:
         band = 2 * curves.noise[output] * error_factor
         below.axhspan(-band, band, color="#dddddd", linewidth=0, zorder=0.5)

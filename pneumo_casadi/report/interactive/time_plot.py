@@ -5,7 +5,7 @@ from importlib.util import find_spec
 from typing import Any
 
 from pneumo_casadi.data.recording.curves import MEASURED, POINTS, Curves
-from pneumo_casadi.report.interactive.look import COLOURS, detail_seconds
+from pneumo_casadi.report.interactive.look import detail_seconds, line_look
 
 #: Height of an output's panel and of its residuals' [pixels].
 HEIGHT, RESIDUAL_HEIGHT = 190, 120
@@ -106,8 +106,9 @@ def _panel(curves: Curves, output: str, source: Any, x_range: Any, residual: boo
         if residual and name == MEASURED:
             continue
         column = f"{prefix}{output}_{k}"
+        colour, dash = line_look(k)
         drawn = panel.line(
-            "t", column, source=source, color=COLOURS[k], name=name,
+            "t", column, source=source, color=colour, line_dash=dash, name=name,
             line_width=4 if name == MEASURED else 1.5,
         )  # fmt: skip
         first = first or drawn

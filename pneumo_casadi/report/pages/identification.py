@@ -92,7 +92,9 @@ def usability_verdict(content: Mapping[str, Any]) -> Verdict:
         noise = outputs[worst]["noise_percent"]
         text = f"{outputs[worst]['percent']:.2g} % of {worst}"
         text += f"; the sensor noise is {noise:.2g} %" if noise and noise >= RESOLVED else ""
-        facts.append(("Largest error of a held-out record, simulated whole in open loop", text))
+        facts.append(
+            ("Error on held-out records, simulated whole in open loop, of the worst output", text)
+        )
     first = "" if content["usable"] == Usable.YES.value else "check what is said above; "
     more = "`diagnose` tells where model and measurement disagree and why, `design` what to record"
     facts.append(("Next", first + more))

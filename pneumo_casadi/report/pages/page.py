@@ -10,7 +10,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
 from pneumo_casadi.data.recording.curves import Curves
-from pneumo_casadi.report.interactive.look import COLOURS
+from pneumo_casadi.report.interactive.look import swatch
 from pneumo_casadi.report.interactive.time_plot import (
     can_interact,
     detail_of,
@@ -119,7 +119,7 @@ class Plot:
     detail : list of float
         Start and end of the interval with the largest difference [s].
     curves : sequence of (str, str)
-        Names and colours.
+        Names, and CSS backgrounds that show their lines.
     label : str
         What it shows.
     picture : Picture or None
@@ -241,7 +241,7 @@ def plots_of(
             Plot(
                 time_plot(each),
                 detail_of(each),
-                list(zip(names, COLOURS, strict=False)),
+                [(name, swatch(k)) for k, name in enumerate(names)],
                 f"Outputs of {each.record} over time, measured and simulated, and the residuals.",
                 picture,
                 f"{shown} {_HANDLING}".lstrip(),

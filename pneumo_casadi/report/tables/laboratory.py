@@ -164,7 +164,9 @@ def _valve(content: Mapping[str, Any]) -> Table:
         "The accuracy of the flow meter is not stated (valve.accuracy_percent in bench.json), and "
         "not in ± 2σ of C.",
     )
-    notes = () if "accuracy_percent" in str(bench) else unknown
+    section = bench.get("valve", {})
+    valves = [section[name] for name in "PN"] if "P" in section else [section]
+    notes = () if all("accuracy_percent" in valve for valve in valves) else unknown
     return Table("Valve, estimate ± 2σ", ("", "filling", "exhausting"), rows, notes)
 
 

@@ -167,7 +167,7 @@ def _row(
         "" if wls is None else interval_text(*wls, e),
         output_error_text(identification, name, e),
         "" if true is None else f"{true / 10.0**e:.4g}",
-        f"{100 * (oe / true - 1):+.2f} %" if true and trusted else "",
+        f"{100 * (oe - true) / abs(true):+.2f} %" if true and trusted else "",
         interval_text(*TABLE_1[name], e) if paper and name in TABLE_1 else "",
     )
 

@@ -33,7 +33,7 @@ def validation_table(validation: Validation) -> Table:
     if validation.closed_loop is not None:
         runs.append(("closed loop, whole record", validation.closed_loop))
     channels = list(validation.open_loop)
-    units = [DISPLAY.get(validation.open_loop[c].unit, ("", 1.0))[0] for c in channels]
+    units = [_display(validation.open_loop[c].unit)[0] for c in channels]
     rows = [
         (label, *(_error_text(errors[channel]) for channel in channels)) for label, errors in runs
     ]
@@ -45,8 +45,13 @@ def validation_table(validation: Validation) -> Table:
     )
 
 
+def _display(unit: str) -> tuple[str, float]:
+    """Return the unit that is shown for one of SI, with the factor to it."""
+    return DISPLAY.get(unit, (unit, 1.0))
+
+
 def _error_text(error: Error) -> str:
-    factor = DISPLAY.get(error.unit, ("", 1.0))[1]
+    factor = _display(error.unit)[1]
     return f"{error.rms * factor:.3g} ({error.percent:.2g} %)"
 
 
@@ -55,7 +60,7 @@ def _noise_text(error: Error) -> str:
         return "unknown"
     if error.noise_percent < RESOLVED:
         return "not resolved"
-    factor = DISPLAY.get(error.unit, ("", 1.0))[1]
+    factor = _display(error.unit)[1]
     return f"{error.noise * factor:.3g} ({error.noise_percent:.2g} %)"
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from pneumo_casadi.diagnosis import Diagnosis, Value, Verdict
+from pneumo_casadi.diagnosis.refined_identification import taken_up
 from pneumo_casadi.estimation.statistics import EstimateStatus
 from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.identification.result_file import result_dict
@@ -75,9 +76,9 @@ def least_certain(content: Mapping[str, Any]) -> str:
         Plain values of an identification, as in ``result.json``.
     """
     relative = {
-        name: 200 * item["std_robust"] / abs(item["value"])
+        name: 200 * max(item["std"], item["std_robust"]) / abs(item["value"])
         for name, item in content["output_error"]["parameters"].items()
-        if item["std_robust"] and item["value"]
+        if item["std"] and item["std_robust"] and item["value"]
     }
     if not relative:
         return ""
@@ -107,9 +108,8 @@ def final_title(diagnosis: Diagnosis) -> str:
 
 def _absorbed(diagnosis: Diagnosis) -> str:
     """Return which parameters have taken up what the model lacks; empty where none has."""
-    wrong = [check.name for check in diagnosis.final_checks if not check.agrees]
-    taken_up = diagnosis.verdict is Verdict.ABSORBED or bool(diagnosis.absorbed)
-    if not taken_up or not wrong:
+    wrong = taken_up(diagnosis)
+    if not wrong:
         return ""
     return f"not {joined(wrong, 'or')}: the fit has taken up there what the model lacks"
 
@@ -141,5 +141,6 @@ def final_sentences(diagnosis: Diagnosis, final: FinalModel | None) -> tuple[str
         return ("The model lacks the cause: its parameters absorb a part of it.", file)
     absorbed = _absorbed(diagnosis)
     if absorbed:
-        return f"Do {absorbed.replace('not ', 'not use ', 1)}.", final.usability.sentence, file
+        unusable = (final.usability.sentence,) if final.usability.usable is Usable.NO else ()
+        return f"Do {absorbed.replace('not ', 'not use ', 1)}.", *unusable, file
     return final.usability.sentence, file

@@ -264,10 +264,11 @@ def test_discovered_terms_are_scored_by_what_they_depend_on(judged, told):
         judged("never_listed", "vibration", with_term(unknown, "x", 0.3)),
         judged("never_listed", "pressure_crosstalk", with_term(unknown, "p_P", 0.6)),
         judged("never_listed", "flow_drift", unknown),
+        judged("never_listed", "vibration", with_term(unknown, "t_reversal", None)),
         judged("single", "stribeck", with_term(unknown, "v", 0.5)),
         judged("none", "", told("none")),
     ]
     result = scored(cases)["discovered"]
-    assert (result["driver_right"]["hits"], result["driver_right"]["of"]) == (2, 4)
+    assert (result["driver_right"]["hits"], result["driver_right"]["of"]) == (2, 5)
     assert result["closes"] == {"median": 0.6, "of": 3}
     assert (result["false_term"]["hits"], result["false_term"]["of"]) == (1, 2)

@@ -50,7 +50,7 @@ def draw_forest(axes: Axes, identification: Identification) -> None:
     truth = identification.truth or {}
     names = list(identification.wls.names)
     result = identification.output_error
-    base = {n: truth.get(n) or result.parameters[n].value or 1.0 for n in names}
+    base = {n: (truth if truth else result.parameters.as_dict()).get(n) for n in names}
     wls = [
         (float(value), wls_half_width(identification, n))
         for n, value in zip(names, identification.wls.estimate, strict=True)
@@ -62,13 +62,14 @@ def draw_forest(axes: Axes, identification: Identification) -> None:
         estimate if status in TRUSTED else (math.nan, None)
         for estimate, status in zip(oe, statuses, strict=True)
     ]
-    for row, status in enumerate(statuses):
-        if status is not EstimateStatus.ESTIMATED:
+    for row, (name, status) in enumerate(zip(names, statuses, strict=True)):
+        words = _no_deviation(base[name], bool(truth))
+        if words or status is not EstimateStatus.ESTIMATED:
             axes.annotate(
-                status.value, (0.0, row + 0.16), (3, 0), textcoords="offset points", va="center",
-                fontsize=SMALL, color=SIMULATED,
+                words or status.value, (0.0, row + 0.16), (3, 0), textcoords="offset points",
+                va="center", fontsize=SMALL, color=SIMULATED,
             )  # fmt: skip
-    references = [base[n] for n in names]
+    references = [base[n] or math.nan for n in names]
     _points(axes, wls, references, -0.16, WLS, "s", "WLS")
     _points(axes, oe, references, 0.16, SIMULATED, "o", "output error")
     reference = "truth" if truth else "output error"
@@ -78,6 +79,13 @@ def draw_forest(axes: Axes, identification: Identification) -> None:
     dress(axes, f"deviation from {reference} [%]")
     axes.tick_params(axis="y", labelsize=TEXT)
     legend_above(axes, 3)
+
+
+def _no_deviation(base: float | None, of_truth: bool) -> str:
+    """Return why there is no relative deviation from a value; empty where there is one."""
+    if base is None:
+        return "no true value is known"
+    return "" if base else f"the {'true value' if of_truth else 'estimate'} is 0"
 
 
 def correlation_figure(identification: Identification) -> Figure:
@@ -132,7 +140,8 @@ def _points(
     marker: str,
     label: str,
 ) -> None:
-    values = np.array([100 * (v / r - 1) for (v, _), r in zip(estimates, references, strict=True)])
+    pairs = zip(estimates, references, strict=True)
+    values = np.array([100 * (v - r) / abs(r) for (v, _), r in pairs])
     # An interval that is infinite or does not exist is no bar.
     halves = np.array(
         [

@@ -47,7 +47,7 @@ def _trajectories(panels: list[Axes], design: Design) -> None:
     run = next(iter(design.runs.values()))
     reference = design.reference
     t, x_ref, x, p_P, p_N, u_P, u_N = thin(
-        reference.t, 1e3 * reference.x_ref, 1e3 * run.y[2], *(1e-3 * run.y[:2]), *run.u
+        reference.t, 1e3 * reference.x_ref, 1e3 * run.y[2], *(1e-3 * run.y[:2]), *run.u[:2]
     )
     curves = (
         ((x_ref, "reference", GREY), (x, "position", BLUE)),

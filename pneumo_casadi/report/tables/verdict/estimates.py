@@ -88,7 +88,8 @@ def differing(fitted: Mapping[str, Value], final: Mapping[str, Value]) -> list[s
 
 def _of_axis(name: str) -> bool:
     """Return whether a parameter is of the axis or an effect, not a coefficient of the flow map."""
-    return "." in name or name.startswith(("X_s", "F_c_")) or name in ("M", "f_v", "v_s")
+    own = ("M", "f_v", "v_s", "S_P", "S_N")
+    return "." in name or name.startswith(("X_s", "F_c_")) or name in own
 
 
 def diagnosis_tables(
