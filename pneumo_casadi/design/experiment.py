@@ -206,7 +206,7 @@ class ExperimentSimulator:
         u = model.feedback(x, w, theta)
         u_max, n = self.controller.u_max, len(axis.kind.commands)
         u = ca.vertcat(ca.fmin(ca.fmax(u[:n], -u_max), u_max), ca.DM(axis.inputs_at_rest[n:]))
-        following = step_function(axis, model.stepping)(x, u, theta)
+        following = step_function(axis, model.stepping)(x, ca.vertcat(u, u[n:, :]), theta)
         results = [following, x, u, axis.output(x, u, theta)]
         return ca.Function("experiment_step", [x, w, theta], results)
 
@@ -214,10 +214,9 @@ class ExperimentSimulator:
         """Simulate a reference from where it was begun, or after settling on its first values."""
         settling = 0 if reference.start is not None else round(SETTLING / self.dt)
         x, p_P, p_N = reference.start or (reference.x_ref[0], *self.rest_pressures)
-        further = np.zeros(
-            (len(self.axis.inputs) - len(self.axis.kind.commands), reference.x_ref.size)
-        )
-        w = np.vstack([reference.x_ref, reference.common, reference.common, further])
+        commands = [reference.x_ref, reference.common, reference.common]
+        further = np.zeros((self.model.nw - len(commands), reference.x_ref.size))
+        w = np.vstack([*commands, further])
         given = np.hstack([np.repeat(w[:, :1], settling, axis=1), w])
         theta = self.axis.parameters.values
         start = self.axis.rest([p_P, p_N, x, 0.0], self.axis.inputs_at_rest, theta)

@@ -172,12 +172,15 @@ def _bound(model: IdentifiedModel) -> dict[str, ca.Function]:
     axis = model.axis
     x, u = axis.symbol.sym("x", len(axis.states)), axis.symbol.sym("u", len(axis.inputs))
     step = step_function(axis, Stepping(model.dt, substeps=model.substeps), inline=True)
+    held = ca.vertcat(
+        u, u[len(axis.kind.commands) :, :]
+    )  # what runs on is held too, as `step` says
     theta = axis.symbol(ca.DM(axis.parameters.values))
     return {
         name: ca.Function(
-            name, [x, u], f.call([x, u, theta], True, False), ["x", "u"], [_RESULTS[name][0]]
+            name, [x, u], f.call([x, w, theta], True, False), ["x", "u"], [_RESULTS[name][0]]
         )
-        for name, f in (("rhs", axis.rhs), ("step", step), ("output", axis.output))
+        for name, f, w in (("rhs", axis.rhs, u), ("step", step, held), ("output", axis.output, u))
     }
 
 

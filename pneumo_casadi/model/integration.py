@@ -149,31 +149,42 @@ def _group_size(count: int) -> int:
 
 
 def inputs_between(
-    w: Expression, nu: int, stepping: Stepping
+    w: Expression, axis: Axis, hold: InputHold
 ) -> Callable[[Expression], Expression]:
-    """Return the input as a function of the share of a sample that has passed.
+    """Return the inputs as a function of the share of a sample that has passed.
 
-    `w` is what `held_inputs` gives for the sample: the input, under linear hold with the next
-    one below it, and the length of a timed sample last.
+    `w` begins with what `held_inputs` gives for the sample: the inputs, and below them the next
+    values of those that run on.
     """
-    if stepping.hold is not InputHold.LINEAR:
+    held, nu = count_held(axis, hold), len(axis.inputs)
+    if held == nu:
         return lambda share: w[:nu]
-    return lambda share: (1 - share) * w[:nu] + share * w[nu : 2 * nu]
+    now, ahead = w[held:nu], w[nu : 2 * nu - held]
+    return lambda share: ca.vertcat(w[:held], (1 - share) * now + share * ahead)
+
+
+def count_held(axis: Axis, hold: InputHold) -> int:
+    """Return how many inputs hold over a sample; those behind them run on to their next value.
+
+    Measured ones, a supply pressure or a force on the rod, run on whatever the commands do: held,
+    they would act half a sample late, which a fit takes for viscous friction.
+    """
+    return 0 if hold is InputHold.LINEAR else len(axis.kind.commands)
 
 
 def step_function(axis: Axis, stepping: Stepping, inline: bool = False) -> ca.Function:
     """Return one sample of integration, (x, w, θ) → x at the next sample.
 
-    `w` is the input of this sample, under linear hold that of the next one below it, and the
-    length of a timed sample over dt last. With `inline` everything is written out; otherwise
-    every Runge-Kutta step calls the same function, which is compiled once.
+    `w` is the inputs of this sample, below them the next values of those that run on (see
+    `count_held`), and the length of a timed sample over dt last. With `inline` everything is
+    written out; otherwise every Runge-Kutta step calls the same function, which is compiled once.
     """
     sym = (axis.symbol if inline else ca.MX).sym
     nu = len(axis.inputs)
     x = sym("x", len(axis.states))
-    w = sym("w", nu * (2 if stepping.hold is InputHold.LINEAR else 1) + stepping.timed)
+    w = sym("w", 2 * nu - count_held(axis, stepping.hold) + stepping.timed)
     theta = sym("theta", len(axis.parameters))
-    u = inputs_between(w, nu, stepping)
+    u = inputs_between(w, axis, stepping.hold)
 
     def rates(share: Expression, at: Sequence[Expression]) -> list[Expression]:
         return list(axis.rhs.call([at[0], u(share), theta], inline, False))
@@ -185,17 +196,17 @@ def step_function(axis: Axis, stepping: Stepping, inline: bool = False) -> ca.Fu
     return ca.Function("step", [x, w, theta], [end], ["x", "w", "theta"], ["x_next"])
 
 
-def held_inputs(u: FloatArray, hold: InputHold, lengths: FloatArray | None = None) -> FloatArray:
+def held_inputs(
+    axis: Axis, u: FloatArray, hold: InputHold, lengths: FloatArray | None = None
+) -> FloatArray:
     """Return `w` of every step, shape (nw, N - 1), from inputs of shape (N, nu).
 
     `lengths` (N - 1,) are those of timed samples, over dt.
     """
-    rows = [u[:-1].T]
-    if hold is InputHold.LINEAR:
-        rows.append(u[1:].T)
+    rows = [u[:-1].T, u[1:, count_held(axis, hold) :].T]
     if lengths is not None:
         rows.append(lengths[None])
-    return np.vstack(rows) if len(rows) > 1 else rows[0]
+    return np.vstack(rows)
 
 
 def sample_lengths(record: Recording, dt: float) -> FloatArray | None:

@@ -17,7 +17,7 @@ from pneumo_casadi.data.control.law import ControlLaw
 from pneumo_casadi.data.control.memory import memory_at_start
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.model.axis import Axis
-from pneumo_casadi.model.integration import held_inputs, sample_lengths
+from pneumo_casadi.model.integration import count_held, held_inputs, sample_lengths
 from pneumo_casadi.model.stepping import Stepping
 from pneumo_casadi.parameters import FloatArray
 
@@ -81,10 +81,8 @@ class SampledAxis:
     @property
     def nw(self) -> int:
         """Number of values that one sample is given."""
-        nu, timed = len(self.axis.inputs), self.stepping.timed
-        if self.controller is not None:
-            return 1 + nu + timed
-        return nu * (2 if self.stepping.hold is InputHold.LINEAR else 1) + timed
+        given = 2 * len(self.axis.inputs) - count_held(self.axis, self.stepping.hold)
+        return (self.controller is not None) + given + self.stepping.timed
 
     @cached_property
     def law(self) -> ControlLaw | None:
@@ -96,7 +94,7 @@ class SampledAxis:
 
     @cached_property
     def feedback(self) -> ca.Function:
-        """The loop as ``(x, w, θ) -> [u; memory]`` with w = [x_ref; what is added to u]."""
+        """The loop as ``(x, w, θ) -> [u; memory]`` with w = [x_ref; what is added to u; ...]."""
         axis, law = self.axis, self.law
         if law is None:
             raise ModelError("open loop: there is no feedback")
@@ -120,6 +118,7 @@ class SampledAxis:
         """
         if self.controller is None:
             return held_inputs(
+                self.axis,
                 record.stack(self.axis.inputs),
                 record.hold,
                 sample_lengths(record, self.stepping.dt),
@@ -129,7 +128,8 @@ class SampledAxis:
                 f"record {record.name}: no reference x_ref; without it the loop cannot be "
                 "simulated, fit in open loop"
             )
-        rows = np.vstack([record["x_ref"], added_inputs(self.axis, record)])[:, :-1]
+        added = added_inputs(self.axis, record)
+        rows = np.vstack([record["x_ref"], added, next_further(self.axis, added)])[:, :-1]
         lengths = sample_lengths(record, self.stepping.dt)
         return rows if lengths is None else np.vstack([rows, lengths])
 
@@ -177,3 +177,12 @@ def added_inputs(axis: Axis, record: Recording) -> FloatArray:
         if name not in axis.kind.commands:
             rows[row] = record[name]
     return rows
+
+
+def next_further(axis: Axis, added: FloatArray) -> FloatArray:
+    """Return the further inputs, those behind the commands, one sample later; the last one stays.
+
+    `added` (nu, N) is what `added_inputs` returns.
+    """
+    further = added[len(axis.kind.commands) :]
+    return np.hstack([further[:, 1:], further[:, -1:]])

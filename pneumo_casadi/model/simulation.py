@@ -13,7 +13,7 @@ from pneumo_casadi.errors import ModelError
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.integration import accumulate, held_inputs, step_function
 from pneumo_casadi.model.machine_code.compilation import compile_functions
-from pneumo_casadi.model.sampled_axis import SampledAxis
+from pneumo_casadi.model.sampled_axis import SampledAxis, next_further
 from pneumo_casadi.model.stepping import Stepping, stepping_for
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.runtime.presentation import Brief
@@ -98,7 +98,8 @@ def simulate(
         axis, x, v for a force-driven axis, then the states of the effects. If those are left out,
         effects start at rest.
     hold : InputHold
-        Course of the inputs between the sampling instants: constant, or linear.
+        Course of the commands between the sampling instants: constant, or linear. Measured
+        inputs run linearly in any case.
     lengths : (N - 1,) array, optional
         Length of each sampling interval divided by `dt`, where the clock is not uniform.
 
@@ -127,7 +128,7 @@ def simulate(
     inputs = np.asarray(u, dtype=float)
     stepping = stepping_for(axis, dt, hold, lengths)
     start = full_state(axis, x_0, inputs[0])
-    w = held_inputs(inputs, hold, lengths)
+    w = held_inputs(axis, inputs, hold, lengths)
     x = simulate_windows(axis, stepping, w[None], start[:, None])[0]
     return _trajectory(axis, _instants(dt, len(inputs), lengths), x, inputs.T)
 
@@ -166,7 +167,8 @@ def simulate_closed_loop(
         By default the bench's.
     disturbance : (N,) or (N, nu) array, optional
         Added to what the controller sets [V or N]: one value to all commands, or one to each input,
-        further inputs such as a supply pressure whole. By default these are as at rest.
+        further inputs such as a supply pressure whole, which run linearly between the instants.
+        By default these are as at rest.
     memory : (n_memory,) array, optional
         What the controller remembers before the first sample. By default integrators are empty
         and the axis has moved at its first velocity.
@@ -209,7 +211,7 @@ def simulate_closed_loop(
         x, v = (start[axis.states.index(name)] for name in ("x", "v"))
         memory = ControlLaw(law, dt).rest(reference[0], x, v)
     state = np.concatenate([start, np.asarray(memory, dtype=float)])
-    rows = [reference[None], added.T]
+    rows = [reference[None], added.T, next_further(axis, added.T)]
     if lengths is not None:
         rows.append(np.append(lengths, 1.0)[None])
     streams = [np.vstack(rows)[None]]
@@ -224,8 +226,7 @@ def _closed_step(model: SampledAxis) -> ca.Function:
     state, w, theta = sym("state", model.nx), sym("w", model.nw), sym("theta", len(axis.parameters))
     output = model.feedback(state, w, theta)
     x, u = state[:nx], output[:nu]
-    given = ca.vertcat(u, w[-1]) if model.stepping.timed else u
-    ahead = step_function(axis, model.stepping)(x, given, theta)
+    ahead = step_function(axis, model.stepping)(x, ca.vertcat(u, w[1 + nu :]), theta)
     following = ca.vertcat(ahead, output[nu:])
     step = ca.Function("closed_step", [state, w, theta], [following, x, u])
     return compile_functions([step])[0]

@@ -8,7 +8,7 @@ from types import MappingProxyType
 import numpy as np
 
 from pneumo_casadi.data import InputHold, Recording
-from pneumo_casadi.data.bench.axis_kind import INPUTS, OUTPUTS
+from pneumo_casadi.data.bench.axis_kind import INPUTS, MEASURED_INPUTS, OUTPUTS
 from pneumo_casadi.errors import CaseError, ModelError
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.signals.bandwidth import power_bandwidth, white_noise_std
@@ -255,8 +255,11 @@ def _inputs(recording: Recording, pairing: InputPairing) -> list[dict[str, Float
     after = {n: recording[n] for n in INPUTS if n in recording.channels}
     if pairing is InputPairing.SAMPLE:
         return [after]
-    # Nothing is known of the input before the first sample: it is taken to have stood already.
-    before = {name: np.concatenate((u[:1], u[:-1])) for name, u in after.items()}
+    # Nothing is known of a command before the first sample: it is taken to have stood already.
+    before = {
+        name: u if name in MEASURED_INPUTS else np.concatenate((u[:1], u[:-1]))
+        for name, u in after.items()
+    }
     return [before, after]
 
 

@@ -4,8 +4,11 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from pneumo_casadi.data import Clock, InputHold, Recording
-from pneumo_casadi.data.bench.axis_kind import INPUTS
+from pneumo_casadi.data.bench.axis_kind import FORCE_DRIVEN, PNEUMATIC
 from pneumo_casadi.parameters import FloatArray
+
+#: What a controller holds, and what is added to it.
+COMMANDS = (*PNEUMATIC.commands, *FORCE_DRIVEN.commands, "F_pulse")
 
 
 def on_uniform_clock(recording: Recording, dt: float | None = None) -> Recording:
@@ -44,7 +47,7 @@ def on_uniform_clock(recording: Recording, dt: float | None = None) -> Recording
     held = recording.hold is InputHold.ZERO
     channels = {
         name: _means(recording.t, recording[name], t)
-        if held and name in INPUTS and name.startswith("u_")
+        if held and name in COMMANDS
         else CubicSpline(recording.t, recording[name])(t)
         for name in recording.names
     }

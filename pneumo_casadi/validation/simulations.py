@@ -82,14 +82,15 @@ def window_runs(
         L = int(min([round(window / record.dt), *apart]))
         starts = [(first, x_0) for first, x_0 in states if first + L < record.N]
         lengths = sample_lengths(record, record.dt)
-        w = held_inputs(record.stack(axis.inputs), record.hold, lengths)
+        inputs = record.stack(axis.inputs)
+        w = held_inputs(axis, inputs, record.hold, lengths)
         stretches = np.stack([w[:, first : first + L] for first, _ in starts])
         x_0 = np.stack([x for _, x in starts], axis=1)
         stepping = stepping_for(axis, record.dt, record.hold, lengths, longest_step)
         x = simulate_windows(axis, stepping, stretches, x_0)[:, :, :L]
         joined = np.hstack(list(x))
-        u = np.hstack(list(stretches))[: len(axis.inputs)]
         rows = np.array([np.arange(first, first + L) for first, _ in starts])
+        u = inputs[rows.ravel()].T
         y = compute_outputs(axis, joined, u)
         names = (axis.states, joined, axis.outputs, y, axis.inputs, u)
         pairs.append((record, rows, Trajectory(record["t"][rows].ravel(), *names)))

@@ -142,7 +142,7 @@ def states(axis, rng):
 def steps(axis, u, x_0, hold=InputHold.ZERO, dt=1 / FS, substeps=20):
     """Integrate finely; returns (nx, N) states at the samples of u (N, nu)."""
     (step,) = compile_functions([step_function(axis, Stepping(dt, hold, substeps))])
-    w = held_inputs(u, hold)
+    w = held_inputs(axis, u, hold)
     chain = step.mapaccum(w.shape[1])
     after = chain(x_0, w, np.tile(axis.parameters.values[:, None], (1, w.shape[1])))
     return np.hstack([np.reshape(x_0, (-1, 1)), after.full()])

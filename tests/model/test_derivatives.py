@@ -55,7 +55,7 @@ def draw(made, axis, seed, hold=InputHold.ZERO):
     rng = np.random.default_rng(seed)
     x, u = made.states(axis, rng)
     path = u + 0.02 * rng.standard_normal((N + 1, u.size)) * np.abs(u)
-    return x, held_inputs(path, hold)
+    return x, held_inputs(axis, path, hold)
 
 
 @pytest.mark.parametrize("of", ["x", "u", "theta"])

@@ -121,10 +121,11 @@ def test_under_linear_hold_an_input_is_a_ramp_between_samples(made):
     np.testing.assert_allclose(x[1], [0, 0.1, 0.2, 0.2], atol=1e-14)
 
 
-def test_the_last_input_is_used_by_linear_hold_only():
-    u = np.arange(8.0).reshape(4, 2)
-    np.testing.assert_array_equal(held_inputs(u, InputHold.ZERO), u[:-1].T)
-    np.testing.assert_array_equal(held_inputs(u, InputHold.LINEAR), np.vstack([u[:-1].T, u[1:].T]))
+def test_the_last_input_is_used_by_linear_hold_only(made):
+    axis, u = made.true_axis(), np.arange(8.0).reshape(4, 2)
+    np.testing.assert_array_equal(held_inputs(axis, u, InputHold.ZERO), u[:-1].T)
+    linear = held_inputs(axis, u, InputHold.LINEAR)
+    np.testing.assert_array_equal(linear, np.vstack([u[:-1].T, u[1:].T]))
 
 
 @pytest.mark.slow
@@ -204,7 +205,7 @@ def test_samples_of_their_own_lengths_are_integrated_over_these(made):
 def test_steps_in_groups_are_the_steps_written_out(smooth, hold):
     axis, u, x = smooth
     stepping = Stepping(4e-3, hold, substeps=12)
-    w = held_inputs(u[:2], hold)[:, 0]
+    w = held_inputs(axis, u[:2], hold)[:, 0]
     called, written = (
         step_function(axis, stepping, inline)(x, w, axis.parameters.values)
         for inline in (False, True)

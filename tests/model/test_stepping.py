@@ -23,7 +23,11 @@ def strokes(made):
     axis = made.true_axis().with_parameters({"v_s": 1e-4})
     t = np.arange(501) / FS
     u = 1.2 * np.sin(2 * np.pi * 3.0 * t)
-    return axis, held_inputs(np.column_stack([u, -u]), InputHold.ZERO), [3.8e5, 4.4e5, 0.0, 0.0]
+    return (
+        axis,
+        held_inputs(axis, np.column_stack([u, -u]), InputHold.ZERO),
+        [3.8e5, 4.4e5, 0.0, 0.0],
+    )
 
 
 def run(axis, w, x_0, stepping):

@@ -225,3 +225,5 @@ KINDS = (PNEUMATIC, FORCE_DRIVEN, PRESSURE_DRIVEN)
 #: Outputs and inputs of all kinds: the channels that a recording of an unknown axis may have.
 OUTPUTS = tuple(dict.fromkeys(n for kind in KINDS for n in kind.with_signals(kind.further).outputs))
 INPUTS = tuple(dict.fromkeys(n for kind in KINDS for n in kind.with_signals(kind.further).inputs))
+#: Inputs that are measured beside the commands, by whatever axis.
+MEASURED_INPUTS = tuple(n for n in INPUTS if any(k.further.get(n) == "input" for k in KINDS))

@@ -44,7 +44,11 @@ def column_name(channel: str) -> str:
 
 
 class InputHold(Enum):
-    """How the inputs run between their samples."""
+    """How the commands run between their samples.
+
+    A supply pressure or a force on the rod that is measured always runs on linearly: held, it would
+    act half a sample late.
+    """
 
     ZERO = "zero order"
     """u(t) = u[k] for t[k] ≤ t < t[k+1], as a sampled controller holds it."""

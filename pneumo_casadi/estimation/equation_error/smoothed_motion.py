@@ -54,7 +54,7 @@ class SmoothedMotion:
     u_before : (nu, n) array
         Inputs at the samples before, whose measurements the filters took.
     commands_kept : bool
-        Whether every column of the inputs is one command, held over a sample: neither a mean of
+        Whether every column of the commands is one, held over a sample: neither a mean of
         several, as of records that were thinned or resampled, nor a signal that runs on.
     weak : (m, N) sparse array
         Test functions: windows that average a balance over a few hundredths of a second.
@@ -173,9 +173,11 @@ def smooth_motion(
     x, dx = filtered.stack_states(names), filtered.stack_derivatives(names)
     (u,) = filtered.stack_inputs(axis.inputs)
     t = filtered.t[None]
-    # An input held from its sample to the next belongs to the middle of that step.
+    # A command held from its sample to the next belongs to the middle of that step.
     if record.hold is InputHold.ZERO:
-        t, x, dx, u = t[:, :-1] + record.dt / 2, _midway(x), _midway(dx), u[:, :-1]
+        held = len(axis.kind.commands)
+        u = np.vstack([u[:held, :-1], _midway(u[held:])])
+        t, x, dx = t[:, :-1] + record.dt / 2, _midway(x), _midway(dx)
     # The signals are band-limited, so that means over 1 ms lose nothing; at 5 kHz the fit is five
     # times faster.
     thin = max(1, int(fs / RATE))

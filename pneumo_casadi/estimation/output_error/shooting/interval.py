@@ -141,6 +141,8 @@ def _sample(model: SampledAxis, free: Sequence[str] | None = None) -> ca.Functio
         feedback = _with_sensitivities("loop", model.feedback, axis, at, m, False)
         law = feedback.call([*state, w, theta])
         u, kept = [part[:nu, :] for part in law], [part[nu:, :] for part in law]
+        if model.nw > 1 + nu:
+            u.append(w[1 + nu :])  # the next values of what runs on
     y = output.call([*own, u[0][:nu], theta])
     integrate = _integration(model, at, m)
     end = integrate(own, [*u, theta], h * w[-1] if model.stepping.timed else h)
@@ -150,9 +152,10 @@ def _sample(model: SampledAxis, free: Sequence[str] | None = None) -> ca.Functio
 
 
 def _integration(model: SampledAxis, at: Sequence[int] | None, m: int) -> Integrate:
-    """Return what integrates one sample, ``([x[, S]], [w or u[, du], θ], length) -> [x[, S]]``.
+    """Return what integrates one sample, ``([x[, S]], [w, θ], length) -> [x[, S]]``.
 
-    A controller's inputs u hold over the sample; without one they are those in w.
+    With a controller the inputs are given as ``[u[, du], next]`` in the place of w: what it sets,
+    and the next values of those that run on.
     """
     axis, moving = model.axis, model.controller is not None
     nx, nu = len(axis.states), len(axis.inputs)
@@ -162,11 +165,13 @@ def _integration(model: SampledAxis, at: Sequence[int] | None, m: int) -> Integr
     given = [ca.MX.sym("w", model.nw)]
     if moving:
         given = [ca.MX.sym("u", nu), ca.MX.sym("du", nu, m)][:width]
+        if model.nw > 1 + nu:
+            given.append(ca.MX.sym("next", model.nw - 1 - nu))
     rates = _with_sensitivities("rates", axis.rhs, axis, at, m, moving)
-    between = inputs_between(given[0], nu, model.stepping)
+    between = inputs_between(ca.vertcat(given[0], *given[width:]), axis, model.stepping.hold)
 
     def f(share: Expression, z: Sequence[Expression]) -> list[Expression]:
-        return list(rates.call([*z, *(given if moving else [between(share)]), theta]))
+        return list(rates.call([*z, between(share), *(given[1:width] if moving else []), theta]))
 
     integrate = runge_kutta_sample(axis, f, own, [*given, theta], model.stepping)
     if not axis.sampled_states:
@@ -177,7 +182,8 @@ def _integration(model: SampledAxis, at: Sequence[int] | None, m: int) -> Integr
         start: Sequence[Expression], during: Sequence[Expression], length: Expression
     ) -> list[Expression]:
         end = integrate(start, during, length)
-        after = renew.call([*end, during[0][:nu], *during[1:]])
+        changes = during[1:width] if moving else ()
+        after = renew.call([*end, during[0][:nu], *changes, during[-1]])
         # A block without time counts for nothing: nothing may jump there.
         return [ca.if_else(length > 0, a, b) for a, b in zip(after, end, strict=True)]
 
