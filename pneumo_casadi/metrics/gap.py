@@ -40,8 +40,6 @@ from pneumo_casadi.parameters import FloatArray
 
 #: Probabilities at the ends of the intervals.
 LEVELS = (0.025, 0.975)
-#: A gap below this is zero: closures are not divided by less.
-SMALLEST_GAP = 1e-12
 
 
 def gap(
@@ -138,7 +136,7 @@ def closure_interval(
     -----
     Every replicate draws as many blocks as there are, with replacement, for both models alike
     (Efron and Tibshirani 1993, An Introduction to the Bootstrap, ch. 8). Where no channel had a
-    gap, nothing is closed, as `closure` has it.
+    gap, in all or in a replicate, nothing is closed, as `closure` has it.
     """
     if not np.any(importance):
         return 0.0, 0.0
@@ -149,7 +147,8 @@ def closure_interval(
         np.sqrt(importance @ gap((sums @ weights.T) / number, floor) ** 2)
         for sums in (before, after)
     ]
-    closures = 1.0 - gaps[1] / np.maximum(gaps[0], SMALLEST_GAP)
+    share_left = np.divide(gaps[1], gaps[0], out=np.ones(replicates), where=gaps[0] > 0)
+    closures = 1.0 - share_left
     lower, upper = np.quantile(closures, LEVELS)
     return float(lower), float(upper)
 

@@ -90,7 +90,7 @@ class Bench:
     def gain(self, names):
         return self.gains.get(frozenset(names), sum(self.alone[name] for name in names))
 
-    def fit_all(self, starts):
+    def fit_all(self, starts, to_end=False):
         for key in starts:
             self.asked.append(key)
             refused = set(key) & self.refused or not self.needed <= set(key)

@@ -10,7 +10,7 @@ from types import MappingProxyType, SimpleNamespace
 import numpy as np
 import pytest
 
-from pneumo_casadi.data import Bench
+from pneumo_casadi.data import Bench, FlowSource, ValveData, Valves
 from pneumo_casadi.diagnosis import Check, Location, Verdict
 from pneumo_casadi.diagnosis.checks.absorbed import absorbed_candidates
 from pneumo_casadi.diagnosis.checks.parameter_checks import check_parameters
@@ -32,6 +32,7 @@ from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.estimation.output_error.result import FlowMapDeviation
 
 LEVELS = BalanceLevels(np.ones(3), np.full(3, 100.0))
+METERED = ValveData(FlowSource.METERED)
 ROWS = 640  # twenty blocks of the bootstrap
 
 
@@ -82,7 +83,7 @@ def ledger_of(left, soon):
         fits=fits, output_error_fits={}, fit_without=fit_without, fit_all=fit_all,
         key=lambda names: tuple(sorted(names)), effects=lambda names: names,
         simulate=lambda fits, window=WINDOW: None,
-        simulations=SimpleNamespace(share=share),
+        simulations=SimpleNamespace(share=share, tells=lambda *given: True),
         study=SimpleNamespace(held_out=(SimpleNamespace(dt=1e-3),)),
     )  # fmt: skip
 
@@ -169,7 +170,7 @@ def test_the_effect_that_balances_and_motion_miss_most_is_first(
     ledger = ledger_of(left, soon)
     ledger.fits[final] = Fit(final)
     monkeypatch.setattr(missed, "gain_on_all_records", lambda before, after: lost[before])
-    shares = contributions(ledger, None, final, tuple(named))
+    shares = contributions(ledger, None, final, tuple(named), LEVELS)
     assert list(shares) == list(expected)
     assert shares == pytest.approx(expected)
 
@@ -518,6 +519,7 @@ def axis():
     bench = Bench.__new__(Bench)
     known = {
         "r": 1.0, "T": 1.0, "S_P": 2.0, "S_N": 1.0, "stroke": 1.0, "datasheet": {"M_kg": 10.0},
+        "valves": Valves(METERED, METERED),
     }  # fmt: skip
     for name, value in known.items():
         object.__setattr__(bench, name, value)

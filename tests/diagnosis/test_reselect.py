@@ -37,7 +37,7 @@ def reselected(monkeypatch):
         monkeypatch.setattr(module, "motion_is_hidden", lambda effects, fitted: hides)
         monkeypatch.setattr(module, "complete", complete)
         monkeypatch.setattr(module, "contributions", lambda *given: {"heat_transfer": 0.6})
-        ledger = SimpleNamespace(fits={PAIR: left}, effects=lambda names: names)
+        ledger = SimpleNamespace(fits={PAIR: left}, effects=lambda names: names, failures={})
         return module.reselect(ledger, selection(*before), PAIR)
 
     return run
@@ -78,7 +78,7 @@ THREE = ("position_friction", "quadratic_drag", "valve_hysteresis")
 def test_one_effect_more_is_tried_where_the_search_had_stopped(monkeypatch, names, left, taken):
     """A weak spring beside three others had come out as a term, a line over x."""
     ledger = SimpleNamespace(
-        fits={names: SimpleNamespace(cost=0.0, left=5.0)}, effects=lambda names: names
+        fits={names: SimpleNamespace(cost=0.0, left=5.0)}, effects=lambda names: names, failures={}
     )
 
     def extend(ledger, nominal, current, known, levels):

@@ -6,7 +6,7 @@ a friction is implausible.
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from math import hypot
+from math import hypot, sqrt
 
 from pneumo_casadi.data import Bench
 from pneumo_casadi.diagnosis.checks.static_map import map_deviation, map_misfit
@@ -14,6 +14,7 @@ from pneumo_casadi.diagnosis.metrics.findings import Check
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.diagnosis.wording import check_texts as texts
+from pneumo_casadi.estimation.flow_scale import flow_scale_std
 from pneumo_casadi.estimation.output_error.result import FlowMapDeviation, OutputErrorResult
 from pneumo_casadi.estimation.statistics import EstimateStatus
 from pneumo_casadi.identification.warnings.grading import K_RANGE, LIMITS
@@ -51,17 +52,26 @@ SIGMAS = 6.0
 
 @dataclass(frozen=True, slots=True)
 class _Known:
-    """A parameter vector by name, with its standard deviations."""
+    """A parameter vector by name, with its standard deviations.
+
+    X_s1 ... X_s6 share the unknown factor of the flows, whose standard deviations `scales` are
+    relative, by parameter. A ratio within a chamber, or of two with one flow meter, is free of it.
+    """
 
     values: Mapping[str, float]
     std: Mapping[str, float]
+    scales: Mapping[str, float]
 
     def ratio(self, above: str, below: str) -> tuple[float, float]:
         value = self.values[above] / self.values[below]
-        return value, abs(value) * hypot(self.relative(above), self.relative(below))
+        two = (self.scales[above], self.scales[below])
+        apart = hypot(*two) if two[0] != two[1] else 0.0
+        return value, abs(value) * hypot(self.relative(above), self.relative(below), apart)
 
     def relative(self, name: str) -> float:
-        return self.std.get(name, 0.0) / abs(self.values[name] or 1.0)
+        """Return what is unknown of a parameter beside the factor of the flows, relative to it."""
+        whole = self.std.get(name, 0.0) / abs(self.values[name] or 1.0)
+        return sqrt(max(whole**2 - self.scales.get(name, 0.0) ** 2, 0.0))
 
 
 def check_fit(study: Study, fit: FittedModel, effects: Sequence[Effect] = ()) -> tuple[Check, ...]:
@@ -138,7 +148,9 @@ def check_parameters(
     'F_c⁺ − F_c⁻ = -20.0 N, a factor of 11 between the directions: seals hardly differ by more
     than 4; a load or tilt of 10.0 N in +x would look the same.'
     """
-    known = _Known(values, std)
+    P, N = flow_scale_std(axis.bench)
+    scales = {f"X_s{i}": P if i <= 3 else N for i in range(1, 7)}
+    known = _Known(values, std, scales)
     checks: list[Check] = []
     if isinstance(axis.bench, Bench):  # its areas and volumes are checked
         checks += _areas(axis.bench, known)
@@ -181,7 +193,7 @@ def _areas(bench: Bench, known: _Known) -> Iterator[Check]:
             f"S_{chamber}",
             (value, value * known.relative(name)),
             S,
-            hypot(GEOMETRY, METERING) * S,
+            hypot(GEOMETRY, max(METERING, known.scales[name])) * S,
             "m2",
             texts.area_texts(chamber, value / S - 1),
         )

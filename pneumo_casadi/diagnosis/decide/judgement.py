@@ -254,10 +254,21 @@ def missed_gain(selection: Selection, best: Names, other: Names) -> float:
     if len(best) > 1 and best in selection.output_error_fits:
         return _missed_simulated_gain(selection, best, other)
     common = tuple(name for name in best if name in other)
-    base = selection.fits.get(common, selection.nominal) if common else selection.nominal
+    base = _fit_of_common(selection, common)
     own, others = (log_likelihood_gain(base, selection.fits[key]) for key in (best, other))
     total = float(np.sum(np.maximum(own, 0.0)))
     return float(np.sum(np.maximum(own - np.maximum(others, 0.0), 0.0))) / max(total, 1e-9)
+
+
+def _fit_of_common(selection: Selection, common: Names) -> FittedModel:
+    """Return the fit of the effects that two models share, or of most that was fitted of them.
+
+    With the nominal model in its place the gain of what they share would hide the difference.
+    """
+    if common in selection.fits:
+        return selection.fits[common]
+    within = [fit for key, fit in selection.fits.items() if set(key) <= set(common)]
+    return min((selection.nominal, *within), key=lambda fit: fit.cost)
 
 
 def _missed_simulated_gain(selection: Selection, best: Names, other: Names) -> float:

@@ -84,7 +84,8 @@ class Diagnosis(Presentable):
         Models that the data cannot separate, each by the names of its effects, the most probable
         first.
     experiment : str
-        Experiment that would separate them; empty without ambiguity.
+        Experiment that would separate them, or the effects that are undecided; empty where the
+        data tell.
     hint : str
         For ``unknown``: balance, regime and shape of what is missing.
     checks : tuple of Check

@@ -150,6 +150,8 @@ def complete_term(
     nominal, levels = selection.nominal, selection.levels
     criteria = levels.criteria
     model = fit_with_term(study, term, base)
+    if model is not None and _is_out_of_phase(term, base[0], model[0], levels):
+        model = None
     alone = Discovery(term, model) if explains(term, criteria) else None
     if model is None:
         return Outcome(alone)
@@ -175,6 +177,15 @@ def complete_term(
     if alone is None and not (closes >= 1 - criteria.unexplained and explains(beside, criteria)):
         return Outcome(None, completed)
     return Outcome(Discovery(beside, (whole, ledger.effects(done.acting))), completed)
+
+
+def _is_out_of_phase(
+    term: DiscoveredTerm, base: FittedModel, fitted: FittedModel, levels: BalanceLevels
+) -> bool:
+    """Return whether a vibration has another phase in the records held out: a model has one."""
+    if not (term.term.law.periodic and term.term.driver == "t"):
+        return False
+    return balance_closure(base, fitted, levels).upper < term.closes.lower
 
 
 def _without_term(selection: Selection, ledger: FitLedger, acting: Names) -> Selection | None:

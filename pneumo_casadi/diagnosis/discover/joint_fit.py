@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pneumo_casadi.diagnosis.discover.formula_fits import FormulaFit, refit_shape
-from pneumo_casadi.diagnosis.discover.linearised import Linearised, Rows, linearise
+from pneumo_casadi.diagnosis.discover.linearised import Linearised, Rows, linearise, longest
 from pneumo_casadi.diagnosis.discover.search import predicted_by
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.prepare.study import Study
@@ -79,6 +79,8 @@ def fit_jointly(
             train=linear.train.unweighted(train),
             held_out=linear.held_out.unweighted(held_out),
         )
+    else:  # not settled: what is told belongs to where the last step has led
+        linear = linearise(study, model, effects)
     train, held_out = predicted_by(linear, fit, refitted=False)
     model = replace(
         model,
@@ -86,6 +88,16 @@ def fit_jointly(
         held_out=linear.held_out.unweighted(held_out),
     )
     return JointFit(model, fit, _robust_std(linear, fit), linear)
+
+
+def in_longest_record(study: Study, fitted: FittedModel) -> tuple[Study, FittedModel]:
+    """Return a study and its fit with the longest of the records fitted alone."""
+    if len(study.train) == 1:
+        return study, fitted
+    i = longest(study.smoothed[0])
+    part = slice(i, i + 1)
+    alone = replace(fitted, train=fitted.train[part], used_train=fitted.used_train[part])
+    return replace(study, train=study.train[part]), alone
 
 
 def _stepped(

@@ -6,7 +6,7 @@ of A gives c; δθ follows, and both, frozen, predict the residuals of held-out 
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -21,6 +21,7 @@ from pneumo_casadi.diagnosis.metrics.residual_size import residual_rms
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
+from pneumo_casadi.estimation.equation_error.problem import prior_rows
 from pneumo_casadi.estimation.equation_error.residuals import linearise_residuals
 from pneumo_casadi.estimation.equation_error.smoothed_motion import SmoothedMotion
 from pneumo_casadi.model.effect import Effect
@@ -70,6 +71,17 @@ class Rows:
     sigma: FloatArray
     equations: tuple[str, ...]
     absorbed: FloatArray
+
+    @cached_property
+    def rms(self) -> FloatArray:
+        """Root mean square residual of each balance in these records, (ne,)."""
+        return self.rms_of(self.e)
+
+    def rms_of(self, e: FloatArray) -> FloatArray:
+        """Return the root mean square of weighted rows (r,) as residuals of each balance, (ne,)."""
+        squares = np.hstack(self.unweighted(e)) ** 2
+        rows = np.hstack(self.used).sum(axis=1)
+        return np.asarray(np.sqrt(squares.sum(axis=1) / np.maximum(rows, 1)))
 
     def driver(self, site: Site) -> FloatArray | None:
         """Return the driver of a site over its balances and all records, (N,).
@@ -172,7 +184,8 @@ class Linearised:
     train, held_out : Rows
         The records.
     e_map, A_map : (p,) and (p, n) array
-        Residuals of the flow map and their derivatives, which hold the scale of the flows.
+        Residuals of the flow map and their derivatives, which hold the scale of the flows, and
+        those of the priors of effects.
     """
 
     names: tuple[str, ...]
@@ -181,6 +194,25 @@ class Linearised:
     held_out: Rows
     e_map: FloatArray
     A_map: FloatArray
+
+    @cached_property
+    def in_longest_record(self) -> "Linearised":
+        """The same with the longest of the records fitted alone; itself where there is one."""
+        rows, i = self.train, longest(self.train.motions)
+        if len(rows.used) == 1:
+            return self
+        counts = [int(used.sum()) for used in rows.used]
+        part = slice(sum(counts[:i]), sum(counts[: i + 1]))
+        alone = replace(
+            rows,
+            motions=(rows.motions[i],),
+            signals=(rows.signals[i],),
+            used=(rows.used[i],),
+            e=rows.e[part],
+            A=rows.A[part],
+            absorbed=rows.absorbed[part],
+        )
+        return replace(self, train=alone)
 
     @cached_property
     def _svd(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
@@ -270,6 +302,11 @@ class Linearised:
         return train + self.train.A @ step, held_out + self.held_out.A @ step
 
 
+def longest(motions: Sequence[SmoothedMotion]) -> int:
+    """Return the index of the longest motion."""
+    return int(np.argmax([motion.t[-1] - motion.t[0] for motion in motions]))
+
+
 def without(columns: FloatArray, U: FloatArray) -> FloatArray:
     """Return columns, (r, k) or (r,), without their components in an orthonormal basis (r, n)."""
     return np.asarray(columns - U @ (U.T @ columns))
@@ -307,6 +344,10 @@ def linearise(
     if anchor is not None:
         c = anchor.coefficients(axis.parameters, axis.parameters.values)
         e_map, A_map = anchor(c), anchor.rows(c, model.free) * scales
+    prior = prior_rows(axis)  # what effects know of their parameters holds them like the map
+    free = [axis.parameters.index(name) for name in model.free]
+    e_map = np.concatenate([e_map, prior @ axis.parameters.values])
+    A_map = np.vstack([A_map, prior[:, free] * scales])
 
     def rows(motions: Sequence[SmoothedMotion], refitted: Sequence[str] = ()) -> Rows:
         e, A, used = [], [], []

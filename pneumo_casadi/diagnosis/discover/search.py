@@ -70,7 +70,7 @@ def search(linear: Linearised, levels: BalanceLevels, foreign: bool = False) -> 
         (a level besides would be a leak), and drifts of the force.
     """
     kind = linear.train.signals[0].axis.kind
-    high = linear.train.sigma > levels.criteria.clean * levels.noise
+    high = linear.held_out.rms > levels.criteria.clean * levels.noise
     visible = {name for name, is_high in zip(linear.train.equations, high, strict=True) if is_high}
     sites = [
         site
@@ -79,9 +79,12 @@ def search(linear: Linearised, levels: BalanceLevels, foreign: bool = False) -> 
         and (visible & set(site.balances) or site.balances[0] in SENSORS)
     ]
     score = GapScore(linear, levels)
+    # A vibration has a phase of its own in each record: it is looked for in one.
+    alone = linear.in_longest_record
+    looked_for = {"t": (alone, GapScore(alone, levels)), "x": (linear, score)}
     leaks = ("sine",) if foreign else ("sine", "sine with level")
     scored = [
-        _scored(linear, score, site, name)
+        _scored(*looked_for[site.driver], site, name)
         for site in sites
         if site.driver in REPEATS and (site.driver, site.balances[0]) not in NEVER_REPEAT
         for name in (leaks if site.factor == "p" else ("sine",))
@@ -184,11 +187,9 @@ class GapScore:
 
     def _gap(self, e: FloatArray) -> float:
         """Return the gap of all balances, weighted as in `balance_closure`."""
-        r2 = np.hstack(self.linear.held_out.unweighted(e)) ** 2
-        count = np.hstack(self.linear.held_out.used).sum(axis=1)
-        noise, signal = self.levels.noise, self.levels.signal
-        left = gap(r2.sum(axis=1) / np.maximum(count, 1), noise)
-        importance = gap(self.linear.train.sigma**2, noise, signal) ** 2 / signal**2
+        rows, noise, signal = self.linear.held_out, self.levels.noise, self.levels.signal
+        left = gap(rows.rms_of(e) ** 2, noise)
+        importance = gap(rows.rms**2, noise, signal) ** 2 / signal**2
         return float(np.sqrt(importance @ left**2))
 
 
@@ -202,7 +203,14 @@ def predicted_by(
     rows = linear.held_out
     D = rows.columns(fit.site, fit.basis)
     rest = held_out - D @ fit.coefficients
+    ends = np.cumsum([int(used.sum()) for used in rows.used])[:-1]
+    pairs = zip(np.split(D, ends), np.split(rest, ends), strict=True)
+    return train, np.concatenate([_turned(*pair, fit.coefficients) for pair in pairs])
+
+
+def _turned(D: FloatArray, rest: FloatArray, coefficients: FloatArray) -> FloatArray:
+    """Return the residuals of one record (r,) with a sine (r, k), the phase as it suits it."""
     c, *_ = np.linalg.lstsq(D[:, :2], -rest, rcond=None)
-    amplitude = np.hypot(*fit.coefficients[:2])
-    turned = np.concatenate([c * amplitude / max(np.hypot(*c), 1e-300), fit.coefficients[2:]])
-    return train, rest + D @ turned
+    amplitude = np.hypot(*coefficients[:2])
+    turned = np.concatenate([c * amplitude / max(np.hypot(*c), 1e-300), coefficients[2:]])
+    return np.asarray(rest + D @ turned)

@@ -28,9 +28,13 @@ def fit_with_term(study: Study, discovered: DiscoveredTerm, base: Model) -> Mode
     Returns
     -------
     (FittedModel, sequence of Effect) or None
-        None where the fit with it fails.
+        None where the fit with it fails, and where a vibration would need a phase in each of
+        several records.
     """
     fitted, effects = base
+    law, driver = discovered.term.law, discovered.term.driver
+    if law.periodic and driver == "t" and len(study.train) > 1:
+        return None
     term = term_effect(discovered.term)()
     begin = {f"{term.name}.{name}": value for name, value in discovered.term.parameters.items()}
     try:

@@ -27,30 +27,30 @@ def band_regimes(
 ) -> list[Regime]:
     """Compare the spectrum of a balance's residual with that of its signal."""
     i = study.axis.equations.index(balance)
-    rate = study.all_smoothed[0].row_rate
-    length = round(STRETCH * rate)
     residual, signal = [], []
     used = (*fit.used_train, *fit.used_held_out)
     for data, r, counts in zip(study.all_smoothed, (*fit.train, *fit.held_out), used, strict=True):
         drive = data.averaged(_signal(study.axis, data, balance))
+        length = round(STRETCH * data.row_rate)
+        if data.m < length:
+            continue
+        bands = _bands(length, data.row_rate)
+        noise = bands @ _noise_spectrum(study, fit, i, data, length)
         for first in range(0, data.m - length + 1, length):
             part = slice(first, first + length)
             mask = counts[i, part]
             if mask.mean() > 0.3:
-                residual.append(_spectrum(r[i, part], mask))
-                signal.append(_spectrum(drive[part], mask))
+                residual.append(bands @ _spectrum(r[i, part], mask) - noise)
+                signal.append(bands @ _spectrum(drive[part], mask))
     if len(residual) < 6:
         return []
     R, S = np.array(residual), np.array(signal)
-    R -= _noise_spectrum(study, fit, i, length)
     if R.sum() <= 0:
         return []
-    f = np.fft.rfftfreq(length, 1 / rate)
     regimes = []
-    for low, high in pairwise(BANDS):
-        inside = (f >= low) & (f < high)
-        share, usual = R[:, inside].sum() / R.sum(), S[:, inside].sum() / S.sum()
-        excess = (R[:, inside].sum(axis=1) - usual * R.sum(axis=1)) / R.sum()
+    for (low, high), own, usual in zip(pairwise(BANDS), R.T, S.sum(axis=0) / S.sum(), strict=True):
+        share = own.sum() / R.sum()
+        excess = (own - usual * R.sum(axis=1)) / R.sum()
         signs = rng.choice([-1.0, 1.0], size=(SHUFFLES, excess.size))
         p = (1 + np.sum(signs @ excess >= excess.sum())) / (SHUFFLES + 1)
         band = Condition(RegimeKind.BAND, low, high)
@@ -58,9 +58,19 @@ def band_regimes(
     return regimes
 
 
-def _noise_spectrum(study: Study, fit: FittedModel, i: int, length: int) -> FloatArray:
+def _bands(length: int, rate: float) -> FloatArray:
+    """Return what sums a spectrum over every band, as mean squares, (bands, length // 2 + 1).
+
+    Rows of records with other sampling rates follow each other at other rates [1/s].
+    """
+    f = np.fft.rfftfreq(length, 1 / rate)
+    return np.array([(f >= low) & (f < high) for low, high in pairwise(BANDS)]) / length**2
+
+
+def _noise_spectrum(
+    study: Study, fit: FittedModel, i: int, data: SmoothedMotion, length: int
+) -> FloatArray:
     """Return what the sensors' noise adds to the spectrum of balance `i`, (length // 2 + 1,)."""
-    data = max(study.all_smoothed, key=lambda data: data.m)
     order = 2 if study.axis.equations[i] == "force" else 1
     white = data.smooth(np.random.default_rng(0).standard_normal(data.N))
     for _ in range(order):

@@ -83,9 +83,9 @@ def locate(
     """
     if inputs is None:
         inputs = estimate_unknown_inputs(study, nominal)
-    energy = dict(
-        zip(study.axis.equations, np.mean([i.energy for i in inputs], axis=0).tolist(), strict=True)
-    )
+    nodes = np.array([i.counts.sum(axis=1) + 1e-9 for i in inputs])
+    mean = np.average([i.energy for i in inputs], axis=0, weights=nodes)
+    energy = dict(zip(study.axis.equations, mean.tolist(), strict=True))
     shares = above_form(energy)
     if gap and not any(shares.values()):
         total = sum(value / UNKNOWN_INPUT_ERROR[name] ** 2 for name, value in energy.items())
@@ -260,11 +260,13 @@ def _added(
             without[i] = np.clip(item.null, item.lower, item.upper)
     train, held = study.smoothed
     shares = []
-    for data in held or train:
+    records = held or train
+    for data in records:
         change = balance_residuals(model, data, theta) - balance_residuals(model, data, without)
         mean = np.sum(change**2 * data.used(study.axis), axis=1) / data.m
         shares.append(mean / row_signals(study.axis, fitted.values, data) ** 2)
-    return dict(zip(study.axis.equations, np.mean(shares, axis=0).tolist(), strict=True))
+    means = np.average(shares, axis=0, weights=[data.m for data in records])
+    return dict(zip(study.axis.equations, means.tolist(), strict=True))
 
 
 def _acts_at(effect: Effect) -> Junction | None:

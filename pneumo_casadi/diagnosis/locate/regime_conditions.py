@@ -1,11 +1,12 @@
 """Conditions of a record, and the rows of each balance in which they hold."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pneumo_casadi.data import Recording
 from pneumo_casadi.diagnosis.metrics.location import Location
 from pneumo_casadi.diagnosis.metrics.regime import Condition, RegimeKind
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
@@ -37,6 +38,8 @@ def balance_rows(study: Study, fit: FittedModel) -> Iterator[BalanceRows]:
     """Yield the residuals of each balance, in all records, with the quantities in their rows."""
     train, held = study.smoothed
     at = [_averaged(study.axis, data) for data in (*train, *held)]
+    for part, elapsed in zip(at, _elapsed(at, (*study.train, *study.held_out)), strict=True):
+        part["elapsed"] = elapsed
     used = (*fit.used_train, *fit.used_held_out)
     for i, balance in enumerate(study.axis.equations):
         r = np.concatenate(
@@ -47,6 +50,21 @@ def balance_rows(study: Study, fit: FittedModel) -> Iterator[BalanceRows]:
             for name in at[0]
         }
         yield BalanceRows(Location(balance), r, known)
+
+
+def _elapsed(
+    at: Sequence[Mapping[str, FloatArray]], records: Sequence[Recording]
+) -> list[FloatArray]:
+    """Return the share of its record that has gone by in every row; its parts are one record."""
+    names = [(record.source, record.name.partition("[")[0]) for record in records]
+    spans = []
+    for name in names:
+        times = np.concatenate([a["t"] for a, own in zip(at, names, strict=True) if own == name])
+        spans.append((times.min(), times.max()))
+    return [
+        (part["t"] - first) / max(last - first, 1e-12)
+        for part, (first, last) in zip(at, spans, strict=True)
+    ]
 
 
 def _averaged(axis: Axis, data: SmoothedMotion) -> dict[str, FloatArray]:
@@ -74,7 +92,7 @@ def _after_reversal(v: FloatArray, data: SmoothedMotion) -> FloatArray:
 def conditions_of(rows: BalanceRows, axis: Axis) -> Iterator[tuple[Condition, NDArray[np.bool_]]]:
     """Yield the conditions to test for a balance, each with the rows in which it holds."""
     at, kind = rows.at, RegimeKind
-    v, x, t = at["v"], at["x"], at["t"]
+    v, x, elapsed = at["v"], at["x"], at["elapsed"]
     speed = np.abs(v)
     fast = float(np.quantile(speed, 0.99))
     yield Condition(kind.STANDSTILL, upper=0.01), speed < 0.01
@@ -89,9 +107,8 @@ def conditions_of(rows: BalanceRows, axis: Axis) -> Iterator[tuple[Condition, ND
     yield Condition(kind.UPPER_THIRD), where > 2 / 3
     yield Condition(kind.TRAVEL_ENDS), np.abs(where - 0.5) > 0.4
     yield Condition(kind.AFTER_REVERSAL, upper=REVERSAL), at["reversal"] > 0.25
-    first, last = t.min(), t.max()
-    yield Condition(kind.FIRST_THIRD), t < first + (last - first) / 3
-    yield Condition(kind.LAST_THIRD), t > last - (last - first) / 3
+    yield Condition(kind.FIRST_THIRD), elapsed < 1 / 3
+    yield Condition(kind.LAST_THIRD), elapsed > 2 / 3
     if rows.balance is not Location.FORCE:
         yield from _valve_regimes(rows, axis)
     elif pressures := [at[name] for name in ("p_P", "p_N") if name in at]:

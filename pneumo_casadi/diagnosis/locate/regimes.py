@@ -10,6 +10,7 @@ from pneumo_casadi.diagnosis.locate.regime_conditions import (
 )
 from pneumo_casadi.diagnosis.locate.signatures import residual_floor
 from pneumo_casadi.diagnosis.metrics.regime import Regime
+from pneumo_casadi.diagnosis.metrics.residual_size import pooled_rms
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.model.axis import Axis
@@ -49,9 +50,9 @@ def find_regimes(study: Study, fit: FittedModel, seed: int = 0) -> tuple[Regime,
     """
     rng = np.random.default_rng(seed)
     regimes: list[Regime] = []
-    floor = np.mean(
-        [residual_floor(study.axis, fit.values, data) for data in study.all_smoothed], axis=0
-    )
+    records = study.all_smoothed
+    floors = [residual_floor(study.axis, fit.values, data) for data in records]
+    floor = pooled_rms(study.axis, records, floors)
     for rows, least in zip(balance_rows(study, fit), floor, strict=True):
         if np.mean(rows.r**2) > (FLOORS * least) ** 2:
             regimes += _tested(rows, study.axis, study.all_smoothed[0].row_rate, rng)

@@ -16,7 +16,7 @@ from scipy.sparse import csr_array, diags_array, hstack, vstack
 
 from pneumo_casadi.diagnosis.locate.model_error import RESIDUAL_ERROR
 from pneumo_casadi.diagnosis.locate.nominal_dynamics import evaluate_dynamics, signals_of
-from pneumo_casadi.diagnosis.metrics.residual_size import force_row_scale
+from pneumo_casadi.diagnosis.metrics.residual_size import force_row_scale, rows_that_count
 from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
 from pneumo_casadi.estimation.equation_error.residuals import linearise_residuals
@@ -81,10 +81,13 @@ def signatures(study: Study, values: Mapping[str, float]) -> Signatures:
         Nominal parameters as fitted; a refit of them is part of every hypothesis.
     """
     train, held = study.smoothed
-    records = [_record_signatures(study, values, data) for data in held or train]
-    before = float(np.mean([single.before for single in records]))
+    chosen = held or train
+    records = [_record_signatures(study, values, data) for data in chosen]
+    rows = rows_that_count(study.axis, chosen).sum(axis=1)  # a long record counts by its rows
+    before = float(np.average([single.before for single in records], weights=rows))
     left = {
-        name: float(np.mean([single.left[name] for single in records])) for name in records[0].left
+        name: float(np.average([single.left[name] for single in records], weights=rows))
+        for name in records[0].left
     }
     return Signatures(before, left)
 

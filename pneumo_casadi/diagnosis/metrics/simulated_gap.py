@@ -29,7 +29,6 @@ from pneumo_casadi.metrics import (
     gap,
     output_noise,
 )
-from pneumo_casadi.metrics.gap import SMALLEST_GAP
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.model.simulation import Trajectory
 from pneumo_casadi.parameters import FloatArray
@@ -111,6 +110,19 @@ class Simulations:
             return self._loops[fitted].result()
         return simulate_loop(self.study, fitted, effects)
 
+    def tells(
+        self,
+        nominal: FittedModel,
+        fitted: FittedModel,
+        effects: Sequence[Effect],
+        window: float = WINDOW,
+    ) -> bool:
+        """Return whether there is a gap, and both fits can be simulated: else `share` is 1."""
+        before, after = self.windows(nominal, (), window), self.windows(fitted, effects, window)
+        if isinstance(before, str) or isinstance(after, str):
+            return False
+        return _overall_gap(before, np.array(list(_noise_percent(self.study).values()))) > 0
+
     def share(
         self,
         nominal: FittedModel,
@@ -118,12 +130,15 @@ class Simulations:
         effects: Sequence[Effect],
         window: float = WINDOW,
     ) -> float:
-        """Return the share of the windows' gap that a fit leaves; 1 if it cannot be simulated."""
+        """Return the share of the windows' gap that a fit leaves.
+
+        1 if it cannot be simulated, or where there is no gap to be closed.
+        """
         floor = np.array(list(_noise_percent(self.study).values()))
         before, after = self.windows(nominal, (), window), self.windows(fitted, effects, window)
         if isinstance(before, str) or isinstance(after, str):
             return 1.0
-        return _overall_gap(after, floor) / max(_overall_gap(before, floor), SMALLEST_GAP)
+        return 1.0 - closure(_overall_gap(before, floor), _overall_gap(after, floor))
 
 
 def simulated_gap(

@@ -27,7 +27,8 @@ class Store:
     folder : path
         Where they lie; made if it is not there.
     token : str
-        Hash of records, bench, start, flow map and version: fits of others are not taken.
+        Hash of records, bench, start, flow map, version and criterion of a credible map: fits of
+        others are not taken.
     """
 
     folder: Path
@@ -39,6 +40,8 @@ class Store:
         folder.mkdir(parents=True, exist_ok=True)
         digest = hashlib.sha256()
         for record in (*study.train, *study.held_out):
+            digest.update(repr((record.hold, record.clock, record.dt)).encode())
+            digest.update(np.ascontiguousarray(record.t).tobytes())
             for name, values in sorted(record.channels.items()):
                 digest.update(name.encode())
                 digest.update(np.ascontiguousarray(values).tobytes())
@@ -47,7 +50,9 @@ class Store:
             for part in (table.u, table.p, table.q_m, table.p_supply, table.p_ext):
                 digest.update(np.asarray(part, dtype=float).tobytes())
         bench = study.axis.bench  # one's own controller, which no file holds, enters no fit
-        words = (__version__, bench_content(bench), sorted(bench.signals))
+        # Fits that the metered map contradicts are not kept: by how much is a criterion.
+        asked = study.criteria.map_ratio
+        words = (__version__, bench_content(bench), sorted(bench.signals), asked)
         digest.update(repr((*words, study.axis.parameters.as_dict())).encode())
         return cls(folder, digest.hexdigest())
 

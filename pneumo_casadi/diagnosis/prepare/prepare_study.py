@@ -43,6 +43,7 @@ def prepare_study(
     """
     case, unused = _without_motion_sensors(case)
     train, held, notes = split_records(case)
+    train, held = _from_zero(train, held)
     table, flow = read_flow(case, options or IdentifyOptions(), train)
     axis = make_axis(case, flow)
     require_usable((*train, *held), axis.outputs)
@@ -67,6 +68,15 @@ def _without_motion_sensors(case: Case) -> tuple[Case, tuple[str, ...]]:
     note = f"{', '.join(unused)}: recorded but not used; the motion is that of the position sensor"
     plain_case = replace(case, bench=plain, identify=fitted, validate=held_out)
     return plain_case, ((note,) if unused else ())
+
+
+def _from_zero(*parts: Sequence[Recording]) -> list[list[Recording]]:
+    """Return the records on a clock that begins with the first of them.
+
+    Logs count from midnight or from 1970: a formula over such times has no usable scale.
+    """
+    first = min(float(record.t[0]) for records in parts for record in records)
+    return [[replace(record, t=record.t - first) for record in records] for records in parts]
 
 
 def split_records(

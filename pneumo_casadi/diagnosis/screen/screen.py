@@ -18,6 +18,7 @@ from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
 from pneumo_casadi.estimation.equation_error.fit import default_residual_floor
+from pneumo_casadi.estimation.equation_error.problem import prior_rows
 from pneumo_casadi.estimation.equation_error.residuals import (
     effect_derivatives,
     linearise_residuals,
@@ -106,7 +107,9 @@ class ScreenResult:
 
 @dataclass(frozen=True, eq=False)
 class Background:
-    """Residuals at a fit, those of the flow map last, and a basis of what a refit would absorb.
+    """Residuals at a fit and a basis of what a refit would absorb.
+
+    Those of the flow map are the last, and behind them those of the priors of its effects.
 
     Parameters
     ----------
@@ -124,6 +127,11 @@ class Background:
     Q: FloatArray
     weight: FloatArray
     of_balance: NDArray[np.bool_]
+
+    def weighted(self, direction: Direction) -> FloatArray:
+        """Return the columns of a direction in these rows, zero in those of priors, (rows, k)."""
+        missing = len(self.e) - len(direction.columns)
+        return np.pad(direction.columns, ((0, missing), (0, 0))) * self.weight[:, None]
 
 
 def perturbation(study: Study, nominal: FittedModel, effect: Effect) -> tuple[Direction, ...]:
@@ -235,7 +243,11 @@ def background(
         c = known.coefficients(axis.parameters, theta)
         A = np.vstack([A, known.rows(c, model.free) * scales])
         e = np.concatenate([e, known(c)])
-        relative = np.concatenate([relative, np.ones(len(e) - len(relative))])
+    prior = prior_rows(axis)
+    free = [axis.parameters.index(name) for name in model.free]
+    A = np.vstack([A, prior[:, free] * scales])
+    e = np.concatenate([e, prior @ theta])
+    relative = np.concatenate([relative, np.ones(len(e) - len(relative))])
     size = np.linalg.norm(A, axis=0)
     U, s, _ = np.linalg.svd(A / np.where(size > 0, size, 1.0), full_matrices=False)
     of_balance = np.zeros((len(axis.equations), len(e)), dtype=bool)
@@ -266,7 +278,7 @@ def screened(name: str, candidates: Sequence[Direction], behind: Background) -> 
     explained, _, step, best = promises[0]
     gain = 0.5 * explained * float(behind.e @ behind.e)
     shapes = tuple(starts.values())
-    change = (best.columns * behind.weight[:, None]) @ step
+    change = behind.weighted(best) @ step
     after = behind.e + change - behind.Q @ (behind.Q.T @ change)
     parts = 0.5 * behind.of_balance @ (behind.e**2 - after**2)
     return ScreenResult(name, explained, gain, parts, observable, felt, shapes, best.at(step))
@@ -274,7 +286,7 @@ def screened(name: str, candidates: Sequence[Direction], behind: Background) -> 
 
 def _promise(direction: Direction, behind: Background) -> tuple[float, float, FloatArray]:
     """Return the shares explained and observable of one direction, and the scaled step."""
-    e, Q, D = behind.e, behind.Q, direction.columns * behind.weight[:, None]
+    e, Q, D = behind.e, behind.Q, behind.weighted(direction)
     gram = D.T @ D - (Q.T @ D).T @ (Q.T @ D)
     slope = D.T @ e - (Q.T @ D).T @ (Q.T @ e)
     whole = np.diag(D.T @ D)

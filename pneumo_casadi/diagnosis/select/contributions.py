@@ -4,7 +4,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from pneumo_casadi.diagnosis.metrics.residual_size import gain_on_all_records
+from pneumo_casadi.diagnosis.metrics.residual_size import (
+    BalanceLevels,
+    balance_closure,
+    gain_on_all_records,
+)
 from pneumo_casadi.diagnosis.metrics.simulated_fit import WINDOW
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger, Names, Start
@@ -19,7 +23,7 @@ LEAST_GAP, LEAST_GAIN = 1e-3, 1.0
 
 
 def contributions(
-    ledger: FitLedger, nominal: FittedModel, final: Names, named: Names
+    ledger: FitLedger, nominal: FittedModel, final: Names, named: Names, levels: BalanceLevels
 ) -> dict[str, float]:
     """Return the share of the gap that comes back if an effect is left out, the most missed first.
 
@@ -28,7 +32,8 @@ def contributions(
     effect, so that the others take over what they can, and simulated in windows of the records held
     out. All shares refer to the gap of the nominal model; they need not sum up to what the model
     closes, since effects share parts of it. A model without an effect that cannot be fitted or
-    simulated leaves the whole gap.
+    simulated leaves the whole gap. Where the model of all of them or the nominal one cannot be
+    simulated, the gap is that of the balances.
 
     The most missed effect is the one with the largest product of the log-likelihood that its
     absence costs in the balances and the gap that comes back in short windows. Balances alone would
@@ -55,13 +60,13 @@ def contributions(
     needed = {(): nominal} | {key: fit for key, fit in refined.values() if fit is not None}
     reported = {complete: ledger.output_error_fits.get(complete, ledger.fits[complete])}
     ledger.simulate(needed | reported)
-    back = _gap_back(ledger, nominal, refined, WINDOW)
+    back = _gap_back(ledger, nominal, refined, WINDOW, levels)
     if len(named) == 1:
         return back
     enough = FEWEST * max(record.dt for record in ledger.study.held_out)
     short = min(WINDOW, max(SHORT, enough))
     ledger.simulate(needed, short)
-    soon = _gap_back(ledger, nominal, refined, short)
+    soon = _gap_back(ledger, nominal, refined, short, levels)
     missed = {
         name: np.inf
         if fit is None
@@ -77,13 +82,19 @@ def _gap_back(
     nominal: FittedModel,
     models: Mapping[str, tuple[Names, FittedModel | None]],
     window: float,
+    levels: BalanceLevels,
 ) -> dict[str, float]:
     """Return the share of the gap in windows [s] that comes back in each of the reduced models."""
-    left = {
-        name: 1.0
-        if fit is None
-        else ledger.simulations.share(nominal, fit, ledger.effects(key), window)
-        for name, (key, fit) in models.items()
-    }
+    key, final = models[""]
+    whole_runs = final is not None and ledger.simulations.tells(
+        nominal, final, ledger.effects(key), window
+    )
+
+    def left_by(key: Names, fit: FittedModel) -> float:
+        if whole_runs:
+            return ledger.simulations.share(nominal, fit, ledger.effects(key), window)
+        return 1.0 - balance_closure(nominal, fit, levels).value
+
+    left = {name: 1.0 if fit is None else left_by(key, fit) for name, (key, fit) in models.items()}
     whole = left.pop("")
     return {name: share - whole for name, share in left.items()}

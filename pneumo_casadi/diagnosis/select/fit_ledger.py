@@ -164,11 +164,13 @@ class FitLedger:
         results.sort(key=lambda result: -result.explained)
         return {result.name: result for result in results}
 
-    def fit_all(self, models: Mapping[Names, Start]) -> None:
+    def fit_all(self, models: Mapping[Names, Start], to_end: bool = False) -> None:
         """Fit models from their starts, those that are not known already.
 
         All get some iterations. Of those that need more, the best goes on, and those that would
-        reach it at their pace; the others stay as they are.
+        reach it at their pace; the others stay as they are. With `to_end` all go on, because each
+        is compared with a larger model and not with the others: one cut short would seem to lose
+        more than it does.
         """
         new = [key for key in models if key not in self.fits and key not in self.failures]
         self._submit({key: models[key] for key in new}, SEARCH_ITERATIONS)
@@ -176,14 +178,24 @@ class FitLedger:
         unfinished = {
             key: self.fits[key] for key in new if key in self.fits and self.fits[key].pace
         }
-        near = [k for k, f in unfinished.items() if f.cost - SEARCH_ITERATIONS * f.pace <= best]
+        near = [
+            key
+            for key, fitted in unfinished.items()
+            if to_end or fitted.cost - SEARCH_ITERATIONS * fitted.pace <= best
+        ]
         self._submit({key: Start(unfinished[key].values) for key in near}, MAX_ITERATIONS)
-        for key in set(unfinished) - set(near):
+        for key in unfinished:
             try:
-                require_credible(self.study, self.effects(key), self.fits[key])
+                if key in self.fits:
+                    self._require_credible(key, self.fits[key])
             except FAULTS as error:
                 self.failures[key] = Failed(key, str(error))
                 del self.fits[key]
+
+    def _require_credible(self, key: Names, fitted: FittedModel) -> None:
+        """Reject a fit that is not credible; `fit_model` has not asked it of one cut short."""
+        if fitted.pace:
+            require_credible(self.study, self.effects(key), fitted)
 
     def _begin(
         self,
@@ -222,26 +234,33 @@ class FitLedger:
         keys = {name: self.key(set(names) - {name}) for name in some}
         whole = self.fits[names]
         starts = {key: Start(whole.values) for key in keys.values() if key}
-        self.fit_against(whole, starts)
+        self.fit_against(whole, starts, to_end=True)
         refused = [key for key in starts if key not in self.fits and key not in self.reduced]
-        jobs = {key: self._begin(key, starts[key], credible=False) for key in refused}
+        jobs = {
+            key: self._begin(key, starts[key], MAX_ITERATIONS, credible=False) for key in refused
+        }
         for key, job in jobs.items():
             with suppress(*FAULTS):
                 self.reduced[key] = job.result()
         return {name: self.fits.get(key, self.reduced.get(key)) for name, key in keys.items()}
 
-    def fit_against(self, whole: FittedModel, models: Mapping[Names, Start]) -> None:
+    def fit_against(
+        self, whole: FittedModel, models: Mapping[Names, Start], to_end: bool = False
+    ) -> None:
         """Fit models that are compared with another one, what it estimates estimated in them too.
 
         `refine` has released parameters of its effects. Models known from before hold them: they
         are fitted again from its values, and the better fit is kept.
         """
         again = [key for key in models if key in self.fits and _holds(whole, self.fits[key])]
-        self.fit_all(models)
-        jobs = {key: self._begin(key, models[key]) for key in again}
+        self.fit_all(models, to_end)
+        most = MAX_ITERATIONS if to_end else SEARCH_ITERATIONS
+        jobs = {key: self._begin(key, models[key], most) for key in again}
         for key, job in jobs.items():
             with suppress(*FAULTS):
-                self.fits[key] = min(self.fits[key], job.result(), key=lambda fit: fit.cost)
+                fitted = job.result()
+                self._require_credible(key, fitted)
+                self.fits[key] = min(self.fits[key], fitted, key=lambda fit: fit.cost)
 
     def extensions(self, known: Names) -> dict[Names, FittedModel]:
         """Return the fits of models with one effect more than the known ones."""

@@ -178,7 +178,7 @@ def select_effects(
         completed = _completed(ledger, nominal, path[-1], levels)
         final = completed.acting
         report("what each effect contributes", 0.9)
-        shares = contributions(ledger, nominal, final, completed.named)
+        shares = contributions(ledger, nominal, final, completed.named, levels)
     failures = tuple(ledger.failures.values())
     return Selection(
         nominal,
@@ -229,7 +229,7 @@ def _forward(
             break
         best = plausible or min(options)[1]
         if round_ == 1 and plausible is None:
-            best = _backtrack(ledger, nominal, best, levels, current)
+            best = _backtrack(ledger, nominal, best, levels, known)
         path.append(best)
         ledger.refine(best)
         if closes_in_simulation(ledger, nominal, best) or not np.any(
@@ -299,9 +299,10 @@ def _coarse(
 
 
 def _backtrack(
-    ledger: FitLedger, nominal: FittedModel, pair: Names, levels: BalanceLevels, single: FittedModel
+    ledger: FitLedger, nominal: FittedModel, pair: Names, levels: BalanceLevels, known: Names
 ) -> Names:
     """Search a better partner for each effect of a pair: the first choice may replace two."""
+    single = ledger.fits[known]
     for name in pair:
         alone = ledger.fits.get((name,))
         if alone is not None and alone is not single:
@@ -309,6 +310,8 @@ def _backtrack(
     options = [
         (fitted.cost, key)
         for key, fitted in ledger.fits.items()
-        if len(key) == 2 and accepted(nominal, single, fitted, levels)
+        if len(key) == 2
+        and accepted(nominal, single, fitted, levels)
+        and not _coarse(ledger, single, known, key, levels)
     ]
     return min(options)[1]

@@ -14,6 +14,8 @@ from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.errors import FitError, ModelError
 from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
+from pneumo_casadi.estimation.equation_error.fit import default_residual_floor
+from pneumo_casadi.estimation.equation_error.problem import Problem
 from pneumo_casadi.estimation.equation_error.residuals import balance_residuals
 from pneumo_casadi.estimation.output_error import (
     OutputErrorOptions,
@@ -36,7 +38,7 @@ def refine_by_output_error(
     effects: Sequence[Effect],
     iterations: int = MAX_ITERATIONS,
 ) -> FittedModel:
-    """Refine a fit by output error over windows; return it as it was where that fails.
+    """Refine a fit by output error over windows; its values stay as they were where that fails.
 
     The flow map is held where the balances have left it: windows of half a second say little of
     it, and the gauge stays where it is.
@@ -54,18 +56,22 @@ def refine_by_output_error(
     except FitError as error:
         result = error.partial
     except ModelError:
-        return fitted
+        result = None
     if not isinstance(result, OutputErrorResult) or not np.isfinite(result.rms).all():
-        return fitted
+        return _in_balances(study, fitted, effects)
     values = result.parameters.as_dict() | {"v_s": fitted.values["v_s"]}
-    model = BalanceFunctions(study.axis.with_effects(*effects).with_parameters(values))
-    theta = model.axis.parameters.values
-    train, held = study.smoothed
     std = {name: result.std(name, robust=True) for name in result.uncertainty.names}
+    known = {**fitted.std, **{k: v for k, v in std.items() if np.isfinite(v)}}
+    return _in_balances(study, replace(fitted, values=values, std=known), effects)
+
+
+def _in_balances(study: Study, fitted: FittedModel, effects: Sequence[Effect]) -> FittedModel:
+    """Return a fit with the residuals and the cost that the balances have at its values."""
+    model = BalanceFunctions(study.axis.with_effects(*effects).with_parameters(dict(fitted.values)))
+    theta, anchor = model.axis.parameters.values, study.anchor_with(effects)
+    problem = Problem(model, study.smoothed[0], anchor, default_residual_floor(study.axis), False)
+    train = problem.residuals(theta)
+    held_out = tuple(balance_residuals(model, data, theta) for data in study.smoothed[1])
     return replace(
-        fitted,
-        values=values,
-        std={**fitted.std, **{k: v for k, v in std.items() if np.isfinite(v)}},
-        train=tuple(balance_residuals(model, data, theta) for data in train),
-        held_out=tuple(balance_residuals(model, data, theta) for data in held),
+        fitted, cost=problem.cost(train, theta), train=train, held_out=held_out, pace=0.0
     )

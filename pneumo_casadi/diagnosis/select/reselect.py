@@ -44,10 +44,13 @@ def reselect(ledger: FitLedger, selection: Selection, names: Names) -> Selection
         completed = complete(ledger, selection.nominal, names, levels)
     except FAULTS:
         return None
-    shares = contributions(ledger, selection.nominal, completed.acting, completed.named)
+    shares = contributions(ledger, selection.nominal, completed.acting, completed.named, levels)
+    fits = {**selection.fits, **ledger.fits}
+    failures = {f.effects: f for f in (*selection.failures, *ledger.failures.values())}.values()
     return replace(
         selection,
-        fits={**selection.fits, **ledger.fits},
+        fits=fits,
+        failures=tuple(failed for failed in failures if failed.effects not in fits),
         path=(names,),
         completed=completed,
         contributions=shares,

@@ -14,6 +14,7 @@ from pneumo_casadi.estimation.equation_error.residuals import (
 from pneumo_casadi.estimation.equation_error.smoothed_motion import SmoothedMotion
 from pneumo_casadi.estimation.flow_anchor import Anchor
 from pneumo_casadi.estimation.gauss_newton import Damping, minimise_in_box
+from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.machine_code.lane_code import LANES
 from pneumo_casadi.parameters import FloatArray
 
@@ -60,6 +61,20 @@ class Step:
 
     delta: FloatArray
     gain: float
+
+
+def prior_rows(axis: Axis) -> FloatArray:
+    """Return what effects know of their parameters, (k, nθ); see `Effect.prior_rows`."""
+    rows = [
+        {f"{effect.name}.{name}": weight for name, weight in row.items()}
+        for effect in axis.effects
+        for row in effect.prior_rows()
+    ]
+    P = np.zeros((len(rows), len(axis.parameters)))
+    for k, row in enumerate(rows):
+        for name, weight in row.items():
+            P[k, axis.parameters.index(name)] = weight
+    return P
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,18 +140,8 @@ class Problem:
 
     @cached_property
     def prior(self) -> FloatArray:
-        """Rows of what effects know of their parameters, (k, nθ); see `Effect.prior_rows`."""
-        axis = self.model.axis
-        rows = [
-            {f"{effect.name}.{name}": weight for name, weight in row.items()}
-            for effect in axis.effects
-            for row in effect.prior_rows()
-        ]
-        P = np.zeros((len(rows), len(axis.parameters)))
-        for k, row in enumerate(rows):
-            for name, weight in row.items():
-                P[k, axis.parameters.index(name)] = weight
-        return P
+        """Rows of what effects know of their parameters, (k, nθ)."""
+        return prior_rows(self.model.axis)
 
     def cost(self, r: Sequence[FloatArray], theta: FloatArray) -> float:
         """Return the negative log-likelihood but for a constant, see `EquationErrorResult`."""
