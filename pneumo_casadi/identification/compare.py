@@ -1,15 +1,18 @@
 """Results compared: which parameters moved, and how well each simulates the others' records."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from math import hypot, inf
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from pneumo_casadi.data import Case
 from pneumo_casadi.data.record_ranges import record_ranges
 from pneumo_casadi.data.recording.curves import Curves
 from pneumo_casadi.errors import CaseError, FitError, ModelError
+from pneumo_casadi.estimation.flow_scale import flow_scale_covariance
 from pneumo_casadi.identification.compared_model import ComparedModel, Estimate, compared_model
 from pneumo_casadi.identification.comparison import Comparison, CrossSimulation, Difference
 from pneumo_casadi.identification.result import Identification
@@ -75,7 +78,7 @@ def compare(
     return Comparison(
         names,
         estimates,
-        tuple(_differences(estimates, names)),
+        tuple(_differences(models, names)),
         simulations,
         (*_notes(models, names), *failures),
         curves,
@@ -112,19 +115,42 @@ def _refuse_different_kinds(models: Sequence[ComparedModel]) -> None:
         raise CaseError(f"compare: axes of different kinds: {' and '.join(sorted(kinds))}")
 
 
-def _differences(
-    estimates: Mapping[str, tuple[Estimate | None, ...]], names: Sequence[str]
-) -> list[Difference]:
+def _differences(models: Sequence[ComparedModel], names: Sequence[str]) -> list[Difference]:
+    first, *others = models
+    parameters = dict.fromkeys(name for model in models for name in model.estimates)
     differences = []
-    for name, (first, *others) in estimates.items():
+    for name in parameters:
         for label, other in zip(names[1:], others, strict=True):
-            if first is None or other is None:
+            if name not in first.estimates or name not in other.estimates:
                 continue
-            change, std = other.value - first.value, hypot(first.std, other.std)
+            own, theirs = _apart(first, other, name)
+            change, std = theirs.value - own.value, hypot(own.std, theirs.std)
             known = 0 < std < inf
-            percent = 100 * change / abs(first.value) if first.value else (inf if change else 0.0)
+            percent = 100 * change / abs(own.value) if own.value else (inf if change else 0.0)
             differences.append(Difference(name, label, percent, change / std if known else None))
     return differences
+
+
+def _apart(first: ComparedModel, other: ComparedModel, name: str) -> tuple[Estimate, Estimate]:
+    """Return the estimates of a parameter without the error of a flow meter that both share.
+
+    One map has one meter: its factor is the same in both results, and in no difference.
+    """
+    pair = first.estimates[name], other.estimates[name]
+    maps = [_hashes(model, "flow_map") for model in (first, other)]
+    if not maps[0] or maps[0] != maps[1]:
+        return pair
+    shared = [
+        0.0
+        if model.axis is None
+        else flow_scale_covariance([name], np.array([estimate.value]), model.axis.bench)[0, 0]
+        for model, estimate in zip((first, other), pair, strict=True)
+    ]
+    own, theirs = (
+        replace(estimate, std=max(estimate.std**2 - variance, 0.0) ** 0.5)
+        for estimate, variance in zip(pair, shared, strict=True)
+    )
+    return own, theirs
 
 
 def _simulate_all(
@@ -169,7 +195,7 @@ def _notes(models: Sequence[ComparedModel], names: Sequence[str]) -> list[str]:
         elif _hashes(model, "flow_map") != _hashes(models[0], "flow_map"):
             notes.append(
                 f"{names[0]} and {name} have different flow maps: X_s1 ... X_s6 also differ by "
-                "the accuracy of the flow meter, which no interval contains"
+                "the accuracy of the flow meters, which is in no interval unless it is stated"
             )
     return notes
 

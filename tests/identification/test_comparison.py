@@ -6,9 +6,10 @@ from dataclasses import replace
 
 import pytest
 
-from pneumo_casadi.data import read_case, write_case
+from pneumo_casadi.data import ValveData, Valves, read_case, write_case
 from pneumo_casadi.errors import CaseError
-from pneumo_casadi.identification.compare import compare
+from pneumo_casadi.identification.compare import _differences, compare
+from pneumo_casadi.identification.compared_model import compared_model
 from pneumo_casadi.identification.comparison import Comparison, Difference
 from pneumo_casadi.identification.result_file import result_dict
 from pneumo_casadi.report.pages.report import write_report
@@ -107,3 +108,21 @@ def test_among_three_results_a_parameter_is_counted_by_its_name(quick, heavier):
     three = compare(quick, heavier, heavier)
     assert "1 parameter differs by more than 3 σ, most M of table1 (B)" in three.headline
     assert Difference("f_v", "B", math.inf, 4.0).change == "from 0"
+
+
+def test_the_meter_of_one_map_hides_no_difference(quick):
+    """Its error is the same in both results."""
+    model = compared_model(quick)
+    valve = ValveData(accuracy=0.02)
+    metered = replace(model.axis, bench=replace(model.axis.bench, valves=Valves(valve, valve)))
+    X = model.estimates["X_s3"]
+    wide = replace(X, std=math.hypot(1e-3 * X.value, 0.02 * X.value))
+    before = replace(model, axis=metered, estimates={"X_s3": wide})
+    larger = replace(wide, value=1.05 * wide.value, std=1.05 * wide.std)
+    after = replace(before, estimates={"X_s3": larger})
+    ((moved,), (apart,)) = (
+        _differences((before, each), ("before", "after"))
+        for each in (after, replace(after, sources={"flow_map.csv": "another"}))
+    )
+    assert moved.moved and moved.sigmas == pytest.approx(50 / math.sqrt(2), rel=0.05)
+    assert not apart.moved

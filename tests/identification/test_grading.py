@@ -3,9 +3,12 @@
 from dataclasses import replace
 from itertools import pairwise
 
+import numpy as np
 import pytest
 
 from pneumo_casadi.data import Grade
+from pneumo_casadi.effects import EFFECTS
+from pneumo_casadi.estimation.output_error.result import evaluate_derived_quantities
 from pneumo_casadi.identification.result_file import result_dict
 from pneumo_casadi.identification.warnings import (
     CONDITIONS,
@@ -144,3 +147,30 @@ def test_stages_that_were_planned_are_no_sign_of_misfit(quick, statuses, warned)
     stages = (*(replace(last, status=status) for status in statuses), last)
     texts = [warning.text for warning in found_with(quick, stages=stages)]
     assert any("by way of short windows" in text for text in texts) is warned
+
+
+def test_the_masses_of_an_elastic_load_are_one_on_the_data_sheet(quick):
+    M = quick.case.bench.datasheet["M_kg"]
+    axis = quick.axis.with_effects(EFFECTS["elastic_load"]())
+    parts = axis.with_parameters({"M": 0.65 * M, "elastic_load.m_2": 0.35 * M})
+    assert not [i for i in found_with(quick, axis=parts) if "data sheet" in i.text]
+    lighter = axis.with_parameters({"M": 0.65 * M, "elastic_load.m_2": 0.0})
+    (warning,) = [i for i in found_with(quick, axis=lighter) if "data sheet" in i.text]
+    assert warning.text.startswith("M + elastic_load.m_2 = ")
+
+
+@pytest.mark.parametrize("meter", [0.0, 0.05])
+def test_the_factor_of_a_meter_hides_no_exchanged_areas(quick, meter):
+    known = quick.output_error.uncertainty
+    values = quick.output_error.parameters.select(known.names).values
+    scaled = meter * np.where([name.startswith("X_s") for name in known.names], values, 0.0)
+    wide = replace(
+        known,
+        covariance=known.covariance + np.outer(scaled, scaled),
+        covariance_robust=known.covariance_robust + np.outer(scaled, scaled),
+    )
+    axis = quick.axis.with_parameters({"X_s6": 1.18 * quick.axis.parameters["X_s6"].value})
+    derived = evaluate_derived_quantities(axis, wide)
+    warnings = found_with(quick, axis=axis, uncertainty=wide, derived=derived)
+    (ratio,) = [i for i in warnings if "ratio of the areas" in i.text]
+    assert "+1" in ratio.text

@@ -9,7 +9,6 @@ from scipy import special
 
 from pneumo_casadi.data import Recording
 from pneumo_casadi.errors import FitError
-from pneumo_casadi.estimation.flow_scale import flow_scale_covariance
 from pneumo_casadi.estimation.output_error.fit import fit_output_error
 from pneumo_casadi.estimation.output_error.long_records import are_long
 from pneumo_casadi.estimation.output_error.options import OutputErrorOptions
@@ -40,55 +39,51 @@ class RecordEstimates:
     values, std : (nr, n) array
         Estimates and robust standard deviations [SI], a row a record; infinite where the record
         says nothing about a parameter or a bound holds it.
-    joint_values, joint_std : (n,) array
-        The same of all records together.
     failed : tuple of str
         Records on which the fit alone did not converge.
 
     Examples
     --------
     >>> alone = RecordEstimates(
-    ...     ("a", "b"), ("M",), np.array([[16.8], [17.0]]), np.array([[0.1], [0.1]]),
-    ...     np.array([16.9]), np.array([0.0]),
+    ...     ("a", "b"), ("M",), np.array([[16.8], [17.0]]), np.array([[0.1], [0.1]])
     ... )
     >>> round(alone.spread("M"), 3)
-    1.0
+    1.414
     """
 
     records: tuple[str, ...]
     names: tuple[str, ...]
     values: FloatArray
     std: FloatArray
-    joint_values: FloatArray
-    joint_std: FloatArray
     failed: tuple[str, ...] = ()
 
     def spread(self, name: str) -> float | None:
-        """Return how far the estimates lie from that of all records, in standard deviations.
+        """Return how far the estimates lie apart, in their standard deviations σ.
 
-        The root mean square over the records of the distance over √(σ² + σ_joint²): at most about
-        one where the records agree. None without an interval.
+        √(Σ (θ - mean)²/σ² / (n - 1)) over the n records with an interval, with the mean weighted by
+        1/σ²: about one where the records agree (the Birge ratio). None for fewer than two.
         """
         z = self._distances(name)
-        return float(np.sqrt(np.mean(z**2))) if z.size else None
+        return float(np.sqrt(z @ z / (z.size - 1))) if z.size > 1 else None
 
     def excess(self, name: str) -> float:
         """Return the sum of the squared distances over the limit of chance.
 
-        Records that agree exceed the limit in any parameter in one case of a hundred. 0 without an
-        interval.
+        Records that agree exceed the limit in any parameter in one case of a hundred. 0 for fewer
+        than two intervals.
         """
         z = self._distances(name)
-        if not z.size:
+        if z.size < 2:
             return 0.0
-        return float(z @ z / special.chdtri(z.size, CHANCE / len(self.names)))
+        return float(z @ z / special.chdtri(z.size - 1, CHANCE / len(self.names)))
 
     def _distances(self, name: str) -> FloatArray:
+        # From their own mean: the interval of the joint fit widens with what is to be seen here.
         column = self.names.index(name)
-        std = np.hypot(self.std[:, column], self.joint_std[column])
-        known = np.isfinite(std) & (std > 0)
-        distances = self.values[known, column] - self.joint_values[column]
-        return np.asarray(distances / std[known])
+        known = np.isfinite(self.std[:, column]) & (self.std[:, column] > 0)
+        values, std = self.values[known, column], self.std[known, column]
+        mean = np.average(values, weights=std**-2) if values.size else 0.0
+        return np.asarray((values - mean) / std)
 
 
 @one_thread
@@ -147,8 +142,6 @@ def fit_each_record(
         names,
         table[:, :, 0],
         table[:, :, 1],
-        joint.parameters.select(names).values,
-        _std_without_scale(joint, names),
         tuple(failed),
     )
 
@@ -165,13 +158,6 @@ def record_groups(records: Sequence[Recording]) -> dict[str, Sequence[Recording]
         for i, name in enumerate(names)
     ]
     return dict(zip(numbered, parts, strict=True))
-
-
-def _std_without_scale(joint: OutputErrorResult, names: Sequence[str]) -> FloatArray:
-    """Return the wider standard deviations without the flow's scale, which records share."""
-    std = np.array([_std(joint, name) for name in names])
-    shared = flow_scale_covariance(names, joint.parameters.select(names).values, joint.axis.bench)
-    return np.asarray(np.sqrt(np.maximum(std**2 - np.diag(shared), 0.0)))
 
 
 def _initial_states(fit: OutputErrorResult, first: int, count: int) -> list[FloatArray]:

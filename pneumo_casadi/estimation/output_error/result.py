@@ -82,7 +82,8 @@ class FlowMapDeviation:
     Parameters
     ----------
     rms : float
-        Residuals of the map over those of its own fit; 1 where the trajectories do not change it.
+        Residuals of the map over those of its own fit, in both without the common factor that the
+        stated accuracy of the meter leaves open; 1 where the trajectories do not change it.
     scale : float
         Best common factor between the fitted and the measured map.
     """
@@ -99,12 +100,12 @@ def flow_map_deviation(anchor: Anchor, axis: Axis) -> FlowMapDeviation | None:
     if anchor.scatter is None:
         return None
     c = axis.parameters.select(anchor.names).values
-    residual, own, none = (
-        np.asarray(anchor.scatter(each)[0], dtype=float).ravel()
-        for each in (c, anchor.fitted, np.zeros_like(c))
+    at_points, nothing = (
+        np.asarray(anchor.scatter(each)[0], dtype=float).ravel() for each in (c, np.zeros_like(c))
     )
-    measured = -none
-    scale = float((residual + measured) @ measured / (measured @ measured))
+    measured = -nothing
+    scale = float((at_points + measured) @ measured / (measured @ measured))
+    residual, own = (anchor(each)[: anchor.n_points] for each in (c, anchor.fitted))
     return FlowMapDeviation(float(np.sqrt(np.sum(residual**2) / np.sum(own**2))), scale)
 
 

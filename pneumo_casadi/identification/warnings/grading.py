@@ -149,7 +149,7 @@ LIMITS: Mapping[str, Limit] = MappingProxyType(
             note=1.0,
         ),
         "spread": Limit(
-            "distance of single records' estimates from the joint one, squared, over its limit [1]",
+            "distances of single records' estimates from their mean, squared, over their limit [1]",
             "records of one axis exceed the limit by chance in one case of a hundred",
             caution=1.0,
         ),

@@ -1,6 +1,6 @@
 """Warnings about estimates that geometry, data sheet or physics contradict."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
@@ -20,12 +20,15 @@ def physics_warnings(case: Case, result: OutputErrorResult) -> Iterator[ResultWa
     """Yield what mass, areas, polytropic coefficients and friction contradict."""
     sheet = case.bench.datasheet.get("M_kg")
     if sheet:
-        M = result.parameters["M"].value
+        own = [f"{each.name}.{name}" for each in result.axis.effects for name in each.masses]
+        parts = ("M", *own)  # the data sheet states all that moves
+        M = sum(result.parameters[name].value for name in parts)
         yield from limited(
             "mass",
-            (abs(M - sheet) - _half(result, "M")) / sheet,
+            (abs(M - sheet) - _half_of_sum(result, dict.fromkeys(parts, 1.0))) / sheet,
             "physics",
-            f"M = {M:.4g} kg is {100 * (M / sheet - 1):+.0f} % off the data sheet.",
+            f"{' + '.join(parts)} = {M:.4g} kg is {100 * (M / sheet - 1):+.0f} % off the data "
+            "sheet.",
         )
     if case.bench.kind.gas_chambers:
         yield from _of_chambers(case, result)
@@ -39,23 +42,39 @@ def _half(result: OutputErrorResult, name: str) -> float:
     return SIGMAS * max(result.std(name), result.std(name, robust=True))
 
 
+def _half_of_sum(result: OutputErrorResult, slopes: Mapping[str, float]) -> float:
+    """Return the half width of the interval of a sum of parameters times slopes.
+
+    What they share, as the factor of a flow meter, adds up or cancels. Parameters that were held
+    are known.
+    """
+    known = result.uncertainty
+    at = [i for i, name in enumerate(known.names) if name in slopes]
+    g = np.array([slopes[known.names[i]] for i in at])
+    matrices = [known.covariance, known.covariance_robust]
+    variances = [g @ C[np.ix_(at, at)] @ g for C in matrices if C is not None]
+    largest = float(max(variances))
+    return SIGMAS * largest**0.5 if np.isfinite(largest) else float("inf")
+
+
 def _of_chambers(case: Case, result: OutputErrorResult) -> Iterator[ResultWarning]:
-    areas, halves = [], []
+    areas = []
     for chamber in case.bench.kind.gas_chambers:
         geometric = getattr(case.bench, f"S_{chamber}")
         areas.append(result.derived[f"S_{chamber}"].value / geometric)
-        halves.append(_half(result, f"S_{chamber}") / geometric)
         yield from limited(
             "area",
-            abs(areas[-1] - 1) - halves[-1],
+            abs(areas[-1] - 1) - _half(result, f"S_{chamber}") / geometric,
             "physics",
             f"The area S_{chamber} computed from the fit is {100 * (areas[-1] - 1):+.0f} % off "
             "that of the bench: look for gauge pressures, a wrong temperature, flow scale or leak.",
         )
     ratio = areas[1] / areas[0]
+    X_s3, X_s6 = (result.parameters[name].value for name in ("X_s3", "X_s6"))
+    relative = {"X_s3": -1 / X_s3, "X_s6": 1 / X_s6}  # S = X R T: one meter cancels in the ratio
     yield from limited(
         "area ratio",
-        abs(ratio - 1) - ratio * float(np.hypot(halves[0] / areas[0], halves[1] / areas[1])),
+        abs(ratio - 1) - ratio * _half_of_sum(result, relative),
         "physics",
         f"The ratio of the areas S_N/S_P computed from the fit is {100 * (ratio - 1):+.0f} % off "
         "that of the bench: look for exchanged chambers, unequal valves or a leak.",

@@ -221,8 +221,8 @@ def record_table(identification: Identification) -> Table:
         ("", "unit", "all records", *alone.records, "spread"),
         tuple(rows),
         (
-            "Spread: distance of single columns from all records, in standard deviations of both "
-            "(root mean square); up to about 1 where records agree.",
+            "Spread: distance of single columns from their mean, in their standard deviations "
+            "(root mean square over n - 1); about 1 where records agree.",
             "The flow map is held where all records together have left it.",
         ),
     )

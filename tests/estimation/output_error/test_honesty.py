@@ -1,13 +1,16 @@
 """What the data do not say is not said: bounds, missing information, failures, the gauge."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 
-from pneumo_casadi.data import InputHold, Recording
+from pneumo_casadi.data import InputHold, Recording, ValveData, Valves
 from pneumo_casadi.errors import FitError, ModelError
+from pneumo_casadi.estimation.flow_anchor import anchor_flow
 from pneumo_casadi.estimation.output_error import Method, OutputErrorOptions, fit_output_error
+from pneumo_casadi.estimation.output_error.result import flow_map_deviation
 from pneumo_casadi.estimation.output_error.stages import write_problem
 
 METHODS = list(Method)
@@ -279,3 +282,15 @@ def test_records_under_different_hold_are_refused_in_words(made, start, short):
     other = Recording(short.t, channels, "other", "made", InputHold.LINEAR)
     with pytest.raises(ModelError, match="input hold"):
         fit_output_error(begin, [short, other], table, options(made))
+
+
+def test_a_meter_that_is_off_within_its_accuracy_is_no_moved_map(start):
+    table, axis = start(0)
+    moved = {n: 1.02 * axis.parameters[n].value for n in axis.flow_parameters}
+    for accuracy, expected in ((None, False), (0.02, True)):
+        valve = ValveData(accuracy=accuracy)
+        bench = replace(axis.bench, valves=Valves(valve, valve))
+        own = replace(axis, bench=bench)
+        deviation = flow_map_deviation(anchor_flow(own, table), own.with_parameters(moved))
+        assert deviation.scale == pytest.approx(1.02, abs=2e-3)
+        assert (deviation.rms < 1.05) is expected
