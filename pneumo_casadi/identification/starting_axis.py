@@ -59,6 +59,11 @@ def axis_of_options(case: Case, flow: AnyFlowModel | None, options: IdentifyOpti
     metered = is_metered(case.bench)
     axis = axis.with_effects(*(catalogue_effect(name, flow, metered) for name in options.effects))
     if not options.refine_flow:
+        if axis.flow_parameters and not metered:
+            raise ModelError(
+                "refine_flow=False (--fixed-map): no valve was metered, and a flow of the data "
+                "sheet or of the records is only a start; leave the option out"
+            )
         axis = axis.with_parameters(axis.parameters.fix(*axis.flow_parameters))
     _refuse_unknown(axis, options)
     held = axis.parameters.with_values(options.fixed).fix(*options.fixed)

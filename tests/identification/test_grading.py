@@ -174,3 +174,11 @@ def test_the_factor_of_a_meter_hides_no_exchanged_areas(quick, meter):
     warnings = found_with(quick, axis=axis, uncertainty=wide, derived=derived)
     (ratio,) = [i for i in warnings if "ratio of the areas" in i.text]
     assert "+1" in ratio.text
+
+
+def test_intervals_without_the_map_s_own_noise_are_a_caution(quick):
+    free = quick.axis.parameters.release(*quick.axis.flow_parameters)
+    refined = found_with(quick, axis=quick.axis.with_parameters(free))
+    held = found_with(quick, axis=quick.axis.with_parameters(free.fix(*quick.axis.flow_parameters)))
+    (warning,) = [item for item in held if item not in refined]
+    assert warning.grade is Grade.CAUTION and "The flow map was held" in warning.text

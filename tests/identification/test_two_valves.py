@@ -67,7 +67,8 @@ def test_each_valve_is_held_against_its_own_map(case):
     record = case.identify[0]
     P = read_flow_map(case.folder / "flow_map_P.csv")
     N = P.select(P.p < np.median(record["p_P"]))
-    fit = SimpleNamespace(flow_map_deviation=None)
+    refined = SimpleNamespace(flow_parameters=("k_supply",), free_names=("k_supply",))
+    fit = SimpleNamespace(flow_map_deviation=None, axis=refined, parameters=refined)
     found = list(flow_map_warnings([record], FlowMapPair(P, N), fit))
     assert [warning.text.split()[0] for warning in found] == ["p_N"]
     assert list(flow_map_warnings([record], FlowMapPair(P, P), fit)) == []

@@ -8,6 +8,7 @@ import pytest
 
 import pneumo_casadi as pc
 from pneumo_casadi.data import FlowSource, ValveData, Valves
+from pneumo_casadi.errors import ModelError
 from pneumo_casadi.identification.warnings.flow_map import flow_map_warnings
 from pneumo_casadi.model.servosystem import Servosystem
 from pneumo_casadi.valve import iso6358_from_data_sheet
@@ -59,3 +60,8 @@ def test_a_case_without_a_map_says_what_to_write():
     case = replace(pc.example_case(), flow_map_path=None)
     with pytest.raises(ValueError, match=r'no flow_map.csv, .*write "valve": {"source": "none"}'):
         pc.identify(case)
+
+
+def test_a_flow_that_was_not_metered_is_not_held():
+    with pytest.raises(ModelError, match="no valve was metered"):
+        pc.identify(without_map(ValveData(FlowSource.NONE)), pc.IdentifyOptions(refine_flow=False))

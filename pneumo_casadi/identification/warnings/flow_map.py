@@ -7,7 +7,7 @@ import numpy as np
 from pneumo_casadi.data import Bench, FlowSource, Recording
 from pneumo_casadi.estimation.flow_scale import flow_scale_std
 from pneumo_casadi.estimation.output_error import OutputErrorResult
-from pneumo_casadi.identification.warnings.grading import SIGMAS, ResultWarning, limited
+from pneumo_casadi.identification.warnings.grading import SIGMAS, ResultWarning, limited, met
 from pneumo_casadi.valve import (
     AnyFlowMap,
     FormSelection,
@@ -41,6 +41,14 @@ def flow_map_warnings(
             f"{channel} runs from {values.min():.4g} to {values.max():.4g} {unit}, outside the "
             f"metered {low:.4g} to {high:.4g} {unit} in {100 * outside:.2g} % of the samples: "
             "there the flow is extrapolated.",
+        )
+    if not set(result.axis.flow_parameters) & set(result.parameters.free_names):
+        yield met(
+            "held map",
+            "flow_map",
+            "The flow map was held: the intervals of X_s1 ... X_s6 from output error leave out "
+            "what is unknown of its coefficients; refine it (leave out --fixed-map), or take the "
+            "intervals of WLS, which contain it.",
         )
     deviation = result.flow_map_deviation
     if deviation is None:

@@ -165,6 +165,7 @@ CONDITIONS: Mapping[str, tuple[Grade, str]] = MappingProxyType(
         "friction has a force": (Grade.CAUTION, "a load or a tilt is in the friction"),
         "at bound": (Grade.CAUTION, "the estimate is the bound's"),
         "uninformed": (Grade.CAUTION, "the value is the starting value"),
+        "held map": (Grade.CAUTION, "noise of the map moves X_s2 and X_s5 by several σ"),
         "cause unknown": (Grade.SEVERE, "mass and friction take up what the model lacks"),
         "taken up": (Grade.CAUTION, "geometry or data sheet contradict the estimate"),
         "not held out": (Grade.CAUTION, "nothing tells what a prediction is worth"),
