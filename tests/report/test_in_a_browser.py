@@ -37,6 +37,8 @@ made = importlib.util.module_from_spec(_spec)
 _spec.loader.exec_module(made)
 
 DESKTOP, PHONE = {"width": 1280, "height": 900}, {"width": 360, "height": 740}
+#: Size and colours of the views of a page.
+VIEWS = {"desktop": (DESKTOP, "light"), "dark": (DESKTOP, "dark"), "phone": (PHONE, "light")}
 SYSTEM = ("chromium", "chromium-browser", "google-chrome")
 
 
@@ -83,9 +85,40 @@ def reports(quick, quick_comparison, without_pdf, tmp_path_factory):
     }
 
 
-@pytest.fixture(params=["diagnosis", "identification", "comparison", "validation"])
+@pytest.fixture(scope="module", params=["diagnosis", "identification", "comparison", "validation"])
 def path(request, reports):
     return reports[request.param]
+
+
+@pytest.fixture(scope="module")
+def view(browser, path):
+    """Return a function that shows a view of the page: loaded once, from its top, on screen."""
+    pages = {}
+
+    def show(name):
+        size, colours = VIEWS[name]
+        if name not in pages:
+            pages[name] = opened(browser, path, size, colours)
+            pages[name][0].wait_for_selector(".plot[data-ready=yes]")
+        page = pages[name][0]
+        page.emulate_media(media="screen")
+        page.set_viewport_size(size)
+        page.evaluate("document.activeElement.blur(); scrollTo(0, 0)")
+        return pages[name]
+
+    yield show
+    for page, *_ in pages.values():
+        page.close()
+
+
+@pytest.fixture(scope="module")
+def still(browser, path):
+    """The page where no script runs."""
+    context = browser.new_context(java_script_enabled=False)
+    page = context.new_page()
+    page.goto(path.as_uri())
+    yield page
+    context.close()
 
 
 def opened(browser, path, size, colours="light"):
@@ -99,12 +132,10 @@ def opened(browser, path, size, colours="light"):
     return page, said, [url for url in asked if url != path.as_uri()]
 
 
-@pytest.mark.parametrize(
-    ("size", "colours"), [(DESKTOP, "light"), (DESKTOP, "dark"), (PHONE, "light")]
-)
-def test_there_is_no_barrier_and_the_page_stands_alone(browser, path, size, colours):
-    page, said, asked = opened(browser, path, size, colours)
-    page.wait_for_selector(".plot[data-ready=yes]")
+@pytest.mark.parametrize("name", VIEWS)
+def test_there_is_no_barrier_and_the_page_stands_alone(view, name):
+    page, said, asked = view(name)
+    size, colours = VIEWS[name]
     barriers = [
         (violation["id"], violation["impact"], [node["html"][:100] for node in violation["nodes"]])
         for violation in axe.Axe().run(page).response["violations"]
@@ -117,7 +148,6 @@ def test_there_is_no_barrier_and_the_page_stands_alone(browser, path, size, colo
     shot = matplotlib.image.imread(BytesIO(page.screenshot()))
     dark = float(np.mean(shot[..., :3] < 0.5))
     assert 0.01 < (dark if colours == "light" else 1 - dark) < 0.5  # there is text on it
-    page.close()
 
 
 def ranges(page):
@@ -126,9 +156,8 @@ def ranges(page):
     )
 
 
-def test_time_plots_zoom_together_and_curves_are_switched(browser, path):
-    page, said, asked = opened(browser, path, DESKTOP)
-    page.wait_for_selector(".plot[data-ready=yes]")
+def test_time_plots_zoom_together_and_curves_are_switched(view):
+    page, said, asked = view("desktop")
     whole = ranges(page)
     assert len(whole) >= 2 and all(each == whole[0] for each in whole)
     assert not page.locator(
@@ -160,12 +189,10 @@ def test_time_plots_zoom_together_and_curves_are_switched(browser, path):
     hidden = {each for each, visible in shown if not visible}
     assert hidden == {name.get_attribute("value")}
     assert not said and all(url.startswith("data:") for url in asked)
-    page.close()
 
 
-def test_keys_reach_every_control_and_link_in_view(browser, path):
-    page, _, _ = opened(browser, path, DESKTOP)
-    page.wait_for_selector(".plot[data-ready=yes]")
+def test_keys_reach_every_control_and_link_in_view(view):
+    page, _, _ = view("desktop")
     controls = page.locator("a[href], button, input, .scroll").count()
     reached, places = set(), []
     for _ in range(2 * controls + 20):  # the plots themselves take the focus too
@@ -183,29 +210,25 @@ def test_keys_reach_every_control_and_link_in_view(browser, path):
             break
     assert reached == set(range(controls)) and controls > 8
     assert all(in_view and outline != "none" for in_view, outline in places)
-    page.close()
 
 
-def test_on_a_phone_the_answer_comes_before_the_contents(browser, path):
-    page, _, _ = opened(browser, path, PHONE)
+def test_on_a_phone_the_answer_comes_before_the_contents(view):
+    page, _, _ = view("phone")
     tops = page.evaluate(
         "['h1', '.verdict', 'nav', 'main > section:not(.verdict)']"
         ".map(name => document.querySelector(name).getBoundingClientRect().top)"
     )
     assert tops == sorted(tops) and tops[1] < 0.2 * PHONE["height"]
-    page.close()
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_on_paper_a_page_is_light_and_at_most_six_sheets(browser, path, scheme):
-    page, _, _ = opened(browser, path, DESKTOP, scheme)
-    page.wait_for_selector(".plot[data-ready=yes]")
+@pytest.mark.parametrize("name", ["desktop", "dark"])
+def test_on_paper_a_page_is_light_and_at_most_six_sheets(view, name):
+    page, _, _ = view(name)
     pdf = page.pdf(prefer_css_page_size=True)
     assert 1 <= len(re.findall(rb"/Type\s*/Page\b", pdf)) <= 6
     page.emulate_media(media="print")
     colour = page.evaluate("getComputedStyle(document.body).backgroundColor")
     assert colour == "rgb(255, 255, 255)"
-    page.close()
 
 
 def test_three_effects_fit_on_six_sheets(browser, reports):
@@ -228,40 +251,33 @@ def test_in_a_wide_window_sections_fill_their_width(browser, reports):
     page.close()
 
 
-def test_on_a_phone_the_summary_gives_way_to_its_panels(browser, reports):
-    for size, shown in ((DESKTOP, True), (PHONE, False)):
-        page, _, _ = opened(browser, reports["identification"], size)
+@pytest.mark.parametrize("path", ["identification"], indirect=True)
+def test_on_a_phone_the_summary_gives_way_to_its_panels(view):
+    for name, shown in (("desktop", True), ("phone", False)):
+        page, _, _ = view(name)
         assert page.locator("#figure-overview").is_visible() is shown
-        page.close()
 
 
-def test_without_scripts_a_still_figure_is_shown(browser, path):
-    context = browser.new_context(java_script_enabled=False)
-    page = context.new_page()
-    page.goto(path.as_uri())
-    assert page.locator(".plot figure img").first.is_visible()
-    assert not page.locator(".plot .controls").first.is_visible()
-    context.close()
+def test_without_scripts_a_still_figure_is_shown(still):
+    still.set_viewport_size(DESKTOP)
+    assert still.locator(".plot figure img").first.is_visible()
+    assert not still.locator(".plot .controls").first.is_visible()
 
 
-def test_without_scripts_a_still_figure_is_read_on_a_phone(browser, path):
-    context = browser.new_context(java_script_enabled=False, viewport=PHONE)
-    page = context.new_page()
-    page.goto(path.as_uri())
-    image = page.locator(".plot figure img").first
+def test_without_scripts_a_still_figure_is_read_on_a_phone(still):
+    still.set_viewport_size(PHONE)
+    image = still.locator(".plot figure img").first
     assert image.bounding_box()["width"] > 650  # scrolled, not shrunk to the width of the screen
-    heading = page.locator("h1").bounding_box()
+    heading = still.locator("h1").bounding_box()
     assert heading["x"] + heading["width"] <= PHONE["width"]
-    context.close()
 
 
 def test_a_report_is_small_enough_to_send(path):
     assert path.stat().st_size < 4e6
 
 
-def test_every_picture_is_shown(browser, path):
-    page, _, _ = opened(browser, path, DESKTOP)
-    page.wait_for_selector(".plot[data-ready=yes]")
+def test_every_picture_is_shown(view):
+    page, _, _ = view("desktop")
     shown = []
     for media in ("screen", "print"):  # on paper those that stand in for the plots too
         page.emulate_media(media=media)
@@ -272,26 +288,24 @@ def test_every_picture_is_shown(browser, path):
         assert all(done and natural > 0 and width > 200 for done, natural, width in sizes)
         shown.append(len(sizes))
     assert shown[1] == page.evaluate("document.images.length") > shown[0]
-    page.close()
 
 
-def test_on_a_phone_nothing_is_off_screen(browser, path):
-    page, _, _ = opened(browser, path, PHONE)
+def test_on_a_phone_nothing_is_off_screen(view):
+    page, _, _ = view("phone")
     cut = page.evaluate(
         "[...document.querySelectorAll('.scroll, pre, figure, td, tbody th')]"
         ".filter(e => e.getBoundingClientRect().right > 361 || e.scrollWidth > e.clientWidth + 1)"
         ".map(e => e.outerHTML.slice(0, 80))"
     )
     assert not cut
-    page.close()
 
 
-def test_on_paper_nothing_is_cut_off(browser, path):
-    page, _, _ = opened(browser, path, {"width": 700, "height": 1000})
+def test_on_paper_nothing_is_cut_off(view):
+    page, _, _ = view("phone")
+    page.set_viewport_size({"width": 700, "height": 1000})
     page.emulate_media(media="print")
     cut = page.evaluate(
         "[...document.querySelectorAll('.scroll, img')].filter("
         "e => e.scrollWidth > document.body.clientWidth + 1).length"
     )
     assert cut == 0
-    page.close()
