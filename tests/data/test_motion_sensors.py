@@ -22,12 +22,13 @@ def case(tmp_path_factory):
 def findings_with(case, channel, change):
     record = case.identify[0]
     changed = record.with_channels({channel: change(record[channel])})
-    return [f for f in check_records([changed], case.bench) if f.name == f"sensor of {channel}"]
+    names = {f"{what} of {channel}" for what in ("sensor", "zero")}
+    return [f for f in check_records([changed], case.bench) if f.name in names]
 
 
 def test_sensors_that_agree_raise_no_finding(case):
-    assert not [finding for finding in case.findings if finding.name.startswith("sensor of")]
-    assert not findings_with(case, "v", lambda v: 1.04 * v + 0.02)  # a certificate's own error
+    assert not [finding for finding in case.findings if finding.about in ("v", "a")]
+    assert not findings_with(case, "v", lambda v: 1.04 * v + 0.002)  # a certificate's own error
 
 
 @pytest.mark.parametrize(
@@ -49,6 +50,20 @@ def test_a_sensor_that_contradicts_the_position_is_named_with_its_remedy(
         assert entry.items() <= suggestion.items()
     else:
         assert suggestion["scale"] == pytest.approx(1 / 1.3, rel=0.02)
+
+
+@pytest.mark.parametrize(("channel", "zero"), [("v", 0.1), ("a", 0.3), ("a", -9.81)])
+def test_a_zero_of_a_sensor_is_named_and_taken_off(case, channel, zero):
+    (finding,) = findings_with(case, channel, lambda values: values + zero)
+    assert finding.grade is Grade.SEVERE and "at rest" in finding.text
+    (suggestion,) = finding.suggestion.values()
+    assert suggestion["offset"] == pytest.approx(-zero, rel=0.1)
+
+
+def test_the_remedy_of_a_unit_takes_the_zero_off_as_well(case):
+    (finding,) = findings_with(case, "v", lambda v: 1e3 * (v + 0.1))
+    (suggestion,) = finding.suggestion.values()
+    assert suggestion["unit"] == "mm/s" and suggestion["offset"] == pytest.approx(-0.1, rel=0.1)
 
 
 def test_another_channel_in_its_place_is_named(case):
