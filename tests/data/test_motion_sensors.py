@@ -5,7 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pneumo_casadi.data import Grade, check_records, read_case
+from pneumo_casadi.data import (
+    ForceBench,
+    Grade,
+    InputHold,
+    NoController,
+    Recording,
+    check_records,
+    read_case,
+)
 from pneumo_casadi.virtual_bench import Laboratory, make_case
 
 pytest.importorskip("numba")
@@ -74,3 +82,23 @@ def test_another_channel_in_its_place_is_named(case):
 def test_a_sensor_that_only_some_records_have_is_not_used(case, tmp_path):
     assert "v" in case.bench.signals
     assert replace(case.bench, signals=frozenset()).kind.outputs == ("p_P", "p_N", "x")
+
+
+@pytest.mark.parametrize(
+    ("channel", "factor", "unit"), [("v", 1e3, "mm/s"), ("v", -1.0, None), ("F_load", -1.0, None)]
+)
+def test_sensors_of_a_force_driven_axis_are_checked_too(channel, factor, unit):
+    t = np.arange(4000) / 1000.0
+    x = 0.1 * np.sin(2 * np.pi * t)
+    v, a = np.gradient(x, t), np.gradient(np.gradient(x, t), t)
+    F_load = 20 * np.sin(2 * np.pi * 1.7 * t)
+    F = 10 * a + 5 * v + 8 * np.sign(v) - F_load
+    good = Recording(
+        t, {"F": F, "x": x, "v": v, "F_load": F_load}, "good", "memory", InputHold.ZERO
+    )
+    bench = ForceBench(1000.0, None, NoController(), signals=frozenset({"v", "F_load"}))
+    assert not check_records([good], bench)
+    (finding,) = check_records([good.with_channels({channel: factor * good[channel]})], bench)
+    (suggestion,) = finding.suggestion.values()
+    assert finding.grade is Grade.SEVERE and finding.about == channel
+    assert suggestion.get("unit") == unit and (unit or suggestion["scale"] == -1.0)

@@ -10,10 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from pneumo_casadi.data.bench.bench import Bench
-from pneumo_casadi.data.bench.driven_bench import PressureBench
+from pneumo_casadi.data.bench.driven_bench import AnyBench, ForceBench, PressureBench
 from pneumo_casadi.data.checks.finding import Finding, Grade
 from pneumo_casadi.data.checks.smoothed import SmoothedRecord, least_squares
 from pneumo_casadi.data.readers.column_entries import ColumnEntries
+from pneumo_casadi.parameters import FloatArray
 
 SLOWEST = 0.02
 """Speed from which friction has its sign [m/s]."""
@@ -31,10 +32,10 @@ def check_force_balance(
     record: SmoothedRecord, bench: Bench, entries: ColumnEntries
 ) -> Iterator[Finding]:
     """Yield a finding where the force balance holds better with the areas swapped."""
-    yield from _check_measured_force(record, bench, entries)
+    yield from check_measured_force(record, bench, entries)
     if abs(bench.S_P / bench.S_N - 1) < SINGLE_ROD:
         return
-    given, swapped = (_left(record, *areas) for areas in _both(bench))
+    given, swapped = (_left(record, _pressure_force(record, *areas)) for areas in _both(bench))
     if given > LESS * swapped:
         yield Finding(
             Grade.SEVERE,
@@ -52,8 +53,8 @@ def check_driven_mass(
     record: SmoothedRecord, bench: PressureBench, entries: ColumnEntries
 ) -> Iterator[Finding]:
     """Yield what the force balance alone says of an axis that is driven by measured pressures."""
-    yield from _check_measured_force(record, bench, entries)
-    fit = _fit(record, bench.S_P, bench.S_N)
+    yield from check_measured_force(record, bench, entries)
+    fit = _fit(record, _pressure_force(record, bench.S_P, bench.S_N))
     if fit is None:
         return
     source = record.recording.name
@@ -85,13 +86,17 @@ def check_driven_mass(
         )
 
 
-def _check_measured_force(
-    record: SmoothedRecord, bench: Bench | PressureBench, entries: ColumnEntries
+def check_measured_force(
+    record: SmoothedRecord, bench: AnyBench, entries: ColumnEntries
 ) -> Iterator[Finding]:
     """Yield a finding where the force balance holds better with a measured force turned round."""
     if "F_load" not in record.recording:
         return
-    given, turned = (_left(record, bench.S_P, bench.S_N, sign) for sign in (1.0, -1.0))
+    if isinstance(bench, ForceBench):
+        drive = record.smooth(record.recording["F"])
+    else:
+        drive = _pressure_force(record, bench.S_P, bench.S_N)
+    given, turned = (_left(record, drive, sign) for sign in (1.0, -1.0))
     if given > LESS * turned:
         yield Finding(
             Grade.SEVERE,
@@ -112,7 +117,7 @@ def effort_looks_gauge(record: SmoothedRecord, bench: Bench | PressureBench) -> 
     that the bench states is allowed for.
     """
     feigned = -(bench.S_P - bench.S_N) * bench.p_ext
-    fit = _fit(record, bench.S_P, bench.S_N)
+    fit = _fit(record, _pressure_force(record, bench.S_P, bench.S_N))
     if fit is None or abs(bench.S_N / bench.S_P - 1) < SINGLE_ROD:
         return False
     constant = fit.constant + feigned + bench.load.force + fit.M * bench.load.acceleration
@@ -123,8 +128,15 @@ def _both(bench: Bench) -> tuple[tuple[float, float], tuple[float, float]]:
     return (bench.S_P, bench.S_N), (bench.S_N, bench.S_P)
 
 
-def _left(record: SmoothedRecord, S_P: float, S_N: float, force_sign: float = 1.0) -> float:
-    fit = _fit(record, S_P, S_N, force_sign)
+def _pressure_force(record: SmoothedRecord, S_P: float, S_N: float) -> FloatArray:
+    """Return S_P p_P − S_N p_N [N]."""
+    areas = {"P": S_P, "N": -S_N}
+    force: FloatArray = np.sum([areas[n] * c.p for n, c in record.chambers.items()], axis=0)
+    return force
+
+
+def _left(record: SmoothedRecord, drive: FloatArray, force_sign: float = 1.0) -> float:
+    fit = _fit(record, drive, force_sign)
     return 0.0 if fit is None else fit.left
 
 
@@ -141,14 +153,13 @@ class _Fit:
     left: float
 
 
-def _fit(record: SmoothedRecord, S_P: float, S_N: float, force_sign: float = 1.0) -> _Fit | None:
+def _fit(record: SmoothedRecord, drive: FloatArray, force_sign: float = 1.0) -> _Fit | None:
     inner = record.inner
     moving = np.abs(record.v[inner]) > SLOWEST
     if int(moving.sum()) < FEWEST_BLOCKS:
         return None
     v, a = record.v[inner][moving], record.a[inner][moving]
-    areas = {"P": S_P, "N": -S_N}
-    effort = np.sum([areas[n] * c.p[inner][moving] for n, c in record.chambers.items()], axis=0)
+    effort = drive[inner][moving]
     if "F_load" in record.recording:
         measured = record.smooth(record.recording["F_load"])[inner][moving]
         effort = effort + force_sign * measured

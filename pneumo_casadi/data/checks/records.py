@@ -15,7 +15,11 @@ from pneumo_casadi.data.bench.driven_bench import AnyBench, PressureBench
 from pneumo_casadi.data.checks.balance_mistakes import check_mass_balances
 from pneumo_casadi.data.checks.chambers import cannot_tell, check_chambers
 from pneumo_casadi.data.checks.finding import ContradictionError, Finding, Grade, merge_findings
-from pneumo_casadi.data.checks.force_balance import check_driven_mass, check_force_balance
+from pneumo_casadi.data.checks.force_balance import (
+    check_driven_mass,
+    check_force_balance,
+    check_measured_force,
+)
 from pneumo_casadi.data.checks.metered_flow import MeteredFlow, check_flow_map
 from pneumo_casadi.data.checks.motion_sensors import check_motion_sensors
 from pneumo_casadi.data.checks.ranges import check_ranges
@@ -232,11 +236,15 @@ def _findings(
         yield from check_force_balance(record, bench, entries)
         yield from check_timing(recording, bench, entries)
         yield from check_motion_sensors(record, bench, entries)
-    elif isinstance(bench, PressureBench):
-        record = smoothed_record(recording)
-        if record is not None:
-            yield from check_driven_mass(record, bench, entries)
-            yield from check_motion_sensors(record, bench, entries)
+        return
+    record = smoothed_record(recording)
+    if record is None:
+        return
+    if isinstance(bench, PressureBench):
+        yield from check_driven_mass(record, bench, entries)
+    else:
+        yield from check_measured_force(record, bench, entries)
+    yield from check_motion_sensors(record, bench, entries)
 
 
 #: Where nobody recorded the reference, nothing can be said of the closed loop.
