@@ -23,10 +23,9 @@ from pneumo_casadi.data.emps import IDENTIFY as EMPS_FILE
 from pneumo_casadi.data.emps import read_emps
 from pneumo_casadi.data.readers.column_entries import ColumnEntries
 from pneumo_casadi.data.readers.columns import COLUMNS_FILE, ColumnSpec, read_columns
-from pneumo_casadi.data.readers.recordings import read_recording, split_at_gaps
+from pneumo_casadi.data.readers.recordings import read_stretches
 from pneumo_casadi.data.readers.tables import suffix_of
 from pneumo_casadi.data.recording.channels import UNITS, InputHold, column_name
-from pneumo_casadi.data.recording.clock import Clock
 from pneumo_casadi.data.recording.recording import Recording
 from pneumo_casadi.data.seal_friction import is_seal_friction, read_seal_friction
 from pneumo_casadi.errors import CaseError
@@ -110,7 +109,7 @@ def _read(
         role: tuple(
             part
             for path in _record_files(folder, role)
-            for part in _read_parts(path, hold or _hold_of(bench), columns, bench.clock)
+            for part in read_stretches(path, hold or _hold_of(bench), columns, bench.clock)
         )
         for role in ("identify", "validate")
     }
@@ -146,13 +145,6 @@ def _hold_of(bench: AnyBench) -> InputHold:
     Held pressures would be half a sample late, which a fit takes for another mass.
     """
     return InputHold.LINEAR if isinstance(bench, PressureBench) else InputHold.ZERO
-
-
-def _read_parts(
-    path: Path, hold: InputHold, columns: Mapping[str, ColumnSpec] | None, clock: Clock
-) -> tuple[Recording, ...]:
-    recording = read_recording(path, hold, columns, clock=clock)
-    return split_at_gaps(recording) if clock is Clock.AS_RECORDED else (recording,)
 
 
 def _with_signals(

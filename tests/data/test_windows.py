@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pneumo_casadi.data import InputHold, Recording
+from pneumo_casadi.data import Clock, Column, InputHold, Recording
+from pneumo_casadi.data.readers.recordings import read_stretches
 from pneumo_casadi.errors import CaseError
 
 
@@ -140,3 +141,27 @@ def test_a_copy_without_some_channels_keeps_the_rest():
     assert np.array_equal(fewer["u"], recording["u"]) and np.array_equal(fewer.t, recording.t)
     assert fewer.where(3) == recording.where(3)
     assert recording.without({"z"}) is recording
+
+
+def test_delays_are_undone_within_each_stretch_between_gaps():
+    t = np.r_[np.arange(100), np.arange(100) + 600] * 1e-3
+    rows = np.arange(200.0)
+    gapped = Recording(
+        t, {"u": rows, "y": rows}, "a", "memory", InputHold.ZERO, clock=Clock.AS_RECORDED
+    )
+    aligned = gapped.aligned({"y": 2})
+    assert np.array_equal(aligned["y"], aligned["u"] + 2)
+    assert aligned["u"].tolist() == [*range(98), *range(100, 198)]
+    assert np.array_equal(aligned.t, t[aligned["u"].astype(int)])
+
+
+def test_late_columns_of_a_file_are_aligned_between_its_gaps(tmp_path):
+    t = np.r_[np.arange(100), np.arange(100) + 600] * 1e-3
+    lines = [f"{t[k]:.4f},{k},{k}" for k in range(200)]
+    (tmp_path / "run.csv").write_text("\n".join(["t_s,u,x_m", *lines]) + "\n", "utf-8")
+    columns = {"u": Column("u", rows_late=3)}
+    first, second = read_stretches(
+        tmp_path / "run.csv", InputHold.ZERO, columns, Clock.AS_RECORDED
+    )
+    assert (first["u_P"][-1], first["x"][-1], first.N) == (99.0, 96.0, 97)
+    assert (second["u_P"][0], second["x"][0], second.first_line) == (103.0, 100.0, 102)

@@ -10,6 +10,7 @@ from pneumo_casadi.data.readers.tables import Table, read_table, suffix_of
 from pneumo_casadi.data.readers.units import SI_FACTORS
 from pneumo_casadi.data.recording.channels import UNITS, InputHold, column_name
 from pneumo_casadi.data.recording.clock import Clock, split_rows
+from pneumo_casadi.data.recording.parts import spread_of_delays
 from pneumo_casadi.data.recording.recording import Recording
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.runtime.input_files import listed, printable
@@ -68,8 +69,38 @@ def recording_of_table(
     clock: Clock = Clock.UNIFORM,
 ) -> Recording:
     """Return the recording that a table holds; arguments and errors as in `read_recording`."""
+    recording, late = _as_filed(table, hold, columns or {}, name, clock)
+    return recording.aligned(late) if late else recording
+
+
+def read_stretches(
+    path: str | Path,
+    hold: InputHold,
+    columns: Mapping[str, ColumnSpec] | None = None,
+    clock: Clock = Clock.UNIFORM,
+) -> tuple[Recording, ...]:
+    """Read a file as `read_recording` does, and split it where the clock has gaps.
+
+    Late columns are aligned within each stretch: the last rows before a gap have no later value.
+    """
+    table = read_table(Path(path), {*COLUMNS, *(columns or {})})
+    recording, late = _as_filed(table, hold, columns or {}, None, clock)
+    stretches: tuple[Recording, ...] = (recording,)
+    if clock is Clock.AS_RECORDED:
+        stretches = split_at_gaps(recording, FEWEST_ROWS + spread_of_delays(late))
+    return tuple(part.aligned(late) for part in stretches) if late else stretches
+
+
+def _as_filed(
+    table: Table,
+    hold: InputHold,
+    columns: Mapping[str, ColumnSpec],
+    name: str | None,
+    clock: Clock,
+) -> tuple[Recording, dict[str, int]]:
+    """Return what a table holds row by row, and the rows by which channels are late in it."""
     path = table.path
-    meaning = _assign_columns(table, columns or {})
+    meaning = _assign_columns(table, columns)
     channels = {
         column.channel: column.to_si(table.columns[file_name]) for file_name, column in meaning
     }
@@ -85,13 +116,13 @@ def recording_of_table(
     late = {column.channel: column.rows_late for _, column in meaning if column.rows_late}
     if "u" in late:
         late |= dict.fromkeys(("u_P", "u_N"), late.pop("u"))
-    return recording.aligned(late) if late else recording
+    return recording, late
 
 
-def split_at_gaps(recording: Recording) -> tuple[Recording, ...]:
+def split_at_gaps(recording: Recording, fewest: int = FEWEST_ROWS) -> tuple[Recording, ...]:
     """Return the stretches between gaps of a recording whose clock is taken as recorded.
 
-    Stretches of fewer than `FEWEST_ROWS` rows are left out, with a log message.
+    Stretches of fewer than `fewest` rows are left out, with a log message.
 
     Raises
     ------
@@ -99,10 +130,10 @@ def split_at_gaps(recording: Recording) -> tuple[Recording, ...]:
         If no stretch is long enough.
     """
     parts = recording.split_at(split_rows(recording.t))
-    kept = tuple(part for part in parts if part.N >= FEWEST_ROWS)
+    kept = tuple(part for part in parts if fewest <= part.N)
     if not kept:
         raise CaseError(
-            f"{recording.source}: gaps leave no stretch of {FEWEST_ROWS} rows; record with a "
+            f"{recording.source}: gaps leave no stretch of {fewest} rows; record with a "
             "steadier clock"
         )
     if len(kept) < len(parts):

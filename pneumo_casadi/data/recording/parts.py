@@ -1,4 +1,6 @@
-"""Division of a recording into consecutive parts."""
+"""Rows of a recording: those of consecutive parts, and those that delayed channels share."""
+
+from collections.abc import Mapping, Sequence
 
 from pneumo_casadi.errors import CaseError
 
@@ -41,3 +43,26 @@ def part_edges(
     if rows < 2:
         raise CaseError(f"{name}: {duration} s is less than two rows of {dt:g} s")
     return [*range(0, N - 1, rows), N]  # a last single row joins its neighbour
+
+
+def spread_of_delays(late: Mapping[str, int]) -> int:
+    """Return the rows by which channels that are `late` shorten a stretch of rows."""
+    return sum(_reach(late))
+
+
+def rows_with_all(late: Mapping[str, int], stretches: Sequence[slice]) -> list[int]:
+    """Return the rows for which every channel has its value within the same stretch of rows.
+
+    Examples
+    --------
+    >>> rows_with_all({"u": 1}, [slice(0, 3), slice(3, 6)])
+    [0, 1, 3, 4]
+    """
+    before, after = _reach(late)
+    kept = [range(part.start + before, part.stop - after) for part in stretches]
+    return [row for part in kept for row in part]
+
+
+def _reach(late: Mapping[str, int]) -> tuple[int, int]:
+    """Return the rows before and after a row that its channels are taken from."""
+    return max([0, *(-shift for shift in late.values())]), max([0, *late.values()])

@@ -11,8 +11,8 @@ import pandas as pd
 from numpy.typing import ArrayLike
 
 from pneumo_casadi.data.recording.channels import UNITS, InputHold, checked, column_name, read_only
-from pneumo_casadi.data.recording.clock import Clock, check_forward, sample_time, uniform
-from pneumo_casadi.data.recording.parts import part_edges
+from pneumo_casadi.data.recording.clock import Clock, check_forward, sample_time, split_rows, uniform
+from pneumo_casadi.data.recording.parts import part_edges, rows_with_all
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.runtime.presentation import Presentable
@@ -288,7 +288,8 @@ class Recording(Presentable):
         Returns
         -------
         Recording
-            Shorter by the spread of the delays.
+            Shorter by the spread of the delays. Where the clock is taken as recorded and has gaps,
+            every stretch between them is: no row takes values from beyond a gap.
 
         Examples
         --------
@@ -299,14 +300,16 @@ class Recording(Presentable):
         """
         for channel in late:
             _ = self[channel]
-        first = max([0, *(-shift for shift in late.values())])
-        last = self.N - max([0, *late.values()])
-        if last - first < 2:
+        recorded = self.clock is Clock.AS_RECORDED
+        stretches = split_rows(self.t) if recorded else [slice(0, self.N)]
+        rows = rows_with_all(late, stretches)
+        if len(rows) < 2:
             raise CaseError(f"{self.name}: {self.N} rows are too few for shifts of {dict(late)}")
         channels = {
             name: np.roll(values, -late.get(name, 0)) for name, values in self.channels.items()
         }
-        return self._taken(slice(first, last), channels, self.name)
+        whole = len(stretches) == 1
+        return self._taken(slice(rows[0], rows[-1] + 1) if whole else rows, channels, self.name)
 
     def _row(self, time: float) -> int:
         # Times fall on rows only up to rounding: a millionth of a step early still counts.
@@ -323,9 +326,13 @@ class Recording(Presentable):
             )
         return self._taken(slice(first, last), self.channels, name)
 
-    def _taken(self, rows: slice, channels: Mapping[str, Any], name: str) -> "Recording":
-        step = rows.step or 1
-        line = self.first_line + (rows.start or 0) if self.first_line and step == 1 else 0
+    def _taken(
+        self, rows: slice | list[int], channels: Mapping[str, Any], name: str
+    ) -> "Recording":
+        step, line = 1, 0  # rows left out in between have no line that counts on from the first
+        if isinstance(rows, slice):
+            step = rows.step or 1
+            line = self.first_line + (rows.start or 0) if self.first_line and step == 1 else 0
         return Recording(
             self.t[rows],
             {key: np.asarray(values)[rows] for key, values in channels.items()},
