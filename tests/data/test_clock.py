@@ -85,6 +85,14 @@ def test_the_stored_clock_is_the_uniform_one_that_the_file_rounds():
     assert np.diff(t).mean() == pytest.approx(1 / 3000, rel=1e-6)
 
 
+def test_a_time_of_day_that_passes_midnight_is_told_from_repeated_rows():
+    t = (86399.9 + np.arange(300) / 1000.0) % 86400.0
+    with pytest.raises(CaseError, match=r"^row 101: .*passes midnight; cut .* or add 86400 s"):
+        sample_time(t, row)
+    with pytest.raises(CaseError, match="remove the repeated rows"):
+        sample_time(np.r_[t[:50], t[:50]], row)
+
+
 def test_a_clock_taken_as_recorded_keeps_its_stamps_and_splits_at_gaps():
     stamps = np.cumsum([0.0, 1e-3, 1.2e-3, 0.8e-3, 0.5, 1e-3])
     record = Recording(

@@ -160,8 +160,22 @@ def test_late_columns_of_a_file_are_aligned_between_its_gaps(tmp_path):
     lines = [f"{t[k]:.4f},{k},{k}" for k in range(200)]
     (tmp_path / "run.csv").write_text("\n".join(["t_s,u,x_m", *lines]) + "\n", "utf-8")
     columns = {"u": Column("u", rows_late=3)}
-    first, second = read_stretches(
-        tmp_path / "run.csv", InputHold.ZERO, columns, Clock.AS_RECORDED
-    )
+    first, second = read_stretches(tmp_path / "run.csv", InputHold.ZERO, columns, Clock.AS_RECORDED)
     assert (first["u_P"][-1], first["x"][-1], first.N) == (99.0, 96.0, 97)
     assert (second["u_P"][0], second["x"][0], second.first_line) == (103.0, 100.0, 102)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda rec: rec.window(1.7e9 + 0.1, 1.7e9 + 0.9),
+        lambda rec: rec.split(3)[1],
+        lambda rec: rec.aligned({"x": 1}),
+        lambda rec: rec.with_channels({"y": rec["x"]}),
+    ],
+    ids=["window", "split", "aligned", "with_channels"],
+)
+def test_stamps_that_count_from_1970_at_5_khz_are_cut_and_aligned(change):
+    t = 1.7e9 + np.arange(5000) / 5000.0
+    recording = Recording(t, {"x": np.arange(5000.0)}, "a", "memory", InputHold.ZERO)
+    assert change(recording).dt == recording.dt

@@ -161,3 +161,13 @@ def uniform(t: FloatArray, dt: float) -> FloatArray:
     middle = (t.size - 1) / 2
     stamps: FloatArray = t.mean() + dt * (np.arange(t.size) - middle)
     return stamps
+
+
+def steps_by(t: FloatArray, dt: float) -> bool:
+    """Return whether time stamps [s] are those of the uniform clock of a stated `dt` [s].
+
+    Besides a thousandth of a step their own resolution counts, a quarter of a microsecond for
+    seconds since 1970: once in the stamps, and up to thrice in the mean and sums of the clock.
+    """
+    resolution = float(np.spacing(np.abs(t).max()))
+    return float(np.abs(t - uniform(t, dt)).max()) <= 1e-3 * dt + 4 * resolution

@@ -11,7 +11,14 @@ import pandas as pd
 from numpy.typing import ArrayLike
 
 from pneumo_casadi.data.recording.channels import UNITS, InputHold, checked, column_name, read_only
-from pneumo_casadi.data.recording.clock import Clock, check_forward, sample_time, split_rows, uniform
+from pneumo_casadi.data.recording.clock import (
+    Clock,
+    check_forward,
+    sample_time,
+    split_rows,
+    steps_by,
+    uniform,
+)
 from pneumo_casadi.data.recording.parts import part_edges, rows_with_all
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.parameters import FloatArray
@@ -101,7 +108,7 @@ class Recording(Presentable):
         if clock is Clock.AS_RECORDED:
             check_forward(stamps, self.where)
             dt = float(np.median(np.diff(stamps)))
-        elif dt and np.abs(stamps - uniform(stamps, dt)).max() > 1e-3 * dt:
+        elif dt and not steps_by(stamps, dt):
             raise CaseError(f"{source}: `t` does not step by dt = {dt:g} s; leave dt out")
         elif not dt:
             dt = sample_time(stamps, self.where)
