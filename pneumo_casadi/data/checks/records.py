@@ -32,13 +32,12 @@ from pneumo_casadi.data.readers.columns import COLUMNS_FILE
 from pneumo_casadi.data.readers.recordings import FEWEST_ROWS
 from pneumo_casadi.data.readers.tables import read_table, suffix_of
 from pneumo_casadi.data.recording.channels import UNITS, column_name
-from pneumo_casadi.data.recording.clock import Clock
+from pneumo_casadi.data.recording.clock import CLOCK_TOLERANCE, Clock
 from pneumo_casadi.data.recording.recording import Recording
 from pneumo_casadi.errors import CaseError
 
 log = logging.getLogger(__name__)
 
-CLOCK_TOLERANCE = 1e-3
 #: Standard deviations of what jitter may add to the mean step of a short record.
 SIGMAS_OF_JITTER = 4.0
 SHARED = 0.1

@@ -13,6 +13,10 @@ JITTER = 0.05  # a step may differ from the sample time by this share, besides r
 RARE = 0.05  # share of the steps up to which long ones are taken for lost samples
 WANDER = 0.25  # a time stamp may stray from the straight line by this share of the sample time
 LARGEST_DECIMALS = 9
+CLOCK_TOLERANCE = 1e-3
+"""Share by which the sample time of a record may differ from that of its bench: a model of the
+axis is as wrong in time, and every sensor's gain is less certain."""
+DAY = 86400.0  # s
 
 
 class Clock(StrEnum):
@@ -67,6 +71,19 @@ def sample_time(t: FloatArray, where: Callable[[int], str]) -> float:
     return _slope(t)
 
 
+def same_clock(dt: float, other: float) -> bool:
+    """Return whether two records of one bench may have these sample times [s].
+
+    Each of them may differ from the bench's by `CLOCK_TOLERANCE`, the one up and the other down.
+
+    Examples
+    --------
+    >>> same_clock(1.0000e-3, 1.0001e-3), same_clock(1.00e-3, 1.01e-3)
+    (True, False)
+    """
+    return abs(dt / other - 1) <= 2 * CLOCK_TOLERANCE
+
+
 def check_forward(t: FloatArray, where: Callable[[int], str]) -> None:
     """Raise a CaseError at the first time stamp that is not after the one before it."""
     intervals = np.diff(t)
@@ -74,10 +91,17 @@ def check_forward(t: FloatArray, where: Callable[[int], str]) -> None:
     if wrong.size:
         k = int(wrong[0]) + 1
         verb = "repeats" if intervals[k - 1] == 0 else "runs backward from"
+        # A record is far shorter than a day: nearer to a day back than to none is midnight.
+        midnight = round(-float(intervals[k - 1]) / DAY) == 1
         raise CaseError(
             f"{where(k)}: `t` {verb} {t[k - 1]:.9g} s"
             + ("" if intervals[k - 1] == 0 else f" to {t[k]:.9g} s")
-            + "; remove the repeated rows, or write t with more decimals"
+            + (
+                f": a time of day that passes midnight; cut the record there, or add {DAY:g} s to "
+                "t from there on"
+                if midnight
+                else "; remove the repeated rows, or write t with more decimals"
+            )
         )
 
 
