@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from pneumo_casadi.data import Clock, Recording
+from pneumo_casadi.data.recording.clock import same_clock
 from pneumo_casadi.errors import FitError, ModelError
 from pneumo_casadi.estimation.equation_error.driven_states import states_along
 from pneumo_casadi.estimation.flow_anchor import anchor_flow
@@ -154,12 +155,7 @@ def write_problem(
     if not parameters.free_names:
         raise ModelError("no parameter is free: release some with `Parameters.release`")
     _refuse_free_gauge(axis, parameters, flow_map)
-    uniform = records[0].clock is Clock.UNIFORM
-    clocks = {(round(1 / r.dt, 6) if uniform else r.clock, r.hold) for r in records}
-    if len(clocks) > 1:
-        raise ModelError(
-            f"records differ in sampling frequency or input hold: {sorted(clocks, key=str)}"
-        )
+    _refuse_other_clocks(records)
     n = max(1, round(options.block / records[0].dt))
     stepping = stepping_of(axis, records, options)
     model = SampledAxis(axis, stepping, axis.bench.controller if options.closed_loop else None)
@@ -174,6 +170,29 @@ def write_problem(
     problem = Problem(model, parameters, segments, functions, known)
     _refuse_too_few(problem)
     return problem
+
+
+def _refuse_other_clocks(records: Sequence[Recording]) -> None:
+    """Refuse records that one sampled model cannot serve.
+
+    Jitter moves the sample time that a record's stamps give; what the readers accept passes.
+    """
+    first = records[0]
+    alike = all(
+        r.clock is first.clock
+        and r.hold is first.hold
+        and (r.clock is Clock.AS_RECORDED or same_clock(r.dt, first.dt))
+        for r in records
+    )
+    if not alike:
+        clocks = [
+            f"{r.name}: {1 / r.dt:.6g} Hz, clock {r.clock.value}, hold {r.hold.value}"
+            for r in records
+        ]
+        raise ModelError(
+            f"records differ in sampling frequency, clock or input hold: {'; '.join(clocks)}; "
+            "resample them to one clock, or fit them apart"
+        )
 
 
 def _refuse_too_few(problem: Problem) -> None:

@@ -71,6 +71,26 @@ def test_records_that_do_not_fit_together_are_refused(made, start, short):
         fit_output_error(begin, [tiny], table, options(made))
 
 
+def test_records_whose_clocks_differ_by_what_jitter_moves_them_are_fitted_together(
+    made, start, short
+):
+    table, begin = start(0)
+    rng = np.random.default_rng(1)
+    jittered = [
+        Recording(
+            short.t + 0.01 * short.dt * rng.uniform(-1, 1, short.N),
+            short.channels,
+            f"run {number}",
+            "memory",
+            short.hold,
+        )
+        for number in range(2)
+    ]
+    assert abs(jittered[0].dt / jittered[1].dt - 1) > 1e-9
+    problem = write_problem(begin, jittered, table, options(made))
+    assert {segment.record for segment in problem.segments} == {0, 1}
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 def test_a_parameter_at_its_bound_is_named(made, force, method):
