@@ -78,6 +78,11 @@ SPOILT = {
         cells(shifted("x_m", 0.25)),
         r"`x`: expected m from mid-stroke.*subtract l/2",
     ),
+    "position in mm from the end of the stroke": (
+        cells(lambda row: row.update(x_m=1e3 * (float(row["x_m"]) + 0.25))),
+        r"`x`: expected m .*is it in mm from the end of the stroke .*\"unit\": \"mm\", "
+        r"\"offset\": -0\.25",
+    ),
     "stroke exceeded": (
         cells(setting("x_m", 0.31), ROW),
         AT + r": `x`: expected m .*-0\.25\d* and 0\.25\d*, got 0\.31 \(stroke exceeded; 1 of 4000",

@@ -63,11 +63,15 @@ def _check_position(recording: Recording, bench: Bench, entries: ColumnEntries) 
     margin = STROKE_MARGIN * bench.stroke + (5 * bench.noise.x if bench.noise else 0.0)
     lower, upper = (bench.stroke_limits[0] - margin, bench.stroke_limits[1] + margin)
     x = recording["x"]
-    if max(abs(x.min()), abs(x.max())) > OTHER_UNIT * upper:
-        units = LENGTHS
-    else:
-        units = {"m from the end of the stroke (subtract l/2)": (1.0, -bench.stroke / 2)}
-    quantity = Quantity("m from mid-stroke", lower, upper, units)
+    far = max(abs(x.min()), abs(x.max())) > OTHER_UNIT * upper
+    units = LENGTHS if far else {"m": (1.0, 0.0)}
+    from_end = {
+        f"{unit} from the end of the stroke (subtract l/2)": (scale, -bench.stroke / 2)
+        for unit, (scale, _) in units.items()
+        # What fits from mid-stroke too is left to the balances, which tell the two apart.
+        if scale * float(x.max()) > upper
+    }
+    quantity = Quantity("m from mid-stroke", lower, upper, {**(units if far else {}), **from_end})
     _check(recording, "x", quantity, "stroke exceeded", entries)
 
 
