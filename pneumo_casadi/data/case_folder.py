@@ -11,10 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pneumo_casadi.data.bench.bench import Bench
 from pneumo_casadi.data.bench.bench_file import bench_content, read_bench
 from pneumo_casadi.data.bench.driven_bench import AnyBench, PressureBench, is_metered
-from pneumo_casadi.data.bench.valve_source import Arrangement
 from pneumo_casadi.data.case import Case
 from pneumo_casadi.data.checks.finding import Finding, Grade, merge_findings
 from pneumo_casadi.data.checks.metered_flow import metered_flows
@@ -105,13 +103,17 @@ def _read(
     bench = read_bench(folder / "bench.json")
     if columns is None and is_named(folder / COLUMNS_FILE):
         columns = read_columns(folder / COLUMNS_FILE)
-    records = {
-        role: tuple(
-            part
+    files = {
+        role: [
+            read_stretches(path, hold or _hold_of(bench), columns, bench.clock)
             for path in _record_files(folder, role)
-            for part in read_stretches(path, hold or _hold_of(bench), columns, bench.clock)
-        )
+        ]
         for role in ("identify", "validate")
+    }
+    one_command = any(file.one_command for contents in files.values() for file in contents)
+    records = {
+        role: tuple(part for file in contents for part in file.stretches)
+        for role, contents in files.items()
     }
     bench, findings = _with_signals(bench, [*records["identify"], *records["validate"]])
     records = {role: _without_unused(parts, bench) for role, parts in records.items()}
@@ -120,7 +122,7 @@ def _read(
             (*records["identify"], *records["validate"]),
             bench,
             metered_flows(folder) if is_metered(bench) else {},
-            ColumnEntries(columns or {}, _has_one_command(bench)),
+            ColumnEntries(columns or {}, one_command),
             refuse,
         )
     maps = _flow_maps(folder)
@@ -133,10 +135,6 @@ def _read(
         merge_findings(findings),
         maps[1],
     )
-
-
-def _has_one_command(bench: AnyBench) -> bool:
-    return isinstance(bench, Bench) and bench.arrangement is Arrangement.ONE_5_3
 
 
 def _hold_of(bench: AnyBench) -> InputHold:

@@ -232,3 +232,27 @@ def test_suggestions_go_on_from_the_columns_as_they_are(subject):
         "p_P_Pa": {"column": "pA", "unit": "bar", "offset": 100000},
         "p_N_Pa": {"column": "pB", "scale": 7, "offset": 100005},
     }
+
+
+@pytest.mark.parametrize("one_command", [True, False])
+@pytest.mark.parametrize("arrangement", ["two 3/2", "one 5/3"])
+def test_the_remedy_of_a_late_command_names_a_column_of_the_file(
+    one_command, arrangement, case_folder
+):
+    def change(lines):
+        cells = [line.split(",") for line in lines]
+        pairs = zip(cells[2:], cells[1:-1], strict=True)
+        late = [cells[0], *([t, *u[1:3], *rest] for (t, _, _, *rest), u in pairs)]
+        if one_command:
+            late = [[t, u, *rest] for t, u, _, *rest in late]
+            late[0][1] = "u_V"
+        return [",".join(row) for row in late]
+
+    folder = case_folder(change)
+    bench = json.loads((folder / "bench.json").read_text("utf-8"))
+    bench |= {"valve": {"source": "none"}, "arrangement": arrangement}
+    (folder / "bench.json").write_text(json.dumps(bench), "utf-8")
+    (finding,) = [each for each in read_case(folder).findings if each.name == "delay of u"]
+    assert set(finding.suggestion) == ({"u_V"} if one_command else {"u_P_V", "u_N_V"})
+    (folder / "columns.json").write_text(json.dumps(dict(finding.suggestion)), "utf-8")
+    assert not [each for each in read_case(folder).findings if each.name == "delay of u"]

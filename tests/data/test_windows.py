@@ -160,7 +160,8 @@ def test_late_columns_of_a_file_are_aligned_between_its_gaps(tmp_path):
     lines = [f"{t[k]:.4f},{k},{k}" for k in range(200)]
     (tmp_path / "run.csv").write_text("\n".join(["t_s,u,x_m", *lines]) + "\n", "utf-8")
     columns = {"u": Column("u", rows_late=3)}
-    first, second = read_stretches(tmp_path / "run.csv", InputHold.ZERO, columns, Clock.AS_RECORDED)
+    content = read_stretches(tmp_path / "run.csv", InputHold.ZERO, columns, Clock.AS_RECORDED)
+    first, second = content.stretches
     assert (first["u_P"][-1], first["x"][-1], first.N) == (99.0, 96.0, 97)
     assert (second["u_P"][0], second["x"][0], second.first_line) == (103.0, 100.0, 102)
 

@@ -3,6 +3,7 @@
 import logging
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from pneumo_casadi.data.readers.columns import COLUMNS, COLUMNS_FILE, Column, ColumnSpec
@@ -69,8 +70,25 @@ def recording_of_table(
     clock: Clock = Clock.UNIFORM,
 ) -> Recording:
     """Return the recording that a table holds; arguments and errors as in `read_recording`."""
-    recording, late = _as_filed(table, hold, columns or {}, name, clock)
+    meaning = _assign_columns(table, columns or {})
+    recording, late = _as_filed(table, hold, meaning, name, clock)
     return recording.aligned(late) if late else recording
+
+
+@dataclass(frozen=True, slots=True)
+class FileContent:
+    """What a file of a case holds.
+
+    Parameters
+    ----------
+    stretches : tuple of Recording
+        One for each stretch between gaps.
+    one_command : bool
+        Whether the commands of both chambers are read from the one column of a 5/3 valve.
+    """
+
+    stretches: tuple[Recording, ...]
+    one_command: bool
 
 
 def read_stretches(
@@ -78,29 +96,31 @@ def read_stretches(
     hold: InputHold,
     columns: Mapping[str, ColumnSpec] | None = None,
     clock: Clock = Clock.UNIFORM,
-) -> tuple[Recording, ...]:
+) -> FileContent:
     """Read a file as `read_recording` does, and split it where the clock has gaps.
 
     Late columns are aligned within each stretch: the last rows before a gap have no later value.
     """
     table = read_table(Path(path), {*COLUMNS, *(columns or {})})
-    recording, late = _as_filed(table, hold, columns or {}, None, clock)
+    meaning = _assign_columns(table, columns or {})
+    recording, late = _as_filed(table, hold, meaning, None, clock)
     stretches: tuple[Recording, ...] = (recording,)
     if clock is Clock.AS_RECORDED:
         stretches = split_at_gaps(recording, FEWEST_ROWS + spread_of_delays(late))
-    return tuple(part.aligned(late) for part in stretches) if late else stretches
+    if late:
+        stretches = tuple(part.aligned(late) for part in stretches)
+    return FileContent(stretches, "u" in {column.channel for _, column in meaning})
 
 
 def _as_filed(
     table: Table,
     hold: InputHold,
-    columns: Mapping[str, ColumnSpec],
+    meaning: Sequence[tuple[str, Column]],
     name: str | None,
     clock: Clock,
 ) -> tuple[Recording, dict[str, int]]:
     """Return what a table holds row by row, and the rows by which channels are late in it."""
     path = table.path
-    meaning = _assign_columns(table, columns)
     channels = {
         column.channel: column.to_si(table.columns[file_name]) for file_name, column in meaning
     }
