@@ -256,3 +256,19 @@ def test_the_remedy_of_a_late_command_names_a_column_of_the_file(
     assert set(finding.suggestion) == ({"u_V"} if one_command else {"u_P_V", "u_N_V"})
     (folder / "columns.json").write_text(json.dumps(dict(finding.suggestion)), "utf-8")
     assert not [each for each in read_case(folder).findings if each.name == "delay of u"]
+
+
+@pytest.mark.parametrize("metered", [True, pytest.param(False, id="not metered")])
+@pytest.mark.parametrize(("chamber", "name"), [("P", "p02_stribeck"), ("N", "p02_stribeck")])
+def test_a_chamber_in_gauge_beside_an_absolute_pressure_is_named(
+    chamber, name, metered, folders, subject
+):
+    case = subject(name)
+    channel = f"p_{chamber}"
+    record = mapped(lambda p: p - case.bench.p_ext, channel)(case.identify[0])
+    flows = metered_flows(folders[name]) if metered else {}
+    finding = check_records([record], case.bench, flows)[0]
+    assert (finding.name, finding.about) == ("gauge pressures", channel)
+    assert finding.suggestion == {
+        f"{channel}_Pa": {"column": f"{channel}_Pa", "offset": case.bench.p_ext}
+    }

@@ -61,6 +61,7 @@ def _gauge_pressures(balances: MassBalances, entries: ColumnEntries) -> Iterator
     as_read, absolute = balances.left(), balances.left(pressure_offset=p_ext)
     better = _times_less(absolute, as_read)
     if better <= LESS:
+        yield from _gauge_chamber(balances, entries, as_read, absolute)
         return
     measured = (
         f"with the ambient pressure {p_ext:g} Pa added the mass balances leave "
@@ -87,6 +88,44 @@ def _gauge_pressures(balances: MassBalances, entries: ColumnEntries) -> Iterator
             entries.corrected("p_P", offset=p_ext) | entries.corrected("p_N", offset=p_ext),
             balances.record.recording.name,
         )
+
+
+def _gauge_chamber(
+    balances: MassBalances,
+    entries: ColumnEntries,
+    as_read: tuple[float, float],
+    absolute: tuple[float, float],
+) -> Iterator[Finding]:
+    """Yield that the pressure of one chamber alone is gauge.
+
+    A leak or a lag of that chamber helps its balance too. But only a gauge pressure also feigns
+    too large an area, or a force of p_ext on this side of the piston.
+    """
+    p_ext = balances.bench.p_ext
+    better = [before / max(after, 1e-300) for before, after in zip(as_read, absolute, strict=True)]
+    for i, (chamber, other) in enumerate(("PN", "NP")):
+        if better[i] <= LESS or better[1 - i] >= 1:
+            continue
+        if balances.metered:
+            gain, gain_absolute = (balances.area_gain(chamber, p) for p in (0.0, p_ext))
+            grade = Grade.SEVERE if _distance(gain_absolute) < _distance(gain) else None
+        elif effort_looks_gauge(balances.record, balances.bench, chamber):
+            grade = Grade.SEVERE if better[i] > MUCH_LESS else Grade.CAUTION
+        else:
+            grade = None
+        if grade is not None:
+            yield Finding(
+                grade,
+                "gauge pressures",
+                f"p_{chamber}",
+                f"`p_{chamber}` looks like a gauge pressure, `p_{other}` does not: with the "
+                f"ambient pressure {p_ext:g} Pa added the mass balance of chamber {chamber} leaves "
+                f"{100 * absolute[i]:.2g} % of its variance unexplained, as read "
+                f"{100 * as_read[i]:.2g} %; give absolute pressures.",
+                "columns.json",
+                entries.corrected(f"p_{chamber}", offset=p_ext),
+                balances.record.recording.name,
+            )
 
 
 def _map_or_gauge(balances: MassBalances, measured: str, gains: Sequence[float]) -> Finding:
@@ -236,10 +275,9 @@ def _areas(balances: MassBalances) -> Iterator[Finding]:
             yield _other_valve(balances, gain_P, gain_N, grade)
 
 
-def _distance(gain_P: float, gain_N: float) -> float:
-    """Return how far two ratios of areas are from 1, in logarithms."""
-    least = min(gain_P, gain_N)
-    return abs(float(np.log(gain_P))) + abs(float(np.log(gain_N))) if least > 0 else float("inf")
+def _distance(*gains: float) -> float:
+    """Return how far ratios of areas are from 1, in logarithms."""
+    return sum(abs(float(np.log(gain))) if gain > 0 else float("inf") for gain in gains)
 
 
 def _other_valve(balances: MassBalances, gain_P: float, gain_N: float, grade: Grade) -> Finding:

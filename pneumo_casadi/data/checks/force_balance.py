@@ -110,17 +110,21 @@ def check_measured_force(
         )
 
 
-def effort_looks_gauge(record: SmoothedRecord, bench: Bench | PressureBench) -> bool:
+def effort_looks_gauge(
+    record: SmoothedRecord, bench: Bench | PressureBench, chambers: str = "PN"
+) -> bool:
     """Return whether the constant force of the record is the one that gauge pressures feign.
 
-    With gauge pressures read as absolute ones, −(S_P − S_N) p_ext is left over (eq. 2). The load
-    that the bench states is allowed for.
+    With gauge pressures of some `chambers` read as absolute ones, −(S_P − S_N) p_ext is left over
+    (eq. 2), or the share of these chambers. The load that the bench states is allowed for.
     """
-    feigned = -(bench.S_P - bench.S_N) * bench.p_ext
+    areas = {"P": bench.S_P, "N": -bench.S_N}
+    feigned = -sum(areas[chamber] for chamber in chambers) * bench.p_ext
     fit = _fit(record, _pressure_force(record, bench.S_P, bench.S_N))
-    if fit is None or abs(bench.S_N / bench.S_P - 1) < SINGLE_ROD:
+    if fit is None or abs(feigned) < SINGLE_ROD * bench.S_P * bench.p_ext:
         return False
-    constant = fit.constant + feigned + bench.load.force + fit.M * bench.load.acceleration
+    ambient = sum(areas.values()) * bench.p_ext
+    constant = fit.constant - ambient + bench.load.force + fit.M * bench.load.acceleration
     return abs(constant - feigned) < abs(constant)
 
 
