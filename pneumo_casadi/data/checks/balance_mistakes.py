@@ -103,7 +103,7 @@ def _gauge_chamber(
     """
     p_ext = balances.bench.p_ext
     better = [before / max(after, 1e-300) for before, after in zip(as_read, absolute, strict=True)]
-    for i, (chamber, other) in enumerate(("PN", "NP")):
+    for i, (chamber, other) in enumerate((("P", "N"), ("N", "P"))):
         if better[i] <= LESS or better[1 - i] >= 1:
             continue
         if balances.metered:
