@@ -111,13 +111,9 @@ def init(
     """
     given = {"piston": piston, "rod": rod, "stroke": stroke, "supply": supply}
     with guarded(debug):
-        from pneumo_casadi.data.new_case import (
-            Cylinder,
-            guess_columns,
-            make_folder,
-            read_header,
-            sampling_frequency_of,
-        )
+        from pneumo_casadi.data.cylinder import Cylinder
+        from pneumo_casadi.data.new_case import make_folder, read_header, sampling_frequency_of
+        from pneumo_casadi.data.proposed_columns import guess_columns
 
         columns = read_header(files[0])
         size = _complete(given)

@@ -3,82 +3,21 @@
 import json
 import shutil
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from math import pi
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from pneumo_casadi.data.bench.bench_file import bench_from_content
-from pneumo_casadi.data.readers.column_guess import (
-    ColumnGuess,
-    guess_channels,
-    guess_unit,
-    looks_gauge,
-)
+from pneumo_casadi.data.cylinder import Cylinder
+from pneumo_casadi.data.readers.column_guess import ColumnGuess
 from pneumo_casadi.data.readers.columns import COLUMNS_FILE, column_map
 from pneumo_casadi.data.readers.tables import read_table, suffix_of
 from pneumo_casadi.data.readers.units import SI_FACTORS
-from pneumo_casadi.data.recording.channels import UNITS
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.runtime.atomic_files import atomic_folder
 
-NEEDED = ("t", "p_P", "p_N", "x")
 GAS_CONSTANT = 287.0
 CELSIUS = 273.15
-
-
-@dataclass(frozen=True, slots=True)
-class Cylinder:
-    """What stands on the label of a cylinder and on the gauges of its supply.
-
-    Parameters
-    ----------
-    piston, rod : float
-        Diameters [m].
-    stroke : float
-        Length [m].
-    supply : float
-        Supply pressure, absolute [Pa].
-    ambient : float, optional
-        Ambient pressure, absolute [Pa].
-    temperature : float, optional
-        Of the air [K].
-    double_rod : bool, optional
-        Whether the rod goes through both covers.
-    gauge : bool, optional
-        Whether its pressures were recorded relative to ambient; otherwise names and values below
-        ambient tell.
-
-    Examples
-    --------
-    >>> [round(1e6 * area) for area in Cylinder(0.040, 0.016, 0.5, 7e5).areas]
-    [1257, 1056]
-    """
-
-    piston: float
-    rod: float
-    stroke: float
-    supply: float
-    ambient: float = 101325.0
-    temperature: float = 293.15
-    double_rod: bool = False
-    gauge: bool = False
-
-    def __post_init__(self) -> None:
-        if not 0 <= self.rod < self.piston:
-            raise CaseError(
-                f"rod of {1e3 * self.rod:g} mm in a piston of {1e3 * self.piston:g} mm: give "
-                "diameters, the rod's the smaller one"
-            )
-
-    @property
-    def areas(self) -> tuple[float, float]:
-        """S_P and S_N [m²], the rod being on the side of chamber N."""
-        annulus = pi / 4 * (self.piston**2 - self.rod**2)
-        return (annulus if self.double_rod else pi / 4 * self.piston**2), annulus
 
 
 def read_header(path: Path) -> dict[str, FloatArray]:
@@ -98,91 +37,6 @@ def read_header(path: Path) -> dict[str, FloatArray]:
     if not columns:
         raise CaseError(f"{path}: no column of numbers; export the record again")
     return columns
-
-
-def guess_columns(
-    columns: Mapping[str, FloatArray],
-    cylinder: Cylinder,
-    stated: Mapping[str, tuple[str, str]],
-) -> tuple[ColumnGuess, ...]:
-    """Return what `columns.json` should say.
-
-    Parameters
-    ----------
-    columns : mapping of str to (n,) array
-        Columns of the file.
-    cylinder : Cylinder
-        Its stroke and ambient pressure turn gauge pressures and positions from one end into those
-        of the package.
-    stated : mapping of str to (str, str)
-        Channels that the user has named: column, and unit or an empty text.
-
-    Raises
-    ------
-    CaseError
-        If a needed channel is not found; the message lists the columns of the file.
-    """
-    names = {channel: column for channel, (column, _) in stated.items()}
-    for channel, column in names.items():
-        if column not in columns:
-            raise CaseError(f"no column `{column}`; the file has {', '.join(columns)}")
-        if channel not in UNITS:
-            raise CaseError(f"no channel `{channel}`; there are {', '.join(UNITS)}")
-    left = tuple(name for name in columns if name not in names.values())
-    guessed = guess_channels(left)
-    channels = {**{c: n for c, n in guessed.items() if c not in names}, **names}
-    if {"u_P", "u_N"} & channels.keys():
-        channels.pop("u", None)
-    commanded = "u" in channels or {"u_P", "u_N"} <= channels.keys()
-    missing = [c for c in NEEDED if c not in channels] + ([] if commanded else ["u"])
-    if missing:
-        free = [name for name in columns if name not in channels.values()] or ["NAME"]
-        two = "; of two valves: --column u_P=NAME --column u_N=NAME" if "u" in missing else ""
-        raise CaseError(
-            f"no column was recognised as {', '.join(missing)}; the file has {', '.join(columns)}; "
-            f"name it, as --column '{missing[0]}={free[0]}'{two}"
-        )
-    guesses = [
-        _guess(channel, column, columns[column], stated.get(channel, ("", ""))[1], cylinder)
-        for channel, column in channels.items()
-    ]
-    position = next(guess for guess in guesses if guess.channel == "x")
-    return tuple(
-        # One sensor and one reference count from the same end.
-        replace(guess, offset=position.offset) if guess.channel == "x_ref" else guess
-        for guess in sorted(guesses, key=lambda guess: tuple(UNITS).index(guess.channel))
-        for guess in (_opposed(guess) if guess.channel == "u" else (guess,))
-    )
-
-
-def _guess(
-    channel: str, column: str, values: FloatArray, unit: str, cylinder: Cylinder
-) -> ColumnGuess:
-    unit = unit or guess_unit(channel, column, values, cylinder.stroke)
-    scale, offset = SI_FACTORS[UNITS[channel]].get(unit), 0.0
-    if scale is None:
-        raise CaseError(
-            f"--column {channel}={column}:{unit}: known units are "
-            f"{', '.join(SI_FACTORS[UNITS[channel]])}"
-        )
-    lowest, highest = scale * float(values.min()), scale * float(values.max())
-    below = lowest < 0.9 * cylinder.ambient
-    if UNITS[channel] == "Pa" and (cylinder.gauge or looks_gauge(column) or below):
-        offset = cylinder.ambient
-    elif channel == "x" and lowest > -0.02 * cylinder.stroke and highest > 0.52 * cylinder.stroke:
-        offset = -cylinder.stroke / 2
-    elif channel == "u" and lowest >= 0:
-        offset = -round(scale * float(np.median(values)))  # 0 to 10 V about the null voltage
-    return ColumnGuess(channel, column, unit, offset)
-
-
-def _opposed(command: ColumnGuess) -> tuple[ColumnGuess, ColumnGuess]:
-    """Return the commands of both chambers from the one that is logged."""
-    scale = SI_FACTORS["V"][command.unit]
-    return (
-        replace(command, channel="u_P"),
-        replace(command, channel="u_N", scale=-scale, offset=-command.offset),
-    )
 
 
 def make_folder(

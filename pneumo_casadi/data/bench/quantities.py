@@ -83,12 +83,18 @@ PRESSURES = {
     "MPa": (1e6, 0.0),
     "psi": (6894.757, 0.0),
 }
+#: Pressures in the chambers of a moving axis: they exceed at least this share of the supply's gauge
+#: pressure, and a closed chamber may be compressed to this multiple of the supply.
+CHARGED, COMPRESSION = 0.1, 1.5
+USUAL_SUPPLY, USUAL_AMBIENT = 7e5, 101325.0  # absolute Pa, where none is stated
 LENGTHS = {"mm": (1e-3, 0.0), "cm": (1e-2, 0.0)}
 
 FREQUENCY = Quantity("Hz", 10.0, 1e6, {"kHz": (1e3, 0.0), "rad/s": (1 / (2 * np.pi), 0.0)})
 AREA = Quantity("m²", 1e-6, 0.5, {"cm²": (1e-4, 0.0), "mm²": (1e-6, 0.0)})
 STROKE = Quantity("m", 1e-3, 10.0, LENGTHS)
-AMBIENT_PRESSURE = Quantity("absolute Pa", 4e4, 1.2e5, PRESSURES | {"gauge Pa": (1.0, 101325.0)})
+AMBIENT_PRESSURE = Quantity(
+    "absolute Pa", 4e4, 1.2e5, PRESSURES | {"gauge Pa": (1.0, USUAL_AMBIENT)}
+)
 SUPPLY_PRESSURE = Quantity("absolute Pa", 1.2e5, 5e6, PRESSURES)
 TEMPERATURE = Quantity("K", 200.0, 500.0, {"°C": (1.0, 273.15)})
 GAS_CONSTANT = Quantity("J/(kg K)", 50.0, 5000.0, {"kJ/(kg K)": (1e3, 0.0)})

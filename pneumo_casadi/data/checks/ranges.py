@@ -8,7 +8,15 @@ from pneumo_casadi.data.bench.bench import Bench
 from pneumo_casadi.data.bench.controllers import NestedController, ProportionalController
 from pneumo_casadi.data.bench.driven_bench import AnyBench, ForceBench, PressureBench
 from pneumo_casadi.data.bench.pid_controllers import CascadeController, PidController
-from pneumo_casadi.data.bench.quantities import LENGTHS, PRESSURES, SUPPLY_PRESSURE, Quantity
+from pneumo_casadi.data.bench.quantities import (
+    CHARGED,
+    COMPRESSION,
+    LENGTHS,
+    PRESSURES,
+    SUPPLY_PRESSURE,
+    USUAL_SUPPLY,
+    Quantity,
+)
 from pneumo_casadi.data.checks.finding import ContradictionError, Finding, Grade
 from pneumo_casadi.data.readers.column_entries import ColumnEntries
 from pneumo_casadi.data.recording.channels import UNITS
@@ -17,9 +25,6 @@ from pneumo_casadi.errors import CaseError
 
 STROKE_MARGIN = 0.005  # share of the stroke by which a cushion or a sensor may exceed it
 VACUUM_MARGIN = 0.1  # share of p_ext by which a chamber may fall below it
-COMPRESSION = 1.5  # a closed chamber may be compressed above the supply pressure
-CHARGED = 0.1  # share of the supply's gauge pressure that the chambers of a moving axis exceed
-USUAL_SUPPLY = 7e5  # Pa, where none is stated
 OTHER_UNIT = 5.0  # beyond this multiple of its limit a value has another unit
 LARGEST = 1e9  # SI units: a thousand times the supply pressure, the largest signal of an axis
 WIDESPREAD = 0.05  # share of the rows beyond which the column, not a spike, is wrong

@@ -10,6 +10,13 @@ from typing import Any
 
 import numpy as np
 
+from pneumo_casadi.data.bench.quantities import (
+    CHARGED,
+    COMPRESSION,
+    PRESSURES,
+    USUAL_AMBIENT,
+    USUAL_SUPPLY,
+)
 from pneumo_casadi.data.readers.units import SI_FACTORS
 from pneumo_casadi.data.recording.channels import UNITS, column_name
 from pneumo_casadi.parameters import FloatArray
@@ -89,7 +96,14 @@ def guess_channels(names: tuple[str, ...]) -> dict[str, str]:
     return channels
 
 
-def guess_unit(channel: str, name: str, values: FloatArray, stroke: float) -> str:
+def guess_unit(
+    channel: str,
+    name: str,
+    values: FloatArray,
+    stroke: float,
+    supply: float = USUAL_SUPPLY,
+    ambient: float = USUAL_AMBIENT,
+) -> str:
     """Return the unit of a column: that in its name, or one that makes its size plausible.
 
     Parameters
@@ -102,6 +116,8 @@ def guess_unit(channel: str, name: str, values: FloatArray, stroke: float) -> st
         Its values.
     stroke : float
         Length of the stroke [m].
+    supply, ambient : float, optional
+        Pressures of the axis, absolute [Pa].
 
     Examples
     --------
@@ -118,10 +134,39 @@ def guess_unit(channel: str, name: str, values: FloatArray, stroke: float) -> st
     if channel == "t":
         return _unit_of_time(values)
     if si == "Pa":
-        return _unit_of_pressure(float(np.max(values)))
+        highest = float(np.max(values))
+        units = pressure_units(highest, supply, ambient)
+        return units[0] if len(units) == 1 else _unit_of_pressure(highest)
     if si == "m":
         return "mm" if float(np.max(np.abs(values))) > 2 * stroke else "m"
     return si
+
+
+def pressure_units(highest: float, supply: float, ambient: float) -> tuple[str, ...]:
+    """Return the units in which the highest pressure of an axis has this size, if any.
+
+    It may be gauge, and then as low as the share of the supply that a moving axis exceeds.
+
+    Parameters
+    ----------
+    highest : float
+        Largest value of the column.
+    supply, ambient : float
+        Pressures of the axis, absolute [Pa].
+
+    Examples
+    --------
+    >>> pressure_units(6.1, 7e5, 1e5), pressure_units(90.0, 7e5, 1e5)
+    (('bar',), ('kPa', 'psi'))
+    """
+    least, most = CHARGED * (supply - ambient), COMPRESSION * supply
+    units = ("Pa", *PRESSURES)
+    return tuple(unit for unit in units if least <= SI_FACTORS["Pa"][unit] * highest <= most)
+
+
+def states_unit(channel: str, name: str) -> bool:
+    """Return whether the name of a column says in which unit the channel is."""
+    return _without_unit(name)[1] in SI_FACTORS.get(UNITS[channel], {})
 
 
 def looks_gauge(name: str) -> bool:
