@@ -109,10 +109,9 @@ def _gauge_chamber(
         if balances.metered:
             gain, gain_absolute = (balances.area_gain(chamber, p) for p in (0.0, p_ext))
             grade = Grade.SEVERE if _distance(gain_absolute) < _distance(gain) else None
-        elif effort_looks_gauge(balances.record, balances.bench, chamber):
-            grade = Grade.SEVERE if better[i] > MUCH_LESS else Grade.CAUTION
-        else:
-            grade = None
+        else:  # a load that the bench does not state may be as large as that force
+            force_too = effort_looks_gauge(balances.record, balances.bench, chamber)
+            grade = Grade.CAUTION if force_too else None
         if grade is not None:
             yield Finding(
                 grade,
