@@ -15,7 +15,9 @@ from pneumo_casadi.data import Case
 from pneumo_casadi.diagnosis.metrics.simulated_fit import V_S_SIMULATED
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel, fit_model
 from pneumo_casadi.diagnosis.prepare.study import Study
-from pneumo_casadi.diagnosis.screen.screen import background, perturbation, screened
+from pneumo_casadi.diagnosis.screen.background import background
+from pneumo_casadi.diagnosis.screen.directions import perturbation
+from pneumo_casadi.diagnosis.screen.screen import screened
 from pneumo_casadi.diagnosis.select.output_error_refinement import refine_by_output_error
 from pneumo_casadi.estimation.equation_error.balance_functions import any_sensor_effect
 from pneumo_casadi.model.effect import Effect

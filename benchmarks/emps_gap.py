@@ -31,10 +31,11 @@ import provenance
 from pneumo_casadi.data import Case, read_emps
 from pneumo_casadi.diagnosis import prepare_study
 from pneumo_casadi.diagnosis.discover.curves import fit_curves
-from pneumo_casadi.diagnosis.discover.linearised import Linearised, Rows, linearise
+from pneumo_casadi.diagnosis.discover.linear.linearised import Linearised, linearise
+from pneumo_casadi.diagnosis.discover.linear.rows import Rows
+from pneumo_casadi.diagnosis.discover.linear.sites import Site
 from pneumo_casadi.diagnosis.discover.periods import best_period, sines_remove
 from pneumo_casadi.diagnosis.discover.search import search
-from pneumo_casadi.diagnosis.discover.sites import Site
 from pneumo_casadi.diagnosis.metrics.residual_size import balance_levels, residual_rms
 from pneumo_casadi.diagnosis.prepare.fitted_model import fit_model
 from pneumo_casadi.effects import AsymmetricViscousFriction
@@ -53,19 +54,19 @@ def run(case: Case) -> dict[str, Any]:
     nominal, fitted = fit_model(study, ()), fit_model(study, effects)
     M = fitted.values["M"]
     frozen = linearise(study, fitted, effects)
-    refitted = linearise(study, fitted, effects, FRICTION)
+    friction_refitted = without_friction(frozen, frozen.held_out.e)
     ladder = {
         "nominal": M * float(residual_rms(nominal)[0]),
         "asymmetric viscous friction": _rms(frozen.held_out, frozen.held_out.e, M),
-        "friction of the record": _rms(refitted.held_out, refitted.held_out.e, M),
+        "friction of the record": _rms(frozen.held_out, friction_refitted, M),
     }
     training = {
         "nominal": M * float(residual_rms(nominal, held_out=False)[0]),
         "asymmetric viscous friction": _rms(frozen.train, frozen.train.e, M),
     }
-    train, e = with_curves(refitted, POSITION)
-    training["terms over position"] = _rms(refitted.train, train, M)
-    ladder["terms over position"] = _rms(refitted.held_out, e, M)
+    train, e = with_curves(frozen, POSITION)
+    training["terms over position"] = _rms(frozen.train, train, M)
+    ladder["terms over position"] = _rms(frozen.held_out, without_friction(frozen, e), M)
     best = search(frozen, balance_levels(study))[0]
     return {
         "held_out_rms_N": ladder,
@@ -74,7 +75,7 @@ def run(case: Case) -> dict[str, Any]:
         "change_between_records": _change(frozen),
         "repeats": {
             "training": repeating(frozen.train, frozen.train.e, M),
-            "held_out": repeating(refitted.held_out, refitted.held_out.e, M),
+            "held_out": repeating(frozen.held_out, friction_refitted, M),
         },
         "ripple": [_ripple(frozen, site) for site in POSITION],
         "best_single_term": {
@@ -87,6 +88,12 @@ def run(case: Case) -> dict[str, Any]:
         },
         **provenance.made(None, quick=False),
     }
+
+
+def without_friction(linear: Linearised, e: FloatArray) -> FloatArray:
+    """Return residuals of the pulse record with mass and friction refitted to it."""
+    Q, _ = np.linalg.qr(linear.held_out.A[:, [linear.names.index(name) for name in FRICTION]])
+    return e - Q @ (Q.T @ e)
 
 
 def with_curves(linear: Linearised, sites: Sequence[Site]) -> tuple[FloatArray, FloatArray]:

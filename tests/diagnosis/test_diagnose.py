@@ -13,6 +13,7 @@ from pneumo_casadi.data import Case, InputHold, ProportionalController, Recordin
 from pneumo_casadi.diagnosis import Verdict, diagnose, prepare_study
 from pneumo_casadi.diagnosis.prepare.fit_store import Store
 from pneumo_casadi.diagnosis.prepare.prepare_study import HELD_OUT, split_records
+from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.diagnosis.prepare.usable_records import require_rows, require_usable
 from pneumo_casadi.effects.term.term import Term, term_effect
 from pneumo_casadi.errors import CaseError
@@ -151,7 +152,7 @@ def token_of(tmp_path, made, order=("a", "v"), **bench):
     bench = replace(made.BENCH, **bench)
     object.__setattr__(bench, "signals", signals)
     axis = SimpleNamespace(bench=bench, parameters=made.true_axis().parameters)
-    study = SimpleNamespace(train=(), held_out=(), flow_map=None, axis=axis)
+    study = Study(axis, None, (), ())
     return Store.of(tmp_path, study).token
 
 

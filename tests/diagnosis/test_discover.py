@@ -10,10 +10,10 @@ from pneumo_casadi.data import ForceBench, InputHold, NestedController, Recordin
 from pneumo_casadi.diagnosis.discover.discover import discover_term, propose_term
 from pneumo_casadi.diagnosis.discover.discovered import causes_in
 from pneumo_casadi.diagnosis.discover.joint_fit import fit_jointly
-from pneumo_casadi.diagnosis.discover.linearised import linearise
+from pneumo_casadi.diagnosis.discover.linear.linearised import linearise
+from pneumo_casadi.diagnosis.discover.linear.sites import Site
 from pneumo_casadi.diagnosis.discover.periods import periodogram, sines_remove
 from pneumo_casadi.diagnosis.discover.search import search
-from pneumo_casadi.diagnosis.discover.sites import Site
 from pneumo_casadi.diagnosis.discover.term_in_model import fit_with_term, told_as_fitted
 from pneumo_casadi.diagnosis.metrics.residual_size import balance_levels
 from pneumo_casadi.diagnosis.prepare.fitted_model import fit_model

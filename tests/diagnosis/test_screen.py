@@ -5,7 +5,9 @@ import pytest
 
 from pneumo_casadi.diagnosis import prepare_study
 from pneumo_casadi.diagnosis.prepare.fitted_model import fit_model
-from pneumo_casadi.diagnosis.screen.screen import background, perturbation, screened
+from pneumo_casadi.diagnosis.screen.background import background
+from pneumo_casadi.diagnosis.screen.directions import perturbation
+from pneumo_casadi.diagnosis.screen.screen import screened
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
 from pneumo_casadi.estimation.equation_error.residuals import balance_residuals

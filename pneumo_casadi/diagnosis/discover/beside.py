@@ -1,4 +1,4 @@
-"""A discovered term beside effects of the catalogue, and against them.
+"""A discovered term beside effects of the catalogue.
 
 Beside weak effects a term may close less than half of the gap by itself, and yet be its cause: with
 it in the model, the catalogue explains what is left. A curve over a signal that merely follows the
@@ -12,16 +12,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pneumo_casadi.diagnosis.discover.curves import curve_of
-from pneumo_casadi.diagnosis.discover.discover import (
-    NAME,
-    discover_term,
-    explains,
-    propose_term,
-)
+from pneumo_casadi.diagnosis.discover.discover import NAME, explains, propose_term
 from pneumo_casadi.diagnosis.discover.discovered import DiscoveredTerm, causes_in
 from pneumo_casadi.diagnosis.discover.formula_fits import refit_shape
-from pneumo_casadi.diagnosis.discover.linearised import linearise
-from pneumo_casadi.diagnosis.discover.sites import Site
+from pneumo_casadi.diagnosis.discover.linear.linearised import linearise
+from pneumo_casadi.diagnosis.discover.linear.sites import Site
 from pneumo_casadi.diagnosis.discover.term_in_model import Model, fit_with_term, told_as_fitted
 from pneumo_casadi.diagnosis.metrics.residual_size import (
     BalanceLevels,
@@ -250,66 +245,3 @@ def _tell_beside(
     curve = curve_of(linear, refit_shape(linear, site, term.law, shape))
     closes = balance_closure(without, whole, levels)
     return told_as_fitted(DiscoveredTerm(term, {}, closes, causes_in(effects), curve), whole)
-
-
-def find_rival_term(
-    study: Study,
-    selection: Selection,
-    effects: Sequence[Effect],
-    catalogue: Catalogue,
-    executor: Executor | None = None,
-) -> Discovery | None:
-    """Return a term that takes the place of effects named.
-
-    It is looked for only where these leave what calls for a cause. Where they have one form each,
-    the true one would leave nothing: a term that alone closes surely more of the gap is the cause.
-    Another form of theirs may be the cause else, and where balances tell little of the motion
-    nothing is sure but simulations. Then only a term that no form of the catalogue can be stands
-    against them, only what is clear of the noise calls for it, and one of them must go once it is
-    in the model.
-
-    Parameters
-    ----------
-    study : Study
-        The case.
-    selection : Selection
-        Its nominal and its final model.
-    effects : sequence of Effect
-        Of the final model.
-    catalogue : mapping of str to effect class
-        What may act beside the term.
-    executor : Executor, optional
-        Where fits run.
-    """
-    levels, hidden = selection.levels, selection.chosen in selection.output_error_fits
-    named = [effect for effect in effects if effect.name in selection.named]
-    left = float(np.max(residual_rms(selection.final) / levels.noise))
-    nominal: Model = (selection.nominal, ())
-    if named and not hidden and left > levels.criteria.clean and all(e.one_form for e in named):
-        term = discover_term(study, *nominal, levels)
-        closes = balance_closure(selection.nominal, selection.final, levels)
-        if term is not None and term.closes.lower > closes.upper:
-            outcome = complete_term(study, selection, term, nominal, catalogue, executor)
-            return outcome.discovery
-    if not named or left <= levels.criteria.clear:
-        return None
-    final: Model = (selection.final, effects)
-    term = discover_term(study, *final, levels, foreign=True)
-    if term is None:
-        return None
-    discovery = complete_term(study, selection, term, final, catalogue, executor).discovery
-    if discovery is None or discovery.model is None:
-        return None
-    kept = {effect.name for effect in discovery.model[1]}
-    if kept.issuperset(selection.named):
-        return None
-    return None if hidden and not _simulates_better(selection, discovery.model) else discovery
-
-
-def _simulates_better(selection: Selection, model: Model) -> bool:
-    """Return whether less of the simulated gap is left by a term with what acts beside it.
-
-    As much less as a further effect must leave.
-    """
-    left = selection.simulations.share(selection.nominal, *model)
-    return left < selection.levels.criteria.closed * selection.gap_left[selection.chosen]

@@ -15,8 +15,8 @@ from scipy.interpolate import BSpline
 
 from pneumo_casadi.diagnosis.discover.discovered import QUANTILE, TermCurve
 from pneumo_casadi.diagnosis.discover.formula_fits import FormulaFit
-from pneumo_casadi.diagnosis.discover.linearised import Linearised
-from pneumo_casadi.diagnosis.discover.sites import Site
+from pneumo_casadi.diagnosis.discover.linear.linearised import Linearised
+from pneumo_casadi.diagnosis.discover.linear.sites import Site
 from pneumo_casadi.estimation.robust_covariance import batch_sandwich
 from pneumo_casadi.parameters import FloatArray
 

@@ -7,7 +7,7 @@ import numpy as np
 from pneumo_casadi.diagnosis.discover.curves import curve_of
 from pneumo_casadi.diagnosis.discover.discovered import DiscoveredTerm, causes_in
 from pneumo_casadi.diagnosis.discover.joint_fit import fit_jointly, in_longest_record
-from pneumo_casadi.diagnosis.discover.linearised import linearise
+from pneumo_casadi.diagnosis.discover.linear.linearised import linearise
 from pneumo_casadi.diagnosis.discover.search import search
 from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels, balance_closure
 from pneumo_casadi.diagnosis.prepare.criteria import Criteria
@@ -75,8 +75,8 @@ def propose_term(
         return None
     best = ranked[0].fit
     site, formula = best.site, best.formula
-    one = in_longest_record(study, base) if best.phase_free else (study, base)
-    joint = fit_jointly(*one, effects, best)
+    fitted_to = in_longest_record(study, base) if best.phase_free else (study, base)
+    joint = fit_jointly(*fitted_to, effects, best)
     closes = balance_closure(base, joint.model, levels)
     values = {name: joint.fit.parameters[name] for name in formula.parameters}
     if closes.value < least or closes.lower <= 0 or not np.all(np.isfinite(list(values.values()))):

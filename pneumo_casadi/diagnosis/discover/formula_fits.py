@@ -7,9 +7,9 @@ from itertools import product
 import numpy as np
 from scipy.optimize import minimize
 
-from pneumo_casadi.diagnosis.discover.linearised import Linearised
+from pneumo_casadi.diagnosis.discover.linear.linearised import Linearised
+from pneumo_casadi.diagnosis.discover.linear.sites import Site
 from pneumo_casadi.diagnosis.discover.periods import best_period
-from pneumo_casadi.diagnosis.discover.sites import Site
 from pneumo_casadi.effects.term.formula import STEP_WIDTH, Formula
 from pneumo_casadi.parameters import FloatArray
 

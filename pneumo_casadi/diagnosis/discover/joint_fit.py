@@ -10,7 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pneumo_casadi.diagnosis.discover.formula_fits import FormulaFit, refit_shape
-from pneumo_casadi.diagnosis.discover.linearised import Linearised, Rows, linearise, longest
+from pneumo_casadi.diagnosis.discover.linear.linearised import Linearised, linearise, longest
+from pneumo_casadi.diagnosis.discover.linear.rows import Rows
 from pneumo_casadi.diagnosis.discover.search import predicted_by
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.prepare.study import Study

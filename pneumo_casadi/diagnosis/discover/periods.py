@@ -11,9 +11,10 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from pneumo_casadi.diagnosis.discover.linearised import ABSORBED, Linearised, Rows
-from pneumo_casadi.diagnosis.discover.sensor_errors import SENSORS
-from pneumo_casadi.diagnosis.discover.sites import Site
+from pneumo_casadi.diagnosis.discover.linear.linearised import ABSORBED, Linearised
+from pneumo_casadi.diagnosis.discover.linear.rows import Rows
+from pneumo_casadi.diagnosis.discover.linear.sensor_errors import SENSORS
+from pneumo_casadi.diagnosis.discover.linear.sites import Site
 from pneumo_casadi.parameters import FloatArray
 
 #: Frequencies compared per cycle over the whole range of the driver; a peak is one cycle wide.

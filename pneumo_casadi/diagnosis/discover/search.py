@@ -7,9 +7,10 @@ import numpy as np
 
 from pneumo_casadi.diagnosis.discover.curves import fit_curve
 from pneumo_casadi.diagnosis.discover.formula_fits import FormulaFit, fit_formula
-from pneumo_casadi.diagnosis.discover.linearised import Basis, Linearised
-from pneumo_casadi.diagnosis.discover.sensor_errors import SENSORS
-from pneumo_casadi.diagnosis.discover.sites import Site, all_sites
+from pneumo_casadi.diagnosis.discover.linear.linearised import Linearised
+from pneumo_casadi.diagnosis.discover.linear.rows import Basis
+from pneumo_casadi.diagnosis.discover.linear.sensor_errors import SENSORS
+from pneumo_casadi.diagnosis.discover.linear.sites import Site, all_sites
 from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels
 from pneumo_casadi.effects.term.formula import FORMULAS
 from pneumo_casadi.metrics import gap

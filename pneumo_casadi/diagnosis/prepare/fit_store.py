@@ -51,8 +51,7 @@ class Store:
                 digest.update(np.asarray(part, dtype=float).tobytes())
         bench = study.axis.bench  # one's own controller, which no file holds, enters no fit
         # Fits that the metered map contradicts are not kept: by how much is a criterion.
-        asked = study.criteria.map_ratio
-        words = (__version__, bench_content(bench), sorted(bench.signals), asked)
+        words = (__version__, bench_content(bench), sorted(bench.signals), study.criteria.map_ratio)
         digest.update(repr((*words, study.axis.parameters.as_dict())).encode())
         return cls(folder, digest.hexdigest())
 

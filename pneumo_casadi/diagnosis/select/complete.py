@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels, gain_on_all_records
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.prepare.starting_values import values_of
-from pneumo_casadi.diagnosis.screen.screen import Background, background, lost_likelihood
+from pneumo_casadi.diagnosis.screen.background import Background, background, lost_likelihood
 from pneumo_casadi.diagnosis.select.acceptance import accepted, only_corrects_map
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger, Names, Start
 from pneumo_casadi.diagnosis.select.hidden_motion import hides

@@ -1,12 +1,9 @@
 """Fits of one study, run in parallel and stored."""
 
-import hashlib
-import pickle
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor, Future
 from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import lru_cache
 from typing import Any
 
 from pneumo_casadi.diagnosis.metrics.simulated_fit import WINDOW, simulate_fit
@@ -21,16 +18,12 @@ from pneumo_casadi.diagnosis.prepare.fitted_model import (
 )
 from pneumo_casadi.diagnosis.prepare.starting_values import values_of
 from pneumo_casadi.diagnosis.prepare.study import Study
-from pneumo_casadi.diagnosis.screen.screen import (
-    Background,
-    Direction,
-    ScreenResult,
-    perturbation,
-    screened,
-)
+from pneumo_casadi.diagnosis.prepare.study_jobs import StudyJobs
+from pneumo_casadi.diagnosis.screen.background import Background
+from pneumo_casadi.diagnosis.screen.directions import Direction, perturbation
+from pneumo_casadi.diagnosis.screen.screen import ScreenResult, screened
 from pneumo_casadi.estimation.equation_error.fit import MAX_ITERATIONS
 from pneumo_casadi.model.effect import Effect, EffectFactory
-from pneumo_casadi.runtime.threads import one_thread
 
 Catalogue = Mapping[str, EffectFactory]
 Names = tuple[str, ...]
@@ -107,7 +100,7 @@ class FitLedger:
     reduced: dict[Names, FittedModel] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self._packed = pickle.dumps(self.study) if self.executor is not None else b""
+        self._jobs = StudyJobs(self.study, self.executor)
         self._refined: set[Names] = set()
         self.simulations = Simulations(self.study)
 
@@ -122,14 +115,7 @@ class FitLedger:
 
     def run(self, job: Callable[..., object], *given: object) -> "Future[Any]":
         """Have the executor call ``job(study, *given)``; without one it is done at once."""
-        if self.executor is not None:
-            return self.executor.submit(_run_in_worker, self._packed, job, *given)
-        done: Future[Any] = Future()
-        try:
-            done.set_result(job(self.study, *given))
-        except FAULTS as error:
-            done.set_exception(error)
-        return done
+        return self._jobs.run(job, *given)
 
     def simulate(self, fits: Mapping[Names, FittedModel], window: float = WINDOW) -> None:
         """Simulate the held-out records by fits in windows [s], side by side; each once."""
@@ -305,15 +291,3 @@ def _holds(whole: FittedModel, other: FittedModel) -> bool:
     """
     held = [name for name in other.values if "." in name and name not in other.std]
     return any(name in whole.std and whole.values[name] != other.values[name] for name in held)
-
-
-@one_thread
-def _run_in_worker(packed: bytes, job: Callable[..., object], *given: object) -> object:
-    return job(_unpickled(hashlib.sha256(packed).hexdigest(), packed), *given)
-
-
-@lru_cache(maxsize=2)
-def _unpickled(token: str, packed: bytes) -> Study:
-    del token
-    study: Study = pickle.loads(packed)
-    return study

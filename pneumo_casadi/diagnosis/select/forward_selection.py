@@ -21,7 +21,9 @@ from pneumo_casadi.diagnosis.prepare.fit_store import Store
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel, fit_model
 from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.diagnosis.prepare.usable_records import require_rows
-from pneumo_casadi.diagnosis.screen.screen import Direction, ScreenResult, background
+from pneumo_casadi.diagnosis.screen.background import background
+from pneumo_casadi.diagnosis.screen.directions import Direction
+from pneumo_casadi.diagnosis.screen.screen import ScreenResult
 from pneumo_casadi.diagnosis.select.acceptance import accepted, can_matter, only_corrects_map
 from pneumo_casadi.diagnosis.select.complete import Completed, complete
 from pneumo_casadi.diagnosis.select.complete_by_simulation import complete_by_simulation

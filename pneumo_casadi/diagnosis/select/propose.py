@@ -8,7 +8,8 @@ import numpy as np
 from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels, residual_rms
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.prepare.starting_values import values_of
-from pneumo_casadi.diagnosis.screen.screen import ScreenResult, background
+from pneumo_casadi.diagnosis.screen.background import background
+from pneumo_casadi.diagnosis.screen.screen import ScreenResult
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger, Names, Start, start_with
 from pneumo_casadi.diagnosis.select.forms import forms_to_fit
 

@@ -28,7 +28,8 @@ from pneumo_casadi.diagnosis import applicable, prepare_study
 from pneumo_casadi.diagnosis.metrics.residual_size import residual_rms
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel, fit_model
 from pneumo_casadi.diagnosis.prepare.study import Study
-from pneumo_casadi.diagnosis.screen.screen import ScreenResult, background
+from pneumo_casadi.diagnosis.screen.background import background
+from pneumo_casadi.diagnosis.screen.screen import ScreenResult
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger, Start
 from pneumo_casadi.diagnosis.select.forms import cause_of, causes_of
 from pneumo_casadi.effects import EFFECTS

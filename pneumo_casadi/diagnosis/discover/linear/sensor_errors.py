@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.sparse import diags_array
 
-from pneumo_casadi.diagnosis.discover.signals import Signals
+from pneumo_casadi.diagnosis.discover.linear.signals import Signals
 from pneumo_casadi.parameters import FloatArray
 
 #: Names of the "balance" of a site that is a sensor's error: of the position, and of the pressure

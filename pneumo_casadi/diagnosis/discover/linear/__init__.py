@@ -1,0 +1,1 @@
+"""A fitted model, linearised along its records, with the drivers that terms may act by."""
