@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from pneumo_casadi.diagnosis import DiagnosisOptions, diagnose
+from pneumo_casadi.diagnosis import DiagnosisOptions, diagnose, prepare_study
 from pneumo_casadi.effects import EFFECTS
 
 #: The cause, rivals for its balance and for the others: enough to be wrong with, and quick.
@@ -16,6 +16,12 @@ SMALL = {
 @pytest.fixture(scope="session")
 def small():
     return SMALL
+
+
+@pytest.fixture(scope="session")
+def sound_study(made_case):
+    """The study of an axis with which nothing is wrong."""
+    return prepare_study(made_case(12))[0]
 
 
 @pytest.fixture(scope="session")

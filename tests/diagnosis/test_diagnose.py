@@ -4,18 +4,15 @@ import json
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from pneumo_casadi.data import Case, InputHold, ProportionalController, Recording
+from pneumo_casadi.data import Case, InputHold, Recording
 from pneumo_casadi.diagnosis import Verdict, diagnose, prepare_study
 from pneumo_casadi.diagnosis.prepare.fit_store import Store
 from pneumo_casadi.diagnosis.prepare.prepare_study import HELD_OUT, split_records
-from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.diagnosis.prepare.usable_records import require_rows, require_usable
-from pneumo_casadi.effects.term.term import Term, term_effect
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.parameters import Parameter
@@ -128,51 +125,6 @@ def test_kept_fits_of_another_flow_map_are_not_taken(rubbing_case, tmp_path):
     assert Store.of(tmp_path, study).token != Store.of(tmp_path, other).token
 
 
-def test_kept_fits_of_another_term_of_one_name_are_not_taken(tmp_path):
-    store = Store(tmp_path, "study")
-    slopes = (("x", -150.0), ("x", -120.0), ("v", -150.0), ("x", -150.0))
-    effects = [
-        term_effect(Term("tight", ("force",), "1", driver, "line", {"slope": slope}))()
-        for driver, slope in slopes
-    ]
-    *paths, same = (store._path([effect]) for effect in effects)
-    assert len(set(paths)) == 3 and same == paths[0]
-
-
-class Signals(frozenset):
-    """Signals in a given order: that of a frozenset differs from process to process."""
-
-    def __iter__(self):
-        return iter(self.order)
-
-
-def token_of(tmp_path, made, order=("a", "v"), **bench):
-    signals = Signals(order)
-    signals.order = order
-    bench = replace(made.BENCH, **bench)
-    object.__setattr__(bench, "signals", signals)
-    axis = SimpleNamespace(bench=bench, parameters=made.true_axis().parameters)
-    study = Study(axis, None, (), ())
-    return Store.of(tmp_path, study).token
-
-
-def test_kept_fits_are_those_of_the_same_signals_in_any_order(made, tmp_path):
-    token = token_of(tmp_path, made)
-    assert token == token_of(tmp_path, made, ("v", "a"))
-    assert token != token_of(tmp_path, made, ("v", "F_load"))
-
-
-def test_fits_are_kept_under_a_controller_of_ones_own(made, tmp_path):
-    """Its `repr` is an address, another one in each process."""
-
-    class Own(ProportionalController):
-        __repr__ = object.__repr__
-
-    controllers = [Own(4.0, 3.0), Own(4.0, 3.0)]
-    first, second = (token_of(tmp_path, made, controller=each) for each in controllers)
-    assert first == second
-
-
 def _changed(case, **channels):
     records = []
     for record in case.identify:
@@ -255,6 +207,22 @@ def test_recorded_velocity_and_acceleration_are_left_out_and_said(made, monkeypa
     assert {name for some in given for record in some for name in record.names} == {
         *("F", "F_load", "x")
     }
+
+
+@pytest.mark.parametrize("hour", [0.0, 43_200.0, 1.7e9])
+def test_the_clock_of_a_study_begins_with_its_first_record(made, monkeypatch, hour):
+    """Logs count from midnight or from 1970: a formula over such times has no usable scale."""
+    given = []
+    monkeypatch.setattr(
+        "pneumo_casadi.diagnosis.prepare.prepare_study.start_study",
+        lambda axis, table, *records: given.extend(records[:2]),
+    )
+    fitted, held_out = moving(3.0), moving(3.0)
+    shifted = [replace(r, t=r.t + hour + s) for r, s in ((fitted, 10.0), (held_out, 0.0))]
+    prepare_study(Case(Path("made"), made.FORCE_BENCH, shifted[:1], shifted[1:]))
+    (first,), (second,) = given
+    assert second.t == pytest.approx(held_out.t, abs=1e-6)
+    assert first.t == pytest.approx(fitted.t + 10.0, abs=1e-6)
 
 
 def test_conductances_are_read_from_the_records_that_are_fitted(made, monkeypatch):

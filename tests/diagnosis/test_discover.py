@@ -2,18 +2,22 @@
 
 from dataclasses import replace
 from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from pneumo_casadi.data import ForceBench, InputHold, NestedController, Recording, read_case
+from pneumo_casadi.diagnosis.discover import joint_fit
+from pneumo_casadi.diagnosis.discover.beside import complete_term
 from pneumo_casadi.diagnosis.discover.discover import discover_term, propose_term
 from pneumo_casadi.diagnosis.discover.discovered import causes_in
+from pneumo_casadi.diagnosis.discover.formula_fits import fit_formula
 from pneumo_casadi.diagnosis.discover.joint_fit import fit_jointly
 from pneumo_casadi.diagnosis.discover.linear.linearised import linearise
 from pneumo_casadi.diagnosis.discover.linear.sites import Site
 from pneumo_casadi.diagnosis.discover.periods import periodogram, sines_remove
-from pneumo_casadi.diagnosis.discover.search import search
+from pneumo_casadi.diagnosis.discover.search import predicted_by, search
 from pneumo_casadi.diagnosis.discover.term_in_model import fit_with_term, told_as_fitted
 from pneumo_casadi.diagnosis.metrics.residual_size import balance_levels
 from pneumo_casadi.diagnosis.prepare.fitted_model import fit_model
@@ -22,6 +26,7 @@ from pneumo_casadi.diagnosis.prepare.prepare_study import prepare_study
 from pneumo_casadi.diagnosis.prepare.study import start_study
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.effects.term import Term, term_effect
+from pneumo_casadi.effects.term.formula import FORMULAS
 from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
 from pneumo_casadi.estimation.equation_error.residuals import balance_residuals
 from pneumo_casadi.estimation.output_error import OutputErrorOptions, fit_output_error
@@ -146,6 +151,56 @@ def test_a_vibration_is_told_whatever_the_hour_of_a_record(fitted_of):
     assert term.parameters["period"].value == pytest.approx(0.1, rel=0.01)
 
 
+@pytest.fixture
+def over_time_alone(monkeypatch):
+    """Look for a force over time and nothing else: other sites take most of the search."""
+    sites = (Site(("force",), "1", "t"),)
+    monkeypatch.setattr("pneumo_casadi.diagnosis.discover.search.all_sites", lambda kind: sites)
+
+
+def later(record, by):
+    return replace(record, t=record.t + by)
+
+
+@pytest.mark.parametrize("apart", [0.05, 150.05])
+def test_a_vibration_has_its_own_phase_in_each_record(fitted_of, over_time_alone, apart):
+    """One phase for two records, half a period apart by their clocks, fits neither."""
+    study, _ = fitted_of(HUM)
+    (first,), (second,) = study.train, study.held_out
+    records = [first, later(first, apart)], [second, later(second, 0.02)]
+    study = start_study(study.axis, None, *records)
+    nominal = fit_model(study, ())
+    term = discover_term(study, nominal, (), balance_levels(study))
+    assert term.parameters["amplitude"].value == pytest.approx(9.0, rel=0.02)
+    assert term.closes.lower > 0.9
+    assert fit_with_term(study, term, (nominal, ())) is None  # it would have one phase
+
+
+def test_a_model_with_a_vibration_is_none_of_records_with_another_phase(fitted_of, over_time_alone):
+    study, _ = fitted_of(HUM)
+    held_out = [later(study.held_out[0], 0.05)]
+    study = start_study(study.axis, None, study.train, held_out)
+    nominal, levels = fit_model(study, ()), balance_levels(study)
+    term = propose_term(study, nominal, (), levels)
+    selection = SimpleNamespace(nominal=nominal, levels=levels, directions={})
+    outcome = complete_term(study, selection, term, (nominal, ()), {})
+    assert outcome.discovery.term is term and outcome.discovery.model is None
+
+
+def test_what_records_held_out_do_not_show_is_not_looked_for(fitted_of):
+    """Their noise floor says nothing of a noisier record that was fitted."""
+    study, _ = fitted_of()
+    (record,) = study.train
+    noise = 2e-4 * np.random.default_rng(0).normal(size=record.N)
+    noisy = record.with_channels({"x": record["x"] + noise})
+    study = start_study(study.axis, None, [noisy], study.held_out)
+    levels = balance_levels(study)
+    linear = linearise(study, fit_model(study, ()), ())
+    assert linear.train.rms[0] > 3 * levels.noise[0]
+    balances = {item.fit.site.balances for item in search(linear, levels)}
+    assert ("force",) not in balances
+
+
 @pytest.mark.slow
 def test_nothing_is_discovered_where_nothing_is_missing(fitted_of):
     study, nominal = fitted_of()
@@ -168,6 +223,21 @@ def test_residuals_with_a_term_are_those_of_its_effect(fitted_of):
     used = joint.model.used_train[0]
     expected = balance_residuals(model, motion, model.axis.parameters.values)[used]
     assert joint.model.train[0][used] == pytest.approx(expected, abs=0.01 * np.std(expected))
+
+
+@pytest.mark.parametrize("steps", [1, joint_fit.STEPS])
+def test_what_is_told_of_a_term_belongs_to_one_set_of_parameters(fitted_of, monkeypatch, steps):
+    """Where the last step had not settled, residuals were those before it."""
+    study, nominal = fitted_of(TIGHT)
+    linear = linearise(study, nominal, ())
+    best = fit_formula(linear, Site(("force",), "sign(v)", "x"), FORMULAS["line"])
+    monkeypatch.setattr(joint_fit, "STEPS", steps)
+    joint = fit_jointly(study, nominal, (), best)
+    again = linearise(study, joint.model, ())
+    train, _ = predicted_by(again, joint.fit, refitted=False)
+    expected = np.hstack(again.train.unweighted(train))
+    size = np.sqrt(np.mean(expected**2))
+    assert np.hstack(joint.model.train) == pytest.approx(expected, abs=0.01 * size)
 
 
 @pytest.mark.slow

@@ -5,7 +5,13 @@ from types import SimpleNamespace
 
 import pytest
 
-from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger, Start
+from pneumo_casadi.diagnosis.select import fit_ledger
+from pneumo_casadi.diagnosis.select.fit_ledger import (
+    MAX_ITERATIONS,
+    SEARCH_ITERATIONS,
+    FitLedger,
+    Start,
+)
 from pneumo_casadi.errors import FitError
 
 FINAL = ("hose", "leak")
@@ -69,3 +75,60 @@ def test_a_model_compared_with_a_refined_one_is_estimated_alike(ledger, cost, es
     )
     kept.fit_against(whole, {("hose",): Start(released)})
     assert kept.fits["hose",].cost == kept_cost
+
+
+def ended(cost, pace=0.0, **values):
+    """A fit that ended at a cost, cut short where it still gained something in each step."""
+    return SimpleNamespace(cost=cost, pace=pace, values=values, std={})
+
+
+@pytest.fixture
+def ledger_of(monkeypatch):
+    """Return a function that makes a ledger whose fits end so after so many iterations."""
+    monkeypatch.setattr(FitLedger, "__post_init__", lambda self: None)
+
+    def made(ends):
+        kept = FitLedger(None, dict.fromkeys(("drag", "hose")))
+        kept.effects = lambda names: kept.key(names)
+
+        def run(job, effects, values, shapes, base, most, *others):
+            done = Future()
+            done.set_result(ends[effects, most])
+            return done
+
+        kept.run = run
+        return kept
+
+    return made
+
+
+def test_a_fit_that_never_settles_must_be_credible_as_any(ledger_of, monkeypatch):
+    def refuse(study, effects, fitted):
+        raise FitError("not credible")
+
+    monkeypatch.setattr(fit_ledger, "require_credible", refuse)
+    drag = ("drag",)
+    ends = {(drag, SEARCH_ITERATIONS): ended(9.0, 1.0), (drag, MAX_ITERATIONS): ended(5.0, 1.0)}
+    kept = ledger_of(ends)
+    kept.fit_all({drag: Start({})})
+    assert drag in kept.failures and not kept.fits
+
+
+@pytest.mark.parametrize("known", [False, True])
+def test_models_without_an_effect_are_fitted_to_their_end(ledger_of, monkeypatch, known):
+    """One cut short, now or while candidates were compared, would seem to lose more."""
+    monkeypatch.setattr(fit_ledger, "require_credible", lambda *given: None)
+    drag, hose = ("drag",), ("hose",)
+    kept = ledger_of(
+        {
+            (drag, SEARCH_ITERATIONS): ended(5.0),
+            (hose, SEARCH_ITERATIONS): ended(900.0, 1.0),
+            (hose, MAX_ITERATIONS): ended(100.0),
+        }
+    )
+    pair = ("drag", "hose")
+    kept.fits[pair] = ended(0.0)
+    if known:
+        kept.fits[hose] = ended(900.0, 1.0)
+    fits = kept.fit_without(pair, pair)
+    assert (fits["drag"].cost, fits["hose"].cost) == (100.0, 5.0)

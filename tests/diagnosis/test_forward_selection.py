@@ -10,6 +10,7 @@ from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA
 from pneumo_casadi.diagnosis.select import forward_selection
 from pneumo_casadi.diagnosis.select.complete import Completed
 from pneumo_casadi.diagnosis.select.forward_selection import (
+    _backtrack,
     _completed,
     _needs_more,
     acting_effects,
@@ -100,3 +101,16 @@ def test_more_than_three_effects_are_selected_where_a_balance_was_not_searched(
     ledger = SimpleNamespace(fits=fits)
     levels = BalanceLevels(np.ones(3), np.full(3, 100.0))
     assert _needs_more(ledger, fits[()], names[1:], levels) is expected
+
+
+def test_a_pair_that_only_corrects_a_coarse_map_is_no_better_partner(monkeypatch):
+    def is_coarse(ledger, current, known, key, levels):
+        return "map" in key
+
+    monkeypatch.setattr(forward_selection, "fit_extensions", lambda *given: None)
+    monkeypatch.setattr(forward_selection, "accepted", lambda *given: True)
+    monkeypatch.setattr(forward_selection, "_coarse", is_coarse)
+    costs = {("hose",): 9.0, ("hose", "stribeck"): 5.0, ("hose", "map"): 1.0}
+    fits = {key: SimpleNamespace(cost=cost) for key, cost in costs.items()}
+    pair = ("hose", "stribeck")
+    assert _backtrack(SimpleNamespace(fits=fits), None, pair, None, ("hose",)) == pair

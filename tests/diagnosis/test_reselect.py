@@ -10,7 +10,7 @@ from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels
 from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA
 from pneumo_casadi.diagnosis.select import reselect as module
 from pneumo_casadi.diagnosis.select.complete import Completed
-from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger
+from pneumo_casadi.diagnosis.select.fit_ledger import Failed, FitLedger
 from pneumo_casadi.diagnosis.select.forward_selection import Selection
 
 LEVELS = BalanceLevels(np.ones(3), np.full(3, 100.0))
@@ -27,7 +27,7 @@ def selection(*chosen):
 def reselected(monkeypatch):
     """Return a function that reselects a pair which leaves so many floors in its worst balance."""
 
-    def run(left, hides=False, before=("position_delay",), fails=False):
+    def run(left, hides=False, before=("position_delay",), fails=False, failures=None):
         def complete(*given):
             if fails:
                 raise ArithmeticError
@@ -37,7 +37,9 @@ def reselected(monkeypatch):
         monkeypatch.setattr(module, "motion_is_hidden", lambda effects, fitted: hides)
         monkeypatch.setattr(module, "complete", complete)
         monkeypatch.setattr(module, "contributions", lambda *given: {"heat_transfer": 0.6})
-        ledger = SimpleNamespace(fits={PAIR: left}, effects=lambda names: names, failures={})
+        ledger = SimpleNamespace(
+            fits={PAIR: left}, effects=lambda names: names, failures=failures or {}
+        )
         return module.reselect(ledger, selection(*before), PAIR)
 
     return run
@@ -61,6 +63,14 @@ def test_effects_that_leave_no_visible_gap_end_the_selection(reselected):
 )
 def test_others_do_not(reselected, given):
     assert reselected(**given) is None
+
+
+def test_fits_that_failed_beside_a_term_are_told(reselected):
+    """Whoever reads of them must not take them for tried and worse."""
+    failed = Failed(("hose", "leakage_P"), "not credible")
+    later = Failed(PAIR, "not credible")  # it was fitted after all
+    failures = {each.effects: each for each in (failed, later)}
+    assert reselected(1.0, failures=failures).failures == (failed,)
 
 
 THREE = ("position_friction", "quadratic_drag", "valve_hysteresis")

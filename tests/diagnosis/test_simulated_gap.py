@@ -8,7 +8,12 @@ import pytest
 from pneumo_casadi.diagnosis import prepare_study
 from pneumo_casadi.diagnosis.metrics import simulated_fit
 from pneumo_casadi.diagnosis.metrics.residual_size import balance_levels
-from pneumo_casadi.diagnosis.metrics.simulated_fit import simulate_fit, simulate_loop
+from pneumo_casadi.diagnosis.metrics.simulated_fit import (
+    WINDOW,
+    Simulated,
+    simulate_fit,
+    simulate_loop,
+)
 from pneumo_casadi.diagnosis.metrics.simulated_gap import Simulations, gap_with_term, simulated_gap
 from pneumo_casadi.diagnosis.prepare.fitted_model import fit_model
 from pneumo_casadi.effects import EFFECTS
@@ -68,6 +73,15 @@ def test_windows_need_not_be_whole_blocks_of_samples(rubbing_study):
     whole, longer = (simulate_fit(study, nominal, (), window) for window in (0.5, 0.501))
     assert not isinstance(whole.windows, str) and not isinstance(longer.windows, str)
     assert longer.windows.shape == whole.windows.shape and np.isfinite(longer.windows).all()
+
+
+def test_where_simulations_show_no_gap_none_is_left(sound_study):
+    """A share of nothing was what rounding had made of it."""
+    done, nominal, other = Simulations(sound_study), object(), object()
+    done.keep(nominal, Simulated(np.zeros((3, 3))), WINDOW)
+    done.keep(other, Simulated(np.full((3, 3), 9.0)), WINDOW)
+    assert done.share(nominal, other, ()) == 1.0
+    assert not done.tells(nominal, other, ())
 
 
 @pytest.mark.parametrize("fault", [OverflowError, ZeroDivisionError])

@@ -67,6 +67,14 @@ def test_channels_without_importance_do_not_count():
     assert ends == pytest.approx((0.5, 0.5))
 
 
+def test_replicates_without_a_gap_close_nothing():
+    """Of three quiet blocks and a loud one many have none: each counted as infinitely worse."""
+    before = np.array([[0.5, 0.5, 0.5, 9.0]])
+    ones = np.ones_like(before)
+    lower, upper = closure_interval(before, 0.6 * before, ones, np.ones(1), np.ones(1), 200)
+    assert lower == 0.0 and 0.0 < upper < 1.0
+
+
 def test_every_replicate_draws_as_many_blocks_as_there_are():
     weights = resampling_weights(7, 50)
     assert weights.shape == (50, 7)

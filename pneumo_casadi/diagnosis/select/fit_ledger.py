@@ -236,9 +236,15 @@ class FitLedger:
         """Fit models that are compared with another one, what it estimates estimated in them too.
 
         `refine` has released parameters of its effects. Models known from before hold them: they
-        are fitted again from its values, and the better fit is kept.
+        are fitted again from its values, and the better fit is kept. So are those that were cut
+        short, with `to_end`.
         """
-        again = [key for key in models if key in self.fits and _holds(whole, self.fits[key])]
+        known = {key: self.fits[key] for key in models if key in self.fits}
+        again = [
+            key
+            for key, fitted in known.items()
+            if _holds(whole, fitted) or (to_end and fitted.pace)
+        ]
         self.fit_all(models, to_end)
         most = MAX_ITERATIONS if to_end else SEARCH_ITERATIONS
         jobs = {key: self._begin(key, models[key], most) for key in again}

@@ -1,0 +1,33 @@
+"""A fit with what effects know of their own parameters, linearised."""
+
+import numpy as np
+import pytest
+
+from pneumo_casadi.diagnosis import prepare_study
+from pneumo_casadi.diagnosis.discover.linear.linearised import linearise
+from pneumo_casadi.diagnosis.prepare.fitted_model import fit_model
+from pneumo_casadi.diagnosis.screen.background import background
+from pneumo_casadi.effects import EFFECTS
+
+
+@pytest.fixture(scope="module")
+def curved(made_case):
+    """A study with the fit of a curve, which is held by a prior where records say little."""
+    study, _ = prepare_study(made_case(12, position_friction="large"))
+    effects = (EFFECTS["position_friction_curve"](),)
+    return study, fit_model(study, effects), effects
+
+
+def test_a_fit_at_its_minimum_asks_for_no_step(curved):
+    """Without the prior its curve was asked to change by hundreds of its scales."""
+    linear = linearise(*curved)
+    step = dict(zip(linear.names, linear.parameter_change(linear.e), strict=True))
+    assert max(abs(size) for name, size in step.items() if "curve" in name) < 0.5
+
+
+def test_a_refit_absorbs_no_more_than_the_prior_of_a_curve_allows(curved):
+    study, fitted, effects = curved
+    behind = background(study, fitted, fitted, effects)
+    taken = behind.Q.T @ behind.e
+    assert taken @ taken < 1e-3 * (behind.e @ behind.e)
+    assert not np.any(behind.of_balance[:, -1])  # a row of the prior belongs to no balance
