@@ -106,7 +106,8 @@ def diagnose(
     Raises
     ------
     CaseError
-        If the case cannot be read, or a record is too short or shows no motion.
+        If the case cannot be read, a record is too short or shows no motion, or records to fit
+        differ in sampling frequency.
 
     Notes
     -----

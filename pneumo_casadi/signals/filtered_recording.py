@@ -13,7 +13,11 @@ from pneumo_casadi.errors import CaseError, ModelError
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.signals.bandwidth import power_bandwidth, white_noise_std
 from pneumo_casadi.signals.filter_plan import FilterPlan, plan_filters
-from pneumo_casadi.signals.resampling import on_uniform_clock
+from pneumo_casadi.signals.resampling import (
+    SAME_FREQUENCY,
+    on_uniform_clock,
+    require_one_frequency,
+)
 from pneumo_casadi.signals.zero_phase import Difference, central_difference, zero_phase_lowpass
 
 #: Share of the largest motion of all records below which a record counts as at rest.
@@ -115,9 +119,11 @@ def plan_filters_for(recordings: Iterable[Recording], bound: float = 0.01) -> Fi
     Raises
     ------
     CaseError
-        If a record is sampled too slowly to be differentiated twice within its bandwidth.
+        If records differ in their sampling frequency, or one is sampled too slowly to be
+        differentiated twice within its bandwidth.
     """
     recorded = tuple(recordings)
+    require_one_frequency(recorded)
     records = tuple(on_uniform_clock(recording, recorded[0].dt) for recording in recorded)
     # A record at rest shows the bandwidth of its noise, not of the axis.
     largest = max(float(np.std(rec["x"])) for rec in records)
@@ -169,7 +175,7 @@ def filter_recording(
     """
     recording = on_uniform_clock(recording, 1 / plan.sampling_frequency)
     fs = 1 / recording.dt
-    if abs(fs / plan.sampling_frequency - 1) > 1e-3:
+    if abs(fs / plan.sampling_frequency - 1) > SAME_FREQUENCY:
         raise CaseError(
             f"{recording.source}: sampled at {fs:g} Hz, but the filters are planned for "
             f"{plan.sampling_frequency:g} Hz; plan them for this record"

@@ -1,14 +1,42 @@
-"""A record whose clock is taken as recorded, resampled to a uniform clock for filters."""
+"""Clocks of records before filters: one frequency, and uniform where they were as recorded."""
+
+from collections.abc import Iterable
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 from pneumo_casadi.data import Clock, InputHold, Recording
 from pneumo_casadi.data.bench.axis_kind import FORCE_DRIVEN, PNEUMATIC
+from pneumo_casadi.errors import CaseError
 from pneumo_casadi.parameters import FloatArray
 
 #: What a controller holds, and what is added to it.
 COMMANDS = (*PNEUMATIC.commands, *FORCE_DRIVEN.commands, "F_pulse")
+
+
+#: Share by which two sampling frequencies of one nominal value differ at most.
+SAME_FREQUENCY = 1e-3
+
+
+def require_one_frequency(recordings: Iterable[Recording]) -> None:
+    """Refuse records of several sampling frequencies: one filter is for all that are fitted.
+
+    Those whose clock is taken as recorded are resampled to one anyway.
+
+    Raises
+    ------
+    CaseError
+        Naming two files with their frequencies [Hz], and the remedy.
+    """
+    sampled = [record for record in recordings if record.clock is not Clock.AS_RECORDED]
+    by_interval = sorted(sampled, key=lambda record: record.dt)
+    if sampled and by_interval[-1].dt > by_interval[0].dt * (1 + SAME_FREQUENCY):
+        fast, slow = by_interval[0], by_interval[-1]
+        raise CaseError(
+            f"{fast.source}: sampled at {1 / fast.dt:.6g} Hz, but {slow.source} at "
+            f"{1 / slow.dt:.6g} Hz; records that are fitted need one sampling frequency: decimate "
+            "the faster one (`Recording.decimate`), or leave one of them to validate"
+        )
 
 
 def on_uniform_clock(recording: Recording, dt: float | None = None) -> Recording:

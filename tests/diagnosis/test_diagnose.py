@@ -209,6 +209,21 @@ def test_recorded_velocity_and_acceleration_are_left_out_and_said(made, monkeypa
     }
 
 
+def test_records_to_fit_of_two_sampling_rates_are_refused_with_a_remedy(made, monkeypatch):
+    """Their user was told to plan the filters anew, in which a diagnosis has no say."""
+    fast = moving(3.0)
+    slow = replace(fast.decimate(2), source="identify_2.csv")
+    words = r"identify.csv: sampled at 1000 Hz, but identify_2.csv at 500 Hz; .*or leave one"
+    with pytest.raises(CaseError, match=words):
+        prepare_study(Case(Path("made"), made.FORCE_BENCH, (fast, slow), (fast,)))
+    # A record held out is smoothed by its own filters.
+    monkeypatch.setattr(
+        "pneumo_casadi.diagnosis.prepare.prepare_study.start_study", lambda *given: "a study"
+    )
+    study, _ = prepare_study(Case(Path("made"), made.FORCE_BENCH, (fast,), (slow,)))
+    assert study == "a study"
+
+
 @pytest.mark.parametrize("hour", [0.0, 43_200.0, 1.7e9])
 def test_the_clock_of_a_study_begins_with_its_first_record(made, monkeypatch, hour):
     """Logs count from midnight or from 1970: a formula over such times has no usable scale."""

@@ -100,6 +100,14 @@ def test_the_plan_for_several_records_serves_the_fastest():
     )
 
 
+def test_records_of_two_sampling_frequencies_have_no_common_plan():
+    x = 0.1 * np.sin(2 * np.pi * np.arange(20_000) / FS)
+    fast = recording({"x": x, "F": 0 * x})
+    words = f"sampled at {FS:g} Hz, but .* at {FS / 2:g} Hz; .* decimate the faster one"
+    with pytest.raises(CaseError, match=words):
+        plan_filters_for([fast, fast.decimate(2)])
+
+
 def test_results_are_read_only():
     rec = recording({"x": np.sin(np.arange(2000) / 50), "F": np.zeros(2000)})
     with pytest.raises(ValueError, match="read-only"):

@@ -12,6 +12,7 @@ from pneumo_casadi.identification.flow_form import read_flow
 from pneumo_casadi.identification.options import IdentifyOptions
 from pneumo_casadi.identification.starting_axis import make_axis, with_flow_from_records
 from pneumo_casadi.model.effect import Effect, EffectFactory
+from pneumo_casadi.signals.resampling import require_one_frequency
 
 #: Share of a record that is held out where a case has no validation record.
 HELD_OUT = 0.4
@@ -39,11 +40,12 @@ def prepare_study(
     Raises
     ------
     CaseError
-        If a record is too short or shows no motion.
+        If a record is too short or shows no motion, or those to fit differ in sampling frequency.
     """
     case, unused = _without_motion_sensors(case)
     train, held, notes = split_records(case)
     train, held = _from_zero(train, held)
+    require_one_frequency(train)
     table, flow = read_flow(case, options or IdentifyOptions(), train)
     axis = make_axis(case, flow)
     require_usable((*train, *held), axis.outputs)
