@@ -226,7 +226,7 @@ def stated_or_estimated_noise(bench: Any, records: Sequence[Recording], channel:
     bench : Bench or ForceBench
         Its ``noise`` may be None.
     records : sequence of Recording
-        The noisiest one counts.
+        Their mean square over all samples counts, as that of residuals over all records does.
     channel : str
         ``"p_P"``, ``"x"`` or another output.
 
@@ -239,7 +239,8 @@ def stated_or_estimated_noise(bench: Any, records: Sequence[Recording], channel:
     stated = bench.noise.of(channel) if bench.noise is not None else None
     if stated:
         return float(stated)
-    estimated = max(white_noise_std(record[channel]) for record in records)
+    squares = [white_noise_std(record[channel]) ** 2 for record in records]
+    estimated = float(np.sqrt(np.average(squares, weights=[record.N for record in records])))
     return estimated or 1e-6 * float(np.ptp(records[0][channel])) or 1e-12
 
 

@@ -233,12 +233,18 @@ def record(x):
 
 
 @pytest.mark.parametrize("sigma", [1e-6, 1e-4])
-def test_noise_that_nobody_stated_is_found_in_the_noisiest_record(sigma):
+def test_noise_that_nobody_stated_is_that_of_all_samples(sigma):
+    """As of residuals: that of the noisiest record hid what was left in the others."""
     rng, t = np.random.default_rng(0), np.arange(20_000) / 1e3
     slow = sigma * (500 * np.sin(2 * t) + 2000 * np.sign(np.sin(0.7 * t)))
-    records = [record(slow + k * sigma * rng.standard_normal(t.size)) for k in (0.2, 1.0, 0.5)]
+    levels, sizes = np.array([0.2, 1.0, 0.5]), np.array([20_000, 5_000, 10_000])
+    records = [
+        record((slow + k * sigma * rng.standard_normal(t.size))[:n])
+        for k, n in zip(levels, sizes, strict=True)
+    ]
     result = stated_or_estimated_noise(Stated(None), records, "x")
-    assert result == pytest.approx(sigma, rel=0.05)
+    pooled = sigma * np.sqrt(sizes @ levels**2 / sizes.sum())
+    assert result == pytest.approx(pooled, rel=0.05)
 
 
 def test_noise_that_the_bench_states_is_taken_at_its_word():

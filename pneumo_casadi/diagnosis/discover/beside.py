@@ -42,7 +42,8 @@ class Discovery:
     term : DiscoveredTerm
         The term.
     model : (FittedModel, sequence of Effect) or None
-        Fitted with it and with the effects that act beside it; None where that fit fails.
+        Fitted with it and with the effects that act beside it; None where that fit fails, and
+        where a vibration has another phase in each record, of which a model has one.
     """
 
     term: DiscoveredTerm

@@ -179,7 +179,7 @@ class GapScore:
         return self._closure(self.linear.predicted(site, basis, c)[1])
 
     def of(self, fit: FormulaFit) -> float:
-        """Return the closure by a formula; the phase of a vibration is that of each record."""
+        """Return the closure by a formula, the phase of a vibration as each held-out one has it."""
         return self._closure(predicted_by(self.linear, fit)[1])
 
     def _closure(self, e: FloatArray) -> float:
@@ -197,7 +197,11 @@ class GapScore:
 def predicted_by(
     linear: Linearised, fit: FormulaFit, refitted: bool = True
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the residuals of both sets of records with a formula, parameters refitted to it."""
+    """Return the residuals of both sets of records with a formula.
+
+    With `refitted`, the parameters are refitted to it on the records fitted. In each of those held
+    out a vibration has its amplitude, and the phase that suits this record.
+    """
     train, held_out = linear.predicted(fit.site, fit.basis, fit.coefficients, refitted)
     if not fit.phase_free:
         return train, held_out

@@ -83,7 +83,9 @@ def locate(
     """
     if inputs is None:
         inputs = estimate_unknown_inputs(study, nominal)
-    nodes = np.array([i.counts.sum(axis=1) + 1e-9 for i in inputs])
+    # A long record counts by its nodes; where none counts in any record, all are alike.
+    nodes = np.array([i.counts.sum(axis=1) for i in inputs], dtype=float)
+    nodes[:, ~nodes.any(axis=0)] = 1.0
     mean = np.average([i.energy for i in inputs], axis=0, weights=nodes)
     energy = dict(zip(study.axis.equations, mean.tolist(), strict=True))
     shares = above_form(energy)

@@ -25,8 +25,8 @@ from pneumo_casadi.parameters import FloatArray
 #: Rows in one block of the bootstrap: half a second.
 BLOCK = 32
 REPLICATES = 400
-#: Share by which the mass of a right model may differ from that of the data sheet.
-SHEET = 0.05
+#: Mass against the data sheet, which rarely includes screws, cables and sensors.
+MASS = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +90,7 @@ def _mass(axis: Axis) -> float:
     force finds all of it, and would seem to leave two floors.
     """
     M, sheet = axis.parameters["M"].value, axis.bench.datasheet.get("M_kg")
-    return float(np.clip(M, (1 - SHEET) * sheet, (1 + SHEET) * sheet)) if sheet else M
+    return float(np.clip(M, (1 - MASS) * sheet, (1 + MASS) * sheet)) if sheet else M
 
 
 def force_row_scale(kind: AxisKind, mass: float) -> float:

@@ -23,6 +23,8 @@ def prepare_study(
 ) -> tuple[Study, tuple[str, ...]]:
     """Check the records of a case, fit its flow map and start a study; with notes.
 
+    The clock of the study begins with the first record of the case.
+
     Parameters
     ----------
     case : Case

@@ -33,7 +33,7 @@ def contributions(
     out. All shares refer to the gap of the nominal model; they need not sum up to what the model
     closes, since effects share parts of it. A model without an effect that cannot be fitted or
     simulated leaves the whole gap. Where the model of all of them or the nominal one cannot be
-    simulated, the gap is that of the balances.
+    simulated, or simulations show no gap, it is that of the balances.
 
     The most missed effect is the one with the largest product of the log-likelihood that its
     absence costs in the balances and the gap that comes back in short windows. Balances alone would
@@ -46,6 +46,8 @@ def contributions(
         Effects of the model.
     named : tuple of str
         Those of which it is asked.
+    levels : BalanceLevels
+        Noise and signal of the balances.
     """
     whole, complete = ledger.key(named), final
     if whole != final:
@@ -84,7 +86,10 @@ def _gap_back(
     window: float,
     levels: BalanceLevels,
 ) -> dict[str, float]:
-    """Return the share of the gap in windows [s] that comes back in each of the reduced models."""
+    """Return the share of the gap in windows [s] that comes back in each of the reduced models.
+
+    Of the gap of the balances where windows do not tell what the whole model, keyed "", leaves.
+    """
     key, final = models[""]
     whole_runs = final is not None and ledger.simulations.tells(
         nominal, final, ledger.effects(key), window
