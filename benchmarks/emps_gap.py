@@ -125,8 +125,8 @@ def _change(linear: Linearised) -> dict[str, float]:
 def repeating(rows: Rows, e: FloatArray, M: float) -> dict[str, float]:
     """Return how much of a residual repeats with the motion."""
     r, used = M * rows.unweighted(e)[0][0], rows.used[0][0]
-    v = rows.motions[0].averaged(rows.signals[0].measured["v"][:, None])[:, 0]
-    t = rows.motions[0].averaged(rows.motions[0].t[:, None])[:, 0]
+    v = rows.motions[0].averaged(rows.signals[0].measured["v"])
+    t = rows.motions[0].averaged(rows.motions[0].t)
     row = float(t[1] - t[0])
     lags = np.arange(int(CYCLE[0] / row), int(CYCLE[1] / row))
     lag = int(lags[np.argmax([np.corrcoef(v[:-k], v[k:])[0, 1] for k in lags])])
