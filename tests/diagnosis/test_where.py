@@ -1,11 +1,13 @@
 """Where model and measurement disagree."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from pneumo_casadi.data import InputHold, Recording, read_case
+from pneumo_casadi.diagnosis.locate import signatures as signature_module
 from pneumo_casadi.diagnosis.locate.locate import (
     balance_of_effect,
     locate,
@@ -151,6 +153,18 @@ def test_one_error_of_the_position_explains_what_no_single_input_does(bench):
     assert signature.left["position"] < 0.3 * min(signature.inputs.values())
     unknown_force = signatures(*with_values(bench(cogging="medium")))
     assert unknown_force.left["force"] < 0.5 * min(unknown_force.sensors.values())
+
+
+def test_signatures_of_a_long_record_count_by_its_rows(monkeypatch):
+    """A short record had as much to say as a long one."""
+    sizes = {"long": Signatures(10.0, {"force": 2.0}), "short": Signatures(40.0, {"force": 6.0})}
+    monkeypatch.setattr(signature_module, "_record_signatures", lambda *given: sizes[given[-1]])
+    monkeypatch.setattr(
+        signature_module, "rows_that_count", lambda *given: np.array([[200, 100], [60, 40]])
+    )
+    study = SimpleNamespace(axis=None, smoothed=((), ("long", "short")))
+    pooled = signatures(study, {})
+    assert (pooled.before, pooled.left["force"]) == pytest.approx((17.5, 3.0))
 
 
 def with_values(opened):
