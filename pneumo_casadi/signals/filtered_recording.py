@@ -9,15 +9,12 @@ import numpy as np
 
 from pneumo_casadi.data import InputHold, Recording
 from pneumo_casadi.data.bench.axis_kind import INPUTS, MEASURED_INPUTS, OUTPUTS
+from pneumo_casadi.data.recording.clock import same_clock
 from pneumo_casadi.errors import CaseError, ModelError
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.signals.bandwidth import power_bandwidth, white_noise_std
 from pneumo_casadi.signals.filter_plan import FilterPlan, plan_filters
-from pneumo_casadi.signals.resampling import (
-    SAME_FREQUENCY,
-    on_uniform_clock,
-    require_one_frequency,
-)
+from pneumo_casadi.signals.resampling import on_uniform_clock, require_one_frequency
 from pneumo_casadi.signals.zero_phase import Difference, central_difference, zero_phase_lowpass
 
 #: Share of the largest motion of all records below which a record counts as at rest.
@@ -175,7 +172,7 @@ def filter_recording(
     """
     recording = on_uniform_clock(recording, 1 / plan.sampling_frequency)
     fs = 1 / recording.dt
-    if abs(fs / plan.sampling_frequency - 1) > SAME_FREQUENCY:
+    if not same_clock(recording.dt, 1 / plan.sampling_frequency):
         raise CaseError(
             f"{recording.source}: sampled at {fs:g} Hz, but the filters are planned for "
             f"{plan.sampling_frequency:g} Hz; plan them for this record"

@@ -7,15 +7,12 @@ from scipy.interpolate import CubicSpline
 
 from pneumo_casadi.data import Clock, InputHold, Recording
 from pneumo_casadi.data.bench.axis_kind import FORCE_DRIVEN, PNEUMATIC
+from pneumo_casadi.data.recording.clock import same_clock
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.parameters import FloatArray
 
 #: What a controller holds, and what is added to it.
 COMMANDS = (*PNEUMATIC.commands, *FORCE_DRIVEN.commands, "F_pulse")
-
-
-#: Share by which two sampling frequencies of one nominal value differ at most.
-SAME_FREQUENCY = 1e-3
 
 
 def require_one_frequency(recordings: Iterable[Recording]) -> None:
@@ -30,7 +27,7 @@ def require_one_frequency(recordings: Iterable[Recording]) -> None:
     """
     sampled = [record for record in recordings if record.clock is not Clock.AS_RECORDED]
     by_interval = sorted(sampled, key=lambda record: record.dt)
-    if sampled and by_interval[-1].dt > by_interval[0].dt * (1 + SAME_FREQUENCY):
+    if sampled and not same_clock(by_interval[-1].dt, by_interval[0].dt):
         fast, slow = by_interval[0], by_interval[-1]
         raise CaseError(
             f"{fast.source}: sampled at {1 / fast.dt:.6g} Hz, but {slow.source} at "

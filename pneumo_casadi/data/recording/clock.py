@@ -72,7 +72,7 @@ def sample_time(t: FloatArray, where: Callable[[int], str]) -> float:
 
 
 def same_clock(dt: float, other: float) -> bool:
-    """Return whether two records of one bench may have these sample times [s].
+    """Return whether two records of one bench may have these sampling periods [s].
 
     Each of them may differ from the bench's by `CLOCK_TOLERANCE`, the one up and the other down.
 
