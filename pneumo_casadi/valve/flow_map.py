@@ -14,6 +14,15 @@ from pneumo_casadi.parameters import FloatArray
 # technical vacuum, 100 MPa a hydraulic pressure, and 1 kg/s is about 50 000 NL/min.
 P_PLAUSIBLE = (1e4, 1e8)
 Q_PLAUSIBLE = 1.0
+#: Pressures nearer than this share of their range are equal: no sensor resolves a millionth.
+RESOLUTION = 1e-6
+#: Commands nearer than this share of their range are one: a converter of ten bits gives as much.
+COMMAND_RESOLUTION = 1e-3
+#: Two pressures belong to two columns where the gap between them is at least this share of the
+#: step that a command makes across it. A gap between columns is nearly a whole step, less their
+#: scatter; one within a column is a small part of the step to the next column. A grid of which
+#: commands were left out at random has still its columns where a quarter of the points is left.
+LEAST_SHARE = 0.25
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -152,6 +161,24 @@ class FlowMap:
         cell = np.searchsorted(u, self.u) * p.size + np.searchsorted(p, self.p)
         return np.unique(cell).size == self.n
 
+    @property
+    def commands(self) -> NDArray[np.int64]:
+        """Number of each point's command, counted from 0 at the least one, shape (n,)."""
+        order = np.argsort(self.u, kind="stable")
+        width = max(float(np.ptp(self.u)), float(np.finfo(float).tiny))
+        number = np.empty(self.n, dtype=np.int64)
+        number[order] = np.r_[0, np.cumsum(np.diff(self.u[order]) > COMMAND_RESOLUTION * width)]
+        return number
+
+    @property
+    def columns(self) -> NDArray[np.int64]:
+        """Pressure column of each point, counted from 0 at the least pressure, shape (n,).
+
+        Pressures that were measured, not only set, scatter about those that were meant: points
+        of one column differ by less than the steps that each command makes from column to column.
+        """
+        return _columns(self.commands, self.p)
+
     def grid(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return commands (n_u,) [V], pressures (n_p,) [Pa] and flows (n_u, n_p) [kg/s].
 
@@ -193,6 +220,48 @@ class FlowMap:
             self.source,
             np.asarray(self.rows)[keep],
         )
+
+
+def _columns(command: NDArray[np.int64], p: FloatArray) -> NDArray[np.int64]:
+    """Return the pressure column of each point, see `FlowMap.columns`.
+
+    A gap in the pressures of all points is judged by the mean, over the commands that step across
+    it, of its share of their step (`LEAST_SHARE`). There are at least half of the commands in that
+    mean: fewer step across a gap within the outermost columns.
+    """
+    width = float(np.ptp(p)) or 1.0
+    levels, level = np.unique(np.round((p - p.min()) / (RESOLUTION * width)), return_inverse=True)
+    levels, level = levels * RESOLUTION, level.ravel()
+    order = np.lexsort((level, command))
+    low, high = level[order[:-1]], level[order[1:]]
+    is_step = (np.diff(command[order]) == 0) & (high > low)
+    low, high = low[is_step], high[is_step]
+    if low.size <= command.max():  # most commands occur once: nothing tells columns from scatter
+        return np.asarray(level, dtype=np.int64)
+    # What a step adds to the gaps that it spans, from its lower level to its upper one.
+    spans, inverses = np.zeros(levels.size), np.zeros(levels.size)
+    for total, added in ((spans, np.ones(low.size)), (inverses, 1 / (levels[high] - levels[low]))):
+        np.add.at(total, low, added)
+        np.add.at(total, high, -added)
+        total[:] = np.cumsum(total)
+    gaps, n = np.diff(levels), spans[:-1]
+    # A gap that no command steps across has nothing to be judged by: its sides are kept apart.
+    judges = np.maximum(n, (command.max() + 1) / 2)
+    apart = (n < 0.5) | (gaps * inverses[:-1] >= LEAST_SHARE * judges)
+    column = np.r_[0, np.cumsum(apart)]
+    column = _cut(column, levels, float(np.mean(levels[high] - levels[low])))
+    return np.asarray(column[level], dtype=np.int64)
+
+
+def _cut(column: NDArray[np.int64], levels: FloatArray, step: float) -> NDArray[np.int64]:
+    """Cut what is wider than a step: where pressures were swept there are no gaps."""
+    first = np.flatnonzero(np.r_[True, np.diff(column) > 0])
+    start, end = levels[first], levels[np.r_[first[1:], levels.size] - 1]
+    pieces = np.maximum(np.ceil((end - start) / step - RESOLUTION), 1)
+    inside = (levels - start[column]) / np.where(end > start, end - start, 1.0)[column]
+    piece = np.minimum(np.floor(inside * pieces[column]), pieces[column] - 1)
+    apart = (np.diff(column) > 0) | (np.diff(piece) != 0)
+    return np.asarray(np.r_[0, np.cumsum(apart)], dtype=np.int64)
 
 
 def _frozen_vector(values: ArrayLike, name: str, source: str) -> FloatArray:

@@ -136,7 +136,8 @@ def fit_spline(
     segments_u : int, optional
         Segments on either side of u = 0; fewer where there are too few commands.
     segments_p : int, optional
-        Segments in pressure; at most one less than there are distinct pressures.
+        Segments in pressure; at most three less than there are pressure columns, so that there
+        are no more coefficients than columns.
     smoothing : float, optional
         Weight λ of the penalty on the second derivatives in scaled variables; by default the
         one with the least generalised cross-validation score, n RSS / (n − tr H)².
@@ -144,7 +145,7 @@ def fit_spline(
     Raises
     ------
     CaseError
-        If fewer than four pressures were metered.
+        If fewer than four pressure columns were metered.
     """
     flow, _ = smooth_map(table, segments_u, segments_p, smoothing)
     warn_of_rising_edges(flow, table)
@@ -156,13 +157,15 @@ def smooth_map(
 ) -> tuple[FlowSpline, float]:
     """Return what `fit_spline` fits, without its warning, and the smoothing λ that was taken."""
     table.require_one_supply()
-    pressures = np.unique(table.p)
+    pressures = _column_pressures(table)
     if pressures.size < 4:
         raise CaseError(
             f"{table.source}: {pressures.size} distinct pressures; a spline needs at least 4"
         )
     degree_p = 3
-    knots_p = _clamped(pressures, min(segments_p, pressures.size - 1), degree_p)
+    # With more coefficients than columns, the scatter of the pressures within the columns would
+    # settle those that are left.
+    knots_p = _clamped(pressures, min(segments_p, pressures.size - degree_p), degree_p)
     knots_u, degree_u = _knots_with_kink(np.unique(table.u), segments_u)
     shape = (len(knots_u) - degree_u - 1, len(knots_p) - degree_p - 1)
     B = _tensor(_basis(table.u, knots_u, degree_u, 0), _basis(table.p, knots_p, degree_p, 0))
@@ -191,6 +194,14 @@ def smooth_map(
         dof,
     )
     return flow, smoothing
+
+
+def _column_pressures(table: FlowMap) -> FloatArray:
+    """Return the pressures of the columns [Pa], with the outermost points as the ends."""
+    column = table.columns
+    pressures = np.array([np.median(table.p[column == i]) for i in range(column.max() + 1)])
+    pressures[0], pressures[-1] = table.p_range
+    return pressures
 
 
 def _clamped(sites: FloatArray, segments: int, degree: int) -> FloatArray:

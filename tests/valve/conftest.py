@@ -22,11 +22,16 @@ SCFM = 0.0283168466 / 60 * 1.2
 def spool_valve() -> Callable[..., FlowMap]:
     """Factory of maps of a spool valve: two ISO 6358 edges with leakage, metered with noise."""
 
-    def build(noise: float = 0.0, n_u: int = 21, n_p: int = 25, seed: int = 0) -> FlowMap:
+    def build(
+        noise: float = 0.0, n_u: int = 21, n_p: int = 25, seed: int = 0, scatter: float = 0.0
+    ) -> FlowMap:
         u, p = (
             a.ravel()
             for a in np.meshgrid(np.linspace(-3, 3, n_u), np.linspace(P_EXT, P_SUPPLY, n_p))
         )
+        if scatter:  # of the measured outlet pressure [Pa]
+            p = p + scatter * np.random.default_rng([seed, 1]).standard_normal(u.size)
+            p = np.clip(p, P_EXT, P_SUPPLY)
         inlet = orifice_flow(1.0, 0.3, 0.5, P_SUPPLY, p) * (3e-9 * np.maximum(u, 0) + 2e-10)
         outlet = orifice_flow(1.0, 0.3, 0.5, p, P_EXT) * (4e-9 * np.maximum(-u, 0) + 2e-10)
         q_m = inlet - outlet + noise * np.random.default_rng(seed).standard_normal(u.size)

@@ -94,6 +94,17 @@ def test_scattered_points_serve_as_well(spool_valve):
     assert np.sqrt(np.mean(error**2)) < 0.005 * grid.q_max
 
 
+@pytest.mark.parametrize("scatter", [0.0, 200.0, 3000.0])
+def test_scatter_of_the_pressures_does_not_set_the_spline_free_between_columns(
+    spool_valve, scatter
+):
+    between = spool_valve(n_u=41, n_p=201)
+    between = between.select((between.p > 1.3e5) & (between.p < 6.7e5))
+    for seed in range(3):
+        flow = fit_spline(spool_valve(noise=3e-5, n_p=7, seed=seed, scatter=scatter))
+        assert np.abs(flow.residuals(between)).max() < 0.1 * between.q_max
+
+
 def test_too_few_pressures_are_refused():
     u, p = (a.ravel() for a in np.meshgrid([-1.0, 0.0, 1.0], [1e5, 2e5, 3e5]))
     with pytest.raises(CaseError, match="3 distinct pressures; a spline needs at least 4"):

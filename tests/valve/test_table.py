@@ -124,6 +124,39 @@ def test_the_closed_outlet_pressure_rises_from_exhaust_to_supply(spool_valve):
     assert 4e5 < view.p_closed[10] < 6.9e5
 
 
+def columns_of(pressures, scatter=0.0, n_u=21):
+    """Columns of a map with these nominal pressures, metered at each command with scatter."""
+    u, p = np.meshgrid(np.linspace(-3, 3, n_u), pressures)
+    p = p + scatter * np.random.default_rng(0).standard_normal(p.shape)
+    return FlowMap(u.ravel(), p.ravel(), 1e-3 * u.ravel()).columns.reshape(p.shape)
+
+
+@pytest.mark.parametrize("scatter", [0.0, 200.0, 1000.0])
+def test_measured_pressures_have_the_columns_of_the_nominal_ones(scatter):
+    dense_at_the_ends = np.array([1.0, 1.1, 1.3, 2.0, 3.0, 4.0, 5.0, 6.0, 6.7, 6.9, 7.0]) * 1e5
+    expected = np.repeat(np.arange(11)[:, None], 21, axis=1)
+    np.testing.assert_array_equal(columns_of(dense_at_the_ends, scatter), expected)
+
+
+def test_pressures_metered_twice_are_the_same_columns():
+    nominal = np.linspace(1e5, 7e5, 7)
+    upwards_and_down = columns_of(np.r_[nominal, nominal[::-1]], scatter=500.0)
+    np.testing.assert_array_equal(upwards_and_down[:, 0], [*range(7), *range(6, -1, -1)])
+
+
+def test_swept_pressures_have_columns_of_one_point_of_each_command():
+    p = np.random.default_rng(0).uniform(1e5, 7e5, (21, 100))
+    u = np.repeat(np.linspace(-3, 3, 21), 100)
+    columns = FlowMap(u, p.ravel(), 1e-3 * u).columns
+    assert 90 < columns.max() + 1 < 120
+
+
+def test_points_at_a_pressure_and_a_command_of_their_own_are_columns_of_their_own():
+    u, p = np.random.default_rng(0).uniform([[-3], [1e5]], [[3], [7e5]], (2, 200))
+    assert np.unique(FlowMap(u, p, 1e-3 * u).columns).size == 200
+    assert np.unique(FlowMap(np.ones(200), p, 1e-3 * u).columns).size == 200
+
+
 def test_a_flow_without_zero_has_no_closed_outlet_pressure():
     view = project_flow_map(FlowMap(U, P, [0.0, -4e-3, 3e-3, 1e-4]))
     assert view.p_closed[0] == 1e5
