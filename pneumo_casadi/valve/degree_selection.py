@@ -150,35 +150,32 @@ def fold_masks(table: FlowMap, folds: int) -> Folds:
     CaseError
         If there are too few distinct pressures for the folds.
     """
-    column = _labels(table.p, folds)
-    row = _labels(table.u, folds)
+    columns = table.columns
+    column = _labels(columns, folds)
+    row = _labels(table.commands, folds)
     row[table.u == 0] = -1
     if folds < 2 or len(np.unique(column[column >= 0])) < folds:
         raise CaseError(
-            f"{table.source}: {np.unique(table.p).size} distinct pressures do not make {folds} "
+            f"{table.source}: {columns.max() + 1} distinct pressures do not make {folds} "
             "folds (at least 2) with both outermost columns kept; use fewer folds or meter more"
         )
     withheld = [(column == j) | (row == j) for j in range(folds)]
     return [(~test, test) for test in withheld]
 
 
-def _labels(values: FloatArray, folds: int) -> NDArray[np.int64]:
-    """Fold of each point by its column; -1 for the outermost columns, which stay in every fit."""
-    order = np.argsort(values, kind="stable")
-    # Values that repeat to within a thousandth of the range belong to one column.
-    jumps = np.diff(values[order]) > 1e-3 * max(np.ptp(values), np.finfo(float).tiny)
-    column = np.empty(len(values), dtype=np.int64)
-    column[order] = np.r_[0, np.cumsum(jumps)]
-    label = (column - 1) % folds
-    label[(column == 0) | (column == column.max())] = -1
+def _labels(number: NDArray[np.int64], folds: int) -> NDArray[np.int64]:
+    """Fold of each point by the number of its column or row; -1 for the outermost ones."""
+    label = (number - 1) % folds
+    label[(number == 0) | (number == number.max())] = -1
     return label
 
 
 def _distinct_pressures(table: FlowMap, folds: Folds) -> tuple[int, int, int]:
-    """Distinct pressures that every fold leaves to φ, ψ⁺ and ψ⁻."""
+    """Pressure columns that every fold leaves to φ, ψ⁺ and ψ⁻."""
+    columns = table.columns
 
     def least(side: NDArray[np.bool_]) -> int:
-        return min(np.unique(table.p[train & side]).size for train, _ in folds)
+        return min(np.unique(columns[train & side]).size for train, _ in folds)
 
     return least(np.isfinite(table.u)), least(table.u > 0), least(table.u < 0)
 

@@ -119,9 +119,10 @@ _MEANING = {
 
 
 def _check_determined(table: FlowMap, degrees: Degrees) -> None:
+    columns = table.columns
     sides = {"phi": table.u == table.u, "psi_plus": table.u > 0, "psi_minus": table.u < 0}
     for (branch, points), degree in zip(sides.items(), degrees, strict=True):
-        distinct = np.unique(table.p[points]).size
+        distinct = np.unique(columns[points]).size
         if distinct <= degree:
             raise CaseError(
                 f"{table.source}: {branch} of degree {degree} needs {degree + 1} distinct "

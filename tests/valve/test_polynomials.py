@@ -290,6 +290,24 @@ def test_cross_validation_withholds_whole_columns_and_rows():
     assert select_degrees(FlowMap(u, p, q)).chosen[0] <= 2
 
 
+@pytest.mark.parametrize("seed", [0, 1])
+def test_the_held_out_error_is_that_between_columns_of_measured_pressures(spool_valve, seed):
+    table = spool_valve(noise=3e-5, n_p=7, seed=seed, scatter=3e3)
+    selection = select_degrees(table)
+    between = spool_valve(n_u=41, n_p=201)
+    error = fit_polynomials(table, selection.chosen).residuals(between)
+    error = error[np.abs(between.p - 4e5) < 2.7e5]
+    held_out = selection.table.set_index(["phi", "psi_plus", "psi_minus"]).rms[selection.chosen]
+    assert np.sqrt(np.mean(error**2)) < 1.2 * held_out
+    assert selection.table[["phi", "psi_plus", "psi_minus"]].to_numpy().max() <= 6
+
+
+def test_scattered_pressures_of_one_column_count_once(spool_valve):
+    table = spool_valve(n_p=7, scatter=3e3)
+    with pytest.raises(CaseError, match="phi of degree 7 needs 8 distinct pressures, the map has"):
+        fit_polynomials(table)
+
+
 def test_too_many_folds_are_refused(spool_valve):
     with pytest.raises(CaseError, match="do not make 30 folds"):
         select_degrees(spool_valve(), folds=30)
