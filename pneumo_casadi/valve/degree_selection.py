@@ -71,7 +71,8 @@ def select_degrees(
     Raises
     ------
     CaseError
-        If there are too few distinct pressures for the folds or the degrees.
+        If there are too few distinct pressures for the folds or the degrees, or too few commands
+        to tell leakage from gain.
 
     References
     ----------
@@ -90,7 +91,13 @@ def select_degrees(
     used = np.concatenate(
         [np.arange(n + 1) <= np.array(tried)[:, [i]] for i, n in enumerate(top)], axis=1
     )
-    squares = np.column_stack([_mean_squares(D, table.q_m, used, *fold) for fold in masks])
+    try:
+        squares = np.column_stack([_mean_squares(D, table.q_m, used, *fold) for fold in masks])
+    except np.linalg.LinAlgError:
+        raise CaseError(
+            f"{table.source}: the points that a fold leaves do not determine all coefficients of "
+            f"degrees up to {top}; meter all commands at all pressures, or compare lower degrees"
+        ) from None
     return _choose(tried, squares, table.q_max)
 
 
@@ -193,4 +200,14 @@ def _check_training(table: FlowMap, top: Degrees, folds: Folds) -> None:
             raise CaseError(
                 f"{table.source}: {branch} of degree {degree} needs {degree + 1} distinct "
                 f"pressures, a fold leaves {distinct}; lower the degrees or use more folds"
+            )
+    phi, plus, minus = (min(degree, 0) for degree in top)
+    for train, _ in folds:
+        u, p = table.u[train], table.p[train]
+        constants = design_matrix_at(u, p, (phi, plus, minus), table.p_range)
+        if np.linalg.matrix_rank(constants) < constants.shape[1]:
+            commands = ", ".join(f"{command:g}" for command in np.unique(u))
+            raise CaseError(
+                f"{table.source}: a fold leaves the commands {commands} V, which do not tell "
+                "leakage from gain; meter at u = 0, or at more commands on either side of it"
             )

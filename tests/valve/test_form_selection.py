@@ -102,6 +102,14 @@ def test_a_map_of_few_pressures_is_written_as_iso6358_without_a_comparison(spool
     assert all(error.percent is None for error in selection.candidates)
 
 
+@pytest.mark.parametrize("n_p", [12, 13, 25])
+def test_two_commands_leave_the_polynomials_out_with_the_reason(spool_valve, n_p):
+    selection = choose_flow_form(spool_valve(noise=1e-5, n_u=2, n_p=n_p))
+    failed = selection.error_of(FlowForm.POLYNOMIALS)
+    assert failed.percent is None
+    assert "the commands -3, 3 V, which do not tell leakage from gain" in failed.failure
+
+
 def test_a_map_that_no_form_fits_is_refused():
     table = FlowMap([1.0, 1.0, 2.0], [1e5, 2e5, 2e5], [1e-3, 1e-3, 2e-3])
     with pytest.raises(CaseError, match="no form can be fitted"):
