@@ -174,16 +174,19 @@ class FlowPolynomials(Brief):
         Returns
         -------
         dict of str to array
-            ``phi`` [kg/s/Paᵏ], ``psi_plus`` and ``psi_minus`` [kg/s/V/Paᵏ], lowest power first.
-            They hold within `p_range` and cancel to many digits: keep them all.
+            ``phi`` [kg/s/Paᵏ], ``psi_plus`` and ``psi_minus`` [kg/s/V/Paᵏ], lowest power first;
+            empty where a polynomial was left out (degree -1). They hold within `p_range` and
+            cancel to many digits: keep them all.
         """
         theta = self.parameters.values
-        return {
-            branch: np.asarray(
-                Chebyshev(theta[part], domain=self.p_range).convert(kind=Polynomial).coef
-            )
-            for branch, part in parts(self.degrees).items()
-        }
+
+        def powers(coefficients: FloatArray) -> FloatArray:
+            if not coefficients.size:
+                return coefficients
+            series = Chebyshev(coefficients, domain=self.p_range)
+            return np.asarray(series.convert(kind=Polynomial).coef)
+
+        return {branch: powers(theta[part]) for branch, part in parts(self.degrees).items()}
 
 
 @lru_cache(maxsize=KEPT)

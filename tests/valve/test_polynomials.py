@@ -200,6 +200,14 @@ def test_monomials_are_the_coefficients_of_the_paper(spool_valve):
     assert np.abs(phi + minus * -2.0 - flow(-2.0, p)).max() < 1e-10 * 0.02
 
 
+def test_a_polynomial_that_was_left_out_has_no_monomials():
+    p = np.linspace(1e5, 7e5, 12)
+    flow = fit_polynomials(FlowMap(np.ones(12), p, 1e-8 * (7e5 - p)), degrees=(1, -1, -1))
+    coefficients = flow.monomials()
+    np.testing.assert_allclose(coefficients["phi"], [7e-3, -1e-8], rtol=1e-9)
+    assert coefficients["psi_plus"].shape == coefficients["psi_minus"].shape == (0,)
+
+
 def test_the_problem_is_well_conditioned_where_powers_of_pressure_are_singular(spool_valve):
     table = spool_valve(n_u=41)
     flow = fit_polynomials(table)
