@@ -10,7 +10,7 @@ residuals belong to the same problem:
   what is known of the valve's coefficients (`pneumo_casadi.valve.data_sheet`).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
@@ -20,9 +20,9 @@ import numpy as np
 
 from pneumo_casadi.data import Bench
 from pneumo_casadi.estimation.flow_scale import shared_accuracy
+from pneumo_casadi.estimation.static_flow import metered_filling, metered_flow
 from pneumo_casadi.model.axis import Axis
-from pneumo_casadi.model.effect import Effect, Scope
-from pneumo_casadi.model.junctions import Expression, Pair
+from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.model.machine_code.calls import call_with_arrays
 from pneumo_casadi.parameters import FloatArray, Parameters
 from pneumo_casadi.valve import AnyFlowMap, FlowMap, FlowMapPair
@@ -123,17 +123,24 @@ def anchor_to_flow_map(
     accuracy : float, optional
         Relative standard uncertainty of a factor common to all measured flows. None takes the
         factor as known.
+
+    Raises
+    ------
+    CaseError
+        If supply pressures are mixed and the form holds at one.
     """
-    function, names = static_flow(flow, effects)
+    function, names = metered_flow(flow, effects)
     nulls = [item.null for effect in effects if effect.metered for item in effect.parameters]
     fitted = np.array([*flow.parameters.values, *nulls], dtype=float)
     symbol: Any = ca.MX if flow.symbol == "MX" else ca.SX
-    u, p, q, c = (symbol.sym(s, k) for s, k in (("u", 1), ("p", 1), ("q", 1), ("c", len(names))))
-    e = (function(u, p, c) - q) / (flow.sigma if sigma is None else sigma)
-    point = ca.Function("point", [u, p, q, c], [e, ca.densify(ca.jacobian(e, c))])
+    u, p, filling, q = (symbol.sym(name) for name in ("u", "p", "filling", "q"))
+    c = symbol.sym("c", len(names))
+    e = (function(u, p, filling, c) - q) / (flow.sigma if sigma is None else sigma)
+    point = ca.Function("point", [u, p, filling, q, c], [e, ca.densify(ca.jacobian(e, c))])
     n = table.u.size
     coefficients = ca.MX.sym("c", len(names))
-    rows = [ca.DM(np.asarray(a)).T for a in (table.u, table.p, table.q_m)]
+    columns = (table.u, table.p, metered_filling(table, flow), table.q_m)
+    rows = [ca.DM(np.asarray(a)).T for a in columns]
     e_all, J_all = point.map(n)(*rows, ca.repmat(coefficients, 1, n))
     J = ca.reshape(J_all, len(names), n).T
     scatter = ca.Function("map_residual", [coefficients], [e_all.T, J])
@@ -142,31 +149,6 @@ def anchor_to_flow_map(
     measured = table.q_m / (flow.sigma if sigma is None else sigma)
     residual = _with_free_scale(scatter, measured, accuracy)
     return Anchor(residual, names, fitted, n_prior=1, scatter=scatter)
-
-
-def static_flow(flow: Any, effects: Sequence[Effect]) -> tuple[ca.Function, tuple[str, ...]]:
-    """Return the static flow of a valve, and the names of its coefficients.
-
-    Parameters
-    ----------
-    flow : FlowModel
-        The form of the map.
-    effects : sequence of Effect
-        Those that are `metered` bend the map; their parameters follow the form's coefficients.
-
-    Returns
-    -------
-    casadi.Function, tuple of str
-        ``(u [V], p [Pa], c (n_c,)) -> q_m [kg/s]``, and the names of c.
-    """
-    symbol: Any = ca.MX if flow.symbol == "MX" else ca.SX
-    shapes = [effect for effect in effects if effect.metered]
-    own = [f"{effect.name}.{item.name}" for effect in shapes for item in effect.parameters]
-    names = (*flow.parameters.names, *own)
-    u, p, c = symbol.sym("u"), symbol.sym("p"), symbol.sym("c", len(names))
-    opening = _opening(u, p, shapes, dict(zip(names, ca.vertsplit(c), strict=True)))
-    q = flow.expression(opening, p, c[: len(flow.parameters)])
-    return ca.Function("static_flow", [u, p, c], [q]), names
 
 
 def _with_free_scale(scatter: ca.Function, measured: FloatArray, accuracy: float) -> ca.Function:
@@ -287,14 +269,3 @@ def _valve_prior(axis: Axis) -> Anchor:
     """Return what is known of the coefficients of an unmetered valve."""
     known = axis.flow.parameters
     return prior(known.names, known.values, np.sqrt(np.diag(axis.flow.covariance)))
-
-
-def _opening(
-    u: Expression, p: Expression, shapes: Sequence[Effect], values: Mapping[str, Expression]
-) -> Expression:
-    """Return what a command opens of the valve on the metering bench, where nothing moves."""
-    for effect in shapes:
-        own = {item.name: values[f"{effect.name}.{item.name}"] for item in effect.parameters}
-        at = Scope(0.0, 0.0, Pair(p, p), 0.0, 0.0, {}, own)
-        u = effect.spool(Pair(u, u), at).P
-    return u

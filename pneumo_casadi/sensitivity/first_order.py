@@ -21,10 +21,11 @@ from numpy.typing import ArrayLike
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.estimation.flow_scale import shared_accuracy
 from pneumo_casadi.estimation.output_error import OutputErrorResult
+from pneumo_casadi.estimation.static_flow import metered_filling, metered_flow
 from pneumo_casadi.estimation.wls.fit import POLYTROPIC
 from pneumo_casadi.parameters import FloatArray
 from pneumo_casadi.sensitivity.variants import Treatment
-from pneumo_casadi.valve import FlowMap, FlowModel, flow_function
+from pneumo_casadi.valve import FlowMap, FlowModel
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -100,6 +101,8 @@ def map_sensitivity(result: OutputErrorResult, flow_map: FlowMap) -> MapSensitiv
     ------
     ModelError
         If the map's coefficients were not free, or nothing is known of a parameter.
+    CaseError
+        If supply pressures are mixed and the form holds at one.
     """
     flow: FlowModel = result.axis.flow
     estimate = result.uncertainty
@@ -144,9 +147,9 @@ def _with_free_scale(
     accuracy = shared_accuracy(result.axis.bench)
     if accuracy is None:
         return D
-    q = flow_function(result.axis.flow)
-    m = np.asarray(q.map(table.n)(ca.DM(table.u).T, ca.DM(table.p).T, ca.DM(theta)), dtype=float)
-    m = m.ravel()
+    flow = result.axis.flow
+    q, _ = metered_flow(flow, ())
+    m = np.asarray(q.map(table.n)(*_points(table, flow), ca.DM(theta)), dtype=float).ravel()
     weight = (result.axis.flow.sigma / accuracy) ** 2
     size = m @ m + weight
     g = (m @ table.q_m + weight) / size
@@ -157,13 +160,17 @@ def _slopes(
     flow: FlowModel, table: FlowMap, theta: FloatArray, names: tuple[str, ...]
 ) -> FloatArray:
     """Return ∂q_m/∂c at the metered points, shape (n_points, n_c)."""
-    q = flow_function(flow)
+    q, _ = metered_flow(flow, ())
     symbol = ca.MX.sym("c", theta.size)
-    u, p = (ca.DM(a).T for a in (table.u, table.p))
-    row = q.map(table.n)(u, p, ca.repmat(symbol, 1, table.n))
+    row = q.map(table.n)(*_points(table, flow), ca.repmat(symbol, 1, table.n))
     jacobian = ca.Function("slopes", [symbol], [ca.jacobian(row.T, symbol)])
     at = [flow.parameters.index(name) for name in names]
     return np.asarray(ca.DM(jacobian(theta)).full())[:, at]
+
+
+def _points(table: FlowMap, flow: FlowModel) -> list[ca.DM]:
+    """Return command, outlet pressure and relative supply pressure of the points, (1, n) each."""
+    return [ca.DM(a).T for a in (table.u, table.p, metered_filling(table, flow))]
 
 
 def _ratio_rows(result: OutputErrorResult, names: tuple[str, ...]) -> FloatArray:

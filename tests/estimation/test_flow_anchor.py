@@ -7,6 +7,7 @@ import pytest
 
 import pneumo_casadi as pc
 from pneumo_casadi.data import FlowSource, ValveData, Valves
+from pneumo_casadi.errors import CaseError
 from pneumo_casadi.estimation.flow_anchor import (
     anchor_flow,
     anchor_to_flow_map,
@@ -15,7 +16,7 @@ from pneumo_casadi.estimation.flow_anchor import (
 )
 from pneumo_casadi.estimation.flow_scale import flow_scale_covariance, flow_scale_std
 from pneumo_casadi.model.servosystem import Servosystem
-from pneumo_casadi.valve import fit_iso6358, iso6358_from_data_sheet, read_flow_map
+from pneumo_casadi.valve import fit_iso6358, fit_polynomials, iso6358_from_data_sheet, read_flow_map
 
 ACCURACY = 0.02
 
@@ -66,6 +67,18 @@ def test_without_a_stated_accuracy_the_map_counts_as_before(metered, case):
         -metered[1].residuals(metered[0]) / metered[1].sigma
     )
     assert flow_scale_std(case.bench) == (0.0, 0.0)
+
+
+def test_each_point_is_anchored_at_its_own_supply_pressure(metered):
+    table, flow = metered
+    supply = np.where(np.arange(table.n) % 2, 6e5, flow.p_supply)
+    keep = table.p <= 5e5
+    lower = replace(table, q_m=flow(table.u, table.p, supply), p_supply=flow.p_supply)
+    lower = replace(lower.select(keep), p_supply=supply[keep])
+    anchor = anchor_to_flow_map(lower, flow)
+    assert anchor(anchor.fitted) == pytest.approx(0.0, abs=1e-9)
+    with pytest.raises(CaseError, match="this model holds at one supply pressure"):
+        anchor_to_flow_map(lower, fit_polynomials(table))
 
 
 def test_an_unmetered_valve_is_anchored_by_the_areas(case):

@@ -18,8 +18,9 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from pneumo_casadi.data import Recording
-from pneumo_casadi.estimation.flow_anchor import Anchor, static_flow
+from pneumo_casadi.estimation.flow_anchor import Anchor
 from pneumo_casadi.estimation.output_error.shooting.problem import Problem
+from pneumo_casadi.estimation.static_flow import static_flow
 from pneumo_casadi.model.along_record import evaluated_without_compiling
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.parameters import FloatArray, Parameters
