@@ -19,7 +19,7 @@ import casadi as ca
 import numpy as np
 
 from pneumo_casadi.data import Bench
-from pneumo_casadi.estimation.flow_scale import shared_accuracy
+from pneumo_casadi.estimation.flow_scale import meter_accuracies
 from pneumo_casadi.estimation.static_flow import metered_filling, metered_flow
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.effect import Effect
@@ -240,21 +240,23 @@ def anchor_flow(
     bench = axis.bench
     if not isinstance(bench, Bench):
         return None
-    valves = bench.valves
     chosen = axis.effects if effects is None else effects
+    accuracies = meter_accuracies(axis)
     if isinstance(flow_map, FlowMapPair):
         parts = []
-        for chamber, table, valve in zip("PN", flow_map, valves, strict=True):
+        for chamber, table in zip("PN", flow_map, strict=True):
             model, _ = valve_of(axis.flow, chamber)
             own = set(model.parameters.names)
-            part = anchor_to_flow_map(table, model, effects=chosen, accuracy=valve.accuracy)
+            part = anchor_to_flow_map(
+                table, model, effects=chosen, accuracy=accuracies.get(chamber)
+            )
             names = tuple(f"{name}_{chamber}" if name in own else name for name in part.names)
             parts.append(replace(part, names=names))
         return join_anchors(parts)
     if flow_map is not None:
-        accuracy = shared_accuracy(bench)
+        accuracy = accuracies.get("PN")
         return anchor_to_flow_map(flow_map, axis.flow, effects=chosen, accuracy=accuracy)
-    if valves.metered:
+    if bench.valves.metered:
         return None
     return join_anchors([_area_prior(bench), _valve_prior(axis)])
 

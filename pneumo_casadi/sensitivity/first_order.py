@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pneumo_casadi.errors import ModelError
-from pneumo_casadi.estimation.flow_scale import shared_accuracy
+from pneumo_casadi.estimation.flow_scale import meter_accuracies
 from pneumo_casadi.estimation.output_error import OutputErrorResult
 from pneumo_casadi.estimation.static_flow import metered_filling, metered_flow
 from pneumo_casadi.estimation.wls.fit import POLYTROPIC
@@ -144,7 +144,7 @@ def _with_free_scale(
     D: FloatArray, table: FlowMap, result: OutputErrorResult, theta: FloatArray
 ) -> FloatArray:
     """Return how residuals answer to coefficients where the factor of the flow meter is free."""
-    accuracy = shared_accuracy(result.axis.bench)
+    accuracy = meter_accuracies(result.axis).get("PN")
     if accuracy is None:
         return D
     flow = result.axis.flow

@@ -27,7 +27,7 @@ STD = 2e-4
 
 @pytest.fixture
 def axis(embedded):
-    return SimpleNamespace(bench=read_bench(embedded / "bench.json"))
+    return SimpleNamespace(bench=read_bench(embedded / "bench.json"), flow=None)
 
 
 def plausible(bench, k=(1.1, 1.2), dead=0.02) -> dict[str, float]:

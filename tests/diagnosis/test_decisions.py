@@ -523,7 +523,7 @@ def axis():
     }  # fmt: skip
     for name, value in known.items():
         object.__setattr__(bench, name, value)
-    return SimpleNamespace(bench=bench)
+    return SimpleNamespace(bench=bench, flow=None)
 
 
 def parameters(S_P=2.0, S_N=1.0, k_P=1.2, k_N=1.2, dead=0.1, M=10.0, F_c=(10.0, 10.0)):

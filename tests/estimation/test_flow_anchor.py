@@ -16,7 +16,14 @@ from pneumo_casadi.estimation.flow_anchor import (
 )
 from pneumo_casadi.estimation.flow_scale import flow_scale_covariance, flow_scale_std
 from pneumo_casadi.model.servosystem import Servosystem
-from pneumo_casadi.valve import fit_iso6358, fit_polynomials, iso6358_from_data_sheet, read_flow_map
+from pneumo_casadi.valve import (
+    FlowMapPair,
+    FlowPair,
+    fit_iso6358,
+    fit_polynomials,
+    iso6358_from_data_sheet,
+    read_flow_map,
+)
 
 ACCURACY = 0.02
 
@@ -66,7 +73,7 @@ def test_without_a_stated_accuracy_the_map_counts_as_before(metered, case):
     assert anchor(anchor.fitted) == pytest.approx(
         -metered[1].residuals(metered[0]) / metered[1].sigma
     )
-    assert flow_scale_std(case.bench) == (0.0, 0.0)
+    assert flow_scale_std(axis) == {"P": 0.0, "N": 0.0}
 
 
 def test_each_point_is_anchored_at_its_own_supply_pressure(metered):
@@ -95,15 +102,16 @@ def test_an_unmetered_valve_is_anchored_by_the_areas(case):
     changes = dict(zip(anchor.names, anchor(moved), strict=True))
     assert changes["X_s3"] == pytest.approx(2.0)  # 1 % over 0.5 %
     assert changes["k_supply"] == pytest.approx(1.0)  # 30 % of a data sheet without accuracy
-    assert flow_scale_std(bench) == pytest.approx((0.005 / 2**0.5, 0.005 / 2**0.5))
+    assert flow_scale_std(axis) == pytest.approx({"P": 0.005 / 2**0.5, "N": 0.005 / 2**0.5})
 
 
 def test_two_meters_widen_the_estimates_of_their_own_chamber(case, metered):
     meters = Valves(ValveData(accuracy=0.01), ValveData(accuracy=0.02))
     bench = replace(case.bench, valves=meters)
-    assert flow_scale_std(bench) == (0.01, 0.02)
+    axes = [Servosystem(b, FlowPair(metered[1], metered[1])) for b in (case.bench, bench)]
+    assert flow_scale_std(axes[1]) == {"P": 0.01, "N": 0.02}
     records = [case.identify[0].window(5.0, 9.0)]
-    plain, wider = (pc.fit_wls(Servosystem(b, metered[1]), records) for b in (case.bench, bench))
+    plain, wider = (pc.fit_wls(axis, records) for axis in axes)
     added = np.diag(wider.fit.covariance - plain.fit.covariance)
     share = dict(zip(plain.fit.names, np.sqrt(added) / np.abs(plain.fit.estimate), strict=True))
     expected = {f"X_s{i}": 0.01 if i <= 3 else 0.02 for i in range(1, 7)}
@@ -112,7 +120,9 @@ def test_two_meters_widen_the_estimates_of_their_own_chamber(case, metered):
 
 def test_one_map_of_two_stated_accuracies_has_the_worse_one(case, metered):
     bench = replace(case.bench, valves=Valves(ValveData(accuracy=0.01), ValveData(accuracy=0.02)))
-    anchor = anchor_flow(Servosystem(bench, metered[1]), metered[0])
+    axis = Servosystem(bench, metered[1])
+    assert flow_scale_std(axis) == {"P": 0.02, "N": 0.02}
+    anchor = anchor_flow(axis, metered[0])
     alone = anchor_to_flow_map(*metered, accuracy=0.02)
     c = scaled(alone, 1.05)
     assert anchor(c) == pytest.approx(alone(c))
@@ -129,13 +139,17 @@ def test_sources_are_joined_with_measured_points_first(metered):
     assert joined(c)[:-1] == pytest.approx(points(points.fitted))
 
 
-def test_an_unknown_factor_of_the_flows_moves_the_parameters_of_its_chamber_together(case):
+def test_an_unknown_factor_of_the_flows_moves_the_parameters_of_its_chamber_together(case, metered):
     names, values = ("X_s1", "X_s3", "X_s6", "M"), np.array([3.0, 10.0, 7.0, 17.0])
-    two = replace(case.bench, valves=Valves(ValveData(accuracy=0.01), ValveData(accuracy=0.02)))
-    added = flow_scale_covariance(names, values, two)
-    P, N = 0.01 * np.array([3.0, 10.0, 0.0, 0.0]), 0.02 * np.array([0.0, 0.0, 7.0, 0.0])
+    flow = metered[1]
+    equal = replace(case.bench, valves=Valves(ValveData(accuracy=0.01), ValveData(accuracy=0.01)))
+    two_maps = Servosystem(equal, FlowPair(flow, flow))
+    added = flow_scale_covariance(names, values, two_maps)
+    P, N = 0.01 * np.array([3.0, 10.0, 0.0, 0.0]), 0.01 * np.array([0.0, 0.0, 7.0, 0.0])
     assert added == pytest.approx(np.outer(P, P) + np.outer(N, N))
-    one = replace(case.bench, valves=Valves(ValveData(accuracy=0.01), ValveData(accuracy=0.01)))
+    assert anchor_flow(two_maps, FlowMapPair(metered[0], metered[0])).n_prior == 2
+    one_map = Servosystem(equal, flow)
     both = 0.01 * np.array([3.0, 10.0, 7.0, 0.0])
-    assert flow_scale_covariance(names, values, one) == pytest.approx(np.outer(both, both))
-    assert not flow_scale_covariance(names, values, case.bench).any()
+    assert flow_scale_covariance(names, values, one_map) == pytest.approx(np.outer(both, both))
+    assert anchor_flow(one_map, metered[0]).n_prior == 1
+    assert not flow_scale_covariance(names, values, Servosystem(case.bench, flow)).any()

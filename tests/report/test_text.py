@@ -8,12 +8,14 @@ import pytest
 
 from pneumo_casadi.data import Grade, ValveData, Valves
 from pneumo_casadi.identification.warnings import ResultWarning
+from pneumo_casadi.model.servosystem import Servosystem
 from pneumo_casadi.report.pages.identification import html_report
 from pneumo_casadi.report.pages.page import Picture
 from pneumo_casadi.report.tables.paper import TABLE_1
 from pneumo_casadi.report.tables.parameters import parameter_table, scale_notes
 from pneumo_casadi.report.tables.table import interval_text, with_symbols
 from pneumo_casadi.report.text.identification import render, render_warnings, text_report
+from pneumo_casadi.valve import FlowPair
 
 PIXEL = b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR\x00\x00\x03\x20\x00\x00\x02\x58"
 
@@ -33,12 +35,14 @@ def test_an_estimate_has_as_many_digits_as_its_interval_allows(value, half, expo
 
 
 @pytest.mark.parametrize(
-    ("P", "N", "notes"),
+    ("P", "N", "maps", "notes"),
     [
-        (0.01, 0.01, ["X_s1 ... X_s6 have the scale of the flow meter, whose .* 1 %"]),
+        (0.01, 0.01, 1, ["X_s1 ... X_s6 have the scale of the flow meter, whose .* 1 %"]),
+        (0.01, 0.02, 1, ["X_s1 ... X_s6 have the scale of the flow meter, whose .* 2 %"]),
         (
             0.01,
             None,
+            2,
             [
                 "X_s1 ... X_s3 have the scale of .* chamber P's valve, whose .* 1 %",
                 "accuracy of .* chamber N's valve is not stated .* X_s4 ... X_s6 1 % too large",
@@ -46,10 +50,16 @@ def test_an_estimate_has_as_many_digits_as_its_interval_allows(value, half, expo
         ),
     ],
 )
-def test_a_note_says_for_each_chamber_how_well_its_flow_meter_is_known(quick, P, N, notes):
+def test_a_note_says_for_each_chamber_how_well_its_flow_meter_is_known(quick, P, N, maps, notes):
     meters = Valves(ValveData(accuracy=P), ValveData(accuracy=N))
-    case = replace(quick.case, bench=replace(quick.case.bench, valves=meters))
-    written = scale_notes(replace(quick, case=case))
+    bench, flow = replace(quick.case.bench, valves=meters), quick.axis.flow
+    axis = Servosystem(bench, flow if maps == 1 else FlowPair(flow, flow))
+    identification = replace(
+        quick,
+        case=replace(quick.case, bench=bench),
+        output_error=replace(quick.output_error, axis=axis),
+    )
+    written = scale_notes(identification)
     assert len(written) == len(notes)
     assert all(re.search(pattern, note) for pattern, note in zip(notes, written, strict=True))
 

@@ -146,8 +146,8 @@ def check_parameters(
     'F_c⁺ − F_c⁻ = -20.0 N, a factor of 11 between the directions: seals hardly differ by more
     than 4; a load or tilt of 10.0 N in +x would look the same.'
     """
-    P, N = flow_scale_std(axis.bench)
-    scales = {f"X_s{i}": P if i <= 3 else N for i in range(1, 7)}
+    scale_std = flow_scale_std(axis)
+    scales = {f"X_s{i}": scale_std["P" if i <= 3 else "N"] for i in range(1, 7)}
     known = _Known(values, std, scales)
     checks: list[Check] = []
     if isinstance(axis.bench, Bench):  # its areas and volumes are checked

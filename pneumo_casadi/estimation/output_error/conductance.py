@@ -35,7 +35,7 @@ def conductances(
         return {}
     valves = each_valve(table, flow)
     keys = ("P", "N") if len(valves) > 1 else ("both",)
-    scale_std = dict(zip("PN", flow_scale_std(bench), strict=True))
+    scale_std = flow_scale_std(result.axis)
     entries: dict[str, dict[str, float | None]] = {}
     for key, (metered, model) in zip(keys, valves.values(), strict=True):
         end = "" if key == "both" else f"_{key}"

@@ -129,7 +129,7 @@ def _with_scale_uncertainty(result: OutputErrorResult) -> OutputErrorResult:
     if set(known.names) & set(result.axis.flow_parameters):
         return result
     values = result.parameters.select(known.names).values
-    added = flow_scale_covariance(known.names, values, result.axis.bench)
+    added = flow_scale_covariance(known.names, values, result.axis)
     robust, scatter = (
         None if part is None else part + added
         for part in (known.covariance_robust, known.covariance_scatter)

@@ -117,7 +117,7 @@ def fit_wls(
     ]
     system = stack_systems([observation.system() for observation in observations])
     fit, removed = _fit_and_remove(system, equation_std, remove_above)
-    fit = _with_scale_uncertainty(fit, getattr(model, "bench", None))
+    fit = _with_scale_uncertainty(fit, model)
     parameters, outside = _at_estimates(model.parameters.select(fit.names), fit.estimate)
     total = sum(observation.t.size for observation in observations)
     return WLSResult(
@@ -175,9 +175,9 @@ def _fit_and_remove(
     return fit, tuple(removed)
 
 
-def _with_scale_uncertainty(fit: LinearFit, bench: Any) -> LinearFit:
+def _with_scale_uncertainty(fit: LinearFit, axis: Any) -> LinearFit:
     """Widen the covariances by the factors of the flows of chambers P and N."""
-    added = flow_scale_covariance(fit.names, fit.estimate, bench)
+    added = flow_scale_covariance(fit.names, fit.estimate, axis)
     return replace(
         fit, covariance=fit.covariance + added, covariance_hac=fit.covariance_hac + added
     )

@@ -63,7 +63,7 @@ def flow_map_warnings(
     )
     yield from limited(
         "map scale",
-        abs(deviation.scale - 1) - SIGMAS * max(flow_scale_std(result.axis.bench)),
+        abs(deviation.scale - 1) - SIGMAS * max(flow_scale_std(result.axis).values()),
         "flow_map",
         f"The trajectories have multiplied all flows of the map by {deviation.scale:.4f}, more "
         "than the accuracy of a flow meter.",

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 from pneumo_casadi.data import Bench, PressureBench
 from pneumo_casadi.errors import ModelError
-from pneumo_casadi.estimation.flow_scale import flow_scale_std
+from pneumo_casadi.estimation.flow_scale import flow_factors
 from pneumo_casadi.estimation.statistics import EstimateStatus
 from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.report.tables.paper import TABLE_1
@@ -21,6 +21,13 @@ PAPER = (
     'Table 1: estimates ± 2σ of "Identification of physical parameters of a pneumatic '
     'servosystem" (IFAC 2005), on the bench of its authors.'
 )
+
+#: The parameters that have the scale of a flow meter, and how it is called, by its chambers.
+METERS = {
+    "PN": ("X_s1 ... X_s6", "the flow meter"),
+    "P": ("X_s1 ... X_s3", "the flow meter of chamber P's valve"),
+    "N": ("X_s4 ... X_s6", "the flow meter of chamber N's valve"),
+}
 
 #: What the intervals of estimates include.
 INTERVALS = (
@@ -89,12 +96,9 @@ def scale_notes(identification: Identification) -> tuple[str, ...]:
             f"known to {100 * bench.area_accuracy:.2g} % (1σ, in 2σ above); M and friction rest "
             "on the areas, the pressures and the motion, not on the valve.",
         )
-    P, N = (100 * std for std in flow_scale_std(bench))
-    if P == N:
-        return (_meter_note("X_s1 ... X_s6", "the flow meter", P),)
-    return (
-        _meter_note("X_s1 ... X_s3", "the flow meter of chamber P's valve", P),
-        _meter_note("X_s4 ... X_s6", "the flow meter of chamber N's valve", N),
+    return tuple(
+        _meter_note(*METERS[chambers], 100 * std)
+        for chambers, std in flow_factors(identification.axis).items()
     )
 
 
