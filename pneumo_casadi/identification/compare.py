@@ -143,7 +143,7 @@ def _apart(first: ComparedModel, other: ComparedModel, name: str) -> tuple[Estim
     shared = [
         0.0
         if model.axis is None
-        else flow_scale_covariance([name], np.array([estimate.value]), model.axis.bench)[0, 0]
+        else flow_scale_covariance([name], np.array([estimate.value]), model.axis)[0, 0]
         for model, estimate in zip((first, other), pair, strict=True)
     ]
     own, theirs = (

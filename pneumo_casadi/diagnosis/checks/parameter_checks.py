@@ -15,7 +15,7 @@ from pneumo_casadi.diagnosis.metrics.residual_size import MASS
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.diagnosis.wording import check_texts as texts
-from pneumo_casadi.estimation.flow_scale import flow_scale_std
+from pneumo_casadi.estimation.flow_scale import flow_factors, flow_scale_std
 from pneumo_casadi.estimation.output_error.result import FlowMapDeviation, OutputErrorResult
 from pneumo_casadi.estimation.statistics import EstimateStatus
 from pneumo_casadi.identification.warnings.grading import K_RANGE, LIMITS
@@ -151,7 +151,9 @@ def check_parameters(
     known = _Known(values, std, scales)
     checks: list[Check] = []
     if isinstance(axis.bench, Bench):  # its areas and volumes are checked
-        checks += _areas(axis.bench, known)
+        factors = flow_factors(axis)
+        between = hypot(*factors.values()) if len(factors) > 1 else 0.0  # one meter cancels
+        checks += _areas(axis.bench, known, between)
         checks += _polytropic(known)
         checks += _volumes(axis.bench, known)
     checks += _mass(axis, known)
@@ -182,7 +184,8 @@ def _within(
     return Check(name, value, std, expected, tolerance, unit, bool(agrees), text, bool(decisive))
 
 
-def _areas(bench: Bench, known: _Known) -> Iterator[Check]:
+def _areas(bench: Bench, known: _Known, between: float) -> Iterator[Check]:
+    """Yield the areas and their ratio; two meters differ by `between`, relative."""
     rT = bench.r * bench.T
     for chamber, name in (("P", "X_s3"), ("N", "X_s6")):
         S = getattr(bench, f"S_{chamber}")
@@ -198,9 +201,7 @@ def _areas(bench: Bench, known: _Known) -> Iterator[Check]:
     ratio = known.ratio("X_s6", "X_s3")
     expected = bench.S_N / bench.S_P
     deviation = ratio[0] / expected - 1
-    P, N = known.scales["X_s3"], known.scales["X_s6"]
-    apart = 0.0 if P == N else hypot(P, N)  # equal factors are one, see `flow_scale_std`
-    allowed = hypot(RATIO, apart) * expected
+    allowed = hypot(RATIO, between) * expected
     yield _within("S_N/S_P", ratio, expected, allowed, "1", texts.area_ratio_texts(deviation))
 
 
