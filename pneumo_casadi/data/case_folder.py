@@ -58,7 +58,7 @@ def read_case(
     check : bool, optional
         Whether to compare the records with the bench (`check_records`).
     hold : InputHold, optional
-        Course of the inputs between samples: constant (``ZERO``, right for commands of a sampled
+        Course of the commands between samples: constant (``ZERO``, right for commands of a sampled
         controller) or linear (``LINEAR``, for a measured continuous signal). By default constant,
         and linear for a pressure-driven axis, whose inputs are measured.
     columns : mapping, optional

@@ -26,8 +26,8 @@ class Cylinder:
     double_rod : bool, optional
         Whether the rod goes through both covers.
     gauge : bool, optional
-        Whether its pressures were recorded relative to ambient; otherwise names and values below
-        ambient tell.
+        Whether its pressures were recorded relative to ambient; otherwise names tell, and values
+        below ambient in any column of a pressure.
 
     Examples
     --------

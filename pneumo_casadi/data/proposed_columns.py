@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from pneumo_casadi.data.checks.ranges import WIDESPREAD
 from pneumo_casadi.data.cylinder import Cylinder
 from pneumo_casadi.data.readers.column_guess import (
     ColumnGuess,
@@ -137,8 +138,10 @@ def _offsets(
     """Return what is added to channels in SI units that count from elsewhere than the package."""
     offsets: dict[str, float] = {}
     pressures = {channel for channel in signals if UNITS[channel] == "Pa"}
-    # A logger has one kind of pressure sensors: a value below ambient tells for all of them.
-    below = any(float(signals[c].min()) < 0.9 * cylinder.ambient for c in pressures)
+    # A logger has one kind of pressure sensors: values below ambient, more of them than a sensor
+    # that starts or drops out shows, tell for all of them.
+    shares = [np.mean(signals[c] < 0.9 * cylinder.ambient) for c in pressures]
+    below = max(shares, default=0.0) > WIDESPREAD
     for channel in pressures:
         if cylinder.gauge or below or looks_gauge(channels[channel]):
             offsets[channel] = cylinder.ambient
@@ -146,8 +149,10 @@ def _offsets(
     if x.min() > -0.02 * cylinder.stroke and x.max() > 0.52 * cylinder.stroke:
         # One sensor and one reference count from the same end.
         offsets |= dict.fromkeys({"x", "x_ref"} & signals.keys(), -cylinder.stroke / 2)
-    for channel in {"u", "u_P", "u_N"} & signals.keys():
-        if signals[channel].min() >= 0:  # 0 to 5 or 10 V about the null voltage, half of it
+    commands = {"u", "u_P", "u_N"} & signals.keys()
+    # 0 to 5 or 10 V about the null voltage, half of it. Both of two valves have one amplifier.
+    if all(signals[channel].min() >= 0 for channel in commands):
+        for channel in commands:
             offsets[channel] = -round(float(np.median(signals[channel])) / NULL_STEP) * NULL_STEP
     return offsets
 

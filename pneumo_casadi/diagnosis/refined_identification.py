@@ -21,9 +21,9 @@ from pneumo_casadi.runtime.progress import Progress
 WITHOUT_CAUSE = OutputErrorOptions(window=WINDOW, recover=False, max_iterations=30)
 #: Warnings of what a verdict says against parameters.
 LACKS = (
-    "the model lacks a cause that the diagnosis found no name for: its parameters absorb a part."
+    "The model lacks a cause that the diagnosis found no name for: its parameters absorb a part."
 )
-TAKEN_UP = "the fit has taken up in %s what the model lacks; do not use them."
+TAKEN_UP = "The fit has taken up in %s what the model lacks; do not use them."
 
 
 def options_of_diagnosis(case: Case, diagnosis: Diagnosis) -> IdentifyOptions:

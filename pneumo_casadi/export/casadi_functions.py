@@ -172,9 +172,8 @@ def _bound(model: IdentifiedModel) -> dict[str, ca.Function]:
     axis = model.axis
     x, u = axis.symbol.sym("x", len(axis.states)), axis.symbol.sym("u", len(axis.inputs))
     step = step_function(axis, Stepping(model.dt, substeps=model.substeps), inline=True)
-    held = ca.vertcat(
-        u, u[len(axis.kind.commands) :, :]
-    )  # what runs on is held too, as `step` says
+    # What runs on between samples is held too, as the documentation of `step` says.
+    held = ca.vertcat(u, u[len(axis.kind.commands) :, :])
     theta = axis.symbol(ca.DM(axis.parameters.values))
     return {
         name: ca.Function(

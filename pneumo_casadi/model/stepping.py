@@ -34,7 +34,7 @@ class Stepping:
     dt : float
         Sampling period [s].
     hold : InputHold
-        What the input does between two samples.
+        What the commands do between two samples.
     substeps : int
         Runge-Kutta steps of order four per sample; see `substeps_for`.
     timed : bool

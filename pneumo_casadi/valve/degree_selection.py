@@ -157,9 +157,9 @@ def fold_masks(table: FlowMap, folds: int) -> Folds:
     CaseError
         If there are too few distinct pressures for the folds.
     """
-    columns = table.columns
+    columns = table.column_numbers
     column = _labels(columns, folds)
-    row = _labels(table.commands, folds)
+    row = _labels(table.command_numbers, folds)
     row[table.u == 0] = -1
     if folds < 2 or len(np.unique(column[column >= 0])) < folds:
         raise CaseError(
@@ -179,7 +179,7 @@ def _labels(number: NDArray[np.int64], folds: int) -> NDArray[np.int64]:
 
 def _distinct_pressures(table: FlowMap, folds: Folds) -> tuple[int, int, int]:
     """Pressure columns that every fold leaves to φ, ψ⁺ and ψ⁻."""
-    columns = table.columns
+    columns = table.column_numbers
 
     def least(side: NDArray[np.bool_]) -> int:
         return min(np.unique(columns[train & side]).size for train, _ in folds)

@@ -162,7 +162,7 @@ class FlowMap:
         return np.unique(cell).size == self.n
 
     @property
-    def commands(self) -> NDArray[np.int64]:
+    def command_numbers(self) -> NDArray[np.int64]:
         """Number of each point's command, counted from 0 at the least one, shape (n,)."""
         order = np.argsort(self.u, kind="stable")
         width = max(float(np.ptp(self.u)), float(np.finfo(float).tiny))
@@ -171,13 +171,13 @@ class FlowMap:
         return number
 
     @property
-    def columns(self) -> NDArray[np.int64]:
+    def column_numbers(self) -> NDArray[np.int64]:
         """Pressure column of each point, counted from 0 at the least pressure, shape (n,).
 
         Pressures that were measured, not only set, scatter about those that were meant: points
         of one column differ by less than the steps that each command makes from column to column.
         """
-        return _columns(self.commands, self.p)
+        return _columns(self.command_numbers, self.p)
 
     def grid(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return commands (n_u,) [V], pressures (n_p,) [Pa] and flows (n_u, n_p) [kg/s].
@@ -223,7 +223,7 @@ class FlowMap:
 
 
 def _columns(command: NDArray[np.int64], p: FloatArray) -> NDArray[np.int64]:
-    """Return the pressure column of each point, see `FlowMap.columns`.
+    """Return the pressure column of each point, see `FlowMap.column_numbers`.
 
     A gap in the pressures of all points is judged by the mean, over the commands that step across
     it, of its share of their step (`LEAST_SHARE`). There are at least half of the commands in that

@@ -119,7 +119,7 @@ _MEANING = {
 
 
 def _check_determined(table: FlowMap, degrees: Degrees) -> None:
-    columns = table.columns
+    columns = table.column_numbers
     sides = {"phi": table.u == table.u, "psi_plus": table.u > 0, "psi_minus": table.u < 0}
     for (branch, points), degree in zip(sides.items(), degrees, strict=True):
         distinct = np.unique(columns[points]).size

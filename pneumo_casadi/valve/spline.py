@@ -198,7 +198,7 @@ def smooth_map(
 
 def _column_pressures(table: FlowMap) -> FloatArray:
     """Return the pressures of the columns [Pa], with the outermost points as the ends."""
-    column = table.columns
+    column = table.column_numbers
     pressures = np.array([np.median(table.p[column == i]) for i in range(column.max() + 1)])
     pressures[0], pressures[-1] = table.p_range
     return pressures

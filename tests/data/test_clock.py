@@ -91,6 +91,9 @@ def test_a_time_of_day_that_passes_midnight_is_told_from_repeated_rows():
         sample_time(t, row)
     with pytest.raises(CaseError, match="remove the repeated rows"):
         sample_time(np.r_[t[:50], t[:50]], row)
+    counter = (65.5 + np.arange(300) / 1000.0) % 65.536
+    with pytest.raises(CaseError, match="remove the repeated rows"):
+        sample_time(1000 * counter, row)  # 16 bits of ms, read as s: 18 hours back
 
 
 def test_a_clock_taken_as_recorded_keeps_its_stamps_and_splits_at_gaps():

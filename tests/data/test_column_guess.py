@@ -47,12 +47,20 @@ def test_one_pressure_below_ambient_tells_that_all_are_gauge():
     gauge, absolute = guessed(**file), guessed(**{name: 1 + p for name, p in file.items()})
     for channel in ("p_P", "p_N", "p_supply"):
         assert (gauge[channel].offset, absolute[channel].offset) == (101325.0, 0.0)
+    starting = {
+        **{name: 1 + p for name, p in file.items()},
+        "ps_bar": np.r_[0, 0, 7 + 0 * WAVE[2:]],
+    }
+    assert guessed(**starting)["p_P"].offset == 0.0
 
 
 def test_a_null_voltage_is_rounded_to_half_a_volt_and_found_for_two_valves():
     assert guessed(u=2.52 + 2 * WAVE)["u_P"].offset == -2.5
     two = guessed(without=("u",), u_P=5.1 + 4 * WAVE, u_N=4.9 - 4 * WAVE)
     assert (two["u_P"].offset, two["u_N"].offset) == (-5.0, -5.0)
+    stroke = np.repeat([0.0, 3.0], 100)
+    open_loop = guessed(without=("u",), u_P=stroke, u_N=-stroke)
+    assert (open_loop["u_P"].offset, open_loop["u_N"].offset) == (0.0, 0.0)
 
 
 def test_the_unit_is_asked_for_where_pressures_may_be_in_psi():

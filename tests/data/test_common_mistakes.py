@@ -258,6 +258,17 @@ def test_the_remedy_of_a_late_command_names_a_column_of_the_file(
     assert not [each for each in read_case(folder).findings if each.name == "delay of u"]
 
 
+def test_a_leak_and_a_meter_that_shows_too_much_are_no_chamber_in_gauge(folders, subject):
+    """Each helps one half of what a gauge pressure does: the balance, and the area."""
+    case = subject("p06_leakage_P")
+    high = {
+        name: replace(flow, table=lambda at, table=flow.table: 1.15 * table(at))
+        for name, flow in metered_flows(folders["p06_leakage_P"]).items()
+    }
+    names = [finding.name for finding in check_records(case.identify, case.bench, high)]
+    assert "gauge pressures" not in names
+
+
 @pytest.mark.parametrize("metered", [True, pytest.param(False, id="not metered")])
 @pytest.mark.parametrize(("chamber", "name"), [("P", "p02_stribeck"), ("N", "p02_stribeck")])
 def test_a_chamber_in_gauge_beside_an_absolute_pressure_is_named(

@@ -237,6 +237,7 @@ def test_the_clock_of_a_study_begins_with_its_first_record(made, monkeypatch, ho
     prepare_study(Case(Path("made"), made.FORCE_BENCH, shifted[:1], shifted[1:]))
     (first,), (second,) = given
     assert second.t == pytest.approx(held_out.t, abs=1e-6)
+    assert np.ptp(np.diff(second.t)) < 1e-12  # not the rounding of stamps since 1970
     assert first.t == pytest.approx(fitted.t + 10.0, abs=1e-6)
 
 

@@ -85,15 +85,20 @@ def test_the_legend_reads_headings_and_first_cells_of_tables():
 
 
 @pytest.mark.parametrize(
-    ("valve", "stated"),
+    ("valve", "maps", "stated"),
     [
-        ({"source": "metered"}, False),
-        ({"source": "metered", "accuracy_percent": 2.0}, True),
-        ({"P": {"accuracy_percent": 2.0}, "N": {}}, False),
+        ({"source": "metered"}, 1, False),
+        ({"source": "metered", "accuracy_percent": 2.0}, 1, True),
+        ({"P": {"accuracy_percent": 2.0}, "N": {}}, 1, True),
+        ({"P": {"accuracy_percent": 2.0}, "N": {}}, 2, False),
     ],
 )
-def test_an_accuracy_that_is_not_stated_of_each_meter_is_missed(quick, valve, stated):
+def test_an_accuracy_that_is_not_stated_of_each_meter_is_missed(quick, valve, maps, stated):
     content = result_dict(quick)
+    conductance = content["flow"]["conductance"]["both"]
+    if maps == 2:
+        flow = {**content["flow"], "conductance": {"P": conductance, "N": conductance}}
+        content = {**content, "flow": flow}
     bench = {"area_accuracy_percent": 2.0, "valve": valve}
     content = {**content, "model": {**content["model"], "bench": bench}}
     (table,) = (t for t in laboratory_tables(content) if t.title.startswith("Valve"))

@@ -128,7 +128,7 @@ def columns_of(pressures, scatter=0.0, n_u=21):
     """Columns of a map with these nominal pressures, metered at each command with scatter."""
     u, p = np.meshgrid(np.linspace(-3, 3, n_u), pressures)
     p = p + scatter * np.random.default_rng(0).standard_normal(p.shape)
-    return FlowMap(u.ravel(), p.ravel(), 1e-3 * u.ravel()).columns.reshape(p.shape)
+    return FlowMap(u.ravel(), p.ravel(), 1e-3 * u.ravel()).column_numbers.reshape(p.shape)
 
 
 @pytest.mark.parametrize("scatter", [0.0, 200.0, 1000.0])
@@ -147,14 +147,14 @@ def test_pressures_metered_twice_are_the_same_columns():
 def test_swept_pressures_have_columns_of_one_point_of_each_command():
     p = np.random.default_rng(0).uniform(1e5, 7e5, (21, 100))
     u = np.repeat(np.linspace(-3, 3, 21), 100)
-    columns = FlowMap(u, p.ravel(), 1e-3 * u).columns
+    columns = FlowMap(u, p.ravel(), 1e-3 * u).column_numbers
     assert 90 < columns.max() + 1 < 120
 
 
 def test_points_at_a_pressure_and_a_command_of_their_own_are_columns_of_their_own():
     u, p = np.random.default_rng(0).uniform([[-3], [1e5]], [[3], [7e5]], (2, 200))
-    assert np.unique(FlowMap(u, p, 1e-3 * u).columns).size == 200
-    assert np.unique(FlowMap(np.ones(200), p, 1e-3 * u).columns).size == 200
+    assert np.unique(FlowMap(u, p, 1e-3 * u).column_numbers).size == 200
+    assert np.unique(FlowMap(np.ones(200), p, 1e-3 * u).column_numbers).size == 200
 
 
 def test_a_flow_without_zero_has_no_closed_outlet_pressure():

@@ -99,7 +99,8 @@ def _gauge_chamber(
     """Yield that the pressure of one chamber alone is gauge.
 
     A leak or a lag of that chamber helps its balance too. But only a gauge pressure also feigns
-    too large an area, or a force of p_ext on this side of the piston.
+    too large an area, by itself and beside that of the other chamber, or a force of p_ext on this
+    side of the piston.
     """
     p_ext = balances.bench.p_ext
     better = [before / max(after, 1e-300) for before, after in zip(as_read, absolute, strict=True)]
@@ -107,8 +108,14 @@ def _gauge_chamber(
         if better[i] <= LESS or better[1 - i] >= 1:
             continue
         if balances.metered:
-            gain, gain_absolute = (balances.area_gain(chamber, p) for p in (0.0, p_ext))
-            grade = Grade.SEVERE if _distance(gain_absolute) < _distance(gain) else None
+            own, absolute_own = (balances.area_gain(chamber, p) for p in (0.0, p_ext))
+            theirs = balances.area_gain(other)  # what map and meter do to both areas cancels
+            nearer = (
+                theirs > 0
+                and _distance(absolute_own) < _distance(own)
+                and _distance(absolute_own / theirs) < _distance(own / theirs)
+            )
+            grade = Grade.SEVERE if nearer else None
         else:  # a load that the bench does not state may be as large as that force
             force_too = effort_looks_gauge(balances.record, balances.bench, chamber)
             grade = Grade.CAUTION if force_too else None

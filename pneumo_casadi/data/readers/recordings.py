@@ -36,7 +36,7 @@ def read_recording(
     path : str or Path
         File whose suffix names the format: .csv, .csv.gz, .mat, .parquet.
     hold : InputHold
-        How the inputs ran between samples; files do not state it.
+        How the commands ran between samples; files do not state it.
     columns : mapping of str to (str, Column or sequence of Column), optional
         The file's own names -> channel, with a scale and offset where the unit is not SI;
         several where one column serves more than one channel. Columns named as in a case folder

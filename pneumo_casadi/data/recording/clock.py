@@ -91,8 +91,8 @@ def check_forward(t: FloatArray, where: Callable[[int], str]) -> None:
     if wrong.size:
         k = int(wrong[0]) + 1
         verb = "repeats" if intervals[k - 1] == 0 else "runs backward from"
-        # A record is far shorter than a day: nearer to a day back than to none is midnight.
-        midnight = round(-float(intervals[k - 1]) / DAY) == 1
+        # Back by a day, but for an hour of lost samples at most; other counters wrap elsewhere.
+        midnight = abs(float(intervals[k - 1]) + DAY) < 3600.0
         raise CaseError(
             f"{where(k)}: `t` {verb} {t[k - 1]:.9g} s"
             + ("" if intervals[k - 1] == 0 else f" to {t[k]:.9g} s")

@@ -45,7 +45,7 @@ class Recording(Presentable):
     source : str
         Where it comes from, a file as a rule.
     hold : InputHold
-        How the inputs run between samples.
+        How the commands run between samples.
     first_line : int, optional
         Line of the source in which row 1 stands; 0 where the source has no lines.
     dt : float, optional

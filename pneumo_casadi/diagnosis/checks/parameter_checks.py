@@ -104,7 +104,7 @@ def check_output_error(
     }
     parts = [f"{each.name}.{name}" for each in result.axis.effects for name in each.masses]
     values |= {"M": sum(values[name] for name in ("M", *parts))}
-    std |= {"M": hypot(*(std.get(name, 0.0) for name in ("M", *parts)))}
+    std |= {"M": result.std_of_sum({name: 1.0 for name in ("M", *parts) if name in std})}
     return check_parameters(result.axis, values, std, result.flow_map_deviation, flow_map_misfit)
 
 

@@ -104,18 +104,23 @@ def discover_beside(
         outcome = complete_term(study, selection, term, model, catalogue, executor)
         if outcome.completed is not None and instead is None:
             instead = _without_term(selection, *outcome.completed)
-        if outcome.discovery is not None and _says_more(selection, outcome.discovery):
+        if outcome.discovery is not None and _says_more(selection, outcome.discovery, model[0]):
             return outcome.discovery, instead
     return None, instead
 
 
-def _says_more(selection: Selection, discovery: Discovery) -> bool:
-    """Return whether a term closes what the effects of the final model do not.
+def _says_more(selection: Selection, discovery: Discovery, base: FittedModel) -> bool:
+    """Return whether a term over a base model closes what the effects of the final one do not.
 
-    A line over x does no more than a spring of the catalogue does.
+    A line over x does no more than a spring of the catalogue does. A vibration without a model,
+    because each record has a phase of its own, must close more than all effects.
     """
-    if discovery.model is None or selection.final is selection.nominal:
+    if selection.final is selection.nominal:
         return True
+    if discovery.model is None:
+        named = balance_closure(selection.nominal, selection.final, selection.levels)
+        more = discovery.term.closes.value - named.value
+        return base is selection.final or more >= selection.levels.criteria.matters
     whole, _ = discovery.model
     closes = balance_closure(selection.final, whole, selection.levels)
     return closes.lower > 0 and closes.value >= selection.levels.criteria.matters

@@ -3,7 +3,8 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from pneumo_casadi.data import Case, Recording
+from pneumo_casadi.data import Case, Clock, Recording
+from pneumo_casadi.data.recording.clock import uniform
 from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA, Criteria
 from pneumo_casadi.diagnosis.prepare.study import Study, start_study
 from pneumo_casadi.diagnosis.prepare.usable_records import ROUNDING, SHORTEST, require_usable
@@ -80,7 +81,14 @@ def _from_zero(*parts: Sequence[Recording]) -> list[list[Recording]]:
     Logs count from midnight or from 1970: a formula over such times has no usable scale.
     """
     first = min(float(record.t[0]) for records in parts for record in records)
-    return [[replace(record, t=record.t - first) for record in records] for records in parts]
+    return [[_begun(record, first) for record in records] for records in parts]
+
+
+def _begun(record: Recording, first: float) -> Recording:
+    t = record.t - first
+    if record.clock is Clock.AS_RECORDED:
+        return replace(record, t=t)
+    return replace(record, t=uniform(t, record.dt))  # stamps since 1970 are rounded to 0.2 µs
 
 
 def split_records(

@@ -54,8 +54,8 @@ class SmoothedMotion:
     u_before : (nu, n) array
         Inputs at the samples before, whose measurements the filters took.
     commands_kept : bool
-        Whether every column of the commands is one, held over a sample: neither a mean of
-        several, as of records that were thinned or resampled, nor a signal that runs on.
+        Whether every column holds single commands, which act over the whole sample: neither means
+        of several, as of records that were thinned or resampled, nor signals that run on.
     weak : (m, N) sparse array
         Test functions: windows that average a balance over a few hundredths of a second.
     moving : (m,) array of bool

@@ -236,6 +236,20 @@ class OutputErrorResult(Presentable):
         std = self.uncertainty.std_robust if robust else self.uncertainty.std
         return float(std[self.uncertainty.names.index(name)])
 
+    def std_of_sum(self, slopes: Mapping[str, float]) -> float:
+        """Return the wider standard deviation of a sum of parameters times slopes.
+
+        What they share, as the factor of a flow meter, adds up or cancels. Parameters that were
+        held are known; infinite where one of the others has no interval.
+        """
+        known = self.uncertainty
+        at = [i for i, name in enumerate(known.names) if name in slopes]
+        g = np.array([slopes[known.names[i]] for i in at])
+        matrices = [known.covariance, known.covariance_robust]
+        variances = [g @ C[np.ix_(at, at)] @ g for C in matrices if C is not None]
+        largest = max(0.0, *map(float, variances))
+        return float(largest**0.5) if np.isfinite(largest) else float("inf")
+
     def interval(self, name: str, level: float = 0.95, robust: bool = False) -> tuple[float, float]:
         """Return the interval of a parameter at `level`, on request the robust one."""
         half = interval_factor(level) * self.std(name, robust)

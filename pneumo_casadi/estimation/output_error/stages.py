@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 
 from pneumo_casadi.data import Clock, Recording
-from pneumo_casadi.data.recording.clock import same_clock
 from pneumo_casadi.errors import FitError, ModelError
 from pneumo_casadi.estimation.equation_error.driven_states import states_along
 from pneumo_casadi.estimation.flow_anchor import anchor_flow
@@ -41,6 +40,9 @@ from pneumo_casadi.valve import AnyFlowMap
 logger = logging.getLogger(__name__)
 
 
+#: Relative difference of sampling periods that one model may serve: the clocks of two loggers and
+#: jitter stay below it, and accelerations are wrong by twice as much, which no interval contains.
+SAME_PERIOD = 1e-4
 #: How often IPOPT solves again with a new estimate of the noise.
 REWEIGHTINGS = 40
 #: How often a stage is solved again with steps as fine as the friction found needs.
@@ -175,13 +177,13 @@ def write_problem(
 def _refuse_other_clocks(records: Sequence[Recording]) -> None:
     """Refuse records that one sampled model cannot serve.
 
-    Jitter moves the sample time that a record's stamps give; what the readers accept passes.
+    All are simulated with the sampling period of the first: see `SAME_PERIOD`.
     """
     first = records[0]
     alike = all(
         r.clock is first.clock
         and r.hold is first.hold
-        and (r.clock is Clock.AS_RECORDED or same_clock(r.dt, first.dt))
+        and (r.clock is Clock.AS_RECORDED or abs(r.dt / first.dt - 1) <= SAME_PERIOD)
         for r in records
     )
     if not alike:
@@ -191,7 +193,7 @@ def _refuse_other_clocks(records: Sequence[Recording]) -> None:
         ]
         raise ModelError(
             f"records differ in sampling frequency, clock or input hold: {'; '.join(clocks)}; "
-            "resample them to one clock, or fit them apart"
+            'resample them to one clock, state "clock": "as recorded", or fit them apart'
         )
 
 

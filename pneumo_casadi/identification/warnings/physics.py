@@ -1,8 +1,6 @@
 """Warnings about estimates that geometry, data sheet or physics contradict."""
 
-from collections.abc import Iterator, Mapping
-
-import numpy as np
+from collections.abc import Iterator
 
 from pneumo_casadi.data import Case
 from pneumo_casadi.data.bench.load import GRAVITY
@@ -25,7 +23,7 @@ def physics_warnings(case: Case, result: OutputErrorResult) -> Iterator[ResultWa
         M = sum(result.parameters[name].value for name in parts)
         yield from limited(
             "mass",
-            (abs(M - sheet) - _half_of_sum(result, dict.fromkeys(parts, 1.0))) / sheet,
+            (abs(M - sheet) - SIGMAS * result.std_of_sum(dict.fromkeys(parts, 1.0))) / sheet,
             "physics",
             f"{' + '.join(parts)} = {M:.4g} kg is {100 * (M / sheet - 1):+.0f} % off the data "
             "sheet.",
@@ -40,21 +38,6 @@ def physics_warnings(case: Case, result: OutputErrorResult) -> Iterator[ResultWa
 def _half(result: OutputErrorResult, name: str) -> float:
     """Return the half width of an interval; 0 where the parameter was held."""
     return SIGMAS * max(result.std(name), result.std(name, robust=True))
-
-
-def _half_of_sum(result: OutputErrorResult, slopes: Mapping[str, float]) -> float:
-    """Return the half width of the interval of a sum of parameters times slopes.
-
-    What they share, as the factor of a flow meter, adds up or cancels. Parameters that were held
-    are known.
-    """
-    known = result.uncertainty
-    at = [i for i, name in enumerate(known.names) if name in slopes]
-    g = np.array([slopes[known.names[i]] for i in at])
-    matrices = [known.covariance, known.covariance_robust]
-    variances = [g @ C[np.ix_(at, at)] @ g for C in matrices if C is not None]
-    largest = float(max(variances))
-    return SIGMAS * largest**0.5 if np.isfinite(largest) else float("inf")
 
 
 def _of_chambers(case: Case, result: OutputErrorResult) -> Iterator[ResultWarning]:
@@ -74,7 +57,7 @@ def _of_chambers(case: Case, result: OutputErrorResult) -> Iterator[ResultWarnin
     relative = {"X_s3": -1 / X_s3, "X_s6": 1 / X_s6}  # S = X R T: one meter cancels in the ratio
     yield from limited(
         "area ratio",
-        abs(ratio - 1) - ratio * _half_of_sum(result, relative),
+        abs(ratio - 1) - ratio * SIGMAS * result.std_of_sum(relative),
         "physics",
         f"The ratio of the areas S_N/S_P computed from the fit is {100 * (ratio - 1):+.0f} % off "
         "that of the bench: look for exchanged chambers, unequal valves or a leak.",

@@ -166,7 +166,9 @@ def _valve(content: Mapping[str, Any]) -> Table:
     )
     section = bench.get("valve", {})
     valves = [section[name] for name in "PN"] if "P" in section else [section]
-    notes = () if all("accuracy_percent" in valve for valve in valves) else unknown
+    one_map = "both" in (content["flow"] or {}).get("conductance", {})  # has one meter
+    stated = ["accuracy_percent" in valve for valve in valves]
+    notes = () if (any(stated) if one_map else all(stated)) else unknown
     return Table("Valve, estimate ± 2σ", ("", "filling", "exhausting"), rows, notes)
 
 

@@ -58,6 +58,10 @@ def test_records_that_do_not_fit_together_are_refused(made, start, short):
     table, begin = start(0)
     with pytest.raises(ModelError, match="differ in sampling frequency"):
         fit_output_error(begin, [short, short.decimate(2)], table, options(made))
+    # One model would accelerate it by 0.2 % too much.
+    slower = Recording(1.001 * short.t, short.channels, "slower", "memory", short.hold)
+    with pytest.raises(ModelError, match='state "clock": "as recorded"'):
+        fit_output_error(begin, [short, slower], table, options(made))
     with pytest.raises(ModelError, match="no record"):
         fit_output_error(begin, [], table, options(made))
     with pytest.raises(ModelError, match="no parameter is free"):
