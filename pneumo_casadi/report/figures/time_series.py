@@ -1,5 +1,6 @@
 """Outputs over time, measured and simulated: the whole record, and where they differ most."""
 
+from math import ceil
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,8 @@ from pneumo_casadi.report.interactive.look import detail_seconds, line_look
 
 #: Residuals are averaged over blocks of this length [s], so that they show beside the noise.
 AVERAGED = 0.02
+#: Curves in a row of the legend.
+LEGEND = 3
 #: The colour of what is drawn enlarged.
 _SHADE = "#f2e9c9"
 
@@ -36,7 +39,8 @@ def time_series_figure(curves: Curves) -> Figure:
         Measured and simulated outputs of one record.
     """
     outputs = tuple(curves.values)
-    figure = new_figure(14.0 + 34.0 * len(outputs), PAGE, head=HEAD)
+    head = HEAD * ceil(len(curves.values[outputs[0]]) / LEGEND)
+    figure = new_figure(10.0 + head + 34.0 * len(outputs), PAGE, head=head)
     grid = figure.subplots(
         2 * len(outputs), 2, sharex="col", squeeze=False,
         height_ratios=[2, 1.1] * len(outputs), width_ratios=[1.7, 1],
@@ -45,7 +49,7 @@ def time_series_figure(curves: Curves) -> Figure:
     for i, output in enumerate(outputs):
         for column in range(2):
             _draw(grid[2 * i, column], grid[2 * i + 1, column], curves, output, i, column, detail)
-    legend_above(grid[0, 0], 3)
+    legend_above(grid[0, 0], LEGEND)
     for axes in grid[-1]:
         axes.set_xlabel("$t$ [s]", fontsize=TEXT)
     figure.align_ylabels(list(grid[:, 0]))

@@ -63,11 +63,15 @@ def draw_forest(axes: Axes, identification: Identification) -> None:
         for estimate, status in zip(oe, statuses, strict=True)
     ]
     for row, (name, status) in enumerate(zip(names, statuses, strict=True)):
-        words = _no_deviation(base[name], bool(truth))
-        if words or status is not EstimateStatus.ESTIMATED:
+        if words := _no_deviation(base[name], bool(truth)):
             axes.annotate(
-                words or status.value, (0.0, row + 0.16), (3, 0), textcoords="offset points",
-                va="center", fontsize=SMALL, color=SIMULATED,
+                words, (1.0, row), (-3, 0), xycoords=axes.get_yaxis_transform(), ha="right",
+                textcoords="offset points", va="center", fontsize=SMALL, color=SIMULATED,
+            )  # fmt: skip
+        elif status is not EstimateStatus.ESTIMATED:
+            axes.annotate(
+                status.value, (0.0, row + 0.16), (3, 0), textcoords="offset points", va="center",
+                fontsize=SMALL, color=SIMULATED,
             )  # fmt: skip
     references = [base[n] or math.nan for n in names]
     _points(axes, wls, references, -0.16, WLS, "s", "WLS")
@@ -75,7 +79,7 @@ def draw_forest(axes: Axes, identification: Identification) -> None:
     reference = "truth" if truth else "output error"
     axes.axvline(0.0, color=BLACK, linewidth=0.8, label=reference if truth else None)
     axes.set_yticks(range(len(names)), [symbol(n) for n in names])
-    axes.invert_yaxis()
+    axes.set_ylim(len(names) - 0.5, -0.5)  # rows without a point too
     dress(axes, f"deviation from {reference} [%]")
     axes.tick_params(axis="y", labelsize=TEXT)
     legend_above(axes, 3)
