@@ -24,7 +24,6 @@ def estimates(*masses, std=0.1, failed=()):
         tuple(f"run_{i + 1}" for i in range(n)),
         ("M", "f_v"),
         values,
-        np.full((n, 2), 2 * std),  # with a bias that all share
         np.full((n, 2), std),
         failed,
     )
@@ -70,7 +69,7 @@ def test_two_records_can_differ_too(quick):
 
 def test_a_record_counts_by_its_interval():
     alone = estimates(16.9, 30.0)
-    wide = replace(alone, scatter=np.array([[0.1, 0.1], [100.0, 0.1]]))
+    wide = replace(alone, std=np.array([[0.1, 0.1], [100.0, 0.1]]))
     assert wide.spread("M") == pytest.approx(0.131, abs=1e-3) and wide.excess("M") < 0.01
 
 
@@ -81,9 +80,9 @@ def test_a_record_that_cannot_be_fitted_alone_is_a_note(quick):
 
 def test_a_record_without_an_interval_is_left_out():
     three = estimates(16.9, 17.1, 30.0)
-    scatter = np.vstack([three.scatter[:2], [np.inf, 0.1]])
-    assert replace(three, scatter=scatter).spread("M") == estimates(16.9, 17.1).spread("M")
-    assert replace(three, scatter=np.full((3, 2), np.inf)).spread("M") is None
+    std = np.vstack([three.std[:2], [np.inf, 0.1]])
+    assert replace(three, std=std).spread("M") == estimates(16.9, 17.1).spread("M")
+    assert replace(three, std=np.full((3, 2), np.inf)).spread("M") is None
 
 
 def test_chance_is_exceeded_in_one_case_of_a_hundred_over_all_parameters():

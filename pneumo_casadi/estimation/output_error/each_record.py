@@ -39,16 +39,13 @@ class RecordEstimates:
     values, std : (nr, n) array
         Estimates and robust standard deviations [SI], a row a record; infinite where the record
         says nothing about a parameter or a bound holds it.
-    scatter : (nr, n) array
-        Standard deviations without the biases that all records share, as that of the smoothed
-        friction.
     failed : tuple of str
         Records on which the fit alone did not converge.
 
     Examples
     --------
     >>> alone = RecordEstimates(
-    ...     ("a", "b"), ("M",), np.array([[16.8], [17.0]]), *np.full((2, 2, 1), 0.1)
+    ...     ("a", "b"), ("M",), np.array([[16.8], [17.0]]), np.array([[0.1], [0.1]])
     ... )
     >>> round(alone.spread("M"), 3)
     1.414
@@ -58,7 +55,6 @@ class RecordEstimates:
     names: tuple[str, ...]
     values: FloatArray
     std: FloatArray
-    scatter: FloatArray
     failed: tuple[str, ...] = ()
 
     def spread(self, name: str) -> float | None:
@@ -83,9 +79,10 @@ class RecordEstimates:
 
     def _distances(self, name: str) -> FloatArray:
         # From their own mean: the interval of the joint fit widens with what is to be seen here.
+        # Biases, as that of the smoothed friction, count: they differ with the motion.
         column = self.names.index(name)
-        known = np.isfinite(self.scatter[:, column]) & (self.scatter[:, column] > 0)
-        values, std = self.values[known, column], self.scatter[known, column]
+        known = np.isfinite(self.std[:, column]) & (self.std[:, column] > 0)
+        values, std = self.values[known, column], self.std[known, column]
         mean = np.average(values, weights=std**-2) if values.size else 0.0
         return np.asarray((values - mean) / std)
 
@@ -119,7 +116,7 @@ def fit_each_record(
     names = tuple(name for name in joint.uncertainty.names if name not in set(flow))
     fitted: list[str] = []
     failed: list[str] = []
-    rows: list[list[tuple[float, float, float]]] = []
+    rows: list[list[tuple[float, float]]] = []
     groups = record_groups(records)
     alone = replace(options, recover=False)
     long = are_long(joint.axis, records, options)
@@ -139,14 +136,13 @@ def fit_each_record(
         finally:
             first += len(group)
         fitted.append(name)
-        rows.append([(fit.parameters[name].value, *_deviations(fit, name)) for name in names])
-    table = np.array(rows, dtype=float).reshape(len(fitted), len(names), 3)
+        rows.append([(fit.parameters[name].value, _std(fit, name)) for name in names])
+    table = np.array(rows, dtype=float).reshape(len(fitted), len(names), 2)
     return RecordEstimates(
         tuple(fitted),
         names,
         table[:, :, 0],
         table[:, :, 1],
-        table[:, :, 2],
         tuple(failed),
     )
 
@@ -172,11 +168,8 @@ def _initial_states(fit: OutputErrorResult, first: int, count: int) -> list[Floa
     return [state for segment, state in pairs if segment.record in wanted]
 
 
-def _deviations(fit: OutputErrorResult, name: str) -> tuple[float, float]:
-    """Return the wider standard deviation, and that without biases; infinite at a bound."""
+def _std(fit: OutputErrorResult, name: str) -> float:
+    """Return the wider standard deviation; infinite at a bound."""
     if name in fit.uncertainty.at_bound:
-        return float("inf"), float("inf")
-    at = fit.uncertainty.names.index(name)
-    scatter = float(fit.uncertainty.std_scatter[at])
-    ideal = fit.std(name)
-    return max(ideal, fit.std(name, robust=True)), max(ideal, scatter)
+        return float("inf")
+    return max(fit.std(name), fit.std(name, robust=True))
