@@ -201,12 +201,8 @@ def project_refit(fit: Fit, run: SimulatedExperiment, theta: FloatArray) -> Refi
 
 def _closed_square(problem: Problem, at: Linearised, point: Unknowns, sigma: FloatArray) -> float:
     """Return the sum of squares with the defects closed to first order, nothing else moved."""
-    nx = problem.model.nx
-    total = 2 * problem.cost(point.theta, at.m, sigma)
-    for segment in condense(problem, at, sigma):
-        total -= 2 * float(np.sum(segment.g_k[:, :nx] * segment.c))
-        total += float(np.einsum("ki,kij,kj", segment.c, segment.H_k[:, :nx, :nx], segment.c))
-    return total
+    closing = sum(segment.closing for segment in condense(problem, at, sigma))
+    return 2 * problem.cost(point.theta, at.m, sigma) + closing
 
 
 def noise_free_map(axis: Axis, table: FlowMap) -> FlowMap:

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from pneumo_casadi.estimation.output_error import OutputErrorOptions
+from pneumo_casadi.estimation.output_error.shooting import condensing
 from pneumo_casadi.estimation.output_error.shooting.condensing import (
     anchor_normal_equations,
     block_scores,
@@ -167,6 +168,19 @@ def test_condensed_derivatives_are_those_of_the_whole_simulation(case):
     by_block = block_scores(problem, at, 0, condensed)
     assert by_block.shape == (K, z.size)
     np.testing.assert_allclose(by_block.sum(axis=0), condensed.g, rtol=1e-6, atol=1e-8)
+
+
+def test_normal_equations_added_up_in_parts_are_those_of_all_at_once(case, monkeypatch):
+    problem, _, z, _, sigma = case
+    at = linearise(problem, unpack(problem, z, problem.parameters.values), sigma)
+    whole = condense(problem, at, sigma)
+    monkeypatch.setattr(condensing, "AT_ONCE", 1)
+    if max(len(each.c) for each in whole) == 1:
+        pytest.skip("one interval a window")
+    for each, parts in zip(whole, condense(problem, at, sigma), strict=True):
+        np.testing.assert_allclose(parts.H, each.H, rtol=1e-9, atol=1e-12 * np.abs(each.H).max())
+        np.testing.assert_allclose(parts.g, each.g, rtol=1e-9, atol=1e-12 * np.abs(each.g).max())
+        assert parts.closing == pytest.approx(each.closing, rel=1e-9)
 
 
 def test_closing_defects_is_part_of_the_step(case):

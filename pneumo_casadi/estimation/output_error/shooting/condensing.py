@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pneumo_casadi.estimation.output_error.shooting.interval import triangle_index
 from pneumo_casadi.estimation.output_error.shooting.problem import (
     Problem,
     Unknowns,
@@ -23,6 +24,8 @@ from pneumo_casadi.parameters import FloatArray
 
 #: Sensitivities and residuals beyond this come from a trajectory that ran away.
 HUGE = 1e60
+#: Intervals whose normal equations are added up at once: what lies between stays in the cache.
+AT_ONCE = 32
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,8 +42,9 @@ class Linearised:
         Ends of intervals less the nodes that follow them.
     S : (I, nx, nx + n_free) array
         ∂end/∂(x_k, θ_free).
-    H : (I, ny, nx + n_free, nx + n_free) array
-        JᵀJ of the mean outputs, per output.
+    H : (I, ny, m (m + 1) / 2) array
+        JᵀJ of the mean outputs, per output, for the m = nx + n_free unknowns of an interval: its
+        lower triangle, column by column.
     g : (I, ny, nx + n_free) array
         Jᵀe, per output.
     scores : (n_blocks, nx + n_free) array
@@ -77,16 +81,15 @@ class Condensed:
         ∂x_k/∂(x_0, θ_free), scaled on both sides.
     c : (intervals, nx) array
         Part of δx_k, scaled, that closes the defects.
-    H_k, g_k : (intervals, nx + n_free, nx + n_free) and (intervals, nx + n_free) arrays
-        Each interval by itself, to its own node.
+    closing : float
+        What closing the defects adds to the sum of squares, to first order.
     """
 
     H: FloatArray
     g: FloatArray
     T: FloatArray
     c: FloatArray
-    H_k: FloatArray
-    g_k: FloatArray
+    closing: float
 
 
 def linearise(problem: Problem, point: Unknowns, sigma: FloatArray) -> Linearised:
@@ -120,7 +123,8 @@ def _swept(
     count = point.x.shape[1]
     theta = np.tile(point.theta[:, None], count)
     weight = np.tile((problem.n / sigma**2)[:, None], count)
-    return call_side_by_side(problem.functions.sensitivity, point.x, w, theta, h, y, weight)
+    given = point.x, w, theta, h, y, weight
+    return call_side_by_side(problem.functions.sensitivity, *given, memory=problem.memory)
 
 
 def _gathered(problem: Problem, x: FloatArray, swept: tuple[FloatArray, ...]) -> Linearised:
@@ -134,7 +138,7 @@ def _gathered(problem: Problem, x: FloatArray, swept: tuple[FloatArray, ...]) ->
         problem.data.without_padding(means),
         ends[:, joins] - x[:, joins + 1],
         S.reshape(nx, intervals, m).transpose(1, 0, 2),
-        H.reshape(m, intervals, ny, m).transpose(1, 2, 0, 3),
+        H.reshape(len(H), intervals, ny).transpose(1, 2, 0),
         g.reshape(m, intervals, ny).transpose(1, 2, 0),
         problem.data.without_padding(scores).T,
     )
@@ -143,25 +147,22 @@ def _gathered(problem: Problem, x: FloatArray, swept: tuple[FloatArray, ...]) ->
 def condense(problem: Problem, at: Linearised, sigma: FloatArray) -> tuple[Condensed, ...]:
     """Condense every segment with the noise `sigma` (ny,) of one sample of each output."""
     scale = np.concatenate([problem.model.state_scales, problem.free_scales])
-    weight = problem.n / sigma**2
-    H = sum(w * at.H[:, i] for i, w in enumerate(weight)) * np.outer(scale, scale)
-    g = sum(w * at.g[:, i] for i, w in enumerate(weight)) * scale
     size = problem.model.state_scales
-    S = at.S * scale / size[:, None]
     d = np.zeros((problem.I, size.size))
     d[problem.joined] = (at.defects / size[:, None]).T
     condensed = []
     with np.errstate(all="ignore"):  # a diverging trial step is found and halved
         for first, segment in zip(problem.firsts, problem.segments, strict=True):
             span = slice(first, first + segment.intervals)
-            condensed.append(_condense(S[span], H[span], g[span], d[span], problem.model.n_initial))
+            S = at.S[span] * scale / size[:, None]
+            T, c = _swept_through(S, d[span], problem.model.n_initial)
+            H_y, g_y = at.H[span], at.g[span]
+            condensed.append(_added_up(H_y, g_y, T, c, problem.n / sigma**2, scale))
     return tuple(condensed)
 
 
-def _condense(
-    S: FloatArray, H_k: FloatArray, g_k: FloatArray, d: FloatArray, free_states: int
-) -> Condensed:
-    """Sweep through the intervals of a segment, whose first `free_states` states are free."""
+def _swept_through(S: FloatArray, d: FloatArray, free_states: int) -> tuple[FloatArray, FloatArray]:
+    """Return T and c of a segment, whose first `free_states` states are free; see `Condensed`."""
     count, nx, m = S.shape
     n = m - nx + free_states
     # T and c side by side, c as the last column.
@@ -172,16 +173,39 @@ def _condense(
     for k in range(count - 1):
         np.matmul(to_node[k], swept[k], out=swept[k + 1])
         swept[k + 1] += added[k]
-    T, c = swept[:, :, :n], swept[:, :, n]
-    # An interval's unknowns are its node, T (δx_0, δθ) + c, and δθ itself.
-    A = H_k[:, :, :nx] @ T
-    A[:, :, free_states:] += H_k[:, :, nx:]
-    H = (T.transpose(0, 2, 1) @ A[:, :nx]).sum(axis=0)
-    H[free_states:] += A[:, nx:].sum(axis=0)
-    closed = g_k - (H_k[:, :, :nx] @ c[:, :, None])[:, :, 0]
-    g = (T.transpose(0, 2, 1) @ closed[:, :nx, None]).sum(axis=0)[:, 0]
-    g[free_states:] += closed[:, nx:].sum(axis=0)
-    return Condensed(H, g, T, c, H_k, g_k)
+    return swept[:, :, :n], swept[:, :, n]
+
+
+def _added_up(
+    H_y: FloatArray,
+    g_y: FloatArray,
+    T: FloatArray,
+    c: FloatArray,
+    weight: FloatArray,
+    scale: FloatArray,
+) -> Condensed:
+    """Add up the normal equations of a segment's intervals, per output, with their weights."""
+    count, nx, n = T.shape
+    m = scale.size
+    free_states = n - (m - nx)
+    whole = triangle_index(m)
+    H, g, closing = np.zeros((n, n)), np.zeros(n), 0.0
+    for first in range(0, count, AT_ONCE):
+        span = slice(first, first + AT_ONCE)
+        H_k = (weight @ H_y[span])[:, whole] * np.outer(scale, scale)
+        g_k = weight @ g_y[span] * scale
+        # An interval's unknowns are its node, T (δx_0, δθ) + c, and δθ itself.
+        to_node, at_c = T[span], c[span]
+        A = H_k[:, :, :nx] @ to_node
+        A[:, :, free_states:] += H_k[:, :, nx:]
+        H += np.tensordot(to_node, A[:, :nx], ((0, 1), (0, 1)))
+        H[free_states:] += A[:, nx:].sum(axis=0)
+        by_c = (H_k[:, :, :nx] @ at_c[:, :, None])[:, :, 0]
+        left = g_k - by_c
+        g += np.tensordot(to_node, left[:, :nx], ((0, 1), (0, 1)))
+        g[free_states:] += left[:, nx:].sum(axis=0)
+        closing += float(np.sum(at_c * (by_c - 2 * g_k)[:, :nx]))
+    return Condensed(H, g, T, c, closing)
 
 
 def eliminate(H: FloatArray, g: FloatArray, first: int) -> tuple[FloatArray, FloatArray]:

@@ -11,6 +11,7 @@ from functools import cached_property
 
 import casadi as ca
 import numpy as np
+from numpy.typing import NDArray
 
 from pneumo_casadi.model.integration import Integrate, inputs_between, runge_kutta_sample
 from pneumo_casadi.model.junctions import Expression
@@ -54,10 +55,27 @@ class IntervalFunctions:
     def sensitivity(self) -> ca.Function:
         """``(x, w, θ, h, ȳ_measured (ny, B), weight (ny,)) -> (x_end, ȳ, S, H, g, s)``.
 
-        ∂x_end/∂(x_0, θ_free) of shape (nx, m), per output JᵀJ and Jᵀe of the means, (m, ny m)
-        and (m, ny), and per block the weighted scores Σ_y weight Jᵀe, (m, B).
+        ∂x_end/∂(x_0, θ_free) of shape (nx, m), per output JᵀJ and Jᵀe of the means, the lower
+        triangle of the former column by column, (m (m + 1)/2, ny) and (m, ny), and per block the
+        weighted scores Σ_y weight Jᵀe, (m, B).
         """
         return compile_functions([_sensitivity(self.model, self.n, self.blocks, self.free)])[0]
+
+
+def triangle_index(m: int) -> NDArray[np.intp]:
+    """Return where a lower triangle, column by column, has each element of its symmetric matrix.
+
+    Examples
+    --------
+    >>> triangle_index(3)
+    array([[0, 1, 2],
+           [1, 3, 4],
+           [2, 4, 5]])
+    """
+    index = np.zeros((m, m), dtype=np.intp)
+    upper = np.triu_indices(m)
+    index[upper] = index.T[upper] = np.arange(len(upper[0]))
+    return index
 
 
 def _value(model: SampledAxis, n: int, blocks: int) -> ca.Function:
@@ -82,10 +100,10 @@ def _sensitivity(model: SampledAxis, n: int, blocks: int, free: Sequence[str]) -
     x, theta = ca.MX.sym("x", model.nx), ca.MX.sym("theta", n_theta)
     W, H = ca.MX.sym("w", model.nw, n * blocks), ca.MX.sym("h", 1, blocks)
     Y, weight = ca.MX.sym("y", ny, blocks), ca.MX.sym("weight", ny)
-    nothing = [ca.MX.zeros(m, m) for _ in range(ny)]
+    nothing = [ca.MX.zeros(ca.Sparsity.lower(m)) for _ in range(ny)]
     start = [x, ca.MX(_identity(model.nx, m)), ca.MX.zeros(m, ny), *nothing]
     end, S, Jte, *JtJ, means, scores = chain.call([*start, W, H, Y, theta, weight])
-    outputs = [end, means, S, ca.horzcat(*JtJ), Jte, scores]
+    outputs = [end, means, S, ca.horzcat(*(part.nz[:] for part in JtJ)), Jte, scores]
     return ca.Function("interval_sensitivity", [x, W, theta, H, Y, weight], outputs)
 
 
@@ -94,7 +112,8 @@ def _normal_block(model: SampledAxis, n: int, free: Sequence[str]) -> ca.Functio
     ny, m = len(model.axis.outputs), model.nx + len(free)
     sample = _sample(model, free)
     x, S = ca.MX.sym("x", model.nx), ca.MX.sym("S", model.nx, m)
-    JtJ = [ca.MX.sym(f"JtJ_{i}", m, m) for i in range(ny)]
+    # Symmetric: a triangle says it all, and the loops over it are what the blocks add to a sweep.
+    JtJ = [ca.MX.sym(f"JtJ_{i}", ca.Sparsity.lower(m)) for i in range(ny)]
     Jte = ca.MX.sym("Jte", m, ny)
     w, h, y = ca.MX.sym("w", model.nw, n), ca.MX.sym("h"), ca.MX.sym("y", ny)
     theta, weight = ca.MX.sym("theta", len(model.axis.parameters)), ca.MX.sym("weight", ny)
@@ -236,14 +255,11 @@ def _chain(name: str, f: ca.Function, count: int, carried: int, streams: int) ->
 
 def _unrolled(name: str, calls: Sequence[ca.Function], carried: int, streams: int) -> ca.Function:
     first = calls[0]
-    shapes = [first.size_in(i) for i in range(first.n_in())]
-    widths = [
-        sum(f.size2_in(i) for f in calls) if carried <= i < carried + streams else shape[1]
-        for i, shape in enumerate(shapes)
-    ]
     given = [
-        ca.MX.sym(f"a{i}", shape[0], width)
-        for i, (shape, width) in enumerate(zip(shapes, widths, strict=True))
+        ca.MX.sym(f"a{i}", first.size1_in(i), sum(f.size2_in(i) for f in calls))
+        if carried <= i < carried + streams
+        else ca.MX.sym(f"a{i}", first.sparsity_in(i))
+        for i in range(first.n_in())
     ]
     values, constants = given[:carried], given[carried + streams :]
     pieces = [

@@ -16,7 +16,7 @@ from pneumo_casadi.estimation.flow_anchor import Anchor
 from pneumo_casadi.estimation.output_error.shooting.interval import IntervalFunctions
 from pneumo_casadi.estimation.output_error.shooting.segments import Segment
 from pneumo_casadi.model.axis import Axis
-from pneumo_casadi.model.machine_code.calls import call_side_by_side
+from pneumo_casadi.model.machine_code.calls import ResultMemory, call_side_by_side
 from pneumo_casadi.model.sampled_axis import SampledAxis
 from pneumo_casadi.parameters import FloatArray, Parameters
 
@@ -60,7 +60,9 @@ class IntervalData:
 
     def without_padding(self, values: FloatArray) -> FloatArray:
         """Return the columns of values (..., I B) that belong to blocks of the data."""
-        return values if self.real.all() else values[:, self.real]
+        count = np.count_nonzero(self.real)
+        # One record is padded at its end alone: nothing is copied.
+        return values[:, :count] if self.real[:count].all() else values[:, self.real]
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,6 +151,11 @@ class Problem:
         # In the order in which compiled functions read them: no call copies them.
         w_all, y_all = (np.asfortranarray(np.hstack(part)) for part in (w, y))
         return IntervalData(w_all, lengths[None], y_all, lengths > 0)
+
+    @cached_property
+    def memory(self) -> ResultMemory:
+        """Memory that linearisations use in turn."""
+        return ResultMemory()
 
     def of_intervals(self, at: NDArray[np.intp], data: FloatArray) -> FloatArray:
         """Return the columns of data (..., I k) that belong to some intervals, side by side."""

@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from pneumo_casadi.estimation.output_error.shooting.interval import triangle_index
 from pneumo_casadi.estimation.output_error.shooting.problem import (
     Problem,
     Unknowns,
@@ -189,7 +190,8 @@ def program(problem: Problem) -> Program:
         map_gradient, map_hessian, n_map = J_free.T @ r, J_free.T @ J_free, problem.anchor.n
     count = problem.n_blocks * problem.n * ny + n_map
     gradient = _gradient(problem, Jte, at.weight, map_gradient)
-    hessian = _hessian(problem, JtJ, at.weight, map_hessian)
+    whole = triangle_index(problem.model.nx + len(problem.free)).ravel().tolist()
+    hessian = _hessian(problem, JtJ[whole, :], at.weight, map_hessian)
     lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", g.shape[0])
     given = [at.z, at.p]
     return Program(
