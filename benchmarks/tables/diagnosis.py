@@ -112,7 +112,7 @@ def _shares(
     return [
         [text, *(share_text(entry[key]) for entry in both), asked.get(key, "")]
         for key, text in shares
-        if key not in ("set_covers_given", "failed")
+        if key not in ("set_covers_given", "failed") and all(key in entry for entry in both)
     ]
 
 
@@ -152,8 +152,11 @@ def withheld_forms(result: Mapping[str, Any]) -> str:
     both, weak = ([result[part][scope] for scope in SCOPES] for part in ("scores", "background"))
     body = _shares(both, SHARES, ASKED_OF_FORMS) + _shares(weak, AMONG_WEAK, ASKED_AMONG_WEAK)
     term = result["discovered"]
-    right, false = (share_text(term[key]) for key in ("driver_right", "false_term"))
-    body.append(["cause never listed: driver of the term right", right, "", "≥ 85"])
+    right = [share_text(part["driver_right"]) for part in (term, term["visible"])]
+    false = share_text(term["false_term"])
+    body.append(
+        ["cause never listed: balance and driver of the term right", *right, "≥ 85 visible"]
+    )
     body.append(["... share of the gap it closes", f"{term['closes']['median']:.2f}", "", "≥ 0.7"])
     body.append(["causes listed, or none: a term told", false, "", "≤ 3"])
     error, exact = (

@@ -21,13 +21,17 @@ PROBABILITY = {BEST: 0.3, OTHER: 0.2, RIVAL: 0.35, ("stribeck",): 0.0}
 @pytest.fixture
 def ranked(monkeypatch):
     """Stribeck friction is named, a hose acts besides; of two more models one has another cause."""
+    return made_ranking(monkeypatch, PROBABILITY)
+
+
+def made_ranking(monkeypatch, probability, hidden=()):
     monkeypatch.setattr(ranking, "balance_closure", lambda nominal, fitted, levels: fitted.closes)
     monkeypatch.setattr(
         ranking,
         "_own",
         lambda study, fitted, names, catalogue: {f"{n}.size": Value(1.0, 0.1, "N") for n in names},
     )
-    fits = {key: SimpleNamespace(cost=1.0, closes=sum(map(len, key))) for key in PROBABILITY}
+    fits = {key: SimpleNamespace(cost=1.0, closes=sum(map(len, key))) for key in probability}
     screen = {
         name: SimpleNamespace(explained=share, observable=share)
         for name, share in {
@@ -41,8 +45,8 @@ def ranked(monkeypatch):
         None, fits, (), screen, (("stribeck",),), None, {}, {}, {}, None,
         completed=Completed(BEST, ("stribeck",)),
     )  # fmt: skip
-    judgement = Judgement(Verdict.EFFECT, (), PROBABILITY, 0.0, np.ones(3), np.zeros(3))
-    return rank_candidates(None, selection, judgement, (), EFFECTS)
+    judgement = Judgement(Verdict.EFFECT, (), probability, 0.0, np.ones(3), np.zeros(3))
+    return rank_candidates(None, selection, judgement, hidden, EFFECTS)
 
 
 def test_models_that_differ_in_weak_effects_are_one_candidate(ranked):
@@ -61,3 +65,20 @@ def test_a_candidate_shows_what_it_names_alone(ranked):
     assert (named.explained, named.observable) == (0.8, 0.8)
     assert list(named.parameters) == ["size"]
     assert named.closure == sum(map(len, BEST))  # of the most probable of its models
+
+
+def test_forms_of_the_same_cause_are_one_candidate(monkeypatch):
+    """The most probable form is shown, with the probability of all."""
+    forms = {BEST: 0.2, ("hose_volume", "stribeck"): 0.3, ("hose_volume",): 0.1, ("hose",): 0.25}
+    ranked = made_ranking(monkeypatch, forms | {("stribeck",): 0.15})
+    names = [frozenset(candidate.names) for candidate in ranked]
+    assert len(names) == len(set(names))
+    by_causes = {candidate.names: candidate for candidate in ranked}
+    assert by_causes["hose",].probability == pytest.approx(0.35)
+    assert by_causes["hose", "stribeck"].probability == pytest.approx(0.3)
+
+
+def test_what_parameters_absorb_stands_once_whatever_its_forms(monkeypatch):
+    ranked = made_ranking(monkeypatch, PROBABILITY | {("hose_volume",): 0.15}, ("hose",))
+    assert [candidate.names for candidate in ranked].count(("hose",)) == 1
+    assert ranked[0].names == ("hose",) and ranked[0].probability == pytest.approx(0.8)

@@ -103,22 +103,23 @@ def most_missed_first(selection: Selection, effects: Sequence[Effect]) -> tuple[
 def _fitted_candidates(
     study: Study, selection: Selection, judgement: Judgement, catalogue: Catalogue
 ) -> list[Candidate]:
-    """Return the models fitted by what they name, each once, the most probable first.
+    """Return the models fitted by the causes that they name, each once, the most probable first.
 
-    Models that differ in weak effects besides are one candidate: the most probable of them is
-    shown, with the probability of all.
+    Models that differ in the forms of these causes, or in weak effects besides, are one candidate:
+    the most probable of them is shown, with the probability of all.
     """
     fits = {**selection.fits, selection.chosen: selection.final}
     probability = {names: judgement.probability.get(names, 0.0) for names in fits if names}
-    best: dict[Names, Names] = {}
-    total: dict[Names, float] = {}
+    best: dict[frozenset[str], tuple[Names, Names]] = {}
+    total: dict[frozenset[str], float] = {}
     for names in sorted(probability, key=lambda key: (-probability[key], selection.fits[key].cost)):
         named = tuple(name for name in names if name not in selection.besides) or names
-        best.setdefault(named, names)
-        total[named] = total.get(named, 0.0) + probability[names]
+        causes = frozenset(causes_of(named, catalogue))
+        best.setdefault(causes, (named, names))
+        total[causes] = total.get(causes, 0.0) + probability[names]
     return [
-        _candidate(study, selection, named, best[named], total[named], catalogue)
-        for named in sorted(best, key=lambda named: -total[named])
+        _candidate(study, selection, *best[causes], total[causes], catalogue)
+        for causes in sorted(best, key=lambda causes: -total[causes])
     ]
 
 
@@ -152,7 +153,10 @@ def rank_candidates(
     hidden: Sequence[str],
     catalogue: Catalogue,
 ) -> tuple[Candidate, ...]:
-    """Rank the causes of the models fitted, after what parameters may have absorbed (`hidden`)."""
+    """Rank the causes of the models fitted, each set of causes once.
+
+    First comes what parameters may have absorbed (`hidden`).
+    """
     ranked = _fitted_candidates(study, selection, judgement, catalogue)
     for name, screened in selection.screen.items():
         if (name,) not in selection.fits and all(name not in f.effects for f in selection.failures):
@@ -166,20 +170,17 @@ def rank_candidates(
         Candidate((name,), ABSORBED_PROBABILITY * float(share), None, 0.0, 0.0)
         for name, share in zip(hidden, shares / shares.sum(), strict=True)
     ]
-    rest = [
-        candidate
-        for candidate in ranked
-        if not (len(candidate.names) == 1 and candidate.names[0] in hidden)
-    ]
+    causes_absorbed = [{cause} for cause in causes_of(hidden, catalogue)]
+    rest = [c for c in ranked if set(causes_of(c.names, catalogue)) not in causes_absorbed]
     left = (
         (1.0 - ABSORBED_PROBABILITY) / max(1.0, sum(candidate.probability for candidate in rest))
         if hidden
         else 1.0
     )
-    return tuple(
-        replace(candidate, names=causes_of(candidate.names, catalogue))
-        for candidate in (
-            *absorbed,
-            *(replace(candidate, probability=left * candidate.probability) for candidate in rest),
-        )
-    )
+    rest = [replace(candidate, probability=left * candidate.probability) for candidate in rest]
+    by_causes: dict[frozenset[str], Candidate] = {}
+    for candidate in (*absorbed, *rest):
+        causes = causes_of(candidate.names, catalogue)
+        # What was not fitted, or failed, is another form of what stands there already.
+        by_causes.setdefault(frozenset(causes), replace(candidate, names=causes))
+    return tuple(by_causes.values())

@@ -7,12 +7,14 @@
 - *offered*: the set of effects that the verdict leaves open, *named* included: ``effect`` and
   ``ambiguous`` with all that the data cannot tell from it, ``absorbed`` likewise. Effects that a
   label joins count one by one, so that a set is as large as the effects that it holds.
-- *ranking*: the candidates as ranked, whatever the verdict.
+- *ranking*: the candidates as ranked, whatever the verdict; forms of the same causes are one.
 """
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
+
+from pneumo_casadi.evaluation.sealed_check.true_balance import MEASUREMENT
 
 #: Verdicts that stand for effects.
 NAMING = ("effect", "ambiguous", "absorbed")
@@ -38,6 +40,8 @@ class Answer:
         Effect that is named first; empty if none is.
     driver : str
         What a discovered term depends on; empty without one.
+    acts_in : frozenset of str
+        Balances of the discovered term, ``measurement`` for any sensor.
     closes : float or None
         Share of the held-out gap that it closes.
     """
@@ -50,6 +54,7 @@ class Answer:
     balance: str
     first: str = ""
     driver: str = ""
+    acts_in: frozenset[str] = frozenset()
     closes: float | None = None
 
 
@@ -63,8 +68,11 @@ def read_answer(verdict: Mapping[str, Any]) -> Answer:
     (['hose'], ['hose', 'valve_dynamics'])
     """
     word = str(verdict["verdict"])
-    candidates = list(verdict.get("ranking") or ())
-    ranking = tuple(effects_in(item["name"]) for item in candidates)
+    chances: dict[frozenset[str], float] = {}
+    for item in verdict.get("ranking") or ():
+        causes = effects_in(item["name"])
+        chances[causes] = chances.get(causes, 0.0) + float(item.get("probability") or 0.0)
+    ranking = tuple(chances)
     added = frozenset(str(item["name"]) for item in verdict.get("effects") or ())
     added |= frozenset(str(name) for name in verdict.get("absorbed") or ())
     alike = [effects_in(label) for label in verdict.get("ambiguous") or ()]
@@ -78,10 +86,14 @@ def read_answer(verdict: Mapping[str, Any]) -> Answer:
         named,
         union([named, *alike]) if word in NAMING else frozenset(),
         ranking,
-        float(candidates[0].get("probability") or 0.0) if candidates else 0.0,
+        next(iter(chances.values()), 0.0),
         str((verdict.get("where") or {}).get("balance") or ""),
         next((str(item["name"]) for item in verdict.get("effects") or ()), min(named, default="")),
         str(term.get("driver") or ""),
+        frozenset(
+            str(name).partition("_")[0] if str(name).startswith(MEASUREMENT) else str(name)
+            for name in term.get("balances") or ()
+        ),
         (term.get("closes") or {}).get("value"),
     )
 

@@ -65,10 +65,10 @@ class WithheldOptions:
     duration, fs : float
         Length of each record [s] and sampling frequency [Hz].
     rivals : int or None
-        Number of cases, in the order of the draw, on which simple rivals are run; None for all.
+        Number of clean cases, in the order of the draw, on which simple rivals are run; None for
+        all. They fit every effect of the catalogue and take longer than the diagnosis.
     background : float
         Share of cases with weak effects besides.
-        They fit every effect of the catalogue and take longer than the diagnosis.
     """
 
     cases: int = 160
@@ -150,7 +150,7 @@ def _measure(
         sizes[draw.name] = partial(
             measure_one, folder / MEASURES, case, draw, named, options.duration, options.fs
         )
-        if draw.kind in KINDS_OF_RIVALS:
+        if draw.kind in KINDS_OF_RIVALS and not draw.background:  # no others are scored
             rivals[draw.name] = partial(rivals_of_one, folder / RIVALS, case, draw)
     selected = dict(list(rivals.items())[: options.rivals])
     measures: dict[str, dict[str, Any]] = {draw.name: {} for draw in draws}

@@ -7,6 +7,7 @@ from typing import Any
 from pneumo_casadi.evaluation.sealed_check.answer import Answer
 from pneumo_casadi.evaluation.sealed_check.draw import Draw, Kind
 from pneumo_casadi.evaluation.sealed_check.largest import largest_of
+from pneumo_casadi.evaluation.sealed_check.true_balance import balances_of
 
 #: Kinds whose cause the catalogue does not hold.
 UNKNOWN_CAUSE = (Kind.LEFT_OUT, Kind.NEVER_LISTED)
@@ -54,6 +55,17 @@ class Judged:
         return (self.causes if self.draw.listed else frozenset()) | self.draw.weak_causes
 
     @property
+    def balances(self) -> frozenset[str]:
+        """Balances in which the causes act, in the forms that were recorded."""
+        return balances_of(self.causes, self.draw.forms.values())
+
+    @property
+    def each_shows(self) -> bool:
+        """Whether each cause of a pair is visible beside the other one."""
+        beside = self.measured.get("shows_beside") or {"": False}
+        return all(beside.values())
+
+    @property
     def kind(self) -> Kind:
         """What the case asks."""
         return self.draw.kind
@@ -86,5 +98,7 @@ class Judged:
             "ranking": [" + ".join(sorted(names)) for names in self.answer.ranking[:3]],
             "probability": self.answer.probability,
             "balance": self.answer.balance,
+            "driver": self.answer.driver,
+            "closes": self.answer.closes,
             "measured": {**self.measured, "by_error": self.measured.get("by_error", [])[:3]},
         }

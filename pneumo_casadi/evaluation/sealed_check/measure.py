@@ -6,7 +6,9 @@ noise and background without the causes.
 
 - A cause is *visible* where the residual of the nominal axis on the held-out record exceeds that
   of the twin `VISIBLE` times in some balance.
-- Which effect of a single among weak ones has the largest gap is measured too, see `largest`.
+- A pair is measured without each of its causes too: whether either shows beside the other.
+- Which effect among weak ones has the largest gap is measured where there is one cause, see
+  `largest`.
 - The gap is that of all balances of the held-out record, in units of the residuals of the twin,
   which are its noise floor (`pneumo_casadi.metrics`). The oracle's closure is that of the axis with
   the true effects; it is compared with that of the axis with the effects named. Neither uses
@@ -61,8 +63,10 @@ def measure_one(
         with draft_folder() as scratch:
             floor = nominal_rms(replace(draw, effects={}), scratch / "twin", duration, fs)
         content = measured(prepare_study(read_case(case))[0], floor, draw, named)
-        if draw.kind is Kind.SINGLE and draw.background:
+        if draw.background and len(draw.effects) == 1 and draw.kind is not Kind.ABSORBED:
             content["gap_without"] = gaps_without(draw, floor, duration, fs)
+        if draw.kind is Kind.PAIR:
+            content["shows_beside"] = shows_beside(draw, content["rms"], duration, fs)
         return content
 
     _write(figures, folder, draw)
@@ -113,6 +117,19 @@ def measured(study: Study, floor: FloatArray, draw: Draw, named: Collection[str]
         "oracle_shrink": shrink(draw.effects) if knows else None,
         "named_shrink": shrink(named) if knows else None,
     }
+
+
+def shows_beside(
+    draw: Draw, rms: Mapping[str, float], duration: float, fs: float
+) -> dict[str, bool]:
+    """Return which causes are visible beside the other ones, by what is left without them."""
+    before, shown = np.array(list(rms.values())), {}
+    for cause in draw.effects:
+        others = {name: size for name, size in draw.effects.items() if name != cause}
+        with draft_folder() as scratch:
+            floor = nominal_rms(replace(draw, effects=others), scratch / cause, duration, fs)
+        shown[cause] = bool(np.any(before > VISIBLE * floor))
+    return shown
 
 
 def closure_above_twin(before: FloatArray, after: FloatArray, floor: FloatArray) -> float:

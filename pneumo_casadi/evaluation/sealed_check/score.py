@@ -19,6 +19,8 @@ located             all with causes but         the stated balance is one where 
                     absorbed
 pair_one            pairs                       *named* holds one of the causes, or both
 pair_both           pairs                       *named* holds both
+pair_both_shown     pairs of which each cause   *named* holds both
+                    shows beside the other one
 absorbed_told       absorbed                    *offered* holds the cause
 absorbed_misnamed   absorbed                    something is *named*, but *offered* lacks it
 failed              all                         the diagnosis ended in an error
@@ -28,9 +30,9 @@ For the verdict ``ambiguous``, *named* is the first effect of the set; ``set_siz
 of *offered* among singles with a set. For ``absorbed``, *named* is the first effect that the
 parameters may have absorbed. Scores are computed twice: "all" has all cases, where ``none`` is a
 miss even if the effect is too small to be visible; "visible" has the cases with a visible cause
-(`measure`) and those where nothing is wrong. Calibration is computed over all cases: the first
-entry of the ranking, with its stated probability, is a hit if it equals the set of causes. It is
-never a hit if nothing is wrong or the causes are not in the catalogue.
+(`measure`) and those where nothing is wrong. Calibration is computed over all clean cases: the
+first entry of the ranking, with its stated probability, is a hit if it equals the set of causes. It
+is never a hit if nothing is wrong or the causes are not in the catalogue.
 
 These scores are about clean cases. Cases with a background of weak effects have their own, under
 ``background``:
@@ -45,6 +47,8 @@ largest_first       singles                     it is the first effect named
 pair_one            pairs                       *named* holds one of the causes, or both
 false_alarm         nothing but weak effects    an effect is *named* that is not there
 unknown_caught      left out, never listed      the verdict is ``unknown``
+unknown_largest     those whose cause has the   the verdict is ``unknown``
+                    largest gap
 located             as above                    as above
 ==================  ==========================  ================================================
 """
@@ -58,7 +62,6 @@ from pneumo_casadi.evaluation.sealed_check.breakdown import confusion, per_effec
 from pneumo_casadi.evaluation.sealed_check.draw import Kind
 from pneumo_casadi.evaluation.sealed_check.judged import FAILED, UNKNOWN_CAUSE, Judged
 from pneumo_casadi.evaluation.sealed_check.tally import Share, calibration
-from pneumo_casadi.evaluation.sealed_check.true_balance import balances_of
 from pneumo_casadi.virtual_bench import FORMS
 
 #: By score: which cases, and when it is a hit.
@@ -88,14 +91,18 @@ SCORES: Mapping[str, tuple[Callable[[Judged], bool], Callable[[Judged], bool]]] 
     ),
     "located": (
         lambda c: c.kind not in (Kind.NONE, Kind.ABSORBED),
-        lambda c: c.answer.balance in balances_of(c.causes),
+        lambda c: c.answer.balance in c.balances,
     ),
     "located_single": (
         lambda c: c.kind is Kind.SINGLE,
-        lambda c: c.answer.balance in balances_of(c.causes),
+        lambda c: c.answer.balance in c.balances,
     ),
     "pair_one": (lambda c: c.kind is Kind.PAIR, lambda c: bool(c.answer.named & c.causes)),
     "pair_both": (lambda c: c.kind is Kind.PAIR, lambda c: c.answer.named >= c.causes),
+    "pair_both_shown": (
+        lambda c: c.kind is Kind.PAIR and c.each_shows,
+        lambda c: c.answer.named >= c.causes,
+    ),
     "absorbed_told": (lambda c: c.kind is Kind.ABSORBED, lambda c: c.causes <= c.answer.offered),
     "absorbed_misnamed": (
         lambda c: c.kind is Kind.ABSORBED,
@@ -147,6 +154,7 @@ def background_scores(cases: Sequence[Judged]) -> dict[str, Any]:
 def _background_answers(cases: Sequence[Judged]) -> dict[str, list[bool]]:
     singles = [case for case in cases if case.kind is Kind.SINGLE]
     measured = [case for case in singles if case.largest]
+    unlisted = [case for case in cases if case.kind in UNKNOWN_CAUSE]
     return {
         "names_true": [name in c.true_names for c in cases for name in sorted(c.answer.named)],
         "dominant_named": [case.causes <= case.answer.named for case in singles],
@@ -159,11 +167,12 @@ def _background_answers(cases: Sequence[Judged]) -> dict[str, list[bool]]:
         "false_alarm": [
             bool(case.answer.named - case.true_names) for case in cases if case.kind is Kind.NONE
         ],
-        "unknown_caught": [
-            case.answer.verdict == "unknown" for case in cases if case.kind in UNKNOWN_CAUSE
+        "unknown_caught": [case.answer.verdict == "unknown" for case in unlisted],
+        "unknown_largest": [
+            case.answer.verdict == "unknown" for case in unlisted if case.largest in case.causes
         ],
         "located": [
-            case.answer.balance in balances_of(case.causes)
+            case.answer.balance in case.balances
             for case in cases
             if case.kind not in (Kind.NONE, Kind.ABSORBED)
         ],
@@ -173,25 +182,32 @@ def _background_answers(cases: Sequence[Judged]) -> dict[str, list[bool]]:
 def discovered_scores(cases: Sequence[Judged]) -> dict[str, Any]:
     """Return how good discovered terms are.
 
-    `driver_right` is a hit where the term of a cause that no catalogue has depends on what the
-    cause depends on; `false_term` where a term is told although every cause is listed.
+    `driver_right` is a hit where the term of a cause that no catalogue has acts in a balance of the
+    cause, and depends on what the cause depends on; under ``visible`` of the causes that are.
+    `false_term` is one where a term is told although every cause is listed.
     """
     unlisted = [case for case in cases if case.kind is Kind.NEVER_LISTED]
     listed = [case for case in cases if case.draw.listed]
     closed = [case.answer.closes for case in unlisted if case.answer.closes is not None]
     return {
-        "driver_right": Share.among(_driver_is_right(case) for case in unlisted).as_dict(),
+        "driver_right": Share.among(_term_is_right(case) for case in unlisted).as_dict(),
+        "visible": {
+            "driver_right": Share.among(
+                _term_is_right(case) for case in unlisted if case.counts_as_visible
+            ).as_dict()
+        },
         "closes": {"median": float(np.median(closed)) if closed else None, "of": len(closed)},
         "false_term": Share.among(bool(case.answer.driver) for case in listed).as_dict(),
     }
 
 
-def _driver_is_right(case: Judged) -> bool:
-    """Return whether a term's driver, or one of several, is that of the cause."""
-    true = {FORMS[name].driver for name in case.causes}
-    parts = (part.strip() for part in case.answer.driver.split(","))
+def _term_is_right(case: Judged) -> bool:
+    """Return whether a term acts where the cause does, and its driver is that of the cause."""
+    driver = case.answer.driver
     # Which pressure it is the form says; time and travel since a reversal are other drivers.
-    return bool(true & {"p" if part.startswith("p_") else part for part in parts})
+    driver = "p" if driver.startswith("p_") else driver
+    acts = bool(case.answer.acts_in) and case.answer.acts_in <= case.balances
+    return acts and driver in {FORMS[name].driver for name in case.causes}
 
 
 def scores_of(cases: Sequence[Judged]) -> dict[str, Any]:

@@ -66,10 +66,13 @@ class Bin:
         Mean stated probability.
     share : Share
         Those that were right.
+    each : tuple of float
+        Every stated probability.
     """
 
     stated: float
     share: Share
+    each: tuple[float, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +95,8 @@ class Calibration:
     def error_if_exact(self) -> float | None:
         """Mean error that as many cases would show if all stated probabilities were exact.
 
-        Each bin counts a binomial number of hits. An error as small says that they may be exact.
+        Each bin counts the hits of its own probabilities. An error as small says that they may be
+        exact.
 
         Examples
         --------
@@ -104,8 +108,10 @@ class Calibration:
             return None
         off = 0.0
         for bin_ in self.bins:
-            hits = np.arange(bin_.share.of + 1)
-            chance = stats.binom.pmf(hits, bin_.share.of, bin_.stated)
+            chance = np.ones(1)  # of each number of hits
+            for p in bin_.each:
+                chance = np.convolve(chance, (1 - p, p))
+            hits = np.arange(chance.size)
             off += float(chance @ np.abs(hits - bin_.share.of * bin_.stated))
         return round(off / cases, 4)
 
@@ -141,6 +147,7 @@ def calibration(stated: Sequence[float], right: Sequence[bool], bins: int = BINS
         Bin(
             float(np.mean([stated[i] for i in part])),
             Share.among(right[i] for i in part),
+            tuple(float(stated[i]) for i in part),
         )
         for part in parts
     )

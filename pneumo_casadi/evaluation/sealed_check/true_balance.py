@@ -28,14 +28,26 @@ UNLISTED = {
     "square_root_friction": frozenset({"force"}),
     "friction_fade": frozenset({"force"}),
 }
+#: Balances of forms of the bench beside those of their cause: their sensors sit elsewhere.
+OF_FORMS = {
+    "elastic_load_measured": frozenset({MEASUREMENT}),
+    "hose_volume_at_valve": frozenset({MEASUREMENT}),
+}
 _NOMINAL = (*(f"X_s{i}" for i in range(1, 7)), "M", "f_v", "F_c_plus", "F_c_minus", "v_s")
 
 
-def balances_of(names: Iterable[str]) -> frozenset[str]:
+def balances_of(names: Iterable[str], forms: Iterable[str] = ()) -> frozenset[str]:
     """Return the balances in which any of some effects acts.
 
     Where an effect acts on both chambers, either mass flow is a right answer; where it acts on
     what a sensor shows, ``measurement`` is.
+
+    Parameters
+    ----------
+    names : iterable of str
+        The causes.
+    forms : iterable of str, optional
+        The forms of the bench that were recorded, where these are not the usual ones.
 
     Raises
     ------
@@ -49,7 +61,7 @@ def balances_of(names: Iterable[str]) -> frozenset[str]:
     >>> sorted(balances_of(["position_delay"]))
     ['measurement']
     """
-    balances: frozenset[str] = frozenset()
+    balances = frozenset[str]().union(*(OF_FORMS.get(form, frozenset()) for form in forms))
     for name in names:
         if name in EFFECTS:
             balances |= acting_in(EFFECTS[name]())

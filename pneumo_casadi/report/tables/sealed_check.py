@@ -11,9 +11,10 @@ SHARES = (
     ("ranked_first", "single effects: first in the ranking"),
     ("first_three", "single effects: among the first three"),
     ("set_covers", "single effects: among the possible causes named"),
-    ("set_covers_given", "... if several possible causes are named"),
+    ("set_covers_given", "... if any are named"),
     ("pair_one", "pairs: at least one named"),
     ("pair_both", "pairs: both named"),
+    ("pair_both_shown", "... if each shows beside the other"),
     ("false_alarm", "no effect: one named (false alarm)"),
     ("unknown_caught", "cause outside the catalogue: unknown"),
     ("unknown_caught_left_out", "... effect left out of the catalogue"),
@@ -38,6 +39,7 @@ AMONG_WEAK = (
     ("pair_one", "pairs among weak effects: at least one named"),
     ("false_alarm", "weak effects only: one named that is not there"),
     ("unknown_caught", "among weak effects, cause outside the catalogue: unknown"),
+    ("unknown_largest", "... if it has the largest gap"),
     ("located", "among weak effects: correct balance"),
 )
 
@@ -71,7 +73,10 @@ def withheld_table(result: Mapping[str, Any]) -> Table:
     rows += [(text, *(share_text(score[key]) for score in weak)) for key, text in AMONG_WEAK]
     term = result["discovered"]
     rows += [
-        ("cause never listed: driver of the term right", share_text(term["driver_right"]), ""),
+        (
+            "cause never listed: balance and driver of the term right",
+            *(share_text(part["driver_right"]) for part in (term, term["visible"])),
+        ),
         ("... gap that the term closes, median", _number(term["closes"], "median"), ""),
         ("causes listed, or none: a term told", share_text(term["false_term"]), ""),
     ]

@@ -255,20 +255,74 @@ def test_the_largest_effect_is_the_one_without_which_the_gap_is_least(judged, to
 
 
 def test_discovered_terms_are_scored_by_what_they_depend_on(judged, told):
-    def with_term(content, driver, closes):
-        return {**content, "discovered": {"driver": driver, "closes": {"value": closes}}}
+    def with_term(content, balance, driver, closes):
+        term = {"balances": [balance], "driver": driver, "closes": {"value": closes}}
+        return {**content, "discovered": term}
 
     unknown = told("unknown")
     cases = [
-        judged("never_listed", "cogging", with_term(unknown, "x", 0.9)),
-        judged("never_listed", "vibration", with_term(unknown, "x", 0.3)),
-        judged("never_listed", "pressure_crosstalk", with_term(unknown, "p_P", 0.6)),
-        judged("never_listed", "flow_drift", unknown),
-        judged("never_listed", "vibration", with_term(unknown, "t_reversal", None)),
-        judged("single", "stribeck", with_term(unknown, "v", 0.5)),
+        judged("never_listed", "cogging", with_term(unknown, "force", "x", 0.9)),
+        judged("never_listed", "cogging", with_term(unknown, "mass_flow_P", "x", 0.6)),
+        judged("never_listed", "vibration", with_term(unknown, "force", "x", 0.3)),
+        judged(
+            "never_listed", "pressure_crosstalk", with_term(unknown, "measurement_P", "p_N", 0.6)
+        ),
+        judged("never_listed", "flow_drift", unknown, visible=False),
+        judged("never_listed", "vibration", with_term(unknown, "force", "t_reversal", None)),
+        judged("single", "stribeck", with_term(unknown, "force", "v", 0.5)),
         judged("none", "", told("none")),
     ]
     result = scored(cases)["discovered"]
-    assert (result["driver_right"]["hits"], result["driver_right"]["of"]) == (2, 5)
-    assert result["closes"] == {"median": 0.6, "of": 3}
+    assert (result["driver_right"]["hits"], result["driver_right"]["of"]) == (2, 6)
+    visible = result["visible"]["driver_right"]
+    assert (visible["hits"], visible["of"]) == (2, 5)
+    assert result["closes"] == {"median": 0.6, "of": 4}
     assert (result["false_term"]["hits"], result["false_term"]["of"]) == (1, 2)
+    assert cases[0].as_dict()["driver"] == "x" and cases[0].as_dict()["closes"] == 0.9
+
+
+def test_both_of_a_pair_are_asked_for_where_each_shows_beside_the_other(judged, told):
+    shown = {"stribeck": True, "hose": True}
+    cases = [
+        judged("pair", "stribeck hose", told("effect", "hose", "stribeck"), shows_beside=shown),
+        judged("pair", "stribeck hose", told("effect", "hose"), shows_beside=shown),
+        judged(
+            "pair", "stribeck hose", told("effect", "hose"), shows_beside=shown | {"hose": False}
+        ),
+        judged("pair", "stribeck hose", told("effect", "hose")),
+    ]
+    scores = scored(cases)
+    assert hits(scores, "pair_both", "visible") == (1, 4)
+    assert hits(scores, "pair_both_shown", "visible") == (1, 2)
+
+
+def test_of_causes_outside_the_catalogue_those_with_the_largest_gap_are_counted_besides(
+    judged, told
+):
+    gaps = [{"cogging": 1.0, "backlash": 2.0}, {"cogging": 2.0, "backlash": 1.0}]
+    cases = [
+        clouded(judged("never_listed", "cogging", told(word), gap_without=gaps[i]), "backlash")
+        for word, i in (("unknown", 0), ("effect", 1))
+    ]
+    background = scored(cases)["background"]["all"]
+    assert (background["unknown_caught"]["hits"], background["unknown_caught"]["of"]) == (1, 2)
+    assert (background["unknown_largest"]["hits"], background["unknown_largest"]["of"]) == (1, 1)
+
+
+def test_forms_of_the_same_causes_are_one_entry_of_a_ranking(told):
+    content = told("effect", "hose", ranking=["a + b", "hose", "b + a"], probability=0.5)
+    answer = read_answer(content)
+    assert answer.ranking == ({"a", "b"}, {"hose"})
+    assert answer.probability == pytest.approx(0.75)
+
+
+def test_a_form_whose_sensor_sits_elsewhere_shows_in_the_measurement_too(judged, told):
+    case = judged("left_out", "elastic_load", told("unknown", balance="measurement"))
+    assert hits(scored([case]), "located") == (0, 1)
+    recorded = replace(case.draw, forms={"elastic_load": "elastic_load_measured"})
+    assert hits(scored([replace(case, draw=recorded)]), "located") == (1, 1)
+
+
+def test_an_exact_statement_shows_the_error_of_its_own_probabilities():
+    """Two sure statements and one of a half err by a half on average, whatever their mean."""
+    assert calibration([1.0, 0.5, 0.0], [True, True, False], bins=1).error_if_exact == 0.1667
