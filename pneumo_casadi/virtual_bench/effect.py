@@ -38,6 +38,8 @@ class Size:
         Value at which the effect is not there.
     signed : bool
         Whether nature may choose the sign.
+    fixed : bool
+        Whether it is the same on every axis, as an exponent that makes the form what it is.
     description : str
         What it is.
     """
@@ -48,6 +50,7 @@ class Size:
     scale: str = "1"
     off: float = 0.0
     signed: bool = False
+    fixed: bool = False
     description: str = ""
 
 
@@ -190,7 +193,7 @@ def effect_at_severity(
     parameters = {}
     for size in form.sizes:
         value = size.values[column] * known[size.scale]
-        if rng is not None:
+        if rng is not None and not size.fixed:
             value *= float(np.exp(rng.uniform(-0.18, 0.18)))
             if size.signed and rng.random() < 0.5:
                 value = -value

@@ -152,7 +152,10 @@ def _multisine_and_steps(axis: VirtualAxis, t: FloatArray, rng: np.random.Genera
 
 
 def _creep(axis: VirtualAxis, t: FloatArray, rng: np.random.Generator) -> Drawn:
-    """Ramp up and down at speeds from 5 to 80 mm/s, each way at each of them."""
+    """Ramp up and down at speeds of 1 to 16, at most 5 to 80 mm/s, each way at each of them.
+
+    All are reduced by one factor where the way would be longer than a quarter of the stroke.
+    """
     speeds = rng.permutation([0.005, 0.015, 0.04, 0.08])
     way = np.repeat(speeds, 2) * np.tile([1.0, -1.0], 4)
     leg = np.minimum((t / max(t[-1], 1e-9) * 8).astype(int), 7)

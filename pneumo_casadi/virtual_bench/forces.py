@@ -8,7 +8,7 @@ STRIBECK = EffectForm(
     (
         Size("delta_F", "N", (0.15, 0.4, 0.9), "F_c", description="breakaway over sliding"),
         Size("v_s", "m/s", (0.02, 0.02, 0.03), description="velocity of decay"),
-        Size("exponent", "1", (1.0, 1.0, 1.0), off=1.0, description="δ"),
+        Size("exponent", "1", (1.0, 1.0, 1.0), off=1.0, fixed=True, description="δ"),
     ),
     note="shows at low speed; takes some of F_c and f_v with it",
     strength=("delta_F",),

@@ -43,7 +43,11 @@ def _form(usual: EffectForm, name: str, equation: str, **constants: float) -> Ef
 
 def _with_exponent(exponent: float) -> tuple[Size, ...]:
     delta_F, v_s, _ = STRIBECK.sizes
-    return delta_F, v_s, Size("exponent", "1", (exponent,) * 3, off=1.0, description="δ")
+    return (
+        delta_F,
+        v_s,
+        Size("exponent", "1", (exponent,) * 3, off=1.0, fixed=True, description="δ"),
+    )
 
 
 _HOSE_SIZES = (
@@ -87,7 +91,10 @@ FORMS = (
         ),
         strength=("height",),
     ),
-    _form(QUADRATIC_DRAG, "steep", "c |v|^2.2 sign v", power=1.2),
+    replace(
+        _form(QUADRATIC_DRAG, "steep", "c |v|^2.2 sign v", power=1.2),
+        sizes=(replace(QUADRATIC_DRAG.sizes[0], unit="N s^2.2/m^2.2"),),
+    ),
     _form(SPRING_LOAD, "softening", "−k x (1 − 0.3 (2x/l)²)", hardening=-0.3),
     _form(ELASTIC_LOAD, "measured", "as elastic_load; the position sensor is at x_2", measured=1.0),
     EffectForm(

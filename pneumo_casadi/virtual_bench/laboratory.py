@@ -41,7 +41,7 @@ class Laboratory:
     Parameters
     ----------
     angle_deg : float, optional
-        Inclination of +x above the horizontal [°].
+        Inclination of +x above the horizontal [°]; by default that of the axis.
     load_force : float, optional
         Amplitude of an external force that a load cell measures [N]; recorded as ``F_load``.
     supply : bool, optional
@@ -79,7 +79,7 @@ class Laboratory:
     <Clock.UNIFORM: 'uniform'>
     """
 
-    angle_deg: float = 0.0
+    angle_deg: float | None = None
     load_force: float = 0.0
     supply: bool = False
     v_noise: float = 0.0
@@ -103,8 +103,11 @@ class Laboratory:
 
     def equip(self, axis: VirtualAxis) -> VirtualAxis:
         """Return an axis as it stands in the laboratory."""
-        known = self.controller if not isinstance(self.controller, NoController) else None
-        axis = replace(axis, angle_deg=self.angle_deg, controller=known)
+        if self.angle_deg is not None:
+            axis = replace(axis, angle_deg=self.angle_deg)
+        if self.controller is not None:
+            known = self.controller if not isinstance(self.controller, NoController) else None
+            axis = replace(axis, controller=known)
         if not self.double_rod:
             return axis
         return replace(axis, S_N=axis.S_P, V_DN=axis.V_DN * axis.S_P / axis.S_N)

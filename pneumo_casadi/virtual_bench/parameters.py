@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from pneumo_casadi.data import AntiWindup, CascadeController, PidController
+from pneumo_casadi.errors import ModelError
 from pneumo_casadi.virtual_bench.axis import VirtualAxis
 from pneumo_casadi.virtual_bench.catalogue import ALL_FORMS
 from pneumo_casadi.virtual_bench.effect import VirtualEffect
@@ -81,7 +82,20 @@ def kernel_parameters(
 
     `dt` [s] is the step of the record, of which the sampling period of the controller is a
     multiple.
+
+    Raises
+    ------
+    ModelError
+        If two effects have one cause: the kernels know one form of each.
     """
+    causes = [effect.form.cause for effect in effects]
+    twice = sorted({cause for cause in causes if causes.count(cause) > 1})
+    if twice:
+        raise ModelError(
+            f"{', '.join(twice)}: two effects of one cause; leave one of them out (a laboratory "
+            "that records the supply pressure has a supply_droop, one with two valves a "
+            "valve_mismatch)"
+        )
     values = _axis_values(axis)
     if axis.controller is not None and axis.controller.sample_time is not None:
         values["law_samples"] = float(round(axis.controller.sample_time / dt))

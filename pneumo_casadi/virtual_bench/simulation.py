@@ -113,11 +113,16 @@ def simulate_axis(
     Raises
     ------
     ModelError
-        If the run leaves the finite numbers.
+        If the run leaves the finite numbers, if two effects have one cause, or if the position is
+        to be delayed under a clock with jitter.
     """
     N, dt = drive.x_ref.size, 1.0 / fs
     substeps = max(1, ceil(dt / (step or longest_step(effects)) - 1e-9))
     par = kernel_parameters(axis, effects, dt)
+    if jitter and par["position_delay_T"] > 0.0:
+        raise ModelError(
+            "position_delay: the bench counts its delay in equal steps; record without jitter"
+        )
     sigma = np.array([axis.sensors.p_noise, axis.sensors.p_noise, axis.sensors.x_noise])
     noise = np.random.default_rng([seed, 4]).standard_normal((N, 3)) * sigma
     rows = np.full((N, layout.ROW), np.nan)

@@ -14,6 +14,7 @@ from pneumo_casadi.virtual_bench import (
     effects_for,
     simulate_axis,
 )
+from pneumo_casadi.virtual_bench.catalogue import ALL_FORMS
 from pneumo_casadi.virtual_bench.effect import effect_at_severity
 from pneumo_casadi.virtual_bench.kernels import layout
 
@@ -153,3 +154,37 @@ def test_the_forces_on_both_masses_of_an_elastic_load_add_up(axis, drive):
     rate = (momentum[2:] - momentum[:-2]) / 2e-3
     np.testing.assert_allclose(rate[sliding], force[1:-1][sliding], atol=0.3)
     assert np.abs(y[:, layout.X_2] - y[:, layout.X]).max() > 1e-4
+
+
+def test_a_lag_acts_on_the_pressure_where_the_sensor_sits(axis, drive):
+    """With the sensor at the valve it follows the pressure of the hose, not that of the chamber."""
+    tau = 0.02
+    axis = axis.with_ideal_sensors()
+    forms = {"hose_volume_at_valve": "large", "pressure_sensor_lag_first_order": {"tau": tau}}
+    run = simulate_axis(axis, drive, effects_for(axis, forms))
+    at_valve, shown = run.states[:, layout.LINE_P], run.rows[:, 2]
+    dt = float(run.t[1] - run.t[0])
+    slope = np.gradient(shown, dt)[5:-5]
+    behind = (at_valve - shown)[5:-5]
+    assert np.std(behind - tau * slope) < 0.02 * np.std(behind)
+
+
+def test_what_makes_a_form_is_the_same_on_every_axis(axis):
+    for name, exponent in (("stribeck", 1.0), ("stribeck_gaussian", 2.0)):
+        drawn = [
+            effect_at_severity(ALL_FORMS[name], Severity.LARGE, axis, seed) for seed in range(5)
+        ]
+        assert {effect.parameters["exponent"] for effect in drawn} == {exponent}
+        assert len({effect.parameters["delta_F"] for effect in drawn}) == 5
+
+
+def test_two_effects_of_one_cause_are_refused(axis, brief):
+    both = effects_for(axis, {"stribeck": "large", "stribeck_gaussian": "small"})
+    with pytest.raises(ModelError, match="stribeck: two effects of one cause"):
+        simulate_axis(axis, brief, both)
+
+
+def test_a_delay_is_not_simulated_under_a_clock_with_jitter(axis, brief):
+    late = effects_for(axis, {"position_delay": "large"})
+    with pytest.raises(ModelError, match="record without jitter"):
+        simulate_axis(axis, brief, late, jitter=0.1)

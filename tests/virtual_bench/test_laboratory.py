@@ -66,6 +66,13 @@ def test_the_weight_of_an_inclined_axis_is_carried_by_the_pressures(made):
     assert case.case.bench.load.angle_deg == 90.0
 
 
+def test_a_laboratory_leaves_an_axis_as_it_is_but_for_what_it_states():
+    axis = replace(random_axis(SEED), angle_deg=90.0, controller=PID)
+    assert Laboratory().equip(axis) == axis
+    assert Laboratory(angle_deg=0.0).equip(axis) == replace(axis, angle_deg=0.0)
+    assert Laboratory(controller=NoController()).equip(axis).controller is None
+
+
 def test_further_sensors_show_what_moves_the_piston(made):
     case = made(v_noise=1e-3, a_noise=0.05, load_force=30.0)
     record, axis = case.case.identify[0], case.axis

@@ -14,16 +14,24 @@ CARRIAGE, CHANNEL, MEMORY = 0, 1, 10
 
 
 @kernel
+def pressures_at_sensors(y: FloatArray, par: Any) -> Any:
+    """Return the pressures where the sensors are tapped [Pa]: at the chambers, or at the valves."""
+    if par.hose_volume_V > 0.0 and par.hose_volume_sensor > 0.0:
+        return y[LINE_P], y[LINE_N]
+    p_P, _, p_N, _ = gas_states(y, par)
+    return p_P, p_N
+
+
+@kernel
 def sensor_values(y: FloatArray, par: Any, memory: FloatArray, past: FloatArray, now: int) -> Any:
     """Return the inputs of the filters (p_P, p_N [Pa], x [m]); update the play and the ring buffer.
 
     `past` is a ring buffer with one position per step, `now` the number of this step.
     """
-    p_P, _, p_N, _ = gas_states(y, par)
     if par.pressure_sensor_lag_tau > 0.0:
         p_P, p_N = y[TAP_P], y[TAP_N]
-    if par.hose_volume_V > 0.0 and par.hose_volume_sensor > 0.0:
-        p_P, p_N = y[LINE_P], y[LINE_N]
+    else:
+        p_P, p_N = pressures_at_sensors(y, par)
     cross = par.pressure_crosstalk_share * (p_P - p_N)
     p_P, p_N = p_P - cross, p_N + cross
     half = par.backlash_gap / 2.0

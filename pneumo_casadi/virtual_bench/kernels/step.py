@@ -38,6 +38,7 @@ from pneumo_casadi.virtual_bench.kernels.motion import (
     write_bristles,
 )
 from pneumo_casadi.virtual_bench.kernels.ports import line_rates, port_pressures, port_rates
+from pneumo_casadi.virtual_bench.kernels.sensors import pressures_at_sensors
 from pneumo_casadi.virtual_bench.kernels.valve import spools, valve_flows
 
 #: Events within one step before it is taken as it is; two or three happen.
@@ -111,20 +112,21 @@ def rates(
     dy[layout.IN_MASS] = entering - away_P - away_N
     dy[layout.IN_ENERGY] = H_P + H_N + lost_P + lost_N + heat
     dy[layout.LOST_WORK] = (gas - F) * y[V]
-    tap_rates(layout.TAP_P, p_P, y, dy, par)
-    tap_rates(layout.TAP_N, p_N, y, dy, par)
+    if par.pressure_sensor_lag_tau > 0.0:
+        tapped_P, tapped_N = pressures_at_sensors(y, par)
+        tap_rates(layout.TAP_P, tapped_P, y, dy, par)
+        tap_rates(layout.TAP_N, tapped_N, y, dy, par)
 
 
 @kernel
 def tap_rates(at: int, p: float, y: FloatArray, dy: FloatArray, par: Any) -> None:
     """Fill the rates of a sensor behind its tube: second order, 2ζ/ω = τ, ζ = 0.7."""
-    if par.pressure_sensor_lag_tau > 0.0:
-        if par.pressure_sensor_lag_first_order > 0.0:
-            dy[at] = (p - y[at]) / par.pressure_sensor_lag_tau
-            return
-        omega = 1.4 / par.pressure_sensor_lag_tau
-        dy[at] = y[at + 1]
-        dy[at + 1] = omega * omega * (p - y[at]) - 1.4 * omega * y[at + 1]
+    if par.pressure_sensor_lag_first_order > 0.0:
+        dy[at] = (p - y[at]) / par.pressure_sensor_lag_tau
+        return
+    omega = 1.4 / par.pressure_sensor_lag_tau
+    dy[at] = y[at + 1]
+    dy[at + 1] = omega * omega * (p - y[at]) - 1.4 * omega * y[at + 1]
 
 
 @kernel
