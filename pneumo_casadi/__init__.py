@@ -11,7 +11,7 @@ Examples
 ('table1', 1, 1)
 """
 
-__version__ = "0.1.0"
+__version__ = "0.2.0.dev0"
 
 #: The public names, by the module that defines them. Classes that a user only receives, and the
 #: exceptions, stay in their subpackages: ``pc.errors.CaseError``, ``pc.diagnosis.Verdict``.

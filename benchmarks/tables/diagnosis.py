@@ -152,7 +152,8 @@ def withheld_forms(result: Mapping[str, Any]) -> str:
     both, weak = ([result[part][scope] for scope in SCOPES] for part in ("scores", "background"))
     body = _shares(both, SHARES, ASKED_OF_FORMS) + _shares(weak, AMONG_WEAK, ASKED_AMONG_WEAK)
     term = result["discovered"]
-    right = [share_text(part["driver_right"]) for part in (term, term["visible"])]
+    shown = share_text(term["visible"]["driver_right"]) if "visible" in term else ""
+    right = share_text(term["driver_right"]), shown
     false = share_text(term["false_term"])
     body.append(
         ["cause never listed: balance and driver of the term right", *right, "≥ 85 visible"]

@@ -6,6 +6,7 @@ import os
 import platform
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -72,6 +73,22 @@ def package_versions(packages: Iterable[str] = PACKAGES) -> dict[str, str]:
     """
     own = {"python": platform.python_version(), "pneumo_casadi": __version__}
     return own | {name: importlib.metadata.version(name) for name in packages}
+
+
+@cache
+def code_identity() -> str:
+    """Return the version of this package with a hash of its code, which tells checkouts apart.
+
+    Examples
+    --------
+    >>> code_identity().partition("+")[0] == __version__
+    True
+    """
+    root, digest = Path(__file__).parent.parent, hashlib.sha256()
+    for path in sorted(root.rglob("*.py")):
+        digest.update(path.relative_to(root).as_posix().encode())
+        digest.update(path.read_bytes())
+    return f"{__version__}+{digest.hexdigest()[:12]}"
 
 
 def machine() -> str:

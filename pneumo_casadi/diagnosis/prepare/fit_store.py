@@ -10,12 +10,12 @@ from zipfile import BadZipFile
 
 import numpy as np
 
-from pneumo_casadi import __version__
 from pneumo_casadi.data.bench.bench_file import bench_content
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.runtime.atomic_files import atomic_file
+from pneumo_casadi.runtime.provenance import code_identity
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +27,7 @@ class Store:
     folder : path
         Where they lie; made if it is not there.
     token : str
-        Hash of records, bench, start, flow map, version and criterion of a credible map: fits of
+        Hash of records, bench, start, flow map, code and criterion of a credible map: fits of
         others are not taken.
     """
 
@@ -51,8 +51,9 @@ class Store:
                 digest.update(np.asarray(part, dtype=float).tobytes())
         bench = study.axis.bench  # one's own controller, which no file holds, enters no fit
         # Fits that the metered map contradicts are not kept: by how much is a criterion.
-        words = (__version__, bench_content(bench), sorted(bench.signals), study.criteria.map_ratio)
-        digest.update(repr((*words, study.axis.parameters.as_dict())).encode())
+        words = code_identity(), bench_content(bench), sorted(bench.signals)
+        known_by = study.criteria.map_ratio, study.axis.parameters.as_dict()
+        digest.update(repr((*words, *known_by)).encode())
         return cls(folder, digest.hexdigest())
 
     def _path(self, effects: Sequence[Effect]) -> Path:

@@ -15,7 +15,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from pneumo_casadi import __version__
 from pneumo_casadi.data.emps import IDENTIFY as EMPS_FILE
 from pneumo_casadi.errors import CaseError, PneumoError
 from pneumo_casadi.evaluation.batch.table import CSV, FAILED, PARQUET, Row, row_of, write_tables
@@ -24,7 +23,7 @@ from pneumo_casadi.runtime.json_files import write_json
 from pneumo_casadi.runtime.json_input import read_json
 from pneumo_casadi.runtime.output_folder import OutputKind, claim_names
 from pneumo_casadi.runtime.progress import Progress, no_progress
-from pneumo_casadi.runtime.provenance import sha256
+from pneumo_casadi.runtime.provenance import code_identity, sha256
 
 #: From a case folder to the JSON of a diagnosis. It must be importable, so that it can be sent to
 #: another process.
@@ -236,7 +235,7 @@ def _made_of(folder: Path, diagnosing: Diagnosing) -> dict[str, Any]:
     files = sorted(path for form in DATA for path in folder.glob(form) if path.is_file())
     how = f"{diagnosing.__module__}.{getattr(diagnosing, '__qualname__', repr(diagnosing))}"
     return {
-        "pneumo_casadi": __version__,
+        "pneumo_casadi": code_identity(),
         "diagnosing": how,
         "sha256": {path.name: sha256(path) for path in files},
     }
