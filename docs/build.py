@@ -129,6 +129,7 @@ def collect(source: Path) -> None:
     (source / "static" / "tex-svg.js").write_bytes(formulas.read_bytes())
     for page in source.rglob("*.md"):
         text = page.read_text("utf-8").replace("../../notebooks/", "../tutorials/")
+        text = text.replace("../notebooks/", "tutorials/")  # of the front page
         text = text.replace("../../CHANGELOG.md", "../changelog.md")
         page.write_text(re.sub(r"\n?<!-- (?:table|file|end)\b.*?-->\n", "\n", text), "utf-8")
     (source / "reference" / "command_line.md").write_text(command_line(), "utf-8")

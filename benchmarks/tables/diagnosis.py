@@ -204,9 +204,13 @@ def practice(result: Mapping[str, Any]) -> str:
             for label, q in entry.get("quantities", {}).items()
         ]
         body.append([*row, ", ".join(ratios)])
-    notes = "° at most twice the gap of the case without an effect: not visible. "
-    notes += "† the nominal fit has not converged. * forms differ."
-    return rows(head, body) + "\n\n" + notes
+    table = rows(head, body)
+    notes = {
+        "°": "at most twice the gap of the case without an effect: not visible.",
+        "†": "the nominal fit has not converged.",
+        "*": "forms differ.",
+    }
+    return f"{table}\n\n" + " ".join(f"{k} {text}" for k, text in notes.items() if k in table)
 
 
 def effect_visibility(result: Mapping[str, Any]) -> str:
