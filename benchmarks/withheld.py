@@ -42,7 +42,9 @@ def main() -> None:
     parser.add_argument("--json", type=Path, help="write the figures to this file")
     parser.add_argument("--figure", type=Path, help="write the figure to this PNG file")
     parser.add_argument("--keep", type=Path, help="keep cases and verdicts here, and go on there")
-    parser.add_argument("--rivals", type=int, help="ask rivals of so many cases; by default of all")
+    parser.add_argument(
+        "--rivals", type=int, help="ask rivals of so many clean cases; by default of all"
+    )
     parser.add_argument("--quick", action="store_true", help="two cases of four seconds")
     arguments = parser.parse_args()
     logging.disable(logging.WARNING)

@@ -31,7 +31,8 @@ def withheld(
     rivals: Annotated[
         int | None,
         typer.Option(
-            min=0, help="Number of cases for the simple alternative methods; default: all."
+            min=0,
+            help="Number of clean cases for the simple alternative methods; default: all.",
         ),
     ] = None,
     json_file: Json = None,

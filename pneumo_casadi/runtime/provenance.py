@@ -79,16 +79,25 @@ def package_versions(packages: Iterable[str] = PACKAGES) -> dict[str, str]:
 def code_identity() -> str:
     """Return the version of this package with a hash of its code, which tells checkouts apart.
 
+    The code is that of the files when it is first asked for; without files (from an archive) the
+    version stands alone.
+
     Examples
     --------
     >>> code_identity().partition("+")[0] == __version__
     True
     """
-    root, digest = Path(__file__).parent.parent, hashlib.sha256()
-    for path in sorted(root.rglob("*.py")):
+    code = code_hash(Path(__file__).parent.parent)
+    return f"{__version__}+{code}" if code else __version__
+
+
+def code_hash(root: Path) -> str:
+    """Return a hash of all Python files below a folder and their names; empty without any."""
+    digest, files = hashlib.sha256(), sorted(root.rglob("*.py"))
+    for path in files:
         digest.update(path.relative_to(root).as_posix().encode())
         digest.update(path.read_bytes())
-    return f"{__version__}+{digest.hexdigest()[:12]}"
+    return digest.hexdigest()[:12] if files else ""
 
 
 def machine() -> str:

@@ -16,6 +16,7 @@ from pneumo_casadi.virtual_bench.catalogue import (
     EffectRequest,
     draw_background,
     effects_for,
+    form_named,
     weak_effects,
 )
 from pneumo_casadi.virtual_bench.effect import VirtualEffect
@@ -129,6 +130,8 @@ def make_case(
     hidden = effects_for(axis, effects, seed)
     if isinstance(background, bool):
         causes = [effect.form.cause for effect in hidden]
+        causes += [form_named(name).cause for name in laboratory.effects]
+        causes += ["position_delay"] if laboratory.jitter else []  # which the bench cannot record
         drawn = draw_background(np.random.default_rng([seed, 9]), causes)
         background = drawn if background else ()
     weak = weak_effects(axis, background, seed)

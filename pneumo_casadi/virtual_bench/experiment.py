@@ -152,7 +152,7 @@ def _multisine_and_steps(axis: VirtualAxis, t: FloatArray, rng: np.random.Genera
 
 
 def _creep(axis: VirtualAxis, t: FloatArray, rng: np.random.Generator) -> Drawn:
-    """Ramp up and down at speeds of 1 to 16, at most 5 to 80 mm/s, each way at each of them.
+    """Ramp up and down at 5, 15, 40 and 80 mm/s, each way at each of them.
 
     All are reduced by one factor where the way would be longer than a quarter of the stroke.
     """

@@ -63,7 +63,8 @@ class Laboratory:
     data_sheet_error : float, optional
         By which share the data sheet states C too small and b too large.
     controller : controller, optional
-        In place of the proportional one; `NoController` where the proportional one is not known.
+        In place of the axis' own, which `None` leaves; `NoController` where the law, then the
+        proportional one, is not known.
     reference : bool, optional
         Whether ``x_ref`` is recorded.
     jitter : float, optional

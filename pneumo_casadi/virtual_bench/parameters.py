@@ -91,10 +91,10 @@ def kernel_parameters(
     causes = [effect.form.cause for effect in effects]
     twice = sorted({cause for cause in causes if causes.count(cause) > 1})
     if twice:
+        known = {"supply_droop", "valve_mismatch"} & set(twice)
+        hint = " (a laboratory with that sensor or valve has one of its own)" if known else ""
         raise ModelError(
-            f"{', '.join(twice)}: two effects of one cause; leave one of them out (a laboratory "
-            "that records the supply pressure has a supply_droop, one with two valves a "
-            "valve_mismatch)"
+            f"{', '.join(twice)}: two effects of one cause; leave one of them out{hint}"
         )
     values = _axis_values(axis)
     if axis.controller is not None and axis.controller.sample_time is not None:

@@ -11,6 +11,7 @@ from pneumo_casadi.diagnosis.decide.ranking import rank_candidates
 from pneumo_casadi.diagnosis.decide.result import Verdict
 from pneumo_casadi.diagnosis.metrics.findings import Value
 from pneumo_casadi.diagnosis.select.complete import Completed
+from pneumo_casadi.diagnosis.select.fit_ledger import Failed
 from pneumo_casadi.diagnosis.select.forward_selection import Selection
 from pneumo_casadi.effects import EFFECTS
 
@@ -24,7 +25,7 @@ def ranked(monkeypatch):
     return made_ranking(monkeypatch, PROBABILITY)
 
 
-def made_ranking(monkeypatch, probability, hidden=()):
+def made_ranking(monkeypatch, probability, hidden=(), failures=()):
     monkeypatch.setattr(ranking, "balance_closure", lambda nominal, fitted, levels: fitted.closes)
     monkeypatch.setattr(
         ranking,
@@ -42,7 +43,7 @@ def made_ranking(monkeypatch, probability, hidden=()):
         }.items()
     }
     selection = Selection(
-        None, fits, (), screen, (("stribeck",),), None, {}, {}, {}, None,
+        None, fits, failures, screen, (("stribeck",),), None, {}, {}, {}, None,
         completed=Completed(BEST, ("stribeck",)),
     )  # fmt: skip
     judgement = Judgement(Verdict.EFFECT, (), probability, 0.0, np.ones(3), np.zeros(3))
@@ -82,3 +83,19 @@ def test_what_parameters_absorb_stands_once_whatever_its_forms(monkeypatch):
     ranked = made_ranking(monkeypatch, PROBABILITY | {("hose_volume",): 0.15}, ("hose",))
     assert [candidate.names for candidate in ranked].count(("hose",)) == 1
     assert ranked[0].names == ("hose",) and ranked[0].probability == pytest.approx(0.8)
+
+
+def test_fits_that_failed_stand_with_their_reason(monkeypatch):
+    """Another form of the same cause that was not fitted does not stand in their place."""
+    failures = (Failed(("leakage_P",), "C is not credible"), Failed(("hose_volume",), "V as well"))
+    ranked = made_ranking(monkeypatch, PROBABILITY, failures=failures)
+    told = {candidate.names: candidate.failure for candidate in ranked if candidate.failure}
+    assert told == {("leakage_P",): "C is not credible", ("hose",): "V as well"}
+    assert [candidate.names for candidate in ranked].count(("leakage_P",)) == 1
+
+
+def test_the_form_of_the_verdict_is_shown_before_a_more_probable_one(monkeypatch):
+    forms = {BEST: 0.2, ("hose", "stribeck_rational"): 0.5, ("stribeck",): 0.0}
+    first = made_ranking(monkeypatch, forms)[0]
+    assert first.names == ("stribeck",) and first.probability == pytest.approx(0.7)
+    assert first.closure == sum(map(len, BEST))

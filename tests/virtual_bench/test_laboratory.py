@@ -154,3 +154,18 @@ def test_a_usual_laboratory_records_what_it_always_did(tmp_path):
         tmp_path / "b", SEED, duration=1.0, laboratory=Laboratory(), axis=random_axis(SEED)
     ).case.identify[0]
     assert all(np.array_equal(first[name], again[name]) for name in first.names)
+
+
+def test_weak_effects_are_drawn_among_those_that_the_laboratory_can_record(tmp_path):
+    laboratory = Laboratory(jitter=0.1, supply=True)
+    for seed in range(6):
+        case = make_case(
+            tmp_path / f"{seed}",
+            seed,
+            fs=250.0,
+            duration=0.5,
+            laboratory=laboratory,
+            background=True,
+        )
+        drawn = {effect["name"] for effect in case.labels["background"]}
+        assert drawn and not drawn & {"position_delay", "supply_droop"}

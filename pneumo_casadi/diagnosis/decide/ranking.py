@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pneumo_casadi.diagnosis.decide.judgement import Judgement, probability_of
+from pneumo_casadi.diagnosis.decide.judgement import Judgement
 from pneumo_casadi.diagnosis.metrics.findings import (
     Candidate,
     EffectFound,
@@ -62,7 +62,7 @@ def effects_found(
     return tuple(
         EffectFound(
             cause_of(name, catalogue),
-            min(1.0, probability_of(judgement.probability, {name})),
+            _probability_of_cause(judgement, cause_of(name, catalogue), catalogue),
             _short(own, name),
             selection.contributions.get(name, 0.0),
             name,
@@ -71,6 +71,12 @@ def effects_found(
         )
         for name in (*selection.contributions, *selection.besides)
     )
+
+
+def _probability_of_cause(judgement: Judgement, cause: str, catalogue: Catalogue) -> float:
+    """Return the probability of all models that hold a cause, in any of its forms."""
+    models = judgement.probability.items()
+    return min(1.0, sum(p for names, p in models if cause in causes_of(names, catalogue)))
 
 
 def _rivals(
@@ -115,7 +121,8 @@ def _fitted_candidates(
     for names in sorted(probability, key=lambda key: (-probability[key], selection.fits[key].cost)):
         named = tuple(name for name in names if name not in selection.besides) or names
         causes = frozenset(causes_of(named, catalogue))
-        best.setdefault(causes, (named, names))
+        if causes not in best or names == selection.chosen:  # the verdict's form before others
+            best[causes] = named, names
         total[causes] = total.get(causes, 0.0) + probability[names]
     return [
         _candidate(study, selection, *best[causes], total[causes], catalogue)
@@ -155,32 +162,37 @@ def rank_candidates(
 ) -> tuple[Candidate, ...]:
     """Rank the causes of the models fitted, each set of causes once.
 
-    First comes what parameters may have absorbed (`hidden`).
+    First comes what parameters may have absorbed (`hidden`); every fit that failed stands with its
+    reason.
     """
     ranked = _fitted_candidates(study, selection, judgement, catalogue)
-    for name, screened in selection.screen.items():
-        if (name,) not in selection.fits and all(name not in f.effects for f in selection.failures):
-            ranked.append(Candidate((name,), 0.0, None, screened.explained, screened.observable))
-    ranked += [
-        Candidate(failed.effects, 0.0, None, 0.0, 0.0, {}, failed.reason)
-        for failed in selection.failures
+    failed = [
+        Candidate(failure.effects, 0.0, None, 0.0, 0.0, {}, failure.reason)
+        for failure in selection.failures
     ]
+    hidden = causes_of(hidden, catalogue)
     shares = 1.0 / np.arange(1.0, len(hidden) + 1) ** 2  # the most likely first
     absorbed = [
         Candidate((name,), ABSORBED_PROBABILITY * float(share), None, 0.0, 0.0)
         for name, share in zip(hidden, shares / shares.sum(), strict=True)
     ]
-    causes_absorbed = [{cause} for cause in causes_of(hidden, catalogue)]
-    rest = [c for c in ranked if set(causes_of(c.names, catalogue)) not in causes_absorbed]
+    known = {frozenset(causes_of(c.names, catalogue)) for c in (*ranked, *failed, *absorbed)}
+    for name, screened in selection.screen.items():
+        causes = frozenset(causes_of((name,), catalogue))
+        if causes not in known:  # else it is another form of what stands there already
+            known.add(causes)
+            ranked.append(Candidate((name,), 0.0, None, screened.explained, screened.observable))
+    alone = [(cause,) for cause in hidden]
+    rest = [c for c in (*ranked, *failed) if causes_of(c.names, catalogue) not in alone]
     left = (
         (1.0 - ABSORBED_PROBABILITY) / max(1.0, sum(candidate.probability for candidate in rest))
         if hidden
         else 1.0
     )
-    rest = [replace(candidate, probability=left * candidate.probability) for candidate in rest]
-    by_causes: dict[frozenset[str], Candidate] = {}
-    for candidate in (*absorbed, *rest):
-        causes = causes_of(candidate.names, catalogue)
-        # What was not fitted, or failed, is another form of what stands there already.
-        by_causes.setdefault(frozenset(causes), replace(candidate, names=causes))
-    return tuple(by_causes.values())
+    return tuple(
+        replace(candidate, names=causes_of(candidate.names, catalogue))
+        for candidate in (
+            *absorbed,
+            *(replace(candidate, probability=left * candidate.probability) for candidate in rest),
+        )
+    )

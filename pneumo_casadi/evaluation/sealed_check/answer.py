@@ -72,7 +72,7 @@ def read_answer(verdict: Mapping[str, Any]) -> Answer:
     for item in verdict.get("ranking") or ():
         causes = effects_in(item["name"])
         chances[causes] = chances.get(causes, 0.0) + float(item.get("probability") or 0.0)
-    ranking = tuple(chances)
+    ranking = tuple(sorted(chances, key=lambda causes: -chances[causes]))
     added = frozenset(str(item["name"]) for item in verdict.get("effects") or ())
     added |= frozenset(str(name) for name in verdict.get("absorbed") or ())
     alike = [effects_in(label) for label in verdict.get("ambiguous") or ()]
@@ -86,7 +86,7 @@ def read_answer(verdict: Mapping[str, Any]) -> Answer:
         named,
         union([named, *alike]) if word in NAMING else frozenset(),
         ranking,
-        next(iter(chances.values()), 0.0),
+        max(chances.values(), default=0.0),
         str((verdict.get("where") or {}).get("balance") or ""),
         next((str(item["name"]) for item in verdict.get("effects") or ()), min(named, default="")),
         str(term.get("driver") or ""),

@@ -62,8 +62,8 @@ class Judged:
     @property
     def each_shows(self) -> bool:
         """Whether each cause of a pair is visible beside the other one."""
-        beside = self.measured.get("shows_beside") or {"": False}
-        return all(beside.values())
+        beside = self.measured.get("shows_beside", {})
+        return bool(beside) and all(beside.values())
 
     @property
     def kind(self) -> Kind:
@@ -99,6 +99,7 @@ class Judged:
             "probability": self.answer.probability,
             "balance": self.answer.balance,
             "driver": self.answer.driver,
+            "acts_in": sorted(self.answer.acts_in),
             "closes": self.answer.closes,
             "measured": {**self.measured, "by_error": self.measured.get("by_error", [])[:3]},
         }

@@ -6,7 +6,7 @@ noise and background without the causes.
 
 - A cause is *visible* where the residual of the nominal axis on the held-out record exceeds that
   of the twin `VISIBLE` times in some balance.
-- A pair is measured without each of its causes too: whether either shows beside the other.
+- A clean pair is measured without each of its causes too: whether either shows beside the other.
 - Which effect among weak ones has the largest gap is measured where there is one cause, see
   `largest`.
 - The gap is that of all balances of the held-out record, in units of the residuals of the twin,
@@ -65,7 +65,7 @@ def measure_one(
         content = measured(prepare_study(read_case(case))[0], floor, draw, named)
         if draw.background and len(draw.effects) == 1 and draw.kind is not Kind.ABSORBED:
             content["gap_without"] = gaps_without(draw, floor, duration, fs)
-        if draw.kind is Kind.PAIR:
+        if draw.kind is Kind.PAIR and not draw.background:
             content["shows_beside"] = shows_beside(draw, content["rms"], duration, fs)
         return content
 

@@ -28,10 +28,11 @@ UNLISTED = {
     "square_root_friction": frozenset({"force"}),
     "friction_fade": frozenset({"force"}),
 }
-#: Balances of forms of the bench beside those of their cause: their sensors sit elsewhere.
-OF_FORMS = {
-    "elastic_load_measured": frozenset({MEASUREMENT}),
-    "hose_volume_at_valve": frozenset({MEASUREMENT}),
+#: Forms of the bench whose sensors sit elsewhere, which shows in all balances that use them, by the
+#: effect of the catalogue that says so.
+SENSORS_ELSEWHERE = {
+    "elastic_load_measured": "position_on_elastic_load",
+    "hose_volume_at_valve": "hose_sensor_at_valve",
 }
 _NOMINAL = (*(f"X_s{i}" for i in range(1, 7)), "M", "f_v", "F_c_plus", "F_c_minus", "v_s")
 
@@ -61,7 +62,9 @@ def balances_of(names: Iterable[str], forms: Iterable[str] = ()) -> frozenset[st
     >>> sorted(balances_of(["position_delay"]))
     ['measurement']
     """
-    balances = frozenset[str]().union(*(OF_FORMS.get(form, frozenset()) for form in forms))
+    balances: frozenset[str] = frozenset()
+    for form in SENSORS_ELSEWHERE.keys() & set(forms):
+        balances |= {MEASUREMENT} | acting_in(EFFECTS[SENSORS_ELSEWHERE[form]]())
     for name in names:
         if name in EFFECTS:
             balances |= acting_in(EFFECTS[name]())

@@ -51,8 +51,8 @@ def call_with_arrays(f: ca.Function, *given: FloatArray) -> tuple[FloatArray, ..
 class ResultMemory:
     """Memory of results, which serves again once nothing refers to them any more.
 
-    The system hands out new memory page by page, each filled with zeros: for the hundreds of
-    megabytes that a linearised long record takes, that lasts a fifth as long as its simulation.
+    The system hands out new memory page by page, each filled with zeros. For the hundreds of
+    megabytes of a linearised long record this takes a fifth of the time of its simulation.
 
     Examples
     --------
@@ -69,26 +69,39 @@ class ResultMemory:
     """
 
     def __init__(self) -> None:
-        self._free: list[FloatArray] = []
+        self._free: dict[int, list[FloatArray]] = {}
 
     def empty(self, shape: tuple[int, int]) -> FloatArray:
         """Return an array of any content, in Fortran order."""
         size = shape[0] * shape[1]
-        latest_first = range(len(self._free) - 1, -1, -1)
-        at = next((i for i in latest_first if self._free[i].size == size), None)
-        array = np.empty(size) if at is None else self._free.pop(at)
-        return np.asarray(_Lease(array, self._free)).reshape(shape, order="F")
+        try:
+            array = self._free.setdefault(size, []).pop()
+        except IndexError:
+            array = np.empty(size)
+        return np.asarray(_Lease(array, self)).reshape(shape, order="F")
+
+    def take_back(self, array: FloatArray) -> None:
+        """Keep an array that nothing refers to."""
+        self._free.setdefault(array.size, []).append(array)
 
     def __reduce__(self) -> tuple[type["ResultMemory"], tuple[()]]:
         return ResultMemory, ()  # another process has its own
 
 
 class _Lease:
-    """Lends an array: all views of what NumPy makes from it hold the lease."""
+    """Lends an array: every view of it holds the lease, at whose end it goes back."""
 
-    def __init__(self, array: FloatArray, free: list[FloatArray]) -> None:
+    def __init__(self, array: FloatArray, memory: ResultMemory) -> None:
         self.__array_interface__ = array.__array_interface__
-        weakref.finalize(self, free.append, array).atexit = False
+        # A result that outlives its problem must not keep the memory of all the others.
+        returned = weakref.finalize(self, _give_back, weakref.ref(memory), array)
+        returned.atexit = False  # nothing will use it
+
+
+def _give_back(owner: weakref.ref[ResultMemory], array: FloatArray) -> None:
+    memory = owner()
+    if memory is not None:
+        memory.take_back(array)
 
 
 def call_side_by_side(

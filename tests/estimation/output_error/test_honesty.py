@@ -138,7 +138,7 @@ def test_a_record_at_rest_says_nothing(made, force):
     record = made.recorded(axis, np.zeros((500, 1)), np.zeros((2, 500)), 0)
     result = fit_output_error(axis, [record], None, options(made))
     said = result.uncertainty
-    # Where rounding leads a parameter that nothing holds to its bound, that is said in its place.
+    # Nothing holds f_v, so rounding may end at its bound: "at bound" has no interval either.
     assert {"f_v", "F_c_plus", "F_c_minus"} <= {*said.uninformed, *said.at_bound}
     assert {"F_c_plus", "F_c_minus"} <= set(said.uninformed)
     # The noise on the first velocity may tell of the mass, but no more than nothing.

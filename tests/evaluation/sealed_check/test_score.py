@@ -9,8 +9,12 @@ from hypothesis import strategies as st
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.evaluation.sealed_check import Share, calibration, read_answer, scored
-from pneumo_casadi.evaluation.sealed_check.true_balance import acting_in, balances_of
-from pneumo_casadi.virtual_bench import FORMS
+from pneumo_casadi.evaluation.sealed_check.true_balance import (
+    SENSORS_ELSEWHERE,
+    acting_in,
+    balances_of,
+)
+from pneumo_casadi.virtual_bench import ALL_FORMS, FORMS
 
 
 def hits(result, name, of="all"):
@@ -319,6 +323,7 @@ def test_forms_of_the_same_causes_are_one_entry_of_a_ranking(told):
 def test_a_form_whose_sensor_sits_elsewhere_shows_in_the_measurement_too(judged, told):
     case = judged("left_out", "elastic_load", told("unknown", balance="measurement"))
     assert hits(scored([case]), "located") == (0, 1)
+    assert SENSORS_ELSEWHERE.keys() <= ALL_FORMS.keys()
     recorded = replace(case.draw, forms={"elastic_load": "elastic_load_measured"})
     assert hits(scored([replace(case, draw=recorded)]), "located") == (1, 1)
 

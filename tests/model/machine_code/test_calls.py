@@ -1,51 +1,43 @@
-"""Memory of results is lent, and comes back when nothing refers to it."""
-
-import pickle
+"""Calls with arrays, one or many side by side."""
 
 import casadi as ca
 import numpy as np
-from hypothesis import given
-from hypothesis import strategies as st
+import pytest
 
-from pneumo_casadi.model.machine_code.calls import ResultMemory, call_side_by_side
-
-SHAPES = st.sampled_from([(1, 6), (2, 3), (4, 2)])
-
-
-@given(st.lists(st.tuples(SHAPES, st.booleans(), st.integers(0, 5)), max_size=30))
-def test_no_two_arrays_in_use_share_memory(asked):
-    memory = ResultMemory()
-    in_use = []
-    for value, (shape, part, released) in enumerate(asked):
-        array = memory.empty(shape)
-        array[:] = value
-        in_use.append((array.T[1:] if part else array, value))
-        del array
-        if released < len(in_use):
-            del in_use[released]
-        assert all((kept == its).all() for kept, its in in_use)
+from pneumo_casadi.model.machine_code.calls import (
+    SIDE_BY_SIDE,
+    call_side_by_side,
+    call_with_arrays,
+)
 
 
-def test_what_is_released_serves_again():
-    memory = ResultMemory()
-    addresses = set()
-    for _ in range(20):
-        addresses.add(memory.empty((50, 40)).ctypes.data)
-    assert len(addresses) == 1
+@pytest.fixture(scope="module")
+def polar():
+    """A point and three factors to the scaled square and to the factors' sums."""
+    x, s = ca.MX.sym("x", 2), ca.MX.sym("s", 2, 3)
+    return ca.Function("polar", [x, s], [ca.densify(x @ x.T), ca.sum1(s)])
 
 
-def test_results_in_lent_memory_are_those_in_new_memory():
-    x = ca.MX.sym("x", 3)
-    f = ca.Function("f", [x], [x**2, ca.sum1(x)])
-    memory = ResultMemory()
-    for k in range(3):  # the memory of one call is that of the one before
-        values = np.arange(600.0).reshape(3, 200) + k
-        lent = call_side_by_side(f, values, memory=memory)
-        np.testing.assert_array_equal(lent[0], values**2)
-        np.testing.assert_array_equal(lent[1][0], values.sum(axis=0))
+@pytest.mark.parametrize("count", [1, 2, SIDE_BY_SIDE, 2 * SIDE_BY_SIDE + 7])
+def test_many_calls_are_those_of_one_after_the_other(polar, count):
+    rng = np.random.default_rng(count)
+    x, s = rng.normal(size=(2, count)), rng.normal(size=(2, 3 * count))
+    squares, sums = call_side_by_side(polar, x, s)
+    assert squares.shape == (2, 2 * count) and sums.shape == (1, 3 * count)
+    for k in (0, count // 2, count - 1):
+        one = call_with_arrays(polar, x[:, k], s[:, 3 * k : 3 * k + 3])
+        np.testing.assert_array_equal(squares[:, 2 * k : 2 * k + 2], one[0])
+        np.testing.assert_array_equal(sums[:, 3 * k : 3 * k + 3], one[1])
 
 
-def test_another_process_has_memory_of_its_own():
-    memory = ResultMemory()
-    memory.empty((2, 2))
-    assert pickle.loads(pickle.dumps(memory))._free == []
+def test_the_order_in_memory_of_what_is_given_does_not_matter(polar):
+    rng = np.random.default_rng(3)
+    x, s = rng.normal(size=(2, 300)), rng.normal(size=(2, 900))
+    rows = call_side_by_side(polar, np.ascontiguousarray(x), np.ascontiguousarray(s))
+    columns = call_side_by_side(polar, np.asfortranarray(x), np.asfortranarray(s))
+    np.testing.assert_array_equal(rows[0], columns[0])
+
+
+def test_arrays_of_another_size_are_refused(polar):
+    with pytest.raises(ValueError, match=r"input 1 has \d+ values, expected"):
+        call_side_by_side(polar, np.zeros((2, 300)), np.zeros((2, 600)))

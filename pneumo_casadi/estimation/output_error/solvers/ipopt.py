@@ -190,8 +190,7 @@ def program(problem: Problem) -> Program:
         map_gradient, map_hessian, n_map = J_free.T @ r, J_free.T @ J_free, problem.anchor.n
     count = problem.n_blocks * problem.n * ny + n_map
     gradient = _gradient(problem, Jte, at.weight, map_gradient)
-    whole = triangle_index(problem.model.nx + len(problem.free)).ravel().tolist()
-    hessian = _hessian(problem, JtJ[whole, :], at.weight, map_hessian)
+    hessian = _hessian(problem, JtJ, at.weight, map_hessian)
     lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", g.shape[0])
     given = [at.z, at.p]
     return Program(
@@ -224,31 +223,27 @@ def _defects(problem: Problem, ends: ca.MX, x: ca.MX) -> ca.MX:
 
 def _gradient(problem: Problem, Jte: ca.MX, weight: ca.MX, map_gradient: ca.MX) -> ca.MX:
     """Gather -Jᵀe of all intervals, to θ and to their own nodes."""
-    nx, ny, count = problem.model.nx, len(problem.axis.outputs), problem.I
-    weighted = ca.sum2(ca.reshape(_per_output(Jte, weight, count), -1, ny))
-    each = ca.reshape(weighted, nx + len(problem.free), count)
+    nx, count, each = problem.model.nx, problem.I, _weighed(Jte, weight)
     size = ca.DM(problem.model.state_scales)
     to_theta = ca.sum2(each[nx:, :]) * ca.DM(problem.free_scales)
     return -ca.vertcat(to_theta - map_gradient, ca.vec(each[:nx, :] * ca.repmat(size, 1, count)))
 
 
-def _per_output(stacked: ca.MX, weight: ca.MX, count: int) -> ca.MX:
-    """Weigh columns that come output by output within each interval; return them by output."""
-    ny = weight.shape[0]
-    width = stacked.shape[1] // (ny * count)
-    order = np.arange(count * ny * width).reshape(count, ny, width).transpose(1, 0, 2).ravel()
-    arranged = stacked[:, order.tolist()]
-    factors = ca.vec(ca.repmat(weight.T, count * width, 1)).T
-    return arranged * ca.repmat(factors, stacked.shape[0], 1)
+def _weighed(stacked: ca.MX, weight: ca.MX) -> ca.MX:
+    """Return the weighted sum over the outputs, whose columns follow each other in an interval."""
+    ny, columns = weight.shape[0], range(stacked.shape[1])
+    total = ca.MX.zeros(stacked.shape[0], len(columns) // ny)
+    for i in range(ny):
+        total = total + weight[i] * stacked[:, list(columns[i::ny])]
+    return total
 
 
 def _hessian(problem: Problem, JtJ: ca.MX, weight: ca.MX, map_hessian: ca.MX) -> ca.MX:
     """Gather JᵀJ of all intervals: θ with θ, and every node with θ and itself (upper half)."""
     nx, n_free, count = problem.model.nx, len(problem.free), problem.I
     m, size = nx + n_free, scales(problem)
-    by_output = _per_output(JtJ, weight, count)
-    flat = ca.sum2(ca.reshape(by_output, m * m * count, weight.shape[0]))
-    blocks = ca.reshape(flat, m * m, count)
+    blocks = _weighed(JtJ, weight)[triangle_index(m).ravel().tolist(), :]
+    flat = ca.vec(blocks)
     total = ca.reshape(ca.sum2(blocks), m, m)[nx:, nx:]
     theta_scales = np.outer(problem.free_scales, problem.free_scales)
     theta_block = total * ca.DM(theta_scales) + map_hessian
