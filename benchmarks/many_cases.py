@@ -1,8 +1,9 @@
 """Question: does the memory of a batch grow with the number of its cases.
 
-Data: 1,000 cases of 2 s at 1 kHz, ten folders each of 100 axes of the virtual bench, one effect each.
-Each is diagnosed with a catalogue of one effect, in two processes. The memory of the process that
-holds the batch is read before the first case and after each; its workers have memory of their own.
+Data: 1,000 cases of 2 s at 1 kHz, ten folders of each of 100 axes of the virtual bench; each axis
+has one effect. Each case is diagnosed with a catalogue of one effect, in two processes. The memory
+of the process that holds the batch is read before the first case and after each; its workers have
+memory of their own.
 """
 
 import argparse
