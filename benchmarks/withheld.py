@@ -45,15 +45,15 @@ def main() -> None:
     parser.add_argument(
         "--rivals", type=int, help="ask rivals of so many clean cases; by default of all"
     )
+    parser.add_argument("--weak", default="small", help="weak effects have a tenth of this")
     parser.add_argument("--quick", action="store_true", help="two cases of four seconds")
     arguments = parser.parse_args()
     logging.disable(logging.WARNING)
     cases, duration = (2, 4.0) if arguments.quick else (arguments.cases, 20.0)
     with ExitStack() as stack:
         folder = arguments.keep or Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        result = check(
-            folder, cases, arguments.seed, arguments.workers, duration, told, arguments.rivals
-        )
+        own = arguments.rivals, arguments.weak
+        result = check(folder, cases, arguments.seed, arguments.workers, duration, told, *own)
     print(render(withheld_table(result)))
     result = provenance.made(result["seed"], arguments.quick, "numba") | result
     provenance.write(arguments.json, result)

@@ -35,6 +35,9 @@ def withheld(
             help="Number of clean cases for the simple alternative methods; default: all.",
         ),
     ] = None,
+    weak: Annotated[
+        str, typer.Option(help="What weak effects besides have a tenth of: small or medium.")
+    ] = "small",
     json_file: Json = None,
     debug: Debug = False,
 ) -> None:
@@ -53,7 +56,7 @@ def withheld(
 
         check_result_file(json_file, "seed")
         with progress_bar() as report:
-            scores = check(output, cases, seed, workers, duration, report, rivals)
+            scores = check(output, cases, seed, workers, duration, report, rivals, weak)
         show(withheld_table(scores))
         if can_draw():
             from pneumo_casadi.evaluation.sealed_check.check import FIGURE
@@ -75,6 +78,7 @@ def check(
     duration: float,
     report: "Progress",
     rivals: int | None = None,
+    weak: str = "small",
 ) -> dict[str, Any]:
     """Run the sealed check in a folder and return its scores.
 
@@ -93,7 +97,9 @@ def check(
     report : callable
         Called with a text and the share of the present stage.
     rivals : int, optional
-        Cases of which simple rivals are asked.
+        Clean cases of which simple rivals are asked.
+    weak : str
+        Severity that weak effects besides have a tenth of.
 
     Raises
     ------
@@ -109,17 +115,20 @@ def check(
     from pneumo_casadi.evaluation.sealed_check.check import NAMES
     from pneumo_casadi.runtime.output_folder import OutputKind, claim_names
     from pneumo_casadi.runtime.processes import worker_pool
+    from pneumo_casadi.virtual_bench.catalogue import severity_of
 
     claim_names(folder, OutputKind.SEALED_CHECK, NAMES)
     chosen = _seed_of(folder) if seed is None else seed
     with worker_pool(workers) as executor:
         scores = check_withheld(
             folder,
-            WithheldOptions(cases, chosen, duration=duration, rivals=rivals),
+            WithheldOptions(
+                cases, chosen, duration=duration, rivals=rivals, weak=severity_of(weak)
+            ),
             executor,
             progress=report,
         )
-    return {**scores, "seed": chosen, "duration_seconds": duration}
+    return {**scores, "seed": chosen, "duration_seconds": duration, "weak": weak}
 
 
 def _seed_of(folder: Path) -> int:

@@ -17,9 +17,10 @@ from pneumo_casadi.virtual_bench.catalogue import (
     draw_background,
     effects_for,
     form_named,
+    severity_of,
     weak_effects,
 )
-from pneumo_casadi.virtual_bench.effect import VirtualEffect
+from pneumo_casadi.virtual_bench.effect import Severity, VirtualEffect
 from pneumo_casadi.virtual_bench.experiment import Excitation, Experiment
 from pneumo_casadi.virtual_bench.laboratory import Laboratory
 from pneumo_casadi.virtual_bench.simulation import record
@@ -77,6 +78,7 @@ def make_case(
     axis: VirtualAxis | None = None,
     laboratory: Laboratory = USUAL,
     background: Sequence[str] | bool = False,
+    weak: Severity | str = Severity.SMALL,
 ) -> SyntheticCase:
     """Record a random axis with hidden effects and write the case folder.
 
@@ -98,6 +100,8 @@ def make_case(
         Valves, sensors and data of the laboratory that records the case.
     background : bool or sequence of str, optional
         Weak effects to add, by name of their form; True draws four to six of other causes.
+    weak : Severity or str, optional
+        What these have a tenth of.
 
     Returns
     -------
@@ -134,8 +138,8 @@ def make_case(
         causes += ["position_delay"] if laboratory.jitter else []  # which the bench cannot record
         drawn = draw_background(np.random.default_rng([seed, 9]), causes)
         background = drawn if background else ()
-    weak = weak_effects(axis, background, seed)
-    hidden = (*hidden, *weak)
+    besides = weak_effects(axis, background, seed, severity_of(weak))
+    hidden = (*hidden, *besides)
     acting = (*hidden, *effects_for(axis, laboratory.effects))
 
     def recorded(experiment: Experiment | Excitation, name: str, number: int) -> Recording:
@@ -157,4 +161,4 @@ def make_case(
         for name in maps.keys() - {"flow_map"}:
             pd.DataFrame(maps[name]).to_csv(case.folder / f"{name}.csv", index=False)
         case = read_case(folder, check=False)  # gaps split records, columns become signals
-    return SyntheticCase(case, axis, hidden[: len(effects)], weak)
+    return SyntheticCase(case, axis, hidden[: len(effects)], besides)

@@ -40,8 +40,9 @@ ALL_FORMS: Mapping[str, EffectForm] = MappingProxyType(
 #: How an effect is requested: by a severity, or by quantities [SI] by name.
 EffectRequest = Severity | str | Mapping[str, float]
 
-#: A weak effect acts with this share of a medium one: a play of 40 µm, a lag of 0.4 ms, a friction
-#: of a newton. Small ones have a third of medium and hardly stand out of such a background.
+#: A weak effect acts with this share of a small one. Small ones have a third of medium, so that a
+#: tenth of medium, which can be asked for, is a harder background: a play of 40 µm, a lag of
+#: 0.4 ms, a friction of a newton, of which small effects hardly stand out.
 WEAK = 0.1
 #: Least and greatest number of weak effects.
 FEWEST_WEAK, MOST_WEAK = 4, 6
@@ -154,8 +155,10 @@ def draw_background(
     return tuple(names)
 
 
-def weak_effects(axis: VirtualAxis, names: Sequence[str], seed: int) -> tuple[VirtualEffect, ...]:
-    """Return weak effects of an axis, a tenth of medium with scatter.
+def weak_effects(
+    axis: VirtualAxis, names: Sequence[str], seed: int, of: Severity = Severity.SMALL
+) -> tuple[VirtualEffect, ...]:
+    """Return weak effects of an axis, a tenth of small with scatter.
 
     Parameters
     ----------
@@ -165,6 +168,8 @@ def weak_effects(axis: VirtualAxis, names: Sequence[str], seed: int) -> tuple[Vi
         Forms, as `draw_background` returns them.
     seed : int
         Of sizes and signs.
+    of : Severity, optional
+        What they have a tenth of.
 
     Returns
     -------
@@ -179,14 +184,14 @@ def weak_effects(axis: VirtualAxis, names: Sequence[str], seed: int) -> tuple[Vi
     effects = []
     for name in names:
         form = form_named(name)
-        medium = effect_at_severity(form, Severity.MEDIUM, axis, seed)
+        whole = effect_at_severity(form, of, axis, seed)
         scatter = np.random.default_rng([seed, 8, *name.encode()]).uniform(
             -WEAK_SCATTER, WEAK_SCATTER
         )
         share = WEAK * float(np.exp(scatter))
         parameters = {
             quantity: value * (share if quantity in form.strength else 1.0)
-            for quantity, value in medium.parameters.items()
+            for quantity, value in whole.parameters.items()
         }
         effects.append(VirtualEffect(form, MappingProxyType(parameters)))
     return tuple(effects)

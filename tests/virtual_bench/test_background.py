@@ -76,16 +76,17 @@ def test_a_background_has_four_to_six_causes_and_none_that_is_left_out():
     assert set(usual) <= set(FORMS)
 
 
-def test_weak_effects_are_a_tenth_of_medium_with_scatter(axis):
+@pytest.mark.parametrize("severity", ["small", "medium"])
+def test_weak_effects_are_a_tenth_of_a_severity_with_scatter(axis, severity):
     names = [name for name, form in ALL_FORMS.items() if form.strength]
-    for weak in weak_effects(axis, names, seed=5):
-        (medium,) = effects_for(axis, {weak.name: "medium"})
+    for weak in weak_effects(axis, names, 5, Severity(severity)):
+        (whole,) = effects_for(axis, {weak.name: severity})
         for quantity, value in weak.parameters.items():
-            ratio = abs(value / medium.parameters[quantity])
-            expected = WEAK if quantity in weak.form.strength else 1.0
+            size = abs(whole.parameters[quantity])
+            expected = size * (WEAK if quantity in weak.form.strength else 1.0)
             spread = np.exp(WEAK_SCATTER) if quantity in weak.form.strength else 1.0
             # Sizes at a severity scatter by themselves.
-            assert expected / spread / 1.2 <= ratio <= expected * spread * 1.2, weak.name
+            assert expected / spread / 1.2 <= abs(value) <= expected * spread * 1.2, weak.name
 
 
 def test_weak_effects_of_unknown_form_are_refused(axis):

@@ -41,6 +41,7 @@ from pneumo_casadi.runtime.json_input import read_json
 from pneumo_casadi.runtime.output_folder import OutputKind, claim_names
 from pneumo_casadi.runtime.processes import worker_pool
 from pneumo_casadi.runtime.progress import Progress
+from pneumo_casadi.virtual_bench import Severity
 
 MEASURES, RIVALS, SCORES = "measures", "rivals", "scores.json"
 SEED_FILE, FIGURE = "seed.txt", "withheld.png"
@@ -69,6 +70,8 @@ class WithheldOptions:
         all. They fit every effect of the catalogue and take longer than the diagnosis.
     background : float
         Share of cases with weak effects besides.
+    weak : Severity
+        What these have a tenth of.
     """
 
     cases: int = 160
@@ -78,6 +81,7 @@ class WithheldOptions:
     fs: float = 1000.0
     rivals: int | None = None
     background: float = BACKGROUND
+    weak: Severity = Severity.SMALL
 
 
 def check_withheld(
@@ -121,7 +125,8 @@ def check_withheld(
             return check_withheld(folder, options, pool, diagnosing, progress)
     folder = Path(folder)
     claim_names(folder, OutputKind.SEALED_CHECK, NAMES)
-    draws = draw_cases(options.cases, options.seed, options.proportions, options.background)
+    kinds = options.proportions, options.background, options.weak
+    draws = draw_cases(options.cases, options.seed, *kinds)
     seal(folder, draws, options.duration, options.fs)
     make_cases(folder, draws, options.duration, options.fs, executor, progress)
     left_out = {draw.name: draw.without for draw in draws}

@@ -113,6 +113,8 @@ class Draw:
         Form of each cause, as the virtual bench names it; the usual one where it is missing.
     background : tuple of str
         Forms of the weak effects besides; empty for a clean case.
+    weak : str
+        Severity that these have a tenth of.
     """
 
     name: str
@@ -121,6 +123,7 @@ class Draw:
     effects: Mapping[str, str]
     forms: Mapping[str, str] = field(default_factory=dict)
     background: tuple[str, ...] = ()
+    weak: str = Severity.SMALL.value
 
     @property
     def without(self) -> tuple[str, ...]:
@@ -146,6 +149,7 @@ class Draw:
             "effects": dict(self.effects),
             "forms": dict(self.forms),
             "background": list(self.background),
+            "weak": self.weak,
         }
 
     @staticmethod
@@ -158,17 +162,22 @@ class Draw:
             dict(label["effects"]),
             dict(label.get("forms", {})),
             tuple(label.get("background", ())),
+            label.get("weak", Severity.MEDIUM.value),  # which labels did not tell before
         )
 
 
 def draw_cases(
-    cases: int, seed: int, proportions: Proportions | None = None, background: float = BACKGROUND
+    cases: int,
+    seed: int,
+    proportions: Proportions | None = None,
+    background: float = BACKGROUND,
+    weak: Severity = Severity.SMALL,
 ) -> tuple[Draw, ...]:
     """Draw cases in shuffled order.
 
     Causes and severities are distributed as evenly as their number allows: 75 singles are every
-    listed cause at every severity. A cause beside weak effects, which have a tenth of medium, is
-    medium or large, so that it dominates. Pairs and causes left out are taken from causes that
+    listed cause at every severity. A cause beside weak effects is medium or large, so that it
+    dominates. Pairs and causes left out are taken from causes that
     trajectories can reveal. The form of each cause is drawn from those that the virtual bench has.
 
     Parameters
@@ -181,6 +190,8 @@ def draw_cases(
         Of the kinds.
     background : float, optional
         Share of the cases of every kind that have weak effects besides, 0 to 1.
+    weak : Severity, optional
+        What weak effects have a tenth of.
 
     Returns
     -------
@@ -214,11 +225,19 @@ def draw_cases(
         (kind, _at_least_medium(effects, rng) if weak else effects)
         for (kind, effects), weak in zip(drawn, clouded, strict=True)
     ]
-    weak = [
+    besides = [
         draw_background(rng, effects) if clouded[i] else () for i, (_, effects) in enumerate(drawn)
     ]
     return tuple(
-        Draw(f"w{number:0{digits}d}", drawn[i][0], int(seeds[i]), drawn[i][1], forms[i], weak[i])
+        Draw(
+            f"w{number:0{digits}d}",
+            drawn[i][0],
+            int(seeds[i]),
+            drawn[i][1],
+            forms[i],
+            besides[i],
+            weak.value,
+        )
         for number, i in enumerate(order, 1)
     )
 
@@ -242,7 +261,7 @@ def _clouded(
 
 
 def _at_least_medium(effects: Mapping[str, str], rng: np.random.Generator) -> dict[str, str]:
-    """Return effects that stand out of a background, which has a tenth of medium."""
+    """Return effects that stand out of a background."""
     small = Severity.SMALL.value
     return {
         name: _any(STRONG, rng) if severity == small else severity
@@ -295,5 +314,11 @@ def make(draw: Draw, folder: str | Path, duration: float = 20.0, fs: float = 100
     """Record a drawn case into a folder that does not contain its label."""
     requests = {draw.forms.get(cause, cause): severity for cause, severity in draw.effects.items()}
     return make_case(
-        folder, draw.seed, requests, fs=fs, duration=duration, background=draw.background
+        folder,
+        draw.seed,
+        requests,
+        fs=fs,
+        duration=duration,
+        background=draw.background,
+        weak=draw.weak,
     ).case

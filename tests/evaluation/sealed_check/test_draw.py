@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.evaluation.sealed_check import Kind, Proportions, draw_cases
 from pneumo_casadi.evaluation.sealed_check.draw import ABSORBED_FORMS, STRONG, Draw, make
-from pneumo_casadi.virtual_bench import ALL_FORMS, FORMS
+from pneumo_casadi.virtual_bench import ALL_FORMS, FORMS, Severity
 
 LISTED = [name for name, form in FORMS.items() if form.listed]
 
@@ -122,3 +122,15 @@ def test_a_case_folder_holds_no_label_and_its_twin_differs_in_the_effect_alone(t
     assert twin.bench == case.bench
     assert (twin.identify[0]["x_ref"] == case.identify[0]["x_ref"]).all()
     assert (twin.validate[0]["x"] != case.validate[0]["x"]).any()
+
+
+def test_labels_tell_what_weak_effects_have_a_tenth_of():
+    (small,), (medium,) = (
+        draw_cases(1, seed=2, background=1.0, weak=severity)
+        for severity in (Severity.SMALL, Severity.MEDIUM)
+    )
+    assert (small.weak, medium.weak) == ("small", "medium")
+    assert Draw.of(medium.as_dict()) == medium
+    label = small.as_dict()
+    del label["weak"]  # of labels written before
+    assert Draw.of(label).weak == "medium"
