@@ -23,10 +23,12 @@ from pneumo_casadi.diagnosis.locate.signatures import (
     row_signals,
     signatures,
 )
+from pneumo_casadi.diagnosis.metrics.findings import Where
 from pneumo_casadi.diagnosis.metrics.location import Location
-from pneumo_casadi.diagnosis.metrics.regime import RegimeKind
+from pneumo_casadi.diagnosis.metrics.regime import Condition, Regime, RegimeKind
 from pneumo_casadi.diagnosis.prepare.fitted_model import fit_model
 from pneumo_casadi.diagnosis.prepare.study import start_study
+from pneumo_casadi.diagnosis.wording.conclusions import unknown_hint
 from pneumo_casadi.diagnosis.wording.location_sentences import location_sentences
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.estimation.equation_error.smoothed_motion import smooth_motions
@@ -256,3 +258,13 @@ def emps_like(data_folder):
     case = read_case(data_folder / "emps")
     study = start_study(make_axis(case, None), None, case.identify, case.validate)
     return study, fit_model(study, ())
+
+
+def test_a_condition_that_two_balances_share_is_told_once():
+    late = Condition(RegimeKind.AFTER_REVERSAL, upper=0.05)
+    flows = Location.MASS_FLOW_P, Location.MASS_FLOW_N
+    regimes = [Regime(late, balance, 0.5, 0.1, 0.001) for balance in flows]
+    regimes.append(Regime(Condition(RegimeKind.FORWARD), flows[0], 0.5, 0.3, 0.01))
+    where = Where(Location.MEASUREMENT, None, tuple(regimes), {"x": 1.0}, ())
+    told = "what is missing acts in measurement; most within 50 ms after a reversal, moving in +x"
+    assert unknown_hint(where, (), None, 1.0) == told

@@ -50,7 +50,8 @@ def unknown_hint(
     """
     parts = [f"what is missing acts in {where.balance.replace('_', ' ')}"]
     if where.regimes:
-        parts.append("most " + ", ".join(regime.name for regime in where.regimes[:2]))
+        names = dict.fromkeys(regime.name for regime in where.regimes)  # of two balances alike
+        parts.append("most " + ", ".join(list(names)[:2]))
     if closure is not None:
         left = 100 * min(share_left, 1.0)  # a balance may have become worse
         parts.append(
