@@ -81,6 +81,7 @@ def fit_stages(
             report(rung.name, done + 0.5 / STEPPINGS / len(rungs))
             began = time.perf_counter()
             solution = _solve(problem, rung.options, sigma, rung.refine, begin)
+            problem.memory.release()  # the statistics need other arrays
             stage = Stage(
                 rung.name,
                 rung.options.widths[-1],

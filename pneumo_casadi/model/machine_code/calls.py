@@ -84,6 +84,10 @@ class ResultMemory:
         """Keep an array that nothing refers to."""
         self._free.setdefault(array.size, []).append(array)
 
+    def release(self) -> None:
+        """Give the memory that nothing uses back to the system."""
+        self._free.clear()
+
     def __reduce__(self) -> tuple[type["ResultMemory"], tuple[()]]:
         return ResultMemory, ()  # another process has its own
 

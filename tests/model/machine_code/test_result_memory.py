@@ -45,6 +45,17 @@ def test_a_result_that_is_kept_does_not_keep_the_memory_of_others():
     assert (kept == 1.0).all()
 
 
+def test_what_is_free_goes_back_to_the_system_and_what_is_in_use_stays():
+    memory = ResultMemory()
+    kept, other = memory.empty((2, 3)), memory.empty((50, 40))
+    kept[:] = 1.0
+    del other
+    memory.release()
+    assert memory._free == {} and (kept == 1.0).all()
+    del kept
+    assert [len(arrays) for arrays in memory._free.values()] == [1]
+
+
 def test_results_in_lent_memory_are_those_in_new_memory():
     x = ca.MX.sym("x", 3)
     f = ca.Function("f", [x], [x**2, ca.sum1(x)])
