@@ -113,10 +113,21 @@ def measured(study: Study, floor: FloatArray, draw: Draw, named: Collection[str]
     return {
         "rms": dict(zip(study.axis.equations, before.tolist(), strict=True)),
         "twin_rms": dict(zip(study.axis.equations, floor.tolist(), strict=True)),
-        "visible": bool(np.any(before > VISIBLE * floor)),
+        "visible": shows(before, floor),
         "oracle_shrink": shrink(draw.effects) if knows else None,
         "named_shrink": shrink(named) if knows else None,
     }
+
+
+def shows(rms: FloatArray, floor: FloatArray) -> bool:
+    """Return whether residuals exceed those without a cause `VISIBLE` times in some balance.
+
+    Examples
+    --------
+    >>> shows(np.array([1.0, 1.6]), np.array([1.0, 1.0]))
+    True
+    """
+    return bool(np.any(rms > VISIBLE * floor))
 
 
 def shows_beside(
@@ -128,7 +139,7 @@ def shows_beside(
         others = {name: size for name, size in draw.effects.items() if name != cause}
         with draft_folder() as scratch:
             floor = nominal_rms(replace(draw, effects=others), scratch / cause, duration, fs)
-        shown[cause] = bool(np.any(before > VISIBLE * floor))
+        shown[cause] = shows(before, floor)
     return shown
 
 

@@ -179,3 +179,14 @@ def test_the_matrix_joins_effects_that_were_never_true(told, judged):
         "none",
     ]
     assert sorted(text.get_text() for text in matrix.texts) == ["1"] * 4
+
+
+def test_a_cause_shows_beside_the_other_where_more_is_left_with_it(monkeypatch):
+    """Each is taken out in turn: what is left then is what it must exceed."""
+    left = {"hose": np.array([1.0, 1.0]), "stribeck": np.array([2.9, 1.0])}
+    monkeypatch.setattr(
+        measure, "nominal_rms", lambda draw, folder, duration, fs: left[next(iter(draw.effects))]
+    )
+    draw = Draw("w001", Kind.PAIR, 1, {"hose": "large", "stribeck": "medium"})
+    shown = measure.shows_beside(draw, {"mass_flow_P": 3.0, "force": 1.0}, 20.0, 1000.0)
+    assert shown == {"hose": False, "stribeck": True}
