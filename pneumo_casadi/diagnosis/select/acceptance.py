@@ -14,6 +14,7 @@ from pneumo_casadi.diagnosis.metrics.residual_size import (
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.model.junctions import Junction
+from pneumo_casadi.parameters import FloatArray
 
 
 def can_matter(origin: FittedModel, before: FittedModel, levels: BalanceLevels) -> bool:
@@ -65,10 +66,11 @@ def accepted(
     criteria = levels.criteria
     first, old, new = (gaps(residual_rms(fit), levels) for fit in (origin, before, after))
     enough = old - new > criteria.share * first
-    least = np.full(len(enough), criteria.matters)
+    least: float | FloatArray = criteria.matters
     if before is not origin:
         enough[-1] |= _force_is_open(before, levels) and new[-1] < criteria.closed * old[-1]
-        least[:-1] = criteria.further  # all but the force
+        is_force = np.arange(len(enough)) == len(enough) - 1
+        least = np.where(is_force, criteria.matters, criteria.further)
         enough[:-1] &= (residual_rms(before) > criteria.coarse_map * levels.noise)[:-1]
     for kind in (bootstrap_gain, block_gain):
         gain, draws = kind(before, after, levels)
