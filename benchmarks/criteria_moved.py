@@ -13,16 +13,13 @@ a case as long as the criterion moved decides nothing within them.
 """
 
 import argparse
-import hashlib
 import json
 import logging
 import os
-import pickle
 import tempfile
 import warnings
-from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -33,14 +30,14 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 import provenance
-from movable import Movable, Move, note, noted
+from movable import Movable, Move, noted
+from shared_fits import SharedFits, sharing
 
 from pneumo_casadi.data import Case, read_case
 from pneumo_casadi.diagnosis.conclude import conclude
 from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA, Criteria
 from pneumo_casadi.diagnosis.prepare.prepare_study import applicable, prepare_study
 from pneumo_casadi.diagnosis.prepare.study import Study
-from pneumo_casadi.diagnosis.prepare.study_jobs import _run_in_worker
 from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue
 from pneumo_casadi.diagnosis.select.forms import causes_of
 from pneumo_casadi.diagnosis.select.forward_selection import select_effects
@@ -90,66 +87,11 @@ def with_moved(move: Move) -> Iterator[Criteria]:
     yield replace(CRITERIA, **changed)
 
 
-class SharedFits(Executor):
-    """Do jobs of a study in this process, each once for all moves that change nothing in it."""
-
-    def __init__(self) -> None:
-        self.study: Study | None = None
-        self.move: Move | None = None
-        self.known: dict[tuple[str, Move | None], tuple[Future[Any], set[Move]]] = {}
-        self.counts: Counter[str] = Counter()
-
-    def submit(self, fn: Callable[..., Any], /, *given: Any, **named: Any) -> "Future[Any]":
-        """Return what is known of a job, or do it."""
-        if fn is not _run_in_worker:
-            return _done(fn, given, named)[0]
-        _, job, *rest = given
-        key = f"{job.__module__}.{job.__qualname__} {digest(rest)}"
-        plain = self.known.get((key, None))
-        if plain is not None and self.move not in plain[1]:
-            self.counts["shared"] += 1
-            note(plain[1])
-            return plain[0]
-        if (key, self.move) not in self.known:
-            self.counts["done"] += 1
-            self.known[key, self.move] = _done(job, (self.study, *rest), {})
-        return self.known[key, self.move][0]
-
-
-def _done(
-    fn: Callable[..., Any], given: tuple[Any, ...], named: Mapping[str, Any]
-) -> tuple["Future[Any]", set[Move]]:
-    future: Future[Any] = Future()
-    with noted() as inside:
-        try:
-            future.set_result(fn(*given, **named))
-        except (PneumoError, RuntimeError, ValueError, ArithmeticError) as error:
-            future.set_exception(error)
-    return future, inside
-
-
-def digest(given: Any) -> str:
-    """Return a hash of the arguments of a job; equal ones have the same."""
-    return hashlib.sha256(pickle.dumps(_plain(given))).hexdigest()
-
-
-def _plain(item: Any) -> Any:
-    """Return content without identity: pickle writes an object that occurs twice otherwise."""
-    if isinstance(item, Mapping):
-        return "{" + ",".join(f"{key}:{_plain(value)}" for key, value in item.items()) + "}"
-    if isinstance(item, (list, tuple)):
-        return "[" + ",".join(_plain(value) for value in item) + "]"
-    if isinstance(item, np.ndarray):
-        return hashlib.sha256(np.ascontiguousarray(item).tobytes()).hexdigest() + str(item.shape)
-    if isinstance(item, (str, bytes, int, float, complex, type(None))):
-        return repr(item)
-    return f"{type(item).__qualname__} {hashlib.sha256(pickle.dumps(item)).hexdigest()}"
-
-
 def said(study: Study, catalogue: Catalogue, fits: SharedFits) -> Said:
     """Return the verdict on a study, as `diagnose` finds it."""
     fits.study = study
-    conclusion = conclude(study, select_effects(study, catalogue, fits), catalogue, fits)
+    with sharing(fits):
+        conclusion = conclude(study, select_effects(study, catalogue, fits), catalogue, fits)
     selection, decision = conclusion.selection, conclusion.decision
     named = decision.absorbed
     if decision.names_effects:

@@ -1,5 +1,6 @@
 """A moved criterion is noted wherever it would decide otherwise, and shared fits stay right."""
 
+import sys
 from concurrent.futures import Future
 from dataclasses import asdict
 from pathlib import Path
@@ -16,6 +17,11 @@ BENCHMARKS = Path(__file__).resolve().parents[2] / "benchmarks"
 @pytest.fixture(scope="module")
 def moved(script):
     return script(BENCHMARKS / "criteria_moved.py")
+
+
+@pytest.fixture(scope="module")
+def shared_fits(script, moved):
+    return sys.modules["shared_fits"]
 
 
 @pytest.fixture
@@ -74,7 +80,7 @@ def submit(fits, job, *given):
     return fits.submit(_run_in_worker, b"", job, *given)
 
 
-def test_a_fit_is_shared_unless_the_move_would_change_a_comparison_in_it(moved, half):
+def test_a_fit_is_shared_unless_the_move_would_change_a_comparison_in_it(moved, shared_fits, half):
     value, low, high = half
     calls = []
 
@@ -82,7 +88,7 @@ def test_a_fit_is_shared_unless_the_move_would_change_a_comparison_in_it(moved, 
         calls.append(limit)
         return study["share"] < limit
 
-    fits = moved.SharedFits()
+    fits = shared_fits.SharedFits()
     fits.study = {"share": value}
     with moved.noted() as near:
         assert submit(fits, job, 0.45).result() is np.False_
@@ -95,29 +101,40 @@ def test_a_fit_is_shared_unless_the_move_would_change_a_comparison_in_it(moved, 
     assert not submit(fits, job, 0.3).result() and len(calls) == 3  # another fit
 
 
-def test_what_a_fit_refuses_is_refused_again(moved):
+def test_a_function_of_objects_is_called_again_for_other_objects_of_equal_content(shared_fits):
+    calls = []
+    fits = shared_fits.SharedFits()
+    function = fits.shared(lambda *given, **named: calls.append(given) or len(calls))
+    one, other = np.zeros(1), np.zeros(1)
+    assert function(one, ("a", 1), beside=None) == function(one, ("a", 1), beside=None) == 1
+    assert function(other, ("a", 1), beside=None) == 2
+    assert function(one, ("a", 2), beside=None) == 3
+    assert function(one, ("a", 1), beside=True) == 4
+
+
+def test_what_a_fit_refuses_is_refused_again(shared_fits):
     def job(study):
         raise ValueError("not credible")
 
-    fits = moved.SharedFits()
+    fits = shared_fits.SharedFits()
     for _ in range(2):
         refused = submit(fits, job)
         assert isinstance(refused, Future) and isinstance(refused.exception(), ValueError)
     assert fits.counts == {"done": 1, "shared": 1}
 
 
-def test_equal_arguments_are_known_again_and_others_are_not(moved):
+def test_equal_arguments_are_known_again_and_others_are_not(shared_fits):
     text = "ab"
     one = {"a": np.arange(3.0), "names": (text, text)}
     other = {"a": np.arange(3.0), "names": ("ab", "".join(["a", "b"]))}
-    assert moved.digest((one,)) == moved.digest((other,))
+    assert shared_fits.digest((one,)) == shared_fits.digest((other,))
     for differs in (
         {"a": np.arange(3.0) + 1e-9, "names": ("ab", "ab")},
         {"a": np.arange(3.0).reshape(3, 1), "names": ("ab", "ab")},
         {"a": np.arange(3.0), "names": ("ab", "abc")},
         {"a": np.arange(3), "names": ("ab", "ab")},
     ):
-        assert moved.digest((one,)) != moved.digest((differs,))
+        assert shared_fits.digest((one,)) != shared_fits.digest((differs,))
 
 
 def test_the_table_tells_what_changes_beside_the_first_cause_apart(moved):
