@@ -24,8 +24,10 @@ from pneumo_casadi.estimation.output_error.shooting.interval import IntervalFunc
 from pneumo_casadi.estimation.output_error.shooting.problem import Problem
 from pneumo_casadi.estimation.output_error.shooting.segments import cut_segments
 from pneumo_casadi.estimation.output_error.solvers.ipopt import IpoptSolver
-from pneumo_casadi.estimation.output_error.solvers.levenberg_marquardt import solve_near_optimum
-from pneumo_casadi.estimation.output_error.solvers.multiple_shooting import solve_gauss_newton
+from pneumo_casadi.estimation.output_error.solvers.multiple_shooting import (
+    solve_gauss_newton,
+    solve_near_optimum,
+)
 from pneumo_casadi.estimation.output_error.solvers.solution import Solution, new_sigma
 from pneumo_casadi.estimation.output_error.starts import Begin, measured_start
 from pneumo_casadi.estimation.statistics import stated_or_estimated_noise

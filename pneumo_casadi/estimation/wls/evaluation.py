@@ -42,9 +42,8 @@ def evaluate_regressor(
     """
     Y, W = evaluate_along(model.regressor(names), model, filtered)
     for label, values in (("Y", Y), ("W", W)):
-        wrong = np.argwhere(~np.isfinite(values))
-        if wrong.size:
-            e, k, _ = wrong[0]
+        if not np.isfinite(values).all():
+            e, k, _ = np.argwhere(~np.isfinite(values))[0]
             raise ModelError(
                 f"{filtered.source}: {label} of {model.equations[e]} is not finite at "
                 f"t = {filtered.t[k]:g} s; do the states leave the flow map's range?"
@@ -69,16 +68,20 @@ def evaluate_along(
     dx = filtered.stack_derivatives(model.motion_states)[:, samples]
     sets = [u[:, samples] for u in filtered.stack_inputs(model.inputs)]
     uncompiled = evaluated_without_compiling(function)
-    results = tuple(
-        np.zeros((r, x.shape[1], c))
-        for r, c in (function.size_out(k) for k in range(function.n_out()))
-    )
-    # In stretches: the memory of a long record is that of its results, not a multiple of them.
+    shapes = [function.size_out(k) for k in range(function.n_out())]
+    # A value holds the columns of a matrix one below the other.
+    results = [np.zeros((c * r, x.shape[1])) for r, c in shapes]
+    # In stretches: the memory of a long record is that of its results, not a multiple of them. What
+    # is zero throughout, as most columns of a regressor are, takes none.
     for first in range(0, x.shape[1], STRETCH):
         at = slice(first, first + STRETCH)
         for u in sets:
             values = uncompiled.evaluate(x[:, at].shape[1], x[:, at], dx[:, at], u[:, at])
             for result, value in zip(results, values, strict=True):
-                r, _, c = result.shape  # a value holds the columns of a matrix one below the other
-                result[:, at] += value.reshape(c, r, -1).transpose(1, 2, 0) / len(sets)
-    return results
+                for own, part in zip(result, value.reshape(len(result), -1), strict=True):
+                    if part.any():
+                        own[at] += part / len(sets)
+    return tuple(
+        result.reshape(c, r, -1).transpose(1, 2, 0)
+        for result, (r, c) in zip(results, shapes, strict=True)
+    )

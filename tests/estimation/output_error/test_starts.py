@@ -1,6 +1,7 @@
 """Fits from many starts, and from where full steps do not contract."""
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,14 +14,20 @@ from pneumo_casadi.estimation.output_error import (
     fit_output_error,
 )
 from pneumo_casadi.estimation.output_error.multistart import draw_parameters
-from pneumo_casadi.estimation.output_error.shooting.problem import shoot_segments
+from pneumo_casadi.estimation.output_error.shooting.problem import Unknowns, shoot_segments
 from pneumo_casadi.estimation.output_error.solvers import condensed_step as steps
 from pneumo_casadi.estimation.output_error.solvers import levenberg_marquardt as damping
+from pneumo_casadi.estimation.output_error.solvers import multiple_shooting as full_steps
 from pneumo_casadi.estimation.output_error.solvers.levenberg_marquardt import (
     solve_levenberg_marquardt,
 )
-from pneumo_casadi.estimation.output_error.solvers.multiple_shooting import solve_gauss_newton
+from pneumo_casadi.estimation.output_error.solvers.multiple_shooting import (
+    solve_gauss_newton,
+    solve_near_optimum,
+)
 from pneumo_casadi.estimation.output_error.stages import write_problem
+
+TABLE_1 = ("X_s1", "X_s2", "X_s4", "X_s5", "M", "f_v", "F_c_plus")
 
 
 @pytest.fixture(scope="module")
@@ -121,6 +128,35 @@ def test_damped_steps_reach_the_optimum_of_full_ones_and_never_climb(made, probl
     assert before >= costs[0] >= costs[1] >= costs[2]
     assert found.status == "converged"
     assert costs[2] == pytest.approx(problem.cost(full.point.theta, full.m, sigma), rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    "contract", [True, False], ids=["full steps", "where they do not contract"]
+)
+def test_from_near_the_optimum_few_steps_reach_it(made, problem_of, monkeypatch, contract):
+    begin, records, table, options = problem_of
+    near = begin.with_parameters(fit_output_error(begin, records, table, options).parameters)
+    moved = near.with_parameters({name: 1.001 * near.parameters[name].value for name in TABLE_1})
+    problem = write_problem(moved, records, table, options)
+    sigma = np.array([150.0, 150.0, 1.5e-5])
+    measured = problem.start()
+    nodes, _ = shoot_segments(problem, measured.theta, measured.x[:, :1])
+    start = Unknowns(measured.theta, nodes)
+    wanted = solve_gauss_newton(problem, measured, sigma, reweight=False)
+    take = full_steps._full_steps
+    if not contract:
+
+        def astray(*given):
+            status = "full steps do not contract"
+            return replace(take(*given), status=status, point=measured, iterations=4)
+
+        monkeypatch.setattr(full_steps, "_full_steps", astray)
+    found = solve_near_optimum(problem, start, sigma, False, 60)
+    assert found.status == "converged" and (found.iterations > 4) is not contract
+    cost, least = (
+        problem.cost(solution.point.theta, solution.m, sigma) for solution in (found, wanted)
+    )
+    assert abs(cost - least) < 0.05
 
 
 @pytest.mark.slow

@@ -148,21 +148,3 @@ def solve_levenberg_marquardt(
     point, at = minimum.point, minimum.linear
     linear = at.at if at is not None and at.simulated is point else None
     return Solution(point.point, point.m, sigma, minimum.status.value, minimum.trials, linear)
-
-
-def solve_near_optimum(
-    problem: Problem,
-    point: Unknowns,
-    sigma: FloatArray,
-    reweight: bool,
-    max_iterations: int,
-    tolerance: float = 4e-2,
-) -> Solution:
-    """Solve from a simulation that is nearly optimal, beginning with undamped steps.
-
-    Iterations over long data are dear, and their nominal deviations are small beside all that
-    biases an estimate: steps of a tenth of them are the end.
-    """
-    return solve_levenberg_marquardt(
-        problem, (point,), sigma, reweight, max_iterations, tolerance, NEAR_OPTIMUM
-    )
