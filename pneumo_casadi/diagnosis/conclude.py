@@ -5,11 +5,11 @@ from dataclasses import dataclass, replace
 
 from pneumo_casadi.diagnosis.checks.parameter_checks import check_fit
 from pneumo_casadi.diagnosis.decide.decision import NAMING, Decision, decide_verdict
-from pneumo_casadi.diagnosis.decide.result import Verdict
 from pneumo_casadi.diagnosis.decide.shared_cause import rather_one_cause
 from pneumo_casadi.diagnosis.discover.beside import Discovery, discover_beside
 from pneumo_casadi.diagnosis.discover.rival_term import find_rival_term
 from pneumo_casadi.diagnosis.metrics.findings import Check
+from pneumo_casadi.diagnosis.metrics.verdict import Verdict
 from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue
 from pneumo_casadi.diagnosis.select.forward_selection import Selection

@@ -18,7 +18,6 @@ from pneumo_casadi.diagnosis.decide.ranking import (
     parameter_values,
     rank_candidates,
 )
-from pneumo_casadi.diagnosis.decide.result import Diagnosis, Verdict
 from pneumo_casadi.diagnosis.discover.term_in_model import Model, told_as_fitted
 from pneumo_casadi.diagnosis.locate.evidence import collect_evidence
 from pneumo_casadi.diagnosis.locate.locate import locate
@@ -32,11 +31,13 @@ from pneumo_casadi.diagnosis.metrics.location import Location
 from pneumo_casadi.diagnosis.metrics.residual_size import balance_closure
 from pneumo_casadi.diagnosis.metrics.simulated_curves import simulated_curves
 from pneumo_casadi.diagnosis.metrics.simulated_gap import gap_with_term, simulated_gap
+from pneumo_casadi.diagnosis.metrics.verdict import Verdict
 from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA, Criteria
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.prepare.noise_bias import without_noise_bias
 from pneumo_casadi.diagnosis.prepare.prepare_study import applicable, prepare_study
 from pneumo_casadi.diagnosis.prepare.study import Study
+from pneumo_casadi.diagnosis.result.diagnosis_result import Diagnosis
 from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue
 from pneumo_casadi.diagnosis.select.forms import causes_of
 from pneumo_casadi.diagnosis.select.forward_selection import Selection, select_effects

@@ -4,9 +4,10 @@ from dataclasses import replace
 
 from pneumo_casadi.data import Case
 from pneumo_casadi.diagnosis.checks.parameter_checks import check_output_error
-from pneumo_casadi.diagnosis.decide.result import Diagnosis, Verdict
 from pneumo_casadi.diagnosis.metrics.simulated_fit import WINDOW
+from pneumo_casadi.diagnosis.metrics.verdict import Verdict
 from pneumo_casadi.diagnosis.prepare.prepare_study import split_records
+from pneumo_casadi.diagnosis.result.diagnosis_result import Diagnosis
 from pneumo_casadi.errors import FitError, ModelError
 from pneumo_casadi.estimation.output_error import OutputErrorOptions
 from pneumo_casadi.identification.flow_form import read_flow

@@ -8,8 +8,8 @@ import pytest
 from pneumo_casadi.diagnosis.decide import ranking
 from pneumo_casadi.diagnosis.decide.judgement import Judgement
 from pneumo_casadi.diagnosis.decide.ranking import rank_candidates
-from pneumo_casadi.diagnosis.decide.result import Verdict
 from pneumo_casadi.diagnosis.metrics.findings import Value
+from pneumo_casadi.diagnosis.metrics.verdict import Verdict
 from pneumo_casadi.diagnosis.select.complete import Completed
 from pneumo_casadi.diagnosis.select.fit_ledger import Failed
 from pneumo_casadi.diagnosis.select.forward_selection import Selection

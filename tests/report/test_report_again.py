@@ -16,8 +16,8 @@ from pneumo_casadi.cli import app as cli
 from pneumo_casadi.data import Finding, Grade
 from pneumo_casadi.design import Distance
 from pneumo_casadi.diagnosis import Condition, RegimeKind, Value, Verdict, read_diagnosis
-from pneumo_casadi.diagnosis.decide.plain_evidence import evidence_dict, evidence_of
 from pneumo_casadi.diagnosis.metrics.findings import SensorError
+from pneumo_casadi.diagnosis.result.plain_evidence import evidence_dict, evidence_of
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.identification.compared_model import Estimate
 from pneumo_casadi.identification.read_comparison import read_comparison

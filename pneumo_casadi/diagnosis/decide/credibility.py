@@ -6,9 +6,9 @@ import numpy as np
 
 from pneumo_casadi.diagnosis.checks.absorbed import absorbed_candidates
 from pneumo_casadi.diagnosis.decide.judgement import Judgement
-from pneumo_casadi.diagnosis.decide.result import Verdict
 from pneumo_casadi.diagnosis.decide.unknown import is_unknown
 from pneumo_casadi.diagnosis.metrics.findings import Check
+from pneumo_casadi.diagnosis.metrics.verdict import Verdict
 from pneumo_casadi.model.effect import EffectFactory
 
 #: Checks of piston areas.

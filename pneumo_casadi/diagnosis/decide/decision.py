@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 from pneumo_casadi.diagnosis.decide.credibility import near_noise, review_verdict
 from pneumo_casadi.diagnosis.decide.judgement import Judgement, doubted, judge
-from pneumo_casadi.diagnosis.decide.result import Verdict
 from pneumo_casadi.diagnosis.metrics.findings import Check
+from pneumo_casadi.diagnosis.metrics.verdict import Verdict
 from pneumo_casadi.diagnosis.select.fit_ledger import Names
 from pneumo_casadi.diagnosis.select.forms import cause_of, causes_of
 from pneumo_casadi.diagnosis.select.forward_selection import Selection

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pneumo_casadi.diagnosis.decide.result import Verdict
 from pneumo_casadi.diagnosis.decide.unknown import is_unknown
 from pneumo_casadi.diagnosis.metrics.residual_size import (
     gaps,
@@ -15,6 +14,7 @@ from pneumo_casadi.diagnosis.metrics.residual_size import (
     share_left,
     shares_left,
 )
+from pneumo_casadi.diagnosis.metrics.verdict import Verdict
 from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA, Criteria
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.select.fit_ledger import Names

@@ -7,7 +7,7 @@ from typing import Any
 from jinja2 import TemplateError
 
 from pneumo_casadi.data.recording.curves import read_curves
-from pneumo_casadi.diagnosis.decide.read_diagnosis import DIAGNOSIS, read_diagnosis
+from pneumo_casadi.diagnosis.result.read_diagnosis import DIAGNOSIS, read_diagnosis
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.identification.read_comparison import COMPARISON, read_comparison
 from pneumo_casadi.identification.result_file import FORMAT

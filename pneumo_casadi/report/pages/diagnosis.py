@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pneumo_casadi.diagnosis import Diagnosis, Verdict
-from pneumo_casadi.diagnosis.decide.plain_evidence import evidence_dict
-from pneumo_casadi.diagnosis.decide.read_diagnosis import CURVES
 from pneumo_casadi.diagnosis.refined_identification import with_refined_checks
+from pneumo_casadi.diagnosis.result.plain_evidence import evidence_dict
+from pneumo_casadi.diagnosis.result.read_diagnosis import CURVES
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.effects.term import write_term
 from pneumo_casadi.identification.result import Identification

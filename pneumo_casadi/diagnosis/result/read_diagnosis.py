@@ -3,11 +3,11 @@
 from dataclasses import replace
 from pathlib import Path
 
-from pneumo_casadi.diagnosis.decide.diagnosis_sections import DiagnosisSection
-from pneumo_casadi.diagnosis.decide.plain_evidence import evidence_of
-from pneumo_casadi.diagnosis.decide.plain_findings import FORMAT
-from pneumo_casadi.diagnosis.decide.result import Diagnosis
 from pneumo_casadi.diagnosis.locate.evidence import Evidence
+from pneumo_casadi.diagnosis.result.diagnosis_result import Diagnosis
+from pneumo_casadi.diagnosis.result.diagnosis_sections import DiagnosisSection
+from pneumo_casadi.diagnosis.result.plain_evidence import evidence_of
+from pneumo_casadi.diagnosis.result.plain_findings import FORMAT
 from pneumo_casadi.errors import CaseError, PneumoError
 from pneumo_casadi.runtime.json_input import check_format, read_json, typed
 

@@ -2,21 +2,11 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
-from enum import Enum
 from typing import Any
 
 import pandas as pd
 
 from pneumo_casadi.data import Finding
-from pneumo_casadi.diagnosis.decide.plain_findings import (
-    FORMAT,
-    candidate_dict,
-    discovered_dict,
-    effect_dict,
-    gap_dict,
-    values_dict,
-    where_dict,
-)
 from pneumo_casadi.diagnosis.discover.discovered import DiscoveredTerm
 from pneumo_casadi.diagnosis.locate.evidence import Evidence
 from pneumo_casadi.diagnosis.metrics.findings import (
@@ -28,27 +18,22 @@ from pneumo_casadi.diagnosis.metrics.findings import (
     Where,
     joined_names,
 )
+from pneumo_casadi.diagnosis.metrics.verdict import Verdict
+from pneumo_casadi.diagnosis.result.plain_findings import (
+    FORMAT,
+    candidate_dict,
+    discovered_dict,
+    effect_dict,
+    gap_dict,
+    values_dict,
+    where_dict,
+)
 from pneumo_casadi.runtime.json_files import without_infinities
 from pneumo_casadi.runtime.presentation import Presentable
 from pneumo_casadi.valve import FormSelection
 
 #: Lines of the ranking that a summary shows.
 MOST_SHOWN = 8
-
-
-class Verdict(Enum):
-    """Conclusion on a case."""
-
-    EFFECT = "effect"
-    """One effect, or several together, close the gap, and no other explains it as well."""
-    AMBIGUOUS = "ambiguous"
-    """Several effects close the gap equally well: the data cannot separate them."""
-    ABSORBED = "absorbed"
-    """Parameters contradict geometry or data sheet, with no gap but in the flow of chamber N."""
-    UNKNOWN = "unknown"
-    """A gap that no effect of the catalogue explains; see `is_unknown`."""
-    NONE = "none"
-    """No significant gap."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -5,7 +5,11 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from pneumo_casadi.diagnosis.decide.finding_sections import (
+from pneumo_casadi.diagnosis.discover.discovered import DiscoveredTerm, TermCurve
+from pneumo_casadi.diagnosis.metrics.findings import Closure, split_names
+from pneumo_casadi.diagnosis.metrics.verdict import Verdict
+from pneumo_casadi.diagnosis.result.diagnosis_result import Diagnosis
+from pneumo_casadi.diagnosis.result.finding_sections import (
     CandidateSection,
     CheckSection,
     EffectSection,
@@ -15,9 +19,6 @@ from pneumo_casadi.diagnosis.decide.finding_sections import (
     WhereSection,
     values_of,
 )
-from pneumo_casadi.diagnosis.decide.result import Diagnosis, Verdict
-from pneumo_casadi.diagnosis.discover.discovered import DiscoveredTerm, TermCurve
-from pneumo_casadi.diagnosis.metrics.findings import Closure, split_names
 from pneumo_casadi.effects.term import Term
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.runtime.json_input import Section

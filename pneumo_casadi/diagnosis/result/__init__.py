@@ -1,0 +1,1 @@
+"""What a diagnosis returns, as objects, plain data and files."""
