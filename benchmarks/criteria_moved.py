@@ -3,9 +3,9 @@
 Data: 200 draws of the virtual bench as its sealed check draws them (20 s at 1 kHz, half of them
 with weak effects besides, some causes missing from the catalogue). Each is diagnosed with the
 criteria as they are, then with every criterion lowered and raised by a fifth. A probability above a
-half is moved by a fifth of what it lacks to one: 0.95 raised by a fifth is none. A verdict has
-changed where its word has, or the causes that it names. Where the word and the cause that is missed
-most stay, and only what is named beside it differs, it counts apart as well.
+half is moved by a fifth of what it lacks to one: 0.95 raised by a fifth would exceed one. A verdict
+has changed where its word has, or the causes that it names. Where the word and the cause that is
+missed most stay, and only what is named beside it differs, it counts apart as well.
 
 A diagnosis whose comparisons all come out the same for a move is not repeated: the criteria are
 numbers that note where they would decide otherwise (`movable`). Fits are shared between the runs of
@@ -36,13 +36,13 @@ from shared_fits import SharedFits, sharing
 from pneumo_casadi.data import Case, read_case
 from pneumo_casadi.diagnosis.conclude import conclude
 from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA, Criteria
+from pneumo_casadi.diagnosis.prepare.fitted_model import FAULTS
 from pneumo_casadi.diagnosis.prepare.prepare_study import applicable, prepare_study
 from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue
 from pneumo_casadi.diagnosis.select.forms import causes_of
 from pneumo_casadi.diagnosis.select.forward_selection import select_effects
 from pneumo_casadi.effects import EFFECTS
-from pneumo_casadi.errors import PneumoError
 from pneumo_casadi.evaluation.sealed_check.draw import Draw, draw_cases, make
 from pneumo_casadi.identification.flow_form import resolve_flow_form
 from pneumo_casadi.identification.options import IdentifyOptions
@@ -93,11 +93,12 @@ def said(study: Study, catalogue: Catalogue, fits: SharedFits) -> Said:
     with sharing(fits):
         conclusion = conclude(study, select_effects(study, catalogue, fits), catalogue, fits)
     selection, decision = conclusion.selection, conclusion.decision
-    named = decision.absorbed
+    named: tuple[str, ...] = ()
     if decision.names_effects:
         named = tuple(dict.fromkeys((*selection.contributions, *selection.named)))
     sure = (name for name in named if name not in decision.judgement.undecided)
-    return decision.verdict.value, causes_of(sure, {**EFFECTS, **catalogue})
+    causes = causes_of((*sure, *decision.absorbed), {**EFFECTS, **catalogue})
+    return decision.verdict.value, causes
 
 
 @one_thread
@@ -134,8 +135,9 @@ def one_case(
         with moved(move) as criteria:
             try:
                 now = said(replace(study, criteria=criteria), catalogue, fits)
-            except PneumoError as error:
+            except FAULTS as error:
                 now = type(error).__name__, ()
+        fits.forget(move)
         if now[0] != usual[0] or set(now[1]) != set(usual[1]):
             changed.append({**asdict(move), "verdict": now[0], "names": now[1]})
     return {
@@ -149,15 +151,17 @@ def one_case(
 
 def kept(draw: Draw, keep: Path, **ways: Any) -> dict[str, Any]:
     """Return `one_case` of a draw, or what an interrupted run has found."""
-    target = keep / f"{draw.name}.json"
+    target, made_by = keep / f"{draw.name}.json", {"draw": draw.as_dict(), "ways": sorted(ways)}
     if target.exists():
         content: dict[str, Any] = json.loads(target.read_text("utf-8"))
-        return content
+        if content["of"] == made_by:
+            return content
     logging.disable(logging.WARNING)
     with tempfile.TemporaryDirectory() as scratch, warnings.catch_warnings():
         warnings.simplefilter("ignore")
         make(draw, Path(scratch) / draw.name)
         result = one_case(read_case(Path(scratch) / draw.name), draw.without, **ways)
+    result["of"] = made_by
     provenance.write(target, result)
     return result
 
@@ -192,7 +196,7 @@ def table(results: Mapping[str, Mapping[str, Any]]) -> list[dict[str, Any]]:
             near = (any(_is(each, move) for each in result["near"]) for result in results.values())
             row[key] = {
                 "value": move.value,
-                "decides_in": sum(near),
+                "repeated_in": sum(near),
                 "changed": sorted(hits),
                 "beside_only": sum(hits.values()),
                 "share": len(hits) / len(results),

@@ -97,11 +97,11 @@ class Movable(NDArrayOperatorsMixin):
         )
 
     def __getattr__(self, name: str) -> Any:
-        if name.startswith("__") or name in ("value", "otherwise"):
+        if name in ("shape", "size", "ndim", "dtype"):  # those of any move
+            return getattr(np.asarray(self.value), name)
+        method = None if name.startswith("__") else getattr(np.ndarray, name, None)
+        if not callable(method):
             raise AttributeError(name)
-        method = getattr(np.asarray(self.value), name)
-        if not callable(method):  # shape, size ... are those of any move
-            return method
         return lambda *given, **named: _everywhere(
             lambda array: getattr(np.asarray(array), name)(*given, **named), (self,), {}
         )

@@ -42,7 +42,8 @@ SHARED = (
 class SharedFits(Executor):
     """Do work on a study in this process, each piece once for all moves that change nothing in it.
 
-    Jobs are known by their content; what `SHARED` lists, many times called, by the objects given.
+    Jobs are identified by the content of their arguments; functions in `SHARED`, which are called
+    often, by the identity of theirs.
     """
 
     def __init__(self) -> None:
@@ -75,12 +76,16 @@ class SharedFits(Executor):
         if plain is not None and self.move not in plain[1]:
             self.counts["shared"] += 1
             note(plain[1])
-            return plain[0]
+            return _as_new(plain[0])
         if (key, self.move) not in self.known:
             self.counts["done"] += 1
-            # What was given is kept: another object could have its identity else.
-            self.known[key, self.move] = *_done(fn, given, named), given
-        return self.known[key, self.move][0]
+            # What was given is kept: otherwise a new object could get the same identity.
+            self.known[key, self.move] = *_done(fn, given, named), (given, named)
+        return _as_new(self.known[key, self.move][0])
+
+    def forget(self, move: Move) -> None:
+        """Drop what was done for a move."""
+        self.known = {key: held for key, held in self.known.items() if key[1] != move}
 
 
 @contextmanager
@@ -90,6 +95,14 @@ def sharing(fits: SharedFits) -> Iterator[None]:
         for module, name in SHARED:
             stack.enter_context(patch.object(module, name, fits.shared(getattr(module, name))))
         yield
+
+
+def _as_new(future: "Future[Any]") -> "Future[Any]":
+    """Return a finished future without the traceback of those who have asked for it before."""
+    error = future.exception()
+    if error is not None:
+        error.__traceback__ = None
+    return future
 
 
 def _identity(item: Any) -> Any:
@@ -121,7 +134,7 @@ def digest(given: Any) -> str:
 
 
 def _plain(item: Any) -> Any:
-    """Return content without identity: pickle writes an object that occurs twice otherwise."""
+    """Return content without identity: pickle writes an object that occurs twice differently."""
     if isinstance(item, Mapping):
         return "{" + ",".join(f"{key}:{_plain(value)}" for key, value in item.items()) + "}"
     if isinstance(item, (list, tuple)):

@@ -150,8 +150,8 @@ def test_the_table_tells_what_changes_beside_the_first_cause_apart(moved):
         "w004": {**usual, "changed": []},
     }
     (row,) = (row for row in moved.table(results) if row["criterion"] == "share")
-    assert row["lowered"]["changed"] == [] and row["lowered"]["decides_in"] == 0
+    assert row["lowered"]["changed"] == [] and row["lowered"]["repeated_in"] == 0
     raised = row["raised"]
-    assert raised["decides_in"] == 4 and raised["changed"] == ["w001", "w002", "w003"]
+    assert raised["repeated_in"] == 4 and raised["changed"] == ["w001", "w002", "w003"]
     assert raised["beside_only"] == 1
     assert (raised["share"], raised["share_word_or_first"]) == (0.75, 0.5)

@@ -71,8 +71,8 @@ def evaluate_along(
     shapes = [function.size_out(k) for k in range(function.n_out())]
     # A value holds the columns of a matrix one below the other.
     results = [np.zeros((c * r, x.shape[1])) for r, c in shapes]
-    # In stretches: the memory of a long record is that of its results, not a multiple of them. What
-    # is zero throughout, as most columns of a regressor are, takes none.
+    # In stretches: the memory of a long record is that of its results, not a multiple of them. Rows
+    # that are zero throughout, as most of a regressor's are, are never written and take none.
     for first in range(0, x.shape[1], STRETCH):
         at = slice(first, first + STRETCH)
         for u in sets:
@@ -82,6 +82,6 @@ def evaluate_along(
                     if part.any():
                         own[at] += part / len(sets)
     return tuple(
-        result.reshape(c, r, -1).transpose(1, 2, 0)
+        result.reshape(c, r, x.shape[1]).transpose(1, 2, 0)
         for result, (r, c) in zip(results, shapes, strict=True)
     )

@@ -89,14 +89,14 @@ def solve_near_optimum(
 
     Iterations over long data are dear, and their nominal deviations are small beside all that
     biases an estimate: steps of a twenty-fifth of them are the end. Full steps leave the nodes
-    open: windows of 20 s in which the axis sticks and breaks away are anything but linear, and
-    steps on closed nodes had to be damped there. Where full steps do not contract, nearly undamped
-    ones on closed nodes follow.
+    open. On closed nodes steps had to be damped: a window of 20 s in which the axis sticks and
+    breaks away is anything but linear in its initial state. Where full steps do not contract,
+    nearly undamped ones on closed nodes follow.
     """
     most = min(NEAR_STEPS, max_iterations)
     full = _full_steps(problem, point, sigma, reweight, most, tolerance)
     left = max_iterations - full.iterations
-    if full.status == "converged" or left < 1:
+    if full.status == "converged":
         return full
     return solve_levenberg_marquardt(
         problem, (full.point, point), sigma, reweight, left, tolerance, NEAR_OPTIMUM
