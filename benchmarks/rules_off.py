@@ -2,9 +2,9 @@
 
 Data: draws of the virtual bench as for `criteria_moved`. Each is diagnosed with all rules, then
 without each rule that did something in it. A verdict is right where it names the causes drawn and
-none that is not there, weak effects that are there aside; of a cause outside the catalogue where it
-is ``unknown``, or names none that is not there. A rule earns its place by verdicts that are right
-with it only; one by which nothing is won can go.
+none that is not there (weak effects that are there may be named, and need not be), and ``unknown``
+where the catalogue lacks the cause. A rule earns its place by verdicts that are right with it only;
+one by which nothing is gained can go.
 """
 
 import argparse
@@ -25,6 +25,7 @@ import provenance
 from movable import Move, note
 
 from pneumo_casadi.diagnosis.metrics.residual_size import bootstrap_gain
+from pneumo_casadi.diagnosis.metrics.verdict import Verdict
 from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA, Criteria
 from pneumo_casadi.diagnosis.select.complete import Completed
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger
@@ -150,7 +151,11 @@ def _watched(rule: Rule, usual: Callable[..., Any]) -> Callable[..., Any]:
 
     def watched(*given: Any, **named: Any) -> Any:
         before = _state(given[0])
-        result = usual(*given, **named)
+        try:
+            result = usual(*given, **named)
+        except Exception:
+            note({move_of(rule)})
+            raise
         if _state(given[0]) != before or not _same(result, rule.instead(*given, **named)):
             note({move_of(rule)})
         return result
@@ -163,8 +168,9 @@ def _state(first: Any) -> Any:
     ledger = getattr(first, "ledger", first)
     if not isinstance(ledger, FitLedger):
         return None
-    fits = {key: id(fitted) for key, fitted in ledger.fits.items()}
-    return fits, set(ledger.trials), set(ledger.left_out), set(ledger.gap_left)
+    held = ledger.fits, ledger.trials, ledger.gap_left, ledger.output_error_fits, ledger.reduced
+    tried = ledger.failures, ledger.left_out, ledger._refined
+    return [dict(each) for each in held], [set(each) for each in tried]
 
 
 def _same(result: Any, other: Any) -> bool:
@@ -197,11 +203,13 @@ def without(move: Move) -> Iterator[Criteria]:
 def right(draw: Draw, verdict: str, names: list[str]) -> bool:
     """Return whether a verdict is right of a draw."""
     causes, weak = set(draw.effects), set(draw.weak_causes)
-    if verdict in ("none", "unknown"):
-        return not draw.listed and verdict == "unknown" if causes else verdict == "none"
-    named = set(names)
-    missed = causes - named if draw.listed else causes
-    return not missed and named <= causes | weak
+    if verdict not in {each.value for each in Verdict}:  # an error
+        return False
+    if not draw.listed:
+        return verdict == Verdict.UNKNOWN.value
+    # Of those that the parameters may have absorbed the first is the most likely one.
+    named = set(names[:1] if verdict == Verdict.ABSORBED.value else names)
+    return causes <= named <= causes | weak and verdict != Verdict.UNKNOWN.value
 
 
 def one_draw(draw: Draw, keep: Path) -> dict[str, Any]:

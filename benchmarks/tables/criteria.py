@@ -24,7 +24,13 @@ def criteria_moved(result: Mapping[str, Any]) -> str:
 
 def rules_off(result: Mapping[str, Any]) -> str:
     """Return each rule, where it acts, and what becomes of verdicts without it."""
-    head = ["rule", "acts in", "right only with it", "right only without", "other, as right"]
+    head = [
+        "rule",
+        "acts in",
+        "right only with it",
+        "right only without",
+        "other, equally right or wrong",
+    ]
     keys = ("worse_without", "better_without", "as_right")
     body = [
         [row["rule"], str(row["acts_in"]), *(str(len(row[key])) for key in keys)]
