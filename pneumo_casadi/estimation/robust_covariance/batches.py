@@ -136,11 +136,11 @@ def _batch_sums(parts: list[FloatArray], root: FloatArray) -> _Batches:
     lengths = [1]
     while rows // (2 * lengths[-1]) >= MIN_BATCHES:
         lengths.append(2 * lengths[-1])
-    sums = [_sums(parts, length) for length in lengths]
+    sums = _sums(parts, len(lengths))
     squares = _squares(parts, lengths)
     components = [(part @ root) ** 2 for part in parts]
     fourth = EXCESS_OF_FOURTH_MOMENT * sum((part**2).sum(axis=0) for part in components)
-    shares = np.array([(_sums(components, length) ** 2).sum(axis=0) for length in lengths])
+    shares = np.array([(held**2).sum(axis=0) for held in _sums(components, len(lengths))])
     shares = shares - fourth
     total = np.asarray(sum(part.sum(axis=0) for part in components)) ** 2
     shares = np.divide(shares, total, out=np.zeros_like(shares), where=total > 0)
@@ -153,11 +153,19 @@ def _batch_sums(parts: list[FloatArray], root: FloatArray) -> _Batches:
     return _Batches(parts, root, tuple(lengths), sums, squares, shares, level, inflation)
 
 
-def _sums(parts: list[FloatArray], length: int) -> FloatArray:
-    """Return sums over successive rows; the last batch of a part may be shorter."""
-    return np.concatenate(
-        [np.add.reduceat(part, np.arange(0, len(part), length), axis=0) for part in parts]
-    )
+def _sums(parts: list[FloatArray], levels: int) -> list[FloatArray]:
+    """Return sums over 1, 2, 4, ... successive rows; the last batch of a part may be shorter."""
+    held, result = parts, [np.concatenate(parts)]
+    for _ in range(levels - 1):
+        held = [_pairs(part) for part in held]
+        result.append(np.concatenate(held))
+    return result
+
+
+def _pairs(batches: FloatArray) -> FloatArray:
+    """Return sums of two successive batches; a last one without a partner stays as it is."""
+    pairs = batches[:-1:2] + batches[1::2]
+    return np.concatenate([pairs, batches[-1:]]) if len(batches) % 2 else pairs
 
 
 def _squares(
@@ -172,17 +180,23 @@ def _squares(
     totals = [np.zeros((r, r)) for _ in lengths]
     for part in parts:
         weighted = part if weight is None else part @ weight
-        excess = EXCESS_OF_FOURTH_MOMENT * part.T
-        excess = excess @ (part * np.sum(weighted * part, axis=1)[:, None])
+        rows = part.T @ (part * np.sum(weighted * part, axis=1)[:, None])
+        G: FloatArray | None = None
         for total, length in zip(totals, lengths, strict=True):
-            z = _padded(part, length)
-            if length <= r:  # fewer products of rows than of directions
+            if length == 1:
+                total += rows
+            elif length <= r:  # fewer products of rows than of directions
+                z = _padded(part, length)
                 products = _padded(weighted, length) @ z.transpose(0, 2, 1)
                 total += z.reshape(-1, r).T @ (products @ z).reshape(-1, r)
             else:
-                G = z.transpose(0, 2, 1) @ z
+                if G is None:
+                    z = _padded(part, length)
+                    G = z.transpose(0, 2, 1) @ z
+                else:
+                    G = _pairs(G)
                 total += (G @ W @ G).sum(axis=0)
-            total -= excess
+            total -= EXCESS_OF_FOURTH_MOMENT * rows
     return totals
 
 
