@@ -29,14 +29,13 @@ def test_ten_minutes_of_recording_are_fitted_in_less_than_one():
     longest = max(figures["records"], key=lambda record: record["length_s"])
     assert longest["length_s"] == 600 and longest["samples"] == 3_000_000
     assert longest["seconds"] < 40 and longest["peak_GB"] < 2.5
-    assert figures["exponent"] <= 1.05 and figures["iteration_over_sweep"] <= 2.5
+    assert figures["exponent"] <= 1.05
     assert all(record["iterations"] <= 15 for record in figures["records"])
     six = figures["six_records"]
     assert six["memory_ratio"] < 1.1 and six["time_ratio"] < 1.25
     assert six["largest_difference_in_std"] < 0.1
 
 
-@pytest.mark.xfail(strict=True, reason="a target that records over two minutes have not reached")
 def test_an_iteration_takes_as_long_as_a_sweep_and_a_half_at_every_length():
     records = result("scaling")["records"]
     assert max(record["iteration_over_sweep"] for record in records) <= 1.5
