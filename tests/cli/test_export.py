@@ -35,6 +35,7 @@ def test_each_format_is_written_and_named(result, tmp_path, capsys, kind):
     assert {name.rpartition("/")[2] for name in printed} == FILES[kind]
 
 
+@pytest.mark.slow
 def test_an_export_of_an_export_is_the_same_model(result, quick, tmp_path):
     for kind, source in (("json", result), ("casadi", tmp_path / "axis.json")):
         assert cli.run(["export", str(source), "-f", kind, "-o", str(tmp_path)]) == 0

@@ -99,6 +99,7 @@ def test_two_times_to_start_from_are_refused():
     assert time_and_values(["M=16"]) == (None, {"M": 16.0})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("grades", "usable", "code"),
     [
@@ -127,6 +128,7 @@ def test_strict_refuses_what_is_not_to_be_used(tmp_path, capsys, given, grades, 
         assert cli.run(arguments) == 0
 
 
+@pytest.mark.slow
 def test_validate_takes_a_folder_and_refuses_what_is_far_off(
     quick, short_example, tmp_path, capsys
 ):

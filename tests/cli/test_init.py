@@ -101,6 +101,7 @@ def test_init_guesses_channels_and_units_and_the_check_asks_for_gauge(
     assert ours.bench.sampling_frequency == 1000 and ours.bench.p_supply == 7e5
 
 
+@pytest.mark.slow
 def test_a_mat_file_with_a_struct_and_a_load_make_a_case(log, example_case, tmp_path):
     table, path = log, tmp_path / "run.mat"
     scipy.io.savemat(path, {"log": {name: table[name].to_numpy() for name in table}})

@@ -24,6 +24,7 @@ def write(path, columns):
     return path
 
 
+@pytest.mark.slow
 @same_folder
 @given(st.lists(st.tuples(numbers, numbers), min_size=2, max_size=50))
 def test_numbers_survive_a_csv_file_bit_for_bit(tmp_path, rows):
@@ -81,6 +82,7 @@ def columns():
     return {"t_s": 0.01 * np.arange(80), "p_P_Pa": rng.normal(4e5, 1e3, 80), "x_m": rng.random(80)}
 
 
+@pytest.mark.slow
 def test_all_formats_give_the_same_recording(tmp_path, columns):
     write(tmp_path / "a.csv", columns)
     (tmp_path / "a.csv.gz").write_bytes(gzip.compress((tmp_path / "a.csv").read_bytes()))

@@ -271,6 +271,7 @@ def test_a_wrong_unit_is_noticed_by_the_values(tmp_path, bench_json, recording):
         read_case(tmp_path)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="files are parsed in forks")
 def test_a_parser_that_stalls_is_ended_by_the_time_of_its_processor(monkeypatch):
     """By the clock, a busy machine would make sound files unreadable."""

@@ -17,6 +17,7 @@ def ramp(rows, dt=0.01, hold=InputHold.ZERO):
     return Recording(k * dt, {"u": k, "y": -k}, "ramp", "memory", hold, first_line=2)
 
 
+@pytest.mark.slow
 @given(st.integers(2, 300), st.data())
 def test_parts_hold_every_row_once_and_in_order(rows, data):
     recording = ramp(rows)

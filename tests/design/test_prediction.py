@@ -132,6 +132,7 @@ def test_a_design_is_better_than_the_record_and_keeps_the_limits(made, recorded,
     assert again.x[:2].min() >= limits.p_min and again.x[:2].max() <= limits.p_max
 
 
+@pytest.mark.slow
 def test_impossible_limits_say_by_how_much(made, recorded, limits, sigma):
     options = DesignOptions(
         type(limits)(0.2, 1e-3, limits.p_min, limits.p_max, 3.0), 1.0, evaluations=20

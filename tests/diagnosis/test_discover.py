@@ -122,6 +122,7 @@ def test_a_sine_of_less_than_two_periods_has_its_own(fitted_of, cycles, formula)
         assert found.term.parameters["period"] == pytest.approx(wave["period"], rel=0.02)
 
 
+@pytest.mark.slow
 def test_a_force_that_the_mass_takes_up_is_seen_over_time(made_case):
     """It shakes the axis, so that a smaller mass explains most of it, but not of other motion."""
     study, _ = prepare_study(made_case(12, vibration="large"))

@@ -17,6 +17,7 @@ from pneumo_casadi.identification.result_file import result_dict
 from pneumo_casadi.report.pages.diagnosis import write_diagnosis
 
 
+@pytest.mark.slow
 def test_the_options_start_from_the_nominal_fit_where_no_effect_is_named(quick_diagnosis, quick):
     assert quick_diagnosis.verdict is Verdict.NONE
     options = options_of_diagnosis(quick.case, quick_diagnosis)

@@ -67,6 +67,7 @@ def test_a_model_that_is_too_stiff_is_not_simulated(rubbing_study):
     assert not isinstance(simulate_fit(study, nominal, ()).windows, str)
 
 
+@pytest.mark.slow
 def test_windows_need_not_be_whole_blocks_of_samples(rubbing_study):
     """At 1250 Hz those of half a second are one sample shorter: the diagnosis ended there."""
     study, nominal = rubbing_study

@@ -307,6 +307,7 @@ def test_a_hose_rings_faster_before_a_smaller_chamber(made):
     assert left[0] > 1.02 * right[0] and right[1] > 1.02 * left[1]
 
 
+@pytest.mark.slow
 def test_a_hose_loses_no_air_while_the_piston_moves(made):
     """Over a period of chamber and command the air that has entered has left."""
     axis = started(made, Hose(), R=0.0, delay=2e-2, zeta=0.4, V=2.5e-4)

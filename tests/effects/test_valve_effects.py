@@ -125,6 +125,7 @@ def test_the_play_holds_the_spool_until_the_command_has_crossed_it(made):
     assert opening(axis, [0.5, -0.5], at_rest)[0] == pytest.approx(0.6, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_two_plays_give_way_one_after_the_other(made):
     h, s = 0.1, 0.5
     axis = made_with(made, ValveHysteresis(), h=h, s=s)

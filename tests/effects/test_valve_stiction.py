@@ -67,6 +67,7 @@ def test_along_a_record_the_spool_remembers_what_filters_have_taken(axis, run):
         np.testing.assert_array_equal(row[:last], expected[:last])
 
 
+@pytest.mark.slow
 def test_a_threshold_is_found_though_the_cost_is_a_staircase(made_case):
     study, _ = prepare_study(made_case(47, 4.0, valve_hysteresis_stiction={"width": 0.12}))
     nominal = fit_model(study, ())

@@ -48,6 +48,7 @@ def axis():
     return ForceAxis(measured).with_parameters(start)
 
 
+@pytest.mark.slow
 def test_no_estimator_takes_a_measured_force_for_friction(axis, record):
     linear = fit_wls(axis, [record])
     assert dict(zip(linear.names, linear.estimate, strict=True)) == pytest.approx(TRUTH, rel=5e-3)
@@ -57,6 +58,7 @@ def test_no_estimator_takes_a_measured_force_for_friction(axis, record):
     assert {name: simulated[name].value for name in TRUTH} == pytest.approx(TRUTH, rel=2e-3)
 
 
+@pytest.mark.slow
 def test_nor_does_a_fit_of_the_closed_loop(axis, sprung):
     t = np.arange(3000) / 1e3
     x_ref = 0.03 * np.sin(2 * np.pi * 1.3 * t) + 0.02 * np.sin(2 * np.pi * 2.9 * t)

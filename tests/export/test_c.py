@@ -78,6 +78,7 @@ def test_a_stiff_axis_takes_the_same_steps_between_samples(models, inputs, devia
     assert deviation(result["x_m"], expected["x"]) < 1e-6
 
 
+@pytest.mark.slow
 @needs_compiler
 def test_the_example_says_which_line_it_cannot_use(models, inputs, programs):
     model = models["effects"]

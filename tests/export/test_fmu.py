@@ -82,6 +82,7 @@ def test_co_simulation_gives_the_trajectory_of_the_package(model, fmus, inputs, 
             assert deviation(result[f"state.{name}"], values) < 1e-6
 
 
+@pytest.mark.slow
 @needs_compiler
 def test_model_exchange_gives_the_same_motion_to_an_integrator(models, fmus, made, deviation):
     model = models["spline"]
@@ -100,6 +101,7 @@ def test_model_exchange_gives_the_same_motion_to_an_integrator(models, fmus, mad
         assert deviation(result[name], x[model.axis.states.index(name)]) < 1e-6
 
 
+@pytest.mark.slow
 @needs_compiler
 def test_parameters_and_start_can_be_set(models, fmus, inputs, deviation):
     model = models["effects"]
@@ -113,6 +115,7 @@ def test_parameters_and_start_can_be_set(models, fmus, inputs, deviation):
     assert deviation(result["x"], simulate(heavier, u, model.dt, motion)["x"]) < 1e-6
 
 
+@pytest.mark.slow
 @needs_compiler
 def test_its_state_can_be_taken_and_given_back(models, fmus, tmp_path):
     model = models["effects"]
@@ -147,6 +150,7 @@ def test_equal_models_give_equal_files(models, fmus, tmp_path):
     assert write_fmu(model, tmp_path).read_bytes() == Path(fmus(model)).read_bytes()
 
 
+@pytest.mark.slow
 @needs_compiler
 def test_the_sources_compile_as_the_build_description_says(models, fmus, tmp_path):
     path = fmus(models["spline"])

@@ -34,6 +34,7 @@ def of_force(models, folders, tmp_path):
     return shutil.copytree(folders(models["force"]), tmp_path / "force")
 
 
+@pytest.mark.slow
 def test_the_step_gives_the_trajectory_of_the_package(model, inputs, deviation, folders):
     read = read_functions(folders(model))
     u = inputs(model)

@@ -104,6 +104,7 @@ def test_what_cannot_be_compared_is_told(quick, tmp_path):
         compare(quick, tmp_path)
 
 
+@pytest.mark.slow
 def test_among_three_results_a_parameter_is_counted_by_its_name(quick, heavier):
     three = compare(quick, heavier, heavier)
     assert "1 parameter differs by more than 3 σ, most M of table1 (B)" in three.headline

@@ -34,6 +34,7 @@ def estimates(case, **chosen):
     return fit_wls(axis_for_wls(axis, options), case.identify).parameters
 
 
+@pytest.mark.slow
 def test_the_load_is_estimated_where_one_side_of_the_friction_is_known(vertical):
     case, truth = vertical
     fixed = {"F_c_minus": truth["F_c_minus"]}

@@ -65,6 +65,7 @@ def test_a_long_table_is_cut_in_the_repr_and_whole_in_the_summary():
     assert Long().summary().count("\n") == 501
 
 
+@pytest.mark.slow
 def test_results_go_into_papers_and_sheets(results, tmp_path):
     for number, result in enumerate(results):
         latex = result.to_latex()

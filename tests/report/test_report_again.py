@@ -93,6 +93,7 @@ def written(quick, tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_the_answer_is_that_of_the_first_report(written, tmp_path):
     folder = shutil.copytree(written, tmp_path / "copy")
     first = (folder / "report.html").read_text("utf-8")
@@ -261,6 +262,7 @@ def test_a_diagnosis_that_was_changed_is_refused_with_the_field(change, words, t
     assert [path.name for path in tmp_path.iterdir()] == ["diagnosis.json"]
 
 
+@pytest.mark.slow
 def test_a_comparison_is_read_back_and_its_report_written_again(
     quick_comparison, without_figures, tmp_path
 ):
@@ -293,6 +295,7 @@ def test_a_comparison_that_was_changed_is_refused_with_the_field(quick_compariso
         read_comparison(tmp_path)
 
 
+@pytest.mark.slow
 def test_a_validation_has_a_report_that_is_written_again(quick, without_figures, tmp_path):
     shares = []
     validated = quick.validation
@@ -311,6 +314,7 @@ def test_a_validation_has_a_report_that_is_written_again(quick, without_figures,
         assert "Records and the ranges that they cover" in page
 
 
+@pytest.mark.slow
 def test_a_comparison_says_where_it_comes_from(quick_comparison):
     """Which records, with which versions, and the hashes of the data of each result."""
     page = comparison_html(replace(quick_comparison, curves=quick_comparison.curves[:1]), [])

@@ -118,6 +118,7 @@ def test_no_warning_is_said_too():
     assert render_warnings(()) == "No warnings."
 
 
+@pytest.mark.slow
 def test_the_page_stands_alone_and_escapes_what_it_shows(quick):
     changed = replace(
         quick, warnings=(ResultWarning(Grade.NOTE, "wls", "a < b & <script>: `std` of F_c_plus"),)

@@ -49,6 +49,7 @@ def test_without_bokeh_the_still_figures_stay(monkeypatch):
     assert page.plots_of([CURVES], [picture]) == ([], [picture])
 
 
+@pytest.mark.slow
 def test_more_simulations_than_colours_are_told_apart_by_their_dashes():
     pytest.importorskip("bokeh")
     from pneumo_casadi.report.figures.time_series import time_series_figure

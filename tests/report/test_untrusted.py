@@ -35,6 +35,7 @@ def row(table, name):
     return dict(zip(table.columns, cells, strict=True))
 
 
+@pytest.mark.slow
 def test_tables_give_the_reason_in_place_of_the_interval(doubtful):
     table = parameter_table(doubtful)
     at_bound = row(table, "X_s2")

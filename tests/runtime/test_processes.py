@@ -144,6 +144,7 @@ def test_a_folder_that_was_about_to_be_replaced_comes_back(tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["other.txt", "report"]
 
 
+@pytest.mark.slow
 def test_a_program_that_crashes_or_stalls_is_told():
     crash = "import os, signal; os.kill(os.getpid(), signal.SIGSEGV)"
     assert run_child([sys.executable, "-c", crash]).returncode == -signal.SIGSEGV
@@ -170,6 +171,7 @@ def test_a_program_that_serves_is_started_anew_where_it_has_ended():
     assert child._process is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("command", "error"), [(["true"], ChildEndedError), (["sleep", "60"], TimeoutError)]
 )

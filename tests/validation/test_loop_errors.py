@@ -25,6 +25,7 @@ def test_a_leak_ends_the_free_run_and_not_the_closed_loop(quick):
     assert np.isfinite(loop_errors(leaky, quick.case.validate)["x"].rms)
 
 
+@pytest.mark.slow
 def test_windows_that_stick_end_where_they_would_with_all_others_at_work(quick, monkeypatch):
     record = quick.case.validate[0]
     given = []

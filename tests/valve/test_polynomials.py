@@ -61,6 +61,7 @@ def test_degrees_and_range_may_be_lists(spool_valve):
     assert float(lists.expression(*given)) == float(flow.expression(*given))
 
 
+@pytest.mark.slow
 def test_intervals_cover_the_truth_at_their_level(spool_valve):
     truth = fit_polynomials(spool_valve())
     table = spool_valve()

@@ -156,6 +156,7 @@ def test_a_usual_laboratory_records_what_it_always_did(tmp_path):
     assert all(np.array_equal(first[name], again[name]) for name in first.names)
 
 
+@pytest.mark.slow
 def test_weak_effects_are_drawn_among_those_that_the_laboratory_can_record(tmp_path):
     laboratory = Laboratory(jitter=0.1, supply=True)
     for seed in range(6):

@@ -69,7 +69,7 @@ def decide_verdict(
 ) -> Decision:
     """Return the verdict: from the selection first, then reviewed by the parameter checks.
 
-    `is_unknown` decides in both stages when the verdict is ``unknown``.
+    `is_unknown` decides in both stages when the verdict is ``unknown``; with `surpassed` it is.
 
     Parameters
     ----------

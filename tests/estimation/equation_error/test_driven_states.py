@@ -64,6 +64,7 @@ def test_an_axis_without_states_of_effects_has_none(axis, record):
     assert states_along(ForceAxis(axis.bench), [record]) == ()
 
 
+@pytest.mark.slow
 def test_a_lag_of_four_samples_keeps_its_length(made):
     """With one step of ROS2 a sample, 4 ms at 1 kHz come out 0.25 % too long."""
     tau = "pressure_sensor_lag.tau"
@@ -74,6 +75,7 @@ def test_a_lag_of_four_samples_keeps_its_length(made):
     assert fit.parameters[tau].value == pytest.approx(4e-3, rel=1.5e-3)
 
 
+@pytest.mark.slow
 def test_a_sensor_that_swings_keeps_delay_and_damping(made):
     """12 ms at ζ = 0.5 is 13 Hz: corrections must be put ahead, or they do not settle."""
     names = {"pressure_sensor_second_order.tau": 12e-3, "pressure_sensor_second_order.zeta": 0.5}

@@ -128,6 +128,7 @@ def test_a_search_ends_within_a_unit_of_likelihood_and_refining_leaves_nothing(o
     assert whole.cost - again.cost < 0.1
 
 
+@pytest.mark.slow
 @given(N=st.integers(70, 400), stride=st.sampled_from([2, 8, 12, 16]), n=st.integers(1, 3))
 def test_averages_are_those_of_the_windows(N, stride, n):
     dt = 1 / (ROW_RATE * stride)

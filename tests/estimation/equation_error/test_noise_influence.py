@@ -62,12 +62,14 @@ def clean(made):
     return true, Recording(t, {"F": F, "x": x}, "clean", "simulated", InputHold.ZERO)
 
 
+@pytest.mark.slow
 def test_the_bias_is_told(estimates):
     error, bias, std = estimates
     assert error.mean() < -std.mean()  # noise in the derivative makes the lag too short
     assert bias.mean() == pytest.approx(error.mean(), rel=0.3)
 
 
+@pytest.mark.slow
 def test_without_its_bias_the_estimate_lies_within_its_standard_deviation(estimates):
     error, bias, std = estimates
     assert np.sqrt(np.mean((error / std) ** 2)) > 1.5

@@ -75,6 +75,7 @@ def test_the_valve_of_each_chamber_has_a_shift_of_its_own(made, start, relative_
     assert share["psi_plus_0_N"] == pytest.approx(0.02, rel=0.02)
 
 
+@pytest.mark.slow
 def test_what_the_noise_of_the_map_makes_is_no_bias(made, relative_shift, monkeypatch):
     """At the true coefficients: two thirds of the differences lie within their deviation."""
     true, known, shares = made.true_flow(), [], []

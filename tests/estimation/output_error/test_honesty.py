@@ -167,6 +167,7 @@ def test_two_parameters_that_do_the_same_are_told_as_one_combination(made, force
     assert 0 < result.std("M") < np.inf
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 def test_a_hopeless_fit_raises_with_the_partial_result(made, force, method):
     axis, u, x = force
@@ -181,6 +182,7 @@ def test_a_hopeless_fit_raises_with_the_partial_result(made, force, method):
     assert set(partial.uncertainty.names) == {"M", "f_v", "F_c_plus", "F_c_minus"}
 
 
+@pytest.mark.slow
 def test_who_wants_no_recovery_gets_the_stages_asked_for_and_no_others(made, force):
     axis, u, x = force
     begin = made.perturbed(axis, {"M": 2.0, "f_v": 3.0})
@@ -220,6 +222,7 @@ def test_a_model_that_runs_away_is_a_failed_fit_and_no_numerical_accident(made, 
         assert result.sigma[2] > 0.05  # a fit, but one that owns up to its misfit
 
 
+@pytest.mark.slow
 def test_the_pull_on_the_map_counts_from_the_map_s_own_fit(made, servo, start, fitted):
     """Also when stages come before: each starts where the last one ended."""
     axis, u, x = servo

@@ -48,6 +48,7 @@ def distance(one, other):
     return np.abs((a - b) / std).max()
 
 
+@pytest.mark.slow
 def test_long_data_reach_the_optimum_of_the_windows_that_they_bear(short_is_long, data):
     begin, records, table, options = data
     long = fit_output_error(begin, records, table, options)
@@ -60,6 +61,7 @@ def test_long_data_reach_the_optimum_of_the_windows_that_they_bear(short_is_long
     assert Optimum(long, records, table, options).problem.segments[1].first == 300
 
 
+@pytest.mark.slow
 def test_windows_are_shortened_where_the_simulation_drifts(short_is_long, data, monkeypatch):
     growth = chain([10.0], repeat(1.0))
     monkeypatch.setattr(long_records, "drift", lambda _: next(growth))
@@ -67,6 +69,7 @@ def test_windows_are_shortened_where_the_simulation_drifts(short_is_long, data, 
     assert fit_output_error(begin, records, table, options).chosen_window == pytest.approx(0.2)
 
 
+@pytest.mark.slow
 def test_a_sample_that_does_not_converge_leads_to_shorter_windows(short_is_long, data, monkeypatch):
     fit_stages, lengths = long_records.fit_stages, []
 
@@ -93,6 +96,7 @@ def test_only_much_data_without_a_given_window_are_long(short_is_long, data, mon
     assert not are_long(begin, records * 20, options)
 
 
+@pytest.mark.slow
 def test_fits_alone_begin_at_the_joint_optimum(short_is_long, data, monkeypatch):
     begin, (record,), table, options = data
     halves = record.split(2)

@@ -76,6 +76,7 @@ def test_wrong_stated_noise_does_not_change_the_answer_much(made, fitted, servo,
     assert_same(fitted, result, 0.1)
 
 
+@pytest.mark.slow
 def test_ipopt_and_gauss_newton_find_the_same_optimum(fit, fitted):
     ipopt = fit(method=Method.IPOPT)
     assert ipopt.status == "converged"

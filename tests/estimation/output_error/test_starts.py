@@ -53,6 +53,7 @@ def test_starts_half_off_in_every_parameter_reach_the_same_optimum(problem_of):
         assert outcome.cost == pytest.approx(found.outcomes[0].cost, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_who_runs_the_starts_does_not_matter(problem_of):
     serial = fit_from_many_starts(*problem_of, starts=2, seed=2)
     with ThreadPoolExecutor(1) as executor:
@@ -85,6 +86,7 @@ def test_where_no_step_helps_a_fit_has_not_converged(problem_of, monkeypatch):
     assert found.status == "no step helps"
 
 
+@pytest.mark.slow
 def test_a_force_axis_is_found_from_friction_of_another_size(made):
     axis = made.true_force_axis()
     u, x = made.controlled(axis, 1000)

@@ -98,6 +98,7 @@ def test_intervals_cover_the_truth_and_only_robust_ones_where_residuals_are_corr
     assert robust[0] < inside[1] / seeds < robust[1]
 
 
+@pytest.mark.slow
 def test_intervals_contain_an_error_that_all_rows_share():
     rng = np.random.default_rng(11)
     t = np.linspace(0, 1, 200)
@@ -207,6 +208,7 @@ def test_values_that_are_not_finite_and_too_few_rows_are_refused():
         system(np.ones(3), np.eye(3))
 
 
+@pytest.mark.slow
 def test_derived_quantities_have_the_spread_of_their_formulas():
     rng = np.random.default_rng(9)
     W = rng.normal(size=(200, 2))

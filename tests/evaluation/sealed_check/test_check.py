@@ -128,6 +128,7 @@ def test_a_case_that_cannot_be_measured_says_why(tmp_path):
     assert "too short" in json.loads((tmp_path / "w001.json").read_text())["failure"]
 
 
+@pytest.mark.slow
 def test_the_command_prints_the_scores_and_writes_them(tmp_path, monkeypatch, told, judged, capsys):
     from pneumo_casadi.evaluation import sealed_check
 

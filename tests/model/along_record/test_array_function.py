@@ -54,6 +54,7 @@ def function_of(steps):
     return ca.Function("f", [x, c], [ca.vertcat(*known[-3:]), ca.vertcat(*known[5:])])
 
 
+@pytest.mark.slow
 # The same draws in every run: a comparison of numbers that differ in the last bit can go either way
 # (one draw in 30,000).
 @settings(derandomize=True)

@@ -98,6 +98,7 @@ def test_other_flags_or_another_compiler_make_another_library(cache, monkeypatch
     assert len(libraries(cache)) == 2
 
 
+@pytest.mark.slow
 @needs_compiler
 @pytest.mark.parametrize("flags", ["", "-O2 -flto"])
 @pytest.mark.parametrize("systems", [compilation._FILLED, ()], ids=["filled", "linked"])
