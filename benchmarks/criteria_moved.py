@@ -154,7 +154,7 @@ def kept(draw: Draw, keep: Path, **ways: Any) -> dict[str, Any]:
     target, made_by = keep / f"{draw.name}.json", {"draw": draw.as_dict(), "ways": sorted(ways)}
     if target.exists():
         content: dict[str, Any] = json.loads(target.read_text("utf-8"))
-        if content["of"] == made_by:
+        if content.get("of") == made_by:
             return content
     logging.disable(logging.WARNING)
     with tempfile.TemporaryDirectory() as scratch, warnings.catch_warnings():
