@@ -221,23 +221,33 @@ def _of(name: str) -> list[Move]:
     return [move for move in moves() if move.criterion == name]
 
 
-def main() -> None:
-    """Run the benchmark from the command line."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+def run(
+    description: str,
+    work: Callable[[Draw, Path], dict[str, Any]],
+    figures_of: Callable[[Sequence[Draw], Mapping[str, Mapping[str, Any]]], dict[str, Any]],
+) -> None:
+    """Run a benchmark on draws from the command line."""
+    parser = argparse.ArgumentParser(description=description.splitlines()[0])
     parser.add_argument("--cases", type=int, default=CASES)
     parser.add_argument("--keep", type=Path, help="folder of results by case, to go on from")
     parser.add_argument("--json", type=Path, help="write the figures to this file")
     parser.add_argument("--quick", action="store_true", help="two cases, to see it run")
     arguments = parser.parse_args()
     draws = draw_cases(2 if arguments.quick else arguments.cases, SEED)
-    results = all_draws(draws, kept, arguments.keep)
-    figures: dict[str, Any] = {"cases": len(results), "criteria": table(results)}
+    results = all_draws(draws, work, arguments.keep)
+    figures = {"cases": len(results), **figures_of(draws, results)}
+    provenance.write(arguments.json, provenance.made(SEED, arguments.quick, "numba") | figures)
+
+
+def figures_of(draws: Sequence[Draw], results: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+    """Return the table, and the largest share of verdicts that a move changes."""
+    figures: dict[str, Any] = {"criteria": table(results)}
     for key in ("share", "share_word_or_first"):
         most = max(row[way][key] for row in figures["criteria"] for way in WAYS)
         figures[f"most_{key}"] = most
         print(f"{key}: at most {100 * most:.1f} % of {len(results)} verdicts change")
-    provenance.write(arguments.json, provenance.made(SEED, arguments.quick, "numba") | figures)
+    return figures
 
 
 if __name__ == "__main__":
-    main()
+    run(__doc__, kept, figures_of)

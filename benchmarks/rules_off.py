@@ -7,10 +7,9 @@ where the catalogue lacks the cause. A rule earns its place by verdicts that are
 one by which nothing is gained can go.
 """
 
-import argparse
 import importlib
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,7 +20,6 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import criteria_moved
-import provenance
 from movable import Move, note
 
 from pneumo_casadi.diagnosis.metrics.residual_size import bootstrap_gain
@@ -29,9 +27,8 @@ from pneumo_casadi.diagnosis.metrics.verdict import Verdict
 from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA, Criteria
 from pneumo_casadi.diagnosis.select.complete import Completed
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger
-from pneumo_casadi.evaluation.sealed_check.draw import Draw, draw_cases
+from pneumo_casadi.evaluation.sealed_check.draw import Draw
 
-CASES = 200
 DIAGNOSIS = "pneumo_casadi.diagnosis"
 
 
@@ -217,23 +214,13 @@ def one_draw(draw: Draw, keep: Path) -> dict[str, Any]:
     return criteria_moved.kept(draw, keep, watched=all_watched, moved=without)
 
 
-def main() -> None:
-    """Run the benchmark from the command line."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--cases", type=int, default=CASES)
-    parser.add_argument("--keep", type=Path, help="folder of results by case, to go on from")
-    parser.add_argument("--json", type=Path, help="write the figures to this file")
-    parser.add_argument("--quick", action="store_true", help="two cases, to see it run")
-    arguments = parser.parse_args()
-    draws = draw_cases(2 if arguments.quick else arguments.cases, criteria_moved.SEED)
-    results = criteria_moved.all_draws(draws, one_draw, arguments.keep)
-    figures = {"cases": len(results), "rules": [row(rule, draws, results) for rule in RULES]}
-    made = provenance.made(criteria_moved.SEED, arguments.quick, "numba")
-    provenance.write(arguments.json, made | figures)
+def figures_of(draws: Sequence[Draw], results: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+    """Return a row for each rule."""
+    return {"rules": [row(rule, draws, results) for rule in RULES]}
 
 
 def row(
-    rule: Rule, draws: tuple[Draw, ...], results: Mapping[str, Mapping[str, Any]]
+    rule: Rule, draws: Sequence[Draw], results: Mapping[str, Mapping[str, Any]]
 ) -> dict[str, Any]:
     """Return where a rule does something, where it changes a verdict, and which is right."""
     by_name = {draw.name: draw for draw in draws}
@@ -261,4 +248,4 @@ def row(
 
 
 if __name__ == "__main__":
-    main()
+    criteria_moved.run(__doc__, one_draw, figures_of)

@@ -9,10 +9,12 @@ Where they do not contract, as under gross misfit, the nodes are closed and damp
 
 import numpy as np
 
+from pneumo_casadi.estimation.gauss_newton import Damping
 from pneumo_casadi.estimation.output_error.shooting.condensing import Linearised, linearise
 from pneumo_casadi.estimation.output_error.shooting.problem import Problem, Unknowns
 from pneumo_casadi.estimation.output_error.solvers.condensed_step import apply_step, condensed_step
 from pneumo_casadi.estimation.output_error.solvers.levenberg_marquardt import (
+    DAMPING,
     NEAR_OPTIMUM,
     solve_levenberg_marquardt,
 )
@@ -65,16 +67,10 @@ def solve_gauss_newton(
     -------
     Solution
     """
-    first = point
     most = min(FULL_STEPS, max(1, round(FULL_SHARE * max_iterations)))
-    full = _full_steps(problem, point, sigma, reweight, most, tolerance)
-    if full.status == "converged":
-        return full
-    left = max_iterations - full.iterations
-    # σ of a point that does not fit says nothing: the stated noise begins again.
-    return solve_levenberg_marquardt(
-        problem, (full.point, first), sigma, reweight, left, tolerance
-    ).after(full.iterations)
+    return _full_then_damped(
+        problem, point, sigma, reweight, most, max_iterations, tolerance, DAMPING
+    )
 
 
 def solve_near_optimum(
@@ -94,12 +90,29 @@ def solve_near_optimum(
     nearly undamped ones on closed nodes follow.
     """
     most = min(NEAR_STEPS, max_iterations)
-    full = _full_steps(problem, point, sigma, reweight, most, tolerance)
-    left = max_iterations - full.iterations
+    return _full_then_damped(
+        problem, point, sigma, reweight, most, max_iterations, tolerance, NEAR_OPTIMUM
+    )
+
+
+def _full_then_damped(
+    problem: Problem,
+    point: Unknowns,
+    sigma: FloatArray,
+    reweight: bool,
+    full_steps: int,
+    max_iterations: int,
+    tolerance: float,
+    damping: Damping,
+) -> Solution:
+    """Take at most so many full steps; where they do not end, damped ones on closed nodes."""
+    full = _full_steps(problem, point, sigma, reweight, full_steps, tolerance)
     if full.status == "converged":
         return full
+    left = max_iterations - full.iterations
+    # σ of a point that does not fit says nothing: the stated noise begins again.
     return solve_levenberg_marquardt(
-        problem, (full.point, point), sigma, reweight, left, tolerance, NEAR_OPTIMUM
+        problem, (full.point, point), sigma, reweight, left, tolerance, damping
     ).after(full.iterations)
 
 
