@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 
 #: More processes than this do not help: each stage waits for its last fit.
 MOST_WORKERS = 4
+#: What they need.
+DIAGNOSIS = "pneumo_casadi.diagnosis.diagnose"
 
 
 def diagnose(
@@ -86,39 +88,41 @@ def diagnose(
         if strict and not refine:
             raise CaseError("--strict: --no-refine makes no final model that could be refused")
 
-        from pneumo_casadi.data import read_case
-        from pneumo_casadi.diagnosis import DiagnosisOptions
-        from pneumo_casadi.diagnosis.diagnose import diagnose
-        from pneumo_casadi.identification.warnings import Usable
-        from pneumo_casadi.report.pages.diagnosis import write_diagnosis
-        from pneumo_casadi.report.text.diagnosis import summary_text
-        from pneumo_casadi.runtime.json_files import write_json
-        from pneumo_casadi.runtime.output_folder import (
-            OutputKind,
-            check_replaceable,
-            check_result_file,
-        )
         from pneumo_casadi.runtime.processes import processes
-        from pneumo_casadi.runtime.progress import progress_range
 
-        folder = report_folder(output, case, "-diagnosis")
-        check_replaceable(folder, OutputKind.DIAGNOSIS)
-        check_result_file(json_file, "verdict")
-        effects = effects_without(without or ())
-        if catalogue is not None:
-            effects |= effects_of_file(catalogue)
-        read = read_case(case)
-        refined, failure = None, ""
-        with progress_bar() as report:
-            with processes(_workers(workers, catalogue)) as executor:
+        # Workers import what they need while this process does.
+        with processes(_workers(workers, catalogue), (DIAGNOSIS,)) as executor:
+            from pneumo_casadi.data import read_case
+            from pneumo_casadi.diagnosis import DiagnosisOptions
+            from pneumo_casadi.diagnosis.diagnose import diagnose
+            from pneumo_casadi.identification.warnings import Usable
+            from pneumo_casadi.report.pages.diagnosis import write_diagnosis
+            from pneumo_casadi.report.text.diagnosis import summary_text
+            from pneumo_casadi.runtime.json_files import write_json
+            from pneumo_casadi.runtime.output_folder import (
+                OutputKind,
+                check_replaceable,
+                check_result_file,
+            )
+            from pneumo_casadi.runtime.progress import progress_range
+
+            folder = report_folder(output, case, "-diagnosis")
+            check_replaceable(folder, OutputKind.DIAGNOSIS)
+            check_result_file(json_file, "verdict")
+            effects = effects_without(without or ())
+            if catalogue is not None:
+                effects |= effects_of_file(catalogue)
+            read = read_case(case)
+            refined, failure = None, ""
+            with progress_bar() as report:
                 options = DiagnosisOptions(keep, flow.form, degrees_of(degrees))
                 stage = progress_range(report, 0.0, 0.7 if refine else 0.97)
                 result = diagnose(read, effects, options, stage, executor)
-            if refine:
-                stage = progress_range(report, 0.7, 0.97, "final model: ")
-                refined, failure = _refined(read, result, stage)
-            report("report", 0.97)
-            write_diagnosis(result, folder, effects, refined)
+                if refine:
+                    stage = progress_range(report, 0.7, 0.97, "final model: ")
+                    refined, failure = _refined(read, result, stage)
+                report("report", 0.97)
+                write_diagnosis(result, folder, effects, refined, executor)
         if json_file is not None:
             write_json(result.as_dict(), json_file)
         say(summary_text(result, effects, refined))

@@ -1,9 +1,12 @@
 """The final model of a diagnosis, refined by output error: an identification like any other."""
 
+from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
 
 from pneumo_casadi.data import Case
 from pneumo_casadi.diagnosis.checks.parameter_checks import check_output_error
+from pneumo_casadi.diagnosis.metrics.findings import joined_names
 from pneumo_casadi.diagnosis.metrics.simulated_fit import WINDOW
 from pneumo_casadi.diagnosis.metrics.verdict import Verdict
 from pneumo_casadi.diagnosis.prepare.prepare_study import split_records
@@ -18,6 +21,8 @@ from pneumo_casadi.identification.starting_axis import axis_of_options, started_
 from pneumo_casadi.identification.warnings import in_order, met
 from pneumo_casadi.runtime.progress import Progress
 
+#: How whole records are fitted: what took more iterations ended in none, after minutes.
+WHOLE = OutputErrorOptions(recover=False, max_iterations=40)
 #: How a model without the cause is fitted.
 WITHOUT_CAUSE = OutputErrorOptions(window=WINDOW, recover=False, max_iterations=30)
 #: Warnings of what a verdict says against parameters.
@@ -25,9 +30,13 @@ LACKS = (
     "The model lacks a cause that the diagnosis found no name for: its parameters absorb a part."
 )
 TAKEN_UP = "The fit has taken up in %s what the model lacks; do not use them."
+WITHOUT_WEAK = (
+    "The model is without %s, which the diagnosis found to act besides: output error did not "
+    "settle with it."
+)
 
 
-def options_of_diagnosis(case: Case, diagnosis: Diagnosis) -> IdentifyOptions:
+def options_of_diagnosis(case: Case, diagnosis: Diagnosis, weak: bool = True) -> IdentifyOptions:
     """Return the options of `identify` that start from the final model of a diagnosis.
 
     The model is the final one of the diagnosis: nominal where no effect is named.
@@ -40,6 +49,8 @@ def options_of_diagnosis(case: Case, diagnosis: Diagnosis) -> IdentifyOptions:
         The case that was diagnosed.
     diagnosis : Diagnosis
         Its diagnosis, with effects of the catalogue.
+    weak : bool, optional
+        Whether effects that act besides, too weak to be named, are in the model.
 
     Examples
     --------
@@ -50,10 +61,11 @@ def options_of_diagnosis(case: Case, diagnosis: Diagnosis) -> IdentifyOptions:
     ((), 16.9)
     """
     selection = diagnosis.flow_selection
+    acting = diagnosis.final_effects if weak else (*diagnosis.effects, *diagnosis.undecided)
     options = IdentifyOptions(
         flow_form=None if selection is None else selection.chosen,
         degrees=None if selection is None else selection.degrees,
-        effects=tuple(effect.form for effect in diagnosis.final_effects),
+        effects=tuple(effect.form for effect in acting),
         each_record=False,
     )
     _, flow = read_flow(case, options)
@@ -105,10 +117,11 @@ def refine_diagnosis(
 ) -> Identification:
     """Refine the final model of a diagnosis by output error.
 
-    Over whole records; where that does not converge, over windows of half a second. With an unknown
-    cause only windows are tried, and not for long: a model without it seldom settles. Held-out
-    records are those of the diagnosis. What the diagnosis says against the parameters is a warning
-    of the result: one whose cause is unknown is not to be used.
+    Over whole records; where that does not converge, without the weak effects besides, and then
+    over windows of half a second. With an unknown cause only windows are tried, and not for long: a
+    model without it seldom settles. Held-out records are those of the diagnosis. What the diagnosis
+    says against the parameters is a warning of the result, and so are weak effects left out: one
+    whose cause is unknown is not to be used.
 
     Parameters
     ----------
@@ -131,29 +144,39 @@ def refine_diagnosis(
     ModelError
         If an effect of the diagnosis is not of the catalogue.
     """
-    return _with_verdict(_refined(case, diagnosis, progress), diagnosis)
-
-
-def _refined(case: Case, diagnosis: Diagnosis, progress: Progress | None) -> Identification:
-    options = options_of_diagnosis(case, diagnosis)
     train, held_out, _ = split_records(case)
     split = replace(case, identify=tuple(train), validate=tuple(held_out))
-    windows = replace(options, output_error=OutputErrorOptions(window=WINDOW))
+    *others, last = _ways(case, diagnosis)
+    for options in others:
+        # No convergence, or a free run that leaves the finite numbers.
+        with suppress(FitError, ModelError):
+            return _with_verdict(identify(split, options, progress), diagnosis)
+    return _with_verdict(identify(split, last, progress), diagnosis)
+
+
+def _ways(case: Case, diagnosis: Diagnosis) -> Iterator[IdentifyOptions]:
+    """Yield how the final model is to be fitted, the best way first."""
+    final = options_of_diagnosis(case, diagnosis)
     if diagnosis.verdict is Verdict.UNKNOWN:
-        return identify(split, replace(options, output_error=WITHOUT_CAUSE), progress)
-    try:
-        whole = replace(options, output_error=OutputErrorOptions(recover=False))
-        return identify(split, whole, progress)
-    except (FitError, ModelError):  # no convergence, or a free run that leaves the finite numbers
-        return identify(split, windows, progress)
+        yield replace(final, output_error=WITHOUT_CAUSE)
+        return
+    yield replace(final, output_error=WHOLE)
+    if diagnosis.besides:
+        final = options_of_diagnosis(case, diagnosis, weak=False)
+        yield replace(final, output_error=WHOLE)
+    yield replace(final, output_error=OutputErrorOptions(window=WINDOW))
 
 
 def _with_verdict(refined: Identification, diagnosis: Diagnosis) -> Identification:
     """Return an identification that warns of what the verdict says against its parameters."""
+    warnings = []
     if diagnosis.verdict is Verdict.UNKNOWN:
-        warning = met("cause unknown", "physics", LACKS)
+        warnings.append(met("cause unknown", "physics", LACKS))
     elif wrong := taken_up(with_refined_checks(diagnosis, refined)):
-        warning = met("taken up", "physics", TAKEN_UP % ", ".join(wrong))
-    else:
+        warnings.append(met("taken up", "physics", TAKEN_UP % ", ".join(wrong)))
+    present = {effect.name for effect in refined.axis.effects}
+    if weak := [effect.name for effect in diagnosis.besides if effect.form not in present]:
+        warnings.append(met("weak left out", "physics", WITHOUT_WEAK % joined_names(weak)))
+    if not warnings:
         return refined
-    return replace(refined, warnings=in_order((warning, *refined.warnings)))
+    return replace(refined, warnings=in_order((*warnings, *refined.warnings)))

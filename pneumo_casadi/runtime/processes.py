@@ -10,9 +10,10 @@ import signal
 import threading
 import time
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, Future
 from contextlib import contextmanager, suppress
+from importlib import import_module
 from multiprocessing import get_context, parent_process
 from multiprocessing.connection import Connection, wait
 from typing import Any
@@ -33,26 +34,26 @@ class WorkerDiedError(PneumoError):
 
 
 @contextmanager
-def processes(workers: int) -> Iterator[Executor | None]:
+def processes(workers: int, imports: Sequence[str] = ()) -> Iterator[Executor | None]:
     """Yield an executor of so many processes, None for one: then all is done in this process."""
     if workers == 1:
         yield None
         return
-    with worker_pool(workers) as pool:
+    with worker_pool(workers, imports) as pool:
         yield pool
 
 
 @contextmanager
-def worker_pool(workers: int) -> Iterator[Executor]:
+def worker_pool(workers: int, imports: Sequence[str] = ()) -> Iterator[Executor]:
     """Yield an executor of so many processes; an exception in the block ends them at once.
 
     A task whose process dies is begun once more; then its future has a `WorkerDiedError`, and the
-    other tasks go on.
+    other tasks go on. Modules that tasks will need are imported before the first one comes.
     """
     # Processes share the cores; linear algebra that uses all of them in each slows every fit.
     before = {name: os.environ.get(name) for name in THREADS}
     os.environ.update({name: "1" for name, value in before.items() if value is None})
-    pool = _WorkerPool(workers)
+    pool = _WorkerPool(workers, imports)
     try:
         with at_hard_end(pool.stop):
             yield pool
@@ -67,7 +68,8 @@ def worker_pool(workers: int) -> Iterator[Executor]:
 class _WorkerPool(Executor):
     """Threads that each have a process, and give it one task at a time."""
 
-    def __init__(self, workers: int) -> None:
+    def __init__(self, workers: int, imports: Sequence[str] = ()) -> None:
+        self._imports = tuple(imports)
         self._tasks: queue.SimpleQueue[tuple[Future[Any], bytes] | None] = queue.SimpleQueue()
         self._workers: set[_Worker] = set()
         self._closed = False
@@ -115,6 +117,9 @@ class _WorkerPool(Executor):
         if hasattr(signal, "pthread_sigmask"):  # workers begin with this mask
             signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
         worker: _Worker | None = None
+        if self._imports:  # which take a while: not when the first task comes
+            with suppress(OSError):
+                worker = self._started()
         while (item := self._tasks.get()) is not None:
             future, task = item
             if not future.set_running_or_notify_cancel():
@@ -135,7 +140,7 @@ class _WorkerPool(Executor):
     def _started(self) -> "_Worker":
         if self._end.is_set():
             raise OSError("the pool was stopped")
-        worker = _Worker()
+        worker = _Worker(self._imports)
         self._workers.add(worker)
         if self._end.is_set():  # `stop` may not have seen this one
             worker.process.kill()
@@ -160,11 +165,11 @@ def _died(reason: object) -> WorkerDiedError:
 class _Worker:
     """A process that waits for tasks."""
 
-    def __init__(self) -> None:
+    def __init__(self, imports: Sequence[str]) -> None:
         # A forked process would inherit the threads of compiled models in whatever state they are.
         context = get_context("spawn")
         self.connection, other = context.Pipe()
-        self.process = context.Process(target=_work, args=(other,))
+        self.process = context.Process(target=_work, args=(other, imports))
         try:
             self.process.start()
         finally:
@@ -181,7 +186,7 @@ class _Worker:
         return done, result
 
 
-def _work(connection: "Connection[Any, Any]") -> None:
+def _work(connection: "Connection[Any, Any]", imports: Sequence[str]) -> None:
     """Do tasks until the parent wants no more, or is gone."""
     for number in ENDING:
         if number != signal.SIGTERM:  # Ctrl-C comes to all processes of a terminal; the parent
@@ -191,6 +196,8 @@ def _work(connection: "Connection[Any, Any]") -> None:
         if hasattr(signal, "pthread_sigmask"):
             signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDING)
         threading.Thread(target=_end_with_parent, daemon=True).start()
+        for name in imports:
+            import_module(name)
         while True:
             task = connection.recv_bytes()
             try:

@@ -9,6 +9,7 @@ from pneumo_casadi.cli import app as cli
 from pneumo_casadi.data import write_case
 from pneumo_casadi.diagnosis import Check, EffectFound, Verdict, options_of_diagnosis
 from pneumo_casadi.diagnosis import refined_identification as module
+from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.errors import FitError, ModelError
 from pneumo_casadi.export import read_model
 from pneumo_casadi.identification.compared_model import compared_model
@@ -42,6 +43,29 @@ def test_windows_are_taken_where_whole_records_do_not_converge(
     monkeypatch.setattr(module, "identify", identify)
     assert module.refine_diagnosis(quick.case, quick_diagnosis) is quick
     assert [options.window for options in tried] == [None, 0.5]
+
+
+def test_weak_effects_besides_are_left_out_where_output_error_does_not_settle_with_them(
+    quick_diagnosis, quick, monkeypatch
+):
+    """A hose that was not there kept a sensor's lag from converging, for minutes."""
+    tried = []
+
+    def identify(case, options, progress):
+        tried.append((options.effects, options.output_error.window))
+        if options.effects:
+            raise FitError("iterations exhausted")
+        return quick
+
+    monkeypatch.setattr(module, "identify", identify)
+    hose = EffectFound("hose", 0.8, {}, 0.0, "hose")
+    M = quick_diagnosis.nominal["M"]
+    own = {f"hose.{item.name}": replace(M, value=item.value) for item in EFFECTS["hose"].parameters}
+    given = replace(quick_diagnosis, besides=(hose,), nominal=quick_diagnosis.nominal | own)
+    refined = module.refine_diagnosis(quick.case, given)
+    assert tried == [(("hose",), None), ((), None)]
+    (warning,) = set(refined.warnings) - set(quick.warnings)
+    assert "without hose" in warning.text
 
 
 def test_without_the_cause_windows_alone_are_tried_and_not_for_long(

@@ -27,8 +27,9 @@ from pneumo_casadi.report.figures.identification.flow_map import (
 from pneumo_casadi.report.figures.identification.identifiability import profile_figure
 from pneumo_casadi.report.figures.studies.withheld import withheld_figure
 from pneumo_casadi.report.figures.style import COLUMN, MM, PAGE, png, save_figure, symbol
-from pneumo_casadi.report.pages.identification_figures import figures_of
-from pneumo_casadi.report.pages.write import write_identification
+from pneumo_casadi.report.pages.identification_figures import Drawn, figures_of
+from pneumo_casadi.report.pages.write import save_figures, write_identification
+from pneumo_casadi.runtime.processes import worker_pool
 from pneumo_casadi.valve import fit_polynomials
 
 #: Figures whose vertical axis holds names.
@@ -222,6 +223,17 @@ def test_equal_results_give_equal_files_and_a_pdf_embeds_its_fonts(saved_twice):
         assert one_file.read_bytes() == other.read_bytes(), one_file.suffix
     content = first[2].read_bytes()
     assert b"/FontFile2" in content and b"/Type3" not in content
+
+
+@pytest.mark.slow
+def test_figures_saved_by_other_processes_are_the_same_files(profile, real_pdf, tmp_path):
+    figures = [Drawn("m", profile_figure({"M": profile}), "Cost over M.")]
+    here = save_figures(figures, tmp_path / "here")
+    with worker_pool(1) as pool:
+        there = save_figures(figures, tmp_path / "there", pool)
+    assert there == here
+    for path in (tmp_path / "here").iterdir():
+        assert (tmp_path / "there" / path.name).read_bytes() == path.read_bytes(), path.suffix
 
 
 def test_plots_need_matplotlib(monkeypatch):

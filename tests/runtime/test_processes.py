@@ -11,6 +11,7 @@ import pytest
 from pneumo_casadi.runtime.atomic_files import atomic_file, atomic_folder, draft_folder
 from pneumo_casadi.runtime.children import end_group, run_child
 from pneumo_casadi.runtime.children.serving import ChildEndedError, ServingChild
+from pneumo_casadi.runtime.processes import worker_pool
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 
@@ -142,6 +143,14 @@ def test_a_folder_that_was_about_to_be_replaced_comes_back(tmp_path):
         raise RuntimeError
     assert (tmp_path / "report" / "mine").read_text() == "precious"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["other.txt", "report"]
+
+
+def test_workers_import_modules_before_the_first_task_comes():
+    with worker_pool(1, ["wave"]) as pool:
+        known = pool.submit(
+            eval, "[n in __import__('sys').modules for n in ('wave', 'antigravity')]"
+        )
+        assert known.result(60.0) == [True, False]
 
 
 @pytest.mark.slow

@@ -13,9 +13,15 @@ import numpy as np
 
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.prepare.study import Study
-from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
+from pneumo_casadi.estimation.equation_error.balance_functions import (
+    BalanceFunctions,
+    any_sensor_effect,
+)
 from pneumo_casadi.estimation.equation_error.fit import default_residual_floor
-from pneumo_casadi.estimation.equation_error.residuals import effect_derivatives
+from pneumo_casadi.estimation.equation_error.residuals import (
+    effect_derivatives,
+    undecimated_residuals,
+)
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.parameters import FloatArray
 
@@ -62,7 +68,8 @@ def perturbation(study: Study, nominal: FittedModel, effect: Effect) -> tuple[Di
     """Return the directions of an effect at the nominal fit, one for each point of its grid."""
     axis = study.axis.with_effects(effect).with_parameters(dict(nominal.values)).at_null_values()
     model = BalanceFunctions(axis)
-    first = _direction(study, model, nominal, {}, ())
+    at_null = _residuals_at_null(study, model)
+    first = _direction(study, model, nominal, at_null, {}, ())
     names = model.effect_parameters
     silent = [n for n, c in zip(names, first.columns.T, strict=True) if not np.any(c)]
     starting = axis.at_starting_values().parameters
@@ -84,10 +91,22 @@ def perturbation(study: Study, nominal: FittedModel, effect: Effect) -> tuple[Di
         if all(v == axis.parameters[n].value for n, v in values.items()):
             grid.append(_without(first, shapes, values))
         else:
-            grid.append(_direction(study, model, nominal, values, shapes))
+            grid.append(_direction(study, model, nominal, at_null, values, shapes))
         if model.n_z:
-            grid.append(_direction(study, model, nominal, values, shapes, usual))
+            grid.append(_direction(study, model, nominal, at_null, values, shapes, usual))
     return tuple(grid)
+
+
+def _residuals_at_null(study: Study, model: BalanceFunctions) -> list[FloatArray | None]:
+    """Return the residuals of every record while the effect does nothing, whatever its shape.
+
+    Effects of sensors are inverted as accurately as all variants of a step need, this one among
+    them: there they are left open.
+    """
+    if any_sensor_effect(model.axis.effects):
+        return [None] * len(study.smoothed[0])
+    theta = model.axis.parameters.values
+    return [undecimated_residuals(model, data, theta) for data in study.smoothed[0]]
 
 
 def _without(direction: Direction, shapes: Sequence[str], values: Mapping[str, float]) -> Direction:
@@ -101,6 +120,7 @@ def _direction(
     study: Study,
     model: BalanceFunctions,
     nominal: FittedModel,
+    at_null: Sequence[FloatArray | None],
     values: Mapping[str, float],
     shapes: Sequence[str],
     sizes: Mapping[str, float] | None = None,
@@ -108,15 +128,17 @@ def _direction(
     parameters = model.axis.parameters.with_values(values)
     names = tuple(name for name in model.effect_parameters if name not in shapes)
     parts = [
-        effect_derivatives(model, data, parameters.values, names, sizes)[data.used(study.axis)]
-        for data in study.smoothed[0]
+        effect_derivatives(model, data, parameters.values, names, sizes, known)[
+            data.used(study.axis)
+        ]
+        for data, known in zip(study.smoothed[0], at_null, strict=True)
     ]
     items = parameters.select(names)
     rows = np.concatenate(parts) / row_weights(study, nominal)[:, None]
-    known = study.anchor_with(model.axis.effects)
-    if known is not None:
-        c = known.coefficients(parameters, parameters.values)
-        rows = np.vstack([rows, known.rows(c, names)])
+    anchor = study.anchor_with(model.axis.effects)
+    if anchor is not None:
+        c = anchor.coefficients(parameters, parameters.values)
+        rows = np.vstack([rows, anchor.rows(c, names)])
     return Direction(
         values,
         names,

@@ -78,24 +78,33 @@ def linearise_residuals(
     return LinearisedResiduals(without_swings(low[:ne]), J)
 
 
+def undecimated_residuals(
+    model: BalanceFunctions, data: SmoothedMotion, theta: FloatArray
+) -> FloatArray:
+    """Return the residuals at some parameters at every sample, shape (ne, N)."""
+    return _undecimated(model, data, [theta])[0]
+
+
 def effect_derivatives(
     model: BalanceFunctions,
     data: SmoothedMotion,
     theta: FloatArray,
     names: Sequence[str],
     sizes: Mapping[str, float] | None = None,
+    at_theta: FloatArray | None = None,
 ) -> FloatArray:
     """Return derivatives of the residuals to parameters of the effects, shape (ne, m, k).
 
-    With `sizes`, the quotients over steps of those sizes by name.
+    With `sizes`, the quotients over steps of those sizes by name. `at_theta` are the
+    `undecimated_residuals`, where they are known.
     """
     variants, step_sizes = _perturbed(model, theta, names, sizes or {})
-    residuals = _undecimated(model, data, variants)
-    moved = [
-        (perturbed - residuals[0]) / h
-        for perturbed, h in zip(residuals[1:], step_sizes, strict=True)
-    ]
-    ne, k = len(residuals[0]), len(names)
+    if at_theta is None:
+        at_theta, *residuals = _undecimated(model, data, variants)
+    else:
+        residuals = _undecimated(model, data, variants[1:])
+    moved = [(perturbed - at_theta) / h for perturbed, h in zip(residuals, step_sizes, strict=True)]
+    ne, k = len(at_theta), len(names)
     low = np.array([data.averaged(part) for part in moved]).reshape(k, ne, data.m)
     return _removing_swings(model, data, theta)(low).transpose(1, 2, 0)
 

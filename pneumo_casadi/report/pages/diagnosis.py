@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterable, Sequence
+from concurrent.futures import Executor
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -180,6 +181,7 @@ def write_diagnosis(
     folder: str | Path,
     catalogue: Catalogue = EFFECTS,
     refined: Identification | None = None,
+    executor: Executor | None = None,
 ) -> Path:
     """Write a diagnosis into a folder.
 
@@ -193,6 +195,8 @@ def write_diagnosis(
         Where the effects are described.
     refined : Identification, optional
         The final model refined by output error (`refine_diagnosis`), for ``result.json``.
+    executor : Executor, optional
+        Where figures are saved, several at a time; by default in this process.
 
     Returns
     -------
@@ -218,7 +222,7 @@ def write_diagnosis(
             write_json(result_dict(refined), draft / "result.json")
         summary = summary_text(diagnosis, catalogue, refined)
         (draft / "summary.txt").write_text(summary, "utf-8")
-        pictures = save_figures(_figures_of(diagnosis), draft / "figures")
+        pictures = save_figures(_figures_of(diagnosis), draft / "figures", executor)
         final = None if refined is None else final_model(refined)
         html = diagnosis_html(diagnosis, pictures, catalogue, final)
         (draft / "report.html").write_text(html, "utf-8")

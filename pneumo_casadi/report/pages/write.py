@@ -2,6 +2,8 @@
 
 import json
 from collections.abc import Iterable, Sequence
+from concurrent.futures import Executor
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -148,12 +150,19 @@ def _figures_of(result: Identification | Validation) -> "Iterable[Drawn]":
     return figures_of(result)
 
 
-def save_figures(figures: "Iterable[Drawn]", folder: Path) -> list[Picture]:
-    """Save figures as PNG, SVG and PDF; return the smaller of the first two of each."""
+def save_figures(
+    figures: "Iterable[Drawn]", folder: Path, executor: Executor | None = None
+) -> list[Picture]:
+    """Save figures as PNG, SVG and PDF; return the smaller of the first two of each.
+
+    The fonts of a PDF take longest: with an executor several figures are saved at a time.
+    """
     folder.mkdir()
-    pictures = []
-    for drawn in figures:
-        drawn.save(folder)
-        contents = [(folder / f"{drawn.name}.{suffix}").read_bytes() for suffix in ("png", "svg")]
-        pictures.append(Picture(drawn.name, min(contents, key=len), drawn.caption))
-    return pictures
+    save = partial(_saved, folder)
+    return list(map(save, figures) if executor is None else executor.map(save, figures))
+
+
+def _saved(folder: Path, drawn: "Drawn") -> Picture:
+    drawn.save(folder)
+    contents = [(folder / f"{drawn.name}.{suffix}").read_bytes() for suffix in ("png", "svg")]
+    return Picture(drawn.name, min(contents, key=len), drawn.caption)
