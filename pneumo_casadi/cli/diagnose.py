@@ -1,6 +1,5 @@
 """The command ``diagnose``: where simulation and measurement disagree, and why."""
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -29,8 +28,6 @@ if TYPE_CHECKING:
     from pneumo_casadi.model.effect import Effect
     from pneumo_casadi.runtime.progress import Progress
 
-#: More processes than this do not help: each stage waits for its last fit.
-MOST_WORKERS = 4
 #: What they need.
 DIAGNOSIS = "pneumo_casadi.diagnosis.diagnose"
 
@@ -192,9 +189,6 @@ def _workers(asked_for: int | None, catalogue: Path | None) -> int:
     """Return how many fits run at a time; one with classes that other processes cannot import."""
     if catalogue is not None and catalogue.suffix == ".py":
         return 1
+    from pneumo_casadi.runtime.processes import default_workers
+
     return asked_for or default_workers()
-
-
-def default_workers() -> int:
-    """Return how many fits run at a time by default."""
-    return min(os.cpu_count() or 1, MOST_WORKERS)

@@ -30,8 +30,13 @@ from pneumo_casadi.cli.terminal import (
 )
 
 if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
     from pneumo_casadi.identification.options import IdentifyOptions
     from pneumo_casadi.identification.warnings import Usable
+
+#: What the figures need.
+FIGURES = "pneumo_casadi.report.pages.identification_figures"
 
 Start = Annotated[
     list[str] | None,
@@ -181,6 +186,21 @@ def identify(
 def _identify(
     case: Path, options: "IdentifyOptions", folder: Path, json_file: Path | None, paper: bool
 ) -> "Usable":
+    from pneumo_casadi.runtime.processes import default_workers, processes
+
+    # Workers, which save figures, import what they need while this process does.
+    with processes(default_workers(), (FIGURES,)) as executor:
+        return _identify_with(executor, case, options, folder, json_file, paper)
+
+
+def _identify_with(
+    executor: "Executor | None",
+    case: Path,
+    options: "IdentifyOptions",
+    folder: Path,
+    json_file: Path | None,
+    paper: bool,
+) -> "Usable":
     from pneumo_casadi.identification.identify import identify
     from pneumo_casadi.identification.result_file import result_dict
     from pneumo_casadi.report.pages.write import write_identification
@@ -196,7 +216,8 @@ def _identify(
     check_result_file(json_file, "wls")
     with progress_bar() as report:
         result = identify(case, options, progress_range(report, 0.0, 0.8))
-        write_identification(result, folder, paper, progress_range(report, 0.8, 1.0))
+        rest = progress_range(report, 0.8, 1.0)
+        write_identification(result, folder, paper, rest, executor)
     if json_file is not None:
         write_json(result_dict(result), json_file)
     say(fill(with_symbols(result.usability.sentence), min(width(), 100)))

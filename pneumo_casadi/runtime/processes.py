@@ -23,6 +23,10 @@ from pneumo_casadi.runtime.interruption import ENDING, at_hard_end, interruptibl
 
 #: Environment variables that limit the threads of linear algebra; read when a process begins.
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+#: What reads them.
+LINEAR_ALGEBRA = ("numpy", "scipy.linalg")
+#: More processes than this do not help a command: each of its stages waits for its last task.
+MOST_WORKERS = 4
 #: How often a task is begun: the first worker may have died of what others did to the machine.
 TRIES = 2
 #: Time for the orderly end of a worker, and for it to be gone before it is killed [s].
@@ -31,6 +35,11 @@ GRACE, GONE = 0.4, 0.7
 
 class WorkerDiedError(PneumoError):
     """The process of a task died again and again: killed, out of memory, or crashed."""
+
+
+def default_workers() -> int:
+    """Return how many processes a command begins if nobody says how many."""
+    return min(os.cpu_count() or 1, MOST_WORKERS)
 
 
 @contextmanager
@@ -50,7 +59,10 @@ def worker_pool(workers: int, imports: Sequence[str] = ()) -> Iterator[Executor]
     A task whose process dies is begun once more; then its future has a `WorkerDiedError`, and the
     other tasks go on. Modules that tasks will need are imported before the first one comes.
     """
-    # Processes share the cores; linear algebra that uses all of them in each slows every fit.
+    # Processes share the cores; linear algebra that uses all of them in each slows every fit. The
+    # limit is for them: what this process loads before it is free of it.
+    for name in LINEAR_ALGEBRA:
+        import_module(name)
     before = {name: os.environ.get(name) for name in THREADS}
     os.environ.update({name: "1" for name, value in before.items() if value is None})
     pool = _WorkerPool(workers, imports)
@@ -197,7 +209,8 @@ def _work(connection: "Connection[Any, Any]", imports: Sequence[str]) -> None:
             signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDING)
         threading.Thread(target=_end_with_parent, daemon=True).start()
         for name in imports:
-            import_module(name)
+            with suppress(ImportError):  # an extra that is not there: the task says so
+                import_module(name)
         while True:
             task = connection.recv_bytes()
             try:

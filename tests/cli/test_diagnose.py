@@ -11,11 +11,11 @@ import pandas as pd
 import pytest
 
 from pneumo_casadi.cli import app as cli
-from pneumo_casadi.cli.diagnose import _refined, default_workers
+from pneumo_casadi.cli.diagnose import _refined
 from pneumo_casadi.cli.parts.bar import time_left
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.errors import CaseError, FitError, ModelError
-from pneumo_casadi.runtime.processes import processes
+from pneumo_casadi.runtime.processes import default_workers, processes
 from pneumo_casadi.runtime.progress import no_progress
 
 _spec = importlib.util.spec_from_file_location(

@@ -38,6 +38,7 @@ def write_identification(
     folder: str | Path,
     paper: bool = False,
     progress: Progress | None = None,
+    executor: Executor | None = None,
 ) -> Path:
     """Write the report of an identification.
 
@@ -51,6 +52,8 @@ def write_identification(
         Whether to set the paper's Table 1 beside the results.
     progress : callable, optional
         Called as ``progress(text, share)``.
+    executor : Executor, optional
+        Where figures are saved, several at a time; by default in this process.
 
     Returns
     -------
@@ -70,7 +73,7 @@ def write_identification(
             _write_curves(identification.validation.curves, draft)
         (draft / "table.txt").write_text(text_report(identification, paper), "utf-8")
         report("figures", 0.1)
-        pictures = save_figures(_figures_of(identification), draft / "figures")
+        pictures = save_figures(_figures_of(identification), draft / "figures", executor)
         (draft / "report.html").write_text(html_report(identification, pictures, paper), "utf-8")
     report("done", 1.0)
     return Path(folder)
