@@ -229,11 +229,12 @@ def run(
     """Run a benchmark on draws from the command line."""
     parser = argparse.ArgumentParser(description=description.splitlines()[0])
     parser.add_argument("--cases", type=int, default=CASES)
+    parser.add_argument("--first", type=int, help="so many of them alone")
     parser.add_argument("--keep", type=Path, help="folder of results by case, to go on from")
     parser.add_argument("--json", type=Path, help="write the figures to this file")
     parser.add_argument("--quick", action="store_true", help="two cases, to see it run")
     arguments = parser.parse_args()
-    draws = draw_cases(2 if arguments.quick else arguments.cases, SEED)
+    draws = draw_cases(2 if arguments.quick else arguments.cases, SEED)[: arguments.first]
     results = all_draws(draws, work, arguments.keep)
     figures = {"cases": len(results), **figures_of(draws, results)}
     provenance.write(arguments.json, provenance.made(SEED, arguments.quick, "numba") | figures)

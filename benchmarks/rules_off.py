@@ -22,7 +22,6 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import criteria_moved
 from movable import Move, note
 
-from pneumo_casadi.diagnosis.metrics.residual_size import bootstrap_gain
 from pneumo_casadi.diagnosis.metrics.verdict import Verdict
 from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA, Criteria
 from pneumo_casadi.diagnosis.select.complete import Completed
@@ -72,14 +71,7 @@ def _only_final(*given: Any) -> Completed:
 
 
 RULES = (
-    Rule("pairs of the best effects", "select.forward_selection.fit_pairs", _nothing),
     Rule("another partner in a pair", "select.forward_selection._backtrack", _third),
-    Rule(
-        "a weak effect for implausible parameters",
-        "select.forward_selection.find_plausible_extension",
-        _nothing,
-    ),
-    Rule("on while implausible", "select.forward_selection.is_implausible", _no),
     Rule(
         "a hiding effect by simulation",
         "select.forward_selection.find_hiding_extension",
@@ -101,16 +93,9 @@ RULES = (
         lambda _, names: names,
     ),
     Rule("nothing made implausible", "select.complete._Completion._is_plausible", _yes),
-    Rule("unforeseen gains", "select.propose._unforeseen", lambda *_: []),
     Rule("the best alone of each balance", "select.propose._for_open_balances", lambda *_: []),
     Rule("the most promising of each balance", "select.propose._promising_in", lambda *_: []),
-    Rule(
-        "contradicted shapes beside others",
-        "select.propose._starts_of_contradicted_shapes",
-        lambda *_: {},
-    ),
     Rule("an open force asks for more", "select.acceptance._force_is_open", _no),
-    Rule("mean logarithms of blocks", "select.acceptance.block_gain", bootstrap_gain),
     Rule("a hidden model needs its effects", "select.hidden_motion._is_needed", _yes),
     Rule("without needless ones", "select.hidden_motion._without_needless", lambda *g: g[2][-1]),
     Rule("one form leaves nothing", "decide.judgement.left_by_one_form", lambda *_: 0.0),

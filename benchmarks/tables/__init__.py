@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 
+from tables.criteria import rules_off
 from tables.diagnosis import (
     bench_sanity,
     designs,
@@ -71,6 +72,7 @@ TABLES: dict[str, tuple[Callable[..., str], *tuple[str, ...]]] = {
     "discovered": (discovered, "discovered"),
     "term_coverage": (term_coverage, "term_coverage"),
     "rule_cases": (rule_cases, "rule_cases"),
+    "rules_off": (rules_off, "rules_off"),
     "batch": (batch, "batch"),
     "designs": (designs, "design"),
     "withheld": (withheld, "withheld"),

@@ -591,35 +591,18 @@ def test_a_flow_map_is_refused_beyond_its_tolerance(axis, rms, scale, misfit, fa
 
 
 @pytest.mark.parametrize(
-    ("wrong", "gain", "rms", "left", "expected"),
+    ("wrong", "properties"),
     [
-        (("S_P", "F_c"), 150.0, 1.0, (), True),
-        (("S_P", "M"), 150.0, 1.0, (), True),
-        (("S_P", "S_N", "S_N/S_P"), 150.0, 1.0, (), False),  # areas count once
-        (("S_P", "k_P"), 150.0, 1.0, (), False),  # exponents do not count
-        (("S_P", "F_c"), 90.0, 1.0, (), False),  # log-likelihood of 100 at least
-        (("S_P", "F_c"), 110.0, 1.0, (), True),
-        (("S_P", "F_c"), 150.0, 2 * np.exp(-0.055), (), True),  # a twentieth in some balance
-        (("S_P", "F_c"), 150.0, 2 * np.exp(-0.045), (), False),
-        (("S_P", "F_c"), 150.0, 1.0, ("M",), False),  # all parameters must be plausible
-        (("S_P", "F_c"), 150.0, 1.0, ("k_P",), True),
+        (("S_P", "F_c"), {"areas", "friction"}),
+        (("S_P", "S_N", "S_N/S_P"), {"areas"}),  # areas count once
+        (("M", "k_P"), {"mass"}),  # exponents do not count
+        ((), set()),
     ],
 )
-def test_a_weak_effect_is_accepted_if_it_makes_implausible_parameters_plausible(
-    monkeypatch, wrong, gain, rms, left, expected
-):
-    known, pair = ("hose",), ("hose", "stribeck")
-    current, better = fitted(1, 1, 2, cost=1000.0), fitted(1, 1, rms, cost=1000.0 - gain)
-    ledger = SimpleNamespace(
-        study=SimpleNamespace(criteria=CRITERIA),
-        effects=lambda names: names,
-        extensions=lambda names: {pair: better},
-    )
-    checks = {known: failing(*wrong), pair: failing(*left)}
-    monkeypatch.setattr(plausibility, "check_fit", lambda study, fit, effects: checks[effects])
-    extension = plausibility.find_plausible_extension(ledger, current, known)
-    assert extension == (pair if expected else None)
-    assert plausibility.find_plausible_extension(ledger, current, ()) is None
+def test_checks_count_by_the_property_of_the_axis(monkeypatch, wrong, properties):
+    ledger = SimpleNamespace(study=None, effects=lambda names: names)
+    monkeypatch.setattr(plausibility, "check_fit", lambda *given: failing(*wrong))
+    assert plausibility.implausible_properties(ledger, ("hose",), None) == properties
 
 
 # Location.

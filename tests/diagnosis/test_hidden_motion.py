@@ -19,7 +19,6 @@ from pneumo_casadi.diagnosis.select.complete import Completed
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger
 from pneumo_casadi.diagnosis.select.forward_selection import _coarse
 from pneumo_casadi.diagnosis.select.hidden_motion import _candidates, motion_is_hidden
-from pneumo_casadi.diagnosis.select.plausibility import find_plausible_extension
 from pneumo_casadi.diagnosis.select.refined_trials import refine_again
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.errors import FitError
@@ -71,43 +70,6 @@ def test_a_second_refinement_that_fails_leaves_the_first_and_no_failure(monkeypa
     refine_again(worker, None, names)
     assert worker.trials[names] == (first, 0.2)
     assert not worker.failures
-
-
-class Worker(FitLedger):
-    """Fits of two models; `wrong` parameters come out with the first one alone."""
-
-    def __init__(self, monkeypatch, wrong, gain=500.0):
-        fitted = SimpleNamespace(cost=0.0, rms=np.array([4.0, 4.0, 1.0]))
-        better = SimpleNamespace(cost=-gain, rms=np.array([3.0, 4.0, 1.0]))
-        self.fits = {("one",): fitted, ("one", "other"): better}
-        self.study, self.catalogue = SimpleNamespace(criteria=CRITERIA), {}
-        told = {id(fitted): wrong, id(better): ()}
-        module = "pneumo_casadi.diagnosis.select.plausibility"
-        monkeypatch.setattr(f"{module}.residual_rms", lambda fit: fit.rms)
-        monkeypatch.setattr(
-            f"{module}.check_fit",
-            lambda study, fit, effects: [
-                SimpleNamespace(name=name, agrees=False) for name in told[id(fit)]
-            ],
-        )
-
-    def effects(self, names):
-        return names
-
-
-@pytest.mark.parametrize(
-    ("wrong", "gain", "expected"),
-    [
-        (("S_P", "F_c"), 500.0, ("one", "other")),
-        (("S_P", "S_N/S_P"), 500.0, None),  # one area alone may be what a form misses
-        (("flow map", "map form"), 500.0, None),  # of the map, not of the axis
-        (("S_P", "F_c"), 50.0, None),  # hardly better
-    ],
-)
-def test_an_effect_that_mends_impossible_parameters_counts(monkeypatch, wrong, gain, expected):
-    worker = Worker(monkeypatch, wrong, gain)
-    assert find_plausible_extension(worker, worker.fits["one",], ("one",)) == expected
-    assert find_plausible_extension(worker, worker.fits["one",], ()) is None
 
 
 @pytest.mark.parametrize(

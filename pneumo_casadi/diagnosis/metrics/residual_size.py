@@ -214,26 +214,6 @@ def bootstrap_gain(
     return gain(np.ones((1, counts.shape[1])))[0], gain(draws)
 
 
-def block_gain(
-    before: FittedModel, after: FittedModel, levels: BalanceLevels, pooled: bool = False
-) -> tuple[FloatArray, FloatArray]:
-    """Return the mean over blocks of log(σ_before/σ_after), (ne,), and replicates, (R, ne)."""
-    b, used = _squares(before, pooled)
-    a, _ = _squares(after, pooled)
-    counts = _block_sums(used)
-    present = (counts > 0).astype(float)
-    n, floor = np.maximum(counts, 1), levels.noise[:, None] ** 2
-    old, new = (_block_sums(part * used) / n + floor for part in (b, a))
-    logs = 0.5 * np.log(old / new) * present
-
-    def gain(weights: FloatArray) -> FloatArray:
-        return np.asarray((logs @ weights.T / np.maximum(present @ weights.T, 1e-9)).T)
-
-    return gain(np.ones((1, counts.shape[1])))[0], gain(
-        resampling_weights(counts.shape[1], REPLICATES)
-    )
-
-
 def balance_closure(before: FittedModel, after: FittedModel, levels: BalanceLevels) -> Closure:
     """Return the closure of the held-out gap of all balances.
 

@@ -46,11 +46,8 @@ class Criteria:
     map_ratio : float
         Residuals of the metered map over those of its own fit, from which on it contradicts a shape
         of the valve: the shape is there to lower them.
-    implausible : int
-        Implausible properties of the axis (areas, friction, mass) that call for a further effect:
-        one alone may follow from an effect's misfit.
     plausible_gain : float
-        Log-likelihood that such an effect must gain, and any other that is too small to be named.
+        Log-likelihood that an effect must gain that is too small to be named.
     simulated, closed : float
         Where the motion is hidden: share of the simulated gap that a model may leave and explain
         it, and share of what was left that a further effect may leave; the latter also of a visible
@@ -92,7 +89,6 @@ class Criteria:
     certain: float = 0.95
     form_gain: float = 20.0
     map_ratio: float = 1.2
-    implausible: int = 2
     plausible_gain: float = 100.0
     simulated: float = 0.35
     closed: float = 0.7

@@ -6,7 +6,6 @@ import numpy as np
 
 from pneumo_casadi.diagnosis.metrics.residual_size import (
     BalanceLevels,
-    block_gain,
     bootstrap_gain,
     gaps,
     residual_rms,
@@ -60,7 +59,6 @@ def accepted(
     closes three tenths of a visible gap that is left. In a mass flow balance it must gain more, and
     the residuals must exceed what a coarse flow map leaves. The gain must be significant in a
     bootstrap of half-second blocks: of the held-out records, or of all records if a few blocks
-    decide; of the root mean square, or of the blocks' mean logarithms if a few large residuals
     decide.
     """
     criteria = levels.criteria
@@ -72,11 +70,8 @@ def accepted(
         is_force = np.arange(len(enough)) == len(enough) - 1
         least = np.where(is_force, criteria.matters, criteria.further)
         enough[:-1] &= (residual_rms(before) > criteria.coarse_map * levels.noise)[:-1]
-    for kind in (bootstrap_gain, block_gain):
-        gain, draws = kind(before, after, levels)
-        _, pooled = kind(before, after, levels, pooled=True)
-        level = 1 - criteria.certain
-        sure = np.maximum(*(np.quantile(gains, level, axis=0) for gains in (draws, pooled)))
-        if np.any((gain > least) & (sure > 0) & enough) and gain.sum() > 0:
-            return True
-    return False
+    gain, draws = bootstrap_gain(before, after, levels)
+    _, pooled = bootstrap_gain(before, after, levels, pooled=True)
+    level = 1 - criteria.certain
+    sure = np.maximum(*(np.quantile(gains, level, axis=0) for gains in (draws, pooled)))
+    return bool(np.any((gain > least) & (sure > 0) & enough) and gain.sum() > 0)

@@ -16,7 +16,6 @@ from pneumo_casadi.diagnosis.prepare.fitted_model import (
     refine_model,
     require_credible,
 )
-from pneumo_casadi.diagnosis.prepare.starting_values import values_of
 from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.diagnosis.prepare.study_jobs import StudyJobs
 from pneumo_casadi.diagnosis.screen.background import Background
@@ -43,11 +42,6 @@ class Start:
     trials: Sequence[Mapping[str, float]] = ()
 
 
-def start_with(base: FittedModel, name: str, fitted: FittedModel) -> Start:
-    """Return the start of a model with an effect more: where the two fits have ended."""
-    return Start({**base.values, **values_of(name, fitted.values)})
-
-
 @dataclass(frozen=True, slots=True)
 class Failed:
     """A fit that failed, with the reason."""
@@ -72,10 +66,6 @@ class FitLedger:
         Finished fits on disk.
     fits, failures, directions, output_error_fits, gap_left
         Results so far; see `Selection`.
-    alone : tuple of str
-        Effects accepted alone, the best first.
-    promised : mapping of str to float
-        Log-likelihood that the screen promised of each effect alone.
     left_out : set of str
         Effects of the catalogue that no further model has.
     trials : dict of tuple of str to (FittedModel, float)
@@ -94,8 +84,6 @@ class FitLedger:
     output_error_fits: dict[Names, FittedModel] = field(default_factory=dict)
     gap_left: dict[Names, float] = field(default_factory=dict)
     trials: dict[Names, tuple[FittedModel, float]] = field(default_factory=dict)
-    alone: Names = ()
-    promised: Mapping[str, float] = field(default_factory=dict)
     left_out: set[str] = field(default_factory=set)
     reduced: dict[Names, FittedModel] = field(default_factory=dict)
 

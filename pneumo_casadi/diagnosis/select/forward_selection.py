@@ -41,8 +41,7 @@ from pneumo_casadi.diagnosis.select.hidden_motion import (
     find_hiding_extension,
     motion_is_hidden,
 )
-from pneumo_casadi.diagnosis.select.plausibility import find_plausible_extension, is_implausible
-from pneumo_casadi.diagnosis.select.propose import fit_alone, fit_extensions, fit_pairs
+from pneumo_casadi.diagnosis.select.propose import fit_alone, fit_extensions
 from pneumo_casadi.runtime.progress import Progress, no_progress
 
 #: Effects that are selected one after another, by refits of all that may be next; weak ones besides
@@ -167,7 +166,6 @@ def select_effects(
     ledger.screen_all(nominal)
     first = ledger.over(background(study, nominal, nominal))
     report("refitting single effects", 0.3)
-    ledger.promised = {name: result.gain for name, result in first.items()}
     fit_alone(ledger, nominal, first)
     fit_waiting_forms(ledger, nominal, levels)
     forms = keep_best_forms(ledger, nominal)
@@ -212,25 +210,18 @@ def _forward(
         if round_:
             report(f"looking for effect {round_ + 1}", 0.4 + 0.07 * round_)
             fit_extensions(ledger, nominal, current, known, levels)
-        if round_ == 1:
-            fit_pairs(ledger)
         options = [
             (fitted.cost, key)
-            for key, fitted in ledger.fits.items()
-            if len(key) == round_ + 1
-            and (round_ < 2 or len(set(key) & set(known)) >= round_)
-            and accepted(nominal, current, fitted, levels)
+            for key, fitted in ledger.extensions(known).items()
+            if accepted(nominal, current, fitted, levels)
             and not _coarse(ledger, current, known, key, levels)
         ]
-        if not round_:
-            ledger.alone = tuple(key[0] for _, key in sorted(options))
-        plausible = None if options else find_plausible_extension(ledger, current, known)
-        if not options and plausible is None:
+        if not options:
             more = find_hiding_extension(ledger, nominal, current, known, levels)
             path += [] if more is None else [more]
             break
-        best = plausible or min(options)[1]
-        if round_ == 1 and plausible is None:
+        best = min(options)[1]
+        if round_ == 1:
             best = _backtrack(ledger, nominal, best, levels, known)
         path.append(best)
         ledger.refine(best)
@@ -281,7 +272,7 @@ def _needs_more(
         worst = int(np.argmax(shares_left(nominal, current, levels)))
         searched = acting_effects(fits, worst, levels.criteria.matters) >= SEARCHED
         return leaves_too_much(nominal, current, levels) and not searched
-    return can_matter(nominal, current, levels) or is_implausible(ledger, current, known)
+    return can_matter(nominal, current, levels)
 
 
 def acting_effects(fits: Sequence[FittedModel], balance: int, matters: float) -> int:

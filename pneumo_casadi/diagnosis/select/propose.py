@@ -1,7 +1,6 @@
 """The models that a round of the selection fits: what may well be there besides."""
 
 from collections.abc import Mapping, Sequence
-from itertools import combinations
 
 import numpy as np
 
@@ -10,23 +9,15 @@ from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.prepare.starting_values import values_of
 from pneumo_casadi.diagnosis.screen.background import background
 from pneumo_casadi.diagnosis.screen.screen import ScreenResult
-from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger, Names, Start, start_with
+from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger, Names, Start
 from pneumo_casadi.diagnosis.select.forms import forms_to_fit
 
 #: Effects refitted in later rounds, in the order of the screen. The first round refits all: a
 #: linearisation at the nominal fit does not predict the gain of a large effect.
 LATER_ROUNDS = 5
-#: An effect that gained so many times what the screen had promised of it alone is refitted in all
-#: rounds, whatever they promise: a resonance, or a back pressure not felt while it is small.
-UNFORESEEN = 3.0
 #: Effects that are refitted for each balance that is still open: those that alone close most of it.
 #: The most promising of all may act in balances that are at their floor already.
 OF_EACH = 2
-#: Number of effects accepted alone that are tried in pairs: the first choice may replace two.
-PAIRED = 5
-#: Number of effects beside which a valve shape is tried that the metered map contradicts alone: it
-#: may be right once it need not replace them.
-CONTRADICTED = 4
 
 
 def fit_extensions(
@@ -38,8 +29,7 @@ def fit_extensions(
 ) -> None:
     """Fit the additions to a model that promise most, of all and in each balance still open.
 
-    And those whose promise is not to be trusted. An addition that promises less than another form
-    of an effect must gain is left alone.
+    An addition that promises less than another form of an effect must gain is left alone.
     """
     behind = background(ledger.study, nominal, current, ledger.effects(known))
     screened = ledger.over(behind, known)
@@ -47,7 +37,6 @@ def fit_extensions(
     promising = [name for name, result in screened.items() if result.gain > least]
     still_open = _open_balances(current, levels)
     others = (
-        *_unforeseen(ledger, nominal),
         *_for_open_balances(ledger, nominal, still_open, levels),
         *_promising_in(screened, still_open, least),
     )
@@ -60,17 +49,6 @@ def fit_extensions(
             for name in dict.fromkeys(chosen)
         }
     )
-
-
-def _unforeseen(ledger: FitLedger, nominal: FittedModel) -> list[str]:
-    """Return effects that alone gained far more than the screen had promised of them."""
-    least, promised = ledger.study.criteria.form_gain, ledger.promised
-    gains = {key[0]: nominal.cost - fit.cost for key, fit in ledger.extensions(()).items()}
-    return [
-        name
-        for name, gain in gains.items()
-        if gain > max(least, UNFORESEEN * promised.get(name, 0.0))
-    ]
 
 
 def _open_balances(current: FittedModel, levels: BalanceLevels) -> list[int]:
@@ -134,30 +112,3 @@ def where_to_begin(ledger: FitLedger, screened: ScreenResult) -> list[Mapping[st
     alone = ledger.fits.get((screened.name,))
     at_end = () if alone is None else (values_of(screened.name, alone.values),)
     return [screened.sizes, *screened.starts, *at_end]
-
-
-def fit_pairs(ledger: FitLedger) -> None:
-    """Fit the best effects in pairs, each beginning where it ended alone.
-
-    One effect may replace two, and then no pair with it is right; if these two have an unusual
-    form, only a pair of them shows it.
-    """
-    starts: dict[Names, Start] = {}
-    for first, second in combinations(ledger.alone[:PAIRED], 2):
-        better, added = (ledger.fits[name,] for name in (first, second))
-        starts[ledger.key((first, second))] = start_with(better, second, added)
-    ledger.fit_all(starts | _starts_of_contradicted_shapes(ledger))
-    pairs = [key for key in ledger.fits if len(key) == 2]
-    if pairs:
-        ledger.refine(min(pairs, key=lambda key: ledger.fits[key].cost))
-
-
-def _starts_of_contradicted_shapes(ledger: FitLedger) -> dict[Names, Start]:
-    """Return starts of shapes of the valve beside the effects that fit best alone."""
-    refused = [k[0] for k in ledger.failures if len(k) == 1 and ledger.effects(k)[0].metered]
-    alone = sorted((f.cost, key) for key, f in ledger.fits.items() if len(key) == 1)
-    return {
-        ledger.key((name, other)): Start(ledger.fits[other,].values)
-        for name in refused
-        for _, (other,) in alone[:CONTRADICTED]
-    }
