@@ -1,6 +1,7 @@
 """Time plots with Bokeh: linked time axes, values at the pointer, curves that can be hidden."""
 
 import json
+from importlib import import_module
 from importlib.util import find_spec
 from typing import Any
 
@@ -16,6 +17,12 @@ _UNITS = {"m": ("mm", 1e3), "Pa": ("kPa", 1e-3), "m/s": ("mm/s", 1e3)}
 def can_interact() -> bool:
     """Tell whether Bokeh is installed, without importing it."""
     return find_spec("bokeh") is not None
+
+
+def load_bokeh() -> None:
+    """Import what a plot needs, if it is installed; that takes longer than to draw one."""
+    if can_interact():
+        import_module("bokeh.embed")
 
 
 def library() -> str:

@@ -16,6 +16,7 @@ from pneumo_casadi.identification.trajectory_file import (
     trajectory_frame,
     write_frames,
 )
+from pneumo_casadi.report.interactive.time_plot import load_bokeh
 from pneumo_casadi.report.pages.comparison import comparison_html, overlays
 from pneumo_casadi.report.pages.drawing import can_draw
 from pneumo_casadi.report.pages.identification import html_report
@@ -162,7 +163,11 @@ def save_figures(
     """
     folder.mkdir()
     save = partial(_saved, folder)
-    return list(map(save, figures) if executor is None else executor.map(save, figures))
+    if executor is None:
+        return list(map(save, figures))
+    pictures = executor.map(save, figures)
+    load_bokeh()  # the page needs it next
+    return list(pictures)
 
 
 def _saved(folder: Path, drawn: "Drawn") -> Picture:
