@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from pneumo_casadi.model.effect import Effect
     from pneumo_casadi.runtime.progress import Progress
 
-#: What they need.
+#: What workers import.
 DIAGNOSIS = "pneumo_casadi.diagnosis.diagnose"
 
 

@@ -35,8 +35,10 @@ if TYPE_CHECKING:
     from pneumo_casadi.identification.options import IdentifyOptions
     from pneumo_casadi.identification.warnings import Usable
 
-#: What the figures need.
+#: What workers import that draw figures.
 FIGURES = "pneumo_casadi.report.pages.identification_figures"
+#: As many of them: they wait for the fit, and hold some 150 MB each.
+MOST_DRAWING = 2
 
 Start = Annotated[
     list[str] | None,
@@ -186,10 +188,15 @@ def identify(
 def _identify(
     case: Path, options: "IdentifyOptions", folder: Path, json_file: Path | None, paper: bool
 ) -> "Usable":
+    from pneumo_casadi.report.pages.drawing import matplotlib_installed
+    from pneumo_casadi.runtime.output_folder import OutputKind, check_replaceable, check_result_file
     from pneumo_casadi.runtime.processes import default_workers, processes
 
-    # Workers, which save figures, import what they need while this process does.
-    with processes(default_workers(), (FIGURES,)) as executor:
+    check_replaceable(folder, OutputKind.IDENTIFICATION)
+    check_result_file(json_file, "wls")
+    workers = min(MOST_DRAWING, default_workers()) if matplotlib_installed() else 1
+    # Workers, which draw figures, import what they need while this process does.
+    with processes(workers, (FIGURES,)) as executor:
         return _identify_with(executor, case, options, folder, json_file, paper)
 
 
@@ -209,11 +216,8 @@ def _identify_with(
     from pneumo_casadi.report.tables.validation import validation_table
     from pneumo_casadi.report.text.identification import render_warnings
     from pneumo_casadi.runtime.json_files import write_json
-    from pneumo_casadi.runtime.output_folder import OutputKind, check_replaceable, check_result_file
     from pneumo_casadi.runtime.progress import progress_range
 
-    check_replaceable(folder, OutputKind.IDENTIFICATION)
-    check_result_file(json_file, "wls")
     with progress_bar() as report:
         result = identify(case, options, progress_range(report, 0.0, 0.8))
         rest = progress_range(report, 0.8, 1.0)

@@ -1,7 +1,6 @@
 """The final model of a diagnosis, refined by output error: an identification like any other."""
 
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import replace
 
 from pneumo_casadi.data import Case
@@ -19,9 +18,11 @@ from pneumo_casadi.identification.options import IdentifyOptions
 from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.identification.starting_axis import axis_of_options, started_from
 from pneumo_casadi.identification.warnings import in_order, met
+from pneumo_casadi.runtime.interruption import is_ending
 from pneumo_casadi.runtime.progress import Progress
 
-#: How whole records are fitted: what took more iterations ended in none, after minutes.
+#: How whole records are fitted. Of an iteration budget a third may be full steps; what had not
+#: settled by then did not in 150 iterations and minutes either.
 WHOLE = OutputErrorOptions(recover=False, max_iterations=40)
 #: How a model without the cause is fitted.
 WITHOUT_CAUSE = OutputErrorOptions(window=WINDOW, recover=False, max_iterations=30)
@@ -31,8 +32,8 @@ LACKS = (
 )
 TAKEN_UP = "The fit has taken up in %s what the model lacks; do not use them."
 WITHOUT_WEAK = (
-    "The model is without %s, which the diagnosis found to act besides: output error did not "
-    "settle with it."
+    "The model is without %s, found to act besides: output error over whole records did not "
+    "settle with that."
 )
 
 
@@ -118,10 +119,10 @@ def refine_diagnosis(
     """Refine the final model of a diagnosis by output error.
 
     Over whole records; where that does not converge, without the weak effects besides, and then
-    over windows of half a second. With an unknown cause only windows are tried, and not for long: a
-    model without it seldom settles. Held-out records are those of the diagnosis. What the diagnosis
-    says against the parameters is a warning of the result, and so are weak effects left out: one
-    whose cause is unknown is not to be used.
+    without them over windows of half a second. With an unknown cause only windows are tried, and
+    not for long: a model without it seldom settles. Held-out records are those of the diagnosis.
+    What the diagnosis says against the parameters is a warning of the result, and so are weak
+    effects left out: one whose cause is unknown is not to be used.
 
     Parameters
     ----------
@@ -140,18 +141,24 @@ def refine_diagnosis(
     Raises
     ------
     FitError
-        If output error converges neither way.
+        If output error converges in none of these ways.
     ModelError
         If an effect of the diagnosis is not of the catalogue.
     """
     train, held_out, _ = split_records(case)
     split = replace(case, identify=tuple(train), validate=tuple(held_out))
-    *others, last = _ways(case, diagnosis)
-    for options in others:
-        # No convergence, or a free run that leaves the finite numbers.
-        with suppress(FitError, ModelError):
-            return _with_verdict(identify(split, options, progress), diagnosis)
-    return _with_verdict(identify(split, last, progress), diagnosis)
+    failure: FitError | ModelError | None = None
+    for options in _ways(case, diagnosis):
+        try:
+            refined = identify(split, options, progress)
+        except (FitError, ModelError) as error:  # or a free run that leaves the finite numbers
+            failure = error
+            if is_ending():  # inside a compiled function Ctrl-C comes out as such an error
+                break
+        else:
+            return _with_verdict(refined, diagnosis)
+    assert failure is not None
+    raise failure
 
 
 def _ways(case: Case, diagnosis: Diagnosis) -> Iterator[IdentifyOptions]:

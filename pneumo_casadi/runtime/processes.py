@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, Future
 from contextlib import contextmanager, suppress
 from importlib import import_module
-from multiprocessing import get_context, parent_process
+from multiprocessing import get_context, parent_process, resource_tracker
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
@@ -59,10 +59,12 @@ def worker_pool(workers: int, imports: Sequence[str] = ()) -> Iterator[Executor]
     A task whose process dies is begun once more; then its future has a `WorkerDiedError`, and the
     other tasks go on. Modules that tasks will need are imported before the first one comes.
     """
-    # Processes share the cores; linear algebra that uses all of them in each slows every fit. The
-    # limit is for them: what this process loads before it is free of it.
+    # Processes share the cores; linear algebra that uses all of them in each slows every fit. That
+    # of this process is loaded before the limit, which is for the workers.
     for name in LINEAR_ALGEBRA:
         import_module(name)
+    if os.name == "posix":  # in the main thread: it unblocks signals, which workers begin with
+        resource_tracker.ensure_running()
     before = {name: os.environ.get(name) for name in THREADS}
     os.environ.update({name: "1" for name, value in before.items() if value is None})
     pool = _WorkerPool(workers, imports)
@@ -203,14 +205,14 @@ def _work(connection: "Connection[Any, Any]", imports: Sequence[str]) -> None:
     for number in ENDING:
         if number != signal.SIGTERM:  # Ctrl-C comes to all processes of a terminal; the parent
             signal.signal(number, signal.SIG_IGN)  # knows what to do
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDING)
+    for name in imports:  # a signal ends the process at once: there is nothing to tidy up yet
+        with suppress(Exception):  # a task that needs it says why it cannot be imported
+            import_module(name)
     with suppress(KeyboardInterrupt, EOFError, OSError), interruptible(GRACE) as interruption:
         interruption.explained = True  # by the parent
-        if hasattr(signal, "pthread_sigmask"):
-            signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDING)
-        threading.Thread(target=_end_with_parent, daemon=True).start()
-        for name in imports:
-            with suppress(ImportError):  # an extra that is not there: the task says so
-                import_module(name)
         while True:
             task = connection.recv_bytes()
             try:

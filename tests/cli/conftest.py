@@ -18,6 +18,12 @@ def short_example(embedded, tmp_path_factory) -> Path:
     return folder
 
 
+@pytest.fixture(autouse=True)
+def one_process(monkeypatch):
+    """Do all in this process, where drawings are left blank; tests of workers say how many."""
+    monkeypatch.setattr("pneumo_casadi.runtime.processes.default_workers", lambda: 1)
+
+
 @pytest.fixture
 def png_only(monkeypatch, leave_blank):
     """Draw each figure once, and no curves to zoom: what is tested is the folder."""

@@ -2,7 +2,9 @@
 
 import ast
 import importlib.util
+import pickle
 import sys
+from concurrent.futures import Executor, Future
 from dataclasses import replace
 from io import BytesIO
 from itertools import combinations
@@ -29,7 +31,6 @@ from pneumo_casadi.report.figures.studies.withheld import withheld_figure
 from pneumo_casadi.report.figures.style import COLUMN, MM, PAGE, png, save_figure, symbol
 from pneumo_casadi.report.pages.identification_figures import Drawn, figures_of
 from pneumo_casadi.report.pages.write import save_figures, write_identification
-from pneumo_casadi.runtime.processes import worker_pool
 from pneumo_casadi.valve import fit_polynomials
 
 #: Figures whose vertical axis holds names.
@@ -225,15 +226,20 @@ def test_equal_results_give_equal_files_and_a_pdf_embeds_its_fonts(saved_twice):
     assert b"/FontFile2" in content and b"/Type3" not in content
 
 
-@pytest.mark.slow
-def test_figures_saved_by_other_processes_are_the_same_files(profile, real_pdf, tmp_path):
-    figures = [Drawn("m", profile_figure({"M": profile}), "Cost over M.")]
-    here = save_figures(figures, tmp_path / "here")
-    with worker_pool(1) as pool:
-        there = save_figures(figures, tmp_path / "there", pool)
-    assert there == here
-    for path in (tmp_path / "here").iterdir():
-        assert (tmp_path / "there" / path.name).read_bytes() == path.read_bytes(), path.suffix
+def test_a_figure_that_a_worker_cannot_draw_is_drawn_here(profile, tmp_path):
+    class Broken(Executor):
+        def submit(self, fn, /, *given, **named):
+            job = Future()
+            job.set_exception(RuntimeError("killed"))
+            return job
+
+    figure = Drawn("m", profile_figure({"M": profile}), "Cost over M.")
+    (picture,) = save_figures([figure], tmp_path / "figures", Broken())
+    assert picture.content and len(list((tmp_path / "figures").iterdir())) == 3
+
+
+def test_figures_can_be_sent_to_other_processes(drawn):
+    assert all(pickle.loads(pickle.dumps(item)).name == item.name for item in drawn.values())
 
 
 def test_plots_need_matplotlib(monkeypatch):

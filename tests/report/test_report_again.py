@@ -55,9 +55,8 @@ class Still:
     def svg(self):
         return b'<svg width="9pt" height="9pt"></svg>'
 
-    def save(self, folder):
-        (folder / f"{self.name}.png").write_bytes(self.png())
-        (folder / f"{self.name}.svg").write_bytes(self.svg())
+    def files(self):
+        return {"png": self.png(), "svg": self.svg()}
 
 
 ORIGIN = {

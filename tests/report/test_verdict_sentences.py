@@ -9,7 +9,7 @@ import pytest
 from matplotlib.text import Text
 
 from pneumo_casadi.data import Finding, Grade
-from pneumo_casadi.diagnosis import Verdict
+from pneumo_casadi.diagnosis import EffectFound, Value, Verdict
 from pneumo_casadi.identification.warnings import Usability, Usable
 from pneumo_casadi.report.figures.diagnosis.where import where_figure
 from pneumo_casadi.report.pages.diagnosis import diagnosis_html
@@ -177,6 +177,15 @@ def test_a_model_that_is_ready_is_not_identified_again():
     assert next_step(made.EFFECT, ready=True).startswith("use the model in result.json")
     careful = next_step(made.EFFECT, ready=True, careful=True)
     assert careful.startswith("check what calls for care; then use the model in result.json")
+
+
+@pytest.mark.parametrize("settled", [True, False])
+def test_weak_effects_that_the_final_model_is_without_are_told(settled):
+    hose = EffectFound("hose", 0.8, {})
+    values = {"hose.R": Value(1e8, 1e7, "1/m⁴")} if settled else {}
+    final = FinalModel(Usability(Usable.YES, "Yes."), "16.5 ± 0.1 kg", (), values)
+    text = " ".join(final_sentences(replace(made.EFFECT, besides=(hose,)), final))
+    assert ("It is without hose: output error" in text) is not settled
 
 
 def test_absorbed_parameters_are_not_to_be_used():

@@ -145,12 +145,13 @@ def test_a_folder_that_was_about_to_be_replaced_comes_back(tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["other.txt", "report"]
 
 
-def test_workers_import_modules_before_the_first_task_comes():
-    with worker_pool(1, ["wave"]) as pool:
-        known = pool.submit(
-            eval, "[n in __import__('sys').modules for n in ('wave', 'antigravity')]"
-        )
-        assert known.result(60.0) == [True, False]
+def test_workers_start_and_import_modules_before_the_first_task_comes(tmp_path, monkeypatch):
+    (tmp_path / "leaves_a_mark.py").write_text(f"open({str(tmp_path / 'mark')!r}, 'w').close()")
+    (tmp_path / "breaks.py").write_text("raise RuntimeError('cannot be imported')")
+    monkeypatch.syspath_prepend(tmp_path)
+    with worker_pool(1, ["breaks", "leaves_a_mark"]) as pool:
+        assert wait_until((tmp_path / "mark").exists, 60.0)
+        assert pool.submit(abs, -1).result(60.0) == 1
 
 
 @pytest.mark.slow

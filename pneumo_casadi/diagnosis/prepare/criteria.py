@@ -47,7 +47,7 @@ class Criteria:
         Residuals of the metered map over those of its own fit, from which on it contradicts a shape
         of the valve: the shape is there to lower them.
     plausible_gain : float
-        Log-likelihood that an effect must gain that is too small to be named.
+        Log-likelihood that an effect too small to be named must gain to be in the model.
     simulated, closed : float
         Where the motion is hidden: share of the simulated gap that a model may leave and explain
         it, and share of what was left that a further effect may leave; the latter also of a visible

@@ -79,15 +79,20 @@ def perturbation(study: Study, nominal: FittedModel, effect: Effect) -> tuple[Di
         return (first,)
     shapes = tuple(n for n in silent if starting[n].value != 0)
     starts = [starting[n].value for n in shapes]
-    grid = []
     grids = [SIGNED_GRID if axis.parameters[n].lower < 0 else GRID for n in shapes]
-    for factors in itertools.product(*grids):
-        values = {
+    tried = [
+        {
             name: float(
                 np.clip(start * f, axis.parameters[name].lower, axis.parameters[name].upper)
             )
             for name, start, f in zip(shapes, starts, factors, strict=True)
         }
+        for factors in itertools.product(*grids)
+    ]
+    if not _is_null(study, model, at_null, tried[-1]):
+        at_null = [None] * len(at_null)
+    grid = []
+    for values in tried:
         if all(v == axis.parameters[n].value for n, v in values.items()):
             grid.append(_without(first, shapes, values))
         else:
@@ -107,6 +112,20 @@ def _residuals_at_null(study: Study, model: BalanceFunctions) -> list[FloatArray
         return [None] * len(study.smoothed[0])
     theta = model.axis.parameters.values
     return [undecimated_residuals(model, data, theta) for data in study.smoothed[0]]
+
+
+def _is_null(
+    study: Study,
+    model: BalanceFunctions,
+    at_null: Sequence[FloatArray | None],
+    shape: Mapping[str, float],
+) -> bool:
+    """Return whether an effect at null does nothing in another shape either, as it should."""
+    theta = model.axis.parameters.with_values(shape).values
+    return all(
+        known is None or np.allclose(undecimated_residuals(model, data, theta), known, 1e-9, 1e-12)
+        for data, known in zip(study.smoothed[0], at_null, strict=True)
+    )
 
 
 def _without(direction: Direction, shapes: Sequence[str], values: Mapping[str, float]) -> Direction:

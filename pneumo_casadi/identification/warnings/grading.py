@@ -168,7 +168,7 @@ CONDITIONS: Mapping[str, tuple[Grade, str]] = MappingProxyType(
         "held map": (Grade.CAUTION, "noise of the map moves X_s2 and X_s5 by several σ"),
         "cause unknown": (Grade.SEVERE, "mass and friction take up what the model lacks"),
         "taken up": (Grade.CAUTION, "geometry or data sheet contradict the estimate"),
-        "weak left out": (Grade.NOTE, "they are too weak to be named, and so is their misfit"),
+        "weak left out": (Grade.NOTE, "an effect too weak to be named shifts estimates little"),
         "not held out": (Grade.CAUTION, "nothing tells what a prediction is worth"),
         "stages": (Grade.NOTE, "the way to the optimum does not change it"),
         "long records": (Grade.NOTE, "initial states are free, and misfit lasts beyond a window"),

@@ -239,18 +239,26 @@ def save_figure(figure: Figure, path: str | Path) -> tuple[Path, ...]:
     ['parameters.png', 'parameters.svg', 'parameters.pdf']
     """
     path, written = Path(path), []
+    for suffix, content in files_of(figure).items():
+        file = path.with_name(f"{path.name}.{suffix}")
+        file.write_bytes(content)
+        written.append(file)
+    return tuple(written)
+
+
+def files_of(figure: Figure) -> dict[str, bytes]:
+    """Return the contents of a figure's files by their suffixes: png, svg and pdf."""
+    contents: dict[str, bytes] = {}
     layout = figure.get_layout_engine()
     try:
         for content_of in (png, svg, pdf):
-            file = path.with_name(f"{path.name}.{content_of.__name__}")
-            file.write_bytes(content_of(figure))
-            written.append(file)
+            contents[content_of.__name__] = content_of(figure)
             # It takes as long as drawing, and would find the same; even "none" draws once more.
             with rc_context({"figure.autolayout": False, "figure.constrained_layout.use": False}):
                 figure.set_layout_engine(None)
     finally:
         figure.set_layout_engine(layout)
-    return tuple(written)
+    return contents
 
 
 def pdf(figure: Figure) -> bytes:

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 
 from pneumo_casadi.identification.result import Identification
 from pneumo_casadi.report.figures.identification.cross_validation import cross_validation_figure
@@ -15,7 +14,7 @@ from pneumo_casadi.report.figures.identification.overview import overview_figure
 from pneumo_casadi.report.figures.identification.parameters import correlation_figure, forest_figure
 from pneumo_casadi.report.figures.identification.regressor import regressor_figure
 from pneumo_casadi.report.figures.identification.residuals import fit_figure, residual_figure
-from pneumo_casadi.report.figures.style import Figure, png, save_figure, svg
+from pneumo_casadi.report.figures.style import Figure, files_of, png, svg
 from pneumo_casadi.report.figures.time_series import time_series_figure
 from pneumo_casadi.validation import Validation
 from pneumo_casadi.valve import FlowMap, FlowModel, each_valve
@@ -43,9 +42,9 @@ class Drawn:
         """Return the figure as a PNG file."""
         return png(self.figure)
 
-    def save(self, folder: Path) -> None:
-        """Save the figure as PNG, SVG and PDF."""
-        save_figure(self.figure, folder / self.name)
+    def files(self) -> dict[str, bytes]:
+        """Return the contents of the figure's files by suffix: PNG, SVG and PDF."""
+        return files_of(self.figure)
 
     def svg(self) -> bytes:
         """Return the figure as an SVG file."""

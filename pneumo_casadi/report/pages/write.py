@@ -1,9 +1,8 @@
 """Report folders: written beside their place, then renamed, so that none is ever half there."""
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -159,18 +158,25 @@ def save_figures(
 ) -> list[Picture]:
     """Save figures as PNG, SVG and PDF; return the smaller of the first two of each.
 
-    The fonts of a PDF take longest: with an executor several figures are saved at a time.
+    The fonts of a PDF take longest: with an executor several figures are drawn at a time. One that
+    fails there is drawn here: nothing is lost because a worker was.
     """
     folder.mkdir()
-    save = partial(_saved, folder)
     if executor is None:
-        return list(map(save, figures))
-    pictures = executor.map(save, figures)
+        return [_saved(folder, drawn, drawn.files()) for drawn in figures]
+    jobs = [(drawn, executor.submit(drawn.files)) for drawn in figures]
     load_bokeh()  # the page needs it next
-    return list(pictures)
+    pictures = []
+    for drawn, job in jobs:
+        try:
+            contents = job.result()
+        except Exception:
+            contents = drawn.files()
+        pictures.append(_saved(folder, drawn, contents))
+    return pictures
 
 
-def _saved(folder: Path, drawn: "Drawn") -> Picture:
-    drawn.save(folder)
-    contents = [(folder / f"{drawn.name}.{suffix}").read_bytes() for suffix in ("png", "svg")]
-    return Picture(drawn.name, min(contents, key=len), drawn.caption)
+def _saved(folder: Path, drawn: "Drawn", contents: Mapping[str, bytes]) -> Picture:
+    for suffix, content in contents.items():
+        (folder / f"{drawn.name}.{suffix}").write_bytes(content)
+    return Picture(drawn.name, min(contents["png"], contents["svg"], key=len), drawn.caption)

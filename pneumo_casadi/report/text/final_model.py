@@ -12,7 +12,7 @@ from pneumo_casadi.identification.result_file import result_dict
 from pneumo_casadi.identification.warnings import Usability, Usable
 from pneumo_casadi.report.tables.laboratory import estimate_table, laboratory_tables
 from pneumo_casadi.report.tables.parameters import INTERVALS
-from pneumo_casadi.report.tables.table import Table, with_symbols
+from pneumo_casadi.report.tables.table import Table, plain, with_symbols
 from pneumo_casadi.report.text.causes import joined
 
 #: Title of the section.
@@ -143,4 +143,13 @@ def final_sentences(diagnosis: Diagnosis, final: FinalModel | None) -> tuple[str
     if absorbed:
         unusable = (final.usability.sentence,) if final.usability.usable is Usable.NO else ()
         return f"Do {absorbed.replace('not ', 'not use ', 1)}.", *unusable, file
-    return final.usability.sentence, file
+    return final.usability.sentence, *_left_out(diagnosis, final), file
+
+
+def _left_out(diagnosis: Diagnosis, final: FinalModel) -> tuple[str, ...]:
+    """Return which weak effects the final model is without."""
+    present = {name.partition(".")[0] for name in final.values if "." in name}
+    weak = [plain(effect.name) for effect in diagnosis.besides if effect.form not in present]
+    if not weak:
+        return ()
+    return (f"It is without {joined(weak)}: output error did not settle with so weak an effect.",)
