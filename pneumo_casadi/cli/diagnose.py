@@ -85,8 +85,16 @@ def diagnose(
         if strict and not refine:
             raise CaseError("--strict: --no-refine makes no final model that could be refused")
 
+        from pneumo_casadi.runtime.output_folder import (
+            OutputKind,
+            check_replaceable,
+            check_result_file,
+        )
         from pneumo_casadi.runtime.processes import processes
 
+        folder = report_folder(output, case, "-diagnosis")
+        check_replaceable(folder, OutputKind.DIAGNOSIS)
+        check_result_file(json_file, "verdict")
         # Workers import what they need while this process does.
         with processes(_workers(workers, catalogue), (DIAGNOSIS,)) as executor:
             from pneumo_casadi.data import read_case
@@ -96,16 +104,8 @@ def diagnose(
             from pneumo_casadi.report.pages.diagnosis import write_diagnosis
             from pneumo_casadi.report.text.diagnosis import summary_text
             from pneumo_casadi.runtime.json_files import write_json
-            from pneumo_casadi.runtime.output_folder import (
-                OutputKind,
-                check_replaceable,
-                check_result_file,
-            )
             from pneumo_casadi.runtime.progress import progress_range
 
-            folder = report_folder(output, case, "-diagnosis")
-            check_replaceable(folder, OutputKind.DIAGNOSIS)
-            check_result_file(json_file, "verdict")
             effects = effects_without(without or ())
             if catalogue is not None:
                 effects |= effects_of_file(catalogue)

@@ -89,7 +89,7 @@ def perturbation(study: Study, nominal: FittedModel, effect: Effect) -> tuple[Di
         }
         for factors in itertools.product(*grids)
     ]
-    if not _is_null(study, model, at_null, tried[-1]):
+    if shapes and not _is_null(study, model, at_null, tried[-1]):
         at_null = [None] * len(at_null)
     grid = []
     for values in tried:
