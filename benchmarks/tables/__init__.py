@@ -30,6 +30,7 @@ from tables.laboratories import laboratories, mistakes
 from tables.robustness import damaged, hostile, kills
 from tables.speed import (
     batch,
+    many_cases,
     peers,
     peers_answer,
     peers_long,
@@ -74,6 +75,7 @@ TABLES: dict[str, tuple[Callable[..., str], *tuple[str, ...]]] = {
     "rule_cases": (rule_cases, "rule_cases"),
     "rules_off": (rules_off, "rules_off"),
     "batch": (batch, "batch"),
+    "many_cases": (many_cases, "many_cases"),
     "designs": (designs, "design"),
     "withheld": (withheld, "withheld"),
     "withheld_effects": (withheld_effects, "withheld"),

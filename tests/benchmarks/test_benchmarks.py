@@ -267,6 +267,11 @@ def test_a_batch_costs_little_beside_its_diagnoses():
     assert figures["executors"]["dask"]["speed_up"] >= 1.7
 
 
+def test_a_thousand_cases_take_hardly_more_memory_than_one():
+    figures = result("many_cases")
+    assert figures["cases"] == 1000 and figures["grown_MB"] < 100
+
+
 def test_the_gap_of_emps_is_friction_that_changes_and_depends_on_position():
     figures = result("emps_gap")
     closed = figures["closure"]
