@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import casadi as ca
 import numpy as np
@@ -100,7 +101,7 @@ def moving_substeps_for(axis: Axis, dt: float, longest: float = ACCURATE) -> int
     if most == 1:
         return 1
     least = FLAT * axis.parameters["v_s"].value
-    moving = max(rate for v in (least, *SPEEDS) for rate in _rates_near(axis, v))
+    moving = max(_fastest_rate_near(axis, v) for v in (least, *SPEEDS))
     return min(most, _steps(dt * moving, longest)) if np.isfinite(moving) else most
 
 
@@ -126,6 +127,12 @@ def _steps(rate: float, longest: float) -> int:
     while count * longest < rate:
         count = count * 3 // 2 if count & (count - 1) == 0 else count * 4 // 3
     return count
+
+
+@lru_cache(maxsize=16)  # asked again for every record and window length
+def _fastest_rate_near(axis: Axis, speed: float) -> float:
+    """Return the fastest rate at a speed in both directions, effects at rest and off it [1/s]."""
+    return max(_rates_near(axis, speed))
 
 
 def _fastest_rate(axis: Axis, v: float, away: FloatArray | float = 0.0) -> float:

@@ -66,7 +66,11 @@ def loop_run(axis: Axis, record: Recording, estimated: bool = False) -> Trajecto
 
 
 def window_runs(
-    axis: Axis, records: Sequence[Recording], window: float, longest_step: float = ACCURATE
+    axis: Axis,
+    records: Sequence[Recording],
+    window: float,
+    longest_step: float = ACCURATE,
+    every: int = 1,
 ) -> list[tuple[Recording, Rows, Trajectory]]:
     """Return records, samples and simulations of their whole windows [s], one after another.
 
@@ -74,10 +78,11 @@ def window_runs(
     may be some samples shorter than `window`. The trajectory holds them one after another.
 
     `longest_step` is the length of a Runge-Kutta step times the fastest rate, see `substeps_for`.
+    With `every`, of so many windows the first one only.
     """
     pairs: list[tuple[Recording, Rows, Trajectory]] = []
     for record in records:
-        states = estimate_initial_states(axis, record, window, longest_step)
+        states = estimate_initial_states(axis, record, window, longest_step, every)
         apart = np.diff([first for first, _ in states])
         L = int(min([round(window / record.dt), *apart]))
         starts = [(first, x_0) for first, x_0 in states if first + L < record.N]

@@ -229,7 +229,7 @@ def test_weak_effects_beside_a_play_are_judged_together(
     """None of four closed enough alone, and a play that was there was `unknown`."""
     refined = SimpleNamespace(values={})
     simulated.gap_left[PLAY] = left
-    monkeypatch.setattr(complete_by_simulation, "complete", lambda *given: Completed(asked, asked))
+    monkeypatch.setattr(complete_by_simulation, "find_acting", lambda *given: asked)
     monkeypatch.setattr(complete_by_simulation, "beside", lambda *given: None)
     monkeypatch.setattr(
         complete_by_simulation,
@@ -244,7 +244,7 @@ def test_weak_effects_beside_a_play_are_judged_together(
 
 def test_what_explains_the_gap_alone_is_not_completed(simulated, monkeypatch):
     simulated.gap_left[PLAY] = 0.3
-    monkeypatch.delattr(complete_by_simulation, "complete")
+    monkeypatch.delattr(complete_by_simulation, "find_acting")
     done = complete_by_simulation.complete_by_simulation(
         simulated, None, PLAY, SimpleNamespace(criteria=CRITERIA)
     )

@@ -76,6 +76,16 @@ def test_windows_need_not_be_whole_blocks_of_samples(rubbing_study):
     assert longer.windows.shape == whole.windows.shape and np.isfinite(longer.windows).all()
 
 
+@pytest.mark.slow
+def test_short_windows_are_the_beginnings_of_long_ones(rubbing_study):
+    study, nominal = rubbing_study
+    long, short = (simulate_fit(study, nominal, (), window) for window in (WINDOW, WINDOW / 5))
+    for (whole, _), (beginning, _) in zip(long.runs, short.runs, strict=True):
+        # Behind the last whole one there may be room for a short one.
+        np.testing.assert_array_equal(beginning[: len(whole)], whole[:, : beginning.shape[1]])
+        assert len(beginning) <= len(whole) + 1
+
+
 def test_where_simulations_show_no_gap_none_is_left(sound_study):
     """A share of nothing was what rounding had made of it."""
     done, nominal, other = Simulations(sound_study), object(), object()

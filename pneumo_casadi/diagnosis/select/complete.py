@@ -57,6 +57,15 @@ def complete(
     final : tuple of str
         Effects that the selection has found.
     """
+    acting = find_acting(ledger, nominal, final, levels)
+    work = _Completion(ledger, nominal, levels, final)
+    return Completed(acting, work.select_named(acting))
+
+
+def find_acting(
+    ledger: FitLedger, nominal: FittedModel, final: Names, levels: BalanceLevels
+) -> Names:
+    """Return the effects of a model that is completed, large and weak; see `complete`."""
     work = _Completion(ledger, nominal, levels, final)
     acting = work.review(work.grow(final))
     for _ in range(ROUNDS - 1):
@@ -65,7 +74,7 @@ def complete(
             break
         acting = work.review(grown)
     ledger.refine(acting)
-    return Completed(acting, work.select_named(acting))
+    return acting
 
 
 @dataclass(eq=False)

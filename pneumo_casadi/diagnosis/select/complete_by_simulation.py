@@ -2,7 +2,7 @@
 
 from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
-from pneumo_casadi.diagnosis.select.complete import Completed, complete
+from pneumo_casadi.diagnosis.select.complete import Completed, find_acting
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger, Names
 from pneumo_casadi.diagnosis.select.hidden_motion import beside
 from pneumo_casadi.diagnosis.select.refined_trials import refine_all
@@ -20,7 +20,7 @@ def complete_by_simulation(
     criteria, left = levels.criteria, ledger.gap_left[final]
     if left < criteria.simulated:
         return Completed(final, final)
-    acting = complete(ledger, nominal, final, levels).acting
+    acting = find_acting(ledger, nominal, final, levels)
     if not set(final) < set(acting):
         return Completed(final, final)
     added = tuple(name for name in acting if name not in final)

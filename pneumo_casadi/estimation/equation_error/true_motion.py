@@ -14,8 +14,10 @@ from pneumo_casadi.parameters import FloatArray
 
 #: Iterations that invert the effects of sensors, each accurate to an order more.
 CORRECTIONS = 6
-#: The iterations end once they change no signal by more than this share of its noise.
-UNCHANGED = 1e-4
+#: The iterations end once they change no signal by more than this share of its noise, root mean
+#: square: what is left lies where the smoothing filter ends, settles slowly, and changes the cost
+#: by less than the tolerance of a fit.
+UNCHANGED = 0.02
 #: K/T² of a lag of second order, 1/(2ζ)², with ζ = 0.3.
 STRONGEST_SWING = 2.8
 
@@ -61,12 +63,13 @@ def _without_sensors(
 def _distance(
     model: BalanceFunctions, data: SmoothedMotion, first: Sequence[Motion], second: Sequence[Motion]
 ) -> float:
-    """Return the largest difference of two sets of motions, in units of the sensors' noise."""
+    """Return the largest root mean square difference of motions, in units of the noise."""
     sensors = _of_motion(model)
     rows = [_row(model, name) for name in sensors]
     noise = data.noise[[model.axis.outputs.index(name) for name in sensors]]
     apart = [
-        np.abs(a[rows] - b[rows]).max(axis=1) for (a, _), (b, _) in zip(first, second, strict=True)
+        np.sqrt(np.mean((a[rows] - b[rows]) ** 2, axis=1))
+        for (a, _), (b, _) in zip(first, second, strict=True)
     ]
     return float(np.max(np.max(apart, axis=0) / np.maximum(noise, 1e-300)))
 

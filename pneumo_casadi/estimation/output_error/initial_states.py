@@ -44,6 +44,7 @@ def estimate_initial_states(
     record: Recording,
     window: float | None = None,
     longest_step: float = ACCURATE,
+    every: int = 1,
 ) -> tuple[tuple[int, FloatArray], ...]:
     """Estimate the state at the start of a record, or of each whole window, by output error.
 
@@ -61,6 +62,8 @@ def estimate_initial_states(
         Length of the windows [s]; None for the whole record.
     longest_step : float, optional
         See `substeps_for`.
+    every : int, optional
+        Of so many windows the first one only.
 
     Returns
     -------
@@ -74,7 +77,7 @@ def estimate_initial_states(
     """
     lengths = sample_lengths(record, record.dt)
     stepping = stepping_for(axis, record.dt, record.hold, lengths, longest_step)
-    problem = _problem(SampledAxis(axis, stepping), record, window)
+    problem = _problem(SampledAxis(axis, stepping), record, window, every)
     sigma = np.array([stated_or_estimated_noise(axis.bench, [record], c) for c in axis.outputs])
     x_0 = settle_initial_states(problem, sigma, record.name)
     return tuple((segment.first, x_0[:, i]) for i, segment in enumerate(problem.segments))
@@ -125,13 +128,15 @@ def settle_initial_states(problem: Problem, sigma: FloatArray, name: str) -> Flo
     return x_0
 
 
-def _problem(model: SampledAxis, record: Recording, window: float | None) -> Problem:
+def _problem(
+    model: SampledAxis, record: Recording, window: float | None, every: int = 1
+) -> Problem:
     axis = model.axis
     n = max(1, round(BLOCK / record.dt))
     # What an effect remembers from before a window, no step within it brings back.
     driven = states_along(axis, [record]) if window is not None else ()
     segments = cut_segments(model, [record], n, window, INTERVAL, driven)
-    whole = tuple(segment for segment in segments if segment.K == segments[0].K)
+    whole = tuple(segment for segment in segments if segment.K == segments[0].K)[::every]
     functions = IntervalFunctions(model, n, whole[0].per, ())
     return Problem(model, axis.parameters.fix_all(), whole, functions, None)
 
