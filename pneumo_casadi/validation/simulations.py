@@ -70,7 +70,7 @@ def window_runs(
     records: Sequence[Recording],
     window: float,
     longest_step: float = ACCURATE,
-    every: int = 1,
+    apart: float | None = None,
 ) -> list[tuple[Recording, Rows, Trajectory]]:
     """Return records, samples and simulations of their whole windows [s], one after another.
 
@@ -78,13 +78,14 @@ def window_runs(
     may be some samples shorter than `window`. The trajectory holds them one after another.
 
     `longest_step` is the length of a Runge-Kutta step times the fastest rate, see `substeps_for`.
-    With `every`, of so many windows the first one only.
+    `apart` is the time from the beginning of a window to that of the next [s]; by default windows
+    follow each other.
     """
     pairs: list[tuple[Recording, Rows, Trajectory]] = []
     for record in records:
-        states = estimate_initial_states(axis, record, window, longest_step, every)
-        apart = np.diff([first for first, _ in states])
-        L = int(min([round(window / record.dt), *apart]))
+        states = estimate_initial_states(axis, record, window, longest_step, apart)
+        distances = np.diff([first for first, _ in states])
+        L = int(min([round(window / record.dt), *distances]))
         starts = [(first, x_0) for first, x_0 in states if first + L < record.N]
         lengths = sample_lengths(record, record.dt)
         inputs = record.stack(axis.inputs)

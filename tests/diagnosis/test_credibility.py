@@ -14,7 +14,9 @@ from pneumo_casadi.diagnosis.metrics.findings import Check
 from pneumo_casadi.diagnosis.prepare.fitted_model import fit_model, require_credible
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.errors import FitError
+from pneumo_casadi.estimation.equation_error import true_motion
 from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
+from pneumo_casadi.estimation.equation_error.fit import equation_error_costs
 from pneumo_casadi.estimation.equation_error.residuals import balance_residuals
 from pneumo_casadi.estimation.equation_error.smoothed_motion import smooth_motions
 from pneumo_casadi.model.effect import Effect
@@ -100,6 +102,35 @@ def test_what_a_sensor_shows_too_much_is_taken_back_whatever_acts_beside(leaking
     expected = balance_residuals(true, motion, true.axis.parameters.values)
     result = balance_residuals(false, distorted, false.axis.parameters.values)
     np.testing.assert_allclose(result, expected, atol=1e-3 * np.std(expected, axis=1).max())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "value", "most"), [("pressure_sensor_lag.tau", 3e-3, 4), ("position_delay.T", 2e-3, 6)]
+)
+def test_corrections_end_where_further_ones_do_not_change_the_cost(
+    leaking, monkeypatch, name, value, most
+):
+    study, nominal = leaking
+    effect = EFFECTS[name.split(".")[0]]()
+    axis = study.axis.with_effects(effect).with_parameters({**nominal.values, name: value})
+    made = []
+
+    def counted(*given, usual=true_motion._corrected):
+        made.append(given)
+        return usual(*given)
+
+    monkeypatch.setattr(true_motion, "_corrected", counted)
+    theta = [axis.parameters.values]
+
+    def cost():
+        return equation_error_costs(axis, theta, study.smoothed[0], study.anchor_with((effect,)))[0]
+
+    usual, corrections = cost(), len(made)
+    assert 2 <= corrections <= most * len(study.train)
+    monkeypatch.setattr(true_motion, "UNCHANGED", 0.0)
+    assert usual == pytest.approx(cost(), abs=0.2)
+    assert len(made) == corrections + 6 * len(study.train)
 
 
 #: Of the balances, where a rule does not ask for it.

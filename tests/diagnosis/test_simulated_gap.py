@@ -77,13 +77,14 @@ def test_windows_need_not_be_whole_blocks_of_samples(rubbing_study):
 
 
 @pytest.mark.slow
-def test_short_windows_are_the_beginnings_of_long_ones(rubbing_study):
+def test_short_windows_are_spread_over_the_record_at_any_phase(rubbing_study):
     study, nominal = rubbing_study
-    long, short = (simulate_fit(study, nominal, (), window) for window in (WINDOW, WINDOW / 5))
-    for (whole, _), (beginning, _) in zip(long.runs, short.runs, strict=True):
-        # Behind the last whole one there may be room for a short one.
-        np.testing.assert_array_equal(beginning[: len(whole)], whole[:, : beginning.shape[1]])
-        assert len(beginning) <= len(whole) + 1
+    simulated = simulate_fit(study, nominal, (), WINDOW / 5)
+    assert len(simulated.runs) == len(study.held_out)
+    for record, (rows, _) in zip(study.held_out, simulated.runs, strict=True):
+        begin = record.t[rows[:, 0]] - record.t[0]
+        assert np.ptp(np.diff(begin)) < 1e-9 and begin[1] == pytest.approx(0.618, abs=2e-3)
+        assert record.duration - begin[-1] < 0.618 + WINDOW / 5
 
 
 def test_where_simulations_show_no_gap_none_is_left(sound_study):

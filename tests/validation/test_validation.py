@@ -101,10 +101,12 @@ def test_windows_that_are_no_whole_number_of_blocks_share_no_sample(simulated, r
     assert np.ptp(rows) > 500
 
 
-def test_of_several_windows_the_first_one_only_is_simulated_as_among_all(simulated, record):
+def test_windows_apart_from_each_other_are_simulated_as_those_that_follow_each_other(
+    simulated, record
+):
     axis = simulated[0]
     ((_, all_rows, all_runs),) = window_runs(axis, [record], 0.1)
-    ((_, rows, runs),) = window_runs(axis, [record], 0.1, every=3)
+    ((_, rows, runs),) = window_runs(axis, [record], 0.1, apart=0.3)
     np.testing.assert_array_equal(rows, all_rows[::3])
     x = all_runs["x"].reshape(all_rows.shape)[::3]
     np.testing.assert_allclose(runs["x"].reshape(rows.shape), x, rtol=0, atol=1e-9)

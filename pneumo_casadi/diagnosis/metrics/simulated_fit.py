@@ -22,6 +22,9 @@ from pneumo_casadi.validation.simulations import Rows, window_runs
 
 #: Length of the open-loop windows [s].
 WINDOW = 0.5
+#: From the beginning of a shorter window to that of the next [s]: about as many, in less time, and
+#: by the golden ratio at another phase of any period of the reference.
+APART = 0.618
 #: Width of the smoothed sign of the velocity in simulations [m/s].
 V_S_SIMULATED = 3e-4
 #: Shortest step of a simulation that is waited for [s]. Models of the catalogue take 10 µs and
@@ -51,13 +54,13 @@ def simulate_fit(
 ) -> Simulated:
     """Simulate a fit over the windows [s] of a study's held-out records.
 
-    Windows shorter than `WINDOW` are those in which such a window begins: as many, in less time.
+    Those of `WINDOW` follow each other; shorter ones begin `APART` after each other.
     """
-    every = max(1, int(WINDOW / window))
+    apart = APART if window < WINDOW else None
     try:
         axis = _simulated_axis(study, fitted, effects)
         _require_steps(axis, study.held_out)
-        runs = window_runs(axis, study.held_out, window, COARSE, every)
+        runs = window_runs(axis, study.held_out, window, COARSE, apart)
     except FAULTS as error:
         return Simulated(str(error))
     squares = []

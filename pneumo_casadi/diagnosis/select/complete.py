@@ -65,7 +65,7 @@ def complete(
 def find_acting(
     ledger: FitLedger, nominal: FittedModel, final: Names, levels: BalanceLevels
 ) -> Names:
-    """Return the effects of a model that is completed, large and weak; see `complete`."""
+    """Return the effects, large and weak, of the model completed, which the ledger refines."""
     work = _Completion(ledger, nominal, levels, final)
     acting = work.review(work.grow(final))
     for _ in range(ROUNDS - 1):

@@ -12,12 +12,13 @@ from pneumo_casadi.estimation.equation_error.balance_functions import (
 from pneumo_casadi.estimation.equation_error.smoothed_motion import SmoothedMotion
 from pneumo_casadi.parameters import FloatArray
 
-#: Iterations that invert the effects of sensors, each accurate to an order more.
+#: At most so many iterations invert the effects of sensors.
 CORRECTIONS = 6
-#: The iterations end once they change no signal by more than this share of its noise, root mean
-#: square: what is left lies where the smoothing filter ends, settles slowly, and changes the cost
-#: by less than the tolerance of a fit.
+#: They end with the first that changes every signal by less than this share of its sensor's noise,
+#: root mean square: what is left of a lag lies where the smoothing filter ends, and settles slowly.
 UNCHANGED = 0.02
+#: The same beside a delay that is corrected as it is shown, near the limit of what can be.
+UNCHANGED_HIDDEN = 1e-4
 #: K/T² of a lag of second order, 1/(2ζ)², with ζ = 0.3.
 STRONGEST_SWING = 2.8
 
@@ -46,6 +47,8 @@ def _without_sensors(
 ) -> list[Motion]:
     motions = [(data.x, data.dx)] * len(variants)
     late: list[Lateness] = []
+    hidden = any(effect.hides_motion for effect in model.axis.effects)
+    least = UNCHANGED_HIDDEN if hidden else UNCHANGED
     for _ in range(CORRECTIONS if any_sensor_effect(model.axis.effects) else 0):
         states = simulate_effect_states(model, data, variants, motions)
         given = zip(variants, states, motions, strict=True)
@@ -55,7 +58,7 @@ def _without_sensors(
         motions = [
             _corrected(model, data, *each) for each in zip(motions, shown, late, strict=True)
         ]
-        if _distance(model, data, last, motions) < UNCHANGED:
+        if _distance(model, data, last, motions) < least:
             break
     return motions
 
@@ -139,8 +142,9 @@ def _rest(
 ) -> FloatArray:
     """Return the states at rest at the first of some samples, (nz,)."""
     first = (x[:, 0], dx[:, 0], u, np.zeros(model.n_z), model.constant_values, theta)
-    (z,) = model.functions["rest"].evaluate(1, *first)
-    return np.asarray(z[:, 0])
+    # One sample: CasADi itself is faster than what works through thousands.
+    (z,) = model.functions["rest"].function.call(first)
+    return np.asarray(z.full().ravel())
 
 
 def _now_and_next(parts: Sequence[FloatArray]) -> list[FloatArray]:

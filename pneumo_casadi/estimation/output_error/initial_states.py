@@ -44,7 +44,7 @@ def estimate_initial_states(
     record: Recording,
     window: float | None = None,
     longest_step: float = ACCURATE,
-    every: int = 1,
+    apart: float | None = None,
 ) -> tuple[tuple[int, FloatArray], ...]:
     """Estimate the state at the start of a record, or of each whole window, by output error.
 
@@ -62,8 +62,9 @@ def estimate_initial_states(
         Length of the windows [s]; None for the whole record.
     longest_step : float, optional
         See `substeps_for`.
-    every : int, optional
-        Of so many windows the first one only.
+    apart : float, optional
+        From the beginning of a window to that of the next [s]; by default windows follow each
+        other.
 
     Returns
     -------
@@ -77,7 +78,7 @@ def estimate_initial_states(
     """
     lengths = sample_lengths(record, record.dt)
     stepping = stepping_for(axis, record.dt, record.hold, lengths, longest_step)
-    problem = _problem(SampledAxis(axis, stepping), record, window, every)
+    problem = _problem(SampledAxis(axis, stepping), record, window, apart)
     sigma = np.array([stated_or_estimated_noise(axis.bench, [record], c) for c in axis.outputs])
     x_0 = settle_initial_states(problem, sigma, record.name)
     return tuple((segment.first, x_0[:, i]) for i, segment in enumerate(problem.segments))
@@ -129,14 +130,14 @@ def settle_initial_states(problem: Problem, sigma: FloatArray, name: str) -> Flo
 
 
 def _problem(
-    model: SampledAxis, record: Recording, window: float | None, every: int = 1
+    model: SampledAxis, record: Recording, window: float | None, apart: float | None = None
 ) -> Problem:
     axis = model.axis
     n = max(1, round(BLOCK / record.dt))
     # What an effect remembers from before a window, no step within it brings back.
     driven = states_along(axis, [record]) if window is not None else ()
-    segments = cut_segments(model, [record], n, window, INTERVAL, driven)
-    whole = tuple(segment for segment in segments if segment.K == segments[0].K)[::every]
+    segments = cut_segments(model, [record], n, window, INTERVAL, driven, apart)
+    whole = tuple(segment for segment in segments if segment.K == segments[0].K)
     functions = IntervalFunctions(model, n, whole[0].per, ())
     return Problem(model, axis.parameters.fix_all(), whole, functions, None)
 

@@ -139,8 +139,6 @@ class ArrayFunction(RecordFunction):
         return consists_of(function, frozenset(_OPERATIONS))
 
     def _evaluate(self, N: int, given: Sequence[FloatArray]) -> tuple[FloatArray, ...]:
-        if N == 1:  # less work than to hand it out
-            return self._at_one(given)
         f, program = self.function, self._program
         shared = tuple(a.ndim == 1 for a in given)
         plan = self._plans(shared)
@@ -165,11 +163,6 @@ class ArrayFunction(RecordFunction):
         else:
             self._by_numpy(plan, N, values, moving, results)
         return outputs
-
-    def _at_one(self, given: Sequence[FloatArray]) -> tuple[FloatArray, ...]:
-        columns = [a if a.ndim == 1 else a[:, 0] for a in given]
-        results = self.function.call(columns)
-        return tuple(result.full().reshape(-1, 1, order="F") for result in results)
 
     def _by_numpy(
         self,

@@ -131,11 +131,3 @@ def test_arrays_of_the_wrong_shape_are_refused(wrong):
     x = ca.SX.sym("x", 3)
     with pytest.raises(ValueError, match="shape"):
         ArrayFunction(ca.Function("f", [x], [2 * x])).evaluate(50, wrong)
-
-
-def test_one_sample_alone_is_as_among_others():
-    x, c = ca.SX.sym("x", 2), ca.SX.sym("c", 2)
-    f = ArrayFunction(ca.Function("f", [x, c], [ca.densify(ca.diag(x) * c[0]), ca.sin(x) + c]))
-    given = np.array([[0.1, 0.2], [0.3, 0.4]]), np.array([2.0, 3.0])
-    for alone, among in zip(f.evaluate(1, *given), f.evaluate(2, *given), strict=True):
-        np.testing.assert_allclose(alone, among[:, :1], rtol=1e-15)

@@ -100,6 +100,7 @@ def cut_segments(
     window: float | None = None,
     interval: float = np.inf,
     effect_states: Sequence[FloatArray] = (),
+    apart: float | None = None,
 ) -> tuple[Segment, ...]:
     """Cut records into segments of whole blocks, and these into intervals.
 
@@ -114,6 +115,8 @@ def cut_segments(
         Longest distance of two shooting nodes [s].
     effect_states : sequence of (nz, N) array, optional
         By record, the states of effects to start from; by default these are at rest.
+    apart : float, optional
+        From the beginning of a segment to that of the next [s]; by default they follow each other.
 
     Returns
     -------
@@ -121,7 +124,9 @@ def cut_segments(
         Samples beyond the last whole block of a record are left out (fewer than n + 1).
     """
     block = n * model.stepping.dt
-    spans = [(i, *span) for i, r in enumerate(records) for span in _spans(r, n, block, window)]
+    spans = [
+        (i, *span) for i, r in enumerate(records) for span in _spans(r, n, block, window, apart)
+    ]
     longest = max(K for _, _, K in spans)
     most = max(1, round(min(interval, longest * block) / block))
     per = -(-longest // -(-longest // most))  # intervals of equal length rather than a short rest
@@ -145,10 +150,13 @@ def cut_segments(
     return tuple(segments)
 
 
-def _spans(record: Recording, n: int, block: float, window: float | None) -> list[tuple[int, int]]:
+def _spans(
+    record: Recording, n: int, block: float, window: float | None, apart: float | None
+) -> list[tuple[int, int]]:
     """Return first sample and number of blocks of each segment of a record."""
     blocks = (record.N - 1) // n
     if blocks < 1:
         raise ModelError(f"record {record.name}: {record.N} samples do not fill one block of {n}")
     longest = blocks if window is None else max(1, round(window / block))
-    return [(k * n, min(longest, blocks - k)) for k in range(0, blocks, longest)]
+    step = longest if apart is None else max(longest, round(apart / block))
+    return [(k * n, min(longest, blocks - k)) for k in range(0, blocks, step)]
