@@ -140,7 +140,7 @@ def batch(result: Mapping[str, Any]) -> str:
 
 def many_cases(result: Mapping[str, Any]) -> str:
     """Return what the process that holds a large batch takes."""
-    head = ["cases", "each, s", "time, s", "memory before, MB", "at most, MB", "more, MB"]
+    head = ["cases", "record, s", "time, s", "memory before, MB", "at most, MB", "more, MB"]
     sizes = (result[key] for key in ("seconds", "before_MB", "largest_MB", "grown_MB"))
     line = [f"{result['cases']:,}", f"{result['duration_s']:g}", *(f"{size:.0f}" for size in sizes)]
     return rows(head, [line])

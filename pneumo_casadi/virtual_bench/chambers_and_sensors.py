@@ -42,6 +42,7 @@ PRESSURE_SENSOR_LAG = EffectForm(
     (Size("tau", "s", (1e-3, 4e-3, 1.5e-2), description="delay of a slow signal τ"),),
     note="shows where pressures change fast",
     strength=("tau",),
+    time_constant="tau",
     constants={"first_order": 0.0},
 )
 PRESSURE_SENSOR_BIAS = EffectForm(

@@ -77,6 +77,8 @@ class EffectForm:
         Whether it belongs to the shape of the valve, so that the flow map shows it.
     step : float
         Longest time step with which it is integrated [s].
+    time_constant : str
+        Quantity than which the time step must not be longer; empty if there is none.
     cause : str
         Name of the cause that it is a form of; by default its own.
     kernel : str
@@ -97,6 +99,7 @@ class EffectForm:
     listed: bool = True
     metered: bool = False
     step: float = 1e-4
+    time_constant: str = ""
     cause: str = ""
     kernel: str = ""
     constants: Mapping[str, float] = field(default_factory=dict)
@@ -223,4 +226,6 @@ def effect_from_quantities(
 
 def longest_step(effects: Sequence[VirtualEffect]) -> float:
     """Return the longest time step that all effects bear [s]."""
-    return min([1e-4, *(effect.form.step for effect in effects)])
+    limits = [1e-4, *(effect.form.step for effect in effects)]
+    limits += [e.parameters[e.form.time_constant] for e in effects if e.form.time_constant]
+    return min(limit for limit in limits if limit > 0)

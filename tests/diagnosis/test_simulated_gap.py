@@ -82,9 +82,9 @@ def test_short_windows_are_spread_over_the_record_at_any_phase(rubbing_study):
     simulated = simulate_fit(study, nominal, (), WINDOW / 5)
     assert len(simulated.runs) == len(study.held_out)
     for record, (rows, _) in zip(study.held_out, simulated.runs, strict=True):
-        begin = record.t[rows[:, 0]] - record.t[0]
-        assert np.ptp(np.diff(begin)) < 1e-9 and begin[1] == pytest.approx(0.618, abs=2e-3)
-        assert record.duration - begin[-1] < 0.618 + WINDOW / 5
+        starts = record.t[rows[:, 0]] - record.t[0]
+        assert np.ptp(np.diff(starts)) < 1e-9 and starts[1] == pytest.approx(0.618, abs=2e-3)
+        assert record.duration - starts[-1] < 0.618 + WINDOW / 5
 
 
 def test_where_simulations_show_no_gap_none_is_left(sound_study):

@@ -169,6 +169,17 @@ def test_a_lag_acts_on_the_pressure_where_the_sensor_sits(axis, drive):
     assert np.std(behind - tau * slope) < 0.02 * np.std(behind)
 
 
+@pytest.mark.parametrize("form", ["pressure_sensor_lag", "pressure_sensor_lag_first_order"])
+def test_a_lag_shorter_than_a_step_is_followed_as_well(axis, brief, form):
+    """Its second order grew to 1e20 Pa."""
+    axis = axis.with_ideal_sensors()
+    run = simulate_axis(axis, brief, effects_for(axis, {form: {"tau": 4e-5}}))
+    chamber, shown = run.states[:, layout.GAS_P], run.rows[:, 2]
+    dt = float(run.t[1] - run.t[0])
+    fastest = np.abs(np.gradient(chamber, dt)).max()
+    assert np.abs(shown - chamber).max() < 2 * 4e-5 * fastest + 1.0
+
+
 def test_what_makes_a_form_is_the_same_on_every_axis(axis):
     for name, exponent in (("stribeck", 1.0), ("stribeck_gaussian", 2.0)):
         drawn = [
