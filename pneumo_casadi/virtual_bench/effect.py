@@ -11,6 +11,9 @@ from pneumo_casadi.errors import ModelError
 from pneumo_casadi.virtual_bench.axis import VirtualAxis
 from pneumo_casadi.virtual_bench.kernels.gas import RHO_0
 
+#: Least time constant that the bench follows [s]: a hundredth of the sampling period at 1 kHz.
+SHORTEST = 1e-5
+
 
 class Severity(Enum):
     """How much of an effect."""
@@ -225,7 +228,21 @@ def effect_from_quantities(
 
 
 def longest_step(effects: Sequence[VirtualEffect]) -> float:
-    """Return the longest time step that all effects bear [s]."""
+    """Return the longest time step that all effects bear [s].
+
+    Raises
+    ------
+    ModelError
+        If a time constant is positive, but so short that a recording would take hours.
+    """
     limits = [1e-4, *(effect.form.step for effect in effects)]
-    limits += [e.parameters[e.form.time_constant] for e in effects if e.form.time_constant]
-    return min(limit for limit in limits if limit > 0)
+    for effect in effects:
+        name = effect.form.time_constant
+        value = effect.parameters[name] if name else 0.0
+        if 0 < value < SHORTEST:
+            raise ModelError(
+                f"{effect.name}: {name} = {value:g} s is too short for the bench, {SHORTEST:g} s "
+                "is the least; leave the effect out"
+            )
+        limits += [value] if value > 0 else []
+    return min(limits)

@@ -180,6 +180,11 @@ def test_a_lag_shorter_than_a_step_is_followed_as_well(axis, brief, form):
     assert np.abs(shown - chamber).max() < 2 * 4e-5 * fastest + 1.0
 
 
+def test_a_lag_too_short_to_be_followed_is_refused(axis, brief):
+    with pytest.raises(ModelError, match=r"tau = 1e-09 s is too short .* 1e-05 s is the least"):
+        simulate_axis(axis, brief, effects_for(axis, {"pressure_sensor_lag": {"tau": 1e-9}}))
+
+
 def test_what_makes_a_form_is_the_same_on_every_axis(axis):
     for name, exponent in (("stribeck", 1.0), ("stribeck_gaussian", 2.0)):
         drawn = [
