@@ -129,7 +129,7 @@ def _steps(rate: float, longest: float) -> int:
     return count
 
 
-@lru_cache(maxsize=16)  # asked again for every record and window length
+@lru_cache(maxsize=16)  # a simulation of windows asks several times for each record
 def _fastest_rate_near(axis: Axis, speed: float) -> float:
     """Return the fastest rate at a speed in both directions, effects at rest and off it [1/s]."""
     return max(_rates_near(axis, speed))

@@ -17,7 +17,8 @@ CORRECTIONS = 6
 #: They end with the first that changes every signal by less than this share of its sensor's noise,
 #: root mean square: what is left of a lag lies where the smoothing filter ends, and settles slowly.
 UNCHANGED = 0.02
-#: The same beside a delay that is corrected as it is shown, near the limit of what can be.
+#: The same beside a play or a delay that is corrected as it is shown: near the longest one that can
+#: be, the corrections shrink so slowly that a small one tells little of what is left.
 UNCHANGED_HIDDEN = 1e-4
 #: K/T² of a lag of second order, 1/(2ζ)², with ζ = 0.3.
 STRONGEST_SWING = 2.8
