@@ -3,9 +3,12 @@
 Data: 200 draws of the virtual bench as its sealed check draws them (20 s at 1 kHz, half of them
 with weak effects besides, some causes missing from the catalogue). Each is diagnosed with the
 criteria as they are, then with every criterion lowered and raised by a fifth. A probability above a
-half is moved by a fifth of what it lacks to one: 0.95 raised by a fifth would exceed one. A verdict
-has changed where its word has, or the causes that it names. Where the word and the cause that is
-missed most stay, and only what is named beside it differs, it counts apart as well.
+half is moved by a fifth of what it lacks to one: 0.95 raised by a fifth would exceed one. Criteria
+in floors are moved twice: the number itself, of which noise is one, so that 1.1 lowered by a fifth
+asks for less than noise; and what they allow beside the noise, in squares: 1.1 floors are 1 of
+noise and 0.46 of something else. A verdict has changed where its word has, or the causes that it
+names. Where the word and the cause that is missed most stay, and only what is named beside it
+differs, it counts apart as well.
 
 A diagnosis whose comparisons all come out the same for a move is not repeated: the criteria are
 numbers that note where they would decide otherwise (`movable`). Fits are shared between the runs of
@@ -54,6 +57,10 @@ WORKERS = 2
 #: Share by which a criterion is moved.
 FIFTH = 0.2
 WAYS = ("lowered", "raised")
+#: What of a criterion is moved.
+VALUE, BESIDE_NOISE = "value", "beside noise"
+#: Criteria in floors of the noise.
+FLOORS = ("background", "clean", "coarse_map", "coarsest_map", "clear", "near_noise")
 #: Criteria that are probabilities above a half.
 PROBABILITIES = ("certain", "alone", "further_alone")
 
@@ -61,13 +68,23 @@ PROBABILITIES = ("certain", "alone", "further_alone")
 Said = tuple[str, tuple[str, ...]]
 
 
+def moves_of(name: str) -> dict[str, tuple[Move, Move]]:
+    """Return what of a criterion is moved, and the criterion lowered and raised by that."""
+    value = getattr(CRITERIA, name)
+    by = FIFTH * (1 - value if name in PROBABILITIES else value)
+    result = {VALUE: (Move(name, value - by), Move(name, value + by))}
+    if name in FLOORS:
+        beside = np.sqrt(value**2 - 1)
+        floors = (float(np.hypot(1, share * beside)) for share in (1 - FIFTH, 1 + FIFTH))
+        result[BESIDE_NOISE] = Move(name, next(floors)), Move(name, next(floors))
+    return result
+
+
 def moves() -> tuple[Move, ...]:
     """Return every criterion lowered and raised."""
-    result = []
-    for name, value in asdict(CRITERIA).items():
-        by = FIFTH * (1 - value if name in PROBABILITIES else value)
-        result += [Move(name, value - by), Move(name, value + by)]
-    return tuple(result)
+    return tuple(
+        move for name in asdict(CRITERIA) for pair in moves_of(name).values() for move in pair
+    )
 
 
 @contextmanager
@@ -185,25 +202,29 @@ def table(results: Mapping[str, Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Return a row for each criterion: its values, and the cases in which each changes what."""
     rows = []
     for name, value in asdict(CRITERIA).items():
-        row: dict[str, Any] = {"criterion": name, "value": value}
-        for key, move in zip(WAYS, _of(name), strict=True):
-            hits = {
-                case: _says_the_same_first(change, result)
-                for case, result in results.items()
-                for change in result["changed"]
-                if _is(change, move)
-            }
-            near = (any(_is(each, move) for each in result["near"]) for result in results.values())
-            row[key] = {
-                "value": move.value,
-                "repeated_in": sum(near),
-                "changed": sorted(hits),
-                "beside_only": sum(hits.values()),
-                "share": len(hits) / len(results),
-                "share_word_or_first": (len(hits) - sum(hits.values())) / len(results),
-            }
-        rows.append(row)
+        for moved, pair in moves_of(name).items():
+            ways = {way: _by(move, results) for way, move in zip(WAYS, pair, strict=True)}
+            rows.append({"criterion": name, "value": value, "moved": moved} | ways)
     return rows
+
+
+def _by(move: Move, results: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+    """Return in which cases a move changes what."""
+    hits = {
+        case: _says_the_same_first(change, result)
+        for case, result in results.items()
+        for change in result["changed"]
+        if _is(change, move)
+    }
+    near = (any(_is(each, move) for each in result["near"]) for result in results.values())
+    return {
+        "value": move.value,
+        "repeated_in": sum(near),
+        "changed": sorted(hits),
+        "beside_only": sum(hits.values()),
+        "share": len(hits) / len(results),
+        "share_word_or_first": (len(hits) - sum(hits.values())) / len(results),
+    }
 
 
 def _is(entry: Mapping[str, Any], move: Move) -> bool:
@@ -215,10 +236,6 @@ def _says_the_same_first(change: Mapping[str, Any], result: Mapping[str, Any]) -
     """Return whether the word and the first cause named are as before."""
     first = (list(said["names"])[:1] for said in (change, result))
     return change["verdict"] == result["verdict"] and next(first) == next(first)
-
-
-def _of(name: str) -> list[Move]:
-    return [move for move in moves() if move.criterion == name]
 
 
 def run(
@@ -241,13 +258,22 @@ def run(
 
 
 def figures_of(draws: Sequence[Draw], results: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
-    """Return the table, and the largest share of verdicts that a move changes."""
-    figures: dict[str, Any] = {"criteria": table(results)}
-    for key in ("share", "share_word_or_first"):
-        most = max(row[way][key] for row in figures["criteria"] for way in WAYS)
-        figures[f"most_{key}"] = most
-        print(f"{key}: at most {100 * most:.1f} % of {len(results)} verdicts change")
+    """Return the table, and the largest shares of verdicts that a move of each kind changes.
+
+    Where a criterion is in floors, `BESIDE_NOISE` takes the place of the number itself.
+    """
+    figures: dict[str, Any] = {"criteria": table(results), "most": {}}
+    for moved in (VALUE, BESIDE_NOISE):
+        chosen = [row for row in figures["criteria"] if row["moved"] == _moved_of(row, moved)]
+        for key in ("share", "share_word_or_first"):
+            most = max(row[way][key] for row in chosen for way in WAYS)
+            figures["most"][f"{key}, {moved}"] = most
+            print(f"{moved}, {key}: at most {100 * most:.1f} % of {len(results)} verdicts change")
     return figures
+
+
+def _moved_of(row: Mapping[str, Any], moved: str) -> str:
+    return moved if row["criterion"] in FLOORS else VALUE
 
 
 if __name__ == "__main__":

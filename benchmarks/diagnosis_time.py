@@ -7,19 +7,23 @@ besides). The whole catalogue is tried, on two processes, one case after the oth
 Each case is diagnosed in a process of its own, whose start is not counted, with machine code at
 hand; `cold_extra_s` is what it takes longer where the compiler's cache is empty. Practice cases are
 diagnosed three times, of which the median counts. Of the draws, a form that nobody compiled before
-is compiled within its time, as on a user's machine.
+is compiled within its time, as on a user's machine. With ``--keep`` an interrupted run goes on
+where it was.
 """
 
 import argparse
+import json
 import statistics
 import tempfile
+from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 import provenance
 from verdicts import AUTO, isolated
 
-from pneumo_casadi.evaluation.sealed_check.draw import draw_cases, make
+from pneumo_casadi.evaluation.sealed_check.draw import Draw, draw_cases, make
 
 SEED = 22
 REPEATS = 3
@@ -33,44 +37,69 @@ def seconds_of(folder: Path, cold: bool = False) -> tuple[float, float]:
     return figures["seconds"], figures["peak_GiB"] * 2**30 / 1e9
 
 
-def practice(source: Path, quick: bool) -> dict[str, Any]:
+def kept(target: Path, work: Callable[[], dict[str, Any]]) -> dict[str, Any]:
+    """Return what a file holds of an interrupted run, or do the work and write it there."""
+    if not target.exists():
+        provenance.write(target, work())
+    content: dict[str, Any] = json.loads(target.read_text("utf-8"))
+    print(target.stem, content, flush=True)
+    return content
+
+
+def one_practice_case(folder: Path, repeats: int, cold: bool) -> dict[str, Any]:
+    """Return how long a case takes with machine code at hand, and with an empty cache."""
+    seconds_of(folder)  # so that machine code is at hand
+    runs = [seconds_of(folder) for _ in range(repeats)]
+    warm = statistics.median(seconds for seconds, _ in runs)
+    figures = {"seconds": warm, "peak_GB": max(peak for _, peak in runs)}
+    return figures | ({"extra": seconds_of(folder, cold=True)[0] - warm} if cold else {})
+
+
+def practice(source: Path, quick: bool, keep: Path) -> dict[str, Any]:
     """Diagnose the practice cases, some of them with an empty cache too."""
     folders = sorted(p for p in source.iterdir() if p.is_dir())
     (longest,) = [p for p in folders if p.name.endswith("60s")]
     folders.remove(longest)
     folders = folders[:1] if quick else folders
-    for folder in folders:  # so that machine code is at hand
-        seconds_of(folder)
-    each, peaks = {}, []
-    for folder in folders:
-        runs = [seconds_of(folder) for _ in range(1 if quick else REPEATS)]
-        each[folder.name] = statistics.median(seconds for seconds, _ in runs)
-        peaks += [peak for _, peak in runs]
-        print(f"{folder.name}: {each[folder.name]:.1f} s", flush=True)
-    extra = [seconds_of(p, cold=True)[0] - each[p.name] for p in folders[:COLD]]
-    told = {
-        "each": each,
-        "median_s": statistics.median(each.values()),
-        "cold_extra_s": max(extra),
-        "peak_GB": max(peaks),
+    repeats = 1 if quick else REPEATS
+    each = {
+        folder.name: kept(
+            keep / f"{folder.name}.json",
+            lambda folder=folder, number=number: one_practice_case(folder, repeats, number < COLD),
+        )
+        for number, folder in enumerate(folders)
+    }
+    figures = {
+        "each": {name: case["seconds"] for name, case in each.items()},
+        "median_s": statistics.median(case["seconds"] for case in each.values()),
+        "cold_extra_s": max(case["extra"] for case in each.values() if "extra" in case),
+        "peak_GB": max(case["peak_GB"] for case in each.values()),
     }
     if not quick:
-        told["long_s"], told["long_GB"] = seconds_of(longest)
-    return told
+        long = kept(keep / f"{longest.name}.json", lambda: one_practice_case(longest, 1, False))
+        figures |= {"long_s": long["seconds"], "long_GB": long["peak_GB"]}
+    return figures
 
 
-def draws(number: int) -> dict[str, Any]:
-    """Diagnose draws of the virtual bench."""
-    seconds = {}
+def one_draw(draw: Draw) -> dict[str, Any]:
+    """Return how long a draw of the virtual bench takes."""
     with tempfile.TemporaryDirectory() as scratch:
-        for draw in draw_cases(number, SEED):
-            folder = Path(scratch) / draw.name
-            make(draw, folder)
-            seconds[draw.name] = seconds_of(folder)[0]
-            print(f"{draw.name}: {seconds[draw.name]:.1f} s", flush=True)
+        make(draw, Path(scratch) / draw.name)
+        seconds, peak = seconds_of(Path(scratch) / draw.name)
+    return {"seconds": seconds, "peak_GB": peak}
+
+
+def draws(number: int, keep: Path) -> dict[str, Any]:
+    """Diagnose draws of the virtual bench."""
+    each = {
+        draw.name: kept(keep / f"{draw.name}.json", lambda draw=draw: one_draw(draw))
+        for draw in draw_cases(number, SEED)
+    }
+    seconds = {name: case["seconds"] for name, case in each.items()}
     return {
         "draws": seconds,
         "draws_median_s": statistics.median(seconds.values()),
+        "draws_peak_GB": max(case["peak_GB"] for case in each.values()),
         "slowest_s": max(seconds.values()),
     }
 
@@ -80,11 +109,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--data", type=Path, required=True, help="holds practice/")
     parser.add_argument("--draws", type=int, default=160)
+    parser.add_argument("--keep", type=Path, help="keep finished cases here, and go on there")
     parser.add_argument("--json", type=Path, help="write the figures to this file")
     parser.add_argument("--quick", action="store_true", help="one case and one draw, once each")
     arguments = parser.parse_args()
-    figures = practice(arguments.data / "practice", arguments.quick)
-    figures |= draws(1 if arguments.quick else arguments.draws)
+    with ExitStack() as stack:
+        keep = arguments.keep or Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        keep.mkdir(parents=True, exist_ok=True)
+        figures = practice(arguments.data / "practice", arguments.quick, keep)
+        figures |= draws(1 if arguments.quick else arguments.draws, keep)
     made = provenance.made(SEED, arguments.quick, "numba")
     print({key: value for key, value in figures.items() if not isinstance(value, dict)})
     provenance.write(arguments.json, made | figures)

@@ -12,6 +12,7 @@ from unittest.mock import patch
 import numpy as np
 from movable import Move, note, noted
 
+from pneumo_casadi.diagnosis.discover import discover
 from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels
 from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.diagnosis.prepare.study_jobs import _run_in_worker
@@ -36,6 +37,7 @@ SHARED = (
     (complete, "background"),
     (complete, "accepted"),
     (plausibility, "check_fit"),
+    (discover, "propose_term"),
 )
 
 
@@ -54,11 +56,10 @@ class SharedFits(Executor):
 
     def submit(self, fn: Callable[..., Any], /, *given: Any, **named: Any) -> "Future[Any]":
         """Return what is known of a job, or do it."""
-        if fn is not _run_in_worker:
-            return _done(fn, given, named)[0]
-        _, job, *rest = given
-        key = f"{job.__module__}.{job.__qualname__} {digest(rest)}"
-        return self._shared(key, job, (self.study, *rest), {})
+        if fn is _run_in_worker:
+            _, job, *rest = given
+            return self._shared(_key(job, rest), job, (self.study, *rest), {})
+        return self._shared(_key(fn, [*given, named]), fn, given, named)
 
     def shared(self, function: Callable[..., Any]) -> Callable[..., Any]:
         """Return a function that is called once for the same objects."""
@@ -95,6 +96,12 @@ def sharing(fits: SharedFits) -> Iterator[None]:
         for module, name in SHARED:
             stack.enter_context(patch.object(module, name, fits.shared(getattr(module, name))))
         yield
+
+
+def _key(job: Callable[..., Any], given: list[Any]) -> str:
+    """Return what a job is known by; studies and levels differ in their criteria only."""
+    rest = [item for item in given if not isinstance(item, (Study, BalanceLevels))]
+    return f"{job.__module__}.{job.__qualname__} {digest(rest)}"
 
 
 def _as_new(future: "Future[Any]") -> "Future[Any]":

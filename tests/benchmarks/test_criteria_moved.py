@@ -65,15 +65,23 @@ def test_an_array_that_holds_plain_numbers_takes_no_movable_one(half):
         np.multiply(value, np.ones(2), out=np.ones(2))
 
 
-def test_every_criterion_is_moved_down_and_up_and_probabilities_stay_below_one(moved):
-    moves = moved.moves()
-    for name, value in asdict(CRITERIA).items():
-        lowered, raised = sorted(move.value for move in moves if move.criterion == name)
-        assert lowered < value < raised
-        if name in moved.PROBABILITIES:
-            assert raised < 1
-        else:
-            assert (lowered, raised) == pytest.approx((0.8 * value, 1.2 * value))
+@pytest.mark.parametrize("name", asdict(CRITERIA))
+def test_a_criterion_is_moved_down_and_up_and_probabilities_stay_below_one(moved, name):
+    value, pairs = getattr(CRITERIA, name), moved.moves_of(name)
+    lowered, raised = (move.value for move in pairs[moved.VALUE])
+    if name in moved.PROBABILITIES:
+        assert lowered < value < raised < 1
+    else:
+        assert (lowered, raised) == pytest.approx((0.8 * value, 1.2 * value))
+    assert {move for pair in pairs.values() for move in pair} <= set(moved.moves())
+
+
+def test_what_a_floor_allows_beside_the_noise_is_moved_as_well(moved):
+    twice = {name for name in asdict(CRITERIA) if moved.BESIDE_NOISE in moved.moves_of(name)}
+    assert twice == set(moved.FLOORS)
+    lowered, raised = (move.value for move in moved.moves_of("near_noise")[moved.BESIDE_NOISE])
+    gap = 6.0**2 - 1
+    assert (lowered**2, raised**2) == pytest.approx((1 + 0.64 * gap, 1 + 1.44 * gap))
 
 
 def submit(fits, job, *given):
@@ -99,6 +107,18 @@ def test_a_fit_is_shared_unless_the_move_would_change_a_comparison_in_it(moved, 
     assert submit(fits, job, 0.45).result() and len(calls) == 2
     assert submit(fits, job, 0.45).result() and len(calls) == 2  # once for the move, too
     assert not submit(fits, job, 0.3).result() and len(calls) == 3  # another fit
+
+
+def test_other_jobs_are_shared_by_the_content_of_what_they_are_given(shared_fits):
+    calls = []
+
+    def job(*given, **named):
+        calls.append((given, named))
+
+    fits = shared_fits.SharedFits()
+    for start, foreign in ((1.0, False), (1.0, False), (2.0, False), (1.0, True)):
+        fits.submit(job, {"M": np.array([start])}, foreign=foreign).result()
+    assert len(calls) == 3 and fits.counts == {"done": 3, "shared": 1}
 
 
 def test_a_function_of_objects_is_called_again_for_other_objects_of_equal_content(shared_fits):
@@ -150,8 +170,27 @@ def test_the_table_tells_what_changes_beside_the_first_cause_apart(moved):
         "w004": {**usual, "changed": []},
     }
     (row,) = (row for row in moved.table(results) if row["criterion"] == "share")
+    assert row["moved"] == moved.VALUE
     assert row["lowered"]["changed"] == [] and row["lowered"]["repeated_in"] == 0
     raised = row["raised"]
     assert raised["repeated_in"] == 4 and raised["changed"] == ["w001", "w002", "w003"]
     assert raised["beside_only"] == 1
     assert (raised["share"], raised["share_word_or_first"]) == (0.75, 0.5)
+
+
+def test_the_largest_share_is_told_by_what_is_moved_of_a_floor(moved):
+    by_value, by_gap = (
+        moved.moves_of("clean")[each][1] for each in (moved.VALUE, moved.BESIDE_NOISE)
+    )
+    usual = {"verdict": "effect", "names": ["leakage_P"], "near": []}
+
+    def change(move):
+        return {**asdict(move), "verdict": "none", "names": []}
+
+    results = {
+        "w001": {**usual, "changed": [change(by_value), change(by_gap)]},
+        "w002": {**usual, "changed": [change(by_value)]},
+    }
+    most = moved.figures_of([], results)["most"]
+    assert most["share, value"] == most["share_word_or_first, value"] == 1.0
+    assert most["share, beside noise"] == 0.5
