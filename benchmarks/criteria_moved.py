@@ -132,13 +132,13 @@ def one_case(
     case : Case
         What was measured.
     without : tuple of str
-        Effects that the catalogue lacks.
+        Causes that the catalogue lacks, in all their forms.
     watched : callable
         Gives the context in which moves are noted.
     moved : callable
         Gives the context in which a move is made.
     """
-    offered = {name: effect for name, effect in EFFECTS.items() if name not in without}
+    offered = {name: effect for name, effect in EFFECTS.items() if effect.cause not in without}
     flow_options, _ = resolve_flow_form(case, IdentifyOptions())
     with watched() as criteria:
         study, _ = prepare_study(case, flow_options, criteria)
