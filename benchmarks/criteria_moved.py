@@ -4,11 +4,11 @@ Data: 200 draws of the virtual bench as its sealed check draws them (20 s at 1 k
 with weak effects besides, some causes missing from the catalogue). Each is diagnosed with the
 criteria as they are, then with every criterion lowered and raised by a fifth. A probability above a
 half is moved by a fifth of what it lacks to one: 0.95 raised by a fifth would exceed one. Criteria
-in floors are moved twice: the number itself, of which noise is one, so that 1.1 lowered by a fifth
-asks for less than noise; and what they allow beside the noise, in squares: 1.1 floors are 1 of
-noise and 0.46 of something else. A verdict has changed where its word has, or the causes that it
-names. Where the word and the cause that is missed most stay, and only what is named beside it
-differs, it counts apart as well.
+in floors are moved twice: once as they stand (1.1 lowered by a fifth is 0.88, less than noise
+alone), and once only in what they allow beside the noise (in squares, 1.1 floors are one of noise
+and 0.46 of something else). A verdict has changed where its word has, or the causes that it names.
+Where the word and the cause that is missed most stay, and only what is named beside it differs, it
+counts apart as well.
 
 A diagnosis whose comparisons all come out the same for a move is not repeated: the criteria are
 numbers that note where they would decide otherwise (`movable`). Fits are shared between the runs of
@@ -49,6 +49,7 @@ from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.evaluation.sealed_check.draw import Draw, draw_cases, make
 from pneumo_casadi.identification.flow_form import resolve_flow_form
 from pneumo_casadi.identification.options import IdentifyOptions
+from pneumo_casadi.runtime.provenance import code_identity
 from pneumo_casadi.runtime.threads import one_thread
 
 SEED = 1905
@@ -75,8 +76,8 @@ def moves_of(name: str) -> dict[str, tuple[Move, Move]]:
     result = {VALUE: (Move(name, value - by), Move(name, value + by))}
     if name in FLOORS:
         beside = np.sqrt(value**2 - 1)
-        floors = (float(np.hypot(1, share * beside)) for share in (1 - FIFTH, 1 + FIFTH))
-        result[BESIDE_NOISE] = Move(name, next(floors)), Move(name, next(floors))
+        lowered, raised = (float(np.hypot(1, way * beside)) for way in (1 - FIFTH, 1 + FIFTH))
+        result[BESIDE_NOISE] = Move(name, lowered), Move(name, raised)
     return result
 
 
@@ -108,8 +109,8 @@ def said(study: Study, catalogue: Catalogue, fits: SharedFits) -> Said:
     """Return the verdict on a study, as `diagnose` finds it."""
     fits.study = study
     with sharing(fits):
-        conclusion = conclude(study, select_effects(study, catalogue, fits), catalogue, fits)
-    selection, decision = conclusion.selection, conclusion.decision
+        selection = select_effects(study, catalogue, fits)
+        decision = conclude(study, selection, catalogue, fits).decision
     named: tuple[str, ...] = ()
     if decision.names_effects:
         named = tuple(dict.fromkeys((*selection.contributions, *selection.named)))
@@ -168,7 +169,8 @@ def one_case(
 
 def kept(draw: Draw, keep: Path, **ways: Any) -> dict[str, Any]:
     """Return `one_case` of a draw, or what an interrupted run has found."""
-    target, made_by = keep / f"{draw.name}.json", {"draw": draw.as_dict(), "ways": sorted(ways)}
+    target = keep / f"{draw.name}.json"
+    made_by = {"draw": draw.as_dict(), "ways": sorted(ways), "code": code_identity()}
     if target.exists():
         content: dict[str, Any] = json.loads(target.read_text("utf-8"))
         if content.get("of") == made_by:
@@ -234,7 +236,7 @@ def _is(entry: Mapping[str, Any], move: Move) -> bool:
 
 def _says_the_same_first(change: Mapping[str, Any], result: Mapping[str, Any]) -> bool:
     """Return whether the word and the first cause named are as before."""
-    first = (list(said["names"])[:1] for said in (change, result))
+    first = (list(each["names"])[:1] for each in (change, result))
     return change["verdict"] == result["verdict"] and next(first) == next(first)
 
 
@@ -258,9 +260,9 @@ def run(
 
 
 def figures_of(draws: Sequence[Draw], results: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
-    """Return the table, and the largest shares of verdicts that a move of each kind changes.
+    """Return the table, and the largest shares of verdicts that a move changes.
 
-    Where a criterion is in floors, `BESIDE_NOISE` takes the place of the number itself.
+    Once with criteria in floors moved as they stand, once with these moved beside the noise.
     """
     figures: dict[str, Any] = {"criteria": table(results), "most": {}}
     for moved in (VALUE, BESIDE_NOISE):

@@ -8,14 +8,14 @@ Each case is diagnosed in a process of its own, whose start is not counted, with
 hand; `cold_extra_s` is what it takes longer where the compiler's cache is empty. Practice cases are
 diagnosed three times, of which the median counts. Of the draws, a form that nobody compiled before
 is compiled within its time, as on a user's machine. With ``--keep`` an interrupted run goes on
-where it was.
+where it was; a form that it has compiled is at hand then.
 """
 
 import argparse
 import json
 import statistics
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -24,6 +24,7 @@ import provenance
 from verdicts import AUTO, isolated
 
 from pneumo_casadi.evaluation.sealed_check.draw import Draw, draw_cases, make
+from pneumo_casadi.runtime.provenance import code_identity
 
 SEED = 22
 REPEATS = 3
@@ -37,12 +38,14 @@ def seconds_of(folder: Path, cold: bool = False) -> tuple[float, float]:
     return figures["seconds"], figures["peak_GiB"] * 2**30 / 1e9
 
 
-def kept(target: Path, work: Callable[[], dict[str, Any]]) -> dict[str, Any]:
-    """Return what a file holds of an interrupted run, or do the work and write it there."""
-    if not target.exists():
-        provenance.write(target, work())
-    content: dict[str, Any] = json.loads(target.read_text("utf-8"))
-    print(target.stem, content, flush=True)
+def kept(keep: Path, name: str, of: Mapping[str, Any], work: Callable[[], Any]) -> dict[str, Any]:
+    """Return what an interrupted run of this code has kept of the same work, or do it."""
+    target, made_by = keep / f"{name}.json", {**of, "code": code_identity()}
+    content: dict[str, Any] = json.loads(target.read_text("utf-8")) if target.exists() else {}
+    if content.get("of") != made_by:
+        content = work() | {"of": made_by}
+        provenance.write(target, content)
+        print(name, {key: value for key, value in content.items() if key != "of"}, flush=True)
     return content
 
 
@@ -62,13 +65,12 @@ def practice(source: Path, quick: bool, keep: Path) -> dict[str, Any]:
     folders.remove(longest)
     folders = folders[:1] if quick else folders
     repeats = 1 if quick else REPEATS
-    each = {
-        folder.name: kept(
-            keep / f"{folder.name}.json",
-            lambda folder=folder, number=number: one_practice_case(folder, repeats, number < COLD),
-        )
-        for number, folder in enumerate(folders)
-    }
+
+    def timed(folder: Path, repeats: int, cold: bool) -> dict[str, Any]:
+        of = {"folder": str(folder.resolve()), "repeats": repeats, "cold": cold}
+        return kept(keep, folder.name, of, lambda: one_practice_case(folder, repeats, cold))
+
+    each = {p.name: timed(p, repeats, number < COLD) for number, p in enumerate(folders)}
     figures = {
         "each": {name: case["seconds"] for name, case in each.items()},
         "median_s": statistics.median(case["seconds"] for case in each.values()),
@@ -76,7 +78,7 @@ def practice(source: Path, quick: bool, keep: Path) -> dict[str, Any]:
         "peak_GB": max(case["peak_GB"] for case in each.values()),
     }
     if not quick:
-        long = kept(keep / f"{longest.name}.json", lambda: one_practice_case(longest, 1, False))
+        long = timed(longest, 1, cold=False)
         figures |= {"long_s": long["seconds"], "long_GB": long["peak_GB"]}
     return figures
 
@@ -89,11 +91,11 @@ def one_draw(draw: Draw) -> dict[str, Any]:
     return {"seconds": seconds, "peak_GB": peak}
 
 
-def draws(number: int, keep: Path) -> dict[str, Any]:
-    """Diagnose draws of the virtual bench."""
+def draws(number: int, first: int | None, keep: Path) -> dict[str, Any]:
+    """Diagnose draws of the virtual bench, or the first of them alone."""
     each = {
-        draw.name: kept(keep / f"{draw.name}.json", lambda draw=draw: one_draw(draw))
-        for draw in draw_cases(number, SEED)
+        draw.name: kept(keep, draw.name, draw.as_dict(), lambda draw=draw: one_draw(draw))
+        for draw in draw_cases(number, SEED)[:first]
     }
     seconds = {name: case["seconds"] for name, case in each.items()}
     return {
@@ -109,6 +111,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--data", type=Path, required=True, help="holds practice/")
     parser.add_argument("--draws", type=int, default=160)
+    parser.add_argument("--first", type=int, help="so many of the draws alone")
     parser.add_argument("--keep", type=Path, help="keep finished cases here, and go on there")
     parser.add_argument("--json", type=Path, help="write the figures to this file")
     parser.add_argument("--quick", action="store_true", help="one case and one draw, once each")
@@ -117,7 +120,7 @@ def main() -> None:
         keep = arguments.keep or Path(stack.enter_context(tempfile.TemporaryDirectory()))
         keep.mkdir(parents=True, exist_ok=True)
         figures = practice(arguments.data / "practice", arguments.quick, keep)
-        figures |= draws(1 if arguments.quick else arguments.draws, keep)
+        figures |= draws(1 if arguments.quick else arguments.draws, arguments.first, keep)
     made = provenance.made(SEED, arguments.quick, "numba")
     print({key: value for key, value in figures.items() if not isinstance(value, dict)})
     provenance.write(arguments.json, made | figures)

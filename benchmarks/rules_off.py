@@ -80,7 +80,6 @@ RULES = (
     Rule("enough in simulation", "select.forward_selection.closes_in_simulation", _no),
     Rule("another form beside others", "select.forward_selection.with_other_form", _third),
     Rule("on by simulation", "select.forward_selection.extend_by_simulation", _third),
-    Rule("begin with hidden motion", "select.forward_selection.begin_with_hidden_motion", _third),
     Rule("a coarse map is no cause", "select.forward_selection.only_corrects_map", _no),
     Rule("nor beside others", "select.complete.only_corrects_map", _no),
     Rule("stairs wait", "select.forward_selection.fit_waiting_forms", _nothing),
@@ -92,7 +91,6 @@ RULES = (
         "select.complete._Completion.review",
         lambda _, names: names,
     ),
-    Rule("nothing made implausible", "select.complete._Completion._is_plausible", _yes),
     Rule("the best alone of each balance", "select.propose._for_open_balances", lambda *_: []),
     Rule("the most promising of each balance", "select.propose._promising_in", lambda *_: []),
     Rule("an open force asks for more", "select.acceptance._force_is_open", _no),
@@ -109,8 +107,6 @@ RULES = (
     Rule("valve N by the flows", "decide.credibility.may_be_valve_N", _yes),
     Rule("rather one cause", "conclude.rather_one_cause", lambda *_: ""),
     Rule("a term instead of effects", "conclude.find_rival_term", _nothing),
-    Rule("effects to which a term led", "discover.beside._without_term", _nothing),
-    Rule("one more after a term", "discover.beside.reselect_further", _nothing),
 )
 
 

@@ -20,7 +20,6 @@ from pneumo_casadi.diagnosis.select import (
     complete,
     fit_ledger,
     forward_selection,
-    plausibility,
     propose,
 )
 from pneumo_casadi.errors import PneumoError
@@ -36,7 +35,6 @@ SHARED = (
     (propose, "background"),
     (complete, "background"),
     (complete, "accepted"),
-    (plausibility, "check_fit"),
     (discover, "propose_term"),
 )
 

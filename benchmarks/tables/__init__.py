@@ -74,6 +74,7 @@ TABLES: dict[str, tuple[Callable[..., str], *tuple[str, ...]]] = {
     "term_coverage": (term_coverage, "term_coverage"),
     "rule_cases": (rule_cases, "rule_cases"),
     "rules_off": (rules_off, "rules_off"),
+    "rules_off_rare": (rules_off, "rules_off_rare"),
     "batch": (batch, "batch"),
     "many_cases": (many_cases, "many_cases"),
     "designs": (designs, "design"),

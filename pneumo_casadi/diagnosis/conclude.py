@@ -19,16 +19,14 @@ from pneumo_casadi.model.effect import Effect
 
 @dataclass(frozen=True, eq=False)
 class Conclusion:
-    """A verdict with the selection that it is on.
+    """A verdict on a selection.
 
     Parameters
     ----------
-    selection : Selection
-        All that was fitted.
     effects : tuple of Effect
-        Of its final model.
+        Of the final model.
     checks : tuple of Check
-        Of that.
+        Of its parameters.
     decision : Decision
         The verdict.
     discovery : Discovery, optional
@@ -37,7 +35,6 @@ class Conclusion:
         On the verdict.
     """
 
-    selection: Selection
     effects: tuple[Effect, ...]
     checks: tuple[Check, ...]
     decision: Decision
@@ -48,37 +45,22 @@ class Conclusion:
 def conclude(
     study: Study, selection: Selection, catalogue: Catalogue, executor: Executor | None
 ) -> Conclusion:
-    """Return the verdict, and where the cause is unknown a term outside the catalogue.
-
-    Effects to which a term has led stand for the selection where they are named.
-    """
+    """Return the verdict, and where the cause is unknown a term outside the catalogue."""
     known: Catalogue = {**EFFECTS, **catalogue}
-    first = _decided_on(study, selection, catalogue, known)
-    given = study, selection, first.effects, catalogue, executor
-    if first.decision.judgement.verdict in NAMING:
-        rival = find_rival_term(*given)
-        if rival is not None:
-            decision = decide_verdict(selection, first.checks, known, surpassed=True)
-            shown = rival if decision.verdict is Verdict.UNKNOWN else None
-            return replace(first, decision=decision, discovery=shown)
-    if first.decision.verdict is not Verdict.UNKNOWN:
-        return first
-    discovery, instead = discover_beside(*given)
-    if instead is not None:
-        other = _decided_on(study, instead, catalogue, known)
-        if other.decision.names_effects:
-            return other
-    return replace(first, discovery=discovery)
-
-
-def _decided_on(
-    study: Study, selection: Selection, catalogue: Catalogue, known: Catalogue
-) -> Conclusion:
     effects = tuple(catalogue[name]() for name in selection.chosen)
-    checks = check_fit(study, selection.final, effects)
+    checks = tuple(check_fit(study, selection.final, effects))
     doubt = rather_one_cause(
         effects, selection.final, study.axis.outputs, catalogue, study.criteria
     )
     decision = decide_verdict(selection, checks, known, surpassed=bool(doubt))
-    notes = (doubt,) if doubt else ()
-    return Conclusion(selection, effects, tuple(checks), decision, notes=notes)
+    first = Conclusion(effects, checks, decision, notes=(doubt,) if doubt else ())
+    given = study, selection, effects, catalogue, executor
+    if decision.judgement.verdict in NAMING:
+        rival = find_rival_term(*given)
+        if rival is not None:
+            decision = decide_verdict(selection, checks, known, surpassed=True)
+            shown = rival if decision.verdict is Verdict.UNKNOWN else None
+            return replace(first, decision=decision, discovery=shown)
+    if decision.verdict is not Verdict.UNKNOWN:
+        return first
+    return replace(first, discovery=discover_beside(*given))

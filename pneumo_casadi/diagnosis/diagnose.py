@@ -145,7 +145,7 @@ def diagnose(
     )
     report("parameters, and terms outside the catalogue", 0.82)
     conclusion = conclude(study, selection, chosen, executor)
-    selection, effects, checks = conclusion.selection, conclusion.effects, conclusion.checks
+    effects, checks = conclusion.effects, conclusion.checks
     decision, discovery = conclusion.decision, conclusion.discovery
     besides = tuple(chosen[name]() for name in selection.besides)
     known: Catalogue = {**EFFECTS, **chosen}

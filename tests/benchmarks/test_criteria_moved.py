@@ -4,10 +4,12 @@ import sys
 from concurrent.futures import Future
 from dataclasses import asdict
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels
 from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA
 from pneumo_casadi.diagnosis.prepare.study_jobs import _run_in_worker
 
@@ -109,16 +111,29 @@ def test_a_fit_is_shared_unless_the_move_would_change_a_comparison_in_it(moved, 
     assert not submit(fits, job, 0.3).result() and len(calls) == 3  # another fit
 
 
-def test_other_jobs_are_shared_by_the_content_of_what_they_are_given(shared_fits):
+def test_other_jobs_are_shared_by_content_unless_the_move_would_change_them(
+    moved, shared_fits, half
+):
+    value, low, high = half
     calls = []
 
-    def job(*given, **named):
-        calls.append((given, named))
+    def job(levels, start, foreign=False):
+        calls.append(start)
+        return levels.criteria.share < 0.55
+
+    def levels(share):
+        criteria = SimpleNamespace(share=share)
+        return BalanceLevels(np.ones(3), np.ones(3), criteria=criteria)
 
     fits = shared_fits.SharedFits()
-    for start, foreign in ((1.0, False), (1.0, False), (2.0, False), (1.0, True)):
-        fits.submit(job, {"M": np.array([start])}, foreign=foreign).result()
+    start = {"M": np.array([1.0])}
+    for start_, foreign in ((start, False), (start, False), ({"M": 2.0}, False), (start, True)):
+        assert fits.submit(job, levels(value), start_, foreign=foreign).result()
     assert len(calls) == 3 and fits.counts == {"done": 3, "shared": 1}
+    fits.move = low
+    assert fits.submit(job, levels(0.4), start, foreign=False).result() and len(calls) == 3
+    fits.move = high
+    assert not fits.submit(job, levels(0.6), start, foreign=False).result() and len(calls) == 4
 
 
 def test_a_function_of_objects_is_called_again_for_other_objects_of_equal_content(shared_fits):

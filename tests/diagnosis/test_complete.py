@@ -46,15 +46,10 @@ class Bench:
         self.ledger = FitLedger(
             SimpleNamespace(criteria=CRITERIA), {name: lambda name=name: name for name in alone}
         )
-        self.refused, self.large, self.asked, self.distorting = set(), set(large), [], set()
+        self.refused, self.large, self.asked = set(), set(large), []
         self.refined, self.needed, self.map_only, self.cannot = [], set(), set(), False
         self.incredible = set()
         monkeypatch.setattr(stage, "hides", lambda effect, values: effect == "play")
-        monkeypatch.setattr(
-            stage,
-            "implausible_properties",
-            lambda ledger, names, fitted: {"areas"} if self.distorting & set(names) else set(),
-        )
         self.ledger.effects = lambda names: tuple(names)
         monkeypatch.setattr(
             stage._Completion,
@@ -289,25 +284,6 @@ def test_an_exchange_must_promise_most_of_what_would_be_lost(monkeypatch):
     bench = Bench(monkeypatch, {"hose": 900.0, "drag": 50.0, "leak": 60.0})
     bench.complete("hose")
     assert ("drag",) not in bench.asked and ("leak",) not in bench.asked
-
-
-def test_an_effect_stays_where_the_axis_would_be_implausible_without_it(monkeypatch):
-    bench = Bench(monkeypatch, ALONE)
-    monkeypatch.setattr(
-        stage,
-        "implausible_properties",
-        lambda ledger, names, fitted: set() if "drag" in names else {"friction"},
-    )
-    assert "drag" in bench.complete("hose", "drag").acting
-
-
-def test_what_makes_a_plausible_axis_implausible_stays_out(monkeypatch):
-    bench = Bench(monkeypatch, ALONE)
-    bench.distorting = {"leak"}
-    assert bench.complete("hose").acting == ("hose", "lag")
-    bench = Bench(monkeypatch, ALONE)
-    bench.distorting = {"hose", "leak"}  # it was implausible before
-    assert bench.complete("hose").acting == ("hose", "leak", "lag")
 
 
 def test_where_no_effect_is_large_by_itself_the_one_that_is_most_is_named(monkeypatch):

@@ -23,7 +23,6 @@ from pneumo_casadi.diagnosis.metrics.simulated_fit import WINDOW
 from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.select import contributions as missed
-from pneumo_casadi.diagnosis.select import plausibility
 from pneumo_casadi.diagnosis.select.acceptance import accepted
 from pneumo_casadi.diagnosis.select.complete import Completed
 from pneumo_casadi.diagnosis.select.contributions import SHORT, contributions
@@ -510,7 +509,7 @@ def test_failed_checks_name_what_the_parameters_may_have_absorbed(above, below, 
     assert absorbed_candidates(checks, EFFECTS) == expected
 
 
-# Checks of parameters and plausibility.
+# Checks of parameters.
 
 
 @pytest.fixture(scope="module")
@@ -588,21 +587,6 @@ def test_six_standard_deviations_are_allowed_beyond_the_tolerance(axis, std, agr
 def test_a_flow_map_is_refused_beyond_its_tolerance(axis, rms, scale, misfit, failed):
     checks = check_parameters(axis, parameters(), {}, FlowMapDeviation(rms, scale), misfit)
     assert {check.name for check in checks if not check.agrees} == failed
-
-
-@pytest.mark.parametrize(
-    ("wrong", "properties"),
-    [
-        (("S_P", "F_c"), {"areas", "friction"}),
-        (("S_P", "S_N", "S_N/S_P"), {"areas"}),  # areas count once
-        (("M", "k_P"), {"mass"}),  # exponents do not count
-        ((), set()),
-    ],
-)
-def test_checks_count_by_the_property_of_the_axis(monkeypatch, wrong, properties):
-    ledger = SimpleNamespace(study=None, effects=lambda names: names)
-    monkeypatch.setattr(plausibility, "check_fit", lambda *given: failing(*wrong))
-    assert plausibility.implausible_properties(ledger, ("hose",), None) == properties
 
 
 # Location.

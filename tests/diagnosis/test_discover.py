@@ -184,8 +184,8 @@ def test_a_model_with_a_vibration_is_none_of_records_with_another_phase(fitted_o
     nominal, levels = fit_model(study, ()), balance_levels(study)
     term = propose_term(study, nominal, (), levels)
     selection = SimpleNamespace(nominal=nominal, levels=levels, directions={})
-    outcome = complete_term(study, selection, term, (nominal, ()), {})
-    assert outcome.discovery.term is term and outcome.discovery.model is None
+    discovery = complete_term(study, selection, term, (nominal, ()), {})
+    assert discovery.term is term and discovery.model is None
 
 
 def test_what_records_held_out_do_not_show_is_not_looked_for(fitted_of):

@@ -131,50 +131,6 @@ def test_an_effect_that_only_led_out_of_a_local_minimum_is_not_needed(monkeypatc
     assert worker.trials[known][1] == again
 
 
-DELAYED = {"position_delay.T": 13e-3}
-
-
-@pytest.mark.parametrize(
-    ("gain", "values", "others", "left", "taken"),
-    [
-        (600.0, DELAYED, 0.6, 0.1, True),
-        (400.0, DELAYED, 0.6, 0.1, False),  # others gain more than twice as much
-        (600.0, {"position_delay.T": 1e-3}, 0.6, 0.1, False),  # hides no motion
-        (600.0, DELAYED, None, 0.1, False),  # nothing is missing
-        (600.0, DELAYED, 0.6, 0.4, False),  # explains nothing
-        (600.0, DELAYED, 0.4, 0.3, False),  # leaves three quarters of what the others leave
-    ],
-)
-def test_where_balances_lead_nowhere_the_search_begins_with_what_hides_the_motion(
-    monkeypatch, gain, values, others, left, taken
-):
-    worker = FitLedger(SimpleNamespace(criteria=CRITERIA), EFFECTS)
-    nominal = SimpleNamespace(cost=0.0, values={})
-    worker.fits = {
-        ("stribeck",): SimpleNamespace(cost=-1000.0, values={}),
-        ("position_delay",): SimpleNamespace(cost=-gain, values=values),
-    }
-    monkeypatch.setattr(worker, "simulate", lambda fits: None)
-    monkeypatch.setattr(worker, "simulations", SimpleNamespace(share=lambda *given: others))
-    monkeypatch.setattr(hidden_motion, "leaves_too_much", lambda *given: others is not None)
-    grown = (("position_delay",), ("leakage_P", "position_delay"))
-    before = (("stribeck",),)
-
-    def grows(ledger, nominal, first, levels, most):
-        assert first == grown[0]
-        ledger.trials |= {grown[-1]: (None, left), before[-1]: (None, 0.3)}
-        return grown
-
-    monkeypatch.setattr(hidden_motion, "_grown", grows)
-    result = hidden_motion.begin_with_hidden_motion(worker, nominal, before, None, 6)
-    assert result == (grown if taken else before)
-    if taken:
-        assert worker.gap_left == {grown[-1]: left}
-    else:  # what was tried in vain must not decide the verdict
-        assert not worker.gap_left and not worker.output_error_fits
-        assert before[-1] not in worker.trials
-
-
 PLAY, BOTH = ("backlash",), ("backlash", "valve_null_shift")
 
 

@@ -28,7 +28,6 @@ from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.diagnosis.select.complete import complete
 from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue, FitLedger, Names
 from pneumo_casadi.diagnosis.select.forward_selection import Selection
-from pneumo_casadi.diagnosis.select.reselect import reselect, reselect_further
 from pneumo_casadi.effects.term import Term, term_effect
 from pneumo_casadi.model.effect import Effect
 
@@ -50,33 +49,14 @@ class Discovery:
     model: Model | None
 
 
-@dataclass(frozen=True, eq=False)
-class Outcome:
-    """What has become of a proposed term.
-
-    Parameters
-    ----------
-    discovery : Discovery, optional
-        What is told of it; None where it explains nothing.
-    completed : (FitLedger, tuple of str), optional
-        The effects of the model that was completed beside it, with all fits.
-    """
-
-    discovery: Discovery | None = None
-    completed: tuple[FitLedger, Names] | None = None
-
-
 def discover_beside(
     study: Study,
     selection: Selection,
     effects: Sequence[Effect],
     catalogue: Catalogue,
     executor: Executor | None = None,
-) -> tuple[Discovery | None, Selection | None]:
+) -> Discovery | None:
     """Find a term beside the nominal model, or where that fails beside the final one.
-
-    Effects that were found beside one may explain the gap without it: the selection that ends with
-    them is returned besides.
 
     Parameters
     ----------
@@ -97,16 +77,13 @@ def discover_beside(
     if executor is not None:
         jobs = [executor.submit(propose_term, *each) for each in given]
         terms = (job.result() for job in jobs)
-    instead: Selection | None = None
     for term, model in zip(terms, models.items(), strict=True):
         if term is None:
             continue
-        outcome = complete_term(study, selection, term, model, catalogue, executor)
-        if outcome.completed is not None and instead is None:
-            instead = _without_term(selection, *outcome.completed)
-        if outcome.discovery is not None and _says_more(selection, outcome.discovery, model[0]):
-            return outcome.discovery, instead
-    return None, instead
+        discovery = complete_term(study, selection, term, model, catalogue, executor)
+        if discovery is not None and _says_more(selection, discovery, model[0]):
+            return discovery
+    return None
 
 
 def _says_more(selection: Selection, discovery: Discovery, base: FittedModel) -> bool:
@@ -133,7 +110,7 @@ def complete_term(
     base: Model,
     catalogue: Catalogue,
     executor: Executor | None = None,
-) -> Outcome:
+) -> Discovery | None:
     """Return a term with what acts beside it, or by itself, where either explains the gap.
 
     Beside others it must close half of what they leave, and all together surely half of the gap of
@@ -155,29 +132,27 @@ def complete_term(
         model = None
     alone = Discovery(term, model) if explains(term, criteria) else None
     if model is None:
-        return Outcome(alone)
+        return alone
     explained = np.all(residual_rms(model[0]) < criteria.clean * levels.noise)
     if explained and not base[0].effects:  # neither is anything missing nor needless
-        return Outcome(alone)
+        return alone
     ledger, begin = _ledger_with(study, selection, term, model[0], catalogue, executor)
     try:
         done = complete(ledger, nominal, begin, levels)
     except FAULTS:  # a model with a term may have no usable derivatives
-        return Outcome(alone)
-    completed = ledger, done.acting
-    if NAME not in done.named:
-        # Where it does not act at all, effects of the catalogue do as well.
-        return Outcome(alone if NAME in done.acting else None, completed)
+        return alone
+    if NAME not in done.named:  # where it does not act at all, effects of the catalogue do as well
+        return alone if NAME in done.acting else None
     without = ledger.fit_without(done.acting, (NAME,))[NAME] if done.acting != begin else None
     if without is None:
-        return Outcome(alone, completed)
+        return alone
     whole = ledger.fits[done.acting]
     others = ledger.effects(without.effects)
     beside = _tell_beside(study, term.term, without, whole, others, levels)
     closes = balance_closure(nominal, whole, levels).lower
     if alone is None and not (closes >= 1 - criteria.unexplained and explains(beside, criteria)):
-        return Outcome(None, completed)
-    return Outcome(Discovery(beside, (whole, ledger.effects(done.acting))), completed)
+        return None
+    return Discovery(beside, (whole, ledger.effects(done.acting)))
 
 
 def _is_out_of_phase(
@@ -187,24 +162,6 @@ def _is_out_of_phase(
     if not (term.term.law.periodic and term.term.driver == "t"):
         return False
     return balance_closure(base, fitted, levels).upper < term.closes.lower
-
-
-def _without_term(selection: Selection, ledger: FitLedger, acting: Names) -> Selection | None:
-    """Return the selection that ends with the effects of a model but the term.
-
-    Or with one more in its place, where the search had stopped before, see `reselect_further`.
-    """
-    names = ledger.key(set(acting) - {NAME})
-    if not names:
-        return None
-    if NAME in acting:
-        ledger.fit_without(acting, (NAME,))
-    catalogue = {name: effect for name, effect in ledger.catalogue.items() if name != NAME}
-    fitted = {key: each for key, each in ledger.fits.items() if NAME not in key}
-    fits = {**selection.fits, **fitted}
-    directions = {name: each for name, each in ledger.directions.items() if name != NAME}
-    plain = FitLedger(ledger.study, catalogue, ledger.executor, fits=fits, directions=directions)
-    return reselect(plain, selection, names) or reselect_further(plain, selection, names)
 
 
 def _ledger_with(

@@ -52,15 +52,14 @@ def find_rival_term(
         term = discover_term(study, *nominal, levels)
         closes = balance_closure(selection.nominal, selection.final, levels)
         if term is not None and term.closes.lower > closes.upper:
-            outcome = complete_term(study, selection, term, nominal, catalogue, executor)
-            return outcome.discovery
+            return complete_term(study, selection, term, nominal, catalogue, executor)
     if not named or left <= levels.criteria.clear:
         return None
     final: Model = (selection.final, effects)
     term = discover_term(study, *final, levels, foreign=True)
     if term is None:
         return None
-    discovery = complete_term(study, selection, term, final, catalogue, executor).discovery
+    discovery = complete_term(study, selection, term, final, catalogue, executor)
     if discovery is None or discovery.model is None:
         return None
     kept = {effect.name for effect in discovery.model[1]}

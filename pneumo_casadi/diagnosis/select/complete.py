@@ -17,7 +17,6 @@ from pneumo_casadi.diagnosis.screen.background import Background, background, lo
 from pneumo_casadi.diagnosis.select.acceptance import accepted, only_corrects_map
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger, Names, Start
 from pneumo_casadi.diagnosis.select.hidden_motion import hides
-from pneumo_casadi.diagnosis.select.plausibility import implausible_properties
 from pneumo_casadi.diagnosis.select.propose import where_to_begin
 
 #: Largest number of effects in the final model: one or two large ones, and six weak ones.
@@ -155,10 +154,8 @@ class _Completion:
             rest, loss = self._rest(names, name), min(_gains(fitted, self._fit_of(names)))
             if rest not in self.ledger.fits:
                 continue
-            if (
-                loss < criteria.plausible_gain
-                and self._is_plausible(rest, names)
-                and not accepted(self.nominal, fitted, self._fit_of(names), self.levels)
+            if loss < criteria.plausible_gain and not accepted(
+                self.nominal, fitted, self._fit_of(names), self.levels
             ):
                 return rest
             better = self._exchange(rest, names, whole)
@@ -186,7 +183,7 @@ class _Completion:
         known = sorted((ledger.fits[key].cost, key) for key in keys if key in ledger.fits)
         for _, key in known:
             gain = min(_gains(present, self._fit_of(key)))
-            if gain >= criteria.form_gain and self._is_plausible(key, names):
+            if gain >= criteria.form_gain:
                 return key
             if len(names) < MAX_ACTING:
                 least = self._least(self._estimated(key) + 1, names)
@@ -218,8 +215,6 @@ class _Completion:
     ) -> Iterator[tuple[float, Names]]:
         """Yield what models with one effect more gain over the present model, and their effects.
 
-        What makes a plausible property of the axis implausible stands for something else.
-
         Parameters
         ----------
         known, present : tuple of str
@@ -235,17 +230,9 @@ class _Completion:
                 self.refused |= {name} if known == present else set()
                 continue
             tried += 1
-            if self._is_plausible(key, present):
-                yield min(_gains(self._fit_of(present), self._fit_of(key))), key
+            yield min(_gains(self._fit_of(present), self._fit_of(key))), key
             if tried == TRIED:
                 break
-
-    def _is_plausible(self, names: Names, than: Names) -> bool:
-        """Return whether a model makes nothing implausible that another one leaves plausible."""
-        wrong, before = (
-            implausible_properties(self.ledger, key, self._fit_of(key)) for key in (names, than)
-        )
-        return wrong <= before
 
     def _promising(self, known: Names, present: Names, promise: float) -> Mapping[str, Start]:
         """Return where the fits of effects may begin that promise enough, the best first.

@@ -56,21 +56,13 @@ def _has_stairs(ledger: FitLedger, name: str) -> bool:
     return bool(getattr(ledger.catalogue[name], "staircase", ()))
 
 
-def nearly_best_alone(ledger: FitLedger, nominal: FittedModel) -> tuple[str, ...]:
-    """Return the effects that gain about as much alone as the best one, that one first."""
-    gains = {key[0]: nominal.cost - fit.cost for key, fit in ledger.extensions(()).items()}
-    least = NEAR_BEST * max(gains.values(), default=0.0)
-    return tuple(
-        sorted((n for n in gains if gains[n] > least), key=gains.__getitem__, reverse=True)
-    )
-
-
 def fit_waiting_forms(ledger: FitLedger, nominal: FittedModel, levels: BalanceLevels) -> None:
     """Fit the forms that waited, alone, where the usual form of their cause leaves a gap.
 
     It must close about as much as the best effect alone.
     """
-    worth_it = nearly_best_alone(ledger, nominal)
+    gains = {key[0]: nominal.cost - fit.cost for key, fit in ledger.extensions(()).items()}
+    least = NEAR_BEST * max(gains.values(), default=0.0)
     waiting = {
         name: cause_of(name, ledger.catalogue)
         for name in ledger.catalogue
@@ -79,7 +71,8 @@ def fit_waiting_forms(ledger: FitLedger, nominal: FittedModel, levels: BalanceLe
     starts: dict[Names, Start] = {
         (name,): Start(nominal.values)
         for name, usual in waiting.items()
-        if usual in worth_it and np.any(gaps(residual_rms(ledger.fits[usual,]), levels))
+        if gains.get(usual, -np.inf) > least
+        and np.any(gaps(residual_rms(ledger.fits[usual,]), levels))
     }
     ledger.fit_all(starts)
 

@@ -35,7 +35,6 @@ from pneumo_casadi.diagnosis.select.forms import (
     with_other_form,
 )
 from pneumo_casadi.diagnosis.select.hidden_motion import (
-    begin_with_hidden_motion,
     closes_in_simulation,
     extend_by_simulation,
     find_hiding_extension,
@@ -238,7 +237,6 @@ def _forward(
             path = [*(names for names in path if set(names) < set(better)), better]
     report("comparing simulations", 0.8)
     taken = extend_by_simulation(ledger, nominal, tuple(path), levels, MAX_EFFECTS)
-    taken = begin_with_hidden_motion(ledger, nominal, taken, levels, MAX_EFFECTS)
     simulated = bool(taken) and (taken[-1] in ledger.trials or not ledger.study.shows_accelerations)
     if simulated and taken[-1] not in ledger.gap_left:
         final, effects = ledger.fits[taken[-1]], ledger.effects(taken[-1])

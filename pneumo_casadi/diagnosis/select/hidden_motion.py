@@ -9,15 +9,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from pneumo_casadi.diagnosis.metrics.residual_size import (
-    BalanceLevels,
-    leaves_too_much,
-    residual_rms,
-)
+from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels, residual_rms
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.prepare.starting_values import values_of
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger, Names
-from pneumo_casadi.diagnosis.select.forms import nearly_best_alone
 from pneumo_casadi.diagnosis.select.propose import fit_extensions
 from pneumo_casadi.diagnosis.select.refined_trials import refine_again, refine_all
 from pneumo_casadi.estimation.equation_error.balance_functions import any_sensor_effect
@@ -114,41 +109,6 @@ def extend_by_simulation(
         return path
     ledger.take(grown[-1])
     return (*(names for names in path if set(names) < set(first)), *grown)
-
-
-def begin_with_hidden_motion(
-    ledger: FitLedger,
-    nominal: FittedModel,
-    path: tuple[Names, ...],
-    levels: BalanceLevels,
-    max_effects: int,
-) -> tuple[Names, ...]:
-    """Search again from an effect that hides the motion, where the balances have led nowhere.
-
-    What takes a long delay back amplifies noise: its force balance is worse than without it, and
-    effects that do little of what it does fit better. Simulated, it closes more than they do.
-    """
-    names = path[-1] if path else ()
-    final = ledger.fits[names] if names else nominal
-    hidden = names in ledger.trials or motion_is_hidden(ledger.effects(names), final)
-    if hidden or not leaves_too_much(nominal, final, levels):
-        return path
-    alone = [(name,) for name in nearly_best_alone(ledger, nominal)]
-    hiding = [key for key in alone if motion_is_hidden(ledger.effects(key), ledger.fits[key])]
-    if not hiding:
-        return path
-    ledger.simulate({(): nominal, names: final})
-    left = ledger.simulations.share(nominal, final, ledger.effects(names))
-    grown = _grown(ledger, nominal, hiding[0], levels, max_effects)
-    criteria = ledger.study.criteria
-    if ledger.trials[grown[-1]][1] > min(criteria.simulated, criteria.closed * left):
-        ledger.trials.pop(names, None)  # the balances go on to judge what they have chosen
-        return path
-    if len(grown) > 1:
-        ledger.take(grown[-1])
-    else:
-        _take_refined(ledger, nominal, grown[-1])
-    return grown
 
 
 def _grown(

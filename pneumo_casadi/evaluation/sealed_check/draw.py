@@ -127,7 +127,7 @@ class Draw:
 
     @property
     def without(self) -> tuple[str, ...]:
-        """Effects that this diagnosis' catalogue lacks."""
+        """Causes that this diagnosis' catalogue lacks, in all their forms."""
         return tuple(self.effects) if self.kind is Kind.LEFT_OUT else ()
 
     @property
