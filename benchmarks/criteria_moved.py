@@ -3,12 +3,9 @@
 Data: 200 draws of the virtual bench as its sealed check draws them (20 s at 1 kHz, half of them
 with weak effects besides, some causes missing from the catalogue). Each is diagnosed with the
 criteria as they are, then with every criterion lowered and raised by a fifth. A probability above a
-half is moved by a fifth of what it lacks to one: 0.95 raised by a fifth would exceed one. Criteria
-in floors are moved twice: once as they stand (1.1 lowered by a fifth is 0.88, less than noise
-alone), and once only in what they allow beside the noise (in squares, 1.1 floors are one of noise
-and 0.46 of something else). A verdict has changed where its word has, or the causes that it names.
-Where the word and the cause that is missed most stay, and only what is named beside it differs, it
-counts apart as well.
+half is moved by a fifth of what it lacks to one: 0.95 raised by a fifth would exceed one. A verdict
+has changed where its word has, or the causes that it names. Where the word and the cause that is
+missed most stay, and only what is named beside it differs, it counts apart as well.
 
 A diagnosis whose comparisons all come out the same for a move is not repeated: the criteria are
 numbers that note where they would decide otherwise (`movable`). Fits are shared between the runs of
@@ -58,10 +55,6 @@ WORKERS = 2
 #: Share by which a criterion is moved.
 FIFTH = 0.2
 WAYS = ("lowered", "raised")
-#: What of a criterion is moved.
-VALUE, BESIDE_NOISE = "value", "beside noise"
-#: Criteria in floors of the noise.
-FLOORS = ("background", "clean", "coarse_map", "coarsest_map", "clear", "near_noise")
 #: Criteria that are probabilities above a half.
 PROBABILITIES = ("certain", "alone", "further_alone")
 
@@ -69,23 +62,16 @@ PROBABILITIES = ("certain", "alone", "further_alone")
 Said = tuple[str, tuple[str, ...]]
 
 
-def moves_of(name: str) -> dict[str, tuple[Move, Move]]:
-    """Return what of a criterion is moved, and the criterion lowered and raised by that."""
+def moves_of(name: str) -> tuple[Move, Move]:
+    """Return a criterion lowered and raised."""
     value = getattr(CRITERIA, name)
     by = FIFTH * (1 - value if name in PROBABILITIES else value)
-    result = {VALUE: (Move(name, value - by), Move(name, value + by))}
-    if name in FLOORS:
-        beside = np.sqrt(value**2 - 1)
-        lowered, raised = (float(np.hypot(1, way * beside)) for way in (1 - FIFTH, 1 + FIFTH))
-        result[BESIDE_NOISE] = Move(name, lowered), Move(name, raised)
-    return result
+    return Move(name, value - by), Move(name, value + by)
 
 
 def moves() -> tuple[Move, ...]:
     """Return every criterion lowered and raised."""
-    return tuple(
-        move for name in asdict(CRITERIA) for pair in moves_of(name).values() for move in pair
-    )
+    return tuple(move for name in asdict(CRITERIA) for move in moves_of(name))
 
 
 @contextmanager
@@ -202,12 +188,11 @@ def all_draws(
 
 def table(results: Mapping[str, Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Return a row for each criterion: its values, and the cases in which each changes what."""
-    rows = []
-    for name, value in asdict(CRITERIA).items():
-        for moved, pair in moves_of(name).items():
-            ways = {way: _by(move, results) for way, move in zip(WAYS, pair, strict=True)}
-            rows.append({"criterion": name, "value": value, "moved": moved} | ways)
-    return rows
+    return [
+        {"criterion": name, "value": value}
+        | {way: _by(move, results) for way, move in zip(WAYS, moves_of(name), strict=True)}
+        for name, value in asdict(CRITERIA).items()
+    ]
 
 
 def _by(move: Move, results: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
@@ -260,22 +245,13 @@ def run(
 
 
 def figures_of(draws: Sequence[Draw], results: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
-    """Return the table, and the largest shares of verdicts that a move changes.
-
-    Once with criteria in floors moved as they stand, once with these moved beside the noise.
-    """
-    figures: dict[str, Any] = {"criteria": table(results), "most": {}}
-    for moved in (VALUE, BESIDE_NOISE):
-        chosen = [row for row in figures["criteria"] if row["moved"] == _moved_of(row, moved)]
-        for key in ("share", "share_word_or_first"):
-            most = max(row[way][key] for row in chosen for way in WAYS)
-            figures["most"][f"{key}, {moved}"] = most
-            print(f"{moved}, {key}: at most {100 * most:.1f} % of {len(results)} verdicts change")
+    """Return the table, and the largest share of verdicts that a move changes."""
+    figures: dict[str, Any] = {"criteria": table(results)}
+    for key in ("share", "share_word_or_first"):
+        most = max(row[way][key] for row in figures["criteria"] for way in WAYS)
+        figures[f"most_{key}"] = most
+        print(f"{key}: at most {100 * most:.1f} % of {len(results)} verdicts change")
     return figures
-
-
-def _moved_of(row: Mapping[str, Any], moved: str) -> str:
-    return moved if row["criterion"] in FLOORS else VALUE
 
 
 if __name__ == "__main__":

@@ -8,12 +8,12 @@ from tables.common import rows
 
 def criteria_moved(result: Mapping[str, Any]) -> str:
     """Return each criterion, its values, and how many verdicts change with it."""
-    head = ["criterion", "value", "moved by a fifth"]
+    head = ["criterion", "value"]
     for way in ("lowered to", "raised to"):
         head += [way, "other word or first cause", "other causes beside"]
     body = []
     for row in result["criteria"]:
-        cells = [f"`{row['criterion']}`", f"{row['value']:g}", row["moved"]]
+        cells = [f"`{row['criterion']}`", f"{row['value']:g}"]
         for way in ("lowered", "raised"):
             moved = row[way]
             beside = moved["beside_only"]

@@ -69,21 +69,13 @@ def test_an_array_that_holds_plain_numbers_takes_no_movable_one(half):
 
 @pytest.mark.parametrize("name", asdict(CRITERIA))
 def test_a_criterion_is_moved_down_and_up_and_probabilities_stay_below_one(moved, name):
-    value, pairs = getattr(CRITERIA, name), moved.moves_of(name)
-    lowered, raised = (move.value for move in pairs[moved.VALUE])
+    value = getattr(CRITERIA, name)
+    lowered, raised = (move.value for move in moved.moves_of(name))
     if name in moved.PROBABILITIES:
         assert lowered < value < raised < 1
     else:
         assert (lowered, raised) == pytest.approx((0.8 * value, 1.2 * value))
-    assert {move for pair in pairs.values() for move in pair} <= set(moved.moves())
-
-
-def test_what_a_floor_allows_beside_the_noise_is_moved_as_well(moved):
-    twice = {name for name in asdict(CRITERIA) if moved.BESIDE_NOISE in moved.moves_of(name)}
-    assert twice == set(moved.FLOORS)
-    lowered, raised = (move.value for move in moved.moves_of("near_noise")[moved.BESIDE_NOISE])
-    gap = 6.0**2 - 1
-    assert (lowered**2, raised**2) == pytest.approx((1 + 0.64 * gap, 1 + 1.44 * gap))
+    assert set(moved.moves_of(name)) <= set(moved.moves())
 
 
 def submit(fits, job, *given):
@@ -185,27 +177,10 @@ def test_the_table_tells_what_changes_beside_the_first_cause_apart(moved):
         "w004": {**usual, "changed": []},
     }
     (row,) = (row for row in moved.table(results) if row["criterion"] == "share")
-    assert row["moved"] == moved.VALUE
     assert row["lowered"]["changed"] == [] and row["lowered"]["repeated_in"] == 0
     raised = row["raised"]
     assert raised["repeated_in"] == 4 and raised["changed"] == ["w001", "w002", "w003"]
     assert raised["beside_only"] == 1
     assert (raised["share"], raised["share_word_or_first"]) == (0.75, 0.5)
-
-
-def test_the_largest_share_is_told_by_what_is_moved_of_a_floor(moved):
-    by_value, by_gap = (
-        moved.moves_of("clean")[each][1] for each in (moved.VALUE, moved.BESIDE_NOISE)
-    )
-    usual = {"verdict": "effect", "names": ["leakage_P"], "near": []}
-
-    def change(move):
-        return {**asdict(move), "verdict": "none", "names": []}
-
-    results = {
-        "w001": {**usual, "changed": [change(by_value), change(by_gap)]},
-        "w002": {**usual, "changed": [change(by_value)]},
-    }
-    most = moved.figures_of([], results)["most"]
-    assert most["share, value"] == most["share_word_or_first, value"] == 1.0
-    assert most["share, beside noise"] == 0.5
+    figures = moved.figures_of([], results)
+    assert (figures["most_share"], figures["most_share_word_or_first"]) == (0.75, 0.5)

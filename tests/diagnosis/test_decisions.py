@@ -20,7 +20,7 @@ from pneumo_casadi.diagnosis.locate.locate import balance_of_gap, rival_sensor_e
 from pneumo_casadi.diagnosis.locate.signatures import Signatures
 from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels
 from pneumo_casadi.diagnosis.metrics.simulated_fit import WINDOW
-from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA
+from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA, in_floors
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.select import contributions as missed
 from pneumo_casadi.diagnosis.select.acceptance import accepted
@@ -44,7 +44,7 @@ def fitted(*rms, cost=0.0, rows=None):
 
 def with_gap(gap):
     """The residual that leaves a gap [noise floors] above what a right model leaves."""
-    return float(np.hypot(gap, CRITERIA.background))
+    return float(np.hypot(gap, in_floors(CRITERIA.background)))
 
 
 def selected(nominal, fits=None, path=(), **given):
@@ -280,8 +280,8 @@ def test_where_simulations_decide_it_is_their_share():
         (0.07, True, 40.0, Verdict.EFFECT),
         (0.09, True, 40.0, Verdict.UNKNOWN),
         # ... where what is left is clear.
-        (0.2, True, 5 * np.sqrt(2.65**2 - CRITERIA.background**2), Verdict.UNKNOWN),
-        (0.2, True, 5 * np.sqrt(2.35**2 - CRITERIA.background**2), Verdict.EFFECT),
+        (0.2, True, 5 * np.sqrt(2.65**2 - in_floors(CRITERIA.background) ** 2), Verdict.UNKNOWN),
+        (0.2, True, 5 * np.sqrt(2.35**2 - in_floors(CRITERIA.background) ** 2), Verdict.EFFECT),
     ],
 )
 def test_an_effect_that_leaves_too_much_is_not_the_cause(left, one_form, nominal, expected):
@@ -342,7 +342,7 @@ def test_weak_effects_besides_are_no_part_of_an_alternative():
         (1.25, 0.97),  # clean
         (with_gap(1.0), 0.97 - 1.5 * 0.1),
         (with_gap(2.0), 0.75),
-        (1.35, 0.97 - 1.5 * np.sqrt(1.35**2 - CRITERIA.background**2) / 10),
+        (1.35, 0.97 - 1.5 * np.sqrt(1.35**2 - in_floors(CRITERIA.background) ** 2) / 10),
     ],
 )
 def test_the_probability_falls_with_what_is_left(final, expected):

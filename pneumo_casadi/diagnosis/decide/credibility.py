@@ -9,6 +9,7 @@ from pneumo_casadi.diagnosis.decide.judgement import Judgement
 from pneumo_casadi.diagnosis.decide.unknown import is_unknown
 from pneumo_casadi.diagnosis.metrics.findings import Check
 from pneumo_casadi.diagnosis.metrics.verdict import Verdict
+from pneumo_casadi.diagnosis.prepare.criteria import in_floors
 from pneumo_casadi.model.effect import EffectFactory
 
 #: Checks of piston areas.
@@ -19,7 +20,7 @@ CHAMBER_N = 1
 
 def near_noise(judgement: Judgement) -> bool:
     """Return whether the gap is near the noise in all balances."""
-    return float(np.max(judgement.excess)) < judgement.criteria.near_noise
+    return float(np.max(judgement.excess)) < in_floors(judgement.criteria.near_noise)
 
 
 def only_in_chamber_N(judgement: Judgement) -> bool:
@@ -29,7 +30,7 @@ def only_in_chamber_N(judgement: Judgement) -> bool:
     besides or without, at most 1.4 floors in chamber P and 1.0 in the force balance.
     """
     elsewhere = np.delete(judgement.excess, CHAMBER_N)
-    return bool(np.all(elsewhere <= judgement.criteria.coarse_map))
+    return bool(np.all(elsewhere <= in_floors(judgement.criteria.visible)))
 
 
 def may_be_valve_N(judgement: Judgement) -> bool:

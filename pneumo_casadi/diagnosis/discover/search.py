@@ -12,6 +12,7 @@ from pneumo_casadi.diagnosis.discover.linear.rows import Basis
 from pneumo_casadi.diagnosis.discover.linear.sensor_errors import SENSORS
 from pneumo_casadi.diagnosis.discover.linear.sites import Site, all_sites
 from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels
+from pneumo_casadi.diagnosis.prepare.criteria import in_floors
 from pneumo_casadi.effects.term.formula import FORMULAS
 from pneumo_casadi.metrics import gap
 from pneumo_casadi.parameters import FloatArray
@@ -71,7 +72,7 @@ def search(linear: Linearised, levels: BalanceLevels, foreign: bool = False) -> 
         (a level besides would be a leak), and drifts of the force.
     """
     kind = linear.train.signals[0].axis.kind
-    high = linear.held_out.rms > levels.criteria.clean * levels.noise
+    high = linear.held_out.rms > in_floors(levels.criteria.clean) * levels.noise
     visible = {name for name, is_high in zip(linear.train.equations, high, strict=True) if is_high}
     sites = [
         site

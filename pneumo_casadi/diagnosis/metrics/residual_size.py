@@ -7,7 +7,7 @@ import numpy as np
 
 from pneumo_casadi.data.bench.axis_kind import AxisKind
 from pneumo_casadi.diagnosis.metrics.findings import Closure
-from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA, Criteria
+from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA, Criteria, in_floors
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.estimation.equation_error.smoothed_motion import SmoothedMotion
@@ -148,7 +148,7 @@ def gain_on_all_records(before: FittedModel, after: FittedModel) -> float:
 
 def gaps(rms: FloatArray, levels: BalanceLevels) -> FloatArray:
     """Return the gap of each balance beyond what a right model leaves; see `metrics.gap`."""
-    return gap(rms**2, levels.noise, levels.signal, margin=levels.criteria.background)
+    return gap(rms**2, levels.noise, levels.signal, margin=in_floors(levels.criteria.background))
 
 
 def shares_left(
@@ -166,12 +166,12 @@ def shares_left(
         gaps(residual_rms(fit), levels) * levels.signal / levels.noise for fit in (before, after)
     )
     main = old > max(levels.criteria.main_gap * float(old.max(initial=0.0)), 1e-12)
-    coarse = residual_rms(before) < levels.criteria.coarsest_map * levels.noise
+    coarse = residual_rms(before) < in_floors(levels.criteria.coarsest_map) * levels.noise
     coarse[-1] = False  # the force has no map
     if np.any(main & ~coarse):
         main &= ~coarse
     if clear:
-        main |= residual_rms(after) > levels.criteria.clear * levels.noise
+        main |= residual_rms(after) > in_floors(levels.criteria.clear) * levels.noise
         old = np.where(old > 0, old, new)
     return np.divide(new, old, out=np.zeros(len(old)), where=main)
 
@@ -188,7 +188,7 @@ def leaves_too_much(
 ) -> bool:
     """Return whether effects that leave a visible gap in some balance do not explain it."""
     shares, criteria = shares_left(before, after, levels, clear), levels.criteria
-    visible = residual_rms(after) > criteria.coarse_map * levels.noise
+    visible = residual_rms(after) > in_floors(criteria.visible) * levels.noise
     return bool(np.any(visible & (shares > criteria.unexplained)))
 
 

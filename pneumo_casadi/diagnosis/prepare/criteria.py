@@ -8,26 +8,29 @@ class Criteria:
     """What counts as a gap, as a gain, as explained and as sure.
 
     Residuals are those of the balances on held-out records, root mean square; a *floor* is what the
-    white noise of the sensors leaves of them. Shares refer to the gap of the nominal model. How
-    widely the search looks (candidates a round, iterations of a fit) is no criterion; it stands
-    with the search.
+    white noise of the sensors leaves of them. The first seven say what is beside the noise, in
+    floors, since noise is no choice: `in_floors` gives the residual, which is told in brackets.
+    Shares refer to the gap of the nominal model. How widely the search looks (candidates a round,
+    iterations of a fit) is no criterion; it stands with the search.
 
     Parameters
     ----------
     background : float
-        Floors that a right model leaves: errors of filters, map and quantisation add a tenth.
+        What a right model leaves: errors of filters, map and quantisation add a tenth (1.1).
     clean : float
-        Floors up to which a model leaves nothing that calls for a cause.
+        Up to which a model leaves nothing that calls for a cause (1.3).
+    visible : float
+        Where a gap of any balance begins to be visible (1.5): less may be the misfit of a map.
     coarse_map, coarsest_map : float
-        Floors of a mass flow balance that the misfit of a coarse flow map leaves near null, usually
-        and at most: of some 80 axes of the virtual bench without an effect in these balances four
-        had 1.7 to 2.0. The first is also where a gap of any balance begins to be visible.
+        What the misfit of a coarse flow map leaves of a mass flow balance near null, usually (1.5)
+        and at most (2): of some 80 axes of the virtual bench without an effect in these balances
+        four had 1.7 to 2.0.
     clear : float
-        Floors above which a balance in which every effect named has one form only is not explained,
+        Above which a balance in which every effect named has one form only is not explained (2.5),
         and above which a balance counts though its gap was small.
     near_noise : float
-        Floors below which implausible areas say more than the gap: a valve with 4/3 of the gain
-        left 5.3.
+        Below which implausible areas say more than the gap: a valve with 4/3 of the gain left 5.3
+        floors (6).
     main_gap : float
         Gaps below this share of the largest, in floors, are the misfit of its cause, unless what is
         left there is clear.
@@ -76,12 +79,13 @@ class Criteria:
         effect: between the two, three of four such names on the virtual bench were not there.
     """
 
-    background: float = 1.1
-    clean: float = 1.3
-    coarse_map: float = 1.5
-    coarsest_map: float = 2.0
-    clear: float = 2.5
-    near_noise: float = 6.0
+    background: float = 0.458
+    clean: float = 0.831
+    visible: float = 1.118
+    coarse_map: float = 1.118
+    coarsest_map: float = 1.732
+    clear: float = 2.291
+    near_noise: float = 5.916
     main_gap: float = 0.3
     matters: float = 0.05
     further: float = 0.1
@@ -102,6 +106,18 @@ class Criteria:
     alike: float = 0.10
     alone: float = 0.6
     further_alone: float = 0.8
+
+
+def in_floors(beside: float) -> float:
+    """Return a residual in floors, given what is in it beside the noise; they add as squares.
+
+    Examples
+    --------
+    >>> round(in_floors(1.118), 3), round(in_floors(0.0), 3)
+    (1.5, 1.0)
+    """
+    floors: float = (1.0 + beside**2) ** 0.5
+    return floors
 
 
 CRITERIA = Criteria()

@@ -12,6 +12,7 @@ from pneumo_casadi.diagnosis.metrics.residual_size import (
     residual_rms,
     share_left,
 )
+from pneumo_casadi.diagnosis.prepare.criteria import in_floors
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.screen.screen import ScreenResult
 from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue, FitLedger, Names, Start
@@ -128,7 +129,7 @@ def with_other_form(
         Noise and signal of the held-out records.
     """
     current, criteria = ledger.fits[known], levels.criteria
-    if not np.any(residual_rms(current) > criteria.coarse_map * levels.noise):
+    if not np.any(residual_rms(current) > in_floors(criteria.visible) * levels.noise):
         return known
     too_much = leaves_too_much(nominal, current, levels)
     present = causes_of(known, ledger.catalogue)

@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels, residual_rms
+from pneumo_casadi.diagnosis.prepare.criteria import in_floors
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.prepare.starting_values import values_of
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger, Names
@@ -55,7 +56,9 @@ def find_hiding_extension(
     """
     fits = ledger.extensions(known)
     best = min(fits, key=lambda key: fits[key].cost, default=None)
-    if best is None or np.all(residual_rms(current) < levels.criteria.clean * levels.noise):
+    if best is None or np.all(
+        residual_rms(current) < in_floors(levels.criteria.clean) * levels.noise
+    ):
         return None
     criteria, effects, before = levels.criteria, ledger.effects(best), ledger.effects(known)
     if (

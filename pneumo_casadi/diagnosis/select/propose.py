@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels, residual_rms
+from pneumo_casadi.diagnosis.prepare.criteria import in_floors
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.prepare.starting_values import values_of
 from pneumo_casadi.diagnosis.screen.background import background
@@ -54,7 +55,7 @@ def fit_extensions(
 def _open_balances(current: FittedModel, levels: BalanceLevels) -> list[int]:
     """Return the balances in which a model leaves more than a coarse flow map may."""
     left = residual_rms(current) / levels.noise
-    return [int(row) for row in np.flatnonzero(left > levels.criteria.coarse_map)]
+    return [int(row) for row in np.flatnonzero(left > in_floors(levels.criteria.visible))]
 
 
 def _for_open_balances(
