@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from tables.criteria import rules_off
+from tables.criteria import criteria_moved, rules_off
 from tables.diagnosis import (
     bench_sanity,
     designs,
@@ -73,6 +73,7 @@ TABLES: dict[str, tuple[Callable[..., str], *tuple[str, ...]]] = {
     "discovered": (discovered, "discovered"),
     "term_coverage": (term_coverage, "term_coverage"),
     "rule_cases": (rule_cases, "rule_cases"),
+    "criteria_moved": (criteria_moved, "criteria_moved"),
     "rules_off": (rules_off, "rules_off"),
     "rules_off_rare": (rules_off, "rules_off_rare"),
     "batch": (batch, "batch"),

@@ -1,5 +1,6 @@
 """A moved criterion is noted wherever it would decide otherwise, and shared fits stay right."""
 
+import json
 import sys
 from concurrent.futures import Future
 from dataclasses import asdict
@@ -184,3 +185,11 @@ def test_the_table_tells_what_changes_beside_the_first_cause_apart(moved):
     assert (raised["share"], raised["share_word_or_first"]) == (0.75, 0.5)
     figures = moved.figures_of([], results)
     assert (figures["most_share"], figures["most_share_word_or_first"]) == (0.75, 0.5)
+
+
+def test_no_criterion_moved_by_a_fifth_changes_three_verdicts_of_a_hundred(moved):
+    committed = json.loads((BENCHMARKS / "results" / "criteria_moved.json").read_text("utf-8"))
+    assert committed["cases"] == 200 and committed["most_share"] < 0.03
+    assert {row["criterion"]: row["value"] for row in committed["criteria"]} == asdict(CRITERIA)
+    changed = [row[way]["changed"] for row in committed["criteria"] for way in moved.WAYS]
+    assert max(map(len, changed)) == round(200 * committed["most_share"]) > 0
