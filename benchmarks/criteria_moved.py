@@ -13,7 +13,6 @@ a case as long as the criterion moved decides nothing within them.
 """
 
 import argparse
-import json
 import logging
 import os
 import tempfile
@@ -22,6 +21,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -42,11 +42,10 @@ from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue
 from pneumo_casadi.diagnosis.select.forms import causes_of
 from pneumo_casadi.diagnosis.select.forward_selection import select_effects
-from pneumo_casadi.effects import EFFECTS
+from pneumo_casadi.effects import EFFECTS, without_causes
 from pneumo_casadi.evaluation.sealed_check.draw import Draw, draw_cases, make
 from pneumo_casadi.identification.flow_form import resolve_flow_form
 from pneumo_casadi.identification.options import IdentifyOptions
-from pneumo_casadi.runtime.provenance import code_identity
 from pneumo_casadi.runtime.threads import one_thread
 
 SEED = 1905
@@ -125,11 +124,10 @@ def one_case(
     moved : callable
         Gives the context in which a move is made.
     """
-    offered = {name: effect for name, effect in EFFECTS.items() if effect.cause not in without}
     flow_options, _ = resolve_flow_form(case, IdentifyOptions())
     with watched() as criteria:
         study, _ = prepare_study(case, flow_options, criteria)
-        catalogue = applicable(study, offered)
+        catalogue = applicable(study, without_causes(without))
         fits = SharedFits()
         with noted() as near:
             usual = said(study, catalogue, fits)
@@ -155,20 +153,17 @@ def one_case(
 
 def kept(draw: Draw, keep: Path, **ways: Any) -> dict[str, Any]:
     """Return `one_case` of a draw, or what an interrupted run has found."""
-    target = keep / f"{draw.name}.json"
-    made_by = {"draw": draw.as_dict(), "ways": sorted(ways), "code": code_identity()}
-    if target.exists():
-        content: dict[str, Any] = json.loads(target.read_text("utf-8"))
-        if content.get("of") == made_by:
-            return content
+    of = {"draw": draw.as_dict(), "ways": sorted(ways)}
+    return provenance.kept(keep, draw.name, partial(of_draw, draw, **ways), of)
+
+
+def of_draw(draw: Draw, **ways: Any) -> dict[str, Any]:
+    """Make the case of a draw, and return `one_case` of it."""
     logging.disable(logging.WARNING)
     with tempfile.TemporaryDirectory() as scratch, warnings.catch_warnings():
         warnings.simplefilter("ignore")
         make(draw, Path(scratch) / draw.name)
-        result = one_case(read_case(Path(scratch) / draw.name), draw.without, **ways)
-    result["of"] = made_by
-    provenance.write(target, result)
-    return result
+        return one_case(read_case(Path(scratch) / draw.name), draw.without, **ways)
 
 
 def all_draws(

@@ -12,11 +12,10 @@ where it was; a form that it has compiled is at hand then.
 """
 
 import argparse
-import json
 import statistics
 import tempfile
-from collections.abc import Callable, Mapping
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +23,6 @@ import provenance
 from verdicts import AUTO, isolated
 
 from pneumo_casadi.evaluation.sealed_check.draw import Draw, draw_cases, make
-from pneumo_casadi.runtime.provenance import code_identity
 
 SEED = 22
 REPEATS = 3
@@ -38,22 +36,12 @@ def seconds_of(folder: Path, cold: bool = False) -> tuple[float, float]:
     return figures["seconds"], figures["peak_GiB"] * 2**30 / 1e9
 
 
-def kept(keep: Path, name: str, of: Mapping[str, Any], work: Callable[[], Any]) -> dict[str, Any]:
-    """Return what an interrupted run of this code has kept of the same work, or do it."""
-    target, made_by = keep / f"{name}.json", {**of, "code": code_identity()}
-    content: dict[str, Any] = json.loads(target.read_text("utf-8")) if target.exists() else {}
-    if content.get("of") != made_by:
-        content = work() | {"of": made_by}
-        provenance.write(target, content)
-        print(name, {key: value for key, value in content.items() if key != "of"}, flush=True)
-    return content
-
-
 def one_practice_case(folder: Path, repeats: int, cold: bool) -> dict[str, Any]:
     """Return how long a case takes with machine code at hand, and with an empty cache."""
     seconds_of(folder)  # so that machine code is at hand
     runs = [seconds_of(folder) for _ in range(repeats)]
     warm = statistics.median(seconds for seconds, _ in runs)
+    print(f"{folder.name}: {warm:.1f} s", flush=True)
     figures = {"seconds": warm, "peak_GB": max(peak for _, peak in runs)}
     return figures | ({"extra": seconds_of(folder, cold=True)[0] - warm} if cold else {})
 
@@ -68,7 +56,8 @@ def practice(source: Path, quick: bool, keep: Path) -> dict[str, Any]:
 
     def timed(folder: Path, repeats: int, cold: bool) -> dict[str, Any]:
         of = {"folder": str(folder.resolve()), "repeats": repeats, "cold": cold}
-        return kept(keep, folder.name, of, lambda: one_practice_case(folder, repeats, cold))
+        work = partial(one_practice_case, folder, repeats, cold)
+        return provenance.kept(keep, folder.name, work, of)
 
     each = {p.name: timed(p, repeats, number < COLD) for number, p in enumerate(folders)}
     figures = {
@@ -88,13 +77,14 @@ def one_draw(draw: Draw) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as scratch:
         make(draw, Path(scratch) / draw.name)
         seconds, peak = seconds_of(Path(scratch) / draw.name)
+    print(f"{draw.name}: {seconds:.1f} s", flush=True)
     return {"seconds": seconds, "peak_GB": peak}
 
 
 def draws(number: int, first: int | None, keep: Path) -> dict[str, Any]:
     """Diagnose draws of the virtual bench, or the first of them alone."""
     each = {
-        draw.name: kept(keep, draw.name, draw.as_dict(), lambda draw=draw: one_draw(draw))
+        draw.name: provenance.kept(keep, draw.name, partial(one_draw, draw), draw.as_dict())
         for draw in draw_cases(number, SEED)[:first]
     }
     seconds = {name: case["seconds"] for name, case in each.items()}

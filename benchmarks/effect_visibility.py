@@ -34,7 +34,7 @@ import numpy as np
 import provenance
 import tables
 from balance_gap import MOVABLE, refit, simulated_gaps, told
-from gap import VIEWS, VISIBLE, closed, kept
+from gap import VIEWS, VISIBLE, closed
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
@@ -161,7 +161,7 @@ def _kept_case(
     keep: Path | None, duration: float, refits: bool, seed: int, effect: str
 ) -> dict[str, Any]:
     name = f"{seed}_{effect}_{duration:g}s" + ("" if refits else "_verdict")
-    return kept(keep, name, partial(one_case, seed, duration, effect, refits))
+    return provenance.kept(keep, name, partial(one_case, seed, duration, effect, refits))
 
 
 def _line(seed: int, name: str, entry: Mapping[str, Any]) -> str:

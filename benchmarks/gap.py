@@ -5,15 +5,11 @@ or windows of 0.5 s in open loop) is that of p_P, p_N and x together. Initial st
 in closed loop from the first 2 s: where a play or a reservoir stands at the start is not measured.
 """
 
-import json
 import math
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
-
-import provenance
 
 from pneumo_casadi.data import Case
 from pneumo_casadi.effects import EFFECTS
@@ -172,14 +168,3 @@ def fit_figures(fit: Fitted) -> dict[str, Any]:
 def finite(value: float) -> float | None:
     """Return a number that JSON can hold; None for infinite ones."""
     return value if math.isfinite(value) else None
-
-
-def kept(folder: Path | None, name: str, make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
-    """Return a result from the folder that keeps finished ones, or make and keep it."""
-    path = None if folder is None else folder / f"{name}.json"
-    if path is not None and path.is_file():
-        content: dict[str, Any] = json.loads(path.read_text("utf-8"))
-        return content
-    made = make()
-    provenance.write(path, made)
-    return made

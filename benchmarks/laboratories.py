@@ -21,7 +21,6 @@ from typing import Any
 
 import numpy as np
 import provenance
-from gap import kept
 from laboratory_mistakes import DURATION, MISTAKES, commit
 from laboratory_situations import METERED, SITUATIONS, Situation
 from tables.laboratories import worst_of
@@ -132,7 +131,9 @@ def apart(uniform: Iterable[Mapping[str, Any]], jitter: Iterable[Mapping[str, An
 
 
 def _kept(keep: Path | None, make: _Make, name: str, seed: int) -> dict[str, Any]:
-    return kept(keep, f"{name}, axis {seed}".replace("/", "-"), partial(make, name, seed))
+    return provenance.kept(
+        keep, f"{name}, axis {seed}".replace("/", "-"), partial(make, name, seed)
+    )
 
 
 def run(

@@ -24,7 +24,7 @@ from typing import Any
 
 import provenance
 import tables
-from gap import VIEWS, VISIBLE, Fitted, closed, fit_figures, held_out, kept, nominal, refit
+from gap import VIEWS, VISIBLE, Fitted, closed, fit_figures, held_out, nominal, refit
 
 from pneumo_casadi.data import Case, read_case
 
@@ -178,7 +178,7 @@ def judged(cases: dict[str, Any]) -> dict[str, Any]:
 def _kept_case(
     keep: Path | None, data: Path, labels: Mapping[str, Any], name: str
 ) -> tuple[str, dict[str, Any]]:
-    return name, kept(keep, name, partial(one_case, data, labels, name))
+    return name, provenance.kept(keep, name, partial(one_case, data, labels, name))
 
 
 def run(data: Path, names: Iterable[str], workers: int, keep: Path | None) -> dict[str, Any]:

@@ -37,6 +37,8 @@ SHARED = (
     (complete, "accepted"),
     (discover, "propose_term"),
 )
+#: Arguments that differ in their criteria only, and so tell no job from another.
+CRITERIA_ONLY = (Study, BalanceLevels)
 
 
 class SharedFits(Executor):
@@ -97,9 +99,8 @@ def sharing(fits: SharedFits) -> Iterator[None]:
 
 
 def _key(job: Callable[..., Any], given: list[Any]) -> str:
-    """Return what a job is known by; studies and levels differ in their criteria only."""
-    rest = [item for item in given if not isinstance(item, (Study, BalanceLevels))]
-    return f"{job.__module__}.{job.__qualname__} {digest(rest)}"
+    """Return what a job is known by."""
+    return f"{job.__module__}.{job.__qualname__} {digest(given)}"
 
 
 def _as_new(future: "Future[Any]") -> "Future[Any]":
@@ -111,8 +112,8 @@ def _as_new(future: "Future[Any]") -> "Future[Any]":
 
 
 def _identity(item: Any) -> Any:
-    """Return what an argument is known by; studies and levels differ in their criteria only."""
-    if isinstance(item, (Study, BalanceLevels)):
+    """Return what an argument is known by."""
+    if isinstance(item, CRITERIA_ONLY):
         return ""
     if isinstance(item, Effect):
         return item.name
@@ -140,6 +141,8 @@ def digest(given: Any) -> str:
 
 def _plain(item: Any) -> Any:
     """Return content without identity: pickle writes an object that occurs twice differently."""
+    if isinstance(item, CRITERIA_ONLY):
+        return ""
     if isinstance(item, Mapping):
         return "{" + ",".join(f"{key}:{_plain(value)}" for key, value in item.items()) + "}"
     if isinstance(item, (list, tuple)):

@@ -3,6 +3,8 @@
 An import below is an entry of the catalogue.
 """
 
+from collections.abc import Collection
+
 from pneumo_casadi.effects.air.exhaust_restriction import ExhaustRestriction as ExhaustRestriction
 from pneumo_casadi.effects.air.heat_transfer import HeatTransfer as HeatTransfer
 from pneumo_casadi.effects.air.hose import Hose as Hose
@@ -81,6 +83,17 @@ EFFECTS: dict[str, type[Effect]] = {
         key=lambda effect: effect.__module__.rpartition(".")[2],
     )
 }
+
+
+def without_causes(causes: Collection[str]) -> dict[str, type[Effect]]:
+    """Return the effects but those of some causes, in all their forms.
+
+    Examples
+    --------
+    >>> set(EFFECTS) - set(without_causes(["pressure_sensor_bias"]))
+    {'pressure_sensor_bias'}
+    """
+    return {name: effect for name, effect in EFFECTS.items() if effect.cause not in causes}
 
 
 def catalogue_table() -> tuple[EffectRow, ...]:

@@ -36,7 +36,7 @@ def test_a_draw_is_timed_once_and_another_of_the_same_name_again(timing, tmp_pat
 
 def test_other_code_is_timed_again(timing, tmp_path, monkeypatch):
     timing.draws(2, None, tmp_path)
-    monkeypatch.setattr(timing, "code_identity", lambda: "other")
+    monkeypatch.setattr(timing.provenance, "code_identity", lambda: "other")
     timing.draws(2, None, tmp_path)
     assert len(timing.runs) == 4
 

@@ -34,7 +34,7 @@ from pneumo_casadi.diagnosis.screen.background import background
 from pneumo_casadi.diagnosis.screen.screen import ScreenResult
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger, Start
 from pneumo_casadi.diagnosis.select.forms import cause_of, causes_of
-from pneumo_casadi.effects import EFFECTS
+from pneumo_casadi.effects import without_causes
 from pneumo_casadi.errors import PneumoError
 from pneumo_casadi.evaluation.sealed_check.draw import Draw, Kind
 from pneumo_casadi.evaluation.sealed_check.largest import gaps_without, nominal_rms
@@ -176,8 +176,8 @@ class Models:
     @staticmethod
     def of(study: Study, without: Collection[str] = ()) -> "Models":
         """Fit the nominal model and screen a catalogue that lacks some effects."""
-        given = {name: effect for name, effect in EFFECTS.items() if effect.cause not in without}
-        ledger, nominal = FitLedger(study, applicable(study, given)), fit_model(study, ())
+        catalogue = applicable(study, without_causes(without))
+        ledger, nominal = FitLedger(study, catalogue), fit_model(study, ())
         ledger.screen_all(nominal)
         return Models(ledger, nominal, ledger.over(background(study, nominal, nominal)))
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from pneumo_casadi.data import Case, read_case
 from pneumo_casadi.diagnosis import diagnose
-from pneumo_casadi.effects import EFFECTS
+from pneumo_casadi.effects import without_causes
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.evaluation.sealed_check.draw import Draw, make
 from pneumo_casadi.evaluation.sealed_check.seal import (
@@ -168,9 +168,8 @@ def _done(folder: Path, name: str) -> bool:
 
 def diagnose_one(folder: Path, name: str, without: Sequence[str], diagnosing: Diagnosing) -> None:
     """Diagnose one case and write its verdict; an error is a verdict too."""
-    catalogue = {key: effect for key, effect in EFFECTS.items() if effect.cause not in without}
     try:
-        verdict = dict(diagnosing(read_case(folder / CASES / name), catalogue))
+        verdict = dict(diagnosing(read_case(folder / CASES / name), without_causes(without)))
         canonical(verdict)
     except (ImportError, OSError, MemoryError):
         raise  # of this machine, not of the diagnosis

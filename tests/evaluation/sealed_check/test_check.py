@@ -92,7 +92,7 @@ def test_a_diagnosis_that_always_says_stribeck_scores_as_it_must(
 @pytest.mark.slow
 def test_a_large_cause_shows_and_an_oracle_removes_more_than_another_effect(tmp_path, monkeypatch):
     few = {name: EFFECTS[name] for name in ("stribeck", "quadratic_drag", "drive_lag")}
-    monkeypatch.setattr(measure, "EFFECTS", few)
+    monkeypatch.setattr(measure, "without_causes", lambda causes: few)
     draw = Draw("w001", Kind.SINGLE, 5, {"stribeck": "large"})
     case = make(draw, tmp_path / "case", duration=3.0, fs=500.0).folder
     measure_one(tmp_path, case, draw, ["quadratic_drag"], duration=3.0, fs=500.0)
@@ -109,7 +109,7 @@ def test_a_large_cause_shows_and_an_oracle_removes_more_than_another_effect(tmp_
 
 @pytest.mark.slow
 def test_the_effect_with_the_largest_gap_is_measured_on_the_bench(tmp_path, monkeypatch):
-    monkeypatch.setattr(measure, "EFFECTS", {"stribeck": EFFECTS["stribeck"]})
+    monkeypatch.setattr(measure, "without_causes", lambda causes: {"stribeck": EFFECTS["stribeck"]})
     draw = Draw("w001", Kind.SINGLE, 5, {"stribeck": "large"}, background=("quadratic_drag",))
     brief = {"duration": 2.0, "fs": 500.0}
     case = make(draw, tmp_path / "case", **brief).folder
