@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from pneumo_casadi.data import Controller, InputHold
 from pneumo_casadi.data.control.law import ControlLaw
 from pneumo_casadi.errors import ModelError
+from pneumo_casadi.model.along_record import evaluated_without_compiling
 from pneumo_casadi.model.axis import Axis
 from pneumo_casadi.model.integration import accumulate, held_inputs, step_function
 from pneumo_casadi.model.machine_code.compilation import compile_functions
@@ -247,8 +248,8 @@ def full_state(axis: Axis, x_0: ArrayLike, u_0: FloatArray) -> FloatArray:
 
 def compute_outputs(axis: Axis, x: FloatArray, u: FloatArray) -> FloatArray:
     """Return the outputs, shape (ny, N), of states (nx, N) and inputs (nu, N)."""
-    f = axis.output.map(x.shape[1])
-    return np.asarray(f(x, u, axis.parameters.values[:, None]), dtype=float)
+    output = evaluated_without_compiling(axis.output)
+    return output.evaluate(x.shape[1], x, u, axis.parameters.values)[0]
 
 
 def _trajectory(axis: Axis, t: FloatArray, x: FloatArray, u: FloatArray) -> Trajectory:
