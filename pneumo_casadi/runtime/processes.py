@@ -11,7 +11,7 @@ import threading
 import time
 import traceback
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor, Future
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from contextlib import contextmanager, suppress
 from importlib import import_module
 from multiprocessing import get_context, parent_process, resource_tracker
@@ -77,6 +77,11 @@ def worker_pool(workers: int, imports: Sequence[str] = ()) -> Iterator[Executor]
         for name, value in before.items():
             if value is None:
                 os.environ.pop(name, None)
+
+
+def runs_here(executor: Executor) -> bool:
+    """Tell whether tasks run in processes of this machine, which can read its files."""
+    return isinstance(executor, (ProcessPoolExecutor, _WorkerPool))
 
 
 class _WorkerPool(Executor):
