@@ -15,7 +15,7 @@ from pneumo_casadi.diagnosis.metrics.residual_size import (
     shares_left,
 )
 from pneumo_casadi.diagnosis.metrics.verdict import Verdict
-from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA, Criteria, in_floors
+from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA, Criteria
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.select.fit_ledger import Names
 from pneumo_casadi.diagnosis.select.forward_selection import Selection
@@ -83,7 +83,7 @@ def judge(selection: Selection, named: Sequence[Effect], surpassed: bool = False
         left_by_one_form(selection, named),
         criteria=criteria,
     ):
-        visible = bool(np.any(excess > in_floors(criteria.visible)))
+        visible = bool(np.any(levels.exceeded(rms, criteria.visible)))
         verdict = Verdict.UNKNOWN if visible else Verdict.NONE
         weights = _weights(selection, selection.chosen, UNKNOWN_CAUSE_PROBABILITY)
         return Judgement(verdict, (), weights, left, excess, gap, criteria)
@@ -106,8 +106,9 @@ def judge(selection: Selection, named: Sequence[Effect], surpassed: bool = False
 
 def _explains_flows(selection: Selection) -> bool:
     """Return whether a final model leaves nothing in the mass flows that calls for a cause."""
-    left = residual_rms(selection.final) / selection.levels.noise
-    return bool(np.all(left[:-1] < in_floors(selection.levels.criteria.clean)))
+    levels = selection.levels
+    unclean = levels.exceeded(residual_rms(selection.final), levels.criteria.clean)
+    return not np.any(unclean[:-1])
 
 
 def doubted(judgement: Judgement) -> Judgement:
@@ -164,7 +165,7 @@ def left_by_one_form(selection: Selection, named: Sequence[Effect]) -> float:
     """
     levels = selection.levels
     shares = shares_left(selection.nominal, selection.final, levels)
-    clear = residual_rms(selection.final) > in_floors(levels.criteria.clear) * levels.noise
+    clear = levels.exceeded(residual_rms(selection.final), levels.criteria.clear)
     is_force = np.arange(len(shares)) == len(shares) - 1
     here = [[effect for effect in named if _acts_in(effect, force)] for force in is_force]
     certain = [bool(acting) and all(effect.one_form for effect in acting) for acting in here]
@@ -210,9 +211,9 @@ def _trust(left: float, selection: Selection) -> float:
     Of 134 causes named on the virtual bench, 98 % were right if no balance kept more than filters
     and noise leave, 95 % if less than a twentieth of the gap was left, 72 % if more was left.
     """
-    floor = in_floors(selection.levels.criteria.clean) * selection.levels.noise
-    clean = bool(np.all(residual_rms(selection.final) < floor))
-    return float(np.clip(0.97 - (0.0 if clean else 1.5 * left), 0.75, 0.97))
+    levels = selection.levels
+    unclean = np.any(levels.exceeded(residual_rms(selection.final), levels.criteria.clean))
+    return float(np.clip(0.97 - (1.5 * left if unclean else 0.0), 0.75, 0.97))
 
 
 def _weights(selection: Selection, best: Names, trust: float) -> dict[Names, float]:

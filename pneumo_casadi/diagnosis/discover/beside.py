@@ -23,7 +23,6 @@ from pneumo_casadi.diagnosis.metrics.residual_size import (
     balance_closure,
     residual_rms,
 )
-from pneumo_casadi.diagnosis.prepare.criteria import in_floors
 from pneumo_casadi.diagnosis.prepare.fitted_model import FAULTS, FittedModel
 from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.diagnosis.select.complete import complete
@@ -134,7 +133,7 @@ def complete_term(
     alone = Discovery(term, model) if explains(term, criteria) else None
     if model is None:
         return alone
-    explained = np.all(residual_rms(model[0]) < in_floors(criteria.clean) * levels.noise)
+    explained = not np.any(levels.exceeded(residual_rms(model[0]), criteria.clean))
     if explained and not base[0].effects:  # neither is anything missing nor needless
         return alone
     ledger, begin = _ledger_with(study, selection, term, model[0], catalogue, executor)

@@ -9,7 +9,6 @@ from scipy.optimize import minimize
 
 from pneumo_casadi.diagnosis.discover.linear.linearised import Linearised
 from pneumo_casadi.diagnosis.discover.linear.sites import Site
-from pneumo_casadi.diagnosis.discover.periods import best_period
 from pneumo_casadi.effects.term.formula import STEP_WIDTH, Formula
 from pneumo_casadi.parameters import FloatArray
 
@@ -77,8 +76,13 @@ def columns_of(formula: Formula, shape: Mapping[str, float], d: FloatArray) -> F
     return np.asarray(np.clip(columns, -1e100, 1e100))
 
 
-def fit_formula(linear: Linearised, site: Site, formula: Formula) -> FormulaFit | None:
-    """Fit a formula beside a refit of the parameters; None where the driver stands still."""
+def fit_formula(
+    linear: Linearised, site: Site, formula: Formula, period: float | None = None
+) -> FormulaFit | None:
+    """Fit a formula beside a refit of the parameters; None where the driver stands still.
+
+    One that repeats begins at a period, see `best_period`; without one it is not fitted.
+    """
     d = linear.train.driver(site)
     if d is None:
         return None
@@ -86,7 +90,6 @@ def fit_formula(linear: Linearised, site: Site, formula: Formula) -> FormulaFit 
     if not upper > lower:
         return None
     if formula.periodic:
-        period = best_period(linear, site)
         if period is None:
             return None
         fit = refit_shape(linear, site, formula, {"period": period})

@@ -6,7 +6,7 @@ faster the axis moves, and what the parameters absorb is projected out: the mass
 force that shakes the axis. The peaks are compared once more, exactly.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,15 +37,29 @@ TOGETHER = 8
 
 def best_period(linear: Linearised, site: Site) -> float | None:
     """Return the period of the sine that removes most; None where none removes what matters."""
-    d = linear.train.driver(site)
+    return best_periods(linear, [site])[site]
+
+
+def best_periods(linear: Linearised, sites: Sequence[Site]) -> dict[Site, float | None]:
+    """Return the best period of every one of some sites with the same driver; see `best_period`."""
+    d = linear.train.driver(sites[0]) if sites else None
     if d is None or not np.ptp(d) > 0:
-        return None
+        return dict.fromkeys(sites)
     length = float(np.ptp(d))
-    highest = HIGHEST if site.driver == "t" else 1 / (SHORTEST * length)
+    highest = HIGHEST if sites[0].driver == "t" else 1 / (SHORTEST * length)
     cycles = np.arange(LEAST_CYCLES, max(highest * length, 2 * LEAST_CYCLES), 1 / OVERSAMPLING)
     grid = cycles / length
-    differentiated = site.balances[0] in SENSORS
-    power = (sines_remove if differentiated else periodogram)(linear, site, grid)
+    differentiated = [site for site in sites if site.balances[0] in SENSORS]
+    power = {site: sines_remove(linear, site, grid) for site in differentiated}
+    others = [site for site in sites if site not in power]
+    power |= dict(zip(others, periodograms(linear, others, grid), strict=True))
+    return {site: _highest_peak(linear, site, grid, power[site]) for site in sites}
+
+
+def _highest_peak(
+    linear: Linearised, site: Site, grid: FloatArray, power: FloatArray
+) -> float | None:
+    """Return the period of the peak (grid,) that is highest where compared exactly."""
     if power.max() < LEAST_SHARE * float(np.sum(linear.projected**2)):
         return None
     step = grid[1] - grid[0]
@@ -60,20 +74,25 @@ def best_period(linear: Linearised, site: Site) -> float | None:
     return float(1 / chosen)
 
 
-def periodogram(linear: Linearised, site: Site, grid: FloatArray) -> FloatArray:
-    """Return the squares that a sine removes at each even frequency beside a refit, (grid,).
+def periodograms(linear: Linearised, sites: Sequence[Site], grid: FloatArray) -> FloatArray:
+    """Return the squares that a sine removes beside a refit, by site and even frequency.
 
-    The windows of the residuals are taken for short: see `sines_remove`.
+    The sites have the same driver, (sites, grid). The windows of the residuals are taken for short:
+    see `sines_remove`.
     """
+    power = np.empty((len(sites), grid.size))
+    if not sites:
+        return power
     e = linear.projected[: linear.train.e.size]
-    d, rate, factor = _row_means(linear.train, site)
-    seen = factor != 0
-    e, d, rate, factor = e[seen], d[seen], rate[seen], factor[seen]
-    absorbed = linear.absorbed(seen)
-    power = np.empty(grid.size)
+    factors = [_factor(linear.train, site) for site in sites]
+    seen = [np.flatnonzero(factor) for factor in factors]
+    absorbed = [linear.absorbed(factor != 0) for factor in factors]
+    d, rate = _row_means(linear.train, sites[0].driver)
     for block, wave in _waves(d, grid):
-        weighted = factor[:, None] * _attenuation(rate[:, None] * grid[block]) * wave
-        power[block] = _removed(weighted, e, absorbed)
+        averaged = _attenuation(rate[:, None] * grid[block]) * wave
+        for i, (factor, rows) in enumerate(zip(factors, seen, strict=True)):
+            weighted = factor[rows, None] * averaged[rows]
+            power[i, block] = _removed(weighted, e[rows], absorbed[i])
     return power
 
 
@@ -138,17 +157,17 @@ def _attenuation(cycles_per_row: FloatArray) -> FloatArray:
     return np.where(near, 0.5, np.sinc(turns) / (1 - turns**2))
 
 
-def _row_means(rows: Rows, site: Site) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return driver, change of the driver to the next row, and factor of the site, each (r,)."""
+def _factor(rows: Rows, site: Site) -> FloatArray:
+    """Return the factor of a site in all rows, (r,)."""
+    return rows.columns(site, lambda d: np.ones((d.size, 1)))[:, 0]
+
+
+def _row_means(rows: Rows, driver: str) -> tuple[FloatArray, FloatArray]:
+    """Return a driver, and its change to the next row, in all rows, each (r,)."""
     parts: list[tuple[FloatArray, FloatArray]] = []
     for signals, motion, used in zip(rows.signals, rows.motions, rows.used, strict=True):
         for equation, mask in zip(rows.equations, used, strict=True):
-            values = signals.driver(site.driver, equation)
+            values = signals.driver(driver, equation)
             mean = np.zeros(motion.m) if values is None else motion.averaged(values)
             parts.append((mean[mask], np.gradient(mean)[mask]))
-    factor = rows.columns(site, lambda d: np.ones((d.size, 1)))[:, 0]
-    return (
-        np.concatenate([mean for mean, _ in parts]),
-        np.concatenate([change for _, change in parts]),
-        factor,
-    )
+    return np.concatenate([mean for mean, _ in parts]), np.concatenate([rate for _, rate in parts])

@@ -9,7 +9,6 @@ from pneumo_casadi.diagnosis.discover.beside import Discovery, complete_term
 from pneumo_casadi.diagnosis.discover.discover import discover_term
 from pneumo_casadi.diagnosis.discover.term_in_model import Model
 from pneumo_casadi.diagnosis.metrics.residual_size import balance_closure, residual_rms
-from pneumo_casadi.diagnosis.prepare.criteria import in_floors
 from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue
 from pneumo_casadi.diagnosis.select.forward_selection import Selection
@@ -47,19 +46,19 @@ def find_rival_term(
     """
     levels, hidden = selection.levels, selection.chosen in selection.output_error_fits
     named = [effect for effect in effects if effect.name in selection.named]
-    left = float(np.max(residual_rms(selection.final) / levels.noise))
+    left = residual_rms(selection.final)
     nominal: Model = (selection.nominal, ())
     if (
         named
         and not hidden
-        and left > in_floors(levels.criteria.clean)
+        and np.any(levels.exceeded(left, levels.criteria.clean))
         and all(e.one_form for e in named)
     ):
         term = discover_term(study, *nominal, levels)
         closes = balance_closure(selection.nominal, selection.final, levels)
         if term is not None and term.closes.lower > closes.upper:
             return complete_term(study, selection, term, nominal, catalogue, executor)
-    if not named or left <= in_floors(levels.criteria.clear):
+    if not named or not np.any(levels.exceeded(left, levels.criteria.clear)):
         return None
     final: Model = (selection.final, effects)
     term = discover_term(study, *final, levels, foreign=True)

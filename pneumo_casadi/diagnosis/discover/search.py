@@ -11,8 +11,8 @@ from pneumo_casadi.diagnosis.discover.linear.linearised import Linearised
 from pneumo_casadi.diagnosis.discover.linear.rows import Basis
 from pneumo_casadi.diagnosis.discover.linear.sensor_errors import SENSORS
 from pneumo_casadi.diagnosis.discover.linear.sites import Site, all_sites
+from pneumo_casadi.diagnosis.discover.periods import best_periods
 from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels
-from pneumo_casadi.diagnosis.prepare.criteria import in_floors
 from pneumo_casadi.effects.term.formula import FORMULAS
 from pneumo_casadi.metrics import gap
 from pneumo_casadi.parameters import FloatArray
@@ -72,7 +72,7 @@ def search(linear: Linearised, levels: BalanceLevels, foreign: bool = False) -> 
         (a level besides would be a leak), and drifts of the force.
     """
     kind = linear.train.signals[0].axis.kind
-    high = linear.held_out.rms > in_floors(levels.criteria.clean) * levels.noise
+    high = levels.exceeded(linear.held_out.rms, levels.criteria.clean)
     visible = {name for name, is_high in zip(linear.train.equations, high, strict=True) if is_high}
     sites = [
         site
@@ -85,12 +85,17 @@ def search(linear: Linearised, levels: BalanceLevels, foreign: bool = False) -> 
     alone = linear.in_longest_record
     looked_for = {"t": (alone, GapScore(alone, levels)), "x": (linear, score)}
     leaks = ("sine",) if foreign else ("sine", "sine with level")
-    scored = [
-        _scored(*looked_for[site.driver], site, name)
-        for site in sites
-        if site.driver in REPEATS and (site.driver, site.balances[0]) not in NEVER_REPEAT
-        for name in (leaks if site.factor == "p" else ("sine",))
-    ]
+    scored: list[Scored | None] = []
+    for driver in REPEATS:
+        repeating = [
+            site
+            for site in sites
+            if site.driver == driver and (driver, site.balances[0]) not in NEVER_REPEAT
+        ]
+        part, score_of = looked_for[driver]
+        for site, period in best_periods(part, repeating).items():
+            for name in leaks if site.factor == "p" else ("sine",):
+                scored.append(_scored(part, score_of, site, name, period))
     names = [name for name, formula in FORMULAS.items() if not formula.periodic]
     if foreign:
         sites = [site for site in sites if site.driver == "t" and site.balances == ("force",)]
@@ -125,8 +130,10 @@ def _search_curves(
     ]
 
 
-def _scored(linear: Linearised, score: "GapScore", site: Site, name: str) -> Scored | None:
-    fit = fit_formula(linear, site, FORMULAS[name])
+def _scored(
+    linear: Linearised, score: "GapScore", site: Site, name: str, period: float | None = None
+) -> Scored | None:
+    fit = fit_formula(linear, site, FORMULAS[name], period)
     if fit is None or not is_small(linear, site, lambda d: fit.basis(d) @ fit.coefficients):
         return None
     return Scored(fit, score.of(fit))

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pneumo_casadi.data.bench.axis_kind import AxisKind
 from pneumo_casadi.diagnosis.metrics.findings import Closure
@@ -47,6 +48,18 @@ class BalanceLevels:
     noise: FloatArray
     signal: FloatArray
     criteria: Criteria = CRITERIA
+
+    def exceeded(self, rms: FloatArray, beside: float) -> NDArray[np.bool_]:
+        """Tell in which balances residuals (ne,) hold more than noise and so much beside it.
+
+        Parameters
+        ----------
+        rms : (ne,) array
+            From `residual_rms`.
+        beside : float
+            A criterion for residuals, in noise floors; see `Criteria`.
+        """
+        return np.asarray(rms > in_floors(beside) * self.noise)
 
 
 def balance_levels(study: Study) -> BalanceLevels:
@@ -166,12 +179,12 @@ def shares_left(
         gaps(residual_rms(fit), levels) * levels.signal / levels.noise for fit in (before, after)
     )
     main = old > max(levels.criteria.main_gap * float(old.max(initial=0.0)), 1e-12)
-    coarse = residual_rms(before) < in_floors(levels.criteria.coarsest_map) * levels.noise
+    coarse = ~levels.exceeded(residual_rms(before), levels.criteria.coarsest_map)
     coarse[-1] = False  # the force has no map
     if np.any(main & ~coarse):
         main &= ~coarse
     if clear:
-        main |= residual_rms(after) > in_floors(levels.criteria.clear) * levels.noise
+        main |= levels.exceeded(residual_rms(after), levels.criteria.clear)
         old = np.where(old > 0, old, new)
     return np.divide(new, old, out=np.zeros(len(old)), where=main)
 
@@ -188,7 +201,7 @@ def leaves_too_much(
 ) -> bool:
     """Return whether effects that leave a visible gap in some balance do not explain it."""
     shares, criteria = shares_left(before, after, levels, clear), levels.criteria
-    visible = residual_rms(after) > in_floors(criteria.visible) * levels.noise
+    visible = levels.exceeded(residual_rms(after), criteria.visible)
     return bool(np.any(visible & (shares > criteria.unexplained)))
 
 

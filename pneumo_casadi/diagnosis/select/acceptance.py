@@ -10,7 +10,6 @@ from pneumo_casadi.diagnosis.metrics.residual_size import (
     gaps,
     residual_rms,
 )
-from pneumo_casadi.diagnosis.prepare.criteria import in_floors
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.model.junctions import Junction
@@ -25,7 +24,7 @@ def can_matter(origin: FittedModel, before: FittedModel, levels: BalanceLevels) 
 
 def _force_is_open(fitted: FittedModel, levels: BalanceLevels) -> bool:
     """Return whether the force balance leaves a visible gap."""
-    return bool(residual_rms(fitted)[-1] > in_floors(levels.criteria.visible) * levels.noise[-1])
+    return bool(levels.exceeded(residual_rms(fitted), levels.criteria.visible)[-1])
 
 
 def only_corrects_map(
@@ -38,9 +37,8 @@ def only_corrects_map(
     are no causes unless the residuals exceed what any coarse map leaves. Beside another effect only
     the shape is asked.
     """
-    limit = in_floors(levels.criteria.coarsest_map) * levels.noise
-    coarse = np.all((residual_rms(before) < limit)[:-1])  # the force has no map
-    return bool(coarse) and all(
+    beyond = levels.exceeded(residual_rms(before), levels.criteria.coarsest_map)
+    return not np.any(beyond[:-1]) and all(  # the force has no map
         effect.metered or (not beside and _is_static_spool(effect)) for effect in added
     )
 
@@ -70,7 +68,7 @@ def accepted(
         enough[-1] |= _force_is_open(before, levels) and new[-1] < criteria.closed * old[-1]
         is_force = np.arange(len(enough)) == len(enough) - 1
         least = np.where(is_force, criteria.matters, criteria.further)
-        enough[:-1] &= (residual_rms(before) > in_floors(criteria.coarse_map) * levels.noise)[:-1]
+        enough[:-1] &= levels.exceeded(residual_rms(before), criteria.coarse_map)[:-1]
     gain, draws = bootstrap_gain(before, after, levels)
     _, pooled = bootstrap_gain(before, after, levels, pooled=True)
     level = 1 - criteria.certain
