@@ -7,7 +7,7 @@ import pytest
 
 from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA
 from pneumo_casadi.diagnosis.select import complete as stage
-from pneumo_casadi.diagnosis.select.complete import Completed, complete
+from pneumo_casadi.diagnosis.select.complete import Completed, complete, find_acting
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger
 from pneumo_casadi.effects import EFFECTS
 
@@ -24,6 +24,7 @@ class Model:
     cost: float
     on_all: float
     values: dict = field(default_factory=dict)
+    pace: float = 0.0
 
 
 class Bench:
@@ -159,6 +160,21 @@ def test_an_effect_is_exchanged_where_another_one_gains_more_beside_the_others(m
     assert bench.complete("shift") == Completed(("leak", "lag"), ("leak",))
 
 
+def test_where_an_effect_is_required_the_search_ends_without_it(monkeypatch):
+    alone = {"shift": 0.0, "leak": 0.0, "lag": 0.0, "drag": 0.0}
+    gains = {
+        (): 0.0, ("shift",): 800.0, ("leak",): 700.0, ("lag",): 120.0, ("shift", "lag"): 950.0,
+        ("leak", "lag"): 1000.0, ("shift", "leak"): 850.0, ("shift", "leak", "lag"): 1040.0,
+        ("leak", "lag", "drag"): 1400.0,
+    }  # fmt: skip
+    bench = Bench(monkeypatch, alone, gains)
+    bench.fit_all({("shift",): None})
+    given = bench.ledger, bench.nominal, ("shift",), LEVELS
+    assert find_acting(*given, required=("shift",)) == ("leak", "lag")
+    assert ("leak", "lag", "drag") not in bench.asked and bench.refined == []
+    assert find_acting(*given) == ("leak", "lag", "drag")
+
+
 def test_an_effect_that_stands_for_two_others_is_exchanged_for_both(monkeypatch):
     """A shifted null does in both chambers what a leak does in each."""
     alone = {"hose": 900.0, "shift": 0.0, "leak_P": 0.0, "leak_N": 0.0}
@@ -224,6 +240,17 @@ def test_what_is_large_enough_to_be_named_is_not_dropped_for_little_likelihood(m
     assert bench.complete("hose", "drag").named == ("hose", "drag")
     small = Bench(monkeypatch, ALONE)
     assert "drag" not in small.complete("hose", "drag").acting
+
+
+def test_of_models_fitted_side_by_side_those_for_which_nobody_asks_leave_nothing(monkeypatch):
+    bench = Bench(monkeypatch, {"hose": 900.0, "leak": 300.0, "lag": 120.0, "drag": 110.0})
+    bench.refused = {"lag"}
+    assert bench.complete("hose").acting == ("hose", "leak", "drag")
+    beside = ("hose", "lag")  # fitted with ("hose", "leak"), which was taken
+    assert beside in bench.asked
+    assert beside not in bench.ledger.fits and beside not in bench.ledger.failures
+    # It is tried where its turn has come, and refused there.
+    assert ("hose", "leak", "lag") in bench.ledger.failures
 
 
 def test_an_effect_that_is_not_credible_is_tried_once(monkeypatch):

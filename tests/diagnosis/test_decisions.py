@@ -81,7 +81,7 @@ def ledger_of(left, soon):
     return SimpleNamespace(
         fits=fits, output_error_fits={}, fit_without=fit_without, fit_all=fit_all,
         key=lambda names: tuple(sorted(names)), effects=lambda names: names,
-        simulate=lambda fits, window=WINDOW: None,
+        begin_simulations=lambda fits, window=WINDOW: None,
         simulations=SimpleNamespace(share=share, tells=lambda *given: True),
         study=SimpleNamespace(held_out=(SimpleNamespace(dt=1e-3),)),
     )  # fmt: skip

@@ -170,8 +170,25 @@ def test_a_form_with_stairs_is_fitted_where_the_usual_one_closes_much_and_leaves
             used_held_out=(np.ones((1, ROWS)),),
         )
     levels = BalanceLevels(np.ones(1), np.full(1, 100.0))
+    ledger.fits["valve_stiction",] = SimpleNamespace(cost=0.0)  # as if begun early
     fit_waiting_forms(ledger, nominal, levels)
     assert set(asked) == ({("valve_stiction",)} if fitted else set())
+    assert (("valve_stiction",) in ledger.fits) is fitted
+
+
+@pytest.mark.parametrize(("promised", "early"), [(60.0, True), (40.0, False)])
+def test_a_form_with_stairs_is_fitted_first_where_the_screen_promises_much_of_its_cause(
+    ledger, promised, early
+):
+    gains = {"stribeck": 100.0, "valve_hysteresis": promised, "valve_stiction": 0.0}
+    ledger.catalogue = {name: EFFECTS[name] for name in gains}
+    screened = {
+        name: ScreenResult(name, 0.0, gain, np.zeros(3), 1.0, True, ({},), {})
+        for name, gain in gains.items()
+    }
+    first, *others = forms_to_fit(ledger, screened)
+    assert (first == "valve_stiction") is early
+    assert "valve_stiction" not in others
 
 
 @pytest.mark.slow

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels
 from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA
 from pneumo_casadi.diagnosis.prepare.fitted_model import fit_model
 from pneumo_casadi.diagnosis.prepare.prepare_study import prepare_study
@@ -90,7 +91,7 @@ def test_a_coarse_map_is_no_shape_of_the_valve(excess, known, names, expected):
     residuals = (np.array([[1.0], [excess], [1.0]]),)
     current = SimpleNamespace(held_out=residuals, used_held_out=(np.ones((3, 1), bool),))
     worker = SimpleNamespace(effects=lambda names: tuple(EFFECTS[n]() for n in names))
-    by = SimpleNamespace(noise=np.ones(3), criteria=CRITERIA)
+    by = BalanceLevels(np.ones(3), np.ones(3))
     assert _coarse(worker, current, known, names, by) is expected
 
 
@@ -185,7 +186,7 @@ def test_weak_effects_beside_a_play_are_judged_together(
     """None of four closed enough alone, and a play that was there was `unknown`."""
     refined = SimpleNamespace(values={})
     simulated.gap_left[PLAY] = left
-    monkeypatch.setattr(complete_by_simulation, "find_acting", lambda *given: asked)
+    monkeypatch.setattr(complete_by_simulation, "find_acting", lambda *given, required: asked)
     monkeypatch.setattr(complete_by_simulation, "beside", lambda *given: None)
     monkeypatch.setattr(
         complete_by_simulation,

@@ -1,5 +1,6 @@
 """The gap of simulations on held-out records."""
 
+from concurrent.futures import Future
 from dataclasses import replace
 
 import numpy as np
@@ -94,6 +95,14 @@ def test_where_simulations_show_no_gap_none_is_left(sound_study):
     done.keep(other, Simulated(np.full((3, 3), 9.0)), WINDOW)
     assert done.share(nominal, other, ()) == 1.0
     assert not done.tells(nominal, other, ())
+
+
+def test_what_is_simulated_elsewhere_is_waited_for_once(sound_study):
+    done, fitted, job = Simulations(sound_study), object(), Future()
+    done.expect(fitted, job)
+    assert done.knows(fitted) and not done.knows(fitted, WINDOW / 5)
+    job.set_result(Simulated(np.ones((2, 3))))
+    assert done.of(fitted, ()) is job.result() and done.knows(fitted)
 
 
 @pytest.mark.parametrize("fault", [OverflowError, ZeroDivisionError])

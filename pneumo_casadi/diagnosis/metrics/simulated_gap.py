@@ -53,23 +53,31 @@ class Simulations:
 
     def __post_init__(self) -> None:
         self._kept: dict[tuple[FittedModel, float], Simulated] = {}
+        self._begun: dict[tuple[FittedModel, float], Future[Simulated]] = {}
         self._loops: dict[FittedModel, Future[dict[str, float] | str]] = {}
 
     def of(
         self, fitted: FittedModel, effects: Sequence[Effect], window: float = WINDOW
     ) -> Simulated:
         """Return the simulations of a fit in windows [s], initial states estimated."""
-        if not self.knows(fitted, window):
-            self.keep(fitted, simulate_fit(self.study, fitted, effects, window), window)
-        return self._kept[fitted, window]
+        key = fitted, window
+        if key in self._begun:
+            self._kept[key] = self._begun.pop(key).result()
+        elif key not in self._kept:
+            self._kept[key] = simulate_fit(self.study, fitted, effects, window)
+        return self._kept[key]
 
     def knows(self, fitted: FittedModel, window: float = WINDOW) -> bool:
-        """Tell whether a fit was simulated."""
-        return (fitted, window) in self._kept
+        """Tell whether a fit was simulated, or will be."""
+        return (fitted, window) in self._kept or (fitted, window) in self._begun
 
     def keep(self, fitted: FittedModel, simulated: Simulated, window: float = WINDOW) -> None:
         """Remember what was simulated elsewhere."""
         self._kept[fitted, window] = simulated
+
+    def expect(self, fitted: FittedModel, job: "Future[Simulated]", window: float = WINDOW) -> None:
+        """Remember what is simulated elsewhere; who asks for it waits."""
+        self._begun[fitted, window] = job
 
     def windows(
         self, fitted: FittedModel, effects: Sequence[Effect], window: float = WINDOW
@@ -100,8 +108,8 @@ class Simulations:
     ) -> None:
         """Begin to simulate closed loops where there is an executor; `loop` waits for them."""
         if executor is not None and self.have_loop:
-            for fitted, effects in models.items():
-                job = executor.submit(simulate_loop, self.study, fitted, effects)
+            for fitted in models.keys() - self._loops.keys():
+                job = executor.submit(simulate_loop, self.study, fitted, models[fitted])
                 self._loops[fitted] = job
 
     def loop(self, fitted: FittedModel, effects: Sequence[Effect]) -> dict[str, float] | str:

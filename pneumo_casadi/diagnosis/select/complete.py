@@ -7,7 +7,8 @@ completed by whatever the likelihood asks for, and each of its effects is then e
 exchanged where the others no longer need it.
 """
 
-from collections.abc import Iterator, Mapping, Set
+from collections.abc import Generator, Mapping, Set
+from contextlib import closing
 from dataclasses import dataclass, field, replace
 
 from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels, gain_on_all_records
@@ -62,12 +63,21 @@ def complete(
 
 
 def find_acting(
-    ledger: FitLedger, nominal: FittedModel, final: Names, levels: BalanceLevels
+    ledger: FitLedger,
+    nominal: FittedModel,
+    final: Names,
+    levels: BalanceLevels,
+    required: Names = (),
 ) -> Names:
-    """Return the effects, large and weak, of the model completed, which the ledger refines."""
-    work = _Completion(ledger, nominal, levels, final)
+    """Return the effects, large and weak, of the model completed, which the ledger refines.
+
+    The search ends where one of those `required` is no longer among them.
+    """
+    work = _Completion(ledger, nominal, levels, final, frozenset(required))
     acting = work.review(work.grow(final))
     for _ in range(ROUNDS - 1):
+        if not work.required <= set(acting):
+            return acting
         grown = work.grow(acting)
         if grown == acting:
             break
@@ -84,6 +94,8 @@ class _Completion:
     ----------
     selected : tuple of str
         Effects that the selection has found.
+    required : frozenset of str
+        Effects without which a model is of no use.
     refused : set of str
         Effects that were not credible where they were to be added: they are not tried again.
     """
@@ -92,15 +104,15 @@ class _Completion:
     nominal: FittedModel
     levels: BalanceLevels
     selected: Names
+    required: frozenset[str] = frozenset()
     refused: set[str] = field(default_factory=set)
 
     def grow(self, names: Names) -> Names:
         """Return a model with all further effects that the likelihood asks for, one by one."""
         least = self.levels.criteria.plausible_gain
         while len(names) < MAX_ACTING:
-            better = next(
-                (key for gain, key in self._extended(names, names, least) if gain >= least), None
-            )
+            with closing(self._extended(names, names, least)) as models:
+                better = next((key for gain, key in models if gain >= least), None)
             if better is None:
                 break
             names = better
@@ -109,13 +121,14 @@ class _Completion:
     def review(self, names: Names) -> Names:
         """Return a model without the effects that it does not need, others in place of some.
 
-        It ends where no model is better, or where one comes again.
+        It ends where no model is better, where one comes again, or where it is of no use.
         """
         seen: set[Names] = set()
         better: Names | None = names
         while better is not None and better not in seen:
             seen.add(better)
-            names, better = better, self._improve(better)
+            names = better
+            better = self._improve(names) if self.required <= set(names) else None
         return names
 
     def select_named(self, acting: Names) -> Names:
@@ -212,8 +225,10 @@ class _Completion:
 
     def _extended(
         self, known: Names, present: Names, promise: float
-    ) -> Iterator[tuple[float, Names]]:
+    ) -> Generator[tuple[float, Names], None, None]:
         """Yield what models with one effect more gain over the present model, and their effects.
+
+        They are fitted side by side; of those for which nobody asks none is left.
 
         Parameters
         ----------
@@ -222,19 +237,26 @@ class _Completion:
         promise : float
             Log-likelihood that an effect must promise in the screen.
         """
-        tried = 0
-        for name, start in self._promising(known, present, promise).items():
-            key = self.ledger.key((*known, name))
-            self.ledger.fit_against(self._fit_of(present), {key: start})
-            if key not in self.ledger.fits:
-                self.refused |= {name} if known == present else set()
-                continue
-            tried += 1
-            yield min(_gains(self._fit_of(present), self._fit_of(key))), key
-            if tried == TRIED:
-                break
+        ledger, left = self.ledger, TRIED
+        starts = self._promising(known, present, promise)
+        while left and starts:
+            keys = {name: ledger.key((*known, name)) for name in list(starts)[:left]}
+            new = {key: starts.pop(name) for name, key in keys.items()}
+            early = [key for key in new if key not in ledger.fits]
+            ledger.fit_against(self._fit_of(present), new, to_end=True)
+            try:
+                for name, key in keys.items():
+                    early = [other for other in early if other != key]
+                    if key not in ledger.fits:
+                        self.refused |= {name} if known == present else set()
+                        continue
+                    left -= 1
+                    yield min(_gains(self._fit_of(present), self._fit_of(key))), key
+            finally:
+                for key in early:
+                    ledger.forget(key)
 
-    def _promising(self, known: Names, present: Names, promise: float) -> Mapping[str, Start]:
+    def _promising(self, known: Names, present: Names, promise: float) -> dict[str, Start]:
         """Return where the fits of effects may begin that promise enough, the best first.
 
         What would hide the motion is left out: there the balances do not tell.

@@ -49,7 +49,7 @@ def contributions(
     levels : BalanceLevels
         Noise and signal of the balances.
     """
-    whole, complete = ledger.key(named), final
+    whole = ledger.key(named)
     if whole != final:
         ledger.fit_all({whole: Start(ledger.fits[final].values)})
     final = whole if whole in ledger.fits else final
@@ -60,14 +60,14 @@ def contributions(
         name: (key, ledger.output_error_fits.get(key, fit)) for name, (key, fit) in models.items()
     }
     needed = {(): nominal} | {key: fit for key, fit in refined.values() if fit is not None}
-    reported = {complete: ledger.output_error_fits.get(complete, ledger.fits[complete])}
-    ledger.simulate(needed | reported)
+    enough = FEWEST * max(record.dt for record in ledger.study.held_out)
+    short = min(WINDOW, max(SHORT, enough))
+    ledger.begin_simulations(needed)
+    if len(named) > 1:
+        ledger.begin_simulations(needed, short)
     back = _gap_back(ledger, nominal, refined, WINDOW, levels)
     if len(named) == 1:
         return back
-    enough = FEWEST * max(record.dt for record in ledger.study.held_out)
-    short = min(WINDOW, max(SHORT, enough))
-    ledger.simulate(needed, short)
     soon = _gap_back(ledger, nominal, refined, short, levels)
     missed = {
         name: np.inf

@@ -70,6 +70,8 @@ class FitLedger:
         Effects of the catalogue that no further model has.
     trials : dict of tuple of str to (FittedModel, float)
         Models refined by output error, and the share of the simulated gap that they leave.
+    refinements : dict of tuple of str to Future
+        Refinements by output error that were begun.
     reduced : dict of tuple of str to FittedModel
         Models from which an effect was taken, where they are not credible; see `fit_without`.
     """
@@ -84,6 +86,7 @@ class FitLedger:
     output_error_fits: dict[Names, FittedModel] = field(default_factory=dict)
     gap_left: dict[Names, float] = field(default_factory=dict)
     trials: dict[Names, tuple[FittedModel, float]] = field(default_factory=dict)
+    refinements: dict[Names, "Future[Any]"] = field(default_factory=dict)
     left_out: set[str] = field(default_factory=set)
     reduced: dict[Names, FittedModel] = field(default_factory=dict)
 
@@ -105,26 +108,32 @@ class FitLedger:
         """Have the executor call ``job(study, *given)``; without one it is done at once."""
         return self._jobs.run(job, *given)
 
-    def simulate(self, fits: Mapping[Names, FittedModel], window: float = WINDOW) -> None:
-        """Simulate the held-out records by fits in windows [s], side by side; each once."""
-        jobs = {
-            key: self.run(simulate_fit, fitted, self.effects(key), window)
-            for key, fitted in fits.items()
-            if not self.simulations.knows(fitted, window)
-        }
-        for key, job in jobs.items():
-            self.simulations.keep(fits[key], job.result(), window)
+    def begin_simulations(self, fits: Mapping[Names, FittedModel], window: float = WINDOW) -> None:
+        """Begin to simulate the held-out records by fits in windows [s]; each once."""
+        for key, fitted in fits.items():
+            if not self.simulations.knows(fitted, window):
+                job = self.run(simulate_fit, fitted, self.effects(key), window)
+                self.simulations.expect(fitted, job, window)
+
+    def begin_report(self, names: Names, fitted: FittedModel) -> None:
+        """Begin the simulations of a model that its report shows: processes wait now and then."""
+        self.begin_simulations({names: fitted})
+        self.simulations.begin_loops({fitted: self.effects(names)}, self.executor)
 
     def screen_all(self, nominal: FittedModel) -> None:
-        """Work out the directions of all effects at the nominal fit."""
+        """Work out the directions of all effects at the nominal fit.
+
+        Those with states take longest; they are the first, so that no process waits at the end.
+        """
+        made = {name: make() for name, make in self.catalogue.items()}
+        new = [name for name in made if name not in self.directions]
         jobs = {
-            name: self.run(perturbation, nominal, self.catalogue[name]())
-            for name in self.catalogue
-            if name not in self.directions
+            name: self.run(perturbation, nominal, made[name])
+            for name in sorted(new, key=lambda name: -len(made[name].states))
         }
-        for name, job in jobs.items():
+        for name in new:
             try:
-                self.directions[name] = job.result()
+                self.directions[name] = jobs[name].result()
             except FAULTS as error:
                 self.failures[(name,)] = Failed((name,), f"screen: {error}")
 
@@ -250,6 +259,11 @@ class FitLedger:
             if len(key) == len(known) + 1 and set(known) < set(key)
         }
 
+    def forget(self, names: Names) -> None:
+        """Drop what is known of a model."""
+        self.fits.pop(names, None)
+        self.failures.pop(names, None)
+
     def take(self, names: Names) -> None:
         """Choose a model as refined by output error."""
         self.output_error_fits[names], self.gap_left[names] = self.trials[names]
@@ -258,8 +272,7 @@ class FitLedger:
         """Take an effect out of the screen and of all further models."""
         self.left_out.add(name)
         self.directions.pop(name, None)
-        self.fits.pop((name,), None)
-        self.failures.pop((name,), None)
+        self.forget((name,))
 
     def swap(self, known: Names, other: Names) -> None:
         """Let forms of causes stand for those of a known model, in the screen and further models.

@@ -12,7 +12,6 @@ from pneumo_casadi.diagnosis.metrics.residual_size import (
     residual_rms,
     share_left,
 )
-from pneumo_casadi.diagnosis.prepare.criteria import in_floors
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.screen.screen import ScreenResult
 from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue, FitLedger, Names, Start
@@ -39,42 +38,61 @@ def forms_to_fit(ledger: FitLedger, screened: Mapping[str, ScreenResult]) -> lis
     """Return the effects to fit alone; of further forms of a cause only what promises something.
 
     The usual forms are all fitted, and those whose start is scanned: the screen sees one resonance.
-    Those with stairs take long, and wait for what the others leave; see `fit_waiting_forms`.
+    Those with stairs take long. They are the first where the screen promises about as much of their
+    cause as `fit_waiting_forms` asks for, and wait for what the others leave elsewhere.
     """
-    return [name for name, result in screened.items() if _fitted_at_once(ledger, name, result)]
+    most = max((result.gain for result in screened.values()), default=0.0)
+    early = [
+        name
+        for name, cause in _with_stairs(ledger).items()
+        if cause in screened and screened[cause].gain > NEAR_BEST * most
+    ]
+    at_once = [name for name, result in screened.items() if _fitted_at_once(ledger, name, result)]
+    return [name for name in early if name in screened] + at_once
 
 
 def _fitted_at_once(ledger: FitLedger, name: str, result: ScreenResult) -> bool:
     if cause_of(name, ledger.catalogue) == name:
         return True
-    if _has_stairs(ledger, name):
+    if has_stairs(ledger, name):
         return False
     scanned = bool(getattr(ledger.catalogue[name], "scanned", {}))
     return scanned or not result.felt or result.explained >= PROMISE
 
 
-def _has_stairs(ledger: FitLedger, name: str) -> bool:
+def has_stairs(ledger: FitLedger, name: str) -> bool:
+    """Return whether scans alone find some parameter of an effect; see `Effect.staircase`."""
     return bool(getattr(ledger.catalogue[name], "staircase", ()))
 
 
-def fit_waiting_forms(ledger: FitLedger, nominal: FittedModel, levels: BalanceLevels) -> None:
-    """Fit the forms that waited, alone, where the usual form of their cause leaves a gap.
-
-    It must close about as much as the best effect alone.
-    """
-    gains = {key[0]: nominal.cost - fit.cost for key, fit in ledger.extensions(()).items()}
-    least = NEAR_BEST * max(gains.values(), default=0.0)
-    waiting = {
+def _with_stairs(ledger: FitLedger) -> dict[str, str]:
+    """Return the forms with stairs, each with its cause."""
+    return {
         name: cause_of(name, ledger.catalogue)
         for name in ledger.catalogue
-        if _has_stairs(ledger, name)
+        if has_stairs(ledger, name)
     }
-    starts: dict[Names, Start] = {
-        (name,): Start(nominal.values)
-        for name, usual in waiting.items()
-        if gains.get(usual, -np.inf) > least
-        and np.any(gaps(residual_rms(ledger.fits[usual,]), levels))
+
+
+def fit_waiting_forms(ledger: FitLedger, nominal: FittedModel, levels: BalanceLevels) -> None:
+    """Fit the forms with stairs, alone, where the usual form of their cause leaves a gap.
+
+    It must close about as much as the best effect alone. Those fitted for nothing are dropped.
+    """
+    waiting = _with_stairs(ledger)
+    gains = {
+        key[0]: nominal.cost - fit.cost
+        for key, fit in ledger.extensions(()).items()
+        if key[0] not in waiting
     }
+    least = NEAR_BEST * max(gains.values(), default=0.0)
+    starts: dict[Names, Start] = {}
+    for name, usual in waiting.items():
+        near_best = gains.get(usual, -np.inf) > least
+        if near_best and np.any(gaps(residual_rms(ledger.fits[usual,]), levels)):
+            starts[name,] = Start(nominal.values)
+        else:
+            ledger.fits.pop((name,), None)
     ledger.fit_all(starts)
 
 
@@ -129,14 +147,14 @@ def with_other_form(
         Noise and signal of the held-out records.
     """
     current, criteria = ledger.fits[known], levels.criteria
-    if not np.any(residual_rms(current) > in_floors(criteria.visible) * levels.noise):
+    if not np.any(levels.exceeded(residual_rms(current), criteria.visible)):
         return known
     too_much = leaves_too_much(nominal, current, levels)
     present = causes_of(known, ledger.catalogue)
     starts = {}
     for form in sorted(ledger.left_out):
         cause = cause_of(form, ledger.catalogue)
-        if too_much or (cause in present and not _has_stairs(ledger, form)):
+        if too_much or (cause in present and not has_stairs(ledger, form)):
             others = [name for name in known if cause_of(name, ledger.catalogue) != cause]
             starts[ledger.key((*others, form))] = Start(current.values)
     ledger.fit_all(starts)

@@ -168,6 +168,7 @@ def select_effects(
     fit_alone(ledger, nominal, first)
     fit_waiting_forms(ledger, nominal, levels)
     forms = keep_best_forms(ledger, nominal)
+    ledger.begin_report((), nominal)
     path = _forward(ledger, nominal, levels, report)
     first = {name: result for name, result in first.items() if name not in ledger.left_out}
     shares: Mapping[str, float] = {}
@@ -176,6 +177,7 @@ def select_effects(
         report("what else acts", 0.85)
         completed = _completed(ledger, nominal, path[-1], levels)
         final = completed.acting
+        ledger.begin_report(final, ledger.output_error_fits.get(final, ledger.fits[final]))
         report("what each effect contributes", 0.9)
         shares = contributions(ledger, nominal, final, completed.named, levels)
     failures = tuple(ledger.failures.values())
@@ -240,7 +242,7 @@ def _forward(
     simulated = bool(taken) and (taken[-1] in ledger.trials or not ledger.study.shows_accelerations)
     if simulated and taken[-1] not in ledger.gap_left:
         final, effects = ledger.fits[taken[-1]], ledger.effects(taken[-1])
-        ledger.simulate({(): nominal, taken[-1]: final})
+        ledger.begin_simulations({(): nominal, taken[-1]: final})
         ledger.gap_left[taken[-1]] = ledger.simulations.share(nominal, final, effects)
     return taken
 

@@ -10,12 +10,15 @@ from dataclasses import replace
 import numpy as np
 
 from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels, residual_rms
-from pneumo_casadi.diagnosis.prepare.criteria import in_floors
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.prepare.starting_values import values_of
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger, Names
 from pneumo_casadi.diagnosis.select.propose import fit_extensions
-from pneumo_casadi.diagnosis.select.refined_trials import refine_again, refine_all
+from pneumo_casadi.diagnosis.select.refined_trials import (
+    begin_refinement,
+    refine_again,
+    refine_all,
+)
 from pneumo_casadi.estimation.equation_error.balance_functions import any_sensor_effect
 from pneumo_casadi.estimation.equation_error.smoothed_motion import BANDWIDTH
 from pneumo_casadi.model.effect import Effect
@@ -56,9 +59,7 @@ def find_hiding_extension(
     """
     fits = ledger.extensions(known)
     best = min(fits, key=lambda key: fits[key].cost, default=None)
-    if best is None or np.all(
-        residual_rms(current) < in_floors(levels.criteria.clean) * levels.noise
-    ):
+    if best is None or not np.any(levels.exceeded(residual_rms(current), levels.criteria.clean)):
         return None
     criteria, effects, before = levels.criteria, ledger.effects(best), ledger.effects(known)
     if (
@@ -80,11 +81,23 @@ def closes_in_simulation(ledger: FitLedger, nominal: FittedModel, names: Names) 
     """Tell whether a model that hides the motion closes the gap once it is simulated."""
     if not motion_is_hidden(ledger.effects(names), ledger.fits[names]):
         return False
+    _begin_what_follows(ledger, names)
     refine_all(ledger, nominal, {names: ledger.fits[names]})
     if ledger.trials[names][1] < ledger.study.criteria.simulated:
         ledger.take(names)
         return True
     return False
+
+
+def _begin_what_follows(ledger: FitLedger, names: Names) -> None:
+    """Begin to refine a model and what `extend_by_simulation` then asks for, side by side."""
+    if ledger.executor is None:
+        return
+    alone = _hiding(ledger, names)
+    models = {key: ledger.fits[key] for key in (names, alone) if key in ledger.fits}
+    for key, fitted in models.items():
+        begin_refinement(ledger, key, fitted)
+    ledger.begin_simulations(models)
 
 
 def extend_by_simulation(

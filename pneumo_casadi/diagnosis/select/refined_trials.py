@@ -26,14 +26,11 @@ def refine_all(
     `trials` of the ledger then holds each with the share of the simulated gap that it leaves,
     infinite where the refinement has failed.
     """
-    jobs = {
-        key: ledger.run(_refine_and_simulate, start, ledger.effects(key), iterations)
-        for key, start in starts.items()
-        if key not in ledger.trials
-    }
-    for key, job in jobs.items():
+    for key, start in starts.items():
+        begin_refinement(ledger, key, start, iterations)
+    for key in [key for key in starts if key not in ledger.trials]:
         try:
-            better, simulated = job.result()
+            better, simulated = ledger.refinements.pop(key).result()
         except FAULTS as error:
             ledger.trials[key] = starts[key], np.inf
             if key not in ledger.fits:
@@ -42,6 +39,15 @@ def refine_all(
         ledger.simulations.keep(better, simulated)
         share = ledger.simulations.share(nominal, better, ledger.effects(key))
         ledger.trials[key] = better, share
+
+
+def begin_refinement(
+    ledger: FitLedger, names: Names, start: FittedModel, iterations: int = MAX_ITERATIONS
+) -> None:
+    """Begin to refine a model by output error, once; who asks for it by `refine_all` waits."""
+    if names not in ledger.trials and names not in ledger.refinements:
+        effects = ledger.effects(names)
+        ledger.refinements[names] = ledger.run(_refine_and_simulate, start, effects, iterations)
 
 
 def refine_again(
