@@ -30,6 +30,7 @@ from tables.laboratories import laboratories, mistakes
 from tables.robustness import damaged, hostile, kills
 from tables.speed import (
     batch,
+    diagnosis_time,
     many_cases,
     peers,
     peers_answer,
@@ -76,6 +77,7 @@ TABLES: dict[str, tuple[Callable[..., str], *tuple[str, ...]]] = {
     "criteria_moved": (criteria_moved, "criteria_moved"),
     "rules_off": (rules_off, "rules_off"),
     "rules_off_rare": (rules_off, "rules_off_rare"),
+    "diagnosis_time": (diagnosis_time, "diagnosis_time"),
     "batch": (batch, "batch"),
     "many_cases": (many_cases, "many_cases"),
     "designs": (designs, "design"),

@@ -1,6 +1,7 @@
 """Tables on time and memory."""
 
 from collections.abc import Mapping
+from statistics import median
 from typing import Any
 
 from tables.common import rows
@@ -144,3 +145,22 @@ def many_cases(result: Mapping[str, Any]) -> str:
     sizes = (result[key] for key in ("seconds", "before_MB", "largest_MB", "grown_MB"))
     line = [f"{result['cases']:,}", f"{result['duration_s']:g}", *(f"{size:.0f}" for size in sizes)]
     return rows(head, [line])
+
+
+def diagnosis_time(result: Mapping[str, Any]) -> str:
+    """Return how long a diagnosis takes."""
+    practice, drawn = result["each"].values(), result["draws"].values()
+    head = ["cases", "number", "median, s", "slowest, s", "most memory, GB"]
+    cases = [
+        ("practice, 20 s at 1 kHz", practice, result["peak_GB"]),
+        ("drawn, 20 s at 1 kHz", drawn, result["draws_peak_GB"]),
+        ("60 s at 5 kHz", [result["long_s"]], result["long_GB"]),
+    ]
+    table = rows(
+        head,
+        [
+            [name, f"{len(times)}", f"{median(times):.1f}", f"{max(times):.1f}", f"{peak:.2f}"]
+            for name, times, peak in cases
+        ],
+    )
+    return f"{table}\n\nWith an empty cache at most {result['cold_extra_s']:.1f} s more."

@@ -37,6 +37,7 @@ from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.prepare.noise_bias import without_noise_bias
 from pneumo_casadi.diagnosis.prepare.prepare_study import applicable, prepare_study
 from pneumo_casadi.diagnosis.prepare.study import Study
+from pneumo_casadi.diagnosis.prepare.study_jobs import StudyJobs
 from pneumo_casadi.diagnosis.result.diagnosis_result import Diagnosis
 from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue
 from pneumo_casadi.diagnosis.select.forms import causes_of
@@ -153,7 +154,7 @@ def diagnose(
     final = selection.final if decision.has_gap else selection.nominal
     shown = effects if final is selection.final else ()
     models = {selection.nominal: (), final: shown, **dict([with_term] if with_term else [])}
-    selection.simulations.begin_loops(models, executor)
+    selection.simulations.begin_loops(models, StudyJobs(study, executor))
     inputs = estimate_unknown_inputs(study, selection.nominal)
     named = decision.names_effects
     hidden, beside = ((), decision.absorbed) if named else (decision.absorbed, ())

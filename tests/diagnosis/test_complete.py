@@ -242,15 +242,12 @@ def test_what_is_large_enough_to_be_named_is_not_dropped_for_little_likelihood(m
     assert "drag" not in small.complete("hose", "drag").acting
 
 
-def test_of_models_fitted_side_by_side_those_for_which_nobody_asks_leave_nothing(monkeypatch):
-    bench = Bench(monkeypatch, {"hose": 900.0, "leak": 300.0, "lag": 120.0, "drag": 110.0})
-    bench.refused = {"lag"}
-    assert bench.complete("hose").acting == ("hose", "leak", "drag")
-    beside = ("hose", "lag")  # fitted with ("hose", "leak"), which was taken
-    assert beside in bench.asked
-    assert beside not in bench.ledger.fits and beside not in bench.ledger.failures
-    # It is tried where its turn has come, and refused there.
-    assert ("hose", "leak", "lag") in bench.ledger.failures
+def test_the_two_that_promise_most_begin_together(monkeypatch):
+    bench = Bench(monkeypatch, {"hose": 900.0, "leak": 300.0, "lag": 120.0, "drag": 90.0})
+    begun = []
+    monkeypatch.setattr(FitLedger, "begin_fit", lambda self, key, start: begun.append(key))
+    assert bench.complete("hose").acting == ("hose", "leak", "lag")
+    assert begun[:2] == [("hose", "leak"), ("hose", "lag")]
 
 
 def test_an_effect_that_is_not_credible_is_tried_once(monkeypatch):

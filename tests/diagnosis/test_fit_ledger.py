@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 from pneumo_casadi.diagnosis.select import fit_ledger
+from pneumo_casadi.diagnosis.select.begun_jobs import BegunJobs
 from pneumo_casadi.diagnosis.select.fit_ledger import (
     MAX_ITERATIONS,
     SEARCH_ITERATIONS,
@@ -132,3 +133,60 @@ def test_models_without_an_effect_are_fitted_to_their_end(ledger_of, monkeypatch
         kept.fits[hose] = ended(900.0, 1.0)
     fits = kept.fit_without(pair, pair)
     assert (fits["drag"].cost, fits["hose"].cost) == (100.0, 5.0)
+
+
+@pytest.fixture
+def working(monkeypatch):
+    """A ledger with an executor, and the keys of the fits that it has begun."""
+    monkeypatch.setattr(FitLedger, "__post_init__", lambda self: None)
+    kept, begun = FitLedger(None, dict.fromkeys(("drag", "hose")), executor=object()), []
+    kept.effects = lambda names: kept.key(names)
+
+    def run(job, effects, values, *others):
+        begun.append(effects)
+        done = Future()
+        done.set_result(ended(values["cost"]))
+        return done
+
+    kept.run = run
+    return kept, begun
+
+
+DRAG, START = ("drag",), Start({"cost": 5.0})
+
+
+def test_a_fit_that_was_begun_counts_once_it_is_asked_for(working):
+    kept, begun = working
+    kept.begin_fit(DRAG, START)
+    assert kept.fits == {} and begun == [DRAG]
+    kept.fit_all({DRAG: Start({"cost": 5.0})})  # from equal values
+    assert kept.fits[DRAG].cost == 5.0 and begun == [DRAG]
+
+
+def test_a_fit_begun_elsewhere_than_where_it_is_to_begin_is_none(working):
+    kept, begun = working
+    kept.begin_fit(DRAG, START)
+    kept.fit_all({DRAG: Start({"cost": 7.0})})
+    assert kept.fits[DRAG].cost == 7.0 and begun == [DRAG, DRAG]
+
+
+@pytest.mark.parametrize("known", ["fits", "failures", "nowhere to run", "kept on disk"])
+def test_nothing_is_begun_that_is_known_or_that_would_have_to_be_waited_for(working, known):
+    kept, begun = working
+    if known == "nowhere to run":
+        kept.executor = None
+    elif known == "kept on disk":  # whose files are those of fits that were asked for
+        kept.store = object()
+    else:
+        getattr(kept, known)[DRAG] = None
+    kept.begin_fit(DRAG, START)
+    assert begun == []
+
+
+def test_what_nobody_asked_for_is_cancelled():
+    begun, waiting, asked = BegunJobs(), Future(), Future()
+    begun.add("waiting", 1, waiting)
+    begun.add("asked", 2, asked)
+    assert begun.take("asked", 2) is asked and "asked" not in begun
+    begun.cancel_all()
+    assert waiting.cancelled() and not asked.cancelled()

@@ -102,7 +102,7 @@ def test_what_is_simulated_elsewhere_is_waited_for_once(sound_study):
     done.expect(fitted, job)
     assert done.knows(fitted) and not done.knows(fitted, WINDOW / 5)
     job.set_result(Simulated(np.ones((2, 3))))
-    assert done.of(fitted, ()) is job.result() and done.knows(fitted)
+    assert done.of(fitted, ()) is done.of(fitted, ()) is job.result() and done.knows(fitted)
 
 
 @pytest.mark.parametrize("fault", [OverflowError, ZeroDivisionError])

@@ -1,5 +1,7 @@
 """A study goes to other processes once."""
 
+import gc
+import hashlib
 import os
 import pickle
 import sys
@@ -69,10 +71,45 @@ def test_processes_of_this_machine_get_no_copy_with_each_job(own):
 def test_the_file_is_gone_with_its_owner():
     executor = ProcessPoolExecutor(1)
     jobs = StudyJobs(STUDY, executor)
-    path = jobs._packed.path
+    path = jobs._packed.content
     assert pickle.loads(path.read_bytes()) == STUDY
     del jobs
     assert not path.exists()
+
+
+class Waiting(Executor):
+    """An executor whose jobs wait until `work` is called."""
+
+    def __init__(self):
+        self.waiting = []
+
+    def submit(self, fn, /, *given):
+        future = Future()
+        self.waiting.append((future, fn, given))
+        return future
+
+    def work(self):
+        future, fn, given = self.waiting.pop()
+        future.set_result(fn(*given))
+        return future
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="files without a name are known to Linux")
+def test_the_file_stays_until_the_last_job_is_done(monkeypatch):
+    monkeypatch.setattr(study_jobs, "runs_here", lambda executor: True)
+    executor = Waiting()
+    StudyJobs(STUDY, executor).run(length, 1)  # whose owner is gone at once
+    _, _, (packed, *_) = executor.waiting[0]
+    assert executor.work().result() == 100_001
+    gc.collect()
+    assert not packed.content.exists()
+
+
+def test_another_study_under_the_same_name_is_refused(tmp_path):
+    path = tmp_path / "study"
+    path.write_bytes(pickle.dumps({"axis": "b"}))
+    with pytest.raises(OSError, match="there is another one"):
+        study_jobs._unpacked(PackedStudy("of the first", path))
 
 
 def test_where_there_is_no_such_file_the_study_goes_along(monkeypatch):
@@ -81,10 +118,11 @@ def test_where_there_is_no_such_file_the_study_goes_along(monkeypatch):
 
     monkeypatch.setattr(os, "memfd_create", full, raising=False)
     jobs = StudyJobs(STUDY, ProcessPoolExecutor(1))
-    assert jobs._packed.path is None and pickle.loads(jobs._packed.packed) == STUDY
+    assert pickle.loads(jobs._packed.content) == STUDY
 
 
 def test_a_process_unpacks_a_study_once():
-    packed = PackedStudy("token", pickle.dumps(STUDY))
-    first = study_jobs._unpacked(packed)
-    assert study_jobs._unpacked(PackedStudy("token", b"never read")) is first
+    content = pickle.dumps(STUDY)
+    token = hashlib.sha256(content).hexdigest()
+    first = study_jobs._unpacked(PackedStudy(token, content))
+    assert study_jobs._unpacked(PackedStudy(token, b"never read")) is first

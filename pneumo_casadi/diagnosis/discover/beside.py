@@ -25,6 +25,7 @@ from pneumo_casadi.diagnosis.metrics.residual_size import (
 )
 from pneumo_casadi.diagnosis.prepare.fitted_model import FAULTS, FittedModel
 from pneumo_casadi.diagnosis.prepare.study import Study
+from pneumo_casadi.diagnosis.prepare.study_jobs import StudyJobs
 from pneumo_casadi.diagnosis.select.complete import complete
 from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue, FitLedger, Names
 from pneumo_casadi.diagnosis.select.forward_selection import Selection
@@ -72,10 +73,11 @@ def discover_beside(
         Where terms are looked for, beside both models at once, and where fits run.
     """
     models: dict[FittedModel, Sequence[Effect]] = {selection.nominal: (), selection.final: effects}
-    given = [(study, *model, selection.levels) for model in models.items()]
-    terms = (propose_term(*each) for each in given)
+    given = [(*model, selection.levels) for model in models.items()]
+    terms = (propose_term(study, *each) for each in given)
     if executor is not None:
-        jobs = [executor.submit(propose_term, *each) for each in given]
+        work = StudyJobs(study, executor)
+        jobs = [work.run(propose_term, *each) for each in given]
         terms = (job.result() for job in jobs)
     for term, model in zip(terms, models.items(), strict=True):
         if term is None:

@@ -41,7 +41,10 @@ def best_period(linear: Linearised, site: Site) -> float | None:
 
 
 def best_periods(linear: Linearised, sites: Sequence[Site]) -> dict[Site, float | None]:
-    """Return the best period of every one of some sites with the same driver; see `best_period`."""
+    """Return the best period of every one of some sites; see `best_period`.
+
+    All have the same driver, ``x`` or ``t``, which no balance has for itself.
+    """
     d = linear.train.driver(sites[0]) if sites else None
     if d is None or not np.ptp(d) > 0:
         return dict.fromkeys(sites)
@@ -77,8 +80,8 @@ def _highest_peak(
 def periodograms(linear: Linearised, sites: Sequence[Site], grid: FloatArray) -> FloatArray:
     """Return the squares that a sine removes beside a refit, by site and even frequency.
 
-    The sites have the same driver, (sites, grid). The windows of the residuals are taken for short:
-    see `sines_remove`.
+    The sites have the same driver, as in `best_periods`; shape (sites, grid). The windows of the
+    residuals are taken for short: see `sines_remove`.
     """
     power = np.empty((len(sites), grid.size))
     if not sites:

@@ -59,7 +59,7 @@ class BalanceLevels:
         beside : float
             A criterion for residuals, in noise floors; see `Criteria`.
         """
-        return np.asarray(rms > in_floors(beside) * self.noise)
+        return np.asarray(~(rms <= in_floors(beside) * self.noise))  # no number is no small one
 
 
 def balance_levels(study: Study) -> BalanceLevels:

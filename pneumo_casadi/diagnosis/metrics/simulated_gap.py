@@ -1,7 +1,7 @@
 """The gap of simulations on held-out records, before and after effects are added."""
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import Executor, Future
+from concurrent.futures import Future
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,6 +22,7 @@ from pneumo_casadi.diagnosis.metrics.simulated_fit import (
 )
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
 from pneumo_casadi.diagnosis.prepare.study import Study
+from pneumo_casadi.diagnosis.prepare.study_jobs import StudyJobs
 from pneumo_casadi.metrics import (
     closure,
     closure_interval,
@@ -103,14 +104,12 @@ class Simulations:
         known = all("x_ref" in record for record in study.held_out)
         return known and study.axis.bench.controller.closes_loop
 
-    def begin_loops(
-        self, models: Mapping[FittedModel, Sequence[Effect]], executor: Executor | None
-    ) -> None:
+    def begin_loops(self, models: Mapping[FittedModel, Sequence[Effect]], jobs: StudyJobs) -> None:
         """Begin to simulate closed loops where there is an executor; `loop` waits for them."""
-        if executor is not None and self.have_loop:
-            for fitted in models.keys() - self._loops.keys():
-                job = executor.submit(simulate_loop, self.study, fitted, models[fitted])
-                self._loops[fitted] = job
+        if jobs.executor is not None and self.have_loop:
+            for fitted, effects in models.items():
+                if fitted not in self._loops:
+                    self._loops[fitted] = jobs.run(simulate_loop, fitted, effects)
 
     def loop(self, fitted: FittedModel, effects: Sequence[Effect]) -> dict[str, float] | str:
         """Return the gap of every output under the controller, or why there is none."""

@@ -80,13 +80,9 @@ def cheapest(study: Study, axis: Axis, changes: Sequence[Mapping[str, float]]) -
 
 def _costs(study: Study, axis: Axis, changes: Sequence[Mapping[str, float]]) -> FloatArray:
     """Return what fits would begin with, at some values; infinite where it is no number."""
-    base, index, starts = axis.parameters.values, axis.parameters.index, []
-    for values in changes:
-        starts.append(base.copy())
-        starts[-1][[index(name) for name in values]] = list(values.values())
     costs = equation_error_costs(
         axis,
-        starts,
+        [axis.parameters.with_values(values).values for values in changes],
         study.smoothed[0],
         study.anchor_with(axis.effects),
         residual_floor=default_residual_floor(study.axis),

@@ -7,8 +7,7 @@ completed by whatever the likelihood asks for, and each of its effects is then e
 exchanged where the others no longer need it.
 """
 
-from collections.abc import Generator, Mapping, Set
-from contextlib import closing
+from collections.abc import Iterator, Mapping, Set
 from dataclasses import dataclass, field, replace
 
 from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels, gain_on_all_records
@@ -71,18 +70,18 @@ def find_acting(
 ) -> Names:
     """Return the effects, large and weak, of the model completed, which the ledger refines.
 
-    The search ends where one of those `required` is no longer among them.
+    The search ends where one of those `required` is no longer among them; that model is returned
+    as it is, of no use to who requires them.
     """
     work = _Completion(ledger, nominal, levels, final, frozenset(required))
     acting = work.review(work.grow(final))
     for _ in range(ROUNDS - 1):
-        if not work.required <= set(acting):
-            return acting
-        grown = work.grow(acting)
+        grown = work.grow(acting) if work.required <= set(acting) else acting
         if grown == acting:
             break
         acting = work.review(grown)
-    ledger.refine(acting)
+    if work.required <= set(acting):
+        ledger.refine(acting)
     return acting
 
 
@@ -111,8 +110,9 @@ class _Completion:
         """Return a model with all further effects that the likelihood asks for, one by one."""
         least = self.levels.criteria.plausible_gain
         while len(names) < MAX_ACTING:
-            with closing(self._extended(names, names, least)) as models:
-                better = next((key for gain, key in models if gain >= least), None)
+            better = next(
+                (key for gain, key in self._extended(names, names, least) if gain >= least), None
+            )
             if better is None:
                 break
             names = better
@@ -225,10 +225,10 @@ class _Completion:
 
     def _extended(
         self, known: Names, present: Names, promise: float
-    ) -> Generator[tuple[float, Names], None, None]:
+    ) -> Iterator[tuple[float, Names]]:
         """Yield what models with one effect more gain over the present model, and their effects.
 
-        They are fitted side by side; of those for which nobody asks none is left.
+        The fits that may be next begin side by side.
 
         Parameters
         ----------
@@ -237,26 +237,24 @@ class _Completion:
         promise : float
             Log-likelihood that an effect must promise in the screen.
         """
-        ledger, left = self.ledger, TRIED
-        starts = self._promising(known, present, promise)
-        while left and starts:
-            keys = {name: ledger.key((*known, name)) for name in list(starts)[:left]}
-            new = {key: starts.pop(name) for name, key in keys.items()}
-            early = [key for key in new if key not in ledger.fits]
-            ledger.fit_against(self._fit_of(present), new, to_end=True)
-            try:
-                for name, key in keys.items():
-                    early = [other for other in early if other != key]
-                    if key not in ledger.fits:
-                        self.refused |= {name} if known == present else set()
-                        continue
-                    left -= 1
-                    yield min(_gains(self._fit_of(present), self._fit_of(key))), key
-            finally:
-                for key in early:
-                    ledger.forget(key)
+        ledger, tried = self.ledger, 0
+        starts = {
+            (name, ledger.key((*known, name))): start
+            for name, start in self._promising(known, present, promise).items()
+        }
+        for (_, key), start in list(starts.items())[:TRIED]:
+            ledger.begin_fit(key, start)
+        for (name, key), start in starts.items():
+            ledger.fit_against(self._fit_of(present), {key: start})
+            if key not in ledger.fits:
+                self.refused |= {name} if known == present else set()
+                continue
+            tried += 1
+            yield min(_gains(self._fit_of(present), self._fit_of(key))), key
+            if tried == TRIED:
+                break
 
-    def _promising(self, known: Names, present: Names, promise: float) -> dict[str, Start]:
+    def _promising(self, known: Names, present: Names, promise: float) -> Mapping[str, Start]:
         """Return where the fits of effects may begin that promise enough, the best first.
 
         What would hide the motion is left out: there the balances do not tell.

@@ -21,6 +21,7 @@ from pneumo_casadi.diagnosis.prepare.study_jobs import StudyJobs
 from pneumo_casadi.diagnosis.screen.background import Background
 from pneumo_casadi.diagnosis.screen.directions import Direction, perturbation
 from pneumo_casadi.diagnosis.screen.screen import ScreenResult, screened
+from pneumo_casadi.diagnosis.select.begun_jobs import BegunJobs
 from pneumo_casadi.estimation.equation_error.fit import MAX_ITERATIONS
 from pneumo_casadi.model.effect import Effect, EffectFactory
 
@@ -70,8 +71,8 @@ class FitLedger:
         Effects of the catalogue that no further model has.
     trials : dict of tuple of str to (FittedModel, float)
         Models refined by output error, and the share of the simulated gap that they leave.
-    refinements : dict of tuple of str to Future
-        Refinements by output error that were begun.
+    begun_fits, begun_refinements : BegunJobs
+        Fits, and refinements by output error, for which nobody has asked yet.
     reduced : dict of tuple of str to FittedModel
         Models from which an effect was taken, where they are not credible; see `fit_without`.
     """
@@ -86,7 +87,8 @@ class FitLedger:
     output_error_fits: dict[Names, FittedModel] = field(default_factory=dict)
     gap_left: dict[Names, float] = field(default_factory=dict)
     trials: dict[Names, tuple[FittedModel, float]] = field(default_factory=dict)
-    refinements: dict[Names, "Future[Any]"] = field(default_factory=dict)
+    begun_fits: BegunJobs = field(default_factory=BegunJobs)
+    begun_refinements: BegunJobs = field(default_factory=BegunJobs)
     left_out: set[str] = field(default_factory=set)
     reduced: dict[Names, FittedModel] = field(default_factory=dict)
 
@@ -109,16 +111,32 @@ class FitLedger:
         return self._jobs.run(job, *given)
 
     def begin_simulations(self, fits: Mapping[Names, FittedModel], window: float = WINDOW) -> None:
-        """Begin to simulate the held-out records by fits in windows [s]; each once."""
+        """Begin to simulate the held-out records by fits in windows [s]; each once.
+
+        Without an executor they are done at once.
+        """
         for key, fitted in fits.items():
             if not self.simulations.knows(fitted, window):
                 job = self.run(simulate_fit, fitted, self.effects(key), window)
                 self.simulations.expect(fitted, job, window)
 
     def begin_report(self, names: Names, fitted: FittedModel) -> None:
-        """Begin the simulations of a model that its report shows: processes wait now and then."""
-        self.begin_simulations({names: fitted})
-        self.simulations.begin_loops({fitted: self.effects(names)}, self.executor)
+        """Begin the simulations of a model that its report shows, if there is an executor.
+
+        Its processes wait now and then.
+        """
+        if self.executor is not None:
+            self.begin_simulations({names: fitted})
+            self.simulations.begin_loops({fitted: self.effects(names)}, self._jobs)
+
+    def begin_fit(self, key: Names, start: Start) -> None:
+        """Begin a fit for which `fit_all` may be asked next, if there is an executor.
+
+        What nobody asks for is no fit of the study, and no file in the store.
+        """
+        known = key in self.fits or key in self.failures
+        if self.executor is not None and self.store is None and not known:
+            self.begun_fits.add(key, start, self._begin(key, start))
 
     def screen_all(self, nominal: FittedModel) -> None:
         """Work out the directions of all effects at the nominal fit.
@@ -191,12 +209,13 @@ class FitLedger:
         return self.run(fit_model, self.effects(key), *given)
 
     def _submit(self, models: Mapping[Names, Start], max_iterations: int) -> None:
-        jobs = {}
+        jobs, search = {}, max_iterations == SEARCH_ITERATIONS
         for key, start in models.items():
             effects = self.effects(key)
             kept = None if self.store is None else self.store.read(effects)
             if kept is None:
-                jobs[key] = self._begin(key, start, max_iterations)
+                begun = self.begun_fits.take(key, start) if search else None
+                jobs[key] = begun or self._begin(key, start, max_iterations)
             else:
                 self.fits[key] = kept
         for key, job in jobs.items():
@@ -259,11 +278,6 @@ class FitLedger:
             if len(key) == len(known) + 1 and set(known) < set(key)
         }
 
-    def forget(self, names: Names) -> None:
-        """Drop what is known of a model."""
-        self.fits.pop(names, None)
-        self.failures.pop(names, None)
-
     def take(self, names: Names) -> None:
         """Choose a model as refined by output error."""
         self.output_error_fits[names], self.gap_left[names] = self.trials[names]
@@ -272,7 +286,8 @@ class FitLedger:
         """Take an effect out of the screen and of all further models."""
         self.left_out.add(name)
         self.directions.pop(name, None)
-        self.forget((name,))
+        self.fits.pop((name,), None)
+        self.failures.pop((name,), None)
 
     def swap(self, known: Names, other: Names) -> None:
         """Let forms of causes stand for those of a known model, in the screen and further models.

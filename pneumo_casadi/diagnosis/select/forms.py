@@ -38,62 +38,61 @@ def forms_to_fit(ledger: FitLedger, screened: Mapping[str, ScreenResult]) -> lis
     """Return the effects to fit alone; of further forms of a cause only what promises something.
 
     The usual forms are all fitted, and those whose start is scanned: the screen sees one resonance.
-    Those with stairs take long. They are the first where the screen promises about as much of their
-    cause as `fit_waiting_forms` asks for, and wait for what the others leave elsewhere.
+    Those with stairs take long, and wait for what the others leave; see `fit_waiting_forms`.
     """
-    most = max((result.gain for result in screened.values()), default=0.0)
-    early = [
-        name
-        for name, cause in _with_stairs(ledger).items()
-        if cause in screened and screened[cause].gain > NEAR_BEST * most
-    ]
-    at_once = [name for name, result in screened.items() if _fitted_at_once(ledger, name, result)]
-    return [name for name in early if name in screened] + at_once
+    return [name for name, result in screened.items() if _fitted_at_once(ledger, name, result)]
 
 
 def _fitted_at_once(ledger: FitLedger, name: str, result: ScreenResult) -> bool:
     if cause_of(name, ledger.catalogue) == name:
         return True
-    if has_stairs(ledger, name):
+    if _has_stairs(ledger, name):
         return False
     scanned = bool(getattr(ledger.catalogue[name], "scanned", {}))
     return scanned or not result.felt or result.explained >= PROMISE
 
 
-def has_stairs(ledger: FitLedger, name: str) -> bool:
-    """Return whether scans alone find some parameter of an effect; see `Effect.staircase`."""
+def _has_stairs(ledger: FitLedger, name: str) -> bool:
     return bool(getattr(ledger.catalogue[name], "staircase", ()))
 
 
-def _with_stairs(ledger: FitLedger) -> dict[str, str]:
-    """Return the forms with stairs, each with its cause."""
-    return {
-        name: cause_of(name, ledger.catalogue)
-        for name in ledger.catalogue
-        if has_stairs(ledger, name)
-    }
+def begin_waiting_forms(
+    ledger: FitLedger, nominal: FittedModel, screened: Mapping[str, ScreenResult]
+) -> None:
+    """Begin to fit forms that wait where the screen promises much of the usual form of their cause.
+
+    They take as long as all others together: `fit_waiting_forms`, which decides by what the others
+    leave, finds them done.
+    """
+    least = NEAR_BEST * max((result.gain for result in screened.values()), default=0.0)
+    for name, cause in _waiting(ledger).items():
+        if cause in screened and cause != name and screened[cause].gain > least:
+            ledger.begin_fit((name,), Start(nominal.values))
 
 
 def fit_waiting_forms(ledger: FitLedger, nominal: FittedModel, levels: BalanceLevels) -> None:
-    """Fit the forms with stairs, alone, where the usual form of their cause leaves a gap.
+    """Fit the forms that waited, alone, where the usual form of their cause leaves a gap.
 
-    It must close about as much as the best effect alone. Those fitted for nothing are dropped.
+    It must close about as much as the best effect alone.
     """
-    waiting = _with_stairs(ledger)
-    gains = {
-        key[0]: nominal.cost - fit.cost
-        for key, fit in ledger.extensions(()).items()
-        if key[0] not in waiting
-    }
+    gains = {key[0]: nominal.cost - fit.cost for key, fit in ledger.extensions(()).items()}
     least = NEAR_BEST * max(gains.values(), default=0.0)
-    starts: dict[Names, Start] = {}
-    for name, usual in waiting.items():
-        near_best = gains.get(usual, -np.inf) > least
-        if near_best and np.any(gaps(residual_rms(ledger.fits[usual,]), levels)):
-            starts[name,] = Start(nominal.values)
-        else:
-            ledger.fits.pop((name,), None)
+    starts: dict[Names, Start] = {
+        (name,): Start(nominal.values)
+        for name, usual in _waiting(ledger).items()
+        if gains.get(usual, -np.inf) > least
+        and np.any(gaps(residual_rms(ledger.fits[usual,]), levels))
+    }
     ledger.fit_all(starts)
+
+
+def _waiting(ledger: FitLedger) -> dict[str, str]:
+    """Return the effects with stairs, each with its cause."""
+    return {
+        name: cause_of(name, ledger.catalogue)
+        for name in ledger.catalogue
+        if _has_stairs(ledger, name)
+    }
 
 
 def keep_best_forms(
@@ -152,9 +151,10 @@ def with_other_form(
     too_much = leaves_too_much(nominal, current, levels)
     present = causes_of(known, ledger.catalogue)
     starts = {}
-    for form in sorted(ledger.left_out):
+    # Those with stairs take longest; they are the first, so that no process waits at the end.
+    for form in sorted(ledger.left_out, key=lambda name: (not _has_stairs(ledger, name), name)):
         cause = cause_of(form, ledger.catalogue)
-        if too_much or (cause in present and not has_stairs(ledger, form)):
+        if too_much or (cause in present and not _has_stairs(ledger, form)):
             others = [name for name in known if cause_of(name, ledger.catalogue) != cause]
             starts[ledger.key((*others, form))] = Start(current.values)
     ledger.fit_all(starts)

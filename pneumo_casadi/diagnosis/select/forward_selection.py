@@ -30,6 +30,7 @@ from pneumo_casadi.diagnosis.select.complete_by_simulation import complete_by_si
 from pneumo_casadi.diagnosis.select.contributions import contributions
 from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue, Failed, FitLedger, Names
 from pneumo_casadi.diagnosis.select.forms import (
+    begin_waiting_forms,
     fit_waiting_forms,
     keep_best_forms,
     with_other_form,
@@ -165,6 +166,7 @@ def select_effects(
     ledger.screen_all(nominal)
     first = ledger.over(background(study, nominal, nominal))
     report("refitting single effects", 0.3)
+    begin_waiting_forms(ledger, nominal, first)
     fit_alone(ledger, nominal, first)
     fit_waiting_forms(ledger, nominal, levels)
     forms = keep_best_forms(ledger, nominal)
@@ -180,6 +182,8 @@ def select_effects(
         ledger.begin_report(final, ledger.output_error_fits.get(final, ledger.fits[final]))
         report("what each effect contributes", 0.9)
         shares = contributions(ledger, nominal, final, completed.named, levels)
+    ledger.begun_fits.cancel_all()
+    ledger.begun_refinements.cancel_all()
     failures = tuple(ledger.failures.values())
     return Selection(
         nominal,

@@ -91,13 +91,12 @@ def closes_in_simulation(ledger: FitLedger, nominal: FittedModel, names: Names) 
 
 def _begin_what_follows(ledger: FitLedger, names: Names) -> None:
     """Begin to refine a model and what `extend_by_simulation` then asks for, side by side."""
-    if ledger.executor is None:
-        return
     alone = _hiding(ledger, names)
     models = {key: ledger.fits[key] for key in (names, alone) if key in ledger.fits}
     for key, fitted in models.items():
         begin_refinement(ledger, key, fitted)
-    ledger.begin_simulations(models)
+    if ledger.executor is not None:
+        ledger.begin_simulations(models)
 
 
 def extend_by_simulation(

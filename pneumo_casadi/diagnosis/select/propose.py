@@ -10,7 +10,7 @@ from pneumo_casadi.diagnosis.prepare.starting_values import values_of
 from pneumo_casadi.diagnosis.screen.background import background
 from pneumo_casadi.diagnosis.screen.screen import ScreenResult
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger, Names, Start
-from pneumo_casadi.diagnosis.select.forms import forms_to_fit, has_stairs
+from pneumo_casadi.diagnosis.select.forms import forms_to_fit
 
 #: Effects refitted in later rounds, in the order of the screen. The first round refits all: a
 #: linearisation at the nominal fit does not predict the gain of a large effect.
@@ -90,15 +90,17 @@ def _promising_in(
 def fit_alone(
     ledger: FitLedger, nominal: FittedModel, screened: Mapping[str, ScreenResult]
 ) -> None:
-    """Fit a model with each effect alone, from every sign of its shape; stairs are scanned."""
-
-    def start(name: str) -> Start:
-        if has_stairs(ledger, name):
-            return Start(nominal.values)
-        result = screened[name]
-        return Start(nominal.values, result.starts, None if result.felt else nominal.cost)
-
-    ledger.fit_all({(name,): start(name) for name in forms_to_fit(ledger, screened)})
+    """Fit a model with each effect alone, from every sign of its shape."""
+    ledger.fit_all(
+        {
+            (name,): Start(
+                nominal.values,
+                screened[name].starts,
+                None if screened[name].felt else nominal.cost,
+            )
+            for name in forms_to_fit(ledger, screened)
+        }
+    )
 
 
 def where_to_begin(ledger: FitLedger, screened: ScreenResult) -> list[Mapping[str, float]]:

@@ -1,6 +1,7 @@
 """Models refined by output error and simulated, each once; the ledger keeps them as trials."""
 
 from collections.abc import Mapping, Sequence
+from concurrent.futures import Future
 
 import numpy as np
 
@@ -26,11 +27,15 @@ def refine_all(
     `trials` of the ledger then holds each with the share of the simulated gap that it leaves,
     infinite where the refinement has failed.
     """
-    for key, start in starts.items():
-        begin_refinement(ledger, key, start, iterations)
-    for key in [key for key in starts if key not in ledger.trials]:
+    jobs = {
+        key: ledger.begun_refinements.take(key, (start, iterations))
+        or _begin(ledger, key, start, iterations)
+        for key, start in starts.items()
+        if key not in ledger.trials
+    }
+    for key, job in jobs.items():
         try:
-            better, simulated = ledger.refinements.pop(key).result()
+            better, simulated = job.result()
         except FAULTS as error:
             ledger.trials[key] = starts[key], np.inf
             if key not in ledger.fits:
@@ -44,10 +49,16 @@ def refine_all(
 def begin_refinement(
     ledger: FitLedger, names: Names, start: FittedModel, iterations: int = MAX_ITERATIONS
 ) -> None:
-    """Begin to refine a model by output error, once; who asks for it by `refine_all` waits."""
-    if names not in ledger.trials and names not in ledger.refinements:
-        effects = ledger.effects(names)
-        ledger.refinements[names] = ledger.run(_refine_and_simulate, start, effects, iterations)
+    """Begin to refine a model for which `refine_all` may be asked next, if there is an executor."""
+    if ledger.executor is not None and names not in ledger.trials:
+        job = _begin(ledger, names, start, iterations)
+        ledger.begun_refinements.add(names, (start, iterations), job)
+
+
+def _begin(
+    ledger: FitLedger, names: Names, start: FittedModel, iterations: int
+) -> "Future[tuple[FittedModel, Simulated]]":
+    return ledger.run(_refine_and_simulate, start, ledger.effects(names), iterations)
 
 
 def refine_again(
