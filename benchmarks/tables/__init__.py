@@ -84,5 +84,13 @@ TABLES: dict[str, tuple[Callable[..., str], *tuple[str, ...]]] = {
     "withheld": (withheld, "withheld"),
     "withheld_effects": (withheld_effects, "withheld"),
     "withheld_forms": (withheld_forms, "withheld_forms"),
-    "headlines": (headlines, "table1", "wls_vs_output_error", "withheld_forms", "peers"),
+    "withheld_later": (withheld_forms, "withheld_later"),
+    "headlines": (
+        headlines,
+        "table1",
+        "wls_vs_output_error",
+        "withheld_forms",
+        "withheld_later",
+        "peers",
+    ),
 }
