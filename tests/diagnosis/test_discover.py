@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pneumo_casadi.data import ForceBench, InputHold, NestedController, Recording, read_case
-from pneumo_casadi.diagnosis.discover import joint_fit
+from pneumo_casadi.diagnosis.discover import discover, joint_fit
 from pneumo_casadi.diagnosis.discover.beside import complete_term
 from pneumo_casadi.diagnosis.discover.discover import discover_term, propose_term
 from pneumo_casadi.diagnosis.discover.discovered import causes_in
@@ -201,6 +201,20 @@ def test_what_records_held_out_do_not_show_is_not_looked_for(fitted_of):
     assert linear.train.rms[0] > 3 * levels.noise[0]
     balances = {item.fit.site.balances for item in search(linear, levels)}
     assert ("force",) not in balances
+
+
+@pytest.mark.slow
+def test_a_term_whose_joint_fit_leaves_the_finite_numbers_is_none(fitted_of, monkeypatch):
+    """Its diagnosis ended with "SVD did not converge"."""
+
+    def fail(*given):
+        raise np.linalg.LinAlgError("SVD did not converge")
+
+    study, nominal = fitted_of(COGGING)
+    levels = balance_levels(study)
+    assert propose_term(study, nominal, (), levels) is not None
+    monkeypatch.setattr(discover, "fit_jointly", fail)
+    assert propose_term(study, nominal, (), levels) is None
 
 
 @pytest.mark.slow

@@ -11,7 +11,7 @@ from pneumo_casadi.diagnosis.discover.linear.linearised import linearise
 from pneumo_casadi.diagnosis.discover.search import search
 from pneumo_casadi.diagnosis.metrics.residual_size import BalanceLevels, balance_closure
 from pneumo_casadi.diagnosis.prepare.criteria import Criteria
-from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
+from pneumo_casadi.diagnosis.prepare.fitted_model import FAULTS, FittedModel
 from pneumo_casadi.diagnosis.prepare.study import Study
 from pneumo_casadi.effects.term import Term
 from pneumo_casadi.model.effect import Effect
@@ -76,7 +76,10 @@ def propose_term(
     best = ranked[0].fit
     site, formula = best.site, best.formula
     fitted_to = in_longest_record(study, base) if best.phase_free else (study, base)
-    joint = fit_jointly(*fitted_to, effects, best)
+    try:
+        joint = fit_jointly(*fitted_to, effects, best)
+    except FAULTS:  # its steps may lead to where the model has no finite residuals
+        return None
     closes = balance_closure(base, joint.model, levels)
     values = {name: joint.fit.parameters[name] for name in formula.parameters}
     if closes.value < least or closes.lower <= 0 or not np.all(np.isfinite(list(values.values()))):
