@@ -79,12 +79,18 @@ def cheapest(study: Study, axis: Axis, changes: Sequence[Mapping[str, float]]) -
 
 
 def _costs(study: Study, axis: Axis, changes: Sequence[Mapping[str, float]]) -> FloatArray:
-    """Return what fits would begin with, at some values; infinite where it is no number."""
-    costs = equation_error_costs(
-        axis,
-        [axis.parameters.with_values(values).values for values in changes],
-        study.smoothed[0],
-        study.anchor_with(axis.effects),
-        residual_floor=default_residual_floor(study.axis),
+    """Return what fits would come to after a first step, at some values of effects.
+
+    The parameters of these effects keep the values tried, all others give way.
+    """
+    tried = {name.split(".")[0] for values in changes for name in values}
+    return np.array(
+        equation_error_costs(
+            axis,
+            [axis.parameters.with_values(values).values for values in changes],
+            study.smoothed[0],
+            study.anchor_with(axis.effects),
+            residual_floor=default_residual_floor(study.axis),
+            held=[name for name in axis.parameters.free_names if name.split(".")[0] in tried],
+        )
     )
-    return np.where(np.isfinite(costs), costs, np.inf)

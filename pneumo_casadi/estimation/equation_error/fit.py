@@ -1,6 +1,6 @@
 """Equation-error estimation: bounded, weighted least squares on the residuals of the balances."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
@@ -8,6 +8,7 @@ from pneumo_casadi.data import Recording
 from pneumo_casadi.errors import ModelError
 from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
 from pneumo_casadi.estimation.equation_error.problem import DAMPING, Linearised, Problem, Trial
+from pneumo_casadi.estimation.equation_error.projected_costs import ProjectedCosts
 from pneumo_casadi.estimation.equation_error.result import EquationErrorResult
 from pneumo_casadi.estimation.equation_error.smoothed_motion import SmoothedMotion, smooth_motion
 from pneumo_casadi.estimation.flow_anchor import Anchor, anchor_flow
@@ -165,11 +166,17 @@ def equation_error_costs(
     anchor: Anchor | None = None,
     *,
     residual_floor: FloatArray | None = None,
+    held: Collection[str] | None = None,
 ) -> list[float]:
-    """Return the cost that `fit_equation_error` minimises, at some values of all parameters."""
+    """Return the cost that `fit_equation_error` minimises, at some values of all parameters.
+
+    With `held`, what it is after one step of all free parameters but those; see `ProjectedCosts`.
+    """
     floor = default_residual_floor(axis) if residual_floor is None else residual_floor
     problem = Problem(BalanceFunctions(axis), motions, anchor, floor, False)
-    return problem.costs(starts)
+    if held is None:
+        return problem.costs(starts)
+    return ProjectedCosts(problem, axis.parameters.values, held)(starts)
 
 
 def default_residual_floor(axis: Axis) -> FloatArray:

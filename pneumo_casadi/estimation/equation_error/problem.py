@@ -117,18 +117,19 @@ class Problem:
 
     def residuals(self, theta: FloatArray) -> tuple[FloatArray, ...]:
         """Return the residuals of the balances along each motion, (ne, m)."""
-        return self._residuals([theta])[0]
+        return self.residuals_of([theta])[0]
 
     def costs(self, variants: Sequence[FloatArray]) -> list[float]:
         """Return the cost at some values of all parameters, as many at once as run side by side."""
         costs = []
         for k in range(0, len(variants), LANES):
             some = variants[k : k + LANES]
-            pairs = zip(self._residuals(some), some, strict=True)
+            pairs = zip(self.residuals_of(some), some, strict=True)
             costs += [self.cost(r, theta) for r, theta in pairs]
         return costs
 
-    def _residuals(self, variants: Sequence[FloatArray]) -> list[tuple[FloatArray, ...]]:
+    def residuals_of(self, variants: Sequence[FloatArray]) -> list[tuple[FloatArray, ...]]:
+        """Return the residuals at several values of all parameters, by motion."""
         by_motion = [residuals_of_variants(self.model, motion, variants) for motion in self.motions]
         return list(zip(*by_motion, strict=True))
 
@@ -154,6 +155,11 @@ class Problem:
             squares = np.sum((np.hstack(r) * self.weights) ** 2, axis=1)
         return np.asarray(np.sqrt(squares / self.n_rows + self.residual_floor**2))
 
+    def weighted(self, r: Sequence[FloatArray], theta: FloatArray, sigma: FloatArray) -> FloatArray:
+        """Return all residuals over their standard deviations: balances, flow map, priors."""
+        balances = (np.hstack(r) * (self.weights / sigma[:, None])).ravel()
+        return np.concatenate([balances, self.map_residuals(theta), self.prior @ theta])
+
     def linearise(self, point: Trial) -> Linearised:
         """Return the weighted residuals and their derivatives at a point."""
         theta = point.theta
@@ -162,17 +168,15 @@ class Problem:
             for motion in self.motions
         ]
         r = [part.r for part in parts]
-        weights = self.weights / self.sigma(r)[:, None]
-        e = (np.hstack(r) * weights).ravel()
-        A = (np.hstack([part.J for part in parts]) * weights[:, :, None]).reshape(e.size, -1)
+        sigma = self.sigma(r)
+        J = np.hstack([part.J for part in parts]) * (self.weights / sigma[:, None])[:, :, None]
+        A = J.reshape(self.weights.size, -1)
         if self.anchor is not None:
             c = self.anchor.coefficients(self.model.axis.parameters, theta)
             A = np.vstack([A, self.anchor.rows(c, self.model.free)])
-            e = np.concatenate([e, self.map_residuals(theta)])
         if len(self.prior):
             A = np.vstack([A, self.prior[:, self.free]])
-            e = np.concatenate([e, self.prior @ theta])
-        A = A * self.scales
+        A, e = A * self.scales, self.weighted(r, theta, sigma)
         return Linearised(theta, A, e, A.T @ A, self.cost(r, theta))
 
     def step(self, linear: Linearised, damping: float) -> Step:
