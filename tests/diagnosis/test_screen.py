@@ -22,7 +22,8 @@ def study(made_case):
 def test_an_effect_with_memory_is_screened_at_its_usual_size_too(study):
     """Play that is wider than most strokes of the command holds the spool; narrow play delays."""
     nominal = fit_model(study, ())
-    narrow, usual = perturbation(study, nominal, EFFECTS["valve_hysteresis"]())
+    directions = perturbation(study, nominal, EFFECTS["valve_hysteresis"]())
+    narrow, usual = (each for each in directions if each.values == {"valve_hysteresis.s": 0.5})
     axis = study.axis.with_effects(EFFECTS["valve_hysteresis"]())
     axis = axis.with_parameters(dict(nominal.values)).at_null_values()
     model, name = BalanceFunctions(axis), "valve_hysteresis.h"

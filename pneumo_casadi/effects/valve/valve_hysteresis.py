@@ -25,8 +25,7 @@ class ValveHysteresis(Effect):
 
     A memory zᵢ follows the part that the clip cuts off, and does not move inside the play. At
     h = 0 the spool position is exactly the command. Because the memories lag behind u, the
-    derivative with respect to h is −sign(u̇), as for ideal play. s is held at 0.5 unless it is
-    freed, because nothing depends on it at h = 0.
+    derivative with respect to h is −sign(u̇), as for ideal play.
     """
 
     name = "valve_hysteresis"
@@ -55,7 +54,6 @@ class ValveHysteresis(Effect):
             lower=0.0,
             upper=0.95,
             scale=0.1,
-            free=False,
             null=0.5,
             start=0.5,
             description="by what share of h each of the two plays differs from it",

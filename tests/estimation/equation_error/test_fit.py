@@ -33,7 +33,10 @@ def nominal(one):
     [
         (("flow_map_shape", "leakage_P"), ()),
         (("valve_dead_zone", "stribeck", "position_delay"), ("position_delay.T",)),
-        (("valve_hysteresis", "spring_load"), ("valve_hysteresis.h",)),
+        (
+            ("valve_hysteresis", "spring_load"),
+            ("valve_hysteresis.h", "valve_hysteresis.s"),
+        ),
     ],
 )
 def test_derivatives_to_what_no_state_and_no_sensor_knows_are_exact(one, names, moved):
