@@ -16,6 +16,9 @@ from pneumo_casadi.effects.air.leakage import LeakageN as LeakageN
 from pneumo_casadi.effects.air.leakage import LeakageP as LeakageP
 from pneumo_casadi.effects.air.leakage import PistonSealLeakage as PistonSealLeakage
 from pneumo_casadi.effects.air.supply_droop import SupplyDroop as SupplyDroop
+from pneumo_casadi.effects.air.supply_droop_proportional import (
+    SupplyDroopProportional as SupplyDroopProportional,
+)
 from pneumo_casadi.effects.drive.drive import DriveLag as DriveLag
 from pneumo_casadi.effects.drive.drive import GainError as GainError
 from pneumo_casadi.effects.friction.asymmetric_viscous_friction import (
@@ -30,6 +33,9 @@ from pneumo_casadi.effects.friction.position_friction_step import (
 )
 from pneumo_casadi.effects.friction.presliding import Presliding as Presliding
 from pneumo_casadi.effects.friction.presliding_dahl import PreslidingDahl as PreslidingDahl
+from pneumo_casadi.effects.friction.presliding_maxwell import (
+    PreslidingMaxwell as PreslidingMaxwell,
+)
 from pneumo_casadi.effects.friction.pressure_friction import PressureFriction as PressureFriction
 from pneumo_casadi.effects.friction.pressure_friction_per_seal import (
     PressureFrictionPerSeal as PressureFrictionPerSeal,

@@ -228,14 +228,10 @@ def test_a_dead_zone_of_other_edges_is_told_by_its_form_and_its_gap_closes(made_
 
 
 @pytest.mark.slow
-def test_a_restriction_that_is_felt_only_when_large_is_found_from_the_best_of_several_starts(
-    made_case,
-):
+def test_a_restriction_that_is_felt_only_when_large_is_found_from_its_start(made_case):
     study, _ = prepare_study(made_case(187478258570, 20.0, exhaust_restriction="large"))
     nominal, effects = fit_model(study, ()), (EFFECTS["exhaust_restriction"](),)
-    small = {"exhaust_restriction.R": 3e10, "exhaust_restriction.tau": 0.03}
-    stuck = fit_model(study, effects, {**nominal.values, **small})
-    assert fit_model(study, effects, nominal.values).cost < min(nominal.cost, stuck.cost) - 1000
+    assert fit_model(study, effects, nominal.values).cost < nominal.cost - 5000
 
 
 @pytest.mark.slow

@@ -8,7 +8,7 @@ from pneumo_casadi.diagnosis.decide.shared_cause import rather_one_cause
 from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA
 from pneumo_casadi.diagnosis.prepare.fitted_model import fit_model
 from pneumo_casadi.diagnosis.prepare.prepare_study import prepare_study
-from pneumo_casadi.effects import EFFECTS
+from pneumo_casadi.effects import EFFECTS, without_causes
 
 OUTPUTS = ("p_P", "p_N", "x")
 DELAYS = {
@@ -50,7 +50,7 @@ def test_otherwise_sensors_are_late_themselves(delays, given):
     assert note(delays, **given) == ""
 
 
-NO_SUPPLY = {name: effect for name, effect in EFFECTS.items() if name != "supply_droop"}
+NO_SUPPLY = without_causes(["supply_droop"])
 
 
 def note_on_offsets(b_P, b_N, std=0.5, catalogue=NO_SUPPLY, names=("pressure_sensor_bias",)):

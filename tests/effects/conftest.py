@@ -144,19 +144,17 @@ def recover(made):
     """Make a record with effects at their starting values and fit it from somewhere else.
 
     Free are the parameters of the effects and all nominal ones but those named in `hold`; the
-    flow map is known. What an effect holds stays held, but for those in `release`.
+    flow map is known. What an effect holds stays held.
     """
 
-    def run(
-        *effects, force_driven=False, hold=(), release=(), N=1000, seed=0, values=None, begin=None
-    ):
+    def run(*effects, force_driven=False, hold=(), N=1000, seed=0, values=None, begin=None):
         make = made.true_force_axis if force_driven else made.true_axis
         axis = make(*effects).at_starting_values().with_parameters(values or {})
         u, x = _closed_loop(axis, made.reference(np.arange(N) / made.FS), 1 / made.FS)
         record = made.recorded(axis, u, x, seed)
         known = {"v_s", *hold, *(() if force_driven else axis.flow.parameters.names)}
         start = _run_in_worker(axis, known, begin or {})
-        start = start.with_parameters(start.parameters.fix(*known).release(*release))
+        start = start.with_parameters(start.parameters.fix(*known))
         options = OutputErrorOptions(widths=(axis.parameters["v_s"].value,))
         result = fit_output_error(start, [record], options=options)
         names = tuple(n for n in axis.parameters.names if "." in n and n not in hold)

@@ -18,7 +18,7 @@ from pneumo_casadi.model.junctions import JUNCTIONS
 PACKAGE = Path(pneumo_casadi.__file__).parent
 
 
-#: Order of version 0.1.0.
+#: In the order of their names in version 0.1.0; new ones come after their family.
 ORDER = (
     "asymmetric_viscous_friction",
     "backlash",
@@ -42,6 +42,7 @@ ORDER = (
     "position_on_elastic_load",
     "presliding",
     "presliding_dahl",
+    "presliding_maxwell",
     "pressure_friction",
     "pressure_friction_per_seal",
     "pressure_sensor_second_order",
@@ -52,6 +53,7 @@ ORDER = (
     "stribeck",
     "stribeck_rational",
     "supply_droop",
+    "supply_droop_proportional",
     "valve_dead_zone",
     "valve_dead_zone_edges",
     "valve_dynamics",

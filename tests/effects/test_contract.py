@@ -291,8 +291,9 @@ def test_a_record_holds_information_on_each_free_parameter_beside_the_others(
     columns, at = [], shown(started, u, x_0)
     for item in added:
         h = 1e-3 * item.scale
-        ends = (at({item.name: item.value + side * h}) for side in (1, -1))
-        columns.append(np.subtract(*ends) / 2e-3)
+        below = h if item.value - h >= item.lower else 0.0
+        ends = (at({item.name: value}) for value in (item.value + h, item.value - below))
+        columns.append(np.subtract(*ends) / (1e-3 * (1 + below / h)))
     known_before = [
         [row.get(item.name.partition(".")[2], 0.0) * item.scale for item in added]
         for row in started.effects[0].prior_rows()

@@ -16,6 +16,7 @@ from pneumo_casadi.effects import (
     LeakageP,
     PistonSealLeakage,
     SupplyDroop,
+    SupplyDroopProportional,
 )
 from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
 from pneumo_casadi.valve import fit_iso6358, orifice_flow
@@ -205,19 +206,34 @@ def test_the_silencer_passes_what_the_valves_let_out_at_darcys_pressure(made):
     assert through_valves(axis, [*low, 0.0], u)[0] < 0 < through_valves(axis, [*low, 5e4], u)[0]
 
 
+def bled(C, d):
+    """Return what the valves pass from supply to exhaust at a droop."""
+    return float(orifice_flow(C, 0.3, 0.5, P_SUPPLY - d, P_EXT, T_0))
+
+
 def test_the_reservoir_gains_what_the_regulator_gives_and_loses_what_the_valves_draw(made):
     """Mass at one temperature: V ṗ/(r T) is the net flow."""
-    V, C = 1e-3, 5e-9
-    axis = started(made, SupplyDroop(), per_volume=1 / V, C=C)
+    V, C, bleed = 1e-3, 5e-9, 3e-10
+    axis = started(made, SupplyDroop(), per_volume=1 / V, C=C, C_bleed=bleed)
     for d in (0.0, 2e4, 1.5e5):
         x = [3e5, 3e5, 0.0, 0.0, d]
         for u in ([2.0, 1.0], [2.0, -1.0]):
-            drawn = np.maximum(through_valves(axis, x, u), 0.0).sum()
+            drawn = bled(bleed, d) + np.maximum(through_valves(axis, x, u), 0.0).sum()
             given = float(orifice_flow(C, 0.3, 0.5, P_SUPPLY, P_SUPPLY - d, T_0, 0.95))
             lost = V / (R_AIR * T_0) * rates(axis, x, u)[-1]
             assert lost == pytest.approx(drawn - given, rel=1e-9, abs=1e-15)
     still = rates(axis, [P_SUPPLY, P_SUPPLY, 0.0, 0.0, 0.0])
-    assert still[-1] == pytest.approx(0.0, abs=1.0)
+    assert V / (R_AIR * T_0) * still[-1] == pytest.approx(bled(bleed, 0.0), rel=1e-4)
+
+
+def test_a_regulator_in_proportion_gives_its_slope_times_the_droop(made):
+    V, G, bleed, u = 1e-3, 3e-8, 3e-10, [2.0, 1.0]
+    axis = started(made, SupplyDroopProportional(), per_volume=1 / V, G=G, C_bleed=bleed)
+    for d in (0.0, 2e4, 1.5e5):
+        x = [3e5, 3e5, 0.0, 0.0, d]
+        drawn = bled(bleed, d) + np.maximum(through_valves(axis, x, u), 0.0).sum()
+        lost = V / (R_AIR * T_0) * rates(axis, x, u)[-1]
+        assert lost == pytest.approx(drawn - G * d, rel=1e-9)
 
 
 def response(axis, x, u, output=0):

@@ -12,6 +12,7 @@ from pneumo_casadi.effects import (
     LeakageP,
     PistonSealLeakage,
     SupplyDroop,
+    SupplyDroopProportional,
     ValveDeadZone,
     ValveDynamics,
     ValveHysteresis,
@@ -26,6 +27,7 @@ TOGETHER = [
     (LeakageP, LeakageN, Hose),
     (ExhaustRestriction, ValveMismatchEdges),
     (HeatTransfer, ValveMismatch, ValveNullShift),
+    (SupplyDroopProportional, LeakageN),
     (ValveDynamics, ValveDeadZone),
     (ValveHysteresis, FlowMapShape),
 ]
@@ -35,11 +37,18 @@ HELD = {
     ValveDynamics: "valve_dynamics.slew",
     **{leak: f"{leak.name}.viscous" for leak in (PistonSealLeakage, LeakageP, LeakageN)},
 }
-#: Held by their effects unless released.
-RELEASED = {ValveHysteresis: "valve_hysteresis.s"}
 #: A clean silencer is hardly felt at these pressures, where exhausts are choked: a clogged one.
 VALUES = {
-    ExhaustRestriction: {"exhaust_restriction.R": 3e11, "exhaust_restriction.tau": 0.03},
+    ExhaustRestriction: {
+        "exhaust_restriction.R": 3e11,
+        "exhaust_restriction.tau": 0.03,
+        "exhaust_restriction.C_bleed": 3e-10,
+    },
+    SupplyDroop: {"supply_droop.C_bleed": 1e-9},
+    SupplyDroopProportional: {
+        "supply_droop_proportional.G": 1e-8,
+        "supply_droop_proportional.C_bleed": 1e-9,
+    },
     ValveHysteresis: {"valve_hysteresis.s": 0.2},
 }
 LEVEL = 4.0
@@ -53,7 +62,6 @@ def test_effects_are_recovered_within_their_intervals_beside_the_nominal_paramet
     recovered = recover(
         *(effect() for effect in effects),
         hold=[HELD[effect] for effect in effects if effect in HELD],
-        release=[RELEASED[effect] for effect in effects if effect in RELEASED],
         values={k: v for effect in effects for k, v in VALUES.get(effect, {}).items()},
     )
     assert np.isfinite(recovered.std).all() and (recovered.std > 0).all()

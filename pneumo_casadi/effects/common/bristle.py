@@ -16,6 +16,8 @@ S_REGULAR = 5e-6
 TAU_LEAST = 1.5e-3
 #: Rounding of the speed [m/s]: a bent bristle at rest lets go at a rate of S_SPEED/(2 s₀).
 S_SPEED = 1e-5
+#: Keeps |h|³ differentiable often enough at 0.
+TINY = 1e-12
 
 
 class Bristle:
@@ -62,8 +64,8 @@ class Bristle:
 
     def rates(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
         """Let the bristle bend with the way and slip at the Coulomb level."""
-        speed = ca.sqrt(at.v**2 + S_SPEED**2)
-        return {"share": (at.v - self.slipping(at.v, speed, at["share"])) / _length(at)}
+        slipping = self.slipping(at.v, rounded_speed(at), at["share"])
+        return {"share": (at.v - slipping) / length_of(at)}
 
     def slipping(self, v: Expression, speed: Expression, h: Expression) -> Expression:
         """Return the velocity w at which a bent bristle slips [m/s]; `speed` is rounded |v|."""
@@ -72,8 +74,19 @@ class Bristle:
     def force(self, F: Expression, at: Scope) -> Expression:
         """Replace Coulomb friction by the bristle's."""
         level = (at.axis["F_c_plus"] + at.axis["F_c_minus"]) / 2
-        return F - at["distance"] / _length(at) * level * (at["share"] - at.direction)
+        return F - at["distance"] / length_of(at) * level * (at["share"] - at.direction)
 
 
-def _length(at: Scope) -> Expression:
-    return ca.sqrt((at["distance"] + S_REGULAR) ** 2 + (TAU_LEAST * at.v) ** 2)
+def rounded_speed(at: Scope) -> Expression:
+    """Return |v|, rounded at 0 [m/s]."""
+    return ca.sqrt(at.v**2 + S_SPEED**2)
+
+
+def length_of(at: Scope, spread: float = 1.0) -> Expression:
+    """Return the length L of a bristle whose presliding distance is `spread` s₀ [m]."""
+    return ca.sqrt((spread * at["distance"] + S_REGULAR) ** 2 + (TAU_LEAST * at.v) ** 2)
+
+
+def slip_abruptly(v: Expression, speed: Expression, h: Expression) -> Expression:
+    """Return the velocity at which an elastic-plastic bristle slips, after Bouc and Wen [m/s]."""
+    return (speed * h**3 + v * (h**2 + TINY) ** 1.5) / 2

@@ -1,11 +1,8 @@
 """Presliding: at a reversal the contact is a spring; Coulomb friction builds up over a way."""
 
-from pneumo_casadi.effects.common.bristle import Bristle
+from pneumo_casadi.effects.common.bristle import Bristle, slip_abruptly
 from pneumo_casadi.model.effect import Effect
 from pneumo_casadi.model.junctions import Expression
-
-#: Keeps |h|³ differentiable often enough at 0.
-TINY = 1e-12
 
 
 class Presliding(Bristle, Effect):
@@ -28,4 +25,4 @@ class Presliding(Bristle, Effect):
 
     def slipping(self, v: Expression, speed: Expression, h: Expression) -> Expression:
         """Return the velocity w at which a bent bristle slips [m/s]."""
-        return (speed * h**3 + v * (h**2 + TINY) ** 1.5) / 2
+        return slip_abruptly(v, speed, h)

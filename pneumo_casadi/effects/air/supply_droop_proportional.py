@@ -1,0 +1,52 @@
+"""Supply droop behind a regulator that opens in proportion to it."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import casadi as ca
+
+from pneumo_casadi.effects.common.bleed import BLEED, drawn
+from pneumo_casadi.effects.common.reservoir import PER_VOLUME, Reservoir
+from pneumo_casadi.model.effect import Effect, Scope, State
+from pneumo_casadi.model.junctions import Expression
+from pneumo_casadi.parameters import Parameter
+
+
+class SupplyDroopProportional(Reservoir, Effect):
+    """Reservoir behind a regulator of slope G (see `Reservoir`).
+
+    V/(r T) ḋ = q_out − G max(d, 0), valves at p_supply − d, where q_out is what both valves draw,
+    with what they bleed.
+
+    Over most of its range the outlet pressure of a regulator falls about in a straight line with
+    the flow. `SupplyDroop` is the other limit: a regulator that is wide open after a small droop,
+    so that its feed is a sonic conductance.
+    """
+
+    name = "supply_droop_proportional"
+    cause = "supply_droop"
+    equation = "p_s = p_supply − d, ḋ = r T/V (q_b + Σ max(q_m, 0) − G max(d, 0))"
+    source = "mass balance of the reservoir; ISO 6953-1:2015, forward flow of pressure regulators"
+    parameters = (
+        PER_VOLUME,
+        Parameter(
+            "G",
+            3e-8,
+            "kg/(s Pa)",
+            lower=1e-9,
+            upper=1e-6,
+            scale=1e-8,
+            null=3e-8,
+            start=3e-8,
+            description="slope of the regulator, flow over droop",
+            source="100-1000 l/min at a droop of 0.3-1 bar, data sheets of small regulators",
+        ),
+        BLEED,
+    )
+    states = (State("d", "Pa", 2e4),)
+
+    def rates(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
+        """Balance of the reservoir at one temperature."""
+        p_s = at.axis["p_supply"] - at["d"]
+        refill = at["G"] * ca.fmax(at["d"], 0.0)
+        return {"d": self.droop_rate(drawn(entering["valve_flow"], p_s, at), refill, at)}

@@ -1,0 +1,56 @@
+"""Reservoir from which the valves draw, behind a regulator: what the forms of droop share."""
+
+from typing import ClassVar
+
+from pneumo_casadi.model.effect import Scope
+from pneumo_casadi.model.junctions import Expression, Pair, Supply
+from pneumo_casadi.parameters import Parameter
+
+PER_VOLUME = Parameter(
+    "per_volume",
+    0.0,
+    "1/m³",
+    lower=0.0,
+    upper=1e4,
+    scale=1e3,
+    null=0.0,
+    start=1e3,
+    description="inverse of the reservoir's volume",
+    source="0.1-10 litre: 1e4 to 1e2 1/m³",
+)
+
+
+class Reservoir:
+    """Reservoir of volume V whose pressure is the droop d below the supply.
+
+    V/(r T) ḋ = q_out − q_in, by mass at one temperature. A litre of air at 7 bar exchanges its heat
+    within one or two seconds. Without heat exchange the same pressures would mean a volume γ times
+    as large; the recorded channels cannot distinguish the two. At 1/V = 0, the null value, the
+    reservoir is infinite and does not droop; the derivatives there are exact.
+    """
+
+    measured_by: ClassVar[str] = "p_supply"
+    shows: ClassVar[str] = (
+        "both mass flow balances while a chamber fills, longest after large steps"
+    )
+    confused_with: ClassVar[tuple[str, ...]] = (
+        "flow coefficients",
+        "valve_null_shift",
+        "hose",
+        "flow_map_shape",
+    )
+    separated_by: ClassVar[str] = (
+        "fill both chambers at once, then one; a sensor at the supply port"
+    )
+
+    def droop_rate(self, q_out: Expression, q_in: Expression, at: Scope) -> Expression:
+        """Return ḋ of the balance of the reservoir's mass [Pa/s]."""
+        return at.axis["r"] * at.axis["T"] * at["per_volume"] * (q_out - q_in)
+
+    def supply(self, ports: Supply, at: Scope) -> Supply:
+        """Lower the supply."""
+        return Supply(ports.p_supply - at["d"], ports.p_ext)
+
+    def valve_flow(self, q_m: Pair, at: Scope) -> Pair:
+        """Leave the flow alone: it is what the reservoir loses."""
+        return q_m
