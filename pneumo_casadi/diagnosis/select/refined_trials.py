@@ -46,13 +46,11 @@ def refine_all(
         ledger.trials[key] = better, share
 
 
-def begin_refinement(
-    ledger: FitLedger, names: Names, start: FittedModel, iterations: int = MAX_ITERATIONS
-) -> None:
+def begin_refinement(ledger: FitLedger, names: Names, start: FittedModel) -> None:
     """Begin to refine a model for which `refine_all` may be asked next, if there is an executor."""
     if ledger.executor is not None and names not in ledger.trials:
-        job = _begin(ledger, names, start, iterations)
-        ledger.begun_refinements.add(names, (start, iterations), job)
+        job = _begin(ledger, names, start, MAX_ITERATIONS)
+        ledger.begun_refinements.add(names, (start, MAX_ITERATIONS), job)
 
 
 def _begin(
