@@ -18,7 +18,7 @@ from pneumo_casadi.model.junctions import JUNCTIONS
 PACKAGE = Path(pneumo_casadi.__file__).parent
 
 
-#: In the order of their names in version 0.1.0; new ones come after their family.
+#: That of version 0.1.0; new forms stand behind those of their cause.
 ORDER = (
     "asymmetric_viscous_friction",
     "backlash",

@@ -9,6 +9,7 @@ from pneumo_casadi.effects import (
     PositionFrictionStep,
     Presliding,
     PreslidingDahl,
+    PreslidingMaxwell,
     PressureFriction,
     QuadraticDrag,
     Stribeck,
@@ -102,6 +103,21 @@ def test_presliding_is_the_elastic_plastic_bristle_solved_by_itself(made, drag, 
 
 
 @pytest.mark.parametrize("distance", [3e-4, 1e-3])
+def test_maxwells_bristles_slip_one_after_another(made, drag, distance):
+    """From -F_c on, against ideal elements: elastic up to their own distance, then constant."""
+    run = drag(sliding(made, distance, PreslidingMaxwell), lambda t: 1e-2 * np.cos(3 * t), 2.0)
+    back = np.argmin(run.x)
+    way = run.x[back:, None] - run.x[back]
+    own = distance * np.array([1 / 3, 1.0, 5 / 3])
+    expected = 15.0 * np.minimum(-1 + way / own, 1.0).mean(axis=1)
+    assert np.abs(run.F[back:] - expected).max() < 0.2 * 15.0  # the corners are round
+    assert np.sqrt(np.mean((run.F[back:] - expected) ** 2)) < 0.03 * 15.0
+    one = drag(sliding(made, distance), lambda t: 1e-2 * np.cos(3 * t), 2.0)
+    worse = np.sqrt(np.mean((one.F[back:] - expected) ** 2))
+    assert np.sqrt(np.mean((run.F[back:] - expected) ** 2)) < 0.7 * worse
+
+
+@pytest.mark.parametrize("distance", [3e-4, 1e-3])
 def test_after_a_reversal_dahls_friction_is_an_exponential_of_the_way(made, drag, distance):
     """From -F_c on; the difference is the regularisation's 5 µm."""
     run = drag(sliding(made, distance, PreslidingDahl), lambda t: 1e-2 * np.cos(3 * t), 2.0)
@@ -111,16 +127,20 @@ def test_after_a_reversal_dahls_friction_is_an_exponential_of_the_way(made, drag
     assert np.abs(run.F[back:] - expected).max() < 0.05 * 15.0
 
 
-def test_far_below_its_distance_presliding_is_a_spring(made, drag):
+@pytest.mark.parametrize(
+    ("effect", "stiffer"), [(Presliding, 1.0), (PreslidingMaxwell, (3 + 1 + 0.6) / 3)]
+)
+def test_far_below_its_distance_presliding_is_a_spring(made, drag, effect, stiffer):
     """Stiffness F_c s₀/(s₀ + s_r)², which is σ₀ = F_c/s₀ where s_r is small against s₀."""
-    run = drag(sliding(made, 1e-3), lambda t: 1e-5 * (1 - np.cos(20 * t)), 0.6)
+    run = drag(sliding(made, 1e-3, effect), lambda t: 1e-5 * (1 - np.cos(20 * t)), 0.6)
     forward = slice(np.argmax(run.v) - 5, np.argmax(run.v) + 5)
     slope = np.polyfit(run.x[forward], run.F[forward], 1)[0]
-    assert slope == pytest.approx(15.0 / 1e-3, rel=0.08)
+    assert slope == pytest.approx(stiffer * 15.0 / 1e-3, rel=0.08)
 
 
-def test_after_the_presliding_distance_friction_is_coulombs(made, drag):
-    run = drag(sliding(made, 2e-4), lambda t: 0.1 * (1 - np.cos(4 * t)), 0.7)
+@pytest.mark.parametrize("effect", [Presliding, PreslidingMaxwell])
+def test_after_the_presliding_distance_friction_is_coulombs(made, drag, effect):
+    run = drag(sliding(made, 2e-4, effect), lambda t: 0.1 * (1 - np.cos(4 * t)), 0.7)
     assert run.F[run.x > 2e-3] == pytest.approx(15.0, rel=1e-3)
 
 

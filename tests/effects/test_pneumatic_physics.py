@@ -206,32 +206,45 @@ def test_the_silencer_passes_what_the_valves_let_out_at_darcys_pressure(made):
     assert through_valves(axis, [*low, 0.0], u)[0] < 0 < through_valves(axis, [*low, 5e4], u)[0]
 
 
-def bled(C, d):
-    """Return what the valves pass from supply to exhaust at a droop."""
-    return float(orifice_flow(C, 0.3, 0.5, P_SUPPLY - d, P_EXT, T_0))
+def leaked(C, d=0.0, back=0.0):
+    """Return what the valves pass from supply to exhaust at a droop and a back pressure."""
+    return float(orifice_flow(C, 0.3, 0.5, P_SUPPLY - d, P_EXT + back, T_0, 0.95))
+
+
+def test_the_silencer_passes_internal_leakage_too_which_never_exceeds_the_supply(made):
+    """Its back pressure is that of all flow; the leak falls as it rises, and turns round."""
+    R, C = 5e11, 1e-9
+    axis = iso_axis(made, ExhaustRestriction(), R=R, C_leak=C, tau=0.02)
+    x, u = [5e5, 5e5, 0.0, 0.0], [-2.0, 0.5]
+    for back in (0.0, 3e4, 4e5):
+        out = leaked(C, back=back) - min(through_valves(axis, [*x, back], u)[0], 0.0)
+        raised = np.sqrt(P_EXT**2 + 2 * R_AIR * T_0 * R * out**2) - P_EXT
+        assert rates(axis, [*x, back], u)[-1] == pytest.approx((raised - back) / 0.02)
+    clogged = iso_axis(made, ExhaustRestriction(), R=1e13, C_leak=3e-9, tau=0.02)
+    assert rates(clogged, [*x, P_SUPPLY - P_EXT], u)[-1] < 0
 
 
 def test_the_reservoir_gains_what_the_regulator_gives_and_loses_what_the_valves_draw(made):
     """Mass at one temperature: V ṗ/(r T) is the net flow."""
-    V, C, bleed = 1e-3, 5e-9, 3e-10
-    axis = started(made, SupplyDroop(), per_volume=1 / V, C=C, C_bleed=bleed)
+    V, C, C_l = 1e-3, 5e-9, 3e-10
+    axis = started(made, SupplyDroop(), per_volume=1 / V, C=C, C_leak=C_l)
     for d in (0.0, 2e4, 1.5e5):
         x = [3e5, 3e5, 0.0, 0.0, d]
         for u in ([2.0, 1.0], [2.0, -1.0]):
-            drawn = bled(bleed, d) + np.maximum(through_valves(axis, x, u), 0.0).sum()
+            drawn = leaked(C_l, d) + np.maximum(through_valves(axis, x, u), 0.0).sum()
             given = float(orifice_flow(C, 0.3, 0.5, P_SUPPLY, P_SUPPLY - d, T_0, 0.95))
             lost = V / (R_AIR * T_0) * rates(axis, x, u)[-1]
             assert lost == pytest.approx(drawn - given, rel=1e-9, abs=1e-15)
     still = rates(axis, [P_SUPPLY, P_SUPPLY, 0.0, 0.0, 0.0])
-    assert V / (R_AIR * T_0) * still[-1] == pytest.approx(bled(bleed, 0.0), rel=1e-4)
+    assert V / (R_AIR * T_0) * still[-1] == pytest.approx(leaked(C_l), rel=1e-4)
 
 
 def test_a_regulator_in_proportion_gives_its_slope_times_the_droop(made):
-    V, G, bleed, u = 1e-3, 3e-8, 3e-10, [2.0, 1.0]
-    axis = started(made, SupplyDroopProportional(), per_volume=1 / V, G=G, C_bleed=bleed)
+    V, G, C_l, u = 1e-3, 3e-8, 3e-10, [2.0, 1.0]
+    axis = started(made, SupplyDroopProportional(), per_volume=1 / V, G=G, C_leak=C_l)
     for d in (0.0, 2e4, 1.5e5):
         x = [3e5, 3e5, 0.0, 0.0, d]
-        drawn = bled(bleed, d) + np.maximum(through_valves(axis, x, u), 0.0).sum()
+        drawn = leaked(C_l, d) + np.maximum(through_valves(axis, x, u), 0.0).sum()
         lost = V / (R_AIR * T_0) * rates(axis, x, u)[-1]
         assert lost == pytest.approx(drawn - G * d, rel=1e-9)
 

@@ -42,12 +42,12 @@ VALUES = {
     ExhaustRestriction: {
         "exhaust_restriction.R": 3e11,
         "exhaust_restriction.tau": 0.03,
-        "exhaust_restriction.C_bleed": 3e-10,
+        "exhaust_restriction.C_leak": 3e-10,
     },
-    SupplyDroop: {"supply_droop.C_bleed": 1e-9},
+    SupplyDroop: {"supply_droop.C_leak": 1e-9},
     SupplyDroopProportional: {
         "supply_droop_proportional.G": 1e-8,
-        "supply_droop_proportional.C_bleed": 1e-9,
+        "supply_droop_proportional.C_leak": 1e-9,
     },
     ValveHysteresis: {"valve_hysteresis.s": 0.2},
 }

@@ -74,23 +74,30 @@ def on_best_stairs(study: Study, axis: Axis, effects: Sequence[Effect]) -> Axis:
 
 
 def cheapest(study: Study, axis: Axis, changes: Sequence[Mapping[str, float]]) -> Axis:
-    """Return the axis with those of several values that cost least; the first where none costs."""
+    """Return the axis with those of several values that cost least once the others gave way.
+
+    Where none has a cost, the first.
+    """
     return axis.with_parameters(changes[int(np.argmin(_costs(study, axis, changes)))])
 
 
 def _costs(study: Study, axis: Axis, changes: Sequence[Mapping[str, float]]) -> FloatArray:
-    """Return what fits would come to after a first step, at some values of effects.
+    """Return costs at some values of effects, after one linear step of what is known so far.
 
-    The parameters of these effects keep the values tried, all others give way.
+    All parameters of these effects keep their values, all others give way; see `ProjectedCosts`.
     """
     tried = {name.split(".")[0] for values in changes for name in values}
+    starts = np.tile(axis.parameters.values, (len(changes), 1))
+    for start, values in zip(starts, changes, strict=True):
+        start[[axis.parameters.index(name) for name in values]] = list(values.values())
     return np.array(
         equation_error_costs(
             axis,
-            [axis.parameters.with_values(values).values for values in changes],
+            list(starts),
             study.smoothed[0],
             study.anchor_with(axis.effects),
             residual_floor=default_residual_floor(study.axis),
+            state_derivatives=any(effect.through_states for effect in axis.effects),
             held=[name for name in axis.parameters.free_names if name.split(".")[0] in tried],
         )
     )

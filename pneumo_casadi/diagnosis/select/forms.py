@@ -112,7 +112,7 @@ def keep_best_forms(
         fitted = {name: ledger.fits[name,] for name in names if (name,) in ledger.fits}
         if len(names) == 1 or not fitted:
             continue
-        # The usual form, named as its cause, has the fewest parameters: others must earn theirs.
+        # The usual form, named as its cause, has no more parameters than others: they must earn it.
         best = max(
             fitted,
             key=lambda name: gain_on_all_records(nominal, fitted[name]) - gain * (name != cause),

@@ -6,7 +6,7 @@ from typing import Any
 
 import casadi as ca
 
-from pneumo_casadi.effects.common.bleed import BLEED, let_out
+from pneumo_casadi.effects.common.internal_leakage import INTERNAL_LEAKAGE, let_out
 from pneumo_casadi.model.effect import Effect, Scope, State
 from pneumo_casadi.model.junctions import Expression, Pair, Supply
 from pneumo_casadi.parameters import Parameter
@@ -15,15 +15,16 @@ from pneumo_casadi.parameters import Parameter
 class ExhaustRestriction(Effect):
     """Turbulent back pressure of what both valves let out through one silencer.
 
-    p_e² = p_ext² + 2 r T R q² (Δp = R q²/ρ at the mean density) with q what the valves let out
-    and bleed, reached in the time `tau` in which the space before the silencer fills. The same law
-    is the sonic one, q = C ρ₀ p_e, where the back pressure is high: R = 1 / (2 r T (C ρ₀)²). A
-    valve that is choked does not feel it. The state is the back pressure p_e − p_ext and not the
-    flow, whose square would leave its initial value without influence.
+    p_e² = p_ext² + 2 r T R q² (Δp = R q²/ρ at the mean density) with q what the valves let out,
+    q_l of it by internal leakage, reached in the time `tau` in which the space before the silencer
+    fills. A record begins without back pressure. The same law is the sonic one, q = C ρ₀ p_e,
+    where the back pressure is high: R = 1 / (2 r T (C ρ₀)²). A valve that is choked does not feel
+    it. The state is the back pressure p_e − p_ext and not the flow, whose square would leave its
+    initial value without influence.
     """
 
     name = "exhaust_restriction"
-    equation = "p_e = p_ext + b, τ ḃ = √(p_ext² + 2 r T R (q_b + Σ max(−q_m, 0))²) − p_ext − b"
+    equation = "p_e = p_ext + b, τ ḃ = √(p_ext² + 2 r T R (q_l + Σ max(−q_m, 0))²) − p_ext − b"
     source = "compressible Darcy flow; sonic conductance of silencers, ISO 6358-1:2013"
     shows = "mass flow balance of a chamber that empties at low pressure; none while choked"
     confused_with = ("flow coefficients", "flow_map_shape", "hose")
@@ -55,14 +56,14 @@ class ExhaustRestriction(Effect):
             description="time in which the space before the silencer fills",
             source="V / (r T C ρ₀): 10 cm³ behind a sonic conductance of 2e-9 m³/(s Pa): 50 ms",
         ),
-        BLEED,
+        INTERNAL_LEAKAGE,
     )
     states = (State("b", "Pa", 1e4),)
 
     def rates(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
         """Fill the space before the silencer."""
-        out = let_out(entering["valve_flow"], at.axis["p_supply"], at)
         p_ext = at.axis["p_ext"]
+        out = let_out(entering["valve_flow"], p_ext + at["b"], at)
         raised = 2 * at.axis["r"] * at.axis["T"] * at["R"] * out**2
         return {"b": (ca.sqrt(p_ext**2 + raised) - p_ext - at["b"]) / at["tau"]}
 

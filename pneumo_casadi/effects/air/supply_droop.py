@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from pneumo_casadi.effects.common.bleed import BLEED, drawn
+from pneumo_casadi.effects.common.internal_leakage import INTERNAL_LEAKAGE, drawn
 from pneumo_casadi.effects.common.reservoir import PER_VOLUME, Reservoir
 from pneumo_casadi.model.absorption import Absorption
 from pneumo_casadi.model.effect import Effect, Scope, State
@@ -23,13 +23,13 @@ class SupplyDroop(Reservoir, Effect):
     """Reservoir of volume V behind a regulator of sonic conductance C (see `Reservoir`).
 
     V/(r T) ḋ = q_out − C ρ₀ √(T₀/T) p_supply ω((p_supply − d)/p_supply), valves at
-    p_supply − d, where q_out is what both valves draw, with what they bleed; ω grows in proportion
-    to small droops.
+    p_supply − d, where q_out is what both valves draw, with their internal leakage q_l; ω grows
+    in proportion to small droops.
     """
 
     name = "supply_droop"
     absorbed_by = Absorption(("S_P",), also=("S_N",), unless=("S_N/S_P", "map form"))
-    equation = "p_s = p_supply − d, ḋ = r T/V (q_b + Σ max(q_m, 0) − C ρ₀ √(T₀/T) p_supply ω(p_s))"
+    equation = "p_s = p_supply − d, ḋ = r T/V (q_l + Σ max(q_m, 0) − C ρ₀ √(T₀/T) p_supply ω(p_s))"
     source = "mass balance of the reservoir; ISO 6358-1:2013 for the regulator, linear below 5 %"
     parameters = (
         PER_VOLUME,
@@ -45,7 +45,7 @@ class SupplyDroop(Reservoir, Effect):
             description="sonic conductance of regulator and feed line",
             source="1e-9 to 3e-8 m³/(s Pa), small regulators",
         ),
-        BLEED,
+        INTERNAL_LEAKAGE,
     )
     states = (State("d", "Pa", 2e4),)
 

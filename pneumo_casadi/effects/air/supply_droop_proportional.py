@@ -5,7 +5,7 @@ from typing import Any
 
 import casadi as ca
 
-from pneumo_casadi.effects.common.bleed import BLEED, drawn
+from pneumo_casadi.effects.common.internal_leakage import INTERNAL_LEAKAGE, drawn
 from pneumo_casadi.effects.common.reservoir import PER_VOLUME, Reservoir
 from pneumo_casadi.model.effect import Effect, Scope, State
 from pneumo_casadi.model.junctions import Expression
@@ -16,7 +16,7 @@ class SupplyDroopProportional(Reservoir, Effect):
     """Reservoir behind a regulator of slope G (see `Reservoir`).
 
     V/(r T) ḋ = q_out − G max(d, 0), valves at p_supply − d, where q_out is what both valves draw,
-    with what they bleed.
+    with their internal leakage q_l.
 
     Over most of its range the outlet pressure of a regulator falls about in a straight line with
     the flow. `SupplyDroop` is the other limit: a regulator that is wide open after a small droop,
@@ -25,8 +25,8 @@ class SupplyDroopProportional(Reservoir, Effect):
 
     name = "supply_droop_proportional"
     cause = "supply_droop"
-    equation = "p_s = p_supply − d, ḋ = r T/V (q_b + Σ max(q_m, 0) − G max(d, 0))"
-    source = "mass balance of the reservoir; ISO 6953-1:2015, forward flow of pressure regulators"
+    equation = "p_s = p_supply − d, ḋ = r T/V (q_l + Σ max(q_m, 0) − G max(d, 0))"
+    source = "mass balance of the reservoir; forward flow of pressure regulators, ISO 6953-2:2015"
     parameters = (
         PER_VOLUME,
         Parameter(
@@ -39,9 +39,9 @@ class SupplyDroopProportional(Reservoir, Effect):
             null=3e-8,
             start=3e-8,
             description="slope of the regulator, flow over droop",
-            source="100-1000 l/min at a droop of 0.3-1 bar, data sheets of small regulators",
+            source="100-1000 l/min (ANR) at a droop of 0.3-1 bar, data sheets of small regulators",
         ),
-        BLEED,
+        INTERNAL_LEAKAGE,
     )
     states = (State("d", "Pa", 2e4),)
 

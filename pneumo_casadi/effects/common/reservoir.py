@@ -26,7 +26,8 @@ class Reservoir:
     V/(r T) ḋ = q_out − q_in, by mass at one temperature. A litre of air at 7 bar exchanges its heat
     within one or two seconds. Without heat exchange the same pressures would mean a volume γ times
     as large; the recorded channels cannot distinguish the two. At 1/V = 0, the null value, the
-    reservoir is infinite and does not droop; the derivatives there are exact.
+    reservoir is infinite and does not droop; the derivatives there are exact. A record begins at
+    the supply pressure: what leaks then lowers it for good, within tenths of a second.
     """
 
     measured_by: ClassVar[str] = "p_supply"

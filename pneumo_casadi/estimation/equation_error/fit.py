@@ -166,14 +166,16 @@ def equation_error_costs(
     anchor: Anchor | None = None,
     *,
     residual_floor: FloatArray | None = None,
+    state_derivatives: bool = False,
     held: Collection[str] | None = None,
 ) -> list[float]:
     """Return the cost that `fit_equation_error` minimises, at some values of all parameters.
 
-    With `held`, what it is after one step of all free parameters but those; see `ProjectedCosts`.
+    With `held`, which may be empty, it is the cost after one linear step of all free parameters
+    but those; see `ProjectedCosts`.
     """
     floor = default_residual_floor(axis) if residual_floor is None else residual_floor
-    problem = Problem(BalanceFunctions(axis), motions, anchor, floor, False)
+    problem = Problem(BalanceFunctions(axis), motions, anchor, floor, state_derivatives)
     if held is None:
         return problem.costs(starts)
     return ProjectedCosts(problem, axis.parameters.values, held)(starts)

@@ -7,21 +7,24 @@ from functools import cached_property
 import numpy as np
 
 from pneumo_casadi.estimation.equation_error.problem import DAMPING, Linearised, Problem, Trial
+from pneumo_casadi.estimation.gauss_newton import minimise_in_box
 from pneumo_casadi.model.machine_code.lane_code import LANES
 from pneumo_casadi.parameters import FloatArray
 
 
 @dataclass(frozen=True, eq=False)
 class ProjectedCosts:
-    """Costs at some values of the effects, after one linear step of all other parameters.
+    """Costs at some values of an effect, after one linear step of the parameters known so far.
 
     Parameters fitted without an effect have taken on what it does as far as they can. Where it is
     tried beside them as they are, the true value may cost more than a wrong one that disturbs them
-    less. Here they move for every value tried, by the step of Gauss and Newton from the one point
-    at which the derivatives A are known, within their bounds (variable projection, Golub and
-    Pereyra 1973, held to one linearisation)::
+    less. Here they move for every value tried, by a step of Gauss and Newton within their bounds,
+    with the derivatives A of one point. It is what variable projection (Golub and Pereyra 1973)
+    would do, with one linearisation for all values::
 
-        δ = −(H + λ diag H)⁻¹ Aᵀ e(θ),   e ← e(θ) + A δ,   H = AᵀA
+        δ = argmin ½ |e(θ) + A δ|² + ½ λ δᵀ diag(AᵀA) δ,   e ← e(θ) + A δ
+
+    Where that costs more than not to move, they do not.
 
     Parameters
     ----------
@@ -30,7 +33,7 @@ class ProjectedCosts:
     origin : (nθ,) array
         Where the derivatives are taken.
     held : collection of str
-        Free parameters that do not move: those that are tried.
+        Free parameters that do not move: those of the effects that are tried.
     """
 
     problem: Problem
@@ -41,23 +44,28 @@ class ProjectedCosts:
         """Return the cost at some values of all parameters; infinite where it is no number."""
         costs: list[float] = []
         with np.errstate(over="ignore", invalid="ignore"):  # a start may run away
+            moves = bool(self._columns) and bool(np.isfinite(self._linear.A).all())
             for k in range(0, len(variants), LANES):
                 some = variants[k : k + LANES]
-                residuals = self.problem.residuals_of(some)
-                costs += [self._cost(r, theta) for r, theta in zip(residuals, some, strict=True)]
-        return [cost if np.isfinite(cost) else np.inf for cost in costs]
+                for r, theta in zip(self.problem.residuals_of(some), some, strict=True):
+                    plain = self.problem.cost(r, theta)
+                    moved = self._moved(r, theta) if moves and np.isfinite(plain) else np.inf
+                    costs.append(min(plain, moved) if np.isfinite(plain) else np.inf)
+        return costs
 
-    def _cost(self, r: Sequence[FloatArray], theta: FloatArray) -> float:
-        problem, moves = self.problem, self._moves
+    def _moved(self, r: Sequence[FloatArray], theta: FloatArray) -> float:
+        """Return the cost after the step from θ, whose residuals are r."""
+        problem, A = self.problem, self._A
         e = problem.weighted(r, theta, self._sigma)
-        delta = -(self._gain @ (self._A.T @ e))
-        at = theta[moves]
-        reached = np.clip(at + delta * self._scales, *(bound[moves] for bound in self._bounds))
-        e = e + self._A @ ((reached - at) / self._scales)
+        at, parameters = theta[self._moving], problem.model.axis.parameters
+        lower, upper = (
+            (bound[self._moving] - at) / self._scales
+            for bound in (parameters.lower, parameters.upper)
+        )
+        e = e + A @ minimise_in_box(self._damped, -A.T @ e, lower, upper)
         rows = problem.weights.size
         squares = np.sum(e[:rows].reshape(problem.weights.shape) ** 2, axis=1) / problem.n_rows
-        floor = problem.residual_floor / self._sigma
-        sigma = self._sigma * np.sqrt(squares + floor**2)
+        sigma = np.sqrt(squares * self._sigma**2 + problem.residual_floor**2)
         return float(problem.n_rows @ np.log(sigma) + 0.5 * np.sum(e[rows:] ** 2))
 
     @cached_property
@@ -66,6 +74,7 @@ class ProjectedCosts:
 
     @cached_property
     def _sigma(self) -> FloatArray:
+        """Standard deviations that weigh the residuals, (ne,)."""
         return self.problem.sigma(self.problem.residuals(self.origin))
 
     @cached_property
@@ -74,7 +83,7 @@ class ProjectedCosts:
         return [k for k, name in enumerate(self.problem.model.free) if name not in self.held]
 
     @cached_property
-    def _moves(self) -> list[int]:
+    def _moving(self) -> list[int]:
         """The same parameters among all."""
         return [self.problem.free[k] for k in self._columns]
 
@@ -83,19 +92,12 @@ class ProjectedCosts:
         return np.asarray(self.problem.scales[self._columns])
 
     @cached_property
-    def _bounds(self) -> tuple[FloatArray, FloatArray]:
-        parameters = self.problem.model.axis.parameters
-        return parameters.lower, parameters.upper
-
-    @cached_property
     def _A(self) -> FloatArray:
         return np.asarray(self._linear.A[:, self._columns])
 
     @cached_property
-    def _gain(self) -> FloatArray:
-        """(H + λ diag H)⁻¹ of what moves."""
+    def _damped(self) -> FloatArray:
+        """AᵀA, with the damping with which fits begin."""
         H = self._A.T @ self._A
         diagonal = np.diag(H)
-        floor = 1e-12 * diagonal.max(initial=0.0)
-        damped = H + DAMPING.start * np.diag(np.maximum(diagonal, floor))
-        return np.asarray(np.linalg.pinv(damped, hermitian=True))
+        return np.asarray(H + DAMPING.start * np.diag(np.maximum(diagonal, 1e-12 * diagonal.max())))
