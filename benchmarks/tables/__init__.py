@@ -84,13 +84,14 @@ TABLES: dict[str, tuple[Callable[..., str], *tuple[str, ...]]] = {
     "withheld": (withheld, "withheld"),
     "withheld_effects": (withheld_effects, "withheld"),
     "withheld_forms": (withheld_forms, "withheld_forms"),
-    "withheld_later": (withheld_forms, "withheld_later"),
+    "withheld_newest": (withheld_forms, "withheld_newest"),
     "headlines": (
         headlines,
         "table1",
         "wls_vs_output_error",
         "withheld_forms",
         "withheld_later",
+        "withheld_newest",
         "peers",
     ),
 }

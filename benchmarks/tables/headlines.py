@@ -7,16 +7,15 @@ from typing import Any
 def headlines(
     table1: Mapping[str, Any],
     coverage: Mapping[str, Any],
-    check: Mapping[str, Any],
-    later: Mapping[str, Any],
-    peers: Mapping[str, Any],
+    *checks_and_peers: Mapping[str, Any],
 ) -> str:
-    """Return the list of headline figures."""
+    """Return the list of headline figures; the sealed checks come before the peers."""
+    *checks, peers = checks_and_peers
     sentences = (
         largest_error(table1),
         coverage_range(coverage),
-        named_alone(check, later),
-        false_alarms(check, later),
+        named_alone(*checks),
+        false_alarms(*checks),
         speed_up(peers),
     )
     return "\n".join(f"- {sentence}." for sentence in sentences)
@@ -59,7 +58,7 @@ def named_alone(*checks: Mapping[str, Any]) -> str:
     hits, of = counted(checks, "visible", "right_first")
     return (
         f"Of {of} hidden effects large enough to be seen in the record, {hits} "
-        "were named, and nothing else with them (the last two sealed checks, "
+        "were named, and nothing else with them (the last three sealed checks, "
         f"`python benchmarks/withheld.py --cases {checks[-1]['cases']}`)"
     )
 

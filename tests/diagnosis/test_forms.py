@@ -151,6 +151,19 @@ def test_beside_others_another_form_stands_for_its_cause_where_it_fits_all_recor
     assert ("hose_volume" in ledger.left_out) is (expected == swapped)
 
 
+def test_another_form_takes_the_place_of_the_only_effect_of_a_model(ledger, monkeypatch):
+    """From where the first one has been refined, it may fit better than alone from its start."""
+    monkeypatch.setattr(
+        FitLedger, "fit_all", lambda self, keys: self.fits.update({("hose",): leaving(1.6)})
+    )
+    monkeypatch.setattr(FitLedger, "refine", lambda self, names: None)
+    keep_best_forms(ledger, gaining(0))
+    ledger.fits["hose_volume",] = leaving(2.0)
+    levels = BalanceLevels(np.ones(1), np.full(1, 100.0))
+    assert with_other_form(ledger, leaving(10.0), ("hose_volume",), levels) == ("hose",)
+    assert ("hose_volume",) not in ledger.fits and "hose_volume" in ledger.left_out
+
+
 @pytest.mark.parametrize(
     ("usual", "left", "fitted"),
     [(200, 9.0, True), (200, 1.0, False), (60, 9.0, False)],

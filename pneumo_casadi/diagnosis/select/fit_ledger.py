@@ -297,7 +297,7 @@ class FitLedger:
         for name in set(known) - set(other):
             self.leave_out(name)
         self.left_out -= set(other)
-        del self.fits[known]
+        self.fits.pop(known, None)  # of a model of one effect, `leave_out` did
 
     def refine(self, names: Names) -> None:
         """Let the fit of a model go on to its minimum, in all its effects' parameters; once."""
