@@ -103,6 +103,7 @@ def _draw_sizes(axes: Axes, names: Sequence[str], sizes: Mapping[str, Mapping[st
                 percent(value), (value, row), (2, -0.4), textcoords="offset points", va="center",
                 fontsize=SMALL - 1.0, zorder=4,
             )  # fmt: skip
-    axes.set_xlim(0, 1.18 * largest if largest > 0 else 1.0)
+    room = 1.18 if len(sizes) == 1 else 2.2  # for the numbers, and the legend beside them
+    axes.set_xlim(0, room * largest if largest > 0 else 1.0)
     if len(sizes) > 1:
         axes.legend(fontsize=SMALL - 1.0, frameon=False, loc="lower right")
