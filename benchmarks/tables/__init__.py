@@ -89,9 +89,9 @@ TABLES: dict[str, tuple[Callable[..., str], *tuple[str, ...]]] = {
         headlines,
         "table1",
         "wls_vs_output_error",
+        "peers",
         "withheld_forms",
         "withheld_later",
         "withheld_newest",
-        "peers",
     ),
 }

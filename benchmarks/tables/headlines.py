@@ -7,10 +7,10 @@ from typing import Any
 def headlines(
     table1: Mapping[str, Any],
     coverage: Mapping[str, Any],
-    *checks_and_peers: Mapping[str, Any],
+    peers: Mapping[str, Any],
+    *checks: Mapping[str, Any],
 ) -> str:
-    """Return the list of headline figures; the sealed checks come before the peers."""
-    *checks, peers = checks_and_peers
+    """Return the list of headline figures, those of the sealed checks over all of them."""
     sentences = (
         largest_error(table1),
         coverage_range(coverage),

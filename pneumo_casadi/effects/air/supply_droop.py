@@ -1,12 +1,9 @@
 """Supply droop: the valves draw from a reservoir that a regulator refills too slowly."""
 
-from collections.abc import Mapping
-from typing import Any
-
-from pneumo_casadi.effects.common.internal_leakage import INTERNAL_LEAKAGE, drawn
+from pneumo_casadi.effects.common.internal_leakage import INTERNAL_LEAKAGE
 from pneumo_casadi.effects.common.reservoir import PER_VOLUME, Reservoir
 from pneumo_casadi.model.absorption import Absorption
-from pneumo_casadi.model.effect import Effect, Scope, State
+from pneumo_casadi.model.effect import Effect, Scope
 from pneumo_casadi.model.junctions import Expression
 from pneumo_casadi.parameters import Parameter
 from pneumo_casadi.valve.orifice import orifice_expression
@@ -47,11 +44,8 @@ class SupplyDroop(Reservoir, Effect):
         ),
         INTERNAL_LEAKAGE,
     )
-    states = (State("d", "Pa", 2e4),)
 
-    def rates(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
-        """Balance of the reservoir at one temperature."""
+    def refill(self, p_s: Expression, at: Scope) -> Expression:
+        """Return what the feed passes, of a regulator that is wide open after a small droop."""
         p_feed, T = at.axis["p_supply"], at.axis["T"]
-        p_s = p_feed - at["d"]
-        refill = orifice_expression(at["C"], B_FEED, M_FEED, p_feed, p_s, T, RATIO_FEED)
-        return {"d": self.droop_rate(drawn(entering["valve_flow"], p_s, at), refill, at)}
+        return orifice_expression(at["C"], B_FEED, M_FEED, p_feed, p_s, T, RATIO_FEED)

@@ -1,13 +1,10 @@
 """Supply droop behind a regulator that opens in proportion to it."""
 
-from collections.abc import Mapping
-from typing import Any
-
 import casadi as ca
 
-from pneumo_casadi.effects.common.internal_leakage import INTERNAL_LEAKAGE, drawn
+from pneumo_casadi.effects.common.internal_leakage import INTERNAL_LEAKAGE
 from pneumo_casadi.effects.common.reservoir import PER_VOLUME, Reservoir
-from pneumo_casadi.model.effect import Effect, Scope, State
+from pneumo_casadi.model.effect import Effect, Scope
 from pneumo_casadi.model.junctions import Expression
 from pneumo_casadi.parameters import Parameter
 
@@ -43,10 +40,7 @@ class SupplyDroopProportional(Reservoir, Effect):
         ),
         INTERNAL_LEAKAGE,
     )
-    states = (State("d", "Pa", 2e4),)
 
-    def rates(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
-        """Balance of the reservoir at one temperature."""
-        p_s = at.axis["p_supply"] - at["d"]
-        refill = at["G"] * ca.fmax(at["d"], 0.0)
-        return {"d": self.droop_rate(drawn(entering["valve_flow"], p_s, at), refill, at)}
+    def refill(self, p_s: Expression, at: Scope) -> Expression:
+        """Return what the regulator lets in, in proportion to the droop."""
+        return at["G"] * ca.fmax(at["d"], 0.0)

@@ -57,36 +57,42 @@ class Bristle:
         ),
     )
     states: ClassVar[tuple[State, ...]] = (State("share", "1", 1.0),)
+    #: Presliding distance of the bristle of each state over s₀; all carry the same friction.
+    spread: ClassVar[tuple[float, ...]] = (1.0,)
 
     def rest(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
         """Start with the friction of steady sliding."""
-        return {"share": at.direction}
+        return {state.name: at.direction for state in self.states}
 
     def rates(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
-        """Let the bristle bend with the way and slip at the Coulomb level."""
-        slipping = self.slipping(at.v, rounded_speed(at), at["share"])
-        return {"share": (at.v - slipping) / length_of(at)}
+        """Let each bristle bend with the way and slip at its level."""
+        speed = ca.sqrt(at.v**2 + S_SPEED**2)
+        return {
+            name: (at.v - self.slipping(at.v, speed, at[name])) / _length(at, spread)
+            for name, spread in self._bristles()
+        }
 
     def slipping(self, v: Expression, speed: Expression, h: Expression) -> Expression:
-        """Return the velocity w at which a bent bristle slips [m/s]; `speed` is rounded |v|."""
-        raise NotImplementedError
+        """Return the velocity w at which a bent bristle slips [m/s]; `speed` is rounded |v|.
+
+        Elastic-plastic, after Bouc and Wen, unless a form has another law.
+        """
+        return (speed * h**3 + v * (h**2 + TINY) ** 1.5) / 2
 
     def force(self, F: Expression, at: Scope) -> Expression:
-        """Replace Coulomb friction by the bristle's."""
+        """Replace Coulomb friction by that of the bristles."""
         level = (at.axis["F_c_plus"] + at.axis["F_c_minus"]) / 2
-        return F - at["distance"] / length_of(at) * level * (at["share"] - at.direction)
+        shares = (
+            spread * at["distance"] / _length(at, spread) * level * (at[name] - at.direction)
+            for name, spread in self._bristles()
+        )
+        return F - sum(shares) / len(self.spread)
+
+    def _bristles(self) -> list[tuple[str, float]]:
+        """Return the name of each state with what its distance is over s₀."""
+        names = (state.name for state in self.states)
+        return list(zip(names, self.spread, strict=True))
 
 
-def rounded_speed(at: Scope) -> Expression:
-    """Return |v|, rounded at 0 [m/s]."""
-    return ca.sqrt(at.v**2 + S_SPEED**2)
-
-
-def length_of(at: Scope, spread: float = 1.0) -> Expression:
-    """Return the length L of a bristle whose presliding distance is `spread` s₀ [m]."""
+def _length(at: Scope, spread: float) -> Expression:
     return ca.sqrt((spread * at["distance"] + S_REGULAR) ** 2 + (TAU_LEAST * at.v) ** 2)
-
-
-def slip_abruptly(v: Expression, speed: Expression, h: Expression) -> Expression:
-    """Return the velocity at which an elastic-plastic bristle slips, after Bouc and Wen [m/s]."""
-    return (speed * h**3 + v * (h**2 + TINY) ** 1.5) / 2

@@ -1,8 +1,10 @@
 """Reservoir from which the valves draw, behind a regulator: what the forms of droop share."""
 
-from typing import ClassVar
+from collections.abc import Mapping
+from typing import Any, ClassVar
 
-from pneumo_casadi.model.effect import Scope
+from pneumo_casadi.effects.common.internal_leakage import drawn
+from pneumo_casadi.model.effect import Scope, State
 from pneumo_casadi.model.junctions import Expression, Pair, Supply
 from pneumo_casadi.parameters import Parameter
 
@@ -44,9 +46,17 @@ class Reservoir:
         "fill both chambers at once, then one; a sensor at the supply port"
     )
 
-    def droop_rate(self, q_out: Expression, q_in: Expression, at: Scope) -> Expression:
-        """Return ḋ of the balance of the reservoir's mass [Pa/s]."""
-        return at.axis["r"] * at.axis["T"] * at["per_volume"] * (q_out - q_in)
+    states: ClassVar[tuple[State, ...]] = (State("d", "Pa", 2e4),)
+
+    def rates(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
+        """Balance of the reservoir at one temperature."""
+        p_s = at.axis["p_supply"] - at["d"]
+        lost = drawn(entering["valve_flow"], p_s, at) - self.refill(p_s, at)
+        return {"d": at.axis["r"] * at.axis["T"] * at["per_volume"] * lost}
+
+    def refill(self, p_s: Expression, at: Scope) -> Expression:
+        """Return what the regulator lets in at the pressure of the reservoir [kg/s]."""
+        raise NotImplementedError
 
     def supply(self, ports: Supply, at: Scope) -> Supply:
         """Lower the supply."""

@@ -1,8 +1,7 @@
 """Presliding: at a reversal the contact is a spring; Coulomb friction builds up over a way."""
 
-from pneumo_casadi.effects.common.bristle import Bristle, slip_abruptly
+from pneumo_casadi.effects.common.bristle import Bristle
 from pneumo_casadi.model.effect import Effect
-from pneumo_casadi.model.junctions import Expression
 
 
 class Presliding(Bristle, Effect):
@@ -22,7 +21,3 @@ class Presliding(Bristle, Effect):
         "bristles: Dupont, Hayward, Armstrong, Altpeter (2002), IEEE Transactions on Automatic "
         "Control 47(5), 787-792"
     )
-
-    def slipping(self, v: Expression, speed: Expression, h: Expression) -> Expression:
-        """Return the velocity w at which a bent bristle slips [m/s]."""
-        return slip_abruptly(v, speed, h)

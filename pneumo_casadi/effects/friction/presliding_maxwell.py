@@ -1,15 +1,7 @@
 """Presliding after Maxwell and Iwan: contacts in parallel, of which one slips after another."""
 
-from collections.abc import Mapping
-from typing import Any
-
-from pneumo_casadi.effects.common.bristle import Bristle, length_of, rounded_speed, slip_abruptly
-from pneumo_casadi.model.effect import Effect, Scope, State
-from pneumo_casadi.model.junctions import Expression
-
-#: Presliding distances of the elements over their mean, evenly between none and twice the mean;
-#: each carries the same friction.
-SPREAD = (1 / 3, 1.0, 5 / 3)
+from pneumo_casadi.effects.common.bristle import Bristle
+from pneumo_casadi.model.effect import Effect, State
 
 
 class PreslidingMaxwell(Bristle, Effect):
@@ -33,25 +25,6 @@ class PreslidingMaxwell(Bristle, Effect):
         "Al-Bender, Lampaert, Swevers (2005), IEEE Transactions on Automatic Control 50(11), "
         "1883-1887"
     )
-    states = tuple(State(f"share_{i}", "1", 1.0) for i in range(len(SPREAD)))
-
-    def rest(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
-        """Start with the friction of steady sliding."""
-        return {state.name: at.direction for state in self.states}
-
-    def rates(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
-        """Let each bristle bend with the way and slip at its level."""
-        speed = rounded_speed(at)
-        return {
-            state.name: (at.v - slip_abruptly(at.v, speed, at[state.name])) / length_of(at, spread)
-            for state, spread in zip(self.states, SPREAD, strict=True)
-        }
-
-    def force(self, F: Expression, at: Scope) -> Expression:
-        """Replace Coulomb friction by that of the bristles."""
-        level = (at.axis["F_c_plus"] + at.axis["F_c_minus"]) / 2
-        shares = (
-            spread * at["distance"] / length_of(at, spread) * (at[state.name] - at.direction)
-            for state, spread in zip(self.states, SPREAD, strict=True)
-        )
-        return F - level * sum(shares) / len(SPREAD)
+    #: Evenly between none and twice the mean.
+    spread = (1 / 3, 1.0, 5 / 3)
+    states = tuple(State(f"share_{i}", "1", 1.0) for i in range(3))

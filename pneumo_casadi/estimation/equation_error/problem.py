@@ -1,6 +1,6 @@
 """The cost of an equation-error fit, its Gauss-Newton steps and where they end."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -46,9 +46,13 @@ class Trial:
 
 @dataclass(frozen=True, slots=True)
 class Linearised:
-    """Weighted residuals e at θ, A = ∂e/∂θ for the scaled free parameters, and H = AᵀA."""
+    """Weighted residuals e at θ, A = ∂e/∂θ for the scaled free parameters, and H = AᵀA.
+
+    `sigma` are the standard deviations of the balances' residuals, (ne,).
+    """
 
     theta: FloatArray
+    sigma: FloatArray
     A: FloatArray
     e: FloatArray
     H: FloatArray
@@ -61,6 +65,12 @@ class Step:
 
     delta: FloatArray
     gain: float
+
+
+def damped(H: FloatArray, damping: float) -> FloatArray:
+    """Return H = AᵀA with a share of its diagonal added."""
+    diagonal = np.diag(H)
+    return np.asarray(H + damping * np.diag(np.maximum(diagonal, 1e-12 * diagonal.max())))
 
 
 def prior_rows(axis: Axis) -> FloatArray:
@@ -117,21 +127,19 @@ class Problem:
 
     def residuals(self, theta: FloatArray) -> tuple[FloatArray, ...]:
         """Return the residuals of the balances along each motion, (ne, m)."""
-        return self.residuals_of([theta])[0]
+        return next(self.residuals_of([theta]))
 
     def costs(self, variants: Sequence[FloatArray]) -> list[float]:
-        """Return the cost at some values of all parameters, as many at once as run side by side."""
-        costs = []
+        """Return the cost at some values of all parameters."""
+        residuals = self.residuals_of(variants)
+        return [self.cost(r, theta) for r, theta in zip(residuals, variants, strict=True)]
+
+    def residuals_of(self, variants: Sequence[FloatArray]) -> Iterator[tuple[FloatArray, ...]]:
+        """Yield the residuals by motion at each variant, as many at once as run side by side."""
         for k in range(0, len(variants), LANES):
             some = variants[k : k + LANES]
-            pairs = zip(self.residuals_of(some), some, strict=True)
-            costs += [self.cost(r, theta) for r, theta in pairs]
-        return costs
-
-    def residuals_of(self, variants: Sequence[FloatArray]) -> list[tuple[FloatArray, ...]]:
-        """Return the residuals at several values of all parameters, by motion."""
-        by_motion = [residuals_of_variants(self.model, motion, variants) for motion in self.motions]
-        return list(zip(*by_motion, strict=True))
+            by_motion = [residuals_of_variants(self.model, motion, some) for motion in self.motions]
+            yield from zip(*by_motion, strict=True)
 
     def map_residuals(self, theta: FloatArray) -> FloatArray:
         """Return the residuals of the flow map over their standard deviation."""
@@ -177,15 +185,13 @@ class Problem:
         if len(self.prior):
             A = np.vstack([A, self.prior[:, self.free]])
         A, e = A * self.scales, self.weighted(r, theta, sigma)
-        return Linearised(theta, A, e, A.T @ A, self.cost(r, theta))
+        return Linearised(theta, sigma, A, e, A.T @ A, self.cost(r, theta))
 
     def step(self, linear: Linearised, damping: float) -> Step:
         """Return the damped Gauss-Newton step within the bounds."""
-        A, e, H = linear.A, linear.e, linear.H
-        diagonal = np.diag(H)
-        damped = H + damping * np.diag(np.maximum(diagonal, 1e-12 * diagonal.max()))
+        A, e = linear.A, linear.e
         lower, upper = ((b - linear.theta[self.free]) / self.scales for b in self.bounds)
-        delta = minimise_in_box(damped, -A.T @ e, lower, upper)
+        delta = minimise_in_box(damped(linear.H, damping), -A.T @ e, lower, upper)
         return Step(delta, 0.5 * float(e @ e - np.sum((e + A @ delta) ** 2)))
 
     def settled(

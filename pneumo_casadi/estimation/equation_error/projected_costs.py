@@ -6,9 +6,14 @@ from functools import cached_property
 
 import numpy as np
 
-from pneumo_casadi.estimation.equation_error.problem import DAMPING, Linearised, Problem, Trial
+from pneumo_casadi.estimation.equation_error.problem import (
+    DAMPING,
+    Linearised,
+    Problem,
+    Trial,
+    damped,
+)
 from pneumo_casadi.estimation.gauss_newton import minimise_in_box
-from pneumo_casadi.model.machine_code.lane_code import LANES
 from pneumo_casadi.parameters import FloatArray
 
 
@@ -42,40 +47,33 @@ class ProjectedCosts:
 
     def __call__(self, variants: Sequence[FloatArray]) -> list[float]:
         """Return the cost at some values of all parameters; infinite where it is no number."""
-        costs: list[float] = []
         with np.errstate(over="ignore", invalid="ignore"):  # a start may run away
-            moves = bool(self._columns) and bool(np.isfinite(self._linear.A).all())
-            for k in range(0, len(variants), LANES):
-                some = variants[k : k + LANES]
-                for r, theta in zip(self.problem.residuals_of(some), some, strict=True):
-                    plain = self.problem.cost(r, theta)
-                    moved = self._moved(r, theta) if moves and np.isfinite(plain) else np.inf
-                    costs.append(min(plain, moved) if np.isfinite(plain) else np.inf)
-        return costs
+            residuals = self.problem.residuals_of(variants)
+            return [self._cost(r, theta) for r, theta in zip(residuals, variants, strict=True)]
+
+    def _cost(self, r: Sequence[FloatArray], theta: FloatArray) -> float:
+        plain = self.problem.cost(r, theta)
+        if not np.isfinite(plain):
+            return np.inf
+        return min(plain, self._moved(r, theta)) if self._moves else plain
 
     def _moved(self, r: Sequence[FloatArray], theta: FloatArray) -> float:
         """Return the cost after the step from θ, whose residuals are r."""
-        problem, A = self.problem, self._A
-        e = problem.weighted(r, theta, self._sigma)
-        at, parameters = theta[self._moving], problem.model.axis.parameters
+        problem, A, sigma = self.problem, self._A, self._linear.sigma
+        e = problem.weighted(r, theta, sigma)
         lower, upper = (
-            (bound[self._moving] - at) / self._scales
-            for bound in (parameters.lower, parameters.upper)
+            ((bound - theta[problem.free]) / problem.scales)[self._columns]
+            for bound in problem.bounds
         )
         e = e + A @ minimise_in_box(self._damped, -A.T @ e, lower, upper)
         rows = problem.weights.size
         squares = np.sum(e[:rows].reshape(problem.weights.shape) ** 2, axis=1) / problem.n_rows
-        sigma = np.sqrt(squares * self._sigma**2 + problem.residual_floor**2)
-        return float(problem.n_rows @ np.log(sigma) + 0.5 * np.sum(e[rows:] ** 2))
+        left = np.sqrt(squares * sigma**2 + problem.residual_floor**2)
+        return float(problem.n_rows @ np.log(left) + 0.5 * np.sum(e[rows:] ** 2))
 
     @cached_property
     def _linear(self) -> Linearised:
         return self.problem.linearise(Trial(self.origin, np.inf))
-
-    @cached_property
-    def _sigma(self) -> FloatArray:
-        """Standard deviations that weigh the residuals, (ne,)."""
-        return self.problem.sigma(self.problem.residuals(self.origin))
 
     @cached_property
     def _columns(self) -> list[int]:
@@ -83,13 +81,9 @@ class ProjectedCosts:
         return [k for k, name in enumerate(self.problem.model.free) if name not in self.held]
 
     @cached_property
-    def _moving(self) -> list[int]:
-        """The same parameters among all."""
-        return [self.problem.free[k] for k in self._columns]
-
-    @cached_property
-    def _scales(self) -> FloatArray:
-        return np.asarray(self.problem.scales[self._columns])
+    def _moves(self) -> bool:
+        """Whether a parameter can move: the derivatives may be no numbers."""
+        return bool(self._columns) and bool(np.isfinite(self._A).all())
 
     @cached_property
     def _A(self) -> FloatArray:
@@ -98,6 +92,4 @@ class ProjectedCosts:
     @cached_property
     def _damped(self) -> FloatArray:
         """AᵀA, with the damping with which fits begin."""
-        H = self._A.T @ self._A
-        diagonal = np.diag(H)
-        return np.asarray(H + DAMPING.start * np.diag(np.maximum(diagonal, 1e-12 * diagonal.max())))
+        return damped(self._A.T @ self._A, DAMPING.start)
