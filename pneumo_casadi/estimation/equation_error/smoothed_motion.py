@@ -7,6 +7,7 @@ them on its own, without simulating the others.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -135,6 +136,7 @@ class SmoothedMotion:
 _ORDER = 4
 
 
+@lru_cache(maxsize=8)
 def smoothing_filter(dt: float) -> FilterPlan:
     """Return the filter that records with a sampling period [s] are smoothed with."""
     return FilterPlan(sampling_frequency=1 / dt, cutoff=min(CUTOFF, 0.4 / dt))

@@ -1,6 +1,7 @@
 """The motion behind what late or shifted sensors show, and the states of effects along it."""
 
 from collections.abc import Mapping, Sequence
+from weakref import WeakKeyDictionary, ref
 
 import numpy as np
 
@@ -27,6 +28,11 @@ STRONGEST_SWING = 2.8
 Motion = tuple[FloatArray, FloatArray]
 #: T [s] and K [s²] by which sensors are late, by output; see `_lateness`.
 Lateness = Mapping[str, FloatArray]
+#: Of every record the motion that was worked out last, for which model and for which parameters of
+#: its sensors: hundreds of values of another effect are tried beside the same sensors.
+_last: WeakKeyDictionary[SmoothedMotion, tuple[ref[BalanceFunctions], bytes, Motion]] = (
+    WeakKeyDictionary()
+)
 
 
 def true_motions(
@@ -38,9 +44,32 @@ def true_motions(
     own = [names.index(name) for name in sensors.axis.parameters.names if "." in name]
     # A sensor effect depends on its own parameters alone: equal variants share a motion.
     distinct = {theta[own].tobytes(): theta[shared] for theta in variants}
+    if len(distinct) == 1:
+        ((key, theta),) = distinct.items()
+        return [_single_motion(sensors, data, key, theta)] * len(variants)
+    # Together, so that all are corrected equally often: derivatives are quotients of theirs.
     corrected = _without_sensors(sensors, data, list(distinct.values()))
     known = dict(zip(distinct, corrected, strict=True))
     return [known[theta[own].tobytes()] for theta in variants]
+
+
+def _single_motion(
+    model: BalanceFunctions, data: SmoothedMotion, key: bytes, theta: FloatArray
+) -> Motion:
+    """Return the motion for one value of the sensors' parameters, the last one if it is the same.
+
+    Parameters
+    ----------
+    key : bytes
+        These parameters alone.
+    theta : array
+        All of the model's parameters.
+    """
+    last, known, motion = _last.get(data, (None, b"", None))
+    if motion is None or last is None or last() is not model or known != key:
+        (motion,) = _without_sensors(model, data, [theta])
+        _last[data] = ref(model), key, motion
+    return motion
 
 
 def _without_sensors(
@@ -142,17 +171,18 @@ def _rest(
     model: BalanceFunctions, theta: FloatArray, x: FloatArray, dx: FloatArray, u: FloatArray
 ) -> FloatArray:
     """Return the states at rest at the first of some samples, (nz,)."""
-    first = (x[:, 0], dx[:, 0], u, np.zeros(model.n_z), model.constant_values, theta)
-    # One sample: CasADi itself is faster than what works through thousands.
-    (z,) = model.functions["rest"].function.call(first)
-    return np.asarray(z.full().ravel())
+    given = (x, dx, u, np.zeros(model.n_z), model.constant_values, theta)
+    (z,) = model.functions["rest"].evaluate_sample(*given)
+    return z
 
 
 def _now_and_next(parts: Sequence[FloatArray]) -> list[FloatArray]:
     """Return each of several parts (n, N) at every sample and at the next one."""
     both = []
     for part in parts:
-        longer = np.asfortranarray(np.column_stack([part, part[:, -1]]))
+        rows, N = part.shape
+        longer = np.empty((rows, N + 1), order="F")
+        longer[:, :-1], longer[:, -1] = part, part[:, -1]
         both += [longer[:, :-1], longer[:, 1:]]
     return both
 
