@@ -7,6 +7,7 @@ import pytest
 
 from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA
 from pneumo_casadi.diagnosis.select import complete as stage
+from pneumo_casadi.diagnosis.select import neighbours
 from pneumo_casadi.diagnosis.select.complete import Completed, complete, find_acting
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger
 from pneumo_casadi.effects import EFFECTS
@@ -50,20 +51,22 @@ class Bench:
         self.refused, self.large, self.asked = set(), set(large), []
         self.refined, self.needed, self.map_only, self.cannot = [], set(), set(), False
         self.incredible = set()
-        monkeypatch.setattr(stage, "hides", lambda effect, values: effect == "play")
+        monkeypatch.setattr(neighbours, "hides", lambda effect, values: effect == "play")
         self.ledger.effects = lambda names: tuple(names)
         monkeypatch.setattr(
-            stage._Completion,
-            "_estimated",  # one parameter of each effect, two where a name says so
-            lambda work, names: sum(1 + ("of_two" in name) for name in names),
+            neighbours.Neighbours,
+            "estimated",  # one parameter of each effect, two where a name says so
+            lambda near, names: sum(1 + ("of_two" in name) for name in names),
         )
         self.ledger.fit_all = self.fit_all
         self.ledger.fit_without = self.fit_without
         self.ledger.refine = self.refined.append
         self.ledger.over = self.over
-        monkeypatch.setattr(stage, "background", lambda study, nominal, fitted, effects: fitted)
         monkeypatch.setattr(
-            stage,
+            neighbours, "background", lambda study, nominal, fitted, effects: fitted
+        )
+        monkeypatch.setattr(
+            neighbours,
             "lost_likelihood",
             lambda whole, without: self.gain(whole.effects) - self.gain(without.effects),
         )
@@ -74,7 +77,7 @@ class Bench:
             lambda added, *given, beside: set(added) <= self.map_only,
         )
         monkeypatch.setattr(
-            stage, "gain_on_all_records", lambda before, after: after.on_all - before.on_all
+            neighbours, "gain_on_all_records", lambda before, after: after.on_all - before.on_all
         )
         self.nominal = self.model(())
 
@@ -170,7 +173,7 @@ def test_where_an_effect_is_required_the_search_ends_without_it(monkeypatch):
     bench = Bench(monkeypatch, alone, gains)
     bench.fit_all({("shift",): None})
     given = bench.ledger, bench.nominal, ("shift",), LEVELS
-    assert find_acting(*given, required=("shift",)) == ("leak", "lag")
+    assert find_acting(*given, {"shift"}.issubset) == ("leak", "lag")
     assert ("leak", "lag", "drag") not in bench.asked and bench.refined == []
     assert find_acting(*given) == ("leak", "lag", "drag")
 
@@ -231,8 +234,7 @@ def test_parameters_that_every_fit_estimates_are_counted_scans_included(
 ):
     monkeypatch.setattr(FitLedger, "__post_init__", lambda self: None)
     ledger = FitLedger(SimpleNamespace(criteria=CRITERIA), EFFECTS)
-    work = stage._Completion(ledger, None, LEVELS, ())
-    assert work._estimated(names) == estimated
+    assert neighbours.Neighbours(ledger, None).estimated(names) == estimated
 
 
 def test_what_is_large_enough_to_be_named_is_not_dropped_for_little_likelihood(monkeypatch):
@@ -248,6 +250,28 @@ def test_the_two_that_promise_most_begin_together(monkeypatch):
     monkeypatch.setattr(FitLedger, "begin_fit", lambda self, key, start: begun.append(key))
     assert bench.complete("hose").acting == ("hose", "leak", "lag")
     assert begun[:2] == [("hose", "leak"), ("hose", "lag")]
+
+
+def test_what_may_stand_for_the_next_effect_begins_while_one_is_looked_at(monkeypatch):
+    """So that no process waits: the fits of both begin before those of the first are asked for."""
+    alone = {"shift": 0.0, "leak": 0.0, "lag": 0.0}
+    gains = {
+        (): 0.0, ("shift",): 700.0, ("leak",): 690.0, ("lag",): 695.0, ("shift", "leak"): 1400.0,
+        ("shift", "lag"): 1390.0, ("leak", "lag"): 1385.0, ("shift", "leak", "lag"): 1405.0,
+    }  # fmt: skip
+    bench = Bench(monkeypatch, alone, gains)
+    order = []
+    monkeypatch.setattr(
+        FitLedger, "begin_fit", lambda self, key, start: order.append(("begun", key))
+    )
+    before = bench.ledger.fit_all
+    bench.ledger.fit_all = lambda starts, to_end=False: (
+        order.extend(("asked", key) for key in starts),
+        before(starts, to_end),
+    )
+    assert bench.complete("shift", "leak").acting == ("shift", "leak")
+    exchanges = [step for step in order if step[1] in {("shift", "lag"), ("leak", "lag")}]
+    assert [step for step, _ in exchanges[:2]] == ["begun", "begun"]
 
 
 def test_an_effect_that_is_not_credible_is_tried_once(monkeypatch):

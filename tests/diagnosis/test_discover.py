@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from pneumo_casadi.data import ForceBench, InputHold, NestedController, Recording, read_case
-from pneumo_casadi.diagnosis.discover import discover, joint_fit
+from pneumo_casadi.diagnosis.discover import beside, discover, joint_fit
 from pneumo_casadi.diagnosis.discover.beside import complete_term
-from pneumo_casadi.diagnosis.discover.discover import discover_term, propose_term
+from pneumo_casadi.diagnosis.discover.discover import NAME, discover_term, propose_term
 from pneumo_casadi.diagnosis.discover.discovered import causes_in
 from pneumo_casadi.diagnosis.discover.formula_fits import fit_formula
 from pneumo_casadi.diagnosis.discover.joint_fit import fit_jointly
@@ -19,7 +19,9 @@ from pneumo_casadi.diagnosis.discover.linear.sites import Site
 from pneumo_casadi.diagnosis.discover.periods import periodograms, sines_remove
 from pneumo_casadi.diagnosis.discover.search import predicted_by, search
 from pneumo_casadi.diagnosis.discover.term_in_model import fit_with_term, told_as_fitted
+from pneumo_casadi.diagnosis.metrics.findings import Closure
 from pneumo_casadi.diagnosis.metrics.residual_size import balance_levels
+from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA
 from pneumo_casadi.diagnosis.prepare.fitted_model import fit_model
 from pneumo_casadi.diagnosis.prepare.noise_bias import without_noise_bias
 from pneumo_casadi.diagnosis.prepare.prepare_study import prepare_study
@@ -27,6 +29,7 @@ from pneumo_casadi.diagnosis.prepare.study import start_study
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.effects.term import Term, term_effect
 from pneumo_casadi.effects.term.formula import FORMULAS
+from pneumo_casadi.errors import ModelError
 from pneumo_casadi.estimation.equation_error.balance_functions import BalanceFunctions
 from pneumo_casadi.estimation.equation_error.residuals import balance_residuals
 from pneumo_casadi.estimation.output_error import OutputErrorOptions, fit_output_error
@@ -187,6 +190,49 @@ def test_a_model_with_a_vibration_is_none_of_records_with_another_phase(fitted_o
     selection = SimpleNamespace(nominal=nominal, levels=levels, directions={})
     discovery = complete_term(study, selection, term, (nominal, ()), {})
     assert discovery.term is term and discovery.model is None
+
+
+@pytest.mark.parametrize(
+    ("names", "of_nominal", "of_without", "useful"),
+    [
+        (("leakage_P", NAME), 0.8, 0.6, True),
+        (("leakage_P",), 0.8, 0.6, False),  # without the term
+        (("leakage_P", NAME), 0.4, 0.6, False),  # all together leave most of the gap
+        (("leakage_P", NAME), 0.8, 0.4, False),  # the others leave little to the term
+        ((NAME,), 0.8, None, True),
+    ],
+)
+def test_a_search_beside_a_term_goes_on_while_it_may_explain_the_gap(
+    monkeypatch, names, of_nominal, of_without, useful
+):
+    """Of four terms in eight that were not told, what acts beside them took half a minute."""
+    nominal, whole, without = (SimpleNamespace(effects=()) for _ in range(3))
+    closures = {id(nominal): of_nominal, id(without): of_without}
+    ledger = SimpleNamespace(
+        fits={names: whole},
+        fit_without=lambda names, some: {NAME: None if of_without is None else without},
+    )
+    answers = []
+
+    def complete(ledger, nominal, begin, levels, useful):
+        answers.append(useful(names))
+        raise ModelError("that was all")
+
+    monkeypatch.setattr(beside, "fit_with_term", lambda *given: (whole, ()))
+    monkeypatch.setattr(beside, "_is_out_of_phase", lambda *given: False)
+    monkeypatch.setattr(beside, "residual_rms", lambda fitted: np.ones(1))
+    monkeypatch.setattr(beside, "_ledger_with", lambda *given: (ledger, (NAME,)))
+    monkeypatch.setattr(beside, "complete", complete)
+    monkeypatch.setattr(
+        beside,
+        "balance_closure",
+        lambda before, after, levels: Closure(0.3, 0.2, closures[id(before)]),
+    )
+    levels = SimpleNamespace(criteria=CRITERIA, exceeded=lambda rms, least: rms > 0)
+    selection = SimpleNamespace(nominal=nominal, levels=levels)
+    term = SimpleNamespace(closes=Closure(0.2, 0.1, 0.3))
+    assert complete_term(None, selection, term, (nominal, ()), {}) is None
+    assert answers == [useful]
 
 
 def test_what_records_held_out_do_not_show_is_not_looked_for(fitted_of):

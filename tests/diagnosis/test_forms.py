@@ -15,6 +15,7 @@ from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA, in_floors
 from pneumo_casadi.diagnosis.prepare.fitted_model import _without, fit_model
 from pneumo_casadi.diagnosis.prepare.prepare_study import prepare_study
 from pneumo_casadi.diagnosis.screen.screen import ScreenResult
+from pneumo_casadi.diagnosis.select import forms as stage
 from pneumo_casadi.diagnosis.select.fit_ledger import FitLedger, Start
 from pneumo_casadi.diagnosis.select.forms import (
     begin_waiting_forms,
@@ -60,7 +61,7 @@ def test_the_form_that_gains_most_stands_for_its_cause(ledger):
         "elastic_load": {"elastic_load", "position_on_elastic_load"},
     }
     assert set(ledger.fits) == {("hose_volume",), ("stribeck",), ("elastic_load",)}
-    assert set(ledger.directions) == {"hose_volume", "stribeck", "elastic_load"}
+    assert set(ledger.offered) == {"hose_volume", "stribeck", "elastic_load"}
     assert ledger.left_out == {"hose", "position_on_elastic_load"}
 
 
@@ -100,19 +101,55 @@ def test_a_cause_is_told_once():
     assert cause_of("position_on_elastic_load", EFFECTS) == "elastic_load"
 
 
-def test_a_further_form_that_promises_nothing_is_not_fitted(ledger):
-    def screened(**explained):
-        return {
-            name: ScreenResult(
-                name, explained.get(name, 0.0), 0.0, np.zeros(3), 1.0, True, ({},), {}
-            )
-            for name in ledger.catalogue
-        }
+def promises(names, **explained):
+    """What the screen says of effects that are all felt: the share of the residuals explained."""
+    return {
+        name: ScreenResult(name, explained.get(name, 0.0), 0.0, np.zeros(3), 1.0, True, ({},), {})
+        for name in names
+    }
 
+
+def test_a_further_form_that_promises_nothing_is_not_fitted(ledger):
     usual = {"hose", "stribeck", "elastic_load"}
     # The start of an elastic load is scanned: its screen says little.
-    assert set(forms_to_fit(ledger, screened())) == usual | {"position_on_elastic_load"}
-    assert "hose_volume" in forms_to_fit(ledger, screened(hose_volume=0.3))
+    screened = promises(ledger.catalogue)
+    assert set(forms_to_fit(ledger, screened)) == usual | {"position_on_elastic_load"}
+    assert "hose_volume" in forms_to_fit(ledger, promises(ledger.catalogue, hose_volume=0.3))
+
+
+@pytest.mark.parametrize(
+    ("explained", "left", "tried"),
+    [
+        ({}, 8.0, ["stribeck_rational"]),
+        ({"presliding_dahl": 0.02}, 8.0, ["presliding_dahl", "stribeck_rational"]),
+        # A spool that sticks is not felt where it sticks little: its cause's usual form tells.
+        ({"valve_hysteresis": 0.02}, 8.0, ["valve_stiction", "stribeck_rational"]),
+        ({"presliding_dahl": 0.02}, 2.0, ["stribeck_rational"]),
+    ],
+    ids=["nothing", "a form", "its usual form", "not too much is left"],
+)
+def test_forms_of_causes_that_a_model_lacks_are_tried_where_they_promise_something(
+    monkeypatch, explained, left, tried
+):
+    monkeypatch.setattr(FitLedger, "__post_init__", lambda self: None)
+    names = ("stribeck", "stribeck_rational", "presliding", "presliding_dahl")
+    valve = ("valve_hysteresis", "valve_stiction")
+    ledger = FitLedger(
+        SimpleNamespace(criteria=CRITERIA), {name: EFFECTS[name] for name in (*names, *valve)}
+    )
+    ledger.directions.update(dict.fromkeys(ledger.catalogue, ()))
+    ledger.left_out = {"stribeck_rational", "presliding_dahl", "valve_stiction"}
+    known = ("stribeck",)
+    ledger.fits[known] = leaving(left)
+    monkeypatch.setattr(stage, "background", lambda *given: None)
+    monkeypatch.setattr(
+        FitLedger, "screen", lambda self, behind, names: promises(names, **explained)
+    )
+    asked = []
+    monkeypatch.setattr(FitLedger, "fit_all", lambda self, starts: asked.extend(starts))
+    levels = BalanceLevels(np.ones(1), np.full(1, 100.0))
+    with_other_form(ledger, leaving(10.0), known, levels)
+    assert [name for key in asked for name in key if name in ledger.left_out] == tried
 
 
 def leaving(rms):
@@ -141,6 +178,8 @@ def test_beside_others_another_form_stands_for_its_cause_where_it_fits_all_recor
         FitLedger, "fit_all", lambda self, keys: self.fits.update({k: results[k] for k in keys})
     )
     monkeypatch.setattr(FitLedger, "refine", lambda self, names: None)
+    monkeypatch.setattr(stage, "background", lambda *given: None)
+    monkeypatch.setattr(FitLedger, "screen", lambda self, behind, names: promises(names))
     keep_best_forms(ledger, gaining(0))
     ledger.fits[known] = leaving(left)
     levels = BalanceLevels(np.ones(1), np.full(1, 100.0))

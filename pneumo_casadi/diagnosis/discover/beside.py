@@ -128,7 +128,7 @@ def complete_term(
         The model beside which it was found.
     """
     nominal, levels = selection.nominal, selection.levels
-    criteria = levels.criteria
+    criteria, enough = levels.criteria, 1 - levels.criteria.unexplained
     model = fit_with_term(study, term, base)
     if model is not None and _is_out_of_phase(term, base[0], model[0], levels):
         model = None
@@ -139,8 +139,17 @@ def complete_term(
     if explained and not base[0].effects:  # neither is anything missing nor needless
         return alone
     ledger, begin = _ledger_with(study, selection, term, model[0], catalogue, executor)
+
+    def useful(names: Names) -> bool:
+        """Whether the term is in a model, and may close enough of the gap with the others there."""
+        if NAME not in names or alone is not None:
+            return NAME in names
+        whole, without = ledger.fits[names], ledger.fit_without(names, (NAME,))[NAME]
+        pairs = [(nominal, whole), *([] if without is None else [(without, whole)])]
+        return all(balance_closure(*pair, levels).upper >= enough for pair in pairs)
+
     try:
-        done = complete(ledger, nominal, begin, levels)
+        done = complete(ledger, nominal, begin, levels, useful)
     except FAULTS:  # a model with a term may have no usable derivatives
         return alone
     if NAME not in done.named:  # where it does not act at all, effects of the catalogue do as well
@@ -152,7 +161,7 @@ def complete_term(
     others = ledger.effects(without.effects)
     beside = _tell_beside(study, term.term, without, whole, others, levels)
     closes = balance_closure(nominal, whole, levels).lower
-    if alone is None and not (closes >= 1 - criteria.unexplained and explains(beside, criteria)):
+    if alone is None and not (closes >= enough and explains(beside, criteria)):
         return None
     return Discovery(beside, (whole, ledger.effects(done.acting)))
 

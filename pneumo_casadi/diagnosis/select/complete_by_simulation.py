@@ -20,7 +20,7 @@ def complete_by_simulation(
     criteria, left = levels.criteria, ledger.gap_left[final]
     if left < criteria.simulated:
         return Completed(final, final)
-    acting = find_acting(ledger, nominal, final, levels, required=final)
+    acting = find_acting(ledger, nominal, final, levels, set(final).issubset)
     if not set(final) < set(acting):
         return Completed(final, final)
     added = tuple(name for name in acting if name not in final)

@@ -1,6 +1,6 @@
 """Fits of one study, run in parallel and stored."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from concurrent.futures import Executor, Future
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -155,13 +155,18 @@ class FitLedger:
             except FAULTS as error:
                 self.failures[(name,)] = Failed((name,), f"screen: {error}")
 
-    def over(self, behind: Background, without: Sequence[str] = ()) -> dict[str, ScreenResult]:
-        """Screen all effects but some over a background, the most promising first."""
-        results = [
-            screened(name, directions, behind)
-            for name, directions in self.directions.items()
-            if name not in without
-        ]
+    @property
+    def offered(self) -> dict[str, tuple[Direction, ...]]:
+        """Directions of the effects that further models may have."""
+        return {name: each for name, each in self.directions.items() if name not in self.left_out}
+
+    def over(self, behind: Background, without: Collection[str] = ()) -> dict[str, ScreenResult]:
+        """Screen the effects offered, but for some, over a background; see `screen`."""
+        return self.screen(behind, [name for name in self.offered if name not in without])
+
+    def screen(self, behind: Background, names: Iterable[str]) -> dict[str, ScreenResult]:
+        """Screen some effects over a background, the most promising first."""
+        results = [screened(name, self.directions[name], behind) for name in names]
         results.sort(key=lambda result: -result.explained)
         return {result.name: result for result in results}
 
@@ -283,9 +288,8 @@ class FitLedger:
         self.output_error_fits[names], self.gap_left[names] = self.trials[names]
 
     def leave_out(self, name: str) -> None:
-        """Take an effect out of the screen and of all further models."""
+        """Take an effect out of what is offered."""
         self.left_out.add(name)
-        self.directions.pop(name, None)
         self.fits.pop((name,), None)
         self.failures.pop((name,), None)
 

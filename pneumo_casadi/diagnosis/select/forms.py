@@ -13,6 +13,7 @@ from pneumo_casadi.diagnosis.metrics.residual_size import (
     share_left,
 )
 from pneumo_casadi.diagnosis.prepare.fitted_model import FittedModel
+from pneumo_casadi.diagnosis.screen.background import background
 from pneumo_casadi.diagnosis.screen.screen import ScreenResult
 from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue, FitLedger, Names, Start
 
@@ -46,10 +47,15 @@ def forms_to_fit(ledger: FitLedger, screened: Mapping[str, ScreenResult]) -> lis
 def _fitted_at_once(ledger: FitLedger, name: str, result: ScreenResult) -> bool:
     if cause_of(name, ledger.catalogue) == name:
         return True
-    if _has_stairs(ledger, name):
-        return False
+    return not _has_stairs(ledger, name) and _promises(ledger, name, result)
+
+
+def _promises(ledger: FitLedger, name: str, result: ScreenResult | None) -> bool:
+    """Return whether an effect may take enough of the residuals away, or the screen cannot tell."""
+    if result is None or not result.felt:
+        return True
     scanned = bool(getattr(ledger.catalogue[name], "scanned", {}))
-    return scanned or not result.felt or result.explained >= PROMISE
+    return scanned or result.explained >= PROMISE
 
 
 def _has_stairs(ledger: FitLedger, name: str) -> bool:
@@ -149,14 +155,11 @@ def with_other_form(
     if not np.any(levels.exceeded(residual_rms(current), criteria.visible)):
         return known
     too_much = leaves_too_much(nominal, current, levels)
-    present = causes_of(known, ledger.catalogue)
     starts = {}
-    # Those with stairs take longest; they are the first, so that no process waits at the end.
-    for form in sorted(ledger.left_out, key=lambda name: (not _has_stairs(ledger, name), name)):
+    for form in _forms_to_try(ledger, nominal, known, too_much):
         cause = cause_of(form, ledger.catalogue)
-        if too_much or (cause in present and not _has_stairs(ledger, form)):
-            others = [name for name in known if cause_of(name, ledger.catalogue) != cause]
-            starts[ledger.key((*others, form))] = Start(current.values)
+        others = [name for name in known if cause_of(name, ledger.catalogue) != cause]
+        starts[ledger.key((*others, form))] = Start(current.values)
     ledger.fit_all(starts)
     most = criteria.closed * share_left(nominal, current, levels)
     gains = {
@@ -177,3 +180,27 @@ def with_other_form(
             ledger.swap(known, best)
         ledger.refine(best)
     return best
+
+
+def _forms_to_try(
+    ledger: FitLedger, nominal: FittedModel, known: Names, too_much: bool
+) -> list[str]:
+    """Return other forms of causes that a model has, and where too much is left of further ones.
+
+    Those with stairs take longest. They are the first, so that no process waits at the end, and
+    are tried where too much is left and the screen promises something of the usual form.
+    """
+    present = causes_of(known, ledger.catalogue)
+    promised: Mapping[str, ScreenResult] = {}
+    if too_much:
+        behind = background(ledger.study, nominal, ledger.fits[known], ledger.effects(known))
+        promised = ledger.screen(behind, set(ledger.directions) - set(known))
+    chosen = []
+    for form in sorted(ledger.left_out, key=lambda name: (not _has_stairs(ledger, name), name)):
+        cause, stairs = cause_of(form, ledger.catalogue), _has_stairs(ledger, form)
+        seen = cause if stairs else form
+        if cause in present:
+            chosen += [form] if too_much or not stairs else []
+        elif too_much and _promises(ledger, seen, promised.get(seen)):
+            chosen.append(form)
+    return chosen

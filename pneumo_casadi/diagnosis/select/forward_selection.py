@@ -87,7 +87,7 @@ class Selection:
     completed : Completed, optional
         The final model; by default the last of the path, of which all effects are named.
     directions : mapping of str to tuple of Direction
-        What was screened: the perturbations by each effect.
+        The perturbations by each effect that further models may have.
     """
 
     nominal: FittedModel
@@ -199,7 +199,7 @@ def select_effects(
         forms,
         shares,
         completed,
-        ledger.directions,
+        ledger.offered,
     )
 
 
