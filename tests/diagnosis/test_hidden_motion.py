@@ -186,7 +186,7 @@ def test_weak_effects_beside_a_play_are_judged_together(
     """None of four closed enough alone, and a play that was there was `unknown`."""
     refined = SimpleNamespace(values={})
     simulated.gap_left[PLAY] = left
-    monkeypatch.setattr(complete_by_simulation, "find_acting", lambda *given, required: asked)
+    monkeypatch.setattr(complete_by_simulation, "find_acting", lambda *given: asked)
     monkeypatch.setattr(complete_by_simulation, "beside", lambda *given: None)
     monkeypatch.setattr(
         complete_by_simulation,
