@@ -26,6 +26,7 @@ from pneumo_casadi.diagnosis.prepare.fitted_model import fit_model
 from pneumo_casadi.diagnosis.prepare.noise_bias import without_noise_bias
 from pneumo_casadi.diagnosis.prepare.prepare_study import prepare_study
 from pneumo_casadi.diagnosis.prepare.study import start_study
+from pneumo_casadi.diagnosis.select.begun_jobs import BegunJobs
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.effects.term import Term, term_effect
 from pneumo_casadi.effects.term.formula import FORMULAS
@@ -211,6 +212,7 @@ def test_a_search_beside_a_term_goes_on_while_it_may_explain_the_gap(
     ledger = SimpleNamespace(
         fits={names: whole},
         fit_without=lambda names, some: {NAME: None if of_without is None else without},
+        begun_fits=BegunJobs(),
     )
     answers = []
 

@@ -8,6 +8,7 @@ cause leaves a rest that nothing explains.
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
@@ -140,6 +141,7 @@ def complete_term(
         return alone
     ledger, begin = _ledger_with(study, selection, term, model[0], catalogue, executor)
 
+    @cache
     def useful(names: Names) -> bool:
         """Whether the term is in a model, and may close enough of the gap with the others there."""
         if NAME not in names or alone is not None:
@@ -152,6 +154,8 @@ def complete_term(
         done = complete(ledger, nominal, begin, levels, useful)
     except FAULTS:  # a model with a term may have no usable derivatives
         return alone
+    finally:
+        ledger.begun_fits.cancel_all()
     if NAME not in done.named:  # where it does not act at all, effects of the catalogue do as well
         return alone if NAME in done.acting else None
     without = ledger.fit_without(done.acting, (NAME,))[NAME] if done.acting != begin else None

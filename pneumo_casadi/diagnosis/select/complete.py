@@ -137,6 +137,7 @@ class _Completion:
             seen.add(better)
             names = better
             better = self._improve(names) if self.useful(names) else None
+            self.ledger.begun_fits.cancel_all()  # another model's neighbours are others
         return names
 
     def select_named(self, acting: Names) -> Names:
