@@ -1,5 +1,6 @@
 """The final model takes up what the likelihood asks for, and drops what it need not."""
 
+from concurrent.futures import Future
 from dataclasses import dataclass, field
 from types import SimpleNamespace
 
@@ -178,6 +179,22 @@ def test_where_an_effect_is_required_the_search_ends_without_it(monkeypatch):
     assert find_acting(*given) == ("leak", "lag", "drag")
 
 
+def test_of_a_model_that_is_of_no_use_no_effect_is_named(monkeypatch):
+    bench = Bench(monkeypatch, ALONE)
+    bench.fit_all({("hose",): None})
+    given = bench.ledger, bench.nominal, ("hose",), LEVELS
+    assert complete(*given, lambda names: False) == Completed(("hose", "leak", "lag"), ())
+    assert bench.refined == []
+
+
+def test_what_was_begun_for_a_model_that_is_left_behind_is_cancelled(monkeypatch):
+    bench = Bench(monkeypatch, {"shift": 800.0, "leak": 700.0, "lag": 120.0})
+    begun = Future()
+    bench.ledger.begun_fits.add(("leak", "lag"), None, begun)
+    bench.complete("shift", "leak")
+    assert begun.cancelled()
+
+
 def test_an_effect_that_stands_for_two_others_is_exchanged_for_both(monkeypatch):
     """A shifted null does in both chambers what a leak does in each."""
     alone = {"hose": 900.0, "shift": 0.0, "leak_P": 0.0, "leak_N": 0.0}
@@ -260,6 +277,7 @@ def test_what_may_stand_for_the_next_effect_begins_while_one_is_looked_at(monkey
         ("shift", "lag"): 1390.0, ("leak", "lag"): 1385.0, ("shift", "leak", "lag"): 1405.0,
     }  # fmt: skip
     bench = Bench(monkeypatch, alone, gains)
+    monkeypatch.setattr(FitLedger, "begins_ahead", True)
     order = []
     monkeypatch.setattr(
         FitLedger, "begin_fit", lambda self, key, start: order.append(("begun", key))

@@ -186,8 +186,13 @@ def test_beside_others_another_form_stands_for_its_cause_where_it_fits_all_recor
     assert with_other_form(ledger, leaving(10.0), known, levels) == expected
     assert expected in ledger.fits
     assert len({known, swapped} & set(ledger.fits)) == 1  # forms of one cause are no rivals
-    assert ("hose" in ledger.left_out) is (expected != swapped)
-    assert ("hose_volume" in ledger.left_out) is (expected == swapped)
+    # Of each cause one form is offered: the one that the model has.
+    assert {"hose", "hose_volume"} & set(ledger.offered) == (
+        {"hose"} if expected == swapped else {"hose_volume"}
+    )
+    assert {"elastic_load", "position_on_elastic_load"} & set(ledger.offered) == (
+        {"position_on_elastic_load"} if expected == further else {"elastic_load"}
+    )
 
 
 def test_another_form_takes_the_place_of_the_only_effect_of_a_model(ledger, monkeypatch):

@@ -186,7 +186,12 @@ def test_weak_effects_beside_a_play_are_judged_together(
     """None of four closed enough alone, and a play that was there was `unknown`."""
     refined = SimpleNamespace(values={})
     simulated.gap_left[PLAY] = left
-    monkeypatch.setattr(complete_by_simulation, "find_acting", lambda *given: asked)
+
+    def find_acting(ledger, nominal, final, levels, useful):
+        assert useful((*PLAY, "stribeck")) and not useful(("stribeck",))
+        return asked
+
+    monkeypatch.setattr(complete_by_simulation, "find_acting", find_acting)
     monkeypatch.setattr(complete_by_simulation, "beside", lambda *given: None)
     monkeypatch.setattr(
         complete_by_simulation,

@@ -33,6 +33,10 @@ from pneumo_casadi.diagnosis.select.forward_selection import Selection
 from pneumo_casadi.effects.term import Term, term_effect
 from pneumo_casadi.model.effect import Effect
 
+#: Share of what a term must close beside others that it must reach while effects may still be in
+#: the model which are not needed: they do part of what it does.
+NEEDLESS_THERE = 0.7
+
 
 @dataclass(frozen=True, eq=False)
 class Discovery:
@@ -143,12 +147,15 @@ def complete_term(
 
     @cache
     def useful(names: Names) -> bool:
-        """Whether the term is in a model, and may close enough of the gap with the others there."""
+        """Whether the term is in a model, and by itself or with the others may explain the gap."""
         if NAME not in names or alone is not None:
             return NAME in names
-        whole, without = ledger.fits[names], ledger.fit_without(names, (NAME,))[NAME]
-        pairs = [(nominal, whole), *([] if without is None else [(without, whole)])]
-        return all(balance_closure(*pair, levels).upper >= enough for pair in pairs)
+        whole = ledger.fits[names]
+        if balance_closure(nominal, whole, levels).upper < enough:
+            return False
+        without = ledger.fit_without(names, (NAME,))[NAME]
+        least = NEEDLESS_THERE * enough
+        return without is None or balance_closure(without, whole, levels).upper >= least
 
     try:
         done = complete(ledger, nominal, begin, levels, useful)

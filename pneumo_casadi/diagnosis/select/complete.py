@@ -168,7 +168,8 @@ class _Completion:
         """Return a model without its weakest needless effect, or with a better one; else None."""
         if len(names) == 1:
             return None
-        criteria, starts = self.levels.criteria, dict[str, Mapping[Names, Start]]()
+        criteria = self.levels.criteria
+        starts: dict[str, Mapping[Names, Start]] = {}
         fits = {name: fit for name, fit in self.near.without_each(names).items() if fit is not None}
         present, whole = self.near.fit_of(names), self.near.background_of(names)
         weakest = [
@@ -180,7 +181,8 @@ class _Completion:
             needless = gained(fitted, present) < criteria.plausible_gain
             if needless and not accepted(self.nominal, fitted, present, self.levels):
                 return self.near.rest(names, name)
-            for other, _ in weakest[k : k + 2]:  # no process waits between this one and the next
+            # The fits of the next one begin as well, so that no process waits in between.
+            for other, _ in weakest[k : k + 1 + self.ledger.begins_ahead]:
                 if other not in starts:
                     starts[other] = self.near.begin_exchange(other, names, whole)
             better = self._exchange(starts[name], names)

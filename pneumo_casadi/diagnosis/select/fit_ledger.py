@@ -65,8 +65,10 @@ class FitLedger:
         Where the fits run; None for this process.
     store : Store or None
         Finished fits on disk.
-    fits, failures, directions, output_error_fits, gap_left
+    fits, failures, output_error_fits, gap_left
         Results so far; see `Selection`.
+    directions : dict of str to tuple of Direction
+        The perturbations by each effect, those left out included.
     left_out : set of str
         Effects of the catalogue that no further model has.
     trials : dict of tuple of str to (FittedModel, float)
@@ -134,8 +136,7 @@ class FitLedger:
 
         What nobody asks for is no fit of the study, and no file in the store.
         """
-        known = key in self.fits or key in self.failures
-        if self.executor is not None and self.store is None and not known:
+        if self.begins_ahead and key not in self.fits and key not in self.failures:
             self.begun_fits.add(key, start, self._begin(key, start))
 
     def screen_all(self, nominal: FittedModel) -> None:
@@ -154,6 +155,11 @@ class FitLedger:
                 self.directions[name] = jobs[name].result()
             except FAULTS as error:
                 self.failures[(name,)] = Failed((name,), f"screen: {error}")
+
+    @property
+    def begins_ahead(self) -> bool:
+        """Whether fits can begin before they are asked for: not without other processes."""
+        return self.executor is not None and self.store is None
 
     @property
     def offered(self) -> dict[str, tuple[Direction, ...]]:
@@ -288,20 +294,10 @@ class FitLedger:
         self.output_error_fits[names], self.gap_left[names] = self.trials[names]
 
     def leave_out(self, name: str) -> None:
-        """Take an effect out of what is offered."""
+        """Take an effect out of what is offered, and its fit alone out of the fits."""
         self.left_out.add(name)
         self.fits.pop((name,), None)
         self.failures.pop((name,), None)
-
-    def swap(self, known: Names, other: Names) -> None:
-        """Let forms of causes stand for those of a known model, in the screen and further models.
-
-        Another form of a cause is no rival of it: the known model goes.
-        """
-        for name in set(known) - set(other):
-            self.leave_out(name)
-        self.left_out -= set(other)
-        self.fits.pop(known, None)  # of a model of one effect, `leave_out` did
 
     def refine(self, names: Names) -> None:
         """Let the fit of a model go on to its minimum, in all its effects' parameters; once."""

@@ -18,7 +18,8 @@ from pneumo_casadi.diagnosis.screen.screen import ScreenResult
 from pneumo_casadi.diagnosis.select.fit_ledger import Catalogue, FitLedger, Names, Start
 
 #: Share of the squared residuals that the screen must promise of a further form. Of four hoses that
-#: were such a form it promised a third and more; a fit of it takes two or three seconds.
+#: were such a form it promised a third and more; a fit of it takes two or three seconds. Beside
+#: other effects a further form must close three tenths of what is left, far more.
 PROMISE = 0.01
 #: Share of the gain of the best effect alone that an effect must exceed for what takes long.
 NEAR_BEST = 0.5
@@ -124,9 +125,17 @@ def keep_best_forms(
             key=lambda name: gain_on_all_records(nominal, fitted[name]) - gain * (name != cause),
         )
         fits[cause] = fitted
-        for name in set(names) - {best}:
-            ledger.leave_out(name)
+        _offer_alone(ledger, best)
     return fits
+
+
+def _offer_alone(ledger: FitLedger, form: str) -> None:
+    """Offer a form of a cause, and no other one of it to any further model."""
+    cause = cause_of(form, ledger.catalogue)
+    for name in ledger.catalogue:
+        if name != form and cause_of(name, ledger.catalogue) == cause:
+            ledger.leave_out(name)
+    ledger.left_out.discard(form)
 
 
 def with_other_form(
@@ -137,8 +146,8 @@ def with_other_form(
     A form is chosen by how it fits alone; beside another effect that closes more, another form may
     be the right one. It takes the place of its cause's form if it fits all records better. Where
     too much is left, forms with stairs, which take long, are tried too, and a form of a cause that
-    is not in the model may stand besides; it must close what a further effect must. Of several
-    such models the one that fits all records best is taken.
+    is not in the model may stand besides, if the screen promises something of it; it must close
+    what a further effect must. Of several such models the one that fits all records best is taken.
 
     Parameters
     ----------
@@ -176,8 +185,10 @@ def with_other_form(
         if len(key) == len(known) and key != best:
             del ledger.fits[key]
     if best != known:
-        if len(best) == len(known):
-            ledger.swap(known, best)
+        for form in set(best) - set(known):
+            _offer_alone(ledger, form)
+        if len(best) == len(known):  # of a model of one effect, that has been done
+            ledger.fits.pop(known, None)
         ledger.refine(best)
     return best
 
@@ -187,20 +198,24 @@ def _forms_to_try(
 ) -> list[str]:
     """Return other forms of causes that a model has, and where too much is left of further ones.
 
-    Those with stairs take longest. They are the first, so that no process waits at the end, and
-    are tried where too much is left and the screen promises something of the usual form.
+    Those with stairs take long: they are tried where too much is left, and are the first, so that
+    no process waits at the end. Of a further cause the screen must promise something of the form,
+    or of the usual one if the form has stairs: where these are small they are not felt.
     """
     present = causes_of(known, ledger.catalogue)
-    promised: Mapping[str, ScreenResult] = {}
-    if too_much:
-        behind = background(ledger.study, nominal, ledger.fits[known], ledger.effects(known))
-        promised = ledger.screen(behind, set(ledger.directions) - set(known))
-    chosen = []
-    for form in sorted(ledger.left_out, key=lambda name: (not _has_stairs(ledger, name), name)):
-        cause, stairs = cause_of(form, ledger.catalogue), _has_stairs(ledger, form)
-        seen = cause if stairs else form
-        if cause in present:
-            chosen += [form] if too_much or not stairs else []
-        elif too_much and _promises(ledger, seen, promised.get(seen)):
-            chosen.append(form)
-    return chosen
+    ordered = sorted(ledger.left_out, key=lambda name: (not _has_stairs(ledger, name), name))
+    own = [form for form in ordered if cause_of(form, ledger.catalogue) in present]
+    if not too_much:
+        return [form for form in own if not _has_stairs(ledger, form)]
+    screened = {
+        form: cause_of(form, ledger.catalogue) if _has_stairs(ledger, form) else form
+        for form in ordered
+        if form not in own
+    }
+    behind = background(ledger.study, nominal, ledger.fits[known], ledger.effects(known))
+    promised = ledger.screen(behind, set(screened.values()) & set(ledger.directions))
+    return [
+        form
+        for form in ordered
+        if form in own or _promises(ledger, screened[form], promised.get(screened[form]))
+    ]

@@ -11,6 +11,7 @@ from pneumo_casadi.estimation.equation_error.balance_functions import (
     any_sensor_effect,
 )
 from pneumo_casadi.estimation.equation_error.smoothed_motion import SmoothedMotion
+from pneumo_casadi.model.machine_code.calls import call_with_arrays
 from pneumo_casadi.parameters import FloatArray
 
 #: At most so many iterations invert the effects of sensors.
@@ -39,32 +40,27 @@ def true_motions(
     model: BalanceFunctions, data: SmoothedMotion, variants: Sequence[FloatArray]
 ) -> list[Motion]:
     """Return the motions with the effects of sensors inverted, for every variant of θ."""
+    if not any_sensor_effect(model.axis.effects):
+        return [(data.x, data.dx)] * len(variants)
     sensors, names = model.sensors, model.axis.parameters.names
     shared = [names.index(name) for name in sensors.axis.parameters.names]
     own = [names.index(name) for name in sensors.axis.parameters.names if "." in name]
     # A sensor effect depends on its own parameters alone: equal variants share a motion.
     distinct = {theta[own].tobytes(): theta[shared] for theta in variants}
     if len(distinct) == 1:
-        ((key, theta),) = distinct.items()
-        return [_single_motion(sensors, data, key, theta)] * len(variants)
+        (theta,) = distinct.values()
+        return [_single_motion(sensors, data, theta)] * len(variants)
     # Together, so that all are corrected equally often: derivatives are quotients of theirs.
     corrected = _without_sensors(sensors, data, list(distinct.values()))
     known = dict(zip(distinct, corrected, strict=True))
     return [known[theta[own].tobytes()] for theta in variants]
 
 
-def _single_motion(
-    model: BalanceFunctions, data: SmoothedMotion, key: bytes, theta: FloatArray
-) -> Motion:
-    """Return the motion for one value of the sensors' parameters, the last one if it is the same.
-
-    Parameters
-    ----------
-    key : bytes
-        These parameters alone.
-    theta : array
-        All of the model's parameters.
-    """
+def _single_motion(model: BalanceFunctions, data: SmoothedMotion, theta: FloatArray) -> Motion:
+    """Return the motion at θ; the one worked out last where nothing that it depends on differs."""
+    names = [name for name in model.axis.parameters.names if "." in name]
+    felt = [model.axis.parameters.index(name) for name in (*names, *model.state_dependent)]
+    key = theta[felt].tobytes()
     last, known, motion = _last.get(data, (None, b"", None))
     if motion is None or last is None or last() is not model or known != key:
         (motion,) = _without_sensors(model, data, [theta])
@@ -79,7 +75,7 @@ def _without_sensors(
     late: list[Lateness] = []
     hidden = any(effect.hides_motion for effect in model.axis.effects)
     least = UNCHANGED_HIDDEN if hidden else UNCHANGED
-    for _ in range(CORRECTIONS if any_sensor_effect(model.axis.effects) else 0):
+    for _ in range(CORRECTIONS):
         states = simulate_effect_states(model, data, variants, motions)
         given = zip(variants, states, motions, strict=True)
         shown = [_shown(model, data, *each) for each in given]
@@ -171,9 +167,9 @@ def _rest(
     model: BalanceFunctions, theta: FloatArray, x: FloatArray, dx: FloatArray, u: FloatArray
 ) -> FloatArray:
     """Return the states at rest at the first of some samples, (nz,)."""
-    given = (x, dx, u, np.zeros(model.n_z), model.constant_values, theta)
-    (z,) = model.functions["rest"].evaluate_sample(*given)
-    return z
+    first = (x[:, 0], dx[:, 0], u, np.zeros(model.n_z), model.constant_values, theta)
+    (z,) = call_with_arrays(model.functions["rest"].function, *first)
+    return z.ravel()
 
 
 def _now_and_next(parts: Sequence[FloatArray]) -> list[FloatArray]:

@@ -2,10 +2,8 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import casadi as ca
-import numpy as np
 
 from pneumo_casadi.parameters import FloatArray
 
@@ -39,32 +37,6 @@ class RecordFunction:
         """
         self.check(N, given)
         return self._evaluate(N, given)
-
-    def evaluate_sample(self, *given: FloatArray) -> tuple[FloatArray, ...]:
-        """Evaluate the first sample, in CasADi: what works through thousands takes long to begin.
-
-        Parameters
-        ----------
-        given : array
-            One array per input: (n, N) or (n,).
-
-        Returns
-        -------
-        tuple of (n,) array
-            One per output, a matrix column after column.
-        """
-        self.check(1, given)
-        inputs = [np.ascontiguousarray(a if a.ndim == 1 else a[:, 0], dtype=float) for a in given]
-        outputs = tuple(np.empty(self.function.numel_out(i)) for i in range(self.function.n_out()))
-        # Ten times as fast as a call, which makes matrices of its own.
-        made: Any = self.function.buffer()
-        buffer, run = made
-        for i, part in enumerate(inputs):
-            buffer.set_arg(i, part.data)
-        for i, part in enumerate(outputs):
-            buffer.set_res(i, part.data)
-        run()
-        return outputs
 
     def _evaluate(self, N: int, given: Sequence[FloatArray]) -> tuple[FloatArray, ...]:
         raise NotImplementedError

@@ -67,3 +67,35 @@ def test_motions_of_a_difference_quotient_are_corrected_equally_often(model, dat
     true_motion.true_motions(model, data, [theta])
     true_motion.true_motions(model, data, [theta, moved])
     assert worked_out == [1, 2]
+
+
+def test_another_model_has_a_motion_of_its_own(model, data, worked_out):
+    theta = at(model, delay=4e-3)
+    others = [model, BalanceFunctions(model.axis), model]
+    motions = [true_motion.true_motions(each, data, [theta])[0] for each in others]
+    assert worked_out == [1, 1, 1]
+    assert all(np.array_equal(motion[0], motions[0][0]) for motion in motions)
+
+
+def test_a_sensor_that_feels_a_parameter_of_the_axis_moves_with_it(model, data, worked_out):
+    """No effect of the catalogue does; one of a user may."""
+    kind = type(model.axis.effects[0])
+
+    class ByMass(kind):
+        def output(self, y, at):
+            late = super().output(y, at)["x"] - y["x"]
+            return {**y, "x": y["x"] + late * at.axis["M"] / 18.0}
+
+    axis = ForceAxis(model.axis.bench).with_effects(ByMass())
+    felt = BalanceFunctions(axis)
+    light, heavy = (
+        true_motion.true_motions(felt, data, [at(felt, delay=4e-3, M=M)])[0] for M in (18.0, 36.0)
+    )
+    assert worked_out == [1, 1]
+    assert np.max(np.abs(light[0] - heavy[0])) > 1e-4
+
+
+def test_without_sensor_effects_the_motion_is_the_smoothed_one(model, data, worked_out):
+    plain = BalanceFunctions(ForceAxis(model.axis.bench))
+    ((x, dx),) = true_motion.true_motions(plain, data, [plain.axis.parameters.values])
+    assert x is data.x and dx is data.dx and worked_out == []

@@ -131,15 +131,3 @@ def test_arrays_of_the_wrong_shape_are_refused(wrong):
     x = ca.SX.sym("x", 3)
     with pytest.raises(ValueError, match="shape"):
         ArrayFunction(ca.Function("f", [x], [2 * x])).evaluate(50, wrong)
-
-
-def test_one_sample_by_itself_is_the_first_of_a_record():
-    x, c = ca.SX.sym("x", 2), ca.SX.sym("c")
-    f = ArrayFunction(ca.Function("f", [x, c], [ca.sin(x) * c, ca.vertcat(x, x).T]))
-    record = np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])
-    constant = np.array([0.5])
-    whole = f.evaluate(3, record, constant)
-    for alone, all_of_it in zip(f.evaluate_sample(record, constant), whole, strict=True):
-        np.testing.assert_allclose(alone, all_of_it[:, 0], rtol=1e-15)
-    with pytest.raises(ValueError, match=r"f: input 0 has shape \(3,\)"):
-        f.evaluate_sample(np.zeros(3), constant)
