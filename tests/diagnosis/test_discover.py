@@ -245,6 +245,37 @@ def test_a_search_beside_a_term_goes_on_while_it_may_explain_the_gap(
     assert begun.cancelled()
 
 
+LINE = Term("discovered", ("force",), "1", "t", "line", {"slope": 1.0})
+
+
+@pytest.mark.parametrize(
+    ("second", "searched"),
+    [
+        (replace(LINE, parameters={"slope": 2.0}), 1),
+        (replace(LINE, driver="x"), 2),
+        (COGGING, 2),
+    ],
+    ids=["another size", "another driver", "another formula"],
+)
+def test_a_term_refused_beside_one_model_is_not_searched_in_another_size(
+    monkeypatch, second, searched
+):
+    asked = []
+    proposed = [SimpleNamespace(term=term) for term in (LINE, second)]
+    monkeypatch.setattr(beside, "propose_term", lambda *given: proposed.pop(0))
+    monkeypatch.setattr(
+        beside, "complete_term", lambda study, selection, term, *given: asked.append(term)
+    )
+    selection = SimpleNamespace(nominal="nominal", final="final", levels=None)
+    assert beside.discover_beside(None, selection, (), {}) is None
+    assert len(asked) == searched
+
+
+def test_a_wave_of_another_period_is_another_term():
+    other = replace(COGGING, parameters={**COGGING.parameters, "period": 0.02})
+    assert not beside._same_form(COGGING, other)
+
+
 def test_what_records_held_out_do_not_show_is_not_looked_for(fitted_of):
     """Their noise floor says nothing of a noisier record that was fitted."""
     study, _ = fitted_of()

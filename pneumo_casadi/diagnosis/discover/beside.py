@@ -84,13 +84,26 @@ def discover_beside(
         work = StudyJobs(study, executor)
         jobs = [work.run(propose_term, *each) for each in given]
         terms = (job.result() for job in jobs)
+    refused: list[Term] = []
     for term, model in zip(terms, models.items(), strict=True):
-        if term is None:
+        if term is None or any(_same_form(term.term, other) for other in refused):
             continue
         discovery = complete_term(study, selection, term, model, catalogue, executor)
-        if discovery is not None and _says_more(selection, discovery, model[0]):
+        if discovery is None:
+            refused.append(term.term)
+        elif _says_more(selection, discovery, model[0]):
             return discovery
     return None
+
+
+def _same_form(first: Term, second: Term) -> bool:
+    """Return whether two terms differ in their size alone.
+
+    Where no model with the first one explains the gap, none with the second one does: a model
+    beside either is completed by all that acts, and the size is fitted anew.
+    """
+    forms = [(each.balances, each.factor, each.driver, each.formula) for each in (first, second)]
+    return forms[0] == forms[1] and not first.law.shape
 
 
 def _says_more(selection: Selection, discovery: Discovery, base: FittedModel) -> bool:
