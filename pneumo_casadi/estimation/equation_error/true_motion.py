@@ -60,11 +60,11 @@ def _single_motion(model: BalanceFunctions, data: SmoothedMotion, theta: FloatAr
     """Return the motion at θ; the one worked out last where nothing that it depends on differs."""
     names = [name for name in model.axis.parameters.names if "." in name]
     felt = [model.axis.parameters.index(name) for name in (*names, *model.state_dependent)]
-    key = theta[felt].tobytes()
-    last, known, motion = _last.get(data, (None, b"", None))
-    if motion is None or last is None or last() is not model or known != key:
-        (motion,) = _without_sensors(model, data, [theta])
-        _last[data] = ref(model), key, motion
+    key, last = theta[felt].tobytes(), _last.get(data)
+    if last is not None and last[0]() is model and last[1] == key:
+        return last[2]
+    (motion,) = _without_sensors(model, data, [theta])
+    _last[data] = ref(model), key, motion
     return motion
 
 
