@@ -12,6 +12,9 @@ from pneumo_casadi.effects.air.hose_sensor_at_valve import (
     HoseSensorAtValve as HoseSensorAtValve,
 )
 from pneumo_casadi.effects.air.hose_volume import HoseVolume as HoseVolume
+from pneumo_casadi.effects.air.hose_volume import (
+    HoseVolumePerChamber as HoseVolumePerChamber,
+)
 from pneumo_casadi.effects.air.leakage import LeakageN as LeakageN
 from pneumo_casadi.effects.air.leakage import LeakageP as LeakageP
 from pneumo_casadi.effects.air.leakage import PistonSealLeakage as PistonSealLeakage
@@ -56,10 +59,16 @@ from pneumo_casadi.effects.sensors.pressure_sensor_second_order import (
 )
 from pneumo_casadi.effects.sensors.pressure_sensors import PressureSensorBias as PressureSensorBias
 from pneumo_casadi.effects.sensors.pressure_sensors import PressureSensorLag as PressureSensorLag
+from pneumo_casadi.effects.sensors.pressure_sensors import (
+    PressureSensorLagPerSensor as PressureSensorLagPerSensor,
+)
 from pneumo_casadi.effects.table import EffectRow as EffectRow
 from pneumo_casadi.effects.table import effect_row as effect_row
 from pneumo_casadi.effects.valve.flow_map_shape import FlowMapShape as FlowMapShape
 from pneumo_casadi.effects.valve.valve_dead_zone import ValveDeadZone as ValveDeadZone
+from pneumo_casadi.effects.valve.valve_dead_zone import (
+    ValveDeadZonePerValve as ValveDeadZonePerValve,
+)
 from pneumo_casadi.effects.valve.valve_dead_zone_edges import (
     ValveDeadZoneEdges as ValveDeadZoneEdges,
 )

@@ -66,6 +66,9 @@ class Effect:
         Effects of the catalogue and nominal parameters (`NOMINAL`) with a similar response.
     separated_by : str
         The experiment that distinguishes it from these.
+    generalises : str
+        Name of a form of the same cause that it contains, with one size for what differs here, as
+        from one valve to the other. It is tried where it promises more than that form.
     passive : bool
         Whether it only takes energy from the motion, or gives back what it has stored.
     credible : mapping of str to (float, float)
@@ -150,6 +153,7 @@ class Effect:
     confused_with: ClassVar[tuple[str, ...]] = ()
     separated_by: ClassVar[str] = ""
     cause: ClassVar[str] = ""
+    generalises: ClassVar[str] = ""
     passive: ClassVar[bool] = False
     credible: ClassVar[Mapping[str, tuple[float, float]]] = MappingProxyType({})
     command_delays: ClassVar[tuple[str, ...]] = ()

@@ -43,7 +43,7 @@ PRESSURE_SENSOR_LAG = EffectForm(
     note="shows where pressures change fast",
     strength=("tau",),
     time_constant="tau",
-    constants={"first_order": 0.0},
+    constants={"first_order": 0.0, "at_N": 1.0},
 )
 PRESSURE_SENSOR_BIAS = EffectForm(
     "pressure_sensor_bias",

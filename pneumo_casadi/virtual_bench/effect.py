@@ -239,6 +239,7 @@ def longest_step(effects: Sequence[VirtualEffect]) -> float:
     for effect in effects:
         name = effect.form.time_constant
         value = effect.parameters[name] if name else 0.0
+        value *= min(1.0, effect.form.constants.get("at_N", 1.0))
         if 0 < value < SHORTEST:
             raise ModelError(
                 f"{effect.name}: {name} = {value:g} s is too short for the bench, {SHORTEST:g} s "

@@ -105,7 +105,17 @@ FORMS = (
         note=HOSE.note,
         cause="hose",
         kernel="hose_volume",
-        constants={"sensor": 0.0},
+        constants={"sensor": 0.0, "at_N": 1.0},
+    ),
+    EffectForm(
+        "hose_volume_uneven",
+        _HOSE_EQUATION.format("p") + "; V of chamber N a fifth",
+        _HOSE_SIZES,
+        absorbed_by=HOSE.absorbed_by,
+        note=HOSE.note,
+        cause="hose",
+        kernel="hose_volume",
+        constants={"sensor": 0.0, "at_N": 0.2},
     ),
     EffectForm(
         "hose_volume_at_valve",
@@ -115,7 +125,7 @@ FORMS = (
         note="the sensor sits at the valve: the force does not follow the pressures shown",
         cause="hose",
         kernel="hose_volume",
-        constants={"sensor": 1.0},
+        constants={"sensor": 1.0, "at_N": 1.0},
     ),
     _form(
         VALVE_DEAD_ZONE,
@@ -125,6 +135,7 @@ FORMS = (
         above=1.5,
     ),
     _form(VALVE_DEAD_ZONE, "smooth", "s = u − (w/2) tanh(2u/w)", smooth=1.0),
+    _form(VALVE_DEAD_ZONE, "valve_P", VALVE_DEAD_ZONE.equation + "; valve P alone", at_N=0.0),
     _form(VALVE_HYSTERESIS, "play", "one play of half-width w/2", law=1.0),
     _form(VALVE_HYSTERESIS, "stiction", "s stays until |u − s| > w/2, then goes to u", law=2.0),
     _form(VALVE_DYNAMICS, "first_order", "(1.4/ω) ṡ = u − s", first_order=1.0),
@@ -133,4 +144,11 @@ FORMS = (
     _form(PISTON_SEAL_LEAKAGE, "orifice", "orifice of ISO 6358 between the chambers", orifice=1.0),
     _form(HEAT_TRANSFER, "warm_wall", "walls of 40 J/K that the air warms up", wall=40.0),
     _form(PRESSURE_SENSOR_LAG, "first_order", "τ ẏ + y = p, both sensors", first_order=1.0),
+    _form(
+        PRESSURE_SENSOR_LAG,
+        "uneven",
+        "τ ẏ + y = p, τ of chamber N a fifth",
+        first_order=1.0,
+        at_N=0.2,
+    ),
 )

@@ -117,6 +117,14 @@ def test_a_further_form_that_promises_nothing_is_not_fitted(ledger):
     assert "hose_volume" in forms_to_fit(ledger, promises(ledger.catalogue, hose_volume=0.3))
 
 
+@pytest.mark.parametrize(("explained", "fitted"), [(0.305, False), (0.32, True)])
+def test_a_form_that_contains_another_one_must_promise_more_than_that(explained, fitted):
+    names = ("hose", "hose_volume", "hose_volume_per_chamber")
+    ledger = FitLedger(SimpleNamespace(criteria=CRITERIA), {n: EFFECTS[n] for n in names})
+    screened = promises(names, hose_volume=0.3, hose_volume_per_chamber=explained)
+    assert ("hose_volume_per_chamber" in forms_to_fit(ledger, screened)) is fitted
+
+
 @pytest.mark.parametrize(
     ("explained", "left", "tried"),
     [

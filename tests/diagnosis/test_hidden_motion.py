@@ -132,6 +132,29 @@ def test_an_effect_that_only_led_out_of_a_local_minimum_is_not_needed(monkeypatc
     assert worker.trials[known][1] == again
 
 
+@pytest.mark.parametrize(
+    ("shares", "shown", "expected"),
+    [
+        ({"presliding": 0.43, "stribeck": 0.98}, True, ("presliding",)),
+        ({"presliding": 0.43, "stribeck": 0.98}, False, None),  # simulations show no gap either
+        ({"presliding": 0.7, "stribeck": 0.98}, True, None),  # none explains it
+    ],
+)
+def test_what_simulations_alone_show_is_explained_by_them(monkeypatch, shares, shown, expected):
+    worker = FitLedger(SimpleNamespace(criteria=CRITERIA), EFFECTS)
+    worker.fits = {(name,): SimpleFit((name,), {}) for name in shares}
+    worker.simulations = SimpleNamespace(
+        shows_gap=lambda nominal, visible: shown,
+        share=lambda nominal, fitted, effects: shares[fitted.effects[0]],
+    )
+    monkeypatch.setattr(worker, "begin_simulations", lambda fits: None)
+    refined = []
+    monkeypatch.setattr(hidden_motion, "refine_again", lambda *given: refined.append(given[-1]))
+    by = BalanceLevels(np.ones(3), np.ones(3))
+    assert hidden_motion.find_in_simulation(worker, None, by) == expected
+    assert refined == list(worker.output_error_fits) == ([] if expected is None else [expected])
+
+
 PLAY, BOTH = ("backlash",), ("backlash", "valve_null_shift")
 
 

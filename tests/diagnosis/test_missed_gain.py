@@ -29,3 +29,13 @@ def test_what_two_models_share_does_not_hide_in_what_they_differ():
     chosen = Selection(leaving(50.0), fits, (), {}, (best,), LEVELS, {}, {}, {}, None)
     expected = 1 - np.log(5.0 / 4.0) / np.log(5.0 / 1.1)
     assert missed_gain(chosen, best, other) == pytest.approx(expected)
+
+
+def test_where_simulations_alone_show_the_gap_what_closes_nothing_there_is_no_rival():
+    best, other = ("presliding",), ("flow_map_shape",)
+    same = leaving(1.0, -10.0)  # the balances show nothing
+    fits, trials = {best: same, other: same}, {best: 0.2, other: 0.99}
+    chosen = Selection(
+        leaving(1.0), fits, (), {}, (best,), LEVELS, {best: same}, {best: 0.2}, trials, None
+    )
+    assert missed_gain(chosen, best, other) == pytest.approx(1 - 0.01 / 0.8)

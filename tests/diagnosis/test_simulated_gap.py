@@ -12,13 +12,16 @@ from pneumo_casadi.diagnosis.metrics.residual_size import balance_levels
 from pneumo_casadi.diagnosis.metrics.simulated_fit import (
     WINDOW,
     Simulated,
+    signal_stds,
     simulate_fit,
     simulate_loop,
 )
 from pneumo_casadi.diagnosis.metrics.simulated_gap import Simulations, gap_with_term, simulated_gap
+from pneumo_casadi.diagnosis.prepare.criteria import CRITERIA
 from pneumo_casadi.diagnosis.prepare.fitted_model import fit_model
 from pneumo_casadi.effects import EFFECTS
 from pneumo_casadi.effects.term import Term, term_effect
+from pneumo_casadi.metrics import output_noise
 
 
 @pytest.fixture(scope="module")
@@ -95,6 +98,15 @@ def test_where_simulations_show_no_gap_none_is_left(sound_study):
     done.keep(other, Simulated(np.full((3, 3), 9.0)), WINDOW)
     assert done.share(nominal, other, ()) == 1.0
     assert not done.tells(nominal, other, ())
+
+
+@pytest.mark.parametrize(("floors", "shown"), [(0.5, False), (2.0, True)])
+def test_a_gap_counts_as_shown_beside_the_noise(sound_study, floors, shown):
+    done, nominal = Simulations(sound_study), object()
+    noise = [output_noise(sound_study.axis, sound_study.held_out, n) for n in ("p_P", "p_N", "x")]
+    floor = 100 * np.array(noise) / signal_stds(sound_study)
+    done.keep(nominal, Simulated(np.tile((1 + floors**2) * floor**2, (3, 1))), WINDOW)
+    assert done.shows_gap(nominal, CRITERIA.visible) is shown
 
 
 def test_what_is_simulated_elsewhere_is_waited_for_once(sound_study):

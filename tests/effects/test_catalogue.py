@@ -32,6 +32,7 @@ ORDER = (
     "hose",
     "hose_sensor_at_valve",
     "hose_volume",
+    "hose_volume_per_chamber",
     "leakage_N",
     "leakage_P",
     "piston_seal_leakage",
@@ -48,6 +49,7 @@ ORDER = (
     "pressure_sensor_second_order",
     "pressure_sensor_bias",
     "pressure_sensor_lag",
+    "pressure_sensor_lag_per_sensor",
     "quadratic_drag",
     "spring_load",
     "stribeck",
@@ -55,6 +57,7 @@ ORDER = (
     "supply_droop",
     "supply_droop_proportional",
     "valve_dead_zone",
+    "valve_dead_zone_per_valve",
     "valve_dead_zone_edges",
     "valve_dynamics",
     "valve_hysteresis",
@@ -203,3 +206,19 @@ def test_all_causes_of_the_catalogue_at_once_are_nominal_at_null_and_finite_at_t
         at = start.rest(point, u, start.parameters.values)
         for block in derivative(at, u, start.parameters.values, 0):
             assert np.isfinite(block.full()).all()
+
+
+@pytest.mark.parametrize("name", [name for name, effect in EFFECTS.items() if effect.generalises])
+def test_a_form_for_each_side_is_with_equal_sizes_the_form_that_it_contains(name, nominals, made):
+    own = EFFECTS[name]
+    contained = EFFECTS[own.generalises]
+    assert own.cause == contained.cause
+    nominal, rng = nominals["servo"], np.random.default_rng(3)
+    both = [nominal.with_effects(effect()).at_starting_values() for effect in (own, contained)]
+    for _ in range(4):
+        x, u = made.states(nominal, rng)
+        full = both[1].rest(x, u, both[1].parameters.values).full().ravel()
+        full[len(x) :] += 0.1 * both[1].state_scales[len(x) :]
+        for f in ("rhs", "output"):
+            one, other = (getattr(axis, f)(full, u, axis.parameters.values).full() for axis in both)
+            np.testing.assert_allclose(one, other, rtol=1e-12)

@@ -72,7 +72,8 @@ class FitLedger:
     left_out : set of str
         Effects of the catalogue that no further model has.
     trials : dict of tuple of str to (FittedModel, float)
-        Models refined by output error, and the share of the simulated gap that they leave.
+        Models tried in simulation, most refined by output error, and the share of the simulated gap
+        that they leave.
     begun_fits, begun_refinements : BegunJobs
         Fits, and refinements by output error, for which nobody has asked yet.
     reduced : dict of tuple of str to FittedModel

@@ -42,21 +42,27 @@ def forms_to_fit(ledger: FitLedger, screened: Mapping[str, ScreenResult]) -> lis
     The usual forms are all fitted, and those whose start is scanned: the screen sees one resonance.
     Those with stairs take long, and wait for what the others leave; see `fit_waiting_forms`.
     """
-    return [name for name, result in screened.items() if _fitted_at_once(ledger, name, result)]
+    return [name for name in screened if _fitted_at_once(ledger, name, screened)]
 
 
-def _fitted_at_once(ledger: FitLedger, name: str, result: ScreenResult) -> bool:
+def _fitted_at_once(ledger: FitLedger, name: str, screened: Mapping[str, ScreenResult]) -> bool:
     if cause_of(name, ledger.catalogue) == name:
         return True
-    return not _has_stairs(ledger, name) and _promises(ledger, name, result)
+    return not _has_stairs(ledger, name) and _promises(ledger, name, screened)
 
 
-def _promises(ledger: FitLedger, name: str, result: ScreenResult | None) -> bool:
-    """Return whether an effect may take enough of the residuals away, or the screen cannot tell."""
+def _promises(ledger: FitLedger, name: str, screened: Mapping[str, ScreenResult]) -> bool:
+    """Return whether an effect may take enough of the residuals away, or the screen cannot tell.
+
+    A form that contains another one must promise as much more than that.
+    """
+    result, made = screened.get(name), ledger.catalogue[name]
     if result is None or not result.felt:
         return True
-    scanned = bool(getattr(ledger.catalogue[name], "scanned", {}))
-    return scanned or result.explained >= PROMISE
+    contained = screened.get(getattr(made, "generalises", ""))
+    if contained is not None:
+        return result.explained >= contained.explained + PROMISE
+    return bool(getattr(made, "scanned", {})) or result.explained >= PROMISE
 
 
 def _has_stairs(ledger: FitLedger, name: str) -> bool:
@@ -214,8 +220,4 @@ def _forms_to_try(
     }
     behind = background(ledger.study, nominal, ledger.fits[known], ledger.effects(known))
     promised = ledger.screen(behind, set(screened.values()) & set(ledger.directions))
-    return [
-        form
-        for form in ordered
-        if form in own or _promises(ledger, screened[form], promised.get(screened[form]))
-    ]
+    return [form for form in ordered if form in own or _promises(ledger, screened[form], promised)]

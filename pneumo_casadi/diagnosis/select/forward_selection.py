@@ -39,6 +39,7 @@ from pneumo_casadi.diagnosis.select.hidden_motion import (
     closes_in_simulation,
     extend_by_simulation,
     find_hiding_extension,
+    find_in_simulation,
     motion_is_hidden,
 )
 from pneumo_casadi.diagnosis.select.propose import fit_alone, fit_extensions
@@ -77,7 +78,8 @@ class Selection:
     gap_left : mapping of tuple of str to float
         Share of the simulated gap left by those, and by a final model that balances tell little of.
     trials : mapping of tuple of str to float
-        Share of the simulated gap left by every model that output error has refined.
+        Share of the simulated gap left by every model that was tried in simulation, most of them
+        refined by output error.
     simulations : Simulations
         Of the held-out records, those already done.
     forms : mapping of str to mapping of str to FittedModel
@@ -223,6 +225,8 @@ def _forward(
         ]
         if not options:
             more = find_hiding_extension(ledger, nominal, current, known, levels)
+            if more is None and not path:
+                more = find_in_simulation(ledger, nominal, levels)
             path += [] if more is None else [more]
             break
         best = min(options)[1]

@@ -61,12 +61,12 @@ class HoseSensorAtValve(Effect):
 
     def chamber_pressure(self, p: Pair, at: Scope) -> Pair:
         """Return the pressures in the chambers in the place of those shown."""
-        w = hose_share(at)
+        w = hose_share(at["V"])
         return Pair(*(shown + w * (at[f"p_{c}"] - shown) for c, shown in zip("PN", p, strict=True)))
 
     def chamber_energy(self, q_m: Pair, at: Scope) -> Pair:
         """Return what the valve sends and the hose does not pass on; it displaces nothing."""
-        w = hose_share(at)
+        w = hose_share(at["V"])
         flows = []
         for (c, q), nominal, sent in zip(_passed(at), q_m, at.entering["line"], strict=True):
             displaced = _displaced(at, c) * getattr(at.p, c) * at.v
@@ -75,8 +75,8 @@ class HoseSensorAtValve(Effect):
 
     def capacity(self, C: Pair, at: Scope) -> Pair:
         """Return the capacity of the hose, where the sensor sits."""
-        w = hose_share(at)
-        return Pair(*(nominal + w * (hose_capacity(at) - nominal) for nominal in C))
+        w = hose_share(at["V"])
+        return Pair(*(nominal + w * (hose_capacity(at["V"], at) - nominal) for nominal in C))
 
 
 def _displaced(at: Scope, c: str) -> Expression:

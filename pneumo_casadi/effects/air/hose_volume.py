@@ -1,20 +1,26 @@
 """Hose as a volume at the valve, behind a turbulent conductance to the chamber."""
 
 from collections.abc import Mapping
-from typing import Any
+from dataclasses import replace
+from types import MappingProxyType
+from typing import Any, ClassVar
 
 import casadi as ca
 
 from pneumo_casadi.effects.common.hose_volume_line import (
     CREDIBLE,
+    ELL,
     PARAMETERS,
     SOURCE,
+    C,
+    V,
     hose_capacity,
     hose_flow,
     hose_share,
 )
 from pneumo_casadi.model.effect import Effect, Scope, State
 from pneumo_casadi.model.junctions import Expression, Pair
+from pneumo_casadi.parameters import Parameter
 
 
 class HoseVolume(Effect):
@@ -40,7 +46,7 @@ class HoseVolume(Effect):
         "steps at both ends of the stroke; sensors at the valve beside those at the chamber"
     )
     credible = CREDIBLE
-    parameters = PARAMETERS
+    parameters: ClassVar[tuple[Parameter, ...]] = PARAMETERS
     states = tuple(State(f"p_{c}", "Pa", 1e5) for c in "PN")
 
     def rest(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
@@ -49,25 +55,50 @@ class HoseVolume(Effect):
 
     def rates(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
         """Balance of the air in each hose."""
-        q, capacity = entering["line"], hose_capacity(at)
         return {
-            "p_P": (q.P - _through(at, "P", at.p.P)) / capacity,
-            "p_N": (q.N - _through(at, "N", at.p.N)) / capacity,
+            f"p_{c}": (q - _through(at, c)) / hose_capacity(V, at)
+            for c, q, V in zip("PN", entering["line"], self.volumes(at), strict=True)
         }
 
     def outlet(self, p: Pair, at: Scope) -> Pair:
         """Let the valves work against the pressure in the hose."""
-        w = hose_share(at)
-        return Pair(p.P + w * (at["p_P"] - p.P), p.N + w * (at["p_N"] - p.N))
+        hoses = zip("PN", p, self.volumes(at), strict=True)
+        return Pair(*(shown + hose_share(V) * (at[f"p_{c}"] - shown) for c, shown, V in hoses))
 
     def line(self, q_m: Pair, at: Scope) -> Pair:
         """Return the flow through the restriction."""
-        w = hose_share(at)
-        return Pair(
-            q_m.P + w * (_through(at, "P", at.p.P) - q_m.P),
-            q_m.N + w * (_through(at, "N", at.p.N) - q_m.N),
-        )
+        hoses = zip("PN", q_m, self.volumes(at), strict=True)
+        return Pair(*(q + hose_share(V) * (_through(at, c) - q) for c, q, V in hoses))
+
+    def volumes(self, at: Scope) -> Pair:
+        """Return the volume of each hose [m³]."""
+        return Pair(at["V"], at["V"])
 
 
-def _through(at: Scope, c: str, p: Expression) -> Expression:
-    return hose_flow(at, ca.fmax(at[f"p_{c}"], 1e3), p)
+class HoseVolumePerChamber(HoseVolume):
+    """Volume at each valve, V_P and V_N: the valves sit nearer to one end of the cylinder.
+
+    The restrictions, of fittings and bore, are alike. A valve without a hose has none.
+    """
+
+    name = "hose_volume_per_chamber"
+    cause = "hose"
+    equation = "V_c/(r T) ṗ_h = q_valve(u, p_h) − q_h of each chamber c, q_h as of hose_volume"
+    generalises = "hose_volume"
+    parameters = (
+        *(
+            replace(V, name=f"V_{c}", description=f"volume of the hose to chamber {c}")
+            for c in "PN"
+        ),
+        C,
+        ELL,
+    )
+    credible = MappingProxyType({})  # a hose may be missing
+
+    def volumes(self, at: Scope) -> Pair:
+        """Return the volume of each hose [m³]."""
+        return Pair(at["V_P"], at["V_N"])
+
+
+def _through(at: Scope, c: str) -> Expression:
+    return hose_flow(at, ca.fmax(at[f"p_{c}"], 1e3), getattr(at.p, c))

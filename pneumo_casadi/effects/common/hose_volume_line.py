@@ -17,55 +17,53 @@ V_REGULAR = 3e-6
 #: A smaller volume is a blend of two axes, and none that could be built.
 CREDIBLE = MappingProxyType({"V": (V_REGULAR, 1e-3)})
 SOURCE = "mass balance of a volume at one temperature; ISO 6358-1:2013 for hose and fittings"
-PARAMETERS = (
-    Parameter(
-        "V",
-        0.0,
-        "m³",
-        lower=0.0,
-        upper=1e-3,
-        scale=2e-5,
-        null=0.0,
-        start=5e-5,
-        description="volume between valve and restriction",
-        source="28 ml a metre of 6 mm bore, 50 ml of 8 mm",
-    ),
-    Parameter(
-        "C",
-        6e-9,
-        "m³/(s Pa)",
-        lower=5e-10,
-        upper=1e-7,
-        scale=2e-9,
-        null=6e-9,
-        start=3e-9,  # a wide hose is not felt, and leads no fit to a narrow one
-        description="sonic conductance of hose and fittings",
-        source="ISO 6358-3 for hoses of 4 to 8 mm, 1 to 5 m: 2e-9 to 3e-8 m³/(s Pa)",
-    ),
-    Parameter(
-        "ell",
-        2e-3,
-        "1",
-        lower=5e-4,
-        upper=0.3,
-        scale=2e-3,
-        null=2e-3,
-        start=2e-3,
-        description="share of the pressure lost up to which the flow is laminar",
-        source="Reynolds numbers of some thousand: 0.1 % (fittings) to several % (long thin hoses)",
-    ),
+V = Parameter(
+    "V",
+    0.0,
+    "m³",
+    lower=0.0,
+    upper=1e-3,
+    scale=2e-5,
+    null=0.0,
+    start=5e-5,
+    description="volume between valve and restriction",
+    source="28 ml a metre of 6 mm bore, 50 ml of 8 mm",
 )
+C = Parameter(
+    "C",
+    6e-9,
+    "m³/(s Pa)",
+    lower=5e-10,
+    upper=1e-7,
+    scale=2e-9,
+    null=6e-9,
+    start=3e-9,  # a wide hose is not felt, and leads no fit to a narrow one
+    description="sonic conductance of hose and fittings",
+    source="ISO 6358-3 for hoses of 4 to 8 mm, 1 to 5 m: 2e-9 to 3e-8 m³/(s Pa)",
+)
+ELL = Parameter(
+    "ell",
+    2e-3,
+    "1",
+    lower=5e-4,
+    upper=0.3,
+    scale=2e-3,
+    null=2e-3,
+    start=2e-3,
+    description="share of the pressure lost up to which the flow is laminar",
+    source="Reynolds numbers of some thousand: 0.1 % (fittings) to several % (long thin hoses)",
+)
+PARAMETERS = (V, C, ELL)
 
 
-def hose_share(at: Scope) -> Expression:
-    """Return the share w of the hose in the model: 0 without a volume, 1 from 10 ml on."""
-    return 1 - ca.exp(-at["V"] / V_REGULAR)
+def hose_share(V: Expression) -> Expression:
+    """Return the share w of a hose in the model: 0 without a volume, 1 from 10 ml on."""
+    return 1 - ca.exp(-V / V_REGULAR)
 
 
-def hose_capacity(at: Scope) -> Expression:
+def hose_capacity(V: Expression, at: Scope) -> Expression:
     """Return V/(r T) [kg/Pa], which stays positive where the hose fades out."""
-    V = at["V"] + V_REGULAR * (1 - hose_share(at))
-    return V / (at.axis["r"] * at.axis["T"])
+    return (V + V_REGULAR * (1 - hose_share(V))) / (at.axis["r"] * at.axis["T"])
 
 
 def hose_flow(at: Scope, p_h: Expression, p: Expression) -> Expression:

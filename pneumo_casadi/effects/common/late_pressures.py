@@ -2,6 +2,8 @@
 
 from typing import ClassVar
 
+from pneumo_casadi.model.effect import Scope
+from pneumo_casadi.model.junctions import Pair
 from pneumo_casadi.parameters import Parameter
 
 
@@ -15,11 +17,15 @@ class LatePressures:
     separated_by: ClassVar[str] = "fast valve steps: the piston answers before the sensor does"
     needs_chambers: ClassVar[bool] = True
 
+    def delays(self, at: Scope) -> Pair:
+        """Return the delay of each sensor [s]."""
+        return Pair(at["tau"], at["tau"])
 
-def delay(description: str) -> Parameter:
-    """Return the parameter τ of late pressure sensors."""
+
+def delay(description: str, name: str = "tau") -> Parameter:
+    """Return a parameter τ of late pressure sensors."""
     return Parameter(
-        "tau",
+        name,
         0.0,
         "s",
         lower=0.0,

@@ -2,13 +2,13 @@
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Any
+from typing import Any, ClassVar
 
 from pneumo_casadi.effects.common.late_pressures import LatePressures, delay
 from pneumo_casadi.effects.common.regular_lag import lag_rate, lagged
 from pneumo_casadi.model.absorption import Absorption
 from pneumo_casadi.model.effect import Effect, Scope, State
-from pneumo_casadi.model.junctions import Expression
+from pneumo_casadi.model.junctions import Expression, Pair
 from pneumo_casadi.parameters import Parameter
 
 
@@ -18,7 +18,7 @@ class PressureSensorLag(LatePressures, Effect):
     name = "pressure_sensor_lag"
     equation = "τ ẏ_p + y_p = p, in both chambers"
     source = "pneumatic line as a lag; Andersen (1967), Analysis and Design of Pneumatic Systems"
-    parameters = (delay("time constant of both sensors"),)
+    parameters: ClassVar[tuple[Parameter, ...]] = (delay("time constant of both sensors"),)
     states = (State("p_P", "Pa", 1e5), State("p_N", "Pa", 1e5))
 
     def rest(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
@@ -27,13 +27,36 @@ class PressureSensorLag(LatePressures, Effect):
 
     def rates(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
         """Let the states follow the pressures."""
-        y = entering["output"]
-        return {name: lag_rate(y[name], at[name], at["tau"]) for name in ("p_P", "p_N")}
+        y, taus = entering["output"], self.delays(at)
+        return {
+            name: lag_rate(y[name], at[name], tau)
+            for name, tau in zip(("p_P", "p_N"), taus, strict=True)
+        }
 
     def output(self, y: Mapping[str, Expression], at: Scope) -> Mapping[str, Expression]:
         """Show the pressures late."""
-        late = {name: lagged(y[name], at[name], at["tau"]) for name in ("p_P", "p_N")}
+        late = {
+            name: lagged(y[name], at[name], tau)
+            for name, tau in zip(("p_P", "p_N"), self.delays(at), strict=True)
+        }
         return {**y, **late}
+
+
+class PressureSensorLagPerSensor(PressureSensorLag):
+    """First-order lag of each pressure sensor: one sits on the cylinder, the other on a tube."""
+
+    name = "pressure_sensor_lag_per_sensor"
+    cause = "pressure_sensor_lag"
+    equation = "τ_c ẏ_c + y_c = p_c in chamber c"
+    sensor_delays = ("tau_P", "tau_N")
+    generalises = "pressure_sensor_lag"
+    parameters = tuple(
+        delay(f"time constant of the sensor of chamber {c}", f"tau_{c}") for c in "PN"
+    )
+
+    def delays(self, at: Scope) -> Pair:
+        """Return the delay of each sensor [s]."""
+        return Pair(at["tau_P"], at["tau_N"])
 
 
 class PressureSensorBias(Effect):

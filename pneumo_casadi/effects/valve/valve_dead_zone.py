@@ -1,6 +1,9 @@
 """Valve dead zone: the spool must travel before an edge opens."""
 
+from collections.abc import Mapping
+from dataclasses import replace
 from types import MappingProxyType
+from typing import ClassVar
 
 import casadi as ca
 
@@ -50,12 +53,30 @@ class ValveDeadZone(Effect):
     shows = "both mass flow balances around u = 0; limit cycles and offsets in closed loop"
     confused_with = CONFUSED_WITH
     separated_by = SEPARATED_BY
-    scanned = SCANNED
-    parameters = (DELTA,)
+    scanned: ClassVar[Mapping[str, tuple[float, ...]]] = SCANNED
+    parameters: ClassVar[tuple[Parameter, ...]] = (DELTA,)
 
     def spool(self, u: Pair, at: Scope) -> Pair:
         """Take the dead zone from the opening."""
         return Pair(_beyond(u.P, at["delta"]), _beyond(u.N, at["delta"]))
+
+
+class ValveDeadZonePerValve(ValveDeadZone):
+    """Overlap of both edges of each valve of its own: one valve is worn, or of another maker."""
+
+    name = "valve_dead_zone_per_valve"
+    cause = "valve_dead_zone"
+    equation = "u_c −→ u_c + (√((u_c − δ_c)² + w²) − √((u_c + δ_c)² + w²))/2 of each valve c"
+    generalises = "valve_dead_zone"
+    scanned = MappingProxyType({f"delta_{c}": (0.0, 0.1, 0.3) for c in "PN"})
+    parameters = tuple(
+        replace(DELTA, name=f"delta_{c}", description=f"half the width of the zone of valve {c}")
+        for c in "PN"
+    )
+
+    def spool(self, u: Pair, at: Scope) -> Pair:
+        """Take the dead zone of each valve from its opening."""
+        return Pair(_beyond(u.P, at["delta_P"]), _beyond(u.N, at["delta_N"]))
 
 
 def _beyond(u: Expression, delta: Expression) -> Expression:

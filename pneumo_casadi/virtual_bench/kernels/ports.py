@@ -8,6 +8,7 @@ from pneumo_casadi.virtual_bench.kernels.gas import restriction
 from pneumo_casadi.virtual_bench.kernels.jit import kernel
 from pneumo_casadi.virtual_bench.kernels.layout import (
     CELLS,
+    LINE_N,
     P_EXHAUST,
     P_SUPPLY,
     Q_REGULATOR,
@@ -64,7 +65,8 @@ def line_rates(
         q = restriction(
             par.hose_volume_C, B_FITTINGS, M_FITTINGS, y[at], par.T, p_chamber, T_chamber
         )
-        dy[at] = rT / par.hose_volume_V * (q_valve - q)
+        V = par.hose_volume_V * (par.hose_volume_at_N if at == LINE_N else 1.0)
+        dy[at] = rT / V * (q_valve - q)
         return q
     length, d = par.hose_length / CELLS, par.hose_diameter
     area = pi * d * d / 4.0

@@ -121,10 +121,13 @@ def rates(
 @kernel
 def tap_rates(at: int, p: float, y: FloatArray, dy: FloatArray, par: Any) -> None:
     """Fill the rates of a sensor behind its tube: second order, 2ζ/ω = τ, ζ = 0.7."""
+    tau = par.pressure_sensor_lag_tau
+    if at == layout.TAP_N:
+        tau *= par.pressure_sensor_lag_at_N
     if par.pressure_sensor_lag_first_order > 0.0:
-        dy[at] = (p - y[at]) / par.pressure_sensor_lag_tau
+        dy[at] = (p - y[at]) / tau
         return
-    omega = 1.4 / par.pressure_sensor_lag_tau
+    omega = 1.4 / tau
     dy[at] = y[at + 1]
     dy[at + 1] = omega * omega * (p - y[at]) - 1.4 * omega * y[at + 1]
 

@@ -83,8 +83,8 @@ def spool_targets(t: float, u: FloatArray, plays: FloatArray, target: FloatArray
                 follows -= WEIGHTS[i]
             s += follows * u[valve]
         if par.valve_dead_zone_width > 0.0:
-            half = par.valve_dead_zone_width / 2.0
-            if par.valve_dead_zone_smooth > 0.0:
+            half = par.valve_dead_zone_width / 2.0 * (par.valve_dead_zone_at_N if valve else 1.0)
+            if par.valve_dead_zone_smooth > 0.0 and half > 0.0:
                 s -= half * tanh(s / half)
             else:
                 s -= min(

@@ -253,8 +253,9 @@ def test_a_killed_dask_worker_changes_no_result(tmp_path, fakes, copied):
         rows = diagnose_many(cases, client.get_executor(), keep=out, diagnosing=fakes.killed_once)
         assert [row.gap_before_percent for row in rows][:2] == [77.5, alone[1].gap_before_percent]
         rows = diagnose_many(cases, client.get_executor(), keep=out, diagnosing=fakes.killed_always)
-        assert [row.case for row in rows if row.verdict == "failed"] == ["c4"]
-        assert "KilledWorker" in next(row.error for row in rows if row.case == "c4")
+        failed = {row.case: row.error for row in rows if row.verdict == "failed"}
+        assert list(failed) == ["c4"], failed
+        assert "KilledWorker" in failed["c4"]
 
 
 @pytest.mark.slow
