@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from pneumo_casadi.errors import CaseError
 from pneumo_casadi.evaluation.sealed_check import Kind, Proportions, draw_cases
 from pneumo_casadi.evaluation.sealed_check.draw import ABSORBED_FORMS, STRONG, Draw, make
-from pneumo_casadi.virtual_bench import ALL_FORMS, FORMS, Severity
+from pneumo_casadi.virtual_bench import ALL_FORMS, FORMS, Severity, forms_of
 
 LISTED = [name for name, form in FORMS.items() if form.listed]
 
