@@ -73,7 +73,16 @@ from pneumo_casadi.effects.valve.valve_dead_zone_edges import (
     ValveDeadZoneEdges as ValveDeadZoneEdges,
 )
 from pneumo_casadi.effects.valve.valve_dynamics import ValveDynamics as ValveDynamics
+from pneumo_casadi.effects.valve.valve_dynamics import (
+    ValveDynamicsLimited as ValveDynamicsLimited,
+)
+from pneumo_casadi.effects.valve.valve_dynamics import (
+    ValveDynamicsPerValve as ValveDynamicsPerValve,
+)
 from pneumo_casadi.effects.valve.valve_hysteresis import ValveHysteresis as ValveHysteresis
+from pneumo_casadi.effects.valve.valve_hysteresis import (
+    ValveHysteresisPerValve as ValveHysteresisPerValve,
+)
 from pneumo_casadi.effects.valve.valve_mismatch import ValveMismatch as ValveMismatch
 from pneumo_casadi.effects.valve.valve_mismatch_edges import (
     ValveMismatchEdges as ValveMismatchEdges,

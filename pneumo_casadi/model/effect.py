@@ -75,8 +75,9 @@ class Effect:
         Plausible ranges by short name of a parameter. An estimate outside its range means that
         another cause is fitted by this effect.
     command_delays : tuple of str
-        Parameters that delay the command [s], by short name. Less than a sampling interval is when
-        the samples were taken and the command was updated, and no property of the axis.
+        Parameters that delay the command [s], by short name. If all are less than a sampling
+        interval, that is when samples were taken and the command was updated, and no property of
+        the axis.
     sensor_delays : tuple of str
         Parameters by which what `sensors` show is late [s], by short name.
     sensor_offsets : tuple of str

@@ -11,7 +11,7 @@ VALVE_DYNAMICS = EffectForm(
         Size("rate", "V/s", (400.0, 200.0, 60.0), off=1e6, description="greatest |ṡ|"),
     ),
     note="shows at edges of the reference and at high frequencies",
-    constants={"first_order": 0.0},
+    constants={"first_order": 0.0, "at_N": 1.0},
 )
 VALVE_DEAD_ZONE = EffectForm(
     "valve_dead_zone",
@@ -36,7 +36,7 @@ VALVE_HYSTERESIS = EffectForm(
     (Size("width", "V", (0.02, 0.06, 0.18), description="width w of the loop"),),
     note="shows at reversals of the command",
     strength=("width",),
-    constants={"law": 0.0},
+    constants={"law": 0.0, "at_N": 1.0},
 )
 VALVE_MISMATCH = EffectForm(
     "valve_mismatch",

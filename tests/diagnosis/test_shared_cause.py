@@ -16,7 +16,7 @@ DELAYS = {
     "position_delay": "T",
     "pressure_sensor_second_order": "tau",
 }
-WITHOUT = {name: effect for name, effect in EFFECTS.items() if name != "valve_dynamics"}
+WITHOUT = without_causes(["valve_dynamics"])
 
 
 def note(delays, std=1e-3, catalogue=WITHOUT, others=("hose",)):

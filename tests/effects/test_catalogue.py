@@ -60,7 +60,10 @@ ORDER = (
     "valve_dead_zone_per_valve",
     "valve_dead_zone_edges",
     "valve_dynamics",
+    "valve_dynamics_limited",
+    "valve_dynamics_per_valve",
     "valve_hysteresis",
+    "valve_hysteresis_per_valve",
     "valve_mismatch",
     "valve_mismatch_edges",
     "valve_null_shift",
@@ -214,11 +217,22 @@ def test_a_form_for_each_side_is_with_equal_sizes_the_form_that_it_contains(name
     contained = EFFECTS[own.generalises]
     assert own.cause == contained.cause
     nominal, rng = nominals["servo"], np.random.default_rng(3)
-    both = [nominal.with_effects(effect()).at_starting_values() for effect in (own, contained)]
+    axis, plain = (nominal.with_effects(each()).at_starting_values() for each in (own, contained))
+    values = plain.parameters.as_dict()
+    known = [item.name for item in contained.parameters]
+    sizes = {
+        f"{name}.{item.name}": values[
+            f"{contained.name}.{item.name if item.name in known else item.name[: -len('_P')]}"
+        ]
+        for item in own.parameters
+    }
+    axis = axis.with_parameters(sizes)
     for _ in range(4):
         x, u = made.states(nominal, rng)
-        full = both[1].rest(x, u, both[1].parameters.values).full().ravel()
-        full[len(x) :] += 0.1 * both[1].state_scales[len(x) :]
+        full = plain.rest(x, u, plain.parameters.values).full().ravel()
+        full[len(x) :] += 0.1 * plain.state_scales[len(x) :]
         for f in ("rhs", "output"):
-            one, other = (getattr(axis, f)(full, u, axis.parameters.values).full() for axis in both)
-            np.testing.assert_allclose(one, other, rtol=1e-12)
+            mine, other = (
+                getattr(a, f)(full, u, a.parameters.values).full() for a in (axis, plain)
+            )
+            np.testing.assert_allclose(mine, other, rtol=1e-12)

@@ -1,7 +1,8 @@
 """Valve hysteresis: two plays in parallel between command and spool."""
 
 from collections.abc import Mapping
-from typing import Any
+from dataclasses import replace
+from typing import Any, ClassVar
 
 import casadi as ca
 
@@ -11,6 +12,31 @@ from pneumo_casadi.parameters import Parameter
 
 #: Time in which the memory of a play follows the command [s].
 TAU_MEMORY = 1e-3
+
+H = Parameter(
+    "h",
+    0.0,
+    "V",
+    lower=0.0,
+    upper=1.0,
+    scale=0.05,
+    null=0.0,
+    start=0.05,
+    description="half the width of the loop",
+    source="0.2-3 % of the command range",
+)
+S = Parameter(
+    "s",
+    0.5,
+    "1",
+    lower=0.0,
+    upper=0.95,
+    scale=0.1,
+    null=0.5,
+    start=0.5,
+    description="by what share of h each of the two plays differs from it",
+    source="round loops in valve data sheets; engineering judgement",
+)
 
 
 class ValveHysteresis(Effect):
@@ -34,32 +60,7 @@ class ValveHysteresis(Effect):
     shows = "both mass flow balances at reversals of the command, the same at every frequency"
     confused_with = ("valve_dynamics", "valve_dead_zone", "position_delay", "valve_null_shift")
     separated_by = "slow sines of several amplitudes: play is a phase lag that falls with amplitude"
-    parameters = (
-        Parameter(
-            "h",
-            0.0,
-            "V",
-            lower=0.0,
-            upper=1.0,
-            scale=0.05,
-            null=0.0,
-            start=0.05,
-            description="half the width of the loop",
-            source="0.2-3 % of the command range",
-        ),
-        Parameter(
-            "s",
-            0.5,
-            "1",
-            lower=0.0,
-            upper=0.95,
-            scale=0.1,
-            null=0.5,
-            start=0.5,
-            description="by what share of h each of the two plays differs from it",
-            source="round loops in valve data sheets; engineering judgement",
-        ),
-    )
+    parameters: ClassVar[tuple[Parameter, ...]] = (H, S)
     states = tuple(State(f"z_{c}{i}", "V") for c in "PN" for i in (1, 2))
 
     def rest(self, entering: Mapping[str, Any], at: Scope) -> dict[str, Expression]:
@@ -71,7 +72,7 @@ class ValveHysteresis(Effect):
         """Draw the memories along where the command has left their plays."""
         rates = {}
         for c, u in zip("PN", entering["spool"], strict=True):
-            for i, h in enumerate(_half_widths(at), 1):
+            for i, h in enumerate(self.half_widths(at, c), 1):
                 e = at[f"z_{c}{i}"] - u
                 rates[f"z_{c}{i}"] = -(e - _clip(e, h)) / TAU_MEMORY
         return rates
@@ -81,14 +82,36 @@ class ValveHysteresis(Effect):
         positions = []
         for c, command in zip("PN", u, strict=True):
             within = [
-                _clip(at[f"z_{c}{i}"] - command, h) for i, h in enumerate(_half_widths(at), 1)
+                _clip(at[f"z_{c}{i}"] - command, h)
+                for i, h in enumerate(self.half_widths(at, c), 1)
             ]
             positions.append(command + sum(within) / 2)
         return Pair(*positions)
 
+    def half_widths(self, at: Scope, c: str) -> tuple[Expression, Expression]:
+        """Return the half-widths of both plays of the valve of chamber c [V]."""
+        return _two_widths(at["h"], at["s"])
 
-def _half_widths(at: Scope) -> tuple[Expression, Expression]:
-    return at["h"] * (1 - at["s"]), at["h"] * (1 + at["s"])
+
+class ValveHysteresisPerValve(ValveHysteresis):
+    """Hysteresis of which each valve has its own, as where one of them is worn or dirty."""
+
+    name = "valve_hysteresis_per_valve"
+    cause = "valve_hysteresis"
+    equation = "as of valve_hysteresis, with h_P in valve P and h_N in valve N"
+    generalises = "valve_hysteresis"
+    parameters = (
+        *(replace(H, name=f"h_{c}", description=f"half the width of valve {c}") for c in "PN"),
+        S,
+    )
+
+    def half_widths(self, at: Scope, c: str) -> tuple[Expression, Expression]:
+        """Return the half-widths of both plays of the valve of chamber c [V]."""
+        return _two_widths(at[f"h_{c}"], at["s"])
+
+
+def _two_widths(h: Expression, s: Expression) -> tuple[Expression, Expression]:
+    return h * (1 - s), h * (1 + s)
 
 
 def _clip(e: Expression, h: Expression) -> Expression:

@@ -62,9 +62,9 @@ def meter(par: Any, u: FloatArray, p: FloatArray, gain: float, q: FloatArray) ->
 @kernel
 def spool_targets(t: float, u: FloatArray, plays: FloatArray, target: FloatArray, par: Any) -> None:
     """Fill the spool positions [V] that the held commands u (2,) ask for; move the plays (2, 3)."""
-    width = par.valve_hysteresis_width
     for valve in range(2):
         s = u[valve]
+        width = par.valve_hysteresis_width * (par.valve_hysteresis_at_N if valve else 1.0)
         if width > 0.0 and par.valve_hysteresis_law == 1.0:
             s = min(max(plays[valve, 0], u[valve] - width / 2.0), u[valve] + width / 2.0)
             plays[valve, 0] = s
@@ -103,7 +103,8 @@ def spool_rates(at: int, target: float, y: FloatArray, dy: FloatArray, par: Any)
         return target
     coil, s, speed = y[at], y[at + 1], y[at + 2]
     if par.valve_dynamics_first_order > 0.0:
-        dy[at + 1] = (target - s) * omega / 1.4
+        faster = par.valve_dynamics_at_N if at == SPOOL_N else 1.0
+        dy[at + 1] = (target - s) * omega / (1.4 * faster)
         return s
     limit = par.valve_dynamics_rate
     dy[at] = (target - coil) * omega / 0.2
